@@ -1,6 +1,6 @@
-"""Cams designed for the train of a case: few harmonics below its first mode, and polydyne cams.
+"""Design of cams for the train of a case: harmonic lifts below its first mode, and polydyne cams.
 
-May import `case` and everything below it; `flexcam synthesize` prints what stands here.
+May import `case` and everything below it; `flexcam synthesize` prints the results.
 """
 
 from __future__ import annotations
@@ -20,23 +20,23 @@ from flexcam.core.units import RPM
 from flexcam.valvetrain import Cam, Model, lift_transfer, modes_on_the_lift, valve_ratio
 
 OFF_DESIGN = (0.25, 0.5, 0.75, 0.9, 1.0, 1.1)
-"""Parts of the design speed at which a polydyne cam is looked at."""
+"""Fractions of the design speed at which a polydyne cam is evaluated."""
 
 
 @dataclass(frozen=True, eq=False)
 class HarmonicCam:
-    """A cam of few harmonics for a train.
+    """Harmonic lift for a train.
 
     Parameters
     ----------
     fit
-        The lift, and how it keeps to the wanted one.
+        Fitted lift and its deviation from the desired one.
     count
-        Harmonics.
+        Number of harmonics.
     frequency
-        First natural frequency of the train that its contact with the cam feels, rad/s.
+        First natural frequency of the train that the cam contact excites, rad/s.
     limit
-        Harmonics below it at the case's speed.
+        Maximum number of harmonics below that frequency at the speed of the case.
     """
 
     fit: HarmonicFit
@@ -47,21 +47,21 @@ class HarmonicCam:
 
 @dataclass(frozen=True, eq=False)
 class PolydyneCam:
-    """A polydyne cam for a train.
+    """Polydyne cam for a train.
 
     Parameters
     ----------
     design
-        The cam.
+        Cam.
     speed
-        It was made for, rad/s.
+        Design speed, rad/s.
     speeds
-        Others, rad/s, shape (n,).
+        Evaluated speeds, rad/s, shape (n,).
     plain, compensated
-        Largest distance of the train's end from the wanted motion at these speeds, m, shape (n,): on the cam as it was
-        and on this one. Infinite in resonance.
+        Maximum deviation of the train's output from the desired motion at these speeds, m, shape (n,): with the
+        original cam and with this one. Infinite at resonance.
     ratio
-        What the train's end would move per lift of the cam if rigid; 1 for a simpler train. The distances hold it.
+        Ratio of output displacement to cam lift of the rigid train; 1 for a simple train. The deviations include it.
     """
 
     design: Polydyne
@@ -75,10 +75,10 @@ class PolydyneCam:
 def harmonic_cam(
     case: Case, cam: str | None, *, tolerance: float, count: int | None = None, bound: float | None = None
 ) -> HarmonicCam:
-    """Return a lift of harmonics below the first mode of a case's train that its contact with the cam feels.
+    """Return a harmonic lift below the first mode of a case's train that the cam contact excites.
 
-    A contact that holds drives its train by a displacement: the modes are those of the train pressed to its cam, at
-    full lift (C. Li, 2014, eqs. 5-6). Under a published load the follower is free, a mass on its spring.
+    A closed contact prescribes a displacement: the modes are those of the train in contact with its cam at full lift
+    (C. Li, 2014, eqs. 5-6). Under a published load the follower is free, a mass on its spring.
     """
     model = build_model(case)
     name = _which(model.cams, cam)
@@ -94,7 +94,7 @@ def harmonic_cam(
 
 
 def _first_felt(model: Model, contact: str, speed: float) -> float:
-    """Return the lowest natural frequency that a contact feels, rad/s."""
+    """Return the lowest natural frequency that a contact excites, rad/s."""
     reached = modes_on_the_lift(model, contact, speed)
     if not reached.felt:
         why = "what is driven has no mode of its own"
@@ -103,14 +103,14 @@ def _first_felt(model: Model, contact: str, speed: float) -> float:
 
 
 def polydyne_cam(case: Case, cam: str | None, *, speed: float | None = None, count: int = 60) -> PolydyneCam:
-    """Return the cam that makes the valve of a case follow the lift which the case's cam would give it if rigid."""
+    """Return the cam with which the flexible valve follows the rigid valve lift of the case's cam."""
     model = build_model(case)
     name, at = _which(model.cams, cam), case.speed if speed is None else speed
     return _designed(model.cams[name].event, _train(model, name, at), at, valve_ratio(model, name), count)
 
 
 def polydyne_of(cams: Mapping[str, Cam], cam: str | None, transfer: Transfer, speed: float, count: int) -> PolydyneCam:
-    """Return the cam that makes a train follow the lift of a cam, from how the train answers; no case is needed."""
+    """Return the cam with which a train follows the lift of a given cam, from the transfer function of the train."""
     return _designed(cams[_which(cams, cam)].event, transfer, speed, 1.0, count)
 
 
@@ -123,7 +123,7 @@ def _designed(wanted: Event, answer: Transfer, speed: float, ratio: float, count
 
 
 def _train(model: Model, cam: str, speed: float) -> Transfer:
-    """Return the motion of the valve over the one it would have if rigid."""
+    """Return the transfer function of the valve: its motion relative to that of the rigid train."""
     contact = _contact(model, cam)
     start = model.driven[contact].follower
     finger = model.rocker_at(start)
@@ -142,7 +142,7 @@ def _train(model: Model, cam: str, speed: float) -> Transfer:
 
 
 def _contact(model: Model, cam: str) -> str:
-    """Return the name of the contact that a cam drives a train through."""
+    """Return the name of the contact between a cam and its train."""
     contact = next((n for n, c in model.driven.items() if c.cam == cam), None)
     if contact is None:
         raise refuse(f"cams.{cam}", "no contact", "a contact that drives a train", "", "add one under [contacts]")

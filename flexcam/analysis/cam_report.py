@@ -1,6 +1,6 @@
-"""What the cams of a case do: profile, limits, joints and valve events in one value per cam.
+"""Facts about the cams of a case: profile, limits, discontinuities and valve events in one value per cam.
 
-May import `case` and everything below it; `flexcam cam` prints what stands here.
+May import `case` and everything below it; `flexcam cam` prints the results.
 """
 
 from __future__ import annotations
@@ -39,25 +39,25 @@ from flexcam.valvetrain import Cam, valve_ratio
 
 _HARMONICS = 10
 _NEGATIVE = 1e-4
-"""Part of the largest lift below zero that nothing is made of: a ten-thousandth, less than a cam is ground to."""
+"""Allowed negative lift relative to the maximum lift: a ten-thousandth, less than the grinding tolerance."""
 
 
 @dataclass(frozen=True, eq=False)
 class CamSet:
-    """The cams of a file.
+    """Cams of a file.
 
     Parameters
     ----------
     name, title
-        Of the file.
+        Name and title of the file.
     cams
-        By name.
+        Cams by name.
     ratios
-        Valve lift per cam lift, by cam; 1 where no rocker is between them.
+        Valve lift per cam lift, by cam; 1 without a rocker.
     reports
-        What smoothing changed, by cam with a lift table.
+        Smoothing reports, by cam with a lift table.
     speed
-        Of the camshaft, rad/s; None where it is not said.
+        Camshaft speed, rad/s; None if not given.
     """
 
     name: str
@@ -70,28 +70,28 @@ class CamSet:
 
 @dataclass(frozen=True, eq=False)
 class CamFacts:
-    """What one cam does.
+    """Facts about one cam.
 
     Parameters
     ----------
     cam
-        The cam.
+        Cam.
     lift
-        Least and largest, m, with their cam angles, rad.
+        Minimum and maximum, m, with their cam angles, rad.
     velocity, acceleration, jerk
-        Largest absolute values, m/rad, m/rad^2, m/rad^3; None for a jerk that is infinite where the acceleration steps.
+        Maximum absolute values, m/rad, m/rad^2, m/rad^3; None for a jerk that is infinite at an acceleration step.
     harmonics
         Amplitudes of the lift's harmonics 1 to 10, m.
     joints
-        Where stretches meet, with steps.
+        Boundaries of lift segments, with jumps.
     events
-        When the valve is open beyond some lifts, by what the lift is called; None where it never is.
+        Valve events at several lift thresholds, by name of the threshold; None if the valve never exceeds it.
     profile
-        None where no follower and base circle are given.
+        Profile; None without a follower and base circle.
     findings
-        What is wrong with lift and profile.
+        Problems of lift and profile.
     least_base_radius
-        Smallest base circle within the limits, m; None without profile or where there is none.
+        Minimum base radius within the limits, m; None without a profile or if there is none.
     """
 
     cam: Cam
@@ -130,7 +130,7 @@ def cam_facts(
     cam: Cam, *, ratio: float = 1.0, count: int = 720, pressure_angle: float = PRESSURE_ANGLE,
     cutter: float | None = None,
 ) -> CamFacts:  # fmt: skip
-    """Return what a cam does."""
+    """Return the facts about a cam."""
     event, profile = cam.event, None
     if cam.follower is not None:
         profile = cam_profile(event, cam.follower, count=count, turn=cam.turn)
@@ -148,7 +148,7 @@ def cam_facts(
 
 
 def _negative(lift: tuple[Extreme, Extreme]) -> list[Finding]:
-    """Return the finding of a lift below the base circle, beyond what grinding could make of it."""
+    """Return the finding of a negative lift larger than the grinding tolerance."""
     least, largest = lift
     if least.value >= -_NEGATIVE * largest.value:
         return []
@@ -161,12 +161,12 @@ def _least_base(cam: Cam, event: Event, pressure_angle: float) -> float | None:
         return None
     try:
         return minimum_base_radius(event, cam.follower, pressure_angle=pressure_angle, turn=cam.turn)
-    except InputError:  # no base circle will do: the findings say what is wrong with this one
+    except InputError:  # no base radius is sufficient: the findings explain the faults of the given one
         return None
 
 
 def overlaps(facts: Mapping[str, CamFacts]) -> list[tuple[str, str, str, float]]:
-    """Return how long the valves of every two cams are open together."""
+    """Return the valve overlap of every pair of cams."""
     names = list(facts)
     found: list[tuple[str, str, str, float]] = []
     for i, one in enumerate(names):
@@ -179,13 +179,13 @@ def overlaps(facts: Mapping[str, CamFacts]) -> list[tuple[str, str, str, float]]
 
 
 def profile_table(profile: CamProfile, cutter: float | None = None) -> ProfileTable:
-    """Return a profile as curves and columns, for files."""
+    """Return a profile as curves and columns for output files."""
     curves = {"profile": profile.points}
     if math.isfinite(profile.follower.roller_radius):
         curves["pitch curve"] = profile.pitch
     if cutter is not None:
         curves["cutter path"] = profile.cutter_path(cutter)
-    radius = np.where(np.isfinite(profile.radius), profile.radius, 1e9)  # a point of inflection: as good as straight
+    radius = np.where(np.isfinite(profile.radius), profile.radius, 1e9)  # an inflection point: draw it as straight
     columns = {
         "cam angle [deg]": np.degrees(profile.angle), "lift [mm]": 1e3 * profile.lift,
         "velocity [mm/rad]": 1e3 * profile.velocity, "acceleration [mm/rad^2]": 1e3 * profile.acceleration,

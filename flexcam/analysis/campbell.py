@@ -1,8 +1,8 @@
-"""Campbell diagram: natural frequencies over camshaft speed, and where the orders of a cam meet them.
+"""Campbell diagram: natural frequencies over camshaft speed, and their crossings with the orders of a cam.
 
-Nothing in a train gyrates, so that its modes know no speed of their own. What changes them is what is pressed: a Hertz
-contact is the softer the less force is left on the nose of the cam, a contact that has opened holds nothing, and a
-compressed pushrod yields. They are taken as they are at full lift in a run at every speed.
+The model has no gyroscopic effects, so that the speed changes the modes only through preloads: a Hertz contact is
+softer with less force at the cam nose, an open contact has no stiffness, and a compressed pushrod loses stiffness.
+The modes are computed at full lift of a run at every speed.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from flexcam.dynamics import Advance, Response, RunFailedError, Status, raise_if
 from flexcam.valvetrain import ReachedModes, Structure, build_structure, contact_modes, holding
 
 _SPARE = 8
-"""Modes beyond those asked for, among which one is found again that others have overtaken."""
+"""Additional modes, among which a mode is found again after others have crossed it."""
 
 _LIKE = 0.5
-"""Likeness of shapes (modal assurance criterion, weighted by mass) from which on modes at two speeds are the same."""
+"""Minimum modal assurance criterion, weighted by mass, for modes at two speeds to count as the same."""
 
 _LEAP = 0.2
-"""Part by which a frequency may differ between neighbouring speeds; by more, a contact has opened or closed."""
+"""Maximum relative change of a frequency between adjacent speeds; a larger one indicates a change of contact."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,25 +43,25 @@ class Campbell:
     Parameters
     ----------
     contact
-        Whose cam's orders are looked at.
+        Contact whose cam defines the orders.
     rpm
         Camshaft speeds, shape (m,).
     frequencies
-        Hz, shape (m, k), a column per mode, the lowest first; NaN where a run broke off or its state
-        is unstable, or where there is no such mode because a contact has opened or closed.
+        Natural frequencies, Hz, shape (m, k), a column per mode in ascending order; NaN if a run failed or its state is
+        unstable, or if the mode does not exist because a contact has opened or closed.
     reached
-        Whether each mode is felt at the contact at some speed: it takes part in what the contact yields.
+        Whether the contact excites each mode at some speed: the mode contributes to the compliance at the contact.
     words
-        What moves in each mode, at the lowest speed at which there is one.
+        Description of each mode, at its lowest speed.
     lifts
-        Order to its amplitude in the lift, m: those that are looked at.
+        Amplitude in the lift by evaluated order, m.
     loads
-        Amplitudes of these orders in the contact's force, N, shape (m, orders); NaN where a run broke off, is shorter
-        than a revolution, or has too few steps for the order.
+        Amplitudes of these orders in the contact force, N, shape (m, orders); NaN if a run failed, is shorter than a
+        revolution, or has too few steps for the order.
     crossings
-        Where an order meets a mode that is felt at the contact, the lowest speed first.
+        Crossings of orders with modes excited at the contact, in ascending order of speed.
     statuses
-        How every speed ended: its run, or the search for its modes, of which an unstable state has none.
+        Status at every speed: of the run, or of the mode computation, which fails in an unstable state.
     """
 
     contact: str
@@ -77,7 +77,7 @@ class Campbell:
 
 @dataclass(eq=False)
 class _Line:
-    """A mode, followed over speed."""
+    """Mode tracked over speed."""
 
     frequencies: FloatArray
     shape: FloatArray
@@ -86,7 +86,7 @@ class _Line:
 
     @property
     def latest(self) -> float:
-        """Frequency at the highest speed it was found at, Hz."""
+        """Frequency at the highest speed with this mode, Hz."""
         return float(self.frequencies[~np.isnan(self.frequencies)][-1])
 
 
@@ -94,7 +94,7 @@ def campbell(
     case: Case, speeds: Sequence[float], *, orders: Sequence[int], modes: int = 8, contact: str | None = None,
     advance: Advance | None = None,
 ) -> Campbell:  # fmt: skip
-    """Return natural frequencies over speed, and where orders of a cam meet them."""
+    """Return natural frequencies over speed and their crossings with the orders of a cam."""
     name, cam = _checked(case, speeds, orders, modes, contact)
     rpm = np.array(speeds) / RPM
     sizes = lift_harmonics(build_model(case).cams[cam].event, max(orders))
@@ -146,7 +146,7 @@ def _held(ready: Prepared, response: Response, event: Event) -> list[tuple[str, 
 
 
 def _follow(lines: list[_Line], i: int, count: int, here: ReachedModes, mass: Triplets, modes: int) -> None:
-    """Lengthen the lines by the modes at one more speed; what is like none of them begins a new one."""
+    """Extend the lines by the modes at the next speed; a mode that matches no line starts a new one."""
     first = here.found.modes.rigid
     last = min(first + modes + _SPARE, len(here.found.modes.omegas))
     shapes, hit = here.found.modes.shapes[:, first:last], set(here.felt)
@@ -167,7 +167,7 @@ def _follow(lines: list[_Line], i: int, count: int, here: ReachedModes, mass: Tr
 
 
 def _assigned(likeness: FloatArray) -> NDArray[np.bool_]:
-    """Return which pairs together are most alike, every row and column taken once at most."""
+    """Return the pairs of highest likeness, with every row and column used at most once."""
     from scipy.optimize import linear_sum_assignment
 
     taken = np.zeros(likeness.shape, dtype=bool)
@@ -178,13 +178,13 @@ def _assigned(likeness: FloatArray) -> NDArray[np.bool_]:
 def _crossings(
     contact: str, rpm: FloatArray, lines: Sequence[_Line], lifts: Mapping[int, float], loads: FloatArray
 ) -> tuple[Resonance, ...]:
-    """Return where the lines of orders meet those of modes, straight between speeds."""
+    """Return the crossings of order lines with mode lines, linear between speeds."""
     met: list[Resonance] = []
     for mode, line in enumerate(lines):
         for column, (n, size) in enumerate(lifts.items() if line.reached else ()):
             above = line.frequencies - n * rpm / 60.0
             for i in np.flatnonzero(above[:-1] * above[1:] <= 0.0).tolist():
-                if above[i + 1] == 0.0 and i + 2 < len(rpm):  # met again at the beginning of the next piece
+                if above[i + 1] == 0.0 and i + 2 < len(rpm):  # the next segment starts with the same crossing
                     continue
                 part = above[i] / (above[i] - above[i + 1]) if above[i] != above[i + 1] else 0.0
                 speed, load = (float(one[i] + part * (one[i + 1] - one[i])) for one in (rpm, loads[:, column]))
@@ -195,7 +195,7 @@ def _crossings(
 def _checked(
     case: Case, speeds: Sequence[float], orders: Sequence[int], modes: int, contact: str | None
 ) -> tuple[str, str]:
-    """Return the contact and its cam."""
+    """Return the contact and its cam after checking them."""
     if len(speeds) < 2 or not (np.diff(speeds) > 0.0).all() or speeds[0] <= 0.0:
         raise refuse("speeds", f"{len(speeds)} speeds", "two or more, rising, above zero")
     if not orders or min(orders) < 1:

@@ -1,4 +1,4 @@
-"""By what two runs differ, told by key, line or version: a run goes on only as it began."""
+"""Differences between two runs by key, line or version; a run can be resumed only without differences."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ _WHY = "a run goes on only as it began"
 _REMEDY = "restore it, or run the case again with --overwrite"
 
 _SHORT, _FEW = 60, 4
-"""Characters of a value that are told, and values."""
+"""Maximum length of a reported value, characters, and maximum number of values."""
 
 _NONE = "nothing"
 
 
 def differing(now: Mapping[str, str], then: Mapping[str, str]) -> list[Fault]:
-    """Return by what a run differs from one that is to go on."""
+    """Return the differences between a run and an earlier run that it resumes."""
     return [
         difference(f"{what}{place}", given, allowed)
         for key, (what, parts) in _DECISIVE.items()
@@ -34,11 +34,11 @@ def difference(what: str, given: str = "another one", allowed: str = "the one it
 
 
 Part = tuple[str, str, str]
-"""Where within a text, what stands there now, and what stood there."""
+"""Position within a text, current value and previous value."""
 
 
 def _lines(now: str, then: str) -> Iterator[Part]:
-    """Yield the first line in which two texts differ; a missing one has ended."""
+    """Yield the first line in which two texts differ; a missing line is reported as the end of the text."""
     pairs = zip_longest(now.split("\n"), then.split("\n"), fillvalue="its end")
     first = next(((i, *pair) for i, pair in enumerate(pairs, start=1) if pair[0] != pair[1]), None)
     number, *both = first or (1, now, then)
@@ -50,7 +50,7 @@ def _whole(now: str, then: str) -> Iterator[Part]:
 
 
 def _overrides(now: str, then: str) -> Iterator[Part]:
-    """Yield the overrides that only one of two runs has; where they are the same, their order."""
+    """Yield the overrides that only one of two runs has; for the same overrides, their order."""
     one, other = (list[str](json.loads(text or "[]")) for text in (now, then))
     own = [[x for x in a if x not in b] for a, b in ((one, other), (other, one))]
     given, allowed = own if any(own) else (one, other)
@@ -58,7 +58,7 @@ def _overrides(now: str, then: str) -> Iterator[Part]:
 
 
 def _values(now: str, then: str) -> Iterator[Part]:
-    """Yield the keys in which two cases differ."""
+    """Yield the keys that differ between two cases."""
     one, other = ({} if not text else dict(_leaves(json.loads(text))) for text in (now, then))
     for key in dict.fromkeys([*one, *other]):
         if one.get(key, _NONE) != other.get(key, _NONE):
@@ -66,7 +66,7 @@ def _values(now: str, then: str) -> Iterator[Part]:
 
 
 def _leaves(value: object, path: str = "") -> Iterator[tuple[str, str]]:
-    """Yield the dotted key and the text of every value in a tree of tables."""
+    """Yield dotted key and text of every value in nested tables."""
     if not isinstance(value, dict):
         yield path, json.dumps(value)
         return
@@ -83,4 +83,4 @@ _DECISIVE: dict[str, tuple[str, Callable[[str, str], Iterator[Part]]]] = {
     "resolved": ("values of the case", _values),
     **{name: (name, _whole) for name in ("flexcam", "python", "numpy", "scipy", "numba")},
 }  # fmt: skip
-"""Texts of a result that must agree for the numbers to be the same, what they are, and how they are told."""
+"""Texts of a result that must be equal for identical numbers, their description and comparison function."""

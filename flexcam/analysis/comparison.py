@@ -1,4 +1,4 @@
-"""Flexible against rigid: how far the motion of a probe deviates, and where in the cycle."""
+"""Comparison of a flexible with a rigid response: maximum deviation of a probe and its cam angle."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from flexcam.dynamics import SLOPES, History, Response, Status, extent, peak
 
 @dataclass(frozen=True)
 class Deviation:
-    """Deviation of one quantity from the rigid system's.
+    """Deviation of one quantity from the rigid system.
 
     Parameters
     ----------
     quantity
         ``displacement``, ``velocity`` or ``acceleration``.
     peak, rms
-        Largest difference, of the dense output, and root mean square one, SI.
+        Maximum difference, of the dense output, and root mean square difference, SI.
     rigid_peak, flexible_peak
-        Largest absolute value of either, SI.
+        Maximum absolute value of each system, SI.
     angle_deg
-        Cam angle of the largest difference, deg.
+        Cam angle of the maximum difference, deg.
     """
 
     quantity: str
@@ -36,28 +36,28 @@ class Deviation:
 
     @property
     def of_rigid(self) -> float:
-        """Largest difference as a fraction of the rigid peak."""
+        """Maximum difference relative to the rigid peak."""
         return self.peak / self.rigid_peak if self.rigid_peak > 0.0 else 0.0
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Flexible against rigid at one probe.
+    """Comparison of a flexible with a rigid response at one probe.
 
     Parameters
     ----------
     probe
-        Its name.
+        Name of the probe.
     speed_rpm
         Camshaft speed, rpm.
     lift
         Lift of the rigid system at the probe, m.
     deviations
-        Of displacement, velocity and acceleration.
+        Deviations of displacement, velocity and acceleration.
     status
-        How the flexible run ended; figures of an incomplete run cover the finished part.
+        Status of the flexible run; the values of an incomplete run cover its finished part.
     names
-        What is compared with what: the first stands for the flexible system, the second for the rigid one.
+        Names of the compared systems: the first replaces the flexible, the second the rigid one.
     """
 
     probe: str
@@ -69,42 +69,42 @@ class Comparison:
 
     @property
     def peak_deviation(self) -> float:
-        """Largest difference of displacement as a fraction of the lift."""
+        """Maximum displacement difference relative to the lift."""
         return self.deviations[0].peak / self.lift
 
     @property
     def rms_deviation(self) -> float:
-        """Root mean square difference of displacement as a fraction of the lift."""
+        """Root mean square displacement difference relative to the lift."""
         return self.deviations[0].rms / self.lift
 
     @property
     def peak_acceleration_ratio(self) -> float:
-        """Largest acceleration of the flexible system by that of the rigid one."""
+        """Ratio of the maximum accelerations of the flexible and the rigid system."""
         still = self.deviations[2].rigid_peak
         return self.deviations[2].flexible_peak / still if still > 0.0 else 0.0
 
 
 def compare(flexible: Response, rigid: Response, probe: str, speed_rpm: float) -> Comparison:
-    """Compare a flexible with a rigid response at a probe of one scalar.
+    """Compare a flexible with a rigid response at a scalar probe.
 
     Parameters
     ----------
     flexible, rigid
-        Responses over the same instants; a flexible one that broke off is compared over its own length.
+        Responses at the same instants; an incomplete flexible response is compared over its own length.
     probe
         Name of the probe, such as ``"valve"`` or ``"tappet.uy"``.
     speed_rpm
-        Camshaft speed, rpm, for the record.
+        Camshaft speed, rpm, stored in the comparison.
 
     Returns
     -------
     Comparison
-        With the three deviations.
+        Deviations of displacement, velocity and acceleration.
 
     Raises
     ------
     InputError
-        If the probe has several scalars, or the rigid system does not move there.
+        If the probe is not scalar, or the rigid system does not move there.
 
     Examples
     --------
@@ -127,7 +127,7 @@ def compare(flexible: Response, rigid: Response, probe: str, speed_rpm: float) -
 
 
 def between(one: Response, other: Response, probe: str, speed_rpm: float, names: tuple[str, str]) -> Comparison:
-    """Compare two responses over the time that both have, at the instants of the first."""
+    """Compare two responses over their common time, at the instants of the first."""
     first, last = max(one.time[0], other.time[0]), min(one.time[-1], other.time[-1])
     times = one.time[(one.time >= first) & (one.time <= last)]
     if len(times) < _FEWEST:
@@ -140,7 +140,7 @@ def between(one: Response, other: Response, probe: str, speed_rpm: float, names:
 
 _FEWEST = 2
 _SAME_ANGLE = 1e-6
-"""rad."""
+"""Tolerance for equal cam angles, rad."""
 
 
 def _deviation(quantity: str, moved: History, still: History, flexible: Response) -> Deviation:
@@ -159,6 +159,6 @@ def _deviation(quantity: str, moved: History, still: History, flexible: Response
 
 
 def _with_slopes(history: History, quantity: str, count: int) -> tuple[FloatArray, FloatArray | None]:
-    """Return so many values of a quantity, and their slopes where the dense output has them."""
+    """Return the first `count` values of a quantity, and their slopes if the dense output has them."""
     slopes: FloatArray | None = getattr(history, SLOPES[quantity]) if quantity in SLOPES else None
     return getattr(history, quantity)[:count], None if slopes is None else slopes[:count]

@@ -1,4 +1,4 @@
-"""What the paper of Tayeb and Sliman says, held against what its own model computes: in words, with numbers."""
+"""Error estimate of a run, and comparison of the claims of Tayeb and Sliman with computed results."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from flexcam.io import file_beside, read_mesh
 from flexcam.valvetrain import build_structure, model_modes
 
 _CLOSE = 0.05
-"""Deviation, as a fraction of the lift, up to which a response counts as "very close" to the rigid one."""
+"""Deviation, relative to the lift, up to which a response counts as "very close" to the rigid one."""
 
 
 _THEIR_LAWS = ("shm", "parabolic", "cycloidal")
@@ -29,16 +29,16 @@ _THEIR_LAWS = ("shm", "parabolic", "cycloidal")
 
 @dataclass(frozen=True)
 class Claim:
-    """A statement of the paper and what the computation says to it.
+    """Claim of the paper and the computed result.
 
     Parameters
     ----------
     statement
-        What the paper says.
+        Claim as published.
     reproduced
-        Whether this model shows it.
+        Whether the computation reproduces it.
     finding
-        What was computed.
+        Computed result in words.
     """
 
     statement: str
@@ -47,7 +47,7 @@ class Claim:
 
 
 def loaded_mode(case: Case) -> tuple[float, float]:
-    """Return the mode nearest the cam speed among those the contact force drives."""
+    """Return the mode nearest to the cam speed among those excited by the contact force."""
     structure = build_structure(build_model(case))
     found = model_modes(structure).modes
     contact = next(iter(structure.model.driven.values()))
@@ -59,14 +59,14 @@ def loaded_mode(case: Case) -> tuple[float, float]:
 
 
 def deviation(case: Case, probe: str) -> Comparison:
-    """Run a case flexible and rigid and compare them."""
+    """Run a case flexible and rigid and compare the responses."""
     flexible = run(case)
     raise_if_interrupted(flexible.status)
     return compare(flexible, run(case, rigid=True), probe, case.speed / RPM)
 
 
 def claims(case: Case, probe: str, here: Comparison) -> list[Claim]:
-    """Return the paper's claims beside what the case's data give."""
+    """Return the claims of the paper with the results of the case."""
     slow = deviation(case.at_speed(2000.0 * RPM), probe)
     laws = {name: deviation(_with_law(case, name), probe) for name in _THEIR_LAWS}
     largest = max(laws, key=lambda name: laws[name].peak_deviation)
@@ -88,7 +88,7 @@ def claims(case: Case, probe: str, here: Comparison) -> list[Claim]:
 
 
 def _unstable(case: Case, probe: str) -> Claim:
-    """Tell growth from revolution to revolution, which a beat has at first, from an instability."""
+    """Distinguish an instability from growth over revolutions, which a beat also shows at first."""
     rpm, (_, mode) = 4000.0, loaded_mode(case.at_speed(4000.0 * RPM))
     early, late = (deviation(case.at_speed(rpm * RPM, revolutions=n), probe).peak_deviation for n in (2.0, 4.0))
     multipliers = floquet(prepare(case.at_speed(rpm * RPM, revolutions=1.0)).problem)
@@ -106,7 +106,7 @@ def _with_law(case: Case, law: str) -> Case:
 
 
 def _other_models(case: Case, probe: str) -> dict[str, float]:
-    """Return the peak deviation on the meshes of all three models, which lie beside the case's own."""
+    """Return the peak deviation on the meshes of all three models found in the folder of the case's mesh."""
     folder = (file_beside(case.path, case.record.mesh or "") or case.path).parent
     meshes = {f"model {k}": folder / f"tayeb-{k}.msh" for k in (1, 2, 3)}
     found = {name: replace(case, mesh=read_mesh(path)) for name, path in meshes.items() if path.is_file()}
@@ -115,29 +115,29 @@ def _other_models(case: Case, probe: str) -> dict[str, float]:
 
 _COVERS = 2.0
 _CONVERGES = 0.75
-"""Part of the distance at twice the step that is left at the step, up to which runs come together."""
+"""Maximum ratio of the distances at the step and at twice the step for convergent runs."""
 
 _NOTHING = 1e-12
-"""Part of a quantity's size below which distances are rounding."""
+"""Distances below this fraction of a quantity's size are rounding."""
 
 
 @dataclass(frozen=True)
 class Error:
-    """A number of a run and how far it may be off.
+    """Value of a run with its estimated error.
 
     Parameters
     ----------
     quantity
-        As in `Measured`.
+        Name as in `Measured`.
     unit
-        SI.
+        SI unit.
     size
-        Largest value, of the lift its range.
+        Maximum absolute value; for the lift its range.
     time, space, model
-        Estimated errors by the steps, by the elements, and by a model coarser than beams (its distance to them), of the
-        history at its worst instant.
+        Maximum estimated errors of the history due to steps, elements, and a model coarser than beams (its distance
+        from the beam model).
     holds
-        Whether runs with shorter steps come together: without that the estimate says nothing.
+        Whether runs with shorter steps converge; otherwise the estimate is invalid.
     """
 
     quantity: str
@@ -150,16 +150,16 @@ class Error:
 
     @property
     def total(self) -> float:
-        """All errors together."""
+        """Sum of all errors."""
         return self.time + self.space + self.model
 
 
 def estimate(case: Case, probe: str, until: float | None = None) -> list[Error]:
-    """Return how far the numbers of a case's run may be off."""
+    """Return the estimated errors of a case's run."""
     steps = steps_of(case)
     own = Rung("own", "", case).stepped(steps)
     finer = Rung("finer", "", with_elements(case, factor=2)).stepped(steps)
-    # Half of an odd number of steps is none: then whether runs come together is asked of shorter steps.
+    # An odd number of steps cannot be halved: convergence is then checked with shorter steps.
     counts = (steps // 2, steps, 2 * steps) if steps % 2 == 0 else (steps, 2 * steps, 4 * steps)
     asked = own.case.record.fidelity
     coarse = asked.model != "beams" or asked.modes is not None

@@ -1,6 +1,6 @@
-"""How a case begins: how the camshaft turns, and the state the run starts from.
+"""Initial state of a run and the camshaft's drive.
 
-May import `case` and everything below it; `analysis` prepares runs with it.
+May import `case` and everything below it; `analysis` uses it to prepare runs.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ from flexcam.valvetrain import Model, build_structure, free_running
 
 _REVOLUTION = 2.0 * math.pi
 _SAME_ANGLE = 1e-9
-"""Difference of cam angle, rad, that is the rounding of speed times time."""
+"""Tolerance for equal cam angles, rad: rounding of speed times time."""
 
 
 def drive_of(case: Case, model: Model, start: float = 0.0) -> Drive:
-    """Return how the camshaft turns."""
+    """Return the drive of the camshaft."""
     run = case.record.run
     if run.fluctuation is not None:
         return FluctuatingSpeed(case.speed, *run.fluctuation.made(), start)
@@ -47,7 +47,7 @@ def drive_of(case: Case, model: Model, start: float = 0.0) -> Drive:
 
 
 def _from_angle(case: Case, model: Model, drive: Drive, angle: float, time: float) -> Drive:
-    """Return the drive that passes a cam angle at a time."""
+    """Return the drive that passes a given cam angle at a given time."""
     missing = angle - float(drive.at(np.array([time])).angle[0])
     if abs(missing) <= _SAME_ANGLE:
         return drive
@@ -58,12 +58,12 @@ def _from_angle(case: Case, model: Model, drive: Drive, angle: float, time: floa
 
 
 def revolution_of(case: Case, drive: Drive) -> float:
-    """Return the time of a camshaft revolution, s."""
+    """Return the duration of a camshaft revolution, s."""
     return drive.period if isinstance(drive, SpeedByAngle) else _REVOLUTION / case.speed
 
 
 def started(case: Case, model: Model, problem: Problem, *, until: float | None = None) -> Problem:
-    """Return a problem from the start its case asks for."""
+    """Return a problem with the initial state requested by its case."""
     system = problem.system
     match case.record.run.start:
         case "rest":
@@ -90,7 +90,7 @@ def _carried(problem: Problem) -> State:
 
 
 def steps_per_revolution(case: Case, problem: Problem) -> int:
-    """Return the steps of a revolution, after which a periodic state is there again."""
+    """Return the number of steps per revolution, the period of a periodic state."""
     for key, order in broken_orders(case).items():
         raise refuse(key, f"{order:g}", "a whole order with start = periodic", "the state repeats with the camshaft")
     revolution = revolution_of(case, problem.drive)
@@ -102,7 +102,7 @@ def steps_per_revolution(case: Case, problem: Problem) -> int:
 
 
 def broken_orders(case: Case) -> dict[str, float]:
-    """Return the orders of the camshaft that are no whole numbers: what swings by them does not return with it."""
+    """Return the non-integer orders of the camshaft, whose excitation is not periodic with a revolution."""
     speed = case.record.run.fluctuation
     broken = [order for order in speed.orders if order % 1.0] if speed else []
     found = {"run.fluctuation.orders": broken[0]} if broken else {}
@@ -113,7 +113,7 @@ def broken_orders(case: Case) -> dict[str, float]:
 
 
 def _periodic(case: Case, problem: Problem, until: float | None) -> Problem:
-    """Return the problem from its periodic state."""
+    """Return the problem with its periodic initial state."""
     if not problem.system.size:
         return replace(problem, start=replace(State.rest(0), periodicity=0.0))
     one = replace(problem, steps=steps_per_revolution(case, problem))
@@ -121,7 +121,7 @@ def _periodic(case: Case, problem: Problem, until: float | None) -> Problem:
 
 
 def _misplaced(case: Case, system: System, values: Mapping[str, float], kind: str) -> list[Fault]:
-    """Return the names of given values that are no unknowns; the rigid mechanism has none to place."""
+    """Return the faults of initial values that are not degrees of freedom; the rigid mechanism has none."""
     wrong = [name for name in values if name not in system.names] if system.size else []
     where, allowed = case.place(("run", "start", kind)), "a free component such as 'cam.uy'"
     return [Fault(where, repr(name), allowed, "", did_you_mean(name, system.names)) for name in wrong]
@@ -142,7 +142,7 @@ def _last_state(case: Case, model: Model, system: System, name: str) -> tuple[St
     if not np.array_equal(result.mesh.nodes, model.mesh.nodes) or not len(response.field_time):
         raise refuse(where, name, "a result of the same mesh with at least one saved field")
     time, angle = float(response.field_time[-1]), float(response.field_angle[-1])
-    if not system.size:  # the rigid mechanism has no state but its angle
+    if not system.size:  # the state of the rigid mechanism is its angle
         return State(np.zeros(0), np.zeros(0), time), angle
     free = build_structure(model).dofs.numbers >= 0
     fields = response.fields
@@ -158,7 +158,7 @@ def _last_state(case: Case, model: Model, system: System, name: str) -> tuple[St
 
 
 def _beside_nodes(response: Response, names: Sequence[str], where: str, result: str) -> list[FloatArray]:
-    """Return the motion of unknowns that belong to no node, at the last saved field: three series."""
+    """Return displacement, velocity and acceleration of internal degrees of freedom at the last saved instant."""
     try:
         histories = [response[name] for name in names]
     except InputError as refusal:

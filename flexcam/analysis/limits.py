@@ -1,7 +1,7 @@
-"""Up to which speed a train follows its cam, and what gives way first.
+"""Speed limits of a train: loss of contact, valve bounce, coil clash and buckling.
 
-May import `analysis` and everything below it; `flexcam limits` prints what stands here.
-Each limit is a question to a run at one speed; the lowest speed at which the answer is yes is bracketed and halved.
+May import `analysis` and everything below it; `flexcam limits` prints the results.
+Each limit is a condition on a run at one speed; the lowest speed that meets it is bracketed and bisected.
 """
 
 from __future__ import annotations
@@ -24,28 +24,28 @@ from flexcam.valvetrain import BOUNCE_HEIGHT, OPEN, CamContact, Model, Seat, mai
 _REVOLUTIONS = 3.0
 
 _ANGLES = np.linspace(0.0, 2.0 * math.pi, 7201)
-"""Where the rigid train's contact force is looked at."""
+"""Cam angles, rad, at which the contact force of the rigid train is evaluated."""
 
 
 LIMITS = ("loss_of_contact", "bounce", "coil_clash", "buckling")
-"""Names of what may give way."""
+"""Names of the limits."""
 
 
 @dataclass(frozen=True)
 class Search:
-    """Where limits are looked for, and how closely.
+    """Range and tolerance of a search for limits.
 
     Parameters
     ----------
     lowest, highest
-        Camshaft speeds between which to look, rad/s.
+        Camshaft speeds of the range, rad/s.
     tolerance
         Width of the bracket, rad/s.
     bounce_height
-        Height above the seat from which a valve that has closed counts as bouncing, m; None for 0.1 mm, or 2 % of the
-        lift where that is less.
+        Height above the seat from which a closed valve counts as bouncing, m; None for the smaller of 0.1 mm and 2 % of
+        the lift.
     count
-        Speeds looked at before a bracket is halved.
+        Number of speeds evaluated before the bracket is bisected.
     """
 
     lowest: float
@@ -63,16 +63,16 @@ class Search:
 
 @dataclass(frozen=True)
 class Limit:
-    """A speed at which something gives way.
+    """Speed limit.
 
     Parameters
     ----------
     rpm
-        Camshaft speed, rpm; None where it does not happen up to the highest speed looked at.
+        Camshaft speed, rpm; None if the condition is not met up to the highest speed of the range.
     tolerance_rpm
-        How closely it is bracketed.
+        Width of the bracket, rpm.
     words
-        What happens there, and in brackets to which contact, seat, spring or member.
+        Description of the event, and in brackets the contact, seat, spring or member.
     """
 
     rpm: float | None
@@ -82,21 +82,21 @@ class Limit:
 
 @dataclass(frozen=True)
 class Limits:
-    """The limits of a train.
+    """Speed limits of a train.
 
     Parameters
     ----------
     limits
-        By name: ``loss_of_contact``, ``bounce``, ``coil_clash``, ``buckling``.
+        Limits by name: ``loss_of_contact``, ``bounce``, ``coil_clash``, ``buckling``.
     lowest_rpm, highest_rpm
-        Camshaft speeds between which they were looked for.
+        Camshaft speeds of the search range.
     rigid_rpm
-        Camshaft speed at which a rigid train would lose contact: where its inertia equals its springs; None if never.
+        Camshaft speed at which a rigid train loses contact, as its inertia equals its spring forces; None if never.
     spring_margin
-        What the springs of the rigid train push at the case's speed beyond its inertia, as a part of the inertia, where
-        that is least; None if the inertia never pulls.
+        Minimum excess of the spring force over the inertia of the rigid train at the case's speed, relative to the
+        inertia; None if the inertia never pulls.
     buckling_margins
-        Buckling load by the compression at full lift at rest, by member.
+        Ratio of buckling load to compression at full lift at rest, by member.
     """
 
     limits: Mapping[str, Limit]
@@ -108,22 +108,22 @@ class Limits:
 
     @property
     def first(self) -> str | None:
-        """Name of the limit that comes first; None where none was met."""
+        """Name of the lowest limit; None if no limit is met."""
         met = {name: one.rpm for name, one in self.limits.items() if one.rpm is not None}
         return min(met, key=lambda name: met[name]) if met else None
 
 
 Question = Callable[[Response, Prepared], list[str]]
-"""Returns the names of the parts to which something happens."""
+"""Function that returns the names of the parts that meet a condition."""
 Answers = dict[str, list[str]] | str
-"""By question, or why there are none."""
+"""Affected parts by condition, or the reason why there are none."""
 
 
 def find_limits(
     case: Case, *, lowest: float, highest: float, tolerance: float = RPM, bounce_height: float | None = None,
     count: int = 25, advance: Advance | None = None,
 ) -> Limits:  # fmt: skip
-    """Find the speeds at which a train loses contact, its valve bounces, its coils clash and its pushrod buckles."""
+    """Find the speeds of loss of contact, valve bounce, coil clash and pushrod buckling."""
     search = Search(lowest, highest, tolerance, bounce_height, count)
     found = bracketed_limits(case, search, advance=advance)
     left = margins(case)
@@ -134,7 +134,7 @@ def bracketed_limits(
     case: Case, search: Search, among: Collection[str] | None = None,
     *, runs: int = 1, advance: Advance | None = None,
 ) -> dict[str, Limit]:  # fmt: skip
-    """Find the speeds at which something gives way, without what can be told of the case at rest."""
+    """Find the speed limits of a case without its margins at rest."""
     lowest, highest = search.lowest, search.highest
     model = _may_part(case)
     speeds = np.geomspace(lowest, highest, max(search.count, 2)).tolist()
@@ -160,12 +160,12 @@ def bracketed_limits(
 
 
 def limits_of(case: Case) -> tuple[str, ...]:
-    """Return the names of the limits that a case can meet."""
+    """Return the names of the limits that apply to a case."""
     return tuple(_questions(_may_part(case), 0.0))
 
 
 def _may_part(case: Case) -> Model:
-    """Return the model of a case whose follower may leave its cam; refuse another."""
+    """Return the model of a case with a unilateral cam contact; raise an error without one."""
     model = described(case)[0]
     if not any(isinstance(one, CamContact) and one.unilateral for one in model.contacts.values()):
         why, allowed = "only a follower that may leave its cam can lose it", 'a contact with model = "unilateral"'
@@ -175,7 +175,7 @@ def _may_part(case: Case) -> Model:
 
 @dataclass(frozen=True)
 class Margins:
-    """What a train has in hand at its speed; no run of the flexible train is needed.
+    """Margins of a train at its speed, from the rigid train and statics.
 
     Parameters
     ----------
@@ -193,13 +193,13 @@ class Margins:
 
 
 def margins(case: Case) -> Margins:
-    """Return what the springs of a rigid train and its members have in hand."""
+    """Return the margins of spring force and buckling load."""
     rigid = _rigid(case)
     return Margins(rigid, None if rigid is None else (rigid * RPM / case.speed) ** 2 - 1.0, _at_rest(case))
 
 
 def _at_rest(case: Case) -> dict[str, float]:
-    """Return the buckling load of every member by its compression when its cam stands at full lift."""
+    """Return the ratio of buckling load to compression of every member with its cam at full lift at rest."""
     ready = standing(case)
     system = ready.problem.system
     least: dict[str, float] = {}
@@ -214,7 +214,7 @@ def _at_rest(case: Case) -> dict[str, float]:
 
 
 def _bracketed(name: str, words: str, speeds: list[float], ask: Callable[[float], Answers], tolerance: float) -> Limit:
-    """Return the lowest speed of a list at which something happens, halved towards the one before."""
+    """Return the lowest speed of a list that meets a condition, bisected toward the previous speed."""
     low, parts = 0.0, list[str]()
     for high in speeds:
         answers = ask(high)
@@ -240,13 +240,13 @@ def _bracketed(name: str, words: str, speeds: list[float], ask: Callable[[float]
 
 
 def _bounce_height(model: Model) -> float:
-    """Return the height from which a valve bounces, m: a choice, less for small lifts."""
+    """Return the height from which a valve counts as bouncing, m: flexcam's choice, smaller for small lifts."""
     lifts = [valve_ratio(model, name) * cam.event.height for name, cam in model.cams.items()]
     return min(BOUNCE_HEIGHT, _BOUNCE_PART * max(lifts, default=math.inf))
 
 
 _BOUNCE_PART = 0.02
-"""The same as a part of the lift, which is the smaller one up to 5 mm."""
+"""Bounce height relative to the lift, which is the smaller limit for lifts up to 5 mm."""
 
 
 def _questions(model: Model, given: float | None) -> dict[str, tuple[Question, str]]:
@@ -263,21 +263,21 @@ def _questions(model: Model, given: float | None) -> dict[str, tuple[Question, s
 
 
 def _lost(response: Response, ready: Prepared) -> list[str]:
-    """Return the contacts whose follower is off its cam somewhere on the main lift, in the last revolution."""
+    """Return the contacts that are open on the main lift in the last revolution."""
     last = response.latest(ready.revolution)
     free = [name for name, one in ready.model.driven.items() if isinstance(one, CamContact) and one.unilateral]
     return [name for name in free if separation(ready.model, response, name, last) > OPEN]
 
 
 def _bounces(response: Response, ready: Prepared, height: float) -> list[str]:
-    """Return the seats whose valve, once closed, rises again before its cam lifts it."""
+    """Return the seats whose valve rises again after closing and before the next lift."""
     last = response.latest(ready.revolution)
     found: list[str] = []
     for name, contact in ready.model.contacts.items():
         if isinstance(contact, Seat):
             gap, velocity = (response.channels[f"contacts.{name}.{one}"][last] for one in ("gap", "velocity"))
             came = seating(gap, velocity, response.angle[last])
-            if came.height > height if came else float(gap.max()) > height:  # or it never comes down
+            if came.height > height if came else float(gap.max()) > height:  # or the valve never closes
                 found.append(name)
     return found
 
@@ -291,14 +291,14 @@ def _buckled(response: Response, ready: Prepared) -> list[str]:
 
 
 def _above(response: Response, ready: Prepared, end: str, least: float) -> list[str]:
-    """Return the parts whose channel of some name is above a value somewhere in the last revolution."""
+    """Return the parts with a channel of a given name above a threshold in the last revolution."""
     last = response.latest(ready.revolution)
     own = {name: values[last] for name, values in response.channels.items() if name.endswith(end)}
     return [name.split(".")[1] for name, values in own.items() if float(values.max()) > least]
 
 
 def _rigid(case: Case) -> float | None:
-    """Return the camshaft speed at which the rigid train's inertia first takes up its springs and loads, rpm."""
+    """Return the camshaft speed at which the inertia of the rigid train first equals its springs and loads, rpm."""
     one = prepare(case.at_speed(1.0), rigid=True)
     worst: list[float] = []
     for name, contact in one.model.driven.items():
@@ -311,7 +311,7 @@ def _rigid(case: Case) -> float | None:
 
 
 def _by_speed(case: Case, contact: str) -> FloatArray:
-    """Return what of the rigid train's contact force is constant, per rad/s and per (rad/s)^2, shape (3, angles)."""
+    """Return the coefficients of the rigid contact force: constant, per rad/s and per (rad/s)^2, shape (3, angles)."""
     speeds = case.speed * np.array([0.5, 1.0, 2.0])
     forces = [_rigid_force(case, contact, float(speed), _ANGLES) for speed in speeds]
     return np.asarray(np.linalg.solve(np.vander(speeds, increasing=True), forces), dtype=np.float64)

@@ -1,4 +1,4 @@
-"""Settings of the valve spring of a case: its one mass, and every speed and spring it asks about."""
+"""Measures of runs: histories, norms and distances; valve spring settings of a case."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from flexcam.valvetrain import Cam, CamContact, Model, Spring, build_structure, 
 
 
 def settings_of(case: Case) -> list[Setting]:
-    """Return what the closed form says of a case as it stands, and of the settings it lists."""
+    """Return the closed-form results of a case and of its listed settings."""
     model = build_model(case)
     where, contact = _only("contacts", {n: one for n, one in model.driven.items() if isinstance(one, CamContact)})
     if contact.stiffness is None or contact.follower in (rocker.start for rocker in model.rockers.values()):
@@ -57,7 +57,7 @@ def _spring(model: Model, contact: CamContact) -> Spring:
 
 
 def _speed(case: Case, cam: Cam, speed: float) -> AngleFunction:
-    """Return the speed over the cam angle: that of a cam by its own inertia, or a constant one."""
+    """Return the camshaft speed over the cam angle: that of a freely rotating cam or a constant."""
     free = case.record.run.free_running
     if free is None:
         return constant(speed)
@@ -68,7 +68,7 @@ def _speed(case: Case, cam: Cam, speed: float) -> AngleFunction:
 
 
 Norm = Literal["max", "rms"]
-"""How a difference of two histories is told: by its largest value, or by its root mean square."""
+"""Norm of the difference of two histories: maximum or root mean square."""
 
 _MOTIONS = {"lift": "displacement", "velocity": "velocity", "acceleration": "acceleration"}
 _UNITS = {"lift": "m", "velocity": "m/s", "acceleration": "m/s^2"}
@@ -81,12 +81,12 @@ class Measured:
     Parameters
     ----------
     time
-        s, shape (m,).
+        Instants, s, shape (m,).
     values
-        Name of the quantity to its history, SI, shape (m,): ``lift``, ``velocity`` and ``acceleration`` of the probe,
-        ``force NAME`` of every contact.
+        History by quantity, SI, shape (m,): ``lift``, ``velocity`` and ``acceleration`` of the probe, ``force NAME`` of
+        every contact.
     slopes
-        Name of a quantity that is a cubic between two instants to its rate, shape (m,); others are straight there.
+        Rate of a quantity that is cubic between two instants, by name, shape (m,); other quantities are linear there.
     """
 
     time: FloatArray
@@ -98,14 +98,14 @@ class Measured:
         return _UNITS.get(quantity, "N")
 
     def size(self, quantity: str) -> float:
-        """Return the largest absolute value of a quantity, of the lift its range unless it stands still."""
+        """Return the maximum absolute value of a quantity; for the lift its range, unless it is constant."""
         history = self.time, self.values[quantity], self.slopes.get(quantity)
         moved = extent(*history) if quantity == "lift" else 0.0
         return moved or peak(*history)[0]
 
 
 def measured(response: Response, probe: str) -> Measured:
-    """Return what of a run is compared."""
+    """Return the compared histories of a run."""
     history = response[probe]
     if history.displacement.ndim != 1:
         raise refuse("probe", repr(probe), "one scalar: " + ", ".join(f"{probe}.{c}" for c in history.components))
@@ -120,18 +120,18 @@ def measured(response: Response, probe: str) -> Measured:
 
 
 def norm_of(quantity: str, asked: Norm | None) -> Norm:
-    """Return by which norm the error of a quantity is told: the one asked for, else the largest of a force.
+    """Return the norm for the error of a quantity: the requested one, else the maximum for a force.
 
-    A force acts by its largest value, and an impact of a few steps hardly shows in its root mean square.
+    The maximum is the relevant measure of a force; an impact of a few steps hardly affects its root mean square.
     """
     return asked or ("max" if quantity.startswith("force") else "rms")
 
 
 def distance(one: Measured, other: Measured, *, norm: Norm | None = "max") -> dict[str, float]:
-    """Return the difference of two runs by quantity, SI; without a norm each by its own, as `norm_of` has it.
+    """Return the difference of two runs by quantity, SI; without a norm each in the norm of `norm_of`.
 
-    Root mean squares are taken at the instants both have. So are the largest differences, those of motions with slopes
-    at all instants of the finer run; they are no less than the difference of the largest values of both.
+    Root mean squares use the common instants. Maxima do too, except for motions with slopes, which use all instants of
+    the finer run; they are not less than the difference of the maxima of both runs.
     """
     fine, coarse = (one, other) if len(one.time) >= len(other.time) else (other, one)
     step, shorter = _step(coarse), _step(fine)
@@ -147,7 +147,7 @@ def distance(one: Measured, other: Measured, *, norm: Norm | None = "max") -> di
 
 
 def _largest(fine: Measured, coarse: Measured, name: str, apart: FloatArray) -> float:
-    """Return the largest difference of a quantity, from that at common instants."""
+    """Return the maximum difference of a quantity, given the difference at common instants."""
     found = max(float(np.abs(apart).max(initial=0.0)), abs(fine.size(name) - coarse.size(name)))
     slopes = coarse.slopes.get(name)
     if slopes is None or len(coarse.time) < _FEWEST:
@@ -168,7 +168,7 @@ def _mean(values: FloatArray) -> float:
 
 
 _FEWEST = 2
-"""Instants between which there is something."""
+"""Minimum number of instants."""
 
 _SAME = 1e-6
-"""Part of a step by which instants may miss each other."""
+"""Tolerance for equal instants relative to a step."""

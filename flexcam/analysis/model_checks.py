@@ -1,6 +1,6 @@
-"""What is open, loose, idle or struck before a cam turns: contacts no spring closes, members nothing touches, and more.
+"""Checks of a model before a run: contacts open at the start, unconnected members, loads without effect, impacts.
 
-May import what stands below `starting`.
+May import everything below `initial_state`.
 """
 
 from __future__ import annotations
@@ -28,23 +28,23 @@ from flexcam.dynamics import (
 from flexcam.valvetrain import Adjuster, Cam, CamContact, Lash, Model, Seat, build_system, shared_forces, touching_coils
 
 _LARGEST = 3000
-"""Unknowns up to which the start of a run is computed to look at its contacts."""
+"""Maximum number of degrees of freedom for which the start of a run is computed to check its contacts."""
 
 
 def unheld(model: Model, problem: Problem, scheme: Method) -> list[str]:
-    """Return the contacts with a cam that are open on the base circle before it turns, in words."""
+    """Return messages for cam contacts that are open on the base circle at the start."""
     contacts = {name: one for name, one in model.contacts.items() if isinstance(one, CamContact) and one.unilateral}
     if not contacts or not 0 < problem.system.size <= _LARGEST:
         return []
     try:
         begun = solve(replace(problem, steps=1, engine="direct", adaptive=None), scheme)
     except RunFailedError:
-        return []  # the run itself will say so
+        return []  # the run reports it
     return [_told(name) for name, one in contacts.items() if _open(name, model.cams[one.cam], begun)]
 
 
 def _open(name: str, cam: Cam, begun: Response) -> bool:
-    """Tell whether a contact bears nothing although its cam does not lift."""
+    """Return whether a contact carries no force although its cam is on the base circle."""
     if not len(begun.time) or abs(float(cam.event(begun.angle[:1])[0])) > _LIFTED * cam.event.height:
         return False
     return float(begun.channels[f"contacts.{name}.force"][0]) <= 0.0
@@ -56,11 +56,11 @@ def _told(name: str) -> str:
 
 
 _LIFTED = 1e-9
-"""Part of its lift from which a cam counts as off its base circle."""
+"""Lift relative to its maximum from which a cam counts as off its base circle."""
 
 
 def overshot(problem: Problem, scheme: Method) -> list[str]:
-    """Return by how much the first step overshoots a start that dies out within it, in words."""
+    """Return messages for an initial motion that decays within the first step and overshoots."""
     start = problem.start
     if not isinstance(scheme, Scheme) or start is None or not 0 < problem.system.size <= _LARGEST:
         return []
@@ -70,7 +70,7 @@ def overshot(problem: Problem, scheme: Method) -> list[str]:
     try:
         first = solve(replace(problem, steps=1, engine="direct", adaptive=None), scheme, save=SaveAt(field_every=1))
     except RunFailedError:
-        return []  # the run itself will say so
+        return []  # the run reports it
     beyond = scheme.overshoot * problem.step**2 * np.abs(first.fields.acceleration[0])
     if float(beyond.max()) <= _OVERSHOT * scale:
         return []
@@ -82,11 +82,11 @@ def overshot(problem: Problem, scheme: Method) -> list[str]:
 
 
 _OVERSHOT = 0.01
-"""Part of the motion of a start from which an overshoot is told: flexcam's choice."""
+"""Overshoot relative to the initial motion from which it is reported: flexcam's choice."""
 
 
 def struck(case: Case, model: Model, problem: Problem) -> list[str]:
-    """Return the cams that lift already when a run starts from rest, which strikes their trains, in words."""
+    """Return messages for cams that already lift when a run starts from rest, which causes an impact."""
     if case.record.run.start != "rest" or not problem.system.size:
         return []
     begin = problem.drive.at(np.zeros(1))
@@ -104,11 +104,11 @@ def struck(case: Case, model: Model, problem: Problem) -> list[str]:
 
 
 _RAISED = 1e-3
-"""Part of its lift from which a cam strikes what rests; measured lifts are no quieter on the base circle."""
+"""Lift relative to its maximum from which a start causes an impact; measured lifts may have noise below it."""
 
 
 def idle_loads(model: Model, problem: Problem) -> list[str]:
-    """Return the loads that push nothing that can move, in words."""
+    """Return messages for loads without a movable degree of freedom."""
     vectors = {load.name: load.vector for load in problem.system.loads} if problem.system.size else {}
     return [
         f"Warning: loads.{name}: it pushes nothing: a support holds what it acts on, or no member and no mass is there"
@@ -118,7 +118,7 @@ def idle_loads(model: Model, problem: Problem) -> list[str]:
 
 
 def loose(model: Model) -> list[str]:
-    """Return the members that no support, spring, rocker, cam or contact touches, in words."""
+    """Return messages for members not connected to any support, spring, rocker, cam or contact."""
     mesh = model.mesh
     touched = {int(node) for name in _touching(model) for node in mesh.points.get(name, ())}
     parts = [set(part.tolist()) for part in mesh.parts]
@@ -131,7 +131,7 @@ def loose(model: Model) -> list[str]:
 
 
 def _touching(model: Model) -> Iterator[str]:
-    """Yield the points at which something acts between a member and the rest of the world."""
+    """Yield the points that connect members to other parts."""
     yield from model.supports
     for spring in model.springs.values():
         yield from (spring.at, spring.to or "")
@@ -150,14 +150,14 @@ def _touching(model: Model) -> Iterator[str]:
 
 
 _LARGEST_UNTOLD = 3000
-"""Unknowns up to which the flexible train is asked."""
+"""Maximum number of degrees of freedom for which the flexible train is evaluated."""
 
 _LIFTED_UNTOLD = 1e-9
-"""Part of its lift from which a cam counts as off its base circle."""
+"""Lift relative to its maximum from which a cam counts as off its base circle."""
 
 
 def shared(model: Model, speed: float) -> list[str]:
-    """Return the cams that share a closed valve's springs with its seat, in words: rigid members cannot tell how."""
+    """Return messages for cams that share a closed valve's springs with its seat: statically indeterminate if rigid."""
     return [
         f"Warning: contacts.{name}: no play parts the cam from a closed seat, and both share the {force:.4g} N of the "
         "springs by their stiffness: on the base circle the rigid train leaves all to the seat"
@@ -167,13 +167,13 @@ def shared(model: Model, speed: float) -> list[str]:
 
 
 def pressed_shut(model: Model, speed: float) -> list[str]:
-    """Return the springs that a rigid train presses until their coils touch, in words as of a flexible one."""
+    """Return messages for springs that a rigid train compresses to solid length."""
     touching = touching_coils(model, speed).items()
     return [f"Warning: coils of {name!r} touch: {1e3 * beyond:.3g} mm beyond closed" for name, beyond in touching]
 
 
 def _left(model: Model, contact: str, speed: float) -> str:
-    """Return what the flexible train leaves to a cam on its base circle, in words; nothing where that is not known."""
+    """Describe the force on a cam on its base circle in the flexible train; empty if not known."""
     event = model.cams[model.driven[contact].cam].event
     low = _ANGLES[np.abs(event(_ANGLES, 0)) <= _LIFTED_UNTOLD * event.height]
     if not len(low):
@@ -185,10 +185,10 @@ def _left(model: Model, contact: str, speed: float) -> str:
             return ""
         still = Problem(system, drive, 1e-6 / speed, 1, equilibrium(system, drive), engine="direct")
         force = float(solve(still, newmark()).channels[f"contacts.{contact}.force"][0])
-    except FlexcamError:  # what a rigid train does not need may be missing
+    except FlexcamError:  # data not needed by a rigid train may be missing
         return ""
     return f", the flexible one leaves {force:.4g} N to the cam"
 
 
 _ANGLES = np.linspace(0.0, 2.0 * math.pi, 721)
-"""Where a cam's base circle is sought, rad."""
+"""Cam angles, rad, at which the base circle is searched."""

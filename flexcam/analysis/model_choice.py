@@ -1,4 +1,4 @@
-"""The cheapest model of a case that is good enough: tried from the least work on, against a converged run."""
+"""Choice of the cheapest sufficient model: models are compared with a converged run in ascending order of work."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from flexcam.dynamics import Cause, RunFailedError, Status
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """A model that meets a tolerance, or the best that was reached.
+    """Model that meets a tolerance, or the closest one.
 
     Parameters
     ----------
     rung
-        The model: the cheapest that meets the tolerance, else the closest.
+        Model: the cheapest that meets the tolerance, else the one with the smallest error.
     found
         Its errors and cost.
     cheaper
-        The closest of those that cost less and do not meet it; None where there is none.
+        Closest of the cheaper models that do not meet the tolerance; None if there is none.
     against
-        The reference.
+        Reference run.
     met
-        Whether the tolerance is met, the reference's own error counted.
+        Whether the tolerance is met, including the error of the reference.
     tried
-        How many models were.
+        Number of models tried.
     tolerance
-        What was asked, by quantity.
+        Tolerance by quantity.
     """
 
     rung: Rung
@@ -47,7 +47,7 @@ class Choice:
 
     @property
     def why(self) -> str:
-        """Why no model meets the tolerance; empty where one does."""
+        """Reason why no model meets the tolerance; empty if one does."""
         if self.met:
             return ""
         sizes, own = self.against.size, self.against.errors
@@ -62,7 +62,7 @@ class Choice:
 def choose(
     case: Case, probe: str, tolerance: Mapping[str, float], until: float | None = None
 ) -> Choice:  # fmt: skip
-    """Return the cheapest model of a case whose errors are within a tolerance."""
+    """Return the cheapest model of a case with errors within a tolerance."""
     rungs = candidates(case)
     work = work_of(case, rungs)
     against = reference(case, probe, until, work=work)
@@ -87,7 +87,7 @@ def choose(
 
 
 def chosen(case: Case, until: float | None = None) -> tuple[Case, Choice | None]:
-    """Return the case to run: the cheapest model within the tolerance it asks for, or itself."""
+    """Return the case to run: the cheapest model within its tolerance, or the case itself without one."""
     asked = case.record.fidelity
     if not asked.tolerances:
         return case, None
@@ -114,15 +114,15 @@ def _percent(share: float) -> str:
 
 
 _NOTHING = 1e-300
-"""In place of a tolerance of zero, which nothing meets: the closest model is still the closest."""
+"""Replaces a tolerance of zero, which no model meets, so that the closest model is still found."""
 
 
 def _misses(found: Traded, against: Reference, tolerance: Mapping[str, float]) -> float:
-    """Return the largest error over its tolerance, the reference's own counted; infinite for a run that failed."""
+    """Return the maximum ratio of error, including that of the reference, to tolerance; infinite for a failed run."""
     shares: list[float] = []
     for name, own in against.errors.items():
         allowed = tolerance.get(name.partition(" ")[0])
-        if allowed is not None and against.size[name] > 0.0:  # what a model does not know it gets wrong
+        if allowed is not None and against.size[name] > 0.0:  # a model without a quantity has an infinite error in it
             error = found.errors.get(name, math.inf) + own / against.size[name]
             shares.append(error / max(allowed, _NOTHING))
     return max(shares, default=math.inf)

@@ -1,6 +1,6 @@
-"""Where models of a train part: rigid, held to its cam (bilateral), and free to leave it (unilateral), over speed.
+"""Speeds at which models of a train diverge: rigid, bilateral contact and unilateral contact.
 
-May import `analysis` and everything below it; `flexcam parting` prints and draws what stands here.
+May import `analysis` and everything below it; `flexcam parting` prints and plots the results.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Forces:
     Parameters
     ----------
     least, largest
-        N.
+        Minimum and maximum, N.
     """
 
     least: float
@@ -39,21 +39,21 @@ class Forces:
 
 @dataclass(frozen=True)
 class Speed:
-    """The models at one speed.
+    """Contact forces of the models at one speed.
 
     Parameters
     ----------
     rpm
-        Camshaft speed.
+        Camshaft speed, rpm.
     forces
-        By model: ``rigid``, ``bilateral``, ``unilateral``; None where the run did not reach its end.
+        Forces by model: ``rigid``, ``bilateral``, ``unilateral``; None if the run did not reach its end.
     """
 
     rpm: float
     forces: Mapping[str, Forces | None]
 
     def differs(self, first: str, second: str, tolerance: float) -> bool:
-        """Tell whether two models' extremes differ by more than a part of the larger one's largest force."""
+        """Return whether the extremes of two models differ by more than a fraction of the larger maximum."""
         one, other = self.forces[first], self.forces[second]
         if one is None or other is None:
             return True
@@ -64,7 +64,7 @@ class Speed:
 def parting(
     case: Case, speeds: Sequence[float], *, contact: str | None = None, advance: Advance | None = None
 ) -> list[Speed]:
-    """Run a case over speeds with a rigid train, with a contact that cannot part, and with one that can."""
+    """Run a case over speeds with a rigid train, a bilateral contact and a unilateral contact."""
     model = prepare(case).model
     known = [name for name, one in model.contacts.items() if isinstance(one, CamContact) and one.unilateral]
     if not known or (contact is not None and contact not in known):
@@ -74,7 +74,7 @@ def parting(
 
 
 def parts_at(found: Sequence[Speed], first: str, second: str, tolerance: float = 0.05) -> float | None:
-    """Return the lowest speed, rpm, from which two models differ by more than a part of the force; None if never."""
+    """Return the lowest speed, rpm, at which two models differ by more than a fraction of the force; None if never."""
     return next((one.rpm for one in found if one.differs(first, second, tolerance)), None)
 
 
@@ -89,7 +89,7 @@ def _at(case: Case, speed: float, contact: str, runs: int) -> Speed:
 
 
 def _solved(ready: Prepared, runs: int) -> Response:
-    """Return one of several runs; what is stopped stops all."""
+    """Return one of several runs; an interruption stops all of them."""
     response = solve(replace(ready.problem, runs=runs), ready.scheme)
     raise_if_interrupted(response.status)
     return response
@@ -106,7 +106,7 @@ def _forces(response: Response, ready: Prepared, contact: str) -> Forces | None:
 
 
 def _held(ready: Prepared, contact: str, force: float) -> Prepared:
-    """Return the same train with a contact that cannot part."""
+    """Return the same train with a bilateral contact."""
     part = ready.model.contacts[contact]
     if not isinstance(part, CamContact):
         raise refuse("contacts", repr(contact), "a contact with a stiffness")
@@ -119,7 +119,7 @@ def _held(ready: Prepared, contact: str, force: float) -> Prepared:
 
 
 def _secant(model: Model, name: str, part: CamContact, force: float) -> float:
-    """Return force by approach of a Hertz contact, N/m, where the cam is at full lift."""
+    """Return the secant stiffness of a Hertz contact at full lift, N/m."""
     structure = build_structure(model)
     cam = model.cams[part.cam]
     line = hertz_line(structure, name, part, cam)

@@ -1,4 +1,4 @@
-"""The beat of a mass on a spring that is driven beside its own frequency."""
+"""Ladder of models of a case, from rigid to refined beams, and mapping of initial states between them."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from flexcam.valvetrain.structure import inner_name, spring_parts
 
 
 def beat(speed: float, mode: float) -> tuple[float, float]:
-    """Return how long an undamped oscillator beats, and how far it then leaves what drives it.
+    """Return the beat period of an undamped oscillator, and its maximum deviation from the excitation.
 
     The load form moves the valve as ``x'' + w^2 x = w^2 (1 - cos W t)/2`` from rest, under simple harmonic motion of
-    lift 1. With ``r = W/w`` it leaves the lift by ``r^2/(1 - r^2) (cos w t - cos W t)/2``: the difference of two
-    cosines of nearly the same frequency is a beat, bounded wherever r is not 1.
+    lift 1. With ``r = W/w`` it deviates from the lift by ``r^2/(1 - r^2) (cos w t - cos W t)/2``: the difference of two
+    cosines of nearly equal frequency is a beat, bounded if r is not 1.
     """
     share = (speed / mode) ** 2
     if share == 1.0:
@@ -36,11 +36,11 @@ def beat(speed: float, mode: float) -> tuple[float, float]:
 
 
 def carried_start(case: Case, other: Case) -> Case:
-    """Return a case that starts as another one does, where that is given at nodes.
+    """Return a case with the initial state of another one, where that is given at nodes.
 
-    What lies between two nodes of a member follows the shape of its elements: otherwise a finer mesh would have points
-    at rest between those that are moved, and begin with a blow that the given mesh does not know. Between the ends of a
-    part of a spring the motion is linear.
+    Points between two nodes of a member follow the shape functions of its elements: otherwise a finer mesh would have
+    points at rest between moving ones, and start with an impact that the given mesh does not have. Between the ends of
+    a spring part the motion is linear.
     """
     start = case.record.run.start
     if not isinstance(start, GivenStartRecord):
@@ -54,7 +54,7 @@ def carried_start(case: Case, other: Case) -> Case:
 def _seen(
     structure: Structure, its: Structure, parts: Mapping[str, tuple[int, int]], values: Mapping[str, float]
 ) -> dict[str, float]:
-    """Return named values of one mesh as those of another; what names no node stays as it is."""
+    """Map named values from one mesh to another; values that do not belong to nodes are unchanged."""
     names, mesh = structure.dofs.names, structure.model.mesh
     on_nodes = names[: int((structure.dofs.numbers >= 0).sum())]
     row = np.array([values.get(name, 0.0) if name in on_nodes else 0.0 for name in names])
@@ -63,7 +63,7 @@ def _seen(
     for name, elements in mesh.element_ranges().items():
         found[its.model.mesh.lines[name]] = _along(structure, nodal, elements, *parts[name])
         given -= (elements.stop - elements.start) // parts[name][0] * (parts[name][0] - 1)
-    found[:given] = nodal[:given]  # nodes of the case come first in every mesh of it
+    found[:given] = nodal[:given]  # the nodes of the case come first in all its meshes
     free = its.dofs.numbers >= 0
     numbers: list[int] = its.dofs.numbers[free].tolist()
     amounts: list[float] = found[free].tolist()
@@ -75,7 +75,7 @@ def _seen(
 def _within_springs(
     structure: Structure, its: Structure, values: Mapping[str, float], beside: Mapping[str, float]
 ) -> dict[str, float]:
-    """Return values of what is no node, those within springs as the parts of another mesh have them."""
+    """Map values of internal spring nodes to springs with another number of parts."""
     found, row = dict(beside), np.array([values.get(name, 0.0) for name in structure.dofs.names])
     for name, spring in structure.model.springs.items():
         own, parts = spring.elements, its.model.springs[name].elements
@@ -91,7 +91,7 @@ def _within_springs(
 
 
 def _along(structure: Structure, nodal: FloatArray, elements: slice, parts: int, other: int) -> FloatArray:
-    """Return the motion at the nodes of a member that has `other` elements per segment in place of `parts`."""
+    """Return the motion at the nodes of a member that has `other` elements per segment instead of `parts`."""
     local = deflection(structure.beams, nodal, other, elements)
     triads = structure.beams.triads[elements]
     turned = [np.einsum("eji,epj->epi", triads, local[..., kind]) for kind in (slice(0, 3), slice(3, 6))]
@@ -101,7 +101,7 @@ def _along(structure: Structure, nodal: FloatArray, elements: slice, parts: int,
 
 
 _GIVEN = ("rest", "equilibrium", "periodic")
-"""Starts that are found anew for the chain; others are the beam model's, seen at what is kept."""
+"""Initial states computed anew for the chain; others are projected from the beam model."""
 
 
 def chain(case: Case, count: int, *, contact: str | None = None, lumped: bool = False) -> Chain:
@@ -110,7 +110,7 @@ def chain(case: Case, count: int, *, contact: str | None = None, lumped: bool = 
 
 
 def chain_run(case: Case, count: int, *, contact: str | None = None, lumped: bool = False) -> Prepared:
-    """Return a run of a case with its train as a chain of masses, ready for `flexcam.solve`."""
+    """Return a prepared run of a case with its train as a chain of masses."""
     ready, found = prepare(case), chain(case, count, contact=contact, lumped=lumped)
     problem = replace(ready.problem, system=found.system, start=None)
     if case.record.run.start in _GIVEN:
@@ -119,7 +119,7 @@ def chain_run(case: Case, count: int, *, contact: str | None = None, lumped: boo
 
 
 def _seen_chain(whole: Problem, found: Chain) -> State | None:
-    """Return the start of the beam model in the chain's unknowns, by least squares."""
+    """Return the initial state of the beam model in the chain's degrees of freedom, by least squares."""
     if whole.start is None:
         return None
     moved = np.column_stack([whole.start.displacement, whole.start.velocity])
@@ -128,24 +128,24 @@ def _seen_chain(whole: Problem, found: Chain) -> State | None:
 
 
 _ELEMENTS = (1, 2)
-"""Elements per segment of every member, beside those of the case and twice as many."""
+"""Elements per segment of every member, besides those of the case and twice as many."""
 
 _MODES = (3, 10, 30)
-"""Shapes of reduced models."""
+"""Numbers of modes of the reduced models."""
 
 
 @dataclass(frozen=True, eq=False)
 class Rung:
-    """A model of a case.
+    """Model of a case.
 
     Parameters
     ----------
     name
-        Such as ``rigid`` or ``beams x2``.
+        Name, such as ``rigid`` or ``beams x2``.
     words
-        What it is.
+        Description.
     case
-        The case it is made from.
+        Case with the settings of this model.
     """
 
     name: str
@@ -153,25 +153,25 @@ class Rung:
     case: Case
 
     def prepared(self, until: float | None = None, work: int = 0) -> Prepared:
-        """Return everything a run needs; the search for a periodic start ends at `until`, s of `time.monotonic`.
+        """Return the prepared run; the search for a periodic state ends at `until`, s of `time.monotonic`.
 
-        `work` is the steps per revolution of all runs to come, this one among them: what makes many short runs fast may
-        not be worth its while for one.
+        `work` is the number of steps per revolution of all planned runs including this one: setup that speeds up many
+        short runs may not pay for a single run.
         """
         return prepare(self.case, until=until, runs=max(round(work / steps_of(self.case)), 1) if work else 1)
 
     def run(self, until: float | None = None, work: int = 0) -> Response:
-        """Return its response, by `until` at the latest."""
+        """Return the response; the run ends at `until` at the latest."""
         ready = self.prepared(until, work)
         return solve(ready.problem, ready.scheme, save=ready.save, until=until)
 
     def stepped(self, per_revolution: int) -> Rung:
-        """Return the same model with other steps per revolution."""
+        """Return the same model with another number of steps per revolution."""
         return replace(self, case=self.case.with_run({"steps_per_revolution": per_revolution, "step": None}))
 
 
 def measured_run(rung: Rung, probe: str, until: float | None = None, work: int = 0) -> Measured:
-    """Return what a rung's run has to be compared."""
+    """Return the compared histories of a model's run."""
     response = rung.run(until, work)
     if not response.status.ok:
         raise RunFailedError(response.status)
@@ -179,7 +179,7 @@ def measured_run(rung: Rung, probe: str, until: float | None = None, work: int =
 
 
 def steps_of(case: Case) -> int:
-    """Return the steps per camshaft revolution of a case, rounded where it gives a step."""
+    """Return the steps per camshaft revolution of a case, rounded if it gives a time step."""
     run = case.record.run
     if run.step is None:
         return run.steps_per_revolution or DEFAULT_STEPS_PER_REVOLUTION
@@ -188,7 +188,7 @@ def steps_of(case: Case) -> int:
 
 
 def with_elements(case: Case, factor: int | None = None, each: int | None = None) -> Case:
-    """Return a case with other elements per segment of its members and springs."""
+    """Return a case with another number of elements per segment of its members and springs."""
     members = {
         name: one.model_copy(update={"elements": each or one.elements * (factor or 1)})
         for name, one in case.record.members.items()
@@ -202,14 +202,14 @@ def with_elements(case: Case, factor: int | None = None, each: int | None = None
 
 
 def as_beams(case: Case) -> Case:
-    """Return a case with all unknowns of its beams, whatever model it asks for."""
+    """Return a case with all degrees of freedom of its beams, regardless of its fidelity."""
     return case.with_fidelity(
         {"model": "beams", "tolerance": None, "estimate": False, "modes": None, "reduction": "modes"}
     )
 
 
 def _stands(rung: Rung) -> bool:
-    """Tell whether a case has such a model: a chain is that of one train with nodes enough."""
+    """Return whether a model exists for its case: a chain requires a single train with enough nodes."""
     try:
         standing(rung.case)
     except (InputError, RunFailedError):
@@ -218,7 +218,7 @@ def _stands(rung: Rung) -> bool:
 
 
 def ladder(case: Case) -> tuple[Rung, ...]:
-    """Return the models of a case, coarse to fine."""
+    """Return the models of a case from coarse to fine."""
     beams = as_beams(case)
     own = {one.elements for one in case.record.members.values()}
     unknowns = standing(beams).problem.system.size

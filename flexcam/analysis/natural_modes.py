@@ -1,4 +1,4 @@
-"""Natural modes of cases, and how like they are."""
+"""Natural modes of cases and their similarity."""
 
 from __future__ import annotations
 
@@ -23,28 +23,28 @@ def modes(
     Parameters
     ----------
     case
-        From `flexcam.read_case`.
+        Case from `flexcam.read_case`.
     count
-        How many; None for all that can be computed.
+        Number of modes; None for all computable ones.
     prestress
-        The static state whose axial forces are counted in: as installed, or in equilibrium under all loads; None for
-        the unloaded structure.
+        Static state whose axial forces are included: installed, or in equilibrium under all loads; None for the
+        unloaded structure.
 
     Returns
     -------
     ModelModes
-        Frequencies, shapes, effective masses and what moves, in words.
+        Frequencies, shapes, effective masses and descriptions.
 
     Raises
     ------
     InputError
-        If parts do not fit together.
+        If parts are inconsistent.
     RunFailedError
-        If a free motion has no mass, or a member buckles under the prestress, which is named.
+        If a rigid-body motion has no mass, or a member buckles under the prestress; the message names it.
 
     Examples
     --------
-    ``flexcam.modes(case).words(1)`` says what moves in the second mode.
+    ``flexcam.modes(case).words(1)`` describes the second mode.
     """
     if prestress is None:
         return model_modes(build_structure(build_model(case)), count)

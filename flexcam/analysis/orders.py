@@ -1,6 +1,6 @@
-"""Orders of what a train does: harmonics of the camshaft's rotation in the last revolution of a run, over speed.
+"""Orders of a response: harmonics of the camshaft rotation in the last revolution of a run, over speed.
 
-May import `analysis` and everything below it; `flexcam orders` prints and draws what stands here.
+May import `analysis` and everything below it; `flexcam orders` prints and plots the results.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ from flexcam.io.exports import component_unit
 
 _REVOLUTION = 2.0 * math.pi
 _SAME_ANGLE = 1e-9
-"""Part of a revolution by which rounding may have moved its beginning."""
+"""Tolerance of the start of a revolution, relative to a revolution (rounding)."""
 
 
 @dataclass(frozen=True)
 class Signal:
-    """A history of a run.
+    """History of a run.
 
     Parameters
     ----------
     name
-        Of a channel, such as ``contacts.intake.force``, or of a probe of one scalar, such as ``valve`` or ``cam.uy``.
+        Name of a channel, such as ``contacts.intake.force``, or of a scalar probe, such as ``valve`` or ``cam.uy``.
     probe
-        Whether it is a probe, of which the acceleration counts.
+        Whether it is a probe, whose acceleration is used.
     """
 
     name: str
@@ -68,17 +68,17 @@ class Waterfall:
     Parameters
     ----------
     signal
-        The history.
+        History.
     unit
         Its unit; empty if no run reached its end.
     rpm
         Camshaft speeds, shape (m,).
     amplitudes
-        From order 0 (the size of the mean), in the unit, shape (m, count + 1); NaN where a run did not reach its end.
+        Amplitudes from order 0 (absolute mean), in the unit, shape (m, count + 1); NaN if a run did not reach its end.
     gaps
-        By how much the revolution misses closing, in the unit, shape (m,); NaN as above.
+        Difference between start and end of the revolution, in the unit, shape (m,); NaN as above.
     statuses
-        How every run ended.
+        Status of every run.
     """
 
     signal: Signal
@@ -103,18 +103,18 @@ _TWO_EACH = "an order needs two steps of its own"
 
 
 def _wanted(count: int) -> int:
-    """Return how many steps of a revolution so many orders need, the mean included."""
+    """Return the steps per revolution required for a number of orders, including the mean."""
     return 2 * count + 1
 
 
 def has_revolution(response: Response) -> bool:
-    """Tell whether a run is as long as a revolution of the camshaft."""
+    """Return whether a run lasts at least one camshaft revolution."""
     angle = response.angle
     return len(angle) > 1 and float(angle[-1] - angle[0]) >= _REVOLUTION * (1.0 - _SAME_ANGLE)
 
 
 def highest_order(response: Response) -> int:
-    """Return the highest order that the last revolution of a run has steps for."""
+    """Return the highest order resolved by the steps of the last revolution."""
     return max((len(response.angle) - _beginning(response)) // 2 - 1, 0) if has_revolution(response) else 0
 
 
@@ -149,7 +149,7 @@ def waterfall(
 
 
 def _refuse_few_steps(case: Case, fastest: float, count: int) -> None:
-    """Refuse, before the first run, steps that are too few for the orders; those that adapt are known behind it."""
+    """Raise an error before the first run if fixed steps are too few for the orders; adaptive ones are checked then."""
     run, wanted = case.record.run, _wanted(count)
     turn = _REVOLUTION / fastest
     steps = math.floor(turn / run.step) if run.step else run.steps_per_revolution or DEFAULT_STEPS_PER_REVOLUTION
@@ -158,7 +158,7 @@ def _refuse_few_steps(case: Case, fastest: float, count: int) -> None:
     fewer = f"or ask for {(steps - 1) // 2} orders at most (--orders)" if steps >= _wanted(1) else ""
     if run.step:
         at = f"{fastest / RPM:.6g} camshaft rpm"
-        most = f"{0.995 * turn / wanted:.3g} s or less for {count} orders"  # three digits that are not rounded up
+        most = f"{0.995 * turn / wanted:.3g} s or less for {count} orders"  # rounded down to three digits
         given, key, remedy = f"{run.step:.6g} s, {steps} steps per revolution at {at}", "step", "take shorter steps"
     else:
         given, key, remedy = str(steps), "steps_per_revolution", "take more steps"
@@ -167,7 +167,7 @@ def _refuse_few_steps(case: Case, fastest: float, count: int) -> None:
 
 
 def _run(case: Case, runs: int) -> Response | Status:
-    """Return one of several runs, or why there is none."""
+    """Return one of several runs, or its status if it cannot start."""
     try:
         ready = prepare(case)
     except RunFailedError as failure:
@@ -186,7 +186,7 @@ def _joined(
 
 
 def ridges(found: Waterfall, count: int = 3) -> Mapping[int, tuple[float, float]]:
-    """Return the orders that grow largest over the speeds, the mean left out."""
+    """Return the orders with the largest amplitudes over all speeds, without the mean."""
     if np.isnan(found.amplitudes).all():
         return {}
     peaks = np.nanmax(found.amplitudes[:, 1:], axis=0)

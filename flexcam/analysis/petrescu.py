@@ -1,4 +1,4 @@
-"""One mass between a train and a valve spring in closed form: settings of the valve spring.
+"""Closed-form model of one mass between a train and a valve spring, for valve spring settings.
 
 Source: F. I. T. Petrescu and R. V. V. Petrescu, Settings of the valve spring (2013), the algorithm's rows 10 to 43.
 """
@@ -16,20 +16,20 @@ from flexcam.dynamics import AngleFunction
 
 @dataclass(frozen=True, eq=False)
 class OneMass:
-    """A mass that a cam moves through a train, against a valve spring.
+    """Mass driven by a cam through an elastic train, against a valve spring.
 
     Parameters
     ----------
     event
-        s, lift of the cam.
+        Lift of the cam, s.
     mass
-        m_T, kg.
+        Mass m_T, kg.
     train_stiffness
-        K, N/m.
+        Stiffness K of the train, N/m.
     spring_stiffness
-        k, N/m.
+        Stiffness k of the valve spring, N/m.
     compression
-        x_0 of the installed spring, m.
+        Compression x_0 of the installed spring, m.
     """
 
     event: Event
@@ -51,16 +51,16 @@ class OneMass:
 
     @property
     def wound_up(self) -> float:
-        """Deflection of the train under the preload, k x_0/(K + k), m: the part of the lift it takes."""
+        """Deflection of the train under the preload, k x_0/(K + k), m: the lift it absorbs."""
         return self.preload / (self.train_stiffness + self.spring_stiffness)
 
     @property
     def lifts_off(self) -> bool:
-        """Whether the train, held at full lift, pushes more than the preload: else a seated valve stays shut."""
+        """Return whether the train force at full lift exceeds the preload; otherwise a seated valve does not open."""
         return self.train_stiffness * self.event.height > self.preload
 
     def motion(self, angle: FloatArray, speed: FloatArray, order: int = 0) -> FloatArray:
-        """Return the paper's x, or its derivative by the cam angle with the speed held as its spreadsheet does.
+        """Return the paper's x, or its derivative by the cam angle at constant speed, as in its spreadsheet.
 
         ``x = s - ((K + k) m_T w^2 s'^2 + (k^2 + 2 k K) s^2 + 2 k x_0 (K + k) s)/(2 (K + k)^2 (s + k x_0/(K + k)))``
         """
@@ -93,26 +93,26 @@ class OneMass:
 
 @dataclass(frozen=True)
 class Setting:
-    """What a speed and a valve spring make of a lift.
+    """Results of a speed and a valve spring for a given lift.
 
     Parameters
     ----------
     name
-        Of the setting.
+        Name of the setting.
     speed
-        Of the camshaft, rad/s.
+        Camshaft speed, rad/s.
     stiffness, compression, preload
         k, N/m, x_0, m, and k x_0, N.
     kinematic, dynamic
-        Largest and least acceleration of the lift (spp) and of the valve (xpp), m/s^2.
+        Maximum and minimum acceleration of the lift (spp) and of the valve (xpp), m/s^2.
     lift, opening
-        Largest s and x, m.
+        Maximum s and x, m.
     wound_up
         Deflection of the train under the preload, m.
     lifts_off
-        Whether the train at full lift pushes more than the preload.
+        Whether the train force at full lift exceeds the preload.
     speed_ratio
-        Largest by least speed within a revolution.
+        Ratio of maximum to minimum speed within a revolution.
     """
 
     name: str
@@ -130,12 +130,12 @@ class Setting:
 
     @property
     def lost(self) -> float:
-        """Part of the lift that the valve does not open."""
+        """Fraction of the lift by which the valve does not open."""
         return 1.0 - self.opening / self.lift
 
 
 def setting(name: str, one: OneMass, omega: AngleFunction, speed: float) -> Setting:
-    """Return what a setting does over a revolution."""
+    """Return the results of a setting over a revolution."""
     joints = one.event.joints
 
     def span(curve: Callable[[FloatArray], FloatArray]) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""The probe that stands for a case."""
+"""Prepare the run of a case: model, problem, integrator, output and default probe."""
 
 from __future__ import annotations
 
@@ -30,25 +30,25 @@ from flexcam.valvetrain import (
 )
 
 DEFAULT_STEPS_PER_REVOLUTION = 3600
-"""Steps of a run that says nothing else: a tenth of a degree."""
+"""Default number of steps per revolution: a tenth of a degree."""
 
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """Everything a run needs, ready for `flexcam.dynamics.solve`.
+    """Prepared run for `flexcam.dynamics.solve`.
 
     Parameters
     ----------
     case
-        The case.
+        Case.
     model
-        Its model.
+        Model of the case.
     problem
         System, drive, step and start.
     scheme
-        Of the time integration.
+        Time integration method.
     save
-        What is kept.
+        Saved quantities and instants.
     """
 
     case: Case
@@ -58,13 +58,13 @@ class Prepared:
     save: SaveAt
 
     def __repr__(self) -> str:
-        """Return what is to be run, not its numbers."""
+        """Return a description without numbers."""
         problem = self.problem
         return f"<Prepared {self.case!r}: {problem.steps} steps of {problem.step:.4g} s, {problem.system!r}>"
 
     @property
     def revolution(self) -> float:
-        """Time of a camshaft revolution, s."""
+        """Duration of a camshaft revolution, s."""
         return revolution_of(self.case, self.problem.drive)
 
 
@@ -72,22 +72,22 @@ def prepare(
     case: Case, *, rigid: bool = False, model: Model | None = None, until: float | None = None,
     allow_large: bool = False, runs: int = 1,
 ) -> Prepared:  # fmt: skip
-    """Build what a case describes, up to the point where time begins.
+    """Build the problem described by a case.
 
     Parameters
     ----------
     case
-        A checked case.
+        Checked case.
     rigid
-        The same mechanism with rigid members.
+        Build the same mechanism with rigid members.
     model
-        That of the case, where it is built already, such as for another speed.
+        Model of the case if it is already built, for example for another speed.
     until
-        When the search for a periodic start ends at the latest, s of `time.monotonic`; None for no limit.
+        Latest end of the search for a periodic state, s of `time.monotonic`; None for no limit.
     allow_large
-        Whether the matrices may take more memory than there seems to be.
+        Whether the matrices may exceed the available memory.
     runs
-        How many runs like this one are to come, as `flexcam.dynamics.Problem` has it.
+        Number of planned runs of this kind, as in `flexcam.dynamics.Problem`.
 
     Returns
     -------
@@ -97,20 +97,20 @@ def prepare(
     Raises
     ------
     InputError
-        If parts do not fit together.
+        If parts are inconsistent.
     RunFailedError
-        If the start has no balance.
+        If no static equilibrium exists.
 
     Examples
     --------
-    ``prepare(case).problem.system`` is the `System` of a case, for one's own studies.
+    ``prepare(case).problem.system`` is the `System` of a case, for custom studies.
     """
     model, system, few = _described(case, model, _kind(case, rigid=rigid), allow_large=allow_large)
     save = SaveAt(field_every=case.record.output.field_every)
     scheme = case.record.run.integrator.made()
     try:
         plain = replace(_problem(case, model, system), runs=runs)
-        if rigid:  # the companion of a flexible run, which its way through time was asked for
+        if rigid:  # the rigid companion of a flexible run; the engine was requested for the flexible one
             plain = replace(plain, engine="auto")
         problem = started(case, model, plain, until=until)
     except InputError as refusal:
@@ -122,7 +122,7 @@ def prepare(
 
 
 def standing(case: Case) -> Prepared:
-    """Build what a case describes; from equilibrium where it asks for a periodic state, which takes time to find."""
+    """Prepare a case; a periodic initial state, which is expensive, is replaced by equilibrium."""
     if case.record.run.start != "periodic":
         return prepare(case)
     ready = replace(prepare(case.with_run({"start": "equilibrium"})), case=case)
@@ -136,14 +136,14 @@ def standing(case: Case) -> Prepared:
 def described(
     case: Case, *, rigid: bool = False, model: Model | None = None, allow_large: bool = False
 ) -> tuple[Model, System]:  # fmt: skip
-    """Return the model of a case and its equations, before any start is looked for."""
+    """Return the model of a case and its equations without an initial state."""
     return _described(case, model, _kind(case, rigid=rigid), allow_large=allow_large)[:2]
 
 
 def _described(
     case: Case, model: Model | None, kind: str, *, allow_large: bool
 ) -> tuple[Model, System, Chain | None]:  # fmt: skip
-    """Return model and equations, and the few masses that stand for them, if any."""
+    """Return model and equations, and the chain of masses if the case uses one."""
     model = model or build_model(case)
     if not allow_large:
         affordable_mesh(model.mesh)
@@ -160,20 +160,20 @@ def _described(
 
 
 def _kind(case: Case, *, rigid: bool) -> str:
-    """Return which model of a case is meant."""
+    """Return the name of the model of a case."""
     return "rigid" if rigid else case.record.fidelity.model
 
 
 _CHAINS = {"sdof": 1, "chain": None}
-"""Models of few masses, and how many where that is no choice."""
+"""Models of few masses, and the number of masses if it is fixed."""
 
 
 _KEYS = {"count": "fidelity.masses", "contact": "fidelity.model"}
-"""What is asked of a chain, and the keys of a case that ask it."""
+"""Arguments of a chain, and the keys of a case that set them."""
 
 
 def _few(case: Case, model: Model, count: int) -> Chain:
-    """Return the train of a case as a chain of so many masses."""
+    """Return the train of a case as a chain of masses."""
     try:
         return chain_of(model, case.speed, count)
     except InputError as refusal:
@@ -182,7 +182,7 @@ def _few(case: Case, model: Model, count: int) -> Chain:
 
 
 def _basis(case: Case, problem: Problem, few: Chain | None) -> Basis | None:
-    """Return what a case is integrated in; None for its own unknowns."""
+    """Return the basis of a reduced model; None for the full degrees of freedom."""
     fidelity = case.record.fidelity
     if few is not None:
         return ModeBasis(few.shapes, few.system.names, _answered(case, problem, few.shapes))
@@ -192,10 +192,10 @@ def _basis(case: Case, problem: Problem, few: Chain | None) -> Basis | None:
 
 
 def _answered(case: Case, problem: Problem, shapes: FloatArray) -> FloatArray | None:
-    """Return what a start has beside the shapes of a chain, uncoupled with them: it stays as it is.
+    """Return the part of the initial state outside the chain's shapes, decoupled from them, which stays constant.
 
-    What pushes elsewhere than at the masses, such as an installed spring, is answered by more than their shapes.
-    Without this a chain would not begin in its own balance, and ring about it for ever.
+    Forces that do not act at the masses, such as that of an installed spring, cause deflections outside their shapes.
+    Without this part a chain would not start in its equilibrium, and would vibrate permanently.
     """
     if problem.start is None or isinstance(case.record.run.start, GivenStartRecord):
         return None
@@ -204,7 +204,7 @@ def _answered(case: Case, problem: Problem, shapes: FloatArray) -> FloatArray | 
 
 
 def _placed(case: Case, refusal: InputError) -> InputError:
-    """Return a refusal with its keys' lines in the case file, where they are not told yet."""
+    """Return an error with the lines of its keys in the case file added."""
     told = (fault if " (" in fault.where else replace(fault, where=case.place(tuple(fault.where.split("."))))
             for fault in refusal.faults)  # fmt: skip
     return InputError(told)
@@ -225,7 +225,7 @@ def _problem(case: Case, model: Model, system: System) -> Problem:
 
 
 def scalar_probe(ready: Prepared) -> str:
-    """Return the probe that stands for a case: a rocker's point, else the first that a cam moves, else the first."""
+    """Return the default probe of a case: the point of a rocker, else the first moved by a cam, else the first."""
     points = [rocker.point for rocker in ready.model.rockers.values()]
     probes = [probe for probe in ready.problem.system.probes if probe.name in ready.model.probes]
     if not probes:
@@ -236,12 +236,12 @@ def scalar_probe(ready: Prepared) -> str:
 
 
 def _moved_by_cams(ready: Prepared) -> dict[str, str]:
-    """Return the probes that the rigid train moves, each with the component that it moves most."""
+    """Return the probes moved by the rigid train, each with its component of largest motion."""
     if not ready.model.driven:
         return {}
     try:
         rigid = build_rigid(ready.model, ANY_SPEED)
-    except InputError:  # no rigid train can be made of it: then the first probe will do
+    except InputError:  # no rigid train exists: the first probe is used
         return {}
     strokes = {probe: [0.0 if one is None else float(np.ptp(one(_ROUND, 0))) for one in probe.offset]
                for probe in rigid.probes}  # fmt: skip
@@ -249,29 +249,29 @@ def _moved_by_cams(ready: Prepared) -> dict[str, str]:
 
 
 _ROUND = np.linspace(0.0, 2.0 * np.pi, 361)
-"""Angles of a revolution; a lift between two of them would be none."""
+"""Angles of a revolution, rad; a lift between two of them would be too short."""
 
 
 def _along_follower(ready: Prepared, probe: Probe) -> str:
-    """Return the component of a probe along the first follower's direction, or its first one."""
+    """Return the component of a probe along the direction of the first follower, or its first one."""
     contact = next(iter(ready.model.driven.values()), None)
     along = "" if contact is None else COMPONENTS[int(np.argmax(np.abs(contact.direction)))]
     return _named(probe, probe.components.index(along) if along in probe.components else 0)
 
 
 def _named(probe: Probe, component: int) -> str:
-    """Return what a component of a probe is called; a probe of one has its own name."""
+    """Return the name of a component of a probe; a scalar probe keeps its name."""
     return probe.name if len(probe.components) == 1 else f"{probe.name}.{probe.components[component]}"
 
 
 _FEW = ("sdof", "chain")
-"""Models that keep of the camshaft what contacts feel, and of a published load, which feels none of it, nothing."""
+"""Models that represent the camshaft only by its compliance at the contacts, or not at all under a published load."""
 
 _CAMSHAFT = ("cams.", "supports.")
 
 
 def figures_of(ready: Prepared, response: Response) -> list[Metric]:
-    """Return what a train did in the last revolution of a run, without what its model does not hold."""
+    """Return the metrics of the last revolution of a run, without those that its model cannot compute."""
     found = train_metrics(ready.model, response, ready.revolution)
     if ready.case.record.fidelity.model not in _FEW:
         return found
@@ -284,4 +284,4 @@ def _moves(response: Response, one: Metric) -> bool:
 
 
 _STILL = 1e-9
-"""Part of a value by which rounding moves it."""
+"""Relative size of rounding errors."""

@@ -1,4 +1,4 @@
-"""What there is of memory and disk."""
+"""Memory and disk space: available and required by a run."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from flexcam.fem.mesh import Mesh
 from flexcam.io import RECOVERED, VECTORS, points_drawn, result_bytes
 
 _UNLIMITED = 2**60
-"""Bytes from which a control group's limit is none."""
+"""Bytes from which the limit of a control group means unlimited."""
 
 
 def free_memory() -> int | None:
-    """Return the memory that this process may still take, bytes; None where the system does not tell.
+    """Return the memory available to this process, bytes; None if the system does not report it.
 
-    The least of what the machine has to give (``MemAvailable`` of Linux, all of it elsewhere) and what the limits of
-    control groups leave, as those of containers and batch systems.
+    Minimum of the memory available on the machine (``MemAvailable`` of Linux, total memory elsewhere) and of the limits
+    of control groups, which containers and batch systems use.
     """
     return min([*_of_machine(), *of_groups(Path("/sys/fs/cgroup"), Path("/proc/self/cgroup"))], default=None)
 
 
 def free_disk(folder: Path) -> int | None:
-    """Return what is free where a folder is or will be made, bytes; None where the system does not tell."""
+    """Return the free disk space of an existing or future folder, bytes; None if the system does not report it."""
     there = next((one for one in (folder, *folder.absolute().parents) if one.is_dir()), None)
     try:
         return None if there is None else shutil.disk_usage(there).free
@@ -50,7 +50,7 @@ def _of_machine() -> Iterator[int]:
 
 
 def of_groups(root: Path, own: Path) -> Iterator[int]:
-    """Yield what the limits of this process's control groups leave, of either version."""
+    """Yield the memory left by the control groups of this process, of version 1 or 2."""
     for line in _lines(own):
         _, kinds, path = line.split(":", 2)
         version = ("", "memory.max", "memory.current")
@@ -66,7 +66,7 @@ def of_groups(root: Path, own: Path) -> Iterator[int]:
 
 
 def _lines(file: Path) -> Iterator[str]:
-    """Yield the lines of a file of the system; none where it is not there."""
+    """Yield the lines of a system file; none if it does not exist."""
     try:
         yield from file.read_text(encoding="ascii", errors="replace").splitlines()
     except OSError:
@@ -74,50 +74,51 @@ def _lines(file: Path) -> Iterator[str]:
 
 
 _NUMBER = 8
-"""Bytes."""
+"""Bytes per number."""
 
 _DENSE, _NATURAL = 12, 40
-"""Square matrices of a small system: M, C, K as entries and dense, an operator, its inverse; with natural motions, and
-what refines them."""
+"""Square matrices of a small system: M, C and K as triplets and dense, an operator and its inverse; with modal
+coordinates and their refinement.
+"""
 
 _ENTRY = 250
-"""Bytes per entry of M, C and K of a large system: triplets, rows, sums of them and a factor."""
+"""Bytes per entry of M, C and K of a large system: triplets, compressed rows, their sums and a factorization."""
 
 _WALKED = 24
-"""Arrays of all unknowns over the steps that are walked together: motion, loads, what the energies need."""
+"""Arrays over all degrees of freedom and the steps of a block: motion, loads and terms of the energies."""
 
 _ANY, _COMPILER = 4_000_000, 110_000_000
-"""Bytes of any run, for what it loads and writes, and of one in machine code, for the compiler."""
+"""Bytes of any run for modules and output, and of a compiled run for the compiler."""
 
 _STEP = 3000
-"""Bytes per step that is walked one at a time, for Python's own objects."""
+"""Bytes per step computed individually, for Python objects."""
 
 _PLACES = 36
-"""Places on an outline where stresses are followed."""
+"""Points of a section outline at which stresses are recorded."""
 
 _DRAWN = 3 * len(VECTORS) + sum(width for _, width in RECOVERED.values())
-"""Numbers at a drawn point."""
+"""Values per output point."""
 
 _COPIES = 2
-"""Blocks are joined of their parts, and histories of their blocks: both are there for a moment."""
+"""Temporary copies: blocks are joined from parts, and histories from blocks."""
 
 
 @dataclass(frozen=True)
 class Budget:
-    """What a run takes, in bytes.
+    """Resources required by a run, bytes.
 
     Parameters
     ----------
     machine
-        What is loaded to compute and to write.
+        Modules for computation and output.
     equations
-        Matrices and factors.
+        Matrices and factorizations.
     blocks
-        The steps that are computed and written together.
+        Steps computed and written together.
     histories
-        What stays in memory until the end.
+        Data in memory until the end.
     file
-        The result file, on disk.
+        Result file on disk.
     """
 
     machine: int
@@ -128,12 +129,12 @@ class Budget:
 
     @property
     def memory(self) -> int:
-        """Everything in memory together."""
+        """Total memory, bytes."""
         return self.machine + self.equations + self.blocks + self.histories
 
 
 def budget(problem: Problem, mesh: Mesh, save: SaveAt, *, kept: int | None = None) -> Budget:
-    """Return what a run takes."""
+    """Return the resources required by a run."""
     names = outline(problem.system, channels=save.channels)
     row = 2 + 3 * sum(len(components) for _, components in names.probes) + len(names.channels)
     unknowns, rows, fields = len(names.unknowns), problem.steps + 1, problem.steps // save.field_every + 2
@@ -159,7 +160,7 @@ def _equations(problem: Problem, inside: int, *, natural: bool) -> int:
 
 
 def _blocks(inside: int, mesh: Mesh, save: SaveAt, block: int, row: int, unknowns: int) -> int:
-    """Return what the steps in hand take: walked, joined to a block, and their fields as they are drawn."""
+    """Return the memory of a block, bytes: computed steps, their joined copy and output fields."""
     walked = min(max(AT_ONCE // max(inside, 1), LEAST_AT_ONCE), block)
     fields = block // save.field_every + 1
     drawn = 2 * (_DRAWN * points_drawn(mesh) + 3 * unknowns)
@@ -169,13 +170,13 @@ def _blocks(inside: int, mesh: Mesh, save: SaveAt, block: int, row: int, unknown
 
 
 _SPARED = 0.9
-"""Part of what is free that a run may take: others work on the machine, and estimates are estimates."""
+"""Fraction of the free memory that a run may use: other processes need memory too, and estimates are inexact."""
 
 _ELEMENT = 8000
-"""Bytes that matrices, factor and start of a model take per element at least, measured from 3e3 to 2e5 elements."""
+"""Minimum bytes per element for matrices, factorization and start, measured from 3e3 to 2e5 elements."""
 
 _SMALL = 1_000_000
-"""Bytes of matrices for which nobody is asked: a run of a sweep takes little longer than to ask."""
+"""Bytes of matrices below which free memory is not queried, as the query takes almost as long as a short run."""
 
 _UNITS = ("B", "kB", "MB", "GB", "TB", "PB")
 
@@ -183,14 +184,14 @@ _LARGE = "or --allow-large to try it all the same"
 
 
 def affordable(needs: Budget, folder: Path | None = None, *, together: int = 1) -> None:
-    """Refuse a run for which there is no room."""
+    """Raise an error if memory or disk space is insufficient for a run."""
     faults = [_memory(needs, together), None if folder is None else _disk(needs, folder)]
     if found := [fault for fault in faults if fault]:
         raise InputError(found)
 
 
 def affordable_mesh(mesh: Mesh) -> None:
-    """Refuse a mesh for whose matrices there is no memory, before they are made."""
+    """Raise an error if memory is insufficient for the matrices of a mesh, before they are assembled."""
     count = sum(len(line) - 1 for line in mesh.lines.values())
     free = free_memory() if _ELEMENT * count > _SMALL else None
     if free is None or _ELEMENT * count <= _SPARED * free:
@@ -226,7 +227,7 @@ def _disk(needs: Budget, folder: Path) -> Fault | None:
 
 
 def size(count: float) -> str:
-    """Return bytes in words."""
+    """Return a size in bytes as text."""
     power = 0
     while count >= 1000.0 and power < len(_UNITS) - 1:
         count, power = count / 1000.0, power + 1

@@ -1,4 +1,4 @@
-"""The result file of a run, and going on with one that broke off."""
+"""Run a case, write its result file, and resume an incomplete run."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from flexcam.valvetrain import Model, build_structure, element_loads
 
 
 def geometry_of(model: Model) -> Geometry:
-    """Return what the results of a model are drawn on."""
+    """Return the output geometry of a model."""
     structure = build_structure(model)
     sections = {name: member.section for name, member in model.members.items()}
     return Geometry(model.mesh, structure.dofs, structure.beams, sections, element_loads(structure), model.damping)
@@ -36,7 +36,7 @@ def result_file(
     ready: Prepared, folder: str | Path, *, overwrite: bool = False, resume: Unfinished | None = None,
     warnings: Callable[[Stats], Sequence[str]] | None = None,
 ) -> ResultFile:  # fmt: skip
-    """Open the result file of a run, to be given to `solve` as a sink."""
+    """Open the result file of a run, to be passed to `solve` as a sink."""
     if ready.case.name.endswith(_PARTIAL):
         why = f"the partial result of {ready.case.name.removesuffix(_PARTIAL)}.toml has the name of this one's result"
         raise refuse("case file", ready.case.path.name, f"a name that does not end in {_PARTIAL}", why, "rename it")
@@ -49,7 +49,7 @@ def result_file(
 
 
 def unfinished(ready: Prepared, folder: str | Path) -> Unfinished:
-    """Open what a run of a case finished before it was stopped, cut off or killed."""
+    """Open the partial result of a run of a case that was stopped, interrupted or killed."""
     path = Path(folder) / f"{ready.case.name}.vtkhdf"
     if not partial_of(path).exists():
         why = f"{path} is complete" if path.exists() else "there is no such file"
@@ -61,11 +61,11 @@ def unfinished(ready: Prepared, folder: str | Path) -> Unfinished:
 
 
 _PARTIAL = ".partial"
-"""Ends the name of a partial result."""
+"""Suffix of a partial result."""
 
 
 def _refuse_others(ready: Prepared, earlier: Unfinished) -> None:
-    """Refuse to go on with another case, other packages or another problem."""
+    """Raise an error if a run with another case, other package versions or another problem is resumed."""
     found = differing(_about(ready.case), earlier.about)
     if not found and earlier.checkpoint.problem != fingerprint(ready.problem, ready.scheme, ready.save):
         found = [difference("a mesh or a table beside the case")]
@@ -74,7 +74,7 @@ def _refuse_others(ready: Prepared, earlier: Unfinished) -> None:
 
 
 def _about(case: Case) -> dict[str, str]:
-    """Return what must be known of a result later: the case, as written and as resolved, and what computed it."""
+    """Return the texts stored with a result: the case as written and resolved, and the versions."""
     return {
         "title": case.record.title,
         "case_file": str(case.path),
@@ -92,7 +92,7 @@ def _about(case: Case) -> dict[str, str]:
 
 @lru_cache
 def _version(package: str) -> str:
-    """Return the version of a package, from the head of its metadata: to parse all of it takes milliseconds."""
+    """Return the version of a package from the first lines of its metadata: parsing all of it takes milliseconds."""
     try:
         text = distribution(package).read_text("METADATA") or ""
     except PackageNotFoundError:
@@ -102,12 +102,12 @@ def _version(package: str) -> str:
 
 
 def recent(ready: Prepared) -> Recent:
-    """Return what keeps no more of a run in memory than its summary needs."""
+    """Return a sink that keeps only the data required for a summary."""
     return Recent(outline(ready.problem.system, channels=ready.save.channels), ready.revolution)
 
 
 def budget_of(ready: Prepared, keep: Literal["all", "revolution"] = "all") -> Budget:
-    """Return what a run takes of memory and disk."""
+    """Return the memory and disk space required by a run."""
     kept = None if keep == "all" else round(ready.revolution / ready.problem.step)
     return budget(ready.problem, ready.model.mesh, ready.save, kept=kept)
 
@@ -116,7 +116,7 @@ def run(
     case: Case, *, rigid: bool = False, sinks: Sequence[Sink] = (), keep: Literal["all", "revolution"] = "all",
     allow_large: bool = False, resume: Earlier | None = None,
 ) -> Response:  # fmt: skip
-    """Solve a case in time, by the model that stands in it.
+    """Run a time-domain simulation of a case with the model set in it.
 
     `flexcam.analysis.model_choice` chooses a model within ``fidelity.tolerance``; `flexcam.analysis.error_estimate`
     estimates errors.
@@ -124,34 +124,34 @@ def run(
     Parameters
     ----------
     case
-        From `flexcam.read_case`.
+        Checked case from `flexcam.read_case`.
     rigid
         Solve the same mechanism with rigid members.
     sinks
-        Further takers of the results, such as a result file.
+        Further sinks for the results, such as a result file.
     keep
-        What the response holds: all of the run, or its last revolution and last field, with which memory does not
-        grow with the length of the run.
+        Content of the response: the whole run, or its last revolution and last field, so that memory does not grow with
+        the length of the run.
     allow_large
-        Whether a run may take more memory than there seems to be.
+        Whether a run may exceed the available memory.
     resume
-        What a run of this case finished before it broke off, from `unfinished`; it goes on from there.
+        Partial result of an incomplete run of this case, from `unfinished`; the run continues from its checkpoint.
 
     Returns
     -------
     Response
-        Histories of the probes, fields, status.
+        Histories of the probes, fields and status.
 
     Raises
     ------
     InputError
-        If parts do not fit together, or memory is too short.
+        If parts are inconsistent, or memory is insufficient.
     RunFailedError
-        If the run cannot even start.
+        If the run cannot start.
 
     Examples
     --------
-    ``flexcam.run(flexcam.read_case("cases/tayeb/model-3-shm.toml"))["valve"].displacement`` is the lift of the valve.
+    ``flexcam.run(flexcam.read_case("cases/tayeb/model-3-shm.toml"))["valve"].displacement`` is the valve lift.
     """
     if keep not in _KEPT:
         raise refuse("keep", repr(keep), " or ".join(map(repr, _KEPT)))

@@ -1,4 +1,4 @@
-"""A number against the one it must be."""
+"""Self-test of an installation: computed values compared with reference values."""
 
 from __future__ import annotations
 
@@ -49,20 +49,20 @@ from flexcam.io import read_result, scratch
 
 @dataclass(frozen=True)
 class Check:
-    """A computed number beside its reference.
+    """Computed value with its reference.
 
     Parameters
     ----------
     quantity
-        What it is.
+        Name of the quantity.
     source
-        Where the reference comes from.
+        Source of the reference.
     reference, computed
-        SI, or as `unit` says.
+        Values in `unit`.
     tolerance
-        Largest error that passes, as a part of the reference; absolute where that is zero.
+        Maximum relative error; absolute if the reference is zero.
     unit
-        Of both numbers.
+        Unit of both values.
     """
 
     quantity: str
@@ -74,12 +74,12 @@ class Check:
 
     @property
     def error(self) -> float:
-        """Distance from the reference, as a part of it; absolute where that is zero."""
+        """Relative error; absolute if the reference is zero."""
         return abs(self.computed - self.reference) / (abs(self.reference) or 1.0)
 
     @property
     def passed(self) -> bool:
-        """Whether the error is within its tolerance; what is no number is not."""
+        """Return whether the error is within its tolerance; False for NaN."""
         return self.error <= self.tolerance
 
 
@@ -91,11 +91,11 @@ _EXTRAS = {
     "html": ("trame_vtk",),
     "design": ("pymoo",),
 }
-"""Extras of the package and the modules each needs."""
+"""Extras of the package and their required modules."""
 
 
 def installed() -> dict[str, str]:
-    """Return what this installation consists of."""
+    """Return the versions and optional parts of this installation."""
     versions = {name: _version(name) for name in _PACKAGES}
     extras = {f"extra {name}": _usable(name, modules) for name, modules in _EXTRAS.items()}
     return {
@@ -125,21 +125,21 @@ def _usable(extra: str, modules: tuple[str, ...]) -> str:
 
 
 _G, _V0, _STIFFNESS = 9.81, 1.2, 4e6
-"""Gravity, speed at the first touch, stiffness of the stop; the mass is 1 kg."""
+"""Gravity, initial impact speed, stiffness of the stop; the mass is 1 kg."""
 
 _STILL = ConstantSpeed(1.0)
 _PROBE = Probe("x", ("x",), np.eye(1), (None,))
 
 
 def oscillators() -> Iterator[Check]:
-    """Yield what one mass must do, and the peaks of motion laws."""
+    """Yield checks of a single oscillator and of the peak values of motion laws."""
     yield _late()
     yield from _bounced()
     yield from _laws()
 
 
 def _late() -> Check:
-    """Return where a free oscillation is after 1000 steps of a tenth of its period, by the average acceleration."""
+    """Return a free vibration after 1000 steps of a tenth of its period, by the average acceleration method."""
     turned, step = 2.0 * math.pi / 10.0, 0.01
     stiffness = Triplets.from_dense([[(turned / step) ** 2]])
     system = System(Triplets.from_dense([[1.0]]), Triplets.zeros(1), stiffness, ("x",), probes=(_PROBE,))
@@ -150,7 +150,7 @@ def _late() -> Check:
 
 
 def _bouncing() -> System:
-    """Return a mass under gravity over an elastic stop."""
+    """Return a mass under gravity above an elastic stop."""
     down, up = AngleVector.constant(np.array([-1.0])), AngleVector.constant(np.array([1.0]))
     stop = LocalForce("stop", (down,), (up,), elastic_stop(_STIFFNESS), (constant(0.0),))
     weight = Load("weight", np.array([-_G]), lambda motion: np.ones_like(motion.angle))
@@ -166,7 +166,7 @@ def _bounced() -> Iterator[Check]:
     start = State(np.zeros(1), np.array([-_V0]))
     found = solve(Problem(_bouncing(), _STILL, whole / steps, steps, start, engine="direct"), newmark())["x"]
     deepest = sunk + math.hypot(sunk, _V0 / w)
-    # Steps of w dt = 0.005: the period is wrong by its square over 12, the speed at an event by as much.
+    # Steps of w dt = 0.005: the relative error of the period is its square over 12; that of an event speed is similar.
     yield Check("depth of an impact", source, deepest, -float(found.displacement.min()), 1e-5, "m")
     yield Check("speed after an impact", source, _V0 - _G * (whole - contact), float(found.velocity[-1]), 1e-5, "m/s")
     rest = equilibrium(_bouncing(), _STILL).displacement
@@ -194,7 +194,7 @@ _FIXED, _PINNED = ("ux", "uy", "uz", "rx", "ry", "rz"), ("ux", "uy", "uz", "rx",
 
 
 class _Beam:
-    """A straight beam along x, of equal elements, held at its start and perhaps at its end."""
+    """Straight beam along x with equal elements, fixed at its start and optionally at its end."""
 
     def __init__(self, member: Member, start: tuple[str, ...], end: tuple[str, ...] = ()) -> None:
         mesh = chain((0.0, 0.0, 0.0), (_LENGTH, 0.0, 0.0), _ELEMENTS)
@@ -203,30 +203,30 @@ class _Beam:
         self.mass, self.stiffness = mass(self._beams, self.dofs), stiffness(self._beams, self.dofs)
 
     def picked(self, *components: str) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
-        """Return the unknowns of some components."""
+        """Return the degrees of freedom of some components."""
         return np.array([i for i, name in enumerate(self.dofs.names) if name.rpartition(".")[2] in components], np.intp)
 
     def pushed(self, component: str, size: float) -> float:
-        """Return how far the end gives way to a force or torque."""
+        """Return the displacement of the end under a force or torque."""
         at = self.picked(component)[-1]
         load = np.zeros(len(self.dofs.names))
         load[at] = size
         return float(static_displacement(self.stiffness, load, self.dofs.names)[at])
 
     def frequencies(self, count: int) -> FloatArray:
-        """Return the lowest of bending in x-y, Hz."""
+        """Return the lowest bending frequencies in the x-y plane, Hz."""
         bends = self.picked(*_BENDING)
         return modes(self.mass.part(bends), self.stiffness.part(bends), count).frequencies
 
     def buckling(self) -> float:
-        """Return the force under which it bends without end, N."""
+        """Return the buckling load, N."""
         bends = self.picked(*_BENDING)
         softened = geometric(self._beams, np.full(len(self._beams), -1.0), self.dofs).part(bends).dense()
         return 1.0 / float(np.linalg.eigvals(np.linalg.solve(self.stiffness.part(bends).dense(), -softened)).real.max())
 
 
 def structures() -> Iterator[Check]:
-    """Yield what beams must do."""
+    """Yield checks of beam structures."""
     yield from _pushed()
     yield from _vibrating()
     source = "Timoshenko and Gere, Theory of Elastic Stability, ch. 2"
@@ -250,7 +250,7 @@ def _vibrating() -> Iterator[Check]:
     for n, computed in enumerate(found, start=1):
         near = (n - 0.5) * math.pi
         root = _root(lambda x: math.cos(x) + 1.0 / math.cosh(x), near - 0.6, near + 0.6)
-        # Cubic elements: (x/n)^4/1440 in frequency, twice of which passes.
+        # Cubic elements: relative frequency error (x/n)^4/1440; the tolerance is twice that.
         reference = root**2 / (2.0 * math.pi * _LENGTH**2) * speed
         yield Check(f"bending frequency {n} of a cantilever", source, reference, float(computed),
                     (root / _ELEMENTS) ** 4 / 720.0, "Hz")  # fmt: skip
@@ -261,7 +261,7 @@ def _vibrating() -> Iterator[Check]:
 
 
 def _stout(k: float) -> float:
-    """Return the frequency of a pinned Timoshenko beam with waves of k, Hz: the lower root of its quadratic."""
+    """Return the frequency of a pinned Timoshenko beam with wave number k, Hz: the lower root of its quadratic."""
     rho, area, second = _STEEL.density, _TUBE.A, _TUBE.Iz
     shear = _TUBE.kappa_y * _STEEL.G
     a = rho**2 * second / shear  # a w^4 + b w^2 + c = 0
@@ -272,7 +272,7 @@ def _stout(k: float) -> float:
 
 
 def _root(function: Callable[[float], float], low: float, high: float) -> float:
-    """Return a zero between two places of opposite sign, by bisection."""
+    """Return a root of a function by bisection between two points of opposite sign."""
     rising = function(high) > 0.0
     for _ in range(80):
         middle = 0.5 * (low + high)
@@ -285,7 +285,7 @@ _PAPER = "Tayeb and Sliman: unstable near 4000 rpm"
 
 
 def trains() -> Iterator[Check]:
-    """Yield what the published train must do: the starter case of that name."""
+    """Yield checks of the published train, a starter case."""
     with scratch() as folder:
         case = read_case(new_case("published-model", folder / "case.toml")[0])
         yield Check(
@@ -307,7 +307,7 @@ def _balanced(run: Response) -> Check:
 
 
 def _ways(ready: Prepared, run: Response) -> Iterator[Check]:
-    """Yield how far the faster ways through time are from the general one, as a part of the motion."""
+    """Yield the deviations of the fast engines from the general one, relative to the motion."""
     for path in ("modal", "kernel") if is_available() else ("modal",):
         other = solve(replace(ready.problem, engine=path), ready.scheme, save=ready.save)
         yield Check(f"{path} engine, against the direct one", "the same scheme", 0.0, _apart(run, other), 1e-8)
@@ -319,7 +319,7 @@ def _apart(one: Response, other: Response) -> float:
 
 
 def _written(run: Response, read: Response) -> Check:
-    """Return by how much a result file changes what is written into it."""
+    """Return the deviation of a result read from file from the response that was written."""
     pairs = [(getattr(run.probes, kind), getattr(read.probes, kind)) for kind in ("displacement", "velocity")]
     pairs += [(run.time, read.time), *((values, read.channels[name]) for name, values in run.channels.items())]
     apart = max(float(np.abs(a - b).max(initial=0.0)) for a, b in pairs)
@@ -327,7 +327,7 @@ def _written(run: Response, read: Response) -> Check:
 
 
 def _followed(case: Case) -> Check:
-    """Return the largest lift of the rigid train: that of its cam times the rocker's ratio."""
+    """Return the maximum lift of the rigid train: cam lift times rocker ratio."""
     ready = prepare(case, rigid=True)
     top = float(solve(ready.problem, ready.scheme, save=ready.save)[_PROBE_TRAINS].displacement.max())
     rocker, cam = next(iter(ready.model.rockers.values())), next(iter(ready.model.cams.values()))
@@ -337,7 +337,7 @@ def _followed(case: Case) -> Check:
 
 
 def checks() -> Iterator[Check]:
-    """Yield all checks, each as it is computed."""
+    """Yield all checks as they are computed."""
     yield from structures()
     yield from oscillators()
     yield from trains()

@@ -1,4 +1,4 @@
-"""What endangers a case over a range of speeds."""
+"""Stability of a case over speed: time step, parametric growth, resonance and contact loss."""
 
 from __future__ import annotations
 
@@ -37,33 +37,34 @@ from flexcam.dynamics import (
 from flexcam.valvetrain import modes_on_the_lift, separation
 
 MOST = 400
-"""Unknowns up to which the system is linearized about its motion; above it its highest mode is, without contacts."""
+"""Maximum number of degrees of freedom for a linearization about the motion; larger systems use the highest mode
+without contacts."""
 
 _LOOKS = 24
-"""Instants of the last revolution that are looked at: contacts open and close, and their stiffness changes."""
+"""Instants evaluated in the last revolution: contacts open and close, and their stiffness changes."""
 
 _FREE = 1e-9
-"""Part of the highest frequency squared below which a motion is free."""
+"""Ratio to the highest squared frequency below which a mode is a rigid-body mode."""
 
 
 @dataclass(frozen=True)
 class Discrete:
-    """Growth of a mode by the time integration.
+    """Amplification of a mode by the time integration.
 
     Parameters
     ----------
     radius
-        Largest factor by which a mode grows in one step.
+        Maximum amplification factor of a mode per step.
     frequency
-        Of the mode it belongs to, Hz.
+        Frequency of that mode, Hz.
     damping
         Its damping ratio.
     moving
-        What moves most in it, by name.
+        Name of the part with the largest motion.
     angle
-        Cam angle at which it is so, rad.
+        Cam angle of the maximum, rad.
     critical_step
-        Up to which no mode grows, s; infinite where the method has no limit.
+        Maximum step without amplification, s; infinite for an unconditionally stable method.
     """
 
     radius: float
@@ -75,13 +76,13 @@ class Discrete:
 
     @property
     def looked_at(self) -> bool:
-        """Whether there was a mode to look at."""
+        """Return whether a mode could be evaluated."""
         return bool(self.moving)
 
 
 @dataclass(frozen=True, eq=False)
 class _Swings:
-    """Natural motions at an instant: angular frequencies, damping ratios, shapes as columns."""
+    """Modes at an instant: angular frequencies, damping ratios, shapes as columns."""
 
     omegas: FloatArray
     ratios: FloatArray
@@ -89,7 +90,7 @@ class _Swings:
 
 
 def discrete(ready: Prepared, method: Method, response: Response) -> Discrete:
-    """Return which mode the time integration endangers most."""
+    """Return the mode with the largest amplification by the time integration."""
     step, names = ready.problem.step, ready.problem.system.names
     if ready.problem.system.size > MOST:
         return _of_the_highest(ready, method)
@@ -114,7 +115,7 @@ def discrete(ready: Prepared, method: Method, response: Response) -> Discrete:
 
 
 def _of_the_highest(ready: Prepared, method: Method) -> Discrete:
-    """Return the growth of the highest mode without contacts: methods that have a limit have it there."""
+    """Return the amplification of the highest mode without contacts, which limits conditionally stable methods."""
     basis, system = basis_of(ready.problem), ready.problem.system
     omega, moving = highest_frequency(project_system(system, basis) if basis is not None and basis.size else system)
     radius, limit = method.spectral_radius(omega * ready.problem.step), method.stable_to()
@@ -122,7 +123,7 @@ def _of_the_highest(ready: Prepared, method: Method) -> Discrete:
 
 
 def _along(ready: Prepared, response: Response) -> list[tuple[float, _Swings]]:
-    """Return cam angle and natural motions at some instants of the last revolution."""
+    """Return cam angle and modes at some instants of the last revolution."""
     system = ready.problem.system
     if not 0 < system.size <= MOST or not len(response.field_time):
         return []
@@ -146,7 +147,7 @@ def _along(ready: Prepared, response: Response) -> list[tuple[float, _Swings]]:
 
 
 def _swings(M: FloatArray, C: FloatArray, K: FloatArray) -> _Swings:
-    """Return the natural motions of matrices that need not be symmetric, lowest first, without free or growing ones."""
+    """Return the oscillatory modes of possibly unsymmetric matrices, lowest first, without free and growing ones."""
     from scipy.linalg import eig
 
     values, vectors = (np.asarray(one) for one in eig(K, M))
@@ -166,7 +167,7 @@ def _moving(shape: FloatArray, names: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def force_harmonics(response: Response, contact: str, count: int) -> FloatArray:
-    """Return the amplitudes of the harmonics of a contact's force in the last revolution of a run."""
+    """Return the amplitudes of the harmonics of a contact force in the last revolution of a run."""
     force, told = response.channels.get(f"contacts.{contact}.force"), min(count, highest_order(response))
     if force is None or not told:
         return np.full(count, np.nan)
@@ -175,32 +176,32 @@ def force_harmonics(response: Response, contact: str, count: int) -> FloatArray:
 
 _HARMONICS = 24
 _SMALL = 1e-3
-"""Part of the largest harmonic in the lift below which one is not looked at."""
+"""Amplitude relative to the largest harmonic of the lift below which a harmonic is ignored."""
 
 
 @dataclass(frozen=True)
 class Resonance:
-    """A harmonic of a cam that meets a mode.
+    """Coincidence of a harmonic of a cam with a mode.
 
     Parameters
     ----------
     contact
-        Name of the contact whose cam and force it is in.
+        Name of the contact of the cam.
     rpm
-        Camshaft speed at which it does.
+        Camshaft speed of the resonance, rpm.
     harmonic
-        Which, counted per camshaft revolution.
+        Order of the harmonic, per camshaft revolution.
     amplitude
-        Of that harmonic in the lift, m.
+        Amplitude of that harmonic in the lift, m.
     load
-        Of that harmonic in the contact's force in the last revolution of the run, N; zero where its steps are too few
-        to tell.
+        Amplitude of that harmonic in the contact force in the last revolution of the run, N; zero if the steps are too
+        few to resolve it.
     mode
-        Position of the mode, from 0.
+        Index of the mode, from 0.
     frequency
-        Of the mode, Hz.
+        Frequency of the mode, Hz.
     words
-        What moves in it.
+        Description of the mode.
     """
 
     contact: str
@@ -214,7 +215,7 @@ class Resonance:
 
 
 def resonances(ready: Prepared, response: Response) -> tuple[Resonance, ...]:
-    """Return where the harmonics of the cams meet the modes."""
+    """Return the resonances of cam harmonics with the modes."""
     met: list[Resonance] = []
     for name, contact in ready.model.driven.items():
         reached = modes_on_the_lift(ready.model, name, ready.case.speed)
@@ -230,30 +231,30 @@ def resonances(ready: Prepared, response: Response) -> tuple[Resonance, ...]:
 
 
 def lift_harmonics(event: Event, count: int) -> dict[int, float]:
-    """Return the harmonics of a lift that are worth looking at."""
+    """Return the significant harmonics of a lift."""
     sizes = np.abs(harmonics(event, count))[1:]
     return {n: float(size) for n, size in enumerate(sizes, start=1) if size >= _SMALL * sizes.max()}
 
 
 _NEAR = 0.03
-"""Distance of a harmonic from a mode, as a part of its frequency, that counts as resonance."""
+"""Relative distance of a harmonic from a mode that counts as resonance."""
 
 _HEARD = 0.01
-"""Part of the largest harmonic of a contact's own force from which on one makes a resonance; weaker ones are listed."""
+"""Amplitude relative to the largest of the contact force from which a harmonic counts; weaker ones are listed."""
 
 _REACH = 2.0
-"""Times the case's speed up to which resonances are told one by one."""
+"""Multiple of the case's speed up to which resonances are listed individually."""
 
 _RETURNS = 1e-3
-"""Part of the motion by which one that repeats may miss its beginning."""
+"""Allowed difference between start and end of a periodic motion, relative to the motion."""
 
 _GROWS = 1.0 + 1e-6
 
 _LEAST = 360
-"""Steps per revolution that disturbances are followed by, at least: coarse ones step over what makes them grow."""
+"""Minimum steps per revolution for the Floquet analysis: coarse steps miss parametric growth."""
 
 _MOST = 36_000
-"""The same, at most: every one takes a linearization of its own, and a hundredth of a degree leaves nothing to find."""
+"""Maximum steps per revolution: every step requires a linearization, and a hundredth of a degree is sufficient."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,19 +264,19 @@ class Stability:
     Parameters
     ----------
     rpm
-        Camshaft speed.
+        Camshaft speed, rpm.
     discrete
-        Growth by the time integration at the case's step.
+        Amplification by the time integration with the step of the case.
     floquet
-        Multipliers of the periodic motion; None where there is none to be disturbed.
+        Floquet multipliers of the periodic motion; None without a periodic motion.
     why_not
-        Why there are no multipliers; empty otherwise.
+        Reason for missing multipliers; empty otherwise.
     resonances
-        Nearest to the case's speed first.
+        Resonances in ascending distance from the case's speed.
     open_on_the_lift
-        Cam angle over which a follower is off its cam on the main lift, or would have to be pulled, rad.
+        Width of the cam angle range with an open contact, or a tensile bilateral one, on the main lift, rad.
     status
-        How the run ended that contacts, modes and the integrator are judged by.
+        Status of the run used to evaluate contacts, modes and the integrator.
     """
 
     rpm: float
@@ -288,7 +289,7 @@ class Stability:
 
     @property
     def resonant(self) -> tuple[Resonance, ...]:
-        """Resonances that the case's speed meets, with harmonics that are in the force of their contact."""
+        """Resonances at the case's speed with harmonics present in the contact force."""
         largest: dict[str, float] = {}
         for one in self.resonances:
             largest[one.contact] = max(one.load, largest.get(one.contact, 0.0))
@@ -297,27 +298,27 @@ class Stability:
 
     @property
     def highest(self) -> float:
-        """Camshaft speed up to which resonances are told one by one, rpm: twice the case's own."""
+        """Camshaft speed up to which resonances are listed individually, rpm: twice the case's own."""
         return _REACH * self.rpm
 
     @property
     def within(self) -> tuple[Resonance, ...]:
-        """Resonances up to the highest such speed, nearest to the case's speed first."""
+        """Resonances up to that speed, nearest to the case's speed first."""
         return tuple(one for one in self.resonances if one.rpm <= self.highest)
 
     @property
     def beyond(self) -> tuple[Resonance, ...]:
-        """Resonances above it, the lowest speed first."""
+        """Resonances above that speed, in ascending order."""
         return tuple(sorted((one for one in self.resonances if one.rpm > self.highest), key=lambda one: one.rpm))
 
     @property
     def chatters(self) -> bool:
-        """Whether contacts open and close so that small differences grow: single bounces cannot be predicted."""
+        """Return whether contacts open and close so that small differences grow: single bounces cannot be predicted."""
         return self.floquet is not None and not self.floquet.stable() and self.floquet.events > 0
 
     @property
     def verdict(self) -> tuple[str, ...]:
-        """What endangers the speed, in this order.
+        """Threats to stability at the speed, in this order.
 
         ``broken off`` (the run ended early), ``numerical``, ``parametric``, ``resonance``, ``contact loss``.
         """
@@ -334,12 +335,12 @@ class Stability:
 
 
 def stability(case: Case) -> Stability:
-    """Return what endangers a case at its speed."""
+    """Return the stability of a case at its speed."""
     method = case.record.run.integrator.made()
     limited = method.stable_to() < math.inf
     ready = prepare(case.with_average_acceleration() if limited else case)
     whole = math.ceil(ready.revolution / ready.problem.step)
-    problem = replace(ready.problem, steps=max(ready.problem.steps, whole))  # causes are asked of whole revolutions
+    problem = replace(ready.problem, steps=max(ready.problem.steps, whole))  # the evaluation needs whole revolutions
     response = solve(problem, ready.scheme, save=ready.save)
     raise_if_interrupted(response.status)
     opened = _open(ready, response)
@@ -373,7 +374,7 @@ def _multipliers(ready: Prepared) -> tuple[Floquet | None, str]:
 
 
 def _revolution(ready: Prepared) -> Problem:
-    """Return one revolution, in the case's own steps where whole ones fill it and are neither too long nor too many."""
+    """Return one revolution, with the steps of the case if an integer number of them fits and is within the limits."""
     given = round(ready.revolution / ready.problem.step)
     steps = min(max(given, _LEAST), _MOST)
     adaptive = ready.problem.adaptive if steps == given else None
@@ -388,5 +389,5 @@ def _open(ready: Prepared, response: Response) -> float:
 
 
 def over_speeds(case: Case, speeds: Iterable[float], *, advance: Advance | None = None) -> list[Stability]:
-    """Return what endangers a case at several speeds: growth rates as a map, causes beside them."""
+    """Return the stability of a case at several speeds."""
     return [stability(case.at_speed(speed)) for speed in track_progress(speeds, advance)]

@@ -1,6 +1,6 @@
-"""A result file as the run that wrote it: its case prepared anew, its fields in the unknowns of the equations.
+"""Reload a result file: prepare its case again and map its fields to the degrees of freedom of the equations.
 
-May import `analysis` and everything below it. Nothing is solved again.
+May import `analysis` and everything below it. Nothing is solved.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from flexcam.valvetrain import MemberStrength, StrengthSink, build_structure
 
 
 def reopened(case: Case, result: Result) -> tuple[Prepared, Response]:
-    """Return a case made ready and its response as the run gave it."""
+    """Return the prepared case of a result and its response as originally computed."""
     start = case.record.run.start
     standing = (
         case.with_run({"start": "equilibrium"}) if start == "periodic" or isinstance(start, ResultStartRecord) else case
@@ -41,11 +41,11 @@ def reopened(case: Case, result: Result) -> tuple[Prepared, Response]:
 
 
 def _beside(response: Response, names: tuple[str, ...], kind: str, at: IntArray) -> list[FloatArray]:
-    """Return what no node has, of which results keep every step, at some of them."""
+    """Return internal degrees of freedom, stored at every step, at selected steps."""
     try:
         return [np.asarray(getattr(response[name], kind))[at, None] for name in names]
     except InputError as refusal:
-        if response.stats.unknowns == 0:  # the inner parts of a spring lie still in a rigid train, which keeps none
+        if response.stats.unknowns == 0:  # internal nodes of a spring do not move in the rigid model and are not stored
             return [np.zeros((len(at), len(names)))]
         why = f"it does not hold {refusal.faults[0].given}"
         raise refuse("result", "a result without an unknown of its case", "a result of its case", why) from None

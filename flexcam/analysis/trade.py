@@ -1,4 +1,4 @@
-"""What a cheaper model costs in error: the ladder of a case, each rung at several steps, against a converged run."""
+"""Error versus cost of models: the ladder of a case, each model with several step counts, against a converged run."""
 
 from __future__ import annotations
 
@@ -27,34 +27,34 @@ from flexcam.dynamics import (
 )
 
 _REFINED = 4
-"""Steps of the reference, times those of the case; its elements are three times as many."""
+"""Ratio of the steps of the reference to those of the case; it has three times as many elements."""
 
 _FINER = 3
 
 _REFERENCES = (_FINER, _REFINED), (_FINER - 1, _REFINED // 2)
-"""Elements and steps of the reference and of the run that tells its error, times those of the case."""
+"""Elements and steps, relative to the case, of the reference and of the run that estimates its error."""
 
 _COVERS = 2.0
 _FEWEST = 60
-"""Steps per revolution below which no rung is tried."""
+"""Minimum steps per revolution of an evaluated model."""
 
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """The run all others are held against.
+    """Converged reference run.
 
     Parameters
     ----------
     measured
-        Its histories over the run.
+        Histories of the run.
     errors
-        Its own error by quantity, SI: twice the distance to a coarser run.
+        Its estimated error by quantity, SI: twice the distance from a coarser run.
     size
-        Largest value by quantity, SI; of the lift its range.
+        Maximum absolute value by quantity, SI; for the lift its range.
     steps
-        Per camshaft revolution.
+        Steps per camshaft revolution.
     norm
-        Of all errors; None for that of `flexcam.analysis.measures.norm_of` for each quantity.
+        Norm of all errors; None for that of `flexcam.analysis.measures.norm_of` for each quantity.
     """
 
     measured: Measured
@@ -66,27 +66,27 @@ class Reference:
 
 @dataclass(frozen=True)
 class Traded:
-    """A rung at a number of steps: what it costs, and by how much it errs.
+    """Cost and error of a model with a number of steps.
 
     Parameters
     ----------
     rung, words
-        Name of the model, and what it is.
+        Name and description of the model.
     steps
-        Per camshaft revolution.
+        Steps per camshaft revolution.
     unknowns
-        Integrated.
+        Number of integrated degrees of freedom.
     work
-        Unknowns times steps of the run.
+        Degrees of freedom times steps of the run.
     seconds
-        Processor time of the run, the median of the repeats; s.
+        Processor time of the run, s, median of the repeats.
     errors
-        Error by quantity in the reference's norm, as a part of its largest value (of the lift, of its range).
+        Error by quantity in the norm of the reference, relative to its maximum (for the lift, its range).
     status
-        How the run ended.
+        Status of the run.
     best
-        Whether no other is both cheaper (by `work`, then by steps) and closer in the worst of its quantities; one that
-        knows more of them is closer, whatever its errors.
+        Whether no other model is both cheaper (by `work`, then by steps) and closer in its worst quantity; a model that
+        computes more quantities counts as closer, regardless of its errors.
     """
 
     rung: str
@@ -101,12 +101,12 @@ class Traded:
 
     @property
     def worst(self) -> float:
-        """Largest of its errors; infinite for a run that ended early."""
+        """Maximum error; infinite for an incomplete run."""
         return max(self.errors.values(), default=math.inf)
 
 
 def reference(case: Case, probe: str, until: float | None = None, *, work: int = 0) -> Reference:
-    """Return a converged run of a case, with its own error; `work` is the steps per revolution of runs to come."""
+    """Return a converged run of a case with its error; `work` is the steps per revolution of all planned runs."""
     _refuse_result(case)
     steps, norm = steps_of(case), case.record.fidelity.norm
     work = max(work, work_of(case, ()))
@@ -134,12 +134,12 @@ def _refuse_result(case: Case) -> None:
 
 
 def work_of(case: Case, rungs: Sequence[Rung], repeats: int = 1) -> int:
-    """Return the steps per revolution of all runs that hold rungs against the reference of a case."""
+    """Return the steps per revolution of all runs that compare models with the reference of a case."""
     return sum(n for _, n in _REFERENCES) * steps_of(case) + repeats * sum(steps_of(rung.case) for rung in rungs)
 
 
 def _sound(case: Case) -> Case:
-    """Return a case whose method is stable at every step: itself, or by average acceleration."""
+    """Return a case with an unconditionally stable method: itself, or with average acceleration."""
     limited = case.record.run.integrator.made().stable_to() < math.inf
     return case.with_average_acceleration() if limited else case
 
@@ -148,19 +148,19 @@ _NAMED = f"the reference, of {_FINER} times the elements and {_REFINED} times th
 
 
 def _of_reference(status: Status) -> Status:
-    """Return how the reference ended, which the case's own run need not."""
+    """Return a status with a note that it is that of the reference, not of the case."""
     return status if status.cause is Cause.TIME_LIMIT else replace(status, text=f"{_NAMED}: {status.text}")
 
 
 def _of_finer(fault: Fault) -> Fault:
-    """Return what is refused to the reference; what is refused to the case too has been told before."""
+    """Return a fault with a note that it concerns the reference; faults of the case itself are reported before."""
     if not fault.where.startswith("run."):
         return fault
     return replace(fault, why="; ".join(filter(None, (f"asked of {_NAMED}", fault.why))))
 
 
 def candidates(case: Case) -> list[Rung]:
-    """Return the rungs of a case at its own steps and fewer, least work first."""
+    """Return the models of a case with its own steps and fewer, in ascending order of work."""
     _refuse_result(case)
     steps = steps_of(case)
     counts = [steps // n for n in (8, 4, 2, 1) if steps % n == 0 and (steps // n >= _FEWEST or n == 1)]
@@ -177,7 +177,7 @@ def _size(ready: Prepared) -> int:
 def tried(
     rung: Rung, probe: str, against: Reference, *, repeats: int = 1, until: float | None = None, work: int = 0
 ) -> Traded:  # fmt: skip
-    """Return what a rung costs and by how much it errs; `work` is the steps per revolution of all runs to come."""
+    """Return cost and error of a model; `work` is the steps per revolution of all planned runs."""
     try:
         ready = rung.prepared(until, work)
     except InputError as refusal:
@@ -195,7 +195,7 @@ def tried(
 
 
 def _refused(rung: Rung, refusal: InputError) -> Traded:
-    """Return a rung whose method does not take its steps; any other refusal is one of the case."""
+    """Return a model whose method does not accept its steps; other errors are raised."""
     if not all(fault.where.startswith("run.") for fault in refusal.faults):
         raise refusal
     problem = prepare(_sound(rung.case)).problem
@@ -204,7 +204,7 @@ def _refused(rung: Rung, refusal: InputError) -> Traded:
 
 
 def _timed(ready: Prepared, until: float | None) -> tuple[Response, float]:
-    """Return a run and the processor time it took, s."""
+    """Return a run and its processor time, s."""
     begun = time.process_time()
     response = solve(ready.problem, ready.scheme, save=ready.save, until=until)
     raise_if_interrupted(response.status)
@@ -214,7 +214,7 @@ def _timed(ready: Prepared, until: float | None) -> tuple[Response, float]:
 def trade(
     case: Case, probe: str, *, repeats: int = 3, advance: Advance | None = None
 ) -> tuple[Reference, list[Traded]]:
-    """Return what every rung of a case's ladder costs and by how much it errs."""
+    """Return cost and error of every model on a case's ladder."""
     rungs = candidates(case)
     work = work_of(case, rungs, repeats)
     against = reference(case, probe, work=work)
@@ -223,12 +223,12 @@ def trade(
 
 
 def front(found: Sequence[Traded]) -> list[Traded]:
-    """Return rungs with those marked that no other beats both in work and in error."""
+    """Return the models with the Pareto front in work and error marked."""
     every = len({name for one in found for name in one.errors})
     least = every, math.inf
     marked: list[Traded] = []
     for one in sorted(found, key=lambda one: (one.work, one.steps, one.worst)):
-        error = every - len(one.errors), one.worst  # what a model does not know it gets wrong
+        error = every - len(one.errors), one.worst  # a model without a quantity has an infinite error in it
         marked.append(replace(one, best=error < least))
         least = min(least, error)
     return marked

@@ -1,4 +1,4 @@
-"""How stiff a play is where its case does not say."""
+"""Build the model of a case: default contact stiffnesses, members, springs, loads, rockers, contacts and cams."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ from flexcam.fem.mesh import Mesh, refined
 from flexcam.valvetrain.surge import parts_for_waves
 
 STIFFER = 10.0
-"""Touching faces by the member behind them: with it they add a tenth to what the train yields."""
+"""Default stiffness of touching faces relative to the member behind them, to whose compliance it adds a tenth."""
 
 
 def play_stiffness(play: LashRecord, case: CaseRecord, mesh: Mesh) -> float:
-    """Return the stiffness of both sides of a play when they touch."""
+    """Return the stiffness of both sides of a lash when they touch, N/m."""
     if play.stiffness is not None:
         return play.stiffness
     ends, ratio = _sides(play, case)
@@ -46,7 +46,7 @@ def play_stiffness(play: LashRecord, case: CaseRecord, mesh: Mesh) -> float:
 
 
 def _sides(play: LashRecord, case: CaseRecord) -> tuple[tuple[str, ...], float]:
-    """Return the nodes at both sides, and the way of the play by that of these."""
+    """Return the nodes on both sides, and the ratio of the lash displacement to the displacement of these nodes."""
     if play.ends is not None:
         return play.ends, 1.0
     rocker = case.rockers[str(play.at)]
@@ -60,7 +60,7 @@ def _axial(name: str, case: CaseRecord, mesh: Mesh) -> float:
 
 
 def with_spring_parts(case: Case) -> Case:
-    """Return a case whose springs with mass are divided, where it does not say into how many parts."""
+    """Return a case with the springs that have mass divided into parts, unless the case gives the number of parts."""
     untold = {
         name: one for name, one in case.record.springs.items() if one.mass and "elements" not in one.model_fields_set
     }
@@ -74,14 +74,14 @@ def with_spring_parts(case: Case) -> Case:
 
 
 class _AloneRecord(Record):
-    """A follower and the base circle it stands on."""
+    """Follower and the base circle of its cam."""
 
     follower: FollowerRecord
     base_radius: q.Length | None = None
 
 
 def given_follower(follower: str, base_radius: str | None = None, *, clockwise: bool = False) -> tuple[Follower, Turn]:
-    """Return the follower that a TOML table describes, and the sense of rotation of its cam."""
+    """Return the follower of a TOML table and the direction of rotation of its cam."""
     try:
         table = toml(f"follower = {follower}")["follower"]
     except ValueError as fault:
@@ -102,26 +102,26 @@ Out = TypeVar("Out")
 
 
 def build_model(case: Case) -> valvetrain.Model:
-    """Return the model a case describes.
+    """Build the model of a case.
 
     Parameters
     ----------
     case
-        A checked case.
+        Checked case.
 
     Returns
     -------
     Model
-        A value; no matrices yet.
+        Model without matrices.
 
     Raises
     ------
     InputError
-        With all faults of geometry and parts at once.
+        If geometry or parts are invalid; the error lists all faults.
 
     Examples
     --------
-    ``build_model(read_case("cases/tayeb/model-3-shm.toml")).mesh.lines["pushrod"]`` are the nodes of the pushrod.
+    ``build_model(read_case("cases/tayeb/model-3-shm.toml")).mesh.lines["pushrod"]`` contains the nodes of the pushrod.
     """
     record = case.record
     faults: list[Fault] = []
@@ -186,7 +186,7 @@ def _member(member: members.MemberRecord, case: CaseRecord) -> Member:
 
 
 def _along_members(case: Case, mesh: Mesh) -> list[Fault]:
-    """Return the orientations that are zero or along their member."""
+    """Return the faults of orientation vectors that are zero or parallel to their member."""
     faults: list[Fault] = []
     for name, member in case.record.members.items():
         span = np.diff(mesh.nodes[mesh.lines[name]], axis=0)
@@ -200,7 +200,7 @@ def _along_members(case: Case, mesh: Mesh) -> list[Fault]:
 
 
 def _bearing(bearing: parts.BearingRecord, mesh: Mesh) -> tuple[valvetrain.Spring, ...]:
-    """Return two springs, square to the shaft and to each other."""
+    """Return two springs, perpendicular to the shaft and to each other."""
     axis = _tangent(mesh, mesh.node(bearing.at))
     first = _across(default_orientation(axis), axis)
     return tuple(
@@ -217,7 +217,7 @@ def _bearings(pairs: Mapping[str, tuple[valvetrain.Spring, ...]]) -> dict[str, v
 
 
 def _shared_trains(case: Case, mesh: Mesh) -> list[Fault]:
-    """Return the contacts whose follower hangs on the train of another's: each would take all of its springs."""
+    """Return the faults of contacts with a follower in the train of another contact: each would use all its springs."""
     faults: list[Fault] = []
     seen: dict[int, str] = {}
     for name, contact in case.record.contacts.items():
@@ -240,7 +240,7 @@ def _shared_trains(case: Case, mesh: Mesh) -> list[Fault]:
 
 
 def _shared_points(case: Case) -> list[Fault]:
-    """Return the plays and fingers that stand where another one stands already."""
+    """Return the faults of lashes and fingers at the position of another one."""
     faults: list[Fault] = []
     seen: dict[str, str] = {}
     plays = {
@@ -347,7 +347,7 @@ def _driven(
 
 
 def _lift(record: contacts.CamContactRecord, case: CaseRecord, mesh: Mesh) -> FloatArray:
-    """Return the direction of the lift: given, or from cam to follower square to the shaft."""
+    """Return the direction of the lift: given, or from cam to follower perpendicular to the shaft."""
     if record.direction is not None:
         return _towards(direction(record.direction), record, case, mesh)
     cam = mesh.node(case.cams[record.cam].at, "cam")
@@ -359,7 +359,7 @@ def _lift(record: contacts.CamContactRecord, case: CaseRecord, mesh: Mesh) -> Fl
 
 
 def _towards(lift: FloatArray, record: contacts.CamContactRecord, case: CaseRecord, mesh: Mesh) -> FloatArray:
-    """Return a given direction of the lift if it leads away from the shaft, square to it."""
+    """Return a given lift direction after checking that it points away from the shaft and is perpendicular to it."""
     cam = mesh.node(case.cams[record.cam].at, "cam")
     if abs(float(lift[:3] @ _axis(case.cams[record.cam], mesh))) > _SQUARE * float(np.linalg.norm(lift[:3])):
         raise refuse(
@@ -374,11 +374,11 @@ def _towards(lift: FloatArray, record: contacts.CamContactRecord, case: CaseReco
 
 
 _SQUARE = 1e-6
-"""Cosine up to which directions are square to each other."""
+"""Maximum cosine of the angle between directions that count as perpendicular."""
 
 
 def _axis(cam: cams.CamRecord, mesh: Mesh) -> FloatArray:
-    """Return the axis of rotation: along the shaft, to the side given or to that of positive coordinates."""
+    """Return the axis of rotation: along the shaft, toward the given side or toward positive coordinates."""
     if not mesh.on_members()[mesh.node(cam.at, "at")]:
         return _axis_alone(cam)
     along = _tangent(mesh, mesh.node(cam.at, "at"))
@@ -389,7 +389,7 @@ def _axis(cam: cams.CamRecord, mesh: Mesh) -> FloatArray:
 
 
 def _axis_alone(cam: cams.CamRecord) -> FloatArray:
-    """Return the axis of rotation of a cam at a node of no shaft: it must be given."""
+    """Return the given axis of rotation of a cam at a node without a shaft."""
     if cam.axis is None or not any(cam.axis):
         given, why = f"nothing, for a cam at {cam.at!r} on no member", "there is no shaft to take it from"
         raise refuse("axis", given, "a vector along the axis of rotation", why, "add axis = [1, 0, 0] to the cam")
@@ -408,7 +408,7 @@ def _tangent(mesh: Mesh, node: int) -> FloatArray:
 
 
 def _across(span: FloatArray, axis: FloatArray) -> FloatArray:
-    """Return the unit vector from cam to follower, square to the shaft."""
+    """Return the unit vector from cam to follower, perpendicular to the shaft."""
     across = span - (span @ axis) * axis
     length = float(np.linalg.norm(across))
     if length < 1e-9 * max(float(np.linalg.norm(span)), np.finfo(float).tiny):

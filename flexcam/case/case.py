@@ -1,4 +1,4 @@
-"""A checked case: a value, with what it is asked for and the variants that are made of it."""
+"""Checked case and its variants."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from flexcam.fem.mesh import Mesh
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A checked case.
+    """Checked case.
 
     Parameters
     ----------
     path
-        The file it was read from.
+        File of the case.
     text
-        Its text, as it stood there.
+        Text of the file.
     overrides
-        The ``key=value`` pairs laid over it.
+        Overrides of the case, as ``key=value``.
     record
-        The checked values, SI.
+        Checked values in SI units.
     mesh
-        The mesh of the file it names; None for a case with its own nodes.
+        Mesh of the mesh file; None for a case with its own nodes.
     places
-        Where every key was given.
+        Source of every key: line or override.
 
     Examples
     --------
@@ -47,17 +47,17 @@ class Case:
     places: Places
 
     def __repr__(self) -> str:
-        """Return what it is called and where it lies."""
+        """Return title and path."""
         return f"<Case {self.title!r}, {self.path}>"
 
     @property
     def name(self) -> str:
-        """The file's name without its ending; results are named after it."""
+        """Name of the file without suffix; the default name of results."""
         return self.path.stem
 
     @property
     def title(self) -> str:
-        """What it is called: its title, or the name of its file where it has none."""
+        """Title of the case, or the name of its file."""
         return self.record.title or self.name
 
     @property
@@ -68,12 +68,12 @@ class Case:
 
     @property
     def turns(self) -> float:
-        """Turns of the shaft whose speed the case gives per turn of the camshaft: 2 for the crankshaft."""
+        """Revolutions of the shaft whose speed the case gives, per camshaft revolution: 2 for the crankshaft."""
         return 2.0 if self.record.run.speed is None else 1.0
 
     @property
     def told_speed(self) -> str:
-        """Its speed in words, with the shaft."""
+        """Speed with unit and shaft, for messages."""
         return shaft_speed(self.speed, self.turns)
 
     def at_speed(self, speed: float, revolutions: float | None = None) -> Case:
@@ -82,14 +82,14 @@ class Case:
         Parameters
         ----------
         speed
-            Of the camshaft, rad/s.
+            Camshaft speed, rad/s.
         revolutions
-            Of the camshaft; those of the case where none are given.
+            Camshaft revolutions; those of the case by default.
 
         Returns
         -------
         Case
-            Its text and overrides are those it was read from; it counts the same shaft.
+            Case with unchanged text and overrides; its speed refers to the same shaft.
         """
         crank = self.turns == 2.0
         changed: dict[str, object] = {
@@ -101,36 +101,36 @@ class Case:
         return self.with_run(changed)
 
     def with_average_acceleration(self) -> Case:
-        """Return the same case, integrated by Newmark's average acceleration: stable at any step."""
+        """Return the same case with Newmark's average acceleration, which is stable at any time step."""
         return self.with_run({"integrator": NewmarkRecord()})
 
     def with_run(self, changed: Mapping[str, object]) -> Case:
-        """Return the same case with other keys of its run.
+        """Return the same case with changed keys of ``[run]``.
 
         Parameters
         ----------
         changed
-            Key to checked value.
+            Checked values by key.
 
         Returns
         -------
         Case
-            Its text and overrides are those it was read from.
+            Case with unchanged text and overrides.
         """
         return self._with("run", self.record.run, changed)
 
     def with_fidelity(self, changed: Mapping[str, object]) -> Case:
-        """Return the same case with other keys of its fidelity.
+        """Return the same case with changed keys of ``[fidelity]``.
 
         Parameters
         ----------
         changed
-            Key to checked value.
+            Checked values by key.
 
         Returns
         -------
         Case
-            Its text and overrides are those it was read from.
+            Case with unchanged text and overrides.
         """
         return self._with("fidelity", self.record.fidelity, changed)
 
@@ -139,12 +139,12 @@ class Case:
         return replace(self, record=self.record.model_copy(update={name: made}))
 
     def place(self, path: KeyPath) -> str:
-        """Return a key path with the line or override it was given by.
+        """Return a key path with its line or override.
 
         Parameters
         ----------
         path
-            Keys and indices from the top of the file.
+            Keys and indices from the root of the file.
 
         Returns
         -------

@@ -1,7 +1,8 @@
-"""The unit of a number of a case where it depends on what else stands there: its table is asked.
+"""Convert pydantic errors to faults of a case, and find the SI unit of a key.
 
-A spring's stiffness is N/m along a line and N m/rad about an axis; a lift is m, or rad where the follower swings. The
-table around the number is read again with the same number in one unit after the other: it takes only its own.
+Some units depend on other keys of the table: a spring stiffness is N/m along a line and N m/rad about an axis; a lift
+is m, or rad with a swinging follower. The table is then validated with the number in each possible unit: it accepts
+only the right one.
 """
 
 from __future__ import annotations
@@ -25,20 +26,20 @@ _TAGGED = (
     ("sections", "*"), ("cams", "*", "follower"), ("follower",), ("contacts", "*"), ("rockers", "*"),
     ("run", "integrator"), ("run", "start"),
 )  # fmt: skip
-"""Tables with variants: pydantic puts the variant's tag behind them in a path."""
+"""Tables with variants: pydantic appends the tag of the variant to their path."""
 
 
 def faults(errors: Iterable[ErrorDetails], places: Places, root: type[BaseModel] = CaseRecord) -> list[Fault]:
-    """Return pydantic's errors as faults, one per place."""
+    """Return pydantic's errors as faults, one per key path."""
     found: dict[tuple[str, str], Fault] = {}
     told = [(_path(error), error) for error in errors]
     missing = Counter(path for path, error in told if error["type"] == "missing")
     for path, error in told:
         if error["type"] == "missing" and path[-1].isdigit() and missing[path] == missing[_next(path)]:
-            continue  # of the elements that a row has too few, the last one tells how many there are
+            continue  # of the elements missing in a row, only the last one is reported
         inside = any(len(one) > len(path) and one[: len(path)] == path for one, _ in told)
         if inside and isinstance(error["input"], dict):
-            continue  # a table where a number may stand too: its own faults are told
+            continue  # a table in the place of a number: only the faults of the table are reported
         fault = _fault(error, path, places, root)
         key = fault.where, fault.given
         found[key] = _either(found[key], fault) if key in found else fault
@@ -46,19 +47,19 @@ def faults(errors: Iterable[ErrorDetails], places: Places, root: type[BaseModel]
 
 
 def _next(path: Path) -> Path:
-    """Return the path of the element behind one."""
+    """Return the path of the next element of an array."""
     return (*path[:-1], str(int(path[-1]) + 1))
 
 
 def _either(first: Fault, second: Fault) -> Fault:
-    """Return the fault of a value that may be of one kind or of another, as a word or a quantity, and is of none."""
+    """Merge the faults of a value with two allowed types, such as a word or a quantity, of which it matches neither."""
     if second.allowed in first.allowed:
         return first
     return replace(first, allowed=f"{first.allowed}, or {second.allowed}", why=first.why or second.why)
 
 
 def _path(error: ErrorDetails) -> Path:
-    """Return the key path without pydantic's own steps (tags of unions, types of alternatives)."""
+    """Return the key path without the parts added by pydantic (tags of unions, names of alternatives)."""
     steps = [str(step) for step in error["loc"]]
     path = [step for i, step in enumerate(steps) if not _inserted(steps, i)]
     return tuple(path)
@@ -114,7 +115,7 @@ def _fault(error: ErrorDetails, path: Path, places: Places, root: type[BaseModel
 
 
 def _tag(context: Mapping[str, Any], value: object) -> object:
-    """Return what stands where a kind is to be named; pydantic tells the text of anything."""
+    """Return the value in the place of a tag; pydantic converts it to text."""
     if "tag" not in context:
         return value
     key = str(context["discriminator"]).strip("'")
@@ -124,7 +125,7 @@ def _tag(context: Mapping[str, Any], value: object) -> object:
 def _inside(
     context: Mapping[str, Any], path: Path, value: object, places: Places, root: type[BaseModel]
 ) -> tuple[str, str]:
-    """Return place and value of a fault inside a table: of its key, if it is about one."""
+    """Return path and value of a fault inside a table; the path includes the key if the fault concerns one."""
     inside, given = str(context["inside"]), str(context["given"])
     if not inside:
         return places.place(path), _shown(value)
@@ -140,7 +141,7 @@ def _missing(path: Path, allowed: str, places: Places) -> Fault:
 
 
 def _tags(path: Path, key: str, root: type[BaseModel]) -> str:
-    """Return the values a key of a table with variants may have."""
+    """Return the allowed values of the tag of a table with variants."""
     choices = [record.model_fields[key].annotation for record in _records(path, root) if key in record.model_fields]
     return ", ".join(repr(value) for choice in choices for value in get_args(choice))
 
@@ -151,7 +152,7 @@ def _shown(value: object) -> str:
 
 
 def _records(path: Path, root: type[BaseModel]) -> list[type[BaseModel]]:
-    """Return the records that may stand at a key path (several where a table has variants)."""
+    """Return the records allowed at a key path (several for a table with variants)."""
     records: list[type[BaseModel]] = [root]
     for step in path:
         found: list[type[BaseModel]] = []
@@ -159,13 +160,13 @@ def _records(path: Path, root: type[BaseModel]) -> list[type[BaseModel]]:
             by_key = {field.alias or name: field for name, field in record.model_fields.items()}
             field = by_key.get(step)
             found += _records_in(field.annotation) if field else []
-        # A step that is no field is a name chosen by the user, inside a table of such names.
+        # A path element that is not a field is a user-defined name in a table of names.
         records = found or records
     return records
 
 
 def _records_in(annotation: object) -> list[type[BaseModel]]:
-    """Return the records inside a type: in unions, tables of names and annotated types."""
+    """Return the records contained in a type: in unions, tables of names and annotated types."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
     parts: list[object] = [*get_args(annotation)]
@@ -199,13 +200,13 @@ def si_unit(path: Path, root: type[BaseModel] = CaseRecord) -> str | None:
 
 
 def _units_in_table(record: type[BaseModel], path: Path) -> list[Unit]:
-    """Return the units of a table of names, such as nodes, where a key is such a name."""
+    """Return the units in a table of names, such as nodes, where the key is such a name."""
     named = {field.alias or name: field for name, field in record.model_fields.items()}
     return _units_in(named[path[-2]].annotation) if len(path) > 1 and path[-2] in named else []
 
 
 def _units_in(annotation: object) -> list[Unit]:
-    """Return the units inside a type, but not inside its records."""
+    """Return the units contained in a type, without those of its records."""
     if isinstance(annotation, Unit):
         return [annotation]
     parts: list[object] = [*get_args(annotation)]
@@ -213,7 +214,7 @@ def _units_in(annotation: object) -> list[Unit]:
 
 
 def filled(record: CaseRecord) -> dict[str, Any]:
-    """Return a case with every value filled in, as tables that are read again."""
+    """Return a case with all defaults as tables that can be read again."""
     tables = record.model_dump(mode="json", by_alias=True, exclude_none=True)
     if record.mesh is not None:
         del tables["nodes"]
@@ -226,14 +227,14 @@ def own_unit(record: CaseRecord, path: Sequence[str]) -> str | None:
     if known is not None:
         return known
     table, rest = _around(record, path)
-    # Moments may leave the radian out, so a stiffness about an axis is looked for among stiffnesses first.
+    # Moments may omit the radian, so rotational stiffness is tried first.
     kinds = sorted(DIMENSIONS.values(), key=lambda kind: path[-1] not in kind.name)
     units = [*(kind.si for kind in kinds if kind.si), ""]
     return next((unit for unit in units if _takes(table, rest, unit)), None)
 
 
 def _around(record: BaseModel, path: Sequence[str]) -> tuple[BaseModel, Sequence[str]]:
-    """Return the innermost table around a key, and the rest of the way to it."""
+    """Return the innermost table of a key and the remaining path."""
     found, value = (record, path), cast("object", record)
     for i, step in enumerate(path):
         if isinstance(value, BaseModel):
@@ -246,7 +247,7 @@ def _around(record: BaseModel, path: Sequence[str]) -> tuple[BaseModel, Sequence
 
 
 def _takes(table: BaseModel, path: Sequence[str], unit: str) -> bool:
-    """Tell whether a table is the same with a number in a unit."""
+    """Return whether a table keeps its values with a number in a given unit."""
     try:
         given = _with_unit(table.model_dump(mode="json", by_alias=True), path, unit)
         return type(table).model_validate(given) == table
@@ -255,7 +256,7 @@ def _takes(table: BaseModel, path: Sequence[str], unit: str) -> bool:
 
 
 def _with_unit(value: object, path: Sequence[str], unit: str) -> object:
-    """Return what stands in a file, with a unit behind the number at the end of a path."""
+    """Return the raw value with a unit appended to the number at a path."""
     if not path:
         return f"{value!r} {unit}" if unit else value
     step, *rest = path

@@ -1,4 +1,4 @@
-"""Nodes of a case at one place, and members that meet a node twice: told with all other faults of the file."""
+"""Checks of geometry and supports: coincident nodes, rotating members and cams, immovable rockers and lashes."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Table = Mapping[str, Any]
 
 
 def coinciding(raw: Table, places: Places) -> list[Fault]:
-    """Return the nodes that lie where another one does, and the members that meet a node twice."""
+    """Return the faults of coincident nodes and of members that contain a node twice."""
     return [*_at_one_place(raw, places), *_met_twice(raw, places)]
 
 
@@ -35,7 +35,7 @@ def _at_one_place(raw: Table, places: Places) -> Iterator[Fault]:
 
 
 def _located(place: object) -> tuple[float, ...] | None:
-    """Return the coordinates of a node, m; None where they have faults of their own."""
+    """Return the coordinates of a node, m; None if they are invalid."""
     if not isinstance(place, list | tuple):
         return None
     try:
@@ -60,11 +60,11 @@ def _table(raw: Table, kind: str) -> Table:
 
 
 _ROUND = 0.01
-"""Part by which stiffnesses in two directions may differ: flexcam's choice, as published properties are rounded."""
+"""Allowed relative difference of the stiffnesses in two directions; chosen, as published properties are rounded."""
 
 
 def shaft_faults(case: Case, model: Model) -> list[Fault]:
-    """Return the members that turn and are not round, and the cams that turn against another of their shaft."""
+    """Return the faults of rotating members that are not round and of cams with opposite rotation on one shaft."""
     return [*_uneven(case, model), *_against(case, model)]
 
 
@@ -79,7 +79,7 @@ def _uneven(case: Case, model: Model) -> Iterator[Fault]:
 
 
 def _turning(model: Model) -> dict[str, str]:
-    """Return the members that turn, each with the cam they turn with."""
+    """Return the rotating members, each with the cam that rotates it."""
     found: dict[str, str] = {}
     for name, cam in model.cams.items():
         nodes = model.mesh.connected(model.mesh.node(cam.at))
@@ -90,7 +90,7 @@ def _turning(model: Model) -> dict[str, str]:
 
 
 def _apart(member: Member) -> str:
-    """Return in words how the stiffnesses of a member across its two axes differ; empty where they do not."""
+    """Describe the difference of a member's stiffnesses about its two axes; empty if they are equal."""
     one = member.section
     pairs = [(one.Iy, one.Iz, "Iy = {:.4g} m^4 and Iz = {:.4g} m^4")]
     if member.shear:
@@ -115,7 +115,7 @@ def _told(axis: FloatArray) -> str:
 
 
 def held_faults(case: Case, model: Model) -> list[Fault]:
-    """Return the rockers that nothing can drive, and the plays of which neither end can move."""
+    """Return the faults of rockers that cannot be driven and of lashes without a movable end."""
     return [*_undriven(case, model), *_still(case, model)]
 
 
@@ -128,7 +128,7 @@ def _undriven(case: Case, model: Model) -> Iterator[Fault]:
 
 
 def _still(case: Case, model: Model) -> Iterator[Fault]:
-    """Yield the plays between two held nodes; one held node makes a stop of it, which is meant."""
+    """Yield the faults of lashes between two fixed nodes; with one fixed node a lash is a valid stop."""
     for name, one in model.contacts.items():
         if not isinstance(one, Lash | Adjuster) or one.ends is None or one.direction is None:
             continue
@@ -139,7 +139,7 @@ def _still(case: Case, model: Model) -> Iterator[Fault]:
 
 
 def _is_held(model: Model, point: str, direction: FloatArray) -> bool:
-    """Tell whether supports hold a node along a direction."""
+    """Return whether supports fix a node along a direction."""
     node = model.mesh.node(point)
     kept = [held for name, held in model.supports.items() if node in model.mesh.points[name]]
     numbers = [component(one) for held in kept for one in held]

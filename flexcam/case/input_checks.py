@@ -1,4 +1,4 @@
-"""What the keys of a case usually hold: bounds of machines that exist, with room to spare."""
+"""Checks of input values: typical ranges of keys, with margins, contradictory keys, missing units and unused parts."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ from flexcam.fem.mesh import Mesh
 
 @dataclass(frozen=True)
 class Usual:
-    """What a key usually holds.
+    """Typical range of a key.
 
     Parameters
     ----------
     key
-        Its path, ``*`` for any name.
+        Path of the key, ``*`` for any name.
     what
-        The quantity in the engineer's words.
+        Name of the quantity for messages.
     least, most
-        SI.
+        Limits, SI.
     meant
-        Units in which the number may have been meant, with their size in SI, the likeliest first.
+        Units the user may have intended, with their size in SI, the most likely first.
     si
-        Unit, where the key's place alone does not tell it.
+        Unit, if the path of the key does not determine it.
     zero
-        Whether zero is told as well.
+        Whether zero is reported too.
     """
 
     key: str
@@ -107,21 +107,21 @@ USUAL = (
     Usual("run.damping.beta", "Rayleigh factor of the stiffness", 0.0, 0.1, {"ms": 1e-3, "us": 1e-6}),
     Usual("run.gravity", "acceleration of gravity", 0.0, 100.0, {"mm/s^2": 1e-3}),
 )  # fmt: skip
-"""What is usual, by key."""
+"""Typical ranges by key."""
 
 STRAIGHT = Usual("springs.*.stiffness", "stiffness of a spring", 100.0, 1e12, _STIFF, "N/m")
-"""Of springs along a line: any that presses something on is stiffer, and 50 is hardly 50 N/m."""
+"""Range for translational springs: retaining springs are stiffer, and a bare 50 is unlikely to mean 50 N/m."""
 
 TWISTED = Usual("springs.*.stiffness", "stiffness of a spring", 1e-3, 1e12, {"kN m/rad": 1e3}, "N m/rad")
-"""Of springs that twist."""
+"""Range for torsional springs."""
 
 
 _ROUND = 300.0
-"""From here on, rad/s, a whole number without a unit is hardly meant in rad/s: that is 2865 rpm."""
+"""Speed, rad/s, from which a bare integer is unlikely to be meant in rad/s: it is 2865 rpm."""
 
 
 def odd(case: Case) -> Iterator[str]:
-    """Yield which keys of a case contradict each other, lack their unit or have no part in it, in words."""
+    """Yield descriptions of keys that contradict each other, lack a unit or have no effect."""
     yield from _bare_speeds(case)
     yield from _materials(case)
     yield from _sections(case)
@@ -130,7 +130,7 @@ def odd(case: Case) -> Iterator[str]:
 
 
 def _bare_speeds(case: Case) -> Iterator[str]:
-    """Yield the speed if it is a whole number without a unit that is likely meant in rpm."""
+    """Yield a warning for an integer speed without unit that was probably meant in rpm."""
     for key in ("speed", "crank_speed"):
         taken = getattr(case.record.run, key)
         if taken is not None and taken >= _ROUND and _given(case, key) == taken and taken == round(taken):
@@ -142,7 +142,7 @@ def _bare_speeds(case: Case) -> Iterator[str]:
 
 
 def _given(case: Case, key: str) -> object:
-    """Return what stands at a key of the run, as it was given."""
+    """Return the raw value of a key of ``[run]``."""
     pairs = [one.partition("=") for one in case.overrides]
     laid = [text for name, _, text in pairs if name.strip() == f"run.{key}"]
     try:
@@ -150,7 +150,7 @@ def _given(case: Case, key: str) -> object:
             return float(laid[-1])
         run = cast("dict[str, Any]", toml(case.text).get("run", {}))
         return run.get(key)
-    except ValueError:  # a text with its unit
+    except ValueError:  # a text with a unit
         return None
 
 
@@ -162,7 +162,7 @@ def _materials(case: Case) -> Iterator[str]:
 
 
 def _sections(case: Case) -> Iterator[str]:
-    """Yield the sections that no shape has: bounds that hold for every plane figure."""
+    """Yield sections with impossible properties: bounds that hold for every plane figure."""
     for name, record in case.record.sections.items():
         made, place = record.made(), case.place(("sections", name))
         polar = made.Iy + made.Iz
@@ -177,7 +177,7 @@ def _sections(case: Case) -> Iterator[str]:
 
 
 def _models(case: Case) -> Iterator[str]:
-    """Yield what is asked of a model that is not run, and a tolerance that any model meets."""
+    """Yield keys of a model that is not run, and tolerances that every model meets."""
     asked, whole = case.record.fidelity, [name for name, one in case.record.fidelity.tolerances.items() if one >= 1.0]
     place = {key: case.place(("fidelity", key)) for key in ("masses", "modes", "tolerance")}
     if "masses" in asked.model_fields_set and asked.model != "chain":
@@ -189,7 +189,7 @@ def _models(case: Case) -> Iterator[str]:
 
 
 def _spare(case: Case) -> Iterator[str]:
-    """Yield the parts that nothing is made of or moved by: under a name beside the one that was meant."""
+    """Yield parts that nothing refers to, which suggests a misspelled name."""
     record = case.record
     users = {
         "materials": ({one.material for one in record.members.values()}, "no member is made of it"),
@@ -206,16 +206,16 @@ def _spare(case: Case) -> Iterator[str]:
 
 
 _ABOVE = 1.02
-"""Published properties are rounded to a percent."""
+"""Margin for published properties, which are rounded to a percent."""
 
 
 _SLENDER = 2000.0
 _STOUT = 0.2
-"""Length of a member by the size of its section, outside of which units do not fit together."""
+"""Limits of the ratio of length to section size outside of which a member's units are probably inconsistent."""
 
 
 def unusual(case: Case) -> list[str]:
-    """Return which numbers of a case are hardly meant, in words."""
+    """Return descriptions of implausible values of a case."""
     tables = filled(case.record)
     found = [_told(case, path, value, one) for one in USUAL for path, value in _beyond(tables, one)]
     others = (odd, _soft_or_stiff, _held_twice, _on_held, _ill_proportioned)
@@ -223,7 +223,7 @@ def unusual(case: Case) -> list[str]:
 
 
 def _beyond(tables: Mapping[str, Any], usual: Usual) -> Iterator[tuple[tuple[str, ...], float]]:
-    """Yield the path and number of what is not usual, one per key."""
+    """Yield path and number of the values outside a typical range, one per key."""
     for path, value in _values(tables, tuple(usual.key.split(".")), ()):
         several = cast("list[object]", value) if isinstance(value, list) else [value]
         numbers = [abs(float(x)) for x in several if isinstance(x, int | float) and not isinstance(x, bool)]
@@ -232,7 +232,7 @@ def _beyond(tables: Mapping[str, Any], usual: Usual) -> Iterator[tuple[tuple[str
 
 
 def _values(table: object, steps: tuple[str, ...], path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], object]]:
-    """Yield path and value of every key that a pattern names."""
+    """Yield path and value of every key that matches a pattern."""
     if not steps:
         yield path, table
     elif isinstance(table, dict):
@@ -251,7 +251,7 @@ def _told(case: Case, path: tuple[str, ...], value: float, usual: Usual) -> str:
 
 
 def _soft_or_stiff(case: Case) -> Iterator[str]:
-    """Yield the springs of hardly any stiffness, or too much; what is soft depends on whether they twist."""
+    """Yield springs with implausibly low or high stiffness; the limits depend on whether they are torsional."""
     tables = filled(case.record)
     twist = {name for name, one in case.record.springs.items() if one.made().turns}
     for usual, turning in ((STRAIGHT, False), (TWISTED, True)):
@@ -261,7 +261,7 @@ def _soft_or_stiff(case: Case) -> Iterator[str]:
 
 
 def _held_twice(case: Case) -> Iterator[str]:
-    """Yield the components that two supports hold at one node, or one support twice."""
+    """Yield components fixed twice at one node, by two supports or by one."""
     seen: dict[tuple[int, str], str] = {}
     for point, held in case.record.supports.items():
         place = case.place(("supports", point))
@@ -281,7 +281,7 @@ def _nodes(case: Case, point: str) -> list[int]:
 
 
 def _on_held(case: Case) -> Iterator[str]:
-    """Yield the springs to ground that act on nothing, as a support holds what they push."""
+    """Yield springs to ground that have no effect because a support fixes their node."""
     held = {
         (node, one)
         for point, several in case.record.supports.items()
@@ -297,7 +297,7 @@ def _on_held(case: Case) -> Iterator[str]:
 
 
 def _ill_proportioned(case: Case) -> Iterator[str]:
-    """Yield the members whose length and thickness do not belong together."""
+    """Yield members with an implausible ratio of length to thickness."""
     for name, member in case.record.members.items():
         size = 2.0 * case.record.sections[member.section].made().radius
         length = _length(case.mesh, name) if case.mesh is not None else _length_of_nodes(case, member.nodes or [])

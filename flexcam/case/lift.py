@@ -1,4 +1,4 @@
-"""Motion laws and lift curves as a case gives them: by name, as a table of parameters, or in a file."""
+"""Motion laws and lift curves of a case: given by name, as a table of parameters, or in a file."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ Table = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class GivenLaw:
-    """A law and how it was given.
+    """Law with its definition in the case.
 
     Parameters
     ----------
     given
-        A name, or ``id`` with parameters; what a file holds stands here instead of its name.
+        Name, or ``id`` with parameters; for a law file, the content of the file.
     law
-        The law.
+        Motion law.
     """
 
     given: str | dict[str, Any]
@@ -59,16 +59,16 @@ class GivenLaw:
 
 @dataclass(frozen=True)
 class GivenLift:
-    """A lift over the whole revolution from a file, and what smoothing it changed.
+    """Lift over the whole revolution from a file, with a report of the smoothing.
 
     Parameters
     ----------
     given
-        As written.
+        Value in the case.
     event
-        The lift.
+        Lift event.
     report
-        None for harmonics, which nothing changes.
+        Smoothing report; None for harmonics, which are not smoothed.
     """
 
     given: str | dict[str, Any]
@@ -88,7 +88,7 @@ class GivenLift:
 
 
 class _LiftFile(BaseModel):
-    """A lift table with what its head does not say."""
+    """Lift table file with the units that its header lacks."""
 
     model_config = ConfigDict(extra="forbid")
     file: str = Field(description="CSV with angle and lift, or TOML with harmonics; relative to the case file")
@@ -101,14 +101,14 @@ class _LiftFile(BaseModel):
 
 
 def _from_file_or_value(make: Callable[[object, Path], object]) -> CoreSchema:
-    """Return the schema of a value that may name a file beside the case, and is written as it was given."""
+    """Return the schema of a value that may name a file beside the case; it is serialized as given."""
 
     def validate(value: object, info: ValidationInfo) -> object:
         case = cast("Mapping[str, Path]", info.context or {}).get("case", Path())
         try:
             return make(value, case)
         except InputError as refusal:
-            # A fault of the value itself has no place inside it.
+            # A fault of the value itself has no path inside it.
             raise q.passed_on(refusal, inside=refusal.faults[0].where not in ("law", "lift_table")) from None
 
     written = core_schema.plain_serializer_function_ser_schema(lambda made: made.given)
@@ -124,7 +124,7 @@ def _given_law(value: object, case: Path) -> GivenLaw:
 
 
 def given_law(value: str | Table) -> GivenLaw:
-    """Return the law of a name or of a table with its parameters."""
+    """Return the law of a name or of a table of parameters."""
     if isinstance(value, str):
         if value in LAWS:
             return GivenLaw(value, LAWS[value])
@@ -162,7 +162,7 @@ def _only_numbers(value: object) -> bool:
 
 
 def _checked(record: type[BaseModel], table: object, what: str, example: str) -> dict[str, Any]:
-    """Return the checked values of a table, or refuse it by its first fault."""
+    """Validate a table and return its values; raise the first fault."""
     try:
         checked = record.model_validate(table)
     except ValidationError as refusal:
@@ -184,7 +184,7 @@ def _checked(record: type[BaseModel], table: object, what: str, example: str) ->
 
 
 def _needed(record: type[BaseModel], error: ErrorDetails) -> str:
-    """Return what a parameter must be; of a list of pairs in full, as a fault inside it does not tell."""
+    """Return the allowed values of a parameter; for a list of pairs the whole type, which a fault inside it omits."""
     field = record.model_fields.get(str(error["loc"][0])) if error["loc"] else None
     if field is not None and field.annotation == tuple[tuple[int, float], ...]:
         return "it is a list of pairs, a whole number and a number each: [[1, 0.9], [3, 0.1]]"
@@ -193,7 +193,7 @@ def _needed(record: type[BaseModel], error: ErrorDetails) -> str:
 
 @cache
 def _record(kind: LawKind) -> type[BaseModel]:
-    """Return a record of a law's parameters, made from its signature."""
+    """Return a record for the parameters of a law, built from its signature."""
     fields: dict[str, Any] = {}
     for name, parameter in inspect.signature(kind, eval_str=True).parameters.items():
         default = ... if parameter.default is inspect.Parameter.empty else parameter.default
@@ -248,12 +248,12 @@ def _given_lift(value: object, case: Path) -> GivenLift:
 
 
 def _by_line(where: str, lines: Sequence[int]) -> str:
-    """Return a place in a table by the line of its file instead of the row."""
+    """Return a position in a table with the line of the file in place of the row."""
     return re.sub(r"\brow (\d+)", lambda found: f"line {lines[int(found[1]) - 1]}", where)
 
 
 def harmonic_file(path: Path) -> HarmonicLift:
-    """Read a lift given by its harmonics: TOML with a table ``[lift]`` of ``mean``, ``cosine`` and ``sine``."""
+    """Read a harmonic lift: TOML with a table ``[lift]`` of ``mean``, ``cosine`` and ``sine``."""
     table = toml_table(path, "lift")
     try:
         lift = HarmonicLift(**_checked(_record(HarmonicLift), table, "a number or list in m", "lift"))

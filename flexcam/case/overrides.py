@@ -1,4 +1,4 @@
-"""The tables of a TOML file as they stand, unchecked, and what is laid over them."""
+"""Raw tables of a TOML file, and overrides applied to them."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from flexcam.io import text_of
 
 
 def parsed(source: Path) -> tuple[str, dict[str, Any]]:
-    """Return the text of a file and its tables."""
+    """Return the text and the raw tables of a file."""
     text = _text(source)
     return text, tables_of(source, text)
 
 
 def tables_of(source: Path, text: str) -> dict[str, Any]:
-    """Return the tables of a text."""
+    """Return the raw tables of a TOML text."""
     try:
         return toml(text)
     except ValueError as fault:
@@ -29,7 +29,7 @@ def tables_of(source: Path, text: str) -> dict[str, Any]:
 
 
 def overridden(raw: dict[str, Any], text: str, overrides: Sequence[str]) -> tuple[Places, list[Fault]]:
-    """Lay overrides over tables."""
+    """Apply overrides to raw tables."""
     places, found = Places.of_text(text), list[Fault]()
     for override in overrides:
         found += _lay_over(raw, override)
@@ -44,11 +44,11 @@ _INSTEAD = {
     "steps_per_revolution": "step",
     "step": "steps_per_revolution",
 }
-"""Keys of a run and what each stands instead of."""
+"""Keys of ``[run]`` and the keys they replace."""
 
 
 def _give_way(raw: dict[str, Any], given: Collection[KeyPath]) -> None:
-    """Take out of the run what an override stands instead of; two overrides that exclude each other stay."""
+    """Remove the keys that an override replaces; two overrides that exclude each other remain."""
     for key, other in _INSTEAD.items():
         if ("run", key) in given and ("run", other) not in given and isinstance(raw.get("run"), dict):
             raw["run"].pop(other, None)
@@ -66,7 +66,7 @@ def _text(path: Path) -> str:
 
 
 def _unreadable(path: Path, fault: OSError | UnicodeDecodeError) -> tuple[str, str]:
-    """Return why a file is no case, and a remedy: results are often given where a case is wanted."""
+    """Return why a file is not a case, and a remedy: users often pass a result file instead."""
     if path.suffix == ".vtkhdf":
         return "it is a result", "give the case; flexcam info, plot, report, view and export take results"
     return said(fault), ""
@@ -77,7 +77,7 @@ def _key(override: str) -> KeyPath:
 
 
 def _lay_over(raw: dict[str, Any], override: str) -> list[Fault]:
-    """Put one ``a.b.c=value`` into the tables; return what is wrong with it."""
+    """Apply one override ``a.b.c=value`` to the tables; return its faults."""
     path, (_, equals, value) = _key(override), override.partition("=")
     where = f"--set {override}"
     if not equals or not all(path):
@@ -97,7 +97,7 @@ def _lay_over(raw: dict[str, Any], override: str) -> list[Fault]:
 
 
 def _lay_into(values: list[Any], position: str, value: str, where: str) -> list[Fault]:
-    """Put a value into a list, at a position counted from 0."""
+    """Set an element of a list, at an index counted from 0."""
     if not position.isdecimal() or int(position) >= len(values):
         return [Fault(where, repr(position), f"a position in the list, 0 to {len(values) - 1}", "", "")]
     values[int(position)] = _toml_value(value.strip())
@@ -105,7 +105,7 @@ def _lay_into(values: list[Any], position: str, value: str, where: str) -> list[
 
 
 _OPTIONAL_TABLES = {"adaptive", "damping", "fluctuation", "free_running", "integrator"}
-"""Tables inside tables that a file may leave out."""
+"""Optional nested tables."""
 
 
 def _toml_value(text: str) -> object:
@@ -113,4 +113,4 @@ def _toml_value(text: str) -> object:
         made = toml(f"value = {text}")
     except ValueError:
         return text
-    return made["value"] if len(made) == 1 else text  # what stands on further lines is not passed over
+    return made["value"] if len(made) == 1 else text  # text with further lines is invalid

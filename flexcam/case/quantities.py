@@ -1,4 +1,4 @@
-"""What pydantic expects, in the words of a case file."""
+"""Types of values in a case file: quantities with units, components and directions, and messages for invalid values."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ _KINDS = {
     "tuple_type": "a list", "dict_type": "a table", "float_type": "a number", "float_parsing": "a number",
     "int_type": "a whole number", "int_parsing": "a whole number", "int_from_float": "a whole number",
 }  # fmt: skip
-"""What it calls a valid string, boolean, list, tuple, dictionary or number."""
+"""Names of pydantic's types in messages: string, boolean, list, tuple, dictionary, number."""
 
 
 def expected(error: ErrorDetails) -> str:
-    """Return what may stand in the place of a value."""
+    """Return a description of the allowed values."""
     return _KINDS.get(error["type"]) or error["msg"].replace("Input should be ", "")
 
 
 def refused(allowed: str, why: str = "", remedy: str = "", *, inside: str = "", given: str = "") -> PydanticCustomError:
-    """Return a refusal in the form that pydantic collects."""
+    """Return an error in the form that pydantic collects."""
     facts = {"allowed": allowed, "why": why, "remedy": remedy, "inside": inside, "given": given}
     return PydanticCustomError("flexcam", "{allowed}", facts)
 
 
 def passed_on(refusal: InputError, *, inside: bool = False) -> PydanticCustomError:
-    """Return a refusal of a part of flexcam in the form that pydantic collects."""
+    """Convert an `InputError` to the form that pydantic collects."""
     fault = refusal.faults[0]
     if inside:
         return refused(fault.allowed, fault.why, fault.remedy, inside=fault.where, given=fault.given)
@@ -41,20 +41,20 @@ def passed_on(refusal: InputError, *, inside: bool = False) -> PydanticCustomErr
 
 @dataclass(frozen=True)
 class Unit:
-    """Annotation of a float that is read as a quantity and kept in SI.
+    """Annotation of a float that is given as a quantity and stored in SI.
 
     Parameters
     ----------
     dimension
         A key of `flexcam.core.units.DIMENSIONS`.
     above
-        The value must be above zero.
+        Require a positive value.
     signed
-        Negative values are allowed.
+        Allow negative values.
     most
-        Largest value, SI; None without.
+        Upper limit, SI; None for no limit.
     noise
-        A number too small for its kind is zero, as it always is where negative values are allowed.
+        Treat numbers too small for their kind as zero, which always applies if negative values are allowed.
     """
 
     dimension: str
@@ -63,8 +63,8 @@ class Unit:
     most: float | None = None
     noise: bool = False
 
-    def validate(self, value: Any) -> float:  # noqa: ANN401 - whatever stands in the file
-        """Return the SI number."""
+    def validate(self, value: Any) -> float:  # noqa: ANN401 - any TOML value
+        """Return the number in SI."""
         try:
             number = parse(value, self.dimension, noise=self.signed or self.noise)
         except InputError as refusal:
@@ -94,7 +94,7 @@ class Unit:
         return {"anyOf": [{"type": "number"}, {"type": "string"}], **example}
 
 
-def _component(value: Any) -> str:  # noqa: ANN401 - whatever stands in the file
+def _component(value: Any) -> str:  # noqa: ANN401 - any TOML value
     try:
         component(str(value))
     except InputError as refusal:
@@ -119,12 +119,12 @@ def _line(value: Any) -> Any:  # noqa: ANN401
 
 @dataclass(frozen=True)
 class Check:
-    """Annotation that runs a check of flexcam's own over a value, in pydantic's place.
+    """Annotation that validates a value with a function of flexcam instead of pydantic.
 
     Parameters
     ----------
     check
-        Returns the value or raises.
+        Function that returns the value or raises.
     schema
         JSON Schema of the value.
     """
@@ -144,13 +144,13 @@ class Check:
 
 
 Component = Annotated[str, Check(_component, "component")]
-"""One of ux uy uz rx ry rz."""
+"""Component: one of ux uy uz rx ry rz."""
 
 DirectionValue = Annotated[Any, Check(_direction, "direction")]
-"""A component with an optional sign, or three (or six) numbers in global axes."""
+"""Component with an optional sign, or three (or six) numbers in global axes."""
 
 LineValue = Annotated[Any, Check(_line, "line")]
-"""The same without rotations: of motions and forces in contacts and rockers."""
+"""Direction without rotations, for motions and forces in contacts and rockers."""
 
 Length = Annotated[float, Unit("length", above=True)]
 Position = Annotated[float, Unit("length", signed=True)]

@@ -1,4 +1,4 @@
-"""Read a case file: text, overrides, checked records, one report of all faults."""
+"""Read a case file: text, overrides, checked records and one report of all faults."""
 
 from __future__ import annotations
 
@@ -32,19 +32,19 @@ def read_case(path: str | Path, overrides: Sequence[str] = ()) -> Case:
     Parameters
     ----------
     path
-        The TOML file.
+        TOML file.
     overrides
-        Values laid over the file's, such as ``"run.speed=4000rpm"``.
+        Overrides, such as ``"run.speed=4000rpm"``.
 
     Returns
     -------
     Case
-        With every default filled in, in SI.
+        Checked case with all defaults, in SI.
 
     Raises
     ------
     InputError
-        With all faults of the file at once: key path and line, what was given, what is allowed, why, what to do.
+        If the file is invalid; the error lists all faults: key path and line, value, allowed values, reason, remedy.
 
     Examples
     --------
@@ -54,11 +54,11 @@ def read_case(path: str | Path, overrides: Sequence[str] = ()) -> Case:
 
 
 _KEPT = ("case", "case_file", "overrides")
-"""What a result must hold for its case to be made again."""
+"""Texts of a result that are required to restore its case."""
 
 
 def recalled_case(result: Result) -> Case:
-    """Return the case that a result was computed from, out of the result itself, on the result's mesh."""
+    """Return the case of a result, from the texts stored in it and on its mesh."""
     about = result.about
     if missing := [name for name in _KEPT if name not in about]:
         raise refuse("result", f"nothing about {missing[0]!r}", "a result that keeps its case", "flexcam run keeps it")
@@ -70,18 +70,18 @@ def recalled_case(result: Result) -> Case:
 
 @dataclass(frozen=True, eq=False)
 class CaseFile:
-    """A case file in memory, from which many variants are read: text and meshes are taken from the disk once.
+    """Case file in memory, for reading many variants: text and meshes are read from disk once.
 
     Parameters
     ----------
     path
-        The file.
+        Path of the file.
     text
-        Its text.
+        Text of the file.
     raw
-        Its tables, not yet checked.
+        Raw tables, not yet checked.
     meshes
-        Those read so far, by the name the case gives them.
+        Meshes read so far, by their name in the case.
     """
 
     path: Path
@@ -91,12 +91,12 @@ class CaseFile:
 
     @classmethod
     def opened(cls, path: str | Path) -> CaseFile:
-        """Return the file of a path."""
+        """Open a case file."""
         source = Path(path)
         return cls(source, *parsed(source))
 
     def read(self, overrides: Sequence[str] = (), *, mesh: Mesh | None = None) -> Case:
-        """Return the checked case with values laid over the file's."""
+        """Return the checked case with overrides."""
         raw = deepcopy(dict(self.raw))
         places, found = overridden(raw, self.text, overrides)
         own, mesh_faults = self._mesh(raw, places) if mesh is None or "mesh" not in raw else (mesh, [])
@@ -109,7 +109,7 @@ class CaseFile:
 
     @property
     def sweep(self) -> SweepRecord | None:
-        """The checked table ``[sweep]``; None where there is none."""
+        """Checked table ``[sweep]``; None if there is none."""
         if "sweep" not in self.raw:
             return None
         places = Places.of_text(self.text)
@@ -136,7 +136,7 @@ AnyRecord = TypeVar("AnyRecord", bound=Record)
 def _record(
     kind: type[AnyRecord], raw: Mapping[str, Any], places: Places, case: Path
 ) -> tuple[AnyRecord | None, list[Fault]]:
-    """Return the checked record; files beside the case are found from it."""
+    """Return the checked record; relative file names refer to the folder of the case."""
     try:
         return kind.model_validate(raw, context={"case": case}), []
     except ValidationError as refusal:
@@ -144,12 +144,12 @@ def _record(
 
 
 def holds_mechanism(path: Path) -> bool:
-    """Tell whether a file describes a whole mechanism, or cams alone."""
+    """Return whether a file describes a mechanism or only cams."""
     return not {"members", "masses", "run"}.isdisjoint(parsed(path)[1])
 
 
 def read_cams(path: str | Path, overrides: Sequence[str] = ()) -> CamsRecord:
-    """Read and check a file with cams alone."""
+    """Read and check a file that contains only cams."""
     source = Path(path)
     text, raw = parsed(source)
     places, found = overridden(raw, text, overrides)
@@ -161,7 +161,7 @@ def read_cams(path: str | Path, overrides: Sequence[str] = ()) -> CamsRecord:
 
 
 def _either_or(raw: Mapping[str, Any], places: Places) -> list[Fault]:
-    """Return the faults of keys of which exactly one, or at most one, may stand."""
+    """Return the faults of mutually exclusive keys."""
     found = [*_one_of(raw, ("mesh", "nodes"), 1, "case file", "the geometry comes from one place")]
     if "members" not in raw and "masses" not in raw:
         why = "a mechanism is made of beams, of masses at points, or of both"

@@ -1,6 +1,6 @@
-"""The case file as checked records in SI: every key, its type and its default.
+"""Checked records of the case file in SI units: every key, its type and its default.
 
-The field's description is what `flexcam schema` hands to editors. A key that nothing acts on does not exist here.
+`flexcam schema` passes the field descriptions to editors. Every key has an effect.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from flexcam.case.schema.studies import SettingRecord, SweepRecord
 
 
 class CaseRecord(Record):
-    """A whole case file."""
+    """Case file."""
 
     format: int = Field(ge=1, le=1, strict=True, description="version of the case format: 1")
     title: str = ""
@@ -48,7 +48,7 @@ class CaseRecord(Record):
 
 
 class CamsRecord(Record):
-    """A file that holds cams alone, to be designed without a mechanism around them."""
+    """File that contains only cams, for cam design without a mechanism."""
 
     format: int = Field(ge=1, le=1, strict=True, description="version of the case format: 1")
     title: str = ""

@@ -1,4 +1,4 @@
-"""Names in a case that must exist elsewhere in it: checked on the raw tables, so that they join the one report."""
+"""Checks of references between tables, made on the raw tables so that the faults join the common report."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ Table = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class References:
-    """The references of a case.
+    """References of a case.
 
     Parameters
     ----------
     raw
-        The parsed TOML, not yet validated: whatever is of the wrong type is passed over here.
+        Parsed TOML before validation; values of the wrong type are skipped.
     mesh
-        The mesh of the file it names; None for a case with its own nodes, or if the file could not be read.
+        Mesh of the mesh file; None for a case with its own nodes, or if the file could not be read.
     places
-        Where the keys were given.
+        Source of every key.
     """
 
     raw: Table
@@ -33,7 +33,7 @@ class References:
     places: Places
 
     def faults(self) -> list[Fault]:
-        """Return the references that lead nowhere, or to several nodes where one is meant."""
+        """Return the faults of references without a target, or with several nodes where one is required."""
         found = [*self._parts(), *self._lifts(), *self._member_nodes(), *self._ends()]
         if self.mesh is not None:
             found += [*self._groups(self.mesh)]
@@ -70,7 +70,7 @@ class References:
                 yield from self._known((kind, name, key), table.get(key), list(self._table(target)), what)
 
     def _lifts(self) -> Iterator[Fault]:
-        """Return the keys of cams that miss, or that stand beside the whole lift of a file."""
+        """Yield missing keys of cams, and keys that conflict with a lift file."""
         for name, table in self._each("cams"):
             for key in OF_A_LAW if "lift_table" not in table else ():
                 if key not in table:
@@ -91,7 +91,7 @@ class References:
                 yield from self._known(("members", name, "nodes"), node, named, "a named node")
 
     def _ends(self) -> Iterator[Fault]:
-        """Return the springs whose ends are one point: nothing stretches them."""
+        """Yield springs with both ends at one point, which have no elongation."""
         for name, table in self._each("springs"):
             if "at" in table and table.get("to") == table["at"]:
                 where, why = (
@@ -153,7 +153,7 @@ _PARTS = (
     ("contacts", "cam", "cams", "a cam"),
     ("loads", "member", "members", "a member"),
 )
-"""Table, key, the table it refers to, what stands there."""
+"""Table, key, referenced table and description of the value."""
 
 _AT = (
     ("masses", "at", True),
@@ -168,7 +168,7 @@ _AT = (
     ("contacts", "from", False),
     ("contacts", "to", False),
 )
-"""Table, key, whether the point of a rocker may stand there."""
+"""Table, key and whether the output point of a rocker is allowed."""
 
 
 def _listed(value: object) -> list[object]:
@@ -176,5 +176,5 @@ def _listed(value: object) -> list[object]:
 
 
 def _is_finger(rocker: Table, nodes: Mapping[str, int]) -> bool:
-    """Tell whether a rocker is driven at a point of its own."""
+    """Return whether a rocker is driven at a separate point."""
     return rocker.get("model") == "lever" and isinstance(rocker.get("from"), str) and rocker["from"] not in nodes

@@ -1,4 +1,4 @@
-"""Starter cases: commented files in the package, written to where the user works."""
+"""Starter cases: commented files in the package, copied to the user's folder."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def templates() -> dict[str, str]:
 
 
 def new_case(template: str, path: Path | None = None, *, overwrite: bool = False) -> list[Path]:
-    """Write a starter case, with the files it names beside it."""
+    """Write a starter case and the files it refers to."""
     known = templates()
     if template not in known:
         raise refuse("template", repr(template), ", ".join(known), remedy=did_you_mean(template, known))
@@ -41,7 +41,7 @@ def _text(name: str) -> str:
 
 
 def _beside(value: object) -> Iterator[str]:
-    """Yield the names of the package's files that stand in a case."""
+    """Yield the names of the package's files that a case refers to."""
     if isinstance(value, dict):
         for one in value.values():  # pyright: ignore[reportUnknownVariableType]
             yield from _beside(one)  # pyright: ignore[reportUnknownArgumentType]

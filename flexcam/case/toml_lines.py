@@ -1,4 +1,4 @@
-"""Where a key of a case was given; `tomllib` does not tell lines."""
+"""Source lines of the keys of a case, which `tomllib` does not report."""
 
 from __future__ import annotations
 
@@ -20,22 +20,22 @@ Path = tuple[str, ...]
 
 @dataclass(frozen=True)
 class Places:
-    r"""Where every key of a case was given: on a line of the file, or by an override.
+    r"""Source of every key of a case: a line of the file or an override.
 
     Parameters
     ----------
     notes
-        Key path to what is said of it, such as ``line 12`` or ``--set run.speed=4000rpm``.
+        Source by key path, such as ``line 12`` or ``--set run.speed=4000rpm``.
     """
 
     notes: Mapping[Path, str]
 
     @classmethod
     def of_text(cls, text: str) -> Places:
-        """Return the lines of every table and key of a TOML document; keys inside inline tables are not listed."""
+        """Return the lines of every table and key of a TOML document, without keys inside inline tables."""
         notes: dict[Path, str] = {}
         table: Path = ()
-        for number, line in enumerate(text.split("\n"), start=1):  # no other character ends a line of TOML
+        for number, line in enumerate(text.split("\n"), start=1):  # TOML has no other line ending
             if header := _TABLE.match(line):
                 table = _parts(header[1])
                 notes.setdefault(table, f"line {number}")
@@ -44,11 +44,11 @@ class Places:
         return cls(notes)
 
     def overridden(self, path: Path, override: str) -> Places:
-        """Return the places with one key given by an override."""
+        """Return the sources with one key given by an override."""
         return Places({**self.notes, path: f"--set {override}"})
 
     def place(self, path: Path) -> str:
-        """Return a key path with what is said of its nearest listed ancestor."""
+        """Return a key path with the source of its nearest listed ancestor."""
         for end in range(len(path), 0, -1):
             if path[:end] in self.notes:
                 return f"{'.'.join(path)} ({self.notes[path[:end]]})"
@@ -59,7 +59,7 @@ _LINE = re.compile(r" \(line (\d+)\)")
 
 
 def in_order(faults: Iterable[Fault]) -> list[Fault]:
-    """Return faults by the lines they are on; those of one line stand together, those of no line come last."""
+    """Return faults sorted by line; faults without a line come last."""
 
     def line(fault: Fault) -> float:
         told = _LINE.search(fault.where)
@@ -73,14 +73,14 @@ def _parts(dotted: str) -> Path:
 
 
 _DEPTH = 30
-"""Tables in tables and lists in lists; a case has five."""
+"""Maximum nesting depth of tables and lists; a case has five."""
 
 _LONGEST = 1 << 26
-"""Characters of a text."""
+"""Maximum length of a text, characters."""
 
 
 def toml(text: str) -> dict[str, Any]:
-    """Return the tables of a TOML text."""
+    """Parse a TOML text."""
     if len(text) > _LONGEST:
         raise ValueError(f"{len(text)} characters, more than {_LONGEST}")
     if any(map(_far_too_dotted, text.split("\n"))):
@@ -102,13 +102,13 @@ def toml(text: str) -> dict[str, Any]:
 
 
 _TUPLE, _PART_TOML = re.compile(r"\(('[^']*',? ?)+\)"), re.compile(r"'([^']*)'")
-"""A key as Python's reader tells it, such as ``('run', 'speed')``, and its parts."""
+"""Key in an error message of `tomllib`, such as ``('run', 'speed')``, and its parts."""
 
 _TOO_DEEP = f"tables or lists nested more than {_DEPTH} deep"
 
 
 def _far_too_dotted(line: str) -> bool:
-    """Tell a key of thousands of parts: Python's reader takes memory by the square of their number."""
+    """Return whether a line has a key of thousands of parts: the memory of `tomllib` is quadratic in their number."""
     key = line.partition("=")[0]
     return key.count(".") > _PARTS and "," not in key
 

@@ -1,6 +1,6 @@
-"""Keys of a case that a command does not act on: told where a user gave them, for silence would pass for an answer.
+"""Shared parts of the commands: application, signals, reading of cases, and keys that a command ignores.
 
-`UNUSED` is the one table of them; a new command, or a new key that not every command knows, is a row of it.
+`UNUSED` lists the ignored keys; a new command, or a key that not every command uses, needs a row in it.
 """
 
 from __future__ import annotations
@@ -26,23 +26,23 @@ from flexcam.report.terminal import note
 
 @dataclass(frozen=True)
 class Unused:
-    """Keys that some commands do not act on.
+    """Keys that some commands ignore.
 
     Parameters
     ----------
     commands
-        Their names.
+        Names of the commands.
     keys
-        Of the case, or tables of it.
+        Keys of the case, or its tables.
     why
-        What the commands do instead.
+        Behaviour of the commands instead.
     remedy
-        What to do.
+        Suggested action.
     laid
-        Whether only a key laid over the case by ``--set`` is told. A file is written for every command: its run is
-        nothing to tell where no run is asked for. What is laid over is meant for the one command.
+        Whether only keys set by ``--set`` are reported. A file is written for all commands, so its unused keys are not
+        reported; an override is intended for the current command.
     but
-        Keys below `keys` on which they do act.
+        Exceptions below `keys` that the commands use.
     """
 
     commands: tuple[str, ...]
@@ -92,17 +92,17 @@ UNUSED = (
     ),
     Unused(("limits",), ("run.revolutions",), "it runs a few revolutions at each speed", _LEAVE, laid=True),
 )  # fmt: skip
-"""What no command may pass over in silence."""
+"""Ignored keys by command."""
 
 _TELLS = ("check", "run")
-"""Commands that tell it with everything else that is doubtful about a case."""
+"""Commands that report ignored keys with their other warnings."""
 
 _OWN = {"paper": "compare", "settings": "settings", "sweep": "sweep"}
-"""Tables that are there for one command."""
+"""Tables used by a single command."""
 
 
 def unused(command: str, overrides: Sequence[str], case: Case | None = None) -> list[str]:
-    """Return what a command does not act on of what a user gave, in words."""
+    """Return messages about the given keys that a command ignores."""
     laid = [one.partition("=")[0].strip() for one in overrides]
     twice = [
         f"Note: --set {one} has no part: --set {overrides[last]} is laid over it; leave one out"
@@ -124,12 +124,12 @@ def _sentence(keys: Sequence[str], command: str, why: str, remedy: str) -> str:
 
 
 def _below(key: str, above: Sequence[str]) -> bool:
-    """Tell whether a key is one of some keys, or stands below one."""
+    """Return whether a key equals or is below one of several keys."""
     return any(key == one or key.startswith(f"{one}.") for one in above)
 
 
 def _given(case: Case, keys: Sequence[str]) -> Iterator[tuple[str, str]]:
-    """Yield the keys, each of a table of the case, that were given other values than they have by default."""
+    """Yield the keys of a table of the case with values other than their defaults."""
     for table, name in (key.split(".") for key in keys):
         record: Record = getattr(case.record, table)
         default: object = type(record).model_fields[name].default
@@ -138,7 +138,7 @@ def _given(case: Case, keys: Sequence[str]) -> Iterator[tuple[str, str]]:
 
 
 def _of_others(command: str, laid: Sequence[str]) -> Iterator[str]:
-    """Yield what is laid over the table of another command."""
+    """Yield the overrides of tables of other commands."""
     for key in laid:
         its = _OWN.get(key.partition(".")[0])
         if its not in (None, command) and command != "check":
@@ -146,7 +146,7 @@ def _of_others(command: str, laid: Sequence[str]) -> Iterator[str]:
 
 
 def _idle(command: str, case: Case | None) -> Iterator[str]:
-    """Yield keys that another key of the same case leaves without a part, whatever is asked."""
+    """Yield the keys without effect because of another key of the case."""
     if (
         case is None
         or command in _TELLS
@@ -160,14 +160,14 @@ def _idle(command: str, case: Case | None) -> Iterator[str]:
 
 @dataclass
 class Running:
-    """What the signal handler and a running solution know of each other, and the command that is under way."""
+    """State shared by the signal handler and the current run, and the current command."""
 
     command: str = ""
     signals: list[int] = field(default_factory=list[int])
     solving: bool = False
 
     def stopped(self) -> bool:
-        """Tell whether a signal asked the run to end."""
+        """Return whether a signal requested the end of the run."""
         return bool(self.signals)
 
 
@@ -215,7 +215,7 @@ _BARE = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*$")
 
 
 def quantity(where: str, text: str, dimension: str, unit: str) -> float:
-    """Return the SI number of an option's text; a number without a unit is refused, for it would be taken as SI."""
+    """Return the SI number of an option; a number without a unit is rejected, because it could be mistaken for SI."""
     if _BARE.match(text) and float(text) != 0.0:
         allowed = f"a number with its unit, such as '{text.strip()} {unit}'"
         raise refuse(where, text, allowed, "a bare number could be anything", f"write '{text.strip()} {unit}'")
@@ -223,20 +223,20 @@ def quantity(where: str, text: str, dimension: str, unit: str) -> float:
 
 
 def load(path: Path, overrides: Sequence[str] | None) -> Case:
-    """Read a case with the values of ``--set`` laid over it; what of it the command does not act on is told."""
+    """Read a case with the overrides of ``--set``, and report keys that the command ignores."""
     case = read_case(path, overrides or ())
     tell_unused(overrides, case)
     return case
 
 
 def tell_unused(overrides: Sequence[str] | None, case: Case | None = None) -> None:
-    """Tell what the command under way does not act on; of a file with cams alone, what is laid over it."""
+    """Report the keys that the current command ignores; for a file of cams, only the overrides."""
     for sentence in unused(running.command, overrides or (), case):
         note(sentence)
 
 
 def load_beams(path: Path, overrides: Sequence[str] | None) -> Case:
-    """Read a case for a command that asks its beams; a case that asks for a coarser model is refused."""
+    """Read a case for a command that requires its beams; raise an error if it requests a coarser model."""
     case = load(path, overrides)
     asked = case.record.fidelity
     for key, given, allowed in (("model", asked.model, "beams"), ("modes", asked.modes, None)):
@@ -247,7 +247,7 @@ def load_beams(path: Path, overrides: Sequence[str] | None) -> Case:
 
 
 def from_one(option: str, number: int) -> None:
-    """Refuse a number of things that is none."""
+    """Raise an error if a number is less than 1."""
     if number < 1:
         raise refuse(option, number, "a whole number from 1")
 
@@ -258,7 +258,7 @@ _MOST_SPEEDS = 10_000
 def speed_range(
     lowest: str | None, highest: str | None, count: int, speed: float, scale: float, most: float = 1.5
 ) -> tuple[float, float]:
-    """Return the speeds of the camshaft between which a command looks; from half to `most` times the case's."""
+    """Return the range of camshaft speeds of a command, rad/s; by default half to `most` times the case's speed."""
     if not 2 <= count <= _MOST_SPEEDS:
         raise refuse("--count", count, f"a whole number from 2 to {_MOST_SPEEDS}", "each speed is a run")
     low = 0.5 * speed if lowest is None else quantity("--lowest", lowest, "speed", "rpm") / scale
@@ -272,7 +272,7 @@ def speed_range(
 
 
 def bracket(option: str, text: str, scale: float) -> float:
-    """Return how closely a speed is looked for, of the camshaft in rad/s."""
+    """Return the tolerance of a speed search, of the camshaft in rad/s."""
     width = quantity(option, text, "speed", "rpm") / scale
     if not width > 0.0:
         raise refuse(option, text, "a speed above zero", "a bracket is halved until it is as narrow")
@@ -280,7 +280,7 @@ def bracket(option: str, text: str, scale: float) -> float:
 
 
 def free_picture(plot: Path | None, overwrite: bool) -> None:
-    """Refuse a picture that could not be written, before anything is computed."""
+    """Raise an error if a figure cannot be written, before a computation."""
     if plot is not None:
         from flexcam.plotting.figures import free_for_picture
 

@@ -1,4 +1,4 @@
-"""What commands of studies give back: tables, words, one JSON object, a CSV file, a picture."""
+"""Input and output of commands: result or case as source, output files, tables, JSON, CSV and figures."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ if TYPE_CHECKING:
 
 
 Answer = tuple[Told, Callable[[], "Figure"]]
-"""What is told, and what draws it."""
+"""Output of a study, and the function that draws it."""
 
 
 def write_answer(
     answer: Answer, csv: Path | None, plot: Path | None, ended: Status, *, overwrite: bool, as_json: bool,
     written: Sequence[Path] = (),
 ) -> None:  # fmt: skip
-    """Print what is told, and write its table and its picture, also of a study that was stopped; name every file."""
+    """Print the output of a study and write its table and figure, also after an interruption; name every file."""
     told, draw = answer
     if csv is not None:
         write_text(csv, told.csv, overwrite=overwrite)
@@ -64,7 +64,7 @@ _ALLOWED = "a time above zero with its unit, such as 90s, 5min30s or 2h"
 
 
 def duration(where: str, text: str) -> float:
-    """Return a duration."""
+    """Parse a duration."""
     whole = 0.0
     position = 0
     while found := _PART.match(text, position):
@@ -80,7 +80,7 @@ def duration(where: str, text: str) -> float:
 
 
 def _why(rest: str) -> str:
-    """Return why what is left of a text is no duration."""
+    """Return why the remaining text is not a duration."""
     if _BARE.match(rest):
         return f"{rest.strip()} without a unit could be anything"
     return "time does not run backwards" if rest.lstrip().startswith("-") else f"{rest!r} is no number with a unit"
@@ -99,14 +99,14 @@ RESULT = ".vtkhdf"
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """A result file, or a case that is run once its response is asked for.
+    """Result file, or a case that is run when its response is first used.
 
     Parameters
     ----------
     path
-        Of the file.
+        Path of the file.
     overrides
-        Laid over the case.
+        Overrides of the case.
     """
 
     path: Path
@@ -114,54 +114,54 @@ class Source:
 
     @cached_property
     def result(self) -> Result | None:
-        """The result file; None for a case."""
+        """Result file; None for a case."""
         return read_result(self.path) if self.path.suffix == RESULT else None
 
     @cached_property
     def case(self) -> Case:
-        """The case, of a result that which it keeps."""
+        """Case; of a result, the case stored in it."""
         return load(self.path, self.overrides) if self.result is None else recalled_case(self.result)
 
     @cached_property
     def ready(self) -> Prepared:
-        """The case, ready to run."""
+        """Prepared run of the case."""
         return prepare(self.case) if self.result is None else reopened(self.case, self.result)[0]
 
     @cached_property
     def response(self) -> Response:
-        """What the result holds, or what a run of the case gives."""
+        """Response of the result, or of a run of the case."""
         return _solved(self.ready) if self.result is None else self.result.response
 
     @cached_property
     def rigid(self) -> Response:
-        """The same with rigid members."""
+        """Response with rigid members."""
         return _solved(prepare(self.case, rigid=True))
 
     @cached_property
     def alone(self) -> CamSet | None:
-        """The cams of a file that has nothing else; None for a result, and for a case with its mechanism."""
+        """Cams of a file without a mechanism; None for a result or a complete case."""
         if self.path.suffix == RESULT or holds_mechanism(self.path):
             return None
         return load_cams(self.path, self.overrides)
 
     @property
     def cams(self) -> Mapping[str, Cam]:
-        """Its cams, by name."""
+        """Cams by name."""
         return build_model(self.case).cams if self.alone is None else self.alone.cams
 
     @property
     def subject(self) -> str:
-        """What the case, or the file of cams, is called."""
+        """Title of the case or of the file of cams."""
         return self.case.title if self.alone is None else self.alone.title or self.stem
 
     @property
     def stem(self) -> str:
-        """Name of the file without its endings."""
+        """Name of the file without suffixes."""
         return self.path.name.partition(".")[0]
 
     @property
     def title(self) -> str:
-        """What the case is called, with its speed."""
+        """Title of the case with its speed."""
         return f"{self.case.record.title or self.stem}, {self.case.told_speed}"
 
 
@@ -173,9 +173,9 @@ def _solved(ready: Prepared) -> Response:
 
 
 def opened(paths: Sequence[Path], overrides: Sequence[str] | None, *, cams: bool = False) -> list[Source]:
-    """Return the sources of some files; what cannot be read is refused before anything is computed.
+    """Return the sources of several files; unreadable files are rejected before a computation.
 
-    Where `cams` are asked for, a file with cams alone will do.
+    With `cams`, files that contain only cams are accepted.
     """
     if not paths:
         raise refuse("command line", "no file", "one or more results (.vtkhdf) or cases (.toml)")
@@ -188,7 +188,7 @@ def opened(paths: Sequence[Path], overrides: Sequence[str] | None, *, cams: bool
 
 
 def named(sources: Sequence[Source]) -> dict[str, Source]:
-    """Return sources by what tells them apart: nothing for a single one, else file name, speed or number."""
+    """Return sources by a distinguishing name: empty for a single one, else file name, speed or number."""
     if len(sources) == 1:
         return {"": sources[0]}
     speeds = ["" if one.alone else one.case.told_speed for one in sources]
@@ -196,7 +196,7 @@ def named(sources: Sequence[Source]) -> dict[str, Source]:
 
 
 def apart(written: Mapping[str, Path | None], read: Sequence[Path] = ()) -> None:
-    """Refuse files that stand in each other's place, or in that of what the command reads, also to be overwritten."""
+    """Raise an error if output files coincide with each other or with an input file, regardless of overwriting."""
     taken = {_real(path): "what is read" for path in read}
     faults: list[Fault] = []
     for option, path in written.items():
@@ -210,7 +210,7 @@ def apart(written: Mapping[str, Path | None], read: Sequence[Path] = ()) -> None
 
 
 def free_targets(csv: Path | None, plot: Path | None, read: Path, *, overwrite: bool) -> None:
-    """Refuse a table and a picture that could not be written, before anything is computed."""
+    """Raise an error if a table or a figure cannot be written, before a computation."""
     together(
         lambda: apart({"--csv": csv, "--plot": plot}, [read]),
         lambda: None if csv is None else free_to_write("output", csv, overwrite=overwrite),

@@ -1,4 +1,4 @@
-"""Words beside drawn mechanisms."""
+"""Commands and tables about cams: cam, lift."""
 
 from __future__ import annotations
 
@@ -37,18 +37,18 @@ from flexcam.report.terminal import facts, out, print_json, table
 
 
 def drawing_words(notes: Sequence[str]) -> list[str]:
-    """Return what is said of the sizes that a picture has and its case does not give."""
+    """Return sentences about drawn sizes that a case does not give."""
     return ["Drawn with sizes that the case does not give:", *(f"  {note}" for note in notes)] if notes else []
 
 
 _NEGATIVE = 1e-4
-"""Part of the largest lift by which a profile may lie within its base circle: less than a cam is ground to."""
+"""Allowed depth of a profile within its base circle, relative to the maximum lift: less than the grinding tolerance."""
 
 _STEPS = (("lift", "mm"), ("velocity", "mm/rad"), ("acceleration", "mm/rad^2"), ("jerk", "mm/rad^3"))
 
 
 def cam_json(found: CamFacts, report: LiftReport | None) -> dict[str, object]:
-    """Return what a cam does as ``--json`` prints it."""
+    """Return the facts about a cam for ``--json``."""
     return {
         "lift": found.lift[1].value, "least_lift": found.lift[0].value, "velocity": found.velocity,
         "acceleration": found.acceleration, "jerk": found.jerk, "harmonics": list(found.harmonics),
@@ -84,7 +84,7 @@ def _profile_json(found: CamFacts) -> dict[str, object] | None:
 
 
 def cam_table(name: str, found: CamFacts, speed: float | None, ratio: float) -> Table:
-    """Return what a cam does."""
+    """Return the table of the facts about a cam."""
     rows = [
         ("lift", _lift(found, ratio)),
         ("largest velocity", _at_speed(found.velocity, "mm/rad", "m/s", 1, speed)),
@@ -174,13 +174,13 @@ def _finding(one: Finding) -> str:
 
 
 def overlap_table(overlaps: Sequence[tuple[str, str, str, float]]) -> Table:
-    """Return how long the valves of two cams are open together."""
+    """Return the table of the valve overlap of two cams."""
     rows = [(f"{one} and {other}", lift, f"{math.degrees(angle):.2f}") for one, other, lift, angle in overlaps]
     return table("Overlap", ("cams", "at a lift of", "crank deg"), rows)
 
 
 def smoothing_table(name: str, report: LiftReport) -> Table:
-    """Return what smoothing changed in a lift table."""
+    """Return the table of the smoothing of a lift table."""
     before, after = (
         f"{1e3 * low:.4g} to {1e3 * high:.4g} mm/rad^2"
         for low, high in (report.acceleration_before, report.acceleration_after)
@@ -197,7 +197,7 @@ def smoothing_table(name: str, report: LiftReport) -> Table:
 
 
 def read_table(name: str, points: int, angle: FloatArray, lift: FloatArray, hollow: Bridge | None) -> Table:
-    """Return a lift that was read from a profile."""
+    """Return the table of a lift computed from a profile."""
     low, high = (Extreme(float(lift[i]), float(angle[i])) for i in (int(np.argmin(lift)), int(np.argmax(lift))))
     rows = [
         ("points", str(points)),
@@ -258,7 +258,7 @@ def cam(
     _profile_asked(found, folder, cutter)
     _folder_of_pictures(plot)
     files: list[Path] = []
-    for one in found:  # before anything is written
+    for one in found:  # before files are written
         for path in _picture_names(plot / f"{cams.name}-{one}", kind).values() if plot is not None else ():
             free_to_write("picture", path, overwrite=overwrite)
     for one, lobe in found.items():
@@ -292,7 +292,7 @@ def cam(
 def _with_a_folder(
     folder: Path | None, forms: Sequence[str] | None, plot: Path | None, plot_format: str | None
 ) -> None:
-    """Refuse the form of files that are not asked for."""
+    """Raise an error for a file format without an output folder."""
     for option, given, other, asked in (
         ("--format", forms, "-o", folder),
         ("--plot-format", plot_format, "--plot", plot),
@@ -303,7 +303,7 @@ def _with_a_folder(
 
 
 def _profile_asked(found: Mapping[str, CamFacts], folder: Path | None, cutter: str | None) -> None:
-    """Refuse what only a profile has, where there is none."""
+    """Raise an error for options that require a profile if there is none."""
     for option, given in (("-o", folder), ("--cutter", cutter)):
         if given is not None and not any(one.profile for one in found.values()):
             why, remedy = f"{', '.join(found)} has no profile", "give the cam base_radius and follower"
@@ -311,7 +311,7 @@ def _profile_asked(found: Mapping[str, CamFacts], folder: Path | None, cutter: s
 
 
 def _folder_of_pictures(plot: Path | None) -> None:
-    """Refuse the name of a picture where that of a folder is asked for."""
+    """Raise an error for a file name in the place of a folder of figures."""
     if plot is not None and plot.suffix in (".svg", ".png", ".pdf"):
         remedy = f"name a folder; --plot-format {plot.suffix[1:]} says the kind"
         raise refuse("--plot", str(plot), "a folder", "a cam has several pictures", remedy)

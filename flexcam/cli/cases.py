@@ -1,4 +1,4 @@
-"""Commands that look at a case: check, modes."""
+"""Commands that inspect a case: check, modes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The command that holds two models, cases or results against each other: compare."""
+"""Command that compares two models, cases or results: compare."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def _two(case: Path, against: str, probe: str | None, overrides: Overrides, as_j
 
 
 def _other(against: str, read: Case | None, overrides: Overrides) -> Response:
-    """Return what is compared with: a result, another case, or a model of the case's ladder."""
+    """Return the response compared with: of a result, another case, or a model of the case's ladder."""
     path = Path(against)
     if path.suffix == _RESULT:
         return read_result(path).response
@@ -108,7 +108,7 @@ def _other(against: str, read: Case | None, overrides: Overrides) -> Response:
 
 
 def _whole(response: Response) -> Response:
-    """Return a run that is compared with; a Ctrl-C in it ends the command."""
+    """Return a complete run for a comparison; Ctrl-C during the run ends the command."""
     raise_if_interrupted(response.status)
     return response
 

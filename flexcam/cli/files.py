@@ -1,4 +1,4 @@
-"""Commands that work on files: export, info, schema."""
+"""Commands for files: export, info, schema."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def export(
 def _collection(
     result: Result, target: Path, every: int, fields: list[str] | None, *, macro: bool, overwrite: bool
 ) -> list[Path]:
-    """Write a collection, and the macro that shows it behind its first file; nothing, if one of both may not be."""
+    """Write a collection and its macro after checking that both may be written."""
     if not macro:
         return write_pvd(result, target, every=every, fields=fields, overwrite=overwrite)
     if fields is not None and "displacement" not in fields:
@@ -107,7 +107,7 @@ _MOST_INSTANTS = 10_000_000
 
 
 def _at_instants(response: Response, count: int | None) -> Response:
-    """Return a response at so many evenly spaced instants; None for its own."""
+    """Return a response at evenly distributed instants; None for all of them."""
     if count is None:
         return response
     if not 2 <= count <= _MOST_INSTANTS or len(response.time) < 2:

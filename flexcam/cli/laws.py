@@ -1,4 +1,4 @@
-"""Tables about motion laws."""
+"""Commands and tables about motion laws: law, laws."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _CURVES = (("velocity", "s'"), ("acceleration", "s''"), ("jerk", "s'''"), ("mome
 
 
 def law_json(found: Criteria) -> dict[str, object]:
-    """Return the criteria of a law as ``--json`` prints them."""
+    """Return the criteria of a law for ``--json``."""
     ends = {f"z={z}": dict(zip(("s", "s'", "s''", "s'''"), end, strict=True)) for z, end in enumerate(found.ends)}
     return {
         "Cv": found.Cv, "Ca": found.Ca, "Cj": found.Cj, "Cm": found.Cm,
@@ -35,7 +35,7 @@ def law_json(found: Criteria) -> dict[str, object]:
 
 
 def law_facts(name: str, found: Criteria) -> Table:
-    """Return the facts of one law."""
+    """Return the table of the criteria of one law."""
     criteria = (("C_v", found.Cv), ("C_a", found.Ca), ("C_j", found.Cj), ("C_m", found.Cm))
     rows = [("criteria", ", ".join(f"{n} {'infinite' if x is None else f'{x:.6g}'}" for n, x in criteria))]
     rows += [
@@ -64,7 +64,7 @@ def _place(extreme: Extreme) -> str:
 
 
 def laws_table(found: Mapping[str, Criteria]) -> Table:
-    """Return all laws side by side."""
+    """Return a table that compares all laws."""
     rest = ("none", "s'", "s' s''", "s' s'' s'''")
     rows = [
         (name, *(f"{x:.4f}" for x in (c.Cv, c.Ca)), "infinite" if c.Cj is None else f"{c.Cj:.3f}", f"{c.Cm:.4f}",
@@ -75,7 +75,7 @@ def laws_table(found: Mapping[str, Criteria]) -> Table:
 
 
 def spectrum_table(spectra: Mapping[str, Sequence[float]], ratios: Sequence[float]) -> Table:
-    """Return residual vibrations side by side."""
+    """Return a table that compares residual vibrations."""
     rows = [(name, *(f"{value:.6f}" for value in values)) for name, values in spectra.items()]
     return table("Residual vibration over lift, by rise time over period", ("law", *(f"{r:g}" for r in ratios)), rows)
 
@@ -95,7 +95,7 @@ Spectrum = Annotated[
 
 
 def find_law(name: str, parameters: list[str] | None = None) -> Law:
-    """Return the law of a name with parameters, or of a file."""
+    """Return a law given by name and parameters, or by a file."""
     if name.endswith(".toml"):
         if parameters:
             raise refuse("--with", ", ".join(parameters), "nothing beside a law file", "the file says all of it")
@@ -147,7 +147,7 @@ def law(
 
 
 def _drawn(found: Mapping[str, Law], plot: Path | None, spectrum: Path | None, *, overwrite: bool) -> None:
-    """Draw laws and what vibration they leave behind, where that is asked for."""
+    """Draw laws and their residual vibration, if requested."""
     if plot is None and spectrum is None:
         return
     apart({"--plot": plot, "--spectrum": spectrum})
@@ -162,7 +162,7 @@ def _drawn(found: Mapping[str, Law], plot: Path | None, spectrum: Path | None, *
 
 
 def _by_law(given: Mapping[str, Law]) -> dict[str, str]:
-    """Return the first name of every law, and all its names together."""
+    """Return the first name of every law, with all its names."""
     rows: dict[str, str] = {}
     for name, one in given.items():
         first = next((other for other in rows if given[other] == one), name)

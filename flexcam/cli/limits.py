@@ -1,4 +1,4 @@
-"""Table of what endangers a speed."""
+"""Commands and tables about speed limits, model divergence and stability."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ _WORDS = {
 
 
 def stability_table(found: Stability, scale: float) -> Table:
-    """Return what endangers a speed."""
+    """Return the table of the stability at a speed."""
     rows = [
         ("integrator", _integrated(found.discrete)),
         ("periodic motion", _grows(found)),
@@ -76,7 +76,7 @@ def _integrated(found: Discrete) -> str:
 
 
 def _named(found: Stability, one: Resonance) -> str:
-    """Return a harmonic, and where there are several cams, the contact whose it is."""
+    """Return the order of a resonance, with the contact if there are several cams."""
     several = len({other.contact for other in found.resonances}) > 1
     return f"harmonic {one.harmonic}" + (f", {one.contact}" if several else "")
 
@@ -87,7 +87,7 @@ def _met(one: Resonance, scale: float) -> str:
 
 
 def _counted(found: Stability, scale: float) -> str:
-    """Return how many resonances there are up to the highest speed that is asked for, and above."""
+    """Return the number of resonances below and above the highest listed speed."""
     count = len(found.within)
     rpm = f"{shaft_name(scale)} rpm"
     words = f"{count or 'none'} up to {scale * found.highest:.5g} {rpm}"
@@ -109,7 +109,7 @@ def _grows(found: Stability) -> str:
 
 
 def stability_json(found: Stability, scale: float) -> dict[str, object]:
-    """Return the same as ``--json`` prints it."""
+    """Return the stability for ``--json``."""
     multipliers = [] if found.floquet is None else [[one.real, one.imag] for one in found.floquet.multipliers.tolist()]
     return {
         "shaft": shaft_name(scale), "rpm": scale * found.rpm,
@@ -131,7 +131,7 @@ def stability_json(found: Stability, scale: float) -> dict[str, object]:
 
 
 def growth_table(found: Sequence[Stability], scale: float) -> Table:
-    """Return what endangers each of several speeds."""
+    """Return the table of the stability at several speeds."""
     heads = (f"{shaft_name(scale)} rpm", "spectral radius", "multiplier", "growth, 1/s", "off the cam, deg", "verdict")
     return table("Stability over speed", heads, (_row(one, scale) for one in found))
 
@@ -145,12 +145,12 @@ def _row(one: Stability, scale: float) -> list[str]:
 
 
 def growths(found: Sequence[Stability]) -> FloatArray:
-    """Return the growth rates of several speeds."""
+    """Return the growth rates at several speeds."""
     return np.array([math.nan if one.floquet is None else one.floquet.growth for one in found])
 
 
 def dangers(found: Sequence[Stability]) -> dict[str, NDArray[np.bool_]]:
-    """Return which of several speeds each cause endangers."""
+    """Return the speeds at which each cause of instability occurs."""
     named = {cause: np.array([cause in one.verdict for one in found]) for cause in _WORDS}
     return {**named, "chatter": np.array([one.chatters for one in found])}
 
@@ -159,7 +159,7 @@ _PAIRS = (("rigid", "bilateral"), ("bilateral", "unilateral"))
 
 
 def parting_table(found: Sequence[Speed], scale: float, tolerance: float) -> Table:
-    """Return least and largest contact force on the main lift by model."""
+    """Return the table of minimum and maximum contact force on the main lift by model."""
     rows = [(f"{scale * one.rpm:.6g}", *(_told(one.forces[name]) for name in MODELS)) for one in found]
     head = (f"{shaft_name(scale)} rpm", *(f"{name}, N" for name in MODELS))
     return table(f"Contact force on the main lift; {_where(found, scale, tolerance)}", head, rows)
@@ -179,7 +179,7 @@ def _where(found: Sequence[Speed], scale: float, tolerance: float) -> str:
 
 
 def parting_json(found: Sequence[Speed], scale: float, tolerance: float) -> dict[str, object]:
-    """Return the same as ``--json`` prints it."""
+    """Return the contact forces by model for ``--json``."""
     part: dict[str, object] = {}
     for first, second in _PAIRS:
         rpm = parts_at(found, first, second, tolerance)
@@ -198,7 +198,7 @@ def parting_json(found: Sequence[Speed], scale: float, tolerance: float) -> dict
 
 
 def force_bands(found: Sequence[Speed]) -> dict[str, tuple[FloatArray, FloatArray]]:
-    """Return least and largest forces by model for a picture."""
+    """Return minimum and maximum forces by model for a figure."""
     nothing = Forces(float("nan"), float("nan"))
     each = {name: [speed.forces[name] or nothing for speed in found] for name in MODELS}
     return {

@@ -1,7 +1,7 @@
-"""The command line's frame: signals, refusals and exit codes around the commands of `cli`.
+"""Entry point of the command line: signals, errors and exit codes.
 
-Results go to standard output, messages to standard error. Exit codes: 0 done, 2 refused input, 3 the run failed,
-130 interrupted, 143 terminated, 70 a fault of flexcam itself.
+Results go to standard output, messages to standard error. Exit codes: 0 success, 2 invalid input, 3 failed run,
+130 interrupted, 143 terminated, 70 internal error of flexcam.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def _crashed(words: Sequence[str], as_json: bool) -> int:
 
 
 def _misspelt(words: Sequence[str], fault: CycloptsError) -> Fault:
-    """Return a command line that is none, in the words of this one."""
+    """Return the fault of an invalid command line."""
     command = [word for word in words[:1] if any(word in commands for commands in FILES.values())]
     why, remedy = str(fault), ""
     if found := re.match(r'Command "[^"]+" parameter (--\S+) requires an argument', why):
@@ -85,7 +85,7 @@ _INTERRUPTED = Status(Cause.INTERRUPTED, "stopped by the user before it was fini
 
 
 def _on_signal(signum: int, frame: FrameType | None) -> None:
-    """Let a run end at its next step; stop anything else at once."""
+    """End a run at its next step; end other operations immediately."""
     del frame
     running.signals.append(signum)
     if not running.solving or len(running.signals) > 1:
@@ -97,7 +97,7 @@ def _signal_code() -> int:
 
 
 def _empty(words: Sequence[str]) -> list[Fault]:
-    """Return a fault per option of a file that is followed by an empty word, which Python takes for this folder."""
+    """Return a fault for every file option with an empty value, which Python would interpret as the current folder."""
     pairs = [*pairwise(words), *(tuple(word.partition("=")[::2]) for word in words if word.endswith("="))]
     why, remedy = "such as by a variable of the shell that is not set", "name one, or leave the option out"
     return [
@@ -106,7 +106,7 @@ def _empty(words: Sequence[str]) -> list[Fault]:
 
 
 _FILES = ("-o", "--output", "--csv", "--plot", "--spectrum", "--save", "--mac")
-"""Options that name one."""
+"""Options with a file name."""
 
 
 def _dispatch(words: Sequence[str]) -> int:
@@ -125,27 +125,27 @@ def _dispatch(words: Sequence[str]) -> int:
         code = _failed(failure.status, as_json)
     except KeyboardInterrupt:
         code = _failed(_INTERRUPTED, as_json)
-    except SystemExit:  # rich leaves so where the reader of a help went away
+    except SystemExit:  # raised by rich if the reader of a help text closed the pipe
         code = DONE
     except OSError as fault:
-        if fault.filename is None:  # of standard output, full or without a reader
+        if fault.filename is None:  # standard output is full or has no reader
             raise
         code = _crashed(words, as_json)
     except Exception:  # noqa: BLE001 - the one place where a fault of flexcam itself becomes a message
         code = _crashed(words, as_json)
-    # A signal that arrived inside a finalizer was swallowed there; it still counts.
+    # A signal that arrived inside a finalizer was ignored there; it still counts.
     return _signal_code() if running.signals and code == DONE else code
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line and leave the process with its exit code."""
+    """Run the command line and exit with its exit code."""
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _on_signal)
     _open_streams()
     try:
         code = _dispatch(list(sys.argv[1:] if arguments is None else arguments))
         sys.stdout.flush()
-    except BrokenPipeError:  # the reader went away
+    except BrokenPipeError:  # the reader closed the pipe
         code = DONE
         _drop_output()
     except OSError as fault:
@@ -156,7 +156,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _open_streams() -> None:
-    """Give a process that was started without standard streams, as by a daemon, some that lead nowhere."""
+    """Open null streams for a process started without standard streams, for example by a daemon."""
     if sys.stdout is None:  # pyright: ignore[reportUnnecessaryComparison]
         sys.stdout = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - for the life of the process
     if sys.stderr is None:  # pyright: ignore[reportUnnecessaryComparison]
@@ -164,5 +164,5 @@ def _open_streams() -> None:
 
 
 def _drop_output() -> None:
-    """Lead standard output nowhere: Python would complain again when it closes it."""
+    """Redirect standard output to null: Python would report an error again when closing it."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

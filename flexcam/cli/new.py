@@ -1,4 +1,4 @@
-"""The list of starter cases."""
+"""Command that writes starter cases: new."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from flexcam.report.terminal import out, print_json, table
 
 
 def template_table(templates: Mapping[str, str]) -> Table:
-    """Return the starter cases."""
+    """Return the table of starter cases."""
     made = table("Starter cases", ("flexcam new",), ())
     made.add_column("what it is", justify="left")
     for name, words in templates.items():

@@ -35,14 +35,14 @@ What = Literal["motion", "force", "energy", "svaj", "profile", "modes", "campbel
 
 @dataclass(frozen=True)
 class Asked:
-    """What is to be drawn, of what.
+    """Sources and options of a figure.
 
     Parameters
     ----------
     sources
-        By what tells them apart.
+        Sources by distinguishing name.
     probe, channels, over, rigid, cam, angle, count
-        As the options say; None where they are left out.
+        Values of the options; None if not given.
     """
 
     sources: Mapping[str, Source]
@@ -61,19 +61,19 @@ class Asked:
 
     @property
     def title(self) -> str:
-        """Above a picture of a single source."""
+        """Title of a figure with a single source."""
         return self.first.title if len(self.sources) == 1 else ""
 
     def responses(self) -> dict[str, Response]:
-        """Return what was computed, by name; a single run needs none."""
+        """Return the responses by name; the name of a single run is empty."""
         return {name: one.response for name, one in self.sources.items()}
 
     def rigid_ones(self) -> dict[str, Response]:
-        """Return the rigid runs by name; none where they are not asked for."""
+        """Return the rigid responses by name; empty if they are not requested."""
         return {name: one.rigid for name, one in self.sources.items()} if self.rigid else {}
 
     def rigid_doubts(self) -> list[str]:
-        """Return what a rigid train that is drawn cannot know, in words."""
+        """Return sentences about the limits of a drawn rigid train."""
         ones = self.sources.values() if self.rigid else ()
         return list(dict.fromkeys(told for one in ones for told in shared(one.ready.model, one.case.speed)))
 
@@ -127,7 +127,7 @@ def plot(
 
 
 def _solved(asked: Asked) -> list[Response]:
-    """Return the runs that this command did itself."""
+    """Return the responses computed by this command."""
     return [one.response for one in asked.sources.values() if one.result is None and "response" in vars(one)]
 
 
@@ -140,7 +140,7 @@ _APPLIES = {
 
 
 def _only_what_applies(what: str, **options: object) -> None:
-    """Refuse options that this kind of picture does not have."""
+    """Raise an error for options without effect on this kind of figure."""
     faults = [
         Fault(f"--{name}", str(given), f"--what {' or '.join(_APPLIES[name])}", f"{what} does not have it", "")
         for name, given in options.items()
@@ -219,7 +219,7 @@ def _modes(asked: Asked) -> Figure:
 
 
 def _campbell(asked: Asked) -> Figure:
-    """Draw modes and orders from half to one and a half of the case's speed."""
+    """Draw modes and orders from 0.5 to 1.5 times the case's speed."""
     from flexcam.analysis.campbell import campbell
     from flexcam.plotting.figures import titled
     from flexcam.plotting.spectra import campbell_figure
@@ -233,7 +233,7 @@ def _campbell(asked: Asked) -> Figure:
 
 
 def _waterfall(asked: Asked) -> Figure:
-    """Draw the orders of a motion and a force from half to one and a half of the case's speed."""
+    """Draw the orders of a motion and a force from 0.5 to 1.5 times the case's speed."""
     from flexcam.analysis.orders import waterfall
     from flexcam.cli.speeds import signals
     from flexcam.plotting.figures import titled
@@ -248,7 +248,7 @@ def _waterfall(asked: Asked) -> Figure:
 
 
 _ORDERS = 24
-"""Highest order of the camshaft that is drawn."""
+"""Highest drawn order of the camshaft."""
 
 
 def _speeds(asked: Asked, case: Case) -> list[float]:
@@ -279,7 +279,7 @@ def _single(asked: Asked, what: str) -> Source:
 
 
 def _cams(source: Source, name: str | None) -> Mapping[str, Cam]:
-    """Return the cams of a source, or the one asked for."""
+    """Return the cams of a source, or the requested one."""
     cams = source.cams
     known: Sequence[str] = list(cams)
     if name is not None and name not in cams:

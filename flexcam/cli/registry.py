@@ -1,4 +1,4 @@
-"""Which file defines which command, so that a command loads its own file only."""
+"""Registry of commands by file, so that a command imports only its own file."""
 
 from collections.abc import Sequence
 from importlib import import_module
@@ -25,11 +25,11 @@ FILES = {
     "synthesize": ("synthesize",),
     "view": ("view",),
 }
-"""Files of this package and the commands that each defines."""
+"""Files of this package and their commands."""
 
 
 def load(words: Sequence[str]) -> None:
-    """Load the file of the command that is called, or all of them where none is known by that name, as for help."""
+    """Import the file of the given command, or all files for an unknown one, such as help."""
     running.command = words[0] if words else ""
     called = [file for file, commands in FILES.items() if words and words[0] in commands]
     for file in called or FILES:

@@ -1,4 +1,4 @@
-"""What `flexcam run` tells of a run that is over: tables and sentences, or JSON."""
+"""Command that runs a case: run, with its tables, sentences and JSON."""
 
 from __future__ import annotations
 
@@ -32,26 +32,26 @@ from flexcam.valvetrain import MemberStrength, Metric, StrengthSink, build_struc
 
 @dataclass(frozen=True, eq=False)
 class Ran:
-    """A run that is over.
+    """Finished run.
 
     Parameters
     ----------
     ready, response
-        What was run, and what is in memory of it.
+        Prepared run and its response in memory.
     watched
-        What was watched on the way.
+        Data collected during the run for checks.
     result
-        Its file.
+        Path of the result file.
     figures
-        How the train worked.
+        Metrics of the train.
     stressed
-        Members by name, where they were computed.
+        Stresses by member, if they were computed.
     errors
-        How far the numbers may be off, where that was asked.
+        Estimated errors, if they were requested.
     warnings
-        Sentences.
+        Warnings.
     choice
-        Why this model was run, where a tolerance was given.
+        Choice of the model, if a tolerance was given.
     """
 
     ready: Prepared
@@ -66,7 +66,7 @@ class Ran:
 
 
 def ran_json(ran: Ran) -> dict[str, object]:
-    """Return a run as JSON takes it."""
+    """Return a run for ``--json``."""
     response, status = ran.response, ran.response.status
     return {
         "status": str(status.cause), "message": status.text, "remedy": status.remedy,
@@ -84,7 +84,7 @@ def ran_json(ran: Ran) -> dict[str, object]:
 
 
 def ran_parts(ran: Ran) -> Iterator[Table | str]:
-    """Yield what is printed of a run, part by part."""
+    """Yield the printed tables and sentences of a run."""
     yield run_table(ran.ready.case, ran.watched.extremes)
     for table in _tables(ran):
         yield ""
@@ -140,7 +140,7 @@ def run(
         lambda: None if time_limit is None else duration("--time-limit", time_limit),
     )
     until = None if time_limit is None else begun + duration("--time-limit", time_limit)
-    if not resume:  # before anything is computed to choose a model
+    if not resume:  # before the model is chosen, which requires computations
         free_to_write("result", folder / f"{given.name}.vtkhdf", overwrite=overwrite)
     read, choice = chosen(given, until)
     probe = scalar_probe(standing(read)) if read.record.fidelity.estimate else ""
@@ -181,14 +181,14 @@ def run(
 def _estimated(
     case: Case, probe: str, until: float | None
 ) -> tuple[tuple[Error, ...], tuple[str, ...]]:  # fmt: skip
-    """Return how far the numbers may be off, or a sentence why that is not known; the run itself is complete."""
+    """Return the estimated errors, or a sentence with the reason why there are none; the run itself is complete."""
     try:
         return tuple(estimate(case, probe, until)), ()
     except RunFailedError as failure:
         late = failure.status.cause is Cause.TIME_LIMIT
         why = failure.status.text if not late else "the time given to the command was over"
         return (), (f"Warning: no error is estimated, as a run with other steps or elements ended: {why}",)
-    except InputError as refusal:  # a method, a path or a start that does not take other steps or elements
+    except InputError as refusal:  # a method, engine or initial state that does not accept other steps or elements
         told = "; ".join(str(fault) for fault in refusal.faults)
         return (), (f"Warning: no error is estimated, as a run with other steps or elements is refused: {told}",)
     except KeyboardInterrupt:

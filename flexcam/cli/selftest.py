@@ -1,4 +1,4 @@
-"""Tables of what an installation computes, and of what it consists."""
+"""Command that checks an installation: selftest."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from flexcam.report.terminal import bare, facts, out, print_json
 
 
 def check_table(found: Sequence[Check]) -> Table:
-    """Return the checks."""
+    """Return the table of the checks."""
     made = bare("What is computed, and what it must be")
     for head, side in _HEADS:
         made.add_column(head, justify=side)
@@ -33,12 +33,12 @@ _HEADS: tuple[tuple[str, JustifyMethod], ...] = (
 
 
 def installed_table(parts: Mapping[str, str]) -> Table:
-    """Return what is installed."""
+    """Return the table of installed packages."""
     return facts("What is installed", parts.items())
 
 
 def selftest_json(found: Sequence[Check], parts: Mapping[str, str], status: Status) -> dict[str, object]:
-    """Return checks and installation as one object."""
+    """Return checks and installed packages for ``--json``."""
     rows = [
         {**asdict(one), "computed": or_none(one.computed), "error": or_none(one.error), "passed": one.passed}
         for one in found

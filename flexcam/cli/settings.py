@@ -1,4 +1,4 @@
-"""Table of settings of a valve spring: accelerations, and the lift they are bought with."""
+"""Command that evaluates valve spring settings: settings."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _HEAD = ("k, kN/m", "x0, mm", "spp max", "spp min", "xpp max", "xpp min", "opens
 
 
 def settings_table(found: Sequence[Setting], scale: float) -> Table:
-    """Return what the closed form says of settings, a row each."""
+    """Return the table of the closed-form results, one row per setting."""
     rows = [
         (
             one.name, f"{scale * one.speed / RPM:.6g}", f"{one.stiffness / 1e3:.4g}", mm(one.compression, 4),
@@ -31,7 +31,7 @@ def settings_table(found: Sequence[Setting], scale: float) -> Table:
 
 
 def settings_words(found: Sequence[Setting]) -> list[str]:
-    """Return what must be said beside the accelerations: what they are bought with."""
+    """Return sentences about the lift lost with the accelerations."""
     worst = max(found, key=lambda one: one.lost)
     limited = worst.dynamic[0] / worst.kinematic[0]
     bought = (
@@ -53,7 +53,7 @@ def settings_words(found: Sequence[Setting]) -> list[str]:
 
 
 def settings_json(found: Sequence[Setting], scale: float) -> dict[str, object]:
-    """Return the same as ``--json`` prints it, SI."""
+    """Return the results of settings for ``--json``, SI."""
     rows = [{**asdict(one), "rpm": scale * one.speed / RPM, "lost": one.lost} for one in found]
     shaft = shaft_name(scale)
     return {"shaft": shaft, "settings": rows, "words": settings_words(found)}

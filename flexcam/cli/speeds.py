@@ -1,4 +1,4 @@
-"""Tables of a Campbell diagram: modes over speed, and where orders meet them."""
+"""Commands over speeds: campbell, orders."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ from flexcam.report.terminal import counting, out, print_json, table
 
 
 def campbell_table(found: Campbell, scale: float) -> Table:
-    """Return the modes over speed, a row each."""
+    """Return the table of the modes over speed, one row per mode."""
     low, high = (f"Hz at {scale * found.rpm[i]:.6g}" for i in (0, -1))
     rows = [
         (str(i + 1), _hz(column[0]), _hz(column[-1]), "yes" if reached else "no", words)
@@ -57,7 +57,7 @@ def _hz(value: float) -> str:
 
 
 def crossing_table(found: Campbell, scale: float) -> Table:
-    """Return where orders meet modes, the lowest speed first."""
+    """Return the table of the crossings of orders and modes in ascending order of speed."""
     rows = [
         (f"{scale * one.rpm:.6g}", str(one.harmonic), str(one.mode + 1), f"{one.frequency:.5g}", mm(one.amplitude, 3),
          _force(one.load), one.words)
@@ -73,7 +73,7 @@ def _force(value: float) -> str:
 
 
 def campbell_json(found: Campbell, scale: float) -> dict[str, object]:
-    """Return the same as ``--json`` prints it."""
+    """Return a Campbell diagram for ``--json``."""
     modes = [
         {"frequencies_hz": [_or_none(x) for x in column.tolist()], "reached": reached, "moves": words}
         for column, reached, words in zip(found.frequencies.T, found.reached, found.words, strict=True)
@@ -97,7 +97,7 @@ def _or_none(value: float) -> float | None:
 
 
 def nothing_known(statuses: Sequence[Status]) -> Status | None:
-    """Return how a command over speeds ends of which none was computed."""
+    """Return the status of a command over speeds if no speed was computed."""
     if any(one.ok for one in statuses):
         return None
     first = statuses[0]
@@ -105,7 +105,7 @@ def nothing_known(statuses: Sequence[Status]) -> Status | None:
 
 
 def ended_early(statuses: Sequence[Status], rpm: FloatArray, scale: float) -> list[str]:
-    """Return what must be said of runs that did not reach their end."""
+    """Return sentences about incomplete runs."""
     return [
         f"Warning: nothing is known at {scale * speed:.6g} {shaft_name(scale)} rpm: {status}"
         for status, speed in zip(statuses, rpm.tolist(), strict=True)
@@ -114,11 +114,11 @@ def ended_early(statuses: Sequence[Status], rpm: FloatArray, scale: float) -> li
 
 
 _SHOWN = 8
-"""Orders in the table: those that grow largest."""
+"""Number of orders in the table: those with the largest amplitudes."""
 
 
 def orders_table(found: Waterfall, scale: float) -> Table:
-    """Return the largest orders of a history over speed."""
+    """Return the table of the largest orders of a history over speed."""
     shown = sorted(ridges(found, _SHOWN))
     rounding = NOISE * float(np.nanmax(found.amplitudes)) if shown else 0.0
     rows = [
@@ -132,7 +132,7 @@ def orders_table(found: Waterfall, scale: float) -> Table:
 
 
 def _number(value: float, rounding: float) -> str:
-    """Return an amplitude; what is only the rounding of the largest is nothing."""
+    """Format an amplitude; rounding noise of the largest gives zero."""
     return "-" if math.isnan(value) else f"{0.0 if value < rounding else value:.4g}"
 
 
@@ -142,7 +142,7 @@ def _part(found: Waterfall, i: int) -> str:
 
 
 def orders_csv(found: Sequence[Waterfall], scale: float) -> str:
-    """Return amplitudes as CSV text, a row per history, speed and order; runs that broke off are left out."""
+    """Return amplitudes as CSV text, a row per history, speed and order, without incomplete runs."""
     lines = [f"history,unit,{shaft_name(scale)} speed [rpm],order,amplitude,not periodic by"]
     for one in found:
         for i, rpm in enumerate((scale * one.rpm).tolist()):
@@ -153,7 +153,7 @@ def orders_csv(found: Sequence[Waterfall], scale: float) -> str:
 
 
 def orders_json(found: Sequence[Waterfall], scale: float) -> dict[str, object]:
-    """Return the same as ``--json`` prints it."""
+    """Return the orders for ``--json``."""
     histories = {
         one.signal.name: {
             "unit": one.unit, "amplitudes": [_or_null(row) for row in one.amplitudes], "open_by": _or_null(one.gaps),
@@ -291,7 +291,7 @@ def _word(ended: Status | None) -> str:
 
 
 def signals(case: Case, channels: list[str] | None, probes: list[str] | None) -> list[Signal]:
-    """Return the histories asked for: by default the acceleration of the valve and the force of the first cam."""
+    """Return the requested histories: by default the acceleration of the valve and the force of the first cam."""
     if channels is None and probes is None:
         driven = next((name for name, one in case.record.contacts.items() if hasattr(one, "cam")), None)
         channels = [] if driven is None else [f"contacts.{driven}.force"]
@@ -300,7 +300,7 @@ def signals(case: Case, channels: list[str] | None, probes: list[str] | None) ->
 
 
 def _whole_numbers(where: str, text: str) -> list[int]:
-    """Return the numbers of an option: ``1:12``, ``1,2,4`` or one."""
+    """Parse the integers of an option: ``1:12``, ``1,2,4`` or one."""
     if found := re.fullmatch(r"\s*(\d{1,4})\s*:\s*(\d{1,4})\s*", text):
         first, last = int(found[1]), int(found[2])
         if 1 <= first <= last <= _MOST_ORDERS:
@@ -313,4 +313,4 @@ def _whole_numbers(where: str, text: str) -> list[int]:
 
 
 _MOST_ORDERS = 1000
-"""What a lift has above says nothing: its harmonics are below a thousandth of the largest long before."""
+"""Maximum order: harmonics of a lift are below a thousandth of the largest long before."""

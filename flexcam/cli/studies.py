@@ -1,4 +1,4 @@
-"""Table of limits over two numbers of a case."""
+"""Commands and tables of studies: maps of limits, sensitivity, tolerances, optimization."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ if TYPE_CHECKING:
 
 
 def told_limit_map(found: LimitMap, shaft: str) -> Told:
-    """Return a map of limits as tables."""
+    """Return the output of a map of limits."""
     first, second = found.axes
     tables = [
         table(
@@ -101,7 +101,7 @@ def told_limit_map(found: LimitMap, shaft: str) -> Told:
 
 
 def axis_words(axis: Axis) -> str:
-    """Return what stands along an axis."""
+    """Describe the values along an axis."""
     return f"{axis.key}, {axis.unit}" if axis.unit else axis.key
 
 
@@ -153,7 +153,7 @@ def _axis(option: str, setting: str) -> Axis:
 
 
 def told_derivatives(found: Sequence[Sensitivity]) -> Told:
-    """Return derivatives as tables."""
+    """Return the output of derivatives."""
     names = list(dict.fromkeys(one.scalar for one in found))
     tables = [_derivatives(name, [one for one in found if one.scalar == name]) for name in names]
     words = [f"{one.scalar} by {one.by.key}: {one.note}" for one in found if one.note]
@@ -179,7 +179,7 @@ def _derivatives(name: str, found: Sequence[Sensitivity]):  # noqa: ANN202 - a t
 
 
 def _unit(one: Sensitivity) -> str:
-    """Return the unit of what was asked for; nothing for a plain number."""
+    """Return the unit of a scalar; empty if it is dimensionless."""
     return "" if one.unit == "1" else one.unit
 
 
@@ -212,7 +212,7 @@ def _json(one: Sensitivity) -> dict[str, object]:
 
 
 def told_shares(names: Sequence[str], variables: Sequence[Variable], found: Sequence[SobolIndices]) -> Told:
-    """Return Sobol indices as tables."""
+    """Return the output of Sobol indices."""
     keys = [one.key for one in variables]
     tables = [
         table(
@@ -263,7 +263,7 @@ def told_scatter(
     rows: Sequence[Row],
     middle: Mapping[str, Quantity],
 ) -> Told:
-    """Return the scatter of scalars as a table."""
+    """Return the output of a tolerance analysis."""
     values = np.column_stack([column(rows, name) for name in names])
     units = {name: one.unit for name, one in middle.items()}
     units |= {
@@ -305,14 +305,14 @@ def told_scatter(
 
 
 _ROUNDING = 1e-9
-"""Part of a bound by which a value may miss it."""
+"""Tolerance of a bound for rounding, relative to the bound."""
 
 _NEAR = 0.01
-"""Part of the intervals within which a variant that passes a bound says that the bound decides."""
+"""Distance, relative to the intervals, from a variant that violates a constraint for the constraint to be active."""
 
 
 def told_optimum(design: Design, found: Evaluations) -> Told:
-    """Return the best variant as tables."""
+    """Return the output of an optimization with one goal."""
     best = found.best
     at = found.nearest if best is None else best
     goal, row = design.goals[0], found.rows[at]
@@ -321,7 +321,7 @@ def told_optimum(design: Design, found: Evaluations) -> Told:
     )
     rows = [(goal.words, f"{shown(value_of(row, goal.name))} {_unit_optimum(row.units, goal.name)}".strip())]
     point = zip(design.points.variables, found.points[at].tolist(), strict=True)
-    rows += [(f"--set {one.key}", f"{shown(x)}{one.unit}") for one, x in point]  # every digit: --json, --csv, -o
+    rows += [(f"--set {one.key}", f"{shown(x)}{one.unit}") for one, x in point]  # all digits: --json, --csv, -o
     tables = [facts(head, rows)]
     if design.bounds:
         tables.append(_bounds(design, found, at))
@@ -332,7 +332,7 @@ def told_optimum(design: Design, found: Evaluations) -> Told:
 
 
 def told_front(design: Design, found: Evaluations) -> Told:
-    """Return a front as a table."""
+    """Return the output of a Pareto front."""
     best = front(found)
     names = [goal.name for goal in design.goals]
     head = (*(f"{goal.words}, {design.unit(goal.name, found.rows)}".rstrip(", ") for goal in design.goals),
@@ -382,7 +382,7 @@ def _step(outside: float) -> str:
 
 
 def _ends(design: Design, found: Evaluations, at: int) -> str:
-    """Return which intervals end where the best variant is: a wider one may have a better."""
+    """Return which interval limits the best variant has reached: a wider interval may contain a better one."""
     met = [
         one.key
         for one, value in zip(design.points.variables, found.points[at].tolist(), strict=True)
@@ -418,7 +418,7 @@ def _variant(design: Design, found: Evaluations, i: int) -> dict[str, object]:
 
 
 def _csv(design: Design, found: Evaluations) -> str:
-    """Return every evaluation in its order."""
+    """Return all evaluations in their order as CSV text."""
     names = list(dict.fromkeys([*(goal.name for goal in design.goals), *(one.name for one in design.bounds)]))
     head = [*(_key(one.key, one.unit) for one in design.points.variables), *names, "within all bounds", "status"]
     inside = feasible(found.violations).tolist()
@@ -430,7 +430,7 @@ def _csv(design: Design, found: Evaluations) -> str:
 
 
 def goal_history(found: Evaluations) -> list[float]:
-    """Return the best goal so far after every evaluation, for a picture."""
+    """Return the best goal after every evaluation, for a figure."""
     best, told = math.inf, list[float]()
     for cost, good in zip(found.costs[:, 0].tolist(), feasible(found.violations).tolist(), strict=True):
         best = min(best, cost) if good else best
@@ -505,13 +505,13 @@ def sensitivity(
 
 
 def _ignored(option: str, given: object, belongs: str, *, wanted: bool) -> None:
-    """Refuse an option that would change nothing."""
+    """Raise an error for an option without effect."""
     if given is not None and not wanted:
         raise refuse(option, str(given), f"{option} with {belongs} only", "it would be ignored", "leave it out")
 
 
 class _Asked:
-    """A case and what is asked of it, as the options say."""
+    """Case and the options of a study."""
 
     def __init__(
         self, path: Path, overrides: Sequence[str] | None, names: Sequence[str],
@@ -530,7 +530,7 @@ class _Asked:
             afford_case(self.case, together=workers)
 
     def checked(self, count: int) -> dict[str, Quantity]:
-        """Return what is asked of the case as it stands, one of so many variants; unknown names are refused."""
+        """Return the requested quantities of the unchanged case; unknown names raise an error."""
         try:
             return measured(self.case, self.names, self.search, count)
         except RunFailedError as failure:
@@ -539,7 +539,7 @@ class _Asked:
 
     @contextmanager
     def evaluators(self, count: int, workers: int, names: Sequence[str] | None = None) -> Generator[Runs]:
-        """Give what evaluates about so many variants, and show how many are finished."""
+        """Yield the function that evaluates variants, with a progress display."""
         asked = self.names if names is None else names
         with (
             counting(count if asked else 0, "variants") as shown,
@@ -551,7 +551,7 @@ class _Asked:
 
 
 def search_of(case: Case, lowest: str | None, highest: str | None, within: str) -> Search:
-    """Return where limits are looked for; from half to twice the case's speed by default."""
+    """Return the search range of limits; from half to twice the case's speed by default."""
     low, high = speed_range(lowest, highest, 2, case.speed, case.turns, most=2.0)
     return Search(low, high, bracket("--within", within, case.turns))
 
@@ -587,7 +587,7 @@ def _shares(asked: _Asked, keys: list[str], count: int, seed: int, workers: int)
         def values(parts: FloatArray) -> FloatArray:
             rows = points.rows(low + parts * (high - low))
             if kept.stopped and kept.done < _FEWEST * (len(variables) + 2):
-                raise KeyboardInterrupt  # of one base point there are no shares
+                raise KeyboardInterrupt  # a single base point gives no indices
             return np.column_stack([column(rows, name) for name in asked.names])
 
         found = sobol_indices(values, len(variables), count, seed=seed)
@@ -606,7 +606,7 @@ def _shares(asked: _Asked, keys: list[str], count: int, seed: int, workers: int)
 
 
 _FEWEST = 2
-"""Base points that shares of a variance ask for."""
+"""Minimum number of base points for shares of a variance."""
 
 
 def _scatter(asked: _Asked, tolerances: list[str], count: int, seed: int, workers: int) -> tuple[Answer, Status]:
@@ -674,7 +674,7 @@ def optimize(
         case, overrides, names, lowest, highest, within, option=options, workers=workers, allow_large=allow_large
     )
     variables = variables_of(asked.case, vary, "--vary")
-    with suppress(RunFailedError):  # a case that fails as it stands may have better variants
+    with suppress(RunFailedError):  # a case that fails may have better variants
         asked.checked(evaluations)
     with asked.evaluators(evaluations, workers) as runs:
         points = Points(asked.case, variables, runs)
@@ -697,13 +697,13 @@ def optimize(
 
 
 def _stopped(done: int, evaluations: int) -> Status:
-    """Return how a search ended that was stopped: what it had found is told and written."""
+    """Return the status of an interrupted search; its evaluations are printed and written."""
     text = f"stopped by the user after {done} of about {evaluations} variants; what is told is the best of these"
     return Status(Cause.INTERRUPTED, text, "the same command with the same --seed finds these again, and goes on")
 
 
 def _drawn(design: Design, found: Evaluations) -> Figure:
-    """Return the picture of a search: progress of one goal, or the front of two."""
+    """Return the figure of a search: progress of one goal, or the Pareto front of two."""
     from flexcam.plotting.study_curves import front_figure, progress_figure
 
     inside = feasible(found.violations)

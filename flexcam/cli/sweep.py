@@ -1,4 +1,4 @@
-"""What a sweep found, in a table of ranges and in words."""
+"""Command that runs a sweep: sweep, with a table of ranges and sentences."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from flexcam.studies.sweep import Target, afford, study, sweep_files
 from flexcam.studies.tables import Table
 
 _NAMED = 3
-"""Variants that a sentence names."""
+"""Number of variants named in a sentence."""
 
 
 def sweep_table(found: Table) -> RichTable:
-    """Return the range of every scalar; one that is the same in all variants is left out."""
+    """Return the table of the range of every scalar; constant scalars are omitted."""
     rows: list[tuple[str, ...]] = []
     for name, values in found.scalars.items():
         if _differs(values):
@@ -39,7 +39,7 @@ def sweep_table(found: Table) -> RichTable:
 
 
 def _differs(values: FloatArray) -> bool:
-    """Tell whether a scalar has a range to show: two values or more, or one alone."""
+    """Return whether a scalar has a range to show: two different values, or a single one."""
     known = values[np.isfinite(values)]
     return len(known) == 1 or (len(known) > 0 and bool(np.ptp(known) > 0.0))
 
@@ -52,7 +52,7 @@ def _at(found: Table, i: int) -> str:
 
 
 def sweep_words(found: Table) -> list[str]:
-    """Return sentences of what went wrong, and of a table without rows."""
+    """Return sentences about failed variants and about an empty table."""
     alike = found.scalars and not any(_differs(values) for values in found.scalars.values())
     words = ["every scalar is the same in all variants; the files have them"] if alike else list[str]()
     for cause, rows in _failures(found).items():
@@ -71,7 +71,7 @@ def _failures(found: Table) -> dict[str, list[int]]:
 
 
 def sweep_status(found: Table) -> Status | None:
-    """Return how the command ends: a sweep fails when every variant does."""
+    """Return the status of the command: a sweep fails if all variants fail."""
     if len(found.failed) < len(found):
         return None
     first = found.statuses[0]
@@ -79,7 +79,7 @@ def sweep_status(found: Table) -> Status | None:
 
 
 def sweep_json(found: Table, ended: Status | None, files: Sequence[Path]) -> dict[str, object]:
-    """Return the same as ``--json`` prints it."""
+    """Return a sweep for ``--json``."""
     status = ended or Status(Cause.DONE, "the sweep is complete")
     return {
         "status": "ok" if ended is None else str(status.cause),
@@ -166,7 +166,7 @@ def sweep(
 
 
 def _workers(scheduler: str | None, count: int | None) -> Workers:
-    """Return who runs the variants."""
+    """Return the workers that run the variants."""
     if scheduler is not None and scheduler != LOCAL:
         if count is not None:
             why = "a cluster has the workers it has"
@@ -181,5 +181,5 @@ def _workers(scheduler: str | None, count: int | None) -> Workers:
 
 
 def _cores() -> int:
-    """Return how many cores this process may use."""
+    """Return the number of cores available to this process."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -1,4 +1,4 @@
-"""Tables about laws and lifts that were found."""
+"""Commands and tables of synthesized laws and lifts."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from flexcam.report.terminal import facts, out, print_json, table
 
 
 def synthesis_json(found: Synthesized) -> dict[str, object]:
-    """Return a law found as ``--json`` prints it."""
+    """Return a synthesized law for ``--json``."""
     c = found.criteria
     return {
         "family": found.family, "objective": found.objective, "family_bound": found.bound, "gap": found.gap,
@@ -40,11 +40,11 @@ LEGEND = (
     "C_v, C_a, C_j: largest velocity, acceleration and jerk of the law, lift 1 over angle 1; "
     "C_m: largest product of velocity and acceleration, which the torque of inertia follows"
 )
-"""What the heads of the tables of laws mean."""
+"""Legend of the tables of laws."""
 
 
 def synthesis_table(found: Synthesized) -> Table:
-    """Return a law found, and how good it is."""
+    """Return the table of a synthesized law and its criteria."""
     c = found.criteria
     bound = "none: this objective is not convex, the law is the best nearby"
     if found.bound is not None and found.gap is not None:
@@ -65,7 +65,7 @@ def synthesis_table(found: Synthesized) -> Table:
 
 
 def pareto_table(front: Sequence[Synthesized]) -> Table:
-    """Return a front of laws."""
+    """Return the table of a Pareto front of laws."""
     rows = [
         (str(i), *(f"{x:.5g}" if x is not None else "infinite" for x in (c.Cv, c.Ca, c.Cj, c.Cm)),
          "-" if one.gap is None else f"{one.gap:.0e}", "yes" if one.converged else "no")
@@ -75,7 +75,7 @@ def pareto_table(front: Sequence[Synthesized]) -> Table:
 
 
 def harmonic_table(found: HarmonicCam) -> Table:
-    """Return a cam of few harmonics."""
+    """Return the table of a harmonic cam."""
     fit = found.fit
     rows = [
         (
@@ -90,7 +90,7 @@ def harmonic_table(found: HarmonicCam) -> Table:
 
 
 def polydyne_table(found: PolydyneCam) -> Table:
-    """Return a polydyne cam at its speed and off it."""
+    """Return the table of a polydyne cam at its design speed and at others."""
     rows = [
         (f"{speed / RPM:.6g}", _micrometres(plain), _micrometres(compensated))
         for speed, plain, compensated in zip(
@@ -107,7 +107,7 @@ def _micrometres(value: float) -> str:
 
 
 def polydyne_facts(found: PolydyneCam) -> Table:
-    """Return what a polydyne cam is by itself."""
+    """Return the table of a polydyne cam's properties."""
     design = found.design
     lift, bend, count = event_extremes(design.event), event_extremes(design.event, 2), len(design.event.cosine)
     rows = [
@@ -122,7 +122,7 @@ def polydyne_facts(found: PolydyneCam) -> Table:
 
 
 def or_null(values: FloatArray) -> list[float | None]:
-    """Return numbers for JSON, which knows no infinite ones."""
+    """Return numbers for JSON, which has no infinity."""
     return [value if math.isfinite(value) else None for value in values.tolist()]
 
 
@@ -208,7 +208,7 @@ def synthesize_law(
 
 
 def _only_with(option: str, given: object, other: str, there: bool) -> None:
-    """Refuse an option that does nothing without another."""
+    """Raise an error for an option that has no effect without another one."""
     if given is not None and given is not False and not there:
         raise refuse(option, str(given), f"nothing without {other}", f"only {other} asks for it", f"leave out {option}")
 
@@ -251,7 +251,7 @@ def _condition(text: str) -> tuple[float, int, float]:
 
 
 def _paths(output: Path | None, count: int) -> list[Path]:
-    """Return the files of some laws, numbered where they are several; none where none is asked for."""
+    """Return the file names of several laws, numbered if there is more than one; none without an output option."""
     if output is None:
         return []
     if count == 1:
@@ -262,10 +262,10 @@ def _paths(output: Path | None, count: int) -> list[Path]:
 def _law_files(
     front: list[Synthesized], goals: tuple[str, str] | None, output: Path | None, plot: Path | None, *, overwrite: bool
 ) -> list[Path]:
-    """Write what is asked for of a law, or of a front of two criteria, the goals."""
+    """Write the requested files of a law, or of a front of two criteria, the goals."""
     files: list[Path] = []
     paths = _paths(output, len(front))
-    for path in paths:  # before anything is written
+    for path in paths:  # before files are written
         free_to_write("output", path, overwrite=overwrite)
     for found, path in zip(front, paths, strict=False):
         about = {"flexcam": __version__, **{k: v for k, v in synthesis_json(found).items() if v is not None}}
@@ -364,7 +364,7 @@ def synthesize_polydyne(
 
 
 def _speed_of(cams: CamSet, given: float | None) -> float:
-    """Return the design speed: the one asked for, or that of the file."""
+    """Return the design speed: the given one or that of the file."""
     speed = given if given is not None else cams.speed
     if speed is None:
         raise refuse("--speed", "nothing", "the design speed, such as 3000rpm", f"{cams.name} has cams alone, no speed")

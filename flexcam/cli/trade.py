@@ -1,4 +1,4 @@
-"""Command of what a cheaper model costs: trade."""
+"""Command that evaluates error versus cost of models: trade."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Commands that show a mechanism: view."""
+"""Command that shows a mechanism: view."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def view(
 
 
 def _still(case: Case, result: Result | None, motion: Motion, angle: float | None, mode: int | None) -> int:
-    """Return the instant of a picture: the one asked for, else full lift of a result, else the first."""
+    """Return the index of the instant of an image: the requested one, else full lift of a result, else the first."""
     from flexcam.plotting.scene.assembly import full_lift
 
     if angle is not None:
@@ -102,7 +102,7 @@ _LARGEST_SCALE = 1e6
 
 
 def _read(source: Path, overrides: Overrides) -> tuple[Case, Result | None]:
-    """Return the case of a case file, or that of a result with the result."""
+    """Return the case of a case file, or the case of a result with the result."""
     if source.suffix != ".vtkhdf":
         return load(source, overrides), None
     if overrides:
@@ -114,7 +114,7 @@ def _read(source: Path, overrides: Overrides) -> tuple[Case, Result | None]:
 def _motion(
     case: Case, structure: Structure, result: Result | None, color: str | None, mode: int | None
 ) -> tuple[Motion, str]:
-    """Return what is shown, and its title."""
+    """Return the displayed motion and its title."""
     from flexcam.plotting.scene.motion import case_motion, mode_motion, result_motion
 
     title = case.title

@@ -1,4 +1,4 @@
-"""Files that are there whole or not at all: written beside their place, and moved there once they are complete."""
+"""Atomic writes: a file is written under a temporary name and renamed once it is complete."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from flexcam.dynamics import Cause, RunFailedError, Status
 
 @contextmanager
 def whole(path: Path) -> Generator[Path]:
-    """Give a name to write to; what is written takes the place of a file when all of it is there."""
+    """Yield a temporary path, which replaces the target file once the block completes without error."""
     draft = path.with_name(f".flexcam-{os.getpid()}{path.suffix}") if path.is_file() or not path.exists() else path
     try:
         yield draft
@@ -30,9 +30,9 @@ def whole(path: Path) -> Generator[Path]:
 
 
 def hold(file: int) -> bool:
-    """Take the lock of an open file; it ends with the process, however that ends, or with the descriptor.
+    """Lock an open file until the process ends or the descriptor is closed; raise BlockingIOError if it is locked.
 
-    Where there are no such locks nobody is kept out: on some network drives, and where the system has none (Windows).
+    Without file locks (Windows, some network drives) return False; concurrent access is not prevented then.
     """
     try:
         import fcntl
@@ -53,12 +53,12 @@ _FLAGS = os.O_RDONLY | getattr(os, "O_DIRECTORY", 0) | getattr(os, "O_NOFOLLOW",
 
 @contextmanager
 def scratch() -> Generator[Path]:
-    """Give a new folder, which is removed at the end; those that processes of this user left behind are removed first.
+    """Yield a new temporary folder, removed at the end; first remove folders left by earlier processes of this user.
 
-    Where the system has no locks (Windows, some network drives), nothing is removed but the folder itself.
+    Without file locks (Windows, some network drives) only the new folder is removed.
     """
     for left in Path(tempfile.gettempdir()).glob(f"{_PREFIX}*"):
-        with suppress(OSError):  # somebody holds it, or removes it too
+        with suppress(OSError):  # locked or removed by another process
             _remove_left(left)
     folder, lock = _held()
     try:
@@ -70,7 +70,7 @@ def scratch() -> Generator[Path]:
 
 
 def _remove_left(folder: Path) -> None:
-    """Remove a folder of this user that nobody holds."""
+    """Remove a folder of this user that no process has locked."""
     lock = os.open(folder, _FLAGS)
     try:
         if os.fstat(lock).st_uid == os.getuid() and hold(lock):
@@ -80,14 +80,14 @@ def _remove_left(folder: Path) -> None:
 
 
 def _held() -> tuple[Path, int | None]:
-    """Return a new folder and its lock; None where there are no locks."""
-    while True:  # until one is held before another process takes it for one that was left
+    """Return a new folder and the descriptor of its lock; None without file locks."""
+    while True:  # another process may remove the new folder before it is locked
         folder = Path(tempfile.mkdtemp(prefix=_PREFIX))
         try:
             lock = os.open(folder, _FLAGS)
         except FileNotFoundError:
             continue
-        except OSError:  # a folder cannot be opened on this system
+        except OSError:  # this system cannot open folders
             return folder, None
         with suppress(BlockingIOError):
             hold(lock)

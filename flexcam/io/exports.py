@@ -1,4 +1,4 @@
-"""VTK PolyData XML: polylines with data, base64, as VTK's XML file formats describe it."""
+"""Export of results: VTK PolyData XML (base64), ParaView collections and macros, CSV and text tables."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def write_polylines(
     cell_data: Data,
     field_data: Data | None = None,
 ) -> None:
-    """Write polylines whose points follow each other; points behind the last one's become vertices."""
+    """Write polylines with consecutive points; points after the last polyline become vertices."""
     drawn = sum(lengths)
     vertices, ends = np.arange(drawn, len(points)), np.cumsum([0, *lengths])[1:]
     text = "\n".join([
@@ -64,12 +64,12 @@ def _array(name: str, values: FloatArray | IntArray, *, whole: bool = False) -> 
 
 
 CAM_ANGLE = "cam_angle_deg"
-"""Field data of every instant: the cam angle, deg."""
+"""Field data of every frame: the cam angle, deg."""
 
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """One instant: a mesh, the mesh node of every point, point data by name, and numbers of the whole by name."""
+    """One saved instant: mesh, mesh node of every point, point data by name and global values by name."""
 
     mesh: Mesh
     node: IntArray
@@ -100,8 +100,8 @@ def write_pvd(
 
 
 def write_collection(path: Path, times: FloatArray, frames: Iterable[Frame]) -> list[Path]:
-    """Write frames as ``.vtp`` files into a folder, and the ``.pvd`` file that names them beside it."""
-    from xml.sax.saxutils import quoteattr  # loads what opens web pages
+    """Write frames as ``.vtp`` files into a folder, and a ``.pvd`` file beside it that lists them."""
+    from xml.sax.saxutils import quoteattr  # imports urllib
 
     folder = made_folder(path.with_suffix(""))
     written = [folder / f"{path.stem}_{i:06d}.vtp" for i in range(len(times))]
@@ -120,7 +120,7 @@ def write_collection(path: Path, times: FloatArray, frames: Iterable[Frame]) -> 
 
 
 def write_vtp(path: Path, frame: Frame) -> None:
-    """Write one instant as VTK PolyData XML, one polyline per member, and a vertex per node on no member that moves."""
+    """Write one frame as VTK PolyData XML: a polyline per member and a vertex per movable node without a member."""
     lengths = [len(line) for line in frame.mesh.lines.values()]
     points = frame.mesh.nodes[frame.node]
     vertices = np.full(len(points) - sum(lengths), -1)
@@ -221,14 +221,14 @@ def write_macro(collection: Path, fields: Sequence[str], degrees: Sequence[float
 
 
 def macro_of(collection: Path) -> Path:
-    """Return where the macro of a collection goes."""
+    """Return the path of the macro of a collection."""
     return collection.with_name(f"{collection.stem}.paraview.py")
 
 
 def write_csv(
     response: Response, path: Path, *, probes: Sequence[str] | None = None, every: int = 1, overwrite: bool = False
 ) -> Path:
-    """Write time, cam angle, probe histories and channels, a row per step."""
+    """Write time, cam angle, probe histories and channels as CSV, one row per step."""
     if every < 1:
         raise refuse("every", every, "a whole number from 1")
     free_to_write("export", path, overwrite=overwrite)

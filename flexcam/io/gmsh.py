@@ -1,4 +1,4 @@
-"""The numbers of a Gmsh file, as text or binary: taken in turn, never more than there are."""
+"""Gmsh files in formats 2.2 and 4.1, text and binary."""
 
 from __future__ import annotations
 
@@ -17,42 +17,42 @@ ALLOWED = "a Gmsh file (.msh) of format 2.2 or 4.1"
 
 
 def malformed(given: str, why: str = "") -> InputError:
-    """Return the refusal of a file that is not what it says it is."""
+    """Return the error for an invalid Gmsh file."""
     return refuse("mesh", given, ALLOWED, why, "export it again from Gmsh")
 
 
 class Numbers(Protocol):
-    """The numbers of one section."""
+    """Sequential reader of the numbers of one section."""
 
     def heading(self) -> int:
-        """Return the number on the section's first line, which is text in format 2.2."""
+        """Return the number on the first line of the section, which is text in format 2.2."""
         ...
 
     def take(self, kind: str, count: int) -> Any:  # noqa: ANN401 - an array of that kind
-        """Return the next numbers: of kind ``i`` (whole), ``u`` (a size) or ``f``."""
+        """Return the next `count` numbers of kind ``i`` (integer), ``u`` (size) or ``f`` (float)."""
         ...
 
     def end(self) -> None:
-        """Refuse the section if it holds more."""
+        """Raise an error if the section contains more numbers."""
         ...
 
 
 class Words:
-    """The numbers of a section that is text.
+    """Reader of a text section.
 
     Parameters
     ----------
     name
-        Of the section.
+        Name of the section.
     text
-        Between its marks.
+        Content between the start and end marks.
     """
 
     def __init__(self, name: str, text: bytes) -> None:
         self._name, self._words, self._next = name, text.split(), 0
 
     def heading(self) -> int:
-        """Return the next whole number."""
+        """Return the next integer."""
         return int(self.take("u", 1)[0])
 
     def take(self, kind: str, count: int) -> Any:  # noqa: ANN401
@@ -68,22 +68,22 @@ class Words:
             raise malformed(f"{text!r} in ${self._name}", "numbers stand there") from None
 
     def end(self) -> None:
-        """Refuse the section if it holds more."""
+        """Raise an error if the section contains more numbers."""
         if self._next != len(self._words):
             raise malformed(f"more in ${self._name} than it announces", "a line has too many numbers or too few")
 
 
 class Binary:
-    """The numbers of a section that is binary.
+    """Reader of a binary section.
 
     Parameters
     ----------
     name
-        Of the section.
+        Name of the section.
     data
-        From its first line on.
+        Content from its first line on.
     size
-        Bytes of a size, 4 or 8.
+        Size of Gmsh's ``size_t``, 4 or 8 bytes.
     """
 
     def __init__(self, name: str, data: bytes, size: int) -> None:
@@ -91,7 +91,7 @@ class Binary:
         self._kinds = {"i": "<i4", "u": f"<u{size}", "f": "<f8"}
 
     def heading(self) -> int:
-        """Return the number on the section's first line."""
+        """Return the number on the first line of the section."""
         found = re.compile(rb"\s*(\d{1,12})[ \t\r]*\n").match(self._data, self._next)
         if found is None:
             raise malformed(f"no number at the head of ${self._name}")
@@ -108,19 +108,19 @@ class Binary:
         return values if kind == "f" else values.astype(np.int64)
 
     def end(self) -> None:
-        """Refuse the section if its end mark does not follow."""
+        """Raise an error if the end mark of the section does not follow."""
         if not self._data[self._next :].lstrip().startswith(f"$End{self._name}".encode()):
             raise malformed(f"no $End{self._name} after ${self._name}", "it holds more than it announces")
 
 
 LINE, POINT = 1, 15
-"""Gmsh's types of the elements that members and points are made of."""
+"""Gmsh element types of members and named points."""
 
 _NODES = {
     1: 2, 2: 3, 3: 4, 4: 4, 5: 8, 6: 6, 7: 5, 8: 3, 9: 6, 10: 9, 11: 10, 12: 27, 13: 18, 14: 14, 15: 1, 16: 8, 17: 20,
     18: 15, 19: 13, 20: 9, 21: 10, 22: 12, 23: 15, 24: 15, 25: 21, 26: 4, 27: 5, 28: 6,
 }  # fmt: skip
-"""Nodes of an element of each of Gmsh's types."""
+"""Number of nodes by Gmsh element type."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,13 +130,13 @@ class Elements:
     Parameters
     ----------
     kind
-        Gmsh's type: `LINE`, `POINT` or another.
+        Gmsh element type: `LINE`, `POINT` or another.
     group
         Number of the physical group; 0 for none.
     numbers
-        Of the elements in the file, shape (k,).
+        Element tags in the file, shape (k,).
     nodes
-        Numbers of their nodes in the file, shape (k, m).
+        Node tags of the elements, shape (k, m).
     """
 
     kind: int
@@ -147,18 +147,18 @@ class Elements:
 
 @dataclass(frozen=True, eq=False)
 class Msh:
-    """What stands in a Gmsh file.
+    """Content of a Gmsh file.
 
     Parameters
     ----------
     numbers
-        Of the nodes in the file, shape (n,).
+        Node tags, shape (n,).
     points
         Coordinates, shape (n, 3).
     elements
-        In the order of the file.
+        Elements in the order of the file.
     names
-        Dimension and number of a physical group to its name.
+        Name by dimension and tag of the physical group.
     """
 
     numbers: IntArray
@@ -198,13 +198,13 @@ def _names(data: bytes) -> dict[tuple[int, int], str]:
 
 
 class _Sections:
-    """The sections of a file, one after the other."""
+    """Sequential reader of the sections of a file."""
 
     def __init__(self, data: bytes, first: int, size: int) -> None:
         self._data, self._first, self._size = data, first, size
 
     def numbers(self, name: str) -> Numbers:
-        """Return the numbers of a section."""
+        """Return the reader of a section."""
         start = self._data.find(b"\n$%s" % name.encode(), self._first - 1)
         if start < 0:
             raise malformed(f"no ${name}", f"of {ALLOWED}")
@@ -242,7 +242,7 @@ def _nodes_2(nodes: Numbers, count: int, binary: bool) -> tuple[IntArray, FloatA
 
 
 Row = tuple[int, int, int, tuple[int, ...]]
-"""Type, physical group, number and nodes of an element."""
+"""Type, physical group, tag and nodes of one element."""
 
 
 def _elements_2(elements: Numbers, count: int, binary: bool) -> Iterator[Row]:
@@ -264,7 +264,7 @@ def _elements_2(elements: Numbers, count: int, binary: bool) -> Iterator[Row]:
 
 
 def _by_group(rows: list[Row]) -> list[Elements]:
-    """Return elements of one type and group together, in the order in which they first appear."""
+    """Group elements by type and physical group, in the order of first appearance."""
     parts: dict[tuple[int, int], list[Row]] = {}
     for row in rows:
         parts.setdefault(row[:2], []).append(row)
@@ -275,14 +275,14 @@ def _by_group(rows: list[Row]) -> list[Elements]:
 
 
 def _read_4(sections: _Sections, binary: bool) -> Parts:
-    del binary  # its sections are the same numbers in both
+    del binary  # both forms have the same layout
     groups = _entities(sections.numbers("Entities"))
     numbers, points = _nodes_4(sections.numbers("Nodes"))
     return numbers, points, list(_elements_4(sections.numbers("Elements"), groups))
 
 
 def _entities(entities: Numbers) -> dict[tuple[int, int], list[int]]:
-    """Return dimension and number of an entity to its physical groups."""
+    """Return the physical groups by dimension and tag of the entity."""
     groups: dict[tuple[int, int], list[int]] = {}
     for dimension, count in enumerate(entities.take("u", 4).tolist()):
         for _ in range(count):
@@ -331,11 +331,11 @@ def _elements_4(elements: Numbers, groups: dict[tuple[int, int], list[int]]) -> 
 
 
 Group = tuple[int, str, IntArray]
-"""Gmsh's type of its elements, its name, and the places of their nodes, shape (k, m)."""
+"""Gmsh element type, name and node indices of a physical group, shape (k, m)."""
 
 
 def msh_text(nodes: FloatArray, groups: Sequence[Group]) -> str:
-    r"""Return a Gmsh file of format 2.2, in which every number keeps all of its digits."""
+    r"""Return a mesh in Gmsh format 2.2, with numbers in full precision."""
     named = [f'{int(kind == LINE)} {tag} "{name}"' for tag, (kind, name, _) in enumerate(groups, start=1)]
     placed = [f"{i} {' '.join(map(repr, place))}" for i, place in enumerate(nodes.tolist(), start=1)]
     joined = [f"{i} {one}" for i, one in enumerate(_elements(groups), start=1)]
@@ -346,7 +346,7 @@ def msh_text(nodes: FloatArray, groups: Sequence[Group]) -> str:
 
 
 def _elements(groups: Sequence[Group]) -> Iterator[str]:
-    """Yield type, two tags and nodes of every element; the curve or point it lies on has the number of the group."""
+    """Yield type, two tags and nodes of every element; the entity tag equals the tag of the physical group."""
     for tag, (kind, _, nodes) in enumerate(groups, start=1):
         for row in (nodes + 1).tolist():
             yield f"{kind} 2 {tag} {tag} {' '.join(map(str, row))}"

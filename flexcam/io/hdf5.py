@@ -1,4 +1,4 @@
-"""Datasets and attributes made by HDF5's own calls: a result has some hundred of each, and h5py's take longer."""
+"""Low-level access to HDF5: results have hundreds of datasets and attributes, and h5py's high-level calls are slow."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Shape = tuple[int, ...]
 
 @lru_cache(maxsize=64)
 def space(shape: Shape, limit: tuple[int | None, ...] | None = None) -> Any:  # noqa: ANN401 - h5py has no types
-    """Return a data space of HDF5."""
+    """Return an HDF5 data space."""
     if not shape:
         return _module.h5s.create(_module.h5s.SCALAR)
     most = None if limit is None else tuple(_module.h5s.UNLIMITED if one is None else one for one in limit)
@@ -33,9 +33,9 @@ def space(shape: Shape, limit: tuple[int | None, ...] | None = None) -> Any:  # 
 def dataset(
     group: Any, name: str, kind: Any, shape: Shape, *, limit: tuple[int | None, ...] | None = None, chunk: Shape = (),  # noqa: ANN401
 ) -> Any:  # noqa: ANN401  # fmt: skip
-    """Return a new dataset, empty: in one piece, or in chunks, each with a checksum (fletcher32).
+    """Return a new, empty dataset: contiguous, or chunked with a checksum per chunk (fletcher32).
 
-    Not compressed: gzip takes longer than a run does, and halves a file at best.
+    Data are not compressed: gzip takes longer than a run and halves the file at best.
     """
     type_ = _number(kind) if isinstance(kind, str) else kind
     made = _module.h5d.create(group.id, name.encode(), type_, space(shape, limit), _chunked(chunk), _within())
@@ -43,13 +43,13 @@ def dataset(
 
 
 def fill(made: Any, values: NDArray[Any], kind: Any = None) -> None:  # noqa: ANN401
-    """Write all of a dataset."""
+    """Write all values of a dataset."""
     everything = space(values.shape)
     made.id.write(everything, everything, values, kind)
 
 
 def attribute(one: Any, name: str, values: NDArray[Any], kind: Any = None) -> None:  # noqa: ANN401
-    """Write an attribute, over an earlier one of the same type and shape."""
+    """Write an attribute; an existing one of the same type and shape is overwritten."""
     key, owner = name.encode(), one.id
     if _module.h5a.exists(owner, key):
         held = _module.h5a.open(owner, key)
@@ -60,7 +60,7 @@ def attribute(one: Any, name: str, values: NDArray[Any], kind: Any = None) -> No
 
 @lru_cache(maxsize=64)
 def text(length: int) -> Any:  # noqa: ANN401
-    """Return the type of UTF-8 texts of so many bytes."""
+    """Return the HDF5 type of UTF-8 strings of a fixed length in bytes."""
     return _module.h5t.py_create(_module.string_dtype("utf-8", length), logical=True)
 
 
@@ -72,7 +72,7 @@ def _number(kind: str) -> Any:  # noqa: ANN401
 @lru_cache(maxsize=64)
 def _chunked(chunk: Shape) -> Any:  # noqa: ANN401
     made = _module.h5p.create(_module.h5p.DATASET_CREATE)
-    made.set_obj_track_times(False)  # the same run makes the same bytes
+    made.set_obj_track_times(False)  # identical runs write identical bytes
     if chunk:
         made.set_chunk(chunk)
         made.set_fletcher32()
@@ -89,20 +89,20 @@ def _within() -> Any:  # noqa: ANN401
 _module_guard: Any = h5py
 
 SCALES = frozenset({"DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME"})
-"""Attributes by which HDF5 joins an axis to its scale; written for other readers, never followed."""
+"""Attributes that attach dimension scales to datasets, for other readers; flexcam ignores them."""
 
 _FILTERS = {_module_guard.h5z.FILTER_DEFLATE, _module_guard.h5z.FILTER_SHUFFLE, _module_guard.h5z.FILTER_FLETCHER32}
 
 _ALWAYS, _TIMES = 1 << 28, 200
-"""Bytes that a file may always declare, and how many times its own size beyond them: a still motion compresses well."""
+"""Limit of the declared size: bytes always allowed, plus a multiple of the file size, as constant data compress."""
 
 DAMAGE = (OSError, LookupError, ValueError, TypeError, AttributeError, RuntimeError, ArithmeticError, MemoryError)
-"""What h5py and numpy raise on damaged content."""
+"""Exceptions that h5py and numpy raise on damaged content."""
 
 
 @contextmanager
 def guarded(path: Path, where: str, allowed: str, remedy: str = "") -> Generator[Any]:
-    """Open a file for reading, refuse what leads out of it, and give whatever is raised within as a refusal."""
+    """Open a file for reading, reject external links, and convert exceptions of the block into input errors."""
     try:
         size = size_of(path)
         with h5py.File(path, "r", locking=False) as opened:
@@ -133,7 +133,7 @@ def _said(fault: Exception) -> str:
 
 
 def children(group: Any) -> Iterator[tuple[bytes, int, Any]]:  # noqa: ANN401 - h5py has no types
-    """Yield every hard link of a group with what it leads to, in order of names."""
+    """Yield name, type and object of every hard link of a group, in order of names."""
     for name, address in links(group):
         yield name, address, _module_guard.h5o.open(group, name)
 
@@ -147,7 +147,7 @@ def links(group: Any) -> Iterator[tuple[bytes, int]]:  # noqa: ANN401
 
 
 def datasets(file: Any) -> list[Any]:  # noqa: ANN401
-    """Return all datasets of a file, each once however many names it has."""
+    """Return all datasets of a file; a dataset with several names is listed once."""
     found: dict[int, Any] = {}
     groups = [file.id]
     while groups:
@@ -160,7 +160,7 @@ def datasets(file: Any) -> list[Any]:  # noqa: ANN401
 
 
 def _faults(file: Any, size: int) -> Iterator[Fault]:  # noqa: ANN401
-    """Yield what is not taken; a file with any of it is not read further."""
+    """Yield unsupported or unsafe content; a file with any is not read further."""
     seen: set[int] = set()
     declared, limit = 0, max(_ALWAYS, _TIMES * size)
     groups = [file.id]
@@ -223,7 +223,7 @@ def _of_attributes(one: Any) -> Iterator[Fault]:  # noqa: ANN401
 
 
 def attribute_names(one: Any) -> list[bytes]:  # noqa: ANN401
-    """Return the names of all attributes, in order."""
+    """Return the names of all attributes in order."""
     names: list[bytes] = []
     _module_guard.h5a.iterate(one, names.append)
     return sorted(names)

@@ -1,9 +1,10 @@
-"""The seal of a file: one SHA-256 over names, types, lengths, attributes and texts, and over a checksum of all numbers.
+"""Checksums of a result file.
 
-Chunks of numbers have a checksum each (fletcher32), but HDF5's own records have none in its oldest and best-known
-format: a flipped byte could rename a probe, lose a unit, or lead to another chunk, even to zeros whose checksum fits.
-So every dataset of numbers has a CRC-32 over all its rows as an attribute, taken while it is written, and the seal
-covers these with everything else.
+The root has one SHA-256 digest over names, types, lengths, attributes and texts, and over the checksums of all numeric
+datasets. HDF5 stores a checksum per chunk (fletcher32), but its metadata have none in the oldest and most compatible
+format: a flipped bit could rename a probe, lose a unit or point to another chunk, even to zeros with a valid checksum.
+Every numeric dataset therefore has a CRC-32 over all its rows as an attribute, computed while it is written, and the
+digest covers these values.
 """
 
 from __future__ import annotations
@@ -21,10 +22,10 @@ from flexcam.core.errors import Fault, InputError, in_words
 from flexcam.io.hdf5 import SCALES, attribute, attribute_names, links
 
 SEAL = "seal"
-"""Attribute of the root that holds the digest, hexadecimal."""
+"""Root attribute with the digest, hexadecimal."""
 
 SUM = "crc32"
-"""Attribute of a dataset that holds the checksum of its rows."""
+"""Dataset attribute with the CRC-32 of its rows."""
 
 _LEFT_OUT = frozenset(name.encode() for name in (*SCALES, SEAL))
 
@@ -32,12 +33,12 @@ _module: Any = h5py
 
 
 def keep_sum(dataset: Any, value: int) -> None:  # noqa: ANN401 - h5py has no types
-    """Write the checksum of a dataset."""
+    """Write the CRC-32 of a dataset."""
     attribute(dataset, SUM, np.array(value, np.uint32))
 
 
 def digest(file: Any) -> str:  # noqa: ANN401
-    """Return the SHA-256 of everything in a file but numbers that have a checksum, which it covers by that."""
+    """Return the SHA-256 digest of a file; numeric datasets enter by their CRC-32."""
     sum_ = hashlib.sha256()
     for part in _parts(file):
         sum_.update(len(part).to_bytes(8, "little") + part)
@@ -45,12 +46,12 @@ def digest(file: Any) -> str:  # noqa: ANN401
 
 
 def seal(file: Any) -> None:  # noqa: ANN401
-    """Write the seal into a file that is open for writing."""
+    """Write the digest into a file open for writing."""
     file.attrs[SEAL] = np.bytes_(digest(file).encode())
 
 
 def seal_fault(file: Any) -> Fault | None:  # noqa: ANN401
-    """Return what is wrong with the seal of a file; None if nothing is."""
+    """Return the fault of the digest of a file; None if it is correct."""
     remedy = "compute it again, or take it from a sound copy"
     if SEAL not in file.attrs:
         return Fault("/, seal", "nothing", "the seal every such file has", "names and texts may be damaged", remedy)
@@ -103,11 +104,11 @@ def _dataset(one: Any) -> Iterator[bytes]:  # noqa: ANN401
 
 _REMEDY = "flexcam info FILE --verify names everything that is damaged; compute the result again"
 _ROWS = 1 << 16
-"""Rows that are read at a time where none are kept."""
+"""Rows read at a time from contiguous datasets."""
 
 
 def taken(dataset: Any, rows: int | None = None) -> Any:  # noqa: ANN401 - h5py has no types
-    """Return the rows of a dataset if they are as they were written."""
+    """Return the rows of a dataset after verifying their checksum."""
     if rows is not None and (not dataset.shape or dataset.shape[0] < rows or rows < 0):
         raise InputError(
             [Fault(dataset.name, f"shape {in_words(dataset.shape)}", f"{rows} rows", "a count is wrong", _REMEDY)]
@@ -122,12 +123,12 @@ def taken(dataset: Any, rows: int | None = None) -> Any:  # noqa: ANN401 - h5py 
 
 
 def damaged(dataset: Any, why: str) -> Fault:  # noqa: ANN401
-    """Return the fault of a dataset whose numbers are not what they were."""
+    """Return the fault of a dataset with damaged numbers."""
     return Fault(dataset.name, "damaged numbers", "numbers whose checksum fits", why, _REMEDY)
 
 
 def held(dataset: Any) -> Fault | None:  # noqa: ANN401
-    """Read a dataset in pieces, to its end."""
+    """Return the fault of a dataset, read in pieces; None if it is sound."""
     found = 0
     for part in _in_parts(dataset):
         if part.dtype.kind == "f" and not np.isfinite(part).all():

@@ -1,4 +1,4 @@
-"""Measured lift as text: two columns of angle and lift, with units in the head or given."""
+"""Measured lift tables: text files with two columns of angle and lift, with units in the header or as arguments."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ _DECIMAL_COMMA = re.compile(r"\d,\d+\s*[;\t]")
 
 @dataclass(frozen=True, eq=False)
 class LiftColumns:
-    """What a lift file holds, in SI.
+    """Content of a lift file in SI units.
 
     Parameters
     ----------
     angle
         Cam angle, rad, shape (n,).
     lift
-        m, shape (n,).
+        Lift, m, shape (n,).
     lines
-        Of the file, counted from 1, that they stand on, n of them.
+        Line numbers in the file, counted from 1, length n.
     """
 
     angle: FloatArray
@@ -49,8 +49,9 @@ def read_lift(path: Path, *, angle: AngleKind | None = None, unit: str | None = 
     """Read a table of angle and lift.
 
     Rows of two numbers, divided by commas, semicolons, tabs or blanks; ``#`` begins a comment. A first row of names may
-    say what they are, such as ``crank_deg, lift_mm``: an angle of ``cam`` or ``crank`` in ``deg`` or ``rad``, a lift in
-    ``mm``, ``um``, ``m`` or ``in``. Without it, cam degrees and millimetres are not assumed: they must be given.
+    Rows contain two numbers separated by commas, semicolons, tabs or blanks; ``#`` starts a comment. An optional header
+    names the columns, such as ``crank_deg, lift_mm``: an angle of ``cam`` or ``crank`` in ``deg`` or ``rad``, a lift in
+    ``mm``, ``um``, ``m`` or ``in``. Without a header, both units must be given as arguments; there is no default.
     """
     lines = _lines(path)
     if not lines:
@@ -84,7 +85,7 @@ def write_lift_table(path: Path, angle: FloatArray, lift: FloatArray, *, overwri
 
 
 def _lines(path: Path) -> list[tuple[int, str]]:
-    """Return the rows that hold something, with their numbers."""
+    """Return the non-empty rows with their line numbers."""
     try:
         lines = lines_of(path)
     except (OSError, UnicodeDecodeError) as fault:
@@ -109,7 +110,7 @@ def _numbers(text: str) -> tuple[float, float] | None:
 
 
 def _columns(head: str, path: Path) -> tuple[str, str]:
-    """Return the heads of both columns; empty texts where there is no head."""
+    """Return the headers of both columns; empty strings without a header."""
     parts = [part.strip() for part in re.split(r"[,;\t]", head) if part.strip()]
     parts = parts if len(parts) == 2 else head.split()
     if not head:
@@ -122,7 +123,7 @@ def _columns(head: str, path: Path) -> tuple[str, str]:
 
 
 def _words(head: str) -> list[str]:
-    plain = unicodedata.normalize("NFKC", head).lower()  # there are two signs for micro
+    plain = unicodedata.normalize("NFKC", head).lower()  # Unicode has two micro signs
     return [word for word in re.split(r"[^a-zμ°\"]+", plain) if word]
 
 

@@ -1,6 +1,6 @@
 """Gmsh mesh files: line groups become members (each must be one chain), point groups become named points.
 
-Faults are told by the numbers that nodes and elements have in the file.
+Error messages use the node and element tags of the file.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from flexcam.io.gmsh import LINE, POINT, Elements, Msh, msh_text, read_msh
 from flexcam.io.text_files import inp_text
 
 _TOLD = 20
-"""Faults of one kind that are reported: a mesh with thousands has one cause."""
+"""Maximum number of reported faults of one kind: a mesh with thousands has one cause."""
 
 _ONE_PLACE = 1e-9
-"""Distance of nodes, as a part of the mesh's size, below which they are one that rounding has parted."""
+"""Distance, relative to the mesh size, below which nodes count as coincident (rounding)."""
 
 
 def read_mesh(path: Path) -> Mesh:
@@ -41,8 +41,8 @@ def read_mesh(path: Path) -> Mesh:
     Raises
     ------
     InputError
-        If there is no such file, it is no Gmsh file, or its groups make no members: with the numbers of nodes and
-        elements.
+        If the file does not exist, is not a Gmsh file, or its groups do not form members; the message lists node and
+        element tags.
 
     Examples
     --------
@@ -82,7 +82,7 @@ def _member(group: Elements) -> IntArray | None:
 
 
 def _groups(raw: Msh) -> list[Elements]:
-    """Return elements of one type and group together; a group may be made of several curves."""
+    """Merge elements of one type and group; a group may consist of several curves."""
     parts: dict[tuple[int, int], list[Elements]] = {}
     for one in raw.elements:
         if len(one.numbers):
@@ -114,7 +114,7 @@ def _reference_faults(raw: Msh) -> Iterator[Fault]:
 
 
 def _numbered(numbers: IntArray) -> str:
-    """Return the numbers of elements, shortened."""
+    """Return a shortened list of element tags."""
     told = ", ".join(map(str, numbers[:3].tolist()))
     return f"{told}, ..." if len(numbers) > 3 else told
 
@@ -138,7 +138,7 @@ def _group_faults(group: Elements, raw: Msh) -> Iterator[Fault]:
 
 
 def _broken_at(pairs: IntArray) -> str:
-    """Return at which nodes lines are no chain, in words."""
+    """Describe the nodes at which lines do not form a chain."""
     nodes, counts = np.unique(pairs, return_counts=True)
     if branches := nodes[counts > 2].tolist():
         return f"; node {branches[0]} has {int(counts[nodes == branches[0]][0])} lines"
@@ -147,7 +147,7 @@ def _broken_at(pairs: IntArray) -> str:
 
 
 def _length_faults(raw: Msh) -> Iterator[Fault]:
-    """Yield lines without a length, and nodes that are two where one is meant."""
+    """Yield lines of zero length and coincident nodes."""
     size = float(np.ptp(raw.points, axis=0).max(initial=0.0)) or 1.0
     grid = np.round(raw.points / (_ONE_PLACE * size))
     _, place, counts = np.unique(grid, axis=0, return_inverse=True, return_counts=True)
@@ -174,7 +174,7 @@ def _length_faults(raw: Msh) -> Iterator[Fault]:
 
 
 def _chain(pairs: IntArray) -> IntArray | None:
-    """Return the nodes of an open chain in order, in the direction of its lines; None if it is no such chain."""
+    """Return the nodes of an open chain in the direction of its lines; None if the lines do not form one."""
     neighbours: dict[int, list[int]] = {}
     for a, b in pairs.tolist():
         neighbours.setdefault(a, []).append(b)
@@ -191,7 +191,7 @@ def _chain(pairs: IntArray) -> IntArray | None:
 
 
 def write_mesh(mesh: Mesh, path: Path, *, overwrite: bool = False) -> None:
-    """Write a mesh as Gmsh 2.2 text, or for Abaqus and CalculiX; a member and a point may have one name.
+    """Write a mesh as Gmsh 2.2 text or for Abaqus and CalculiX; a member and a point may share a name.
 
     Parameters
     ----------

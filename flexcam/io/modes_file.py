@@ -1,4 +1,4 @@
-"""Modes for ParaView: one animated data set with all of them, and one with their still shapes."""
+"""Mode shapes for ParaView: one animated data set and one static data set with all modes."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ from flexcam.io.text_files import texts, toml_text
 from flexcam.io.vtk_groups import Geometry, VtkGroup, still_data
 
 PHASES = 24
-"""Instants of one swing."""
+"""Frames per period of the animation."""
 
 _SWING = 0.05
-"""Largest translation of a drawn shape, as a part of the model's size: Warp By Vector then looks right at scale 1."""
+"""Maximum translation of a drawn shape relative to the model size, suited to Warp By Vector with scale 1."""
 
 
 def write_modes(
     path: Path, geometry: Geometry, frequencies: FloatArray, shapes: FloatArray, *, overwrite: bool = False
 ) -> list[Path]:
-    """Write modes as ``NAME.vtkhdf`` (animated), ``NAME.pvd`` (the same for ParaView 5.11) and ``NAME.vtp`` (still).
+    """Write modes as ``NAME.vtkhdf`` (animated), ``NAME.pvd`` (the same for ParaView 5.11) and ``NAME.vtp`` (static).
 
-    Time is the phase of one swing, 0 to 1. Every mode is a point vector of its own, named ``mode_01_67.1Hz``: pick it
-    in Warp By Vector and press play. Shapes are drawn with a largest translation of 5 % of the model's size.
+    Time is the phase of one period, 0 to 1. Every mode is a separate point vector, such as ``mode_01_67.1Hz``: select
+    it in Warp By Vector and press play. The maximum translation of a drawn shape is 5 % of the model size.
     """
     still_path, collection = path.with_suffix(".vtp"), path.with_suffix(".pvd")
     for target in (path, still_path, collection):
@@ -43,7 +43,7 @@ def write_modes(
     phase = np.arange(PHASES) / PHASES
     swing = np.cos(2.0 * np.pi * phase)
     still = still_data(geometry)
-    held = io.BytesIO()  # small, and h5py itself ends badly on a full disk
+    held = io.BytesIO()  # small; h5py does not handle a full disk safely
     with h5py.File(held, "w") as opened:
         file: Any = opened
         group = VtkGroup(file, geometry, dict.fromkeys(drawn, ("m", 3)), still, PHASES)
@@ -70,13 +70,13 @@ def _drawn(geometry: Geometry, frequencies: FloatArray, shapes: FloatArray) -> d
     nodal = geometry.dofs.nodal_modes(shapes.T, size)[:, geometry.node, :3]
     for i, (frequency, moved) in enumerate(zip(frequencies, nodal, strict=True), start=1):
         largest = float(np.linalg.norm(moved, axis=1).max())
-        scale = _SWING * size / largest if largest > 0.0 else 0.0  # pure twist, or what is no member, moves no point
+        scale = _SWING * size / largest if largest > 0.0 else 0.0  # pure torsion or an internal mode moves no point
         drawn[f"mode_{i:02d}_{frequency:.1f}Hz"] = scale * moved
     return drawn
 
 
 def write_law(law: Law, path: Path, *, about: Mapping[str, object], overwrite: bool = False) -> Path:
-    """Write a law as a file that a case names: ``law = "NAME.toml"``."""
+    """Write a law as a file for a case: ``law = "NAME.toml"``."""
     names = [name for name, kind in KINDS.items() if kind is type(law)]
     if not names or not is_dataclass(law):
         raise refuse("law", type(law).__name__, f"a law of the kinds {', '.join(KINDS)}")
@@ -85,7 +85,7 @@ def write_law(law: Law, path: Path, *, about: Mapping[str, object], overwrite: b
 
 
 def write_lift(lift: HarmonicLift, path: Path, *, about: Mapping[str, object], overwrite: bool = False) -> Path:
-    """Write a lift of harmonics as a file that a case names: ``lift_table = "NAME.toml"``."""
+    """Write a harmonic lift as a file for a case: ``lift_table = "NAME.toml"``."""
     return _write(path, {"format": 1, "lift": asdict(lift), "about": dict(about)}, overwrite=overwrite)
 
 

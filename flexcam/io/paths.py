@@ -1,4 +1,4 @@
-"""Files that are read: regular ones, of a size that a file of that kind can have."""
+"""Checks of input and output paths: regular files of a plausible size, files named in a case, and output folders."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from stat import S_ISREG
 from flexcam.core.errors import refuse, said
 
 _LARGEST_TEXT = 1 << 28
-"""Bytes of a text that is read as a whole."""
+"""Maximum size of a text file read into memory, bytes."""
 
 
 def size_of(path: Path) -> int:
-    """Return the size of a file; a device or a pipe has none, and reading it might never end."""
+    """Return the size of a regular file; devices and pipes are rejected because reading them may never end."""
     found = path.stat()
     if not S_ISREG(found.st_mode):
         raise OSError("a folder, a device or a pipe stands there")
@@ -31,46 +31,46 @@ def text_of(path: Path, encoding: str = "utf-8-sig") -> str:
 
 
 def lines_of(path: Path) -> list[str]:
-    """Return the lines of a file as an editor counts them.
+    """Return the lines of a file as counted by a text editor.
 
-    No letter but the ends of lines of Unix, Windows and old Macs ends one: `str.splitlines` would count
-    others, such as U+0085 and U+2028, and name a wrong line from there on.
+    Only the line endings of Unix, Windows and old Macs count: `str.splitlines` also splits at characters such as
+    U+0085 and U+2028, which would shift the reported line numbers.
     """
-    return text_of(path).split("\n")  # all three ends are read as this one
+    return text_of(path).split("\n")  # universal newlines convert all three endings
 
 
 _UP = 2
-"""Folders above that of the case in which files may lie, so that ``cases/engine/a.toml`` finds ``meshes/a.msh``."""
+"""Number of parent folders of a case in which files may lie: ``cases/engine/a.toml`` finds ``meshes/a.msh``."""
 
 ALLOWED_BESIDES = "FLEXCAM_FILES"
-"""Environment variable with further folders, divided as those of PATH are."""
+"""Environment variable with further allowed folders, separated as in PATH."""
 
 _LARGEST = 1 << 30
-"""Bytes of a file that is read as a whole."""
+"""Maximum size of a file read into memory, bytes."""
 
 
 def file_beside(case: Path, name: str) -> Path | None:
-    """Return the file that a text of a case names, wherever it lies; None where it names none."""
+    """Return the file named by a string of a case, in any folder; None if the string is not a file name."""
     try:
         path = _folder(case, name) / name
         return path if path.is_file() else None
-    except (OSError, ValueError):  # no name of a file
+    except (OSError, ValueError):  # not a valid file name
         return None
 
 
 def _folder(case: Path, name: str) -> Path:
-    """Return the folder from which a name in a case is meant."""
+    """Return the folder to which a name in a case is relative."""
     folders = _folders(case)
     return next((one for one in folders if (one / name).exists()), folders[0])
 
 
 def _folders(case: Path) -> list[Path]:
-    """Return where names in a case are looked up, in this order."""
+    """Return the folders searched for names in a case, in order."""
     return [case.parent, case.resolve().parent] if case.is_symlink() else [case.parent]
 
 
 def named_file(case: Path, name: str, where: str) -> Path:
-    """Return the path of a file that a case names."""
+    """Return the path of a file named in a case."""
     try:
         folder = _folder(case, name)
         path = folder / name
@@ -98,8 +98,8 @@ _REMEDY = "overwrite it by --overwrite or overwrite=True"
 
 
 def free_to_write(where: str, path: Path, *, overwrite: bool, remedy: str = _REMEDY) -> None:
-    """Refuse a target that exists."""
-    if path.is_symlink() and not path.exists():  # whose target it would make is not known
+    """Raise an error if an output file exists and may not be overwritten."""
+    if path.is_symlink() and not path.exists():  # a dangling link: writing would create an unknown target
         remedy = "remove the link, or name another file"
         raise refuse(where, str(path), "a file that does not exist yet", _NOWHERE, remedy)
     if path.is_dir():
@@ -117,13 +117,13 @@ _NOWHERE = "a symbolic link stands there that leads nowhere"
 
 
 def _nearest(folder: Path) -> Path:
-    """Return a folder, or the nearest above it of what is there."""
+    """Return the nearest existing folder: the given one or a parent."""
     whole = folder.absolute()
     return next(one for one in (whole, *whole.parents) if os.path.lexists(one))
 
 
 def _barred(folder: Path) -> str:
-    """Return what stands in the place of a folder or of one above it; nothing for an empty text."""
+    """Describe a file in the place of a folder or one of its parents; empty if there is none."""
     above = _nearest(folder)
     if above.is_dir():
         return ""
@@ -137,7 +137,7 @@ _OF_FILES = frozenset((
 
 
 def named_as_folder(path: Path) -> Path:
-    """Return the name of a folder for files that are named after something else, such as the case."""
+    """Return the path of an output folder; raise an error for a name with the suffix of an output file."""
     if path.suffix.lower() not in _OF_FILES or path.exists():
         return path
     allowed, why = "a folder", "its files have names of their own, after the case"
@@ -145,7 +145,7 @@ def named_as_folder(path: Path) -> Path:
 
 
 def made_folder(path: Path) -> Path:
-    """Return a folder, made with its parents if it does not exist."""
+    """Create a folder with its parents if necessary and return it."""
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as fault:
@@ -155,7 +155,7 @@ def made_folder(path: Path) -> Path:
 
 
 def takes_files(folder: Path) -> None:
-    """Refuse a folder in which no file can be made, before anything is computed for it; nothing is left behind."""
+    """Raise an error if no file can be created in a folder; called before a computation, leaves no files."""
     missing = [one for one in (folder, *folder.parents) if not one.exists()]
     try:
         with tempfile.TemporaryFile(dir=made_folder(folder)):

@@ -1,4 +1,4 @@
-"""Read the points of a cam profile: two columns, or x and y among those of a profile that flexcam wrote."""
+"""Cam profile files: read the points of two columns or of a flexcam table, and write CSV and DXF."""
 
 # pyright: reportUnknownMemberType=false
 
@@ -48,7 +48,7 @@ def _parts(line: str) -> list[str]:
 
 
 def _numbers(parts: list[str], columns: tuple[int, int]) -> list[float]:
-    """Return the two numbers of a row, or nothing."""
+    """Return the two numbers of a row; empty if there are none."""
     try:
         found = [float(parts[column]) for column in columns]
     except (ValueError, IndexError):
@@ -75,7 +75,7 @@ def _columns(head: list[str], path: Path) -> tuple[int, int]:
 
 
 def _scale(head: list[str], given: str | None, path: Path) -> float:
-    """Return the unit that the heads of both columns say, each by its last word that is one, or that is given."""
+    """Return the unit of the column headers (the last word of each that is a unit) or the given one."""
     words = [[word for word in _words(name) if word in _LENGTHS] for name in head]
     named = [given or "", *(word[-1] for word in words if word)]
     units = list(dict.fromkeys(unit for unit in named if unit))
@@ -89,26 +89,26 @@ def _scale(head: list[str], given: str | None, path: Path) -> float:
     return _LENGTHS[units[0]]
 
 
-# ezdxf leaves the attributes of its entities open.
+# ezdxf does not type the attributes of its entities.
 
 
 _MM = 1e3
 _LAYERS = {"profile": 1, "pitch curve": 3, "cutter path": 5, "base circle": 8}
-"""Layers of the drawing and their colours, numbers of AutoCAD's index."""
+"""Layers of the drawing and their AutoCAD colour indices."""
 
 
 @dataclass(frozen=True, eq=False)
 class ProfileTable:
-    """A cam as curves and columns.
+    """Curves and columns of a cam profile.
 
     Parameters
     ----------
     curves
         Closed curves by name, m, shape (n, 2): ``profile``, ``pitch curve``, ``cutter path``.
     base_radius
-        m.
+        Radius of the base circle, m.
     columns
-        Further columns by their heads with units, shape (n,).
+        Further columns by header with unit, shape (n,).
     """
 
     curves: Mapping[str, FloatArray]
@@ -117,7 +117,7 @@ class ProfileTable:
 
 
 def write_profile(table: ProfileTable, stem: Path, forms: Sequence[str], *, overwrite: bool = False) -> list[Path]:
-    """Write a profile in some formats."""
+    """Write a profile in one or more formats."""
     writers = {"csv": _csv, "dxf": _dxf, "vtp": _vtp}
     paths = [stem.with_name(f"{stem.name}.{form}") for form in forms]
     for path in paths:

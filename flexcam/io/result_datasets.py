@@ -1,4 +1,4 @@
-"""HDF5 datasets that grow block by block."""
+"""Growing HDF5 datasets."""
 
 from __future__ import annotations
 
@@ -13,46 +13,46 @@ from flexcam.io.integrity import keep_sum
 from flexcam.io.text_files import note
 
 _MOST = 4096
-"""Numbers in a chunk, as far as blocks can be halved."""
+"""Maximum number of values in a chunk, as far as blocks can be halved."""
 
 
 def chunk_rows(rows: int, width: int) -> int:
-    """Return the rows of a chunk: those of a block, halved while they are many, as the last chunk is stored whole."""
+    """Return the rows of a chunk: those of a block, halved while too many because the last chunk is stored in full."""
     while rows % 2 == 0 and rows * width > _MOST:
         rows //= 2
     return rows
 
 
 def _chunks(shape: tuple[int, ...]) -> tuple[int, ...]:
-    """Return the chunks of a dataset that is written at once: whole rows, as many as one chunk may hold."""
+    """Return the chunk shape of a fixed dataset: as many full rows as one chunk may contain."""
     width = int(np.prod(shape[1:], dtype=int))
     return (max(1, min(shape[0], _MOST // max(width, 1))), *shape[1:])
 
 
 def ordered(group: Any, name: str) -> Any:  # noqa: ANN401 - h5py has no types
-    """Return a new group that keeps its members in the order they are made."""
+    """Return a new group that preserves the creation order of its members."""
     return group.create_group(name, track_order=True)
 
 
 class Growing:
-    """A new, empty dataset whose first axis grows.
+    """Empty dataset with an extensible first axis.
 
-    Rows go to HDF5 without h5py's selections and look-ups: a result has some forty of these, and all grow together.
+    Rows are written without h5py's selections and look-ups: a result has about forty such datasets that grow together.
 
     Parameters
     ----------
     group
-        Where it goes.
+        Parent group.
     name
-        Of the dataset.
+        Name of the dataset.
     rows
-        Rows that a block brings: chunks are parts of it, so that no block touches the chunk of another.
+        Rows per block: chunks divide a block, so that no two blocks share a chunk.
     unit
-        Of its numbers.
+        Unit of the values.
     width
-        Columns; 0 for a dataset of one axis.
+        Number of columns; 0 for a one-dimensional dataset.
     kind
-        Type of its numbers.
+        Data type of the values.
     """
 
     def __init__(self, group: Any, name: str, rows: int, unit: str, *, width: int = 0, kind: str = "f8") -> None:  # noqa: ANN401
@@ -68,17 +68,17 @@ class Growing:
         return self._length
 
     def append_zeros(self, count: int) -> None:
-        """Append rows of zeros, which take no room in the file."""
+        """Append rows of zeros, which take no space in the file."""
         self.lengthen(count)
         self._sum = zlib.crc32(np.zeros((count, *self._columns), self._kind).data, self._sum)
 
     def lengthen(self, count: int) -> None:
-        """Make room for rows."""
+        """Extend the dataset by empty rows."""
         self._length += count
         self.dataset.id.set_extent((self._length, *self._columns))
 
     def extend(self, rows: FloatArray | IntArray) -> None:
-        """Append rows, as wide as the dataset."""
+        """Append rows of the width of the dataset."""
         first = self._length
         self.lengthen(len(rows))
         if len(rows):
@@ -89,14 +89,14 @@ class Growing:
             self.dataset.id.write(space(rows.shape), there, values)
 
     def sum(self) -> None:
-        """Write the checksum of all rows so far."""
+        """Write the checksum of all rows."""
         keep_sum(self.dataset, self._sum)
 
 
 def fixed(group: Any, name: str, values: FloatArray | IntArray, unit: str = "") -> Any:  # noqa: ANN401
-    """Return a new dataset that does not grow, with its unit."""
+    """Return a new dataset of fixed size with its unit."""
     array = np.ascontiguousarray(values)
-    chunk = _chunks(array.shape) if array.size else ()  # nothing has no chunk
+    chunk = _chunks(array.shape) if array.size else ()  # an empty dataset has no chunks
     made = dataset(group, name, array.dtype.str, array.shape, chunk=chunk)
     if array.size:
         fill(made, array)

@@ -1,4 +1,4 @@
-"""What stands beside a result that is not there: the copy of a run that goes on or broke off, or the end of one."""
+"""Read and verify result files."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ _RESULT, _PARTIAL, _WRITING = ".vtkhdf", ".partial.vtkhdf", (".writing", ".copyi
 
 
 def instead(path: Path) -> str:
-    """Return what to read in the place of a result that cannot be read."""
+    """Suggest an alternative file for a result that cannot be read: its partial or final result."""
     if path.suffix == ".toml":
         return f"a case is solved first: flexcam run {path}"
     try:
         return _beside(path)
-    except OSError:  # no name of a file, or a folder that may not be looked into: the refusal itself says so
+    except OSError:  # not a valid file name or no access to the folder: the error message says so
         return ""
 
 
@@ -51,28 +51,28 @@ def _beside(path: Path) -> str:
 
 
 STILL = ("radius", "node", "axis_x", "axis_y", "axis_z")
-"""Point data that do not change."""
+"""Constant point data."""
 
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """A result file in memory.
+    """Result file in memory.
 
     Parameters
     ----------
     mesh
-        Geometry, with named points and members.
+        Mesh with named points and members.
     response
-        Histories, status and figures of the run; its fields hold six components per node, node after node.
+        Histories, status and statistics of the run; fields have six components per node, node by node.
     still
-        Point data that do not change: ``radius`` (m), ``node``, ``axis_x``, ``axis_y``, ``axis_z`` (global axes).
+        Constant point data: ``radius`` (m), ``node``, ``axis_x``, ``axis_y``, ``axis_z`` (global axes).
     recovered
         Section forces (N, N m, local axes) and stresses (Pa) at the points of the members, shape (instants, points, 3)
         or (instants, points).
     about
-        Texts kept with the result: case file, versions, date.
+        Texts stored with the result: case file, versions, date.
     warnings
-        What was doubtful about the run, in words.
+        Warnings of the run.
 
     Examples
     --------
@@ -87,7 +87,7 @@ class Result:
     warnings: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
-        """Return whose result it is, not its numbers."""
+        """Return the title of the result without its numbers."""
         return f"<Result of {self.about.get('title') or self.about.get('case_file', 'a run')!r}: {self.response!r}>"
 
     @property
@@ -120,17 +120,17 @@ def read_result(path: str | Path) -> Result:
     Parameters
     ----------
     path
-        A ``.vtkhdf`` file written by flexcam, complete or partial; of a partial one, what was finished.
+        A ``.vtkhdf`` file written by flexcam, complete or partial; of a partial result, the finished part is read.
 
     Returns
     -------
     Result
-        Everything in it.
+        Content of the file.
 
     Raises
     ------
     InputError
-        If it is no such file, damaged, or of a newer format.
+        If the file is not a flexcam result, is damaged, or has a newer format.
 
     Examples
     --------
@@ -143,7 +143,7 @@ def read_result(path: str | Path) -> Result:
 
 
 def check_whole(file: Any, source: Path) -> None:  # noqa: ANN401 - h5py has no types
-    """Refuse a result of a newer format, or one whose names, texts or index are not as they were written."""
+    """Raise an error for a newer format, or if names, texts or index do not match the digest."""
     if "VTKHDF" not in file and {"inputs", "scalars"} <= set(file):
         remedy = "flexcam.studies.tables.read_table reads it, and flexcam info --verify says whether it is sound"
         raise refuse("result", source, "a result file of flexcam (.vtkhdf)", "it is the table of a sweep", remedy)
@@ -218,7 +218,7 @@ def _side_by_side(history: Any, probes: tuple[tuple[str, tuple[str, ...]], ...],
 
 
 def at_nodes(read: Callable[[str], FloatArray], series: str, node: IntArray, nodes: int) -> FloatArray:
-    """Return one series of saved fields at the nodes; points of a joint agree, any of them counts."""
+    """Return one series of saved fields at the nodes; coincident points of a joint have the same values."""
     parts = {first: read(name).reshape(-1, len(node), 3) for name, (of, first, _) in VECTORS.items() if of == series}
     spread = np.zeros((len(parts[0]), nodes, 6))
     for first, values in parts.items():
@@ -227,7 +227,7 @@ def at_nodes(read: Callable[[str], FloatArray], series: str, node: IntArray, nod
 
 
 def status_of(file: Any) -> Status:  # noqa: ANN401
-    """Return how the run of an open result file ended."""
+    """Return the status of the run in an open result file."""
     if "status" not in file:
         return Status(Cause.INTERRUPTED, "the run was cut off before it could say why", "flexcam run --resume goes on")
     texts = read_texts(file["status"])
@@ -235,7 +235,7 @@ def status_of(file: Any) -> Status:  # noqa: ANN401
 
 
 def _stats(file: Any) -> Stats:  # noqa: ANN401
-    if "status" not in file:  # a run that was killed: what it had written by then, its way and time are not known
+    if "status" not in file:  # the run was killed: engine and time are unknown
         told = file["history"].attrs
         return Stats(engine="", steps=max(int(told["steps"]) - 1, 0), size=int(told.get("size", 0)), seconds=-1.0)
     group = file["status"]
@@ -249,18 +249,18 @@ def _stats(file: Any) -> Stats:  # noqa: ANN401
 
 @dataclass(frozen=True)
 class Verified:
-    """What was read of a sound file.
+    """Summary of a verified file.
 
     Parameters
     ----------
     datasets
-        How many.
+        Number of datasets.
     checked
-        How many of them have a checksum of their rows; the seal covers the others.
+        Number of datasets with a checksum of their rows; the digest covers the others.
     bytes
-        Of their numbers and texts.
+        Size of all numbers and texts.
     complete
-        Whether the run that wrote it came to its end.
+        Whether the run that wrote the file reached its end.
     """
 
     datasets: int
@@ -270,7 +270,7 @@ class Verified:
 
 
 def verified(path: str | Path) -> Verified:
-    """Read every dataset of a result, and the table of a sweep, to the last byte."""
+    """Read and verify every dataset of a result or of a sweep table."""
     source = Path(path)
     allowed = "a result file of flexcam (.vtkhdf) or the table of a sweep (.h5)"
     with guarded(source, "result", allowed, instead(source)) as file:

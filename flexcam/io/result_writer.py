@@ -1,4 +1,4 @@
-"""How large a result file will be."""
+"""Write result files: partial results, checkpoints and the estimated file size."""
 
 from __future__ import annotations
 
@@ -31,24 +31,24 @@ from flexcam.io.text_files import note, texts
 from flexcam.io.vtk_groups import RECOVERED, Geometry, VtkGroup, still_data
 
 _SHARE = 0.02
-"""Part of the time of a run that copies may take."""
+"""Maximum fraction of the run time spent on copies."""
 
 _SPARE = 2
-"""Times the size of the file that must be free for a copy: what is still to be written needs room too."""
+"""Free space required for a copy, relative to the file size: the rest of the run needs space too."""
 
 _LAID_OUT = 1 << 19
-"""Bytes that a file takes before its first step, with room to spare for a few hundred nodes."""
+"""Bytes of a file before its first step, with a margin for a few hundred nodes."""
 
 
 class Draft:
-    """A file that one process at a time writes.
+    """Temporary result file, locked by one process.
 
     Parameters
     ----------
     path
-        Where it is written.
+        Path of the temporary file.
     shown
-        Where copies of it are shown.
+        Path of the published copies.
     """
 
     def __init__(self, path: Path, shown: Path) -> None:
@@ -68,10 +68,10 @@ class Draft:
         self._last, self._cost = time.perf_counter(), 0.0
 
     def _try(self) -> None:
-        """Find out now whether the disk is full: HDF5 does not survive that while it lays out a file."""
+        """Detect a full disk before HDF5 lays out the file, because HDF5 does not handle that error safely."""
         try:
             done = 0
-            while done < _LAID_OUT:  # what does not fit is cut off without a word; behind it the system says why
+            while done < _LAID_OUT:  # a short write gives no error; the next one does
                 done += os.pwrite(self._held, bytes(_LAID_OUT - done), done)
             os.truncate(self._held, 0)
         except OSError:
@@ -79,31 +79,31 @@ class Draft:
             raise
 
     def begin(self) -> None:
-        """Say that the file is laid out: the first copy is taken to cost as much as that."""
+        """Start the timer after the layout; the first copy is assumed to take as long as the layout."""
         now = time.perf_counter()
         self._last, self._cost = now, now - self._last
 
     @property
     def due(self) -> bool:
-        """Whether it is time for a copy."""
+        """Return whether the next copy is due."""
         return self._cost <= _SHARE * (time.perf_counter() - self._last)
 
     def show(self, prepared: float | None = None) -> None:
-        """Show a copy of what is written by now; without room for it the last one stays."""
+        """Publish a copy of the file; without space for it the previous copy remains."""
         began = time.perf_counter() if prepared is None else prepared
         try:
             if shutil.disk_usage(self.path.parent).free > _SPARE * self.path.stat().st_size:
-                self._copy.unlink(missing_ok=True)  # a link there would lead the copy elsewhere
+                self._copy.unlink(missing_ok=True)  # a link there would redirect the copy
                 shutil.copyfile(self.path, self._copy)
                 os.replace(self._copy, self._shown)
-        except OSError:  # the run itself may still find the room that its copy does not
+        except OSError:  # the run may still have space when its copy does not
             with suppress(OSError):
                 self._copy.unlink(missing_ok=True)
         self._last = time.perf_counter()
         self._cost = self._last - began
 
     def become(self, path: Path) -> None:
-        """Take a name for good, once the disk has it all; nothing else may follow."""
+        """Synchronize the file to disk and rename it to its final name; no further writes are possible."""
         try:
             os.fsync(self._held)
             os.replace(self.path, path)
@@ -112,7 +112,7 @@ class Draft:
             self._release()
 
     def discard(self) -> None:
-        """Remove what is written; what was shown stays."""
+        """Remove the temporary file; published copies remain."""
         with suppress(OSError):
             self.path.unlink(missing_ok=True)
         self._release()
@@ -124,7 +124,7 @@ class Draft:
 
 
 def _sync_folder(folder: Path) -> None:
-    """Have the disk keep the names in a folder; Windows has no such call, and some network drives refuse it."""
+    """Synchronize the entries of a folder to disk; not available on Windows and some network drives."""
     with suppress(OSError):
         held = os.open(folder, os.O_RDONLY)
         try:
@@ -134,7 +134,7 @@ def _sync_folder(folder: Path) -> None:
 
 
 def _locked(path: Path) -> int:
-    """Return a descriptor that holds the lock of a file, which ends with the process however that ends."""
+    """Return a descriptor that holds the lock of a file until the process ends."""
     while True:
         held = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
         try:
@@ -145,12 +145,12 @@ def _locked(path: Path) -> int:
         except OSError:
             os.close(held)
             raise
-        os.close(held)  # its process gave it a name meanwhile; ours is another file
+        os.close(held)  # another process has renamed the file: the path now names a different file
 
 
 @contextmanager
 def plainly() -> Generator[None]:
-    """Say in the system's own words why a file cannot be written; HDF5 tells addresses and buffers as well."""
+    """Convert HDF5 write errors to the message of the operating system, without addresses and buffer sizes."""
     try:
         yield
     except (OSError, RuntimeError) as fault:
@@ -159,7 +159,7 @@ def plainly() -> Generator[None]:
 
 
 _SYSTEM = re.compile(r"errno = (\d+)")
-"""What the system said, within what HDF5 says."""
+"""Operating system error number in an HDF5 message."""
 
 
 CHECKPOINT = "checkpoint"
@@ -170,13 +170,13 @@ _CHUNK_KEPT_STATE = 4096
 
 
 def make_checkpoint(file: Any) -> None:  # noqa: ANN401 - h5py has no types
-    """Make the place of the checkpoint in a new result file, empty."""
+    """Create the empty checkpoint dataset in a new result file."""
     file.create_dataset(CHECKPOINT, (0,), "u1", maxshape=(None,), chunks=(_CHUNK_KEPT_STATE,), fletcher32=True)
     keep_sum(file[CHECKPOINT], zlib.crc32(b""))
 
 
 def write_checkpoint(file: Any, checkpoint: Checkpoint) -> None:  # noqa: ANN401
-    """Write a checkpoint into an open result file, in the place of an earlier one."""
+    """Write a checkpoint into an open result file; an earlier one is replaced."""
     packed = BytesIO()
     own = {_STEPS: np.array(checkpoint.steps), _PROBLEM: np.array(checkpoint.problem)}
     arrays: dict[str, Any] = {**checkpoint.arrays, **own}
@@ -197,14 +197,14 @@ def read_checkpoint(file: Any) -> Checkpoint | None:  # noqa: ANN401
 
 
 def drop_checkpoint(file: Any) -> None:  # noqa: ANN401
-    """Take the checkpoint out of an open result file: a complete run needs none."""
+    """Remove the checkpoint of an open result file: a complete run needs none."""
     del file[CHECKPOINT]
 
 
 _module: Any = h5py
 
 FORMAT = 2
-"""Version of flexcam's own groups; a reader refuses a higher one. Since 2 a file has a seal."""
+"""Version of flexcam's groups; a reader rejects a higher one. Since version 2 a file has a digest."""
 
 VECTORS = {
     "displacement": ("displacement", 0, "m"),
@@ -214,34 +214,34 @@ VECTORS = {
     "acceleration": ("acceleration", 0, "m/s^2"),
     "angular_acceleration": ("acceleration", 3, "rad/s^2"),
 }
-"""Point vectors: name to the series they come from, their first component and their unit."""
+"""Point vectors: name to source series, first component and unit."""
 
 SERIES = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
 
 
 class ResultFile:
-    """Sink that writes ``NAME.vtkhdf``, as ``NAME.partial.vtkhdf`` until the run is complete.
+    """Sink that writes ``NAME.vtkhdf``, named ``NAME.partial.vtkhdf`` until the run is complete.
 
     Parameters
     ----------
     path
-        The final file; its folder exists.
+        Path of the final file; its folder exists.
     geometry
-        What the fields are drawn on.
+        Geometry for the fields.
     outline
-        Names of what will come.
+        Names of the series to be written.
     steps
-        Of the whole run.
+        Number of steps of the run.
     save
-        How the run hands out its blocks.
+        Output settings: block length and saved steps.
     about
-        Texts kept with the result: name to text, such as the case file.
+        Texts stored with the result: name to text, such as the case file.
     overwrite
-        Whether an existing result may be replaced, once the new one is complete.
+        Whether an existing result may be replaced when the new one is complete.
     resume
-        The state from which the run goes on with the partial result, which stays until all that it holds is written.
+        Checkpoint at which the run continues a partial result, which remains until all its content is rewritten.
     warnings
-        Asked at the end for what is doubtful about the run; None for nothing.
+        Function called at the end that returns the warnings of the run; None for no warnings.
     """
 
     def __init__(
@@ -276,7 +276,7 @@ class ResultFile:
 
     def _create(self, geometry: Geometry, save: SaveAt, about: Mapping[str, str]) -> None:
         _need_room(self._draft.path, geometry, self._outline, about)
-        # Chunks are written once and whole: a cache would keep them all, to be looked through at every flush.
+        # Every chunk is written once and in full: a cache would keep all chunks and search them at every flush.
         self._file: Any = h5py.File(self._draft.path, "w", locking=False, rdcc_nbytes=0)
         _bound(self._file)
         moving = {**{name: (unit, 3) for name, (_, _, unit) in VECTORS.items()}, **RECOVERED}
@@ -311,16 +311,16 @@ class ResultFile:
             _module.h5ds.attach_scale(one.dataset.id, self._time.dataset.id, 0)
 
     def write(self, block: Block) -> None:
-        """Append a block, now or together with later ones."""
+        """Append a block, immediately or together with later ones."""
         self._waiting.append(block)
         self._taken += len(block.time)
         self._bytes += _size(block)
-        if self._bytes > _WORTH or self._taken == self._all:  # what may be interrupted is not left to the end
+        if self._bytes > _WORTH or self._taken == self._all:  # an interrupted run must not lose much data
             with plainly():
                 self._append()
 
     def _append(self) -> None:
-        """Write the blocks that wait."""
+        """Write the buffered blocks."""
         if not self._waiting:
             return
         block = Block.joined(self._waiting)
@@ -333,7 +333,7 @@ class ResultFile:
         self._vtk.stamp(block.field_time)
 
     def keep(self, checkpoint: Checkpoint) -> None:
-        """Take the state behind the last block, and show what is written when it is time to."""
+        """Store the checkpoint after the last block, and publish a copy when one is due."""
         self._checkpoint = checkpoint
         if self._draft.due:
             began = time.perf_counter()
@@ -353,7 +353,7 @@ class ResultFile:
         return {**vectors, **geometry.recovered(*(nodal[series] for series in SERIES))}
 
     def _seal(self) -> None:
-        """Make the file one that a reader can hold against what was written."""
+        """Write the checksums and the digest."""
         grown = [self._time, self._angle, self._field_angle, *self._channels, *(one for _, _, one in self._probes)]
         for one in (*grown, *self._vtk.grown):
             one.sum()
@@ -368,9 +368,9 @@ class ResultFile:
             history.extend(values)
 
     def close(self, status: Status, stats: Stats) -> None:
-        """Write how the run ended; a complete result takes its final name, any other becomes the partial one."""
+        """Write the status of the run and rename the file: to its final name if complete, else to the partial one."""
         if self._checkpoint is not None and self._taken < self._checkpoint.steps:
-            self._abandon()  # it was stopped before it held what the earlier one holds: that one stays
+            self._abandon()  # stopped before it reached the end of the earlier partial result, which remains
             return
         try:
             with plainly():
@@ -383,7 +383,7 @@ class ResultFile:
             self.partial.unlink(missing_ok=True)
 
     def _abandon(self) -> None:
-        """Give up what is written; HDF5 may not be able to close it."""
+        """Discard the temporary file; closing it may fail in HDF5."""
         with suppress(OSError, RuntimeError, AttributeError):
             self._file.close()
         self._draft.discard()
@@ -409,22 +409,22 @@ class ResultFile:
 
 
 _WORTH = 2**20
-"""Bytes of blocks that are written together: each of some hundred datasets takes its time however little it gets."""
+"""Minimum size of buffered blocks before writing, bytes: each of some hundred datasets has a fixed cost per write."""
 
 
 def _size(block: Block) -> int:
-    """Return how many bytes a block has, but for its instants."""
+    """Return the size of a block without its saved fields, bytes."""
     arrays = (block.channels, *(getattr(one, name) for one in (block.probes, block.fields) for name in SERIES))
     return sum(one.nbytes for one in arrays)
 
 
 def partial_of(path: Path) -> Path:
-    """Return where the partial result of a run is shown."""
+    """Return the path of the partial result of a run."""
     return path.with_name(f"{path.stem}.partial.vtkhdf")
 
 
 def _need_room(path: Path, geometry: Geometry, outline: Outline, about: Mapping[str, str]) -> None:
-    """Write as much as an empty result takes, to fail as other files do: HDF5 without room can end the process."""
+    """Test the free space with a file of the size of an empty result: HDF5 without space can abort the process."""
     datasets = _DATASETS + len(SERIES) * len(outline.probes) + len(outline.channels) + len(geometry.mesh.points)
     size = _HEAD * datasets + sum(map(len, about.values())) + _STILL_VTKHDF * len(geometry.node)
     with path.open("wb") as file:
@@ -432,11 +432,11 @@ def _need_room(path: Path, geometry: Geometry, outline: Outline, about: Mapping[
 
 
 _DATASETS, _HEAD, _STILL_VTKHDF = 45, 1650, 8 * 24
-"""Datasets of any result; bytes of one's head and of the first of its index; of what stands still at a point."""
+"""Number of datasets of any result; bytes of a dataset's header and first index; bytes of constant data per point."""
 
 
 def _bound(file: Any) -> None:  # noqa: ANN401
-    """Keep HDF5 from holding the places of all chunks of a long run: it counts a tenth of what that takes in memory."""
+    """Limit the chunk index that HDF5 caches in a long run: HDF5 counts only a tenth of its memory."""
     config = file.id.get_mdc_config()
     config.set_initial_size, config.initial_size = 1, _INDEX
     config.min_size = config.max_size = _INDEX
@@ -444,7 +444,7 @@ def _bound(file: Any) -> None:  # noqa: ANN401
 
 
 _INDEX = 2**18
-"""Bytes of a file's index that stay in memory, as they are on disk; enough for the blocks that are being written."""
+"""Size of the cached index, bytes, in the format on disk; enough for the blocks being written."""
 
 
 def _write_mesh(file: Any, geometry: Geometry) -> None:  # noqa: ANN401 - h5py has no types
@@ -456,17 +456,17 @@ def _write_mesh(file: Any, geometry: Geometry) -> None:  # noqa: ANN401 - h5py h
 
 
 _NUMBER, _CHUNK, _DATASET = 8, 80, 2900
-"""Bytes of a number, of a chunk's checksum and entry in the index, of a dataset's head and the first of its index."""
+"""Bytes of a number, of a chunk's checksum and index entry, of a dataset's header and first index."""
 
 _ABOUT = 125_000
-"""Bytes of the case, of what else is kept as text, and of the mesh for what does not grow with it."""
+"""Bytes of the case, of the other texts, and of the part of the mesh that does not depend on its size."""
 
 _STILL = 24
-"""Numbers of a point that do not change, such as its place and its axes."""
+"""Constant values per point, such as position and axes."""
 
 
 def result_bytes(outline: Outline, mesh: Mesh, save: SaveAt, steps: int) -> int:
-    """Return the size of the result file of a run."""
+    """Return the estimated size of the result file of a run, bytes."""
     rows, fields = steps + 1, -(-steps // save.field_every) + 1
     widths = [1, 1, *(len(parts) for _, parts in outline.probes for _ in SERIES), *(1 for _ in outline.channels)]
     points, together = points_drawn(mesh), max(save.block // save.field_every, 1)
@@ -478,11 +478,11 @@ def result_bytes(outline: Outline, mesh: Mesh, save: SaveAt, steps: int) -> int:
 
 
 def points_drawn(mesh: Mesh) -> int:
-    """Return at how many points fields are drawn: those of every member, and the nodes on none."""
+    """Return the number of output points: those of every member and the nodes without a member."""
     return sum(len(line) for line in mesh.lines.values()) + int((~mesh.on_members()).sum())
 
 
 def _growing(rows: int, block: int, width: int) -> int:
-    """Return the bytes of a dataset whose last chunk is stored whole."""
+    """Return the size of a growing dataset, bytes; the last chunk is stored in full."""
     chunk = chunk_rows(block, width)
     return math.ceil(rows / chunk) * (chunk * width * _NUMBER + _CHUNK) + _DATASET

@@ -1,4 +1,4 @@
-"""The finished part of a run that broke off, read from its partial result as the run handed it out."""
+"""Resume an incomplete run from its partial result."""
 
 from __future__ import annotations
 
@@ -20,29 +20,29 @@ from flexcam.io.vtk_groups import Geometry
 
 _AGAIN = "run the case again, with --overwrite"
 _FAILED = (Cause.NOT_FINITE, Cause.NO_CONVERGENCE, Cause.SINGULAR, Cause.STEP_TOO_SMALL, Cause.ROUNDING)
-"""How runs end that would end the same way again."""
+"""Causes that would end a resumed run in the same way."""
 
 _GUARDED = ("--resume", "a partial result of flexcam", _AGAIN)
 
 
 class Unfinished:
-    """A partial result that a run can go on from.
+    """Partial result of an incomplete run.
 
     Parameters
     ----------
     path
         ``NAME.partial.vtkhdf``.
     geometry, outline, save
-        Of the run, as its result file takes them.
+        As passed to the result file of the run.
 
     Attributes
     ----------
     about
-        Texts kept with it.
+        Texts stored with the result.
     status
-        How it broke off.
+        Status of the incomplete run.
     checkpoint
-        Where the run goes on.
+        Checkpoint at which the run continues.
     """
 
     def __init__(self, path: Path, geometry: Geometry, outline: Outline, save: SaveAt) -> None:
@@ -62,16 +62,16 @@ class Unfinished:
         self.checkpoint: Checkpoint = found
 
     def verify(self) -> None:
-        """Read everything once, and hold it against its checksums."""
+        """Read all datasets and verify their checksums."""
         verified(self._path)
 
     def blocks(self) -> Iterator[Block]:
-        """Yield the blocks up to the checkpoint; checksums are held against what is read, see `verify` for the rest."""
+        """Yield the blocks up to the checkpoint; only data read are verified, see `verify` for the rest."""
         size, field = self._save.block, 0
         with guarded(self._path, *_GUARDED) as file:
             for first in range(0, self.checkpoint.steps, size):
                 steps = np.arange(first, min(first + size, self.checkpoint.steps))
-                saved = np.flatnonzero(steps % self._save.field_every == 0)  # the last of the run is not among them
+                saved = np.flatnonzero(steps % self._save.field_every == 0)  # does not include the last step of the run
                 fields = slice(field, field + len(saved))
                 yield self._block(file, slice(first, first + len(steps)), saved, fields)
                 field += len(saved)
@@ -93,7 +93,7 @@ class Unfinished:
         return np.concatenate([np.zeros((rows.stop - rows.start, 0)), *parts], axis=1)
 
     def _unknowns(self, data: Any, series: str, fields: slice, probes: FloatArray) -> FloatArray:  # noqa: ANN401
-        """Return saved fields in the unknowns of the run: those of nodes, and behind them those that are probes."""
+        """Return saved fields in the degrees of freedom of the run: nodal ones, then those recorded as probes."""
         node, nodes = self._geometry.node, len(self._geometry.mesh.nodes)
         which = slice(fields.start * len(node), fields.stop * len(node))
         nodal = at_nodes(lambda name: _rows(data[name], which), series, node, nodes).reshape(-1, nodes, 6)
@@ -103,7 +103,7 @@ class Unfinished:
     def _beside(self, name: str, probes: FloatArray) -> FloatArray:
         try:
             return probes[:, self._outline.columns(name)]
-        except InputError:  # the inner parts of a spring lie still in a rigid train, which keeps none
+        except InputError:  # internal nodes of a spring do not move in the rigid model and are not stored
             return np.zeros((len(probes), 1))
 
 

@@ -1,6 +1,7 @@
-"""Texts in HDF5 files, all of one fixed length: those of variable length stand on a heap that has no checksum.
+"""Fixed-length strings in HDF5 files, and TOML and Abaqus texts.
 
-A damaged heap can keep HDF5 in an endless loop, so that no reader here touches one.
+Variable-length strings lie on an HDF5 heap without a checksum; a damaged heap can cause an endless loop in HDF5.
+Therefore no reader of flexcam accesses one.
 """
 
 from __future__ import annotations
@@ -20,13 +21,13 @@ _module: Any = h5py
 
 
 def encoded(texts: Sequence[str]) -> Any:  # noqa: ANN401 - an array
-    """Return texts as an array of UTF-8 of one length, as HDF5 takes it."""
+    """Return strings as an HDF5-compatible array of UTF-8 bytes of one length."""
     parts = [one.encode() for one in texts]
     return np.array(parts, dtype=_module.string_dtype("utf-8", max([1, *map(len, parts)])))
 
 
 def texts(group: Any, content: Mapping[str, str]) -> None:  # noqa: ANN401 - h5py has no types
-    """Write texts into a group, one dataset each."""
+    """Write strings into a group, one dataset each."""
     for name, one in content.items():
         value = encoded([one]).reshape(())
         kind = text(value.dtype.itemsize)
@@ -34,31 +35,31 @@ def texts(group: Any, content: Mapping[str, str]) -> None:  # noqa: ANN401 - h5p
 
 
 def read_texts(group: Any) -> dict[str, str]:  # noqa: ANN401
-    """Return the texts of a group, by name."""
+    """Return the strings of a group by name."""
     return {name: bytes(item[()]).decode() for name, item in group.items()}
 
 
 def note(one: Any, name: str, content: str | Sequence[str]) -> None:  # noqa: ANN401
-    """Write a text, or several, as an attribute."""
+    """Write one or more strings as an attribute."""
     values = encoded([content] if isinstance(content, str) else content)
     attribute(one, name, values.reshape(()) if isinstance(content, str) else values, text(values.dtype.itemsize))
 
 
 def noted(one: Any, name: str) -> str:  # noqa: ANN401
-    """Return the text of an attribute."""
+    """Return the string of an attribute."""
     return bytes(one.attrs[name]).decode()
 
 
 def notes(one: Any, name: str) -> tuple[str, ...]:  # noqa: ANN401
-    """Return the texts of an attribute."""
+    """Return the strings of an attribute."""
     return tuple(bytes(content).decode() for content in one.attrs[name])
 
 
 _ARRAY = re.compile(r"^(?P<head>.*)\[\n(?P<body>(?: +[^ \[\]{}].*,\n)+) *\](?P<tail>,?)$", re.MULTILINE)
-"""An array as tomli_w writes it, an element to a line; one of arrays or tables stays as it is."""
+"""Array in the output of tomli_w, one element per line; nested arrays and tables do not match."""
 
 _WIDE = 100
-"""Letters of a line."""
+"""Maximum line length, characters."""
 
 
 def toml_text(content: Mapping[str, object]) -> str:
@@ -69,7 +70,7 @@ def toml_text(content: Mapping[str, object]) -> str:
 
 
 def _joined(found: re.Match[str]) -> str:
-    lines = found["body"].removesuffix("\n").split("\n")  # a text may hold what Python too takes for the end of a line
+    lines = found["body"].removesuffix("\n").split("\n")  # `splitlines` would also split inside strings
     elements = [line.strip(" ").removesuffix(",") for line in lines]
     line = f"{found['head']}[{', '.join(elements)}]{found['tail']}"
     return line if len(line) <= _WIDE else found[0]
@@ -89,4 +90,4 @@ def inp_text(mesh: Mesh) -> str:
     text = io.StringIO()
     whole = meshio.Mesh(mesh.nodes, blocks, cell_sets=sets, point_sets=points)
     meshio.abaqus.write(text, whole)  # pyright: ignore
-    return text.getvalue().replace("TYPE=B31H", "TYPE=B31")  # the one beam of two nodes that both programs know
+    return text.getvalue().replace("TYPE=B31H", "TYPE=B31")  # the two-node beam element that Abaqus and CalculiX share

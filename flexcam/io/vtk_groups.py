@@ -1,6 +1,6 @@
-"""The drawn geometry of a model: every member a polyline with points of its own, every other node that moves a vertex.
+"""VTK geometry of a model: a polyline with separate points per member and a vertex per other movable node.
 
-A joint can so carry the section forces of each member that meets there.
+A joint has one point per member and can therefore carry the section forces of each.
 """
 
 from __future__ import annotations
@@ -30,25 +30,25 @@ RECOVERED = {
     "stress_torsion": ("Pa", 1),
     "stress_von_mises": ("Pa", 1),
 }
-"""Point data that follow from the displacements: unit and width. Forces are N, Vy, Vz and T, My, Mz in local axes."""
+"""Point data computed from displacements: unit and width. Forces are N, Vy, Vz and T, My, Mz in local axes."""
 
 
 @dataclass(frozen=True, eq=False)
 class Geometry:
-    """Points, polylines and what is drawn on them.
+    """Points and polylines of a model, and the data to compute point fields.
 
     Parameters
     ----------
     mesh
         The mesh.
     dofs, beams
-        Numbering and elements, to spread and recover fields.
+        Numbering and elements, to expand and recover fields.
     sections
-        Member name to its section.
+        Section by member name.
     spread
-        Loads spread over the elements, shape (e, 12), local axes, N and N m.
+        Distributed loads of the elements, shape (e, 12), local axes, N and N m.
     damping
-        Damping of the structure, of which the elements bear Rayleigh's.
+        Structural damping; the section forces include its Rayleigh part.
     """
 
     mesh: Mesh
@@ -60,32 +60,32 @@ class Geometry:
 
     @cached_property
     def node(self) -> IntArray:
-        """Mesh node of every point, shape (points,): the members' chains one after the other, then `single`."""
+        """Mesh node of every point, shape (points,): member by member, then `single`."""
         return np.concatenate([*self.mesh.lines.values(), self.single])
 
     @cached_property
     def single(self) -> IntArray:
-        """Nodes on no member that move, shape (k,)."""
+        """Movable nodes without a member, shape (k,)."""
         return np.flatnonzero((self.dofs.numbers >= 0).any(axis=1) & ~self.mesh.on_members())
 
     @cached_property
     def ends(self) -> IntArray:
-        """First point of every member and, last, the number of their points, shape (members + 1,)."""
+        """First point of every member, then the total number of member points, shape (members + 1,)."""
         return np.cumsum([0, *(len(line) for line in self.mesh.lines.values())])
 
     def cells(self) -> IntArray:
-        """Return the number of the member of every cell, vertices first, for which it is -1."""
+        """Return the member index of every cell, shape (cells,); vertices come first with -1."""
         return np.concatenate([np.full(len(self.single), -1), np.arange(len(self.mesh.lines))])
 
     def radius(self) -> FloatArray:
-        """Return the drawn radius at every point, m, shape (points,); zero at a vertex."""
+        """Return the display radius at every point, m, shape (points,); zero at a vertex."""
         radii = [np.full(len(line), self.sections[name].radius) for name, line in self.mesh.lines.items()]
         return np.concatenate([*radii, np.zeros(len(self.single))])
 
     def axes(self) -> FloatArray:
-        """Return the local axes at every point, those of the element that begins there, shape (points, 3, 3).
+        """Return the local axes at every point, shape (points, 3, 3).
 
-        Those of a vertex are the global ones.
+        These are the axes of the element that starts there; at a vertex, the global axes.
         """
         along = [
             self.beams.triads[part][np.minimum(np.arange(len(line)), len(line) - 2)]
@@ -95,7 +95,7 @@ class Geometry:
 
     @cached_property
     def fibres(self) -> Fibres:
-        """Return the fibres of all elements."""
+        """Return the extreme fibres of all elements."""
         counts = [len(line) - 1 for line in self.mesh.lines.values()]
         return fibres([s for name, n in zip(self.mesh.lines, counts, strict=True) for s in [self.sections[name]] * n])
 
@@ -115,7 +115,7 @@ class Geometry:
         }
 
     def _at_points(self, values: FloatArray) -> FloatArray:
-        """Return the larger of the element ends that meet at a point, from values of shape (times, e, 2, ...)."""
+        """Return the larger of the adjacent element end values at every point, from shape (times, e, 2, ...)."""
         out = np.zeros((len(values), len(self.node), *values.shape[3:]))
         for first, part in zip(self.ends[:-1].tolist(), self.mesh.element_ranges().values(), strict=True):
             count = part.stop - part.start
@@ -127,30 +127,30 @@ class Geometry:
 
 
 Still = Mapping[str, tuple[FloatArray | IntArray, str]]
-"""Point data that do not change: name to values and unit."""
+"""Constant point data: name to values and unit."""
 
 
 def still_data(geometry: Geometry) -> Still:
-    """Return what is known of every point: radius, mesh node, local axes."""
+    """Return the constant point data: radius, mesh node, local axes."""
     axes = {f"axis_{name}": (axis, "") for name, axis in zip("xyz", geometry.axes().swapaxes(0, 1), strict=True)}
     return {"radius": (geometry.radius(), "m"), "node": (geometry.node, ""), **axes}
 
 
 class VtkGroup:
-    """The group of a file that grows step by step.
+    """VTKHDF group of a file, extended step by step.
 
     Parameters
     ----------
     file
-        An open h5py file.
+        Open h5py file.
     geometry
-        What is drawn.
+        Geometry of the model.
     moving
-        Point data that change: name to unit and width.
+        Time-dependent point data: name to unit and width.
     still
-        Point data that do not.
+        Constant point data.
     rows
-        Steps appended together, for the chunks.
+        Steps per append, which sets the chunk size.
     """
 
     def __init__(
@@ -188,14 +188,14 @@ class VtkGroup:
         of_still = [f"PointDataOffsets/{name}" for name in still]
         self._zeros = (
             shared(["PartOffsets", "PointOffsets", "CellDataOffsets/member", *of_still]),
-            shared(["CellOffsets", "ConnectivityIdOffsets"], width=4),  # one column for each of VTK's kinds of cells
+            shared(["CellOffsets", "ConnectivityIdOffsets"], width=4),  # one column per VTK cell type
         )
         self._parts = shared(["NumberOfParts"])
         self._offsets = shared([f"PointDataOffsets/{name}" for name in self._data])
         self._times = Growing(steps, "Values", rows, "s")
 
     def append(self, values: Mapping[str, FloatArray], count: int) -> None:
-        """Append the point data of some steps, shape (count, points) or (count, points, width); not yet counted."""
+        """Append the point data of steps, shape (count, points) or (count, points, width), without counting them."""
         for name, rows in values.items():
             self._data[name].extend(rows.reshape(-1, *rows.shape[2:]))
         for zeros in self._zeros:
@@ -205,16 +205,16 @@ class VtkGroup:
 
     @property
     def grown(self) -> list[Growing]:
-        """Datasets that grow."""
+        """Growing datasets of the group."""
         return [*self._data.values(), *self._zeros, self._parts, self._offsets, self._times]
 
     def count(self, more: int) -> None:
-        """Count appended steps; to be flushed before `stamp`, because VTK trusts the times to have their data."""
+        """Increase the number of steps; flush before `stamp`, because VTK expects data for every time."""
         self._steps += more
         self._group["Steps"].attrs.modify("NSteps", self._steps)
 
     def stamp(self, times: FloatArray) -> None:
-        """Write the times of counted steps, s."""
+        """Write the times of the counted steps, s."""
         self._times.extend(times)
 
 

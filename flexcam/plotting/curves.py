@@ -1,4 +1,4 @@
-"""Curves of laws, lifts and cams."""
+"""Figures of laws, lifts, cams and time integration methods."""
 
 # pyright: reportUnknownMemberType=false
 
@@ -27,23 +27,23 @@ from flexcam.core import ComplexArray, FloatArray
 from flexcam.dynamics import Method
 from flexcam.plotting.figures import COLOURS, legend, looks, stack, stacked, titled
 
-# matplotlib leaves the types of its keyword arguments open.
+# matplotlib does not type its keyword arguments.
 
 
 LAW_LABELS = ("s", "s'", "s''", "s'''")
-"""What the axes of laws show, from above."""
+"""Axis labels of laws, from top to bottom."""
 
 LAW_POSITION = "z, part of the rise"
-"""What laws are drawn over."""
+"""Abscissa label of laws."""
 
 _POINTS = 1441
 _RATIOS = np.linspace(0.05, 6.0, 600)
 _BEFORE = 1e-6
-"""Angle before a joint, rad, at which its earlier side is drawn."""
+"""Angle before a discontinuity, rad, at which its left-hand limit is drawn."""
 
 
 def law_figure(laws: Mapping[str, Law]) -> Figure:
-    """Return lift, velocity, acceleration and jerk of laws over each other."""
+    """Return a figure with lift, velocity, acceleration and jerk of laws."""
     figure, axes = stacked(LAW_LABELS, LAW_POSITION)
     draw_laws(axes, laws)
     legend(figure, axes[0], len(laws))
@@ -59,7 +59,7 @@ def draw_laws(axes: Sequence[Axes], laws: Mapping[str, Law]) -> None:
 
 
 def lift_figure(events: Mapping[str, Event]) -> Figure:
-    """Return lift, velocity, acceleration and jerk of cams over each other, over the cam angle."""
+    """Return a figure with lift, velocity, acceleration and jerk of cams over the cam angle."""
     even = np.linspace(0.0, 2.0 * math.pi, _POINTS)
     labels = ["lift\nmm", "velocity\nmm/rad", "acceleration\nmm/rad²", "jerk\nmm/rad³"]
     figure, axes = stacked(labels, "cam angle, deg")
@@ -79,7 +79,7 @@ def lift_figure(events: Mapping[str, Event]) -> Figure:
 
 
 def spectrum_figure(laws: Mapping[str, Law]) -> Figure:
-    """Return the residual vibration of laws over the rise time."""
+    """Return a figure with the residual vibration of laws over the rise time."""
     figure = Figure(figsize=(7.0, 4.0), layout="constrained")
     axes = figure.add_subplot()
     for (name, law), (color, dashes) in zip(laws.items(), looks(), strict=False):
@@ -94,12 +94,12 @@ def spectrum_figure(laws: Mapping[str, Law]) -> Figure:
 
 
 def _only(laws: Mapping[str, Law]) -> str:
-    """Return the name of a single law; several stand in the legend."""
+    """Return the name of a single law; several laws are named in the legend."""
     return next(iter(laws)) if len(laws) == 1 else ""
 
 
 def profile_figure(profile: CamProfile, *, angle: float = 0.0) -> Figure:
-    """Return a cam with its follower at one cam angle."""
+    """Return a figure with a cam and its follower at one cam angle."""
     figure = Figure(figsize=(6.0, 6.0), layout="constrained")
     axes = figure.add_subplot()
     draw_profile(axes, profile, angle)
@@ -109,7 +109,7 @@ def profile_figure(profile: CamProfile, *, angle: float = 0.0) -> Figure:
 
 
 def draw_profile(axes: Axes, profile: CamProfile, angle: float) -> None:
-    """Draw a cam, turned by its angle, with its follower."""
+    """Draw a cam, rotated by its angle, with its follower."""
     turned = np.exp(1j * profile.turn * angle)
     at = int(np.argmin(np.abs(np.angle(np.exp(1j * (profile.angle - angle))))))
     touch, follower = profile.touch, profile.follower
@@ -143,7 +143,7 @@ def draw_profile(axes: Axes, profile: CamProfile, angle: float) -> None:
 
 
 def _rotation(axes: Axes, radius: float, turn: Turn) -> None:
-    """Draw an arrow about the cam's centre in the sense in which it turns."""
+    """Draw an arrow about the cam centre in the direction of rotation."""
     way = 1e3 * radius * np.exp(1j * turn * np.radians([30.0, 150.0]))
     bow = {"arrowstyle": "->", "connectionstyle": f"arc3,rad={0.55 * turn}", "color": "0.4"}
     start, end = ((one.real, one.imag) for one in way.tolist())
@@ -151,11 +151,11 @@ def _rotation(axes: Axes, radius: float, turn: Turn) -> None:
 
 
 def pressure_figure(profile: CamProfile) -> Figure:
-    """Return pressure angle and radius of curvature over the cam angle."""
+    """Return a figure with pressure angle and radius of curvature over the cam angle."""
     figure, (upper, lower) = stacked(["pressure angle\ndeg", "radius of\ncurvature, mm"], "cam angle, deg")
     angle = np.degrees(profile.angle)
     upper.plot(angle, np.degrees(profile.pressure_angle), color=COLOURS[0])
-    # A nearly straight flank has a radius of metres, beside which nothing else could be seen.
+    # A nearly straight flank has a radius of metres, which would hide all other values.
     most = 10.0 * float(np.abs(profile.touch.trace).max())
     lower.plot(angle, np.where(np.abs(profile.radius) < most, 1e3 * profile.radius, np.nan), color=COLOURS[0])
     lower.axhline(0.0, color="0.4", linewidth=0.8)
@@ -165,7 +165,7 @@ def pressure_figure(profile: CamProfile) -> Figure:
 
 
 def _broken(x: FloatArray, breaks: Sequence[float], y: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return a curve with a gap at every step, so that no steep line is drawn where there is none."""
+    """Return a curve with a gap at every jump, so that no vertical line is drawn."""
     at = np.searchsorted(x, np.sort(np.array(breaks)))
     return np.insert(x, at, np.nan), np.insert(y, at, np.nan)
 
@@ -179,19 +179,19 @@ def _line(axes: Axes, curve: ComplexArray, label: str, *, color: str, linewidth:
     axes.plot(x, y, label=label, color=color, linewidth=linewidth, linestyle=linestyle)
 
 
-# matplotlib leaves the types of its keyword arguments open.
+# matplotlib does not type its keyword arguments.
 
 
 _WORDS = {"Cv": "C_v, largest velocity", "Ca": "C_a, largest acceleration", "Cj": "C_j, largest jerk"}
 _COLUMNS = 10
 _DIGITS = 4
-"""Digits to which laws at one place agree; they share a label."""
+"""Digits to which coincident laws agree; they share a label."""
 
 _UNIT = "lift 1 over angle 1"
 
 
 def law_front_figure(front: Sequence[Synthesized], first: str, second: str) -> Figure:
-    """Return a front of laws and the laws beside it, which bear the same numbers and colours."""
+    """Return a figure with a Pareto front of laws, and the laws with the same numbers and colours."""
     figure = Figure(figsize=(12.0, 7.6), layout="constrained")
     halves = figure.add_gridspec(1, 2)
     axes, right = figure.add_subfigure(halves[0]).add_subplot(), figure.add_subfigure(halves[1])
@@ -208,7 +208,7 @@ def law_front_figure(front: Sequence[Synthesized], first: str, second: str) -> F
 
 
 def draw_front(axes: Axes, values: FloatArray, converged: Sequence[bool]) -> None:
-    """Draw two criteria against each other, numbered from 1 in the colours of the laws."""
+    """Draw two criteria against each other, numbered from 1, in the colours of the laws."""
     axes.plot(*values.T, color="0.65", linewidth=1.2, zorder=1)
     named: dict[tuple[str, str], str] = {}
     for i, ((x, y), whole, (color, _)) in enumerate(zip(values.tolist(), converged, looks(), strict=False), start=1):
@@ -227,14 +227,14 @@ def _value(criteria: Criteria, name: str) -> float:
     return math.nan if value is None else value
 
 
-# matplotlib leaves the types of its keyword arguments open.
+# matplotlib does not type its keyword arguments.
 
 
 _STEPS = np.geomspace(1e-2, 1e3, 301)
 
 
 def method_figure(methods: Mapping[str, Method], damping: float = 0.0) -> Figure:
-    """Return spectral radius, period error and damping of integrators."""
+    """Return a figure with spectral radius, period error and damping of integrators."""
     labels = ("spectral radius", "period error, %", "damping ratio, %")
     figure, (radius, period, ratio) = stacked(labels, "angular frequency times step")
     for (name, method), (colour, dashes) in zip(methods.items(), looks(), strict=False):
@@ -254,6 +254,6 @@ def method_figure(methods: Mapping[str, Method], damping: float = 0.0) -> Figure
 
 
 def _each(values: list[float]) -> FloatArray:
-    """Return values as an array, NaN where there is none to draw."""
+    """Return values as an array with NaN for missing values."""
     found = np.array(values, dtype=float)
     return np.where(np.isfinite(found), found, math.nan)

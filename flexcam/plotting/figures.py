@@ -1,7 +1,7 @@
-"""Axes, looks and files that all figures share.
+"""Shared code of all figures: axes, line styles and output files.
 
-Colours are those of M. Okabe and K. Ito, which colour-blind readers tell apart; lines differ in their dashes as well,
-for print without colour.
+The colours are those of M. Okabe and K. Ito for colour-blind readers; lines also differ in their dashes, for printing
+without colour.
 """
 
 # pyright: reportUnknownMemberType=false
@@ -37,22 +37,22 @@ if TYPE_CHECKING:
     from flexcam.plotting.solid_view import Stage
 
 
-# matplotlib leaves the types of its keyword arguments open.
+# matplotlib does not type its keyword arguments.
 
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-"""Colours of curves, in their order."""
+"""Colours of curves in their order."""
 
 _DASHES = ("-", "--", "-.", ":")
 _FORMATS = (".svg", ".png", ".pdf")
 _ABOVE = 14.0
-"""Points between axes and title: the numbers of a Campbell diagram's orders stand there."""
+"""Space between axes and title, points: the order numbers of a Campbell diagram are placed there."""
 
 _LETTERS = 76
-"""Of a title beside each other, above axes of usual width."""
+"""Characters per line of a title above axes of standard width."""
 
 _PAPER, _INKS = 160, 64
-"""Dots per inch of a picture for paper, and its colours: curves need few."""
+"""Resolution of an image for printing, dots per inch, and its number of colours; curves need few."""
 
 
 def save_figure(figure: Figure, path: Path, *, overwrite: bool = False) -> Path:
@@ -66,26 +66,26 @@ def save_figure(figure: Figure, path: Path, *, overwrite: bool = False) -> Path:
 
 @contextmanager
 def _without_remarks() -> Generator[None]:
-    """Leave out what matplotlib says of letters that its font lacks: it draws a box in their place."""
+    """Suppress the warnings of matplotlib about missing glyphs, which it draws as boxes."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing from", category=UserWarning)
         yield
 
 
 def titled(figure: Figure, title: str) -> Figure:
-    """Put a title above the first axes, below a legend that stands outside of them."""
+    """Add a title above the first axes, below an outside legend."""
     if title:
         figure.axes[0].set_title(wrapped(title), fontsize="medium", pad=_ABOVE)
     return figure
 
 
 def wrapped(title: str) -> str:
-    """Return a title in lines that fit above a picture."""
+    """Wrap a title to the width of a figure."""
     return "\n".join(textwrap.wrap(title, _LETTERS))
 
 
 def png_of(figure: Figure) -> bytes:
-    """Return a figure as a picture for paper, whose size does not grow with its curves."""
+    """Return a figure as PNG for printing, with a size that does not depend on the number of points."""
     from PIL import Image
 
     drawn, written = io.BytesIO(), io.BytesIO()
@@ -97,25 +97,25 @@ def png_of(figure: Figure) -> bytes:
 
 
 def free_for_picture(path: Path, *, overwrite: bool = False) -> None:
-    """Refuse a path that a picture cannot be written to."""
+    """Raise an error if a figure cannot be written to a path."""
     if path.suffix not in _FORMATS:
         raise refuse("picture", str(path), f"a name that ends in {', '.join(_FORMATS)}")
     free_to_write("picture", path, overwrite=overwrite)
 
 
 def looks() -> Iterator[tuple[str, str]]:
-    """Return pairs of colour and dashes; seven colours and four kinds of dashes repeat after 28 curves."""
+    """Yield pairs of colour and dashes; seven colours and four dash patterns repeat after 28 curves."""
     return zip(cycle(COLOURS), cycle(_DASHES), strict=False)
 
 
 def stacked(labels: Sequence[str], below: str, *, height: float = 1.6) -> tuple[Figure, list[Axes]]:
-    """Return a figure with axes above each other."""
+    """Return a figure with axes stacked vertically."""
     figure = Figure(figsize=(7.0, 1.2 + height * len(labels)), layout="constrained")
     return figure, stack(figure, labels, below)
 
 
 def stack(figure: FigureBase, labels: Sequence[str], below: str) -> list[Axes]:
-    """Return axes above each other, of a figure or a part of one."""
+    """Return vertically stacked axes of a figure or a subfigure."""
     axes = list(np.atleast_1d(np.asarray(figure.subplots(len(labels), sharex=True))))
     for one, label in zip(axes, labels, strict=True):
         one.set_ylabel(label)
@@ -126,17 +126,17 @@ def stack(figure: FigureBase, labels: Sequence[str], below: str) -> list[Axes]:
 
 
 def legend(figure: FigureBase, axes: Axes, count: int, *, columns: int = 4) -> None:
-    """Put the names of several curves above the axes, where they cover none."""
+    """Add a legend with the names of several curves above the axes."""
     if count > 1:
         lines, names = axes.get_legend_handles_labels()
         figure.legend(lines, names, loc="outside upper center", fontsize="small", ncols=min(count, columns))
 
 
-# trame-vtk has no types, and is not needed for anything else.
+# trame-vtk has no types and is used only here.
 
 
 def write_page(window: Any, path: Path, title: str) -> None:  # noqa: ANN401 - a window of VTK
-    """Write what a window shows as a page."""
+    """Write the content of a window as an HTML page."""
     from trame_vtk.tools.vtksz2html import write_html
 
     packed, page = io.BytesIO(), io.StringIO()
@@ -148,11 +148,11 @@ def write_page(window: Any, path: Path, title: str) -> None:  # noqa: ANN401 - a
 
 
 _ICONS = re.compile(r"`https?://[^`]*/favicon[^`]*`")
-"""Icons that the viewer would fetch from its makers."""
+"""Icons that the viewer would download."""
 
 
 def _described(window: Any) -> dict[str, Any]:  # noqa: ANN401
-    """Return a window as vtk.js reads it: its objects, and their arrays by a hash."""
+    """Return a window in the format of vtk.js: its objects, and their arrays by hash."""
     from trame_vtk.modules.vtk.serializers import (
         SynchronizationContext,
         extract_array_hash,
@@ -176,7 +176,7 @@ def _described(window: Any) -> dict[str, Any]:  # noqa: ANN401
     return {"hashes": hashes, "scene": scene}
 
 
-# pyvista and imageio leave most of their types open.
+# pyvista and imageio do not type most of their interface.
 
 
 NEEDS = {
@@ -185,16 +185,16 @@ NEEDS = {
     ".mp4": ("movie", ("imageio", "imageio_ffmpeg")),
     ".html": ("html", ("trame_vtk",)),
 }
-"""What a kind of file needs: the extra of flexcam, and its modules."""
+"""Requirements by file type: the extra of flexcam and its modules."""
 
 FRAMES = 72
-"""Frames of a revolution."""
+"""Frames per revolution."""
 
 _PER_SECOND = 24
 
 
 def free_to_save(path: Path, size: tuple[int, int], *, overwrite: bool = False) -> None:
-    """Refuse a file that cannot be written, before anything is drawn."""
+    """Raise an error if an output file cannot be written, before rendering."""
     if path.suffix not in NEEDS:
         raise refuse("--save", str(path), f"a name that ends in {', '.join(NEEDS)}")
     extra, modules = NEEDS[path.suffix]
@@ -209,7 +209,7 @@ def free_to_save(path: Path, size: tuple[int, int], *, overwrite: bool = False) 
 
 
 def save(stage: Stage, path: Path, frames: Sequence[int], still: int) -> None:
-    """Write a picture or page of one instant, or a movie of many."""
+    """Write an image or page of one instant, or a movie of several."""
     made_folder(path.parent)
     with whole(path) as draft:
         _save(stage, draft, frames, still)
@@ -232,7 +232,7 @@ def _save(stage: Stage, path: Path, frames: Sequence[int], still: int) -> None:
 
 
 def _gif(stage: Stage, frames: Sequence[int]) -> bytes:
-    """Return a movie as a file holds it: a writer to the file would print what the system refuses, and go on."""
+    """Return a movie as bytes: the file writer would print system errors and continue."""
     from imageio.v2 import get_writer
 
     made = BytesIO()
@@ -246,11 +246,11 @@ def _gif(stage: Stage, frames: Sequence[int]) -> bytes:
 
 
 def _movie(stage: Stage, path: Path, frames: Sequence[int]) -> None:
-    quiet = {"ffmpeg_log_level": "quiet"}  # what it would print is told below
+    quiet = {"ffmpeg_log_level": "quiet"}  # the error is reported below
     stage.plotter.open_movie(str(path), framerate=_PER_SECOND, macro_block_size=2, **quiet)
     for i in frames:
         stage.show(i)
         stage.plotter.write_frame()
     stage.plotter.close()
-    if b"moov" not in path.read_bytes():  # its writer is silent where the disk is full
+    if b"moov" not in path.read_bytes():  # the writer does not report a full disk
         raise OSError("its end is missing: no space left, perhaps")

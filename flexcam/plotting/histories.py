@@ -1,7 +1,7 @@
-"""What a run did over time or cam angle: motion of a probe, forces and other channels, energies."""
+"""Figures of a run over time or cam angle: motion of a probe, forces and other channels, energies."""
 
 # pyright: reportUnknownMemberType=false
-# matplotlib leaves the types of its keyword arguments open.
+# matplotlib does not type its keyword arguments.
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from flexcam.fem.frames import ROTATIONS
 from flexcam.plotting.figures import COLOURS, legend, looks, stacked, wrapped
 
 Over = Literal["angle", "time"]
-"""What curves of a run are drawn over: cam angle or time."""
+"""Abscissa of the curves of a run: cam angle or time."""
 SERIES = {"displacement": "", "velocity": "/s", "acceleration": "/s^2"}
-"""Motions of a probe, and what their units have beside that of the displacement."""
+"""Motions of a probe, and their units relative to that of the displacement."""
 
 _TICKS = (5, 10, 15, 30, 45, 90, 180, 360, 720)
 _MOST_TICKS = 9
@@ -34,16 +34,16 @@ _FORCES = (".force",)
 
 @dataclass(frozen=True)
 class Look:
-    """How a curve looks, and what it is called.
+    """Style and name of a curve.
 
     Parameters
     ----------
     label
-        In the legend.
+        Label in the legend.
     colour, dashes
-        As matplotlib takes them.
+        Colour and dashes in the format of matplotlib.
     width
-        Of the line, points.
+        Width of the line, points.
     """
 
     label: str = ""
@@ -88,7 +88,7 @@ def unit_of_channel(response: Response, channel: str) -> str:
 
 
 def contact_forces(response: Response) -> list[str]:
-    """Return the channels that are forces of contacts."""
+    """Return the channels of contact forces."""
     return [name for name, _ in response.outline.channels if name.startswith("contacts.") and name.endswith(_FORCES)]
 
 
@@ -96,7 +96,7 @@ def motion_figure(
     responses: Mapping[str, Response], probe: str, channels: Sequence[str] = (), *,
     rigid: Mapping[str, Response] | None = None, over: Over = "angle", title: str = "",
 ) -> Figure:  # fmt: skip
-    """Return the motion of a probe in several runs over each other, and channels below it."""
+    """Return a figure with the motion of a probe in several runs, and channels below it."""
     first = next(iter(responses.values()))
     motions = [axis_label(series, unit_of(probe, series)) for series in SERIES]
     called = [axis_label(short_name(name), unit_of_channel(first, name)) for name in channels]
@@ -111,7 +111,7 @@ def channel_figure(
     responses: Mapping[str, Response], channels: Sequence[str], *, rigid: Mapping[str, Response] | None = None,
     over: Over = "angle", title: str = "",
 ) -> Figure:  # fmt: skip
-    """Return channels of several runs over each other."""
+    """Return a figure with channels of several runs."""
     first = next(iter(responses.values()))
     figure, axes = stacked(
         [axis_label(short_name(name), unit_of_channel(first, name)) for name in channels], _BELOW[over]
@@ -127,7 +127,7 @@ def _draw_channels(
     axes: Sequence[Axes], responses: Mapping[str, Response], rigid: Mapping[str, Response], channels: Sequence[str],
     over: Over,
 ) -> None:  # fmt: skip
-    """Draw channels of runs, an axis each; rigid members have not all of them, such as the force of an adjuster."""
+    """Draw channels of runs, one axis each; the rigid model lacks some, such as the force of an adjuster."""
     for response, look in _looked(responses, rigid):
         for one, channel in zip(axes, channels, strict=True):
             if channel in response.channels or not any(response is other for other in rigid.values()):
@@ -135,7 +135,7 @@ def _draw_channels(
 
 
 def draw_energy(axes: Axes, response: Response, *, over: Over = "angle") -> None:
-    """Draw the energies of a run, and what of them does not add up."""
+    """Draw the energies of a run and their residual."""
     parts = [name for name in response.channels if name.startswith("energy.")]
     for name, (colour, dashes) in zip(parts, looks(), strict=False):
         if response.channels[name].any():
@@ -143,7 +143,7 @@ def draw_energy(axes: Axes, response: Response, *, over: Over = "angle") -> None
 
 
 def energy_figure(responses: Mapping[str, Response], *, over: Over = "angle", title: str = "") -> Figure:
-    """Return the energies of runs."""
+    """Return a figure with the energies of runs."""
     labels = ["energy, J" if len(responses) == 1 else f"{name}\nenergy, J" for name in responses]
     figure, axes = stacked(labels, _BELOW[over], height=3.0)
     for one, response in zip(axes, responses.values(), strict=True):
@@ -158,7 +158,7 @@ def _draw(axes: Axes, response: Response, values: FloatArray, over: Over, look: 
 
 
 def _looked(responses: Mapping[str, Response], rigid: Mapping[str, Response]) -> list[tuple[Response, Look]]:
-    """Return what is drawn, and how: a rigid run dotted, in the colour of its flexible one where there are others."""
+    """Return the drawn responses with their styles: rigid runs are dotted, in the colour of their flexible runs."""
     found: list[tuple[Response, Look]] = []
     for (name, response), (colour, dashes) in zip(responses.items(), looks(), strict=False):
         flexible = "flexible" if name in rigid and not name else name
@@ -170,13 +170,13 @@ def _looked(responses: Mapping[str, Response], rigid: Mapping[str, Response]) ->
 
 
 def axis_label(name: str, unit: str) -> str:
-    r"""Return a name with its unit below it."""
+    r"""Return an axis label with the unit below the name."""
     _, symbol = shown(unit)
     return f"{name}\n{symbol}" if symbol else name
 
 
 def short_name(channel: str) -> str:
-    """Return a channel as an axis is called after it."""
+    """Return the short name of a channel for an axis label."""
     return " ".join(channel.split(".")[1:]).replace("_", " ")
 
 
@@ -193,5 +193,5 @@ def _finished(figure: Figure, axes: Sequence[Axes], over: Over, title: str) -> F
 
 
 def _tick(span: float) -> float:
-    """Return a distance of ticks that fits a revolution."""
+    """Return a tick spacing suitable for a revolution."""
     return next((float(one) for one in _TICKS if span / one <= _MOST_TICKS), 720.0 * np.ceil(span / 720.0 / 8.0))

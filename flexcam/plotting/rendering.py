@@ -1,4 +1,4 @@
-"""Whether solids can be drawn here. Imports no renderer: where a library is missing, VTK ends its process."""
+"""Check of rendering. This module imports no renderer: if a library is missing, VTK aborts its process."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from flexcam.core.errors import refuse, said
 from flexcam.dynamics import Cause, RunFailedError, Status
 
 _WINDOW = "VTK_DEFAULT_OPENGL_WINDOW"
-"""Variable of VTK that names the kind of window it opens."""
+"""Environment variable of VTK with the class of its window."""
 
 _PROBE = """
 import sys, pyvista
@@ -30,7 +30,7 @@ sys.exit(0 if image.min() < 100 < image.max() else "the picture is empty")
 """
 
 _PATIENCE = 60.0
-"""Seconds after which a probe is given up."""
+"""Timeout of a rendering test, s."""
 
 _REMEDY = (
     "install what draws: on Debian and Ubuntu `apt-get install libgl1 libegl1 libegl-mesa0 libx11-6`, and for a window "
@@ -39,7 +39,7 @@ _REMEDY = (
 
 
 def ready_to_render(*, off_screen: bool) -> None:
-    """Find a way of drawing that works, by drawing a ball in a process of its own, and choose it for this one."""
+    """Select a class of window that works, by rendering a sphere in a separate process."""
     display = sys.platform != "linux" or bool(os.environ.get("DISPLAY"))
     if not display and not off_screen:
         why, remedy = "there is no display for a window", "add --save picture.png (or .gif, .mp4, .html)"
@@ -58,12 +58,12 @@ def ready_to_render(*, off_screen: bool) -> None:
 
 
 _OFF_SCREEN = ("vtkEGLRenderWindow", "vtkOSOpenGLRenderWindow")
-"""Kinds of VTK's windows that need no display; the first is tried before the display's own, the other behind it."""
+"""Classes of VTK windows that need no display; the first is tried before the default class, the other after it."""
 
 
 @cache
 def _drawn_by(window: str, *, off_screen: bool) -> str:
-    """Return why a kind of window cannot draw; empty where it can."""
+    """Return why a class of window cannot render; empty if it can."""
     environment = {**os.environ, **({_WINDOW: window} if window else {})}
     command = [sys.executable, "-c", _PROBE, "off" if off_screen else "on"]
     try:
@@ -72,7 +72,7 @@ def _drawn_by(window: str, *, off_screen: bool) -> str:
         )
     except subprocess.TimeoutExpired:
         return f"drawing took more than {_PATIENCE:g} s"
-    except OSError as fault:  # no interpreter of its own, or one that may not be started
+    except OSError as fault:  # no separate interpreter, or it may not be started
         return f"no process can be started: {said(fault)}"
     if done.returncode == 0:
         return ""
@@ -81,4 +81,4 @@ def _drawn_by(window: str, *, off_screen: bool) -> str:
 
 
 _COLOUR, _HEAD = re.compile(r"\x1b\[[0-9;]*m"), re.compile(r"^.*\b(?:WARN|ERR)\| ")
-"""What stands around the words in lines of VTK's log."""
+"""Prefixes and colour codes in lines of VTK's log."""

@@ -1,10 +1,10 @@
-"""Mechanisms as solids on the screen, in pictures, movies and pages. Owns pyvista.
+"""Solid mechanisms on screen, in images, movies and HTML pages. Only this module imports pyvista.
 
-Call `flexcam.plotting.rendering.ready_to_render` first: where a library is missing, VTK ends the process it runs in.
+Call `flexcam.plotting.rendering.ready_to_render` first: if a library is missing, VTK aborts its process.
 """
 
 # pyright: reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
-# pyvista leaves most of its types open.
+# pyvista does not type most of its interface.
 
 from __future__ import annotations
 
@@ -25,40 +25,40 @@ COLOURS = {
     "rocker": "#0072B2", "pivot": "#33414e", "spring": "#009E73", "retainer": "#5b6b78", "valve": "#CC79A7",
     "seat": "#33414e", "bearing": "#4d5a66", "ground": "#4d5a66", "drive": "#56B4E9", "mass": "#b08d57",
 }  # fmt: skip
-"""Colour of each kind of part: those of Okabe and Ito for what moves."""
+"""Colours by kind of part: those of Okabe and Ito for moving parts."""
 
 _PLAIN = "#d5d9dd"
-"""Of what has no value where members are coloured by one."""
+"""Colour of parts without a value if members are coloured by one."""
 
 _CLEAR = {"bearing": 0.45, "seat": 0.6, "ground": 0.8}
 _SHARP = 35.0
-"""Angle between triangles, deg, above which an edge looks sharp."""
+"""Angle between triangles, deg, above which an edge is drawn sharp."""
 
 _BELOW_WORDS, _BESIDE_BAR = 1.08, 0.8
-"""Share of the height and of the width that the words above and the bar of colours leave."""
+"""Fractions of height and width left by the title and the colour bar."""
 
 _BAR = {
     "color": "black", "n_labels": 5, "fmt": "%.3g", "vertical": True,
     "position_x": 0.84, "position_y": 0.2, "height": 0.55,
 }  # fmt: skip
-"""Looks of the bar of colours."""
+"""Style of the colour bar."""
 
 _BETWEEN = 40
-"""Milliseconds between two instants of a mode in the window."""
+"""Time between two instants of a mode in the window, ms."""
 
 
 @dataclass(frozen=True)
 class Looks:
-    """How a scene is shown.
+    """View settings of a scene.
 
     Parameters
     ----------
     scale
-        Of the elastic part of the motion.
+        Scale of the elastic part of the motion.
     size
-        Of the window, pixels.
+        Size of the window, pixels.
     title
-        Above the picture.
+        Title above the image.
     """
 
     scale: float = 1.0
@@ -67,16 +67,16 @@ class Looks:
 
 
 class Stage:
-    """A mechanism in a window or off-screen.
+    """Mechanism in a window or off-screen.
 
     Parameters
     ----------
     mechanism, motion
-        What is shown.
+        Drawn mechanism and its motion.
     looks
-        How.
+        View settings.
     off_screen
-        Whether there is no window.
+        Whether to render without a window.
     """
 
     def __init__(self, mechanism: Mechanism, motion: Motion, looks: Looks, *, off_screen: bool) -> None:
@@ -92,7 +92,7 @@ class Stage:
 
     @property
     def title(self) -> str:
-        """Of the picture."""
+        """Title of the image."""
         return self._looks.title
 
     def _style(self, kind: str, mesh: pyvista.PolyData) -> dict[str, Any]:
@@ -103,12 +103,12 @@ class Stage:
             small = max(min(self._looks.size[0] / 1024.0, 1.0), 0.75)
             fonts = {"title_font_size": round(16 * small), "label_font_size": round(14 * small)}
             bar = {**_BAR, **fonts, "title": f"{self._motion.label}\n"}
-            even = {"ambient": 0.35, "diffuse": 0.7, "specular": 0.1}  # a colour is a number here
+            even = {"ambient": 0.35, "diffuse": 0.7, "specular": 0.1}  # colours are data here
             return {**common, **even, "scalars": "value", "clim": top, "cmap": "viridis", "scalar_bar_args": bar}
         return {**common, "color": _PLAIN if self._motion.values is not None else COLOURS[kind]}
 
     def _meshes(self, i: int) -> dict[str, pyvista.PolyData]:
-        """Return a mesh per kind of part; coloured members apart from what has no value."""
+        """Return a mesh per kind of part; coloured members are separate from parts without values."""
         solids = self._mechanism.solids(self._motion.instant(i, self._looks.scale))
         kinds: dict[str, list[Solid]] = {}
         for solid in solids:
@@ -137,7 +137,7 @@ class Stage:
         )  # fmt: skip
 
     def swing(self) -> None:
-        """Play the instants again and again."""
+        """Play the instants in a loop."""
 
         def next_one(step: int) -> None:
             self.show(step % len(self._motion))
@@ -146,7 +146,7 @@ class Stage:
         self.plotter.add_timer_event(max_steps=1_000_000, duration=_BETWEEN, callback=next_one)
 
     def _aim(self) -> None:
-        """Look at the mechanism from where lobes and train are both seen, and so that everything fits."""
+        """Set the camera so that lobes and train are visible and everything fits."""
         axis, up = self._mechanism.axis, self._mechanism.upwards
         ahead = 0.85 * axis + 0.55 * np.cross(up, axis) + 0.3 * up
         ahead /= np.linalg.norm(ahead)
@@ -165,7 +165,7 @@ class Stage:
         self.plotter.renderer.ResetCameraClippingRange()
 
     def _reach(self) -> FloatArray:
-        """Return all points at four instants, m, shape (n, 3): what has to be in the picture."""
+        """Return all points at four instants, m, shape (n, 3), which define the visible region."""
         instants = {(i * len(self._motion)) // 4 for i in range(4)}
         return np.concatenate(
             [
@@ -177,7 +177,7 @@ class Stage:
 
 
 def _range(values: FloatArray) -> tuple[float, float]:
-    """Return least and largest value; rounding beside the larger of both is none."""
+    """Return minimum and maximum; differences below rounding count as zero."""
     ends = float(values.min(initial=0.0)), float(values.max(initial=0.0))
     largest = max(map(abs, ends)) or 1.0
     return ends[0], ends[1] if ends[1] > ends[0] else largest
@@ -192,14 +192,14 @@ def _mesh(solid: Solid) -> pyvista.PolyData:
 
 
 def _angle_words(angle: FloatArray, i: int) -> str:
-    """Return the cam angle of an instant, counted from the start of the revolution that is shown."""
+    """Return the cam angle of an instant relative to the start of the displayed revolution."""
     turns = math.floor(float(angle[0]) / (2.0 * math.pi) + 1e-9)
     told = f"cam angle {math.degrees(float(angle[i])) - 360.0 * turns:.1f} deg"
     return f"{told} of the last revolution" if turns else told
 
 
 def show(stage: Stage, still: int, *, swings: bool) -> None:
-    """Open the window: with a slider over the cam angle, or with a mode that swings until it is closed."""
+    """Open the window, with a slider over the cam angle or with an animated mode."""
     stage.show(still)
     if swings:
         stage.swing()

@@ -1,4 +1,4 @@
-"""Campbell diagram: natural frequencies over speed, orders as rays, what they meet as circles."""
+"""Figures of spectra: Campbell diagrams, orders, growth rates, contact forces and modes over speed."""
 
 # pyright: reportUnknownMemberType=false
 
@@ -23,7 +23,7 @@ from flexcam.plotting.figures import legend, looks, stacked, wrapped
 from flexcam.plotting.histories import axis_label, short_name
 from flexcam.valvetrain import ModelModes, Structure
 
-# matplotlib leaves the types of its keyword arguments open.
+# matplotlib does not type its keyword arguments.
 
 
 _LARGEST = 160.0
@@ -33,7 +33,7 @@ _MET = "an order meets a mode; area: its part of the force"
 
 
 def campbell_figure(found: Campbell, scale: float, shaft: str) -> Figure:
-    """Return natural frequencies over speed with the orders of a cam."""
+    """Return a Campbell diagram: natural frequencies over speed with the orders of a cam."""
     figure = Figure(figsize=(8.0, 5.0), layout="constrained")
     axes = figure.add_subplot()
     rpm = scale * found.rpm
@@ -60,14 +60,14 @@ def campbell_figure(found: Campbell, scale: float, shaft: str) -> Figure:
 
 
 def _named(found: Campbell, mode: int, top: float) -> str:
-    """Return the name of a mode; one beyond the picture has none."""
+    """Return the label of a mode; empty if it is outside of the diagram."""
     if not (found.frequencies[:, mode] <= top).any():
         return ""
     return f"{mode + 1}: {', '.join(found.words[mode].split(', ')[:2])}"
 
 
 def _top(found: Campbell) -> float:
-    """Return the highest frequency drawn: what is far above every ray would press the rest together."""
+    """Return the highest frequency drawn: modes far above all order lines are cut off."""
     highest = max(found.lifts, default=1) * float(found.rpm[-1]) / 60.0
     known = found.frequencies[~np.isnan(found.frequencies)]
     below = known[known <= 1.3 * highest]
@@ -98,15 +98,15 @@ def _circles(axes: Axes, found: Campbell, scale: float) -> None:
     )  # fmt: skip
 
 
-# matplotlib leaves the types of its keyword arguments open.
+# matplotlib does not type its keyword arguments.
 
 
 _DECADES = 3.0
-"""Decades below the largest amplitude that the colours tell apart."""
+"""Decades below the largest amplitude covered by the colour scale."""
 
 
 def waterfall_figure(found: Sequence[Waterfall], scale: float, shaft: str) -> Figure:
-    """Return orders over speed as colours, a picture per history above each other."""
+    """Return a figure with orders over speed as colours, one diagram per history."""
     figure = Figure(figsize=(7.0, 0.8 + 2.8 * len(found)), layout="constrained")
     axes = list(np.atleast_1d(np.asarray(figure.subplots(len(found), sharex=True))))
     for axis, one in zip(axes, found, strict=True):
@@ -132,15 +132,15 @@ def _draw(figure: Figure, axes: Axes, found: Waterfall, scale: float) -> None:
     figure.colorbar(drawn, ax=axes, label=axis_label(name, found.unit))
 
 
-# matplotlib leaves the types of its keyword arguments open.
+# matplotlib does not type its keyword arguments.
 
 
 _SLOW = 1.0
-"""Growth, 1/s, that the axis always spans, and within which it is linear: rounding then looks like the zero it is."""
+"""Growth rate, 1/s, below which the axis is linear; it always covers this range, so that rounding appears as zero."""
 
 
 def force_figure(rpm: FloatArray, forces: Mapping[str, tuple[FloatArray, FloatArray]], shaft: str) -> Figure:
-    """Return largest and least contact force over speed."""
+    """Return a figure with maximum and minimum contact force over speed."""
     figure, (upper, lower) = stacked(("largest force, N", "least force, N"), f"{shaft} speed, rpm")
     for (name, (least, largest)), (colour, dashes) in zip(forces.items(), looks(), strict=False):
         upper.plot(rpm, largest, label=name, color=colour, linestyle=dashes, marker="o", markersize=3)
@@ -151,7 +151,7 @@ def force_figure(rpm: FloatArray, forces: Mapping[str, tuple[FloatArray, FloatAr
 
 
 def growth_figure(rpm: FloatArray, growth: FloatArray, dangers: Mapping[str, NDArray[np.bool_]], shaft: str) -> Figure:
-    """Return the growth rate of disturbances over speed, and which cause endangers which speed."""
+    """Return a figure with the growth rate of disturbances over speed and the causes of instability at each speed."""
     figure, (upper, lower) = stacked(("growth, 1/s", "endangered by"), f"{shaft} speed, rpm")
     upper.plot(rpm, growth, color="black", marker="o", markersize=3)
     upper.set_yscale("symlog", linthresh=_SLOW)
@@ -167,22 +167,22 @@ def growth_figure(rpm: FloatArray, growth: FloatArray, dangers: Mapping[str, NDA
     return figure
 
 
-# matplotlib leaves the types of its keyword arguments open.
+# matplotlib does not type its keyword arguments.
 
 
 _PARTS = 8
-"""Of an element, so that its cubic looks like one."""
+"""Drawn segments per element, enough for a cubic."""
 
 _MOTIONS = ("along", "across y", "across z", "twist times radius")
 _NOTHING = 1e-6
-"""Part of the largest motion of a mode below which a curve says nothing."""
+"""Motion relative to the maximum of a mode below which a curve is not drawn."""
 
 _WIDE = 58
-"""Letters of a title to a column."""
+"""Characters per line of a title of one column."""
 
 
 def draw_mode(axes: Axes, structure: Structure, member: str, nodal: FloatArray, size: float) -> None:
-    """Draw how a member moves in a mode, over the place along it."""
+    """Draw the motion of a member in a mode over its length."""
     part = structure.model.mesh.element_ranges()[member]
     moved = deflection(structure.beams, nodal, _PARTS, part)[..., :4]
     begin = np.cumsum(structure.beams.length[part]) - structure.beams.length[part]
@@ -198,7 +198,7 @@ def draw_mode(axes: Axes, structure: Structure, member: str, nodal: FloatArray, 
 
 
 def mode_figure(structure: Structure, found: ModelModes, *, title: str = "") -> Figure:
-    """Return modes along the members."""
+    """Return a figure with modes along the members."""
     members = list(structure.model.mesh.lines)
     if not members:
         why = "shapes are drawn along members; flexcam modes says what moves in a train of masses"
@@ -229,7 +229,7 @@ def mode_figure(structure: Structure, found: ModelModes, *, title: str = "") -> 
 
 
 def _largest(structure: Structure, nodal: FloatArray) -> float:
-    """Return the largest motion of the members' lines and surfaces; one where only other parts move."""
+    """Return the maximum motion of the members' centre lines and surfaces; 1 if only other parts move."""
     moved = np.abs(deflection(structure.beams, nodal, _PARTS))
     radius = np.concatenate([
         np.full(part.stop - part.start, structure.model.members[name].section.radius)

@@ -1,4 +1,4 @@
-"""Pictures of studies: how far scalars follow numbers, scatter, progress of a search, fronts, maps of limits."""
+"""Figures of studies: sensitivities, scatter, progress of an optimization, Pareto fronts, maps of limits."""
 
 # pyright: reportUnknownMemberType=false
 
@@ -14,7 +14,7 @@ from flexcam.analysis.trade import Traded
 from flexcam.core import FloatArray
 from flexcam.plotting.figures import COLOURS, legend, looks, stacked
 
-# matplotlib leaves the types of its keyword arguments open.
+# matplotlib does not type its keyword arguments.
 
 
 _LEVELS = 10
@@ -23,7 +23,7 @@ _LEVELS = 10
 def bars_figure(
     groups: Mapping[str, Mapping[str, float]], label: str, ends: Mapping[str, FloatArray] | None = None
 ) -> Figure:
-    """Return bars by key, a picture per scalar above each other."""
+    """Return a bar chart by key, one diagram per scalar."""
     keys = max(len(one) for one in groups.values())
     figure = Figure(figsize=(7.0, 0.8 + len(groups) * (0.5 + 0.35 * keys)), layout="constrained")
     axes = list(np.atleast_1d(np.asarray(figure.subplots(len(groups)))))
@@ -40,7 +40,7 @@ def bars_figure(
 
 
 def scatter_figure(values: Mapping[str, FloatArray], units: Mapping[str, str], middle: Mapping[str, float]) -> Figure:
-    """Return histograms of scalars, a picture per scalar above each other."""
+    """Return histograms of scalars, one diagram per scalar."""
     figure = Figure(figsize=(7.0, 0.8 + 2.4 * len(values)), layout="constrained")
     axes = list(np.atleast_1d(np.asarray(figure.subplots(len(values)))))
     for axis, (name, of) in zip(axes, values.items(), strict=True):
@@ -58,7 +58,7 @@ def scatter_figure(values: Mapping[str, FloatArray], units: Mapping[str, str], m
 
 
 def progress_figure(costs: FloatArray, inside: np.ndarray, best: FloatArray, label: str) -> Figure:
-    """Return a goal over the evaluations of a search."""
+    """Return a figure with the goal over the evaluations of an optimization."""
     figure = Figure(figsize=(7.0, 4.0), layout="constrained")
     axes = figure.add_subplot()
     at = np.arange(1, len(costs) + 1)
@@ -76,7 +76,7 @@ def progress_figure(costs: FloatArray, inside: np.ndarray, best: FloatArray, lab
 
 
 def front_figure(values: FloatArray, inside: np.ndarray, front: Sequence[int], labels: tuple[str, str]) -> Figure:
-    """Return two goals against each other with their front."""
+    """Return a figure with two goals against each other and their Pareto front."""
     figure = Figure(figsize=(7.0, 5.0), layout="constrained")
     axes = figure.add_subplot()
     known = np.isfinite(values).all(axis=1) & inside
@@ -92,7 +92,7 @@ def front_figure(values: FloatArray, inside: np.ndarray, front: Sequence[int], l
 def map_figure(
     along: FloatArray, down: FloatArray, rpm: Mapping[str, FloatArray], labels: tuple[str, str], shaft: str
 ) -> Figure:
-    """Return limits over two numbers as filled contours, a picture per limit above each other."""
+    """Return a map of limits over two numbers as filled contours, one diagram per limit."""
     figure = Figure(figsize=(7.0, 0.8 + 4.0 * len(rpm)), layout="constrained")
     axes = list(np.atleast_1d(np.asarray(figure.subplots(len(rpm), sharex=True))))
     for axis, (name, speeds) in zip(axes, rpm.items(), strict=True):
@@ -113,14 +113,14 @@ def map_figure(
     return figure
 
 
-# matplotlib leaves the types of its keyword arguments open.
+# matplotlib does not type its keyword arguments.
 
 
 _KINDS = ("lift", "acceleration")
 
 
 def work_precision_figure(found: Sequence[Traded]) -> Figure:
-    """Return the error of models over the work they take, both logarithmic."""
+    """Return a figure with the error of models over their work, both logarithmic."""
     figure, axes = stacked(tuple(f"error of {kind}, %" for kind in _KINDS), "unknowns times steps")
     runs = sorted((one for one in found if one.errors), key=lambda one: (one.rung, one.steps))
     names = 0

@@ -1,4 +1,4 @@
-"""Tables of a report: those of the commands, as values."""
+"""Content of a report as plain values: tables, charts, scenes and chapters."""
 
 from __future__ import annotations
 
@@ -28,18 +28,18 @@ from flexcam.valvetrain import Metric
 
 @dataclass(frozen=True)
 class Sheet:
-    """A table.
+    """Table.
 
     Parameters
     ----------
     title
-        Above it.
+        Title above the table.
     heads
-        Of the columns; none where the first column says what a row is.
+        Column headers; empty if the first column describes the rows.
     rows
-        Cells, as text.
+        Cells as text.
     words
-        Numbers of the columns that hold words; the others hold numbers.
+        Indices of the columns that contain words; the others contain numbers.
     """
 
     title: str
@@ -50,18 +50,18 @@ class Sheet:
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A curve.
+    """Curve.
 
     Parameters
     ----------
     name
-        In the legend.
+        Name in the legend.
     group
-        Number of the run it belongs to, for its colour.
+        Index of its run, which determines its colour.
     rigid
-        Whether it is of the rigid train.
+        Whether it belongs to the rigid train.
     x, y
-        In the units of the axes, shape (m,).
+        Values in the units of the axes, shape (m,).
     """
 
     name: str
@@ -73,14 +73,14 @@ class Curve:
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """Curves over each other on one axis.
+    """Curves on one axis.
 
     Parameters
     ----------
     label
-        Of the vertical axis, with its unit.
+        Label of the vertical axis with unit.
     curves
-        The curves.
+        Curves.
     """
 
     label: str
@@ -89,16 +89,16 @@ class Panel:
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """Panels above each other, over the cam angle in degrees.
+    """Panels stacked vertically over the cam angle in degrees.
 
     Parameters
     ----------
     name
-        What is shown, such as a probe.
+        Name of the content, such as a probe.
     words
-        The same in words, for who cannot see it.
+        Text alternative of the chart.
     panels
-        From above.
+        Panels from top to bottom.
     """
 
     name: str
@@ -108,16 +108,16 @@ class Chart:
 
 @dataclass(frozen=True, eq=False)
 class Album:
-    """Charts of which a reader picks one.
+    """Group of charts of which the reader selects one.
 
     Parameters
     ----------
     title
-        Above it.
+        Title above the group.
     what
-        What is picked, such as ``probe``.
+        Kind of item selected, such as ``probe``.
     charts
-        At least one.
+        One or more charts.
     """
 
     title: str
@@ -127,16 +127,16 @@ class Album:
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A motion of the lines of a scene.
+    """Motion of the lines of a scene.
 
     Parameters
     ----------
     name
-        Such as ``mode 2, 67.11 Hz``.
+        Name, such as ``mode 2, 67.11 Hz``.
     words
-        What moves.
+        Description of the motion.
     frames
-        Displacements, m, shape (frames, points, 3); one frame swings, several follow each other.
+        Displacements, m, shape (frames, points, 3); a single frame oscillates, several are played in sequence.
     """
 
     name: str
@@ -146,18 +146,18 @@ class Shape:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Members as lines in space, and how they move.
+    """Members as lines in space and their motion.
 
     Parameters
     ----------
     points
-        m, shape (points, 3), global axes.
+        Points, m, shape (points, 3), global axes.
     lines
-        Member to the range of its points.
+        Range of points by member.
     names
-        Named places to the number of their point.
+        Index of the point by name.
     shapes
-        Motions to choose from.
+        Selectable motions.
     """
 
     points: FloatArray
@@ -168,16 +168,16 @@ class Scene:
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture that does not move, also for paper.
+    """Static image, also for printing.
 
     Parameters
     ----------
     title
-        Above it.
+        Title above the image.
     png
-        The file.
+        Content of the PNG file.
     words
-        What it shows, for who cannot see it.
+        Text alternative of the image.
     """
 
     title: str
@@ -187,30 +187,30 @@ class Picture:
 
 @dataclass(frozen=True, eq=False)
 class Chapter:
-    """What is said of one result.
+    """Report on one result.
 
     Parameters
     ----------
     name
-        What tells it from the others.
+        Name that distinguishes it from the other chapters.
     title
-        Of its case, with the speed.
+        Title of its case, with the speed.
     verdict
-        Sentences: flexible against rigid; none where that is not known.
+        Sentences that compare flexible and rigid models; empty without a comparison.
     summary
-        Sentences: what was modelled, what came out.
+        Sentences about the model and its results.
     warnings
-        Sentences: what is doubtful, what is left out of the report and why.
+        Warnings, and sentences about content omitted from the report.
     sheets
         Tables.
     pictures
-        Of what was asked for beside the result.
+        Images of additionally requested results.
     scene
-        Members and their motions; None where there is none to draw.
+        Members and their motions; None if there is nothing to draw.
     case
         Text of the case file.
     origin
-        Where the result comes from: files, versions, date.
+        Origin of the result: files, versions, date.
     """
 
     name: str
@@ -227,20 +227,20 @@ class Chapter:
 
 @dataclass(frozen=True, eq=False)
 class Report:
-    """A report on one or several results.
+    """Report on one or more results.
 
     Parameters
     ----------
     title
-        Of the page.
+        Title of the page.
     chapters
-        One per result.
+        One chapter per result.
     albums
-        Curves of all results over each other.
+        Charts with the curves of all results.
     notes
-        Sentences: what of the curves there was no room for.
+        Sentences about omitted curves.
     still
-        The most important of them, for paper; None where nothing moves.
+        Image of the most important curves for printing; None without motion.
     """
 
     title: str
@@ -251,11 +251,11 @@ class Report:
 
 
 _NUMBER = 24
-"""Letters of the longest cell that may be a number."""
+"""Maximum length of a cell that counts as a number, characters."""
 
 
 def sheet(table: Table) -> Sheet:
-    """Return a table of the terminal as a value."""
+    """Convert a table for the terminal to a value."""
     heads = tuple(str(column.header) for column in table.columns) if table.show_header else ()
     columns = [[str(cell) for cell in column.cells] for column in table.columns]
     cells = tuple(zip(*columns, strict=True))
@@ -268,7 +268,7 @@ def sheet(table: Table) -> Sheet:
 
 
 def sheets(about: Subject, compared: Comparison | None, figures: list[Metric]) -> list[Sheet]:
-    """Return the tables about a result."""
+    """Return the tables of a result."""
     response, known = about.result.response, about.known
     turns = 1.0 if known is None else known.case.turns
     found = [sheet(comparison_table(compared, turns))] if compared is not None else []
@@ -285,7 +285,7 @@ def sheets(about: Subject, compared: Comparison | None, figures: list[Metric]) -
 
 
 def energy_sheet(response: Response) -> Sheet:
-    """Return the energies of a run."""
+    """Return the table of the energies of a run."""
     parts = {name.removeprefix("energy."): v for name, v in response.channels.items() if name.startswith("energy.")}
     rows = [
         (name, *(f"{value:.4g}" for value in (values.min(), values.max(), values[-1])))
@@ -296,27 +296,27 @@ def energy_sheet(response: Response) -> Sheet:
 
 
 def origin(about: Subject) -> Sheet:
-    """Return where a result comes from."""
+    """Return the table of the origin of a result."""
     result = about.result if about.known is None else replace(about.result, response=about.known.response)
     return replace(sheet(info_table(result)), title="The result file")
 
 
 _BRACKET = 0.01
-"""Part of the speed within which limits are found."""
+"""Width of the bracket of limits relative to the speed."""
 
 
 @dataclass(frozen=True)
 class Asked:
-    """What a report says beside what a result tells by itself; each costs runs of the case.
+    """Additional content of a report, which requires runs of the case.
 
     Parameters
     ----------
     errors
-        How far the numbers may be off.
+        Whether to estimate errors.
     limits
-        The speeds at which the train gives way.
+        Whether to find the speed limits of the train.
     trade
-        What cheaper models cost in error.
+        Whether to evaluate error versus cost of models.
     """
 
     errors: bool = False
@@ -326,12 +326,12 @@ class Asked:
 
 @dataclass(frozen=True)
 class Extra:
-    """What was found.
+    """Additional content of a chapter.
 
     Parameters
     ----------
     sentences, sheets, pictures
-        For a chapter.
+        Content to be added to the chapter.
     """
 
     sentences: tuple[str, ...] = ()
@@ -340,7 +340,7 @@ class Extra:
 
 
 def extras(case: Case, probe: str, asked: Asked) -> list[Extra]:
-    """Return what runs of a case tell."""
+    """Return the additional content from runs of the case."""
     found: list[Extra] = []
     if asked.errors or case.record.fidelity.estimate:
         found.append(_errors(case, probe))
@@ -365,7 +365,7 @@ def _limits(case: Case) -> Extra:
     scale = case.turns
     try:
         limits = find_limits(case, lowest=0.5 * case.speed, highest=2.0 * case.speed, tolerance=_BRACKET * case.speed)
-    except InputError as refusal:  # the rest of the page does not suffer from it
+    except InputError as refusal:  # the rest of the page is still valid
         return Extra(tuple(f"Limits were not looked for: {fault.why or fault.given}." for fault in refusal.faults), ())
     return Extra((_first(limits, scale),), (sheet(limits_table(limits, scale)),))
 

@@ -1,4 +1,4 @@
-"""Tables of what models cost and by how much they err."""
+"""Tables of error and cost of models, error estimates and model choice."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from flexcam.report.terminal import table
 
 _SHOWN = {"m": (1e3, "mm"), "m/s": (1.0, "m/s"), "m/s^2": (1.0, "m/s^2"), "N": (1.0, "N")}
 _ROUNDING = 1e-10
-"""Part of a number below which an error is rounding: of the stiffness of many elements it leaves some 1e-11."""
+"""Error relative to its number below which it is rounding: the stiffness of many elements leaves about 1e-11."""
 
 _DIGITS = 12
-"""Behind the point."""
+"""Maximum number of decimals."""
 
 _KINDS = ("lift", "velocity", "acceleration")
 
 
 TRADE_LEGEND = "* no other model beats it in both work and error; work is unknowns times steps of the run"
-"""What the marks and the heads of `trade_table` mean."""
+"""Legend of `trade_table`."""
 
 
 def trade_table(against: Reference, found: Sequence[Traded]) -> Table:
-    """Return the ladder of a case."""
+    """Return the table of a case's model ladder."""
     kinds = _quantities(against)
     rows = [
         ("*" if one.best else "", one.rung, str(one.steps), str(one.unknowns), f"{one.work:.3g}", f"{one.seconds:.3g}",
@@ -53,12 +53,12 @@ def _percent(share: float | None) -> str:
 
 
 def trade_words(against: Reference, found: Sequence[Traded]) -> list[str]:
-    """Return what is doubtful about a ladder, in words."""
+    """Return warnings about a model ladder."""
     return [*_rough(against), *_refused(found)]
 
 
 def _refused(found: Sequence[Traded]) -> list[str]:
-    """Return which models were not run, and the first reason."""
+    """Return which models were not run, with the first reason."""
     refused = [one for one in found if one.status.cause is Cause.REFUSED]
     if not refused:
         return []
@@ -77,11 +77,11 @@ def _rough(against: Reference) -> list[str]:
 
 
 _ROUGH = 0.05
-"""Part of a quantity's size from which on the error of the reference is told in words."""
+"""Error of the reference relative to the quantity's size from which a warning is given."""
 
 
 def trade_json(against: Reference, found: Sequence[Traded]) -> dict[str, object]:
-    """Return the same as ``--json`` prints it."""
+    """Return the model ladder for ``--json``."""
     own = {name: error / against.size[name] if against.size[name] else 0.0 for name, error in against.errors.items()}
     return {
         "reference": {"steps_per_revolution": against.steps, "errors": own, "sizes": against.size},
@@ -91,7 +91,7 @@ def trade_json(against: Reference, found: Sequence[Traded]) -> dict[str, object]
 
 
 def traded_json(one: Traded) -> dict[str, object]:
-    """Return a rung as ``--json`` prints it."""
+    """Return one model of the ladder for ``--json``."""
     return {
         "model": one.rung, "words": one.words, "steps_per_revolution": one.steps, "unknowns": one.unknowns,
         "work": one.work, "cpu_seconds": one.seconds, "errors": one.errors, "best": one.best,
@@ -100,7 +100,7 @@ def traded_json(one: Traded) -> dict[str, object]:
 
 
 def trade_csv(against: Reference, found: Sequence[Traded]) -> str:
-    """Return the ladder as comma-separated values."""
+    """Return the model ladder as comma-separated values."""
     kinds = _quantities(against)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -112,7 +112,7 @@ def trade_csv(against: Reference, found: Sequence[Traded]) -> str:
 
 
 def error_table(errors: Sequence[Error]) -> Table:
-    """Return the numbers of a run with how far they may be off."""
+    """Return the values of a run with their estimated errors."""
     rows = [
         (one.quantity, plus_minus(one), *(_share(one, part) for part in (one.time, one.space, one.model)), _held(one))
         for one in errors
@@ -122,7 +122,7 @@ def error_table(errors: Sequence[Error]) -> Table:
 
 
 def plus_minus(one: Error) -> str:
-    """Return a number with its error, such as ``10.43 ± 0.02 mm``."""
+    """Return a value with its error, such as ``10.43 ± 0.02 mm``."""
     factor, unit = _SHOWN[one.unit]
     value, error = factor * one.size, factor * one.total
     if not error > _ROUNDING * value:
@@ -142,7 +142,7 @@ def _held(one: Error) -> str:
 
 
 def choice_words(choice: Choice) -> list[str]:
-    """Return which model was chosen, why, and what the next cheaper would have cost."""
+    """Return sentences about the chosen model, the reason, and the cost of the next cheaper one."""
     one = choice.found
     named = f"{one.rung} ({one.words}), {one.steps} steps per revolution, {one.unknowns} unknowns"
     errors = ", ".join(f"{kind} {_percent(error)} %" for kind, error in one.errors.items())
@@ -158,7 +158,7 @@ def choice_words(choice: Choice) -> list[str]:
 
 
 def choice_json(choice: Choice) -> dict[str, object]:
-    """Return a choice as ``--json`` prints it."""
+    """Return a model choice for ``--json``."""
     cheaper = None if choice.cheaper is None else traded_json(choice.cheaper)
     return {
         "met": choice.met, "tried": choice.tried, "why": choice.why, "model": traded_json(choice.found),

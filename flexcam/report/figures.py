@@ -1,4 +1,4 @@
-"""Curves of a report: every probe, channel and energy of its results, in as few points as their look needs."""
+"""Charts and scenes of a report: every probe, channel and energy of its results, reduced to the visible points."""
 
 from __future__ import annotations
 
@@ -22,33 +22,33 @@ from flexcam.valvetrain import Structure
 
 _SERIES = {"displacement": "", "velocity": "/s", "acceleration": "/s^2"}
 _WITHIN = 1e-4
-"""Part of its range by which a drawn curve may miss the true one: below a pixel of a large screen."""
+"""Allowed deviation of a drawn curve relative to its range: less than a pixel of a large screen."""
 
 _FIRST = 4
-"""So many times the points of the others may the first chart of an album have, which is the one that is seen."""
+"""Ratio of the points of an album's first chart, which is visible initially, to those of the others."""
 
 _LONG = 40_000
-"""Points of a history from which on stretches are looked at instead of points."""
+"""Number of points of a history above which it is reduced by intervals first."""
 
 _ROOM, _ROOM_OF_ONE = 55_000, 2_500
-"""Points of all curves of a page, some 600 kB, and what of them the words of every result take."""
+"""Total points of all curves of a page, about 600 kB, and the part of it used by the texts of every result."""
 
 _MOST, _LEAST = 3000, 100
-"""Points of a curve."""
+"""Maximum and minimum number of points of a curve."""
 
 _MOST_CURVES = 300
-"""What a page can hold; the first are the probes that the case lists."""
+"""Maximum number of curves of a page; probes listed in the case come first."""
 
 Runs = Mapping[str, tuple[Response, Response | None]]
-"""By name: what a result holds, and the same with rigid members."""
+"""Response by name, and the response with rigid members."""
 
 
 def thinned(x: FloatArray, y: FloatArray, most: int = _MOST) -> tuple[FloatArray, FloatArray]:
-    """Return a curve in few of its points, straight between them, its extremes among them.
+    """Return a curve reduced to few of its points, including its extremes, for linear interpolation.
 
-    The points farthest from the line through those kept are added until none is far: D. H. Douglas and T. K. Peucker,
-    Cartographica 10, 1973, all stretches at once. Of very many points only the least and the largest of every short
-    stretch are looked at.
+    The points with the largest distance from the polyline are added until all are within the tolerance: D. H. Douglas
+    and T. K. Peucker, Cartographica 10, 1973, for all segments at once. Of very many points, only the minimum and
+    maximum of every short interval are considered.
     """
     if len(x) <= 2:
         return x, y
@@ -62,7 +62,7 @@ def thinned(x: FloatArray, y: FloatArray, most: int = _MOST) -> tuple[FloatArray
 
 
 def _peaks(y: FloatArray, stretches: int) -> IntArray:
-    """Return where the least and the largest value of every stretch are, and both ends."""
+    """Return the indices of the minimum and maximum of every interval, and of both ends."""
     begin = np.linspace(0, len(y), stretches + 1).astype(int)
     each = [(a + int(one(y[a:b]))) for a, b in pairwise(begin.tolist()) for one in (np.argmin, np.argmax)]
     return np.unique([0, *each, len(y) - 1])
@@ -84,7 +84,7 @@ def _kept(x: FloatArray, y: FloatArray, within: float) -> NDArray[np.bool_]:
 
 
 def albums(runs: Runs, main: str) -> list[Album]:
-    """Return all curves of some results."""
+    """Return all curves of several results."""
     first = [one for one, _ in runs.values()]
     probes = list(dict.fromkeys(name for one in first for name in scalars(one.outline)))
     probes = [name for name in probes if name == main or _moves(first, name)]
@@ -105,7 +105,7 @@ def albums(runs: Runs, main: str) -> list[Album]:
 
 
 def _fitting(made: list[Album], room: int) -> list[Album]:
-    """Return albums that a page has room for: those curves thinned further that have the most points."""
+    """Return albums reduced to the size of a page: the curves with the most points are reduced further."""
     most = _MOST
     while most > _LEAST and sum(len(curve.x) for album in made for curve in _of(album)) > room:
         most = 3 * most // 4
@@ -134,7 +134,7 @@ def _fewer(curve: Curve, most: int) -> Curve:
 
 
 def left_over(runs: Runs) -> list[str]:
-    """Return whether a report of some results has no room for all of their curves, in words."""
+    """Return a sentence if curves of the results are omitted from a report."""
     first = [one for one, _ in runs.values()]
     room = max(_MOST_CURVES // len(runs), 1)
     probes = {name for one in first for name in scalars(one.outline) if _moves(first, name)}
@@ -199,7 +199,7 @@ def _panel(runs: Runs, label: str, unit: str, values: Callable[[Response], Float
 
 
 def _words(panels: Sequence[Panel]) -> tuple[str, ...]:
-    """Return panels in words: from where to where every curve goes, and at which cam angles."""
+    """Return a text alternative of panels: the range of every curve and its cam angles."""
     return tuple(
         f"{panel.label.partition(',')[0]}{f' ({curve.name})' if curve.name else ''}: {_range(curve, panel)}"
         for panel in panels
@@ -215,21 +215,21 @@ def _range(curve: Curve, panel: Panel) -> str:
 
 
 _PARTS = 6
-"""Of an element, where a page has room for them."""
+"""Drawn segments per element, if the page has space for them."""
 
 _POINTS = 240
-"""Of all scenes of a page: with modes and frames some 250 kB."""
+"""Total points of all scenes of a page: with modes and frames about 250 kB."""
 
 _FRAMES = 48
-"""Of the motion of a run."""
+"""Frames of the motion of a run."""
 
 _SAME_PLACE = 1e-9
-"""m."""
+"""Distance below which points coincide, m."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Lines:
-    """Points on members: of which element, and at which of its parts, shape (p,) each."""
+    """Points on members: index of the element and position in it, shape (p,) each."""
 
     element: IntArray
     part: IntArray
@@ -237,7 +237,7 @@ class _Lines:
     ranges: dict[str, tuple[int, int]]
 
     def of_nodes(self, ends: IntArray, nodal: FloatArray) -> FloatArray:
-        """Return what nodes have, straight between them: shape (..., nodes, 3) to (..., p, 3)."""
+        """Interpolate nodal values linearly: shape (..., nodes, 3) to (..., p, 3)."""
         x = (self.part / self.parts)[:, None]
         first, second = ends[self.element].T
         return (1.0 - x) * nodal[..., first, :] + x * nodal[..., second, :]
@@ -249,7 +249,7 @@ class _Lines:
 
 
 def scene(about: Subject, share: int = 1) -> Scene | None:
-    """Return the members of a result and how they move."""
+    """Return the members of a result and their motion."""
     mesh = about.result.mesh
     ends = mesh.elements()
     if not len(ends):
@@ -261,7 +261,7 @@ def scene(about: Subject, share: int = 1) -> Scene | None:
 
 
 def _lines(mesh: Mesh, room: int) -> _Lines:
-    """Return points along the members, as many as there is room for, ends and at least one between among them."""
+    """Return points along the members within a limit, including the ends and at least one point between them."""
     elements = len(mesh.elements())
     parts = min(max(room // elements, 1), _PARTS)
     every = -(-elements * parts // room)
@@ -282,7 +282,7 @@ def _lines(mesh: Mesh, room: int) -> _Lines:
 
 
 def _names(mesh: Mesh, points: FloatArray) -> dict[str, int]:
-    """Return the named places that lie on the lines; names of one place stand together."""
+    """Return the named points on the lines; names of coincident points are joined."""
     found: dict[int, list[str]] = {}
     for name, nodes in mesh.points.items():
         if len(nodes) == 1:
@@ -304,7 +304,7 @@ def _modes(about: Subject, lines: _Lines) -> list[Shape]:
 
 
 def _unseen(structure: Structure, shares: Mapping[str, float]) -> str:
-    """Return that what moves most in a mode is no member, and so not among the lines; empty where it is one."""
+    """Return a note if the part with the largest motion in a mode is not a member and not drawn; otherwise empty."""
     most = max(shares, key=lambda part: shares[part], default="")
     return f". What moves most, {most}, is no member: the lines show only what moves with it" * (
         most in _beside(structure)
@@ -312,7 +312,7 @@ def _unseen(structure: Structure, shares: Mapping[str, float]) -> str:
 
 
 def _beside(structure: Structure) -> set[str]:
-    """Return the parts of modes that no line shows: rockers, springs, and masses off the members."""
+    """Return the parts of modes without lines: rockers, springs, and masses outside of members."""
     model = structure.model
     lines = set(model.mesh.elements().ravel().tolist())
     off = (
@@ -328,7 +328,7 @@ def _beside(structure: Structure) -> set[str]:
 
 
 def _motion_scene(about: Subject, lines: _Lines) -> list[Shape]:
-    """Return the motion of the run over its last revolution, or over what there is of it."""
+    """Return the motion of the last revolution of a run, or of a shorter run."""
     response = about.result.response
     if len(response.field_time) < 2:
         return []

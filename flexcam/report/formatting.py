@@ -1,4 +1,4 @@
-"""Numbers in words: units, and zeros without their rounding."""
+"""Format numbers: units, and zeros without rounding noise."""
 
 from __future__ import annotations
 
@@ -9,43 +9,43 @@ from dataclasses import dataclass
 from rich.table import Table
 
 _NOTHING = 1e-12
-"""A length (m), an angle (rad), or a part of the largest number of a kind below this is the rounding of a zero."""
+"""Length (m), angle (rad) or fraction of the largest value of a kind below which a value is a rounded zero."""
 
 NOISE = 1e-9
-"""Part of the largest lift below which the least one is not worth a word."""
+"""Negative lift relative to the maximum lift below which it is not reported."""
 
 
 def mm(value: float, digits: int = 6) -> str:
-    """Return a length in millimetres; what is only the rounding of a zero is one."""
+    """Return a length in millimetres; rounding noise gives zero."""
     return f"{0.0 if abs(value) < _NOTHING else 1e3 * value:.{digits}g}"
 
 
 def clear(value: float, scale: float) -> float:
-    """Return a number, or zero where it is the rounding of one."""
+    """Return a number; rounding noise relative to a scale gives zero."""
     return 0.0 if abs(value) < _NOTHING * scale else value
 
 
 def fixed(value: float, decimals: int) -> str:
-    """Return a number with the decimals of its column; a huge one, of a run that diverged, in few digits."""
+    """Format a number with the decimals of its column; a huge one, of a diverged run, with few digits."""
     return f"{round(value, decimals) + 0.0:.{decimals}f}" if abs(value) < _HUGE else f"{value:.4g}"
 
 
 def decimals(largest: float, usual: int) -> int:
-    """Return how many decimals show four digits of the largest of some numbers."""
+    """Return the number of decimals that show four digits of the largest value."""
     return usual if largest < _NOTHING else max(usual, 3 - math.floor(math.log10(largest)))
 
 
 _HUGE = 1e7
-"""Size from which decimals say nothing."""
+"""Value above which decimals are omitted."""
 
 
 def degrees(angle: float) -> str:
-    """Return an angle in degrees; what is only the rounding of a zero is one."""
+    """Return an angle in degrees; rounding noise gives zero."""
     return f"{0.0 if abs(angle) < _NOTHING else math.degrees(angle):.4g}"
 
 
 def told_apart(names: Sequence[str], beside: Sequence[str]) -> list[str]:
-    """Return names that differ: as they are, with what stands beside them, or with a number."""
+    """Make names unique: unchanged, with an additional text, or with a number."""
     if len(set(names)) == len(names):
         return list(names)
     longer = [f"{name}, {more}" if more else name for name, more in zip(names, beside, strict=True)]
@@ -54,18 +54,18 @@ def told_apart(names: Sequence[str], beside: Sequence[str]) -> list[str]:
 
 @dataclass(frozen=True)
 class Told:
-    """The answer of a study.
+    """Output of a study command.
 
     Parameters
     ----------
     tables
-        For rich.
+        Tables for rich.
     words
-        Sentences below them.
+        Sentences below the tables.
     json
-        The same as one object; null where there is no number.
+        Content as one JSON object; null for missing numbers.
     csv
-        The same as a table of text.
+        Content as CSV text.
     """
 
     tables: Sequence[Table]
@@ -75,7 +75,7 @@ class Told:
 
 
 def csv_of(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    r"""Return a table as CSV text; what has no number is left empty."""
+    r"""Return a table as CSV text with empty cells for missing numbers."""
     return "".join(",".join(map(_cell, row)) + "\n" for row in (head, *rows))
 
 
@@ -86,10 +86,10 @@ def _cell(value: object) -> str:
 
 
 def or_none(value: float) -> float | None:
-    """Return a number for JSON: none where it is not finite."""
+    """Return a number for JSON; None if it is not finite."""
     return value if abs(value) < float("inf") else None
 
 
 def shown(value: float, digits: int = 6) -> str:
-    """Return a number for a table; a dash where there is none."""
+    """Format a number for a table; a dash if it is missing."""
     return "-" if or_none(value) is None else f"{value:.{digits}g}"

@@ -1,4 +1,4 @@
-"""Table of the limits of a train."""
+"""Table of the speed limits of a train."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from flexcam.report.terminal import table
 
 
 def limits_json(found: Limits, scale: float) -> dict[str, object]:
-    """Return the limits of a train as ``--json`` prints them."""
+    """Return the speed limits of a train for ``--json``."""
     width = max(one.tolerance_rpm for one in found.limits.values())
     rpm = {name: one.rpm for name, one in found.limits.items()}
     met = {f"{name}_rpm": None if (at := rpm.get(name)) is None else scale * at for name in LIMITS}
@@ -26,7 +26,7 @@ def limits_json(found: Limits, scale: float) -> dict[str, object]:
 
 
 def limits_table(found: Limits, scale: float) -> Table:
-    """Return the limits of a train."""
+    """Return the table of the speed limits of a train."""
     high = scale * found.highest_rpm
     ordered = sorted(found.limits.items(), key=lambda item: item[1].rpm or float("inf"))
     rows = [

@@ -1,4 +1,4 @@
-"""Tables and words about a case and its model."""
+"""Tables and sentences about a case and its model."""
 
 from __future__ import annotations
 
@@ -36,25 +36,25 @@ COUPLINGS = {
     ),
     "unilateral": "This result comes from true contact: springs press the follower to its cam, and it may leave it.",
 }
-"""Which formulation a result comes from, in words."""
+"""Descriptions of the contact formulations."""
 
 
 def resolved(case: Case) -> str:
-    """Return the case with every default filled in, as TOML, SI."""
+    """Return the case with all defaults as TOML in SI."""
     return toml_text(filled(case.record))
 
 
 def couplings(case: Case, figures: Sequence[Metric] = ()) -> list[str]:
-    """Return which formulation of the contact a result comes from, in words."""
+    """Return sentences about the contact formulation of a result."""
     models = dict.fromkeys(contact.model for contact in case.record.contacts.values())
     said = {model: COUPLINGS[model] for model in models if model in COUPLINGS}
-    if left := left_words(figures):  # only followers in true contact have such a figure
+    if left := left_words(figures):  # only unilateral contacts have this metric
         said["unilateral"] = f"{said['unilateral'].removesuffix('.')}: {left}."
     return list(said.values())
 
 
 def model_table(ready: Prepared, modes: ModelModes, takes: Budget | None = None) -> Table:
-    """Return what a model contains."""
+    """Return the table of a model's contents."""
     model, problem = ready.model, ready.problem
     lowest = [f"{f:.4g}" for f in modes.modes.frequencies[modes.modes.rigid :][:5]]
     per_revolution = 2.0 * math.pi / (ready.case.speed * problem.step)
@@ -87,7 +87,7 @@ def _stiffness(spring: Spring) -> str:
 
 
 def left_out(ready: Prepared) -> list[str]:
-    """Return what of a case is left out of its run, because nothing can move it, in words."""
+    """Return sentences about inactive degrees of freedom that a run omits."""
     problem = ready.problem
     if not problem.prune or not problem.system.size:
         return []
@@ -135,14 +135,14 @@ def mac_table(likeness: FloatArray) -> Table:
 
 
 def mac_words(likeness: FloatArray, nodes: int) -> str:
-    """Return at how many nodes shapes were compared, in words."""
+    """Return a sentence with the number of nodes used to compare shapes."""
     few = nodes < max(likeness.shape)
     doubt = "; fewer than modes: different shapes may look alike, refine both in the same places" if few else ""
     return f"Compared at {nodes} moving node{'s' * (nodes != 1)} that both models have{doubt}."
 
 
 def mode_table(modes: ModelModes, of: str = "") -> Table:
-    """Return frequencies, effective masses and what moves."""
+    """Return the table of frequencies, effective masses and descriptions of modes."""
     places = decimals(float(np.abs(modes.effective[:, :3]).max(initial=0.0)), 4)
     made = table(f"{of}: modes" if of else "Modes", ("no.", "Hz", "camshaft rpm", "ux kg", "uy kg", "uz kg"), ())
     made.add_column("what moves (share of the kinetic energy)", justify="left")
@@ -153,7 +153,7 @@ def mode_table(modes: ModelModes, of: str = "") -> Table:
 
 
 def comparison_table(comparison: Comparison, turns: float = 1.0) -> Table:
-    """Return flexible against rigid."""
+    """Return the table of the comparison of flexible and rigid models."""
     units = {"displacement": ("mm", 1e3), "velocity": ("m/s", 1.0), "acceleration": ("m/s^2", 1.0)}
     rows: list[tuple[str, ...]] = []
     for one in comparison.deviations:
@@ -167,7 +167,7 @@ def comparison_table(comparison: Comparison, turns: float = 1.0) -> Table:
 
 
 def comparison_json(comparison: Comparison) -> dict[str, object]:
-    """Return a comparison as ``--json`` prints it."""
+    """Return a comparison for ``--json``."""
     return {
         "status": str(comparison.status.cause), "probe": comparison.probe, "speed_rpm": comparison.speed_rpm,
         "peak_deviation": comparison.peak_deviation, "rms_deviation": comparison.rms_deviation,
@@ -177,16 +177,16 @@ def comparison_json(comparison: Comparison) -> dict[str, object]:
 
 
 def _part(value: float) -> str:
-    """Return a part of something, where a thousandth is little, but not nothing."""
+    """Format a fraction with enough decimals for values of about a thousandth."""
     return fixed(value, 3) if value >= _LITTLE else f"{clear(value, 1.0):.2g}"
 
 
 _LITTLE = 5e-4
-"""Part from which three decimals say something."""
+"""Fraction from which three decimals are sufficient."""
 
 
 def comparison_words(comparison: Comparison, mode_hz: float | None) -> list[str]:
-    """Return the comparison in words."""
+    """Return sentences about a comparison."""
     deviation = (
         f"The {comparison.probe} deviates by up to {_part(comparison.peak_deviation)} of its lift "
         f"(rms {_part(comparison.rms_deviation)}); its peak acceleration is "
@@ -204,7 +204,7 @@ def comparison_words(comparison: Comparison, mode_hz: float | None) -> list[str]
 
 
 def claim_table(claims: Iterable[Claim]) -> Table:
-    """Return the paper's claims and what was computed."""
+    """Return the table of the paper's claims and the computed results."""
     made = bare("What the paper says, and this computation")
     for head in ("the paper", "reproduced", "computed"):
         made.add_column(head, justify="left")

@@ -1,7 +1,7 @@
-"""A report as one page that needs no network: text, data and programs in one file.
+"""Report as one self-contained HTML page: text, data and scripts in one file without network access.
 
-Jinja writes the page, with every value escaped unless it is a program of ours; the curves are plotly.js, which the
-package plotly carries. What may run in the page is named by its hash, so nothing that came in with a case can.
+Jinja writes the page and escapes every value except flexcam's own scripts; plotly.js from the package plotly draws the
+curves. The content security policy allows only scripts with a known hash, so that content of a case cannot be executed.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ from flexcam.valvetrain import Metric
 
 _PAGE = Path(__file__).parent / "template"
 _LARGE = 5000.0
-"""Numbers beyond which single precision would show on the cam angle."""
+"""Absolute value above which single precision is insufficient for cam angles."""
 
 _SINGLE = 1e37
-"""Numbers beyond which single precision has none: those of a run that diverged."""
+"""Maximum of single precision; a diverged run exceeds it."""
 
 _ESCAPED = {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028": "\\u2028", "\u2029": "\\u2029"}
 
@@ -48,7 +48,7 @@ def page(report: Report) -> str:
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
     from markupsafe import Markup
 
-    ours = Markup  # what stands in a page as it is: our own programs, and data escaped by `embedded`
+    ours = Markup  # unescaped content: own scripts, and data escaped by `embedded`
     scripts = [_plotly(), _text("curves.js"), _text("shapes.js")]
     jinja = Environment(loader=FileSystemLoader(_PAGE), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
                         lstrip_blocks=True)  # fmt: skip
@@ -59,7 +59,7 @@ def page(report: Report) -> str:
 
 
 def embedded(content: object) -> str:
-    r"""Return a value as JSON that can stand inside a script element, whatever its strings are."""
+    r"""Return a value as JSON that is safe inside a script element for any strings."""
     text = json.dumps(content, allow_nan=False)
     for character, escape in _ESCAPED.items():
         text = text.replace(character, escape)
@@ -76,19 +76,19 @@ def _plotly() -> str:
 
 
 def _policy(scripts: list[str]) -> str:
-    """Return what the page may do: run these programs, style itself, show pictures of its own; nothing from outside."""
+    """Return the content security policy of the page: its own scripts, styles and images, nothing external."""
     hashes = (base64.b64encode(hashlib.sha256(one.encode()).digest()).decode() for one in scripts)
     allowed = " ".join(f"'sha256-{one}'" for one in hashes)
     return f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline'; img-src data: blob:"
 
 
 def _image(picture: Picture) -> str:
-    """Return a picture as an address that holds it."""
+    """Return an image as a data URL."""
     return "data:image/png;base64," + base64.b64encode(picture.png).decode()
 
 
 def _data(report: Report) -> dict[str, object]:
-    """Return what the programs of the page draw."""
+    """Return the data for the scripts of the page."""
     scenes = [_scene(chapter.scene) if chapter.scene else None for chapter in report.chapters]
     return {"albums": [_album(one) for one in report.albums], "scenes": scenes}
 
@@ -133,7 +133,7 @@ def _scene(scene: Scene) -> dict[str, object]:
 
 
 def _numbers(values: NDArray[np.float64]) -> Mapping[str, str]:
-    """Return an array as plotly.js takes it: base64 of its bytes, single precision where that is enough."""
+    """Return an array in the format of plotly.js: base64 of its bytes, in single precision if that is sufficient."""
     largest = float(np.abs(values).max(initial=0.0))
     kind = "f8" if largest > _SINGLE or (largest > _LARGE and _rising(values)) else "f4"
     return {"dtype": kind, "bdata": base64.b64encode(np.ascontiguousarray(values, dtype=f"<{kind}").tobytes()).decode()}
@@ -158,13 +158,13 @@ def report_of(subjects: Sequence[Subject], *, probe: str | None = None, asked: A
 
 
 def _names(subjects: Sequence[Subject]) -> list[str]:
-    """Return what tells results apart: nothing for a single one."""
+    """Return names that distinguish results; empty for a single one."""
     speeds = [one.known.case.told_speed if one.known else "" for one in subjects]
     return told_apart([one.stem for one in subjects], speeds) if len(subjects) > 1 else [""]
 
 
 def _main(about: Subject, probe: str | None) -> str:
-    """Return the probe that stands for a result; empty where it has none."""
+    """Return the main probe of a result; empty if it has none."""
     response = about.result.response
     saved = scalars(response.outline)
     if probe is not None:
@@ -206,7 +206,7 @@ def _chapter(about: Subject, name: str, main: str, asked: Asked, share: int) -> 
 
 
 def _doubts(known: Known, figures: list[Metric], *, drawn_rigid: bool) -> list[str]:
-    """Return what is doubtful, in a place that says already that these are warnings."""
+    """Return the warnings without the prefix, for a list with the title of warnings."""
     watched = Watched.again(known.ready, known.response)
     found = run_doubts(known.ready, watched, figures, known.response.stats)
     found += shared(known.ready.model, known.case.speed) if drawn_rigid else []
@@ -215,7 +215,7 @@ def _doubts(known: Known, figures: list[Metric], *, drawn_rigid: bool) -> list[s
 
 
 def _compared(about: Subject, known: Known, main: str) -> tuple[Comparison | None, list[str]]:
-    """Return a result against its rigid train, or why that cannot be."""
+    """Return the comparison of a result with its rigid train, or the reason why there is none."""
     if about.rigid is None or not main:
         return None, []
     if not np.ptp(about.rigid[main].displacement):
@@ -231,12 +231,12 @@ def _compared(about: Subject, known: Known, main: str) -> tuple[Comparison | Non
 def _in_hand(case: Case) -> list[str]:
     try:
         return sentences.left_in_hand(margins(case), case.turns)
-    except FlexcamError:  # a train without balance at full lift has nothing in hand; its run says why
+    except FlexcamError:  # without static equilibrium at full lift there are no margins; the run reports the reason
         return []
 
 
 def _still(runs: Runs, main: str) -> Picture | None:
-    """Return the motion of the main probe as a picture."""
+    """Return an image with the motion of the main probe."""
     moved = {name: pair for name, pair in runs.items() if len(pair[0].time) and main in scalars(pair[0].outline)}
     if not moved:
         return None

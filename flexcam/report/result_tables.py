@@ -1,4 +1,4 @@
-"""Tables about a run and its result."""
+"""Tables of a run and its result."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from flexcam.valvetrain import MemberStrength, Metric
 
 
 def run_table(case: Case, extremes: Extremes) -> Table:
-    """Return the extremes of every probe."""
+    """Return the table of the extremes of every probe."""
     moved = [
         (name if len(components) == 1 else f"{name}.{component}", component in ROTATIONS, 1e3 * np.array(bounds))
         for name, components in extremes.outline.probes
@@ -39,27 +39,29 @@ def run_table(case: Case, extremes: Extremes) -> Table:
 
 
 def operation_table(figures: Sequence[Metric]) -> Table:
-    """Return what the train did in the last revolution."""
+    """Return the table of the metrics of the last revolution."""
     rows: list[tuple[str, str]] = []
     for figure in figures:
         factor, unit = shown(figure.unit)
         words = figure.name.replace(".", " ").replace("_", " ")
-        rows.append((words, f"{factor * figure.value + 0.0:.4g} {unit}".rstrip()))  # + 0.0: a zero without a sign
+        rows.append(
+            (words, f"{factor * figure.value + 0.0:.4g} {unit}".rstrip())
+        )  # + 0.0 removes the sign of a negative zero
     return facts("The train in the last revolution", rows)
 
 
 def periodicity(response: Response) -> float | None:
-    """Return by how much the start of a run misses returning, as a part of the motion; None where it was not asked."""
+    """Return the relative deviation of a periodic run from its initial state; None if it was not periodic."""
     return response.stats.periodicity if response.stats.periodicity >= 0.0 else None
 
 
 def imbalance(response: Response) -> float | None:
-    """Return the largest force out of balance, as a part of the largest force; None where it was not looked at."""
+    """Return the largest equilibrium residual relative to the largest force; None if it was not computed."""
     return response.stats.imbalance if response.stats.imbalance >= 0.0 else None
 
 
 def strength_table(members: Mapping[str, MemberStrength]) -> Table:
-    """Return the most stressed place of every member."""
+    """Return the table of the maximum stresses of every member."""
     rows = [
         (name, f"{one.von_mises / 1e6:.4g}", f"{one.mean / 1e6:.4g}", f"{one.alternating / 1e6:.4g}",
          f"{one.safety:.3g}" if one.safety else "unlimited" if one.rated else "not stated", one.place)
@@ -70,7 +72,7 @@ def strength_table(members: Mapping[str, MemberStrength]) -> Table:
 
 
 def unknowns(response: Response) -> str:
-    """Return of how many unknowns a result is, and how many of them were integrated, as far as that is known."""
+    """Return the number of degrees of freedom of a result and how many were integrated, as far as known."""
     every, integrated = response.stats.size or len(response.outline.unknowns), response.stats.unknowns
     if not response.stats.told:
         return f"{response.stats.size} unknowns" if response.stats.size else "unknowns not counted"
@@ -79,22 +81,22 @@ def unknowns(response: Response) -> str:
 
 
 _ENGINES = {"modal": ", modal engine", "kernel": ", kernel engine"}
-"""Ways through time, in words."""
+"""Names of solver engines."""
 
 
 def verified_words(path: Path, found: Verified) -> str:
-    """Return that a file is sound, and by what that is known."""
+    """Return a sentence that a file is sound, with the verified checksums."""
     partial = "" if found.complete else ". The run that wrote it did not come to its end; what it holds is whole"
     return f"{path} is sound: {found.datasets} datasets, {found.bytes} bytes, as they were written{partial}"
 
 
 def stats_json(stats: Stats) -> dict[str, object]:
-    """Return the figures of a run for JSON, as far as they are known."""
+    """Return the known statistics of a run for JSON."""
     return asdict(stats) if stats.told else {"steps": stats.steps, **({"size": stats.size} if stats.size else {})}
 
 
 def _warned(result: Result) -> list[tuple[str, str]]:
-    """Return what was doubtful about the run, and about the numbers of its case."""
+    """Return the warnings of the run and of its case."""
     told = dict.fromkeys([*result.warnings, *result.about.get("warnings", "").splitlines()])
     return [("warning", one.removeprefix("Warning: ")) for one in told] or [("warnings", "none")]
 
@@ -110,17 +112,17 @@ def _bounds(bounds: FloatArray, unit: str) -> list[str]:
 
 
 _STILL, _PART = 5e-5, 1e-5
-"""A probe stands still that moves less, mm or mrad, and in a small train less than this part of the largest motion."""
+"""A probe is at rest if it moves less than this, mm or mrad, and less than this fraction of the largest motion."""
 
 _TOLD = 1e-3
-"""Motion, mm or mrad, of which four decimals say enough."""
+"""Motion, mm or mrad, for which four decimals are sufficient."""
 
 _ELSEWHERE = ("case", "resolved", "overrides", "warnings")
-"""Texts of a result that its table tells in other rows, or not at all."""
+"""Texts of a result shown in other rows or not at all."""
 
 
 def info_table(result: Result) -> Table:
-    """Return what a result file holds."""
+    """Return the table of a result file's contents."""
     response = result.response
     about = [(name, text) for name, text in result.about.items() if name not in _ELSEWHERE]
     rows = [

@@ -1,4 +1,4 @@
-"""What is watched while a run goes on, so that it can be doubted afterwards without its histories."""
+"""Checks during and after a run: extremes, resolution, energy balance and cam profiles."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ from flexcam.valvetrain import (
 
 @dataclass(frozen=True, eq=False)
 class Watched:
-    """Sinks that watch a run.
+    """Sinks that collect the data for checks of a run.
 
     Parameters
     ----------
     extremes
-        Least and largest of everything.
+        Minimum and maximum of all quantities.
     fineness
-        Whether steps and elements resolve what moves.
+        Resolution of the motion by steps and elements.
     """
 
     extremes: Extremes
@@ -53,14 +53,14 @@ class Watched:
 
     @classmethod
     def of(cls, ready: Prepared) -> Self:
-        """Return those of a run that is to come."""
+        """Return the sinks for a future run."""
         names = outline(ready.problem.system, channels=ready.save.channels)
         watching = ResolutionSink(build_structure(ready.model), ready.problem.system, names, ready.problem.step)
         return cls(Extremes(names), watching)
 
     @classmethod
     def again(cls, ready: Prepared, response: Response) -> Self:
-        """Return those of a run that is over, from its histories."""
+        """Return the sinks for a finished run, from its histories."""
         made = cls.of(ready)
         rows = [response.channels[name] for name, _ in response.outline.channels]
         channels = np.column_stack(rows) if rows else np.zeros((len(response.time), 0))
@@ -72,18 +72,18 @@ class Watched:
 
     @property
     def sinks(self) -> tuple[Sink, Sink]:
-        """For `flexcam.solve`."""
+        """Sinks for `flexcam.solve`."""
         return self.extremes, self.fineness
 
 
 def mishaps(figures: Iterable[Metric]) -> list[str]:
-    """Return what a train did in the last revolution of a run that none may do, in words."""
+    """Return warnings about events of the last revolution that a train must not have."""
     known = list(figures)
     return [*_left(known), *_bounced(known), *_clashed(known), *_buckled(known)]
 
 
 def left_words(figures: Iterable[Metric]) -> str:
-    """Return which followers left their cams, and for how long, in words."""
+    """Describe which followers lost contact with their cams, and for how long."""
     told = _found(figures, ".open_on_the_lift")
     return ", ".join(f"{name!r} left it for {math.degrees(open_):.2g} deg" for name, open_ in told if open_ > OPEN)
 
@@ -128,35 +128,35 @@ def _buckled(figures: Iterable[Metric]) -> list[str]:
 
 
 def _found(figures: Iterable[Metric], end: str) -> Iterator[tuple[str, float]]:
-    """Yield the name of what a figure belongs to, and the figure."""
+    """Yield name of the part and value of the metrics with a given suffix."""
     for figure in figures:
         if figure.name.endswith(end):
             yield figure.name.removesuffix(end).partition(".")[2], figure.value
 
 
 _ANGLES = np.linspace(0.0, 2.0 * math.pi, 720, endpoint=False)
-"""Cam angles at which a profile is looked at."""
+"""Cam angles at which a profile is evaluated."""
 
 _BESIDE = 1.0
-"""Angle between two lifts, deg, up to which one lobe may be meant for both."""
+"""Angle between two lifts, deg, up to which they may be the same lobe."""
 
 _THICKER = 1.0 + 1e-9
-"""Shaft by base circle from which the shaft is the thicker one; where both are equal the follower rests on either."""
+"""Ratio of shaft radius to base radius from which the shaft is thicker; equal radii are valid."""
 
 
 def lobe_doubts(model: Model) -> list[str]:
-    """Return which lobes cannot be made, and which bodies turn although they are taken as still, in words."""
+    """Return warnings about impossible lobes, and about rotating bodies modelled without rotation."""
     known = [(name, cam, cam.follower) for name, cam in model.cams.items() if cam.follower is not None]
     lobes = [one for name, cam, follower in known for one in _told(model, name, cam, follower)]
     return [*lobes, *_shared(model), *dict.fromkeys(_uneven_bodies(model))]
 
 
 _FELT = 0.01
-"""Share of the energy of a shaft's bending from which the swing of a body's inertia is told: flexcam's choice."""
+"""Energy share in the shaft's bending from which an unsymmetric inertia is reported: flexcam's choice."""
 
 
 def _uneven_bodies(model: Model) -> Iterator[str]:
-    """Yield the bodies that turn with a shaft and have another inertia about each axis across it.
+    """Yield the bodies that rotate with a shaft and have different moments of inertia about its transverse axes.
 
     In a half wave of bending over a shaft of length L and mass m, the difference of both has ``2 (pi/L)^2 dJ/m`` of the
     kinetic energy: slopes are pi/L times the deflection, and the mean of the squared half wave is 1/2.
@@ -175,14 +175,14 @@ def _uneven_bodies(model: Model) -> Iterator[str]:
 
 
 def _across(inertia: FloatArray, axis: FloatArray) -> float:
-    """Return the difference of the largest and the least moment of inertia about the axes square to one."""
+    """Return the difference of the maximum and minimum moment of inertia about axes perpendicular to a given one."""
     square = np.eye(3) - np.outer(axis, axis)
     values = np.linalg.eigvalsh(square @ inertia @ square + 2.0 * np.trace(inertia) * np.outer(axis, axis))
     return float(values[1] - values[0])
 
 
 def _shared(model: Model) -> Iterator[str]:
-    """Yield the cams that lift followers on different sides of the shaft at the same cam angle."""
+    """Yield the cams with followers on different sides of the shaft that lift at the same cam angle."""
     first: dict[str, PublishedLoad | CamContact] = {}
     for one in model.driven.values():
         other = first.setdefault(one.cam, one)
@@ -194,7 +194,7 @@ def _shared(model: Model) -> Iterator[str]:
 
 
 def _turn(one: PublishedLoad | CamContact, other: PublishedLoad | CamContact) -> float:
-    """Return the angle from one lift to another in the cam's sense of rotation, deg, from 0 to 360."""
+    """Return the angle from one lift direction to another in the direction of rotation, deg, from 0 to 360."""
     a, b = one.direction[:3], other.direction[:3]
     return math.degrees(math.atan2(float(np.cross(a, b) @ one.shaft_axis), float(a @ b))) % 360.0
 
@@ -212,13 +212,13 @@ def _told(model: Model, name: str, cam: Cam, follower: Follower) -> Iterator[str
 def _undercut(cam: Cam, follower: Follower) -> bool:
     try:
         radius = profile_at(cam.event, follower, _ANGLES, cam.turn).radius
-    except InputError:  # the follower cannot stand on it: what needs the profile refuses it
+    except InputError:  # no profile exists: code that needs it raises the error
         return False
     return bool(undercut(radius, follower).any())
 
 
 def _shaft_radius(model: Model, cam: Cam) -> float:
-    """Return the radius of the round shaft a cam sits on, m; zero where there is none."""
+    """Return the radius of the round shaft of a cam, m; zero if there is none."""
     node = model.mesh.points.get(cam.at, np.empty(0, dtype=int))
     lines, members = model.mesh.lines, model.members
     sections = [one.section for name, one in members.items() if np.isin(node, lines[name]).any()]
@@ -226,31 +226,31 @@ def _shaft_radius(model: Model, cam: Cam) -> float:
 
 
 _WORTH_TELLING = 1e-4
-"""Part of a deflection: four digits are what tables show."""
+"""Relative size of a deflection from which it is reported: tables show four digits."""
 
 _LEAST_STEPS = 20
-"""In a period: below it the usual schemes miss more than a percent of the period."""
+"""Minimum steps per period: with fewer, common integrators have a period error of more than a percent."""
 
 _LEAST_ELEMENTS = 4
-"""In a wave of bending: below it cubic elements miss half a percent of its frequency."""
+"""Minimum elements per bending wave: with fewer, cubic elements have a frequency error of more than half a percent."""
 
 _LEAST_IMPACT = 5
-"""Steps of an impact: below it the largest force may lie a twentieth above the largest that is seen."""
+"""Minimum steps per impact: with fewer, the true maximum force may exceed the computed one by a twentieth."""
 
 _UNBALANCED = 0.01
-"""Part of the largest force that may be out of balance: some schemes balance forces between the instants."""
+"""Allowed residual relative to the largest force: some integrators satisfy equilibrium between the instants."""
 
 _UNACCOUNTED = 0.01
-"""Part of the work that the energy balance may miss, or the time integration dissipate, before it is told."""
+"""Allowed residual of the energy balance and numerical dissipation, relative to the work."""
 
 
 def doubts(modes: ModelModes) -> list[str]:
-    """Return what is doubtful about modes, in words."""
+    """Return warnings about modes."""
     return [sentence for sentence in (modes.modes.doubt(),) if sentence]
 
 
 def coarse_steps(ready: Prepared) -> list[str]:
-    """Return which cams the steps of a run do not see, in words."""
+    """Return warnings about cams that the steps of a run do not resolve."""
     turn = ready.case.speed * ready.problem.step
     return [
         f"Warning: too few steps per revolution, {2.0 * math.pi / turn:.4g}: between two of them the lift of cam "
@@ -260,7 +260,7 @@ def coarse_steps(ready: Prepared) -> list[str]:
 
 
 def input_doubts(ready: Prepared) -> list[str]:
-    """Return what is hardly meant in a case, in words: numbers, lobes, what acts on nothing, what stands open."""
+    """Return warnings about a case: implausible numbers, impossible lobes, parts without effect, open contacts."""
     standing = [*unheld(ready.model, ready.problem, ready.scheme), *struck(ready.case, ready.model, ready.problem)]
     standing += overshot(ready.problem, ready.scheme)
     idle = [*loose(ready.model), *idle_loads(ready.model, ready.problem)]
@@ -271,7 +271,7 @@ def input_doubts(ready: Prepared) -> list[str]:
 
 
 def _stiff(ready: Prepared) -> list[str]:
-    """Return which members have too few elements for their geometric stiffness."""
+    """Return the members with too few elements for their geometric stiffness."""
     return [
         f"Warning: too few elements in member {one.member} for its geometric stiffness: {_borne(one.excess)}; "
         f"take {one.elements}"
@@ -286,14 +286,14 @@ def _borne(excess: float) -> str:
 
 
 def run_doubts(ready: Prepared, watched: Watched, figures: list[Metric], stats: Stats) -> list[str]:
-    """Return what is doubtful about a run, in words."""
+    """Return warnings about a run."""
     found = [*input_doubts(ready), *unseen(ready), *mishaps(figures), *_unaccounted(watched.extremes)]
     found += [*_integrated_away(ready, watched.extremes), *_unbalanced(stats), *_rounded(ready, watched.extremes)]
     return found + _coarse(watched.fineness.found()) if _bodies(ready) else found
 
 
 def unseen(ready: Prepared) -> list[str]:
-    """Return what a rigid model or one of few masses does not know, in words."""
+    """Return sentences about the limits of a rigid or lumped model."""
     if ready.case.record.fidelity.model == "rigid":
         return ["Warning: rigid members know nothing of what they bear: do not read stresses and section forces off"]
     if ready.case.record.fidelity.model == "beams":
@@ -306,7 +306,7 @@ def unseen(ready: Prepared) -> list[str]:
 
 
 def _unfelt(ready: Prepared) -> list[str]:
-    """Return of which members few masses do not know the compression."""
+    """Return the members whose compression a lumped model does not compute."""
     told = {channel.name for channel in ready.problem.system.channels}
     missing = [name for name in compressed_members(ready.model) if f"members.{name}.compression" not in told]
     if not missing:
@@ -326,24 +326,24 @@ def _rounded(ready: Prepared, extremes: Extremes) -> list[str]:
 
 
 def lost_energy(extremes: Extremes) -> float:
-    """Return how much of the energy does not add up."""
+    """Return the residual of the energy balance, relative to its terms."""
     return abs(_largest_share(extremes, "residual"))
 
 
 def numerical_energy(extremes: Extremes) -> float:
-    """Return how much of the energy the time integration dissipates; below zero where it adds energy."""
+    """Return the relative numerical dissipation of the time integration; negative if it adds energy."""
     return _largest_share(extremes, "numerical")
 
 
 def _largest_share(extremes: Extremes, part: str) -> float:
-    """Return the largest value of a part of the energy balance, by the largest range of work and stored energies."""
+    """Return the maximum of a term of the energy balance relative to the largest range of work and stored energies."""
     bounds = (extremes.channel(f"energy.{name}") for name in ("work", "kinetic", "strain"))
     turned_over = max(largest - least for least, largest in bounds)
     return max(extremes.channel(f"energy.{part}"), key=abs) / turned_over if turned_over > 0.0 else 0.0
 
 
 def balances(extremes: Extremes, stats: Stats) -> str:
-    """Return how well energy and forces of a run add up, in words."""
+    """Return a sentence about the energy balance and the equilibrium residual of a run."""
     if not extremes.energies:
         return ""
     forces = f"forces within {stats.imbalance:.1e} of the largest" if stats.imbalance >= 0.0 else "forces not looked at"
@@ -352,12 +352,12 @@ def balances(extremes: Extremes, stats: Stats) -> str:
 
 
 def _bodies(ready: Prepared) -> bool:
-    """Tell whether a run has the unknowns of its members."""
+    """Return whether a run has the degrees of freedom of its members."""
     return ready.case.record.fidelity.model == "beams" and ready.problem.system.size > 0
 
 
 def _coarse(found: Resolution) -> list[str]:
-    """Return what steps and elements are too coarse for."""
+    """Return warnings about insufficient resolution by steps and elements."""
     at = f"at the {found.frequency:.4g} Hz of the accelerations"
     more = math.ceil(10.0 * _LEAST_STEPS / found.steps) / 10.0
     steps = f"Warning: a period has {found.steps:.3g} steps {at}; take {more:.2g} times as many"
@@ -384,7 +384,7 @@ def _unbalanced(stats: Stats) -> list[str]:
 
 
 def _unaccounted(extremes: Extremes) -> list[str]:
-    """Return by how much the energy balance of a run does not close."""
+    """Return a warning if the energy balance of a run has a large residual."""
     share = lost_energy(extremes)
     if share <= _UNACCOUNTED:
         return []
@@ -393,7 +393,7 @@ def _unaccounted(extremes: Extremes) -> list[str]:
 
 
 def _integrated_away(ready: Prepared, extremes: Extremes) -> list[str]:
-    """Return how much energy the time integration dissipates or adds, where it counts."""
+    """Return a warning if the time integration dissipates or adds significant energy."""
     share = numerical_energy(extremes)
     if abs(share) <= _UNACCOUNTED:
         return []

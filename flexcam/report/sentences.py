@@ -1,4 +1,4 @@
-"""What a report is about: a result, the case it keeps, and what that case tells beside the result."""
+"""Subject of a report: a result with its case, model and modes, and sentences about them."""
 
 from __future__ import annotations
 
@@ -26,23 +26,23 @@ from flexcam.report.result_tables import unknowns
 from flexcam.valvetrain import Metric, ModelModes, Structure, build_structure
 
 MODES = 12
-"""Lowest ones, as `flexcam modes` shows."""
+"""Number of modes, as in `flexcam modes`."""
 
 
 @dataclass(frozen=True, eq=False)
 class Known:
-    """What the case of a result tells.
+    """Case of a result and the objects built from it.
 
     Parameters
     ----------
     case
-        The case.
+        Case.
     ready
-        It, ready for a run.
+        Prepared run of the case.
     response
-        Of the result, its fields in the unknowns of the equations.
+        Response of the result, with fields in the degrees of freedom of the equations.
     structure
-        The passive part of the model.
+        Passive part of the model.
     """
 
     case: Case
@@ -53,22 +53,22 @@ class Known:
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """A result and what is known of it.
+    """Result and the data derived from it.
 
     Parameters
     ----------
     path
-        Its file.
+        Path of the file.
     result
-        What the file holds.
+        Content of the file.
     known
-        What its case tells; None where it cannot be made again.
+        Objects built from its case; None if the case cannot be restored.
     rigid
-        The same run with rigid members; None where there is none.
+        The same run with rigid members; None if there is none.
     modes
-        Of its structure; None where there are none.
+        Modes of its structure; None if there are none.
     lacking
-        Sentences: what is not known, and why.
+        Sentences about missing data and the reasons.
     """
 
     path: Path
@@ -80,12 +80,12 @@ class Subject:
 
     @property
     def stem(self) -> str:
-        """Name of the file without its endings."""
+        """Name of the file without suffixes."""
         return self.path.name.partition(".")[0]
 
 
 def subject(path: Path) -> Subject:
-    """Return a result with everything its case tells."""
+    """Return a result with all data derived from its case."""
     result = read_result(path)
     try:
         case = recalled_case(result)
@@ -120,7 +120,7 @@ def _why(refusal: FlexcamError) -> str:
 
 _SAME_LIFT = 0.01
 _SAME_ACCELERATION = 0.1
-"""Parts by which a flexible train may differ for a rigid one to tell the same."""
+"""Relative difference in acceleration up to which the rigid train counts as equivalent."""
 
 _MODELS = {
     "beams": "flexible beams", "rigid": "rigid members", "sdof": "one mass", "chain": "a chain of masses",
@@ -128,7 +128,7 @@ _MODELS = {
 
 
 def modelled(about: Subject, known: Known, figures: Sequence[Metric] = ()) -> list[str]:
-    """Return what was modelled, and what was left out of the run."""
+    """Return sentences about the model and the parts omitted from the run."""
     case, ready, response = known.case, known.ready, about.result.response
     record = case.record
     kind = _MODELS.get(record.fidelity.model, record.fidelity.model)
@@ -162,7 +162,7 @@ def _count(number: int, word: str) -> str:
 
 
 def verdict(compared: Comparison) -> list[str]:
-    """Return whether a rigid train would have told the same."""
+    """Return sentences that compare the flexible result with the rigid one."""
     off, ratio = compared.peak_deviation, compared.peak_acceleration_ratio
     same = off <= _SAME_LIFT and abs(ratio - 1.0) <= _SAME_ACCELERATION
     bounds = f"{100 * _SAME_LIFT:g} % of the lift, {100 * _SAME_ACCELERATION:g} % of the largest acceleration"
@@ -171,7 +171,7 @@ def verdict(compared: Comparison) -> list[str]:
 
 
 def left_in_hand(margins: Margins, turns: float) -> list[str]:
-    """Return what the train has in hand at its speed."""
+    """Return sentences about the margins of the train at its speed."""
     said: list[str] = []
     if margins.rigid_rpm is not None and margins.spring is not None:
         said.append(

@@ -1,4 +1,4 @@
-"""The terminal: results to standard output, a progress bar to standard error, tables without lines."""
+"""Terminal output: results on standard output, progress bar on standard error, tables without lines."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from flexcam.dynamics import Block, Sink, Stats, Status
 
 
 def out() -> Console:
-    """Return the console of results; tables keep one width where nobody reads along, and brackets are brackets."""
+    """Return the console for results; redirected tables have a fixed width, and brackets are not markup."""
     width = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 160
     return _Out(file=sys.stdout, width=width, highlight=False, markup=False, emoji=False, soft_wrap=False)
 
 
 class _Out(Console):
-    """A console that obeys no text, and leaves it to the command line how to end when its reader goes away."""
+    """Console without markup that leaves a broken pipe to the command line."""
 
     def render_str(
         self,
@@ -40,7 +40,7 @@ class _Out(Console):
         highlight: bool | None = None,
         highlighter: HighlighterType | None = None,
     ) -> Text:
-        """Return a text for the terminal; a title from a file may hold what would command it."""
+        """Return a text for the terminal; control sequences in titles from files are removed."""
         return super().render_str(
             printable(text),
             style=style,
@@ -57,18 +57,18 @@ class _Out(Console):
 
 
 def note(sentence: str) -> None:
-    """Tell something beside the answer, on standard error; where nobody can be told, the exit code still says it."""
-    with suppress(OSError):  # full, or without a reader
+    """Print a message on standard error."""
+    with suppress(OSError):  # full or closed stream; the exit code remains
         sys.stderr.write(printable(f"{sentence}\n"))
 
 
 def print_json(content: object) -> None:
-    """Print one JSON object to standard output; numbers that are not finite are a fault of flexcam."""
+    """Print one JSON object to standard output; raise an error for numbers that are not finite."""
     sys.stdout.write(json.dumps(content, indent=2, allow_nan=False) + "\n")
 
 
 class _Bar:
-    """Sink that moves a progress bar."""
+    """Sink that updates a progress bar."""
 
     def __init__(self, advance: Callable[[float], None]) -> None:
         self._advance = advance
@@ -82,7 +82,7 @@ class _Bar:
 
 @contextmanager
 def progress(steps: int) -> Generator[list[Sink]]:
-    """Show a progress bar on standard error while a run goes on, if somebody sees it."""
+    """Show a progress bar on standard error during a run, if it is a terminal."""
     if not sys.stderr.isatty():
         yield []
         return
@@ -95,7 +95,7 @@ def progress(steps: int) -> Generator[list[Sink]]:
 
 @contextmanager
 def counting(total: int | None, what: str) -> Generator[Callable[[int], None]]:
-    """Show how many of many things are finished, their rate and the time left, if somebody sees it."""
+    """Show the number of finished items, their rate and the remaining time, if standard error is a terminal."""
     if total == 0 or not sys.stderr.isatty():
         yield lambda _: None
         return
@@ -113,14 +113,14 @@ def counting(total: int | None, what: str) -> Generator[Callable[[int], None]]:
 
 
 def _rate(speed: float | None) -> str:
-    """Return how many are finished per second, or how many seconds one takes."""
+    """Return the number of items per second, or the seconds per item."""
     if not speed:
         return ""
     return f"{speed:.1f}/s" if speed >= 1.0 else f"{1.0 / speed:.1f} s each"
 
 
 def bare(title: str) -> Table:
-    """Return a table without lines, as wide as its title at least."""
+    """Return a table without lines, at least as wide as its title."""
     gap = (0, _GAP, 0, 0)
     made = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False, padding=gap)
     made.min_width = len(printable(title))
@@ -128,12 +128,12 @@ def bare(title: str) -> Table:
 
 
 def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> Table:
-    """Return a plain table, first column to the left, numbers to the right."""
+    """Return a plain table with the first column aligned left and numbers aligned right."""
     made, cells = bare(title), [list(row) for row in rows]
     longest = [max((len(row[i]) for row in cells), default=0) for i in range(len(columns))]
     heads, most = list(columns), out().width
-    whole = sum(size + 1 for size in longest if size <= _NUMBER) <= most  # else their digits take more lines
-    if _width(heads, longest) > most:  # numbers are never cut: their heads take more lines, and gaps are small
+    whole = sum(size + 1 for size in longest if size <= _NUMBER) <= most  # otherwise their digits are wrapped
+    if _width(heads, longest) > most:  # numbers are never wrapped: use headers of several lines and small gaps
         heads = [fill(head, width) for head, width in zip(columns, _widths(columns, longest, most), strict=True)]
         made.padding = (0, 1, 0, 0)
     for i, (head, size) in enumerate(zip(heads, longest, strict=True)):
@@ -145,13 +145,13 @@ def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> 
 
 
 _NUMBER = 14
-"""Letters of a cell up to which it is a number, with its unit perhaps, and not words that may go over several lines."""
+"""Maximum length of a cell that counts as a number, with its unit, characters; longer ones are words and may wrap."""
 
 _GAP = 3
 
 
 def _widths(heads: Sequence[str], longest: Sequence[int], most: int) -> list[int]:
-    """Return how wide columns are whose heads take several lines; words are broken where numbers would be cut."""
+    """Return column widths with wrapped headers; words are wrapped so that numbers need not be."""
     words = [max(map(len, head.split()), default=1) for head in heads]
     for letters in range(max(words, default=1), 0, -1):
         widths = [max(size, min(letters, word), 1) for size, word in zip(longest, words, strict=True)]
@@ -165,7 +165,7 @@ def _width(heads: Sequence[str], longest: Sequence[int]) -> int:
 
 
 def facts(title: str, rows: Iterable[tuple[str, str]]) -> Table:
-    """Return a table of names and what is to be said of them."""
+    """Return a table of names and values."""
     made = bare(title)
     made.show_header = False
     made.add_column()

@@ -1,16 +1,17 @@
-"""One ``--set KEY=SPEC`` of a sweep: a range, a list, an interval to be sampled, or one value.
+"""Axis of a sweep, from ``--set KEY=SPEC``: a range, a list, an interval to be sampled, or one value.
 
 ========================  ==================================================================
-``1000:8000:50rpm``       start, stop and step; the stop counts where it falls on the grid
-``8000:1000:-50rpm``      downwards
-``1000:8000#141rpm``      so many values, evenly from start to stop
-``30,40,50 kN/m``         a list; a unit at its end is that of all numbers without one
-``newmark,bathe``         a list of words, or of any TOML values
-``30:60 kN/m``            an interval, for plans that sample it
-``2``                     one value, laid over every variant
+``1000:8000:50rpm``       start, stop and step; the stop is included if it is on the grid
+``8000:1000:-50rpm``      descending
+``1000:8000#141rpm``      number of values, evenly spaced from start to stop
+``30,40,50 kN/m``         a list; a unit at its end applies to all numbers without one
+``newmark,bathe``         a list of words or of other TOML values
+``30:60 kN/m``            an interval, for sampled plans
+``2``                     one value, set in every variant
 ========================  ==================================================================
 
-Numbers are decimal, so that 0.1:0.5:0.1 ends with 0.5. The values stay texts such as ``1050rpm``: the case checks them.
+Numbers are decimal, so that 0.1:0.5:0.1 ends with 0.5. The values remain texts such as ``1050rpm``, which the case
+checks.
 """
 
 from __future__ import annotations
@@ -31,20 +32,20 @@ _LIKE_A_RANGE = re.compile(rf"\s*{_NUMBER}[^,:]*:")
 _DIGITS = Context(prec=17)
 _SAMPLED = Context(prec=10)
 _LARGEST = 300
-"""Size of an exponent that is still arithmetic."""
+"""Maximum exponent of a number."""
 _SMALL, _LONG = -6, 16
-"""Exponents between which a number is written out."""
+"""Range of decimal exponents written in fixed notation."""
 _FEWEST = 2
 _MANY = 10**15
 
 LIMIT = 10_000
-"""Most variants, unless more are asked for."""
+"""Default maximum number of variants."""
 
 FORMS = "a range 1000:8000:50rpm or 1000:8000#141rpm, a list 30,40,50 kN/m, an interval 30:60 kN/m, or one value"
 
 
 class Value(NamedTuple):
-    """A value of an axis: the text laid over the case, and its number in the unit of the axis, if it is one."""
+    """Value of an axis: the text of the override, and its number in the unit of the axis if it is numeric."""
 
     text: str
     number: float | None
@@ -52,20 +53,20 @@ class Value(NamedTuple):
 
 @dataclass(frozen=True)
 class Axis:
-    """What one key of a case takes on in a sweep.
+    """Values of one key of a case in a sweep.
 
     Parameters
     ----------
     key
-        Such as ``run.crank_speed``.
+        Key, such as ``run.crank_speed``.
     where
-        What gave it, for messages: ``--set run.crank_speed=1000:8000:50rpm``, or a line of the case.
+        Source for messages: ``--set run.crank_speed=1000:8000:50rpm``, or a line of the case.
     values
-        The values; of an interval its two ends.
+        Values; for an interval, its two ends.
     unit
-        Of the numbers, as written; empty where they are SI or the values are words.
+        Unit of the numbers as given; empty for SI or for words.
     interval
-        Whether anything between the two values may be taken.
+        Whether values between the two ends are allowed.
     """
 
     key: str
@@ -76,16 +77,16 @@ class Axis:
 
     @property
     def varies(self) -> bool:
-        """Whether it has more than one value."""
+        """Return whether the axis has more than one value."""
         return len(self.values) > 1
 
     @property
     def numeric(self) -> bool:
-        """Whether every value is a number in the axis's unit."""
+        """Return whether every value is a number in the unit of the axis."""
         return all(value.number is not None for value in self.values)
 
     def at(self, part: float) -> Value:
-        """Return the value at a part of the axis, as a sampled plan takes it."""
+        """Return the value at a fraction of the axis, for a sampled plan."""
         if not self.interval:
             return self.values[min(int(part * len(self.values)), len(self.values) - 1)]
         low, high = (Decimal(repr(value.number)) for value in self.values)
@@ -164,7 +165,7 @@ def _stepped(where: str, start: Decimal, stop: Decimal, step: Decimal, limit: in
 
 
 def few_enough(where: str, count: int, limit: int) -> None:
-    """Refuse more runs than were meant."""
+    """Raise an error if the number of runs exceeds the limit."""
     if count > limit:
         given = f"{count} variants" if count < _MANY else "more variants than could ever be run"
         remedy = f"take fewer values, or allow them with --limit {count}" if count < _MANY else "take fewer values"
@@ -191,7 +192,7 @@ def _list(key: str, where: str, spec: str, limit: int) -> Axis:
 
 
 def _split(spec: str) -> list[str]:
-    """Return the parts between commas that stand in no brackets and no quotes."""
+    """Split a text at commas outside of brackets and quotes."""
     parts, depth, quote = [""], 0, ""
     for sign in spec:
         if quote or sign in "\"'":
@@ -206,12 +207,12 @@ def _split(spec: str) -> list[str]:
 
 
 def _quantity(number: Decimal, unit: str) -> Value:
-    """Return a number with its unit, written out within sixteen digits, so that whole numbers stay whole."""
+    """Return a number with its unit, in fixed notation up to sixteen digits, so that integers remain integers."""
     plain = number.normalize() if number else Decimal(0)
     text = f"{plain:f}" if _SMALL <= plain.adjusted() < _LONG else f"{plain}"
     return Value(_joined(text, unit), float(plain))
 
 
 def _joined(number: str, unit: str) -> str:
-    """Return a number with its unit; "1/s" needs a blank before it."""
+    """Join a number and its unit; a blank is required before "1/s"."""
     return f"{number} {unit}" if unit[:1] == "1" else f"{number}{unit}"

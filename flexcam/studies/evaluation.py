@@ -1,9 +1,10 @@
-"""The scalars of a run: what a sweep keeps of a variant, each by a stable name, in SI.
+"""Evaluate variants: scalars of a run, each with a stable name, in SI.
 
-``probes.POINT.SERIES.largest`` (of a component: ``probes.POINT.COMPONENT.SERIES.largest``) is the largest absolute
+``probes.POINT.SERIES.largest`` (of a component: ``probes.POINT.COMPONENT.SERIES.largest``) is the maximum absolute
 displacement, velocity or acceleration in the last revolution, of the dense output; ``deviation.peak`` and
-``deviation.rms`` are those of the whole run from the rigid train at the default probe, as parts of the lift;
-``energy.residual.largest`` is what does not add up. All others are the figures of `flexcam.valvetrain.train_metrics`.
+``deviation.rms`` are the deviations of the whole run from the rigid train at the default probe, relative to the lift;
+``energy.residual.largest`` is the residual of the energy balance. All others are metrics of
+`flexcam.valvetrain.train_metrics`.
 """
 
 from __future__ import annotations
@@ -57,12 +58,12 @@ def scalars_of(ready: Prepared, response: Response) -> list[Metric]:
 
 
 def of_motion(names: Sequence[str]) -> bool:
-    """Tell whether scalars are all of the probes' motion, for which nothing else of a run is needed."""
+    """Return whether all scalars concern the motion of probes, so that no other results are required."""
     return bool(names) and all(name.partition(".")[0] in ("probes", "deviation") for name in names)
 
 
 def scalar_names(case: Case) -> list[str]:
-    """Return the names of all scalars that a run of a case may have, without running it."""
+    """Return the names of all scalars of a case, without a run."""
     model, system = described(case)
     named = outline(system)
     names = train_metric_names(model, [name for name, _ in named.channels])
@@ -77,12 +78,12 @@ _RESIDUAL = "energy.residual.largest"
 
 
 def _components(probe: str, components: Sequence[str]) -> list[str]:
-    """Return what the components of a probe are called; a probe of one has its own name."""
+    """Return the names of the components of a probe; a scalar probe keeps its name."""
     return [probe] if len(components) == 1 else [f"{probe}.{component}" for component in components]
 
 
 def _motions(response: Response, period: float) -> Iterator[Metric]:
-    """Yield the largest motions of every probe's components in the last revolution."""
+    """Yield the maximum motions of every probe component in the last revolution."""
     last = response.latest(period)
     for probe, components in response.outline.probes:
         for component, name in zip(components, _components(probe, components), strict=True):
@@ -94,7 +95,7 @@ def _motions(response: Response, period: float) -> Iterator[Metric]:
 
 
 def _deviations(ready: Prepared, response: Response) -> Iterator[Metric]:
-    """Yield how far the default probe strays from the rigid train, where there is one that moves it."""
+    """Yield the deviations of the default probe from the rigid train, if the rigid train moves it."""
     if ready.case.record.fidelity.model == "rigid" or not ready.case.record.output.probes:
         return
     try:
@@ -106,7 +107,7 @@ def _deviations(ready: Prepared, response: Response) -> Iterator[Metric]:
 
 
 def _rigid(ready: Prepared, response: Response) -> Response:
-    """Return the rigid train's motion at the instants of a response."""
+    """Return the motion of the rigid train at the instants of a response."""
     rigid, motion = build_rigid(ready.model, ANY_SPEED), ready.problem.drive.at(response.time)
     return replace(response, outline=outline(rigid), probes=prescribed_probes(rigid, motion))
 
@@ -119,18 +120,18 @@ def _residual(response: Response) -> Iterator[Metric]:
 
 @dataclass(frozen=True)
 class Row:
-    """What a sweep keeps of one variant.
+    """Results of one variant.
 
     Parameters
     ----------
     status
-        How its run ended; ``refused`` where it could not start.
+        Status of its run; ``refused`` if it could not start.
     scalars
-        Name to value, SI (`flexcam.studies.evaluation`); empty unless the run is complete.
+        Value by name, SI (`flexcam.studies.evaluation`); empty unless the run is complete.
     units
-        SI unit of each scalar.
+        SI unit by scalar.
     seconds
-        Time it took; it stays out of the tables, which are the same on every machine.
+        Run time; not written to tables, which are the same on every machine.
     """
 
     status: Status
@@ -142,14 +143,14 @@ class Row:
 def evaluate(
     case: Case, *, folder: Path | None = None, model: Model | None = None, runs: int = 1, channels: bool = True
 ) -> Row:
-    """Run a case and return what a sweep keeps of it."""
+    """Run a case and return its row."""
     begun = time.perf_counter()
     row = _row(case, folder, model, runs, channels)
     return Row(row.status, row.scalars, row.units, time.perf_counter() - begun)
 
 
 _SELDOM = SaveAt(field_every=4096)
-"""Fields of one of many linear runs, which nobody keeps: blocks are long, and rows are those of one run to rounding."""
+"""Output of one of many linear runs without saved fields: blocks are long; rows agree with a single run to rounding."""
 
 
 def _row(case: Case, folder: Path | None, model: Model | None, runs: int, channels: bool) -> Row:
@@ -177,7 +178,7 @@ def _row(case: Case, folder: Path | None, model: Model | None, runs: int, channe
 
 
 def row_of(ready: Prepared, response: Response) -> Row:
-    """Return the row of a run that has been solved."""
+    """Return the row of a completed run."""
     if not response.status.ok:
         return Row(response.status)
     figures = scalars_of(ready, response)
@@ -191,34 +192,34 @@ def refused(refusal: InputError) -> Row:
 
 
 def _fault(fault: Exception) -> Status:
-    """Return the status of a fault of flexcam itself, with the line it happened on."""
+    """Return the status of an internal error of flexcam, with its source line."""
     last = traceback.extract_tb(fault.__traceback__)[-1]
     text = f"a fault of flexcam itself: {type(fault).__name__}: {fault} ({Path(last.filename).name}:{last.lineno})"
     return Status(Cause.FAULT, text, "please report it; flexcam run with the same keys shows more")
 
 
 _MOST = 16
-"""Variants of a chunk: what a crash may cost."""
+"""Maximum number of variants per chunk, which limits the loss in a crash."""
 
 _MANY = 64
-"""Chunks that a plan should have, so that many workers have something to do."""
+"""Desired number of chunks of a plan, enough for many workers."""
 
 _STEPS = 120_000
-"""Steps of a chunk: a longer run is a chunk of its own."""
+"""Maximum number of steps per chunk; a longer run is a separate chunk."""
 
 
 @dataclass(frozen=True)
 class Chunk:
-    """Some successive variants of a plan.
+    """Consecutive variants of a plan.
 
     Parameters
     ----------
     index
-        Of the chunk, from 0.
+        Index of the chunk, from 0.
     first
         Index of its first variant.
     variants
-        Overrides of each.
+        Overrides by variant.
     """
 
     index: int
@@ -228,14 +229,14 @@ class Chunk:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What comes back of a variant.
+    """Result of a variant.
 
     Parameters
     ----------
     row
-        Its row.
+        Row of the variant.
     history
-        Its result file, where histories are kept, and the ending of its name.
+        Content of its result file, if histories are kept, and the suffix of the file name.
     """
 
     row: Row
@@ -243,14 +244,14 @@ class Outcome:
 
 
 def chunk_size(plan: Plan, case: Case) -> int:
-    """Return the variants per chunk: the same for every number of workers."""
+    """Return the number of variants per chunk, independent of the number of workers."""
     run = case.record.run
     steps = int(run.revolutions * (run.steps_per_revolution or 3600))
     return max(1, min(_MOST, len(plan) // _MANY, _STEPS // max(steps, 1)))
 
 
 def chunks_of(plan: Plan, size: int) -> tuple[Chunk, ...]:
-    """Return the chunks of a plan."""
+    """Divide a plan into chunks."""
     variants = plan.variants
     starts = range(0, len(variants), size)
     return tuple(Chunk(i, first, variants[first : first + size]) for i, first in enumerate(starts))
@@ -260,7 +261,7 @@ def evaluated(
     source: Bundle | Path, variants: Sequence[tuple[str, ...]], *, histories: bool = False, runs: int = 1,
     channels: bool = True,
 ) -> list[Outcome]:  # fmt: skip
-    """Run some variants of a case: what a worker does."""
+    """Run the variants of a chunk in a worker."""
     file = opened(source)
     cases = [_read(file, overrides) for overrides in variants]
     run = partial(_kept, runs=runs) if histories else partial(_ran, runs=runs, channels=channels)
@@ -272,7 +273,7 @@ def evaluated(
 
 
 def _read(file: CaseFile, overrides: Sequence[str]) -> Case | Row:
-    """Return a variant, or the row of one that this machine cannot read."""
+    """Return the case of a variant, or its row if it cannot be read on this machine."""
     try:
         return file.read(overrides)
     except InputError as refusal:
@@ -280,12 +281,12 @@ def _read(file: CaseFile, overrides: Sequence[str]) -> Case | Row:
 
 
 def _evaluated(cases: Sequence[Case], run: Callable[[Case, Model | None], Outcome]) -> list[Outcome]:
-    """Run the cases of a chunk: the one place where cases become rows."""
+    """Run the cases of a chunk and return their outcomes."""
     return [run(case, model) for case, model in zip(cases, _models(cases), strict=True)]
 
 
 def _models(cases: Sequence[Case]) -> list[Model | None]:
-    """Return the model of each case that is like its predecessor but for its speed; None where it is to be built."""
+    """Return the model of each case that differs from its predecessor only in speed; None if it has to be built."""
     models: list[Model | None] = []
     for i, case in enumerate(cases):
         if i and _same_mechanism(cases[i - 1], case):
@@ -297,7 +298,7 @@ def _models(cases: Sequence[Case]) -> list[Model | None]:
 
 
 def _built(case: Case) -> Model | None:
-    """Return the model of a case; None of one that cannot be built, which its own run will tell."""
+    """Return the model of a case; None if it cannot be built, which its run reports."""
     try:
         return build_model(case)
     except InputError:
@@ -314,7 +315,7 @@ def _ran(case: Case, model: Model | None, *, runs: int, channels: bool) -> Outco
 
 
 def _kept(case: Case, model: Model | None, *, runs: int) -> Outcome:
-    """Run a case and return its result file too."""
+    """Run a case and return its outcome with the result file."""
     with scratch() as folder:
         row = evaluate(case, folder=folder, model=model, runs=runs)
         written = next(folder.iterdir(), None)
@@ -324,7 +325,7 @@ def _kept(case: Case, model: Model | None, *, runs: int) -> Outcome:
 
 
 def _placed(outcome: Outcome, folder: Path) -> Outcome:
-    """Return an outcome whose words name files as the case does, wherever it was unpacked."""
+    """Return an outcome with file names in messages as in the case, not in the temporary folder."""
     status = outcome.row.status
     text = status.text.replace(f"{folder}/", "")
     return replace(outcome, row=replace(outcome.row, status=replace(status, text=text)))

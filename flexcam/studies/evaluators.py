@@ -1,4 +1,4 @@
-"""Who evaluates the variants of a study: this process, or several that stay ready between generations."""
+"""Evaluation of the variants of a study, in this process or in a pool of worker processes."""
 
 from __future__ import annotations
 
@@ -32,18 +32,18 @@ _DIGITS = 15
 
 @dataclass(frozen=True)
 class Variable:
-    """A number of a case that a study varies.
+    """Number of a case varied by a study.
 
     Parameters
     ----------
     key
-        Of the case.
+        Key of the case.
     low, high
-        Its ends, in its unit.
+        Limits in its unit.
     unit
-        As written, else that of SI; empty for a plain number.
+        Unit as given, else the SI unit; empty for a dimensionless number.
     stands
-        Where the case stands, as a part of the interval; None where that is not known.
+        Value of the case as a fraction of the interval; None if not known.
     """
 
     key: str
@@ -53,12 +53,12 @@ class Variable:
     stands: float | None = None
 
     def text(self, value: float) -> str:
-        """Return the value as it is laid over a case."""
+        """Return a value as text for an override."""
         return f"{value:.{_DIGITS}g}{self.unit}"
 
 
 def variables_of(case: Case, settings: Sequence[str], option: str) -> tuple[Variable, ...]:
-    """Return the variables of several ``KEY=LOW:HIGHunit``."""
+    """Return the variables of ``KEY=LOW:HIGHunit`` texts."""
     found, faults = gathered(lambda setting: _variable(case, setting, f"{option} {setting}"), settings)
     faults += given_twice(option, [one.key for one in found])
     if faults:
@@ -67,14 +67,14 @@ def variables_of(case: Case, settings: Sequence[str], option: str) -> tuple[Vari
 
 
 def given_twice(option: str, keys: Sequence[str]) -> list[Fault]:
-    """Return a fault for every key that stands more than once: a variant has one value of it."""
+    """Return a fault for every key given more than once."""
     twice = dict.fromkeys(key for key in keys if keys.count(key) > 1)
     return [Fault(option, repr(key), "every key once", "it is given twice", "") for key in twice]
 
 
 def _variable(case: Case, setting: str, where: str) -> Variable:
     key, _, spec = (part.strip() for part in setting.partition("="))
-    number = number_of(case, key, where)  # or there is no such key
+    number = number_of(case, key, where)  # raises an error for an unknown key
     if not spec:
         raise refuse(where, "no interval", f"{key}=LOW:HIGHunit, such as {key}=0.9:1.1{number.unit.removeprefix('SI')}")
     ends = axis(key, spec, where=where)
@@ -87,7 +87,7 @@ def _variable(case: Case, setting: str, where: str) -> Variable:
 
 
 def number_at(case: Case, key: str, text: str, where: str) -> float:
-    """Return the number that a case has with a text in its place."""
+    """Return the number of a case after replacing it by a text."""
     try:
         there = read_case(case.path, (*case.overrides, *overrides_of(case, {key: text})))
     except InputError as refusal:
@@ -96,22 +96,23 @@ def number_at(case: Case, key: str, text: str, where: str) -> float:
 
 
 Runs = Callable[[Sequence[tuple[str, ...]]], Iterator[Row]]
-"""Evaluates variants, given by the values laid over a case: one after the other, or on many processors. Rows come in
-the order of the variants, each once it is finished, so that a study that is stopped keeps those it has."""
+"""Function that evaluates variants given by their overrides, serially or in parallel. It yields rows in the order of
+the variants as soon as they are finished, so that an interrupted study keeps the finished ones.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """What a study evaluates: points of its variables, each once.
+    """Evaluated points of the variables of a study, without repetitions.
 
     Parameters
     ----------
     case
-        The case as it stands.
+        Unchanged case.
     variables
-        What is varied.
+        Variables of the study.
     runs
-        Evaluates variants.
+        Function that evaluates variants.
     """
 
     case: Case
@@ -120,12 +121,12 @@ class Points:
     _known: dict[tuple[str, ...], Row] = field(default_factory=dict[tuple[str, ...], Row], init=False)
 
     def overrides(self, point: FloatArray) -> tuple[str, ...]:
-        """Return what is laid over the case at a point, shape (k,), each value in the unit of its variable."""
+        """Return the overrides at a point, shape (k,), with values in the units of the variables."""
         pairs = zip(self.variables, np.asarray(point).tolist(), strict=True)
         return overrides_of(self.case, {one.key: one.text(value) for one, value in pairs})
 
     def rows(self, points: FloatArray) -> list[Row]:
-        """Return the rows of some points, shape (m, k)."""
+        """Return the rows of points of shape (m, k)."""
         asked = [self.overrides(point) for point in np.asarray(points)]
         new = list(dict.fromkeys(one for one in asked if one not in self._known))
         for one, row in zip(new, self.runs(new) if new else (), strict=True):
@@ -133,12 +134,12 @@ class Points:
         return [self._known[one] for one in asked]
 
     def knows(self, point: FloatArray) -> bool:
-        """Tell whether a point, shape (k,), has been evaluated."""
+        """Return whether a point, shape (k,), has been evaluated."""
         return self.overrides(point) in self._known
 
     @property
     def evaluated(self) -> int:
-        """How many points have been evaluated so far."""
+        """Number of points evaluated so far."""
         return len(self._known)
 
 
@@ -146,7 +147,7 @@ def serial(
     file: CaseFile, fixed: Sequence[str], names: Sequence[str], search: Search | None = None,
     *, runs: int = 1, advance: Advance | None = None,
 ) -> Runs:  # fmt: skip
-    """Return what evaluates variants one after the other."""
+    """Return a function that evaluates variants serially."""
 
     def run(variants: Sequence[tuple[str, ...]]) -> Iterator[Row]:
         for one in track_progress(variants, advance):
@@ -158,7 +159,7 @@ def serial(
 def variant_row(
     file: CaseFile, overrides: Sequence[str], names: Sequence[str], search: Search | None = None, runs: int = 1
 ) -> Row:
-    """Return what is asked of one variant of a case."""
+    """Return the row of one variant of a case."""
     try:
         case = file.read(overrides)
     except InputError as refusal:
@@ -167,15 +168,15 @@ def variant_row(
 
 
 def column(rows: Sequence[Row], name: str) -> FloatArray:
-    """Return one quantity of several rows."""
+    """Return one quantity of several rows, shape (rows,)."""
     return np.array([row.scalars.get(name, np.nan) for row in rows], dtype=float)
 
 
 Asked = tuple[CaseFile, tuple[str, ...], tuple[str, ...], Search | None, int]
-"""Case file, values laid over it, names of quantities, where limits are looked for, and how many variants there are."""
+"""Case file, common overrides, names of quantities, search range of limits, and number of variants."""
 
 _asked: list[Asked] = []
-"""What a worker process was given, once."""
+"""Task of a worker process, set once."""
 
 _LOST = Status(
     Cause.WORKER_LOST, "a process that evaluates variants was killed", "memory is the usual cause: take fewer --workers"
@@ -187,15 +188,15 @@ def evaluators(
     file: CaseFile, fixed: Sequence[str], names: Sequence[str], search: Search | None = None,
     *, workers: int = 1, runs: int = 1, advance: Advance | None = None,
 ) -> Generator[Runs]:  # fmt: skip
-    """Give what evaluates variants, for as long as a study goes on."""
+    """Yield a function that evaluates variants, with workers that end with the context."""
     if workers < 1:
         raise refuse("--workers", workers, "a whole number from 1")
     if workers == 1:
         yield serial(file, fixed, names, search, runs=runs, advance=advance)
         return
-    bare = CaseFile(file.path, file.text, file.raw)  # meshes do not travel; every process reads its own
+    bare = CaseFile(file.path, file.text, file.raw)  # meshes are not transferred; every process reads them
     asked = bare, tuple(fixed), tuple(names), search, runs
-    # spawn: threads and locks of this process stay out of the workers, on every system
+    # spawn: workers do not inherit threads and locks of this process, on all systems
     context = multiprocessing.get_context("spawn")
     before = {process.pid for process in multiprocessing.active_children()}
     with one_thread(), pipes_may_break():
@@ -230,17 +231,17 @@ _NOT_RUN = Row(Status(Cause.INTERRUPTED, "the study was stopped before its turn"
 
 
 class Kept:
-    """Evaluates variants; after a Ctrl-C those that are left have a row that says so.
+    """Evaluates variants; after Ctrl-C the remaining variants have a row with the status of an interrupted run.
 
     Parameters
     ----------
     runs
-        Evaluates variants.
+        Function that evaluates variants.
 
     Attributes
     ----------
     done, asked
-        Variants finished, and asked for.
+        Numbers of finished and requested variants.
     """
 
     def __init__(self, runs: Runs) -> None:
@@ -248,7 +249,7 @@ class Kept:
         self.done = self.asked = 0
 
     def __call__(self, variants: Sequence[tuple[str, ...]]) -> Iterator[Row]:
-        """Yield a row per variant; a Ctrl-C before the first is one, as nothing could be kept."""
+        """Yield a row per variant; Ctrl-C before the first row is raised, as there are no results to keep."""
         self.asked += len(variants)
         rows, left = iter(self._runs(variants)), len(variants)
         while left and (row := self._next(rows)):
@@ -268,12 +269,12 @@ class Kept:
 
     @property
     def stopped(self) -> bool:
-        """Whether some were asked for and not finished."""
+        """Return whether some requested variants are not finished."""
         return self.done < self.asked
 
     @property
     def status(self) -> Status:
-        """How the study ended."""
+        """Status of the study."""
         if not self.stopped:
             return Status()
         text = f"stopped by the user after {self.done} of {self.asked} variants; what is told is of these alone"
@@ -281,14 +282,14 @@ class Kept:
 
 
 def case_text(case: Case, target: Path, told: Sequence[str] = ()) -> str:
-    """Return a case with every value filled in, as TOML that is read from another folder."""
+    """Return a case with all defaults as TOML for another folder."""
     moved = _named_from(filled(case.record), case.path, target.parent)
     head = "".join(f"# {line}\n" for line in told)
     return head + toml_text(cast("dict[str, Any]", moved))
 
 
 def _named_from(value: object, case: Path, new: Path) -> object:
-    """Return tables whose texts that name a file beside the case name it from another folder."""
+    """Adapt the relative file names in raw tables to another folder."""
     if isinstance(value, dict):
         return {name: _named_from(one, case, new) for name, one in cast("dict[str, object]", value).items()}
     if isinstance(value, list):

@@ -1,4 +1,4 @@
-"""Chunks given to workers until every one has its rows, whatever happens to the workers."""
+"""Distribution of chunks to workers, with recovery from killed workers."""
 
 from __future__ import annotations
 
@@ -34,16 +34,16 @@ _THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 @dataclass(frozen=True, eq=False)
 class Pool:
-    """Workers that are ready.
+    """Ready workers.
 
     Parameters
     ----------
     submit
-        Gives them some variants; the future holds the outcomes.
+        Function that submits variants; its future returns the outcomes.
     window
-        How many chunks should be under way; more only wait.
+        Number of chunks submitted at a time; more would only wait.
     lost
-        What a future raises whose worker died.
+        Exception of a future whose worker died.
     """
 
     submit: Callable[[Variants], Future[list[Outcome]]]
@@ -52,30 +52,30 @@ class Pool:
 
 
 class Workers(Protocol):
-    """Who runs chunks."""
+    """Interface of workers."""
 
     def ready(self, bundle: Bundle, *, histories: bool) -> AbstractContextManager[Pool]:
-        """Return workers that have the case; they end with the context."""
+        """Yield workers that have the case; they end with the context."""
         ...
 
 
 @dataclass(frozen=True)
 class Here:
-    """The process that asks, one chunk after the other: for few variants, and to see what happens."""
+    """Serial execution in the calling process, for few variants and for debugging."""
 
     def ready(self, bundle: Bundle, *, histories: bool) -> AbstractContextManager[Pool]:
-        """Return this process."""
+        """Yield a pool of this process."""
         return _here(bundle, histories)
 
 
 @dataclass(frozen=True)
 class Processes:
-    """Processes of this machine.
+    """Worker processes on this machine.
 
     Parameters
     ----------
     count
-        How many; each has one thread of linear algebra.
+        Number of processes; each has one thread for linear algebra.
     """
 
     count: int
@@ -85,7 +85,7 @@ class Processes:
             raise refuse("--workers", self.count, "a whole number from 1")
 
     def ready(self, bundle: Bundle, *, histories: bool) -> AbstractContextManager[Pool]:
-        """Return new processes, started as they are needed."""
+        """Yield a pool of new processes, started on demand."""
         return _processes(bundle, self.count, histories)
 
 
@@ -110,7 +110,7 @@ def _here(bundle: Bundle, histories: bool) -> Generator[Pool]:
 def _processes(bundle: Bundle, count: int, histories: bool) -> Generator[Pool]:
     with _unpacked(bundle) as case, one_thread(), pipes_may_break():
         before = {process.pid for process in multiprocessing.active_children()}
-        # spawn: threads and locks of this process stay out of the workers, on every system
+        # spawn: workers do not inherit threads and locks of this process, on all systems
         executor = ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), initializer=end_with_parent)
 
         def submit(variants: Variants) -> Future[list[Outcome]]:
@@ -141,16 +141,16 @@ def _version() -> str:
 
 
 def ended(executor: Executor, before: set[int | None]) -> None:
-    """End the processes of an executor, in the middle of a run if need be."""
+    """Terminate the processes of an executor, also during a run."""
     for process in multiprocessing.active_children():
         if process.pid not in before:
             process.terminate()
-    # Once, and waiting: a second call would forget to cancel, and a thread left behind trips over its own exit.
+    # Once, and with wait: a second call would not cancel, and a remaining thread fails at interpreter exit.
     executor.shutdown(wait=True, cancel_futures=True)
 
 
 def end_with_parent() -> None:
-    """Make a worker process end when its parent is gone, however it went."""
+    """Terminate a worker process when its parent has ended for any reason."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         threading.Thread(target=_end_with, args=(parent.join,), daemon=True).start()
@@ -163,7 +163,7 @@ def _end_with(joined: Callable[[], None]) -> None:
 
 @contextmanager
 def one_thread() -> Generator[None]:
-    """Give the linear algebra of processes started meanwhile one thread each."""
+    """Limit processes started in the context to one linear algebra thread each."""
     before = {name: os.environ.get(name) for name in _THREADS}
     os.environ.update(dict.fromkeys(_THREADS, "1"))
     try:
@@ -175,9 +175,9 @@ def one_thread() -> Generator[None]:
 
 @contextmanager
 def pipes_may_break() -> Generator[None]:
-    """Let a pipe to a process that died raise, as Python means it to, instead of ending this process.
+    """Restore Python's handling of SIGPIPE, so that a broken pipe raises an exception instead of ending this process.
 
-    Libraries such as Gmsh's give the signal its deadly default back behind Python's back.
+    Libraries such as Gmsh reset the signal to its default action.
     """
     if not hasattr(signal, "SIGPIPE") or threading.current_thread() is not threading.main_thread():
         yield
@@ -191,11 +191,11 @@ def pipes_may_break() -> Generator[None]:
 
 @contextmanager
 def undisturbed() -> Generator[None]:
-    """Let processes and threads started meanwhile not see a Ctrl-C: this process decides how a sweep ends."""
-    if not hasattr(signal, "pthread_sigmask"):  # not on every system
+    """Block Ctrl-C in processes and threads started in the context: this process decides how a sweep ends."""
+    if not hasattr(signal, "pthread_sigmask"):  # not available on all systems
         yield
         return
-    resource_tracker.ensure_running()  # its own start would end the block
+    resource_tracker.ensure_running()  # starting it later would unblock the signal
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -216,10 +216,10 @@ _GONE = Status(Cause.WORKER_LOST, "the connection to the scheduler was lost", "-
 def executed(
     bundle: Bundle, chunks: Sequence[Chunk], workers: Workers, *, histories: bool = False
 ) -> Generator[tuple[Chunk, Outcomes]]:
-    """Run chunks and yield each with its outcomes, as they come.
+    """Run chunks and yield each with its outcomes as they finish.
 
-    A chunk whose worker was killed is tried again by itself, and then its variants one by one: one that kills its
-    worker alone becomes a row that says so.
+    A chunk whose worker was killed is repeated alone, and then its variants one by one: a variant that kills its worker
+    again gets a row with that status.
     """
     waiting, suspects = deque(chunks), deque[Chunk]()
     while waiting:
@@ -235,7 +235,7 @@ def executed(
 
 
 def _through(pool: Pool, waiting: deque[Chunk]) -> Iterator[tuple[Chunk, Future[Outcomes]]]:
-    """Yield chunks and their finished futures; those that a broken pool did not take go on waiting."""
+    """Yield chunks and their finished futures; chunks rejected by a broken pool remain in the queue."""
     running: dict[Future[Outcomes], Chunk] = {}
     broken = False
     while running or (waiting and not broken):
@@ -257,7 +257,7 @@ def _lost(pool: Pool, future: Future[Outcomes]) -> bool:
 
 
 def _alone(bundle: Bundle, chunk: Chunk, workers: Workers, histories: bool) -> Outcomes:
-    """Return the outcomes of a chunk during which a worker was killed."""
+    """Return the outcomes of a chunk whose worker was killed."""
     whole = _tried(bundle, chunk.variants, workers, histories)
     if whole is not None:
         return whole
@@ -266,7 +266,7 @@ def _alone(bundle: Bundle, chunk: Chunk, workers: Workers, histories: bool) -> O
 
 
 def _tried(bundle: Bundle, variants: Sequence[tuple[str, ...]], workers: Workers, histories: bool) -> Outcomes | None:
-    """Return the outcomes of variants that nothing else runs beside; None if their worker was killed again."""
+    """Return the outcomes of variants run alone; None if their worker was killed again."""
     with workers.ready(bundle, histories=histories) as pool:
         try:
             return pool.submit(variants).result()
@@ -275,10 +275,10 @@ def _tried(bundle: Bundle, variants: Sequence[tuple[str, ...]], workers: Workers
 
 
 _PATIENCE = 5.0
-"""Seconds that a scheduler, and then its workers, have to answer."""
+"""Timeout of a scheduler, and then of its workers, s."""
 
 LOCAL = "local"
-"""Address that asks for workers of Dask on this machine."""
+"""Address of a local Dask cluster."""
 
 
 @dataclass(frozen=True)
@@ -288,9 +288,9 @@ class Cluster:
     Parameters
     ----------
     address
-        Of its scheduler, such as ``tcp://10.0.0.1:8786``; ``local`` for workers of this machine.
+        Address of the scheduler, such as ``tcp://10.0.0.1:8786``; ``local`` for workers on this machine.
     count
-        Workers of a local one; a cluster has those it has.
+        Number of workers of a local cluster; ignored for others.
     """
 
     address: str
@@ -301,7 +301,7 @@ class Cluster:
             raise refuse("--workers", self.count, "a whole number from 1", "somebody must run the variants")
 
     def ready(self, bundle: Bundle, *, histories: bool) -> AbstractContextManager[Pool]:
-        """Return the workers of the cluster."""
+        """Yield the workers of the cluster."""
         return _cluster(self, bundle, histories)
 
 
@@ -313,10 +313,10 @@ def _cluster(asked: Cluster, bundle: Bundle, histories: bool) -> Generator[Pool]
     from distributed import KilledWorker
 
     with _quiet(), warnings.catch_warnings(), ExitStack() as stack:
-        warnings.filterwarnings("ignore", module="distributed")  # large cases, other versions of other packages
+        warnings.filterwarnings("ignore", module="distributed")  # large cases, different versions of other packages
         client = stack.enter_context(_client(asked))
         _answers(client, asked)
-        # A task that gives the case, and not the case itself: Dask makes it again where a worker is lost.
+        # A task that loads the case instead of the case itself: Dask repeats it if a worker is lost.
         case = client.submit(_same, bundle, key=f"flexcam-{bundle.digest}-{id(bundle)}")
         executor = client.get_executor(pure=False)
 
@@ -330,7 +330,7 @@ def _cluster(asked: Cluster, bundle: Bundle, histories: bool) -> Generator[Pool]
 
 @contextmanager
 def _quiet() -> Generator[None]:
-    """Keep Dask's own log out of what a user reads: a lost worker is told by its rows, a lost scheduler by a status."""
+    """Suppress the log of Dask: lost workers are reported by rows, a lost scheduler by a status."""
     names = [name for name in logging.root.manager.loggerDict if name.partition(".")[0] == "distributed"]
     levels = {name: logging.getLogger(name).level for name in names}
     for name in names:
@@ -362,7 +362,7 @@ def _client(asked: Cluster) -> Generator[Any]:
 
 
 def _greet(asked: Cluster) -> None:
-    """Refuse an address where no scheduler answers in time; Dask's own client may wait for ever."""
+    """Raise an error if no scheduler answers within the timeout; Dask's client may wait without limit."""
     import asyncio
 
     from distributed.core import rpc
@@ -377,9 +377,9 @@ def _greet(asked: Cluster) -> None:
                 await scheduler.identity()
 
     try:
-        _ = urlsplit(asked.address).port  # Dask takes one beyond 65535 for another
+        _ = urlsplit(asked.address).port  # Dask maps a port above 65535 to another one
         asyncio.run(greeted())
-    except OSError as fault:  # also of the time that is over
+    except OSError as fault:  # includes the timeout
         raise _nobody(asked, *_silence(fault)) from None
     except (ValueError, TypeError) as fault:
         raise _nobody(asked, str(fault), "write it as tcp://HOST:PORT") from None
@@ -388,7 +388,7 @@ def _greet(asked: Cluster) -> None:
 
 
 def _silence(fault: BaseException) -> tuple[str, str]:
-    """Return why nobody answered, which Dask tries again until the time is over, and what to do."""
+    """Return why the scheduler did not answer, which Dask retries until the timeout, and a remedy."""
     first = fault
     while (behind := first.__cause__ or first.__context__) is not None:
         first = behind
@@ -409,7 +409,7 @@ def _nobody(asked: Cluster, why: str, remedy: str) -> InputError:
 
 
 def _answers(client: Any, asked: Cluster) -> None:  # noqa: ANN401 - distributed has no types
-    """Refuse a cluster without workers, or with workers that would compute something else."""
+    """Raise an error for a cluster without workers, or with workers that have another version of flexcam."""
     try:
         client.wait_for_workers(1, timeout=_PATIENCE)
     except TimeoutError:

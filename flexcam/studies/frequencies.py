@@ -1,4 +1,4 @@
-"""Derivatives of natural frequencies by numbers of a case, from derivatives of the matrices."""
+"""Derivatives of natural frequencies with respect to numbers of a case, from derivatives of the matrices."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from flexcam.core import FloatArray, Triplets
 from flexcam.dynamics import Modes, modes
 
 _SAME = 1e-6
-"""Part of a frequency by which another may differ and count as the same."""
+"""Relative difference below which frequencies count as repeated."""
 
 _BESIDE = 6
-"""Modes beyond the highest asked for: those of the same frequency are among them."""
+"""Additional modes beyond the highest requested one, which contain its repeated frequencies."""
 
 Pair = tuple[Triplets, Triplets]
-"""Mass and stiffness."""
+"""Mass and stiffness matrices."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,12 +28,12 @@ class FrequencyDerivative:
     Parameters
     ----------
     frequencies
-        Hz, shape (k,).
+        Natural frequencies, Hz, shape (k,).
     values
         Derivatives, Hz per unit of the parameter, shape (k,).
     repeated
-        Which of them belong to frequencies that are the same: these part, and the derivatives of a group are those of
-        its branches, the least first.
+        Whether each frequency is repeated: repeated frequencies split, and the derivatives of a group are those of its
+        branches in ascending order.
     """
 
     frequencies: FloatArray
@@ -44,12 +44,12 @@ class FrequencyDerivative:
 def frequency_derivatives(
     middle: Pair, beside: Sequence[Pair], step: float, count: int, free: FloatArray | None = None
 ) -> FrequencyDerivative:
-    """Return the derivatives of the lowest natural frequencies that are no free motions.
+    """Return the derivatives of the lowest natural frequencies, without rigid-body modes.
 
     With mass-orthonormal shapes, ``d(omega^2)/dp = x^T (dK/dp - omega^2 dM/dp) x``: R. L. Fox and M. P. Kapoor, AIAA
-    J. 6 (1968) 2426. Where frequencies are the same, the derivatives are the eigenvalues of that matrix on their
-    shapes. Derivatives of the matrices are by differences, exact where entries are polynomials of up to the fourth
-    degree in the parameter, as most are.
+    J. 6 (1968) 2426. For repeated frequencies, the derivatives are the eigenvalues of that matrix projected on their
+    shapes. The derivatives of the matrices are finite differences, exact if the entries are polynomials of up to the
+    fourth degree in the parameter, as most are.
     """
     found = _modes(middle, count, free)
     omegas, shapes = found.omegas[found.rigid :], found.shapes[:, found.rigid :]
@@ -72,14 +72,14 @@ def _modes(pair: Pair, count: int, free: FloatArray | None) -> Modes:
 
 
 def _differenced(matrices: Sequence[Triplets], step: float) -> Triplets:
-    """Return the derivative of a matrix; entries that do not change cancel exactly."""
+    """Return the finite difference derivative of a matrix; constant entries cancel exactly."""
     far_below, below, above, far_above = (one.dense() for one in matrices)
     whole, half = (far_above - far_below) / (2.0 * step), (above - below) / step
     return Triplets.from_dense((4.0 * half - whole) / 3.0)
 
 
 def _groups(omegas: FloatArray) -> list[list[int]]:
-    """Return the positions of frequencies that are the same, a list each."""
+    """Return the groups of repeated frequencies as lists of indices."""
     found: list[list[int]] = []
     for i, omega in enumerate(omegas.tolist()):
         if found and omega - omegas[found[-1][-1]] <= _SAME * omega:

@@ -1,7 +1,7 @@
-"""The rows that are finished, kept as they come: a line of JSON per chunk, so that nothing is run twice.
+"""Journal of finished rows: a line of JSON per chunk, so that an interrupted sweep can be resumed.
 
-The first line says which plan it belongs to. A line counts when its end is written; what a crash left behind it is cut
-off. Numbers are written so that they are read back to the last bit.
+The first line identifies the plan. Only lines with a line end count; an incomplete last line after a crash is removed.
+Numbers are written so that reading them is exact.
 """
 
 from __future__ import annotations
@@ -25,27 +25,27 @@ _WORDS = {
     "histories": "whether histories are kept",
     "channels": "whether scalars beside those of the probes are computed",
 }
-"""What a journal belongs to, and how it is called."""
+"""Descriptions of the facts that identify a journal."""
 
 
 class Journal:
-    """The journal of a sweep, open for more rows.
+    """Journal of a sweep, open for further rows.
 
     Parameters
     ----------
     path
-        The ``.jsonl`` file; its folder is made if it does not exist.
+        ``.jsonl`` file; its folder is created if necessary.
     belongs
-        What it belongs to: plain facts by name.
+        Identification of the sweep: values by name.
     resume
-        Whether to go on with one that is there.
+        Whether to resume an existing journal.
     overwrite
-        Whether to begin anew where one is there.
+        Whether to replace an existing journal.
 
     Attributes
     ----------
     rows
-        Chunk index to its rows, of what was found.
+        Rows read from an existing journal, by chunk index.
     """
 
     def __init__(
@@ -68,8 +68,8 @@ class Journal:
             raise
 
     def add(self, index: int, rows: Sequence[Row]) -> None:
-        """Keep the rows of a chunk; they are on the disk when this returns."""
-        if self._fresh:  # until there is something to keep, what was there stays as it was
+        """Append the rows of a chunk and flush them to disk."""
+        if self._fresh:  # an existing file is kept until there are new rows
             os.ftruncate(self._file, self._end)
             os.lseek(self._file, self._end, os.SEEK_SET)
             self._fresh = False
@@ -79,7 +79,7 @@ class Journal:
         self._line({"chunk": index, "units": units, "rows": [_told(row) for row in rows]})
 
     def close(self) -> None:
-        """Let go of the file; one that holds nothing is removed."""
+        """Close the file; an empty journal is removed."""
         if not os.fstat(self._file).st_size:
             self._path.unlink(missing_ok=True)
         os.close(self._file)
@@ -92,7 +92,7 @@ class Journal:
 
 
 def begun_with(path: Path, fact: str) -> bool:
-    """Tell whether a journal that is there says so of a plain fact of what it belongs to."""
+    """Return whether an existing journal contains a given fact in its identification."""
     try:
         with path.open("rb") as file:
             return json.loads(file.readline())[fact] is True
@@ -101,7 +101,7 @@ def begun_with(path: Path, fact: str) -> bool:
 
 
 def _lock(file: int, path: Path) -> None:
-    """Refuse a journal that another sweep writes; the lock ends with the process, whatever ends it."""
+    """Lock the journal; raise an error if another sweep has locked it. The lock ends with the process."""
     try:
         hold(file)
     except BlockingIOError:
@@ -111,7 +111,7 @@ def _lock(file: int, path: Path) -> None:
 
 
 def _read(path: Path, belongs: Mapping[str, Any]) -> tuple[dict[int, list[Row]], int]:
-    """Return the rows of a journal, and how many bytes of it are whole lines."""
+    """Return the rows of a journal, and the length of its complete lines in bytes."""
     content = path.read_bytes()
     end = content.rfind(b"\n") + 1
     lines = content[:end].splitlines()

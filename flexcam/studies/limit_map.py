@@ -1,4 +1,4 @@
-"""Speeds at which a train gives way, over a grid of two numbers of its case."""
+"""Map of speed limits over two numbers of a case."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ LIMIT = "limits."
 
 @dataclass(frozen=True, eq=False)
 class LimitMap:
-    """Limits over two numbers.
+    """Speed limits over two numbers.
 
     Parameters
     ----------
     axes
-        What varies: down the rows, and along the columns.
+        Axes of the rows and of the columns.
     rpm
-        By limit, such as ``loss_of_contact``: speed, shape (rows, columns), of the crankshaft where the case gives
-        ``crank_speed``, else of the camshaft; NaN where it is not met in the range looked at, or a run failed.
+        Speed by limit, such as ``loss_of_contact``, shape (rows, columns), of the crankshaft if the case gives
+        ``crank_speed``, else of the camshaft; NaN if the limit is not met in the search range, or a run failed.
     statuses
-        How every variant ended, row by row.
+        Status of every variant, row by row.
     """
 
     axes: tuple[Axis, Axis]
@@ -38,7 +38,7 @@ class LimitMap:
     statuses: tuple[Status, ...]
 
     def told_in(self, case: Case) -> LimitMap:
-        """Return the same with the units of numbers that were given without one: those the case takes them in."""
+        """Return the same map with units for numbers given without one: those of the case."""
         first, second = (_with_unit(one, case) for one in self.axes)
         return replace(self, axes=(first, second))
 
@@ -48,7 +48,7 @@ def _with_unit(axis: Axis, case: Case) -> Axis:
 
 
 def grid_plan(first: Axis, second: Axis, fixed: Sequence[str] = ()) -> Plan:
-    """Return the grid of two axes."""
+    """Return the grid plan of two axes."""
     for one in (first, second):
         if not one.varies or not one.numeric:
             raise refuse(one.where, f"{len(one.values)} values", "several numbers", "a map is drawn over them")
@@ -60,7 +60,7 @@ def grid_plan(first: Axis, second: Axis, fixed: Sequence[str] = ()) -> Plan:
 
 
 def limit_map(plan: Plan, names: Sequence[str], runs: Runs) -> LimitMap:
-    """Return limits over a grid."""
+    """Return the map of limits over a grid."""
     rows = list(runs(plan.variants))
     if all(row.status.cause is Cause.REFUSED for row in rows):
         complete(rows[0])

@@ -1,4 +1,4 @@
-"""What a design is to be: the least or most of something, subject to bounds."""
+"""Objectives and constraints of an optimization."""
 
 from __future__ import annotations
 
@@ -18,28 +18,28 @@ from flexcam.studies.evaluation import Row
 
 _CONSTRAINT = re.compile(r"\s*([^<>=]+?)\s*(<=|>=)\s*([^<>=]+?)\s*$")
 _FAILED = 1e6
-"""Violation of every bound where there is no number: worse than any that has one."""
+"""Violation of every constraint if a variant has no value: larger than any regular one."""
 
 _SAME = {"1": "", "Hz": "1/s"}
-"""Units as scalars and dimensions call them."""
+"""Units of scalars and the corresponding units of dimensions."""
 
 _ROUNDING = 1e-9
-"""Part of a bound by which a value may miss it."""
+"""Tolerance of a bound for rounding, relative to the bound."""
 
 _ACTIVE = 0.01
-"""Part of a bound within which a value lies at it."""
+"""Distance from a bound, relative to the bound, within which a constraint is active."""
 
 
 @dataclass(frozen=True)
 class Goal:
-    """Something that is to be as small or as large as can be.
+    """Quantity to be minimized or maximized.
 
     Parameters
     ----------
     name
-        Of the quantity (`flexcam.studies.quantities`), or a key of the case.
+        Name of the quantity (`flexcam.studies.quantities`), or a key of the case.
     most
-        Whether it is to be large.
+        Whether to maximize it.
     """
 
     name: str
@@ -47,22 +47,22 @@ class Goal:
 
     @property
     def words(self) -> str:
-        """Such as ``least springs.valve.force.largest``."""
+        """Description, such as ``least springs.valve.force.largest``."""
         return f"{'most' if self.most else 'least'} {self.name}"
 
 
 @dataclass(frozen=True)
 class Constraint:
-    """A bound of something.
+    """Bound of a quantity.
 
     Parameters
     ----------
     name
-        Of the quantity.
+        Name of the quantity.
     relation
-        Whether the bound is the largest or the least value allowed.
+        Whether the bound is an upper or a lower limit.
     text
-        The bound as written; a bare number is in the quantity's own unit.
+        Bound as given; a number without unit is in the unit of the quantity.
     """
 
     name: str
@@ -71,7 +71,7 @@ class Constraint:
 
     @property
     def words(self) -> str:
-        """As it was written."""
+        """Text of the constraint as given."""
         return f"{self.name} {self.relation} {self.text}"
 
     def bound(self, unit: str) -> float:
@@ -87,14 +87,14 @@ class Constraint:
         return values[wanted]
 
     def violation(self, value: float, unit: str) -> float:
-        """Return by how much a value passes the bound, as a part of it; below zero inside."""
+        """Return the violation of the bound by a value, relative to the bound; negative if it is satisfied."""
         bound = self.bound(unit)
         size = abs(bound) or 1.0
         return (value - bound if self.relation == "<=" else bound - value) / size
 
 
 def constraint(text: str) -> Constraint:
-    """Return the constraint of a text."""
+    """Parse a constraint."""
     found = _CONSTRAINT.match(text)
     if found is None:
         raise refuse(
@@ -105,7 +105,7 @@ def constraint(text: str) -> Constraint:
 
 
 def constraints_of(texts: Sequence[str]) -> tuple[Constraint, ...]:
-    """Return the constraints of several texts."""
+    """Parse several constraints."""
     found, faults = gathered(constraint, texts)
     if faults:
         raise InputError(faults)
@@ -113,7 +113,7 @@ def constraints_of(texts: Sequence[str]) -> tuple[Constraint, ...]:
 
 
 def _by_unit(text: str, where: str = "") -> dict[str, float]:
-    """Return what a bound is in every SI unit it may have; ``bare`` for a number without."""
+    """Return the bound in every possible SI unit; ``bare`` for a number without unit."""
     try:
         return {"bare": float(text)}
     except ValueError:
@@ -130,20 +130,20 @@ def _by_unit(text: str, where: str = "") -> dict[str, float]:
 
 
 def value_of(row: Row, name: str) -> float:
-    """Return a quantity of a row; a limit that is not met lies beyond every speed, other gaps are NaN."""
+    """Return a quantity of a row; infinite for a limit that is not met, otherwise NaN if missing."""
     missing = math.inf if name.startswith("limits.") and row.status.ok else math.nan
     return row.scalars.get(name, missing)
 
 
 def costs(rows: Sequence[Row], goals: Sequence[Goal]) -> FloatArray:
-    """Return what is to be small of several variants."""
+    """Return the quantities to be minimized, shape (variants, goals)."""
     values = np.array([[value_of(row, goal.name) for goal in goals] for row in rows], dtype=float)
     signed = values * np.array([-1.0 if goal.most else 1.0 for goal in goals])
     return np.where(np.isnan(signed), math.inf, signed)
 
 
 def violations(rows: Sequence[Row], bounds: Sequence[Constraint], goals: Sequence[Goal]) -> FloatArray:
-    """Return by how much variants pass bounds, as parts of them."""
+    """Return the relative violations of the constraints, shape (variants, bounds + 1)."""
     found = np.full((len(rows), len(bounds) + 1), _FAILED)
     for i, row in enumerate(rows):
         values = [value_of(row, one.name) for one in bounds]
@@ -155,10 +155,10 @@ def violations(rows: Sequence[Row], bounds: Sequence[Constraint], goals: Sequenc
 
 
 def feasible(passed: FloatArray) -> NDArray[np.bool_]:
-    """Return which variants are within all bounds."""
+    """Return which variants satisfy all constraints."""
     return np.asarray((passed <= _ROUNDING).all(axis=1))
 
 
 def active(passed: float) -> bool:
-    """Tell whether a bound decides: a value lies at it within a hundredth."""
+    """Return whether a constraint is active: the value is within a hundredth of the bound."""
     return passed >= -_ACTIVE

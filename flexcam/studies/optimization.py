@@ -1,4 +1,4 @@
-"""The best variant of a case: differential evolution over the intervals, then a trust region about the best."""
+"""Optimization of a case: differential evolution over the intervals, then a trust region about the best variant."""
 
 # pyright: reportMissingTypeStubs=false, reportUnknownMemberType=false
 
@@ -19,29 +19,29 @@ from flexcam.studies.objective import Constraint, Goal, costs, feasible, violati
 from flexcam.studies.plan import checked_seed
 
 _PER_VARIABLE, _FEWEST, _MOST = 6, 12, 64
-"""Points of a generation: so many per variable, within bounds."""
+"""Points of a generation: number per variable, minimum and maximum."""
 
 _GLOBAL = 0.7
-"""Part of the evaluations that look everywhere; the others close in on the best."""
+"""Fraction of the evaluations for the global search; the others refine the best variant."""
 
 _REGION = 0.05
-"""First radius of the trust region, as a part of the intervals."""
+"""Initial radius of the trust region relative to the intervals."""
 
 _LARGE = 1e30
 _FAR = 10.0
-"""Violation beyond which more of it says nothing to a model of the bounds."""
+"""Maximum violation passed to the models of the constraints."""
 
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """A question for the best variant.
+    """Optimization problem.
 
     Parameters
     ----------
     points
-        What can be evaluated; variables lie within their intervals.
+        Evaluated points; variables stay within their intervals.
     goals
-        One; two where a front is asked for.
+        One goal, or two for a Pareto front.
     bounds
         Constraints.
     """
@@ -51,46 +51,46 @@ class Design:
     bounds: tuple[Constraint, ...] = ()
 
     def scaled(self, parts: FloatArray) -> FloatArray:
-        """Return points in the units of their variables from parts of the intervals, shape (m, k)."""
+        """Return points in the units of their variables from fractions of the intervals, shape (m, k)."""
         low, high = (np.array([getattr(one, end) for one in self.points.variables]) for end in ("low", "high"))
         return low + np.clip(parts, 0.0, 1.0) * (high - low)
 
     def parts(self, points: FloatArray) -> FloatArray:
-        """Return points as parts of the intervals, shape (m, k)."""
+        """Return points as fractions of the intervals, shape (m, k)."""
         low, high = (np.array([getattr(one, end) for one in self.points.variables]) for end in ("low", "high"))
         return (points - low) / (high - low)
 
     @property
     def stands(self) -> FloatArray | None:
-        """Where the case stands, as parts of the intervals, shape (k,); None if it stands outside one."""
+        """Point of the case as fractions of the intervals, shape (k,); None if it is outside of an interval."""
         parts = [one.stands for one in self.points.variables]
         known = [part for part in parts if part is not None and 0.0 <= part <= 1.0]
         return np.array(known) if len(known) == len(parts) else None
 
     def unit(self, name: str, rows: Sequence[Row]) -> str:
-        """Return the unit of a quantity; empty for a plain number."""
+        """Return the unit of a quantity; empty for a dimensionless one."""
         unit = next((row.units[name] for row in rows if name in row.units), "")
         return "" if unit == "1" else unit
 
 
 @dataclass(frozen=True, eq=False)
 class Evaluations:
-    """Everything that was evaluated on the way, in its order.
+    """All evaluations of a search in their order.
 
     Parameters
     ----------
     points
-        In the units of the variables, shape (m, k).
+        Points in the units of the variables, shape (m, k).
     parts
-        The same as parts of the intervals.
+        The same points as fractions of the intervals.
     rows
-        One per point.
+        One row per point.
     costs
-        What was to be small, shape (m, goals).
+        Quantities to be minimized, shape (m, goals).
     violations
-        By how much bounds were passed, shape (m, bounds + 1).
+        Violations of the constraints, shape (m, bounds + 1).
     stopped
-        Whether a Ctrl-C ended the search before it was finished.
+        Whether Ctrl-C ended the search early.
     """
 
     points: FloatArray
@@ -102,21 +102,21 @@ class Evaluations:
 
     @property
     def best(self) -> int | None:
-        """Position of the best variant within all bounds; None where there is none."""
+        """Index of the best variant that satisfies all constraints; None if there is none."""
         inside = np.flatnonzero(feasible(self.violations))
         return int(inside[np.argmin(self.costs[inside, 0])]) if len(inside) else None
 
     @property
     def nearest(self) -> int:
-        """Position of the variant that passes the bounds least."""
+        """Index of the variant with the smallest violation."""
         passed = np.maximum(self.violations, 0.0).sum(axis=1)
         return int(np.argmin(passed))
 
     def outside(self, at: int, bound: int) -> float:
-        """Return how far the nearest variant lies that passes a bound, in the largest part of an interval.
+        """Return the maximum distance, in fractions of an interval, to the nearest variant that violates a constraint.
 
-        Bounds that jump, such as lost contact, show no slack: this tells whether they decide. Infinite where no variant
-        passes the bound; zero if the variant itself does.
+        Discontinuous quantities, such as lost contact, have no slack: this distance shows whether they are active.
+        Infinite if no variant violates the constraint; zero if the variant itself does.
         """
         passing = (self.violations[:, bound] > 0.0) & np.array([row.status.ok for row in self.rows])
         steps = np.abs(self.parts - self.parts[at]).max(axis=1)
@@ -124,12 +124,12 @@ class Evaluations:
 
 
 class Judge:
-    """Evaluates points of a design and remembers everything.
+    """Evaluates points of an optimization problem and stores all results.
 
     Parameters
     ----------
     design
-        The question.
+        Optimization problem.
     """
 
     def __init__(self, design: Design) -> None:
@@ -138,11 +138,11 @@ class Judge:
 
     @property
     def count(self) -> int:
-        """How many points have been evaluated."""
+        """Number of points evaluated so far."""
         return len(self._seen)
 
     def judged(self, parts: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return costs, shape (m, goals), and violations, shape (m, bounds + 1), at parts of the intervals, (m, k)."""
+        """Return costs, (m, goals), and violations, (m, bounds + 1), at fractions of the intervals, shape (m, k)."""
         design = self._design
         at = design.scaled(np.asarray(parts, dtype=float))
         keys = [tuple(point) for point in at.tolist()]
@@ -164,13 +164,13 @@ class Judge:
             self._seen.update(zip(points, zip(rows, cost, passed, strict=True), strict=True))
 
     def evaluations(self) -> Evaluations:
-        """Return everything that was evaluated so far."""
+        """Return all evaluations so far."""
         rows, cost, passed = zip(*self._seen.values(), strict=True)
         points = np.array(list(self._seen))
         return Evaluations(points, self._design.parts(points), rows, np.array(cost), np.array(passed))
 
     def after(self, search: Callable[[], None]) -> Evaluations:
-        """Return everything that was evaluated once a search has ended, also by a Ctrl-C."""
+        """Run a search and return all evaluations, also after Ctrl-C."""
         try:
             search()
         except KeyboardInterrupt:
@@ -181,11 +181,11 @@ class Judge:
 
 
 def optimize(design: Design, *, evaluations: int = 200, seed: int = 0) -> Evaluations:
-    """Look for the best variant within bounds.
+    """Search for the best variant that satisfies all constraints.
 
-    Differential evolution (R. Storn and K. Price, J. Global Optim. 11 (1997) 341) evaluates whole generations, with the
-    bounds before the goal: J. Lampinen, Proc. CEC (2002) 1468. Then COBYQA, a trust region of quadratic models without
-    derivatives (T. M. Ragonneau and Z. Zhang, 2024), closes in on the best.
+    Differential evolution (R. Storn and K. Price, J. Global Optim. 11 (1997) 341) evaluates whole generations, with
+    constraints before the goal: J. Lampinen, Proc. CEC (2002) 1468. Then COBYQA, a trust region of quadratic models
+    without derivatives (T. M. Ragonneau and Z. Zhang, 2024), refines the best variant.
     """
     if len(design.goals) != 1:
         raise refuse("goals", len(design.goals), "one", "of several there is a front")
@@ -205,7 +205,7 @@ def optimize(design: Design, *, evaluations: int = 200, seed: int = 0) -> Evalua
 
 
 def generation_size(variables: int) -> int:
-    """Return the points of a generation."""
+    """Return the number of points of a generation."""
     return min(max(_PER_VARIABLE * variables, _FEWEST), _MOST)
 
 
@@ -216,7 +216,7 @@ def _evolve(judge: Judge, design: Design, generation: int, most: int, seed: int)
     rng, variables = np.random.default_rng(seed), len(design.points.variables)
     start = qmc.LatinHypercube(variables, seed=rng).random(generation)
     if design.stands is not None:
-        start[0] = design.stands  # what is found is no worse than the case as it stands
+        start[0] = design.stands  # the result is not worse than the given case
 
     def cost(x: FloatArray) -> FloatArray:
         return np.minimum(judge.judged(x.T)[0][:, 0], _LARGE)
@@ -255,13 +255,13 @@ def _close_in(judge: Judge, known: Evaluations, design: Design, most: int) -> No
     )  # fmt: skip
 
 
-# pymoo has no stubs, and leaves the types of its keyword arguments open.
+# pymoo has no stubs and does not type its keyword arguments.
 
 
 def pareto(design: Design, *, evaluations: int = 400, seed: int = 0) -> Evaluations:
-    """Look for the front of two goals.
+    """Search for the Pareto front of two goals.
 
-    NSGA-II: K. Deb et al., IEEE Trans. Evol. Comput. 6 (2002) 182, as pymoo has it.
+    NSGA-II: K. Deb et al., IEEE Trans. Evol. Comput. 6 (2002) 182, as implemented in pymoo.
     """
     if len(design.goals) != 2:
         raise refuse("goals", len(design.goals), "two", "a front is between two")
@@ -275,7 +275,7 @@ def pareto(design: Design, *, evaluations: int = 400, seed: int = 0) -> Evaluati
 
     def search() -> None:
         if design.stands is not None:
-            judge.judged(design.stands[None])  # the front is no worse than the case as it stands
+            judge.judged(design.stands[None])  # the front is not worse than the given case
         _evolve_pareto(judge, design, size, evaluations // size, seed)
 
     return judge.after(search)
@@ -299,7 +299,7 @@ def _evolve_pareto(judge: Judge, design: Design, size: int, generations: int, se
 
 
 def front(found: Evaluations) -> list[int]:
-    """Return which variants within all bounds no other beats in both goals."""
+    """Return the indices of the Pareto-optimal variants that satisfy all constraints."""
     inside = np.flatnonzero(feasible(found.violations) & np.isfinite(found.costs).all(axis=1)).tolist()
     kept = [i for i in inside if not any(_beats(found.costs[j], found.costs[i]) for j in inside)]
     first: dict[tuple[float, ...], int] = {}

@@ -1,4 +1,4 @@
-"""A case as plain data: its text and the files it names, as they were when the sweep began, to be read anywhere."""
+"""Plan of a sweep and the bundle of its case: text and referenced files as plain data for workers on other machines."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ _SAMPLE = re.compile(r"([a-z]+):(\d{1,15})$")
 
 @dataclass(frozen=True)
 class Sample:
-    """How points are sampled.
+    """Sampling method.
 
     Parameters
     ----------
     kind
-        Latin hypercube or Sobol's sequence, as `scipy.stats.qmc` has them, scrambled.
+        Latin hypercube or Sobol sequence of `scipy.stats.qmc`, scrambled.
     count
-        Of points; a power of two for Sobol's sequence, which is even over the space then.
+        Number of points; a power of two for a Sobol sequence, which is balanced then.
     seed
-        The same seed gives the same points.
+        Seed of the random generator.
     """
 
     kind: Literal["lhs", "sobol"]
@@ -42,7 +42,7 @@ class Sample:
     seed: int = 0
 
     def points(self, dimensions: int) -> list[list[float]]:
-        """Return the points of the unit cube, `count` rows of so many parts from 0 up to 1."""
+        """Return `count` points of the unit cube, with coordinates from 0 to less than 1."""
         import numpy as np
         from scipy.stats import qmc
 
@@ -52,7 +52,7 @@ class Sample:
 
 
 def sample(text: str, seed: int = 0) -> Sample:
-    """Return a way of sampling from its text."""
+    """Parse a sampling method."""
     allowed = "lhs:N (Latin hypercube) or sobol:N (Sobol's sequence), such as sobol:512"
     match = _SAMPLE.match(text.strip())
     if match is None or match[1] not in ("lhs", "sobol"):
@@ -67,7 +67,7 @@ def sample(text: str, seed: int = 0) -> Sample:
 
 
 def checked_seed(seed: int) -> int:
-    """Return the seed of what is drawn by chance, if it can be one."""
+    """Return a random seed after checking it."""
     if seed < 0:
         raise refuse("--seed", seed, "a whole number from 0", "generators of random numbers take no other")
     return seed
@@ -75,14 +75,14 @@ def checked_seed(seed: int) -> int:
 
 @dataclass(frozen=True)
 class Plan:
-    """The variants of a case: axes, and how their values are combined.
+    """Variants of a case: axes and the combination of their values.
 
     Parameters
     ----------
     axes
-        One per key; those of one value are laid over every variant.
+        One axis per key; axes of one value apply to every variant.
     sample
-        None for every combination, the last axis running fastest.
+        Sampling method; None for all combinations, with the last axis varying fastest.
     """
 
     axes: tuple[Axis, ...]
@@ -90,17 +90,17 @@ class Plan:
 
     @property
     def varied(self) -> tuple[Axis, ...]:
-        """The axes of more than one value."""
+        """Axes with more than one value."""
         return tuple(one for one in self.axes if one.varies)
 
     @property
     def fixed(self) -> tuple[str, ...]:
-        """What is laid over every variant, as ``key=value``."""
+        """Overrides of every variant, as ``key=value``."""
         return tuple(f"{one.key}={one.values[0].text}" for one in self.axes if not one.varies)
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Number of values along every varied axis of a grid; of sampled points, their count."""
+        """Number of values along every varied axis of a grid; for sampled points, their number."""
         return tuple(len(one.values) for one in self.varied) if self.sample is None else (self.sample.count,)
 
     def __len__(self) -> int:
@@ -108,7 +108,7 @@ class Plan:
 
     @cached_property
     def points(self) -> tuple[tuple[Value, ...], ...]:
-        """The values of the varied axes, a row per variant."""
+        """Values of the varied axes, a row per variant."""
         if self.sample is None:
             return tuple(product(*(one.values for one in self.varied)))
         if not self.varied:
@@ -118,7 +118,7 @@ class Plan:
 
     @property
     def variants(self) -> tuple[tuple[str, ...], ...]:
-        """The overrides of every variant, for `flexcam.read_case`."""
+        """Overrides of every variant, for `flexcam.read_case`."""
         keys, fixed = [one.key for one in self.varied], self.fixed
         return tuple(
             (*fixed, *(f"{key}={value.text}" for key, value in zip(keys, row, strict=True))) for row in self.points
@@ -126,7 +126,7 @@ class Plan:
 
 
 def made_plan(axes: Sequence[Axis], sampled: Sample | None = None, *, limit: int = LIMIT) -> Plan:
-    """Return a plan that can be run."""
+    """Return a plan after checking the number of variants."""
     plan = Plan(tuple(axes), sampled)
     if sampled is None and (open_ones := [one for one in axes if one.interval]):
         why, remedy = "a grid needs its points", "write start:stop:step, or sample it: --sample sobol:512"
@@ -142,25 +142,25 @@ def made_plan(axes: Sequence[Axis], sampled: Sample | None = None, *, limit: int
 
 
 _LONGEST = 255
-"""Letters of a file's name."""
+"""Maximum length of a file name, characters."""
 
 
 @dataclass(frozen=True)
 class Bundle:
-    """A case file and every file beside it that it names.
+    """Case file and all files it refers to.
 
     Parameters
     ----------
     name
-        Of the case file.
+        Name of the case file.
     digest
-        A number that tells it from any other.
+        Hash of the content.
     files
-        Path from the case file's folder, with ``/``, to what the file holds; the case itself among them.
+        Content by path relative to the folder of the case file, with ``/``; includes the case itself.
     runs
-        How many variants of it are to be run in all: the more, the sooner machine code pays.
+        Total number of variants to be run: compilation pays off with many.
     channels
-        Whether contacts, members and energies are asked for; else runs compute the motion of the probes alone.
+        Whether contacts, members and energies are required; otherwise runs compute only the motion of the probes.
     """
 
     name: str
@@ -170,7 +170,7 @@ class Bundle:
     channels: bool = True
 
     def unpacked(self, folder: Path) -> Path:
-        """Write the files into a folder, placed to each other as they were, and return the case file."""
+        """Write the files into a folder with their relative paths, and return the case file."""
         ups = max(PurePosixPath(path).parts.count("..") for path in self.files)
         home = folder.joinpath(*["up"] * ups)
         for path, content in self.files.items():
@@ -181,7 +181,7 @@ class Bundle:
 
 
 def bundle_of(file: CaseFile, plan: Plan | None = None) -> Bundle:
-    """Return a case as plain data."""
+    """Return a case with its files as plain data."""
     given = [value.text.strip("\"'") for one in plan.axes for value in one.values] if plan else []
     files = {file.path.name: file.text.encode()}
     for text in dict.fromkeys([*_texts(file.raw), *given]):
@@ -199,7 +199,7 @@ def _digest(files: Mapping[str, bytes]) -> str:
 
 
 def _texts(raw: object) -> Iterator[str]:
-    """Yield every text of a table."""
+    """Yield all strings of nested tables."""
     if isinstance(raw, str):
         yield raw
     elif isinstance(raw, Mapping):
@@ -212,13 +212,13 @@ def _texts(raw: object) -> Iterator[str]:
 
 @lru_cache(maxsize=1)
 def opened(source: Bundle | Path) -> CaseFile:
-    """Return the case file of a bundle, unpacked once per process, or of a path."""
+    """Return the case file of a path, or of a bundle that is unpacked once per process."""
     if isinstance(source, Path):
         return CaseFile.opened(source)
     return CaseFile.opened(source.unpacked(_folders.enter_context(scratch())))
 
 
 _folders = ExitStack()
-"""Folders that are removed when the process ends."""
+"""Temporary folders, removed when the process ends."""
 
 atexit.register(_folders.close)

@@ -1,4 +1,4 @@
-"""Numbers of a case by their key, and variants of the case with others in their place."""
+"""Quantities of a case: its numbers by key, variants with other values, and results by name."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ from flexcam.valvetrain import build_structure, model_modes
 
 @dataclass(frozen=True)
 class Number:
-    """A number of a case.
+    """Number of a case.
 
     Parameters
     ----------
     key
-        Such as ``springs.valve.stiffness``; of a number in a list with its position: ``rockers.rocker.arms.1``.
+        Key, such as ``springs.valve.stiffness``; an element of a list has its index: ``rockers.rocker.arms.1``.
     value
-        SI.
+        Value, SI.
     unit
-        SI unit; empty for a plain number, ``SI`` where it cannot be told.
+        SI unit; empty for a dimensionless number, ``SI`` if it cannot be determined.
     """
 
     key: str
@@ -43,7 +43,7 @@ class Number:
 
 
 def number_of(case: Case, key: str, where: str) -> Number:
-    """Return a number of a case."""
+    """Return a number of a case by key."""
     known = dict(_leaves(case.record.model_dump(mode="json", by_alias=True), ""))
     numbers = [name for name, value in known.items() if isinstance(value, float)]
     if key not in known:
@@ -64,7 +64,7 @@ def number_of(case: Case, key: str, where: str) -> Number:
 
 
 def _leaves(value: object, path: str) -> Iterator[tuple[str, object]]:
-    """Yield what stands in nested tables and lists, by its dotted key."""
+    """Yield dotted key and value in nested tables and lists."""
     if isinstance(value, dict):
         inner = cast("dict[str, object]", value)
     elif isinstance(value, list):
@@ -77,7 +77,7 @@ def _leaves(value: object, path: str) -> Iterator[tuple[str, object]]:
 
 
 def overrides_of(case: Case, values: Mapping[str, str]) -> tuple[str, ...]:
-    """Return the overrides that put values into a case; a list is written as a whole, with its other numbers."""
+    """Return the overrides that set values of a case; a list is written in full with its other elements."""
     record = case.record.model_dump(mode="json", by_alias=True)
     lists: dict[str, list[Any]] = {}
     found: dict[str, str] = {}
@@ -116,14 +116,14 @@ _CAM_UNITS = {
 
 @dataclass(frozen=True)
 class Quantity:
-    """A number that something was asked for.
+    """Value of a requested quantity.
 
     Parameters
     ----------
     value
-        In its unit.
+        Value in its unit.
     unit
-        SI, but rpm where a limit is a speed.
+        SI unit, but rpm for a speed limit.
     """
 
     value: float
@@ -131,13 +131,13 @@ class Quantity:
 
 
 def frequency_number(name: str) -> int | None:
-    """Return which natural frequency a name means, from 1; None if it means none."""
+    """Return the number of a natural frequency from its name, from 1; None for other names."""
     found = _FREQUENCY.match(name)
     return int(found[1]) if found else None
 
 
 def quantities(case: Case, names: Sequence[str], search: Search | None = None, runs: int = 1) -> Row:
-    """Return what is asked of a case."""
+    """Return the row with the requested quantities of a case."""
     begun = time.perf_counter()
     try:
         found = measured(case, names, search, runs)
@@ -152,7 +152,7 @@ def quantities(case: Case, names: Sequence[str], search: Search | None = None, r
 
 
 def measured(case: Case, names: Sequence[str], search: Search | None = None, runs: int = 1) -> dict[str, Quantity]:
-    """Return what is asked of a case, or raise."""
+    """Return the requested quantities of a case; raise an error if a run fails."""
     found = _frequencies(case, names) | _limits(case, names, search, runs)
     found |= _cams(case, names) | _numbers(case, names)
     of_a_run = [name for name in names if name not in found and not name.startswith(_LIMIT)]
@@ -165,7 +165,7 @@ def measured(case: Case, names: Sequence[str], search: Search | None = None, run
 
 
 def check_names(case: Case, names: Sequence[str], where: str = "scalar") -> None:
-    """Refuse what a case cannot be asked, before anything is run."""
+    """Raise an error for names that a case cannot have, before a run."""
     limits, runs = _split(name for name in names if not _known_at_once(case, name))
     known = scalar_names(case) if runs else []
     faults = [_unknown(name, known, case.record.cams) for name in runs if name not in known]
@@ -181,13 +181,13 @@ def _no_limit(name: str) -> str:
 
 
 def _known_at_once(case: Case, name: str) -> bool:
-    """Tell whether a name is that of a frequency, a cam's number or a number of the case."""
+    """Return whether a name is that of a frequency, a cam property or a number of the case."""
     cam = _CAM.match(name)
     return bool(frequency_number(name) or (cam and cam[1] in case.record.cams) or _number(case, name))
 
 
 def _split(names: Iterable[str]) -> tuple[list[str], list[str]]:
-    """Return limits, and scalars of a run."""
+    """Split names into limits and scalars of a run."""
     every = list(names)
     return [n for n in every if n.startswith(_LIMIT)], [n for n in every if not n.startswith(_LIMIT)]
 
@@ -201,7 +201,7 @@ def _unknown(name: str, known: Iterable[str], cams: Iterable[str]) -> Fault:
 
 
 def complete(row: Row) -> Row:
-    """Return a row, if it is complete."""
+    """Return a row if it is complete, otherwise raise an error."""
     if row.status.cause is Cause.REFUSED:
         raise refuse("case", "as it stands", "a case that can be run", row.status.text)
     if not row.status.ok:
@@ -253,7 +253,7 @@ def _cams(case: Case, names: Sequence[str]) -> dict[str, Quantity]:
 
 
 def _of_lift(event: Event, kind: str) -> float:
-    """Return a number of a lift, by the cam angle."""
+    """Return a property of a lift, as derivatives by the cam angle."""
     if kind == "area":
         return 2.0 * math.pi * float(harmonics(event, 1)[0].real)
     if kind == "jerk" and any(one.steps[2] for one in joints(event)):
@@ -265,7 +265,7 @@ def _of_lift(event: Event, kind: str) -> float:
 
 
 _ORDERS = {"velocity": 1, "acceleration": 2, "deceleration": 2, "jerk": 3}
-"""Of the derivative by the cam angle."""
+"""Order of the derivative by the cam angle."""
 
 
 def _numbers(case: Case, names: Sequence[str]) -> dict[str, Quantity]:

@@ -1,4 +1,4 @@
-"""Derivatives by central differences of two steps, with an estimate of their error."""
+"""Sensitivity: derivatives by central differences of two step sizes with an error estimate, and Sobol indices."""
 
 from __future__ import annotations
 
@@ -23,30 +23,30 @@ from flexcam.studies.quantities import Number, complete, frequency_number, numbe
 from flexcam.valvetrain import Structure, build_structure
 
 STEPS = (-1.0, -0.5, 0.5, 1.0)
-"""Where a function is evaluated beside its point, in steps."""
+"""Offsets of the evaluated points, in steps."""
 
 _LARGE = 0.05
-"""Part of a derivative from which its error is no longer a detail."""
+"""Relative error of a derivative from which it is reported."""
 
 _SAME_JUMP = 0.8
-"""Ratio of a slope's jump at half the step to that at the whole one: 1/2 for smooth functions, 1 for a kink."""
+"""Ratio of the jump of the slope at half the step to that at the full step: 1/2 for smooth functions, 1 for a kink."""
 
 _NOISE = 1e-9
-"""Change of a function, as a part of it, that is only rounding."""
+"""Relative change of a function below which it is rounding."""
 
 
 @dataclass(frozen=True)
 class Derivative:
-    """A derivative of a function of one variable.
+    """Derivative of a function of one variable.
 
     Parameters
     ----------
     value
-        By Richardson's extrapolation of two central differences: the error of fourth order in the step.
+        Richardson extrapolation of two central differences: fourth order in the step.
     error
-        By how much extrapolation changed it.
+        Change by the extrapolation.
     smooth
-        Whether the function looks smooth: else the derivative means little, whatever the error says.
+        Whether the function appears smooth; otherwise the derivative is unreliable regardless of the error.
     """
 
     value: float
@@ -55,7 +55,7 @@ class Derivative:
 
 
 def central(middle: float, beside: FloatArray, step: float) -> Derivative:
-    """Return the derivative of a function from values beside a point.
+    """Return the derivative of a function from values at neighbouring points.
 
     Exact for polynomials of up to the fourth degree. L. F. Richardson, Phil. Trans. R. Soc. A 210 (1911) 307.
     """
@@ -71,37 +71,37 @@ def central(middle: float, beside: FloatArray, step: float) -> Derivative:
 
 
 def logarithmic(derivative: float, parameter: float, value: float) -> float:
-    """Return by how many percent a value changes if a parameter grows by one percent."""
+    """Return the change of a value in percent per percent change of a parameter."""
     return parameter * derivative / value if value != 0.0 else math.nan
 
 
 _MATRIX_STEP = 1e-3
-"""Part of a number by which matrices are differenced: cut off at 1e-12, rounding at 1e-13."""
+"""Relative step for derivatives of matrices: truncation error 1e-12, rounding 1e-13."""
 
 RELATIVE_STEP = 0.01
-"""Part of a number by which responses are differenced: their largest values carry the noise of the time step."""
+"""Relative step for derivatives of responses: their maxima contain noise of the time step."""
 
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """A derivative of something asked of a case.
+    """Derivative of a quantity of a case.
 
     Parameters
     ----------
     scalar, unit, value
-        What was asked for, its unit and value.
+        Name of the quantity, its unit and value.
     by
-        The number of the case.
+        Number of the case.
     derivative
-        In the scalar's unit per the number's; NaN where there is none.
+        Derivative in the scalar's unit per the number's unit; NaN if there is none.
     error
-        Estimate of its error; None where it is analytic.
+        Estimated error; None for an analytic derivative.
     logarithmic
-        Percent of the scalar per percent of the number; NaN where the scalar is zero.
+        Percent of the scalar per percent of the number; NaN if the scalar is zero.
     smooth
-        Whether the scalar looks smooth there; False for frequencies that are the same and part.
+        Whether the scalar appears smooth there; False for repeated frequencies that split.
     note
-        What must be said of it; empty otherwise.
+        Remark; empty if there is none.
     """
 
     scalar: str
@@ -116,7 +116,7 @@ class Sensitivity:
 
 
 def numbers_of(case: Case, keys: Sequence[str], option: str = "--to") -> list[Number]:
-    """Return the numbers that derivatives are taken by."""
+    """Return the numbers with respect to which derivatives are computed."""
     found, faults = gathered(lambda key: _not_zero(number_of(case, key, option), option), dict.fromkeys(keys))
     if faults:
         raise InputError(faults)
@@ -134,7 +134,7 @@ def sensitivities(
     file: CaseFile, fixed: Sequence[str], names: Sequence[str], keys: Sequence[str], runs: Runs,
     *, relative_step: float = RELATIVE_STEP,
 ) -> list[Sensitivity]:  # fmt: skip
-    """Return the derivatives of several scalars by several numbers."""
+    """Return the derivatives of several scalars with respect to several numbers."""
     if not 1e-8 <= relative_step <= 0.2:
         raise refuse("--relative-step", relative_step, "1e-8 to 0.2", "a part of each number")
     case = file.read(fixed)
@@ -223,20 +223,20 @@ _RESAMPLES = 499
 
 @dataclass(frozen=True, eq=False)
 class SobolIndices:
-    """Indices of one scalar.
+    """Sobol indices of one scalar.
 
     Parameters
     ----------
     first, total
-        Share of the variance that a variable brings about alone, and with all it acts together with, shape (k,).
+        Share of the variance due to a variable alone, and including all its interactions, shape (k,).
     first_interval, total_interval
-        Low and high ends of the 95 % intervals by bootstrap, shape (2, k).
+        Lower and upper ends of the 95 % bootstrap intervals, shape (2, k).
     variance
-        Of the scalar; indices are zero where it is.
+        Variance of the scalar; the indices are zero if it is zero.
     used
-        Base points used: a power of two, after those were left out at which something failed.
+        Number of base points used: a power of two, without points at which a run failed.
     asked
-        Base points asked for.
+        Number of base points requested.
     """
 
     first: FloatArray
@@ -249,33 +249,33 @@ class SobolIndices:
 
 
 Function = Callable[[FloatArray], FloatArray]
-"""Points of the unit cube, shape (m, k), to values of s scalars, shape (m, s); NaN where there is none."""
+"""Function from points of the unit cube, shape (m, k), to s scalars, shape (m, s); NaN for missing values."""
 
 
 def sobol_indices(function: Function, dimensions: int, count: int, *, seed: int = 0) -> list[SobolIndices]:
     """Return the Sobol indices of scalars over the unit cube.
 
-    Variables are taken as independent and even over their intervals. Points are those of a scrambled Sobol sequence;
-    estimators and bootstrap are those of `scipy.stats.sobol_indices`: A. Saltelli et al., Comput. Phys. Commun. 181
-    (2010) 259.
+    Variables are independent and uniformly distributed over their intervals. Points are from a scrambled Sobol
+    sequence; estimators and bootstrap are those of `scipy.stats.sobol_indices`: A. Saltelli et al., Comput. Phys.
+    Commun. 181 (2010) 259.
     """
     checked_count(count)
     checked_seed(seed)
     a, b, mixed = _points(dimensions, count, seed)
-    each = np.stack([a, b, *mixed], axis=1)  # base point by base point: a study that is stopped has whole ones
+    each = np.stack([a, b, *mixed], axis=1)  # ordered by base point: an interrupted study has complete base points
     parts = function(each.reshape(-1, dimensions)).reshape(count, dimensions + 2, -1)
     return [_indices(parts[:, :, i].T, count, seed) for i in range(parts.shape[2])]
 
 
 def checked_count(count: int) -> None:
-    """Refuse a number of base points that Sobol's sequence does not have."""
+    """Raise an error if the number of base points is not a power of two."""
     if count < 2 or count & (count - 1):
         near = f"{1 << (max(count, 2).bit_length() - 1)} or {1 << max(count, 2).bit_length()}"
         raise refuse("--sobol", count, "a power of two from 2", "Sobol's sequence is even over the space there", near)
 
 
 def _points(dimensions: int, count: int, seed: int) -> tuple[FloatArray, FloatArray, list[FloatArray]]:
-    """Return the points A and B, and per variable A with the column of B."""
+    """Return the points A and B, and for every variable A with the column of B."""
     from scipy.stats import qmc
 
     both = qmc.Sobol(2 * dimensions, seed=np.random.default_rng(seed)).random(count)
@@ -298,13 +298,11 @@ def _indices(values: FloatArray, asked: int, seed: int) -> SobolIndices:
     if variance <= 0.0:
         nothing = np.zeros(k)
         return SobolIndices(nothing, nothing, np.zeros((2, k)), np.zeros((2, k)), 0.0, used, asked)
-    several = (
-        mixed if k > 1 else np.repeat(mixed, 2, axis=0)
-    )  # of a single variable scipy makes bare numbers, and fails
+    several = mixed if k > 1 else np.repeat(mixed, 2, axis=0)  # with one variable scipy returns scalars and fails
     found = stats.sobol_indices(func={"f_A": a, "f_B": b, "f_AB": several}, n=used, rng=np.random.default_rng(seed))
     first, total = np.ravel(found.first_order)[:k], np.ravel(found.total_order)[:k]
     with np.errstate(all="ignore"), warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # a variable without any effect has nothing to resample
+        warnings.simplefilter("ignore")  # a variable without effect has nothing to resample
         ends = found.bootstrap(confidence_level=_CONFIDENCE, n_resamples=_RESAMPLES)
     intervals = [
         _interval(one.confidence_interval.low, one.confidence_interval.high, index)
@@ -314,6 +312,6 @@ def _indices(values: FloatArray, asked: int, seed: int) -> SobolIndices:
 
 
 def _interval(low: ArrayLike, high: ArrayLike, index: FloatArray) -> FloatArray:
-    """Return both ends, shape (2, k); the index itself where resampling gave none."""
+    """Return both ends, shape (2, k); the index itself if resampling gave none."""
     both = np.array([np.ravel(low)[: len(index)], np.ravel(high)[: len(index)]], dtype=float)
     return np.where(np.isfinite(both), both, index)

@@ -1,4 +1,4 @@
-"""Scalars asked for by name, held against what the variants can have before any of them runs."""
+"""Checked sweeps: validation of variants and scalar names, execution, and output files."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ from flexcam.studies.plan import Bundle, Plan, bundle_of, made_plan, opened, sam
 from flexcam.studies.tables import Table, begins_one, can_write_parquet, tabulated, unknown_scalar, write_table
 
 _MANY = 1000
-"""Variants above which the ends of the axes are looked at first: reading one takes half a millisecond and more."""
+"""Number of variants above which the ends of the axes are checked first: reading a case takes at least 0.5 ms."""
 
 _NAMED = 3
-"""Variants and values that a report names."""
+"""Number of variants and values listed in a report."""
 
 
 @dataclass
 class _Group:
-    """Variants that are refused for the same reason at the same key."""
+    """Variants rejected for the same reason at the same key."""
 
     fault: Fault
     variants: list[int] = field(default_factory=list[int])
@@ -47,7 +47,7 @@ class _Group:
 def validated(file: CaseFile, plan: Plan) -> Case:
     """Check every variant of a plan."""
     variants = plan.variants
-    if len(variants) > _MANY:  # an unknown key or a wrong unit shows before thousands of variants repeat it
+    if len(variants) > _MANY:  # an unknown key or a wrong unit is reported before thousands of variants repeat it
         _check(file, plan, ends(plan))
     _check(file, plan, range(len(variants)))
     return file.read(variants[0])
@@ -62,7 +62,7 @@ def _check(file: CaseFile, plan: Plan, some: Sequence[int]) -> None:
 
 
 def ends(plan: Plan) -> list[int]:
-    """Return the variants with the first and the last value of every axis; those of a sample are its first and last."""
+    """Return the variants with the first and the last value of every axis; for a sample, its first and last point."""
     if plan.sample is not None:
         return sorted({0, len(plan) - 1})
     found, stride = {0}, len(plan)
@@ -86,7 +86,7 @@ def _gather(
 
 
 def _placed(fault: Fault, axes: Sequence[Axis]) -> Fault:
-    """Return a fault at the option of the axis that it is about; else as it stands in the case."""
+    """Return a fault with the option of the axis that it concerns; otherwise unchanged."""
     for one in axes:
         if f"--set {one.key}=" in fault.where:
             return replace(fault, where=one.where)
@@ -101,7 +101,7 @@ def _summed(group: _Group, count: int) -> Fault:
 
 
 def _which(variants: Sequence[int], count: int) -> str:
-    """Return which of the variants looked at are meant; nothing where it is all of them."""
+    """Describe which of the checked variants are affected; empty for all of them."""
     if len(variants) == count:
         return ""
     named = ", ".join(str(i + 1) for i in variants[:_NAMED])
@@ -110,10 +110,10 @@ def _which(variants: Sequence[int], count: int) -> str:
 
 
 def check_names(file: CaseFile, plan: Plan, names: Sequence[str]) -> None:
-    """Refuse scalars that no variant can have.
+    """Raise an error for scalars that no variant has.
 
-    What a case is made of decides which scalars it has, and numbers hardly ever do: variants are looked at only until
-    every name is found, the first and the last of every axis and each of the values that are words.
+    The parts of a case determine its scalars, and numbers rarely do: variants are checked only until every name is
+    found, first those with the ends of every axis and with every value that is a word.
     """
     known, left = dict[str, None](), list(names)
     for one in _told_apart(file, plan) if left else ():
@@ -127,7 +127,7 @@ def check_names(file: CaseFile, plan: Plan, names: Sequence[str]) -> None:
 
 
 def _told_apart(file: CaseFile, plan: Plan) -> Iterator[list[str]]:
-    """Yield the names that variants can have; one whose parts do not fit together is passed over."""
+    """Yield the scalar names of variants; a variant with inconsistent parts is skipped."""
     variants = plan.variants
     words = [f"{one.key}={value.text}" for one in plan.axes if not one.numeric for value in one.values]
     with_words = [next((i for i, one in enumerate(variants) if word in one), 0) for word in words]
@@ -143,22 +143,22 @@ GRID = "grid"
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """A checked sweep: every variant can be read.
+    """Checked sweep: all variants are readable.
 
     Parameters
     ----------
     name
-        Of the case; its files are named after it.
+        Name of the case, used for output files.
     title
-        Of the case.
+        Title of the case.
     plan
-        The variants.
+        Plan of the variants.
     bundle
-        The case and its files, as they were when it was checked.
+        Case and its files at the time of the check.
     size
-        Variants per chunk.
+        Number of variants per chunk.
     scalars
-        Which are kept, by name or beginning; all where empty. Of the probes alone, nothing else is computed.
+        Names or prefixes of the scalars to keep; empty for all. With probe scalars only, nothing else is computed.
     """
 
     name: str
@@ -170,11 +170,11 @@ class Study:
 
     @property
     def chunks(self) -> tuple[Chunk, ...]:
-        """The plan in chunks."""
+        """Chunks of the plan."""
         return chunks_of(self.plan, self.size)
 
     def about(self) -> dict[str, str]:
-        """Return what its table says of itself: the case, the plan and what computed it."""
+        """Return the metadata of the table: case, plan and versions."""
         plan = {
             "set": {one.key: [value.text for value in one.values] for one in self.plan.axes},
             "intervals": [one.key for one in self.plan.axes if one.interval],
@@ -192,7 +192,7 @@ class Study:
         }
 
     def belongs(self, *, histories: bool) -> dict[str, object]:
-        """Return what a journal of it belongs to."""
+        """Return the identification of the sweep's journal."""
         plan = hashlib.sha256(json.dumps([self.size, self.plan.variants]).encode()).hexdigest()
         return {
             "format": 1, "flexcam": __version__, "case": self.bundle.digest, "plan": plan, "histories": histories,
@@ -204,7 +204,7 @@ def study(
     path: str | Path, settings: Sequence[str] = (), *, sampled: str | None = None, seed: int | None = None,
     scalars: Sequence[str] = (), limit: int = LIMIT,
 ) -> Study:  # fmt: skip
-    """Return the sweep of a case, every variant of it checked."""
+    """Return the sweep of a case with all variants checked."""
     file = CaseFile.opened(path)
     own = file.sweep
     if limit < 1:
@@ -227,13 +227,13 @@ def study(
 
 
 def _axes(file: CaseFile, settings: Sequence[str], limit: int) -> tuple[Axis, ...]:
-    """Return the axes of the case's own table, with those of the command line over them and behind them."""
+    """Return the axes of the case's table, replaced and extended by those of the command line."""
     own, places, faults = file.sweep, Places.of_text(file.text), list[Fault]()
     found: dict[str, Axis] = {}
     given = {setting.partition("=")[0].strip() for setting in settings}
     for key, spec in (own.set_ if own else {}).items():
         if key in given:
-            found[key] = axis(key, "0")  # keeps its place
+            found[key] = axis(key, "0")  # preserves its position
             continue
         try:
             found[key] = axis(key, spec, where=places.place(("sweep", "set", key)), limit=limit)
@@ -256,17 +256,17 @@ def _strange(one: Axis) -> Fault:
 
 
 def afford(asked: Study, folder: Path | None = None, *, together: int = 1) -> None:
-    """Refuse a sweep for whose first variants there is no room."""
+    """Raise an error if memory or disk space is insufficient for the first variants of a sweep."""
     first = opened(asked.bundle).read(asked.plan.variants[0])
     afford_case(first, folder, runs=len(asked.plan), together=min(together, len(asked.plan)))
 
 
 def afford_case(case: Case, folder: Path | None = None, *, runs: int = 1, together: int = 1) -> None:
-    """Refuse many runs of a case for which there is no room."""
-    periodic = case.record.run.start == "periodic"  # that state takes many revolutions to find
+    """Raise an error if memory or disk space is insufficient for many runs of a case."""
+    periodic = case.record.run.start == "periodic"  # computing a periodic state takes many revolutions
     try:
         ready = prepare(case.with_run({"start": "equilibrium"}) if periodic else case)
-    except (InputError, RunFailedError):  # its own row will say so
+    except (InputError, RunFailedError):  # its row reports it
         return
     needs = budget_of(ready)
     affordable(replace(needs, file=runs * needs.file), folder, together=together)
@@ -274,18 +274,18 @@ def afford_case(case: Case, folder: Path | None = None, *, runs: int = 1, togeth
 
 @dataclass(frozen=True)
 class Target:
-    """Where the files of a sweep go, and what may be done to those that are there.
+    """Output folder of a sweep and the treatment of existing files.
 
     Parameters
     ----------
     folder
-        Made if it does not exist.
+        Folder, created if necessary.
     resume, overwrite
-        Whether to finish what is there, or to replace it.
+        Whether to resume or replace an existing sweep.
     histories
-        Whether every variant's result file is kept.
+        Whether to keep the result file of every variant.
     parquet
-        Whether a Parquet table is written too.
+        Whether to write a Parquet table too.
     """
 
     folder: Path
@@ -295,24 +295,24 @@ class Target:
     parquet: bool = False
 
     def tables(self, name: str) -> list[Path]:
-        """Return the tables of a sweep of that name."""
+        """Return the paths of the tables of a sweep."""
         return [self.folder / f"{name}.sweep{end}" for end in (".h5", ".csv", *([".parquet"] if self.parquet else []))]
 
     def journal(self, name: str) -> Path:
-        """Return the journal of a sweep of that name."""
+        """Return the path of the journal of a sweep."""
         return self.folder / f"{name}.sweep.jsonl"
 
     def history(self, name: str, variant: int, ending: str) -> Path:
-        """Return the result file of a variant, counted from 1."""
+        """Return the path of the result file of a variant, counted from 1."""
         return self.folder / f"{name}.sweep" / f"variant-{variant:05d}{ending}"
 
     def kept(self, name: str) -> list[Path]:
-        """Return the result files of variants that are there, of this sweep or of an earlier one."""
+        """Return the existing result files of variants, of this sweep or of an earlier one."""
         return sorted((self.folder / f"{name}.sweep").glob("variant-*.vtkhdf*"))
 
 
 def swept(asked: Study, workers: Workers | None = None, *, advance: Callable[[int], None] | None = None) -> Table:
-    """Run a sweep and return its table; nothing is written."""
+    """Run a sweep and return its table without writing files."""
     rows: dict[int, list[Row]] = {}
     for chunk, outcomes in executed(asked.bundle, asked.chunks, workers or Here()):
         rows[chunk.index] = [one.row for one in outcomes]
@@ -337,19 +337,19 @@ def sweep_files(
 
 
 def _complete(asked: Study, target: Target) -> Study:
-    """Return a sweep that computes all scalars where its journal has them, or result files are kept."""
+    """Return a sweep that computes all scalars if its journal has them or result files are kept."""
     begun = target.resume and begun_with(target.journal(asked.name), "channels")
     return replace(asked, bundle=replace(asked.bundle, channels=True)) if begun or target.histories else asked
 
 
 def _journaled(asked: Study, target: Target, journal: Journal, workers: Workers, tell: Callable[[int], None]) -> Table:
-    """Run what the journal does not have, and return the table of everything."""
+    """Run the chunks missing in the journal, and return the complete table."""
     rows = dict(journal.rows)
     tell(sum(len(some) for some in rows.values()))
     left = [chunk for chunk in asked.chunks if chunk.index not in rows]
     stale = target.kept(asked.name) if target.histories and not rows else []
     for chunk, outcomes in executed(asked.bundle, left, workers, histories=target.histories):
-        while stale:  # those of an earlier sweep would stand beside a table that does not have their variants
+        while stale:  # result files of an earlier sweep would not match the table
             stale.pop().unlink()
         _keep_histories(asked, target, chunk, outcomes)
         rows[chunk.index] = [one.row for one in outcomes]
@@ -359,7 +359,7 @@ def _journaled(asked: Study, target: Target, journal: Journal, workers: Workers,
 
 
 def _stopped(asked: Study, target: Target) -> Status:
-    """Return how a sweep ends that was interrupted: what is kept is what the journal has."""
+    """Return the status of an interrupted sweep; its finished rows are in the journal."""
     path, kept = target.journal(asked.name), 0
     if path.exists():
         with _opened(asked, replace(target, resume=True)) as journal:
@@ -369,7 +369,7 @@ def _stopped(asked: Study, target: Target) -> Status:
 
 
 def _kept(table: Table, names: Sequence[str]) -> Table:
-    """Return a table with the scalars asked for."""
+    """Return a table with the requested scalars."""
     try:
         return table.keeping(names) if names else table
     except InputError as refusal:
@@ -384,7 +384,7 @@ def _silent(count: int) -> None:
 
 @contextmanager
 def _opened(asked: Study, target: Target) -> Generator[Journal]:
-    """Open the journal of a sweep whose tables may be written."""
+    """Open the journal of a sweep after checking that its tables may be written."""
     path, belongs = target.journal(asked.name), asked.belongs(histories=target.histories)
     ours = target.resume and path.exists()
     for table in target.tables(asked.name):
@@ -400,7 +400,7 @@ def _opened(asked: Study, target: Target) -> Generator[Journal]:
 
 
 def _keep_histories(asked: Study, target: Target, chunk: Chunk, outcomes: Sequence[Outcome]) -> None:
-    """Write the result files of a chunk, each complete or not there."""
+    """Write the result files of a chunk atomically."""
     for i, outcome in enumerate(outcomes):
         if outcome.history is not None:
             ending, content = outcome.history

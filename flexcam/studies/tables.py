@@ -1,4 +1,4 @@
-"""What a sweep found: a row per variant, with its inputs, its scalars and how its run ended."""
+"""Tables of sweeps: a row per variant with its inputs, scalars and status; HDF5, CSV, Parquet, pandas and xarray."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Column:
-    """Values of one varied key, a value per variant.
+    """Values of one varied key by variant.
 
     Parameters
     ----------
     name
-        The key.
+        Key.
     unit
-        Of the numbers, as the plan wrote it; empty for SI and for words.
+        Unit of the numbers as given in the plan; empty for SI and for words.
     values
-        Shape (variants,): numbers, or texts where a value is none.
+        Values, shape (variants,): numbers, or texts if any value is not numeric.
     """
 
     name: str
@@ -48,22 +48,22 @@ class Column:
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """The results of a sweep.
+    """Results of a sweep.
 
     Parameters
     ----------
     inputs
-        The varied keys.
+        Varied keys.
     scalars
-        Name to values, SI, shape (variants,); NaN where a variant has none. No file holds a NaN.
+        Values by name, SI, shape (variants,); NaN for missing values. No file contains NaN.
     units
-        SI unit of each scalar.
+        SI unit by scalar.
     statuses
-        How every variant's run ended.
+        Status of every variant.
     shape
-        Values along every axis of a grid, which runs as its rows do; empty for a sampled plan.
+        Number of values along every axis of a grid in the order of the rows; empty for a sampled plan.
     about
-        Case, plan and versions, as texts.
+        Case, plan and versions as texts.
     """
 
     inputs: tuple[Column, ...]
@@ -77,14 +77,14 @@ class Table:
         return len(self.statuses)
 
     def __getitem__(self, name: str) -> FloatArray:
-        """Return a scalar of all variants, shape (variants,); NaN where there is none."""
+        """Return a scalar of all variants, shape (variants,); NaN for missing values."""
         if name not in self.scalars:
             raise InputError([unknown_scalar(name, self.scalars)])
         return self.scalars[name]
 
     @property
     def failed(self) -> tuple[int, ...]:
-        """Indices of the variants whose runs are not complete."""
+        """Indices of the variants with incomplete runs."""
         return tuple(i for i, status in enumerate(self.statuses) if not status.ok)
 
     def on_grid(self, name: str) -> FloatArray:
@@ -94,7 +94,7 @@ class Table:
         return self[name].reshape(self.shape)
 
     def keeping(self, names: Sequence[str]) -> Table:
-        """Return the table with some of its scalars."""
+        """Return the table with only the given scalars."""
         kept: dict[str, FloatArray] = {}
         if self.scalars and (unknown := [name for name in names if not begins_one(name, self.scalars)]):
             raise InputError(unknown_scalar(name, self.scalars) for name in unknown)
@@ -128,16 +128,16 @@ def _under(name: str, asked: str) -> bool:
 
 
 def begins_one(name: str, known: Iterable[str]) -> bool:
-    """Tell whether a name is that of a scalar, or the beginning of one."""
+    """Return whether a name is that of a scalar or a prefix of one."""
     return any(_under(one, name) for one in known)
 
 
 _LISTED = 24
-"""Scalars that a message names one by one; of more it names the beginnings."""
+"""Maximum number of scalars listed in a message; of more, only prefixes are listed."""
 
 
 def unknown_scalar(name: str, known: Iterable[str]) -> Fault:
-    """Return the fault of a scalar that no variant can have."""
+    """Return the fault of a scalar that no variant has."""
     names = list(known)
     parts = [one.split(".") for one in names]
     begins = list(dict.fromkeys(".".join(part[:i]) for part in parts for i in range(1, len(part))))
@@ -162,7 +162,7 @@ def table_frame(table: Table) -> pd.DataFrame:
 
 
 def table_dataset(table: Table) -> xr.Dataset:
-    """Return a table as an xarray dataset: the axes of a grid are its dimensions."""
+    """Return a table as an xarray dataset with the axes of a grid as dimensions."""
     _installed("xarray")
     import xarray as xr
 
@@ -209,7 +209,7 @@ def history_dataset(response: Response) -> xr.Dataset:
 
 
 def _columns(response: Response) -> dict[str, tuple[Any, str]]:
-    """Return every history by name, with its unit."""
+    """Return every history and its unit by name."""
     found: dict[str, tuple[Any, str]] = {"cam_angle": (response.angle, "rad")}
     for probe, components in response.outline.probes:
         history = response[probe]
@@ -231,11 +231,11 @@ def _installed(package: str) -> None:
 
 
 FORMAT = "2"
-"""Since 2 a table has a seal."""
+"""Format version; since version 2 a table has a digest."""
 
 
 def write_hdf5(table: Table, path: Path) -> None:
-    """Write a table with everything that is known of it."""
+    """Write a table with its metadata as HDF5."""
     opened: Any = h5py.File(path, "w", libver="latest", locking=False)
     with opened as file:
         about = file.create_group("about")
@@ -264,7 +264,7 @@ def _numbers(group: Any, name: str, values: Any, unit: str) -> None:  # noqa: AN
 
 
 def _texts(group: Any, name: str, texts: Sequence[str]) -> None:  # noqa: ANN401
-    """Write texts of one length: HDF5's heap for others is not the same twice."""
+    """Write fixed-length strings: the heap of variable-length strings is not reproducible."""
     encoded = [text.encode() for text in texts]
     module: Any = h5py
     kind = module.string_dtype("utf-8", max([1, *map(len, encoded)]))
@@ -315,7 +315,7 @@ ENDINGS = (".h5", ".csv", ".parquet")
 
 
 def write_table(table: Table, path: Path, *, overwrite: bool = False) -> Path:
-    """Write a table as its name ends: ``.h5``, ``.csv`` or ``.parquet``."""
+    """Write a table in the format of its suffix: ``.h5``, ``.csv`` or ``.parquet``."""
     if path.suffix not in ENDINGS:
         raise refuse("table", str(path), f"a name that ends in {', '.join(ENDINGS)}")
     if path.suffix == ".parquet":
@@ -328,7 +328,7 @@ def write_table(table: Table, path: Path, *, overwrite: bool = False) -> Path:
 
 
 def can_write_parquet() -> None:
-    """Refuse Parquet where what writes it is not installed."""
+    """Raise an error if the packages for Parquet are not installed."""
     missing = [name for name in ("pandas", "pyarrow") if find_spec(name) is None]
     if missing:
         why, remedy = f"{' and '.join(missing)} are not installed", "pip install 'flexcam[tables]'"
@@ -336,7 +336,7 @@ def can_write_parquet() -> None:
 
 
 def csv_text(table: Table) -> str:
-    """Return a table as CSV: a head with units, an empty cell where a variant has no number."""
+    """Return a table as CSV: a header with units, and an empty cell for a missing number."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     head = [_headed(one.name, one.unit) for one in table.inputs]

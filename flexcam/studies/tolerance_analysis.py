@@ -1,4 +1,4 @@
-"""Tolerance study: how the scatter of parts moves a scalar."""
+"""Tolerance analysis: variation of a scalar due to the scatter of parts."""
 
 from __future__ import annotations
 
@@ -20,28 +20,28 @@ from flexcam.studies.quantities import number_of
 
 _SPEC = re.compile(r"\s*(?:(normal|uniform)\s*:)?\s*(?:±|\+-|\+/-)\s*(\S.*?)\s*$")
 _SIGMAS = 3.0
-"""Standard deviations from the middle to the end of a normal scatter: 99.7 % of the parts lie between."""
+"""Half width of a normal scatter in standard deviations: 99.7 % of the parts lie within."""
 
 _CUT = 5.0
-"""Standard deviations at which a normal scatter is cut: one part in two millions lies beyond."""
+"""Truncation of a normal scatter in standard deviations: one part in two million lies beyond."""
 
 QUANTILES = (0.01, 0.05, 0.5, 0.95, 0.99)
-"""Shares of the variants below the numbers that a scatter tells."""
+"""Reported quantiles."""
 FORMS = "±2%, ±0.05mm, or normal:±2%"
 
 
 @dataclass(frozen=True)
 class Scatter:
-    """How a number of a case scatters from part to part.
+    """Scatter of a number of a case from part to part.
 
     Parameters
     ----------
     key
-        Of the case.
+        Key of the case.
     middle, half
-        Middle and half width, SI.
+        Centre and half width, SI.
     kind
-        Even between both ends, or normal with the ends at three standard deviations.
+        Distribution: uniform between both ends, or normal with the ends at three standard deviations.
     """
 
     key: str
@@ -50,7 +50,7 @@ class Scatter:
     kind: Literal["uniform", "normal"]
 
     def value(self, part: float) -> float:
-        """Return the number below which a share of all parts lies, 0 to 1; a normal one is cut at five deviations."""
+        """Return the quantile for a probability from 0 to 1; a normal scatter is truncated at `_CUT` deviations."""
         if self.kind == "uniform":
             return self.middle + self.half * (2.0 * part - 1.0)
         from statistics import NormalDist
@@ -60,7 +60,7 @@ class Scatter:
 
 
 def scatters_of(case: Case, settings: Sequence[str], option: str = "--tolerance") -> tuple[Scatter, ...]:
-    """Return the scatter of several ``KEY=±SPEC``."""
+    """Parse the scatter of several ``KEY=±SPEC`` texts."""
     found, faults = gathered(lambda setting: _scatter(case, setting, f"{option} {setting}"), settings)
     faults += given_twice(option, [one.key for one in found])
     if faults:
@@ -84,12 +84,12 @@ def _scatter(case: Case, setting: str, where: str) -> Scatter:
         why = "some parts would have a number of zero or of the other sign"
         raise refuse(where, repr(spec), f"less than ±{widest:g} %", why, f"such as {key}=±5%")
     for end in (0.0, 1.0):
-        number_at(case, number.key, repr(found.value(end)), where)  # or the case cannot take such a part
+        number_at(case, number.key, repr(found.value(end)), where)  # raises an error for an invalid value
     return found
 
 
 def _half(text: str, middle: float, unit: str, where: str) -> float:
-    """Return the half width: a part of the middle, or a quantity of the number's own kind."""
+    """Return the half width: a fraction of the centre, or a quantity of the same dimension."""
     if text.endswith("%"):
         return abs(middle) * parse(text, "number", where)
     kinds = [name for name, one in DIMENSIONS.items() if one.si == unit]
@@ -101,7 +101,7 @@ def _half(text: str, middle: float, unit: str, where: str) -> float:
 
 
 def sampled(scatters: Sequence[Scatter], count: int, seed: int = 0) -> FloatArray:
-    """Return numbers of scattered parts."""
+    """Return sampled numbers of parts, shape (count, scatters)."""
     if count < 8:
         raise refuse("--count", count, "a whole number from 8", "mean and spread mean nothing with fewer")
     from scipy.stats import qmc
@@ -112,20 +112,20 @@ def sampled(scatters: Sequence[Scatter], count: int, seed: int = 0) -> FloatArra
 
 @dataclass(frozen=True, eq=False)
 class Spread:
-    """How a scalar scatters.
+    """Distribution of a scalar.
 
     Parameters
     ----------
     values
-        Of the sets of parts that have one, shape (n,).
+        Values of the valid sets of parts, shape (n,).
     missing
-        Sets without: their run failed, or a limit was not met.
+        Number of sets without a value: their run failed, or a limit was not met.
     mean, deviation
         Mean and standard deviation.
     quantiles
-        By `QUANTILES`.
+        Quantiles for `QUANTILES`.
     ranks
-        Rank correlation with each number (Spearman), shape (k,): which part the scatter follows, and which way.
+        Spearman rank correlation with each number, shape (k,): sign and strength of its influence.
     """
 
     values: FloatArray
@@ -137,7 +137,7 @@ class Spread:
 
 
 def spread(points: FloatArray, values: FloatArray) -> Spread:
-    """Return how a scalar scatters over sets of parts."""
+    """Return the distribution of a scalar over sets of parts."""
     known = ~np.isnan(values)
     kept = values[known]
     if len(kept) < 2:
@@ -149,7 +149,7 @@ def spread(points: FloatArray, values: FloatArray) -> Spread:
 
 
 def _ranks(values: FloatArray) -> FloatArray:
-    """Return ranks; equal values share the mean of theirs."""
+    """Return ranks; equal values share their mean rank."""
     _, place, counts = np.unique(values, return_inverse=True, return_counts=True)
     ends = np.cumsum(counts)
     return (ends - 0.5 * (counts - 1.0))[place]

@@ -1,1 +1,1 @@
-"""The records of the case format, a file per group of tables."""
+"""Records of the case format, one module per group of tables."""

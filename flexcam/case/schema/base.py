@@ -1,4 +1,4 @@
-"""What every table of the case file has in common."""
+"""Base classes of the tables of a case file."""
 
 from __future__ import annotations
 
@@ -18,20 +18,22 @@ Gravity = tuple[_Acceleration, _Acceleration, _Acceleration]
 
 
 class Record(BaseModel):
-    """A table of the case file: no unknown keys, no changes after reading."""
+    """Base class of all tables: unknown keys are rejected, and values cannot be changed."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)  # built once, with the table around it
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, defer_build=True
+    )  # built once, together with the enclosing table
 
 
 class PartRecord(Record, Generic[Part]):
-    """A table that describes one part: reading it makes the part, so that its faults join the one report."""
+    """Base class of tables that describe one part; validation builds the part, so that its faults are reported too."""
 
     def made(self) -> Part:
-        """Return the part, SI."""
+        """Build the part, SI."""
         raise NotImplementedError
 
     def _check(self) -> None:
-        """Refuse a part that cannot be."""
+        """Check that the part can be built."""
         self.made()
 
     @model_validator(mode="after")

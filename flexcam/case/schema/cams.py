@@ -1,4 +1,4 @@
-"""Tables of cams, their laws, ramps and followers."""
+"""Tables of cams, motion laws, ramps and followers."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ OF_A_LAW = {
     "law": "a motion law", "lift": "a length such as '6 mm'", "rise": "an angle such as '65 deg'",
     "return": "an angle such as '65 deg'",
 }  # fmt: skip
-"""Keys of a cam without a lift table, and what may stand there."""
+"""Keys of a cam without a lift table, and their allowed values."""
 
 
 class RampsRecord(Record):
@@ -43,7 +43,7 @@ class RampsRecord(Record):
     closing_duration: q.PositiveAngle | None = Field(None, description="as duration by default")
 
     def made(self) -> tuple[Ramp, Ramp]:
-        """Return the opening and the closing ramp."""
+        """Build the opening and the closing ramp."""
         closing = (self.closing_height or self.height, self.closing_duration or self.duration)
         return Ramp(self.height, self.duration, self.take_off), Ramp(*closing, self.take_off)
 
@@ -54,7 +54,7 @@ class FlatRecord(Record):
     type: Literal["flat"]
 
     def made(self, base_radius: float | None) -> Follower | None:
-        """Return the follower."""
+        """Build the follower."""
         return FlatFollower(base_radius) if base_radius else None
 
 
@@ -66,12 +66,12 @@ class RollerRecord(Record):
     offset: q.Position = Field(0.0, description="of the follower's axis from the cam's")
 
     def made(self, base_radius: float | None) -> Follower | None:
-        """Return the follower."""
+        """Build the follower."""
         return RollerFollower(base_radius, self.radius, self.offset) if base_radius else None
 
 
 class SwingRecord(Record):
-    """Swinging follower, with a roller where `radius` is given and else with a flat face."""
+    """Swinging follower, with a roller if `radius` is given, otherwise with a flat face."""
 
     type: Literal["swing"]
     arm: q.Length = Field(description="pivot to roller centre, or where the lift of a flat face is measured")
@@ -84,7 +84,7 @@ class SwingRecord(Record):
     rotation: Literal["clockwise", "counterclockwise"] = Field("clockwise", description="of the follower on the rise")
 
     def made(self, base_radius: float | None) -> Follower | None:
-        """Return the follower."""
+        """Build the follower."""
         side = 1 if self.rotation == "clockwise" else -1
         if self.angle is not None and self.radius is not None and base_radius is None:
             return SwingRollerFollower.from_angle(self.radius, self.arm, self.distance, self.angle, side)
@@ -105,7 +105,7 @@ FollowerRecord = Annotated[FlatRecord | RollerRecord | SwingRecord, Field(discri
 
 
 class FreeCamRecord(PartRecord[valvetrain.Cam]):
-    """A cam by itself: its lift over one revolution, and the follower that makes a profile of it."""
+    """Cam without a shaft: its lift over one revolution, and the follower that determines the profile."""
 
     at: Name | None = Field(None, description="named node of the camshaft")
     follower: FollowerRecord | None = Field(None, description="what touches the cam")
@@ -132,7 +132,7 @@ class FreeCamRecord(PartRecord[valvetrain.Cam]):
     @field_validator("lift", mode="before")
     @classmethod
     def _in_its_unit(cls, value: object, info: ValidationInfo) -> object:
-        """Return metres; where the follower swings an angle is the path at its arm's length."""
+        """Return metres; with a swinging follower an angle is converted to the path at the length of its arm."""
         follower = info.data.get("follower")
         if value is None:
             return None
@@ -140,26 +140,26 @@ class FreeCamRecord(PartRecord[valvetrain.Cam]):
             try:
                 angle = parse(value, "angle")
             except InputError:
-                pass  # then it is a length
+                pass  # a length
             else:
                 return follower.arm * q.Unit("angle", above=True).validate(angle)
         return q.Unit("length", above=True).validate(value)
 
     @property
     def lacking(self) -> list[str]:
-        """Keys that the lift lacks."""
+        """Missing keys of the lift."""
         named = (("law", self.law), ("lift", self.lift), ("rise", self.rise), ("return", self.fall))
         return [key for key, value in named if value is None and self.lift_table is None]
 
     def _check(self) -> None:
-        """Refuse a cam that cannot be; what it lacks is reported with the references of all tables, by its key."""
+        """Check the cam; missing keys are reported with the references of all tables."""
         if not self.lacking:
             self.made()
         elif self.follower is not None:
             self.follower.made(self.base_radius)
 
     def made(self) -> valvetrain.Cam:
-        """Return the cam."""
+        """Build the cam."""
         follower = self.follower.made(self.base_radius) if self.follower else None
         turn = 1 if self.rotation == "counterclockwise" else -1
         return valvetrain.Cam(self.at or "", self._event(), follower, turn, self.width)

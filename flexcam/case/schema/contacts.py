@@ -1,4 +1,4 @@
-"""Tables of contacts: cam and follower, seats, plays."""
+"""Tables of contacts: cam and follower, seats, lashes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from flexcam.valvetrain import DAMPING_DEPTH
 
 
 class PublishedLoadRecord(Record):
-    """The published coupling of a cam and its follower: a force drives the follower."""
+    """Published contact model of a cam and its follower: a force drives the follower."""
 
     model: Literal["published-load"]
     cam: Name
@@ -24,7 +24,7 @@ class PublishedLoadRecord(Record):
 
 
 class BilateralRecord(Record):
-    """A cam that lifts its follower through a stiffness, and cannot part from it."""
+    """Bilateral contact: the cam moves its follower through a stiffness and cannot separate from it."""
 
     model: Literal["bilateral"]
     cam: Name
@@ -34,7 +34,7 @@ class BilateralRecord(Record):
 
 
 class UnilateralRecord(Record):
-    """A cam that lifts its follower and may part from it."""
+    """Unilateral contact: the cam lifts its follower and may separate from it."""
 
     model: Literal["unilateral"]
     cam: Name
@@ -85,7 +85,7 @@ class SeatRecord(Record):
 
 
 class _PlayRecord(Record):
-    """What stands between a rocker and its point, or between two nodes."""
+    """Connection between a rocker and its point, or between two nodes."""
 
     at: Name | None = Field(None, description="name of a rocker: the play is at its point")
     start: Name | None = Field(None, alias="from", description="node that pushes, where it is not at a rocker")
@@ -103,12 +103,12 @@ class _PlayRecord(Record):
 
     @property
     def ends(self) -> tuple[str, str] | None:
-        """Names of both nodes; None at a rocker."""
+        """Names of both nodes; None for a rocker."""
         return (self.start, self.to) if self.start is not None and self.to is not None else None
 
 
 class LashRecord(_PlayRecord):
-    """Play between a rocker and the point it drives, or between two nodes."""
+    """Lash between a rocker and the point it drives, or between two nodes."""
 
     model: Literal["lash"]
     gap: Annotated[float, q.Unit("length")] = Field(description="at the rocker's point")
@@ -120,7 +120,7 @@ class LashRecord(_PlayRecord):
 
 
 class AdjusterRecord(_PlayRecord):
-    """Hydraulic lash adjuster, in the place of a play."""
+    """Hydraulic lash adjuster, in the place of a lash."""
 
     model: Literal["lash-adjuster"]
     stiffness: Annotated[float, q.Unit("stiffness", above=True)] = Field(description="of the oil column")

@@ -29,7 +29,7 @@ class MaterialRecord(PartRecord[Material]):
     )
 
     def made(self) -> Material:
-        """Return the material."""
+        """Build the material."""
         return Material(self.E, self.nu, self.density, self.ultimate_strength, self.endurance_limit)
 
 
@@ -43,7 +43,7 @@ class _SectionRecord(PartRecord[Section]):
         raise NotImplementedError
 
     def made(self) -> Section:
-        """Return the section, with the torsion constant and shear factors given here."""
+        """Build the section, with the given torsion constant and shear factors."""
         return self.bare().given(J=self.J, kappa_y=self.kappa_y, kappa_z=self.kappa_z)
 
 
@@ -109,7 +109,7 @@ SectionRecord = Annotated[CircleRecord | TubeRecord | RectangleRecord | CustomRe
 
 
 class MemberRecord(Record):
-    """What a line group of the mesh, or a chain of named nodes, is made of."""
+    """Material, section and elements of a line group of the mesh or of a chain of named nodes."""
 
     material: Name
     section: Name

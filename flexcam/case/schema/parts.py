@@ -1,4 +1,4 @@
-"""Tables of what is attached to the structure: masses, springs, bearings, loads, rockers."""
+"""Tables of parts attached to the structure: masses, springs, bearings, loads, rockers."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ class MassRecord(PartRecord[valvetrain.MassAt]):
     offset: Point = Field((0.0, 0.0, 0.0), description="from the node to its centre, global axes")
 
     def made(self) -> valvetrain.MassAt:
-        """Return the body and its place."""
+        """Build the body and its position."""
         return valvetrain.MassAt(self.at, PointMass(self.mass, self.inertia, self.offset))
 
 
 _CLASH = 50.0
-"""Stiffness of touching coils over that of the part between them, where none is given: flexcam's choice."""
+"""Default ratio of the stiffness of touching coils to that of the spring part between them: flexcam's choice."""
 
 
 class WireRecord(PartRecord[valvetrain.Wire]):
-    """Wire of a coil spring: its stress, and its stiffness where none is given."""
+    """Wire of a coil spring, for its stress and its default stiffness."""
 
     diameter: q.Length
     coil_diameter: q.Length = Field(description="of the coil's mean circle")
@@ -49,19 +49,19 @@ class WireRecord(PartRecord[valvetrain.Wire]):
         return self
 
     def made(self) -> valvetrain.Wire:
-        """Return the wire."""
+        """Build the wire."""
         return valvetrain.Wire(self.diameter, self.coil_diameter)
 
     @property
     def rate(self) -> float | None:
-        """Stiffness of the spring, N/m; None where the coils are not counted."""
+        """Stiffness of the spring, N/m; None without a number of coils."""
         if self.active_coils is None or self.shear_modulus is None:
             return None
         return self.made().rate(self.shear_modulus, self.active_coils)
 
 
 class PulsationRecord(PartRecord[valvetrain.Pulsation]):
-    """Swing of a stiffness with the cam angle."""
+    """Variation of a stiffness with the cam angle."""
 
     order: q.PositiveNumber = Field(description="swings per camshaft revolution")
     amplitude: q.Ratio = Field(description='part of the mean stiffness, such as "10 %"; below 1')
@@ -74,7 +74,7 @@ class PulsationRecord(PartRecord[valvetrain.Pulsation]):
         return self
 
     def made(self) -> valvetrain.Pulsation:
-        """Return the swing."""
+        """Build the pulsation."""
         return valvetrain.Pulsation(self.order, self.amplitude, self.phase)
 
 
@@ -122,13 +122,13 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
     @field_validator("stiffness", "damping", mode="before")
     @classmethod
     def _in_its_unit(cls, value: object, info: ValidationInfo) -> float:
-        """Return SI; a rotation has other units than a translation."""
+        """Return SI; units depend on whether the spring is translational or rotational."""
         along = info.data.get("direction", "uy")
         turns = not direction(along)[:3].any()
         return q.Unit(f"rotational {info.field_name}" if turns else str(info.field_name)).validate(value)
 
     def made(self) -> valvetrain.Spring:
-        """Return the spring."""
+        """Build the spring."""
         along = direction(self.direction)
         stiffness = self.stiffness or (self.wire.rate if self.wire else None) or 0.0
         clash = self.clash_stiffness or _CLASH * self.elements * stiffness
@@ -143,7 +143,7 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
 
 
 class BearingRecord(PartRecord[tuple[float, float]]):
-    """Elastic bearing: the same stiffness and damping in every direction square to the shaft."""
+    """Elastic bearing with isotropic stiffness and damping perpendicular to the shaft."""
 
     at: Name
     stiffness: q.Stiffness
@@ -155,7 +155,7 @@ class BearingRecord(PartRecord[tuple[float, float]]):
 
 
 class LoadRecord(Record):
-    """Constant force at a point or spread over a member."""
+    """Constant force at a point or distributed over a member."""
 
     at: Name | None = Field(None, description="point it acts at")
     member: Name | None = Field(None, description="member it is spread over")
@@ -168,7 +168,7 @@ class LoadRecord(Record):
     @field_validator("force", mode="before")
     @classmethod
     def _in_its_unit(cls, value: object, info: ValidationInfo) -> float | None:
-        """Return SI; about an axis it is a moment."""
+        """Return SI; a force about an axis is a moment."""
         if value is None:
             return None
         turns = not direction(info.data.get("direction", "uy"))[:3].any()
@@ -185,7 +185,7 @@ class LoadRecord(Record):
         return self
 
     def made(self) -> valvetrain.GivenLoad:
-        """Return the load."""
+        """Build the load."""
         size = self.force if self.force is not None else self.force_per_length
         return valvetrain.GivenLoad(size or 0.0, direction(self.direction), self.at, self.member)
 
@@ -202,7 +202,7 @@ class LumpedRecord(Record):
 
 
 class LeverRecord(Record):
-    """Rocker or finger follower that turns: its ratio changes with its angle, its arms give way."""
+    """Rocker or finger follower with finite rotation: its ratio depends on its angle, its arms are elastic."""
 
     model: Literal["lever"]
     start: Name = Field(

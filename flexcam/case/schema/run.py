@@ -1,4 +1,4 @@
-"""Table of how true a run is to be, and what it may leave out."""
+"""Tables of a run: model fidelity, damping, integrators, initial state, speed fluctuation and output."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from flexcam.fem.assembly import Damping
 
 
 class ToleranceRecord(Record):
-    """Error by quantity in the norm, as a part of its largest value; what is not named may err as it likes."""
+    """Allowed error by quantity in the norm, relative to its maximum; quantities without an entry are not limited."""
 
     lift: q.Tolerance | None = None
     velocity: q.Tolerance | None = None
@@ -27,13 +27,13 @@ class ToleranceRecord(Record):
         return self
 
     def by_quantity(self) -> dict[str, float]:
-        """Return the tolerances that are given."""
+        """Return the given tolerances by quantity."""
         every = {name: getattr(self, name) for name in type(self).model_fields}
         return {name: float(value) for name, value in every.items() if value is not None}
 
 
 class FidelityRecord(Record):
-    """Which model of the case is run, and what of it is integrated."""
+    """Model of the case and the degrees of freedom that are integrated."""
 
     model: Literal["beams", "rigid", "sdof", "chain"] = Field(
         "beams", description="flexible members, rigid ones, one mass for the train, or a chain of masses"
@@ -79,7 +79,7 @@ class FidelityRecord(Record):
 
     @property
     def tolerances(self) -> dict[str, float]:
-        """Tolerance by quantity; empty where none is asked for."""
+        """Tolerance by quantity; empty if none is given."""
         if self.tolerance is None:
             return {}
         return self.tolerance.by_quantity() if isinstance(self.tolerance, ToleranceRecord) else {"lift": self.tolerance}
@@ -93,82 +93,82 @@ class DampingRecord(PartRecord[Damping]):
     modal: q.Ratio = Field(0.0, description="damping ratio of every mode")
 
     def made(self) -> Damping:
-        """Return the damping."""
+        """Build the damping."""
         return Damping(self.alpha, self.beta, self.modal)
 
 
 class NewmarkRecord(PartRecord[dynamics.Scheme]):
-    """Newmark's scheme; the default is the average acceleration."""
+    """Newmark method; the default is the average acceleration."""
 
     method: Literal["newmark"] = "newmark"
     beta: q.PositiveNumber = 0.25
     gamma: q.PositiveNumber = 0.5
 
     def made(self) -> dynamics.Scheme:
-        """Return the scheme."""
+        """Build the scheme."""
         return dynamics.newmark(beta=self.beta, gamma=self.gamma)
 
 
 class HhtRecord(PartRecord[dynamics.Scheme]):
-    """Scheme of Hilber, Hughes and Taylor."""
+    """Hilber-Hughes-Taylor method."""
 
     method: Literal["hht"]
     alpha: q.SignedNumber = -0.05
 
     def made(self) -> dynamics.Scheme:
-        """Return the scheme."""
+        """Build the scheme."""
         return dynamics.hht(alpha=self.alpha)
 
 
 class GeneralizedAlphaRecord(PartRecord[dynamics.Scheme]):
-    """Generalized-alpha scheme."""
+    """Generalized-alpha method."""
 
     method: Literal["generalized-alpha"]
     rho_inf: q.Ratio = 0.9
 
     def made(self) -> dynamics.Scheme:
-        """Return the scheme."""
+        """Build the scheme."""
         return dynamics.generalized_alpha(rho_inf=self.rho_inf)
 
 
 class BatheRecord(PartRecord[dynamics.Method]):
-    """Composite step of Bathe: two stages, no parameter, high frequencies gone within a step."""
+    """Composite method of Bathe: two stages, no parameter, high frequencies vanish within a step."""
 
     method: Literal["bathe"]
 
     def made(self) -> dynamics.Method:
-        """Return the method."""
+        """Build the method."""
         return dynamics.bathe()
 
 
 class CentralDifferenceRecord(PartRecord[dynamics.Method]):
-    """Explicit central difference, for members with mass = "lumped"; the highest frequency bounds the step."""
+    """Explicit central difference method, for members with mass = "lumped"; the highest frequency limits the step."""
 
     method: Literal["central-difference"]
 
     def made(self) -> dynamics.Method:
-        """Return the method."""
+        """Build the method."""
         return dynamics.central_difference()
 
 
 class ExactRecord(PartRecord[dynamics.Method]):
-    """Exact answer of every mode, for models without contacts."""
+    """Exact modal solution, for models without contacts."""
 
     method: Literal["exact"]
 
     def made(self) -> dynamics.Method:
-        """Return the method."""
+        """Build the method."""
         return dynamics.exact()
 
 
 class OutsideRecord(PartRecord[dynamics.Method]):
-    """Integrators of scipy, as a check of small models: slow, as exact as the tolerance."""
+    """Integrators of scipy, as a check of small models: slow, with an accuracy set by the tolerance."""
 
     method: Literal["radau", "dop853"]
     tolerance: Annotated[float, Field(ge=1e-13, le=1e-2)] = Field(1e-9, description="relative local error")
 
     def made(self) -> dynamics.Method:
-        """Return the method."""
+        """Build the method."""
         make = dynamics.radau if self.method == "radau" else dynamics.dop853
         return make(tolerance=self.tolerance)
 
@@ -192,7 +192,7 @@ class ResultStartRecord(Record):
 
 
 class GivenStartRecord(Record):
-    """Start from given displacements and velocities; what is not named is zero."""
+    """Start from given displacements and velocities; others are zero."""
 
     displacement: dict[str, float] = Field(default={}, description='"point.component" to length or angle')
     velocity: dict[str, float] = Field(default={}, description='"point.component" to velocity or angular speed')
@@ -200,7 +200,7 @@ class GivenStartRecord(Record):
     @field_validator("displacement", "velocity", mode="before")
     @classmethod
     def _in_their_units(cls, value: object, info: ValidationInfo) -> object:
-        """Return SI by component; what is no table is left to pydantic."""
+        """Return SI by component; values other than tables are left to pydantic."""
         if not isinstance(value, dict):
             return value
         table = cast("dict[str, object]", value)
@@ -212,7 +212,7 @@ class GivenStartRecord(Record):
 
 
 def _kind_of_start(value: object) -> str:
-    """Return which kind of start a value, or a record, is meant to be: told by one fault if it is none."""
+    """Return the kind of initial state of a value or record, so that an invalid value gives one fault."""
     if isinstance(value, dict):
         return "result" if "result" in value else "given"
     if isinstance(value, ResultStartRecord):
@@ -229,7 +229,7 @@ StartRecord = Annotated[
 
 
 class FluctuationRecord(Record):
-    """Swing of the camshaft's speed about its mean, in orders of its rotation."""
+    """Fluctuation of the camshaft speed about its mean, in orders of its rotation."""
 
     orders: list[q.PositiveNumber] = Field(min_length=1, description="swings per camshaft revolution")
     amplitudes: list[q.Ratio] = Field(description='parts of the mean speed, such as "2 %"; together below 1')
@@ -249,30 +249,30 @@ class FluctuationRecord(Record):
 
 
 class FreeRunningRecord(Record):
-    """Speed of a cam that turns by its own inertia, as its reduced inertia changes with the lift."""
+    """Speed of a freely rotating cam, as its reduced inertia changes with the lift."""
 
     cam: Name
     cam_mass: Annotated[float, q.Unit("mass", above=True)] = Field(description="of the cam, as a disc")
     follower_mass: q.MassValue = Field(description="of the follower")
 
     def made(self) -> tuple[str, float, float]:
-        """Return the cam's name and both masses."""
+        """Return the name of the cam and both masses."""
         return self.cam, self.cam_mass, self.follower_mass
 
 
 class AdaptiveRecord(PartRecord[dynamics.Adaptive]):
-    """Steps divided until their error is below a tolerance; results stay at the steps given."""
+    """Adaptive steps with an error below a tolerance; results are saved at the given steps."""
 
     tolerance: q.PositiveNumber = Field(1e-6, description="largest error of a step, as a part of the motion (energy)")
     smallest: q.Time | None = Field(None, description="smallest step; 2^-16 of the one given by default")
 
     def made(self) -> dynamics.Adaptive:
-        """Return tolerance and floor."""
+        """Build the step control: tolerance and minimum step."""
         return dynamics.Adaptive(self.tolerance, self.smallest)
 
 
 class RunRecord(Record):
-    """How the mechanism is run."""
+    """Speed, duration, steps, initial state and integrator of a run."""
 
     speed: q.Speed | None = Field(None, description="camshaft speed")
     crank_speed: q.Speed | None = Field(None, description="crankshaft speed, twice the camshaft's")
@@ -315,7 +315,7 @@ def _without_doubles(names: list[str]) -> list[str]:
 
 
 class OutputRecord(Record):
-    """What is saved."""
+    """Saved quantities and instants."""
 
     probes: list[Name] = Field(default=[], description="points kept at every step")
     _listed_once = field_validator("probes")(_without_doubles)

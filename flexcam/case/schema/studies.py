@@ -1,4 +1,4 @@
-"""Tables of settings of a valve spring that are compared with the case's own."""
+"""Tables of studies: valve spring settings and sweeps."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from flexcam.case.schema.base import Record
 
 
 class SettingRecord(Record):
-    """A speed and a valve spring, for `flexcam settings`; what is not given is the case's own."""
+    """Speed and valve spring for `flexcam settings`; missing values are those of the case."""
 
     speed: q.Speed | None = Field(None, description="camshaft speed")
     crank_speed: q.Speed | None = Field(None, description="crankshaft speed, twice the camshaft's")
@@ -26,12 +26,12 @@ class SettingRecord(Record):
 
     @property
     def camshaft_speed(self) -> float | None:
-        """Camshaft speed, rad/s; None for the case's."""
+        """Camshaft speed, rad/s; None for the speed of the case."""
         return self.speed if self.crank_speed is None else 0.5 * self.crank_speed
 
 
 class SweepRecord(Record):
-    """Variants of the case that `flexcam sweep` runs; the command line lays its own keys over them."""
+    """Variants of the case for `flexcam sweep`; keys on the command line override it."""
 
     set_: dict[str, Annotated[str, Field(min_length=1)]] = Field(
         default={},
@@ -46,6 +46,6 @@ class SweepRecord(Record):
 
 
 class SweepOnly(Record):
-    """A case of which the sweep alone is looked at."""
+    """Case of which only the table ``[sweep]`` is read."""
 
     sweep: SweepRecord

@@ -1,1 +1,1 @@
-"""The mechanism as solids at an instant: points and triangles, no renderer."""
+"""Solid geometry of the mechanism at an instant: points and triangles, without a renderer."""

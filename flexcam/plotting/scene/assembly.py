@@ -1,4 +1,4 @@
-"""Where a result is looked at when nobody says where: at full lift."""
+"""Assembly of the solid parts of a mechanism, and its default instant at full lift."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from flexcam.valvetrain import Structure
 
 
 def full_lift(case: Case, response: Response, angle: FloatArray) -> int:
-    """Return the instant at which the valve is farthest from where it was installed."""
+    """Return the index of the instant at which the valve is farthest from its installed position."""
     at = np.minimum(np.searchsorted(response.angle, angle - 1e-9), len(response.angle) - 1)
     points = {rocker.to for rocker in case.record.rockers.values()}
     names = [name for name, _ in response.outline.probes]
@@ -38,7 +38,7 @@ def full_lift(case: Case, response: Response, angle: FloatArray) -> int:
 
 
 def _paths(response: Response, probe: str) -> list[FloatArray]:
-    """Return the displacements of a probe along lines, shape (m,) each."""
+    """Return the translational displacements of a probe, shape (m,) each."""
     history = response[probe]
     if history.displacement.ndim == 1:
         return [history.displacement]
@@ -48,19 +48,19 @@ def _paths(response: Response, probe: str) -> list[FloatArray]:
 
 
 _STEEL = 7800.0
-"""Density with which a mass at a bare node is drawn as a ball, kg/m^3, up to a tenth of the model's size."""
+"""Density of the sphere drawn for a mass at a node, kg/m^3; its size is limited to a tenth of the model's size."""
 
 
 @dataclass(frozen=True, eq=False)
 class Mechanism:
-    """What a model looks like.
+    """Drawable model.
 
     Parameters
     ----------
     structure
-        Of the model.
+        Structure of the model.
     layout
-        Places and sizes of what the mesh does not hold.
+        Positions and sizes of parts outside of the mesh.
     """
 
     structure: Structure
@@ -68,18 +68,18 @@ class Mechanism:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Sentences on sizes that the case does not give."""
+        """Sentences about sizes that the case does not give."""
         return self.layout.notes
 
     @property
     def upwards(self) -> FloatArray:
-        """Unit vector that is up in pictures, shape (3,): along the lift, to the side of the coordinate that rises."""
+        """Unit vector that points up in figures, shape (3,): along the lift, toward increasing coordinates."""
         lift = self.layout.cams[0].lift if self.layout.cams else np.array([0.0, 1.0, 0.0])
         return lift * (np.sign(lift[np.argmax(np.abs(lift))]) or 1.0)
 
     @property
     def axis(self) -> FloatArray:
-        """Unit vector of the camshaft, or one that is square to `upwards` where there is none, shape (3,)."""
+        """Unit vector of the camshaft, or one perpendicular to `upwards` without a camshaft, shape (3,)."""
         return self.layout.cams[0].frame.axis if self.layout.cams else across(self.upwards)[1]
 
     def solids(self, instant: Instant) -> list[Solid]:
@@ -118,7 +118,7 @@ class Mechanism:
         return instant.along(self.structure.path(self.structure.model.rockers[name]))
 
     def _axle(self, place: CamPlace, instant: Instant) -> list[Solid]:
-        """Return the stub of an axle through a cam on no member."""
+        """Return the stub shaft through a cam without a member."""
         if self.structure.model.mesh.on_members()[place.node]:
             return []
         frame = place.frame
@@ -127,7 +127,7 @@ class Mechanism:
         return [cylinder("shaft", middle - reach, middle + reach, radius)]
 
     def _balls(self, instant: Instant) -> Iterator[Solid]:
-        """Yield the masses at nodes that nothing else shows."""
+        """Yield the masses at nodes without other parts."""
         model = self.structure.model
         shown = {one.point for one in self.layout.valves} | {one.contact.follower for one in self.layout.cams}
         for part in model.masses.values():
@@ -141,7 +141,7 @@ class Mechanism:
 
 
 def _skinned(kind: str, rings: list[FloatArray], values: FloatArray | None) -> Solid:
-    """Return a swept section; a hole is skinned on the way back."""
+    """Return the solid of a swept section; a hole is connected in the reverse direction."""
     if len(rings) == 1:
         return loft(kind, rings[0], values=values)
     there_and_back = np.concatenate([rings[0], rings[1][::-1]])
@@ -151,5 +151,5 @@ def _skinned(kind: str, rings: list[FloatArray], values: FloatArray | None) -> S
 
 
 def mechanism(structure: Structure) -> Mechanism:
-    """Lay out what a model looks like."""
+    """Create the drawable model of a structure."""
     return Mechanism(structure, laid_out(structure))

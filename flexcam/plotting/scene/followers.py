@@ -1,4 +1,4 @@
-"""Followers on their cams: a flat face or a roller, and what joins it to the node that moves."""
+"""Followers on their cams: a flat face or a roller, and its connection to the moving node."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def follower(place: CamPlace, instant: Instant) -> list[Solid]:
-    """Return what touches a cam."""
+    """Return the solids of a follower."""
     moved = instant.at(place.contact.follower, place.lift)
     if np.isinf(place.frame.follower.roller_radius):
         return _face(place, moved)
@@ -22,7 +22,7 @@ def follower(place: CamPlace, instant: Instant) -> list[Solid]:
 
 
 def _face(place: CamPlace, moved: np.ndarray) -> list[Solid]:
-    """Return a disc whose face lies on the cam, and the neck from there to the node if that is farther."""
+    """Return a disc with its face on the cam, and the neck to the node if that is farther away."""
     base, radius = place.frame.follower.base_radius, place.face
     face = place.frame.centre + base * place.lift + moved
     thick = 0.3 * radius

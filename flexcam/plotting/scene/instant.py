@@ -1,4 +1,4 @@
-"""An instant of a mechanism as drawn, and where its points then are."""
+"""State of a mechanism at one instant, for drawing."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from flexcam.valvetrain import Structure
 
 @dataclass(frozen=True, eq=False)
 class Instant:
-    """What moves a scene.
+    """State of a scene at one instant.
 
     Parameters
     ----------
     structure
-        Of the model.
+        Structure of the model.
     angle
         Cam angle, rad.
     unknowns
-        Displacements of the structure's unknowns as drawn, m and rad, shape (n,).
+        Displacements of the degrees of freedom of the structure as drawn, m and rad, shape (n,).
     values
-        What members are coloured by at the points of their polylines, one member's after the other's, shape (points,);
-        None for no colours.
+        Colour values of members at the points of their polylines, member by member, shape (points,); None for no
+        colours.
     """
 
     structure: Structure
@@ -39,11 +39,11 @@ class Instant:
         return self.structure.dofs.nodal(self.unknowns)
 
     def along(self, row: FloatArray) -> float:
-        """Return the motion that a row over the unknowns picks, m."""
+        """Return the motion selected by a row over the degrees of freedom, m."""
         return float(row @ self.unknowns)
 
     def at(self, point: str, away: FloatArray) -> FloatArray:
-        """Return the displacement of a named point, m, shape (3,); a rocker's moves along `away`."""
+        """Return the displacement of a named point, m, shape (3,); the point of a rocker moves along `away`."""
         if self.structure.is_node(point):
             return self.nodal[self.structure.model.mesh.node(point), :3]
         return self.along(self.structure.row(point, np.zeros(6))) * away

@@ -1,4 +1,4 @@
-"""Where the parts of a model are that its mesh does not hold: cams, followers, rockers, valves, coils."""
+"""Positions of parts outside of the mesh: cams, followers, rockers, valves, coil springs."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ from flexcam.valvetrain.train_topology import Driven, moved_nodes, rocker_of
 
 @dataclass(frozen=True, eq=False)
 class CamPlace:
-    """A cam, its follower and where they are.
+    """Cam and follower with their positions.
 
     Parameters
     ----------
     frame
-        Of the cam.
+        Plane of the cam.
     node
-        Number of its node.
+        Index of its node.
     contact
-        With its follower.
+        Contact with the follower.
     lift
         Unit vector of the lift, shape (3,).
     ahead
-        From the cam's centre to the follower's node along the lift, m; zero where a finger is the follower.
+        Distance along the lift from the cam centre to the follower node, m; zero for a finger follower.
     face
         Radius of a flat face, m.
     """
@@ -51,18 +51,18 @@ class CamPlace:
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Places and sizes of parts.
+    """Positions and sizes of parts.
 
     Parameters
     ----------
     cams, levers, valves, springs
-        The parts; levers by the name of their rocker.
+        Parts; levers by the name of their rocker.
     head
         Diameter of valve heads, m.
     thick
         Thickness of rockers, m.
     notes
-        Sentences on sizes that the case does not give.
+        Sentences about sizes that the case does not give.
     """
 
     cams: tuple[CamPlace, ...]
@@ -77,7 +77,7 @@ class Layout:
 def laid_out(structure: Structure) -> Layout:
     """Return the layout of a model."""
     model, notes = structure.model, Notes()
-    head = 4.0 * sizes.valve_lift(model)  # the curtain then has the area of the port
+    head = 4.0 * sizes.valve_lift(model)  # makes the curtain area equal to the port area
     cams = tuple(_cams(model, notes))
     levers = {name: _lever(model, one, cams) for name, one in model.rockers.items()}
     valves = tuple(_valves(model, levers))
@@ -124,7 +124,7 @@ def _lever(model: Model, rocker: Rocker, cams: tuple[CamPlace, ...]) -> LeverFra
 
 
 def _valves(model: Model, levers: dict[str, LeverFrame]) -> Iterator[ValvePlace]:
-    """Yield the valves: at the points of rockers, at seats, and at the stiffest spring of any other train."""
+    """Yield the valves: at the points of rockers, at seats, and at the stiffest spring of other trains."""
     for name, frame in levers.items():
         point, play = frame.rocker.point, model.lash_of(name)
         gap = play.gap if isinstance(play, Lash) else 0.0
@@ -171,7 +171,7 @@ def _springs(
 def _moving_end(
     model: Model, spring: Spring, levers: dict[str, LeverFrame], head: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the moving end of a spring to ground, and the way from there to its fixed end."""
+    """Return the moving end of a spring to ground, and the direction from there to its fixed end."""
     if spring.at in model.mesh.points:
         return model.mesh.nodes[model.mesh.node(spring.at)], unit(spring.direction)
     frame = next(one for one in levers.values() if spring.at in (one.rocker.point, one.rocker.start))
@@ -184,7 +184,7 @@ def _moving_end(
 
 
 def _between(model: Model, name: str, spring: Spring, borders: FloatArray, head: float, notes: Notes) -> CoilPlace:
-    """Return the place of a spring between two nodes, from its end `to`."""
+    """Return the position of a spring between two nodes, starting at its end `to`."""
     start, end = (model.mesh.nodes[model.mesh.node(str(one))] for one in (spring.to, spring.at))
     span = end - start
     length = float(np.linalg.norm(span))

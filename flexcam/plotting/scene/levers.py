@@ -1,4 +1,4 @@
-"""Rockers and finger followers: where their ends and pivots lie, and their bodies."""
+"""Rockers and finger followers: positions of their ends and pivots, and their bodies."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from flexcam.valvetrain import Lever, Rocker
 
 @dataclass(frozen=True, eq=False)
 class LeverFrame:
-    """A rocker's plane in space.
+    """Plane of a rocker in space.
 
     Parameters
     ----------
     rocker
-        The rocker.
+        Rocker.
     pivot
-        m, shape (3,).
+        Pivot, m, shape (3,).
     plane
-        Unit vectors: square to the motion of the driven end, and along it, shape (2, 3).
+        Unit vectors perpendicular to and along the motion of the driven end, shape (2, 3).
     side
-        On which side of the pivot the driven end lies along the plane's first axis, 1 or -1.
+        Side of the pivot with the driven end along the first axis of the plane, 1 or -1.
     """
 
     rocker: Rocker
@@ -34,11 +34,11 @@ class LeverFrame:
     side: int = -1
 
     def ends(self, path: float) -> tuple[complex, complex]:
-        """Return both ends from the pivot, in the plane, m, at a path of the driven end (m)."""
+        """Return both ends relative to the pivot, in the plane, m, for a displacement of the driven end (m)."""
         rocker, far = self.rocker, self.side if self.rocker.finger else -self.side
         if isinstance(rocker, Lever):
             angles = rocker.angles[0] + path / rocker.arms[0], rocker.angles[1] + path / rocker.arms[0]
-        else:  # its ends move in proportion: the sine of its turn is what counts
+        else:  # constant ratio: the sine of the rotation is proportional to the displacement
             share = max(-0.9, min(0.9, path / rocker.arms[0]))
             angles = math.asin(share), math.asin(share)
         driven = rocker.arms[0] * complex(self.side * math.cos(angles[0]), math.sin(angles[0]))
@@ -51,18 +51,18 @@ class LeverFrame:
 
     @property
     def away(self) -> FloatArray:
-        """Unit vector in which the point moves on the lift, shape (3,)."""
+        """Unit vector of the output motion during lift, shape (3,)."""
         return self.plane[1] if self.rocker.finger else -self.plane[1]
 
 
 def lever_frame(rocker: Rocker, end: FloatArray, plane: FloatArray, side: int) -> LeverFrame:
-    """Return the frame of a rocker whose driven end lies at a place."""
+    """Return the plane of a rocker with a given position of its driven end."""
     driven = LeverFrame(rocker, np.zeros(3), plane, side).ends(0.0)[0]
     return LeverFrame(rocker, end - np.array([driven.real, driven.imag]) @ plane, plane, side)
 
 
 def lever(frame: LeverFrame, path: float, thick: float) -> list[Solid]:
-    """Return the body of a rocker and its pivot."""
+    """Return the solids of a rocker and its pivot."""
     bend, radii, pivot = _outline(frame, path, thick)
     links = zip(bend[:-1], bend[1:], radii[:-1], radii[1:], strict=True)
     body = [prism("rocker", capsule(a, b, (r, s)), frame.plane, frame.pivot, thick) for a, b, r, s in links]
@@ -75,9 +75,9 @@ def lever(frame: LeverFrame, path: float, thick: float) -> list[Solid]:
 
 
 def _outline(frame: LeverFrame, path: float, thick: float) -> tuple[list[complex], list[float], int]:
-    """Return the joints of the body from end to end in the plane, their radii, and which one is the pivot.
+    """Return the joints of the body from end to end in the plane, their radii, and the index of the pivot.
 
-    A rocker stands with its lower side on what drives it and on its valve, a finger on its valve.
+    The lower side of a rocker touches its pushrod and its valve; a finger touches its valve.
     """
     (driven, point), thin = frame.ends(path), 0.5 * thick
     if frame.rocker.finger:

@@ -1,4 +1,4 @@
-"""The deformed centre line of a member, with the axes of its sections."""
+"""Motion of a structure for animation, and deformed centre lines of members with section axes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from flexcam.plotting.scene.sizes import model_size
 from flexcam.valvetrain import Structure, build_rigid
 
 PARTS = 8
-"""Parts an element is drawn with."""
+"""Drawn segments per element."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,11 +29,11 @@ class CentreLine:
     Parameters
     ----------
     points
-        m, global axes, shape (m, 3).
+        Positions, m, global axes, shape (m, 3).
     triads
         Axes of the section as rows, x along the member, shape (m, 3, 3).
     part
-        Place in units of elements from the member's first node, shape (m,): 1.5 is the middle of the second element.
+        Position in elements from the first node of the member, shape (m,): 1.5 is the middle of the second element.
     """
 
     points: FloatArray
@@ -59,7 +59,7 @@ def centre_line(beams: Beams, elements: slice, nodes: FloatArray, nodal: FloatAr
 
 
 def turn(vectors: FloatArray) -> FloatArray:
-    """Return rotations by vectors, by Rodrigues' formula: rows of the result are the turned axes."""
+    """Return rotation matrices of rotation vectors by Rodrigues' formula: the rows are the rotated axes."""
     angle = np.linalg.norm(vectors, axis=1)[:, None, None]
     x, y, z = vectors.T
     nothing = np.zeros_like(x)
@@ -68,33 +68,33 @@ def turn(vectors: FloatArray) -> FloatArray:
 
 
 def swept(outline: FloatArray, line: CentreLine) -> FloatArray:
-    """Return the rings of an outline that is carried along a centre line."""
+    """Return the rings of an outline swept along a centre line."""
     return line.points[:, None] + outline @ line.triads[:, 1:]
 
 
 REVOLUTION = 2.0 * math.pi
 SWING = 0.05
-"""Largest translation of a drawn mode, as a part of the model's size."""
+"""Maximum translation of a drawn mode relative to the model size."""
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """A motion of a structure.
+    """Motion of a structure.
 
     Parameters
     ----------
     structure
-        The structure.
+        Structure.
     angle
         Cam angles, rad, shape (f,).
     rigid
-        Displacements of the unknowns as the rigid mechanism moves, m and rad, shape (f, n).
+        Displacements of the degrees of freedom by the rigid mechanism, m and rad, shape (f, n).
     elastic
-        What comes to that by the members' giving way: only this part is exaggerated. Shape (f, n).
+        Additional elastic displacements, shape (f, n): only these are exaggerated.
     values
-        Colours at the points of the members' polylines, shape (f, points); None for none.
+        Colour values at the points of the members' polylines, shape (f, points); None for no colours.
     label
-        What the colours are, with their unit.
+        Name of the colour values with unit.
     """
 
     structure: Structure
@@ -108,27 +108,27 @@ class Motion:
         return len(self.angle)
 
     def instant(self, i: int, scale: float = 1.0) -> Instant:
-        """Return instant i with its elastic part times `scale`."""
+        """Return instant i with its elastic part multiplied by `scale`."""
         values = None if self.values is None else self.values[i]
         return Instant(self.structure, float(self.angle[i]), self.rigid[i] + scale * self.elastic[i], values)
 
     def at(self, instants: Sequence[int] | IntArray) -> Motion:
-        """Return chosen instants."""
+        """Return selected instants."""
         values = None if self.values is None else self.values[instants]
         return replace(
             self, angle=self.angle[instants], rigid=self.rigid[instants], elastic=self.elastic[instants], values=values
         )
 
     def last_revolution(self) -> Motion:
-        """Return the last revolution, or all of a shorter motion."""
+        """Return the last revolution, or the whole of a shorter motion."""
         return self.at(np.flatnonzero(self.angle > self.angle[-1] - REVOLUTION * (1.0 - 1e-9)))
 
     def spread(self, count: int) -> list[int]:
-        """Return up to `count` instants, evenly over the motion."""
+        """Return the indices of up to `count` instants, evenly distributed over the motion."""
         return sorted({i * len(self) // count for i in range(count)} if count < len(self) else range(len(self)))
 
     def nearest(self, angle: float) -> int:
-        """Return the instant nearest to a cam angle (rad, whole revolutions do not count), the last of equals."""
+        """Return the index of the instant nearest to a cam angle (rad, modulo a revolution), the last of equal ones."""
         away = np.abs(np.angle(np.exp(1j * (self.angle - angle))))
         return len(away) - 1 - int(np.argmin(away[::-1].round(9)))
 
@@ -145,7 +145,7 @@ def result_motion(structure: Structure, result: Result, speed: float, colour: st
 
 
 def case_motion(structure: Structure, speed: float, colour: str | None = None, count: int = 180) -> Motion:
-    """Return the motion of the rigid mechanism over a revolution."""
+    """Return the motion of the rigid mechanism over one revolution."""
     angle = np.linspace(0.0, REVOLUTION, count, endpoint=False)
     series = dict(zip(("displacement", "velocity", "acceleration"), carried(structure, angle, speed), strict=True))
     rigid = series["displacement"]
@@ -160,7 +160,7 @@ def case_motion(structure: Structure, speed: float, colour: str | None = None, c
 
 
 def mode_motion(structure: Structure, shape: FloatArray, *, coloured: bool = False, count: int = 24) -> Motion:
-    """Return one swing of a mode about the mechanism as installed."""
+    """Return one period of a mode about the installed mechanism."""
     moved = np.linalg.norm(structure.dofs.nodal(shape)[:, :3], axis=1).max(initial=0.0)
     others = np.abs(shape[int((structure.dofs.numbers >= 0).sum()) :]).max(initial=0.0)
     largest = float(max(moved, others)) or 1.0
@@ -183,7 +183,7 @@ def carried(structure: Structure, angle: FloatArray, speed: float) -> tuple[Floa
 
 
 def _unknowns(structure: Structure, response: Response, rigid: FloatArray) -> FloatArray:
-    """Return the structure's unknowns at the saved fields; what a result does not hold moves as the rigid one."""
+    """Return the degrees of freedom of the structure at the saved fields; missing ones move as in the rigid model."""
     numbers = structure.dofs.numbers
     nodal = response.fields.displacement.reshape(len(rigid), -1, 6)
     moved = rigid.copy()
@@ -219,11 +219,11 @@ def _lengths(vectors: FloatArray) -> FloatArray:
 
 
 _SHOWN = {"Pa": ("MPa", 1e-6), "m": ("mm", 1e3)}
-"""Units of legends in place of SI's, and their number per SI unit."""
+"""Display units, and their number per SI unit."""
 
 
 def _shown_in(colour: str) -> tuple[str, float]:
-    """Return the unit of a field in legends and its number per SI unit."""
+    """Return the display unit of a field and its number per SI unit."""
     unit = VECTORS[colour][2] if colour in VECTORS else RECOVERED[colour][0]
     return _SHOWN.get(unit, (unit, 1.0))
 

@@ -1,4 +1,4 @@
-"""Sizes that a picture needs and no case gives, each with the sentence that says so."""
+"""Default sizes of drawn parts that a case does not give, each with a note."""
 
 from __future__ import annotations
 
@@ -11,42 +11,42 @@ from flexcam.cams import FlatFollower, Follower, cam_profile
 from flexcam.valvetrain import Cam, Model, Spring, valve_ratio
 
 SHEAR_MODULUS = 79.3e9
-"""Of spring steel, Pa: it counts the coils of a spring whose rate and wire are known."""
+"""Shear modulus of spring steel, Pa, used to find the number of coils from rate and wire."""
 
 _COILS = 6.0
-"""Coils of a spring whose wire is not given."""
+"""Number of coils of a spring without wire data."""
 
 
 @dataclass(eq=False)
 class Notes:
-    """What is drawn with a size of the picture's own."""
+    """Notes on parts drawn with a default size."""
 
     _said: dict[str, list[str]] = field(default_factory=dict[str, list[str]])
 
     def say(self, what: str, name: str, size: float, why: str) -> float:
-        """Return a size, m, and keep that a part is drawn with it: what it is, its name, and why so."""
+        """Return a size, m, and record a note: the kind of part, its name, and the reason."""
         self._said.setdefault(f"{what} {{}}: {1e3 * size:.3g} mm, {why}", []).append(name)
         return size
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """A sentence per size; parts of one size stand together."""
+        """Sentences for the notes; parts of equal size share one."""
         return tuple(text.format(", ".join(dict.fromkeys(names))) for text, names in self._said.items())
 
 
 def model_size(model: Model) -> float:
-    """Return the diagonal of the box around all nodes, m."""
+    """Return the diagonal of the bounding box of all nodes, m."""
     return model.mesh.extent or 0.1
 
 
 def valve_lift(model: Model) -> float:
-    """Return the largest lift of a valve of the rigid train, m; a tenth of the model's size where no cam lifts one."""
+    """Return the maximum valve lift of the rigid train, m; a tenth of the model size without a driven valve."""
     lifts = [abs(cam.event.height * valve_ratio(model, name)) for name, cam in model.cams.items()]
     return max(lifts, default=0.0) or 0.1 * model_size(model)
 
 
 def drawn_follower(name: str, cam: Cam, distance: float, notes: Notes) -> Follower:
-    """Return the follower that a cam is drawn for."""
+    """Return the follower with which a cam is drawn."""
     if cam.follower is not None:
         return cam.follower
     base = distance if distance > 0.0 else 3.0 * cam.event.height
@@ -61,14 +61,14 @@ def lobe_width(name: str, cam: Cam, follower: Follower, notes: Notes) -> float:
 
 
 def face_radius(cam: Cam, follower: Follower, width: float) -> float:
-    """Return the radius of a flat face on which the whole contact lies, with a tenth to spare, m."""
+    """Return the radius of a flat face that covers the whole contact with a margin of a tenth, m."""
     away = float(np.abs(cam_profile(cam.event, follower, turn=cam.turn).offset).max())
     return max(1.1 * math.hypot(away, 0.5 * width), 0.5 * follower.base_radius)
 
 
 @dataclass(frozen=True)
 class CoilSizes:
-    """Sizes of a drawn spring: mean diameter of the coil, diameter of the wire, installed length, m; and its coils."""
+    """Sizes of a drawn spring: mean coil diameter, wire diameter and installed length, m, and number of coils."""
 
     diameter: float
     wire: float
@@ -77,7 +77,7 @@ class CoilSizes:
 
 
 def coil_sizes(name: str, spring: Spring, diameter: float, travel: float, notes: Notes) -> CoilSizes:
-    """Return the sizes a spring is drawn with."""
+    """Return the sizes of a drawn spring."""
     if spring.wire is not None:
         D, d = spring.wire.coil_diameter, spring.wire.diameter
         coils = SHEAR_MODULUS * d**4 / (8.0 * D**3 * spring.stiffness) if spring.stiffness > 0.0 else _COILS

@@ -1,4 +1,4 @@
-"""Solids as lofts: rings of points, skinned with triangles. Every solid of a scene is made so."""
+"""Solids as lofts: rings of points connected by triangles, used for all solids of a scene."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from flexcam.fem.sections import Section
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """A closed surface of triangles that look outwards.
+    """Closed surface of triangles with outward normals.
 
     Parameters
     ----------
     kind
-        What it is a part of, such as ``"lobe"``: parts of a kind look alike.
+        Kind of part, such as ``"lobe"``: parts of a kind share their colour.
     points
-        m, global axes, shape (n, 3).
+        Points, m, global axes, shape (n, 3).
     faces
-        Point numbers of the triangles, counterclockwise seen from outside, shape (t, 3).
+        Point indices of the triangles, counterclockwise seen from outside, shape (t, 3).
     values
-        What it is coloured by, per point, shape (n,); None where nothing is known there.
+        Colour values by point, shape (n,); None if there are none.
     """
 
     kind: str
@@ -37,20 +37,20 @@ class Solid:
 
     @property
     def volume(self) -> float:
-        """Enclosed volume, m^3, by the divergence theorem; negative where the triangles look inwards."""
+        """Enclosed volume, m^3, by the divergence theorem; negative with inward normals."""
         a, b, c = np.moveaxis(self.points[self.faces], 1, 0)
         return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6.0
 
     @property
     def closed(self) -> bool:
-        """Whether every edge belongs to two triangles that run along it in opposite senses."""
+        """Return whether every edge belongs to two triangles with opposite directions."""
         edges = np.concatenate([self.faces[:, [i, (i + 1) % 3]] for i in range(3)]).tolist()
         seen = {(a, b) for a, b in edges}
         return len(seen) == len(edges) and all((b, a) in seen for a, b in seen)
 
 
 def loft(kind: str, rings: FloatArray, *, cyclic: bool = False, values: FloatArray | None = None) -> Solid:
-    """Return the solid that rings of points span."""
+    """Return the solid spanned by rings of points."""
     count, around = rings.shape[:2]
     points = rings.reshape(-1, 3)
     spread = None if values is None else np.repeat(values, around)
@@ -62,7 +62,7 @@ def loft(kind: str, rings: FloatArray, *, cyclic: bool = False, values: FloatArr
 
 @lru_cache(maxsize=256)
 def _skin(count: int, around: int, cyclic: bool) -> IntArray:
-    """Return the triangles between rings, and those of the ends."""
+    """Return the triangles between rings and those of the end faces."""
     here = np.arange(count if cyclic else count - 1)[:, None] * around
     there = (here + around) % (count * around)
     i, j = np.arange(around), (np.arange(around) + 1) % around
@@ -77,7 +77,7 @@ def _skin(count: int, around: int, cyclic: bool) -> IntArray:
 
 
 def merged(solids: Sequence[Solid]) -> Solid:
-    """Return several solids as one surface."""
+    """Merge several solids into one surface."""
     starts = np.cumsum([0, *(len(one.points) for one in solids)])[:-1].tolist()
     values = [one.values for one in solids if one.values is not None]
     return Solid(
@@ -110,7 +110,7 @@ def section_outlines(section: Section) -> list[FloatArray]:
 
 
 def capsule(start: complex, end: complex, radii: tuple[float, float]) -> FloatArray:
-    """Return the outline around two circles and their outer tangents, counterclockwise."""
+    """Return the outline of two circles and their outer tangents, counterclockwise."""
     span = end - start
     open_by = math.acos(max(-1.0, min(1.0, (radii[0] - radii[1]) / abs(span))))
     half = AROUND // 2
@@ -122,7 +122,7 @@ def capsule(start: complex, end: complex, radii: tuple[float, float]) -> FloatAr
 
 
 def across(axis: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return two unit vectors that make a right-handed triad with an axis, the axis last."""
+    """Return two unit vectors that form a right-handed triad with an axis, the axis last."""
     near = default_orientation(axis)
     first = near - (near @ axis) * axis
     first = first / np.linalg.norm(first)
@@ -137,14 +137,14 @@ def turned(kind: str, centre: FloatArray, axis: FloatArray, profile: Sequence[tu
 
 
 def cylinder(kind: str, start: FloatArray, end: FloatArray, radius: float) -> Solid:
-    """Return a round bar between two points."""
+    """Return a cylinder between two points."""
     span = end - start
     length = float(np.linalg.norm(span))
     return turned(kind, start, span / length, [(0.0, radius), (length, radius)])
 
 
 def ring(kind: str, centre: FloatArray, axis: FloatArray, radii: tuple[float, float], width: float) -> Solid:
-    """Return a ring of rectangular section."""
+    """Return a ring of rectangular cross-section."""
     first, second = across(axis)
     spokes = circle(1.0) @ np.array([first, second])
     inner, outer = radii
@@ -154,13 +154,13 @@ def ring(kind: str, centre: FloatArray, axis: FloatArray, radii: tuple[float, fl
 
 
 def ball(kind: str, centre: FloatArray, radius: float) -> Solid:
-    """Return a ball."""
+    """Return a sphere."""
     tilt = np.linspace(0.05, math.pi - 0.05, 17)
     pairs = zip((-radius * np.cos(tilt)).tolist(), (radius * np.sin(tilt)).tolist(), strict=True)
     return turned(kind, centre, np.array([0.0, 1.0, 0.0]), list(pairs))
 
 
 def prism(kind: str, outline: FloatArray, plane: FloatArray, centre: FloatArray, width: float) -> Solid:
-    """Return an outline with thickness."""
+    """Return an extruded outline."""
     flat, normal = centre + outline @ plane, np.cross(plane[0], plane[1])
     return loft(kind, np.array([flat - 0.5 * width * normal, flat + 0.5 * width * normal]))

@@ -1,4 +1,4 @@
-"""A coil spring as a helix whose coils lie where the spring's parts have moved."""
+"""Coil springs as helices that follow the motion of the spring parts."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from flexcam.plotting.scene.solids import Solid, across, circle, loft, ring
 _PER_COIL = 20
 _WIRE = 10
 _DEAD = 1.0
-"""Closed coils at each end."""
+"""Number of closed coils at each end."""
 
 
 def coil(sizes: CoilSizes, start: FloatArray, axis: FloatArray, moved: FloatArray, length: float) -> Solid:
-    """Return a coil spring."""
+    """Return the solid of a coil spring."""
     turns = sizes.coils + 2.0 * _DEAD
     angle = np.linspace(0.0, 2.0 * math.pi * turns, round(_PER_COIL * turns) + 1)
     place = _rise(angle / (2.0 * math.pi), turns, sizes, length)
-    closed = (0.5 + _DEAD) * sizes.wire  # coils at the ends move with the ends
+    closed = (0.5 + _DEAD) * sizes.wire  # end coils move with the ends
     along = place + np.interp(place, np.linspace(closed, max(length - closed, closed), len(moved)), moved)
     first, second = across(axis)
     out = np.cos(angle)[:, None] * first + np.sin(angle)[:, None] * second
@@ -36,7 +36,7 @@ def coil(sizes: CoilSizes, start: FloatArray, axis: FloatArray, moved: FloatArra
 
 
 def _rise(turn: FloatArray, turns: float, sizes: CoilSizes, length: float) -> FloatArray:
-    """Return the height of the wire's centre over the turns: closed end coils, the active ones evenly between them."""
+    """Return the height of the wire centre over the turns: closed end coils, evenly spaced active coils."""
     inner = max(length - (1.0 + 2.0 * _DEAD) * sizes.wire, 0.0)
     half = 0.5 * sizes.wire
     knots = [0.0, _DEAD, turns - _DEAD, turns]
@@ -45,23 +45,23 @@ def _rise(turn: FloatArray, turns: float, sizes: CoilSizes, length: float) -> Fl
 
 @dataclass(frozen=True, eq=False)
 class CoilPlace:
-    """Where a coil is.
+    """Position of a coil spring.
 
     Parameters
     ----------
     start
-        Its fixed end (that at `to`) as installed, m, shape (3,).
+        Installed position of its fixed end (that at `to`), m, shape (3,).
     axis
         Unit vector from there to its moving end, shape (3,).
     sizes
-        Of the coil.
+        Sizes of the coil.
     borders
-        Rows over the unknowns of the motions of its parts' borders along the spring's direction, from the fixed end to
-        the moving one, shape (parts + 1, n).
+        Rows over the degrees of freedom for the displacements of the boundaries of its parts along the spring
+        direction, from the fixed end to the moving end, shape (parts + 1, n).
     sense
-        1 where the spring's direction leads along `axis`, else -1.
+        1 if the direction of the spring is along `axis`, else -1.
     ground, retainer
-        Whether it stands on a washer at ground, and whether it bears a retainer.
+        Whether it stands on a washer at ground, and whether it has a retainer.
     """
 
     start: FloatArray
@@ -74,7 +74,7 @@ class CoilPlace:
 
 
 def drawn(place: CoilPlace, instant: Instant) -> list[Solid]:
-    """Return a spring."""
+    """Return the solids of a spring."""
     moved = place.sense * (place.borders @ instant.unknowns)
     size, axis = place.sizes, place.axis
     made = [coil(size, place.start, axis, moved, size.length)]

@@ -1,4 +1,4 @@
-"""Bearings, guides and drives as small symbols."""
+"""Symbols of bearings, guides and drives."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def drawn(model: Model, layout: Layout, instant: Instant) -> Iterator[Solid]:
 
 
 def _held(model: Model) -> dict[int, FloatArray]:
-    """Return which components of which nodes are held, shape (6,) each."""
+    """Return the fixed components of every supported node, shape (6,) each."""
     held: dict[int, FloatArray] = {}
     for point, names in model.supports.items():
         for node in model.mesh.points[point].tolist():
@@ -52,7 +52,7 @@ def _held(model: Model) -> dict[int, FloatArray]:
 
 
 def _holds_across(kept: FloatArray, axis: FloatArray) -> bool:
-    """Tell whether both translations across an axis are held."""
+    """Return whether both translations perpendicular to an axis are fixed."""
     first, second = across(axis)
     free = ~kept[:3].astype(bool)
     return not (np.abs(first[free]).max(initial=0.0) > 0.3 or np.abs(second[free]).max(initial=0.0) > 0.3)
@@ -69,13 +69,13 @@ def _sense(layout: Layout, axis: FloatArray) -> float:
 
 
 def _wall(where: FloatArray, axis: FloatArray, half: float) -> Solid:
-    """Return a plate that a member is clamped in."""
+    """Return a plate for a clamped member."""
     corners = half * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
     return prism("ground", corners, np.array(across(axis)), where, 0.4 * half)
 
 
 def _wheel(where: FloatArray, axis: FloatArray, radius: float, angle: float, sense: float) -> Solid:
-    """Return a toothed wheel that turns with the shaft."""
+    """Return a toothed wheel that rotates with the shaft."""
     first, second = across(axis)
     teeth = np.where(np.arange(4 * _TEETH) % 4 < 2, 1.0, 0.9)[:, None] * circle(radius, 4 * _TEETH)
     c, s = np.cos(sense * angle), np.sin(sense * angle)

@@ -1,4 +1,4 @@
-"""Valves: head, stem, retainer and the seat they close on."""
+"""Valves: head, stem, retainer and seat."""
 
 from __future__ import annotations
 
@@ -8,32 +8,32 @@ from flexcam.core import FloatArray
 from flexcam.plotting.scene.solids import Solid, ring, turned
 
 STEM = 1.0 / 6.0
-"""Diameter of a stem over that of its head."""
+"""Ratio of stem diameter to head diameter."""
 
 LENGTH = 3.0
-"""Length of a valve over the diameter of its head."""
+"""Ratio of valve length to head diameter."""
 
 _HALF = 0.5 * STEM
 _TULIP = [(-0.45, _HALF), (-0.2, 1.3 * _HALF), (-0.1, 2.1 * _HALF), (-0.04, 0.47), (0.0, 0.5), (0.03, 0.5)]
-"""Places before the end of a valve and radii there, over the diameter of its head."""
+"""Axial positions from the valve end and radii there, relative to the head diameter."""
 
 
 @dataclass(frozen=True, eq=False)
 class ValvePlace:
-    """Where a valve is.
+    """Position of a valve.
 
     Parameters
     ----------
     point
-        Name of the point it moves with.
+        Name of the point with which it moves.
     tip
-        End of its stem, or the middle of its head where the stem is a member of the model, as installed, m, shape (3,).
+        Installed position, m, shape (3,): end of the stem, or centre of the head if the stem is a member of the model.
     away
-        Unit vector in which it opens, shape (3,).
+        Unit vector of the opening direction, shape (3,).
     stem
-        Whether its stem is drawn with it.
+        Whether the stem is drawn.
     seat
-        Whether the model has a seat for it.
+        Whether the model has a seat for the valve.
     """
 
     point: str
@@ -44,7 +44,7 @@ class ValvePlace:
 
 
 def valve(place: ValvePlace, moved: FloatArray, head: float) -> list[Solid]:
-    """Return a valve, and its seat where the model has one."""
+    """Return the solids of a valve, and of its seat if the model has one."""
     length, away = (LENGTH * head if place.stem else 0.0), place.away
     tip, stem = place.tip + moved, 0.5 * STEM * head
     profile = [(length + x * head, radius * head) for x, radius in _TULIP]
