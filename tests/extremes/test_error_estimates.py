@@ -129,8 +129,8 @@ def check(count, folder):
 
     The true error is that against four times the elements and eight times the steps: of second order, 1/16 and 1/64 of
     it are left in there. What is doubled is 3/4 of it, so that 1.5 times the truth is to be expected.
-    Springs of few coarse parts are divided as well, and what surges in them may not come together: the estimate says
-    so. Accelerations and forces after an impact or a jump of the law come together later than lifts do: of them every other
+    Springs of few coarse parts are divided as well, and what surges in them may not converge: the estimate says so.
+    Accelerations and forces after an impact or a jump of the law come together later than lifts do: of them every other
     estimate is to hold.
     """
     found = [errors(seed, folder) for seed in range(count)]
