@@ -8,9 +8,9 @@ import tempfile
 from pathlib import Path
 
 from flexcam import prepare, read_case, solve
-from flexcam.analysis.run import result_file
-from flexcam.report.page import page, report_of
-from flexcam.report.sentences import subject
+from flexcam.analysis.run import open_result_file
+from flexcam.report.page import build_report, render_page
+from flexcam.report.sentences import load_subject
 
 ROOT = Path(__file__).parents[1]
 SIZE = {"width": 1100, "height": 1330}
@@ -24,10 +24,10 @@ def main() -> None:
 
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as play:
         ready = prepare(read_case(ROOT / "cases/pushrod-engine/intake.toml"))
-        sink = result_file(ready, folder)
+        sink = open_result_file(ready, folder)
         solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink])
         written = Path(folder) / "report.html"
-        written.write_text(page(report_of([subject(sink.path)])), encoding="utf-8")
+        written.write_text(render_page(build_report([load_subject(sink.path)])), encoding="utf-8")
         browser = play.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
         tab = browser.new_page(viewport=SIZE)
         tab.goto(written.as_uri())

@@ -10,7 +10,7 @@ import platform
 from pathlib import Path
 
 from flexcam import read_case
-from flexcam.analysis.trade import Reference, Traded, trade
+from flexcam.analysis.trade import ModelEvaluation, Reference, evaluate_ladder
 from flexcam.case.case import Case
 
 ROOT = Path(__file__).parents[1]
@@ -42,9 +42,9 @@ HEAD = [
 ]
 
 
-def _traded(path: str, overrides: list[str]) -> tuple[Case, Reference, list[Traded]]:
+def _traded(path: str, overrides: list[str]) -> tuple[Case, Reference, list[ModelEvaluation]]:
     case = read_case(ROOT / path, overrides)
-    return case, *trade(case, "valve", repeats=3)
+    return case, *evaluate_ladder(case, "valve", repeats=3)
 
 
 def _cheapest() -> list[str]:
@@ -57,7 +57,7 @@ def _cheapest() -> list[str]:
     return [*rows, ""]
 
 
-def _first(found: list[Traded], tolerance: float) -> str:
+def _first(found: list[ModelEvaluation], tolerance: float) -> str:
     for one in found:
         if one.errors.get("lift", 1.0) <= tolerance:
             return f"{one.rung}, {one.steps} steps, {one.unknowns} unknowns: {100 * one.errors['lift']:.2g} %"

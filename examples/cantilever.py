@@ -17,7 +17,7 @@ from flexcam.fem.dofs import DofMap, dof_map
 from flexcam.fem.elements.beam import Beams
 from flexcam.fem.frames import COMPONENTS, direction
 from flexcam.fem.members import beams as fem_beams
-from flexcam.fem.mesh import refined
+from flexcam.fem.mesh import refine
 
 steel = Material(E=207e9, nu=0.29, density=7800.0)
 bar, length = Section.circle(0.020), 0.5
@@ -26,7 +26,7 @@ bar, length = Section.circle(0.020), 0.5
 def cantilever(elements: int) -> tuple[Beams, DofMap]:
     """Return the bar, clamped at its root, and its unknowns."""
     line = Mesh([[0, 0, 0], [length, 0, 0]], {"bar": [0, 1]}, {"root": [0], "tip": [1]})
-    mesh = refined(line, {"bar": elements})
+    mesh = refine(line, {"bar": elements})
     beams = fem_beams(mesh, {"bar": Member(steel, bar, rotary_inertia=False)})
     return beams, dof_map(mesh, [("root", COMPONENTS)])
 

@@ -7,11 +7,11 @@ few modes, all beams, at several steps. Squares mark the models that no other be
 """
 
 import flexcam
-from flexcam.analysis.trade import trade
+from flexcam.analysis.trade import evaluate_ladder
 from flexcam.plotting.study_curves import work_precision_figure
 
 case = flexcam.read_case("../cases/tayeb/model-3-shm.toml", ["run.revolutions=1"])
-reference, models = trade(case, "valve", repeats=1)
+reference, models = evaluate_ladder(case, "valve", repeats=1)
 figure = work_precision_figure(models)
 
 # %%

@@ -9,9 +9,9 @@ thirteen speeds; the further below its resonance at 4027 rpm, the nearer it is t
 import numpy as np
 from matplotlib.figure import Figure
 
-from flexcam.studies.sweep import study, swept
+from flexcam.studies.sweep import make_sweep, run_sweep
 
-table = swept(study("../cases/tayeb/model-1-shm.toml", ["run.speed=500:3500:250rpm"]))
+table = run_sweep(make_sweep("../cases/tayeb/model-1-shm.toml", ["run.speed=500:3500:250rpm"]))
 rpm = np.arange(500.0, 3501.0, 250.0)
 deviation = table["deviation.peak"]
 assert not table.failed

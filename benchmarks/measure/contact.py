@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from benchmarks.paths import solved, ways
 from benchmarks.processes import ROOT
 from flexcam import prepare, read_case
-from flexcam.analysis.preparation import Prepared
+from flexcam.analysis.preparation import PreparedRun
 from flexcam.dynamics import Response, SaveAt
 
 STRAIGHT = ("members.pushrod.geometric_stiffness=false", "members.pushrod.bow=0")
@@ -31,17 +31,17 @@ def measured() -> list[dict[str, object]]:
     return rows
 
 
-def revolution(name: str, overrides: Sequence[str] = ()) -> Prepared:
+def revolution(name: str, overrides: Sequence[str] = ()) -> PreparedRun:
     """Return two revolutions of a case, ready to go."""
     return prepare(read_case(ROOT / f"cases/{name}.toml", ["run.revolutions=2", *overrides]))
 
 
-def ran(ready: Prepared, path: str, save: SaveAt | None = None) -> Response:
+def ran(ready: PreparedRun, path: str, save: SaveAt | None = None) -> Response:
     """Return a run by a path."""
     return solved(ready.problem, path, save or ready.save, ready.scheme)
 
 
-def _row(ready: Prepared, path: str, automatic: bool) -> dict[str, object]:
+def _row(ready: PreparedRun, path: str, automatic: bool) -> dict[str, object]:
     few = SaveAt(field_every=ready.problem.steps, channels=False)
     runs, lean = ([ran(ready, path, save) for _ in range(REPEATS)] for save in (ready.save, few))
     stats = runs[0].stats

@@ -10,8 +10,8 @@ from benchmarks.processes import ROOT
 from benchmarks.timing import least
 from flexcam import prepare, read_case
 from flexcam.analysis.model_ladder import with_elements
-from flexcam.analysis.preparation import Prepared
-from flexcam.analysis.run import result_file
+from flexcam.analysis.preparation import PreparedRun
+from flexcam.analysis.run import open_result_file
 from flexcam.dynamics import Block, Response, Stats, Status, solve
 
 CASE = ROOT / "cases/tayeb/model-3-shm.toml"
@@ -34,7 +34,7 @@ class Kept:
         self.end = status, stats
 
 
-def full_field() -> tuple[Prepared, Kept]:
+def full_field() -> tuple[PreparedRun, Kept]:
     """Return a run of the model on 102 nodes, every step of 2000 saved, with its blocks."""
     turns = f"run.revolutions={STEPS / 3600:.12f}"
     ready = prepare(with_elements(read_case(CASE, [turns, "output.field_every=1"]), ELEMENTS))
@@ -43,18 +43,18 @@ def full_field() -> tuple[Prepared, Kept]:
     return ready, kept
 
 
-def saved(ready: Prepared, kept: Kept, folder: Path) -> Path:
+def saved(ready: PreparedRun, kept: Kept, folder: Path) -> Path:
     """Write blocks into a result file."""
-    file = result_file(ready, folder, overwrite=True)
+    file = open_result_file(ready, folder, overwrite=True)
     for block in kept.blocks:
         file.write(block)
     file.close(*kept.end)
     return file.path
 
 
-def ran(ready: Prepared, folders: Sequence[Path]) -> Response:
+def ran(ready: PreparedRun, folders: Sequence[Path]) -> Response:
     """Run a case, with its result file in each folder."""
-    files = [result_file(ready, folder, overwrite=True) for folder in folders]
+    files = [open_result_file(ready, folder, overwrite=True) for folder in folders]
     return solve(ready.problem, ready.scheme, save=ready.save, sinks=files)
 
 

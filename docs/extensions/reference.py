@@ -18,7 +18,7 @@ from sphinx.pycode import ModuleAnalyzer
 
 import flexcam
 from flexcam.cli.app import app
-from flexcam.cli.registry import FILES, load
+from flexcam.cli.registry import COMMAND_FILES, load_commands
 
 GROUPS = {
     "Start here": ("flexcam",),
@@ -174,8 +174,8 @@ def command_page(name: str, app: App) -> str:
 
 
 def command_pages() -> dict[str, str]:
-    load([])
-    known = sorted(name for names in FILES.values() for name in names)
+    load_commands([])
+    known = sorted(name for names in COMMAND_FILES.values() for name in names)
     return {name: command_page(name, app[name]) for name in known}
 
 

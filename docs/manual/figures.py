@@ -12,14 +12,14 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from flexcam import read_case, run
-from flexcam.analysis.petrescu import OneMass
+from flexcam.analysis.petrescu import SingleMassModel
 from flexcam.cams import LAWS, LiftEvent, cam_profile, quinquinomial
 from flexcam.case.case import Case
 from flexcam.case.reader import read_cams
 from flexcam.core.units import RPM
 from flexcam.dynamics import Response
 from flexcam.plotting.curves import law_figure, lift_figure, profile_figure
-from flexcam.plotting.figures import legend, looks, stacked
+from flexcam.plotting.figures import add_legend, create_stacked_axes, line_styles
 from flexcam.plotting.histories import motion_figure
 from flexcam.valvetrain import free_speed
 
@@ -86,17 +86,17 @@ def li_cam() -> Figure:
 
 def petrescu() -> Figure:
     """Draw lift and acceleration of the closed form over the rise."""
-    figure, (lift, pull) = stacked(("opening\nmm", "acceleration\nkm/s²"), "cam angle, deg", height=2.4)
+    figure, (lift, pull) = create_stacked_axes(("opening\nmm", "acceleration\nkm/s²"), "cam angle, deg", height=2.4)
     angle, event = (
         np.linspace(0.0, 0.5 * np.pi * (1.0 - 1e-7), 361),
         LiftEvent(LAWS["cos"], 0.006, np.pi / 2, np.pi / 2),
     )
-    for (name, (rpm, k, x0)), (colour, dashes) in zip(SETTINGS.items(), looks(), strict=False):
-        one, omega = OneMass(event, 0.1, 5e6, k, x0), free_speed(event, 0.013, 0.5 * rpm * RPM, 0.2, 0.1)
+    for (name, (rpm, k, x0)), (colour, dashes) in zip(SETTINGS.items(), line_styles(), strict=False):
+        one, omega = SingleMassModel(event, 0.1, 5e6, k, x0), free_speed(event, 0.013, 0.5 * rpm * RPM, 0.2, 0.1)
         opening, pulled = one.motion(angle, omega(angle, 0)), one.dynamic_acceleration(angle, omega)
         lift.plot(np.degrees(angle), 1e3 * opening, label=name, color=colour, linestyle=dashes)
         pull.plot(np.degrees(angle), 1e-3 * pulled, color=colour, linestyle=dashes)
-    legend(figure, lift, len(SETTINGS))
+    add_legend(figure, lift, len(SETTINGS))
     return figure
 
 

@@ -11,15 +11,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexcam.cams import Event, HarmonicFit, Polydyne, Transfer, harmonic_fit, harmonics_below, off_design, polydyne
+from flexcam.cams import (
+    Event,
+    HarmonicFit,
+    Polydyne,
+    Transfer,
+    harmonic_fit,
+    harmonics_below,
+    off_design_deviation,
+    polydyne,
+)
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.core import ComplexArray, FloatArray
-from flexcam.core.errors import did_you_mean, refuse
+from flexcam.core.errors import refuse, suggest_name
 from flexcam.core.units import RPM
 from flexcam.valvetrain import Cam, Model, lift_transfer, modes_on_the_lift, valve_ratio
 
-OFF_DESIGN = (0.25, 0.5, 0.75, 0.9, 1.0, 1.1)
+SPEED_RATIOS = (0.25, 0.5, 0.75, 0.9, 1.0, 1.1)
 """Fractions of the design speed at which a polydyne cam is evaluated."""
 
 
@@ -81,8 +90,8 @@ def harmonic_cam(
     (C. Li, 2014, eqs. 5-6). Under a published load the follower is free, a mass on its spring.
     """
     model = build_model(case)
-    name = _which(model.cams, cam)
-    frequency = _first_felt(model, _contact(model, name), case.speed)
+    name = _select_cam(model.cams, cam)
+    frequency = _first_contact_frequency(model, _contact_name(model, name), case.speed)
     limit = harmonics_below(frequency, case.speed)
     if count is None and limit < 1:
         given = f"{frequency / (2.0 * math.pi):.4g} Hz at {case.speed / RPM:.6g} rpm"
@@ -93,7 +102,7 @@ def harmonic_cam(
     return HarmonicCam(fit, number, frequency, limit)
 
 
-def _first_felt(model: Model, contact: str, speed: float) -> float:
+def _first_contact_frequency(model: Model, contact: str, speed: float) -> float:
     """Return the lowest natural frequency that a contact excites, rad/s."""
     reached = modes_on_the_lift(model, contact, speed)
     if not reached.felt:
@@ -105,26 +114,30 @@ def _first_felt(model: Model, contact: str, speed: float) -> float:
 def polydyne_cam(case: Case, cam: str | None, *, speed: float | None = None, count: int = 60) -> PolydyneCam:
     """Return the cam with which the flexible valve follows the rigid valve lift of the case's cam."""
     model = build_model(case)
-    name, at = _which(model.cams, cam), case.speed if speed is None else speed
-    return _designed(model.cams[name].event, _train(model, name, at), at, valve_ratio(model, name), count)
+    name, at = _select_cam(model.cams, cam), case.speed if speed is None else speed
+    return _evaluate_design(
+        model.cams[name].event, _valve_transfer(model, name, at), at, valve_ratio(model, name), count
+    )
 
 
-def polydyne_of(cams: Mapping[str, Cam], cam: str | None, transfer: Transfer, speed: float, count: int) -> PolydyneCam:
+def design_polydyne(
+    cams: Mapping[str, Cam], cam: str | None, transfer: Transfer, speed: float, count: int
+) -> PolydyneCam:
     """Return the cam with which a train follows the lift of a given cam, from the transfer function of the train."""
-    return _designed(cams[_which(cams, cam)].event, transfer, speed, 1.0, count)
+    return _evaluate_design(cams[_select_cam(cams, cam)].event, transfer, speed, 1.0, count)
 
 
-def _designed(wanted: Event, answer: Transfer, speed: float, ratio: float, count: int) -> PolydyneCam:
+def _evaluate_design(wanted: Event, answer: Transfer, speed: float, ratio: float, count: int) -> PolydyneCam:
     design = polydyne(wanted, answer, speed, count=count)
     plain = Polydyne(design.wanted, design.wanted, 0.0)
-    speeds = speed * np.array(OFF_DESIGN)
-    before, after = (ratio * off_design(cam, answer, speeds.tolist()) for cam in (plain, design))
+    speeds = speed * np.array(SPEED_RATIOS)
+    before, after = (ratio * off_design_deviation(cam, answer, speeds.tolist()) for cam in (plain, design))
     return PolydyneCam(design, speed, speeds, before, after, ratio)
 
 
-def _train(model: Model, cam: str, speed: float) -> Transfer:
+def _valve_transfer(model: Model, cam: str, speed: float) -> Transfer:
     """Return the transfer function of the valve: its motion relative to that of the rigid train."""
-    contact = _contact(model, cam)
+    contact = _contact_name(model, cam)
     start = model.driven[contact].follower
     finger = model.rocker_at(start)
     if finger is not None:
@@ -141,7 +154,7 @@ def _train(model: Model, cam: str, speed: float) -> Transfer:
     return relative
 
 
-def _contact(model: Model, cam: str) -> str:
+def _contact_name(model: Model, cam: str) -> str:
     """Return the name of the contact between a cam and its train."""
     contact = next((n for n, c in model.driven.items() if c.cam == cam), None)
     if contact is None:
@@ -149,10 +162,10 @@ def _contact(model: Model, cam: str) -> str:
     return contact
 
 
-def _which(cams: Mapping[str, Cam], cam: str | None) -> str:
+def _select_cam(cams: Mapping[str, Cam], cam: str | None) -> str:
     if cam is None and len(cams) == 1:
         return next(iter(cams))
     if cam is None or cam not in cams:
         given, known = "no name" if cam is None else repr(cam), ", ".join(cams)
-        raise refuse("--cam", given, known or "a cam in the case", "", did_you_mean(cam or "", cams))
+        raise refuse("--cam", given, known or "a cam in the case", "", suggest_name(cam or "", cams))
     return cam

@@ -18,13 +18,13 @@ from flexcam.cams import (
     CamProfile,
     Event,
     Extreme,
-    Finding,
     Joint,
     LiftReport,
+    ProfileFault,
     ValveEvent,
     cam_profile,
     event_extremes,
-    findings,
+    find_profile_faults,
     harmonics,
     joints,
     minimum_base_radius,
@@ -32,13 +32,13 @@ from flexcam.cams import (
     valve_event,
 )
 from flexcam.case.builder import build_model
-from flexcam.case.reader import holds_mechanism, read_cams, read_case
+from flexcam.case.reader import has_mechanism, read_cams, read_case
 from flexcam.core.errors import InputError, refuse
 from flexcam.io import ProfileTable
 from flexcam.valvetrain import Cam, valve_ratio
 
 _HARMONICS = 10
-_NEGATIVE = 1e-4
+_NEGATIVE_LIFT_TOLERANCE = 1e-4
 """Allowed negative lift relative to the maximum lift: a ten-thousandth, less than the grinding tolerance."""
 
 
@@ -103,14 +103,14 @@ class CamFacts:
     joints: Sequence[Joint]
     events: Mapping[str, ValveEvent | None]
     profile: CamProfile | None
-    findings: Sequence[Finding]
+    findings: Sequence[ProfileFault]
     least_base_radius: float | None
 
 
 def load_cams(path: str | Path, overrides: Sequence[str] = ()) -> CamSet:
     """Read the cams of a case, or of a file with cams alone."""
     path = Path(path)
-    if holds_mechanism(path):
+    if has_mechanism(path):
         case = read_case(path, overrides)
         model = build_model(case)
         ratios = {name: valve_ratio(model, name) for name in model.cams}
@@ -137,26 +137,26 @@ def cam_facts(
     peaks = [max(abs(end.value) for end in event_extremes(event, order)) for order in (1, 2, 3)]
     met = joints(event)
     jerk = None if any(one.steps[2] for one in met) else peaks[2]
-    lift, least = event_extremes(event), _least_base(cam, event, pressure_angle)
+    lift, least = event_extremes(event), _minimum_base_radius(cam, event, pressure_angle)
     return CamFacts(
         cam, lift, peaks[0], peaks[1], jerk, tuple(np.abs(harmonics(event, _HARMONICS))[1:].tolist()), met,
         {name: valve_event(event, lift, ratio=ratio) for name, lift in THRESHOLDS.items()}, profile,
-        [*_negative(lift), *(findings(
+        [*_negative_lift_findings(lift), *(find_profile_faults(
             profile, pressure_angle=pressure_angle, cutter=cutter, base_helps=least is not None) if profile else ())],
         least,
     )  # fmt: skip
 
 
-def _negative(lift: tuple[Extreme, Extreme]) -> list[Finding]:
+def _negative_lift_findings(lift: tuple[Extreme, Extreme]) -> list[ProfileFault]:
     """Return the finding of a negative lift larger than the grinding tolerance."""
     least, largest = lift
-    if least.value >= -_NEGATIVE * largest.value:
+    if least.value >= -_NEGATIVE_LIFT_TOLERANCE * largest.value:
         return []
     what = "the lift is negative: the cam would be cut into its base circle"
-    return [Finding(what, "take another law or table, or smooth less", least.at, least.value, 0.0)]
+    return [ProfileFault(what, "take another law or table, or smooth less", least.at, least.value, 0.0)]
 
 
-def _least_base(cam: Cam, event: Event, pressure_angle: float) -> float | None:
+def _minimum_base_radius(cam: Cam, event: Event, pressure_angle: float) -> float | None:
     if cam.follower is None:
         return None
     try:
@@ -165,7 +165,7 @@ def _least_base(cam: Cam, event: Event, pressure_angle: float) -> float | None:
         return None
 
 
-def overlaps(facts: Mapping[str, CamFacts]) -> list[tuple[str, str, str, float]]:
+def valve_overlaps(facts: Mapping[str, CamFacts]) -> list[tuple[str, str, str, float]]:
     """Return the valve overlap of every pair of cams."""
     names = list(facts)
     found: list[tuple[str, str, str, float]] = []

@@ -14,25 +14,33 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flexcam.analysis.preparation import Prepared, prepare
-from flexcam.analysis.stability import MOST, Resonance, force_harmonics, lift_harmonics
+from flexcam.analysis.preparation import PreparedRun, prepare
+from flexcam.analysis.stability import MAX_DOFS, Resonance, force_harmonics, lift_harmonics
 from flexcam.cams import Event
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.case.schema.contacts import CamContactRecord
 from flexcam.core import FloatArray, Triplets
-from flexcam.core.errors import did_you_mean, refuse
+from flexcam.core.errors import refuse, suggest_name
 from flexcam.core.units import RPM
-from flexcam.dynamics import Advance, Response, RunFailedError, Status, raise_if_interrupted, solve, track_progress
-from flexcam.valvetrain import ReachedModes, Structure, build_structure, contact_modes, holding
+from flexcam.dynamics import (
+    ProgressCallback,
+    Response,
+    RunFailedError,
+    Status,
+    reraise_interrupt,
+    solve,
+    track_progress,
+)
+from flexcam.valvetrain import ContactModes, Structure, build_structure, contact_modes, contact_stiffness
 
-_SPARE = 8
+_EXTRA_MODES = 8
 """Additional modes, among which a mode is found again after others have crossed it."""
 
-_LIKE = 0.5
+_MIN_MAC = 0.5
 """Minimum modal assurance criterion, weighted by mass, for modes at two speeds to count as the same."""
 
-_LEAP = 0.2
+_MAX_FREQUENCY_CHANGE = 0.2
 """Maximum relative change of a frequency between adjacent speeds; a larger one indicates a change of contact."""
 
 
@@ -76,7 +84,7 @@ class Campbell:
 
 
 @dataclass(eq=False)
-class _Line:
+class _ModeLine:
     """Mode tracked over speed."""
 
     frequencies: FloatArray
@@ -92,16 +100,16 @@ class _Line:
 
 def campbell(
     case: Case, speeds: Sequence[float], *, orders: Sequence[int], modes: int = 8, contact: str | None = None,
-    advance: Advance | None = None,
+    advance: ProgressCallback | None = None,
 ) -> Campbell:  # fmt: skip
     """Return natural frequencies over speed and their crossings with the orders of a cam."""
-    name, cam = _checked(case, speeds, orders, modes, contact)
+    name, cam = _check_contact(case, speeds, orders, modes, contact)
     rpm = np.array(speeds) / RPM
     sizes = lift_harmonics(build_model(case).cams[cam].event, max(orders))
     lifts = {n: size for n, size in sizes.items() if n in orders}
     wanted = np.array(list(lifts), dtype=int)
     loads, statuses = np.full((len(rpm), len(lifts)), math.nan), list[Status]()
-    lines: list[_Line] = []
+    lines: list[_ModeLine] = []
     for i, speed in enumerate(track_progress(speeds, advance)):
         try:
             ready = prepare(case.at_speed(speed))
@@ -109,7 +117,7 @@ def campbell(
             statuses.append(failure.status)
             continue
         response = solve(replace(ready.problem, runs=len(speeds)), ready.scheme, save=ready.save)
-        raise_if_interrupted(response.status)
+        reraise_interrupt(response.status)
         statuses.append(response.status)
         if not response.status.ok:
             continue
@@ -120,45 +128,45 @@ def campbell(
         except RunFailedError as failure:
             statuses[-1] = failure.status
         else:
-            _follow(lines, i, len(rpm), here, structure.mass, modes)
+            _extend_lines(lines, i, len(rpm), here, structure.mass, modes)
     lines.sort(key=lambda line: float(np.nanmin(line.frequencies)))
-    met = _crossings(name, rpm, lines, lifts, loads)
+    met = _find_crossings(name, rpm, lines, lifts, loads)
     frequencies = np.array([line.frequencies for line in lines]).reshape(len(lines), len(rpm)).T
     reached, words = tuple(line.reached for line in lines), tuple(line.words for line in lines)
     return Campbell(name, rpm, frequencies, reached, words, lifts, loads, met, tuple(statuses))
 
 
-def _reached_modes(ready: Prepared, response: Response, contact: str, structure: Structure) -> ReachedModes:
+def _reached_modes(ready: PreparedRun, response: Response, contact: str, structure: Structure) -> ContactModes:
     """Return the modes of a train on the lift of a cam."""
     cam = ready.model.cams[ready.model.driven[contact].cam]
     return contact_modes(structure, contact, _held(ready, response, cam.event))
 
 
-def _held(ready: Prepared, response: Response, event: Event) -> list[tuple[str, Triplets]]:
+def _held(ready: PreparedRun, response: Response, event: Event) -> list[tuple[str, Triplets]]:
     """Return the stiffness of each local force at the saved instant of the largest lift."""
     system = ready.problem.system
     late = response.field_time > response.field_time[-1:] - ready.revolution
-    if not late.any() or not system.local_forces or system.size > MOST:
+    if not late.any() or not system.local_forces or system.size > MAX_DOFS:
         return []
     at = np.flatnonzero(late)[[int(np.argmax(event(response.field_angle[late], 0)))]]
     motion = ready.problem.drive.at(response.field_time[at])
-    return holding(system, motion, response.fields.displacement[at], response.fields.velocity[at])
+    return contact_stiffness(system, motion, response.fields.displacement[at], response.fields.velocity[at])
 
 
-def _follow(lines: list[_Line], i: int, count: int, here: ReachedModes, mass: Triplets, modes: int) -> None:
+def _extend_lines(lines: list[_ModeLine], i: int, count: int, here: ContactModes, mass: Triplets, modes: int) -> None:
     """Extend the lines by the modes at the next speed; a mode that matches no line starts a new one."""
     first = here.found.modes.rigid
-    last = min(first + modes + _SPARE, len(here.found.modes.omegas))
+    last = min(first + modes + _EXTRA_MODES, len(here.found.modes.omegas))
     shapes, hit = here.found.modes.shapes[:, first:last], set(here.felt)
     before = np.array([line.shape for line in lines]).reshape(len(lines), mass.size)
     likeness = (before @ mass.times_all(shapes)) ** 2
     here_hz = here.found.modes.frequencies[first:last]
-    leaps = np.abs(here_hz / np.array([line.latest for line in lines])[:, None] - 1.0) > _LEAP
+    leaps = np.abs(here_hz / np.array([line.latest for line in lines])[:, None] - 1.0) > _MAX_FREQUENCY_CHANGE
     alike = np.where(leaps, 0.0, likeness)
-    pairs = [(k, j) for k, j in np.argwhere(_assigned(alike)).tolist() if alike[k, j] >= _LIKE]
+    pairs = [(k, j) for k, j in np.argwhere(_match_modes(alike)).tolist() if alike[k, j] >= _MIN_MAC]
     new = set(range(min(modes, last - first))) - {j for _, j in pairs}
     for j in sorted(new):
-        lines.append(_Line(np.full(count, math.nan), shapes[:, j], here.found.words(first + j)))
+        lines.append(_ModeLine(np.full(count, math.nan), shapes[:, j], here.found.words(first + j)))
         pairs.append((len(lines) - 1, j))
     for k, j in pairs:
         lines[k].frequencies[i] = here_hz[j]
@@ -166,7 +174,7 @@ def _follow(lines: list[_Line], i: int, count: int, here: ReachedModes, mass: Tr
         lines[k].reached |= first + j in hit
 
 
-def _assigned(likeness: FloatArray) -> NDArray[np.bool_]:
+def _match_modes(likeness: FloatArray) -> NDArray[np.bool_]:
     """Return the pairs of highest likeness, with every row and column used at most once."""
     from scipy.optimize import linear_sum_assignment
 
@@ -175,8 +183,8 @@ def _assigned(likeness: FloatArray) -> NDArray[np.bool_]:
     return taken
 
 
-def _crossings(
-    contact: str, rpm: FloatArray, lines: Sequence[_Line], lifts: Mapping[int, float], loads: FloatArray
+def _find_crossings(
+    contact: str, rpm: FloatArray, lines: Sequence[_ModeLine], lifts: Mapping[int, float], loads: FloatArray
 ) -> tuple[Resonance, ...]:
     """Return the crossings of order lines with mode lines, linear between speeds."""
     met: list[Resonance] = []
@@ -192,7 +200,7 @@ def _crossings(
     return tuple(sorted(met, key=lambda one: one.rpm))
 
 
-def _checked(
+def _check_contact(
     case: Case, speeds: Sequence[float], orders: Sequence[int], modes: int, contact: str | None
 ) -> tuple[str, str]:
     """Return the contact and its cam after checking them."""
@@ -206,6 +214,6 @@ def _checked(
     if not driven:
         raise refuse("contacts", "none with a cam", "a contact of a cam and its follower", "its orders are looked at")
     if contact is not None and contact not in driven:
-        raise refuse("contact", repr(contact), f"one of {', '.join(driven)}", "", did_you_mean(contact, driven))
+        raise refuse("contact", repr(contact), f"one of {', '.join(driven)}", "", suggest_name(contact, driven))
     name = contact or next(iter(driven))
     return name, driven[name]

@@ -8,7 +8,7 @@ import numpy as np
 
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
-from flexcam.dynamics import SLOPES, History, Response, Status, extent, peak
+from flexcam.dynamics import SLOPES, History, Response, Status, peak, value_range
 
 
 @dataclass(frozen=True)
@@ -118,19 +118,21 @@ def compare(flexible: Response, rigid: Response, probe: str, speed_rpm: float) -
     moved, still = flexible[probe], rigid[probe]
     if moved.displacement.ndim != 1:
         raise refuse("probe", repr(probe), "one scalar: " + ", ".join(f"{probe}.{c}" for c in moved.components))
-    lift = extent(rigid.time, still.displacement, still.velocity)
+    lift = value_range(rigid.time, still.displacement, still.velocity)
     if lift == 0.0:
         why, remedy = "nothing moves it in what is compared with", "add a follower's point to output.probes"
         raise refuse("probe", repr(probe), "a point that the cam moves", why, remedy)
-    found = [_deviation(name, moved, still, flexible) for name in ("displacement", "velocity", "acceleration")]
+    found = [_compute_deviation(name, moved, still, flexible) for name in ("displacement", "velocity", "acceleration")]
     return Comparison(probe, speed_rpm, lift, (found[0], found[1], found[2]), flexible.status)
 
 
-def between(one: Response, other: Response, probe: str, speed_rpm: float, names: tuple[str, str]) -> Comparison:
+def compare_responses(
+    one: Response, other: Response, probe: str, speed_rpm: float, names: tuple[str, str]
+) -> Comparison:
     """Compare two responses over their common time, at the instants of the first."""
     first, last = max(one.time[0], other.time[0]), min(one.time[-1], other.time[-1])
     times = one.time[(one.time >= first) & (one.time <= last)]
-    if len(times) < _FEWEST:
+    if len(times) < _MIN_INSTANTS:
         raise refuse("responses", "no time in common", "runs that overlap", "they are compared instant by instant")
     both = one.at(times), other.at(times)
     if np.abs(both[0].angle - both[1].angle).max() > _SAME_ANGLE:
@@ -138,14 +140,14 @@ def between(one: Response, other: Response, probe: str, speed_rpm: float, names:
     return replace(compare(*both, probe, speed_rpm), names=names)
 
 
-_FEWEST = 2
+_MIN_INSTANTS = 2
 _SAME_ANGLE = 1e-6
 """Tolerance for equal cam angles, rad."""
 
 
-def _deviation(quantity: str, moved: History, still: History, flexible: Response) -> Deviation:
+def _compute_deviation(quantity: str, moved: History, still: History, flexible: Response) -> Deviation:
     time = flexible.time
-    (flexed, flexing), (rigid, turning) = (_with_slopes(one, quantity, len(time)) for one in (moved, still))
+    (flexed, flexing), (rigid, turning) = (_values_and_slopes(one, quantity, len(time)) for one in (moved, still))
     difference = flexed - rigid
     largest, at = peak(time, difference, None if flexing is None or turning is None else flexing - turning)
     return Deviation(
@@ -158,7 +160,7 @@ def _deviation(quantity: str, moved: History, still: History, flexible: Response
     )
 
 
-def _with_slopes(history: History, quantity: str, count: int) -> tuple[FloatArray, FloatArray | None]:
+def _values_and_slopes(history: History, quantity: str, count: int) -> tuple[FloatArray, FloatArray | None]:
     """Return the first `count` values of a quantity, and their slopes if the dense output has them."""
     slopes: FloatArray | None = getattr(history, SLOPES[quantity]) if quantity in SLOPES else None
     return getattr(history, quantity)[:count], None if slopes is None else slopes[:count]

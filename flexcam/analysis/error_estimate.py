@@ -8,23 +8,30 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from flexcam.analysis.comparison import Comparison, compare
-from flexcam.analysis.measures import Measured, distance
-from flexcam.analysis.model_ladder import Rung, as_beams, beat, measured_run, steps_of, with_elements
+from flexcam.analysis.measures import Histories, distance
+from flexcam.analysis.model_ladder import (
+    ModelLevel,
+    beat_period,
+    run_histories,
+    steps_per_revolution_of,
+    with_beam_model,
+    with_elements,
+)
 from flexcam.analysis.preparation import prepare
 from flexcam.analysis.run import run
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
-from flexcam.case.lift import given_law
+from flexcam.case.lift import parse_law
 from flexcam.core.units import RPM
-from flexcam.dynamics import floquet, raise_if_interrupted
-from flexcam.io import file_beside, read_mesh
+from flexcam.dynamics import floquet, reraise_interrupt
+from flexcam.io import find_referenced_file, read_mesh
 from flexcam.valvetrain import build_structure, model_modes
 
-_CLOSE = 0.05
+_CLOSE_DEVIATION = 0.05
 """Deviation, relative to the lift, up to which a response counts as "very close" to the rigid one."""
 
 
-_THEIR_LAWS = ("shm", "parabolic", "cycloidal")
+_PUBLISHED_LAWS = ("shm", "parabolic", "cycloidal")
 
 
 @dataclass(frozen=True)
@@ -46,7 +53,7 @@ class Claim:
     finding: str
 
 
-def loaded_mode(case: Case) -> tuple[float, float]:
+def excited_mode(case: Case) -> tuple[float, float]:
     """Return the mode nearest to the cam speed among those excited by the contact force."""
     structure = build_structure(build_model(case))
     found = model_modes(structure).modes
@@ -61,38 +68,48 @@ def loaded_mode(case: Case) -> tuple[float, float]:
 def deviation(case: Case, probe: str) -> Comparison:
     """Run a case flexible and rigid and compare the responses."""
     flexible = run(case)
-    raise_if_interrupted(flexible.status)
+    reraise_interrupt(flexible.status)
     return compare(flexible, run(case, rigid=True), probe, case.speed / RPM)
 
 
-def claims(case: Case, probe: str, here: Comparison) -> list[Claim]:
+def check_claims(case: Case, probe: str, here: Comparison) -> list[Claim]:
     """Return the claims of the paper with the results of the case."""
     slow = deviation(case.at_speed(2000.0 * RPM), probe)
-    laws = {name: deviation(_with_law(case, name), probe) for name in _THEIR_LAWS}
+    laws = {name: deviation(_replace_law(case, name), probe) for name in _PUBLISHED_LAWS}
     largest = max(laws, key=lambda name: laws[name].peak_deviation)
     told = ", ".join(f"{name} {one.peak_deviation:.3f}" for name, one in laws.items())
-    others = _other_models(case, probe)
+    others = _peak_deviations(case, probe)
     spread = max(others.values()) - min(others.values())
     off = (here.deviations[0].angle_deg + 90.0) % 180.0 - 90.0
     return [
-        _unstable(case, probe),
-        Claim("at 2000 rpm and below very close to the rigid system", slow.peak_deviation < _CLOSE,
-              f"the deviation at 2000 rpm is {slow.peak_deviation:.3f} of the lift (very close: below {_CLOSE})"),
+        _check_instability(case, probe),
+        Claim(
+            "at 2000 rpm and below very close to the rigid system",
+            slow.peak_deviation < _CLOSE_DEVIATION,
+            f"the deviation at 2000 rpm is {slow.peak_deviation:.3f} of the lift (close: below {_CLOSE_DEVIATION})",
+        ),
         Claim("SHM has the largest displacement", largest == "shm", f"peak deviation of the lift: {told}"),
-        Claim("the response depends on the model's number of unknowns", spread > 0.01 * max(others.values()),
-              "peak deviation " + ", ".join(f"{name} {value:.4f}" for name, value in others.items())
-              + ": the pushrod is far stiffer than the spring"),
-        Claim("the deviation is largest at multiples of 180 deg", abs(off) < 1.0,
-              f"it is largest at {here.deviations[0].angle_deg:.1f} deg"),
-    ]  # fmt: skip
+        Claim(
+            "the response depends on the model's number of unknowns",
+            spread > 0.01 * max(others.values()),
+            "peak deviation "
+            + ", ".join(f"{name} {value:.4f}" for name, value in others.items())
+            + ": the pushrod is far stiffer than the spring",
+        ),
+        Claim(
+            "the deviation is largest at multiples of 180 deg",
+            abs(off) < 1.0,
+            f"it is largest at {here.deviations[0].angle_deg:.1f} deg",
+        ),
+    ]
 
 
-def _unstable(case: Case, probe: str) -> Claim:
+def _check_instability(case: Case, probe: str) -> Claim:
     """Distinguish an instability from growth over revolutions, which a beat also shows at first."""
-    rpm, (_, mode) = 4000.0, loaded_mode(case.at_speed(4000.0 * RPM))
+    rpm, (_, mode) = 4000.0, excited_mode(case.at_speed(4000.0 * RPM))
     early, late = (deviation(case.at_speed(rpm * RPM, revolutions=n), probe).peak_deviation for n in (2.0, 4.0))
     multipliers = floquet(prepare(case.at_speed(rpm * RPM, revolutions=1.0)).problem)
-    revolutions, bound = beat(rpm, mode)
+    revolutions, bound = beat_period(rpm, mode)
     return Claim("unstable at 4000 rpm (SHM, parabolic)", not multipliers.stable(),
                  f"from 2 to 4 revolutions the deviation grows {late / early:.2f} times, but disturbances do not: "
                  f"their largest multiplier is {abs(multipliers.multipliers[0]):.5g}; the follower's mass on its "
@@ -100,24 +117,24 @@ def _unstable(case: Case, probe: str) -> Claim:
                  f"{revolutions:.0f} revolutions up to {bound:.0f} of the lift (SHM) and back")  # fmt: skip
 
 
-def _with_law(case: Case, law: str) -> Case:
-    cams = {name: cam.model_copy(update={"law": given_law(law)}) for name, cam in case.record.cams.items()}
+def _replace_law(case: Case, law: str) -> Case:
+    cams = {name: cam.model_copy(update={"law": parse_law(law)}) for name, cam in case.record.cams.items()}
     return replace(case, record=case.record.model_copy(update={"cams": cams}))
 
 
-def _other_models(case: Case, probe: str) -> dict[str, float]:
+def _peak_deviations(case: Case, probe: str) -> dict[str, float]:
     """Return the peak deviation on the meshes of all three models found in the folder of the case's mesh."""
-    folder = (file_beside(case.path, case.record.mesh or "") or case.path).parent
+    folder = (find_referenced_file(case.path, case.record.mesh or "") or case.path).parent
     meshes = {f"model {k}": folder / f"tayeb-{k}.msh" for k in (1, 2, 3)}
     found = {name: replace(case, mesh=read_mesh(path)) for name, path in meshes.items() if path.is_file()}
     return {name: deviation(other, probe).peak_deviation for name, other in (found or {"this model": case}).items()}
 
 
-_COVERS = 2.0
-_CONVERGES = 0.75
+_SAFETY_FACTOR = 2.0
+_CONVERGENCE_RATIO = 0.75
 """Maximum ratio of the distances at the step and at twice the step for convergent runs."""
 
-_NOTHING = 1e-12
+_ROUNDING = 1e-12
 """Distances below this fraction of a quantity's size are rounding."""
 
 
@@ -128,7 +145,7 @@ class Error:
     Parameters
     ----------
     quantity
-        Name as in `Measured`.
+        Name as in `Histories`.
     unit
         SI unit.
     size
@@ -154,34 +171,34 @@ class Error:
         return self.time + self.space + self.model
 
 
-def estimate(case: Case, probe: str, until: float | None = None) -> list[Error]:
+def estimate_errors(case: Case, probe: str, until: float | None = None) -> list[Error]:
     """Return the estimated errors of a case's run."""
-    steps = steps_of(case)
-    own = Rung("own", "", case).stepped(steps)
-    finer = Rung("finer", "", with_elements(case, factor=2)).stepped(steps)
+    steps = steps_per_revolution_of(case)
+    own = ModelLevel("own", "", case).stepped(steps)
+    finer = ModelLevel("finer", "", with_elements(case, factor=2)).stepped(steps)
     # An odd number of steps cannot be halved: convergence is then checked with shorter steps.
     counts = (steps // 2, steps, 2 * steps) if steps % 2 == 0 else (steps, 2 * steps, 4 * steps)
     asked = own.case.record.fidelity
     coarse = asked.model != "beams" or asked.modes is not None
     work = sum(counts) + steps * (2 if coarse else 1)
-    runs = {n: measured_run(own.stepped(n), probe, until, work) for n in counts}
+    runs = {n: run_histories(own.stepped(n), probe, until, work) for n in counts}
     longer, shorter = (distance(runs[a], runs[b]) for a, b in pairwise(counts))
     base, better = runs[steps], runs[2 * steps]
-    beams = as_beams(own.case)
-    model = distance(base, measured_run(Rung("beams", "", beams), probe, until, work)) if coarse else {}
-    mesh = distance(base, measured_run(finer, probe, until, work))
-    return _errors(base, distance(base, better), mesh, model, (longer, shorter))
+    beams = with_beam_model(own.case)
+    model = distance(base, run_histories(ModelLevel("beams", "", beams), probe, until, work)) if coarse else {}
+    mesh = distance(base, run_histories(finer, probe, until, work))
+    return _compute_errors(base, distance(base, better), mesh, model, (longer, shorter))
 
 
-def _errors(
-    base: Measured, step: Mapping[str, float], mesh: Mapping[str, float], model: Mapping[str, float],
+def _compute_errors(
+    base: Histories, step: Mapping[str, float], mesh: Mapping[str, float], model: Mapping[str, float],
     halvings: tuple[Mapping[str, float], Mapping[str, float]],
 ) -> list[Error]:  # fmt: skip
     longer, shorter = halvings
     errors: list[Error] = []
     for name in step:
         size = base.size(name)
-        holds = shorter[name] <= max(_CONVERGES * longer[name], _NOTHING * size)
-        parts = _COVERS * step[name], _COVERS * mesh[name], model.get(name, 0.0)
+        holds = shorter[name] <= max(_CONVERGENCE_RATIO * longer[name], _ROUNDING * size)
+        parts = _SAFETY_FACTOR * step[name], _SAFETY_FACTOR * mesh[name], model.get(name, 0.0)
         errors.append(Error(name, base.unit(name), size, *parts, holds))
     return errors

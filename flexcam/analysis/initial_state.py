@@ -14,7 +14,7 @@ import numpy as np
 from flexcam.case.case import Case
 from flexcam.case.schema.run import GivenStartRecord, ResultStartRecord
 from flexcam.core import FloatArray
-from flexcam.core.errors import Fault, InputError, did_you_mean, refuse
+from flexcam.core.errors import Fault, InputError, refuse, suggest_name
 from flexcam.dynamics import (
     ConstantSpeed,
     Drive,
@@ -24,11 +24,11 @@ from flexcam.dynamics import (
     SpeedByAngle,
     State,
     System,
+    installed_state,
     moving_equilibrium,
-    periodic,
-    rest,
+    solve_periodic,
 )
-from flexcam.io import named_file, read_result
+from flexcam.io import read_result, resolve_file
 from flexcam.valvetrain import Model, build_structure, free_running
 
 _REVOLUTION = 2.0 * math.pi
@@ -36,7 +36,7 @@ _SAME_ANGLE = 1e-9
 """Tolerance for equal cam angles, rad: rounding of speed times time."""
 
 
-def drive_of(case: Case, model: Model, start: float = 0.0) -> Drive:
+def camshaft_drive(case: Case, model: Model, start: float = 0.0) -> Drive:
     """Return the drive of the camshaft."""
     run = case.record.run
     if run.fluctuation is not None:
@@ -46,7 +46,7 @@ def drive_of(case: Case, model: Model, start: float = 0.0) -> Drive:
     return ConstantSpeed(case.speed, start)
 
 
-def _from_angle(case: Case, model: Model, drive: Drive, angle: float, time: float) -> Drive:
+def _drive_at_angle(case: Case, model: Model, drive: Drive, angle: float, time: float) -> Drive:
     """Return the drive that passes a given cam angle at a given time."""
     missing = angle - float(drive.at(np.array([time])).angle[0])
     if abs(missing) <= _SAME_ANGLE:
@@ -54,46 +54,48 @@ def _from_angle(case: Case, model: Model, drive: Drive, angle: float, time: floa
     free = case.record.run.free_running
     if free is not None:
         return free_running(model, case.speed, *free.made(), angle, time)
-    return drive_of(case, model, missing)
+    return camshaft_drive(case, model, missing)
 
 
-def revolution_of(case: Case, drive: Drive) -> float:
+def revolution_time(case: Case, drive: Drive) -> float:
     """Return the duration of a camshaft revolution, s."""
     return drive.period if isinstance(drive, SpeedByAngle) else _REVOLUTION / case.speed
 
 
-def started(case: Case, model: Model, problem: Problem, *, until: float | None = None) -> Problem:
+def set_initial_state(case: Case, model: Model, problem: Problem, *, until: float | None = None) -> Problem:
     """Return a problem with the initial state requested by its case."""
     system = problem.system
     match case.record.run.start:
         case "rest":
-            return replace(problem, start=rest(system, problem.drive))
+            return replace(problem, start=installed_state(system, problem.drive))
         case "equilibrium":
-            return replace(problem, start=_carried(problem))
+            return replace(problem, start=_map_given_state(problem))
         case "periodic":
-            return _periodic(case, replace(problem, start=_carried(problem)), until)
+            return _periodic_state(case, replace(problem, start=_map_given_state(problem)), until)
         case ResultStartRecord(result=name):
             state, angle = _last_state(case, model, system, name)
             taken = round(state.time / problem.step)
             state = replace(state, taken=taken if taken * problem.step == state.time else 0)
-            drive = _from_angle(case, model, problem.drive, angle, state.time)
+            drive = _drive_at_angle(case, model, problem.drive, angle, state.time)
             return replace(problem, drive=drive, start=state)
         case GivenStartRecord(displacement=displacement, velocity=velocity):
             given = {"displacement": displacement, "velocity": velocity}
-            if faults := [fault for kind, values in given.items() for fault in _misplaced(case, system, values, kind)]:
+            if faults := [
+                fault for kind, values in given.items() for fault in _unknown_dof_faults(case, system, values, kind)
+            ]:
                 raise InputError(faults)
-            return replace(problem, start=State(_placed(system, displacement), _placed(system, velocity)))
+            return replace(problem, start=State(_given_state(system, displacement), _given_state(system, velocity)))
 
 
-def _carried(problem: Problem) -> State:
+def _map_given_state(problem: Problem) -> State:
     return moving_equilibrium(problem.system, problem.drive) if problem.system.size else State.rest(0)
 
 
 def steps_per_revolution(case: Case, problem: Problem) -> int:
     """Return the number of steps per revolution, the period of a periodic state."""
-    for key, order in broken_orders(case).items():
+    for key, order in non_integer_orders(case).items():
         raise refuse(key, f"{order:g}", "a whole order with start = periodic", "the state repeats with the camshaft")
-    revolution = revolution_of(case, problem.drive)
+    revolution = revolution_time(case, problem.drive)
     steps = round(revolution / problem.step)
     if abs(steps * problem.step - revolution) > _SAME_ANGLE * revolution:
         given, why = f"a step of {problem.step:g} s", "the periodic state is that after a whole revolution"
@@ -101,7 +103,7 @@ def steps_per_revolution(case: Case, problem: Problem) -> int:
     return steps
 
 
-def broken_orders(case: Case) -> dict[str, float]:
+def non_integer_orders(case: Case) -> dict[str, float]:
     """Return the non-integer orders of the camshaft, whose excitation is not periodic with a revolution."""
     speed = case.record.run.fluctuation
     broken = [order for order in speed.orders if order % 1.0] if speed else []
@@ -112,22 +114,22 @@ def broken_orders(case: Case) -> dict[str, float]:
     return found
 
 
-def _periodic(case: Case, problem: Problem, until: float | None) -> Problem:
+def _periodic_state(case: Case, problem: Problem, until: float | None) -> Problem:
     """Return the problem with its periodic initial state."""
     if not problem.system.size:
         return replace(problem, start=replace(State.rest(0), periodicity=0.0))
     one = replace(problem, steps=steps_per_revolution(case, problem))
-    return replace(problem, start=periodic(one, case.record.run.integrator.made(), until=until))
+    return replace(problem, start=solve_periodic(one, case.record.run.integrator.made(), until=until))
 
 
-def _misplaced(case: Case, system: System, values: Mapping[str, float], kind: str) -> list[Fault]:
+def _unknown_dof_faults(case: Case, system: System, values: Mapping[str, float], kind: str) -> list[Fault]:
     """Return the faults of initial values that are not degrees of freedom; the rigid mechanism has none."""
     wrong = [name for name in values if name not in system.names] if system.size else []
     where, allowed = case.place(("run", "start", kind)), "a free component such as 'cam.uy'"
-    return [Fault(where, repr(name), allowed, "", did_you_mean(name, system.names)) for name in wrong]
+    return [Fault(where, repr(name), allowed, "", suggest_name(name, system.names)) for name in wrong]
 
 
-def _placed(system: System, values: Mapping[str, float]) -> FloatArray:
+def _given_state(system: System, values: Mapping[str, float]) -> FloatArray:
     row = np.zeros(system.size)
     for name, value in values.items() if system.size else ():
         row[system.names.index(name)] = value
@@ -137,7 +139,7 @@ def _placed(system: System, values: Mapping[str, float]) -> FloatArray:
 def _last_state(case: Case, model: Model, system: System, name: str) -> tuple[State, float]:
     """Return the last saved state of a result and its cam angle."""
     where = case.place(("run", "start"))
-    result = read_result(named_file(case.path, name, where))
+    result = read_result(resolve_file(case.path, name, where))
     response = result.response
     if not np.array_equal(result.mesh.nodes, model.mesh.nodes) or not len(response.field_time):
         raise refuse(where, name, "a result of the same mesh with at least one saved field")
@@ -149,7 +151,7 @@ def _last_state(case: Case, model: Model, system: System, name: str) -> tuple[St
     nodal = [one[-1].reshape(-1, 6) for one in (fields.displacement, fields.velocity, fields.acceleration)]
     if any(values[~free].any() for values in nodal):
         raise refuse(where, name, "a result of the same supports", "it moves where this model is held")
-    beside = _beside_nodes(response, system.names[int(free.sum()) :], where, name)
+    beside = _internal_state(response, system.names[int(free.sum()) :], where, name)
     moved, moving, pushed = (np.concatenate([one[free], more]) for one, more in zip(nodal, beside, strict=True))
     inner, states = response.inner, sum(force.states for force in system.local_forces)
     if len(inner) != states:
@@ -157,7 +159,7 @@ def _last_state(case: Case, model: Model, system: System, name: str) -> tuple[St
     return State(moved, moving, time, inner if states else None, acceleration=pushed), angle
 
 
-def _beside_nodes(response: Response, names: Sequence[str], where: str, result: str) -> list[FloatArray]:
+def _internal_state(response: Response, names: Sequence[str], where: str, result: str) -> list[FloatArray]:
     """Return displacement, velocity and acceleration of internal degrees of freedom at the last saved instant."""
     try:
         histories = [response[name] for name in names]

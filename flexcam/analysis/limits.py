@@ -12,13 +12,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flexcam.analysis.preparation import Prepared, described, prepare, standing
+from flexcam.analysis.preparation import PreparedRun, build_problem, prepare, prepare_without_periodic_search
 from flexcam.cams import event_extremes
 from flexcam.case.case import Case
 from flexcam.core import FloatArray
 from flexcam.core.errors import positive, refuse
 from flexcam.core.units import RPM, shaft_speed
-from flexcam.dynamics import Advance, ConstantSpeed, Problem, Response, equilibrium, raise_if_interrupted, solve
+from flexcam.dynamics import ConstantSpeed, Problem, ProgressCallback, Response, equilibrium, reraise_interrupt, solve
 from flexcam.valvetrain import BOUNCE_HEIGHT, OPEN, CamContact, Model, Seat, main_lift, seating, separation, valve_ratio
 
 _REVOLUTIONS = 3.0
@@ -113,41 +113,41 @@ class Limits:
         return min(met, key=lambda name: met[name]) if met else None
 
 
-Question = Callable[[Response, Prepared], list[str]]
+Condition = Callable[[Response, PreparedRun], list[str]]
 """Function that returns the names of the parts that meet a condition."""
-Answers = dict[str, list[str]] | str
+ConditionResults = dict[str, list[str]] | str
 """Affected parts by condition, or the reason why there are none."""
 
 
 def find_limits(
     case: Case, *, lowest: float, highest: float, tolerance: float = RPM, bounce_height: float | None = None,
-    count: int = 25, advance: Advance | None = None,
+    count: int = 25, advance: ProgressCallback | None = None,
 ) -> Limits:  # fmt: skip
     """Find the speeds of loss of contact, valve bounce, coil clash and pushrod buckling."""
     search = Search(lowest, highest, tolerance, bounce_height, count)
-    found = bracketed_limits(case, search, advance=advance)
-    left = margins(case)
+    found = search_limits(case, search, advance=advance)
+    left = compute_margins(case)
     return Limits(found, lowest / RPM, highest / RPM, left.rigid_rpm, left.spring, left.buckling)
 
 
-def bracketed_limits(
+def search_limits(
     case: Case, search: Search, among: Collection[str] | None = None,
-    *, runs: int = 1, advance: Advance | None = None,
+    *, runs: int = 1, advance: ProgressCallback | None = None,
 ) -> dict[str, Limit]:  # fmt: skip
     """Find the speed limits of a case without its margins at rest."""
     lowest, highest = search.lowest, search.highest
-    model = _may_part(case)
+    model = _unilateral_model(case)
     speeds = np.geomspace(lowest, highest, max(search.count, 2)).tolist()
-    seen: dict[float, Answers] = {}
+    seen: dict[float, ConditionResults] = {}
     questions = {
-        name: one for name, one in _questions(model, search.bounce_height).items() if among is None or name in among
+        name: one for name, one in _conditions(model, search.bounce_height).items() if among is None or name in among
     }
 
-    def ask(speed: float) -> Answers:
+    def ask(speed: float) -> ConditionResults:
         if speed not in seen:
             ready = prepare(case.at_speed(speed, _REVOLUTIONS), model=model)
             response = solve(replace(ready.problem, runs=runs * len(speeds)), ready.scheme, save=ready.save)
-            raise_if_interrupted(response.status)
+            reraise_interrupt(response.status)
             if advance is not None:
                 advance(1)
             if response.status.ok:
@@ -156,17 +156,17 @@ def bracketed_limits(
                 seen[speed] = f"the run at {shaft_speed(speed, case.turns)} ended: {response.status.text}"
         return seen[speed]
 
-    return {name: _bracketed(name, words, speeds, ask, search.tolerance) for name, (_, words) in questions.items()}
+    return {name: _bisect_limit(name, words, speeds, ask, search.tolerance) for name, (_, words) in questions.items()}
 
 
-def limits_of(case: Case) -> tuple[str, ...]:
+def applicable_limits(case: Case) -> tuple[str, ...]:
     """Return the names of the limits that apply to a case."""
-    return tuple(_questions(_may_part(case), 0.0))
+    return tuple(_conditions(_unilateral_model(case), 0.0))
 
 
-def _may_part(case: Case) -> Model:
+def _unilateral_model(case: Case) -> Model:
     """Return the model of a case with a unilateral cam contact; raise an error without one."""
-    model = described(case)[0]
+    model = build_problem(case)[0]
     if not any(isinstance(one, CamContact) and one.unilateral for one in model.contacts.values()):
         why, allowed = "only a follower that may leave its cam can lose it", 'a contact with model = "unilateral"'
         raise refuse("contacts", "no unilateral contact", allowed, why, "change the model")
@@ -192,15 +192,15 @@ class Margins:
     buckling: Mapping[str, float]
 
 
-def margins(case: Case) -> Margins:
+def compute_margins(case: Case) -> Margins:
     """Return the margins of spring force and buckling load."""
-    rigid = _rigid(case)
-    return Margins(rigid, None if rigid is None else (rigid * RPM / case.speed) ** 2 - 1.0, _at_rest(case))
+    rigid = _rigid_limit_speed(case)
+    return Margins(rigid, None if rigid is None else (rigid * RPM / case.speed) ** 2 - 1.0, _buckling_margins(case))
 
 
-def _at_rest(case: Case) -> dict[str, float]:
+def _buckling_margins(case: Case) -> dict[str, float]:
     """Return the ratio of buckling load to compression of every member with its cam at full lift at rest."""
-    ready = standing(case)
+    ready = prepare_without_periodic_search(case)
     system = ready.problem.system
     least: dict[str, float] = {}
     for cam in ready.model.cams.values():
@@ -213,7 +213,9 @@ def _at_rest(case: Case) -> dict[str, float]:
     return least
 
 
-def _bracketed(name: str, words: str, speeds: list[float], ask: Callable[[float], Answers], tolerance: float) -> Limit:
+def _bisect_limit(
+    name: str, words: str, speeds: list[float], ask: Callable[[float], ConditionResults], tolerance: float
+) -> Limit:
     """Return the lowest speed of a list that meets a condition, bisected toward the previous speed."""
     low, parts = 0.0, list[str]()
     for high in speeds:
@@ -242,34 +244,36 @@ def _bracketed(name: str, words: str, speeds: list[float], ask: Callable[[float]
 def _bounce_height(model: Model) -> float:
     """Return the height from which a valve counts as bouncing, m: flexcam's choice, smaller for small lifts."""
     lifts = [valve_ratio(model, name) * cam.event.height for name, cam in model.cams.items()]
-    return min(BOUNCE_HEIGHT, _BOUNCE_PART * max(lifts, default=math.inf))
+    return min(BOUNCE_HEIGHT, _RELATIVE_BOUNCE_HEIGHT * max(lifts, default=math.inf))
 
 
-_BOUNCE_PART = 0.02
+_RELATIVE_BOUNCE_HEIGHT = 0.02
 """Bounce height relative to the lift, which is the smaller limit for lifts up to 5 mm."""
 
 
-def _questions(model: Model, given: float | None) -> dict[str, tuple[Question, str]]:
-    questions: dict[str, tuple[Question, str]] = {"loss_of_contact": (_lost, "the follower leaves its cam on the lift")}
+def _conditions(model: Model, given: float | None) -> dict[str, tuple[Condition, str]]:
+    questions: dict[str, tuple[Condition, str]] = {
+        "loss_of_contact": (_open_contacts, "the follower leaves its cam on the lift")
+    }
     if any(isinstance(one, Seat) for one in model.contacts.values()):
         bounce_height = _bounce_height(model) if given is None else given
         words = f"the valve leaves its seat again by more than {1e3 * bounce_height:g} mm"
-        questions["bounce"] = (lambda response, ready: _bounces(response, ready, bounce_height), words)
+        questions["bounce"] = (lambda response, ready: _bouncing_seats(response, ready, bounce_height), words)
     if any(spring.clash_travel is not None for spring in model.springs.values()):
-        questions["coil_clash"] = (_clashed, "coils of a spring touch")
+        questions["coil_clash"] = (_clashing_springs, "coils of a spring touch")
     words = "a member's compression passes its buckling load"
-    questions["buckling"] = (_buckled, words)
+    questions["buckling"] = (_buckling_members, words)
     return questions
 
 
-def _lost(response: Response, ready: Prepared) -> list[str]:
+def _open_contacts(response: Response, ready: PreparedRun) -> list[str]:
     """Return the contacts that are open on the main lift in the last revolution."""
     last = response.latest(ready.revolution)
     free = [name for name, one in ready.model.driven.items() if isinstance(one, CamContact) and one.unilateral]
     return [name for name in free if separation(ready.model, response, name, last) > OPEN]
 
 
-def _bounces(response: Response, ready: Prepared, height: float) -> list[str]:
+def _bouncing_seats(response: Response, ready: PreparedRun, height: float) -> list[str]:
     """Return the seats whose valve rises again after closing and before the next lift."""
     last = response.latest(ready.revolution)
     found: list[str] = []
@@ -282,35 +286,35 @@ def _bounces(response: Response, ready: Prepared, height: float) -> list[str]:
     return found
 
 
-def _clashed(response: Response, ready: Prepared) -> list[str]:
-    return _above(response, ready, ".clash", 0.0)
+def _clashing_springs(response: Response, ready: PreparedRun) -> list[str]:
+    return _parts_above(response, ready, ".clash", 0.0)
 
 
-def _buckled(response: Response, ready: Prepared) -> list[str]:
-    return _above(response, ready, ".buckling_use", 1.0)
+def _buckling_members(response: Response, ready: PreparedRun) -> list[str]:
+    return _parts_above(response, ready, ".buckling_use", 1.0)
 
 
-def _above(response: Response, ready: Prepared, end: str, least: float) -> list[str]:
+def _parts_above(response: Response, ready: PreparedRun, end: str, least: float) -> list[str]:
     """Return the parts with a channel of a given name above a threshold in the last revolution."""
     last = response.latest(ready.revolution)
     own = {name: values[last] for name, values in response.channels.items() if name.endswith(end)}
     return [name.split(".")[1] for name, values in own.items() if float(values.max()) > least]
 
 
-def _rigid(case: Case) -> float | None:
+def _rigid_limit_speed(case: Case) -> float | None:
     """Return the camshaft speed at which the inertia of the rigid train first equals its springs and loads, rpm."""
     one = prepare(case.at_speed(1.0), rigid=True)
     worst: list[float] = []
     for name, contact in one.model.driven.items():
         lifted = one.model.cams[contact.cam].event(_ANGLES) > main_lift(one.model, contact.cam)
-        still, _, inertia = _by_speed(case, name)[:, lifted]
+        still, _, inertia = _force_coefficients(case, name)[:, lifted]
         pulls = inertia < 0.0
         if pulls.any():
             worst.append(float(np.sqrt((np.maximum(still[pulls], 0.0) / -inertia[pulls]).min())))
     return min(worst) / RPM if worst else None
 
 
-def _by_speed(case: Case, contact: str) -> FloatArray:
+def _force_coefficients(case: Case, contact: str) -> FloatArray:
     """Return the coefficients of the rigid contact force: constant, per rad/s and per (rad/s)^2, shape (3, angles)."""
     speeds = case.speed * np.array([0.5, 1.0, 2.0])
     forces = [_rigid_force(case, contact, float(speed), _ANGLES) for speed in speeds]

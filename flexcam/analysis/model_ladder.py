@@ -8,9 +8,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flexcam.analysis.initial_state import started
-from flexcam.analysis.measures import Measured, measured
-from flexcam.analysis.preparation import DEFAULT_STEPS_PER_REVOLUTION, Prepared, prepare, standing
+from flexcam.analysis.initial_state import set_initial_state
+from flexcam.analysis.measures import Histories, extract_histories
+from flexcam.analysis.preparation import (
+    DEFAULT_STEPS_PER_REVOLUTION,
+    PreparedRun,
+    prepare,
+    prepare_without_periodic_search,
+)
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.case.schema.run import GivenStartRecord
@@ -18,11 +23,11 @@ from flexcam.core import FloatArray
 from flexcam.core.errors import InputError
 from flexcam.dynamics import Problem, Response, RunFailedError, State, solve
 from flexcam.fem.recovery import deflection
-from flexcam.valvetrain import Chain, Structure, build_structure, chain_of
+from flexcam.valvetrain import Chain, Structure, build_chain, build_structure
 from flexcam.valvetrain.structure import inner_name, spring_parts
 
 
-def beat(speed: float, mode: float) -> tuple[float, float]:
+def beat_period(speed: float, mode: float) -> tuple[float, float]:
     """Return the beat period of an undamped oscillator, and its maximum deviation from the excitation.
 
     The load form moves the valve as ``x'' + w^2 x = w^2 (1 - cos W t)/2`` from rest, under simple harmonic motion of
@@ -35,7 +40,7 @@ def beat(speed: float, mode: float) -> tuple[float, float]:
     return speed / abs(mode - speed), share / abs(1.0 - share)
 
 
-def carried_start(case: Case, other: Case) -> Case:
+def map_initial_state(case: Case, other: Case) -> Case:
     """Return a case with the initial state of another one, where that is given at nodes.
 
     Points between two nodes of a member follow the shape functions of its elements: otherwise a finer mesh would have
@@ -47,11 +52,11 @@ def carried_start(case: Case, other: Case) -> Case:
         return other
     structure, its = (build_structure(build_model(one)) for one in (case, other))
     parts = {name: (one.elements, other.record.members[name].elements) for name, one in case.record.members.items()}
-    seen = [_seen(structure, its, parts, values) for values in (start.displacement, start.velocity)]
+    seen = [_map_nodal_values(structure, its, parts, values) for values in (start.displacement, start.velocity)]
     return other.with_run({"start": GivenStartRecord(displacement=seen[0], velocity=seen[1])})
 
 
-def _seen(
+def _map_nodal_values(
     structure: Structure, its: Structure, parts: Mapping[str, tuple[int, int]], values: Mapping[str, float]
 ) -> dict[str, float]:
     """Map named values from one mesh to another; values that do not belong to nodes are unchanged."""
@@ -61,7 +66,7 @@ def _seen(
     nodal = structure.dofs.nodal(row)
     found, given = np.zeros((len(its.model.mesh.nodes), 6)), len(mesh.nodes)
     for name, elements in mesh.element_ranges().items():
-        found[its.model.mesh.lines[name]] = _along(structure, nodal, elements, *parts[name])
+        found[its.model.mesh.lines[name]] = _interpolate_member(structure, nodal, elements, *parts[name])
         given -= (elements.stop - elements.start) // parts[name][0] * (parts[name][0] - 1)
     found[:given] = nodal[:given]  # the nodes of the case come first in all its meshes
     free = its.dofs.numbers >= 0
@@ -69,10 +74,10 @@ def _seen(
     amounts: list[float] = found[free].tolist()
     moved = {its.dofs.names[i]: x for i, x in zip(numbers, amounts, strict=True) if x}
     beside = {name: value for name, value in values.items() if name not in on_nodes}
-    return moved | _within_springs(structure, its, values, beside)
+    return moved | _map_spring_values(structure, its, values, beside)
 
 
-def _within_springs(
+def _map_spring_values(
     structure: Structure, its: Structure, values: Mapping[str, float], beside: Mapping[str, float]
 ) -> dict[str, float]:
     """Map values of internal spring nodes to springs with another number of parts."""
@@ -90,7 +95,7 @@ def _within_springs(
     return found
 
 
-def _along(structure: Structure, nodal: FloatArray, elements: slice, parts: int, other: int) -> FloatArray:
+def _interpolate_member(structure: Structure, nodal: FloatArray, elements: slice, parts: int, other: int) -> FloatArray:
     """Return the motion at the nodes of a member that has `other` elements per segment instead of `parts`."""
     local = deflection(structure.beams, nodal, other, elements)
     triads = structure.beams.triads[elements]
@@ -100,25 +105,25 @@ def _along(structure: Structure, nodal: FloatArray, elements: slice, parts: int,
     return line[::parts]
 
 
-_GIVEN = ("rest", "equilibrium", "periodic")
+_RECOMPUTED_STARTS = ("rest", "equilibrium", "periodic")
 """Initial states computed anew for the chain; others are projected from the beam model."""
 
 
-def chain(case: Case, count: int, *, contact: str | None = None, lumped: bool = False) -> Chain:
+def mass_chain(case: Case, count: int, *, contact: str | None = None, lumped: bool = False) -> Chain:
     """Return the train of a case as a chain of masses."""
-    return chain_of(build_model(case), case.speed, count, contact=contact, lumped=lumped)
+    return build_chain(build_model(case), case.speed, count, contact=contact, lumped=lumped)
 
 
-def chain_run(case: Case, count: int, *, contact: str | None = None, lumped: bool = False) -> Prepared:
+def prepare_mass_chain(case: Case, count: int, *, contact: str | None = None, lumped: bool = False) -> PreparedRun:
     """Return a prepared run of a case with its train as a chain of masses."""
-    ready, found = prepare(case), chain(case, count, contact=contact, lumped=lumped)
+    ready, found = prepare(case), mass_chain(case, count, contact=contact, lumped=lumped)
     problem = replace(ready.problem, system=found.system, start=None)
-    if case.record.run.start in _GIVEN:
-        return replace(ready, problem=started(case, ready.model, problem))
-    return replace(ready, problem=replace(problem, start=_seen_chain(ready.problem, found)))
+    if case.record.run.start in _RECOMPUTED_STARTS:
+        return replace(ready, problem=set_initial_state(case, ready.model, problem))
+    return replace(ready, problem=replace(problem, start=_project_start(ready.problem, found)))
 
 
-def _seen_chain(whole: Problem, found: Chain) -> State | None:
+def _project_start(whole: Problem, found: Chain) -> State | None:
     """Return the initial state of the beam model in the chain's degrees of freedom, by least squares."""
     if whole.start is None:
         return None
@@ -130,12 +135,12 @@ def _seen_chain(whole: Problem, found: Chain) -> State | None:
 _ELEMENTS = (1, 2)
 """Elements per segment of every member, besides those of the case and twice as many."""
 
-_MODES = (3, 10, 30)
+_MODE_COUNTS = (3, 10, 30)
 """Numbers of modes of the reduced models."""
 
 
 @dataclass(frozen=True, eq=False)
-class Rung:
+class ModelLevel:
     """Model of a case.
 
     Parameters
@@ -152,33 +157,35 @@ class Rung:
     words: str
     case: Case
 
-    def prepared(self, until: float | None = None, work: int = 0) -> Prepared:
+    def prepared(self, until: float | None = None, work: int = 0) -> PreparedRun:
         """Return the prepared run; the search for a periodic state ends at `until`, s of `time.monotonic`.
 
         `work` is the number of steps per revolution of all planned runs including this one: setup that speeds up many
         short runs may not pay for a single run.
         """
-        return prepare(self.case, until=until, runs=max(round(work / steps_of(self.case)), 1) if work else 1)
+        return prepare(
+            self.case, until=until, runs=max(round(work / steps_per_revolution_of(self.case)), 1) if work else 1
+        )
 
     def run(self, until: float | None = None, work: int = 0) -> Response:
         """Return the response; the run ends at `until` at the latest."""
         ready = self.prepared(until, work)
         return solve(ready.problem, ready.scheme, save=ready.save, until=until)
 
-    def stepped(self, per_revolution: int) -> Rung:
+    def stepped(self, per_revolution: int) -> ModelLevel:
         """Return the same model with another number of steps per revolution."""
         return replace(self, case=self.case.with_run({"steps_per_revolution": per_revolution, "step": None}))
 
 
-def measured_run(rung: Rung, probe: str, until: float | None = None, work: int = 0) -> Measured:
+def run_histories(rung: ModelLevel, probe: str, until: float | None = None, work: int = 0) -> Histories:
     """Return the compared histories of a model's run."""
     response = rung.run(until, work)
     if not response.status.ok:
         raise RunFailedError(response.status)
-    return measured(response, probe)
+    return extract_histories(response, probe)
 
 
-def steps_of(case: Case) -> int:
+def steps_per_revolution_of(case: Case) -> int:
     """Return the steps per camshaft revolution of a case, rounded if it gives a time step."""
     run = case.record.run
     if run.step is None:
@@ -198,49 +205,49 @@ def with_elements(case: Case, factor: int | None = None, each: int | None = None
         for name, one in case.record.springs.items()
     }
     made = replace(case, record=case.record.model_copy(update={"members": members, "springs": springs}))
-    return carried_start(case, made)
+    return map_initial_state(case, made)
 
 
-def as_beams(case: Case) -> Case:
+def with_beam_model(case: Case) -> Case:
     """Return a case with all degrees of freedom of its beams, regardless of its fidelity."""
     return case.with_fidelity(
         {"model": "beams", "tolerance": None, "estimate": False, "modes": None, "reduction": "modes"}
     )
 
 
-def _stands(rung: Rung) -> bool:
+def _is_applicable(rung: ModelLevel) -> bool:
     """Return whether a model exists for its case: a chain requires a single train with enough nodes."""
     try:
-        standing(rung.case)
+        prepare_without_periodic_search(rung.case)
     except (InputError, RunFailedError):
         return False
     return True
 
 
-def ladder(case: Case) -> tuple[Rung, ...]:
+def model_ladder(case: Case) -> tuple[ModelLevel, ...]:
     """Return the models of a case from coarse to fine."""
-    beams = as_beams(case)
+    beams = with_beam_model(case)
     own = {one.elements for one in case.record.members.values()}
-    unknowns = standing(beams).problem.system.size
+    unknowns = prepare_without_periodic_search(beams).problem.system.size
     fewer = [
-        Rung(f"beams {n}", f"{n} element{'s' if n > 1 else ''} per segment", with_elements(beams, each=n))
+        ModelLevel(f"beams {n}", f"{n} element{'s' if n > 1 else ''} per segment", with_elements(beams, each=n))
         for n in _ELEMENTS
         if n < min(own, default=0)
     ]
     modes = [
-        Rung(f"modes {n}", f"{n} modes with the static answers they miss", beams.with_fidelity({"modes": n}))
-        for n in _MODES
+        ModelLevel(f"modes {n}", f"{n} modes with the static answers they miss", beams.with_fidelity({"modes": n}))
+        for n in _MODE_COUNTS
         if 2 * n < unknowns
     ]
     chains = [
-        Rung("sdof", "one mass for the train", beams.with_fidelity({"model": "sdof"})),
-        Rung("chain 3", "three masses along the train", beams.with_fidelity({"model": "chain", "masses": 3})),
+        ModelLevel("sdof", "one mass for the train", beams.with_fidelity({"model": "sdof"})),
+        ModelLevel("chain 3", "three masses along the train", beams.with_fidelity({"model": "chain", "masses": 3})),
     ]
     return (
-        Rung("rigid", "rigid members", beams.with_fidelity({"model": "rigid"}).with_run({"engine": "auto"})),
-        *(rung for rung in chains if _stands(rung)),
+        ModelLevel("rigid", "rigid members", beams.with_fidelity({"model": "rigid"}).with_run({"engine": "auto"})),
+        *(rung for rung in chains if _is_applicable(rung)),
         *modes,
         *fewer,
-        Rung("beams", "the case as it stands", beams),
-        Rung("beams x2", "twice its elements", with_elements(beams, factor=2)),
+        ModelLevel("beams", "the case as it stands", beams),
+        ModelLevel("beams x2", "twice its elements", with_elements(beams, factor=2)),
     )

@@ -54,7 +54,7 @@ def modes(
     return model_modes(build_structure(ready.model), count, loaded=state.displacement)
 
 
-def mode_likeness(case: Case, found: ModelModes, other: Case, others: ModelModes) -> tuple[FloatArray, int]:
+def modal_assurance(case: Case, found: ModelModes, other: Case, others: ModelModes) -> tuple[FloatArray, int]:
     """Compare the modes of two cases by the modal assurance criterion."""
     shapes: list[dict[tuple[float, ...], FloatArray]] = []
     for one, its in ((case, found), (other, others)):

@@ -15,9 +15,17 @@ from flexcam.analysis.preparation import DEFAULT_STEPS_PER_REVOLUTION, prepare
 from flexcam.cams import OrderSpectrum, order_spectrum
 from flexcam.case.case import Case
 from flexcam.core import FloatArray
-from flexcam.core.errors import did_you_mean, refuse
+from flexcam.core.errors import refuse, suggest_name
 from flexcam.core.units import RPM
-from flexcam.dynamics import Advance, Response, RunFailedError, Status, raise_if_interrupted, solve, track_progress
+from flexcam.dynamics import (
+    ProgressCallback,
+    Response,
+    RunFailedError,
+    Status,
+    reraise_interrupt,
+    solve,
+    track_progress,
+)
 from flexcam.io.exports import component_unit
 
 _REVOLUTION = 2.0 * math.pi
@@ -45,7 +53,7 @@ class Signal:
         if not self.probe:
             known = response.channels
             if self.name not in known:
-                near = did_you_mean(self.name, known)
+                near = suggest_name(self.name, known)
                 raise refuse("--channel", repr(self.name), f"one of {', '.join(known)}", "", near)
             return known[self.name]
         history = response[self.name]
@@ -89,20 +97,22 @@ class Waterfall:
     statuses: tuple[Status, ...]
 
 
-def latest_orders(response: Response, values: FloatArray, count: int) -> OrderSpectrum:
+def last_revolution_orders(response: Response, values: FloatArray, count: int) -> OrderSpectrum:
     """Return the orders of a history in the last revolution of a run."""
-    begin = _beginning(response)
+    begin = _revolution_start(response)
     steps, highest = len(response.angle) - begin - 1, highest_order(response)
     if count > highest:
         given, allowed = f"{count} of a last revolution of {steps} steps", f"up to {highest}" if highest else "none"
-        raise refuse("orders", given, allowed, _TWO_EACH, f"take {_wanted(count)} steps per revolution or more")
+        raise refuse(
+            "orders", given, allowed, _MIN_STEPS_REASON, f"take {_required_steps(count)} steps per revolution or more"
+        )
     return order_spectrum(response.angle[begin:], values[begin:], count)
 
 
-_TWO_EACH = "an order needs two steps of its own"
+_MIN_STEPS_REASON = "an order needs two steps of its own"
 
 
-def _wanted(count: int) -> int:
+def _required_steps(count: int) -> int:
     """Return the steps per revolution required for a number of orders, including the mean."""
     return 2 * count + 1
 
@@ -115,10 +125,10 @@ def has_revolution(response: Response) -> bool:
 
 def highest_order(response: Response) -> int:
     """Return the highest order resolved by the steps of the last revolution."""
-    return max((len(response.angle) - _beginning(response)) // 2 - 1, 0) if has_revolution(response) else 0
+    return max((len(response.angle) - _revolution_start(response)) // 2 - 1, 0) if has_revolution(response) else 0
 
 
-def _beginning(response: Response) -> int:
+def _revolution_start(response: Response) -> int:
     if not has_revolution(response):
         turned = math.degrees(float(np.ptp(response.angle))) if len(response.angle) else 0.0
         raise refuse("run.revolutions", f"a run over {turned:.4g} deg", "one revolution or more", "it is the period")
@@ -127,35 +137,40 @@ def _beginning(response: Response) -> int:
 
 
 def waterfall(
-    case: Case, speeds: Sequence[float], signals: Sequence[Signal], count: int, *, advance: Advance | None = None
+    case: Case,
+    speeds: Sequence[float],
+    signals: Sequence[Signal],
+    count: int,
+    *,
+    advance: ProgressCallback | None = None,
 ) -> list[Waterfall]:
     """Return the orders of histories over speed."""
-    _refuse_few_steps(case, max(speeds), count)
+    _check_steps(case, max(speeds), count)
     rpm = np.array(speeds) / RPM
     found: dict[Signal, list[OrderSpectrum | None]] = {one: [] for one in signals}
     statuses: list[Status] = []
     units: dict[Signal, str] = {}
     for speed in track_progress(speeds, advance):
-        response = _run(case.at_speed(speed), len(speeds))
-        raise_if_interrupted(response if isinstance(response, Status) else response.status)
+        response = _run_case(case.at_speed(speed), len(speeds))
+        reraise_interrupt(response if isinstance(response, Status) else response.status)
         statuses.append(response if isinstance(response, Status) else response.status)
         for one, its in found.items():
             if isinstance(response, Status) or not response.status.ok:
                 its.append(None)
                 continue
-            its.append(latest_orders(response, one.of(response), count))
+            its.append(last_revolution_orders(response, one.of(response), count))
             units[one] = one.unit(response)
-    return [_joined(one, units.get(one, ""), rpm, its, tuple(statuses), count) for one, its in found.items()]
+    return [_join_spectra(one, units.get(one, ""), rpm, its, tuple(statuses), count) for one, its in found.items()]
 
 
-def _refuse_few_steps(case: Case, fastest: float, count: int) -> None:
+def _check_steps(case: Case, fastest: float, count: int) -> None:
     """Raise an error before the first run if fixed steps are too few for the orders; adaptive ones are checked then."""
-    run, wanted = case.record.run, _wanted(count)
+    run, wanted = case.record.run, _required_steps(count)
     turn = _REVOLUTION / fastest
     steps = math.floor(turn / run.step) if run.step else run.steps_per_revolution or DEFAULT_STEPS_PER_REVOLUTION
     if run.adaptive is not None or steps >= wanted:
         return
-    fewer = f"or ask for {(steps - 1) // 2} orders at most (--orders)" if steps >= _wanted(1) else ""
+    fewer = f"or ask for {(steps - 1) // 2} orders at most (--orders)" if steps >= _required_steps(1) else ""
     if run.step:
         at = f"{fastest / RPM:.6g} camshaft rpm"
         most = f"{0.995 * turn / wanted:.3g} s or less for {count} orders"  # rounded down to three digits
@@ -163,10 +178,10 @@ def _refuse_few_steps(case: Case, fastest: float, count: int) -> None:
     else:
         given, key, remedy = str(steps), "steps_per_revolution", "take more steps"
         most = f"{wanted} or more for {count} orders"
-    raise refuse(case.place(("run", key)), given, most, _TWO_EACH, ", ".join(filter(None, (remedy, fewer))))
+    raise refuse(case.place(("run", key)), given, most, _MIN_STEPS_REASON, ", ".join(filter(None, (remedy, fewer))))
 
 
-def _run(case: Case, runs: int) -> Response | Status:
+def _run_case(case: Case, runs: int) -> Response | Status:
     """Return one of several runs, or its status if it cannot start."""
     try:
         ready = prepare(case)
@@ -175,7 +190,7 @@ def _run(case: Case, runs: int) -> Response | Status:
     return solve(replace(ready.problem, runs=runs), ready.scheme, save=ready.save)
 
 
-def _joined(
+def _join_spectra(
     signal: Signal, unit: str, rpm: FloatArray, found: Sequence[OrderSpectrum | None], ended: tuple[Status, ...],
     count: int,
 ) -> Waterfall:  # fmt: skip
@@ -185,7 +200,7 @@ def _joined(
     return Waterfall(signal, unit, rpm, amplitudes, gaps, ended)
 
 
-def ridges(found: Waterfall, count: int = 3) -> Mapping[int, tuple[float, float]]:
+def largest_orders(found: Waterfall, count: int = 3) -> Mapping[int, tuple[float, float]]:
     """Return the orders with the largest amplitudes over all speeds, without the mean."""
     if np.isnan(found.amplitudes).all():
         return {}

@@ -8,14 +8,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from flexcam.cams import Event, lowest
+from flexcam.cams import Event, curve_minimum
 from flexcam.core import FloatArray
 from flexcam.core.errors import positive, refuse
 from flexcam.dynamics import AngleFunction
 
 
 @dataclass(frozen=True, eq=False)
-class OneMass:
+class SingleMassModel:
     """Mass driven by a cam through an elastic train, against a valve spring.
 
     Parameters
@@ -134,12 +134,12 @@ class Setting:
         return 1.0 - self.opening / self.lift
 
 
-def setting(name: str, one: OneMass, omega: AngleFunction, speed: float) -> Setting:
+def evaluate_setting(name: str, one: SingleMassModel, omega: AngleFunction, speed: float) -> Setting:
     """Return the results of a setting over a revolution."""
     joints = one.event.joints
 
     def span(curve: Callable[[FloatArray], FloatArray]) -> tuple[float, float]:
-        return -lowest(lambda angle: -curve(angle), joints).value, lowest(curve, joints).value
+        return -curve_minimum(lambda angle: -curve(angle), joints).value, curve_minimum(curve, joints).value
 
     fastest, slowest = span(lambda angle: omega(angle, 0))
     return Setting(

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flexcam.analysis.initial_state import drive_of, revolution_of, started, steps_per_revolution
-from flexcam.analysis.resources import affordable_mesh
+from flexcam.analysis.initial_state import camshaft_drive, revolution_time, set_initial_state, steps_per_revolution
+from flexcam.analysis.resources import check_mesh_memory
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.case.schema.run import GivenStartRecord
@@ -20,9 +20,9 @@ from flexcam.valvetrain import (
     Chain,
     Metric,
     Model,
+    build_chain,
     build_rigid,
     build_system,
-    chain_of,
     modal_basis,
     straighten,
     train_metrics,
@@ -34,7 +34,7 @@ DEFAULT_STEPS_PER_REVOLUTION = 3600
 
 
 @dataclass(frozen=True, eq=False)
-class Prepared:
+class PreparedRun:
     """Prepared run for `flexcam.dynamics.solve`.
 
     Parameters
@@ -65,13 +65,13 @@ class Prepared:
     @property
     def revolution(self) -> float:
         """Duration of a camshaft revolution, s."""
-        return revolution_of(self.case, self.problem.drive)
+        return revolution_time(self.case, self.problem.drive)
 
 
 def prepare(
     case: Case, *, rigid: bool = False, model: Model | None = None, until: float | None = None,
     allow_large: bool = False, runs: int = 1,
-) -> Prepared:  # fmt: skip
+) -> PreparedRun:  # fmt: skip
     """Build the problem described by a case.
 
     Parameters
@@ -105,23 +105,23 @@ def prepare(
     --------
     ``prepare(case).problem.system`` is the `System` of a case, for custom studies.
     """
-    model, system, few = _described(case, model, _kind(case, rigid=rigid), allow_large=allow_large)
+    model, system, few = _build_problem(case, model, _model_name(case, rigid=rigid), allow_large=allow_large)
     save = SaveAt(field_every=case.record.output.field_every)
     scheme = case.record.run.integrator.made()
     try:
-        plain = replace(_problem(case, model, system), runs=runs)
+        plain = replace(_make_problem(case, model, system), runs=runs)
         if rigid:  # the rigid companion of a flexible run; the engine was requested for the flexible one
             plain = replace(plain, engine="auto")
-        problem = started(case, model, plain, until=until)
+        problem = set_initial_state(case, model, plain, until=until)
     except InputError as refusal:
-        raise _placed(case, refusal) from None
-    problem = replace(problem, basis=_basis(case, problem, few))
+        raise _add_lines(case, refusal) from None
+    problem = replace(problem, basis=_reduced_basis(case, problem, few))
     if refusal := method_refusal(problem, scheme):
-        raise _placed(case, refusal)
-    return Prepared(case, model, problem, scheme, save)
+        raise _add_lines(case, refusal)
+    return PreparedRun(case, model, problem, scheme, save)
 
 
-def standing(case: Case) -> Prepared:
+def prepare_without_periodic_search(case: Case) -> PreparedRun:
     """Prepare a case; a periodic initial state, which is expensive, is replaced by equilibrium."""
     if case.record.run.start != "periodic":
         return prepare(case)
@@ -129,37 +129,37 @@ def standing(case: Case) -> Prepared:
     try:
         steps_per_revolution(case, ready.problem)
     except InputError as refusal:
-        raise _placed(case, refusal) from None
+        raise _add_lines(case, refusal) from None
     return ready
 
 
-def described(
+def build_problem(
     case: Case, *, rigid: bool = False, model: Model | None = None, allow_large: bool = False
 ) -> tuple[Model, System]:  # fmt: skip
     """Return the model of a case and its equations without an initial state."""
-    return _described(case, model, _kind(case, rigid=rigid), allow_large=allow_large)[:2]
+    return _build_problem(case, model, _model_name(case, rigid=rigid), allow_large=allow_large)[:2]
 
 
-def _described(
+def _build_problem(
     case: Case, model: Model | None, kind: str, *, allow_large: bool
 ) -> tuple[Model, System, Chain | None]:  # fmt: skip
     """Return model and equations, and the chain of masses if the case uses one."""
     model = model or build_model(case)
     if not allow_large:
-        affordable_mesh(model.mesh)
+        check_mesh_memory(model.mesh)
     model = straighten(model) if kind in _CHAINS else model
     make = build_rigid if kind == "rigid" else build_system
     try:
         system = make(model, case.speed)
     except InputError as refusal:
-        raise _placed(case, refusal) from None
+        raise _add_lines(case, refusal) from None
     if kind not in _CHAINS or not system.size:
         return model, system, None
-    few = _few(case, model, _CHAINS[kind] or case.record.fidelity.masses)
+    few = _mass_chain(case, model, _CHAINS[kind] or case.record.fidelity.masses)
     return model, without_compression(system, few.unfelt), few
 
 
-def _kind(case: Case, *, rigid: bool) -> str:
+def _model_name(case: Case, *, rigid: bool) -> str:
     """Return the name of the model of a case."""
     return "rigid" if rigid else case.record.fidelity.model
 
@@ -168,30 +168,30 @@ _CHAINS = {"sdof": 1, "chain": None}
 """Models of few masses, and the number of masses if it is fixed."""
 
 
-_KEYS = {"count": "fidelity.masses", "contact": "fidelity.model"}
+_CHAIN_KEYS = {"count": "fidelity.masses", "contact": "fidelity.model"}
 """Arguments of a chain, and the keys of a case that set them."""
 
 
-def _few(case: Case, model: Model, count: int) -> Chain:
+def _mass_chain(case: Case, model: Model, count: int) -> Chain:
     """Return the train of a case as a chain of masses."""
     try:
-        return chain_of(model, case.speed, count)
+        return build_chain(model, case.speed, count)
     except InputError as refusal:
-        named = InputError(replace(one, where=_KEYS.get(one.where, one.where)) for one in refusal.faults)
-        raise _placed(case, named) from None
+        named = InputError(replace(one, where=_CHAIN_KEYS.get(one.where, one.where)) for one in refusal.faults)
+        raise _add_lines(case, named) from None
 
 
-def _basis(case: Case, problem: Problem, few: Chain | None) -> Basis | None:
+def _reduced_basis(case: Case, problem: Problem, few: Chain | None) -> Basis | None:
     """Return the basis of a reduced model; None for the full degrees of freedom."""
     fidelity = case.record.fidelity
     if few is not None:
-        return ModeBasis(few.shapes, few.system.names, _answered(case, problem, few.shapes))
+        return ModeBasis(few.shapes, few.system.names, _residual_start(case, problem, few.shapes))
     if fidelity.modes is None or not problem.system.size:
         return None
     return modal_basis(problem, fidelity.modes, by_parts=fidelity.reduction == "craig-bampton")
 
 
-def _answered(case: Case, problem: Problem, shapes: FloatArray) -> FloatArray | None:
+def _residual_start(case: Case, problem: Problem, shapes: FloatArray) -> FloatArray | None:
     """Return the part of the initial state outside the chain's shapes, decoupled from them, which stays constant.
 
     Forces that do not act at the masses, such as that of an installed spring, cause deflections outside their shapes.
@@ -203,17 +203,17 @@ def _answered(case: Case, problem: Problem, shapes: FloatArray) -> FloatArray | 
     return begun - shapes @ np.linalg.lstsq(shapes.T @ stiff, stiff.T @ begun)[0]
 
 
-def _placed(case: Case, refusal: InputError) -> InputError:
+def _add_lines(case: Case, refusal: InputError) -> InputError:
     """Return an error with the lines of its keys in the case file added."""
     told = (fault if " (" in fault.where else replace(fault, where=case.place(tuple(fault.where.split("."))))
             for fault in refusal.faults)  # fmt: skip
     return InputError(told)
 
 
-def _problem(case: Case, model: Model, system: System) -> Problem:
-    run, drive = case.record.run, drive_of(case, model)
+def _make_problem(case: Case, model: Model, system: System) -> Problem:
+    run, drive = case.record.run, camshaft_drive(case, model)
     per_revolution = run.steps_per_revolution or DEFAULT_STEPS_PER_REVOLUTION
-    revolution = revolution_of(case, drive)
+    revolution = revolution_time(case, drive)
     step = run.step or revolution / per_revolution
     steps = round(run.revolutions * revolution / step)
     if steps < 1:
@@ -224,18 +224,18 @@ def _problem(case: Case, model: Model, system: System) -> Problem:
     return Problem(system, drive, step, steps, adaptive=adaptive, prune=prune, engine=run.engine)
 
 
-def scalar_probe(ready: Prepared) -> str:
+def scalar_probe(ready: PreparedRun) -> str:
     """Return the default probe of a case: the point of a rocker, else the first moved by a cam, else the first."""
     points = [rocker.point for rocker in ready.model.rockers.values()]
     probes = [probe for probe in ready.problem.system.probes if probe.name in ready.model.probes]
     if not probes:
         raise refuse("output.probes", "none", "at least one point to compare at", "", 'add probes = ["valve"]')
     ordered = sorted(probes, key=lambda probe: probe.name not in points)
-    moved = _moved_by_cams(ready)
-    return next((moved[probe.name] for probe in ordered if probe.name in moved), _along_follower(ready, ordered[0]))
+    moved = _driven_probes(ready)
+    return next((moved[probe.name] for probe in ordered if probe.name in moved), _follower_component(ready, ordered[0]))
 
 
-def _moved_by_cams(ready: Prepared) -> dict[str, str]:
+def _driven_probes(ready: PreparedRun) -> dict[str, str]:
     """Return the probes moved by the rigid train, each with its component of largest motion."""
     if not ready.model.driven:
         return {}
@@ -243,45 +243,47 @@ def _moved_by_cams(ready: Prepared) -> dict[str, str]:
         rigid = build_rigid(ready.model, ANY_SPEED)
     except InputError:  # no rigid train exists: the first probe is used
         return {}
-    strokes = {probe: [0.0 if one is None else float(np.ptp(one(_ROUND, 0))) for one in probe.offset]
+    strokes = {probe: [0.0 if one is None else float(np.ptp(one(_REVOLUTION_ANGLES, 0))) for one in probe.offset]
                for probe in rigid.probes}  # fmt: skip
-    return {probe.name: _named(probe, int(np.argmax(path))) for probe, path in strokes.items() if max(path) > 0.0}
+    return {
+        probe.name: _component_name(probe, int(np.argmax(path))) for probe, path in strokes.items() if max(path) > 0.0
+    }
 
 
-_ROUND = np.linspace(0.0, 2.0 * np.pi, 361)
+_REVOLUTION_ANGLES = np.linspace(0.0, 2.0 * np.pi, 361)
 """Angles of a revolution, rad; a lift between two of them would be too short."""
 
 
-def _along_follower(ready: Prepared, probe: Probe) -> str:
+def _follower_component(ready: PreparedRun, probe: Probe) -> str:
     """Return the component of a probe along the direction of the first follower, or its first one."""
     contact = next(iter(ready.model.driven.values()), None)
     along = "" if contact is None else COMPONENTS[int(np.argmax(np.abs(contact.direction)))]
-    return _named(probe, probe.components.index(along) if along in probe.components else 0)
+    return _component_name(probe, probe.components.index(along) if along in probe.components else 0)
 
 
-def _named(probe: Probe, component: int) -> str:
+def _component_name(probe: Probe, component: int) -> str:
     """Return the name of a component of a probe; a scalar probe keeps its name."""
     return probe.name if len(probe.components) == 1 else f"{probe.name}.{probe.components[component]}"
 
 
-_FEW = ("sdof", "chain")
+_LUMPED_MODELS = ("sdof", "chain")
 """Models that represent the camshaft only by its compliance at the contacts, or not at all under a published load."""
 
 _CAMSHAFT = ("cams.", "supports.")
 
 
-def figures_of(ready: Prepared, response: Response) -> list[Metric]:
+def compute_metrics(ready: PreparedRun, response: Response) -> list[Metric]:
     """Return the metrics of the last revolution of a run, without those that its model cannot compute."""
     found = train_metrics(ready.model, response, ready.revolution)
-    if ready.case.record.fidelity.model not in _FEW:
+    if ready.case.record.fidelity.model not in _LUMPED_MODELS:
         return found
-    return [one for one in found if not one.name.startswith(_CAMSHAFT) or _moves(response, one)]
+    return [one for one in found if not one.name.startswith(_CAMSHAFT) or _is_moving(response, one)]
 
 
-def _moves(response: Response, one: Metric) -> bool:
+def _is_moving(response: Response, one: Metric) -> bool:
     values = response.channels[one.name.rpartition(".")[0]]
-    return bool(np.ptp(values) > _STILL * np.abs(values).max())
+    return bool(np.ptp(values) > _ROUNDING * np.abs(values).max())
 
 
-_STILL = 1e-9
+_ROUNDING = 1e-9
 """Relative size of rounding errors."""

@@ -11,10 +11,10 @@ from pathlib import Path
 from flexcam.core import DENSE_LIMIT
 from flexcam.core.errors import Fault, InputError
 from flexcam.dynamics import Problem, SaveAt, integrated_size, outline
-from flexcam.dynamics.engine_selection import MOST, candidate_engines
+from flexcam.dynamics.engine_selection import MAX_MODES, candidate_engines
 from flexcam.dynamics.solve import AT_ONCE, LEAST_AT_ONCE
 from flexcam.fem.mesh import Mesh
-from flexcam.io import RECOVERED, VECTORS, points_drawn, result_bytes
+from flexcam.io import RECOVERED_FIELDS, VECTORS, count_output_points, result_bytes
 
 _UNLIMITED = 2**60
 """Bytes from which the limit of a control group means unlimited."""
@@ -26,7 +26,9 @@ def free_memory() -> int | None:
     Minimum of the memory available on the machine (``MemAvailable`` of Linux, total memory elsewhere) and of the limits
     of control groups, which containers and batch systems use.
     """
-    return min([*_of_machine(), *of_groups(Path("/sys/fs/cgroup"), Path("/proc/self/cgroup"))], default=None)
+    return min(
+        [*_machine_memory(), *control_group_memory(Path("/sys/fs/cgroup"), Path("/proc/self/cgroup"))], default=None
+    )
 
 
 def free_disk(folder: Path) -> int | None:
@@ -38,8 +40,8 @@ def free_disk(folder: Path) -> int | None:
         return None
 
 
-def _of_machine() -> Iterator[int]:
-    for line in _lines(Path("/proc/meminfo")):
+def _machine_memory() -> Iterator[int]:
+    for line in _read_lines(Path("/proc/meminfo")):
         name, _, value = line.partition(":")
         if name == "MemAvailable":
             yield 1024 * int(value.split()[0])
@@ -49,9 +51,9 @@ def _of_machine() -> Iterator[int]:
         yield os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
 
 
-def of_groups(root: Path, own: Path) -> Iterator[int]:
+def control_group_memory(root: Path, own: Path) -> Iterator[int]:
     """Yield the memory left by the control groups of this process, of version 1 or 2."""
-    for line in _lines(own):
+    for line in _read_lines(own):
         _, kinds, path = line.split(":", 2)
         version = ("", "memory.max", "memory.current")
         if kinds:
@@ -60,12 +62,12 @@ def of_groups(root: Path, own: Path) -> Iterator[int]:
             continue
         folder = root / version[0] / path.strip("/")
         for one in (folder, *(above for above in folder.parents if above.is_relative_to(root))):
-            limit, used = (next(_lines(one / name), "") for name in version[1:])
+            limit, used = (next(_read_lines(one / name), "") for name in version[1:])
             if limit.isdecimal() and used.isdecimal() and int(limit) < _UNLIMITED:
                 yield max(int(limit) - int(used), 0)
 
 
-def _lines(file: Path) -> Iterator[str]:
+def _read_lines(file: Path) -> Iterator[str]:
     """Yield the lines of a system file; none if it does not exist."""
     try:
         yield from file.read_text(encoding="ascii", errors="replace").splitlines()
@@ -84,27 +86,27 @@ coordinates and their refinement.
 _ENTRY = 250
 """Bytes per entry of M, C and K of a large system: triplets, compressed rows, their sums and a factorization."""
 
-_WALKED = 24
+_BLOCK_ARRAYS = 24
 """Arrays over all degrees of freedom and the steps of a block: motion, loads and terms of the energies."""
 
-_ANY, _COMPILER = 4_000_000, 110_000_000
+_BASE_BYTES, _COMPILER = 4_000_000, 110_000_000
 """Bytes of any run for modules and output, and of a compiled run for the compiler."""
 
-_STEP = 3000
+_STEP_BYTES = 3000
 """Bytes per step computed individually, for Python objects."""
 
-_PLACES = 36
+_STRESS_POINTS = 36
 """Points of a section outline at which stresses are recorded."""
 
-_DRAWN = 3 * len(VECTORS) + sum(width for _, width in RECOVERED.values())
+_POINT_VALUES = 3 * len(VECTORS) + sum(width for _, width in RECOVERED_FIELDS.values())
 """Values per output point."""
 
-_COPIES = 2
+_TEMPORARY_COPIES = 2
 """Temporary copies: blocks are joined from parts, and histories from blocks."""
 
 
 @dataclass(frozen=True)
-class Budget:
+class ResourceEstimate:
     """Resources required by a run, bytes.
 
     Parameters
@@ -133,7 +135,7 @@ class Budget:
         return self.machine + self.equations + self.blocks + self.histories
 
 
-def budget(problem: Problem, mesh: Mesh, save: SaveAt, *, kept: int | None = None) -> Budget:
+def estimate_resources(problem: Problem, mesh: Mesh, save: SaveAt, *, kept: int | None = None) -> ResourceEstimate:
     """Return the resources required by a run."""
     names = outline(problem.system, channels=save.channels)
     row = 2 + 3 * sum(len(components) for _, components in names.probes) + len(names.channels)
@@ -142,11 +144,11 @@ def budget(problem: Problem, mesh: Mesh, save: SaveAt, *, kept: int | None = Non
         rows * row + 3 * unknowns * fields if kept is None else min(kept + save.block, rows) * row + 3 * unknowns
     )
     inside, paths = integrated_size(problem), candidate_engines(problem)
-    return Budget(
-        machine=_ANY + (_COMPILER if "kernel" in paths else 0),
-        equations=_equations(problem, inside, natural=paths[0] != "direct" and inside <= MOST),
+    return ResourceEstimate(
+        machine=_BASE_BYTES + (_COMPILER if "kernel" in paths else 0),
+        equations=_equations(problem, inside, natural=paths[0] != "direct" and inside <= MAX_MODES),
         blocks=_blocks(inside, mesh, save, min(save.block, rows), row, unknowns),
-        histories=_COPIES * _NUMBER * histories,
+        histories=_TEMPORARY_COPIES * _NUMBER * histories,
         file=result_bytes(names, mesh, save, problem.steps),
     )
 
@@ -163,13 +165,15 @@ def _blocks(inside: int, mesh: Mesh, save: SaveAt, block: int, row: int, unknown
     """Return the memory of a block, bytes: computed steps, their joined copy and output fields."""
     walked = min(max(AT_ONCE // max(inside, 1), LEAST_AT_ONCE), block)
     fields = block // save.field_every + 1
-    drawn = 2 * (_DRAWN * points_drawn(mesh) + 3 * unknowns)
-    stressed = 3 * 2 * _PLACES * len(mesh.elements())
-    numbers = walked * (_WALKED * inside + 3 * row) + _COPIES * block * row + fields * (drawn + stressed)
-    return _NUMBER * numbers + _STEP * walked
+    drawn = 2 * (_POINT_VALUES * count_output_points(mesh) + 3 * unknowns)
+    stressed = 3 * 2 * _STRESS_POINTS * len(mesh.elements())
+    numbers = (
+        walked * (_BLOCK_ARRAYS * inside + 3 * row) + _TEMPORARY_COPIES * block * row + fields * (drawn + stressed)
+    )
+    return _NUMBER * numbers + _STEP_BYTES * walked
 
 
-_SPARED = 0.9
+_USABLE_FRACTION = 0.9
 """Fraction of the free memory that a run may use: other processes need memory too, and estimates are inexact."""
 
 _ELEMENT = 8000
@@ -183,27 +187,37 @@ _UNITS = ("B", "kB", "MB", "GB", "TB", "PB")
 _LARGE = "or --allow-large to try it all the same"
 
 
-def affordable(needs: Budget, folder: Path | None = None, *, together: int = 1) -> None:
+def check_resources(needs: ResourceEstimate, folder: Path | None = None, *, together: int = 1) -> None:
     """Raise an error if memory or disk space is insufficient for a run."""
-    faults = [_memory(needs, together), None if folder is None else _disk(needs, folder)]
+    faults = [_check_memory(needs, together), None if folder is None else _check_disk(needs, folder)]
     if found := [fault for fault in faults if fault]:
         raise InputError(found)
 
 
-def affordable_mesh(mesh: Mesh) -> None:
+def check_mesh_memory(mesh: Mesh) -> None:
     """Raise an error if memory is insufficient for the matrices of a mesh, before they are assembled."""
     count = sum(len(line) - 1 for line in mesh.lines.values())
     free = free_memory() if _ELEMENT * count > _SMALL else None
-    if free is None or _ELEMENT * count <= _SPARED * free:
+    if free is None or _ELEMENT * count <= _USABLE_FRACTION * free:
         return
-    given = f"{count} elements, whose matrices take {size(_ELEMENT * count)}"
+    given = f"{count} elements, whose matrices take {format_size(_ELEMENT * count)}"
     remedy = "fewer elements, or flexcam run --allow-large to try it all the same"
-    raise InputError([Fault("memory", given, f"up to {size(int(_SPARED * free))}", f"{size(free)} are free", remedy)])
+    raise InputError(
+        [
+            Fault(
+                "memory",
+                given,
+                f"up to {format_size(int(_USABLE_FRACTION * free))}",
+                f"{format_size(free)} are free",
+                remedy,
+            )
+        ]
+    )
 
 
-def _memory(needs: Budget, together: int) -> Fault | None:
+def _check_memory(needs: ResourceEstimate, together: int) -> Fault | None:
     free, asked = free_memory(), together * needs.memory
-    if free is None or asked <= _SPARED * free:
+    if free is None or asked <= _USABLE_FRACTION * free:
         return None
     parts = {
         "programs": needs.machine,
@@ -211,22 +225,24 @@ def _memory(needs: Budget, together: int) -> Fault | None:
         "blocks of steps": needs.blocks,
         "histories": needs.histories,
     }
-    told = ", ".join(f"{size(one)} of {name}" for name, one in parts.items())
-    given = f"a run of {size(needs.memory)}: {told}" + (f"; {together} side by side" if together > 1 else "")
+    told = ", ".join(f"{format_size(one)} of {name}" for name, one in parts.items())
+    given = f"a run of {format_size(needs.memory)}: {told}" + (f"; {together} side by side" if together > 1 else "")
     remedy = f"fewer elements, steps or probes, fields saved more seldom (output.field_every), {_LARGE}"
-    return Fault("memory", given, f"up to {size(int(_SPARED * free))}", f"{size(free)} are free", remedy)
+    return Fault(
+        "memory", given, f"up to {format_size(int(_USABLE_FRACTION * free))}", f"{format_size(free)} are free", remedy
+    )
 
 
-def _disk(needs: Budget, folder: Path) -> Fault | None:
+def _check_disk(needs: ResourceEstimate, folder: Path) -> Fault | None:
     free = free_disk(folder)
-    if free is None or needs.file <= _SPARED * free:
+    if free is None or needs.file <= _USABLE_FRACTION * free:
         return None
     remedy = f"fewer steps or probes, fields saved more seldom (output.field_every), another disk (-o), {_LARGE}"
-    given, allowed = f"a result file of {size(needs.file)}", f"up to {size(int(_SPARED * free))}"
-    return Fault("disk", given, allowed, f"{size(free)} are free at {folder}", remedy)
+    given, allowed = f"a result file of {format_size(needs.file)}", f"up to {format_size(int(_USABLE_FRACTION * free))}"
+    return Fault("disk", given, allowed, f"{format_size(free)} are free at {folder}", remedy)
 
 
-def size(count: float) -> str:
+def format_size(count: float) -> str:
     """Return a size in bytes as text."""
     power = 0
     while count >= 1000.0 and power < len(_UNITS) - 1:

@@ -11,9 +11,9 @@ from importlib.util import find_spec
 
 import numpy as np
 
-from flexcam.analysis.error_estimate import loaded_mode
-from flexcam.analysis.preparation import Prepared, prepare
-from flexcam.analysis.run import result_file
+from flexcam.analysis.error_estimate import excited_mode
+from flexcam.analysis.preparation import PreparedRun, prepare
+from flexcam.analysis.run import open_result_file
 from flexcam.cams import LAWS, criteria
 from flexcam.case.case import Case
 from flexcam.case.reader import read_case
@@ -44,7 +44,7 @@ from flexcam.fem.dofs import dof_map
 from flexcam.fem.members import Member, beams
 from flexcam.fem.mesh import chain
 from flexcam.fem.sections import Material, Section
-from flexcam.io import read_result, scratch
+from flexcam.io import read_result, temporary_folder
 
 
 @dataclass(frozen=True)
@@ -94,10 +94,10 @@ _EXTRAS = {
 """Extras of the package and their required modules."""
 
 
-def installed() -> dict[str, str]:
+def installation_info() -> dict[str, str]:
     """Return the versions and optional parts of this installation."""
     versions = {name: _version(name) for name in _PACKAGES}
-    extras = {f"extra {name}": _usable(name, modules) for name, modules in _EXTRAS.items()}
+    extras = {f"extra {name}": _describe_extra(name, modules) for name, modules in _EXTRAS.items()}
     return {
         "python": f"{platform.python_version()}, {platform.platform()}",
         **versions,
@@ -119,7 +119,7 @@ def _code() -> str:
     return f"compiled, cached in {jit.cache_root()}"
 
 
-def _usable(extra: str, modules: tuple[str, ...]) -> str:
+def _describe_extra(extra: str, modules: tuple[str, ...]) -> str:
     missing = [name for name in modules if find_spec(name) is None]
     return f"not there ({', '.join(missing)}): pip install 'flexcam[{extra}]'" if missing else "usable"
 
@@ -131,14 +131,14 @@ _STILL = ConstantSpeed(1.0)
 _PROBE = Probe("x", ("x",), np.eye(1), (None,))
 
 
-def oscillators() -> Iterator[Check]:
+def oscillator_checks() -> Iterator[Check]:
     """Yield checks of a single oscillator and of the peak values of motion laws."""
-    yield _late()
-    yield from _bounced()
-    yield from _laws()
+    yield _period_check()
+    yield from _bounce_checks()
+    yield from _law_checks()
 
 
-def _late() -> Check:
+def _period_check() -> Check:
     """Return a free vibration after 1000 steps of a tenth of its period, by the average acceleration method."""
     turned, step = 2.0 * math.pi / 10.0, 0.01
     stiffness = Triplets.from_dense([[(turned / step) ** 2]])
@@ -149,7 +149,7 @@ def _late() -> Check:
     return Check("Newmark after 100 periods", source, math.cos(2000.0 * math.atan(0.5 * turned)), float(end), 1e-9, "m")
 
 
-def _bouncing() -> System:
+def _bouncing_mass() -> System:
     """Return a mass under gravity above an elastic stop."""
     down, up = AngleVector.constant(np.array([-1.0])), AngleVector.constant(np.array([1.0]))
     stop = LocalForce("stop", (down,), (up,), elastic_stop(_STIFFNESS), (constant(0.0),))
@@ -158,22 +158,22 @@ def _bouncing() -> System:
     return System(Triplets.from_dense([[1.0]]), nothing, nothing, ("x",), (weight,), (stop,), probes=(_PROBE,))
 
 
-def _bounced() -> Iterator[Check]:
+def _bounce_checks() -> Iterator[Check]:
     source = "Goldsmith, Impact, ch. 4"
     w, sunk = math.sqrt(_STIFFNESS), _G / _STIFFNESS
     contact = 2.0 / w * (math.pi - math.atan(_V0 * w / _G))
     steps, whole = 1000, 1.5 * contact
     start = State(np.zeros(1), np.array([-_V0]))
-    found = solve(Problem(_bouncing(), _STILL, whole / steps, steps, start, engine="direct"), newmark())["x"]
+    found = solve(Problem(_bouncing_mass(), _STILL, whole / steps, steps, start, engine="direct"), newmark())["x"]
     deepest = sunk + math.hypot(sunk, _V0 / w)
     # Steps of w dt = 0.005: the relative error of the period is its square over 12; that of an event speed is similar.
     yield Check("depth of an impact", source, deepest, -float(found.displacement.min()), 1e-5, "m")
     yield Check("speed after an impact", source, _V0 - _G * (whole - contact), float(found.velocity[-1]), 1e-5, "m/s")
-    rest = equilibrium(_bouncing(), _STILL).displacement
+    rest = equilibrium(_bouncing_mass(), _STILL).displacement
     yield Check("mass at rest on a stop", "m g/k", -sunk, float(rest[0]), 1e-9, "m")
 
 
-def _laws() -> Iterator[Check]:
+def _law_checks() -> Iterator[Check]:
     source = "derivatives of the law, by hand"
     for name, velocity, acceleration in (
         ("cycloidal", 2.0, 2.0 * math.pi),
@@ -225,17 +225,17 @@ class _Beam:
         return 1.0 / float(np.linalg.eigvals(np.linalg.solve(self.stiffness.part(bends).dense(), -softened)).real.max())
 
 
-def structures() -> Iterator[Check]:
+def structure_checks() -> Iterator[Check]:
     """Yield checks of beam structures."""
-    yield from _pushed()
-    yield from _vibrating()
+    yield from _static_checks()
+    yield from _vibration_checks()
     source = "Timoshenko and Gere, Theory of Elastic Stability, ch. 2"
     euler = math.pi**2 * _STEEL.E * _TUBE.Iz / _LENGTH**2
     found = _Beam(_SLENDER, _PINNED, ("uy", "uz")).buckling()
     yield Check("buckling load of a pinned column", source, euler, found, 1e-5, "N")
 
 
-def _pushed() -> Iterator[Check]:
+def _static_checks() -> Iterator[Check]:
     beam, force, torque = _Beam(_SLENDER, _FIXED), 100.0, 10.0
     bent, found = force * _LENGTH**3 / (3.0 * _STEEL.E * _TUBE.Iz), beam.pushed("uy", force)
     yield Check("tip of a cantilever under a force", "Euler-Bernoulli, P L^3/(3 E I)", bent, found, 1e-9, "m")
@@ -243,24 +243,29 @@ def _pushed() -> Iterator[Check]:
     yield Check("twist of a tube under a torque", "Saint-Venant, T L/(G J)", twisted, found, 1e-9, "rad")
 
 
-def _vibrating() -> Iterator[Check]:
+def _vibration_checks() -> Iterator[Check]:
     source = "Timoshenko, Vibration Problems in Engineering, sec. 53-58"
     speed = math.sqrt(_STEEL.E * _TUBE.Iz / (_STEEL.density * _TUBE.A))
     found = _Beam(_SLENDER, _FIXED).frequencies(3)
     for n, computed in enumerate(found, start=1):
         near = (n - 0.5) * math.pi
-        root = _root(lambda x: math.cos(x) + 1.0 / math.cosh(x), near - 0.6, near + 0.6)
+        root = _bisect(lambda x: math.cos(x) + 1.0 / math.cosh(x), near - 0.6, near + 0.6)
         # Cubic elements: relative frequency error (x/n)^4/1440; the tolerance is twice that.
         reference = root**2 / (2.0 * math.pi * _LENGTH**2) * speed
         yield Check(f"bending frequency {n} of a cantilever", source, reference, float(computed),
                     (root / _ELEMENTS) ** 4 / 720.0, "Hz")  # fmt: skip
     found = _Beam(_STOUT, _PINNED, ("uy", "uz")).frequencies(1)
     yield Check(
-        "bending frequency of a stout beam, pinned", source, _stout(math.pi / _LENGTH), float(found[0]), 1e-5, "Hz"
+        "bending frequency of a stout beam, pinned",
+        source,
+        _timoshenko_frequency(math.pi / _LENGTH),
+        float(found[0]),
+        1e-5,
+        "Hz",
     )
 
 
-def _stout(k: float) -> float:
+def _timoshenko_frequency(k: float) -> float:
     """Return the frequency of a pinned Timoshenko beam with wave number k, Hz: the lower root of its quadratic."""
     rho, area, second = _STEEL.density, _TUBE.A, _TUBE.Iz
     shear = _TUBE.kappa_y * _STEEL.G
@@ -271,7 +276,7 @@ def _stout(k: float) -> float:
     return math.sqrt(square) / (2.0 * math.pi)
 
 
-def _root(function: Callable[[float], float], low: float, high: float) -> float:
+def _bisect(function: Callable[[float], float], low: float, high: float) -> float:
     """Return a root of a function by bisection between two points of opposite sign."""
     rising = function(high) > 0.0
     for _ in range(80):
@@ -284,41 +289,43 @@ _PROBE_TRAINS = "valve"
 _PAPER = "Tayeb and Sliman: unstable near 4000 rpm"
 
 
-def trains() -> Iterator[Check]:
+def train_checks() -> Iterator[Check]:
     """Yield checks of the published train, a starter case."""
-    with scratch() as folder:
+    with temporary_folder() as folder:
         case = read_case(new_case("published-model", folder / "case.toml")[0])
         yield Check(
-            "speed at which the loaded mode resonates", _PAPER, 4027.0, loaded_mode(case)[1], 0.5 / 4027.0, "rpm"
+            "speed at which the loaded mode resonates", _PAPER, 4027.0, excited_mode(case)[1], 0.5 / 4027.0, "rpm"
         )
         ready = prepare(case)
-        sink = result_file(ready, folder)
+        sink = open_result_file(ready, folder)
         run = solve(replace(ready.problem, engine="direct"), ready.scheme, save=ready.save, sinks=[sink])
-        yield _balanced(run)
-        yield from _ways(ready, run)
-        yield _written(run, read_result(sink.path).response)
-        yield _followed(case)
+        yield _balance_check(run)
+        yield from _engine_checks(ready, run)
+        yield _result_file_check(run, read_result(sink.path).response)
+        yield _lift_check(case)
 
 
-def _balanced(run: Response) -> Check:
+def _balance_check(run: Response) -> Check:
     residual = float(np.abs(run.channels["energy.residual"]).max() / np.ptp(run.channels["energy.work"]))
     source = "exact for the average acceleration"
     return Check("energy that does not add up, over the work", source, 0.0, residual, 1e-9)
 
 
-def _ways(ready: Prepared, run: Response) -> Iterator[Check]:
+def _engine_checks(ready: PreparedRun, run: Response) -> Iterator[Check]:
     """Yield the deviations of the fast engines from the general one, relative to the motion."""
     for path in ("modal", "kernel") if is_available() else ("modal",):
         other = solve(replace(ready.problem, engine=path), ready.scheme, save=ready.save)
-        yield Check(f"{path} engine, against the direct one", "the same scheme", 0.0, _apart(run, other), 1e-8)
+        yield Check(
+            f"{path} engine, against the direct one", "the same scheme", 0.0, _relative_difference(run, other), 1e-8
+        )
 
 
-def _apart(one: Response, other: Response) -> float:
+def _relative_difference(one: Response, other: Response) -> float:
     moved = one[_PROBE_TRAINS].displacement
     return float(np.abs(moved - other[_PROBE_TRAINS].displacement).max() / np.abs(moved).max())
 
 
-def _written(run: Response, read: Response) -> Check:
+def _result_file_check(run: Response, read: Response) -> Check:
     """Return the deviation of a result read from file from the response that was written."""
     pairs = [(getattr(run.probes, kind), getattr(read.probes, kind)) for kind in ("displacement", "velocity")]
     pairs += [(run.time, read.time), *((values, read.channels[name]) for name, values in run.channels.items())]
@@ -326,7 +333,7 @@ def _written(run: Response, read: Response) -> Check:
     return Check("result file, read against what was written", "every digit", 0.0, apart, 0.0)
 
 
-def _followed(case: Case) -> Check:
+def _lift_check(case: Case) -> Check:
     """Return the maximum lift of the rigid train: cam lift times rocker ratio."""
     ready = prepare(case, rigid=True)
     top = float(solve(ready.problem, ready.scheme, save=ready.save)[_PROBE_TRAINS].displacement.max())
@@ -336,8 +343,8 @@ def _followed(case: Case) -> Check:
     )
 
 
-def checks() -> Iterator[Check]:
+def all_checks() -> Iterator[Check]:
     """Yield all checks as they are computed."""
-    yield from structures()
-    yield from oscillators()
-    yield from trains()
+    yield from structure_checks()
+    yield from oscillator_checks()
+    yield from train_checks()

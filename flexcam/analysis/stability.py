@@ -8,19 +8,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flexcam.analysis.initial_state import broken_orders
-from flexcam.analysis.orders import highest_order, latest_orders
-from flexcam.analysis.preparation import Prepared, prepare
+from flexcam.analysis.initial_state import non_integer_orders
+from flexcam.analysis.orders import highest_order, last_revolution_orders
+from flexcam.analysis.preparation import PreparedRun, prepare
 from flexcam.cams import Event, harmonics
 from flexcam.case.case import Case
 from flexcam.core import FloatArray
 from flexcam.core.errors import InputError
 from flexcam.core.units import RPM
 from flexcam.dynamics import (
-    Advance,
     Floquet,
     Method,
     Problem,
+    ProgressCallback,
     Response,
     RunFailedError,
     Status,
@@ -28,27 +28,27 @@ from flexcam.dynamics import (
     basis_of,
     floquet,
     highest_frequency,
-    periodic,
     project_system,
-    raise_if_interrupted,
+    reraise_interrupt,
     solve,
+    solve_periodic,
     track_progress,
 )
 from flexcam.valvetrain import modes_on_the_lift, separation
 
-MOST = 400
+MAX_DOFS = 400
 """Maximum number of degrees of freedom for a linearization about the motion; larger systems use the highest mode
 without contacts."""
 
-_LOOKS = 24
+_EVALUATED_INSTANTS = 24
 """Instants evaluated in the last revolution: contacts open and close, and their stiffness changes."""
 
-_FREE = 1e-9
+_RIGID_BODY_RATIO = 1e-9
 """Ratio to the highest squared frequency below which a mode is a rigid-body mode."""
 
 
 @dataclass(frozen=True)
-class Discrete:
+class StepAmplification:
     """Amplification of a mode by the time integration.
 
     Parameters
@@ -81,7 +81,7 @@ class Discrete:
 
 
 @dataclass(frozen=True, eq=False)
-class _Swings:
+class _ModeSet:
     """Modes at an instant: angular frequencies, damping ratios, shapes as columns."""
 
     omegas: FloatArray
@@ -89,79 +89,81 @@ class _Swings:
     shapes: FloatArray
 
 
-def discrete(ready: Prepared, method: Method, response: Response) -> Discrete:
+def step_amplification(ready: PreparedRun, method: Method, response: Response) -> StepAmplification:
     """Return the mode with the largest amplification by the time integration."""
     step, names = ready.problem.step, ready.problem.system.names
-    if ready.problem.system.size > MOST:
-        return _of_the_highest(ready, method)
-    worst, critical = Discrete(0.0, 0.0, 0.0, (), 0.0, math.inf), math.inf
+    if ready.problem.system.size > MAX_DOFS:
+        return _highest_mode_amplification(ready, method)
+    worst, critical = StepAmplification(0.0, 0.0, 0.0, (), 0.0, math.inf), math.inf
     limited = method.stable_to() < math.inf
-    for angle, swings in _along(ready, response):
+    for angle, swings in _modes_along_motion(ready, response):
         if not len(swings.omegas):
             continue
         pairs = zip(swings.omegas.tolist(), swings.ratios.tolist(), strict=True)
         radii = [method.spectral_radius(omega * step, max(ratio, 0.0)) for omega, ratio in pairs]
         most = max(range(len(radii)), key=lambda i: (round(radii[i], 9), swings.omegas[i]))
-        here = Discrete(
+        here = StepAmplification(
             radii[most], float(swings.omegas[most]) / (2.0 * math.pi), float(swings.ratios[most]),
-            _moving(swings.shapes[:, most], names), angle, math.inf,
+            _main_motions(swings.shapes[:, most], names), angle, math.inf,
         )  # fmt: skip
         if limited:
             ratio = max(float(swings.ratios[-1]), 0.0)
             critical = min(critical, method.stable_to(ratio) / float(swings.omegas[-1]))
         if (round(here.radius, 9), here.frequency) > (round(worst.radius, 9), worst.frequency):
             worst = here
-    return Discrete(worst.radius, worst.frequency, worst.damping, worst.moving, worst.angle, critical)
+    return StepAmplification(worst.radius, worst.frequency, worst.damping, worst.moving, worst.angle, critical)
 
 
-def _of_the_highest(ready: Prepared, method: Method) -> Discrete:
+def _highest_mode_amplification(ready: PreparedRun, method: Method) -> StepAmplification:
     """Return the amplification of the highest mode without contacts, which limits conditionally stable methods."""
     basis, system = basis_of(ready.problem), ready.problem.system
     omega, moving = highest_frequency(project_system(system, basis) if basis is not None and basis.size else system)
     radius, limit = method.spectral_radius(omega * ready.problem.step), method.stable_to()
-    return Discrete(radius, omega / (2.0 * math.pi), 0.0, tuple(moving), 0.0, limit / omega if omega else math.inf)
+    return StepAmplification(
+        radius, omega / (2.0 * math.pi), 0.0, tuple(moving), 0.0, limit / omega if omega else math.inf
+    )
 
 
-def _along(ready: Prepared, response: Response) -> list[tuple[float, _Swings]]:
+def _modes_along_motion(ready: PreparedRun, response: Response) -> list[tuple[float, _ModeSet]]:
     """Return cam angle and modes at some instants of the last revolution."""
     system = ready.problem.system
-    if not 0 < system.size <= MOST or not len(response.field_time):
+    if not 0 < system.size <= MAX_DOFS or not len(response.field_time):
         return []
     late: list[int] = np.flatnonzero(response.field_time > response.field_time[-1] - ready.revolution).tolist()
-    chosen = late[:: max(len(late) // _LOOKS, 1)]
+    chosen = late[:: max(len(late) // _EVALUATED_INSTANTS, 1)]
     fields = response.fields.at(np.isin(np.arange(len(response.field_time)), chosen))
     motion = ready.problem.drive.at(response.field_time[chosen])
     tangents = Tangents(system, motion, fields.displacement, fields.velocity)
     basis = basis_of(ready.problem)
     within = basis.spread(np.eye(basis.size)).T if basis is not None and basis.size else np.eye(system.size)
     last = None
-    found: list[tuple[float, _Swings]] = []
+    found: list[tuple[float, _ModeSet]] = []
     for i in range(len(chosen)):
         C, K = tangents.at(i)
         if last is None or not np.array_equal(K, last):
-            swings = _swings(*(within.T @ matrix @ within for matrix in (tangents.mass, C, K)))
+            swings = _oscillatory_modes(*(within.T @ matrix @ within for matrix in (tangents.mass, C, K)))
             shown = replace(swings, shapes=within @ swings.shapes)
             found.append((float(response.field_angle[chosen[i]]), shown))
         last = K
     return found
 
 
-def _swings(M: FloatArray, C: FloatArray, K: FloatArray) -> _Swings:
+def _oscillatory_modes(M: FloatArray, C: FloatArray, K: FloatArray) -> _ModeSet:
     """Return the oscillatory modes of possibly unsymmetric matrices, lowest first, without free and growing ones."""
     from scipy.linalg import eig
 
     values, vectors = (np.asarray(one) for one in eig(K, M))
     squares: FloatArray = np.real(values)
     good = np.isfinite(squares) & (np.abs(np.imag(values)) <= np.abs(squares))
-    good &= squares > _FREE * np.max(np.abs(squares[good]), initial=0.0)
+    good &= squares > _RIGID_BODY_RATIO * np.max(np.abs(squares[good]), initial=0.0)
     order = np.flatnonzero(good)[np.argsort(squares[good])]
     omegas, shapes = np.sqrt(squares[order]), np.real(vectors[:, order])
     heavy = np.einsum("ik,ik->k", shapes, M @ shapes)
     slowed = np.einsum("ik,ik->k", shapes, C @ shapes)
-    return _Swings(omegas, slowed / np.where(heavy > 0.0, 2.0 * omegas * heavy, np.inf), shapes)
+    return _ModeSet(omegas, slowed / np.where(heavy > 0.0, 2.0 * omegas * heavy, np.inf), shapes)
 
 
-def _moving(shape: FloatArray, names: tuple[str, ...]) -> tuple[str, ...]:
+def _main_motions(shape: FloatArray, names: tuple[str, ...]) -> tuple[str, ...]:
     order: list[int] = np.argsort(-np.abs(shape)).tolist()
     return tuple(names[i] for i in order[:3])
 
@@ -171,7 +173,7 @@ def force_harmonics(response: Response, contact: str, count: int) -> FloatArray:
     force, told = response.channels.get(f"contacts.{contact}.force"), min(count, highest_order(response))
     if force is None or not told:
         return np.full(count, np.nan)
-    return np.append(latest_orders(response, force, told).amplitudes[1:], np.full(count - told, np.nan))
+    return np.append(last_revolution_orders(response, force, told).amplitudes[1:], np.full(count - told, np.nan))
 
 
 _HARMONICS = 24
@@ -214,7 +216,7 @@ class Resonance:
     words: str
 
 
-def resonances(ready: Prepared, response: Response) -> tuple[Resonance, ...]:
+def resonances(ready: PreparedRun, response: Response) -> tuple[Resonance, ...]:
     """Return the resonances of cam harmonics with the modes."""
     met: list[Resonance] = []
     for name, contact in ready.model.driven.items():
@@ -236,24 +238,24 @@ def lift_harmonics(event: Event, count: int) -> dict[int, float]:
     return {n: float(size) for n, size in enumerate(sizes, start=1) if size >= _SMALL * sizes.max()}
 
 
-_NEAR = 0.03
+_RESONANCE_WIDTH = 0.03
 """Relative distance of a harmonic from a mode that counts as resonance."""
 
-_HEARD = 0.01
+_MIN_FORCE_RATIO = 0.01
 """Amplitude relative to the largest of the contact force from which a harmonic counts; weaker ones are listed."""
 
-_REACH = 2.0
+_LISTED_SPEED_RATIO = 2.0
 """Multiple of the case's speed up to which resonances are listed individually."""
 
-_RETURNS = 1e-3
+_PERIODICITY_TOLERANCE = 1e-3
 """Allowed difference between start and end of a periodic motion, relative to the motion."""
 
-_GROWS = 1.0 + 1e-6
+_GROWTH_THRESHOLD = 1.0 + 1e-6
 
-_LEAST = 360
+_MIN_STEPS = 360
 """Minimum steps per revolution for the Floquet analysis: coarse steps miss parametric growth."""
 
-_MOST = 36_000
+_MAX_STEPS = 36_000
 """Maximum steps per revolution: every step requires a linearization, and a hundredth of a degree is sufficient."""
 
 
@@ -280,7 +282,7 @@ class Stability:
     """
 
     rpm: float
-    discrete: Discrete
+    discrete: StepAmplification
     floquet: Floquet | None
     why_not: str
     resonances: tuple[Resonance, ...]
@@ -293,13 +295,13 @@ class Stability:
         largest: dict[str, float] = {}
         for one in self.resonances:
             largest[one.contact] = max(one.load, largest.get(one.contact, 0.0))
-        near = (one for one in self.resonances if abs(one.rpm / self.rpm - 1.0) <= _NEAR)
-        return tuple(one for one in near if one.load >= _HEARD * largest[one.contact])
+        near = (one for one in self.resonances if abs(one.rpm / self.rpm - 1.0) <= _RESONANCE_WIDTH)
+        return tuple(one for one in near if one.load >= _MIN_FORCE_RATIO * largest[one.contact])
 
     @property
     def highest(self) -> float:
         """Camshaft speed up to which resonances are listed individually, rpm: twice the case's own."""
-        return _REACH * self.rpm
+        return _LISTED_SPEED_RATIO * self.rpm
 
     @property
     def within(self) -> tuple[Resonance, ...]:
@@ -323,7 +325,7 @@ class Stability:
         ``broken off`` (the run ended early), ``numerical``, ``parametric``, ``resonance``, ``contact loss``.
         """
         found: list[str] = [] if self.status.ok else ["broken off"]
-        if self.discrete.radius > _GROWS:
+        if self.discrete.radius > _GROWTH_THRESHOLD:
             found.append("numerical")
         if self.floquet is not None and not self.floquet.stable() and not self.floquet.events:
             found.append("parametric")
@@ -334,7 +336,7 @@ class Stability:
         return tuple(found)
 
 
-def stability(case: Case) -> Stability:
+def assess_stability(case: Case) -> Stability:
     """Return the stability of a case at its speed."""
     method = case.record.run.integrator.made()
     limited = method.stable_to() < math.inf
@@ -342,13 +344,13 @@ def stability(case: Case) -> Stability:
     whole = math.ceil(ready.revolution / ready.problem.step)
     problem = replace(ready.problem, steps=max(ready.problem.steps, whole))  # the evaluation needs whole revolutions
     response = solve(problem, ready.scheme, save=ready.save)
-    raise_if_interrupted(response.status)
-    opened = _open(ready, response)
+    reraise_interrupt(response.status)
+    opened = _open_angle(ready, response)
     why_not = "the follower leaves its cam, and what impacts follow need not repeat"
-    multipliers, why_not = _multipliers(ready) if opened == 0.0 else (None, why_not)
+    multipliers, why_not = _floquet_multipliers(ready) if opened == 0.0 else (None, why_not)
     return Stability(
         rpm=case.speed / RPM,
-        discrete=discrete(ready, method, response),
+        discrete=step_amplification(ready, method, response),
         floquet=multipliers,
         why_not=why_not,
         resonances=resonances(ready, response),
@@ -357,37 +359,39 @@ def stability(case: Case) -> Stability:
     )
 
 
-def _multipliers(ready: Prepared) -> tuple[Floquet | None, str]:
-    for key, order in broken_orders(ready.case).items():
+def _floquet_multipliers(ready: PreparedRun) -> tuple[Floquet | None, str]:
+    for key, order in non_integer_orders(ready.case).items():
         return None, f"what swings at order {order:g} ({key}) does not return with the camshaft"
-    one = _revolution(ready)
+    one = _one_revolution(ready)
     try:
-        state = periodic(one, ready.scheme, tolerance=1e-7)
-        if (missed := state.periodicity or 0.0) > _RETURNS:
+        state = solve_periodic(one, ready.scheme, tolerance=1e-7)
+        if (missed := state.periodicity or 0.0) > _PERIODICITY_TOLERANCE:
             return None, f"no motion that repeats was found: it misses by {missed:.2g}"
         return floquet(replace(one, start=state), ready.scheme), ""
     except InputError as refusal:
         return None, refusal.faults[0].why
     except RunFailedError as failure:
-        raise_if_interrupted(failure.status)
+        reraise_interrupt(failure.status)
         return None, failure.status.text
 
 
-def _revolution(ready: Prepared) -> Problem:
+def _one_revolution(ready: PreparedRun) -> Problem:
     """Return one revolution, with the steps of the case if an integer number of them fits and is within the limits."""
     given = round(ready.revolution / ready.problem.step)
-    steps = min(max(given, _LEAST), _MOST)
+    steps = min(max(given, _MIN_STEPS), _MAX_STEPS)
     adaptive = ready.problem.adaptive if steps == given else None
     return replace(ready.problem, step=ready.revolution / steps, steps=steps, adaptive=adaptive)
 
 
-def _open(ready: Prepared, response: Response) -> float:
+def _open_angle(ready: PreparedRun, response: Response) -> float:
     if not len(response.time):
         return 0.0
     last = response.latest(ready.revolution)
     return max((separation(ready.model, response, name, last) for name in ready.model.driven), default=0.0)
 
 
-def over_speeds(case: Case, speeds: Iterable[float], *, advance: Advance | None = None) -> list[Stability]:
+def stability_over_speeds(
+    case: Case, speeds: Iterable[float], *, advance: ProgressCallback | None = None
+) -> list[Stability]:
     """Return the stability of a case at several speeds."""
-    return [stability(case.at_speed(speed)) for speed in track_progress(speeds, advance)]
+    return [assess_stability(case.at_speed(speed)) for speed in track_progress(speeds, advance)]

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from flexcam.analysis.preparation import Prepared, prepare
+from flexcam.analysis.preparation import PreparedRun, prepare
 from flexcam.case.case import Case
 from flexcam.case.schema.run import ResultStartRecord
 from flexcam.core import FloatArray, IntArray
@@ -19,7 +19,7 @@ from flexcam.io import Result
 from flexcam.valvetrain import MemberStrength, StrengthSink, build_structure
 
 
-def reopened(case: Case, result: Result) -> tuple[Prepared, Response]:
+def reload_result(case: Case, result: Result) -> tuple[PreparedRun, Response]:
     """Return the prepared case of a result and its response as originally computed."""
     start = case.record.run.start
     standing = (
@@ -34,13 +34,13 @@ def reopened(case: Case, result: Result) -> tuple[Prepared, Response]:
     beside = names.unknowns[int(free.sum()) :]
     at = np.searchsorted(response.time, response.field_time - 1e-12 * np.abs(response.field_time))
     series = [
-        np.concatenate([values.reshape(-1, *free.shape)[:, free], *_beside(response, beside, kind, at)], axis=1)
+        np.concatenate([values.reshape(-1, *free.shape)[:, free], *_internal_dofs(response, beside, kind, at)], axis=1)
         for kind, values in vars(response.fields).items()
     ]
     return ready, replace(response, outline=names, fields=Series(*series))
 
 
-def _beside(response: Response, names: tuple[str, ...], kind: str, at: IntArray) -> list[FloatArray]:
+def _internal_dofs(response: Response, names: tuple[str, ...], kind: str, at: IntArray) -> list[FloatArray]:
     """Return internal degrees of freedom, stored at every step, at selected steps."""
     try:
         return [np.asarray(getattr(response[name], kind))[at, None] for name in names]
@@ -51,7 +51,7 @@ def _beside(response: Response, names: tuple[str, ...], kind: str, at: IntArray)
         raise refuse("result", "a result without an unknown of its case", "a result of its case", why) from None
 
 
-def strength_of(ready: Prepared, response: Response) -> dict[str, MemberStrength]:
+def member_strength(ready: PreparedRun, response: Response) -> dict[str, MemberStrength]:
     """Return the stresses of the members over a run, from its saved fields."""
     if ready.case.record.fidelity.model != "beams":
         return {}

@@ -7,38 +7,38 @@ new follower is a class in `followers`.
 from flexcam.cams.followers import (
     FlatFollower,
     Follower,
+    FollowerContact,
     RollerFollower,
     SwingFlatFollower,
     SwingRollerFollower,
-    Touch,
     Turn,
 )
 from flexcam.cams.harmonic_fit import HarmonicFit, harmonic_fit, harmonics_below
-from flexcam.cams.law_criteria import Criteria, Extreme, criteria, lowest, residual_spectrum
+from flexcam.cams.law_criteria import Criteria, Extreme, criteria, curve_minimum, residual_spectrum
 from flexcam.cams.law_registry import KINDS, LAWS, LawKind, kind_names, law_kind
-from flexcam.cams.lift_event import Event, Joint, LiftEvent, Shifted, event_extremes, joints
+from flexcam.cams.lift_event import DelayedEvent, Event, Joint, LiftEvent, event_extremes, joints
 from flexcam.cams.lift_table import LiftReport, lift_table
-from flexcam.cams.minimax import Synthesized, minimax, pareto
-from flexcam.cams.motion_law import Law, Turned
+from flexcam.cams.minimax import Synthesis, minimax, pareto
+from flexcam.cams.motion_law import Law, ReversedLaw
 from flexcam.cams.periodic_lift import HarmonicLift, OrderSpectrum, PeriodicSpline, harmonics, order_spectrum
-from flexcam.cams.polydyne import Polydyne, SingleMass, Transfer, motion_at, off_design, polydyne
+from flexcam.cams.polydyne import Polydyne, SingleMass, Transfer, motion_at, off_design_deviation, polydyne
 from flexcam.cams.polynomial_laws import BSplineLaw, Polynomial, quinquinomial, through_points
 from flexcam.cams.profile import (
     PRESSURE_ANGLE,
     CamProfile,
-    Finding,
     ProfileExtremes,
+    ProfileFault,
     cam_profile,
-    findings,
+    find_profile_faults,
     minimum_base_radius,
     petrescu_efficiency,
     petrescu_profile,
     profile_at,
     profile_extremes,
-    relaxed_arm,
+    relaxed_offset,
     undercut,
 )
-from flexcam.cams.profile_reading import Bridge, bridged, lift_from_profile
+from flexcam.cams.profile_reading import Bridge, find_bridges, lift_from_profile
 from flexcam.cams.ramps import Ramp
 from flexcam.cams.standard_laws import (
     CompoundCycloid,
@@ -65,12 +65,13 @@ __all__ = [
     "CosineSum",
     "Criteria",
     "Cycloidal",
+    "DelayedEvent",
     "Event",
     "Extreme",
     "Family",
-    "Finding",
     "FlatFollower",
     "Follower",
+    "FollowerContact",
     "Harmonic",
     "HarmonicFamily",
     "HarmonicFit",
@@ -86,26 +87,26 @@ __all__ = [
     "Polydyne",
     "Polynomial",
     "ProfileExtremes",
+    "ProfileFault",
     "Ramp",
+    "ReversedLaw",
     "RollerFollower",
     "Scca",
-    "Shifted",
     "SimpleHarmonic",
     "SingleMass",
     "SplineFamily",
     "SwingFlatFollower",
     "SwingRollerFollower",
-    "Synthesized",
-    "Touch",
+    "Synthesis",
     "Transfer",
     "Turn",
-    "Turned",
     "ValveEvent",
-    "bridged",
     "cam_profile",
     "criteria",
+    "curve_minimum",
     "event_extremes",
-    "findings",
+    "find_bridges",
+    "find_profile_faults",
     "harmonic_acceleration",
     "harmonic_fit",
     "harmonics",
@@ -115,11 +116,10 @@ __all__ = [
     "law_kind",
     "lift_from_profile",
     "lift_table",
-    "lowest",
     "minimax",
     "minimum_base_radius",
     "motion_at",
-    "off_design",
+    "off_design_deviation",
     "order_spectrum",
     "overlap",
     "pareto",
@@ -129,7 +129,7 @@ __all__ = [
     "profile_at",
     "profile_extremes",
     "quinquinomial",
-    "relaxed_arm",
+    "relaxed_offset",
     "residual_spectrum",
     "through_points",
     "undercut",

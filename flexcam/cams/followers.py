@@ -27,7 +27,7 @@ Turn = Literal[1, -1]
 
 
 @dataclass(frozen=True, eq=False)
-class Touch:
+class FollowerContact:
     """Contact of a follower with its cam as a function of the cam angle, fixed frame.
 
     Parameters
@@ -93,7 +93,7 @@ class Follower(Protocol):
         """Unit direction in which the lift begins, fixed frame."""
         ...
 
-    def touch(self, lift: FloatArray, velocity: FloatArray, acceleration: FloatArray, turn: Turn) -> Touch:
+    def touch(self, lift: FloatArray, velocity: FloatArray, acceleration: FloatArray, turn: Turn) -> FollowerContact:
         """Return the contact at given lift (m), velocity (m/rad) and acceleration (m/rad^2), shape (n,) each."""
         ...
 
@@ -131,14 +131,14 @@ class FlatFollower:
         """Upwards."""
         return 1j
 
-    def touch(self, lift: FloatArray, velocity: FloatArray, acceleration: FloatArray, turn: Turn) -> Touch:
+    def touch(self, lift: FloatArray, velocity: FloatArray, acceleration: FloatArray, turn: Turn) -> FollowerContact:
         """Return the contact, at the distance s' from the axis, where the velocities along the normal agree."""
         height = self.base_radius + lift
         point = _complex(turn * velocity + 1j * height)
         up = _complex(np.full(point.shape, 1j))
         still = np.zeros(point.shape)
         rates = -turn * height, -turn * velocity, still, 1.0 + still, still, still
-        return Touch(point, up, height + acceleration, up, point, *rates)
+        return FollowerContact(point, up, height + acceleration, up, point, *rates)
 
     def lift_at(self, point: ComplexArray) -> FloatArray:
         """Return the height of the face above the base circle."""
@@ -153,10 +153,10 @@ def _complex(values: NDArray[Any]) -> ComplexArray:
     return np.asarray(values, dtype=np.complex128)
 
 
-def _roller(
+def _roller_contact(
     trace: ComplexArray, first: ComplexArray, second: ComplexArray, motion: ComplexArray, swing: FloatArray | float,
     radius: float, turn: Turn,
-) -> Touch:  # fmt: skip
+) -> FollowerContact:  # fmt: skip
     """Return the contact of a roller from its centre path in the fixed frame, two derivatives, and its direction.
 
     `swing` is the rotation of the direction per cam angle.
@@ -174,7 +174,7 @@ def _roller(
     # The normal follows the path velocity, which rotates in the frame of the cam and with the frame.
     tilted = swing - turn - curved.imag / fast**2
     lean = motion * np.conj(normal)
-    return Touch(
+    return FollowerContact(
         point, normal, pitch - radius, motion, trace, sliding, -turn * curved.real / fast, tilted,
         lean.real, -lean.imag * tilted, swing - tilted,
     )  # fmt: skip
@@ -216,11 +216,13 @@ class RollerFollower:
         """Height of the roller's centre on the base circle."""
         return math.sqrt((self.base_radius + self.roller_radius) ** 2 - self.offset**2)
 
-    def touch(self, lift: FloatArray, velocity: FloatArray, acceleration: FloatArray, turn: Turn) -> Touch:
+    def touch(self, lift: FloatArray, velocity: FloatArray, acceleration: FloatArray, turn: Turn) -> FollowerContact:
         """Return the contact where the normal of the centre's path meets the roller."""
         trace = _complex(self.offset + 1j * (self._start + lift))
         up = _complex(np.full(trace.shape, 1j))
-        return _roller(trace, _complex(1j * velocity), _complex(1j * acceleration), up, 0.0, self.roller_radius, turn)
+        return _roller_contact(
+            trace, _complex(1j * velocity), _complex(1j * acceleration), up, 0.0, self.roller_radius, turn
+        )
 
     def lift_at(self, point: ComplexArray) -> FloatArray:
         """Return the lift at which the roller would contact a point."""
@@ -233,7 +235,7 @@ class RollerFollower:
         return RollerFollower(base_radius, self.roller_radius, self.offset)
 
 
-def _square_to(angle: float, side: Turn) -> complex:
+def _normal_direction(angle: float, side: Turn) -> complex:
     """Return the direction of the rise of an arm at an angle (rad) to the line of centres."""
     return complex(1j * side * np.exp(-1j * side * angle))
 
@@ -290,9 +292,9 @@ class SwingRollerFollower:
     @property
     def lift_direction(self) -> complex:
         """Unit vector normal to the arm on the base circle."""
-        return _square_to(self.start_angle, self.side)
+        return _normal_direction(self.start_angle, self.side)
 
-    def touch(self, lift: FloatArray, velocity: FloatArray, acceleration: FloatArray, turn: Turn) -> Touch:
+    def touch(self, lift: FloatArray, velocity: FloatArray, acceleration: FloatArray, turn: Turn) -> FollowerContact:
         """Return the contact where the normal of the centre's path meets the roller."""
         angle = self.start_angle + lift / self.arm
         rate, bend = velocity / self.arm, acceleration / self.arm
@@ -301,7 +303,7 @@ class SwingRollerFollower:
         second = _complex(-1j * self.side * bend * reach - rate**2 * reach)
         motion = _complex(-1j * self.side * reach / self.arm)
         swing = -self.side * rate
-        return _roller(_complex(self.distance + reach), first, second, motion, swing, self.roller_radius, turn)
+        return _roller_contact(_complex(self.distance + reach), first, second, motion, swing, self.roller_radius, turn)
 
     def lift_at(self, point: ComplexArray) -> FloatArray:
         """Return the lift at which the roller would contact a point: the larger of two triangle solutions."""
@@ -359,9 +361,9 @@ class SwingFlatFollower:
     @property
     def lift_direction(self) -> complex:
         """Unit vector normal to the face on the base circle."""
-        return _square_to(self.start_angle, self.side)
+        return _normal_direction(self.start_angle, self.side)
 
-    def touch(self, lift: FloatArray, velocity: FloatArray, acceleration: FloatArray, turn: Turn) -> Touch:
+    def touch(self, lift: FloatArray, velocity: FloatArray, acceleration: FloatArray, turn: Turn) -> FollowerContact:
         """Return the contact at the distance q along the face where the normal velocities of cam and face agree.
 
         With the face's direction t = -exp(-i psi), its normal m = -i t and the cam's velocity i turn z, equal normal
@@ -384,7 +386,7 @@ class SwingFlatFollower:
         slid = way * a * np.cos(psi) * rate + e * bend
         tilted = self.side * e * q_rate / (q**2 + e**2)
         # The tangent is the normal turned by -90 deg: along the face in the mirror image, against it otherwise.
-        return Touch(
+        return FollowerContact(
             fixed[0], fixed[1], -way * path / slip, fixed[2], fixed[0], -self.side * sliding, -self.side * slid, tilted,
             q / self.arm, q_rate / self.arm, -self.side * rate,
         )  # fmt: skip

@@ -91,7 +91,7 @@ def harmonic_fit(
     even = np.linspace(0.0, _REVOLUTION, points, endpoint=False)
     angle = np.unique(np.concatenate([even, np.mod(np.array(ends, dtype=float), _REVOLUTION)]))
     target = wanted(angle)
-    held = _dwelling(wanted, angle) if strict is None else _inside(angle, strict)
+    held = _dwell_mask(wanted, angle) if strict is None else _within_sections(angle, strict)
     rows = _rows(angle, count)
     limit = np.where(held, tolerance, math.inf if bound is None else positive("bound", bound, "m"))
     bounded = np.isfinite(limit)
@@ -100,7 +100,7 @@ def harmonic_fit(
     # Only the equally spaced angles measure the deviation; section ends between them are constraints.
     x = constrained_least_squares(_rows(even, count), wanted(even), G, h)
     if x is None:
-        raise _too_few(rows, target, held, tolerance, bound)
+        raise _order_error(rows, target, held, tolerance, bound)
     event = HarmonicLift(float(x[0]), tuple(x[1 : count + 1].tolist()), tuple(x[count + 1 :].tolist()))
     miss = np.abs(rows @ x - target)
     moving = miss[~held]
@@ -120,35 +120,35 @@ def _rows(angle: FloatArray, count: int) -> FloatArray:
     return np.hstack([np.ones((len(angle), 1)), np.cos(turned), np.sin(turned)])
 
 
-def _dwelling(wanted: Event, angle: FloatArray) -> NDArray[np.bool_]:
+def _dwell_mask(wanted: Event, angle: FloatArray) -> NDArray[np.bool_]:
     still = np.abs(wanted(angle, 1)) + np.abs(wanted(angle, 2))
     return still < 1e-9 * wanted.height
 
 
-def _inside(angle: FloatArray, sections: Sequence[tuple[float, float]]) -> NDArray[np.bool_]:
+def _within_sections(angle: FloatArray, sections: Sequence[tuple[float, float]]) -> NDArray[np.bool_]:
     inside: NDArray[np.bool_] = np.zeros(len(angle), dtype=np.bool_)
     for start, end in sections:
         inside |= np.mod(angle - start, _REVOLUTION) <= (end - start)
     return inside
 
 
-def _too_few(
+def _order_error(
     rows: FloatArray, target: FloatArray, held: NDArray[np.bool_], tolerance: float, bound: float | None
 ) -> InputError:
     """Return the error of a tolerance or bound that so few harmonics cannot meet, with the attainable value."""
     count, why = (rows.shape[1] - 1) // 2, "the constraints leave no such lift"
-    reach = _least_deviation(rows[held], target[held], np.zeros((0, rows.shape[1])), np.zeros(0), tolerance)
+    reach = _minimize_deviation(rows[held], target[held], np.zeros((0, rows.shape[1])), np.zeros(0), tolerance)
     if reach is not None and reach > tolerance:
         given = f"{count} harmonics within {1e6 * tolerance:.4g} um on the strict sections"
         remedy = f"allow {1e6 * reach:.4g} um there, or more harmonics"
         return refuse("tolerance", given, "what they can hold", why, remedy)
-    wide = _least_deviation(rows[~held], target[~held], rows[held], target[held], tolerance)
+    wide = _minimize_deviation(rows[~held], target[~held], rows[held], target[held], tolerance)
     given = f"{count} harmonics within {1e6 * (bound or 0.0):.4g} um beside the strict sections"
     room = "a wider one" if wide is None else f"{1e6 * wide:.4g} um there"
     return refuse("bound", given, "what they can hold", why, f"allow {room}, a wider tolerance, or more harmonics")
 
 
-def _least_deviation(
+def _minimize_deviation(
     rows: FloatArray, target: FloatArray, kept: FloatArray, goal: FloatArray, tolerance: float
 ) -> float | None:
     """Return the solution with the smallest maximum deviation, others within a tolerance: a linear program."""

@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexcam.cams.motion_law import ClosedResidual, Law, quadrature
+from flexcam.cams.motion_law import AnalyticResidual, Law, quadrature
 from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import refuse
 
@@ -225,7 +225,7 @@ SmoothFunction = Callable[[FloatArray], FloatArray]
 _REVOLUTION = 2.0 * math.pi
 _SPACING = math.radians(0.05)
 _LEAST_POINTS = 33
-_BESIDE = 1e-8
+_LIMIT_OFFSET = 1e-8
 """Distance from a joint for the left limit, rad: a closer angle counts as the joint."""
 
 _SAME = 1e-12
@@ -234,22 +234,22 @@ _SAME = 1e-12
 _VALLEYS = 24
 """Number of the deepest sampled minima that are refined."""
 
-_FINER = 9
+_GRID_REFINEMENTS = 9
 """Number of refinements of the grid by four: 1e-8 rad, where a minimum is flat to rounding."""
 
 
-def lowest(curve: SmoothFunction, joints: Sequence[float] = ()) -> Extreme:
+def curve_minimum(curve: SmoothFunction, joints: Sequence[float] = ()) -> Extreme:
     """Return the minimum of a curve over a revolution."""
-    edges = [0.0, *(at for at in joints if _BESIDE < at < _REVOLUTION - _BESIDE), _REVOLUTION]
+    edges = [0.0, *(at for at in joints if _LIMIT_OFFSET < at < _REVOLUTION - _LIMIT_OFFSET), _REVOLUTION]
     pieces = [_piece(start, end) for start, end in pairwise(edges)]
     angles = np.concatenate(pieces)
-    values = _whole(curve(angles))
+    values = _finite_values(curve(angles))
     sizes = np.cumsum([len(piece) for piece in pieces])
-    valleys = _valleys(values, sizes)
+    valleys = _sampled_minima(values, sizes)
     low, high = (angles[np.clip(valleys + step, *_limits(valleys, sizes))] for step in (-1, 1))
-    floors, at = _floors(curve, low, high)
+    floors, at = _minima(curve, low, high)
     before = np.array(edges[1:])
-    carried = _whole(2.0 * curve(before - _BESIDE) - curve(before - 2.0 * _BESIDE))
+    carried = _finite_values(2.0 * curve(before - _LIMIT_OFFSET) - curve(before - 2.0 * _LIMIT_OFFSET))
     all_values, places = np.concatenate([values, floors, carried]), np.concatenate([angles, at, before])
     least = float(all_values.min())
     return Extreme(least, float(places[all_values <= least + _SAME * abs(least)].min()))
@@ -257,10 +257,10 @@ def lowest(curve: SmoothFunction, joints: Sequence[float] = ()) -> Extreme:
 
 def _piece(start: float, end: float) -> FloatArray:
     """Return the grid of a smooth piece, which ends just before its joint."""
-    return np.linspace(start, end - _BESIDE, max(_LEAST_POINTS, math.ceil((end - start) / _SPACING)))
+    return np.linspace(start, end - _LIMIT_OFFSET, max(_LEAST_POINTS, math.ceil((end - start) / _SPACING)))
 
 
-def _whole(values: FloatArray) -> FloatArray:
+def _finite_values(values: FloatArray) -> FloatArray:
     """Return values with non-finite ones removed, such as the curvature at a stationary point of a curve."""
     return np.where(np.isnan(values), np.inf, values)
 
@@ -272,7 +272,7 @@ def _limits(at: IntArray, sizes: IntArray) -> tuple[IntArray, IntArray]:
     return starts[piece], sizes[piece] - 1
 
 
-def _valleys(values: FloatArray, sizes: IntArray) -> IntArray:
+def _sampled_minima(values: FloatArray, sizes: IntArray) -> IntArray:
     """Return the indices of the deepest sampled minima, including ends of pieces."""
     first, last = _limits(np.arange(len(values)), sizes)
     at = np.arange(len(values))
@@ -283,13 +283,13 @@ def _valleys(values: FloatArray, sizes: IntArray) -> IntArray:
     return found[np.argsort(values[found], kind="stable")[:_VALLEYS]]
 
 
-def _floors(curve: SmoothFunction, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _minima(curve: SmoothFunction, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the minima between pairs of angles, and their positions."""
     rows, parts = np.arange(len(low)), np.linspace(0.0, 1.0, 9)
     at, values = low, np.full(len(low), np.inf)
-    for _ in range(_FINER):
+    for _ in range(_GRID_REFINEMENTS):
         angles = low[:, None] + (high - low)[:, None] * parts
-        seen = _whole(curve(angles.ravel())).reshape(angles.shape)
+        seen = _finite_values(curve(angles.ravel())).reshape(angles.shape)
         best = np.argmin(seen, axis=1)
         at, values = angles[rows, best], seen[rows, best]
         low, high = angles[rows, np.maximum(best - 1, 0)], angles[rows, np.minimum(best + 1, len(parts) - 1)]
@@ -311,10 +311,10 @@ def residual_spectrum(law: Law, ratio: ArrayLike) -> FloatArray:
     periods = np.asarray(ratio, dtype=float)
     if not ((periods > 0.0).all() and (periods <= _LARGEST).all()):
         raise refuse("ratio", str(ratio), f"rise times over the period, above zero, up to {_LARGEST:g}")
-    return law.residual(periods) if isinstance(law, ClosedResidual) else _convolved(law, periods)
+    return law.residual(periods) if isinstance(law, AnalyticResidual) else _residual_integral(law, periods)
 
 
-def _convolved(law: Law, ratio: FloatArray) -> FloatArray:
+def _residual_integral(law: Law, ratio: FloatArray) -> FloatArray:
     w = 2.0 * math.pi * ratio
     panels = 64 + int(_PANELS_PER_PERIOD * ratio.max(initial=0.0))
     total = law(np.zeros(1), 1)[0] - law(np.ones(1), 1)[0] * np.exp(1j * w)

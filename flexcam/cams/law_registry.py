@@ -75,7 +75,7 @@ KINDS: Mapping[str, LawKind] = MappingProxyType(
 GROUP = "flexcam.laws"
 
 
-_BROKEN = (
+_IMPORT_ERRORS = (
     ArithmeticError, AttributeError, ImportError, LookupError, NameError, OSError, RuntimeError, SyntaxError, TypeError,
     ValueError,
 )  # fmt: skip
@@ -128,7 +128,7 @@ def law_kind(name: str) -> LawKind | None:
         return None
     try:
         return point.load()
-    except _BROKEN as fault:
+    except _IMPORT_ERRORS as fault:
         package = point.dist.name if point.dist else point.value
         why = f"{package} brings it and cannot be loaded: {type(fault).__name__}: {fault}"
         raise refuse("law", repr(name), "a law that can be loaded", why, f"mend or remove {package}") from None

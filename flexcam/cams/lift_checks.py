@@ -27,7 +27,7 @@ _GAP, _GAP_RATIO, _WIDE = math.radians(3.0), 3.0, math.radians(20.0)
 """A step is wide above 3 deg and three times its neighbours, or above 20 deg."""
 
 
-def table_faults(theta: FloatArray, s: FloatArray) -> list[Fault]:
+def find_table_faults(theta: FloatArray, s: FloatArray) -> list[Fault]:
     """Return the faults of a lift table, with rows counted from 1."""
     if len(theta) != len(s):
         given = f"{len(s)} lifts at {len(theta)} angles"
@@ -61,7 +61,7 @@ def table_faults(theta: FloatArray, s: FloatArray) -> list[Fault]:
         given = f"{1e3 * s[i]:g} mm at {math.degrees(theta[i]):g} deg"
         found.append(Fault(f"lift, row {i + 1}", given, "zero or more", "a follower cannot enter the base circle",
                            "subtract the base circle's reading"))  # fmt: skip
-    return found or [*_gaps(theta, s, low), *_open_end(theta, s, low)]
+    return found or [*_gaps(theta, s, low), *_periodicity_fault(theta, s, low)]
 
 
 def base_level(theta: FloatArray, s: FloatArray) -> float:
@@ -82,7 +82,7 @@ def scatter(theta: FloatArray, s: FloatArray) -> float:
 def _gaps(theta: FloatArray, s: FloatArray, low: float) -> list[Fault]:
     """Return the first gap on the lift; a missing range at the ends of a table is checked elsewhere."""
     high = np.maximum(s[:-1], s[1:]) > low
-    bent = _bends(theta, s) > _BASE * float(s.max())
+    bent = _max_curvature_deviation(theta, s) > _BASE * float(s.max())
     gap = wide_steps(theta)[:-1] & high & (bent | (np.diff(theta) > _WIDE))
     if not gap.any():
         return []
@@ -93,7 +93,7 @@ def _gaps(theta: FloatArray, s: FloatArray, low: float) -> list[Fault]:
     ]
 
 
-def _bends(theta: FloatArray, s: FloatArray) -> FloatArray:
+def _max_curvature_deviation(theta: FloatArray, s: FloatArray) -> FloatArray:
     """Return the possible deviation of the lift from a straight line in each step, from the slopes on both sides.
 
     Each slope is taken over the angle of the step itself, which reduces the effect of noise.
@@ -115,7 +115,7 @@ def wide_steps(theta: FloatArray) -> NDArray[np.bool_]:
     return (step > _WIDE) | ((step > _GAP) & (step > _GAP_RATIO * beside))
 
 
-def _open_end(theta: FloatArray, s: FloatArray, low: float) -> list[Fault]:
+def _periodicity_fault(theta: FloatArray, s: FloatArray, low: float) -> list[Fault]:
     """Return the fault of a lift that does not return to its initial value."""
     jump = abs(float(s[-1] - s[0]))
     if theta[-1] - theta[0] > _REVOLUTION - 1e-9:  # the last row repeats the first

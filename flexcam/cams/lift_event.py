@@ -9,9 +9,9 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from flexcam.cams.law_criteria import Extreme, lowest
-from flexcam.cams.motion_law import Law, Turned
-from flexcam.cams.ramps import FromRamp, Ramp
+from flexcam.cams.law_criteria import Extreme, curve_minimum
+from flexcam.cams.motion_law import Law, ReversedLaw
+from flexcam.cams.ramps import Ramp, RampTransition
 from flexcam.core import FloatArray
 from flexcam.core.errors import positive, refuse
 
@@ -184,7 +184,7 @@ class LiftEvent:
 
     @cached_property
     def _height(self) -> float:
-        top = -lowest(lambda angle: -self(angle), self.joints).value
+        top = -curve_minimum(lambda angle: -self(angle), self.joints).value
         return top if top > self._top * (1.0 + _ROUNDING) else self._top
 
     @property
@@ -196,9 +196,9 @@ class LiftEvent:
     def segments(self) -> tuple[Segment, ...]:
         """Segments from the beginning of the opening ramp (or of the rise); the lower dwell follows."""
         opening, closing = self._ramps
-        rise_law = Turned(self.law) if self.single_dwell == "low" else self.law
+        rise_law = ReversedLaw(self.law) if self.single_dwell == "low" else self.law
         fall_law = self.fall_law or self.law
-        fall_law = Turned(fall_law) if self.single_dwell == "low" else fall_law
+        fall_law = ReversedLaw(fall_law) if self.single_dwell == "low" else fall_law
         low, end = (one.height if one else 0.0 for one in (opening, closing))
         parts = [
             (opening.duration if opening else 0.0, 0.0, low, opening, False),
@@ -223,7 +223,7 @@ class LiftEvent:
     def joints(self) -> tuple[float, ...]:
         """Cam angles, rad from 0 to 2 pi, where a derivative may jump."""
         found = [self.start + at for segment in self.segments for at in segment.joints()]
-        return distinct(np.array(found))
+        return unique_angles(np.array(found))
 
     def __call__(self, angle: FloatArray, order: int = 0) -> FloatArray:
         """Return the derivative of the lift by the cam angle.
@@ -256,7 +256,7 @@ class LiftEvent:
 
 
 @dataclass(frozen=True, eq=False)
-class Shifted:
+class DelayedEvent:
     """Event delayed by a phase.
 
     Parameters
@@ -269,7 +269,7 @@ class Shifted:
     Examples
     --------
     >>> from flexcam.cams import HarmonicLift
-    >>> Shifted(HarmonicLift(0.003, (-0.003,), (0.0,)), math.pi)(np.array([math.pi])).round(9)
+    >>> DelayedEvent(HarmonicLift(0.003, (-0.003,), (0.0,)), math.pi)(np.array([math.pi])).round(9)
     array([0.])
     """
 
@@ -284,14 +284,14 @@ class Shifted:
     @property
     def joints(self) -> tuple[float, ...]:
         """Cam angles, rad from 0 to 2 pi, where a derivative may jump."""
-        return distinct(np.array(self.event.joints) + self.phase) if self.event.joints else ()
+        return unique_angles(np.array(self.event.joints) + self.phase) if self.event.joints else ()
 
     def __call__(self, angle: FloatArray, order: int = 0) -> FloatArray:
         """Return the derivative of the given order by the cam angle, m/rad^order, shape as `angle`."""
         return self.event(np.asarray(angle, dtype=float) - self.phase, order)
 
 
-def distinct(angles: FloatArray) -> tuple[float, ...]:
+def unique_angles(angles: FloatArray) -> tuple[float, ...]:
     """Return unique angles within a revolution, ascending.
 
     Parameters
@@ -310,15 +310,15 @@ def distinct(angles: FloatArray) -> tuple[float, ...]:
 
 
 def _from(law: Law, ramp: Ramp | None, span_by_lift: float) -> Law:
-    return FromRamp(law, ramp.slope * span_by_lift) if ramp else law
+    return RampTransition(law, ramp.slope * span_by_lift) if ramp else law
 
 
 def event_extremes(event: Event, order: int = 0) -> tuple[Extreme, Extreme]:
     """Return the minimum and maximum of a lift or of its derivative."""
-    return _known_extremes(event, order) if _hashable(event) else _extremes(event, order)
+    return _cached_extremes(event, order) if _is_hashable(event) else _extremes(event, order)
 
 
-def _hashable(event: Event) -> bool:
+def _is_hashable(event: Event) -> bool:
     """Return whether an event can be a dictionary key; one that contains arrays cannot."""
     try:
         hash(event)
@@ -328,18 +328,18 @@ def _hashable(event: Event) -> bool:
 
 
 def _extremes(event: Event, order: int) -> tuple[Extreme, Extreme]:
-    high = lowest(lambda angle: -event(angle, order), event.joints)
-    return lowest(lambda angle: event(angle, order), event.joints), Extreme(-high.value, high.at)
+    high = curve_minimum(lambda angle: -event(angle, order), event.joints)
+    return curve_minimum(lambda angle: event(angle, order), event.joints), Extreme(-high.value, high.at)
 
 
-_known_extremes = lru_cache(maxsize=64)(_extremes)
+_cached_extremes = lru_cache(maxsize=64)(_extremes)
 """Cache of extremes, as the same cam is evaluated at every speed."""
 
 
-_BESIDE = 1e-8
+_LIMIT_OFFSET = 1e-8
 """Distance from a joint for the limit on the other side, rad: a closer angle counts as on the joint."""
 
-_NONE = 1e-6
+_STEP_TOLERANCE = 1e-6
 """Relative size of a step, to the largest value of its curve, below which it is zero."""
 
 _GRID = np.linspace(0.0, 2.0 * np.pi, 3601)
@@ -371,9 +371,9 @@ def joints(event: Event) -> list[Joint]:
     angles = np.array(event.joints)
     rows = list[list[float]]()
     for order in range(4):
-        step = event(angles, order) - event(angles - _BESIDE, order)
+        step = event(angles, order) - event(angles - _LIMIT_OFFSET, order)
         # Subtract the change of the smooth curve between both places.
-        step -= _BESIDE * event(angles - _BESIDE, order + 1)
+        step -= _LIMIT_OFFSET * event(angles - _LIMIT_OFFSET, order + 1)
         size = float(np.abs(event(_GRID, order)).max(initial=0.0))
-        rows.append(np.where(np.abs(step) > _NONE * size, step, 0.0).tolist())
+        rows.append(np.where(np.abs(step) > _STEP_TOLERANCE * size, step, 0.0).tolist())
     return [Joint(float(a), (s[0], s[1], s[2], s[3])) for a, s in zip(angles, np.array(rows).T.tolist(), strict=True)]

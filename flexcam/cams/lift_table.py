@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexcam.cams.lift_checks import base_level, scatter, table_faults, wide_steps
-from flexcam.cams.lift_event import Shifted
+from flexcam.cams.lift_checks import base_level, find_table_faults, scatter, wide_steps
+from flexcam.cams.lift_event import DelayedEvent
 from flexcam.cams.periodic_lift import DEGREE, PeriodicSpline, spline_rows
 from flexcam.core import FloatArray
-from flexcam.core.errors import InputError, in_words, refuse
+from flexcam.core.errors import InputError, format_shape, refuse
 
 _REVOLUTION = 2.0 * math.pi
 _STEP = math.radians(1.0)
@@ -25,7 +25,7 @@ _KNOTS = (360, 720, 1440)
 _FAR, _SMALL = 8.0, 5e-4
 """A point is an outlier if it moves by more than eight times the scatter and 1/2000 of the lift."""
 
-_PASSED = 1e-5
+_INTERPOLATION_TOLERANCE = 1e-5
 """RMS deviation, relative to the largest lift, up to which a spline interpolates the points."""
 
 _BELOW = 1e-4
@@ -33,7 +33,7 @@ _BELOW = 1e-4
 
 _RIPPLE = np.linspace(0.0, 2.0 * math.pi, 7201)
 
-_CAUTION = 1.4
+_DOF_WEIGHT = 1.4
 """Weight of the degrees of freedom in cross-validation; 1 sometimes follows the noise (Kim and Gu 2004)."""
 
 
@@ -69,7 +69,7 @@ class LiftReport:
     remarks: tuple[str, ...]
 
 
-def lift_table(angle: ArrayLike, lift: ArrayLike, *, tolerance: float | None = None) -> tuple[Shifted, LiftReport]:
+def lift_table(angle: ArrayLike, lift: ArrayLike, *, tolerance: float | None = None) -> tuple[DelayedEvent, LiftReport]:
     """Return a periodic spline for a lift given by points.
 
     The spline minimizes the squared distances plus a weight times the integral of its squared third derivative
@@ -107,18 +107,18 @@ def lift_table(angle: ArrayLike, lift: ArrayLike, *, tolerance: float | None = N
     theta, s = _column("angle", angle), _column("lift", lift)
     if tolerance is not None and not (math.isfinite(tolerance) and tolerance >= 0.0):
         raise refuse("tolerance", tolerance, "a length of zero or more, m")
-    faults = table_faults(theta, s)
+    faults = find_table_faults(theta, s)
     if faults:
         raise InputError(faults)
-    theta, s = _closed(theta, s)
+    theta, s = _drop_repeated_row(theta, s)
     local = theta - theta[0]  # knots on equally spaced points: elsewhere an interpolating spline may not exist
-    around, heights = _with_base_circle(local, s)
+    around, heights = _add_base_circle(local, s)
     noise = scatter(theta, s)
     if tolerance is None:
-        fit, weight = _judged(around, heights, len(s), noise)
+        fit, weight = _fit_by_cross_validation(around, heights, len(s), noise)
     else:
-        fit, weight = _within(around, heights, len(s), tolerance)
-    event = Shifted(PeriodicSpline(fit.coefficients(weight)), float(theta[0]))
+        fit, weight = _fit_within_tolerance(around, heights, len(s), tolerance)
+    event = DelayedEvent(PeriodicSpline(fit.coefficients(weight)), float(theta[0]))
     return event, _report(theta, s, event, weight, noise)
 
 
@@ -129,29 +129,29 @@ def _column(name: str, values: ArrayLike) -> FloatArray:
     except (TypeError, ValueError):
         raise refuse(name, str(values)[:60], "an array of numbers") from None
     if column.ndim != 1:
-        raise refuse(name, f"shape {in_words(column.shape)}", "a plain column of numbers")
+        raise refuse(name, f"shape {format_shape(column.shape)}", "a plain column of numbers")
     return column
 
 
-def _judged(theta: FloatArray, s: FloatArray, count: int, noise: float) -> tuple[_Fit, float]:
+def _fit_by_cross_validation(theta: FloatArray, s: FloatArray, count: int, noise: float) -> tuple[_Fit, float]:
     """Return the fit by cross-validation, with more knots if fewer knots leave outliers.
 
     If more knots do not halve the deviation, the point is an outlier and the coarser spline is used.
     """
     fit = _Fit.of(theta, s, count, _KNOTS[0])
-    weight = _cross_validated(fit)
+    weight = _minimize_cross_validation(fit)
     allowed = _FAR * noise + _SMALL * float(s.max())
     for most in _KNOTS[1:]:
         if fit.largest(weight) <= allowed or fit.rows.shape[1] >= len(theta):
             break
         finer = _Fit.of(theta, s, count, most)
-        found = _cross_validated(finer, near=math.log10(weight) + _HALVED)
+        found = _minimize_cross_validation(finer, near=math.log10(weight) + _WEIGHT_PER_HALVING)
         if finer.largest(found) <= 0.5 * fit.largest(weight):
             fit, weight = finer, found
     return fit, weight
 
 
-def _within(theta: FloatArray, s: FloatArray, count: int, tolerance: float) -> tuple[_Fit, float]:
+def _fit_within_tolerance(theta: FloatArray, s: FloatArray, count: int, tolerance: float) -> tuple[_Fit, float]:
     """Return the fit with the largest roughness weight and the fewest knots within a tolerance."""
     fit = _Fit.of(theta, s, count, _KNOTS[0])
     least = fit.change(_LEAST)
@@ -161,25 +161,25 @@ def _within(theta: FloatArray, s: FloatArray, count: int, tolerance: float) -> t
         fit = _Fit.of(theta, s, count, most)
         least = fit.change(_LEAST)
     if least <= tolerance:
-        return fit, _strongest(fit, tolerance)
+        return fit, _max_roughness_weight(fit, tolerance)
     if tolerance > 0.0:
         given = f"{1e6 * tolerance:.4g} um for {count} points"
         why = f"a spline of {_KNOTS[-1]} knots cannot follow them closer"
         raise refuse("tolerance", given, f"{1e6 * least:.4g} um or more", why, "allow more: the points scatter")
-    if len(theta) > _KNOTS[-1] and least > _PASSED * float(s.max()):
+    if len(theta) > _KNOTS[-1] and least > _INTERPOLATION_TOLERANCE * float(s.max()):
         given, allowed = f"0 for {len(theta)} points", f"{1e6 * least:.4g} um or more, or up to {_KNOTS[-1]} points"
         why = f"a spline of {_KNOTS[-1]} knots cannot pass through them all"
         raise refuse("tolerance", given, allowed, why, "allow some, or leave out points")
     return fit, _LEAST
 
 
-def _closed(theta: FloatArray, s: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _drop_repeated_row(theta: FloatArray, s: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the table without a last row that repeats the first row one revolution later."""
     twice = theta[-1] - theta[0] > _REVOLUTION - 1e-9
     return (theta[:-1], s[:-1]) if twice else (theta, s)
 
 
-def _with_base_circle(theta: FloatArray, s: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _add_base_circle(theta: FloatArray, s: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the points with additional ones on the base circle where the table has none."""
     ends, lifts = np.append(theta, theta[0] + _REVOLUTION), np.append(s, s[0])
     spacing = min(_STEP, float(np.median(np.diff(theta))))
@@ -246,7 +246,7 @@ class _Fit:
         """Return the generalized cross-validation score: mean square change over (1 - c trace/m)^2."""
         used = float(np.trace(np.linalg.solve(self.square + weight * self.rough, self.measured)))
         m = self.count
-        return math.inf if _CAUTION * used >= m else (self.change(weight) / (1.0 - _CAUTION * used / m)) ** 2
+        return math.inf if _DOF_WEIGHT * used >= m else (self.change(weight) / (1.0 - _DOF_WEIGHT * used / m)) ** 2
 
 
 _ILL = 1e-7
@@ -257,7 +257,7 @@ The roughness is scaled to the square of the rows.
 """
 
 
-def _strongest(fit: _Fit, tolerance: float) -> float:
+def _max_roughness_weight(fit: _Fit, tolerance: float) -> float:
     """Return the largest roughness weight whose change of the points is within the tolerance."""
     low, high = _LOWEST, _HIGHEST
     if fit.change(10.0**low) > tolerance:
@@ -268,11 +268,11 @@ def _strongest(fit: _Fit, tolerance: float) -> float:
     return 10.0**low
 
 
-_HALVED = 6.0 * math.log10(2.0)
+_WEIGHT_PER_HALVING = 6.0 * math.log10(2.0)
 """Increase of the power of ten of the roughness weight when the knot spacing is halved."""
 
 
-def _cross_validated(fit: _Fit, near: float | None = None) -> float:
+def _minimize_cross_validation(fit: _Fit, near: float | None = None) -> float:
     """Return the weight of minimum score; with many knots only weights near the expected one are evaluated."""
     powers = np.arange(_LOWEST + 1.0, _HIGHEST + 1.0)
     if near is not None:
@@ -287,7 +287,7 @@ def _least(fit: _Fit, powers: FloatArray) -> int:
     return int(np.argmin([score(10.0**power) for power in powers]))
 
 
-def _report(theta: FloatArray, s: FloatArray, spline: Shifted, weight: float, noise: float) -> LiftReport:
+def _report(theta: FloatArray, s: FloatArray, spline: DelayedEvent, weight: float, noise: float) -> LiftReport:
     change = spline(theta) - s
     worst = int(np.argmax(np.abs(change)))
     fine = spline(np.linspace(0.0, _REVOLUTION, 3601), 2)
@@ -299,7 +299,7 @@ def _report(theta: FloatArray, s: FloatArray, spline: Shifted, weight: float, no
     )  # fmt: skip
 
 
-def _remarks(theta: FloatArray, s: FloatArray, spline: Shifted, noise: float) -> list[str]:
+def _remarks(theta: FloatArray, s: FloatArray, spline: DelayedEvent, noise: float) -> list[str]:
     """Return warnings: outliers, and ripple below the base circle."""
     change, top = np.abs(spline(theta) - s), float(s.max())
     far = np.flatnonzero(change > _FAR * noise + _SMALL * top)

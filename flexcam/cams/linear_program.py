@@ -17,12 +17,12 @@ from flexcam.core.errors import InputError, refuse
 ORDERS = {"Cv": 1, "Ca": 2, "Cj": 3}
 """Linear criteria and the order of the derivative whose largest absolute value each measures."""
 
-ALMOST = 1e-7
+FEASIBILITY_TOLERANCE = 1e-7
 """Relative violation of a bound allowed for an intermediate law."""
 
 CRITERIA = (*ORDERS, "rms", "Cm")
 
-_INSIDE = 1e-8
+_LIMIT_MARGIN = 1e-8
 """Relative margin to a limit, so that rounding does not violate it."""
 
 _PRECISE = 1e-10
@@ -32,7 +32,7 @@ _INFEASIBLE = 2
 Condition = tuple[float, int, float]
 """Position, order of derivative, and prescribed value."""
 
-Cut = tuple[FloatArray, float]
+TangentPlane = tuple[FloatArray, float]
 """Tangent plane of the rms: gradient, and value at zero."""
 
 
@@ -67,14 +67,14 @@ class Program:
     def met(self, law: Law, slack: float) -> bool:
         """Return whether a law satisfies the bounds and does not reverse, within a slack."""
         within = all(_criterion(law, name) <= limit * (1.0 + slack) for name, limit in self.limits.items())
-        return within and (not self.monotone or _slowest(law) >= -slack - _INSIDE)
+        return within and (not self.monotone or _min_velocity(law) >= -slack - _LIMIT_MARGIN)
 
     def missed(self, law: Law, slack: float) -> list[str]:
         """Return the violated bounds and conditions of a law, within a slack, in words."""
         values = {name: _criterion(law, name) for name in self.limits}
         said = [f"{name} is {values[name]:.9g}, its bound {limit:.9g}"
                 for name, limit in self.limits.items() if values[name] > limit * (1.0 + slack)]  # fmt: skip
-        if self.monotone and (slowest := _slowest(law)) < -slack - _INSIDE:
+        if self.monotone and (slowest := _min_velocity(law)) < -slack - _LIMIT_MARGIN:
             said.append(f"the velocity falls to {slowest:.3g}, and must not be negative")
         for z, order, value in self.conditions:
             off = abs(float(law(np.array([z]), order)[0]) - value)
@@ -82,7 +82,7 @@ class Program:
                 said.append(f"the condition {z:g},{order},{value:g} is missed by {off:.3g}")
         return said
 
-    def tangent(self, x: FloatArray) -> Cut:
+    def tangent(self, x: FloatArray) -> TangentPlane:
         """Return the tangent plane of the rms at given coefficients."""
         z, weight = (np.concatenate(parts) for parts in zip(*quadrature(()), strict=True))
         rows, offset = self.family.rows(z, 2)
@@ -92,7 +92,7 @@ class Program:
         return slope, rms - float(slope @ x)
 
     def solve(
-        self, places: Mapping[int, FloatArray], cuts: Sequence[Cut] = (),
+        self, places: Mapping[int, FloatArray], cuts: Sequence[TangentPlane] = (),
         around: tuple[FloatArray, float] | None = None,
     ) -> tuple[FloatArray, float]:  # fmt: skip
         """Return the coefficients and the dual objective, a lower bound for the family."""
@@ -147,7 +147,7 @@ class Program:
         return near + [(0.0, None)] * len(self.weights)
 
     def _inequalities(
-        self, places: Mapping[int, FloatArray], cuts: Sequence[Cut], around: tuple[FloatArray, float] | None
+        self, places: Mapping[int, FloatArray], cuts: Sequence[TangentPlane], around: tuple[FloatArray, float] | None
     ) -> tuple[FloatArray, FloatArray]:
         blocks = [
             self._weighted(name, *self.family.rows(places[k], k)) for name, k in ORDERS.items() if name in self.weights
@@ -156,7 +156,7 @@ class Program:
         if self.monotone:
             rows, offset = self.family.rows(places[1], 1)
             # If a law reverses by rounding, a short step could only correct that.
-            blocks.append((self._wide(-rows), offset + (0.0 if around is None else ALMOST)))
+            blocks.append((self._wide(-rows), offset + (0.0 if around is None else FEASIBILITY_TOLERANCE)))
         if cuts:
             slopes = np.array([slope for slope, _ in cuts])
             blocks.append((np.hstack([slopes, -self._pick("rms", len(cuts))]), -np.array([value for _, value in cuts])))
@@ -180,7 +180,7 @@ class Program:
 
     def _limited(self, name: str, rows: FloatArray, offset: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the inequalities abs(rows x + offset) <= the limit."""
-        limit = self.limits[name] * (1.0 - _INSIDE)
+        limit = self.limits[name] * (1.0 - _LIMIT_MARGIN)
         rows, offset = self._wide(rows) / limit, offset / limit
         return np.vstack([rows, -rows]), np.concatenate([1.0 - offset, 1.0 + offset])
 
@@ -209,7 +209,7 @@ def _solutions(E: FloatArray, e: FloatArray, size: int) -> tuple[FloatArray, Flo
     return base, np.asarray(vectors[rank:].T, dtype=float)
 
 
-def _slowest(law: Law) -> float:
+def _min_velocity(law: Law) -> float:
     """Return the minimum velocity of a law."""
     return float(law(stationary_points(law, 1), 1).min())
 

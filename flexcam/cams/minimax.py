@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexcam.cams.law_criteria import Criteria, criteria, stationary_points
-from flexcam.cams.linear_program import ALMOST, CRITERIA, ORDERS, Condition, Cut, Program
+from flexcam.cams.linear_program import CRITERIA, FEASIBILITY_TOLERANCE, ORDERS, Condition, Program, TangentPlane
 from flexcam.cams.motion_law import Law
-from flexcam.cams.synthesis_family import Family, bound_over_all
+from flexcam.cams.synthesis_family import Family, universal_bound
 from flexcam.core import FloatArray
 from flexcam.core.errors import InputError, refuse
 
@@ -25,12 +25,12 @@ _ROUNDS = 200
 _GAP = 1e-8
 """Relative violation of the bound allowed before positions are added."""
 
-_CLOSED = 1e-6
+_OPTIMALITY_TOLERANCE = 1e-6
 """Relative duality gap above which the law is not reported as optimal: a hundred times the target of the search."""
 
 
 @dataclass(frozen=True, eq=False)
-class Synthesized:
+class Synthesis:
     """Result of a synthesis.
 
     Parameters
@@ -73,7 +73,7 @@ class Synthesized:
 def minimax(
     family: Family, minimize: Mapping[str, float], *, bounds: Mapping[str, float] | None = None,
     conditions: Sequence[Condition] = (), monotone: bool = True,
-) -> Synthesized:  # fmt: skip
+) -> Synthesis:  # fmt: skip
     """Return the law of a family with the minimum weighted sum of criteria.
 
     ``Cv``, ``Ca``, ``Cj`` are linear; the root mean square ``rms`` of the acceleration is convex: alone it is a
@@ -81,31 +81,31 @@ def minimax(
     operating moment ``Cm`` is neither: the law is then a local optimum, found by linear programs in a trust region
     starting from the laws of minimum acceleration and of minimum rms, and has no bound.
     """
-    weights, limits = _checked("minimize", minimize, CRITERIA), _checked("bounds", bounds or {}, ORDERS)
+    weights, limits = _validate("minimize", minimize, CRITERIA), _validate("bounds", bounds or {}, ORDERS)
     if not weights:
         raise refuse("minimize", "nothing", f"one or more of {', '.join(CRITERIA)}")
     program = Program(family, weights, limits, _positions(conditions), monotone)
-    x, bound = (_nearby(program), None) if "Cm" in weights else _exchanged(program)
+    x, bound = (_local_optimum(program), None) if "Cm" in weights else _exchange(program)
     law = family.law(x)
     found = criteria(law)
-    least = bound_over_all(weights, limits, free_ends=max(abs(end[2]) for end in found.ends) > 1e-9)
+    least = universal_bound(weights, limits, free_ends=max(abs(end[2]) for end in found.ends) > 1e-9)
     objective = _objective(found, weights)
-    return Synthesized(law, objective, bound, least, found, family.name, _open(program, law, objective, bound))
+    return Synthesis(law, objective, bound, least, found, family.name, _violations(program, law, objective, bound))
 
 
-def _open(program: Program, law: Law, objective: float, bound: float | None) -> tuple[str, ...]:
+def _violations(program: Program, law: Law, objective: float, bound: float | None) -> tuple[str, ...]:
     """Return the violated bounds and conditions and the remaining gap of a law, in words."""
-    said = list(program.missed(law, ALMOST))
-    if bound is not None and abs(objective - bound) > _CLOSED * max(1.0, abs(bound)):
+    said = list(program.missed(law, FEASIBILITY_TOLERANCE))
+    if bound is not None and abs(objective - bound) > _OPTIMALITY_TOLERANCE * max(1.0, abs(bound)):
         side = "above" if objective > bound else "below"
         said.append(f"the objective lies {abs(objective - bound):.2g} {side} the bound that is to prove it")
     return tuple(said)
 
 
-def _exchanged(program: Program) -> tuple[FloatArray, float]:
+def _exchange(program: Program) -> tuple[FloatArray, float]:
     """Return the coefficients of the optimal law and the lower bound."""
     places: dict[int, FloatArray] = dict.fromkeys((1, 2, 3), _START)
-    cuts = list[Cut]()
+    cuts = list[TangentPlane]()
     alone = set(program.weights) == {"rms"}
     x, bound = program.least_rms(places) if alone else program.solve(places, cuts)
     for _ in range(_ROUNDS):
@@ -121,17 +121,20 @@ def _exchanged(program: Program) -> tuple[FloatArray, float]:
 _FIRST, _SMALLEST, _LARGEST = 0.1, 1e-8, 0.2
 """Trust region radii for the linearized moment."""
 
-_PATIENCE = 8
+_MAX_REPEATS = 8
 """Number of repetitions of a step with more positions before it is shortened."""
 
 
-def _nearby(program: Program) -> FloatArray:
+def _local_optimum(program: Program) -> FloatArray:
     """Return the better of the local optima from the laws of minimum acceleration and of minimum rms."""
-    starts = [_exchanged(replace(program, weights={name: 1.0}))[0] for name in ("Ca", "rms")]
-    return min((_descended(program, start) for start in starts), key=lambda x: program.objective(program.family.law(x)))
+    starts = [_exchange(replace(program, weights={name: 1.0}))[0] for name in ("Ca", "rms")]
+    return min(
+        (_trust_region_descent(program, start) for start in starts),
+        key=lambda x: program.objective(program.family.law(x)),
+    )
 
 
-def _descended(program: Program, x: FloatArray) -> FloatArray:
+def _trust_region_descent(program: Program, x: FloatArray) -> FloatArray:
     """Return the coefficients of a local optimum."""
     law, radius, stubborn = program.family.law(x), _FIRST, 0
     best = program.objective(law)
@@ -148,11 +151,11 @@ def _descended(program: Program, x: FloatArray) -> FloatArray:
             continue
         tried = program.family.law(step)
         places = {order: _with(places[order], stationary_points(tried, order)) for order in places}
-        if not program.met(tried, 0.5 * ALMOST) and stubborn < _PATIENCE:
+        if not program.met(tried, 0.5 * FEASIBILITY_TOLERANCE) and stubborn < _MAX_REPEATS:
             stubborn += 1  # the positions just added may correct it
             continue
         stubborn, value = 0, program.objective(tried)
-        if value < best * (1.0 - 1e-9) and program.met(tried, 0.5 * ALMOST):
+        if value < best * (1.0 - 1e-9) and program.met(tried, 0.5 * FEASIBILITY_TOLERANCE):
             x, law, best, radius = step, tried, value, min(2.0 * radius, _LARGEST)
         else:
             radius *= 0.5
@@ -164,12 +167,12 @@ def _descended(program: Program, x: FloatArray) -> FloatArray:
 def pareto(
     family: Family, first: str, second: str, *, count: int = 9, conditions: Sequence[Condition] = (),
     monotone: bool = True,
-) -> list[Synthesized]:  # fmt: skip
+) -> list[Synthesis]:  # fmt: skip
     """Return a Pareto front of two criteria, from end to end."""
     if first == second or count < 3:
         raise refuse("pareto", f"{first}, {second}, {count} laws", "two different criteria and three laws or more")
 
-    def solve(minimize: Mapping[str, float], bounds: Mapping[str, float]) -> Synthesized:
+    def solve(minimize: Mapping[str, float], bounds: Mapping[str, float]) -> Synthesis:
         return minimax(family, minimize, bounds=bounds, conditions=conditions, monotone=monotone)
 
     least = solve({second: 1.0}, {})
@@ -180,7 +183,7 @@ def pareto(
     return [solve({first: 1.0}, {second: float(limit)}) for limit in np.geomspace(low, max(low, high), count)]
 
 
-def _checked(where: str, given: Mapping[str, float], known: Iterable[str]) -> dict[str, float]:
+def _validate(where: str, given: Mapping[str, float], known: Iterable[str]) -> dict[str, float]:
     for name, value in given.items():
         if name not in known:
             raise refuse(where, repr(name), ", ".join(known))

@@ -29,7 +29,7 @@ class Law(Protocol):
 
 
 @runtime_checkable
-class ClosedResidual(Protocol):
+class AnalyticResidual(Protocol):
     """Law with a closed form of its residual vibration."""
 
     def residual(self, ratio: FloatArray) -> FloatArray:
@@ -76,7 +76,7 @@ def quadrature(breaks: tuple[float, ...], panels: int = 64) -> list[tuple[FloatA
 
 
 @dataclass(frozen=True)
-class Turned:
+class ReversedLaw:
     """Reversed law s(z) = 1 - u(1 - z); a symmetric law equals its reverse.
 
     R. Roussev, B. Paleva-Kadiyska and V. Galabov, Quinquinomial power functions (2021), eq. 1, reverse their laws in

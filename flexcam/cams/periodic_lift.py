@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexcam.cams.lift_event import Event, distinct
+from flexcam.cams.lift_event import Event, unique_angles
 from flexcam.core import ComplexArray, FloatArray, IntArray
 from flexcam.core.errors import finite_array, refuse
 
@@ -49,7 +49,7 @@ def spline_rows(angle: FloatArray, knots: int, order: int = 0) -> tuple[IntArray
     return (interval[:, None] + np.arange(DEGREE + 1)) % knots, weight
 
 
-class _Seamless(ABC):
+class _SmoothLift(ABC):
     """Lift without joints; the height is cached."""
 
     @property
@@ -59,7 +59,7 @@ class _Seamless(ABC):
 
     @cached_property
     def _height(self) -> float:
-        return highest(self)
+        return lift_maximum(self)
 
     @property
     def height(self) -> float:
@@ -71,7 +71,7 @@ class _Seamless(ABC):
 
 
 @dataclass(frozen=True, eq=False)
-class PeriodicSpline(_Seamless):
+class PeriodicSpline(_SmoothLift):
     """Lift over a revolution as a spline of degree 5 with equally spaced knots and continuous fourth derivative.
 
     Parameters
@@ -96,7 +96,7 @@ class PeriodicSpline(_Seamless):
 
 
 @dataclass(frozen=True)
-class HarmonicLift(_Seamless):
+class HarmonicLift(_SmoothLift):
     """Lift as a mean and a few harmonics of the cam angle, which bounds the excitation spectrum.
 
     C. Li, Cam motion simulation and optimization (2014), eq. 5.
@@ -134,7 +134,7 @@ class HarmonicLift(_Seamless):
         return np.asarray(turned.real + (self.mean if order == 0 else 0.0), dtype=float)
 
 
-def highest(event: Event) -> float:
+def lift_maximum(event: Event) -> float:
     """Return the largest lift of an event, m, with a relative accuracy of 1e-9."""
     at = float(_GRID[np.argmax(event(_GRID))])
     fine = at + np.linspace(-1.0, 1.0, 2001) * (_GRID[1] - _GRID[0])
@@ -145,7 +145,7 @@ def harmonics(event: Event, count: int, order: int = 0) -> ComplexArray:
     """Return the harmonics of an event's lift or of its derivative."""
     points, weights = np.polynomial.legendre.leggauss(8)
     even = np.linspace(0.0, _REVOLUTION, max(361, 2 * count + 1))
-    edges = np.concatenate([distinct(np.concatenate([even[:-1], event.joints])), [_REVOLUTION]])
+    edges = np.concatenate([unique_angles(np.concatenate([even[:-1], event.joints])), [_REVOLUTION]])
     half = 0.5 * np.diff(edges)
     angle = (edges[:-1] + half)[:, None] + half[:, None] * points
     values = (half[:, None] * weights * event(angle, order)).ravel()
@@ -191,7 +191,7 @@ def order_spectrum(angle: ArrayLike, values: ArrayLike, count: int) -> OrderSpec
     """
     at = finite_array("angle", angle, (None,))
     history = finite_array("values", values, (len(at),))
-    _checked(at, count)
+    _validate(at, count)
     steps = np.diff(at)
     weights = 0.5 * (np.append(steps, 0.0) + np.append(0.0, steps))
     orders = np.arange(1, count + 1)
@@ -204,7 +204,7 @@ def order_spectrum(angle: ArrayLike, values: ArrayLike, count: int) -> OrderSpec
     return OrderSpectrum(coefficients, abs(float(history[-1] - history[0])))
 
 
-def _checked(angle: FloatArray, count: int) -> None:
+def _validate(angle: FloatArray, count: int) -> None:
     if count < 1:
         raise refuse("count", count, "a whole number from 1")
     if len(angle) < 2 * count + 2:

@@ -22,7 +22,7 @@ Transfer = Callable[[FloatArray], ComplexArray]
 """Frequency response: motion of the follower's end per lift of the cam, by circular frequency (rad/s, zero included).
 """
 
-_DEAF = 1e-9
+_MIN_RESPONSE = 1e-9
 """Frequency response, relative to the static one, below which a harmonic cannot be prescribed."""
 
 _ROUNDING = 1e-12
@@ -84,7 +84,7 @@ def polydyne(wanted: Event, transfer: Transfer, speed: float, *, count: int = 60
         raise refuse("count", count, f"a whole number from 1 to {_MOST}")
     amplitude = harmonics(wanted, count)
     answer = transfer(speed * np.arange(count + 1.0))
-    silent = ~np.isfinite(answer[:1]) if not np.isfinite(answer[0]) else np.abs(answer) < _DEAF * abs(answer[0])
+    silent = ~np.isfinite(answer[:1]) if not np.isfinite(answer[0]) else np.abs(answer) < _MIN_RESPONSE * abs(answer[0])
     if silent.any():
         given = f"a train that does not answer to harmonic {int(np.argmax(silent))} at {_rpm(speed):g} rpm"
         raise refuse("speed", given, "one that answers to every harmonic", "", "another speed, or some damping")
@@ -97,7 +97,7 @@ def polydyne(wanted: Event, transfer: Transfer, speed: float, *, count: int = 60
 
 def motion_at(cam: Event, transfer: Transfer, speed: float, *, count: int = 60) -> HarmonicLift:
     """Return the steady motion of the train's end on a cam at any speed."""
-    amplitude, resonant = _moved(cam, transfer, positive("speed", speed, "rad/s"), count)
+    amplitude, resonant = _response_harmonics(cam, transfer, positive("speed", speed, "rad/s"), count)
     if resonant.size:
         given = f"{_rpm(speed):g} rpm, where harmonic {resonant[0]} is in resonance"
         raise refuse(
@@ -106,19 +106,19 @@ def motion_at(cam: Event, transfer: Transfer, speed: float, *, count: int = 60) 
     return _lift(amplitude)
 
 
-def _moved(cam: Event, transfer: Transfer, speed: float, count: int) -> tuple[ComplexArray, IntArray]:
+def _response_harmonics(cam: Event, transfer: Transfer, speed: float, count: int) -> tuple[ComplexArray, IntArray]:
     """Return the harmonics of the motion on a cam, and which of the cam's harmonics are in resonance."""
     amplitude, answer = harmonics(cam, count), transfer(speed * np.arange(count + 1.0))
     held = np.abs(amplitude) > _ROUNDING * np.abs(amplitude).max()
     return amplitude * np.where(np.isfinite(answer), answer, 0.0), np.flatnonzero(held & ~np.isfinite(answer))
 
 
-def off_design(design: Polydyne, transfer: Transfer, speeds: Sequence[float]) -> FloatArray:
+def off_design_deviation(design: Polydyne, transfer: Transfer, speeds: Sequence[float]) -> FloatArray:
     """Return the largest deviation from the target motion at other speeds."""
     count, wanted = len(design.event.cosine), design.wanted(_GRID)
 
     def away(speed: float) -> float:
-        amplitude, resonant = _moved(design.event, transfer, speed, count)
+        amplitude, resonant = _response_harmonics(design.event, transfer, speed, count)
         return math.inf if resonant.size else float(np.abs(_lift(amplitude)(_GRID) - wanted).max())
 
     return np.array([away(positive("speed", float(speed), "rad/s")) for speed in speeds])

@@ -57,7 +57,7 @@ class Polynomial:
 
     def __post_init__(self) -> None:
         p, least = self.exponents, 1 if self.conditions else 2
-        if why := _impossible(p, least):
+        if why := _exponent_fault(p, least):
             allowed = f"two or more whole numbers, ascending from {least}, up to {_LARGEST}"
             raise refuse("exponents", list(p), allowed, why)
         if self.conditions:
@@ -79,7 +79,7 @@ class Polynomial:
         p = self.exponents
         if self.conditions:
             rows = [[_power(z, order, q) for q in p] for z, order, _ in self.conditions]
-            return _solved(rows, [Fraction(value) for _, _, value in self.conditions])
+            return _solve_exact(rows, [Fraction(value) for _, _, value in self.conditions])
         return tuple(math.prod((Fraction(q, q - own) for q in p if q != own), start=Fraction(1)) for own in p)
 
     @property
@@ -114,10 +114,10 @@ class Polynomial:
         """Return the powers of a derivative, of z and of 1 - z."""
         dense = np.zeros(self.exponents[-1] + 1)
         dense[list(self.exponents)] = self.coefficients
-        return _derived(dense, order), _derived(self._from_end, order)
+        return _differentiate(dense, order), _differentiate(self._from_end, order)
 
 
-def _impossible(p: tuple[int, ...], least: int) -> str:
+def _exponent_fault(p: tuple[int, ...], least: int) -> str:
     """Return why exponents do not define a law; empty if they do."""
     if len(p) < 2:
         return "one power alone does not come to rest"
@@ -137,7 +137,7 @@ def _power(z: float, order: int, exponent: int) -> Fraction:
     return math.perm(exponent, order) * Fraction(z) ** (exponent - order)
 
 
-def _solved(rows: list[list[Fraction]], right: list[Fraction]) -> tuple[Fraction, ...]:
+def _solve_exact(rows: list[list[Fraction]], right: list[Fraction]) -> tuple[Fraction, ...]:
     """Return the exact solution of a small linear system (elimination with the first pivot that is not zero)."""
     work = [[*row, value] for row, value in zip(rows, right, strict=True)]
     for i in range(len(work)):
@@ -185,7 +185,7 @@ def quinquinomial(row: int = 1) -> Polynomial:
     return Polynomial(tuple(2 + 3 * row * i for i in range(5)))
 
 
-def _derived(coefficients: FloatArray, order: int) -> FloatArray:
+def _differentiate(coefficients: FloatArray, order: int) -> FloatArray:
     return np.asarray(np.polynomial.polynomial.polyder(coefficients, order), dtype=float) if order else coefficients
 
 

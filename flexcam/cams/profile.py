@@ -11,8 +11,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from flexcam.cams.followers import Follower, RollerFollower, Touch, Turn
-from flexcam.cams.law_criteria import Extreme, lowest
+from flexcam.cams.followers import Follower, FollowerContact, RollerFollower, Turn
+from flexcam.cams.law_criteria import Extreme, curve_minimum
 from flexcam.cams.lift_event import Event
 from flexcam.core import ComplexArray, FloatArray
 from flexcam.core.errors import InputError, positive, refuse
@@ -49,7 +49,7 @@ class CamProfile:
     lift: FloatArray
     velocity: FloatArray
     acceleration: FloatArray
-    touch: Touch
+    touch: FollowerContact
     event: Event
 
     @cached_property
@@ -166,7 +166,7 @@ def profile_extremes(event: Event, follower: Follower, turn: Turn = 1) -> Profil
     """
 
     def seen(measure: Callable[[CamProfile], FloatArray], sign: float = 1.0) -> Extreme:
-        found = lowest(lambda angle: sign * measure(profile_at(event, follower, angle, turn)), event.joints)
+        found = curve_minimum(lambda angle: sign * measure(profile_at(event, follower, angle, turn)), event.joints)
         return Extreme(sign * found.value, found.at)
 
     def largest(measure: Callable[[CamProfile], FloatArray]) -> Extreme:
@@ -196,7 +196,7 @@ def _curvatures(
     return Extreme(1.0 / tight.value - roller, tight.at), hollow
 
 
-def relaxed_arm(event: Event, base_radius: float, angle: FloatArray) -> FloatArray:
+def relaxed_offset(event: Event, base_radius: float, angle: FloatArray) -> FloatArray:
     """Return r_a = sqrt(2 r_0 s + s^2), which replaces s' in the relaxed profile, m."""
     lift = np.maximum(event(angle), 0.0)
     return np.sqrt(lift * (2.0 * positive("base_radius", base_radius, "m") + lift))
@@ -223,7 +223,7 @@ def petrescu_efficiency(event: Event, base_radius: float, angle: FloatArray, *, 
 
 def _arm(event: Event, base_radius: float, angle: FloatArray, *, relaxed: bool) -> FloatArray:
     positive("base_radius", base_radius, "m")
-    return relaxed_arm(event, base_radius, angle) if relaxed else event(angle, 1)
+    return relaxed_offset(event, base_radius, angle) if relaxed else event(angle, 1)
 
 
 PRESSURE_ANGLE = math.radians(30.0)
@@ -231,12 +231,12 @@ PRESSURE_ANGLE = math.radians(30.0)
 
 _HALVINGS = 60
 _ROUNDING = 1e-9
-_BESIDE = 1e-8
+_LIMIT_OFFSET = 1e-8
 """Distance from a joint for the left limit, rad."""
 
 
 @dataclass(frozen=True)
-class Finding:
+class ProfileFault:
     """Violated limit of a profile.
 
     Parameters
@@ -259,11 +259,11 @@ class Finding:
     kind: Literal["angle", "length"] = "length"
 
 
-def findings(
+def find_profile_faults(
     profile: CamProfile, *, pressure_angle: float = PRESSURE_ANGLE, cutter: float | None = None, base_helps: bool = True
-) -> list[Finding]:
+) -> list[ProfileFault]:
     """Return the violated limits of a profile with the angle of the worst value, including between the points."""
-    found: list[Finding] = []
+    found: list[ProfileFault] = []
     if cutter is not None:
         positive("cutter", cutter, "m")
     seen, follower = profile.extremes, profile.follower
@@ -272,15 +272,17 @@ def findings(
         what = "undercut: the profile would cross itself"
         others = ["a smaller roller"] if math.isfinite(follower.roller_radius) else []
         remedy = _remedy([*others, "a longer event"], base_helps=base_helps)
-        found.append(Finding(what, remedy, seen.convex.at, seen.convex.value, 0.0))
+        found.append(ProfileFault(what, remedy, seen.convex.at, seen.convex.value, 0.0))
     steep = seen.pressure_angle
     if abs(steep.value) > pressure_angle * (1.0 + _ROUNDING):
         others = ["an offset"] if isinstance(follower, RollerFollower) else ["another pivot or arm"]
         remedy = _remedy([*others, "a longer event"], base_helps=base_helps)
-        found.append(Finding("pressure angle too large", remedy, steep.at, abs(steep.value), pressure_angle, "angle"))
+        found.append(
+            ProfileFault("pressure angle too large", remedy, steep.at, abs(steep.value), pressure_angle, "angle")
+        )
     if cutter is not None and not cut and seen.hollow is not None and seen.hollow.value < cutter:
         what = "the cutter is larger than the hollow it would have to cut"
-        found.append(Finding(what, "take a smaller one", seen.hollow.at, seen.hollow.value, cutter))
+        found.append(ProfileFault(what, "take a smaller one", seen.hollow.at, seen.hollow.value, cutter))
     return found
 
 
@@ -301,7 +303,7 @@ def minimum_base_radius(
 ) -> float:  # fmt: skip
     """Return the smallest base circle without undercut, within limits of pressure angle and convex radius."""
     high = 100.0 * positive("lift", event.height, "m")
-    angles = np.union1d(np.linspace(0.0, 2.0 * math.pi, count, endpoint=False), _beside(event.joints))
+    angles = np.union1d(np.linspace(0.0, 2.0 * math.pi, count, endpoint=False), _one_sided_angles(event.joints))
     motion = event(angles), event(angles, 1), event(angles, 2)
 
     def fits(base: float) -> bool:
@@ -309,7 +311,7 @@ def minimum_base_radius(
             made = profile_at(event, follower.with_base(base), angles, turn, motion)
         except InputError:  # the follower does not reach such a circle
             return False
-        return _within(made, pressure_angle, radius)
+        return _satisfies_limits(made, pressure_angle, radius)
 
     candidates = np.geomspace(1e-4 * high, high, 81)
     good = [fits(float(base)) for base in candidates]
@@ -320,16 +322,16 @@ def minimum_base_radius(
     if first == 0:
         return 0.0
     low, high = float(candidates[first - 1]), float(candidates[first])
-    least = _bisected(fits, low, high)
+    least = _bisect(fits, low, high)
     # The worst angles lie between the samples and hardly move with the base circle, so one more pass suffices.
     seen = profile_extremes(event, follower.with_base(least), turn)
     worst = (seen.convex.at, seen.pressure_angle.at)
-    angles = np.union1d(angles, [*worst, *_beside(worst)])
+    angles = np.union1d(angles, [*worst, *_one_sided_angles(worst)])
     motion = event(angles), event(angles, 1), event(angles, 2)
-    return least if fits(least) else _bisected(fits, least, high)
+    return least if fits(least) else _bisect(fits, least, high)
 
 
-def _within(made: CamProfile, pressure_angle: float, radius: float) -> bool:
+def _satisfies_limits(made: CamProfile, pressure_angle: float, radius: float) -> bool:
     """Return whether a profile is within limits at its points."""
     if undercut(made.radius, made.follower).any() or float(np.abs(made.pressure_angle).max()) > pressure_angle:
         return False
@@ -337,12 +339,12 @@ def _within(made: CamProfile, pressure_angle: float, radius: float) -> bool:
     return bool((made.radius[convex] >= radius).all())
 
 
-def _beside(joints: Sequence[float]) -> list[float]:
+def _one_sided_angles(joints: Sequence[float]) -> list[float]:
     """Return angles on both sides of joints, rad."""
-    return [at - step for at in joints for step in (0.0, _BESIDE)]
+    return [at - step for at in joints for step in (0.0, _LIMIT_OFFSET)]
 
 
-def _bisected(fits: Callable[[float], bool], low: float, high: float) -> float:
+def _bisect(fits: Callable[[float], bool], low: float, high: float) -> float:
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
         low, high = (low, middle) if fits(middle) else (middle, high)

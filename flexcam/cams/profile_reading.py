@@ -51,8 +51,8 @@ def lift_from_profile(points: ArrayLike, follower: Follower, angle: ArrayLike, *
     )
     at = np.linspace(0.0, length, count, endpoint=False)
     x, y = np.moveaxis(np.asarray(curve(at), dtype=float), -1, 0)
-    starts = _highest(np.asarray(x + 1j * y, dtype=np.complex128), at, follower, turned)
-    found = np.max([_refined(lift, start, float(at[1])) for start in starts.T], axis=0)
+    starts = _find_highest_peaks(np.asarray(x + 1j * y, dtype=np.complex128), at, follower, turned)
+    found = np.max([_refine_maximum(lift, start, float(at[1])) for start in starts.T], axis=0)
     if not np.isfinite(found).all():
         raise refuse("points", "a profile the follower does not touch", "one within its reach", "", "check the unit")
     return found.reshape(np.shape(angle))
@@ -74,9 +74,9 @@ class Bridge:
     point: tuple[float, float]
 
 
-def bridged(points: ArrayLike, follower: Follower, *, turn: Turn = 1) -> Bridge | None:
+def find_bridges(points: ArrayLike, follower: Follower, *, turn: Turn = 1) -> Bridge | None:
     """Return the deepest hollow of a profile that a follower bridges because it is too large or flat; else None."""
-    angle = np.linspace(0.0, 2.0 * math.pi, _TRIED, endpoint=False)
+    angle = np.linspace(0.0, 2.0 * math.pi, _SAMPLE_ANGLES, endpoint=False)
     lift = lift_from_profile(points, follower, angle, turn=turn)
     xy = finite_array("points", points, (None, 2))
     turned, left = np.exp(1j * turn * angle), np.full(len(xy), math.inf)
@@ -86,11 +86,11 @@ def bridged(points: ArrayLike, follower: Follower, *, turn: Turn = 1) -> Bridge 
         left = np.minimum(left, (lift[i : i + rows, None] - high).min(axis=0))
     worst = int(np.argmax(np.where(np.isfinite(left), left, 0.0)))
     depth = float(left[worst])
-    return Bridge(depth, (float(xy[worst, 0]), float(xy[worst, 1]))) if depth > _TOUCHING else None
+    return Bridge(depth, (float(xy[worst, 0]), float(xy[worst, 1]))) if depth > _CONTACT_TOLERANCE else None
 
 
-_TRIED = 2880
-_TOUCHING = 1e-6
+_SAMPLE_ANGLES = 2880
+_CONTACT_TOLERANCE = 1e-6
 """Contact tolerance: between sampled cam angles, 1/8 deg apart, a contact is missed by a tenth of this."""
 
 _LEAST_SAMPLES, _MOST_SAMPLES = 360, 20_000
@@ -98,7 +98,7 @@ _CANDIDATES = 3
 """Peaks evaluated per angle: at a jump of the contact two are almost equal."""
 
 
-def _highest(points: ComplexArray, at: FloatArray, follower: Follower, turned: ComplexArray) -> FloatArray:
+def _find_highest_peaks(points: ComplexArray, at: FloatArray, follower: Follower, turned: ComplexArray) -> FloatArray:
     """Return the positions of the highest peaks on the curve, shape (angles, candidates)."""
     rows = max(1, _AT_ONCE // len(points))
     parts = [turned[i : i + rows, None] for i in range(0, len(turned), rows)]
@@ -111,7 +111,7 @@ def _peaks(values: FloatArray) -> IntArray:
     return np.argpartition(-np.where(peak, values, -math.inf), _CANDIDATES, axis=1)[:, :_CANDIDATES]
 
 
-def _refined(lift: Callable[[FloatArray], FloatArray], start: FloatArray, spacing: float) -> FloatArray:
+def _refine_maximum(lift: Callable[[FloatArray], FloatArray], start: FloatArray, spacing: float) -> FloatArray:
     """Return the maximum near the starting points, by successive parabolas through three points."""
     at, width = start, spacing
     best = lift(at[:, None])[:, 0]

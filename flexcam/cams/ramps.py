@@ -16,7 +16,7 @@ _GAIN = (0.0, 1.0, 0.0, -2.0, 2.0, -0.6)
 """
 
 _SHORTEST = 1e-3
-_GAINED = 0.4
+_GAIN_AT_END = 0.4
 """Value of the integral at z = 1."""
 
 
@@ -62,7 +62,7 @@ class Ramp:
     @property
     def _part(self) -> float:
         """Ratio of the height to that of a ramp with full velocity from the start."""
-        return 1.0 - (1.0 - _GAINED) * self.take_off
+        return 1.0 - (1.0 - _GAIN_AT_END) * self.take_off
 
     @property
     def breaks(self) -> tuple[float, ...]:
@@ -72,18 +72,18 @@ class Ramp:
     def __call__(self, z: FloatArray, order: int = 0) -> FloatArray:
         """Return the derivative of the given order of the normalized ramp, from 0 to 1 over 0 to 1."""
         t = self.take_off
-        line = ((z - (1.0 - _GAINED) * t), np.ones_like(z))[order] if order < 2 else np.zeros_like(z)
+        line = ((z - (1.0 - _GAIN_AT_END) * t), np.ones_like(z))[order] if order < 2 else np.zeros_like(z)
         if t > 0.0:
             # The take-off is the mirror image of the gain at the end of the main lift.
             backwards = np.clip(1.0 - z / t, 0.0, 1.0)
             start = t ** (1 - order) * (-1.0) ** (order + 1) * _gain(backwards, order)
-            start = start + (_GAINED * t if order == 0 else 0.0)
+            start = start + (_GAIN_AT_END * t if order == 0 else 0.0)
             line = np.where(z < t, start, line)
         return line / self._part
 
 
 @dataclass(frozen=True)
-class FromRamp:
+class RampTransition:
     """Law with an initial velocity and continuous velocity and acceleration.
 
     s = (1 - 0.4 k) law + k g, where g' = (1 - z)^3 (1 + 3 z).
@@ -106,4 +106,4 @@ class FromRamp:
 
     def __call__(self, z: FloatArray, order: int = 0) -> FloatArray:
         """Return the derivative of the given order at z."""
-        return (1.0 - _GAINED * self.slope) * self.law(z, order) + self.slope * _gain(z, order)
+        return (1.0 - _GAIN_AT_END * self.slope) * self.law(z, order) + self.slope * _gain(z, order)

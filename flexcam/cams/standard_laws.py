@@ -336,13 +336,13 @@ class Scca:
     def _first_half(self, x: FloatArray, order: int, left: NDArray[np.bool_]) -> FloatArray:
         """Return the derivative on 0 to 1/2; at a joint the right limit, or the left limit if requested."""
         end, start = 0.5 * self.b, 0.5 * (1.0 - self.d)
-        rising = _before(x, end, left)
-        flat = _before(x, start, left)
+        rising = _is_before(x, end, left)
+        flat = _is_before(x, start, left)
         parts = [_sine(x, self.b, order), _constant(x, self.b, order)]
         return self.peak * np.select([rising, flat], parts, _cosine(x, self.b, self.c, self.d, order))
 
 
-def _before(x: FloatArray, joint: float, left: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _is_before(x: FloatArray, joint: float, left: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return whether z lies before a joint; at the joint, true for the left limit."""
     return (x < joint) | (left & (x == joint) & (joint > 0.0))
 

@@ -17,7 +17,7 @@ from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
 
 
-def bound_over_all(weights: Mapping[str, float], limits: Mapping[str, float], *, free_ends: bool) -> float | None:
+def universal_bound(weights: Mapping[str, float], limits: Mapping[str, float], *, free_ends: bool) -> float | None:
     """Return a lower bound of the objective over all laws from rest to rest.
 
     C_v >= 1 (the mean velocity), C_a >= 4 (the parabola), C_j >= 32 (three segments of constant jerk; 12, the 2-3

@@ -71,13 +71,13 @@ def overlap(one: ValveEvent, other: ValveEvent) -> float:
 
 def _crossing(event: Event, lift: float, low: float, high: float) -> float:
     """Return the angle at which the lift crosses a value between two angles, by bisection."""
-    rising = _above(event, lift, high)
+    rising = _lift_above(event, lift, high)
     for _ in range(60):
         middle = 0.5 * (low + high)
-        low, high = (low, middle) if _above(event, lift, middle) == rising else (middle, high)
+        low, high = (low, middle) if _lift_above(event, lift, middle) == rising else (middle, high)
     return 0.5 * (low + high)
 
 
-def _above(event: Event, lift: float, angle: float) -> bool:
+def _lift_above(event: Event, lift: float, angle: float) -> bool:
     value: FloatArray = event(np.array([angle]))
     return bool(value[0] > lift)

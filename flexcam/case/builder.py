@@ -13,39 +13,39 @@ from flexcam import valvetrain
 from flexcam.cams import Follower, Turn
 from flexcam.case import quantities as q
 from flexcam.case.case import Case
-from flexcam.case.fault_report import faults
-from flexcam.case.geometry_checks import held_faults, shaft_faults
+from flexcam.case.fault_report import convert_errors
+from flexcam.case.geometry_checks import shaft_faults, support_faults
 from flexcam.case.records import CaseRecord
 from flexcam.case.schema import cams, contacts, members, parts
 from flexcam.case.schema.base import Record
 from flexcam.case.schema.cams import FollowerRecord
 from flexcam.case.schema.contacts import LashRecord
-from flexcam.case.toml_lines import Places, toml
+from flexcam.case.toml_lines import KeyLocations, parse_toml
 from flexcam.core import FloatArray
-from flexcam.core.errors import Fault, InputError, did_you_mean, refuse
+from flexcam.core.errors import Fault, InputError, refuse, suggest_name
 from flexcam.fem.frames import default_orientation, direction, triads
 from flexcam.fem.members import Member
-from flexcam.fem.mesh import Mesh, refined
-from flexcam.valvetrain.surge import parts_for_waves
+from flexcam.fem.mesh import Mesh, refine
+from flexcam.valvetrain.surge import count_spring_parts
 
-STIFFER = 10.0
+DEFAULT_LASH_STIFFNESS_RATIO = 10.0
 """Default stiffness of touching faces relative to the member behind them, to whose compliance it adds a tenth."""
 
 
-def play_stiffness(play: LashRecord, case: CaseRecord, mesh: Mesh) -> float:
+def default_lash_stiffness(play: LashRecord, case: CaseRecord, mesh: Mesh) -> float:
     """Return the stiffness of both sides of a lash when they touch, N/m."""
     if play.stiffness is not None:
         return play.stiffness
-    ends, ratio = _sides(play, case)
+    ends, ratio = _lash_sides(play, case)
     nodes = [mesh.node(name) for name in ends if name in mesh.points]
     found = [_axial(name, case, mesh) for name, line in mesh.lines.items() if np.isin(nodes, line[[0, -1]]).any()]
     if not found:
         why = "no member ends at the play whose own could be taken"
         raise refuse("stiffness", "nothing", "a value", why, 'add stiffness = "20 MN/m" or what is meant')
-    return STIFFER * min(found) / ratio**2
+    return DEFAULT_LASH_STIFFNESS_RATIO * min(found) / ratio**2
 
 
-def _sides(play: LashRecord, case: CaseRecord) -> tuple[tuple[str, ...], float]:
+def _lash_sides(play: LashRecord, case: CaseRecord) -> tuple[tuple[str, ...], float]:
     """Return the nodes on both sides, and the ratio of the lash displacement to the displacement of these nodes."""
     if play.ends is not None:
         return play.ends, 1.0
@@ -67,30 +67,30 @@ def with_spring_parts(case: Case) -> Case:
     if not untold:
         return case
     lifts = [cam.made().event for cam in case.record.cams.values()]
-    parts = {name: parts_for_waves(one.made(), lifts, case.speed) for name, one in untold.items()}
+    parts = {name: count_spring_parts(one.made(), lifts, case.speed) for name, one in untold.items()}
     divided = {name: one.model_copy(update={"elements": parts[name]}) for name, one in untold.items()}
     springs = case.record.springs | divided
     return replace(case, record=case.record.model_copy(update={"springs": springs}))
 
 
-class _AloneRecord(Record):
+class _FollowerRecord(Record):
     """Follower and the base circle of its cam."""
 
     follower: FollowerRecord
     base_radius: q.Length | None = None
 
 
-def given_follower(follower: str, base_radius: str | None = None, *, clockwise: bool = False) -> tuple[Follower, Turn]:
+def parse_follower(follower: str, base_radius: str | None = None, *, clockwise: bool = False) -> tuple[Follower, Turn]:
     """Return the follower of a TOML table and the direction of rotation of its cam."""
     try:
-        table = toml(f"follower = {follower}")["follower"]
+        table = parse_toml(f"follower = {follower}")["follower"]
     except ValueError as fault:
         allowed = 'a table such as { type = "roller", radius = "9 mm" }'
         raise refuse("follower", follower, allowed, str(fault), "texts need quotes") from None
     try:
-        alone = _AloneRecord.model_validate({"follower": table, "base_radius": base_radius})
+        alone = _FollowerRecord.model_validate({"follower": table, "base_radius": base_radius})
     except ValidationError as refusal:
-        raise InputError(faults(refusal.errors(include_url=False), Places({}), _AloneRecord)) from None
+        raise InputError(convert_errors(refusal.errors(include_url=False), KeyLocations({}), _FollowerRecord)) from None
     made = alone.follower.made(alone.base_radius)
     if made is None:
         raise refuse("base_radius", "nothing", "the radius of the base circle", "the lift counts from it", "give it")
@@ -132,11 +132,11 @@ def build_model(case: Case) -> valvetrain.Model:
             try:
                 made[name] = make(part)
             except InputError as refusal:
-                faults.extend(_inside(case.place((kind, name)), fault) for fault in refusal.faults)
+                faults.extend(_prefix_fault(case.place((kind, name)), fault) for fault in refusal.faults)
         return made
 
     mesh = _mesh(case)
-    faults.extend([*_shared_trains(case, mesh), *_shared_points(case), *_along_members(case, mesh)])
+    faults.extend([*_shared_train_faults(case, mesh), *_shared_point_faults(case), *_orientation_faults(case, mesh)])
     pairs = each("bearings", record.bearings, lambda one: _bearing(one, mesh))
     model = valvetrain.Model(
         mesh=mesh,
@@ -152,22 +152,22 @@ def build_model(case: Case) -> valvetrain.Model:
         damping=record.run.damping.made(),
         probes=tuple(record.output.probes),
     )
-    faults.extend([*shaft_faults(case, model), *held_faults(case, model)])
+    faults.extend([*shaft_faults(case, model), *support_faults(case, model)])
     if faults:
         raise InputError(faults)
     return model
 
 
-def _inside(where: str, fault: Fault) -> Fault:
+def _prefix_fault(where: str, fault: Fault) -> Fault:
     return Fault(f"{where}: {fault.where}", fault.given, fault.allowed, fault.why, fault.remedy)
 
 
 def _mesh(case: Case) -> Mesh:
     try:
-        return refined(case.mesh or _inline_mesh(case), {n: m.elements for n, m in case.record.members.items()})
+        return refine(case.mesh or _inline_mesh(case), {n: m.elements for n, m in case.record.members.items()})
     except InputError as refusal:
         where = case.place(("nodes",) if case.mesh is None else ("mesh",))
-        faults = [f if f.where.startswith("members") else _inside(where, f) for f in refusal.faults]
+        faults = [f if f.where.startswith("members") else _prefix_fault(where, f) for f in refusal.faults]
         raise InputError(faults) from None
 
 
@@ -185,7 +185,7 @@ def _member(member: members.MemberRecord, case: CaseRecord) -> Member:
     )  # fmt: skip
 
 
-def _along_members(case: Case, mesh: Mesh) -> list[Fault]:
+def _orientation_faults(case: Case, mesh: Mesh) -> list[Fault]:
     """Return the faults of orientation vectors that are zero or parallel to their member."""
     faults: list[Fault] = []
     for name, member in case.record.members.items():
@@ -202,9 +202,10 @@ def _along_members(case: Case, mesh: Mesh) -> list[Fault]:
 def _bearing(bearing: parts.BearingRecord, mesh: Mesh) -> tuple[valvetrain.Spring, ...]:
     """Return two springs, perpendicular to the shaft and to each other."""
     axis = _tangent(mesh, mesh.node(bearing.at))
-    first = _across(default_orientation(axis), axis)
+    first = _direction_to_follower(default_orientation(axis), axis)
     return tuple(
-        valvetrain.Spring(bearing.at, _six(along), *bearing.made()) for along in (first, np.cross(axis, first))
+        valvetrain.Spring(bearing.at, _six_components(along), *bearing.made())
+        for along in (first, np.cross(axis, first))
     )
 
 
@@ -216,7 +217,7 @@ def _bearings(pairs: Mapping[str, tuple[valvetrain.Spring, ...]]) -> dict[str, v
     }
 
 
-def _shared_trains(case: Case, mesh: Mesh) -> list[Fault]:
+def _shared_train_faults(case: Case, mesh: Mesh) -> list[Fault]:
     """Return the faults of contacts with a follower in the train of another contact: each would use all its springs."""
     faults: list[Fault] = []
     seen: dict[int, str] = {}
@@ -239,7 +240,7 @@ def _shared_trains(case: Case, mesh: Mesh) -> list[Fault]:
     return faults
 
 
-def _shared_points(case: Case) -> list[Fault]:
+def _shared_point_faults(case: Case) -> list[Fault]:
     """Return the faults of lashes and fingers at the position of another one."""
     faults: list[Fault] = []
     seen: dict[str, str] = {}
@@ -272,9 +273,9 @@ def _rocker(record: parts.LumpedRecord | parts.LeverRecord, case: CaseRecord, me
     touched = [one.follower for one in case.contacts.values() if isinstance(one, contacts.CamContactRecord)]
     if finger and record.start not in touched:
         allowed = f"a named node, or the follower of a cam's contact: {', '.join([*mesh.points, *touched])}"
-        why, remedy = "nothing would drive the lever", did_you_mean(record.start, [*mesh.points, *touched])
+        why, remedy = "nothing would drive the lever", suggest_name(record.start, [*mesh.points, *touched])
         raise refuse("from", repr(record.start), allowed, why, remedy)
-    along = _driven_along(record, case, mesh) if not finger else _finger_along(record)
+    along = _rocker_direction(record, case, mesh) if not finger else _finger_direction(record)
     if isinstance(record, parts.LumpedRecord):
         return valvetrain.Rocker(record.start, record.to, record.arms, record.inertia, along)
     stiffness = record.drive_stiffness or record.stiffness, record.stiffness
@@ -284,26 +285,26 @@ def _rocker(record: parts.LumpedRecord | parts.LeverRecord, case: CaseRecord, me
     )
 
 
-def _driven_along(record: parts.LumpedRecord | parts.LeverRecord, case: CaseRecord, mesh: Mesh) -> FloatArray:
+def _rocker_direction(record: parts.LumpedRecord | parts.LeverRecord, case: CaseRecord, mesh: Mesh) -> FloatArray:
     """Return the direction in which a rocker is driven: given, or along the member, away from the cam."""
     if record.direction is not None:
         return direction(record.direction)
     start = mesh.node(record.start, "from")
     tangent = _tangent(mesh, start)
     driven = [one for one in case.contacts.values() if isinstance(one, contacts.CamContactRecord)]
-    lifts = [_lift(one, case, mesh) for one in driven if _meets(one, start, mesh)]
+    lifts = [_lift_direction(one, case, mesh) for one in driven if _is_connected(one, start, mesh)]
     against = any(float(lift[:3] @ tangent) < 0.0 for lift in lifts)
-    return _six(-tangent if against else tangent)
+    return _six_components(-tangent if against else tangent)
 
 
-def _finger_along(record: parts.LumpedRecord | parts.LeverRecord) -> FloatArray:
+def _finger_direction(record: parts.LumpedRecord | parts.LeverRecord) -> FloatArray:
     if record.direction is None:
         why = "a finger's point lies on no member whose direction it could take"
         raise refuse("direction", "nothing", "the direction in which the cam drives it", why, 'add direction = "uy"')
     return direction(record.direction)
 
 
-def _meets(contact: contacts.CamContactRecord, node: int, mesh: Mesh) -> bool:
+def _is_connected(contact: contacts.CamContactRecord, node: int, mesh: Mesh) -> bool:
     return contact.follower in mesh.points and node in mesh.connected(mesh.node(contact.follower, "follower"))
 
 
@@ -314,7 +315,7 @@ def _contact(record: contacts.ContactRecord, case: CaseRecord, mesh: Mesh) -> va
             resisting = record.stiffness, record.damping, record.restitution, record.damping_depth
             return valvetrain.Seat(record.at, along, *resisting)
         case contacts.LashRecord():
-            resisting = play_stiffness(record, case, mesh), record.damping
+            resisting = default_lash_stiffness(record, case, mesh), record.damping
             return valvetrain.Lash(record.at, record.gap, *resisting, *_between(record), record.damping_depth)
         case contacts.AdjusterRecord():
             size = record.stiffness, record.leak, record.refill, record.plunger_force
@@ -332,7 +333,12 @@ def _between(
 def _driven(
     record: contacts.CamContactRecord, case: CaseRecord, mesh: Mesh
 ) -> valvetrain.PublishedLoad | valvetrain.CamContact:
-    between = record.cam, record.follower, _lift(record, case, mesh), _axis(case.cams[record.cam], mesh)
+    between = (
+        record.cam,
+        record.follower,
+        _lift_direction(record, case, mesh),
+        _rotation_axis(case.cams[record.cam], mesh),
+    )
     match record:
         case contacts.PublishedLoadRecord():
             return valvetrain.PublishedLoad(*between, record.preload_factor, record.cam_deflection, record.cam_torque)
@@ -346,41 +352,47 @@ def _driven(
             )  # fmt: skip
 
 
-def _lift(record: contacts.CamContactRecord, case: CaseRecord, mesh: Mesh) -> FloatArray:
+def _lift_direction(record: contacts.CamContactRecord, case: CaseRecord, mesh: Mesh) -> FloatArray:
     """Return the direction of the lift: given, or from cam to follower perpendicular to the shaft."""
     if record.direction is not None:
-        return _towards(direction(record.direction), record, case, mesh)
+        return _checked_lift_direction(direction(record.direction), record, case, mesh)
     cam = mesh.node(case.cams[record.cam].at, "cam")
     for rocker in case.rockers.values():
         if record.follower == rocker.start and record.follower not in mesh.points:
-            return _finger_along(rocker)
+            return _finger_direction(rocker)
     follower = mesh.node(record.follower, "follower")
-    return _six(_across(mesh.nodes[follower] - mesh.nodes[cam], _axis(case.cams[record.cam], mesh)))
+    return _six_components(
+        _direction_to_follower(mesh.nodes[follower] - mesh.nodes[cam], _rotation_axis(case.cams[record.cam], mesh))
+    )
 
 
-def _towards(lift: FloatArray, record: contacts.CamContactRecord, case: CaseRecord, mesh: Mesh) -> FloatArray:
+def _checked_lift_direction(
+    lift: FloatArray, record: contacts.CamContactRecord, case: CaseRecord, mesh: Mesh
+) -> FloatArray:
     """Return a given lift direction after checking that it points away from the shaft and is perpendicular to it."""
     cam = mesh.node(case.cams[record.cam].at, "cam")
-    if abs(float(lift[:3] @ _axis(case.cams[record.cam], mesh))) > _SQUARE * float(np.linalg.norm(lift[:3])):
+    if abs(float(lift[:3] @ _rotation_axis(case.cams[record.cam], mesh))) > _PERPENDICULAR_TOLERANCE * float(
+        np.linalg.norm(lift[:3])
+    ):
         raise refuse(
             "direction", lift[:3].tolist(), "a direction square to the shaft", "a plate cam lifts in its plane"
         )
     if record.follower in mesh.points:
         span = mesh.nodes[mesh.node(record.follower)] - mesh.nodes[cam]
-        if float(span @ lift[:3]) < -_SQUARE * float(np.linalg.norm(span)):
+        if float(span @ lift[:3]) < -_PERPENDICULAR_TOLERANCE * float(np.linalg.norm(span)):
             why = "the follower lies on the other side, and the cam would pass through it"
             raise refuse("direction", lift[:3].tolist(), "from the cam to its follower", why, "turn its sign")
     return lift
 
 
-_SQUARE = 1e-6
+_PERPENDICULAR_TOLERANCE = 1e-6
 """Maximum cosine of the angle between directions that count as perpendicular."""
 
 
-def _axis(cam: cams.CamRecord, mesh: Mesh) -> FloatArray:
+def _rotation_axis(cam: cams.CamRecord, mesh: Mesh) -> FloatArray:
     """Return the axis of rotation: along the shaft, toward the given side or toward positive coordinates."""
     if not mesh.on_members()[mesh.node(cam.at, "at")]:
-        return _axis_alone(cam)
+        return _given_rotation_axis(cam)
     along = _tangent(mesh, mesh.node(cam.at, "at"))
     side = np.array(cam.axis) if cam.axis is not None else np.sign(along[np.argmax(np.abs(along))]) * along
     if abs(float(side @ along)) < 0.5 * float(np.linalg.norm(side)):
@@ -388,7 +400,7 @@ def _axis(cam: cams.CamRecord, mesh: Mesh) -> FloatArray:
     return along if float(side @ along) > 0.0 else -along
 
 
-def _axis_alone(cam: cams.CamRecord) -> FloatArray:
+def _given_rotation_axis(cam: cams.CamRecord) -> FloatArray:
     """Return the given axis of rotation of a cam at a node without a shaft."""
     if cam.axis is None or not any(cam.axis):
         given, why = f"nothing, for a cam at {cam.at!r} on no member", "there is no shaft to take it from"
@@ -407,7 +419,7 @@ def _tangent(mesh: Mesh, node: int) -> FloatArray:
     raise refuse(mesh.node_name(node), "a node without a member", "a node of a member")
 
 
-def _across(span: FloatArray, axis: FloatArray) -> FloatArray:
+def _direction_to_follower(span: FloatArray, axis: FloatArray) -> FloatArray:
     """Return the unit vector from cam to follower, perpendicular to the shaft."""
     across = span - (span @ axis) * axis
     length = float(np.linalg.norm(across))
@@ -418,5 +430,5 @@ def _across(span: FloatArray, axis: FloatArray) -> FloatArray:
     return across / length
 
 
-def _six(translation: FloatArray) -> FloatArray:
+def _six_components(translation: FloatArray) -> FloatArray:
     return np.concatenate([translation, np.zeros(3)])

@@ -9,8 +9,8 @@ from pathlib import Path
 from flexcam.case.records import CaseRecord
 from flexcam.case.schema.base import Record
 from flexcam.case.schema.run import NewmarkRecord
+from flexcam.case.toml_lines import KeyLocations
 from flexcam.case.toml_lines import Path as KeyPath
-from flexcam.case.toml_lines import Places
 from flexcam.core.units import shaft_speed
 from flexcam.fem.mesh import Mesh
 
@@ -44,7 +44,7 @@ class Case:
     overrides: tuple[str, ...]
     record: CaseRecord
     mesh: Mesh | None
-    places: Places
+    places: KeyLocations
 
     def __repr__(self) -> str:
         """Return title and path."""

@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 
 from flexcam.case.case import Case
-from flexcam.case.toml_lines import Places
+from flexcam.case.toml_lines import KeyLocations
 from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError
 from flexcam.core.units import parse
@@ -19,22 +19,22 @@ from flexcam.valvetrain import Adjuster, Lash, Model
 Table = Mapping[str, Any]
 
 
-def coinciding(raw: Table, places: Places) -> list[Fault]:
+def coincident_node_faults(raw: Table, places: KeyLocations) -> list[Fault]:
     """Return the faults of coincident nodes and of members that contain a node twice."""
-    return [*_at_one_place(raw, places), *_met_twice(raw, places)]
+    return [*_coincident_nodes(raw, places), *_repeated_nodes(raw, places)]
 
 
-def _at_one_place(raw: Table, places: Places) -> Iterator[Fault]:
+def _coincident_nodes(raw: Table, places: KeyLocations) -> Iterator[Fault]:
     first: dict[tuple[float, ...], str] = {}
     for name, place in _table(raw, "nodes").items():
-        at = _located(place)
+        at = _node_coordinates(place)
         if at is not None and (other := first.setdefault(at, name)) != name:
             where, why = places.place(("nodes", name)), "members meet only at a shared node"
             remedy = f"name {other!r} wherever {name!r} is meant"
             yield Fault(where, f"the place of {other!r}", "a place of its own", why, remedy)
 
 
-def _located(place: object) -> tuple[float, ...] | None:
+def _node_coordinates(place: object) -> tuple[float, ...] | None:
     """Return the coordinates of a node, m; None if they are invalid."""
     if not isinstance(place, list | tuple):
         return None
@@ -44,7 +44,7 @@ def _located(place: object) -> tuple[float, ...] | None:
         return None
 
 
-def _met_twice(raw: Table, places: Places) -> Iterator[Fault]:
+def _repeated_nodes(raw: Table, places: KeyLocations) -> Iterator[Fault]:
     for name, table in _table(raw, "members").items():
         nodes = cast("Table", table).get("nodes") if isinstance(table, Mapping) else None
         met = [one for one in cast("list[object]", nodes) if isinstance(one, str)] if isinstance(nodes, list) else []
@@ -59,26 +59,26 @@ def _table(raw: Table, kind: str) -> Table:
     return cast("Table", table) if isinstance(table, Mapping) else {}
 
 
-_ROUND = 0.01
+_ROUNDNESS_TOLERANCE = 0.01
 """Allowed relative difference of the stiffnesses in two directions; chosen, as published properties are rounded."""
 
 
 def shaft_faults(case: Case, model: Model) -> list[Fault]:
     """Return the faults of rotating members that are not round and of cams with opposite rotation on one shaft."""
-    return [*_uneven(case, model), *_against(case, model)]
+    return [*_unsymmetric_member_faults(case, model), *_rotation_faults(case, model)]
 
 
-def _uneven(case: Case, model: Model) -> Iterator[Fault]:
-    for name, cam in _turning(model).items():
+def _unsymmetric_member_faults(case: Case, model: Model) -> Iterator[Fault]:
+    for name, cam in _rotating_members(model).items():
         member = model.members[name]
-        if apart := _apart(member):
+        if apart := _describe_difference(member):
             why = f"it turns with cam {cam!r}, so that its stiffness would swing twice per turn, which is not computed"
-            allowed = f"a section that is as stiff along y as along z, within {100.0 * _ROUND:g} %"
+            allowed = f"a section that is as stiff along y as along z, within {100.0 * _ROUNDNESS_TOLERANCE:g} %"
             remedy = "take a circle, a tube, or a custom section with the mean of both"
             yield Fault(case.place(("members", name, "section")), apart, allowed, why, remedy)
 
 
-def _turning(model: Model) -> dict[str, str]:
+def _rotating_members(model: Model) -> dict[str, str]:
     """Return the rotating members, each with the cam that rotates it."""
     found: dict[str, str] = {}
     for name, cam in model.cams.items():
@@ -89,56 +89,59 @@ def _turning(model: Model) -> dict[str, str]:
     return found
 
 
-def _apart(member: Member) -> str:
+def _describe_difference(member: Member) -> str:
     """Describe the difference of a member's stiffnesses about its two axes; empty if they are equal."""
     one = member.section
     pairs = [(one.Iy, one.Iz, "Iy = {:.4g} m^4 and Iz = {:.4g} m^4")]
     if member.shear:
         pairs.append((one.kappa_y, one.kappa_z, "kappa_y = {:.4g} and kappa_z = {:.4g}"))
-    return "; ".join(words.format(a, b) for a, b, words in pairs if abs(a - b) > _ROUND * max(a, b))
+    return "; ".join(words.format(a, b) for a, b, words in pairs if abs(a - b) > _ROUNDNESS_TOLERANCE * max(a, b))
 
 
-def _against(case: Case, model: Model) -> Iterator[Fault]:
+def _rotation_faults(case: Case, model: Model) -> Iterator[Fault]:
     first: dict[int, str] = {}
     axes = {contact.cam: contact.shaft_axis for contact in model.driven.values()}
     for name, axis in axes.items():
         shaft = int(model.mesh.connected(model.mesh.node(model.cams[name].at))[0])
         other = first.setdefault(shaft, name)
         if float(axis @ axes[other]) < 0.0:
-            given, allowed = f"{_told(axis)}, against cam {other!r} about {_told(axes[other])}", "one sense of rotation"
+            given, allowed = (
+                f"{_format_axis(axis)}, against cam {other!r} about {_format_axis(axes[other])}",
+                "one sense of rotation",
+            )
             why, remedy = f"{name!r} and {other!r} sit on one shaft", "turn the sign of one axis"
             yield Fault(case.place(("cams", name, "axis")), given, allowed, why, remedy)
 
 
-def _told(axis: FloatArray) -> str:
+def _format_axis(axis: FloatArray) -> str:
     return f"[{', '.join(f'{x:g}' for x in (axis + 0.0).tolist())}]"
 
 
-def held_faults(case: Case, model: Model) -> list[Fault]:
+def support_faults(case: Case, model: Model) -> list[Fault]:
     """Return the faults of rockers that cannot be driven and of lashes without a movable end."""
-    return [*_undriven(case, model), *_still(case, model)]
+    return [*_undriven_rocker_faults(case, model), *_fixed_lash_faults(case, model)]
 
 
-def _undriven(case: Case, model: Model) -> Iterator[Fault]:
+def _undriven_rocker_faults(case: Case, model: Model) -> Iterator[Fault]:
     for name, rocker in model.rockers.items():
-        if not rocker.finger and _is_held(model, rocker.start, rocker.direction):
+        if not rocker.finger and _is_fixed(model, rocker.start, rocker.direction):
             given, why = f"{rocker.start!r}, held along the rocker's direction", "nothing could drive the rocker"
             remedy = "give the direction in which the node moves, or free it"
             yield Fault(case.place(("rockers", name, "from")), given, "a node that can move along it", why, remedy)
 
 
-def _still(case: Case, model: Model) -> Iterator[Fault]:
+def _fixed_lash_faults(case: Case, model: Model) -> Iterator[Fault]:
     """Yield the faults of lashes between two fixed nodes; with one fixed node a lash is a valid stop."""
     for name, one in model.contacts.items():
         if not isinstance(one, Lash | Adjuster) or one.ends is None or one.direction is None:
             continue
-        if all(_is_held(model, end, one.direction) for end in one.ends):
+        if all(_is_fixed(model, end, one.direction) for end in one.ends):
             given = f"{one.ends[0]!r} and {one.ends[1]!r}, both held along it"
             allowed, why = "a direction in which one of them can move", "the play would never act"
             yield Fault(case.place(("contacts", name, "direction")), given, allowed, why, "turn it, or free a node")
 
 
-def _is_held(model: Model, point: str, direction: FloatArray) -> bool:
+def _is_fixed(model: Model, point: str, direction: FloatArray) -> bool:
     """Return whether supports fix a node along a direction."""
     node = model.mesh.node(point)
     kept = [held for name, held in model.supports.items() if node in model.mesh.points[name]]

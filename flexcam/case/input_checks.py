@@ -11,14 +11,14 @@ from typing import Any, cast
 import numpy as np
 
 from flexcam.case.case import Case
-from flexcam.case.fault_report import filled, si_unit
-from flexcam.case.toml_lines import toml
+from flexcam.case.fault_report import resolve_record, si_unit
+from flexcam.case.toml_lines import parse_toml
 from flexcam.core.units import RPM
 from flexcam.fem.mesh import Mesh
 
 
 @dataclass(frozen=True)
-class Usual:
+class TypicalRange:
     """Typical range of a key.
 
     Parameters
@@ -53,87 +53,94 @@ _INERTIA = {"g mm^2": 1e-9, "kg mm^2": 1e-6}
 _MASS = {"g": 1e-3, "kg": 1.0}
 _ANGULAR = {"rpm": RPM}
 
-USUAL = (
-    Usual("materials.*.E", "Young's modulus of a solid", 1e6, 1.5e12, _STRESS),
-    Usual("materials.*.density", "density of a solid", 500.0, 2.5e4, {"g/cm^3": 1e3}, zero=True),
-    Usual("materials.*.ultimate_strength", "strength", 1e5, 2e10, {"MPa": 1e6, "GPa": 1e9}),
-    Usual("materials.*.endurance_limit", "strength", 1e5, 2e10, {"MPa": 1e6, "GPa": 1e9}),
-    Usual("nodes.*", "coordinate of a machine", 0.0, 20.0, _LENGTH),
-    Usual("sections.*.diameter", "diameter", 1e-5, 3.0, _LENGTH),
-    Usual("sections.*.outer_diameter", "diameter", 1e-5, 3.0, _LENGTH),
-    Usual("sections.*.inner_diameter", "diameter", 1e-5, 3.0, _LENGTH),
-    Usual("sections.*.width_y", "width of a section", 1e-5, 3.0, _LENGTH),
-    Usual("sections.*.width_z", "width of a section", 1e-5, 3.0, _LENGTH),
-    Usual("sections.*.A", "area of a section", 1e-10, 10.0, {"mm^2": 1e-6, "cm^2": 1e-4}),
-    Usual("sections.*.Iy", "second moment of a section", 1e-20, 10.0, {"mm^4": 1e-12, "cm^4": 1e-8}),
-    Usual("sections.*.Iz", "second moment of a section", 1e-20, 10.0, {"mm^4": 1e-12, "cm^4": 1e-8}),
-    Usual("sections.*.J", "second moment of a section", 1e-20, 10.0, {"mm^4": 1e-12, "cm^4": 1e-8}),
-    Usual("masses.*.mass", "mass in a valve train", 1e-7, 20.0, _MASS),
-    Usual("masses.*.inertia", "inertia in a valve train", 1e-14, 1e5, _INERTIA),
-    Usual("masses.*.offset", "offset of a mass", 0.0, 10.0, _LENGTH),
-    Usual("springs.*.damping", "damping of a spring", 1e-9, 1e8, {"N s/mm": 1e3, "N s/m": 1.0}),
-    Usual("springs.*.installed_force", "force of a spring", 1e-4, 1e6, {"N": 1.0, "mN": 1e-3}),
-    Usual("springs.*.installed_compression", "travel of a spring", 1e-7, 2.0, _LENGTH),
-    Usual("springs.*.clash_travel", "travel of a spring", 1e-7, 2.0, _LENGTH),
-    Usual("springs.*.clash_stiffness", "stiffness of coils that touch", 10.0, 1e13, _STIFF),
-    Usual("springs.*.mass", "mass of a spring", 1e-8, 20.0, _MASS),
-    Usual("springs.*.wire.diameter", "diameter of a wire", 1e-6, 0.3, _LENGTH),
-    Usual("springs.*.wire.coil_diameter", "diameter of a coil", 1e-5, 3.0, _LENGTH),
-    Usual("springs.*.wire.shear_modulus", "shear modulus of a solid", 1e6, 1e12, _STRESS),
-    Usual("bearings.*.stiffness", "stiffness of a bearing", 1.0, 1e13, _STIFF),
-    Usual("loads.*.force", "force on a mechanism", 1e-6, 1e8, {"N": 1.0, "kN": 1e3}),
-    Usual("rockers.*.arms", "arm of a rocker", 1e-4, 5.0, _LENGTH),
-    Usual("rockers.*.inertia", "inertia of a rocker", 1e-14, 1e3, _INERTIA),
-    Usual("rockers.*.stiffness", "stiffness of a rocker", 1.0, 1e13, _STIFF),
-    Usual("cams.*.lift", "lift of a cam", 1e-6, 0.5, _LENGTH, "m"),
-    Usual("cams.*.base_radius", "base radius", 1e-5, 2.0, _LENGTH),
-    Usual("cams.*.width", "width of a cam", 1e-5, 2.0, _LENGTH),
-    Usual("cams.*.ramps.height", "height of a ramp", 1e-8, 0.05, _LENGTH),
-    Usual("cams.*.follower.radius", "radius of a roller", 1e-5, 2.0, _LENGTH),
-    Usual("cams.*.follower.offset", "offset of a follower", 0.0, 2.0, _LENGTH),
-    Usual("cams.*.follower.arm", "arm of a follower", 1e-4, 5.0, _LENGTH),
-    Usual("cams.*.follower.distance", "distance of a pivot", 1e-4, 5.0, _LENGTH),
-    Usual("contacts.*.stiffness", "stiffness of a contact", 10.0, 1e13, _STIFF),
-    Usual("contacts.*.gap", "play", 1e-8, 0.02, _LENGTH),
-    Usual("contacts.*.friction", "coefficient of friction", 0.0, 1.0, {"%": 0.01}),
-    Usual("contacts.*.dissipation", "dissipation of a contact", 0.0, 1e4, {}),
-    Usual("contacts.*.preload_factor", "factor of a preload", 0.0, 100.0, {}),
-    Usual("contacts.*.plunger_force", "force of a plunger", 1e-3, 1e4, {"N": 1.0}),
-    Usual("run.speed", "camshaft speed", 1e-3, 1250.0, _ANGULAR),
-    Usual("run.crank_speed", "crankshaft speed", 1e-3, 2500.0, _ANGULAR),
-    Usual("members.*.bow", "bow of a member", 0.0, 0.05, _LENGTH),
-    Usual("run.damping.modal", "damping ratio", 0.0, 0.5, {"%": 0.01}),
-    Usual("run.damping.alpha", "Rayleigh factor of the mass", 0.0, 1e5, {}),
-    Usual("run.damping.beta", "Rayleigh factor of the stiffness", 0.0, 0.1, {"ms": 1e-3, "us": 1e-6}),
-    Usual("run.gravity", "acceleration of gravity", 0.0, 100.0, {"mm/s^2": 1e-3}),
+TYPICAL_RANGES = (
+    TypicalRange("materials.*.E", "Young's modulus of a solid", 1e6, 1.5e12, _STRESS),
+    TypicalRange("materials.*.density", "density of a solid", 500.0, 2.5e4, {"g/cm^3": 1e3}, zero=True),
+    TypicalRange("materials.*.ultimate_strength", "strength", 1e5, 2e10, {"MPa": 1e6, "GPa": 1e9}),
+    TypicalRange("materials.*.endurance_limit", "strength", 1e5, 2e10, {"MPa": 1e6, "GPa": 1e9}),
+    TypicalRange("nodes.*", "coordinate of a machine", 0.0, 20.0, _LENGTH),
+    TypicalRange("sections.*.diameter", "diameter", 1e-5, 3.0, _LENGTH),
+    TypicalRange("sections.*.outer_diameter", "diameter", 1e-5, 3.0, _LENGTH),
+    TypicalRange("sections.*.inner_diameter", "diameter", 1e-5, 3.0, _LENGTH),
+    TypicalRange("sections.*.width_y", "width of a section", 1e-5, 3.0, _LENGTH),
+    TypicalRange("sections.*.width_z", "width of a section", 1e-5, 3.0, _LENGTH),
+    TypicalRange("sections.*.A", "area of a section", 1e-10, 10.0, {"mm^2": 1e-6, "cm^2": 1e-4}),
+    TypicalRange("sections.*.Iy", "second moment of a section", 1e-20, 10.0, {"mm^4": 1e-12, "cm^4": 1e-8}),
+    TypicalRange("sections.*.Iz", "second moment of a section", 1e-20, 10.0, {"mm^4": 1e-12, "cm^4": 1e-8}),
+    TypicalRange("sections.*.J", "second moment of a section", 1e-20, 10.0, {"mm^4": 1e-12, "cm^4": 1e-8}),
+    TypicalRange("masses.*.mass", "mass in a valve train", 1e-7, 20.0, _MASS),
+    TypicalRange("masses.*.inertia", "inertia in a valve train", 1e-14, 1e5, _INERTIA),
+    TypicalRange("masses.*.offset", "offset of a mass", 0.0, 10.0, _LENGTH),
+    TypicalRange("springs.*.damping", "damping of a spring", 1e-9, 1e8, {"N s/mm": 1e3, "N s/m": 1.0}),
+    TypicalRange("springs.*.installed_force", "force of a spring", 1e-4, 1e6, {"N": 1.0, "mN": 1e-3}),
+    TypicalRange("springs.*.installed_compression", "travel of a spring", 1e-7, 2.0, _LENGTH),
+    TypicalRange("springs.*.clash_travel", "travel of a spring", 1e-7, 2.0, _LENGTH),
+    TypicalRange("springs.*.clash_stiffness", "stiffness of coils that touch", 10.0, 1e13, _STIFF),
+    TypicalRange("springs.*.mass", "mass of a spring", 1e-8, 20.0, _MASS),
+    TypicalRange("springs.*.wire.diameter", "diameter of a wire", 1e-6, 0.3, _LENGTH),
+    TypicalRange("springs.*.wire.coil_diameter", "diameter of a coil", 1e-5, 3.0, _LENGTH),
+    TypicalRange("springs.*.wire.shear_modulus", "shear modulus of a solid", 1e6, 1e12, _STRESS),
+    TypicalRange("bearings.*.stiffness", "stiffness of a bearing", 1.0, 1e13, _STIFF),
+    TypicalRange("loads.*.force", "force on a mechanism", 1e-6, 1e8, {"N": 1.0, "kN": 1e3}),
+    TypicalRange("rockers.*.arms", "arm of a rocker", 1e-4, 5.0, _LENGTH),
+    TypicalRange("rockers.*.inertia", "inertia of a rocker", 1e-14, 1e3, _INERTIA),
+    TypicalRange("rockers.*.stiffness", "stiffness of a rocker", 1.0, 1e13, _STIFF),
+    TypicalRange("cams.*.lift", "lift of a cam", 1e-6, 0.5, _LENGTH, "m"),
+    TypicalRange("cams.*.base_radius", "base radius", 1e-5, 2.0, _LENGTH),
+    TypicalRange("cams.*.width", "width of a cam", 1e-5, 2.0, _LENGTH),
+    TypicalRange("cams.*.ramps.height", "height of a ramp", 1e-8, 0.05, _LENGTH),
+    TypicalRange("cams.*.follower.radius", "radius of a roller", 1e-5, 2.0, _LENGTH),
+    TypicalRange("cams.*.follower.offset", "offset of a follower", 0.0, 2.0, _LENGTH),
+    TypicalRange("cams.*.follower.arm", "arm of a follower", 1e-4, 5.0, _LENGTH),
+    TypicalRange("cams.*.follower.distance", "distance of a pivot", 1e-4, 5.0, _LENGTH),
+    TypicalRange("contacts.*.stiffness", "stiffness of a contact", 10.0, 1e13, _STIFF),
+    TypicalRange("contacts.*.gap", "play", 1e-8, 0.02, _LENGTH),
+    TypicalRange("contacts.*.friction", "coefficient of friction", 0.0, 1.0, {"%": 0.01}),
+    TypicalRange("contacts.*.dissipation", "dissipation of a contact", 0.0, 1e4, {}),
+    TypicalRange("contacts.*.preload_factor", "factor of a preload", 0.0, 100.0, {}),
+    TypicalRange("contacts.*.plunger_force", "force of a plunger", 1e-3, 1e4, {"N": 1.0}),
+    TypicalRange("run.speed", "camshaft speed", 1e-3, 1250.0, _ANGULAR),
+    TypicalRange("run.crank_speed", "crankshaft speed", 1e-3, 2500.0, _ANGULAR),
+    TypicalRange("members.*.bow", "bow of a member", 0.0, 0.05, _LENGTH),
+    TypicalRange("run.damping.modal", "damping ratio", 0.0, 0.5, {"%": 0.01}),
+    TypicalRange("run.damping.alpha", "Rayleigh factor of the mass", 0.0, 1e5, {}),
+    TypicalRange("run.damping.beta", "Rayleigh factor of the stiffness", 0.0, 0.1, {"ms": 1e-3, "us": 1e-6}),
+    TypicalRange("run.gravity", "acceleration of gravity", 0.0, 100.0, {"mm/s^2": 1e-3}),
 )  # fmt: skip
 """Typical ranges by key."""
 
-STRAIGHT = Usual("springs.*.stiffness", "stiffness of a spring", 100.0, 1e12, _STIFF, "N/m")
+SPRING_RANGE = TypicalRange("springs.*.stiffness", "stiffness of a spring", 100.0, 1e12, _STIFF, "N/m")
 """Range for translational springs: retaining springs are stiffer, and a bare 50 is unlikely to mean 50 N/m."""
 
-TWISTED = Usual("springs.*.stiffness", "stiffness of a spring", 1e-3, 1e12, {"kN m/rad": 1e3}, "N m/rad")
+TORSION_SPRING_RANGE = TypicalRange(
+    "springs.*.stiffness", "stiffness of a spring", 1e-3, 1e12, {"kN m/rad": 1e3}, "N m/rad"
+)
 """Range for torsional springs."""
 
 
-_ROUND = 300.0
+_IMPLAUSIBLE_SPEED = 300.0
 """Speed, rad/s, from which a bare integer is unlikely to be meant in rad/s: it is 2865 rpm."""
 
 
-def odd(case: Case) -> Iterator[str]:
+def check_keys(case: Case) -> Iterator[str]:
     """Yield descriptions of keys that contradict each other, lack a unit or have no effect."""
-    yield from _bare_speeds(case)
-    yield from _materials(case)
-    yield from _sections(case)
-    yield from _models(case)
-    yield from _spare(case)
+    yield from _check_speed_unit(case)
+    yield from _check_materials(case)
+    yield from _check_sections(case)
+    yield from _check_fidelity(case)
+    yield from _check_unused_parts(case)
 
 
-def _bare_speeds(case: Case) -> Iterator[str]:
+def _check_speed_unit(case: Case) -> Iterator[str]:
     """Yield a warning for an integer speed without unit that was probably meant in rpm."""
     for key in ("speed", "crank_speed"):
         taken = getattr(case.record.run, key)
-        if taken is not None and taken >= _ROUND and _given(case, key) == taken and taken == round(taken):
+        if (
+            taken is not None
+            and taken >= _IMPLAUSIBLE_SPEED
+            and _raw_value(case, key) == taken
+            and taken == round(taken)
+        ):
             place, turned = case.place(("run", key)), taken / RPM
             yield (
                 f"Warning: {place}: {taken:g} without a unit is in rad/s, {turned:.6g} rpm: did you mean {taken:g} rpm?"
@@ -141,42 +148,42 @@ def _bare_speeds(case: Case) -> Iterator[str]:
             )
 
 
-def _given(case: Case, key: str) -> object:
+def _raw_value(case: Case, key: str) -> object:
     """Return the raw value of a key of ``[run]``."""
     pairs = [one.partition("=") for one in case.overrides]
     laid = [text for name, _, text in pairs if name.strip() == f"run.{key}"]
     try:
         if laid:
             return float(laid[-1])
-        run = cast("dict[str, Any]", toml(case.text).get("run", {}))
+        run = cast("dict[str, Any]", parse_toml(case.text).get("run", {}))
         return run.get(key)
     except ValueError:  # a text with a unit
         return None
 
 
-def _materials(case: Case) -> Iterator[str]:
+def _check_materials(case: Case) -> Iterator[str]:
     for name, one in case.record.materials.items():
         if one.nu < 0.0:
             place = case.place(("materials", name, "nu"))
             yield f"Warning: {place}: {one.nu:g} is below zero: such a solid grows thicker when it is pulled"
 
 
-def _sections(case: Case) -> Iterator[str]:
+def _check_sections(case: Case) -> Iterator[str]:
     """Yield sections with impossible properties: bounds that hold for every plane figure."""
     for name, record in case.record.sections.items():
         made, place = record.made(), case.place(("sections", name))
         polar = made.Iy + made.Iz
-        if _ABOVE * polar < made.J:
+        if _ROUNDING_MARGIN * polar < made.J:
             yield f"Warning: {place}: J = {made.J:g} m^4 is above Iy + Iz = {polar:g} m^4, which no shape has"
-        if _ABOVE * 2.0 * math.pi * polar < made.A**2:
+        if _ROUNDING_MARGIN * 2.0 * math.pi * polar < made.A**2:
             least = made.A**2 / (2.0 * math.pi)
             yield f"Warning: {place}: Iy + Iz = {polar:g} m^4 is below that of a circle of its area, {least:g} m^4"
         for key in ("kappa_y", "kappa_z"):
-            if getattr(made, key) > _ABOVE:
+            if getattr(made, key) > _ROUNDING_MARGIN:
                 yield f"Warning: {place}: {key} = {getattr(made, key):g} is above 1: no more than A bears shear"
 
 
-def _models(case: Case) -> Iterator[str]:
+def _check_fidelity(case: Case) -> Iterator[str]:
     """Yield keys of a model that is not run, and tolerances that every model meets."""
     asked, whole = case.record.fidelity, [name for name, one in case.record.fidelity.tolerances.items() if one >= 1.0]
     place = {key: case.place(("fidelity", key)) for key in ("masses", "modes", "tolerance")}
@@ -188,7 +195,7 @@ def _models(case: Case) -> Iterator[str]:
         yield f"Warning: {place['tolerance']}: any model is within 100 % of {', '.join(whole)}: did you mean percent?"
 
 
-def _spare(case: Case) -> Iterator[str]:
+def _check_unused_parts(case: Case) -> Iterator[str]:
     """Yield parts that nothing refers to, which suggests a misspelled name."""
     record = case.record
     users = {
@@ -205,43 +212,55 @@ def _spare(case: Case) -> Iterator[str]:
                 yield f"Warning: {case.place((table, name))}: {why}"
 
 
-_ABOVE = 1.02
+_ROUNDING_MARGIN = 1.02
 """Margin for published properties, which are rounded to a percent."""
 
 
-_SLENDER = 2000.0
-_STOUT = 0.2
+_MAX_SLENDERNESS = 2000.0
+_MIN_SLENDERNESS = 0.2
 """Limits of the ratio of length to section size outside of which a member's units are probably inconsistent."""
 
 
-def unusual(case: Case) -> list[str]:
+def check_values(case: Case) -> list[str]:
     """Return descriptions of implausible values of a case."""
-    tables = filled(case.record)
-    found = [_told(case, path, value, one) for one in USUAL for path, value in _beyond(tables, one)]
-    others = (odd, _soft_or_stiff, _held_twice, _on_held, _ill_proportioned)
+    tables = resolve_record(case.record)
+    found = [
+        _format_warning(case, path, value, one)
+        for one in TYPICAL_RANGES
+        for path, value in _values_out_of_range(tables, one)
+    ]
+    others = (
+        check_keys,
+        _check_spring_stiffness,
+        _check_double_supports,
+        _check_fixed_spring_nodes,
+        _check_proportions,
+    )
     return list(dict.fromkeys([*found, *(said for one in others for said in one(case))]))
 
 
-def _beyond(tables: Mapping[str, Any], usual: Usual) -> Iterator[tuple[tuple[str, ...], float]]:
+def _values_out_of_range(tables: Mapping[str, Any], usual: TypicalRange) -> Iterator[tuple[tuple[str, ...], float]]:
     """Yield path and number of the values outside a typical range, one per key."""
-    for path, value in _values(tables, tuple(usual.key.split(".")), ()):
+    for path, value in _matching_values(tables, tuple(usual.key.split(".")), ()):
         several = cast("list[object]", value) if isinstance(value, list) else [value]
         numbers = [abs(float(x)) for x in several if isinstance(x, int | float) and not isinstance(x, bool)]
         if beyond := [x for x in numbers if (x or usual.zero) and not usual.least <= x <= usual.most]:
             yield path, beyond[0]
 
 
-def _values(table: object, steps: tuple[str, ...], path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], object]]:
+def _matching_values(
+    table: object, steps: tuple[str, ...], path: tuple[str, ...]
+) -> Iterator[tuple[tuple[str, ...], object]]:
     """Yield path and value of every key that matches a pattern."""
     if not steps:
         yield path, table
     elif isinstance(table, dict):
         inner = cast("dict[str, Any]", table)
         for name in inner if steps[0] == "*" else [one for one in inner if one == steps[0]]:
-            yield from _values(inner[name], steps[1:], (*path, name))
+            yield from _matching_values(inner[name], steps[1:], (*path, name))
 
 
-def _told(case: Case, path: tuple[str, ...], value: float, usual: Usual) -> str:
+def _format_warning(case: Case, path: tuple[str, ...], value: float, usual: TypicalRange) -> str:
     unit = si_unit(path) or usual.si
     bounds = f"{usual.least:g} to {usual.most:g}" if usual.least else f"up to {usual.most:g}"
     near = [f"{value:g} {name}" for name, size in usual.meant.items() if usual.least <= value * size <= usual.most]
@@ -250,17 +269,17 @@ def _told(case: Case, path: tuple[str, ...], value: float, usual: Usual) -> str:
     return f"Warning: {case.place(path)}: {given} is no usual {usual.what} ({outside}){meant}"
 
 
-def _soft_or_stiff(case: Case) -> Iterator[str]:
+def _check_spring_stiffness(case: Case) -> Iterator[str]:
     """Yield springs with implausibly low or high stiffness; the limits depend on whether they are torsional."""
-    tables = filled(case.record)
+    tables = resolve_record(case.record)
     twist = {name for name, one in case.record.springs.items() if one.made().turns}
-    for usual, turning in ((STRAIGHT, False), (TWISTED, True)):
-        for path, value in _beyond(tables, usual):
+    for usual, turning in ((SPRING_RANGE, False), (TORSION_SPRING_RANGE, True)):
+        for path, value in _values_out_of_range(tables, usual):
             if (path[1] in twist) == turning:
-                yield _told(case, path, value, usual)
+                yield _format_warning(case, path, value, usual)
 
 
-def _held_twice(case: Case) -> Iterator[str]:
+def _check_double_supports(case: Case) -> Iterator[str]:
     """Yield components fixed twice at one node, by two supports or by one."""
     seen: dict[tuple[int, str], str] = {}
     for point, held in case.record.supports.items():
@@ -280,7 +299,7 @@ def _nodes(case: Case, point: str) -> list[int]:
     return case.mesh.points[point].tolist() if point in case.mesh.points else []
 
 
-def _on_held(case: Case) -> Iterator[str]:
+def _check_fixed_spring_nodes(case: Case) -> Iterator[str]:
     """Yield springs to ground that have no effect because a support fixes their node."""
     held = {
         (node, one)
@@ -296,13 +315,13 @@ def _on_held(case: Case) -> Iterator[str]:
             yield f"Warning: {place}: a support holds {along} of {spring.at!r}, so that the spring acts on nothing"
 
 
-def _ill_proportioned(case: Case) -> Iterator[str]:
+def _check_proportions(case: Case) -> Iterator[str]:
     """Yield members with an implausible ratio of length to thickness."""
     for name, member in case.record.members.items():
         size = 2.0 * case.record.sections[member.section].made().radius
         length = _length(case.mesh, name) if case.mesh is not None else _length_of_nodes(case, member.nodes or [])
         ratio = length / size
-        if not _STOUT <= ratio <= _SLENDER:
+        if not _MIN_SLENDERNESS <= ratio <= _MAX_SLENDERNESS:
             sizes = f"{length:g} m long and {size:g} m thick, {ratio:.2g} to one"
             question = "do lengths and sections have the same unit?"
             yield f"Warning: {case.place(('members', name))}: {sizes}: {question}"

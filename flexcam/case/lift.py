@@ -24,16 +24,16 @@ from pydantic_core import CoreSchema, ErrorDetails, core_schema
 
 from flexcam.cams import LAWS, Event, HarmonicLift, Law, LawKind, LiftReport, kind_names, law_kind, lift_table
 from flexcam.case import quantities as q
-from flexcam.case.quantities import expected
-from flexcam.case.toml_lines import toml
-from flexcam.core.errors import InputError, did_you_mean, positive, refuse, said, told
-from flexcam.io import named_file, read_lift, text_of
+from flexcam.case.quantities import describe_expected
+from flexcam.case.toml_lines import parse_toml
+from flexcam.core.errors import InputError, format_value, positive, refuse, suggest_name, system_message
+from flexcam.io import read_lift, read_text, resolve_file
 
 Table = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
-class GivenLaw:
+class LawDefinition:
     """Law with its definition in the case.
 
     Parameters
@@ -49,7 +49,7 @@ class GivenLaw:
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
-        return _from_file_or_value(_given_law)
+        return _from_file_or_value(_parse_law_value)
 
     @classmethod
     def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
@@ -58,7 +58,7 @@ class GivenLaw:
 
 
 @dataclass(frozen=True)
-class GivenLift:
+class LiftDefinition:
     """Lift over the whole revolution from a file, with a report of the smoothing.
 
     Parameters
@@ -77,7 +77,7 @@ class GivenLift:
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
-        return _from_file_or_value(_given_lift)
+        return _from_file_or_value(_parse_lift_value)
 
     @classmethod
     def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
@@ -109,90 +109,90 @@ def _from_file_or_value(make: Callable[[object, Path], object]) -> CoreSchema:
             return make(value, case)
         except InputError as refusal:
             # A fault of the value itself has no path inside it.
-            raise q.passed_on(refusal, inside=refusal.faults[0].where not in ("law", "lift_table")) from None
+            raise q.convert_error(refusal, inside=refusal.faults[0].where not in ("law", "lift_table")) from None
 
     written = core_schema.plain_serializer_function_ser_schema(lambda made: made.given)
     return core_schema.with_info_plain_validator_function(validate, serialization=written)
 
 
-def _given_law(value: object, case: Path) -> GivenLaw:
+def _parse_law_value(value: object, case: Path) -> LawDefinition:
     if isinstance(value, str) and value.endswith(".toml"):
-        return law_file(named_file(case, value, "law"))
+        return read_law(resolve_file(case, value, "law"))
     if isinstance(value, (str, dict)):
-        return given_law(cast("str | dict[str, Any]", value))
-    raise refuse("law", told(value), "the name of a law, a table { id = ..., ... } or a law file")
+        return parse_law(cast("str | dict[str, Any]", value))
+    raise refuse("law", format_value(value), "the name of a law, a table { id = ..., ... } or a law file")
 
 
-def given_law(value: str | Table) -> GivenLaw:
+def parse_law(value: str | Table) -> LawDefinition:
     """Return the law of a name or of a table of parameters."""
     if isinstance(value, str):
         if value in LAWS:
-            return GivenLaw(value, LAWS[value])
-        return GivenLaw(value, _of_kind(value, {}))
+            return LawDefinition(value, LAWS[value])
+        return LawDefinition(value, _make_law(value, {}))
     table = dict(value)
     name = table.pop("id", None)
     if not isinstance(name, str):
-        raise refuse("id", told(name), ", ".join(kind_names()), "the kind of law is required")
+        raise refuse("id", format_value(name), ", ".join(kind_names()), "the kind of law is required")
     if name in LAWS and not table:
-        return GivenLaw(dict(value), LAWS[name])
-    return GivenLaw(dict(value), _of_kind(name, table))
+        return LawDefinition(dict(value), LAWS[name])
+    return LawDefinition(dict(value), _make_law(name, table))
 
 
-def _of_kind(name: str, parameters: Table) -> Law:
+def _make_law(name: str, parameters: Table) -> Law:
     kind = law_kind(name)
     if kind is None:
         known = list(dict.fromkeys([*LAWS, *kind_names()]))
-        hint = "it takes no parameters" if name in LAWS else did_you_mean(name, known)
+        hint = "it takes no parameters" if name in LAWS else suggest_name(name, known)
         raise refuse("law", repr(name), ", ".join(known), "", hint)
     for key, value in parameters.items():
-        if not _only_numbers(value):
+        if not _is_numeric(value):
             raise refuse(
                 key,
-                told(value),
-                f"numbers; the parameters of {name} are {', '.join(_record(kind).model_fields)}",
+                format_value(value),
+                f"numbers; the parameters of {name} are {', '.join(_parameter_record(kind).model_fields)}",
             )
-    parameters = _checked(_record(kind), parameters, f"a parameter of {name}", "law")
+    parameters = _validate(_parameter_record(kind), parameters, f"a parameter of {name}", "law")
     return kind(**parameters)
 
 
-def _only_numbers(value: object) -> bool:
+def _is_numeric(value: object) -> bool:
     if isinstance(value, (list, tuple)):
-        return all(_only_numbers(one) for one in cast("list[object]", value))
+        return all(_is_numeric(one) for one in cast("list[object]", value))
     return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
-def _checked(record: type[BaseModel], table: object, what: str, example: str) -> dict[str, Any]:
+def _validate(record: type[BaseModel], table: object, what: str, example: str) -> dict[str, Any]:
     """Validate a table and return its values; raise the first fault."""
     try:
         checked = record.model_validate(table)
     except ValidationError as refusal:
         error = refusal.errors(include_url=False)[0]
         if error["type"] == "flexcam":
-            raise q.refused(**error.get("ctx", {})) from None
+            raise q.value_error(**error.get("ctx", {})) from None
         key = ".".join(map(str, error["loc"])) or example
         allowed = f"{what}: {', '.join(record.model_fields)}"
         if error["type"] == "missing":
             raise refuse(key, "nothing", allowed, "the key is required", f"add {key} to the table") from None
         if error["type"] == "literal_error":
             known = re.findall(r"'([^']*)'", str(error.get("ctx", {})["expected"]))
-            near = did_you_mean(str(error["input"]), known)
-            raise refuse(key, told(error["input"]), ", ".join(map(repr, known)), "", near) from None
-        hint = "" if key.partition(".")[0] in record.model_fields else did_you_mean(key, record.model_fields)
-        why = "there is no such key" if error["type"] == "extra_forbidden" else _needed(record, error)
-        raise refuse(key, told(error["input"]), allowed, why, hint) from None
+            near = suggest_name(str(error["input"]), known)
+            raise refuse(key, format_value(error["input"]), ", ".join(map(repr, known)), "", near) from None
+        hint = "" if key.partition(".")[0] in record.model_fields else suggest_name(key, record.model_fields)
+        why = "there is no such key" if error["type"] == "extra_forbidden" else _allowed_values(record, error)
+        raise refuse(key, format_value(error["input"]), allowed, why, hint) from None
     return {key: getattr(checked, key) for key in record.model_fields}
 
 
-def _needed(record: type[BaseModel], error: ErrorDetails) -> str:
+def _allowed_values(record: type[BaseModel], error: ErrorDetails) -> str:
     """Return the allowed values of a parameter; for a list of pairs the whole type, which a fault inside it omits."""
     field = record.model_fields.get(str(error["loc"][0])) if error["loc"] else None
     if field is not None and field.annotation == tuple[tuple[int, float], ...]:
         return "it is a list of pairs, a whole number and a number each: [[1, 0.9], [3, 0.1]]"
-    return f"{expected(error)} is needed there"
+    return f"{describe_expected(error)} is needed there"
 
 
 @cache
-def _record(kind: LawKind) -> type[BaseModel]:
+def _parameter_record(kind: LawKind) -> type[BaseModel]:
     """Return a record for the parameters of a law, built from its signature."""
     fields: dict[str, Any] = {}
     for name, parameter in inspect.signature(kind, eval_str=True).parameters.items():
@@ -201,68 +201,70 @@ def _record(kind: LawKind) -> type[BaseModel]:
     return create_model("Parameters", __config__=ConfigDict(extra="forbid"), **fields)
 
 
-def law_file(path: Path) -> GivenLaw:
+def read_law(path: Path) -> LawDefinition:
     """Read a law file: TOML with a table ``[law]``."""
-    table = toml_table(path, "law")
+    table = read_toml_table(path, "law")
     try:
-        return given_law(table)
+        return parse_law(table)
     except InputError as refusal:
-        raise _in_file(path, "law", refusal) from None
+        raise _fault_in_file(path, "law", refusal) from None
 
 
-def toml_table(path: Path, name: str) -> dict[str, Any]:
+def read_toml_table(path: Path, name: str) -> dict[str, Any]:
     """Return one table of a TOML file."""
     try:
-        content = toml(text_of(path))
+        content = parse_toml(read_text(path))
     except FileNotFoundError:
-        near = did_you_mean(path.name, [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else [])
+        near = suggest_name(path.name, [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else [])
         raise refuse(str(path), "no such file", f"an existing file with a table [{name}]", "", near) from None
     except (OSError, ValueError) as fault:
-        raise refuse(str(path), "no TOML document", f"a readable file with a table [{name}]", said(fault)) from None
+        raise refuse(
+            str(path), "no TOML document", f"a readable file with a table [{name}]", system_message(fault)
+        ) from None
     if content.get("format", 1) != 1:
-        raise refuse(f"{path.name}: format", told(content["format"]), "1", "a newer flexcam wrote it")
+        raise refuse(f"{path.name}: format", format_value(content["format"]), "1", "a newer flexcam wrote it")
     table = content.get(name)
     if not isinstance(table, dict):
         raise refuse(str(path), ", ".join(content) or "nothing", f"a table [{name}]")
     return cast("dict[str, Any]", table)
 
 
-def _given_lift(value: object, case: Path) -> GivenLift:
+def _parse_lift_value(value: object, case: Path) -> LiftDefinition:
     table = {"file": value} if isinstance(value, str) else value
-    record = _LiftFile(**_checked(_LiftFile, table, "a file name, or a table of", "lift_table"))
-    path = named_file(case, record.file, "lift_table")
+    record = _LiftFile(**_validate(_LiftFile, table, "a file name, or a table of", "lift_table"))
+    path = resolve_file(case, record.file, "lift_table")
     if path.suffix == ".toml":
         if beside := [key for key in ("angle", "unit", "tolerance") if getattr(record, key) is not None]:
             raise refuse(beside[0], str(getattr(record, beside[0])), "nothing beside a file of harmonics", "it is in m")
-        return GivenLift(cast("str | dict[str, Any]", value), harmonic_file(path), None)
+        return LiftDefinition(cast("str | dict[str, Any]", value), read_harmonic_lift(path), None)
     columns = read_lift(path, angle=record.angle, unit=record.unit)
     try:
         event, report = lift_table(columns.angle, columns.lift, tolerance=record.tolerance)
     except InputError as refusal:
         fault = refusal.faults[0]
-        also = [f"also {_by_line(one.where, columns.lines)}: {one.given}" for one in refusal.faults[1:]]
+        also = [f"also {_place_with_line(one.where, columns.lines)}: {one.given}" for one in refusal.faults[1:]]
         why = "; ".join(part for part in (fault.why, *also) if part)
-        where = f"{path.name}: {_by_line(fault.where, columns.lines)}"
+        where = f"{path.name}: {_place_with_line(fault.where, columns.lines)}"
         raise refuse(where, fault.given, fault.allowed, why, fault.remedy) from None
-    return GivenLift(cast("str | dict[str, Any]", value), event, report)
+    return LiftDefinition(cast("str | dict[str, Any]", value), event, report)
 
 
-def _by_line(where: str, lines: Sequence[int]) -> str:
+def _place_with_line(where: str, lines: Sequence[int]) -> str:
     """Return a position in a table with the line of the file in place of the row."""
     return re.sub(r"\brow (\d+)", lambda found: f"line {lines[int(found[1]) - 1]}", where)
 
 
-def harmonic_file(path: Path) -> HarmonicLift:
+def read_harmonic_lift(path: Path) -> HarmonicLift:
     """Read a harmonic lift: TOML with a table ``[lift]`` of ``mean``, ``cosine`` and ``sine``."""
-    table = toml_table(path, "lift")
+    table = read_toml_table(path, "lift")
     try:
-        lift = HarmonicLift(**_checked(_record(HarmonicLift), table, "a number or list in m", "lift"))
+        lift = HarmonicLift(**_validate(_parameter_record(HarmonicLift), table, "a number or list in m", "lift"))
         positive("lift", lift.height, "m")
         return lift
     except InputError as refusal:
-        raise _in_file(path, "lift", refusal) from None
+        raise _fault_in_file(path, "lift", refusal) from None
 
 
-def _in_file(path: Path, table: str, refusal: InputError) -> InputError:
+def _fault_in_file(path: Path, table: str, refusal: InputError) -> InputError:
     fault = refusal.faults[0]
     return refuse(f"{path.name}, [{table}] {fault.where}", fault.given, fault.allowed, fault.why, fault.remedy)

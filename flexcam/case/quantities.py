@@ -12,7 +12,7 @@ from flexcam.core.errors import InputError
 from flexcam.core.units import DIMENSIONS, parse
 from flexcam.fem.frames import COMPONENTS, component, direction
 
-_KINDS = {
+_TYPE_NAMES = {
     "string_type": "a text", "bool_type": "true or false", "bool_parsing": "true or false", "list_type": "a list",
     "tuple_type": "a list", "dict_type": "a table", "float_type": "a number", "float_parsing": "a number",
     "int_type": "a whole number", "int_parsing": "a whole number", "int_from_float": "a whole number",
@@ -20,23 +20,25 @@ _KINDS = {
 """Names of pydantic's types in messages: string, boolean, list, tuple, dictionary, number."""
 
 
-def expected(error: ErrorDetails) -> str:
+def describe_expected(error: ErrorDetails) -> str:
     """Return a description of the allowed values."""
-    return _KINDS.get(error["type"]) or error["msg"].replace("Input should be ", "")
+    return _TYPE_NAMES.get(error["type"]) or error["msg"].replace("Input should be ", "")
 
 
-def refused(allowed: str, why: str = "", remedy: str = "", *, inside: str = "", given: str = "") -> PydanticCustomError:
+def value_error(
+    allowed: str, why: str = "", remedy: str = "", *, inside: str = "", given: str = ""
+) -> PydanticCustomError:
     """Return an error in the form that pydantic collects."""
     facts = {"allowed": allowed, "why": why, "remedy": remedy, "inside": inside, "given": given}
     return PydanticCustomError("flexcam", "{allowed}", facts)
 
 
-def passed_on(refusal: InputError, *, inside: bool = False) -> PydanticCustomError:
+def convert_error(refusal: InputError, *, inside: bool = False) -> PydanticCustomError:
     """Convert an `InputError` to the form that pydantic collects."""
     fault = refusal.faults[0]
     if inside:
-        return refused(fault.allowed, fault.why, fault.remedy, inside=fault.where, given=fault.given)
-    return refused(fault.allowed, fault.why, fault.remedy)
+        return value_error(fault.allowed, fault.why, fault.remedy, inside=fault.where, given=fault.given)
+    return value_error(fault.allowed, fault.why, fault.remedy)
 
 
 @dataclass(frozen=True)
@@ -68,13 +70,13 @@ class Unit:
         try:
             number = parse(value, self.dimension, noise=self.signed or self.noise)
         except InputError as refusal:
-            raise passed_on(refusal) from None
+            raise convert_error(refusal) from None
         if number < 0.0 and not self.signed:
-            raise refused(f"{self._kind} {'above zero' if self.above else 'of zero or more'}")
+            raise value_error(f"{self._kind} {'above zero' if self.above else 'of zero or more'}")
         if number == 0.0 and self.above:
-            raise refused(f"{self._kind} above zero")
+            raise value_error(f"{self._kind} above zero")
         if self.most is not None and number > self.most:
-            raise refused(f"{self._kind} up to {self.most:g}")
+            raise value_error(f"{self._kind} up to {self.most:g}")
         return number
 
     @property
@@ -98,7 +100,7 @@ def _component(value: Any) -> str:  # noqa: ANN401 - any TOML value
     try:
         component(str(value))
     except InputError as refusal:
-        raise passed_on(refusal) from None
+        raise convert_error(refusal) from None
     return str(value)
 
 
@@ -106,14 +108,16 @@ def _direction(value: Any) -> Any:  # noqa: ANN401
     try:
         direction(value)
     except InputError as refusal:
-        raise passed_on(refusal) from None
+        raise convert_error(refusal) from None
     return value
 
 
 def _line(value: Any) -> Any:  # noqa: ANN401
     if direction(_direction(value))[3:].any():
         why = "it is a motion along a line, in m"
-        raise refused("a component such as 'uy' or '-uy', or three numbers", why, "take the direction of the motion")
+        raise value_error(
+            "a component such as 'uy' or '-uy', or three numbers", why, "take the direction of the motion"
+        )
     return value
 
 

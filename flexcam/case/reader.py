@@ -13,17 +13,17 @@ from pydantic import ValidationError
 
 from flexcam.case.builder import with_spring_parts
 from flexcam.case.case import Case
-from flexcam.case.fault_report import faults
-from flexcam.case.geometry_checks import coinciding
-from flexcam.case.overrides import overridden, parsed, tables_of
+from flexcam.case.fault_report import convert_errors
+from flexcam.case.geometry_checks import coincident_node_faults
+from flexcam.case.overrides import apply_overrides, parse_tables, read_tables
 from flexcam.case.records import CamsRecord, CaseRecord
 from flexcam.case.references import References
 from flexcam.case.schema.base import Record
-from flexcam.case.schema.studies import SweepOnly, SweepRecord
-from flexcam.case.toml_lines import Places, in_order
+from flexcam.case.schema.studies import SweepFileRecord, SweepRecord
+from flexcam.case.toml_lines import KeyLocations, sort_faults
 from flexcam.core.errors import Fault, InputError, refuse
 from flexcam.fem.mesh import Mesh
-from flexcam.io import Result, named_file, read_mesh
+from flexcam.io import Result, read_mesh, resolve_file
 
 
 def read_case(path: str | Path, overrides: Sequence[str] = ()) -> Case:
@@ -53,17 +53,17 @@ def read_case(path: str | Path, overrides: Sequence[str] = ()) -> Case:
     return CaseFile.opened(path).read(overrides)
 
 
-_KEPT = ("case", "case_file", "overrides")
+_REQUIRED_TEXTS = ("case", "case_file", "overrides")
 """Texts of a result that are required to restore its case."""
 
 
-def recalled_case(result: Result) -> Case:
+def case_from_result(result: Result) -> Case:
     """Return the case of a result, from the texts stored in it and on its mesh."""
     about = result.about
-    if missing := [name for name in _KEPT if name not in about]:
+    if missing := [name for name in _REQUIRED_TEXTS if name not in about]:
         raise refuse("result", f"nothing about {missing[0]!r}", "a result that keeps its case", "flexcam run keeps it")
     source, text = Path(about["case_file"]), about["case"]
-    case = CaseFile(source, text, tables_of(source, text)).read(json.loads(about["overrides"]), mesh=result.mesh)
+    case = CaseFile(source, text, parse_tables(source, text)).read(json.loads(about["overrides"]), mesh=result.mesh)
     members = {name: one.model_copy(update={"elements": 1}) for name, one in case.record.members.items()}
     return replace(case, record=case.record.model_copy(update={"members": members}), mesh=result.mesh)
 
@@ -93,18 +93,23 @@ class CaseFile:
     def opened(cls, path: str | Path) -> CaseFile:
         """Open a case file."""
         source = Path(path)
-        return cls(source, *parsed(source))
+        return cls(source, *read_tables(source))
 
     def read(self, overrides: Sequence[str] = (), *, mesh: Mesh | None = None) -> Case:
         """Return the checked case with overrides."""
         raw = deepcopy(dict(self.raw))
-        places, found = overridden(raw, self.text, overrides)
+        places, found = apply_overrides(raw, self.text, overrides)
         own, mesh_faults = self._mesh(raw, places) if mesh is None or "mesh" not in raw else (mesh, [])
         record, record_faults = _record(CaseRecord, raw, places, self.path)
-        found += [*record_faults, *mesh_faults, *References(raw, own, places).faults(), *_either_or(raw, places)]
-        found += coinciding(raw if record is None else {**raw, "nodes": record.nodes}, places)
+        found += [
+            *record_faults,
+            *mesh_faults,
+            *References(raw, own, places).faults(),
+            *_exclusive_key_faults(raw, places),
+        ]
+        found += coincident_node_faults(raw if record is None else {**raw, "nodes": record.nodes}, places)
         if found or record is None:
-            raise InputError(in_order(found))
+            raise InputError(sort_faults(found))
         return with_spring_parts(Case(self.path, self.text, tuple(overrides), record, own, places))
 
     @property
@@ -112,18 +117,18 @@ class CaseFile:
         """Checked table ``[sweep]``; None if there is none."""
         if "sweep" not in self.raw:
             return None
-        places = Places.of_text(self.text)
-        record, found = _record(SweepOnly, {"sweep": self.raw["sweep"]}, places, self.path)
+        places = KeyLocations.of_text(self.text)
+        record, found = _record(SweepFileRecord, {"sweep": self.raw["sweep"]}, places, self.path)
         if record is None:
             raise InputError(found)
         return record.sweep
 
-    def _mesh(self, raw: Mapping[str, Any], places: Places) -> tuple[Mesh | None, list[Fault]]:
+    def _mesh(self, raw: Mapping[str, Any], places: KeyLocations) -> tuple[Mesh | None, list[Fault]]:
         name = raw.get("mesh")
         if not isinstance(name, str):
             return None, []
         try:
-            mesh = self.meshes.get(name) or read_mesh(named_file(self.path, name, "mesh"))
+            mesh = self.meshes.get(name) or read_mesh(resolve_file(self.path, name, "mesh"))
         except InputError as refusal:
             where = places.place(("mesh",))
             return None, [replace(f, where=f"{where}{f.where.removeprefix('mesh')}") for f in refusal.faults]
@@ -134,25 +139,25 @@ AnyRecord = TypeVar("AnyRecord", bound=Record)
 
 
 def _record(
-    kind: type[AnyRecord], raw: Mapping[str, Any], places: Places, case: Path
+    kind: type[AnyRecord], raw: Mapping[str, Any], places: KeyLocations, case: Path
 ) -> tuple[AnyRecord | None, list[Fault]]:
     """Return the checked record; relative file names refer to the folder of the case."""
     try:
         return kind.model_validate(raw, context={"case": case}), []
     except ValidationError as refusal:
-        return None, faults(refusal.errors(include_url=False), places, kind)
+        return None, convert_errors(refusal.errors(include_url=False), places, kind)
 
 
-def holds_mechanism(path: Path) -> bool:
+def has_mechanism(path: Path) -> bool:
     """Return whether a file describes a mechanism or only cams."""
-    return not {"members", "masses", "run"}.isdisjoint(parsed(path)[1])
+    return not {"members", "masses", "run"}.isdisjoint(read_tables(path)[1])
 
 
 def read_cams(path: str | Path, overrides: Sequence[str] = ()) -> CamsRecord:
     """Read and check a file that contains only cams."""
     source = Path(path)
-    text, raw = parsed(source)
-    places, found = overridden(raw, text, overrides)
+    text, raw = read_tables(source)
+    places, found = apply_overrides(raw, text, overrides)
     record, record_faults = _record(CamsRecord, raw, places, source)
     found += [*record_faults, *References(raw, None, places).faults()]
     if found or record is None:
@@ -160,9 +165,9 @@ def read_cams(path: str | Path, overrides: Sequence[str] = ()) -> CamsRecord:
     return record
 
 
-def _either_or(raw: Mapping[str, Any], places: Places) -> list[Fault]:
+def _exclusive_key_faults(raw: Mapping[str, Any], places: KeyLocations) -> list[Fault]:
     """Return the faults of mutually exclusive keys."""
-    found = [*_one_of(raw, ("mesh", "nodes"), 1, "case file", "the geometry comes from one place")]
+    found = [*_exclusive_keys(raw, ("mesh", "nodes"), 1, "case file", "the geometry comes from one place")]
     if "members" not in raw and "masses" not in raw:
         why = "a mechanism is made of beams, of masses at points, or of both"
         found.append(Fault("case file", "no members and no masses", "[members] or [masses]", why, "add [members]"))
@@ -170,11 +175,11 @@ def _either_or(raw: Mapping[str, Any], places: Places) -> list[Fault]:
     if isinstance(run, Mapping):
         given, where = cast("Mapping[str, Any]", run), places.place(("run",))
         for pair, least in ((("speed", "crank_speed"), 1), (("steps_per_revolution", "step"), 0)):
-            found += _one_of(given, pair, least, where, "one follows from the other")
+            found += _exclusive_keys(given, pair, least, where, "one follows from the other")
     return found
 
 
-def _one_of(table: Mapping[str, Any], pair: tuple[str, str], least: int, where: str, why: str) -> list[Fault]:
+def _exclusive_keys(table: Mapping[str, Any], pair: tuple[str, str], least: int, where: str, why: str) -> list[Fault]:
     given = [key for key in pair if key in table]
     if least <= len(given) <= 1:
         return []

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from flexcam.case import quantities as q
 from flexcam.case.schema.base import Name, Point, Record
-from flexcam.case.schema.cams import CamRecord, FreeCamRecord
+from flexcam.case.schema.cams import CamDesignRecord, CamRecord
 from flexcam.case.schema.contacts import ContactRecord
 from flexcam.case.schema.members import MaterialRecord, MemberRecord, SectionRecord
 from flexcam.case.schema.parts import BearingRecord, LoadRecord, MassRecord, RockerRecord, SpringRecord
@@ -52,5 +52,5 @@ class CamsRecord(Record):
 
     format: int = Field(ge=1, le=1, strict=True, description="version of the case format: 1")
     title: str = ""
-    cams: dict[Name, FreeCamRecord]
+    cams: dict[Name, CamDesignRecord]
     speed: q.Speed | None = Field(None, description="camshaft speed")

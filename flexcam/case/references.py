@@ -6,9 +6,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
-from flexcam.case.schema.cams import OF_A_LAW
-from flexcam.case.toml_lines import Path, Places
-from flexcam.core.errors import Fault, did_you_mean
+from flexcam.case.schema.cams import LAW_KEYS
+from flexcam.case.toml_lines import KeyLocations, Path
+from flexcam.core.errors import Fault, suggest_name
 from flexcam.fem.mesh import Mesh
 
 Table = Mapping[str, Any]
@@ -30,7 +30,7 @@ class References:
 
     raw: Table
     mesh: Mesh | None
-    places: Places
+    places: KeyLocations
 
     def faults(self) -> list[Fault]:
         """Return the faults of references without a target, or with several nodes where one is required."""
@@ -53,7 +53,7 @@ class References:
     def _known(self, path: Path, name: object, known: Sequence[str], what: str) -> Iterator[Fault]:
         if isinstance(name, str) and name not in known:
             allowed = f"{what}: {', '.join(known) or '(there is none)'}"
-            yield Fault(self.places.place(path), repr(name), allowed, "", did_you_mean(name, known))
+            yield Fault(self.places.place(path), repr(name), allowed, "", suggest_name(name, known))
 
     def _parts(self) -> Iterator[Fault]:
         for name, table in self._each("contacts"):
@@ -65,18 +65,18 @@ class References:
         if isinstance(free, Mapping):
             cam = cast("Table", free).get("cam")
             yield from self._known(("run", "free_running", "cam"), cam, list(self._table("cams")), "a cam")
-        for kind, key, target, what in _PARTS:
+        for kind, key, target, what in _PART_REFERENCES:
             for name, table in self._each(kind):
                 yield from self._known((kind, name, key), table.get(key), list(self._table(target)), what)
 
     def _lifts(self) -> Iterator[Fault]:
         """Yield missing keys of cams, and keys that conflict with a lift file."""
         for name, table in self._each("cams"):
-            for key in OF_A_LAW if "lift_table" not in table else ():
+            for key in LAW_KEYS if "lift_table" not in table else ():
                 if key not in table:
                     where, why = self.places.place(("cams", name, key)), "the key is required without a lift_table"
-                    yield Fault(where, "nothing", OF_A_LAW[key], why, f"add {key!r}")
-            for key in (*OF_A_LAW, "dwell", "return_law", "ramps", "single_dwell") if "lift_table" in table else ():
+                    yield Fault(where, "nothing", LAW_KEYS[key], why, f"add {key!r}")
+            for key in (*LAW_KEYS, "dwell", "return_law", "ramps", "single_dwell") if "lift_table" in table else ():
                 if key in table and not (key == "law" and table[key] == "table"):
                     why = "the lift table says all of it"
                     yield Fault(self.places.place(("cams", name, key)), key, "nothing", why, "remove one of them")
@@ -87,7 +87,7 @@ class References:
             if "nodes" not in table:
                 where, why = self.places.place(("members", name)), "the case has no mesh file"
                 yield Fault(where, "no nodes", "the named nodes along it", why, 'add nodes = ["...", "..."]')
-            for node in _listed(table.get("nodes")):
+            for node in _as_list(table.get("nodes")):
                 yield from self._known(("members", name, "nodes"), node, named, "a named node")
 
     def _ends(self) -> Iterator[Fault]:
@@ -125,7 +125,7 @@ class References:
                 yield Fault(
                     self.places.place(("rockers", name, "to")), repr(to), "a new name", why, "choose another name"
                 )
-        for kind, key, of_rockers in _AT:
+        for kind, key, of_rockers in _POINT_REFERENCES:
             for name, table in self._each(kind):
                 if kind == "contacts" and key == "at" and table.get("model") != "seat":
                     continue
@@ -135,7 +135,7 @@ class References:
                 yield from self._one_point((kind, name, key), table.get(key), allowed)
         for name in self._table("supports"):
             yield from self._known(("supports", name), name, list(counts), "a point")
-        for probe in _listed(self._table("output").get("probes")):
+        for probe in _as_list(self._table("output").get("probes")):
             yield from self._one_point(("output", "probes"), probe, {**counts, **dict.fromkeys(rockers, 1)})
 
     def _one_point(self, path: Path, name: object, counts: Mapping[str, int]) -> Iterator[Fault]:
@@ -147,7 +147,7 @@ class References:
             )
 
 
-_PARTS = (
+_PART_REFERENCES = (
     ("members", "material", "materials", "a material"),
     ("members", "section", "sections", "a section"),
     ("contacts", "cam", "cams", "a cam"),
@@ -155,7 +155,7 @@ _PARTS = (
 )
 """Table, key, referenced table and description of the value."""
 
-_AT = (
+_POINT_REFERENCES = (
     ("masses", "at", True),
     ("springs", "at", True),
     ("springs", "to", True),
@@ -171,7 +171,7 @@ _AT = (
 """Table, key and whether the output point of a rocker is allowed."""
 
 
-def _listed(value: object) -> list[object]:
+def _as_list(value: object) -> list[object]:
     return cast("list[object]", value) if isinstance(value, list) else []
 
 

@@ -19,7 +19,7 @@ Path = tuple[str, ...]
 
 
 @dataclass(frozen=True)
-class Places:
+class KeyLocations:
     r"""Source of every key of a case: a line of the file or an override.
 
     Parameters
@@ -31,7 +31,7 @@ class Places:
     notes: Mapping[Path, str]
 
     @classmethod
-    def of_text(cls, text: str) -> Places:
+    def of_text(cls, text: str) -> KeyLocations:
         """Return the lines of every table and key of a TOML document, without keys inside inline tables."""
         notes: dict[Path, str] = {}
         table: Path = ()
@@ -43,9 +43,9 @@ class Places:
                 notes.setdefault(table + _parts(key[1]), f"line {number}")
         return cls(notes)
 
-    def overridden(self, path: Path, override: str) -> Places:
+    def overridden(self, path: Path, override: str) -> KeyLocations:
         """Return the sources with one key given by an override."""
-        return Places({**self.notes, path: f"--set {override}"})
+        return KeyLocations({**self.notes, path: f"--set {override}"})
 
     def place(self, path: Path) -> str:
         """Return a key path with the source of its nearest listed ancestor."""
@@ -58,7 +58,7 @@ class Places:
 _LINE = re.compile(r" \(line (\d+)\)")
 
 
-def in_order(faults: Iterable[Fault]) -> list[Fault]:
+def sort_faults(faults: Iterable[Fault]) -> list[Fault]:
     """Return faults sorted by line; faults without a line come last."""
 
     def line(fault: Fault) -> float:
@@ -72,18 +72,18 @@ def _parts(dotted: str) -> Path:
     return tuple(part.strip("\"'") for part in _PART.findall(dotted))
 
 
-_DEPTH = 30
+_MAX_DEPTH = 30
 """Maximum nesting depth of tables and lists; a case has five."""
 
-_LONGEST = 1 << 26
+_MAX_LENGTH = 1 << 26
 """Maximum length of a text, characters."""
 
 
-def toml(text: str) -> dict[str, Any]:
+def parse_toml(text: str) -> dict[str, Any]:
     """Parse a TOML text."""
-    if len(text) > _LONGEST:
-        raise ValueError(f"{len(text)} characters, more than {_LONGEST}")
-    if any(map(_far_too_dotted, text.split("\n"))):
+    if len(text) > _MAX_LENGTH:
+        raise ValueError(f"{len(text)} characters, more than {_MAX_LENGTH}")
+    if any(map(_has_too_many_parts, text.split("\n"))):
         raise ValueError(_TOO_DEEP)
     try:
         tables = tomllib.loads(text)
@@ -94,8 +94,8 @@ def toml(text: str) -> dict[str, Any]:
             _TUPLE.sub(lambda found: ".".join(_PART_TOML.findall(found[0])), str(fault))
         ) from None
     level: list[object] = [tables]
-    for _ in range(_DEPTH):
-        level = [inner for one in level for inner in _inside(one)]
+    for _ in range(_MAX_DEPTH):
+        level = [inner for one in level for inner in _child_values(one)]
         if not level:
             return tables
     raise ValueError(_TOO_DEEP)
@@ -104,10 +104,10 @@ def toml(text: str) -> dict[str, Any]:
 _TUPLE, _PART_TOML = re.compile(r"\(('[^']*',? ?)+\)"), re.compile(r"'([^']*)'")
 """Key in an error message of `tomllib`, such as ``('run', 'speed')``, and its parts."""
 
-_TOO_DEEP = f"tables or lists nested more than {_DEPTH} deep"
+_TOO_DEEP = f"tables or lists nested more than {_MAX_DEPTH} deep"
 
 
-def _far_too_dotted(line: str) -> bool:
+def _has_too_many_parts(line: str) -> bool:
     """Return whether a line has a key of thousands of parts: the memory of `tomllib` is quadratic in their number."""
     key = line.partition("=")[0]
     return key.count(".") > _PARTS and "," not in key
@@ -116,7 +116,7 @@ def _far_too_dotted(line: str) -> bool:
 _PARTS = 1000
 
 
-def _inside(one: object) -> list[object]:
+def _child_values(one: object) -> list[object]:
     if isinstance(one, dict):
         return [*cast("dict[str, object]", one).values()]
     return cast("list[object]", one) if isinstance(one, list) else []

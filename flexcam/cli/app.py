@@ -1,6 +1,6 @@
 """Shared parts of the commands: application, signals, reading of cases, and keys that a command ignores.
 
-`UNUSED` lists the ignored keys; a new command, or a key that not every command uses, needs a row in it.
+`IGNORED_KEYS` lists the ignored keys; a new command, or a key that not every command uses, needs a row in it.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from flexcam.case.reader import read_case
 from flexcam.case.schema.base import Record
 from flexcam.core.errors import refuse
 from flexcam.core.units import RPM, parse
-from flexcam.report.terminal import note
+from flexcam.report.terminal import print_message
 
 
 @dataclass(frozen=True)
-class Unused:
+class IgnoredKeys:
     """Keys that some commands ignore.
 
     Parameters
@@ -57,51 +57,68 @@ _ACCURACY = ("fidelity.tolerance", "fidelity.estimate")
 _MODEL = ("fidelity.model", "fidelity.masses", "fidelity.modes", "fidelity.reduction")
 _NORM = ("fidelity.norm",)
 _SPEEDS = ("run.speed", "run.crank_speed")
-_LEAVE = "leave it out"
+_OMIT_REMEDY = "leave it out"
 
-UNUSED = (
-    Unused(
+IGNORED_KEYS = (
+    IgnoredKeys(
         ("campbell", "compare", "limits", "orders", "parting", "plot", "stability", "view"),
         (*_ACCURACY, *_NORM),
         "it takes the model as the case names it",
         "flexcam run chooses a model and estimates errors; name its choice by fidelity.model",
     ),
-    Unused(("sensitivity", "optimize"), ("fidelity.estimate",), "it asks many runs for numbers alone", _LEAVE),
-    Unused(
-        ("trade",), (*_MODEL, *_ACCURACY), "it runs every model of the ladder against a converged one",
+    IgnoredKeys(
+        ("sensitivity", "optimize"), ("fidelity.estimate",), "it asks many runs for numbers alone", _OMIT_REMEDY
+    ),
+    IgnoredKeys(
+        ("trade",),
+        (*_MODEL, *_ACCURACY),
+        "it runs every model of the ladder against a converged one",
         "flexcam run acts on it",
     ),
-    Unused(
+    IgnoredKeys(
         ("modes", "synthesize"),
         (*_MODEL, *_ACCURACY, *_NORM),
         "natural modes are those of all unknowns of the members",
-        _LEAVE,
+        _OMIT_REMEDY,
     ),
-    Unused(("cam", "settings"), (*_MODEL, *_ACCURACY, *_NORM), "closed forms need no model of the train", _LEAVE),
-    Unused(
-        ("modes",), ("run", "output"), "natural modes need no run", _LEAVE, laid=True,
+    IgnoredKeys(
+        ("cam", "settings"), (*_MODEL, *_ACCURACY, *_NORM), "closed forms need no model of the train", _OMIT_REMEDY
+    ),
+    IgnoredKeys(
+        ("modes",),
+        ("run", "output"),
+        "natural modes need no run",
+        _OMIT_REMEDY,
+        laid=True,
         but=(*_SPEEDS, "run.gravity", "run.fluctuation", "run.free_running"),
     ),
-    Unused(
-        ("cam", "settings"), ("run", "output"), "closed forms need no run", _LEAVE, laid=True,
+    IgnoredKeys(
+        ("cam", "settings"),
+        ("run", "output"),
+        "closed forms need no run",
+        _OMIT_REMEDY,
+        laid=True,
         but=(*_SPEEDS, "run.free_running"),
     ),
-    Unused(
-        ("cam",), ("springs", "masses", "loads", "materials", "sections", "bearings"),
-        "it looks at the cams alone", _LEAVE, laid=True,
+    IgnoredKeys(
+        ("cam",),
+        ("springs", "masses", "loads", "materials", "sections", "bearings"),
+        "it looks at the cams alone",
+        _OMIT_REMEDY,
+        laid=True,
     ),
-    Unused(("limits",), ("run.revolutions",), "it runs a few revolutions at each speed", _LEAVE, laid=True),
-)  # fmt: skip
+    IgnoredKeys(("limits",), ("run.revolutions",), "it runs a few revolutions at each speed", _OMIT_REMEDY, laid=True),
+)
 """Ignored keys by command."""
 
-_TELLS = ("check", "run")
+_REPORTING_COMMANDS = ("check", "run")
 """Commands that report ignored keys with their other warnings."""
 
-_OWN = {"paper": "compare", "settings": "settings", "sweep": "sweep"}
+_COMMAND_TABLES = {"paper": "compare", "settings": "settings", "sweep": "sweep"}
 """Tables used by a single command."""
 
 
-def unused(command: str, overrides: Sequence[str], case: Case | None = None) -> list[str]:
+def ignored_key_warnings(command: str, overrides: Sequence[str], case: Case | None = None) -> list[str]:
     """Return messages about the given keys that a command ignores."""
     laid = [one.partition("=")[0].strip() for one in overrides]
     twice = [
@@ -110,25 +127,25 @@ def unused(command: str, overrides: Sequence[str], case: Case | None = None) -> 
         if (last := len(laid) - 1 - laid[::-1].index(laid[i])) != i
     ]
     found: dict[tuple[str, str], list[str]] = {}
-    for row in UNUSED:
+    for row in IGNORED_KEYS:
         if command in row.commands:
-            told = [f"{key} (--set)" for key in laid if _below(key, row.keys) and not _below(key, row.but)]
-            told = told if row.laid or case is None else [case.place(key) for key in _given(case, row.keys)]
+            told = [f"{key} (--set)" for key in laid if _is_below(key, row.keys) and not _is_below(key, row.but)]
+            told = told if row.laid or case is None else [case.place(key) for key in _changed_keys(case, row.keys)]
             found.setdefault((row.why, row.remedy), []).extend(told)
     sentences = [_sentence(keys, command, *reason) for reason, keys in found.items() if keys]
-    return [*twice, *sentences, *_of_others(command, laid), *_idle(command, case)]
+    return [*twice, *sentences, *_other_command_overrides(command, laid), *_ineffective_keys(command, case)]
 
 
 def _sentence(keys: Sequence[str], command: str, why: str, remedy: str) -> str:
     return f"Note: {', '.join(keys)} {'has' if len(keys) == 1 else 'have'} no part in {command}: {why}; {remedy}"
 
 
-def _below(key: str, above: Sequence[str]) -> bool:
+def _is_below(key: str, above: Sequence[str]) -> bool:
     """Return whether a key equals or is below one of several keys."""
     return any(key == one or key.startswith(f"{one}.") for one in above)
 
 
-def _given(case: Case, keys: Sequence[str]) -> Iterator[tuple[str, str]]:
+def _changed_keys(case: Case, keys: Sequence[str]) -> Iterator[tuple[str, str]]:
     """Yield the keys of a table of the case with values other than their defaults."""
     for table, name in (key.split(".") for key in keys):
         record: Record = getattr(case.record, table)
@@ -137,29 +154,29 @@ def _given(case: Case, keys: Sequence[str]) -> Iterator[tuple[str, str]]:
             yield table, name
 
 
-def _of_others(command: str, laid: Sequence[str]) -> Iterator[str]:
+def _other_command_overrides(command: str, laid: Sequence[str]) -> Iterator[str]:
     """Yield the overrides of tables of other commands."""
     for key in laid:
-        its = _OWN.get(key.partition(".")[0])
+        its = _COMMAND_TABLES.get(key.partition(".")[0])
         if its not in (None, command) and command != "check":
-            yield _sentence([f"{key} (--set)"], command, f"that table is for flexcam {its}", _LEAVE)
+            yield _sentence([f"{key} (--set)"], command, f"that table is for flexcam {its}", _OMIT_REMEDY)
 
 
-def _idle(command: str, case: Case | None) -> Iterator[str]:
+def _ineffective_keys(command: str, case: Case | None) -> Iterator[str]:
     """Yield the keys without effect because of another key of the case."""
     if (
         case is None
-        or command in _TELLS
-        or any(command in row.commands and "fidelity.masses" in row.keys for row in UNUSED)
+        or command in _REPORTING_COMMANDS
+        or any(command in row.commands and "fidelity.masses" in row.keys for row in IGNORED_KEYS)
     ):
         return
-    if case.record.fidelity.model != "chain" and (given := list(_given(case, ["fidelity.masses"]))):
+    if case.record.fidelity.model != "chain" and (given := list(_changed_keys(case, ["fidelity.masses"]))):
         why = f"they are those of a chain, and the model is {case.record.fidelity.model}"
         yield _sentence([case.place(key) for key in given], "this case", why, 'give fidelity.model = "chain"')
 
 
 @dataclass
-class Running:
+class RunState:
     """State shared by the signal handler and the current run, and the current command."""
 
     command: str = ""
@@ -171,7 +188,7 @@ class Running:
         return bool(self.signals)
 
 
-running = Running()
+run_state = RunState()
 
 CaseFile = Annotated[Path, Parameter(help="Case file (TOML).")]
 ResultPath = Annotated[Path, Parameter(help="Result file (.vtkhdf).")]
@@ -214,7 +231,7 @@ app.register_install_completion_command()  # pyright: ignore[reportUnknownMember
 _BARE = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*$")
 
 
-def quantity(where: str, text: str, dimension: str, unit: str) -> float:
+def parse_quantity(where: str, text: str, dimension: str, unit: str) -> float:
     """Return the SI number of an option; a number without a unit is rejected, because it could be mistaken for SI."""
     if _BARE.match(text) and float(text) != 0.0:
         allowed = f"a number with its unit, such as '{text.strip()} {unit}'"
@@ -222,22 +239,22 @@ def quantity(where: str, text: str, dimension: str, unit: str) -> float:
     return parse(text, dimension, where)
 
 
-def load(path: Path, overrides: Sequence[str] | None) -> Case:
+def load_case(path: Path, overrides: Sequence[str] | None) -> Case:
     """Read a case with the overrides of ``--set``, and report keys that the command ignores."""
     case = read_case(path, overrides or ())
-    tell_unused(overrides, case)
+    warn_ignored_keys(overrides, case)
     return case
 
 
-def tell_unused(overrides: Sequence[str] | None, case: Case | None = None) -> None:
+def warn_ignored_keys(overrides: Sequence[str] | None, case: Case | None = None) -> None:
     """Report the keys that the current command ignores; for a file of cams, only the overrides."""
-    for sentence in unused(running.command, overrides or (), case):
-        note(sentence)
+    for sentence in ignored_key_warnings(run_state.command, overrides or (), case):
+        print_message(sentence)
 
 
 def load_beams(path: Path, overrides: Sequence[str] | None) -> Case:
     """Read a case for a command that requires its beams; raise an error if it requests a coarser model."""
-    case = load(path, overrides)
+    case = load_case(path, overrides)
     asked = case.record.fidelity
     for key, given, allowed in (("model", asked.model, "beams"), ("modes", asked.modes, None)):
         if given != allowed:
@@ -246,7 +263,7 @@ def load_beams(path: Path, overrides: Sequence[str] | None) -> Case:
     return case
 
 
-def from_one(option: str, number: int) -> None:
+def check_positive(option: str, number: int) -> None:
     """Raise an error if a number is less than 1."""
     if number < 1:
         raise refuse(option, number, "a whole number from 1")
@@ -261,8 +278,8 @@ def speed_range(
     """Return the range of camshaft speeds of a command, rad/s; by default half to `most` times the case's speed."""
     if not 2 <= count <= _MOST_SPEEDS:
         raise refuse("--count", count, f"a whole number from 2 to {_MOST_SPEEDS}", "each speed is a run")
-    low = 0.5 * speed if lowest is None else quantity("--lowest", lowest, "speed", "rpm") / scale
-    high = most * speed if highest is None else quantity("--highest", highest, "speed", "rpm") / scale
+    low = 0.5 * speed if lowest is None else parse_quantity("--lowest", lowest, "speed", "rpm") / scale
+    high = most * speed if highest is None else parse_quantity("--highest", highest, "speed", "rpm") / scale
     if not high > low:
         given = highest or f"{scale * high / RPM:g} rpm, {most:g} times that of the case"
         raise refuse("--highest", given, f"above the lowest speed, {scale * low / RPM:g} rpm")
@@ -271,17 +288,17 @@ def speed_range(
     return low, high
 
 
-def bracket(option: str, text: str, scale: float) -> float:
+def parse_speed_tolerance(option: str, text: str, scale: float) -> float:
     """Return the tolerance of a speed search, of the camshaft in rad/s."""
-    width = quantity(option, text, "speed", "rpm") / scale
+    width = parse_quantity(option, text, "speed", "rpm") / scale
     if not width > 0.0:
         raise refuse(option, text, "a speed above zero", "a bracket is halved until it is as narrow")
     return width
 
 
-def free_picture(plot: Path | None, overwrite: bool) -> None:
+def check_figure_path(plot: Path | None, overwrite: bool) -> None:
     """Raise an error if a figure cannot be written, before a computation."""
     if plot is not None:
-        from flexcam.plotting.figures import free_for_picture
+        from flexcam.plotting.figures import check_figure_path
 
-        free_for_picture(plot, overwrite=overwrite)
+        check_figure_path(plot, overwrite=overwrite)

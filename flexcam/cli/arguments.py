@@ -12,29 +12,29 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flexcam.analysis.cam_report import CamSet, load_cams
-from flexcam.analysis.preparation import Prepared, prepare
-from flexcam.analysis.stored_model import reopened
+from flexcam.analysis.preparation import PreparedRun, prepare
+from flexcam.analysis.stored_model import reload_result
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
-from flexcam.case.reader import holds_mechanism, recalled_case
-from flexcam.cli.app import free_picture, load
-from flexcam.core.errors import Fault, InputError, refuse, together
-from flexcam.dynamics import Response, Status, raise_if_interrupted, solve
-from flexcam.io import Result, free_to_write, read_result, write_text
-from flexcam.report.formatting import Told, told_apart
-from flexcam.report.terminal import out, print_json, progress
+from flexcam.case.reader import case_from_result, has_mechanism
+from flexcam.cli.app import check_figure_path, load_case
+from flexcam.core.errors import Fault, InputError, collect_errors, refuse
+from flexcam.dynamics import Response, Status, reraise_interrupt, solve
+from flexcam.io import Result, check_writable, read_result, write_text
+from flexcam.report.formatting import StudyOutput, make_unique
+from flexcam.report.terminal import print_json, result_console, show_progress
 from flexcam.valvetrain import Cam
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-Answer = tuple[Told, Callable[[], "Figure"]]
+StudyAnswer = tuple[StudyOutput, Callable[[], "Figure"]]
 """Output of a study, and the function that draws it."""
 
 
 def write_answer(
-    answer: Answer, csv: Path | None, plot: Path | None, ended: Status, *, overwrite: bool, as_json: bool,
+    answer: StudyAnswer, csv: Path | None, plot: Path | None, ended: Status, *, overwrite: bool, as_json: bool,
     written: Sequence[Path] = (),
 ) -> None:  # fmt: skip
     """Print the output of a study and write its table and figure, also after an interruption; name every file."""
@@ -50,11 +50,11 @@ def write_answer(
         print_json({"status": "ok" if ended.ok else str(ended.cause), **told.json, "files": files})
         return
     for i, table in enumerate(told.tables):
-        out().print(*([""] if i else []), table, sep="\n")
+        result_console().print(*([""] if i else []), table, sep="\n")
     for sentence in told.words:
-        out().print("\n" + sentence)
+        result_console().print("\n" + sentence)
     for path in files:
-        out().print(path)
+        result_console().print(path)
 
 
 _UNITS = {"h": 3600.0, "min": 60.0, "s": 1.0, "ms": 1e-3}
@@ -63,7 +63,7 @@ _BARE = re.compile(r"\s*(\d+\.?\d*|\.\d+)\s*$")
 _ALLOWED = "a time above zero with its unit, such as 90s, 5min30s or 2h"
 
 
-def duration(where: str, text: str) -> float:
+def parse_duration(where: str, text: str) -> float:
     """Parse a duration."""
     whole = 0.0
     position = 0
@@ -73,13 +73,13 @@ def duration(where: str, text: str) -> float:
         whole += float(found[1]) * _UNITS[found[2]]
         position = found.end()
     if position < len(text) or not position:
-        raise _refusal(where, text, _why(text[position:]))
+        raise _refusal(where, text, _describe_remainder(text[position:]))
     if not 0.0 < whole < math.inf:
         raise _refusal(where, text, "nothing is done in no time" if whole == 0.0 else "the number is not finite")
     return whole
 
 
-def _why(rest: str) -> str:
+def _describe_remainder(rest: str) -> str:
     """Return why the remaining text is not a duration."""
     if _BARE.match(rest):
         return f"{rest.strip()} without a unit could be anything"
@@ -120,27 +120,27 @@ class Source:
     @cached_property
     def case(self) -> Case:
         """Case; of a result, the case stored in it."""
-        return load(self.path, self.overrides) if self.result is None else recalled_case(self.result)
+        return load_case(self.path, self.overrides) if self.result is None else case_from_result(self.result)
 
     @cached_property
-    def ready(self) -> Prepared:
+    def ready(self) -> PreparedRun:
         """Prepared run of the case."""
-        return prepare(self.case) if self.result is None else reopened(self.case, self.result)[0]
+        return prepare(self.case) if self.result is None else reload_result(self.case, self.result)[0]
 
     @cached_property
     def response(self) -> Response:
         """Response of the result, or of a run of the case."""
-        return _solved(self.ready) if self.result is None else self.result.response
+        return _solve_source(self.ready) if self.result is None else self.result.response
 
     @cached_property
     def rigid(self) -> Response:
         """Response with rigid members."""
-        return _solved(prepare(self.case, rigid=True))
+        return _solve_source(prepare(self.case, rigid=True))
 
     @cached_property
     def alone(self) -> CamSet | None:
         """Cams of a file without a mechanism; None for a result or a complete case."""
-        if self.path.suffix == RESULT or holds_mechanism(self.path):
+        if self.path.suffix == RESULT or has_mechanism(self.path):
             return None
         return load_cams(self.path, self.overrides)
 
@@ -165,14 +165,14 @@ class Source:
         return f"{self.case.record.title or self.stem}, {self.case.told_speed}"
 
 
-def _solved(ready: Prepared) -> Response:
-    with progress(ready.problem.steps) as bar:
+def _solve_source(ready: PreparedRun) -> Response:
+    with show_progress(ready.problem.steps) as bar:
         response = solve(ready.problem, ready.scheme, save=ready.save, sinks=bar)
-    raise_if_interrupted(response.status)
+    reraise_interrupt(response.status)
     return response
 
 
-def opened(paths: Sequence[Path], overrides: Sequence[str] | None, *, cams: bool = False) -> list[Source]:
+def open_sources(paths: Sequence[Path], overrides: Sequence[str] | None, *, cams: bool = False) -> list[Source]:
     """Return the sources of several files; unreadable files are rejected before a computation.
 
     With `cams`, files that contain only cams are accepted.
@@ -187,15 +187,15 @@ def opened(paths: Sequence[Path], overrides: Sequence[str] | None, *, cams: bool
     return found
 
 
-def named(sources: Sequence[Source]) -> dict[str, Source]:
+def name_sources(sources: Sequence[Source]) -> dict[str, Source]:
     """Return sources by a distinguishing name: empty for a single one, else file name, speed or number."""
     if len(sources) == 1:
         return {"": sources[0]}
     speeds = ["" if one.alone else one.case.told_speed for one in sources]
-    return dict(zip(told_apart([one.stem for one in sources], speeds), sources, strict=True))
+    return dict(zip(make_unique([one.stem for one in sources], speeds), sources, strict=True))
 
 
-def apart(written: Mapping[str, Path | None], read: Sequence[Path] = ()) -> None:
+def check_distinct_files(written: Mapping[str, Path | None], read: Sequence[Path] = ()) -> None:
     """Raise an error if output files coincide with each other or with an input file, regardless of overwriting."""
     taken = {_real(path): "what is read" for path in read}
     faults: list[Fault] = []
@@ -209,12 +209,12 @@ def apart(written: Mapping[str, Path | None], read: Sequence[Path] = ()) -> None
         raise InputError(faults)
 
 
-def free_targets(csv: Path | None, plot: Path | None, read: Path, *, overwrite: bool) -> None:
+def check_targets(csv: Path | None, plot: Path | None, read: Path, *, overwrite: bool) -> None:
     """Raise an error if a table or a figure cannot be written, before a computation."""
-    together(
-        lambda: apart({"--csv": csv, "--plot": plot}, [read]),
-        lambda: None if csv is None else free_to_write("output", csv, overwrite=overwrite),
-        lambda: free_picture(plot, overwrite),
+    collect_errors(
+        lambda: check_distinct_files({"--csv": csv, "--plot": plot}, [read]),
+        lambda: None if csv is None else check_writable("output", csv, overwrite=overwrite),
+        lambda: check_figure_path(plot, overwrite),
     )
 
 

@@ -12,36 +12,36 @@ import numpy as np
 from cyclopts import Parameter
 from rich.table import Table
 
-from flexcam.analysis.cam_report import CamFacts, cam_facts, load_cams, overlaps, profile_table
+from flexcam.analysis.cam_report import CamFacts, cam_facts, load_cams, profile_table, valve_overlaps
 from flexcam.cams import (
     PRESSURE_ANGLE,
     THRESHOLDS,
     Bridge,
     Extreme,
-    Finding,
     Joint,
     LiftReport,
+    ProfileFault,
     ValveEvent,
-    bridged,
+    find_bridges,
     lift_from_profile,
 )
-from flexcam.case.builder import given_follower
-from flexcam.cli.app import Json, Overrides, Overwrite, app, quantity, tell_unused
-from flexcam.cli.arguments import apart
+from flexcam.case.builder import parse_follower
+from flexcam.cli.app import Json, Overrides, Overwrite, app, parse_quantity, warn_ignored_keys
+from flexcam.cli.arguments import check_distinct_files
 from flexcam.core import FloatArray
-from flexcam.core.errors import did_you_mean, positive, refuse
+from flexcam.core.errors import positive, refuse, suggest_name
 from flexcam.core.units import RPM
-from flexcam.io import free_to_write, made_folder, named_as_folder, read_profile, write_lift_table, write_profile
-from flexcam.report.formatting import NOISE, degrees, mm
-from flexcam.report.terminal import facts, out, print_json, table
+from flexcam.io import check_folder_name, check_writable, create_folder, read_profile, write_lift_table, write_profile
+from flexcam.report.formatting import NOISE, format_degrees, format_mm
+from flexcam.report.terminal import facts_table, plain_table, print_json, result_console
 
 
-def drawing_words(notes: Sequence[str]) -> list[str]:
+def describe_sizes(notes: Sequence[str]) -> list[str]:
     """Return sentences about drawn sizes that a case does not give."""
     return ["Drawn with sizes that the case does not give:", *(f"  {note}" for note in notes)] if notes else []
 
 
-_NEGATIVE = 1e-4
+_NEGATIVE_LIFT_TOLERANCE = 1e-4
 """Allowed depth of a profile within its base circle, relative to the maximum lift: less than the grinding tolerance."""
 
 _STEPS = (("lift", "mm"), ("velocity", "mm/rad"), ("acceleration", "mm/rad^2"), ("jerk", "mm/rad^3"))
@@ -90,20 +90,20 @@ def cam_table(name: str, found: CamFacts, speed: float | None, ratio: float) -> 
         ("largest velocity", _at_speed(found.velocity, "mm/rad", "m/s", 1, speed)),
         ("largest acceleration", _at_speed(found.acceleration, "mm/rad^2", "m/s^2", 2, speed)),
         ("largest jerk", _jerk(found.jerk)),
-        ("harmonics 1 to 10", ", ".join(mm(one, 3) for one in found.harmonics) + " mm"),
+        ("harmonics 1 to 10", ", ".join(format_mm(one, 3) for one in found.harmonics) + " mm"),
         *((f"valve open beyond {lift}", _event(event, ratio * found.lift[0].value > THRESHOLDS[lift]))
           for lift, event in found.events.items()),
         *_joints(found.joints),
         *_profile(found, speed),
         *(("attention", _finding(one)) for one in found.findings),
     ]  # fmt: skip
-    return facts(f"Cam {name}", rows)
+    return facts_table(f"Cam {name}", rows)
 
 
 def _lift(found: CamFacts, ratio: float) -> str:
     least, largest = (one.value for one in found.lift)
-    low = f"{mm(least)} to " if abs(least) > NOISE * largest else ""
-    return f"{low}{mm(largest)} mm" + (f", at the valve x {ratio:g}" if ratio != 1.0 else "")
+    low = f"{format_mm(least)} to " if abs(least) > NOISE * largest else ""
+    return f"{low}{format_mm(largest)} mm" + (f", at the valve x {ratio:g}" if ratio != 1.0 else "")
 
 
 def _jerk(jerk: float | None) -> str:
@@ -137,11 +137,11 @@ def _profile(found: CamFacts, speed: float | None) -> list[tuple[str, str]]:
         return [("profile", "give base_radius and follower for one")]
     seen = profile.extremes
     rows = [
-        ("base circle", f"{mm(profile.follower.base_radius)} mm; {_least(found.least_base_radius)}"),
+        ("base circle", f"{format_mm(profile.follower.base_radius)} mm; {_least(found.least_base_radius)}"),
         ("tightest convex radius", _convex(seen.convex)),
-        ("tightest hollow", f"radius {mm(seen.hollow.value)} mm {_at(seen.hollow)}" if seen.hollow else "none"),
-        ("largest pressure angle", f"{degrees(abs(seen.pressure_angle.value))} deg {_at(seen.pressure_angle)}"),
-        ("contact offset", f"{mm(seen.offset[0].value, 5)} to {mm(seen.offset[1].value, 5)} mm"),
+        ("tightest hollow", f"radius {format_mm(seen.hollow.value)} mm {_at(seen.hollow)}" if seen.hollow else "none"),
+        ("largest pressure angle", f"{format_degrees(abs(seen.pressure_angle.value))} deg {_at(seen.pressure_angle)}"),
+        ("contact offset", f"{format_mm(seen.offset[0].value, 5)} to {format_mm(seen.offset[1].value, 5)} mm"),
         ("largest sliding velocity", _at_speed(abs(seen.sliding.value), "mm/rad", "m/s", 1, speed)),
     ]  # fmt: skip
     return rows
@@ -150,7 +150,7 @@ def _profile(found: CamFacts, speed: float | None) -> list[tuple[str, str]]:
 def _convex(tightest: Extreme) -> str:
     if tightest.value <= 0.0:
         return f"none: the profile is undercut {_at(tightest)}"
-    return f"{mm(tightest.value)} mm {_at(tightest)}"
+    return f"{format_mm(tightest.value)} mm {_at(tightest)}"
 
 
 def _at(place: Extreme) -> str:
@@ -160,15 +160,15 @@ def _at(place: Extreme) -> str:
 def _least(radius: float | None) -> str:
     if radius is None:
         return "no other keeps this event within the limits"
-    return f"least within the limits {mm(radius)} mm" if radius else "any smaller one is within the limits too"
+    return f"least within the limits {format_mm(radius)} mm" if radius else "any smaller one is within the limits too"
 
 
-def _finding(one: Finding) -> str:
+def _finding(one: ProfileFault) -> str:
     if one.kind == "angle":
-        measure = f"{degrees(one.value)} deg, allowed at most {degrees(one.limit)} deg"
+        measure = f"{format_degrees(one.value)} deg, allowed at most {format_degrees(one.limit)} deg"
     else:
-        side = f"at least {mm(one.limit, 4)} mm" if one.limit else "above 0"
-        measure = f"{mm(one.value, 4)} mm, allowed {side}"
+        side = f"at least {format_mm(one.limit, 4)} mm" if one.limit else "above 0"
+        measure = f"{format_mm(one.value, 4)} mm, allowed {side}"
     place = f"at {math.degrees(one.angle):.4g} deg: {measure}"
     return f"{one.what} ({place}); {one.remedy}"
 
@@ -176,7 +176,7 @@ def _finding(one: Finding) -> str:
 def overlap_table(overlaps: Sequence[tuple[str, str, str, float]]) -> Table:
     """Return the table of the valve overlap of two cams."""
     rows = [(f"{one} and {other}", lift, f"{math.degrees(angle):.2f}") for one, other, lift, angle in overlaps]
-    return table("Overlap", ("cams", "at a lift of", "crank deg"), rows)
+    return plain_table("Overlap", ("cams", "at a lift of", "crank deg"), rows)
 
 
 def smoothing_table(name: str, report: LiftReport) -> Table:
@@ -193,24 +193,26 @@ def smoothing_table(name: str, report: LiftReport) -> Table:
         ("acceleration of the spline", after),
         *(("attention", said) for said in report.remarks),
     ]
-    return facts(f"Lift table of {name}", rows)
+    return facts_table(f"Lift table of {name}", rows)
 
 
-def read_table(name: str, points: int, angle: FloatArray, lift: FloatArray, hollow: Bridge | None) -> Table:
+def lift_from_profile_table(
+    name: str, points: int, angle: FloatArray, lift: FloatArray, hollow: Bridge | None
+) -> Table:
     """Return the table of a lift computed from a profile."""
     low, high = (Extreme(float(lift[i]), float(angle[i])) for i in (int(np.argmin(lift)), int(np.argmax(lift))))
     rows = [
         ("points", str(points)),
-        ("largest lift", f"{mm(high.value)} mm {_at(high)}"),
-        ("least lift", f"{mm(low.value)} mm {_at(low)}"),
+        ("largest lift", f"{format_mm(high.value)} mm {_at(high)}"),
+        ("least lift", f"{format_mm(low.value)} mm {_at(low)}"),
     ]
-    if low.value < -_NEGATIVE * high.value:
+    if low.value < -_NEGATIVE_LIFT_TOLERANCE * high.value:
         rows.append(("attention", "the profile lies within the base circle; check its radius and the unit"))
     if hollow is not None:
-        place = f"{mm(hollow.point[0], 4)}, {mm(hollow.point[1], 4)} mm"
-        said = f"the follower bridges a hollow of the profile: {mm(hollow.depth, 3)} mm are left at {place}"
+        place = f"{format_mm(hollow.point[0], 4)}, {format_mm(hollow.point[1], 4)} mm"
+        said = f"the follower bridges a hollow of the profile: {format_mm(hollow.depth, 3)} mm are left at {place}"
         rows.append(("attention", f"{said}; a smaller roller follows it"))
-    return facts(f"Lift of {name}", rows)
+    return facts_table(f"Lift of {name}", rows)
 
 
 _LEAST_POINTS, _MOST_POINTS = 12, 100_000
@@ -240,35 +242,35 @@ def cam(
     overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
 ) -> None:  # fmt: skip
     """Say what the cams of a file do: lift, joints, valve events, profile and its limits; write profiles to files."""
-    _with_a_folder(folder, forms, plot, plot_format)
+    _check_forms(folder, forms, plot, plot_format)
     if folder is not None:
-        named_as_folder(folder)
+        check_folder_name(folder)
     kind = plot_format or "svg"
     cams = load_cams(case, overrides or ())
-    tell_unused(overrides)
+    warn_ignored_keys(overrides)
     if name is not None and name not in cams.cams:
-        raise refuse("--cam", repr(name), ", ".join(cams.cams), "", did_you_mean(name, cams.cams))
-    wheel = quantity("--cutter", cutter, "length", "mm") if cutter is not None else None
+        raise refuse("--cam", repr(name), ", ".join(cams.cams), "", suggest_name(name, cams.cams))
+    wheel = parse_quantity("--cutter", cutter, "length", "mm") if cutter is not None else None
     limit = _pressure_limit(pressure_angle)
     found = {
         one: cam_facts(part, ratio=cams.ratios[one], count=points, pressure_angle=limit, cutter=wheel)
         for one, part in cams.cams.items()
         if name in (None, one)
     }
-    _profile_asked(found, folder, cutter)
-    _folder_of_pictures(plot)
+    _check_profile_options(found, folder, cutter)
+    _check_figure_folder(plot)
     files: list[Path] = []
     for one in found:  # before files are written
         for path in _picture_names(plot / f"{cams.name}-{one}", kind).values() if plot is not None else ():
-            free_to_write("picture", path, overwrite=overwrite)
+            check_writable("picture", path, overwrite=overwrite)
     for one, lobe in found.items():
         if folder is not None and lobe.profile is not None:
-            stem = made_folder(folder) / f"{cams.name}-{one}"
+            stem = create_folder(folder) / f"{cams.name}-{one}"
             table = profile_table(lobe.profile, wheel)
             files += write_profile(table, stem, forms or ["csv", "dxf", "vtp"], overwrite=overwrite)
         if plot is not None:
-            files += _pictures(made_folder(plot) / f"{cams.name}-{one}", kind, lobe, overwrite=overwrite)
-    pairs = overlaps(found)
+            files += _pictures(create_folder(plot) / f"{cams.name}-{one}", kind, lobe, overwrite=overwrite)
+    pairs = valve_overlaps(found)
     if as_json:
         print_json({
             "status": "ok",
@@ -278,20 +280,18 @@ def cam(
         })  # fmt: skip
         return
     for one, lobe in found.items():
-        out().print(cam_table(one, lobe, cams.speed, cams.ratios[one]))
-        out().print()
+        result_console().print(cam_table(one, lobe, cams.speed, cams.ratios[one]))
+        result_console().print()
         if one in cams.reports:
-            out().print(smoothing_table(one, cams.reports[one]))
-            out().print()
+            result_console().print(smoothing_table(one, cams.reports[one]))
+            result_console().print()
     if pairs:
-        out().print(overlap_table(pairs))
+        result_console().print(overlap_table(pairs))
     for path in files:
-        out().print(str(path))
+        result_console().print(str(path))
 
 
-def _with_a_folder(
-    folder: Path | None, forms: Sequence[str] | None, plot: Path | None, plot_format: str | None
-) -> None:
+def _check_forms(folder: Path | None, forms: Sequence[str] | None, plot: Path | None, plot_format: str | None) -> None:
     """Raise an error for a file format without an output folder."""
     for option, given, other, asked in (
         ("--format", forms, "-o", folder),
@@ -302,7 +302,7 @@ def _with_a_folder(
             raise refuse(option, told, f"{option} with {other} only", why, f"add {other} FOLDER")
 
 
-def _profile_asked(found: Mapping[str, CamFacts], folder: Path | None, cutter: str | None) -> None:
+def _check_profile_options(found: Mapping[str, CamFacts], folder: Path | None, cutter: str | None) -> None:
     """Raise an error for options that require a profile if there is none."""
     for option, given in (("-o", folder), ("--cutter", cutter)):
         if given is not None and not any(one.profile for one in found.values()):
@@ -310,7 +310,7 @@ def _profile_asked(found: Mapping[str, CamFacts], folder: Path | None, cutter: s
             raise refuse(option, str(given), "nothing without a profile", why, remedy)
 
 
-def _folder_of_pictures(plot: Path | None) -> None:
+def _check_figure_folder(plot: Path | None) -> None:
     """Raise an error for a file name in the place of a folder of figures."""
     if plot is not None and plot.suffix in (".svg", ".png", ".pdf"):
         remedy = f"name a folder; --plot-format {plot.suffix[1:]} says the kind"
@@ -318,7 +318,7 @@ def _folder_of_pictures(plot: Path | None) -> None:
 
 
 def _pressure_limit(text: str) -> float:
-    limit = positive("--pressure-angle", quantity("--pressure-angle", text, "angle", "deg"), "rad")
+    limit = positive("--pressure-angle", parse_quantity("--pressure-angle", text, "angle", "deg"), "rad")
     if limit >= 0.5 * math.pi:
         raise refuse(
             "--pressure-angle", text, "an angle below 90 deg", "at 90 deg nothing moves it", "30 deg is common"
@@ -358,14 +358,14 @@ def lift(
     overwrite: Overwrite = False, as_json: Json = False,
 ) -> None:  # fmt: skip
     """Say what a cam given by points of its profile does to a follower, and write the lift as a table."""
-    apart({"--output": output}, [profile])
+    check_distinct_files({"--output": output}, [profile])
     if base_radius is not None:
-        positive("--base-radius", quantity("--base-radius", base_radius, "length", "mm"), "m")
+        positive("--base-radius", parse_quantity("--base-radius", base_radius, "length", "mm"), "m")
     if not _LEAST_POINTS <= points <= _MOST_POINTS:
         raise refuse("--points", points, f"a whole number from {_LEAST_POINTS} to {_MOST_POINTS}")
-    made, turn = given_follower(follower, base_radius, clockwise=clockwise)
+    made, turn = parse_follower(follower, base_radius, clockwise=clockwise)
     around, xy = np.linspace(0.0, 2.0 * math.pi, points, endpoint=False), read_profile(profile, unit=unit)
-    found, hollow = lift_from_profile(xy, made, around, turn=turn), bridged(xy, made, turn=turn)
+    found, hollow = lift_from_profile(xy, made, around, turn=turn), find_bridges(xy, made, turn=turn)
     files = [] if output is None else [write_lift_table(output, around, found, overwrite=overwrite)]
     if as_json:
         print_json({
@@ -373,6 +373,6 @@ def lift(
             "bridged": None if hollow is None else asdict(hollow), "files": [str(path) for path in files],
         })  # fmt: skip
         return
-    out().print(read_table(profile.name, len(xy), around, found, hollow))
+    result_console().print(lift_from_profile_table(profile.name, len(xy), around, found, hollow))
     for path in files:
-        out().print(f'{path}  (in a case: lift_table = "{path.name}" instead of law, lift, rise and return)')
+        result_console().print(f'{path}  (in a case: lift_table = "{path.name}" instead of law, lift, rise and return)')

@@ -7,19 +7,26 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from flexcam.analysis.natural_modes import mode_likeness
+from flexcam.analysis.natural_modes import modal_assurance
 from flexcam.analysis.natural_modes import modes as case_modes
-from flexcam.analysis.preparation import standing
-from flexcam.analysis.run import budget_of, geometry_of
+from flexcam.analysis.preparation import prepare_without_periodic_search
+from flexcam.analysis.run import estimate_case_resources, output_geometry
 from flexcam.case.builder import build_model
 from flexcam.case.reader import read_case
-from flexcam.cli.app import CaseFile, Json, Overrides, Overwrite, app, from_one, load
-from flexcam.core.errors import together
+from flexcam.cli.app import CaseFile, Json, Overrides, Overwrite, app, check_positive, load_case
+from flexcam.core.errors import collect_errors
 from flexcam.dynamics import integrated_size
-from flexcam.io import made_folder, named_as_folder, write_modes
-from flexcam.report.model_tables import left_out, mac_table, mac_words, mode_table, model_table, resolved
-from flexcam.report.run_checks import doubts, input_doubts
-from flexcam.report.terminal import out, print_json
+from flexcam.io import check_folder_name, create_folder, write_modes
+from flexcam.report.model_tables import (
+    describe_inactive,
+    describe_mac,
+    mac_table,
+    mode_table,
+    model_table,
+    resolved_toml,
+)
+from flexcam.report.run_checks import check_input, check_modes
+from flexcam.report.terminal import print_json, result_console
 from flexcam.valvetrain import member_masses
 
 Prestress = Annotated[
@@ -43,16 +50,16 @@ def check(
     overrides: Overrides = None, as_json: Json = False,
 ) -> None:  # fmt: skip
     """Check a case, and say what its model contains and what is doubtful about it."""
-    read = load(case, overrides)
-    ready = standing(read)
-    found, takes = case_modes(read), budget_of(ready, "revolution")
+    read = load_case(case, overrides)
+    ready = prepare_without_periodic_search(read)
+    found, takes = case_modes(read), estimate_case_resources(ready, "revolution")
     if as_json:
         mesh, system = ready.model.mesh, ready.problem.system
         print_json({
             "status": "ok", "title": ready.case.record.title,
             "elements": len(mesh.elements()), "dof": system.size,
             "integrated": integrated_size(ready.problem),
-            "left_out": left_out(ready), "nodes": len(mesh.nodes),
+            "left_out": describe_inactive(ready), "nodes": len(mesh.nodes),
             "members": {name: len(line) - 1 for name, line in mesh.lines.items()},
             "masses": {name: part.body.mass for name, part in ready.model.masses.items()},
             "springs": {name: spring.stiffness for name, spring in ready.model.springs.items()},
@@ -61,18 +68,18 @@ def check(
             "free_motions": found.modes.rigid, "steps": ready.problem.steps, "step_s": ready.problem.step,
             "memory_bytes": takes.memory, "result_bytes": takes.file,
             "frequencies_hz": found.modes.frequencies[found.modes.rigid :][:10].tolist(),
-            "warnings": doubts(found) + input_doubts(ready),
+            "warnings": check_modes(found) + check_input(ready),
             "loads": {load.name: [system.names[i] for i in load.vector.nonzero()[0]] for load in system.loads},
             "case": ready.case.record.model_dump(mode="json", by_alias=True),
         })  # fmt: skip
     else:
-        out().print(model_table(ready, found, takes))
-        for sentence in doubts(found) + input_doubts(ready):
-            out().print("\n" + sentence)
+        result_console().print(model_table(ready, found, takes))
+        for sentence in check_modes(found) + check_input(ready):
+            result_console().print("\n" + sentence)
         if echo:
-            out().print("\n# the case as it is run, SI\n" + resolved(ready.case))
+            result_console().print("\n# the case as it is run, SI\n" + resolved_toml(ready.case))
         else:
-            out().print("\n--echo prints the case with every default filled in.")
+            result_console().print("\n--echo prints the case with every default filled in.")
 
 
 @app.command(
@@ -96,38 +103,40 @@ def modes(
     mac
         Another case, as it stands in its file, whose modes are compared with these (modal assurance criterion).
     """
-    read = together(
-        lambda: load(case, overrides),
-        lambda: from_one("--count", count),
-        lambda: None if folder is None else named_as_folder(folder),
+    read = collect_errors(
+        lambda: load_case(case, overrides),
+        lambda: check_positive("--count", count),
+        lambda: None if folder is None else check_folder_name(folder),
     )
     found = case_modes(read, count, prestress=prestress)
     likeness, compared = None, 0
     if mac is not None:
         other = read_case(mac)
-        likeness, compared = mode_likeness(read, found, other, case_modes(other, count, prestress=prestress))
+        likeness, compared = modal_assurance(read, found, other, case_modes(other, count, prestress=prestress))
     files: list[Path] = []
     if folder is not None:
-        path = made_folder(folder) / f"{read.name}-modes.vtkhdf"
-        drawn = geometry_of(build_model(read))
+        path = create_folder(folder) / f"{read.name}-modes.vtkhdf"
+        drawn = output_geometry(build_model(read))
         files = write_modes(path, drawn, found.modes.frequencies, found.modes.shapes, overwrite=overwrite)
     if as_json:
         print_json({
             "status": "ok", "title": read.record.title,
             "frequencies_hz": found.modes.frequencies.tolist(), "free_motions": found.modes.rigid,
             "effective_masses": found.effective.tolist(), "lost": found.modes.lost,
-            "rounding": found.modes.rounding.tolist(), "warnings": doubts(found),
+            "rounding": found.modes.rounding.tolist(), "warnings": check_modes(found),
             "moves": [found.words(i) for i in range(len(found.shares))],
             "mac": None if likeness is None else likeness.tolist(), "mac_nodes": compared,
             "files": [str(path) for path in files],
         })  # fmt: skip
         return
-    out().print(mode_table(found, read.title))
-    for sentence in doubts(found):
-        out().print("\n" + sentence)
+    result_console().print(mode_table(found, read.title))
+    for sentence in check_modes(found):
+        result_console().print("\n" + sentence)
     if likeness is not None:
-        out().print()
-        out().print(mac_table(likeness))
-        out().print("\n" + mac_words(likeness, compared))
+        result_console().print()
+        result_console().print(mac_table(likeness))
+        result_console().print("\n" + describe_mac(likeness, compared))
     if files:
-        out().print(f"\n{files[0]}: pick a mode in Warp By Vector and press play; {files[1]} holds the still shapes")
+        result_console().print(
+            f"\n{files[0]}: pick a mode in Warp By Vector and press play; {files[1]} holds the still shapes"
+        )

@@ -18,19 +18,19 @@ from flexcam.core.errors import refuse
 from flexcam.dynamics import Response
 from flexcam.io import (
     Result,
-    free_to_write,
-    macro_of,
-    made_folder,
-    named_as_folder,
+    check_folder_name,
+    check_writable,
+    create_folder,
+    macro_path,
     read_result,
-    verified,
+    verify_file,
     write_csv,
     write_macro,
     write_mesh,
     write_pvd,
 )
-from flexcam.report.result_tables import info_table, stats_json, verified_words
-from flexcam.report.terminal import out, print_json
+from flexcam.report.result_tables import describe_verification, info_table, stats_json
+from flexcam.report.terminal import print_json, result_console
 
 
 @app.command(
@@ -71,24 +71,24 @@ def export(
     ):
         if given and form != needed:
             raise refuse(option, f"--format {form}", f"--format {needed}", why)
-    target = made_folder(source.parent if folder is None else named_as_folder(folder)) / f"{source.stem}.{form}"
+    target = create_folder(source.parent if folder is None else check_folder_name(folder)) / f"{source.stem}.{form}"
     if form in ("msh", "inp"):
         write_mesh(build_model(read_case(source)).mesh, target, overwrite=overwrite)
         files = [target]
     elif form == "csv":
-        response = _at_instants(read_result(source).response, instants)
+        response = _select_instants(read_result(source).response, instants)
         files = [write_csv(response, target, probes=probes, every=every, overwrite=overwrite)]
     else:
-        files = _collection(read_result(source), target, every, fields, macro=macro, overwrite=overwrite)
+        files = _write_collection(read_result(source), target, every, fields, macro=macro, overwrite=overwrite)
     if as_json:
         print_json({"status": "ok", "files": [str(path) for path in files]})
     else:
-        out().print(f"{files[0]} ({len(files)} files)" if len(files) > 1 else str(files[0]))
+        result_console().print(f"{files[0]} ({len(files)} files)" if len(files) > 1 else str(files[0]))
         if macro:
-            out().print(f"paraview --script={files[1]}")
+            result_console().print(f"paraview --script={files[1]}")
 
 
-def _collection(
+def _write_collection(
     result: Result, target: Path, every: int, fields: list[str] | None, *, macro: bool, overwrite: bool
 ) -> list[Path]:
     """Write a collection and its macro after checking that both may be written."""
@@ -96,7 +96,7 @@ def _collection(
         return write_pvd(result, target, every=every, fields=fields, overwrite=overwrite)
     if fields is not None and "displacement" not in fields:
         raise refuse("--field", ", ".join(fields), "displacement among them", "the macro warps by it")
-    free_to_write("export", macro_of(target), overwrite=overwrite)
+    check_writable("export", macro_path(target), overwrite=overwrite)
     first, *rest = write_pvd(result, target, every=every, fields=fields, overwrite=overwrite)
     shown = (*result.field_names, *result.recovered) if fields is None else tuple(fields)
     degrees = np.degrees(result.response.field_angle[::every]).tolist()
@@ -106,7 +106,7 @@ def _collection(
 _MOST_INSTANTS = 10_000_000
 
 
-def _at_instants(response: Response, count: int | None) -> Response:
+def _select_instants(response: Response, count: int | None) -> Response:
     """Return a response at evenly distributed instants; None for all of them."""
     if count is None:
         return response
@@ -129,11 +129,11 @@ def info(
 ) -> None:  # fmt: skip
     """Say what a result file holds: how its run ended, what computed it, what was saved."""
     if verify:
-        found = verified(result)
+        found = verify_file(result)
         if as_json:
             print_json({"status": "ok", "file": str(result), **asdict(found)})
         else:
-            out().print(verified_words(result, found))
+            result_console().print(describe_verification(result, found))
         return
     read = read_result(result)
     response = read.response
@@ -148,7 +148,7 @@ def info(
             "case": json.loads(read.about["resolved"]),
         })  # fmt: skip
     else:
-        out().print(info_table(read))
+        result_console().print(info_table(read))
 
 
 @app.command(help_prologue="flexcam schema > case.schema.json\n")

@@ -11,13 +11,13 @@ from cyclopts import Parameter
 from rich.table import Table
 
 from flexcam.cams import LAWS, Criteria, Extreme, Law, criteria, kind_names, residual_spectrum
-from flexcam.case.lift import given_law, law_file
-from flexcam.case.toml_lines import toml
-from flexcam.cli.app import Json, Overwrite, Picture, app, free_picture
-from flexcam.cli.arguments import apart
-from flexcam.core.errors import did_you_mean, refuse
-from flexcam.report.formatting import clear
-from flexcam.report.terminal import facts, out, print_json, table
+from flexcam.case.lift import parse_law, read_law
+from flexcam.case.toml_lines import parse_toml
+from flexcam.cli.app import Json, Overwrite, Picture, app, check_figure_path
+from flexcam.cli.arguments import check_distinct_files
+from flexcam.core.errors import refuse, suggest_name
+from flexcam.report.formatting import remove_noise
+from flexcam.report.terminal import facts_table, plain_table, print_json, result_console
 
 _CURVES = (("velocity", "s'"), ("acceleration", "s''"), ("jerk", "s'''"), ("moment", "s' s''"))
 
@@ -39,13 +39,13 @@ def law_facts(name: str, found: Criteria) -> Table:
     criteria = (("C_v", found.Cv), ("C_a", found.Ca), ("C_j", found.Cj), ("C_m", found.Cm))
     rows = [("criteria", ", ".join(f"{n} {'infinite' if x is None else f'{x:.6g}'}" for n, x in criteria))]
     rows += [
-        (f"{symbol} ({curve})", f"{_place(low)}, {_place(high)}")
+        (f"{symbol} ({curve})", f"{_format_position(low)}, {_format_position(high)}")
         for curve, symbol in _CURVES
         for low, high in [getattr(found, curve)]
     ]
     steps = ", ".join(_CURVES[order - 1][0] for order in found.jumps)
     peaks = [1.0, *(max(abs(one.value) for one in getattr(found, curve)) for curve, _ in _CURVES[:3])]
-    ends = [", ".join(f"{clear(v, peak):.6g}" for v, peak in zip(end, peaks, strict=True)) for end in found.ends]
+    ends = [", ".join(f"{remove_noise(v, peak):.6g}" for v, peak in zip(end, peaks, strict=True)) for end in found.ends]
     largest = max(found.harmonics, default=0.0)
     rows += [
         ("steps inside", steps or "none"),
@@ -53,13 +53,13 @@ def law_facts(name: str, found: Criteria) -> Table:
         ("s, s', s'', s''' at z = 1", ends[1]),
         ("symmetric", "yes" if found.symmetric else "no"),
         ("rms of s', s'', s'''", ", ".join(f"{value:.6g}" for value in found.rms)),
-        ("harmonics of s''", ", ".join(f"{clear(value, largest):.3g}" for value in found.harmonics)),
+        ("harmonics of s''", ", ".join(f"{remove_noise(value, largest):.3g}" for value in found.harmonics)),
         *(("not met between dwells", said) for said in found.broken),
     ]
-    return facts(f"Motion law {name}", rows)
+    return facts_table(f"Motion law {name}", rows)
 
 
-def _place(extreme: Extreme) -> str:
+def _format_position(extreme: Extreme) -> str:
     return f"{extreme.value:.6g} at z = {', '.join(f'{z:.6f}' for z in (extreme.at, *extreme.also))}"
 
 
@@ -71,13 +71,17 @@ def laws_table(found: Mapping[str, Criteria]) -> Table:
          rest[c.rest_at_ends])
         for name, c in found.items()
     ]  # fmt: skip
-    return table("Motion laws, lift 1 over angle 1", ("law", "C_v", "C_a", "C_j", "C_m", "zero at both ends"), rows)
+    return plain_table(
+        "Motion laws, lift 1 over angle 1", ("law", "C_v", "C_a", "C_j", "C_m", "zero at both ends"), rows
+    )
 
 
 def spectrum_table(spectra: Mapping[str, Sequence[float]], ratios: Sequence[float]) -> Table:
     """Return a table that compares residual vibrations."""
     rows = [(name, *(f"{value:.6f}" for value in values)) for name, values in spectra.items()]
-    return table("Residual vibration over lift, by rise time over period", ("law", *(f"{r:g}" for r in ratios)), rows)
+    return plain_table(
+        "Residual vibration over lift, by rise time over period", ("law", *(f"{r:g}" for r in ratios)), rows
+    )
 
 
 _RATIOS = (1.0, 1.5, 2.0, 3.0, 5.0)
@@ -99,10 +103,10 @@ def find_law(name: str, parameters: list[str] | None = None) -> Law:
     if name.endswith(".toml"):
         if parameters:
             raise refuse("--with", ", ".join(parameters), "nothing beside a law file", "the file says all of it")
-        return law_file(Path(name)).law
+        return read_law(Path(name)).law
     if not parameters and name not in LAWS and name not in kind_names():
         known = list(dict.fromkeys([*LAWS, *kind_names()]))
-        raise refuse("law", repr(name), ", ".join(known) + ", or a law file (.toml)", "", did_you_mean(name, known))
+        raise refuse("law", repr(name), ", ".join(known) + ", or a law file (.toml)", "", suggest_name(name, known))
     given: dict[str, object] = {"id": name}
     for one in parameters or ():
         key, equals, value = one.partition("=")
@@ -113,10 +117,10 @@ def find_law(name: str, parameters: list[str] | None = None) -> Law:
                 "--with", repr(one), "every parameter once", f"{key.strip()!r} is given twice", "leave one out"
             )
         try:
-            given[key.strip()] = toml(f"value = {value}")["value"]
+            given[key.strip()] = parse_toml(f"value = {value}")["value"]
         except ValueError:
             raise refuse("--with", repr(one), "a number or a list, such as exponents=[3,4,5]") from None
-    return given_law(given).law
+    return parse_law(given).law
 
 
 @app.command(
@@ -136,23 +140,23 @@ def law(
     one = find_law(name, parameters)
     found, ratios = criteria(one), tuple(residual or _RATIOS)
     left = residual_spectrum(one, ratios).tolist()
-    _drawn({name: one}, plot, spectrum, overwrite=overwrite)
+    _draw_laws({name: one}, plot, spectrum, overwrite=overwrite)
     if as_json:
         pairs = [{"ratio": ratio, "amplitude": value} for ratio, value in zip(ratios, left, strict=True)]
         print_json({"status": "ok", "law": name, **law_json(found), "residual": pairs})
         return
-    out().print(law_facts(name, found))
-    out().print()
-    out().print(spectrum_table({name: left}, ratios))
+    result_console().print(law_facts(name, found))
+    result_console().print()
+    result_console().print(spectrum_table({name: left}, ratios))
 
 
-def _drawn(found: Mapping[str, Law], plot: Path | None, spectrum: Path | None, *, overwrite: bool) -> None:
+def _draw_laws(found: Mapping[str, Law], plot: Path | None, spectrum: Path | None, *, overwrite: bool) -> None:
     """Draw laws and their residual vibration, if requested."""
     if plot is None and spectrum is None:
         return
-    apart({"--plot": plot, "--spectrum": spectrum})
-    free_picture(plot, overwrite)
-    free_picture(spectrum, overwrite)
+    check_distinct_files({"--plot": plot, "--spectrum": spectrum})
+    check_figure_path(plot, overwrite)
+    check_figure_path(spectrum, overwrite)
     from flexcam.plotting.curves import law_figure, spectrum_figure
     from flexcam.plotting.figures import save_figure
 
@@ -161,7 +165,7 @@ def _drawn(found: Mapping[str, Law], plot: Path | None, spectrum: Path | None, *
             save_figure(figure(found), path, overwrite=overwrite)
 
 
-def _by_law(given: Mapping[str, Law]) -> dict[str, str]:
+def _names_by_law(given: Mapping[str, Law]) -> dict[str, str]:
     """Return the first name of every law, with all its names."""
     rows: dict[str, str] = {}
     for name, one in given.items():
@@ -179,15 +183,15 @@ def laws(
     found = {name: criteria(one) for name, one in LAWS.items()}
     ratios = tuple(residual or _RATIOS)
     spectra = {name: residual_spectrum(one, ratios).tolist() for name, one in LAWS.items()}
-    _drawn(LAWS, plot, spectrum, overwrite=overwrite)
+    _draw_laws(LAWS, plot, spectrum, overwrite=overwrite)
     if as_json:
         print_json({
             "status": "ok", "ratios": list(ratios), "kinds": list(kind_names()),
             "laws": {name: {**law_json(one), "residual": spectra[name]} for name, one in found.items()},
         })  # fmt: skip
         return
-    rows = _by_law(LAWS)
-    out().print(laws_table({said: found[name] for name, said in rows.items()}))
-    out().print()
-    out().print(spectrum_table({said: spectra[name] for name, said in rows.items()}, ratios))
-    out().print(f"\nKinds with parameters (flexcam law KIND --with key=value): {', '.join(kind_names())}")
+    rows = _names_by_law(LAWS)
+    result_console().print(laws_table({said: found[name] for name, said in rows.items()}))
+    result_console().print()
+    result_console().print(spectrum_table({said: spectra[name] for name, said in rows.items()}, ratios))
+    result_console().print(f"\nKinds with parameters (flexcam law KIND --with key=value): {', '.join(kind_names())}")

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from rich.table import Table
 
 from flexcam.analysis.limits import Search, find_limits
-from flexcam.analysis.model_divergence import MODELS, Forces, Speed, parts_at
-from flexcam.analysis.model_divergence import parting as compare_models
-from flexcam.analysis.stability import Discrete, Resonance, Stability, over_speeds
-from flexcam.analysis.stability import stability as find_causes
+from flexcam.analysis.model_divergence import MODELS, ForceRange, SpeedResult, divergence_speed
+from flexcam.analysis.model_divergence import compare_models_over_speed as compare_models
+from flexcam.analysis.stability import Resonance, Stability, StepAmplification, stability_over_speeds
+from flexcam.analysis.stability import assess_stability as find_causes
 from flexcam.cli.app import (
     CaseFile,
     Json,
@@ -24,19 +24,19 @@ from flexcam.cli.app import (
     Overwrite,
     Picture,
     app,
-    bracket,
-    free_picture,
+    check_figure_path,
     load_beams,
-    quantity,
+    parse_quantity,
+    parse_speed_tolerance,
     speed_range,
 )
 from flexcam.core import FloatArray
 from flexcam.core.errors import positive, refuse
 from flexcam.core.units import RPM, parse, shaft_name, shaft_speed
 from flexcam.dynamics import Status
-from flexcam.report.formatting import fixed
+from flexcam.report.formatting import format_fixed
 from flexcam.report.limits_table import limits_json, limits_table
-from flexcam.report.terminal import counting, facts, out, print_json, table
+from flexcam.report.terminal import facts_table, plain_table, print_json, result_console, show_count
 
 _SHOWN = 5
 
@@ -52,41 +52,41 @@ _WORDS = {
 def stability_table(found: Stability, scale: float) -> Table:
     """Return the table of the stability at a speed."""
     rows = [
-        ("integrator", _integrated(found.discrete)),
-        ("periodic motion", _grows(found)),
+        ("integrator", _describe_amplification(found.discrete)),
+        ("periodic motion", _describe_growth(found)),
         ("off the cam", f"{math.degrees(found.open_on_the_lift):.3g} deg of the lift"),
-        ("resonances", _counted(found, scale)),
-        *((_named(found, one), _met(one, scale)) for one in found.within[:_SHOWN]),
-        ("verdict", "; ".join(f"{one}: {_WORDS[one]}" for one in found.verdict) or _calm(found)),
+        ("resonances", _count_resonances(found, scale)),
+        *((_format_order(found, one), _format_resonance(one, scale)) for one in found.within[:_SHOWN]),
+        ("verdict", "; ".join(f"{one}: {_WORDS[one]}" for one in found.verdict) or _describe_stable(found)),
     ]  # fmt: skip
-    return facts(f"Stability at {shaft_speed(found.rpm * RPM, scale)}", rows)
+    return facts_table(f"Stability at {shaft_speed(found.rpm * RPM, scale)}", rows)
 
 
-def _calm(found: Stability) -> str:
+def _describe_stable(found: Stability) -> str:
     skipped = [] if found.discrete.looked_at else ["the integrator"]
     skipped += ["the growth of disturbances"] if found.floquet is None else []
     return "nothing endangers this speed" + (f", but {' and '.join(skipped)} could not be looked at" if skipped else "")
 
 
-def _integrated(found: Discrete) -> str:
+def _describe_amplification(found: StepAmplification) -> str:
     if not found.looked_at:
         return "not looked at"
     words = f"spectral radius {found.radius:.9g}, largest at {found.frequency:.5g} Hz ({', '.join(found.moving)})"
     return words + (f"; steps up to {found.critical_step:.4g} s" if math.isfinite(found.critical_step) else "")
 
 
-def _named(found: Stability, one: Resonance) -> str:
+def _format_order(found: Stability, one: Resonance) -> str:
     """Return the order of a resonance, with the contact if there are several cams."""
     several = len({other.contact for other in found.resonances}) > 1
     return f"harmonic {one.harmonic}" + (f", {one.contact}" if several else "")
 
 
-def _met(one: Resonance, scale: float) -> str:
+def _format_resonance(one: Resonance, scale: float) -> str:
     sizes = f"{1e3 * one.amplitude:.3g} mm, {one.load:.3g} N"
     return f"{scale * one.rpm:.5g} {shaft_name(scale)} rpm, {one.frequency:.5g} Hz, {sizes}: {one.words}"
 
 
-def _counted(found: Stability, scale: float) -> str:
+def _count_resonances(found: Stability, scale: float) -> str:
     """Return the number of resonances below and above the highest listed speed."""
     count = len(found.within)
     rpm = f"{shaft_name(scale)} rpm"
@@ -98,7 +98,7 @@ def _counted(found: Stability, scale: float) -> str:
     return f"{words}; {len(found.beyond)} above, the lowest at {scale * found.beyond[0].rpm:.6g} {rpm}"
 
 
-def _grows(found: Stability) -> str:
+def _describe_growth(found: Stability) -> str:
     if found.floquet is None:
         return f"not looked at: {found.why_not}"
     largest, moving = abs(complex(found.floquet.multipliers[0])), ", ".join(found.floquet.moving())
@@ -133,7 +133,7 @@ def stability_json(found: Stability, scale: float) -> dict[str, object]:
 def growth_table(found: Sequence[Stability], scale: float) -> Table:
     """Return the table of the stability at several speeds."""
     heads = (f"{shaft_name(scale)} rpm", "spectral radius", "multiplier", "growth, 1/s", "off the cam, deg", "verdict")
-    return table("Stability over speed", heads, (_row(one, scale) for one in found))
+    return plain_table("Stability over speed", heads, (_row(one, scale) for one in found))
 
 
 def _row(one: Stability, scale: float) -> list[str]:
@@ -144,12 +144,12 @@ def _row(one: Stability, scale: float) -> list[str]:
     return [f"{scale * one.rpm:.6g}", f"{one.discrete.radius:.9g}", largest, growth, opened, words]
 
 
-def growths(found: Sequence[Stability]) -> FloatArray:
+def growth_rates(found: Sequence[Stability]) -> FloatArray:
     """Return the growth rates at several speeds."""
     return np.array([math.nan if one.floquet is None else one.floquet.growth for one in found])
 
 
-def dangers(found: Sequence[Stability]) -> dict[str, NDArray[np.bool_]]:
+def causes_by_speed(found: Sequence[Stability]) -> dict[str, NDArray[np.bool_]]:
     """Return the speeds at which each cause of instability occurs."""
     named = {cause: np.array([cause in one.verdict for one in found]) for cause in _WORDS}
     return {**named, "chatter": np.array([one.chatters for one in found])}
@@ -158,31 +158,33 @@ def dangers(found: Sequence[Stability]) -> dict[str, NDArray[np.bool_]]:
 _PAIRS = (("rigid", "bilateral"), ("bilateral", "unilateral"))
 
 
-def parting_table(found: Sequence[Speed], scale: float, tolerance: float) -> Table:
+def divergence_table(found: Sequence[SpeedResult], scale: float, tolerance: float) -> Table:
     """Return the table of minimum and maximum contact force on the main lift by model."""
-    rows = [(f"{scale * one.rpm:.6g}", *(_told(one.forces[name]) for name in MODELS)) for one in found]
+    rows = [(f"{scale * one.rpm:.6g}", *(_format_forces(one.forces[name]) for name in MODELS)) for one in found]
     head = (f"{shaft_name(scale)} rpm", *(f"{name}, N" for name in MODELS))
-    return table(f"Contact force on the main lift; {_where(found, scale, tolerance)}", head, rows)
+    return plain_table(f"Contact force on the main lift; {_describe_divergence(found, scale, tolerance)}", head, rows)
 
 
-def _told(forces: Forces | None) -> str:
-    return "did not finish" if forces is None else f"{fixed(forces.least, 0)} to {fixed(forces.largest, 0)}"
+def _format_forces(forces: ForceRange | None) -> str:
+    return (
+        "did not finish" if forces is None else f"{format_fixed(forces.least, 0)} to {format_fixed(forces.largest, 0)}"
+    )
 
 
-def _where(found: Sequence[Speed], scale: float, tolerance: float) -> str:
+def _describe_divergence(found: Sequence[SpeedResult], scale: float, tolerance: float) -> str:
     words: list[str] = []
     for first, second in _PAIRS:
-        rpm = parts_at(found, first, second, tolerance)
+        rpm = divergence_speed(found, first, second, tolerance)
         there = "do not part" if rpm is None else f"part at {scale * rpm:.6g} {shaft_name(scale)} rpm"
         words.append(f"{first} and {second} {there}")
     return ", ".join(words) + f" ({tolerance:.0%})"
 
 
-def parting_json(found: Sequence[Speed], scale: float, tolerance: float) -> dict[str, object]:
+def divergence_json(found: Sequence[SpeedResult], scale: float, tolerance: float) -> dict[str, object]:
     """Return the contact forces by model for ``--json``."""
     part: dict[str, object] = {}
     for first, second in _PAIRS:
-        rpm = parts_at(found, first, second, tolerance)
+        rpm = divergence_speed(found, first, second, tolerance)
         part[f"{first}_{second}_part_rpm"] = None if rpm is None else scale * rpm
     forces = {
         name: [None if (one := speed.forces[name]) is None else [one.least, one.largest] for speed in found]
@@ -197,9 +199,9 @@ def parting_json(found: Sequence[Speed], scale: float, tolerance: float) -> dict
     }
 
 
-def force_bands(found: Sequence[Speed]) -> dict[str, tuple[FloatArray, FloatArray]]:
+def force_ranges(found: Sequence[SpeedResult]) -> dict[str, tuple[FloatArray, FloatArray]]:
     """Return minimum and maximum forces by model for a figure."""
-    nothing = Forces(float("nan"), float("nan"))
+    nothing = ForceRange(float("nan"), float("nan"))
     each = {name: [speed.forces[name] or nothing for speed in found] for name in MODELS}
     return {
         name: (np.array([one.least for one in forces]), np.array([one.largest for one in forces]))
@@ -240,8 +242,8 @@ def limits(
     read = load_beams(case, overrides)
     scale = read.turns
     low, high = speed_range(lowest, highest, 2, read.speed, scale, most=2.0)
-    width = bracket("--tolerance", tolerance, scale)
-    height = None if bounce_height is None else quantity("--bounce-height", bounce_height, "length", "mm")
+    width = parse_speed_tolerance("--tolerance", tolerance, scale)
+    height = None if bounce_height is None else parse_quantity("--bounce-height", bounce_height, "length", "mm")
     if height is not None:
         positive("--bounce-height", height, "m", zero=True)
     if any(one is not None for one in (over, beside, which, workers, csv, plot)):
@@ -252,12 +254,12 @@ def limits(
         return map_limits(
             case, overrides, settings, names, search, count, csv, plot, overwrite=overwrite, as_json=as_json
         )
-    with counting(None, "runs") as shown:
+    with show_count(None, "runs") as shown:
         found = find_limits(read, lowest=low, highest=high, tolerance=width, bounce_height=height, advance=shown)
     if as_json:
         print_json({"status": "ok", **limits_json(found, scale)})
     else:
-        out().print(limits_table(found, scale))
+        result_console().print(limits_table(found, scale))
     return Status()
 
 
@@ -285,22 +287,22 @@ def parting(
     scale = read.turns
     low, high = speed_range(lowest, highest, count, read.speed, scale)
     part = positive("--tolerance", parse(tolerance, "number", "--tolerance"), "1", zero=True)
-    free_picture(plot, overwrite)
-    with counting(count, "speeds") as shown:
+    check_figure_path(plot, overwrite)
+    with show_count(count, "speeds") as shown:
         found = compare_models(read, np.linspace(low, high, count).tolist(), contact=contact, advance=shown)
     shaft = shaft_name(scale)
     if plot is not None:
-        from flexcam.plotting.figures import save_figure, titled
+        from flexcam.plotting.figures import add_title, save_figure
         from flexcam.plotting.spectra import force_figure
 
         rpm = np.array([scale * one.rpm for one in found])
-        figure = force_figure(rpm, force_bands(found), shaft)
-        save_figure(titled(figure, read.title), plot, overwrite=overwrite)
+        figure = force_figure(rpm, force_ranges(found), shaft)
+        save_figure(add_title(figure, read.title), plot, overwrite=overwrite)
     if as_json:
         files = [] if plot is None else [str(plot)]
-        print_json({"status": "ok", **parting_json(found, scale, part), "shaft": shaft, "files": files})
+        print_json({"status": "ok", **divergence_json(found, scale, part), "shaft": shaft, "files": files})
     else:
-        out().print(parting_table(found, scale, part))
+        result_console().print(divergence_table(found, scale, part))
 
 
 @app.command(
@@ -331,23 +333,23 @@ def stability(
         if as_json:
             print_json({"status": "ok", **stability_json(found, scale)})
         else:
-            out().print(stability_table(found, scale))
+            result_console().print(stability_table(found, scale))
         return
     number = 11 if count is None else count
     low, high = speed_range(lowest, highest, number, read.speed, scale)
-    free_picture(plot, overwrite)
-    with counting(number, "speeds") as shown:
-        every = over_speeds(read, np.linspace(low, high, number).tolist(), advance=shown)
+    check_figure_path(plot, overwrite)
+    with show_count(number, "speeds") as shown:
+        every = stability_over_speeds(read, np.linspace(low, high, number).tolist(), advance=shown)
     if plot is not None:
-        from flexcam.plotting.figures import save_figure, titled
+        from flexcam.plotting.figures import add_title, save_figure
         from flexcam.plotting.spectra import growth_figure
 
         rpm = np.array([scale * one.rpm for one in every])
         shaft = shaft_name(scale)
-        figure = growth_figure(rpm, growths(every), dangers(every), shaft)
-        save_figure(titled(figure, read.title), plot, overwrite=overwrite)
+        figure = growth_figure(rpm, growth_rates(every), causes_by_speed(every), shaft)
+        save_figure(add_title(figure, read.title), plot, overwrite=overwrite)
     if as_json:
         files = [] if plot is None else [str(plot)]
         print_json({"status": "ok", "speeds": [stability_json(one, scale) for one in every], "files": files})
     else:
-        out().print(growth_table(every, scale))
+        result_console().print(growth_table(every, scale))

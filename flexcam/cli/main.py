@@ -20,38 +20,38 @@ from types import FrameType
 from cyclopts import CycloptsError
 
 from flexcam import __version__
-from flexcam.cli.app import app, running
-from flexcam.cli.registry import FILES, load
+from flexcam.cli.app import app, run_state
+from flexcam.cli.registry import COMMAND_FILES, load_commands
 from flexcam.core.errors import Fault, InputError
 from flexcam.dynamics import Cause, RunFailedError, Status
-from flexcam.report.terminal import note, print_json
+from flexcam.report.terminal import print_json, print_message
 
 DONE, REFUSED, FAILED, FAULT, INTERRUPTED, TERMINATED = 0, 2, 3, 70, 130, 143
 
 
-def _ended(status: Status) -> int:
+def _print_status(status: Status) -> int:
     if status.ok:
         return DONE
-    note(str(status))
+    print_message(str(status))
     return _signal_code() if status.cause is Cause.INTERRUPTED else FAILED
 
 
-def _refused(faults: Sequence[Fault], as_json: bool) -> int:
+def _print_faults(faults: Sequence[Fault], as_json: bool) -> int:
     if as_json:
         print_json({"status": "refused", "errors": [fault.as_dict() for fault in faults]})
     else:
         for fault in faults:
-            note(str(fault))
+            print_message(str(fault))
     return REFUSED
 
 
-def _failed(status: Status, as_json: bool) -> int:
+def _print_failure(status: Status, as_json: bool) -> int:
     if as_json:
         print_json({"status": str(status.cause), "message": status.text, "remedy": status.remedy})
-    return _ended(status)
+    return _print_status(status)
 
 
-def _crashed(words: Sequence[str], as_json: bool) -> int:
+def _report_crash(words: Sequence[str], as_json: bool) -> int:
     with tempfile.NamedTemporaryFile(
         "w", prefix="flexcam-crash-", suffix=".txt", delete=False, encoding="utf-8"
     ) as file:
@@ -59,13 +59,13 @@ def _crashed(words: Sequence[str], as_json: bool) -> int:
     message = f"a fault of flexcam itself; please report it with {file.name}"
     if as_json:
         print_json({"status": "fault", "message": message, "crash_file": file.name})
-    note(message)
+    print_message(message)
     return FAULT
 
 
-def _misspelt(words: Sequence[str], fault: CycloptsError) -> Fault:
+def _command_line_fault(words: Sequence[str], fault: CycloptsError) -> Fault:
     """Return the fault of an invalid command line."""
-    command = [word for word in words[:1] if any(word in commands for commands in FILES.values())]
+    command = [word for word in words[:1] if any(word in commands for commands in COMMAND_FILES.values())]
     why, remedy = str(fault), ""
     if found := re.match(r'Command "[^"]+" parameter (--\S+) requires an argument', why):
         option = found[1]
@@ -84,19 +84,19 @@ def _misspelt(words: Sequence[str], fault: CycloptsError) -> Fault:
 _INTERRUPTED = Status(Cause.INTERRUPTED, "stopped by the user before it was finished: nothing is kept")
 
 
-def _on_signal(signum: int, frame: FrameType | None) -> None:
+def _handle_signal(signum: int, frame: FrameType | None) -> None:
     """End a run at its next step; end other operations immediately."""
     del frame
-    running.signals.append(signum)
-    if not running.solving or len(running.signals) > 1:
+    run_state.signals.append(signum)
+    if not run_state.solving or len(run_state.signals) > 1:
         raise KeyboardInterrupt
 
 
 def _signal_code() -> int:
-    return TERMINATED if signal.SIGTERM in running.signals else INTERRUPTED
+    return TERMINATED if signal.SIGTERM in run_state.signals else INTERRUPTED
 
 
-def _empty(words: Sequence[str]) -> list[Fault]:
+def _empty_path_faults(words: Sequence[str]) -> list[Fault]:
     """Return a fault for every file option with an empty value, which Python would interpret as the current folder."""
     pairs = [*pairwise(words), *(tuple(word.partition("=")[::2]) for word in words if word.endswith("="))]
     why, remedy = "such as by a variable of the shell that is not set", "name one, or leave the option out"
@@ -111,51 +111,51 @@ _FILES = ("-o", "--output", "--csv", "--plot", "--spectrum", "--save", "--mac")
 
 def _dispatch(words: Sequence[str]) -> int:
     as_json = "--json" in words
-    if empty := _empty(words):
-        return _refused(empty, as_json)
+    if empty := _empty_path_faults(words):
+        return _print_faults(empty, as_json)
     try:
-        load(words)
+        load_commands(words)
         status = app(words, exit_on_error=False, print_error=False, result_action="return_value")
-        code = _ended(status) if isinstance(status, Status) else DONE
+        code = _print_status(status) if isinstance(status, Status) else DONE
     except CycloptsError as fault:
-        code = _refused([_misspelt(words, fault)], as_json)
+        code = _print_faults([_command_line_fault(words, fault)], as_json)
     except InputError as refusal:
-        code = _refused(refusal.faults, as_json)
+        code = _print_faults(refusal.faults, as_json)
     except RunFailedError as failure:
-        code = _failed(failure.status, as_json)
+        code = _print_failure(failure.status, as_json)
     except KeyboardInterrupt:
-        code = _failed(_INTERRUPTED, as_json)
+        code = _print_failure(_INTERRUPTED, as_json)
     except SystemExit:  # raised by rich if the reader of a help text closed the pipe
         code = DONE
     except OSError as fault:
         if fault.filename is None:  # standard output is full or has no reader
             raise
-        code = _crashed(words, as_json)
+        code = _report_crash(words, as_json)
     except Exception:  # noqa: BLE001 - the one place where a fault of flexcam itself becomes a message
-        code = _crashed(words, as_json)
+        code = _report_crash(words, as_json)
     # A signal that arrived inside a finalizer was ignored there; it still counts.
-    return _signal_code() if running.signals and code == DONE else code
+    return _signal_code() if run_state.signals and code == DONE else code
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit with its exit code."""
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, _on_signal)
-    _open_streams()
+        signal.signal(number, _handle_signal)
+    _open_null_streams()
     try:
         code = _dispatch(list(sys.argv[1:] if arguments is None else arguments))
         sys.stdout.flush()
     except BrokenPipeError:  # the reader closed the pipe
         code = DONE
-        _drop_output()
+        _discard_output()
     except OSError as fault:
-        note(f"output could not be written: {fault.strerror}; free space")
+        print_message(f"output could not be written: {fault.strerror}; free space")
         code = FAILED
-        _drop_output()
+        _discard_output()
     raise SystemExit(code)
 
 
-def _open_streams() -> None:
+def _open_null_streams() -> None:
     """Open null streams for a process started without standard streams, for example by a daemon."""
     if sys.stdout is None:  # pyright: ignore[reportUnnecessaryComparison]
         sys.stdout = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - for the life of the process
@@ -163,6 +163,6 @@ def _open_streams() -> None:
         sys.stderr = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115
 
 
-def _drop_output() -> None:
+def _discard_output() -> None:
     """Redirect standard output to null: Python would report an error again when closing it."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -11,12 +11,12 @@ from rich.table import Table
 
 from flexcam.case.starters import new_case, templates
 from flexcam.cli.app import Json, Overwrite, app
-from flexcam.report.terminal import out, print_json, table
+from flexcam.report.terminal import plain_table, print_json, result_console
 
 
 def template_table(templates: Mapping[str, str]) -> Table:
     """Return the table of starter cases."""
-    made = table("Starter cases", ("flexcam new",), ())
+    made = plain_table("Starter cases", ("flexcam new",), ())
     made.add_column("what it is", justify="left")
     for name, words in templates.items():
         made.add_row(name, words)
@@ -41,12 +41,12 @@ def new(
         if as_json:
             print_json({"status": "ok", "templates": known})
         else:
-            out().print(template_table(known))
+            result_console().print(template_table(known))
         return
     files = new_case(template, target, overwrite=overwrite)
     if as_json:
         print_json({"status": "ok", "files": [str(path) for path in files]})
         return
     for path in files:
-        out().print(str(path))
-    out().print(f"\nNext: flexcam check {files[0]}, flexcam run {files[0]}, flexcam view {files[0]}")
+        result_console().print(str(path))
+    result_console().print(f"\nNext: flexcam check {files[0]}, flexcam run {files[0]}, flexcam view {files[0]}")

@@ -11,30 +11,30 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from cyclopts import Parameter
 
-from flexcam.analysis.model_checks import shared
+from flexcam.analysis.model_checks import check_shared_seat_load
 from flexcam.analysis.natural_modes import modes
 from flexcam.analysis.preparation import scalar_probe
-from flexcam.analysis.trade import trade
+from flexcam.analysis.trade import evaluate_ladder
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
-from flexcam.cli.app import Json, Overrides, Overwrite, app, quantity, speed_range
-from flexcam.cli.arguments import Source, named, opened
-from flexcam.core.errors import Fault, InputError, did_you_mean, refuse
+from flexcam.cli.app import Json, Overrides, Overwrite, app, parse_quantity, speed_range
+from flexcam.cli.arguments import Source, name_sources, open_sources
+from flexcam.core.errors import Fault, InputError, refuse, suggest_name
 from flexcam.core.units import shaft_name
 from flexcam.dynamics import Response, Status
-from flexcam.report.terminal import counting, out, print_json
+from flexcam.report.terminal import print_json, result_console, show_count
 from flexcam.valvetrain import Cam, build_structure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from flexcam.plotting.histories import Over
+    from flexcam.plotting.histories import Abscissa
 
-What = Literal["motion", "force", "energy", "svaj", "profile", "modes", "campbell", "waterfall", "work-precision"]
+FigureKind = Literal["motion", "force", "energy", "svaj", "profile", "modes", "campbell", "waterfall", "work-precision"]
 
 
 @dataclass(frozen=True)
-class Asked:
+class FigureOptions:
     """Sources and options of a figure.
 
     Parameters
@@ -48,7 +48,7 @@ class Asked:
     sources: Mapping[str, Source]
     probe: str | None
     channels: list[str] | None
-    over: Over | None
+    over: Abscissa | None
     rigid: bool
     cam: str | None
     angle: str | None
@@ -75,7 +75,9 @@ class Asked:
     def rigid_doubts(self) -> list[str]:
         """Return sentences about the limits of a drawn rigid train."""
         ones = self.sources.values() if self.rigid else ()
-        return list(dict.fromkeys(told for one in ones for told in shared(one.ready.model, one.case.speed)))
+        return list(
+            dict.fromkeys(told for one in ones for told in check_shared_seat_load(one.ready.model, one.case.speed))
+        )
 
 
 @app.command(
@@ -87,7 +89,7 @@ flexcam plot case.toml --what profile --angle 90deg
 )
 def plot(
     files: Annotated[list[Path], Parameter(help="Results (.vtkhdf), or cases (.toml), which are run.")], *,
-    what: Annotated[What, Parameter(help="What is drawn.")] = "motion",
+    what: Annotated[FigureKind, Parameter(help="What is drawn.")] = "motion",
     probe: Annotated[str | None, Parameter(help="Whose motion; the valve by default.")] = None,
     channels: Annotated[
         list[str] | None, Parameter("--channel", negative=(), help="Force or other channel; may be repeated.")
@@ -106,27 +108,27 @@ def plot(
 
     A run that ended early is drawn as far as it came.
     """
-    from flexcam.plotting.figures import free_for_picture, save_figure
+    from flexcam.plotting.figures import check_figure_path, save_figure
 
-    _only_what_applies(
+    _check_options(
         what, probe=probe, channel=channels, rigid=rigid or None, over=over, cam=cam, angle=angle, count=count
     )
     target = output or Path(f"{files[0].name.partition('.')[0] if files else 'flexcam'}-{what}.svg")
-    free_for_picture(target, overwrite=overwrite)
-    sources = named(opened(files, overrides, cams=what in _OF_CAMS))
-    asked = Asked(sources, probe, channels, over, rigid, cam, angle, count)
+    check_figure_path(target, overwrite=overwrite)
+    sources = name_sources(open_sources(files, overrides, cams=what in _OF_CAMS))
+    asked = FigureOptions(sources, probe, channels, over, rigid, cam, angle, count)
     save_figure(_FIGURES[what](asked), target, overwrite=overwrite)
     doubtful = asked.rigid_doubts()
     if as_json:
         print_json({"status": "ok", "files": [str(target)], "warnings": doubtful})
     else:
-        out().print(str(target))
+        result_console().print(str(target))
         for sentence in doubtful:
-            out().print("\n" + sentence)
-    return next((run.status for run in _solved(asked) if not run.status.ok), None)
+            result_console().print("\n" + sentence)
+    return next((run.status for run in _own_runs(asked) if not run.status.ok), None)
 
 
-def _solved(asked: Asked) -> list[Response]:
+def _own_runs(asked: FigureOptions) -> list[Response]:
     """Return the responses computed by this command."""
     return [one.response for one in asked.sources.values() if one.result is None and "response" in vars(one)]
 
@@ -139,7 +141,7 @@ _APPLIES = {
 }  # fmt: skip
 
 
-def _only_what_applies(what: str, **options: object) -> None:
+def _check_options(what: str, **options: object) -> None:
     """Raise an error for options without effect on this kind of figure."""
     faults = [
         Fault(f"--{name}", str(given), f"--what {' or '.join(_APPLIES[name])}", f"{what} does not have it", "")
@@ -150,7 +152,7 @@ def _only_what_applies(what: str, **options: object) -> None:
         raise InputError(faults)
 
 
-def _motion(asked: Asked) -> Figure:
+def _motion(asked: FigureOptions) -> Figure:
     from flexcam.plotting.histories import contact_forces, motion_figure
 
     responses = asked.responses()
@@ -161,7 +163,7 @@ def _motion(asked: Asked) -> Figure:
     )  # fmt: skip
 
 
-def _force(asked: Asked) -> Figure:
+def _force(asked: FigureOptions) -> Figure:
     from flexcam.plotting.histories import channel_figure, contact_forces
 
     responses, channels = asked.responses(), asked.channels or contact_forces(asked.first.response)
@@ -170,7 +172,7 @@ def _force(asked: Asked) -> Figure:
     return channel_figure(responses, channels, rigid=asked.rigid_ones(), over=asked.over or "angle", title=asked.title)
 
 
-def _energy(asked: Asked) -> Figure:
+def _energy(asked: FigureOptions) -> Figure:
     from flexcam.plotting.histories import energy_figure
 
     responses = asked.responses()
@@ -179,100 +181,100 @@ def _energy(asked: Asked) -> Figure:
     return energy_figure(responses, over=asked.over or "angle", title=asked.title)
 
 
-def _svaj(asked: Asked) -> Figure:
+def _svaj(asked: FigureOptions) -> Figure:
     from flexcam.plotting.curves import lift_figure
-    from flexcam.plotting.figures import titled
+    from flexcam.plotting.figures import add_title
 
     events = {
         ", ".join(filter(None, (name, cam))): one.event
         for name, source in asked.sources.items()
         for cam, one in _cams(source, asked.cam).items()
     }
-    return titled(lift_figure(events), asked.first.subject if len(asked.sources) == 1 else "")
+    return add_title(lift_figure(events), asked.first.subject if len(asked.sources) == 1 else "")
 
 
-def _profile(asked: Asked) -> Figure:
+def _profile(asked: FigureOptions) -> Figure:
     from flexcam.cams import cam_profile
     from flexcam.plotting.curves import profile_figure
 
-    source = _single(asked, "profile")
+    source = _single_source(asked, "profile")
     cams = {name: one for name, one in _cams(source, asked.cam).items() if one.follower is not None}
     if not cams:
         why = f"{asked.cam or 'no cam of it'} has a profile" if asked.cam is None else f"{asked.cam!r} has no profile"
         raise refuse("--what", "profile", "a cam with a follower", why, "give the cam base_radius and follower")
     one = next(iter(cams.values()))
-    turned = 0.0 if asked.angle is None else quantity("--angle", asked.angle, "angle", "deg")
+    turned = 0.0 if asked.angle is None else parse_quantity("--angle", asked.angle, "angle", "deg")
     if one.follower is None:
         raise refuse("--cam", repr(asked.cam), "a cam with a follower")
     return profile_figure(cam_profile(one.event, one.follower, count=720, turn=one.turn), angle=turned % math.tau)
 
 
-def _modes(asked: Asked) -> Figure:
+def _modes(asked: FigureOptions) -> Figure:
     from flexcam.plotting.spectra import mode_figure
 
     count = 6 if asked.count is None else asked.count
     if count < 1:
         raise refuse("--count", count, "a whole number from 1")
-    case = _single(asked, "modes").case
+    case = _single_source(asked, "modes").case
     structure = build_structure(build_model(case))
     return mode_figure(structure, modes(case, count), title=case.title)
 
 
-def _campbell(asked: Asked) -> Figure:
+def _campbell(asked: FigureOptions) -> Figure:
     """Draw modes and orders from 0.5 to 1.5 times the case's speed."""
     from flexcam.analysis.campbell import campbell
-    from flexcam.plotting.figures import titled
+    from flexcam.plotting.figures import add_title
     from flexcam.plotting.spectra import campbell_figure
 
-    case = _single(asked, "campbell").case
+    case = _single_source(asked, "campbell").case
     scale = case.turns
     speeds = _speeds(asked, case)
-    with counting(len(speeds), "speeds") as shown:
+    with show_count(len(speeds), "speeds") as shown:
         found = campbell(case, speeds, orders=range(1, _ORDERS + 1), advance=shown)
-    return titled(campbell_figure(found, scale, shaft_name(scale)), case.title)
+    return add_title(campbell_figure(found, scale, shaft_name(scale)), case.title)
 
 
-def _waterfall(asked: Asked) -> Figure:
+def _waterfall(asked: FigureOptions) -> Figure:
     """Draw the orders of a motion and a force from 0.5 to 1.5 times the case's speed."""
     from flexcam.analysis.orders import waterfall
-    from flexcam.cli.speeds import signals
-    from flexcam.plotting.figures import titled
+    from flexcam.cli.speeds import select_signals
+    from flexcam.plotting.figures import add_title
     from flexcam.plotting.spectra import waterfall_figure
 
-    case = _single(asked, "waterfall").case
-    seen = signals(case, asked.channels, None if asked.probe is None else [asked.probe])
+    case = _single_source(asked, "waterfall").case
+    seen = select_signals(case, asked.channels, None if asked.probe is None else [asked.probe])
     scale, speeds = case.turns, _speeds(asked, case)
-    with counting(len(speeds), "speeds") as shown:
+    with show_count(len(speeds), "speeds") as shown:
         found = waterfall(case, speeds, seen, _ORDERS, advance=shown)
-    return titled(waterfall_figure(found, scale, shaft_name(scale)), case.title)
+    return add_title(waterfall_figure(found, scale, shaft_name(scale)), case.title)
 
 
 _ORDERS = 24
 """Highest drawn order of the camshaft."""
 
 
-def _speeds(asked: Asked, case: Case) -> list[float]:
+def _speeds(asked: FigureOptions, case: Case) -> list[float]:
     """Return camshaft speeds, rad/s."""
     count = 9 if asked.count is None else asked.count
     return np.linspace(*speed_range(None, None, count, case.speed, case.turns), count).tolist()
 
 
-def _work_precision(asked: Asked) -> Figure:
-    from flexcam.plotting.figures import titled
+def _work_precision(asked: FigureOptions) -> Figure:
+    from flexcam.plotting.figures import add_title
     from flexcam.plotting.study_curves import work_precision_figure
 
-    source = _single(asked, "work-precision")
+    source = _single_source(asked, "work-precision")
     probe = asked.probe or scalar_probe(source.ready)
-    return titled(work_precision_figure(trade(source.case, probe, repeats=1)[1]), source.title)
+    return add_title(work_precision_figure(evaluate_ladder(source.case, probe, repeats=1)[1]), source.title)
 
 
-_FIGURES: Mapping[str, Callable[[Asked], Figure]] = {
+_FIGURES: Mapping[str, Callable[[FigureOptions], Figure]] = {
     "motion": _motion, "force": _force, "energy": _energy, "svaj": _svaj, "profile": _profile, "modes": _modes,
     "campbell": _campbell, "waterfall": _waterfall, "work-precision": _work_precision,
 }  # fmt: skip
 
 
-def _single(asked: Asked, what: str) -> Source:
+def _single_source(asked: FigureOptions, what: str) -> Source:
     if len(asked.sources) > 1:
         raise refuse("--what", what, "one file", f"{len(asked.sources)} were given")
     return asked.first
@@ -283,7 +285,7 @@ def _cams(source: Source, name: str | None) -> Mapping[str, Cam]:
     cams = source.cams
     known: Sequence[str] = list(cams)
     if name is not None and name not in cams:
-        raise refuse("--cam", repr(name), ", ".join(known), "", did_you_mean(name, known))
+        raise refuse("--cam", repr(name), ", ".join(known), "", suggest_name(name, known))
     if not cams:
         raise refuse("cams", "none", "a case with cams")
     return cams if name is None else {name: cams[name]}

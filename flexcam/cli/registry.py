@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from importlib import import_module
 
-from flexcam.cli.app import running
+from flexcam.cli.app import run_state
 
-FILES = {
+COMMAND_FILES = {
     "cams": ("cam", "lift"),
     "cases": ("check", "modes"),
     "compare": ("compare",),
@@ -28,9 +28,9 @@ FILES = {
 """Files of this package and their commands."""
 
 
-def load(words: Sequence[str]) -> None:
+def load_commands(words: Sequence[str]) -> None:
     """Import the file of the given command, or all files for an unknown one, such as help."""
-    running.command = words[0] if words else ""
-    called = [file for file, commands in FILES.items() if words and words[0] in commands]
-    for file in called or FILES:
+    run_state.command = words[0] if words else ""
+    called = [file for file, commands in COMMAND_FILES.items() if words and words[0] in commands]
+    for file in called or COMMAND_FILES:
         import_module(f"flexcam.cli.{file}")

@@ -9,8 +9,8 @@ from cyclopts import Parameter
 
 from flexcam.cli.app import Json, Overwrite, app
 from flexcam.core.errors import refuse
-from flexcam.io import free_to_write, write_text
-from flexcam.report.terminal import out, print_json
+from flexcam.io import check_writable, write_text
+from flexcam.report.terminal import print_json, result_console
 
 
 @app.command(
@@ -32,18 +32,20 @@ def report(
     overwrite: Overwrite = False, as_json: Json = False,
 ) -> None:  # fmt: skip
     """Write a page about results: what was modelled, verdict, curves, modes, tables, case. It needs no network."""
-    from flexcam.report.content import Asked
-    from flexcam.report.page import page, report_of
-    from flexcam.report.sentences import subject
+    from flexcam.report.content import ReportOptions
+    from flexcam.report.page import build_report, render_page
+    from flexcam.report.sentences import load_subject
 
     target = output or results[0].parent / f"{results[0].stem}.html"
     if target.suffix != ".html":
         raise refuse("-o", str(target), "a name that ends in .html")
-    free_to_write("report", target, overwrite=overwrite)
-    found = report_of([subject(one) for one in results], probe=probe, asked=Asked(errors, limits, trade))
-    write_text(target, page(found), overwrite=overwrite)
+    check_writable("report", target, overwrite=overwrite)
+    found = build_report(
+        [load_subject(one) for one in results], probe=probe, asked=ReportOptions(errors, limits, trade)
+    )
+    write_text(target, render_page(found), overwrite=overwrite)
     if as_json:
         warnings = {str(path): list(chapter.warnings) for path, chapter in zip(results, found.chapters, strict=True)}
         print_json({"status": "ok", "file": str(target), "title": found.title, "warnings": warnings})
     else:
-        out().print(str(target))
+        result_console().print(str(target))

@@ -11,27 +11,40 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.table import Table
 
-from flexcam.analysis.error_estimate import Error, estimate
-from flexcam.analysis.model_choice import Choice, chosen
-from flexcam.analysis.preparation import Prepared, figures_of, prepare, scalar_probe, standing
-from flexcam.analysis.resources import affordable
-from flexcam.analysis.run import budget_of, recent, result_file, unfinished
+from flexcam.analysis.error_estimate import Error, estimate_errors
+from flexcam.analysis.model_choice import Choice, select_case
+from flexcam.analysis.preparation import (
+    PreparedRun,
+    compute_metrics,
+    prepare,
+    prepare_without_periodic_search,
+    scalar_probe,
+)
+from flexcam.analysis.resources import check_resources
+from flexcam.analysis.run import estimate_case_resources, open_partial_result, open_result_file, summary_sink
 from flexcam.case.case import Case
-from flexcam.cli.app import AllowLarge, CaseFile, Folder, Json, Overrides, Overwrite, app, load, running
-from flexcam.cli.arguments import duration
-from flexcam.core.errors import InputError, together
+from flexcam.cli.app import AllowLarge, CaseFile, Folder, Json, Overrides, Overwrite, app, load_case, run_state
+from flexcam.cli.arguments import parse_duration
+from flexcam.core.errors import InputError, collect_errors
 from flexcam.dynamics import Cause, Response, RunFailedError, Stats, Status, solve
-from flexcam.io import free_to_write, named_as_folder, takes_files
-from flexcam.report.fidelity_tables import choice_json, choice_words, error_table
-from flexcam.report.model_tables import couplings
-from flexcam.report.result_tables import imbalance, operation_table, periodicity, run_table, strength_table, unknowns
-from flexcam.report.run_checks import Watched, balances, lost_energy, numerical_energy, run_doubts
-from flexcam.report.terminal import out, print_json, progress
+from flexcam.io import check_folder_name, check_folder_writable, check_writable
+from flexcam.report.fidelity_tables import choice_json, describe_choice, error_table
+from flexcam.report.model_tables import describe_contacts
+from flexcam.report.result_tables import (
+    describe_dofs,
+    equilibrium_residual,
+    metrics_table,
+    periodicity_error,
+    run_table,
+    strength_table,
+)
+from flexcam.report.run_checks import RunMonitor, check_run, describe_balance, energy_residual, numerical_dissipation
+from flexcam.report.terminal import print_json, result_console, show_progress
 from flexcam.valvetrain import MemberStrength, Metric, StrengthSink, build_structure
 
 
 @dataclass(frozen=True, eq=False)
-class Ran:
+class FinishedRun:
     """Finished run.
 
     Parameters
@@ -54,9 +67,9 @@ class Ran:
         Choice of the model, if a tolerance was given.
     """
 
-    ready: Prepared
+    ready: PreparedRun
     response: Response
-    watched: Watched
+    watched: RunMonitor
     result: Path
     figures: Sequence[Metric]
     stressed: Mapping[str, MemberStrength]
@@ -65,46 +78,55 @@ class Ran:
     choice: Choice | None
 
 
-def ran_json(ran: Ran) -> dict[str, object]:
+def run_json(ran: FinishedRun) -> dict[str, object]:
     """Return a run for ``--json``."""
     response, status = ran.response, ran.response.status
     return {
-        "status": str(status.cause), "message": status.text, "remedy": status.remedy,
-        "result": str(ran.result), "steps": response.stats.steps, "dof": ran.ready.problem.system.size,
-        "integrated": response.stats.unknowns, "seconds": response.stats.seconds,
-        "events": response.stats.events, "periodicity": periodicity(response),
-        "energy_lost": lost_energy(ran.watched.extremes), "energy_numerical": numerical_energy(ran.watched.extremes),
-        "imbalance": imbalance(response),
+        "status": str(status.cause),
+        "message": status.text,
+        "remedy": status.remedy,
+        "result": str(ran.result),
+        "steps": response.stats.steps,
+        "dof": ran.ready.problem.system.size,
+        "integrated": response.stats.unknowns,
+        "seconds": response.stats.seconds,
+        "events": response.stats.events,
+        "periodicity": periodicity_error(response),
+        "energy_lost": energy_residual(ran.watched.extremes),
+        "energy_numerical": numerical_dissipation(ran.watched.extremes),
+        "imbalance": equilibrium_residual(response),
         "warnings": list(ran.warnings),
         "train": {figure.name: figure.value for figure in ran.figures},
         "errors": [asdict(one) for one in ran.errors],
         "choice": None if ran.choice is None else choice_json(ran.choice),
         "strength": {name: asdict(member) for name, member in ran.stressed.items()},
-    }  # fmt: skip
+    }
 
 
-def ran_parts(ran: Ran) -> Iterator[Table | str]:
+def run_output(ran: FinishedRun) -> Iterator[Table | str]:
     """Yield the printed tables and sentences of a run."""
     yield run_table(ran.ready.case, ran.watched.extremes)
     for table in _tables(ran):
         yield ""
         yield table
-    chosen = choice_words(ran.choice) if ran.choice else []
-    yield from ("\n" + sentence for sentence in (*chosen, *couplings(ran.ready.case, ran.figures), *ran.warnings))
+    chosen = describe_choice(ran.choice) if ran.choice else []
+    yield from (
+        "\n" + sentence for sentence in (*chosen, *describe_contacts(ran.ready.case, ran.figures), *ran.warnings)
+    )
     stats = ran.response.stats
     if stats.periodicity >= 0.0:
         yield f"\nThe start returns after a revolution within {stats.periodicity:.3g} of the motion"
-    if told := balances(ran.watched.extremes, stats):
+    if told := describe_balance(ran.watched.extremes, stats):
         yield f"\nEnergy balance: {told}"
-    yield f"\n{stats.steps} steps of {unknowns(ran.response)}; result: {ran.result}"
+    yield f"\n{stats.steps} steps of {describe_dofs(ran.response)}; result: {ran.result}"
     yield f"Open it in ParaView 5.12 or newer; for older ones: flexcam export {ran.result} --format pvd"
 
 
-def _tables(ran: Ran) -> Iterator[Table]:
+def _tables(ran: FinishedRun) -> Iterator[Table]:
     if ran.stressed:
         yield strength_table(ran.stressed)
     if ran.figures:
-        yield operation_table(ran.figures)
+        yield metrics_table(ran.figures)
     if ran.errors:
         yield error_table(ran.errors)
 
@@ -134,56 +156,56 @@ def run(
 ) -> Status:  # fmt: skip
     """Solve a case in time and write its result file."""
     begun = time.monotonic()
-    given = together(
-        lambda: load(case, overrides),
-        lambda: takes_files(named_as_folder(folder)),
-        lambda: None if time_limit is None else duration("--time-limit", time_limit),
+    given = collect_errors(
+        lambda: load_case(case, overrides),
+        lambda: check_folder_writable(check_folder_name(folder)),
+        lambda: None if time_limit is None else parse_duration("--time-limit", time_limit),
     )
-    until = None if time_limit is None else begun + duration("--time-limit", time_limit)
+    until = None if time_limit is None else begun + parse_duration("--time-limit", time_limit)
     if not resume:  # before the model is chosen, which requires computations
-        free_to_write("result", folder / f"{given.name}.vtkhdf", overwrite=overwrite)
-    read, choice = chosen(given, until)
-    probe = scalar_probe(standing(read)) if read.record.fidelity.estimate else ""
+        check_writable("result", folder / f"{given.name}.vtkhdf", overwrite=overwrite)
+    read, choice = select_case(given, until)
+    probe = scalar_probe(prepare_without_periodic_search(read)) if read.record.fidelity.estimate else ""
     ready = prepare(read, until=until, allow_large=allow_large)
     if not allow_large:
-        affordable(budget_of(ready, "revolution"), folder)
-    earlier = unfinished(ready, folder) if resume else None
-    strength, kept, watched = StrengthSink(build_structure(ready.model)), recent(ready), Watched.of(ready)
+        check_resources(estimate_case_resources(ready, "revolution"), folder)
+    earlier = open_partial_result(ready, folder) if resume else None
+    strength, kept, watched = StrengthSink(build_structure(ready.model)), summary_sink(ready), RunMonitor.of(ready)
 
     def doubtful(stats: Stats) -> list[str]:
-        return run_doubts(ready, watched, figures_of(ready, kept.response()), stats)
+        return check_run(ready, watched, compute_metrics(ready, kept.response()), stats)
 
-    sink = result_file(ready, folder, overwrite=overwrite, resume=earlier, warnings=doubtful)
-    running.solving = True
-    with progress(ready.problem.steps) as bar:
+    sink = open_result_file(ready, folder, overwrite=overwrite, resume=earlier, warnings=doubtful)
+    run_state.solving = True
+    with show_progress(ready.problem.steps) as bar:
         response = solve(
             ready.problem, ready.scheme, save=ready.save, sinks=[strength, *watched.sinks, sink, *bar],
-            stop=running.stopped, until=until, memory=kept, resume=earlier,
+            stop=run_state.stopped, until=until, memory=kept, resume=earlier,
         )  # fmt: skip
-    running.solving = False
-    estimated = _estimated(read, probe, until) if probe and response.status.ok else ((), ())
-    ran = Ran(
+    run_state.solving = False
+    estimated = _estimate_errors(read, probe, until) if probe and response.status.ok else ((), ())
+    ran = FinishedRun(
         ready, response, watched, sink.path if response.status.ok else sink.partial,
-        figures=tuple(figures_of(ready, response)),
+        figures=tuple(compute_metrics(ready, response)),
         stressed=strength.members() if read.record.fidelity.model == "beams" else {},
         errors=estimated[0], warnings=(*doubtful(response.stats), *estimated[1]), choice=choice,
     )  # fmt: skip
     if as_json:
-        print_json(ran_json(ran))
+        print_json(run_json(ran))
     else:
-        for part in ran_parts(ran):
-            out().print(part)
+        for part in run_output(ran):
+            result_console().print(part)
     if response.status.ok and choice is not None and not choice.met:
         return Status(Cause.TOLERANCE, f"the tolerance is not met: {choice.why}", "allow more, or refine the case")
     return response.status
 
 
-def _estimated(
+def _estimate_errors(
     case: Case, probe: str, until: float | None
 ) -> tuple[tuple[Error, ...], tuple[str, ...]]:  # fmt: skip
     """Return the estimated errors, or a sentence with the reason why there are none; the run itself is complete."""
     try:
-        return tuple(estimate(case, probe, until)), ()
+        return tuple(estimate_errors(case, probe, until)), ()
     except RunFailedError as failure:
         late = failure.status.cause is Cause.TIME_LIMIT
         why = failure.status.text if not late else "the time given to the command was over"

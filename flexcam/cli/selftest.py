@@ -8,16 +8,16 @@ from dataclasses import asdict
 from rich.console import JustifyMethod
 from rich.table import Table
 
-from flexcam.analysis.selftest import Check, checks, installed
+from flexcam.analysis.selftest import Check, all_checks, installation_info
 from flexcam.cli.app import Json, app
 from flexcam.dynamics import Cause, Status
-from flexcam.report.formatting import or_none
-from flexcam.report.terminal import bare, facts, out, print_json
+from flexcam.report.formatting import finite_or_none
+from flexcam.report.terminal import create_table, facts_table, print_json, result_console
 
 
 def check_table(found: Sequence[Check]) -> Table:
     """Return the table of the checks."""
-    made = bare("What is computed, and what it must be")
+    made = create_table("What is computed, and what it must be")
     for head, side in _HEADS:
         made.add_column(head, justify=side)
     for one in found:
@@ -32,15 +32,20 @@ _HEADS: tuple[tuple[str, JustifyMethod], ...] = (
 )  # fmt: skip
 
 
-def installed_table(parts: Mapping[str, str]) -> Table:
+def installation_table(parts: Mapping[str, str]) -> Table:
     """Return the table of installed packages."""
-    return facts("What is installed", parts.items())
+    return facts_table("What is installed", parts.items())
 
 
 def selftest_json(found: Sequence[Check], parts: Mapping[str, str], status: Status) -> dict[str, object]:
     """Return checks and installed packages for ``--json``."""
     rows = [
-        {**asdict(one), "computed": or_none(one.computed), "error": or_none(one.error), "passed": one.passed}
+        {
+            **asdict(one),
+            "computed": finite_or_none(one.computed),
+            "error": finite_or_none(one.error),
+            "passed": one.passed,
+        }
         for one in found
     ]
     return {
@@ -61,7 +66,7 @@ def selftest(*, as_json: Json = False) -> Status:
     It takes some seconds, and half a minute where machine code is compiled for the first time. Exit code 3 if a check
     fails.
     """
-    found = list(checks())
+    found = list(all_checks())
     failed = [one.quantity for one in found if not one.passed]
     status = Status()
     if failed:
@@ -70,11 +75,11 @@ def selftest(*, as_json: Json = False) -> Status:
             Cause.FAULT, text, "install again, in a new environment; if that does not help, please report it"
         )
     if as_json:
-        print_json(selftest_json(found, installed(), status))
+        print_json(selftest_json(found, installation_info(), status))
         return status
-    out().print(check_table(found))
-    out().print()
-    out().print(installed_table(installed()))
+    result_console().print(check_table(found))
+    result_console().print()
+    result_console().print(installation_table(installation_info()))
     if status.ok:
-        out().print(f"\nAll {len(found)} checks passed")
+        result_console().print(f"\nAll {len(found)} checks passed")
     return status

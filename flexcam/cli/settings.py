@@ -7,12 +7,12 @@ from dataclasses import asdict
 
 from rich.table import Table
 
-from flexcam.analysis.measures import settings_of
+from flexcam.analysis.measures import compute_settings
 from flexcam.analysis.petrescu import Setting
-from flexcam.cli.app import CaseFile, Json, Overrides, app, load
+from flexcam.cli.app import CaseFile, Json, Overrides, app, load_case
 from flexcam.core.units import RPM, shaft_name
-from flexcam.report.formatting import mm
-from flexcam.report.terminal import out, print_json, table
+from flexcam.report.formatting import format_mm
+from flexcam.report.terminal import plain_table, print_json, result_console
 
 _HEAD = ("k, kN/m", "x0, mm", "spp max", "spp min", "xpp max", "xpp min", "opens, mm", "lift lost")
 
@@ -21,23 +21,23 @@ def settings_table(found: Sequence[Setting], scale: float) -> Table:
     """Return the table of the closed-form results, one row per setting."""
     rows = [
         (
-            one.name, f"{scale * one.speed / RPM:.6g}", f"{one.stiffness / 1e3:.4g}", mm(one.compression, 4),
-            *(f"{value:.0f}" for value in (*one.kinematic, *one.dynamic)), mm(one.opening, 3), f"{one.lost:.1%}",
+            one.name, f"{scale * one.speed / RPM:.6g}", f"{one.stiffness / 1e3:.4g}", format_mm(one.compression, 4),
+            *(f"{value:.0f}" for value in (*one.kinematic, *one.dynamic)), format_mm(one.opening, 3), f"{one.lost:.1%}",
         )
         for one in found
     ]  # fmt: skip
-    title = f"Acceleration of the lift (spp) and of the valve (xpp), m/s^2; lift {mm(found[0].lift, 4)} mm"
-    return table(title, ("setting", f"{shaft_name(scale)} rpm", *_HEAD), rows)
+    title = f"Acceleration of the lift (spp) and of the valve (xpp), m/s^2; lift {format_mm(found[0].lift, 4)} mm"
+    return plain_table(title, ("setting", f"{shaft_name(scale)} rpm", *_HEAD), rows)
 
 
-def settings_words(found: Sequence[Setting]) -> list[str]:
+def describe_settings(found: Sequence[Setting]) -> list[str]:
     """Return sentences about the lift lost with the accelerations."""
     worst = max(found, key=lambda one: one.lost)
     limited = worst.dynamic[0] / worst.kinematic[0]
     bought = (
         "In this closed form what limits the acceleration is lost lift: the train yields to the spring, and the valve "
         f"does not open. With {worst.name} the valve's largest acceleration is {limited:.1%} of the lift's, and it "
-        f"opens {mm(worst.opening, 3)} of {mm(worst.lift, 4)} mm: {worst.lost:.1%} of the lift is lost."
+        f"opens {format_mm(worst.opening, 3)} of {format_mm(worst.lift, 4)} mm: {worst.lost:.1%} of the lift is lost."
     )
     words = [bought]
     if shut := [one for one in found if not one.lifts_off]:
@@ -56,7 +56,7 @@ def settings_json(found: Sequence[Setting], scale: float) -> dict[str, object]:
     """Return the results of settings for ``--json``, SI."""
     rows = [{**asdict(one), "rpm": scale * one.speed / RPM, "lost": one.lost} for one in found]
     shaft = shaft_name(scale)
-    return {"shaft": shaft, "settings": rows, "words": settings_words(found)}
+    return {"shaft": shaft, "settings": rows, "words": describe_settings(found)}
 
 
 @app.command(
@@ -71,12 +71,12 @@ def settings(case: CaseFile, *, overrides: Overrides = None, as_json: Json = Fal
     The closed form of Petrescu and Petrescu (2013) for one mass between a cam and one spring, for the case as it stands
     and for every table under [settings].
     """
-    read = load(case, overrides)
+    read = load_case(case, overrides)
     scale = read.turns
-    found = settings_of(read)
+    found = compute_settings(read)
     if as_json:
         print_json({"status": "ok", **settings_json(found, scale)})
         return
-    out().print(settings_table(found, scale))
-    for sentence in settings_words(found):
-        out().print("\n" + sentence)
+    result_console().print(settings_table(found, scale))
+    for sentence in describe_settings(found):
+        result_console().print("\n" + sentence)

@@ -15,7 +15,7 @@ from rich.table import Table
 
 from flexcam.analysis.campbell import Campbell
 from flexcam.analysis.campbell import campbell as find_crossings
-from flexcam.analysis.orders import Signal, Waterfall, ridges, waterfall
+from flexcam.analysis.orders import Signal, Waterfall, largest_orders, waterfall
 from flexcam.analysis.preparation import prepare, scalar_probe
 from flexcam.case.case import Case
 from flexcam.cli.app import (
@@ -25,20 +25,20 @@ from flexcam.cli.app import (
     Overwrite,
     Picture,
     app,
-    free_picture,
-    from_one,
-    load,
+    check_figure_path,
+    check_positive,
     load_beams,
+    load_case,
     speed_range,
 )
-from flexcam.cli.arguments import free_targets
+from flexcam.cli.arguments import check_targets
 from flexcam.core import FloatArray
-from flexcam.core.errors import refuse, together
+from flexcam.core.errors import collect_errors, refuse
 from flexcam.core.units import shaft_name
 from flexcam.dynamics import Status
 from flexcam.io import write_text
-from flexcam.report.formatting import NOISE, mm
-from flexcam.report.terminal import counting, out, print_json, table
+from flexcam.report.formatting import NOISE, format_mm
+from flexcam.report.terminal import plain_table, print_json, result_console, show_count
 
 
 def campbell_table(found: Campbell, scale: float) -> Table:
@@ -49,7 +49,7 @@ def campbell_table(found: Campbell, scale: float) -> Table:
         for i, (column, reached, words) in enumerate(zip(found.frequencies.T, found.reached, found.words, strict=True))
     ]
     title = f"Modes at full lift of {found.contact} over {shaft_name(scale)} rpm"
-    return table(title, ("mode", low, high, "felt", "what moves"), rows)
+    return plain_table(title, ("mode", low, high, "felt", "what moves"), rows)
 
 
 def _hz(value: float) -> str:
@@ -59,13 +59,20 @@ def _hz(value: float) -> str:
 def crossing_table(found: Campbell, scale: float) -> Table:
     """Return the table of the crossings of orders and modes in ascending order of speed."""
     rows = [
-        (f"{scale * one.rpm:.6g}", str(one.harmonic), str(one.mode + 1), f"{one.frequency:.5g}", mm(one.amplitude, 3),
-         _force(one.load), one.words)
+        (
+            f"{scale * one.rpm:.6g}",
+            str(one.harmonic),
+            str(one.mode + 1),
+            f"{one.frequency:.5g}",
+            format_mm(one.amplitude, 3),
+            _force(one.load),
+            one.words,
+        )
         for one in found.crossings
-    ]  # fmt: skip
+    ]
     title = "Where orders of the camshaft meet modes that are felt at the contact"
     head = (f"{shaft_name(scale)} rpm", "order", "mode", "Hz", "in the lift, mm", "in the force, N", "what moves")
-    return table(title if rows else f"{title}: nowhere between these speeds", head, rows)
+    return plain_table(title if rows else f"{title}: nowhere between these speeds", head, rows)
 
 
 def _force(value: float) -> str:
@@ -96,7 +103,7 @@ def _or_none(value: float) -> float | None:
     return None if math.isnan(value) else value
 
 
-def nothing_known(statuses: Sequence[Status]) -> Status | None:
+def failed_status(statuses: Sequence[Status]) -> Status | None:
     """Return the status of a command over speeds if no speed was computed."""
     if any(one.ok for one in statuses):
         return None
@@ -104,7 +111,7 @@ def nothing_known(statuses: Sequence[Status]) -> Status | None:
     return Status(first.cause, f"none of {len(statuses)} speeds was completed; the first: {first.text}", first.remedy)
 
 
-def ended_early(statuses: Sequence[Status], rpm: FloatArray, scale: float) -> list[str]:
+def describe_incomplete_runs(statuses: Sequence[Status], rpm: FloatArray, scale: float) -> list[str]:
     """Return sentences about incomplete runs."""
     return [
         f"Warning: nothing is known at {scale * speed:.6g} {shaft_name(scale)} rpm: {status}"
@@ -113,13 +120,13 @@ def ended_early(statuses: Sequence[Status], rpm: FloatArray, scale: float) -> li
     ]
 
 
-_SHOWN = 8
+_MAX_TABLE_ORDERS = 8
 """Number of orders in the table: those with the largest amplitudes."""
 
 
 def orders_table(found: Waterfall, scale: float) -> Table:
     """Return the table of the largest orders of a history over speed."""
-    shown = sorted(ridges(found, _SHOWN))
+    shown = sorted(largest_orders(found, _MAX_TABLE_ORDERS))
     rounding = NOISE * float(np.nanmax(found.amplitudes)) if shown else 0.0
     rows = [
         (f"{scale * rpm:.6g}", *(_number(found.amplitudes[i, n], rounding) for n in (0, *shown)), _part(found, i))
@@ -128,7 +135,7 @@ def orders_table(found: Waterfall, scale: float) -> Table:
     what = f"acceleration of {found.signal.name}" if found.signal.probe else found.signal.name
     title = f"Orders of {what}, {found.unit}, in the last revolution: the largest of {found.amplitudes.shape[1] - 1}"
     head = (f"{shaft_name(scale)} rpm", "mean", *(f"order {n}" for n in shown), "not periodic by")
-    return table(title, head, rows)
+    return plain_table(title, head, rows)
 
 
 def _number(value: float, rounding: float) -> str:
@@ -197,34 +204,34 @@ def campbell(
 
     Speeds are those of the crankshaft where the case gives crank_speed, else those of the camshaft.
     """
-    read = together(
+    read = collect_errors(
         lambda: load_beams(case, overrides),
-        lambda: _whole_numbers("--orders", orders),
-        lambda: free_picture(plot, overwrite),
+        lambda: _parse_integers("--orders", orders),
+        lambda: check_figure_path(plot, overwrite),
     )
-    scale, numbers = read.turns, _whole_numbers("--orders", orders)
+    scale, numbers = read.turns, _parse_integers("--orders", orders)
     low, high = speed_range(lowest, highest, count, read.speed, scale)
     speeds = np.linspace(low, high, count).tolist()
-    with counting(count, "speeds") as shown:
+    with show_count(count, "speeds") as shown:
         found = find_crossings(read, speeds, orders=numbers, modes=modes, contact=contact, advance=shown)
     if plot is not None:
-        from flexcam.plotting.figures import save_figure, titled
+        from flexcam.plotting.figures import add_title, save_figure
         from flexcam.plotting.spectra import campbell_figure
 
         figure = campbell_figure(found, scale, shaft_name(scale))
-        save_figure(titled(figure, read.title), plot, overwrite=overwrite)
-    ended = nothing_known(found.statuses)
+        save_figure(add_title(figure, read.title), plot, overwrite=overwrite)
+    ended = failed_status(found.statuses)
     if as_json:
         files = [] if plot is None else [str(plot)]
         print_json({"status": _word(ended), **campbell_json(found, scale), "files": files})
         return ended
-    out().print(campbell_table(found, scale))
-    out().print()
-    out().print(crossing_table(found, scale))
-    for sentence in ended_early(found.statuses, found.rpm, scale):
-        out().print("\n" + sentence)
+    result_console().print(campbell_table(found, scale))
+    result_console().print()
+    result_console().print(crossing_table(found, scale))
+    for sentence in describe_incomplete_runs(found.statuses, found.rpm, scale):
+        result_console().print("\n" + sentence)
     if plot is not None:
-        out().print(f"\n{plot}")
+        result_console().print(f"\n{plot}")
     return ended
 
 
@@ -253,36 +260,36 @@ def orders(
 
     Speeds are those of the crankshaft where the case gives crank_speed, else those of the camshaft.
     """
-    read = together(
-        lambda: load(case, overrides),
-        lambda: from_one("--orders", highest_order),
-        lambda: free_targets(csv, plot, case, overwrite=overwrite),
+    read = collect_errors(
+        lambda: load_case(case, overrides),
+        lambda: check_positive("--orders", highest_order),
+        lambda: check_targets(csv, plot, case, overwrite=overwrite),
     )
     scale = read.turns
     low, high = speed_range(lowest, highest, count, read.speed, scale)
     speeds = np.linspace(low, high, count).tolist()
-    with counting(count, "speeds") as shown:
-        found = waterfall(read, speeds, signals(read, channels, probes), highest_order, advance=shown)
+    with show_count(count, "speeds") as shown:
+        found = waterfall(read, speeds, select_signals(read, channels, probes), highest_order, advance=shown)
     if csv is not None:
         write_text(csv, orders_csv(found, scale), overwrite=overwrite)
     if plot is not None:
-        from flexcam.plotting.figures import save_figure, titled
+        from flexcam.plotting.figures import add_title, save_figure
         from flexcam.plotting.spectra import waterfall_figure
 
         figure = waterfall_figure(found, scale, shaft_name(scale))
-        save_figure(titled(figure, read.title), plot, overwrite=overwrite)
+        save_figure(add_title(figure, read.title), plot, overwrite=overwrite)
     files = [str(path) for path in (csv, plot) if path is not None]
-    ended = nothing_known(found[0].statuses)
+    ended = failed_status(found[0].statuses)
     if as_json:
         print_json({"status": _word(ended), **orders_json(found, scale), "files": files})
         return ended
     for one in found:
-        out().print(orders_table(one, scale))
-        out().print()
-    for sentence in ended_early(found[0].statuses, found[0].rpm, scale):
-        out().print(sentence)
+        result_console().print(orders_table(one, scale))
+        result_console().print()
+    for sentence in describe_incomplete_runs(found[0].statuses, found[0].rpm, scale):
+        result_console().print(sentence)
     for path in files:
-        out().print(path)
+        result_console().print(path)
     return ended
 
 
@@ -290,7 +297,7 @@ def _word(ended: Status | None) -> str:
     return "ok" if ended is None else str(ended.cause)
 
 
-def signals(case: Case, channels: list[str] | None, probes: list[str] | None) -> list[Signal]:
+def select_signals(case: Case, channels: list[str] | None, probes: list[str] | None) -> list[Signal]:
     """Return the requested histories: by default the acceleration of the valve and the force of the first cam."""
     if channels is None and probes is None:
         driven = next((name for name, one in case.record.contacts.items() if hasattr(one, "cam")), None)
@@ -299,18 +306,18 @@ def signals(case: Case, channels: list[str] | None, probes: list[str] | None) ->
     return [*(Signal(name, probe=True) for name in probes or []), *(Signal(name) for name in channels or [])]
 
 
-def _whole_numbers(where: str, text: str) -> list[int]:
+def _parse_integers(where: str, text: str) -> list[int]:
     """Parse the integers of an option: ``1:12``, ``1,2,4`` or one."""
     if found := re.fullmatch(r"\s*(\d{1,4})\s*:\s*(\d{1,4})\s*", text):
         first, last = int(found[1]), int(found[2])
-        if 1 <= first <= last <= _MOST_ORDERS:
+        if 1 <= first <= last <= _MAX_ORDER:
             return list(range(first, last + 1))
     elif re.fullmatch(r"\s*\d{1,4}\s*(,\s*\d{1,4}\s*)*", text):
         numbers = [int(one) for one in text.split(",")]
-        if min(numbers) >= 1 and max(numbers) <= _MOST_ORDERS:
+        if min(numbers) >= 1 and max(numbers) <= _MAX_ORDER:
             return sorted(set(numbers))
-    raise refuse(where, repr(text), f"whole numbers from 1 to {_MOST_ORDERS}: 1:12, or 1,2,4")
+    raise refuse(where, repr(text), f"whole numbers from 1 to {_MAX_ORDER}: 1:12, or 1,2,4")
 
 
-_MOST_ORDERS = 1000
+_MAX_ORDER = 1000
 """Maximum order: harmonics of a lift are below a thousandth of the largest long before."""

@@ -23,54 +23,63 @@ from flexcam.cli.app import (
     Overwrite,
     Picture,
     app,
-    bracket,
-    free_picture,
+    check_figure_path,
+    parse_speed_tolerance,
     speed_range,
-    tell_unused,
+    warn_ignored_keys,
 )
 from flexcam.cli.app import CaseFile as CasePath
-from flexcam.cli.arguments import Answer, apart, free_targets, write_answer
+from flexcam.cli.arguments import StudyAnswer, check_distinct_files, check_targets, write_answer
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
 from flexcam.core.units import shaft_name
-from flexcam.dynamics import Cause, RunFailedError, Status, raise_if_interrupted
-from flexcam.io import free_to_write, write_text
-from flexcam.report.formatting import Told, csv_of, fixed, or_none, shown
-from flexcam.report.terminal import counting, facts, table
-from flexcam.studies.axes import Axis, axis
+from flexcam.dynamics import Cause, RunFailedError, Status, reraise_interrupt
+from flexcam.io import check_writable, write_text
+from flexcam.report.formatting import StudyOutput, finite_or_none, format_csv, format_fixed, format_number
+from flexcam.report.terminal import facts_table, plain_table, show_count
+from flexcam.studies.axes import Axis, parse_axis
 from flexcam.studies.evaluation import Row
-from flexcam.studies.evaluators import Kept, Points, Runs, Variable, case_text, column, evaluators, variables_of
-from flexcam.studies.evaluators import evaluators as study_evaluators
+from flexcam.studies.evaluators import (
+    InterruptibleRuns,
+    PointEvaluator,
+    Runs,
+    Variable,
+    column,
+    create_evaluator,
+    resolved_case_text,
+    variables_of,
+)
+from flexcam.studies.evaluators import create_evaluator as study_evaluators
 from flexcam.studies.limit_map import LimitMap, grid_plan, limit_map
-from flexcam.studies.objective import Goal, active, constraints_of, feasible, value_of
-from flexcam.studies.optimization import Design, Evaluations, front, pareto
+from flexcam.studies.objective import Goal, is_active, is_feasible, parse_constraints, row_value
+from flexcam.studies.optimization import Evaluations, OptimizationProblem, find_pareto_front, pareto_indices
 from flexcam.studies.optimization import optimize as study_optimize
-from flexcam.studies.quantities import Quantity, check_names, frequency_number, measured
+from flexcam.studies.quantities import Quantity, check_names, compute_quantities, frequency_number
 from flexcam.studies.sensitivity import (
-    STEPS,
+    STEP_OFFSETS,
     Sensitivity,
     SobolIndices,
-    checked_count,
-    numbers_of,
+    check_count,
+    get_numbers,
     sensitivities,
     sobol_indices,
 )
-from flexcam.studies.sweep import afford_case, validated
-from flexcam.studies.tolerance_analysis import QUANTILES, Scatter, sampled, scatters_of, spread
+from flexcam.studies.sweep import check_case_resources, validate_plan
+from flexcam.studies.tolerance_analysis import QUANTILES, PartScatter, parse_scatters, sample_parts, scalar_distribution
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def told_limit_map(found: LimitMap, shaft: str) -> Told:
+def limit_map_output(found: LimitMap, shaft: str) -> StudyOutput:
     """Return the output of a map of limits."""
     first, second = found.axes
     tables = [
-        table(
-            f"{name.replace('_', ' ')}, {shaft} rpm; along: {axis_words(second)}",
-            (axis_words(first), *(shown(value.number or 0.0) for value in second.values)),
+        plain_table(
+            f"{name.replace('_', ' ')}, {shaft} rpm; along: {describe_axis(second)}",
+            (describe_axis(first), *(format_number(value.number or 0.0) for value in second.values)),
             [
-                (shown(value.number or 0.0), *(shown(x) for x in row))
+                (format_number(value.number or 0.0), *(format_number(x) for x in row))
                 for value, row in zip(first.values, rpm.tolist(), strict=True)
             ],
         )
@@ -78,12 +87,14 @@ def told_limit_map(found: LimitMap, shaft: str) -> Told:
     ]
     gaps = sum(not status.ok for status in found.statuses)
     words = (
-        ["A dash: not met in the range looked at."] if any(_gaps(rpm.tolist()) for rpm in found.rpm.values()) else []
+        ["A dash: not met in the range looked at."]
+        if any(_describe_gaps(rpm.tolist()) for rpm in found.rpm.values())
+        else []
     )
     if gaps:
         failed = next(status for status in found.statuses if not status.ok)
         words.append(f"{gaps} variants have no numbers; the first: {failed}")
-    head = (axis_words(first), axis_words(second), *(f"{name} [{shaft} rpm]" for name in found.rpm), "status")
+    head = (describe_axis(first), describe_axis(second), *(f"{name} [{shaft} rpm]" for name in found.rpm), "status")
     rows = [
         (one.number or 0.0, other.number or 0.0, *(float(rpm[i, j]) for rpm in found.rpm.values()),
          str(found.statuses[i * len(second.values) + j].cause))
@@ -94,18 +105,20 @@ def told_limit_map(found: LimitMap, shaft: str) -> Told:
         "shaft": shaft,
         "over": {"key": first.key, "unit": first.unit, "values": [value.number for value in first.values]},
         "and": {"key": second.key, "unit": second.unit, "values": [value.number for value in second.values]},
-        "limits_rpm": {name: [[or_none(x) for x in row] for row in rpm.tolist()] for name, rpm in found.rpm.items()},
+        "limits_rpm": {
+            name: [[finite_or_none(x) for x in row] for row in rpm.tolist()] for name, rpm in found.rpm.items()
+        },
         "statuses": [str(status.cause) for status in found.statuses],
     }
-    return Told(tables, words, json, csv_of(head, rows))
+    return StudyOutput(tables, words, json, format_csv(head, rows))
 
 
-def axis_words(axis: Axis) -> str:
+def describe_axis(axis: Axis) -> str:
     """Describe the values along an axis."""
     return f"{axis.key}, {axis.unit}" if axis.unit else axis.key
 
 
-def _gaps(rows: list[list[float]]) -> bool:
+def _describe_gaps(rows: list[list[float]]) -> bool:
     return any(math.isnan(x) for row in rows for x in row)
 
 
@@ -118,27 +131,27 @@ def map_limits(
     if over is None or beside is None:
         given = "--over alone" if over else "--and alone" if beside else "--limit, --workers, --csv or --plot alone"
         raise refuse("limits", given, "--over KEY=SPEC and --and KEY=SPEC", "they belong to a map over two numbers")
-    free_targets(csv, plot, path, overwrite=overwrite)
+    check_targets(csv, plot, path, overwrite=overwrite)
     file = CaseFile.opened(path)
     plan = grid_plan(_axis("--over", over), _axis("--and", beside), overrides or ())
-    case = validated(file, plan)
+    case = validate_plan(file, plan)
     shaft = shaft_name(case.turns)
     asked = [f"limits.{name}" for name in names]
     with (
-        counting(len(plan), "variants") as shown,
-        evaluators(file, (), asked, search, workers=workers, runs=len(plan), advance=shown) as runs,
+        show_count(len(plan), "variants") as shown,
+        create_evaluator(file, (), asked, search, workers=workers, runs=len(plan), advance=shown) as runs,
     ):
-        kept = Kept(runs)
+        kept = InterruptibleRuns(runs)
         found = limit_map(plan, names, kept).told_in(case)
 
     def draw() -> Figure:
         from flexcam.plotting.study_curves import map_figure
 
         first, second = (np.array([value.number for value in one.values]) for one in found.axes)
-        labels = [axis_words(one) for one in found.axes]
+        labels = [describe_axis(one) for one in found.axes]
         return map_figure(second, first, found.rpm, (labels[1], labels[0]), shaft)
 
-    write_answer((told_limit_map(found, shaft), draw), csv, plot, kept.status, overwrite=overwrite, as_json=as_json)
+    write_answer((limit_map_output(found, shaft), draw), csv, plot, kept.status, overwrite=overwrite, as_json=as_json)
     return kept.status
 
 
@@ -149,10 +162,10 @@ def _axis(option: str, setting: str) -> Axis:
     if key.strip() in ("run.speed", "run.crank_speed"):
         why = "a limit is a speed, looked for from --lowest to --highest: that of the case has no part in it"
         raise refuse(option, key.strip(), "another number of the case", why, "vary a part")
-    return axis(key.strip(), spec, where=f"{option} {setting}")
+    return parse_axis(key.strip(), spec, where=f"{option} {setting}")
 
 
-def told_derivatives(found: Sequence[Sensitivity]) -> Told:
+def derivative_output(found: Sequence[Sensitivity]) -> StudyOutput:
     """Return the output of derivatives."""
     names = list(dict.fromkeys(one.scalar for one in found))
     tables = [_derivatives(name, [one for one in found if one.scalar == name]) for name in names]
@@ -163,19 +176,24 @@ def told_derivatives(found: Sequence[Sensitivity]) -> Told:
          math.nan if one.error is None else one.error, one.logarithmic, one.smooth)
         for one in found
     ]  # fmt: skip
-    return Told(tables, words, {"derivatives": [_json(one) for one in found]}, csv_of(head, rows))
+    return StudyOutput(tables, words, {"derivatives": [_json(one) for one in found]}, format_csv(head, rows))
 
 
 def _derivatives(name: str, found: Sequence[Sensitivity]):  # noqa: ANN202 - a table of rich
     ordered = sorted(found, key=lambda one: -abs(one.logarithmic) if not math.isnan(one.logarithmic) else math.inf)
     rows = [
-        (one.by.key, f"{shown(one.by.value)} {one.by.unit}".strip(), f"{shown(one.derivative)} {_per(one)}".strip(),
-         "analytic" if one.error is None and not math.isnan(one.derivative) else shown(_error(one), 2),
-         _percent(one.logarithmic), "" if one.smooth else _doubt(one))
+        (
+            one.by.key,
+            f"{format_number(one.by.value)} {one.by.unit}".strip(),
+            f"{format_number(one.derivative)} {_derivative_unit(one)}".strip(),
+            "analytic" if one.error is None and not math.isnan(one.derivative) else format_number(_error(one), 2),
+            _percent(one.logarithmic),
+            "" if one.smooth else _describe_doubt(one),
+        )
         for one in ordered
-    ]  # fmt: skip
-    title = f"{name} = {shown(found[0].value)} {_unit(found[0])}".rstrip()
-    return table(title, ("by", "at", "derivative", "error", "% per %", ""), rows)
+    ]
+    title = f"{name} = {format_number(found[0].value)} {_unit(found[0])}".rstrip()
+    return plain_table(title, ("by", "at", "derivative", "error", "% per %", ""), rows)
 
 
 def _unit(one: Sensitivity) -> str:
@@ -183,7 +201,7 @@ def _unit(one: Sensitivity) -> str:
     return "" if one.unit == "1" else one.unit
 
 
-def _per(one: Sensitivity) -> str:
+def _derivative_unit(one: Sensitivity) -> str:
     """Return the unit of a derivative."""
     return f"{_unit(one)} per {one.by.unit}" if one.by.unit else _unit(one)
 
@@ -192,7 +210,7 @@ def _error(one: Sensitivity) -> float:
     return math.nan if one.error is None else one.error
 
 
-def _doubt(one: Sensitivity) -> str:
+def _describe_doubt(one: Sensitivity) -> str:
     if math.isnan(one.derivative):
         return "not known"
     return "equal frequencies" if one.error is None else "not smooth"
@@ -204,19 +222,27 @@ def _percent(value: float) -> str:
 
 def _json(one: Sensitivity) -> dict[str, object]:
     return {
-        "scalar": one.scalar, "unit": one.unit, "value": or_none(one.value), "key": one.by.key,
-        "key_unit": one.by.unit, "key_value": one.by.value, "derivative": or_none(one.derivative),
-        "error": None if one.error is None else or_none(one.error), "logarithmic": or_none(one.logarithmic),
-        "analytic": one.error is None and not math.isnan(one.derivative), "smooth": one.smooth, "note": one.note,
-    }  # fmt: skip
+        "scalar": one.scalar,
+        "unit": one.unit,
+        "value": finite_or_none(one.value),
+        "key": one.by.key,
+        "key_unit": one.by.unit,
+        "key_value": one.by.value,
+        "derivative": finite_or_none(one.derivative),
+        "error": None if one.error is None else finite_or_none(one.error),
+        "logarithmic": finite_or_none(one.logarithmic),
+        "analytic": one.error is None and not math.isnan(one.derivative),
+        "smooth": one.smooth,
+        "note": one.note,
+    }
 
 
-def told_shares(names: Sequence[str], variables: Sequence[Variable], found: Sequence[SobolIndices]) -> Told:
+def sobol_output(names: Sequence[str], variables: Sequence[Variable], found: Sequence[SobolIndices]) -> StudyOutput:
     """Return the output of Sobol indices."""
     keys = [one.key for one in variables]
     tables = [
-        table(
-            f"Shares of the variance of {name} (standard deviation {shown(math.sqrt(one.variance))})",
+        plain_table(
+            f"Shares of the variance of {name} (standard deviation {format_number(math.sqrt(one.variance))})",
             ("by", "interval", "alone", "95 %", "with others", "95 %"),
             [
                 (key, f"{variable.low:g} to {variable.high:g} {variable.unit}", f"{one.first[i]:.3f}",
@@ -245,41 +271,50 @@ def told_shares(names: Sequence[str], variables: Sequence[Variable], found: Sequ
         }
         for name, one in zip(names, found, strict=True)
     }  # fmt: skip
-    return Told(tables, words, {"sobol": json}, csv_of(head, rows))
+    return StudyOutput(tables, words, {"sobol": json}, format_csv(head, rows))
 
 
 def _interval(ends: FloatArray) -> str:
     return f"{ends[0]:.3f} to {ends[1]:.3f}"
 
 
-def _stands(middle: Mapping[str, Quantity], name: str) -> float:
+def _describe_initial_point(middle: Mapping[str, Quantity], name: str) -> float:
     return middle[name].value if name in middle else math.nan
 
 
-def told_scatter(
+def scatter_output(
     names: Sequence[str],
-    scatters: Sequence[Scatter],
+    scatters: Sequence[PartScatter],
     parts: FloatArray,
     rows: Sequence[Row],
     middle: Mapping[str, Quantity],
-) -> Told:
+) -> StudyOutput:
     """Return the output of a tolerance analysis."""
     values = np.column_stack([column(rows, name) for name in names])
     units = {name: one.unit for name, one in middle.items()}
     units |= {
         name: next((row.units[name] for row in rows if name in row.units), "") for name in names if name not in units
     }
-    found = {name: spread(parts, values[:, i]) for i, name in enumerate(names)}
+    found = {name: scalar_distribution(parts, values[:, i]) for i, name in enumerate(names)}
     told = [
-        (name, units[name], shown(_stands(middle, name)), shown(one.mean), shown(one.deviation, 4),
-         *(shown(one.quantiles[part]) for part in QUANTILES), str(one.missing))
+        (
+            name,
+            units[name],
+            format_number(_describe_initial_point(middle, name)),
+            format_number(one.mean),
+            format_number(one.deviation, 4),
+            *(format_number(one.quantiles[part]) for part in QUANTILES),
+            str(one.missing),
+        )
         for name, one in found.items()
-    ]  # fmt: skip
+    ]
     head = ("scalar", "unit", "as it stands", "mean", "std", *(f"{part:.0%}" for part in QUANTILES), "missing")
-    ranks = [(one.key, *(shown(float(found[name].ranks[i]), 3) for name in names)) for i, one in enumerate(scatters)]
+    ranks = [
+        (one.key, *(format_number(float(found[name].ranks[i]), 3) for name in names)) for i, one in enumerate(scatters)
+    ]
     tables = [
-        table(f"Scatter over {len(parts)} sets of parts", head, told),
-        table("Rank correlation with each part: which it follows, and which way", ("part", *names), ranks),
+        plain_table(f"Scatter over {len(parts)} sets of parts", head, told),
+        plain_table("Rank correlation with each part: which it follows, and which way", ("part", *names), ranks),
     ]
     words = [
         f"{name}: {one.missing} sets have no number: their run failed, or the limit is not met in the range looked at"
@@ -294,24 +329,28 @@ def told_scatter(
     ]
     json = {
         name: {
-            "unit": units[name], "value": or_none(_stands(middle, name)), "mean": or_none(one.mean),
-            "std": or_none(one.deviation), "missing": one.missing, "count": len(parts),
-            "quantiles": {f"{part:g}": or_none(value) for part, value in one.quantiles.items()},
-            "rank_correlation": {key: or_none(x) for key, x in zip(keys, one.ranks.tolist(), strict=True)},
+            "unit": units[name],
+            "value": finite_or_none(_describe_initial_point(middle, name)),
+            "mean": finite_or_none(one.mean),
+            "std": finite_or_none(one.deviation),
+            "missing": one.missing,
+            "count": len(parts),
+            "quantiles": {f"{part:g}": finite_or_none(value) for part, value in one.quantiles.items()},
+            "rank_correlation": {key: finite_or_none(x) for key, x in zip(keys, one.ranks.tolist(), strict=True)},
         }
         for name, one in found.items()
-    }  # fmt: skip
-    return Told(tables, words, {"scatter": json}, csv_of(columns, body))
+    }
+    return StudyOutput(tables, words, {"scatter": json}, format_csv(columns, body))
 
 
 _ROUNDING = 1e-9
 """Tolerance of a bound for rounding, relative to the bound."""
 
-_NEAR = 0.01
+_ACTIVE_DISTANCE = 0.01
 """Distance, relative to the intervals, from a variant that violates a constraint for the constraint to be active."""
 
 
-def told_optimum(design: Design, found: Evaluations) -> Told:
+def optimum_output(design: OptimizationProblem, found: Evaluations) -> StudyOutput:
     """Return the output of an optimization with one goal."""
     best = found.best
     at = found.nearest if best is None else best
@@ -319,33 +358,36 @@ def told_optimum(design: Design, found: Evaluations) -> Told:
     head = (
         f"Best of {len(found.rows)} variants" if best is not None else "Nearest to all bounds, which no variant meets"
     )
-    rows = [(goal.words, f"{shown(value_of(row, goal.name))} {_unit_optimum(row.units, goal.name)}".strip())]
+    rows = [(goal.words, f"{format_number(row_value(row, goal.name))} {_unit_optimum(row.units, goal.name)}".strip())]
     point = zip(design.points.variables, found.points[at].tolist(), strict=True)
-    rows += [(f"--set {one.key}", f"{shown(x)}{one.unit}") for one, x in point]  # all digits: --json, --csv, -o
-    tables = [facts(head, rows)]
+    rows += [(f"--set {one.key}", f"{format_number(x)}{one.unit}") for one, x in point]  # all digits: --json, --csv, -o
+    tables = [facts_table(head, rows)]
     if design.bounds:
         tables.append(_bounds(design, found, at))
-    words = [_ends(design, found, at), _failed(found)]
+    words = [_describe_interval_ends(design, found, at), _describe_failures(found)]
     json = {"best": None if best is None else _variant(design, found, best), "nearest": _variant(design, found, at),
             "evaluations": len(found.rows), "failed": _failures(found)}  # fmt: skip
-    return Told(tables, [one for one in words if one], json, _csv(design, found))
+    return StudyOutput(tables, [one for one in words if one], json, _csv(design, found))
 
 
-def told_front(design: Design, found: Evaluations) -> Told:
+def front_output(design: OptimizationProblem, found: Evaluations) -> StudyOutput:
     """Return the output of a Pareto front."""
-    best = front(found)
+    best = pareto_indices(found)
     names = [goal.name for goal in design.goals]
     head = (*(f"{goal.words}, {design.unit(goal.name, found.rows)}".rstrip(", ") for goal in design.goals),
             *(_key(one.key, one.unit) for one in design.points.variables))  # fmt: skip
     rows = [
-        (*(shown(value_of(found.rows[i], name)) for name in names), *(shown(x) for x in found.points[i].tolist()))
+        (
+            *(format_number(row_value(found.rows[i], name)) for name in names),
+            *(format_number(x) for x in found.points[i].tolist()),
+        )
         for i in best
     ]
     title = f"Front of {len(found.rows)} variants: no other is better in both"
-    told = table(title if rows else "No variant that was evaluated is within all bounds", head, rows)
+    told = plain_table(title if rows else "No variant that was evaluated is within all bounds", head, rows)
     json = {"front": [_variant(design, found, i) for i in best], "evaluations": len(found.rows),
             "failed": _failures(found)}  # fmt: skip
-    return Told([told], [one for one in [_failed(found)] if one], json, _csv(design, found))
+    return StudyOutput([told], [one for one in [_describe_failures(found)] if one], json, _csv(design, found))
 
 
 def _key(key: str, unit: str) -> str:
@@ -357,31 +399,31 @@ def _unit_optimum(units: Mapping[str, str], name: str) -> str:
     return "" if unit == "1" else unit
 
 
-def _bounds(design: Design, found: Evaluations, at: int) -> Table:
+def _bounds(design: OptimizationProblem, found: Evaluations, at: int) -> Table:
     row, passed = found.rows[at], found.violations[at]
     rows = [
         (
             one.words,
-            f"{shown(value_of(row, one.name))} {_unit_optimum(row.units, one.name)}".strip(),
+            f"{format_number(row_value(row, one.name))} {_unit_optimum(row.units, one.name)}".strip(),
             _closeness(float(passed[i]), found.outside(at, i)),
             _step(found.outside(at, i)),
         )
         for i, one in enumerate(design.bounds)
     ]
-    return table("Bounds", ("subject to", "is", "how close", "first passed, in the intervals"), rows)
+    return plain_table("Bounds", ("subject to", "is", "how close", "first passed, in the intervals"), rows)
 
 
 def _closeness(passed: float, outside: float) -> str:
     if passed > _ROUNDING:
-        return f"passed by {fixed(100.0 * passed, 2)} %"
-    return f"decides: {-passed:.2%} away" if active(passed) or outside <= _NEAR else f"{-passed:.1%} away"
+        return f"passed by {format_fixed(100.0 * passed, 2)} %"
+    return f"decides: {-passed:.2%} away" if is_active(passed) or outside <= _ACTIVE_DISTANCE else f"{-passed:.1%} away"
 
 
 def _step(outside: float) -> str:
     return "nowhere" if math.isinf(outside) else f"{outside:.2%} on"
 
 
-def _ends(design: Design, found: Evaluations, at: int) -> str:
+def _describe_interval_ends(design: OptimizationProblem, found: Evaluations, at: int) -> str:
     """Return which interval limits the best variant has reached: a wider interval may contain a better one."""
     met = [
         one.key
@@ -395,44 +437,44 @@ def _failures(found: Evaluations) -> int:
     return sum(not row.status.ok for row in found.rows)
 
 
-def _failed(found: Evaluations) -> str:
+def _describe_failures(found: Evaluations) -> str:
     failed = [row.status for row in found.rows if not row.status.ok]
     if not failed:
         return ""
     return f"{len(failed)} variants have no numbers and count as outside every bound; the first: {failed[0]}"
 
 
-def _variant(design: Design, found: Evaluations, i: int) -> dict[str, object]:
+def _variant(design: OptimizationProblem, found: Evaluations, i: int) -> dict[str, object]:
     row = found.rows[i]
     names = [*(goal.name for goal in design.goals), *(one.name for one in design.bounds)]
     return {
         "overrides": list(design.points.overrides(found.points[i])),
-        "values": {name: or_none(value_of(row, name)) for name in names},
+        "values": {name: finite_or_none(row_value(row, name)) for name in names},
         "units": {name: row.units.get(name, "") for name in names},
         "bounds": [
-            {"bound": one.words, "slack": or_none(-float(x)), "outside": or_none(found.outside(i, k)),
-             "active": active(float(x)) or found.outside(i, k) <= _NEAR}
+            {"bound": one.words, "slack": finite_or_none(-float(x)), "outside": finite_or_none(found.outside(i, k)),
+             "active": is_active(float(x)) or found.outside(i, k) <= _ACTIVE_DISTANCE}
             for k, (one, x) in enumerate(zip(design.bounds, found.violations[i].tolist(), strict=False))
         ],
     }  # fmt: skip
 
 
-def _csv(design: Design, found: Evaluations) -> str:
+def _csv(design: OptimizationProblem, found: Evaluations) -> str:
     """Return all evaluations in their order as CSV text."""
     names = list(dict.fromkeys([*(goal.name for goal in design.goals), *(one.name for one in design.bounds)]))
     head = [*(_key(one.key, one.unit) for one in design.points.variables), *names, "within all bounds", "status"]
-    inside = feasible(found.violations).tolist()
+    inside = is_feasible(found.violations).tolist()
     rows: list[Sequence[object]] = [
-        (*point, *(value_of(row, name) for name in names), "yes" if good else "no", str(row.status.cause))
+        (*point, *(row_value(row, name) for name in names), "yes" if good else "no", str(row.status.cause))
         for point, row, good in zip(found.points.tolist(), found.rows, inside, strict=True)
     ]
-    return csv_of(head, rows)
+    return format_csv(head, rows)
 
 
 def goal_history(found: Evaluations) -> list[float]:
     """Return the best goal after every evaluation, for a figure."""
     best, told = math.inf, list[float]()
-    for cost, good in zip(found.costs[:, 0].tolist(), feasible(found.violations).tolist(), strict=True):
+    for cost, good in zip(found.costs[:, 0].tolist(), is_feasible(found.violations).tolist(), strict=True):
         best = min(best, cost) if good else best
         told.append(math.nan if math.isinf(best) else best)
     return told
@@ -480,16 +522,16 @@ def sensitivity(
     overrides: Overrides = None, allow_large: AllowLarge = False, overwrite: Overwrite = False, as_json: Json = False,
 ) -> Status:  # fmt: skip
     """Tell how scalars follow the numbers of a case: derivatives, shares of their variance, or the scatter of parts."""
-    free_targets(csv, plot, case, overwrite=overwrite)
+    check_targets(csv, plot, case, overwrite=overwrite)
     if (sobol is not None) + (tolerances is not None) > 1:
         raise refuse("--sobol", "--sobol and --tolerance", "one of them", "they are two questions")
     if (tolerances is not None) == (keys is not None):
         given = "both --to and --tolerance" if keys else "neither --to nor --tolerance"
         raise refuse("sensitivity", given, "--to KEY, or --tolerance KEY=±SPEC")
-    _ignored("--count", count, "--tolerance", wanted=tolerances is not None)
-    _ignored("--seed", seed, "--sobol or --tolerance", wanted=tolerances is not None or sobol is not None)
-    _ignored("--relative-step", relative_step, "derivatives", wanted=tolerances is None and sobol is None)
-    asked = _Asked(
+    _refuse_ignored_option("--count", count, "--tolerance", wanted=tolerances is not None)
+    _refuse_ignored_option("--seed", seed, "--sobol or --tolerance", wanted=tolerances is not None or sobol is not None)
+    _refuse_ignored_option("--relative-step", relative_step, "derivatives", wanted=tolerances is None and sobol is None)
+    asked = _StudyOptions(
         case, overrides, names, lowest, highest, within, option="--of", workers=workers, allow_large=allow_large
     )
     if tolerances is not None:
@@ -504,13 +546,13 @@ def sensitivity(
     return ended
 
 
-def _ignored(option: str, given: object, belongs: str, *, wanted: bool) -> None:
+def _refuse_ignored_option(option: str, given: object, belongs: str, *, wanted: bool) -> None:
     """Raise an error for an option without effect."""
     if given is not None and not wanted:
         raise refuse(option, str(given), f"{option} with {belongs} only", "it would be ignored", "leave it out")
 
 
-class _Asked:
+class _StudyOptions:
     """Case and the options of a study."""
 
     def __init__(
@@ -519,22 +561,22 @@ class _Asked:
     ) -> None:  # fmt: skip
         self.file, self.fixed = CaseFile.opened(path), tuple(overrides or ())
         self.case = self.file.read(self.fixed)
-        tell_unused(self.fixed, self.case)
+        warn_ignored_keys(self.fixed, self.case)
         self.names = tuple(dict.fromkeys(names))
         of_limits = any(name.startswith("limits.") for name in names)
         for end, given in (("--lowest", lowest), ("--highest", highest)):
-            _ignored(end, given, "limits.NAME", wanted=of_limits)
-        self.search = search_of(self.case, lowest, highest, within)
+            _refuse_ignored_option(end, given, "limits.NAME", wanted=of_limits)
+        self.search = search_range(self.case, lowest, highest, within)
         check_names(self.case, self.names, option)
         if not allow_large and any(frequency_number(name) is None for name in names):
-            afford_case(self.case, together=workers)
+            check_case_resources(self.case, together=workers)
 
     def checked(self, count: int) -> dict[str, Quantity]:
         """Return the requested quantities of the unchanged case; unknown names raise an error."""
         try:
-            return measured(self.case, self.names, self.search, count)
+            return compute_quantities(self.case, self.names, self.search, count)
         except RunFailedError as failure:
-            raise_if_interrupted(failure.status)
+            reraise_interrupt(failure.status)
             raise
 
     @contextmanager
@@ -542,7 +584,7 @@ class _Asked:
         """Yield the function that evaluates variants, with a progress display."""
         asked = self.names if names is None else names
         with (
-            counting(count if asked else 0, "variants") as shown,
+            show_count(count if asked else 0, "variants") as shown,
             study_evaluators(
                 self.file, self.fixed, asked, self.search, workers=workers, runs=count, advance=shown
             ) as runs,
@@ -550,19 +592,21 @@ class _Asked:
             yield runs
 
 
-def search_of(case: Case, lowest: str | None, highest: str | None, within: str) -> Search:
+def search_range(case: Case, lowest: str | None, highest: str | None, within: str) -> Search:
     """Return the search range of limits; from half to twice the case's speed by default."""
     low, high = speed_range(lowest, highest, 2, case.speed, case.turns, most=2.0)
-    return Search(low, high, bracket("--within", within, case.turns))
+    return Search(low, high, parse_speed_tolerance("--within", within, case.turns))
 
 
-def _derivatives_studies(asked: _Asked, keys: list[str], relative_step: float, workers: int) -> tuple[Answer, Status]:
+def _derivatives_studies(
+    asked: _StudyOptions, keys: list[str], relative_step: float, workers: int
+) -> tuple[StudyAnswer, Status]:
     responses = [name for name in asked.names if not frequency_number(name)]
-    numbers_of(asked.case, keys)
-    count = 1 + len(STEPS) * len(keys)
+    get_numbers(asked.case, keys)
+    count = 1 + len(STEP_OFFSETS) * len(keys)
     asked.checked(count)
     with asked.evaluators(count, workers, responses) as runs:
-        kept = Kept(runs)
+        kept = InterruptibleRuns(runs)
         found = sensitivities(asked.file, asked.fixed, asked.names, keys, kept, relative_step=relative_step)
 
     def draw() -> Figure:
@@ -572,21 +616,21 @@ def _derivatives_studies(asked: _Asked, keys: list[str], relative_step: float, w
         groups = {name: {one.by.key: one.logarithmic for one in known if one.scalar == name} for name in asked.names}
         return bars_figure(groups, "percent per percent")
 
-    return (told_derivatives(found), draw), kept.status
+    return (derivative_output(found), draw), kept.status
 
 
-def _shares(asked: _Asked, keys: list[str], count: int, seed: int, workers: int) -> tuple[Answer, Status]:
+def _shares(asked: _StudyOptions, keys: list[str], count: int, seed: int, workers: int) -> tuple[StudyAnswer, Status]:
     variables = variables_of(asked.case, keys, "--to")
-    checked_count(count)
+    check_count(count)
     asked.checked(count)
     low, high = (np.array([getattr(one, end) for one in variables]) for end in ("low", "high"))
     with asked.evaluators(count * (len(variables) + 2), workers) as runs:
-        kept = Kept(runs)
-        points = Points(asked.case, variables, kept)
+        kept = InterruptibleRuns(runs)
+        points = PointEvaluator(asked.case, variables, kept)
 
         def values(parts: FloatArray) -> FloatArray:
             rows = points.rows(low + parts * (high - low))
-            if kept.stopped and kept.done < _FEWEST * (len(variables) + 2):
+            if kept.stopped and kept.done < _MIN_BASE_POINTS * (len(variables) + 2):
                 raise KeyboardInterrupt  # a single base point gives no indices
             return np.column_stack([column(rows, name) for name in asked.names])
 
@@ -602,21 +646,23 @@ def _shares(asked: _Asked, keys: list[str], count: int, seed: int, workers: int)
             groups, "share of the variance, with others", {name: one.total_interval for name, one in pairs}
         )
 
-    return (told_shares(asked.names, variables, found), draw), kept.status
+    return (sobol_output(asked.names, variables, found), draw), kept.status
 
 
-_FEWEST = 2
+_MIN_BASE_POINTS = 2
 """Minimum number of base points for shares of a variance."""
 
 
-def _scatter(asked: _Asked, tolerances: list[str], count: int, seed: int, workers: int) -> tuple[Answer, Status]:
-    scatters = scatters_of(asked.case, tolerances)
-    parts = sampled(scatters, count, seed)
+def _scatter(
+    asked: _StudyOptions, tolerances: list[str], count: int, seed: int, workers: int
+) -> tuple[StudyAnswer, Status]:
+    scatters = parse_scatters(asked.case, tolerances)
+    parts = sample_parts(scatters, count, seed)
     middle = asked.checked(count)
     variables = tuple(Variable(one.key, one.middle - one.half, one.middle + one.half) for one in scatters)
     with asked.evaluators(count, workers) as runs:
-        kept = Kept(runs)
-        every = Points(asked.case, variables, kept).rows(parts)
+        kept = InterruptibleRuns(runs)
+        every = PointEvaluator(asked.case, variables, kept).rows(parts)
     run = [row.status.cause is not Cause.INTERRUPTED for row in every]
     rows, parts = list(compress(every, run)), parts[run]
 
@@ -628,7 +674,7 @@ def _scatter(asked: _Asked, tolerances: list[str], count: int, seed: int, worker
         known = {name: one[~np.isnan(one)] for name, one in values.items()}
         return scatter_figure(known, units, {name: one.value for name, one in middle.items()})
 
-    return (told_scatter(asked.names, scatters, parts, rows, middle), draw), kept.status
+    return (scatter_output(asked.names, scatters, parts, rows, middle), draw), kept.status
 
 
 @app.command(
@@ -654,11 +700,11 @@ def optimize(
     overrides: Overrides = None, allow_large: AllowLarge = False, overwrite: Overwrite = False, as_json: Json = False,
 ) -> Status:  # fmt: skip
     """Find the best variant of a case within bounds; of two goals, those of which none is better in both."""
-    apart({"--output": target, "--csv": csv, "--plot": plot}, [case])
-    free_picture(plot, overwrite)
+    check_distinct_files({"--output": target, "--csv": csv, "--plot": plot}, [case])
+    check_figure_path(plot, overwrite)
     for path in (csv, target):
         if path is not None:
-            free_to_write("output", path, overwrite=overwrite)
+            check_writable("output", path, overwrite=overwrite)
     if target is not None and target.suffix != ".toml":
         raise refuse("--output", str(target), "a name that ends in .toml", "it is a case file")
     goals = (*(Goal(name) for name in least or ()), *(Goal(name, most=True) for name in most or ()))
@@ -667,19 +713,19 @@ def optimize(
     if len({goal.name for goal in goals}) < len(goals):
         why = "of one quantity there is no front: every variant would be on it"
         raise refuse("--least, --most", f"{goals[0].name} twice", "two different quantities", why, "leave one out")
-    bounds = constraints_of(subject or ())
+    bounds = parse_constraints(subject or ())
     names = [*(goal.name for goal in goals), *(bound.name for bound in bounds)]
     options = "--least, --most or --subject"
-    asked = _Asked(
+    asked = _StudyOptions(
         case, overrides, names, lowest, highest, within, option=options, workers=workers, allow_large=allow_large
     )
     variables = variables_of(asked.case, vary, "--vary")
     with suppress(RunFailedError):  # a case that fails may have better variants
         asked.checked(evaluations)
     with asked.evaluators(evaluations, workers) as runs:
-        points = Points(asked.case, variables, runs)
-        search = study_optimize if len(goals) == 1 else pareto
-        design = Design(points, goals, bounds)
+        points = PointEvaluator(asked.case, variables, runs)
+        search = study_optimize if len(goals) == 1 else find_pareto_front
+        design = OptimizationProblem(points, goals, bounds)
         found = search(design, evaluations=evaluations, seed=seed)
     best = found.best
     written: list[Path] = []
@@ -687,32 +733,32 @@ def optimize(
         _write_best(asked, points.overrides(found.points[best]), target, overwrite=overwrite)
         written.append(target)
     one = len(goals) == 1
-    told = told_optimum(design, found) if one else told_front(design, found)
-    ended = _stopped(len(found.rows), evaluations) if found.stopped else Status()
-    drawn = told, lambda: _drawn(design, found)
+    told = optimum_output(design, found) if one else front_output(design, found)
+    ended = _interrupted_status(len(found.rows), evaluations) if found.stopped else Status()
+    drawn = told, lambda: _search_figure(design, found)
     write_answer(drawn, csv, plot, ended, overwrite=overwrite, as_json=as_json, written=written)
     if not ended.ok:
         return ended
     return ended if best is not None else _NOTHING
 
 
-def _stopped(done: int, evaluations: int) -> Status:
+def _interrupted_status(done: int, evaluations: int) -> Status:
     """Return the status of an interrupted search; its evaluations are printed and written."""
     text = f"stopped by the user after {done} of about {evaluations} variants; what is told is the best of these"
     return Status(Cause.INTERRUPTED, text, "the same command with the same --seed finds these again, and goes on")
 
 
-def _drawn(design: Design, found: Evaluations) -> Figure:
+def _search_figure(design: OptimizationProblem, found: Evaluations) -> Figure:
     """Return the figure of a search: progress of one goal, or the Pareto front of two."""
     from flexcam.plotting.study_curves import front_figure, progress_figure
 
-    inside = feasible(found.violations)
+    inside = is_feasible(found.violations)
     signs = np.array([-1.0 if goal.most else 1.0 for goal in design.goals])
     labels = [f"{goal.name}, {design.unit(goal.name, found.rows)}".rstrip(", ") for goal in design.goals]
     if len(design.goals) == 1:
         best = np.array(goal_history(found))
         return progress_figure(signs[0] * found.costs[:, 0], inside, signs[0] * best, labels[0])
-    return front_figure(found.costs * signs, inside, front(found), (labels[0], labels[1]))
+    return front_figure(found.costs * signs, inside, pareto_indices(found), (labels[0], labels[1]))
 
 
 _NOTHING = Status(
@@ -720,7 +766,7 @@ _NOTHING = Status(
 )
 
 
-def _write_best(asked: _Asked, best: Sequence[str], target: Path, *, overwrite: bool) -> None:
+def _write_best(asked: _StudyOptions, best: Sequence[str], target: Path, *, overwrite: bool) -> None:
     case = asked.file.read((*asked.fixed, *best))
     told = (f"The best variant of {asked.file.path.name}:", *(f"  --set {one}" for one in (*asked.fixed, *best)))
-    write_text(target, case_text(case, target, told), overwrite=overwrite)
+    write_text(target, resolved_case_text(case, target, told), overwrite=overwrite)

@@ -11,22 +11,22 @@ from cyclopts import App, Parameter
 from rich.table import Table
 
 from flexcam import __version__
-from flexcam.analysis.cam_design import HarmonicCam, PolydyneCam, harmonic_cam, polydyne_cam, polydyne_of
+from flexcam.analysis.cam_design import HarmonicCam, PolydyneCam, design_polydyne, harmonic_cam, polydyne_cam
 from flexcam.analysis.cam_report import CamSet, load_cams
-from flexcam.cams import Family, HarmonicFamily, SingleMass, SplineFamily, Synthesized, event_extremes, minimax, pareto
-from flexcam.case.reader import holds_mechanism
-from flexcam.cli.app import Json, Overrides, Overwrite, Picture, app, free_picture, load, quantity
-from flexcam.cli.arguments import apart
+from flexcam.cams import Family, HarmonicFamily, SingleMass, SplineFamily, Synthesis, event_extremes, minimax, pareto
+from flexcam.case.reader import has_mechanism
+from flexcam.cli.app import Json, Overrides, Overwrite, Picture, app, check_figure_path, load_case, parse_quantity
+from flexcam.cli.arguments import check_distinct_files
 from flexcam.cli.cams import CamName
 from flexcam.core import FloatArray
 from flexcam.core.errors import positive, refuse
 from flexcam.core.units import RPM, parse
-from flexcam.io import free_to_write, made_folder, write_law, write_lift
-from flexcam.report.formatting import NOISE, mm
-from flexcam.report.terminal import facts, out, print_json, table
+from flexcam.io import check_writable, create_folder, write_law, write_lift
+from flexcam.report.formatting import NOISE, format_mm
+from flexcam.report.terminal import facts_table, plain_table, print_json, result_console
 
 
-def synthesis_json(found: Synthesized) -> dict[str, object]:
+def synthesis_json(found: Synthesis) -> dict[str, object]:
     """Return a synthesized law for ``--json``."""
     c = found.criteria
     return {
@@ -43,7 +43,7 @@ LEGEND = (
 """Legend of the tables of laws."""
 
 
-def synthesis_table(found: Synthesized) -> Table:
+def synthesis_table(found: Synthesis) -> Table:
     """Return the table of a synthesized law and its criteria."""
     c = found.criteria
     bound = "none: this objective is not convex, the law is the best nearby"
@@ -61,17 +61,19 @@ def synthesis_table(found: Synthesized) -> Table:
         ("C_v, C_a, C_j, C_m", ", ".join("infinite" if x is None else f"{x:.6g}" for x in (c.Cv, c.Ca, c.Cj, c.Cm))),
         *(("not met", said) for said in c.broken),
     ]
-    return facts(f"Best of {found.family}", rows)
+    return facts_table(f"Best of {found.family}", rows)
 
 
-def pareto_table(front: Sequence[Synthesized]) -> Table:
+def pareto_table(front: Sequence[Synthesis]) -> Table:
     """Return the table of a Pareto front of laws."""
     rows = [
         (str(i), *(f"{x:.5g}" if x is not None else "infinite" for x in (c.Cv, c.Ca, c.Cj, c.Cm)),
          "-" if one.gap is None else f"{one.gap:.0e}", "yes" if one.converged else "no")
         for i, one in enumerate(front, start=1) for c in [one.criteria]
     ]  # fmt: skip
-    return table(f"Pareto front of {front[0].family}", ("no.", "C_v", "C_a", "C_j", "C_m", "gap", "converged"), rows)
+    return plain_table(
+        f"Pareto front of {front[0].family}", ("no.", "C_v", "C_a", "C_j", "C_m", "gap", "converged"), rows
+    )
 
 
 def harmonic_table(found: HarmonicCam) -> Table:
@@ -84,9 +86,9 @@ def harmonic_table(found: HarmonicCam) -> Table:
         ),
         ("distance in the dwells", f"{1e6 * fit.strict_deviation:.4g} um"),
         ("distance elsewhere", f"{1e6 * fit.deviation:.4g} um, {1e6 * fit.rms_deviation:.4g} um rms"),
-        ("lift", " to ".join(mm(end.value) for end in event_extremes(fit.event)) + " mm"),
+        ("lift", " to ".join(format_mm(end.value) for end in event_extremes(fit.event)) + " mm"),
     ]
-    return facts("Lift of few harmonics", rows)
+    return facts_table("Lift of few harmonics", rows)
 
 
 def polydyne_table(found: PolydyneCam) -> Table:
@@ -99,29 +101,29 @@ def polydyne_table(found: PolydyneCam) -> Table:
     ]
     head = ("camshaft rpm", "plain cam, um", "polydyne cam, um")
     title = "Distance of the train's end from the wanted motion"
-    return table(f"{title}; design speed: camshaft {found.speed / RPM:.6g} rpm", head, rows)
+    return plain_table(f"{title}; design speed: camshaft {found.speed / RPM:.6g} rpm", head, rows)
 
 
 def _micrometres(value: float) -> str:
     return f"{1e6 * value:.4g}" if math.isfinite(value) else "resonance"
 
 
-def polydyne_facts(found: PolydyneCam) -> Table:
+def polydyne_properties_table(found: PolydyneCam) -> Table:
     """Return the table of a polydyne cam's properties."""
     design = found.design
     lift, bend, count = event_extremes(design.event), event_extremes(design.event, 2), len(design.event.cosine)
     rows = [
-        ("lift", f"{mm(lift[0].value)} to {mm(lift[1].value)} mm"),
-        ("acceleration", f"{mm(bend[0].value, 5)} to {mm(bend[1].value, 5)} mm/rad^2"),
+        ("lift", f"{format_mm(lift[0].value)} to {format_mm(lift[1].value)} mm"),
+        ("acceleration", f"{format_mm(bend[0].value, 5)} to {format_mm(bend[1].value, 5)} mm/rad^2"),
         ("left out", f"{1e6 * design.left_out:.3g} um of the wanted motion, at the cam, by {count} harmonics"),
     ]  # fmt: skip
     if lift[0].value < -NOISE * lift[1].value:
-        below = f"the cam is cut {mm(-lift[0].value, 4)} mm into its base circle"
+        below = f"the cam is cut {format_mm(-lift[0].value, 4)} mm into its base circle"
         rows.append(("attention", f"{below}; put as much on the base circle's radius, or ask for a smoother motion"))
-    return facts("Polydyne cam", rows)
+    return facts_table("Polydyne cam", rows)
 
 
-def or_null(values: FloatArray) -> list[float | None]:
+def finite_or_null(values: FloatArray) -> list[float | None]:
     """Return numbers for JSON, which has no infinity."""
     return [value if math.isfinite(value) else None for value in values.tolist()]
 
@@ -172,8 +174,8 @@ def synthesize_law(
     output: Output = None, plot: Picture = None, overwrite: Overwrite = False, as_json: Json = False,
 ) -> None:  # fmt: skip
     """Find the law of a family with the least peak values under conditions, and prove how good it is."""
-    _only_with("--count", count, "--pareto", against is not None)
-    free_picture(plot, overwrite)
+    _check_dependent_option("--count", count, "--pareto", against is not None)
+    check_figure_path(plot, overwrite)
     where = _family(family, degree, pieces, orders, rest, symmetric=not asymmetric)
     weights, limits = _numbers("--minimize", minimize, 1.0), _numbers("--bound", bound or [], None)
     fixed = [_condition(one) for one in condition or []]
@@ -191,7 +193,7 @@ def synthesize_law(
     else:
         front = [minimax(where, weights, bounds=limits, conditions=fixed, monotone=not turning_back)]
     goals = None if against is None else (next(iter(weights)), against)
-    files = _law_files(front, goals, output, plot, overwrite=overwrite)
+    files = _write_law_files(front, goals, output, plot, overwrite=overwrite)
     if as_json:
         print_json(
             {
@@ -201,13 +203,13 @@ def synthesize_law(
             }
         )
         return
-    out().print(pareto_table(front) if against else synthesis_table(front[0]))
-    out().print(LEGEND)
+    result_console().print(pareto_table(front) if against else synthesis_table(front[0]))
+    result_console().print(LEGEND)
     for path in files:
-        out().print(f'{path}  (in a case: law = "{path.name}")' if path.suffix == ".toml" else str(path))
+        result_console().print(f'{path}  (in a case: law = "{path.name}")' if path.suffix == ".toml" else str(path))
 
 
-def _only_with(option: str, given: object, other: str, there: bool) -> None:
+def _check_dependent_option(option: str, given: object, other: str, there: bool) -> None:
     """Raise an error for an option that has no effect without another one."""
     if given is not None and given is not False and not there:
         raise refuse(option, str(given), f"nothing without {other}", f"only {other} asks for it", f"leave out {option}")
@@ -217,10 +219,10 @@ def _family(
     kind: str, degree: int | None, pieces: int | None, orders: list[int] | None, rest: int | None, *, symmetric: bool
 ) -> Family:
     harmonic = kind == "harmonic"
-    _only_with("--orders", orders, "--family harmonic", harmonic)
-    _only_with("--pieces", pieces, "--family spline", kind == "spline")
+    _check_dependent_option("--orders", orders, "--family harmonic", harmonic)
+    _check_dependent_option("--pieces", pieces, "--family spline", kind == "spline")
     for option, given in (("--degree", degree), ("--rest", rest), ("--asymmetric", not symmetric)):
-        _only_with(option, given, "--family spline or polynomial", not harmonic)
+        _check_dependent_option(option, given, "--family spline or polynomial", not harmonic)
     if harmonic:
         return HarmonicFamily(tuple(orders)) if orders else HarmonicFamily()
     order = 2 if rest is None else rest
@@ -250,7 +252,7 @@ def _condition(text: str) -> tuple[float, int, float]:
         raise refuse("--condition", repr(text), allowed) from None
 
 
-def _paths(output: Path | None, count: int) -> list[Path]:
+def _output_paths(output: Path | None, count: int) -> list[Path]:
     """Return the file names of several laws, numbered if there is more than one; none without an output option."""
     if output is None:
         return []
@@ -259,17 +261,17 @@ def _paths(output: Path | None, count: int) -> list[Path]:
     return [output.with_name(f"{output.stem}-{i}{output.suffix}") for i in range(1, count + 1)]
 
 
-def _law_files(
-    front: list[Synthesized], goals: tuple[str, str] | None, output: Path | None, plot: Path | None, *, overwrite: bool
+def _write_law_files(
+    front: list[Synthesis], goals: tuple[str, str] | None, output: Path | None, plot: Path | None, *, overwrite: bool
 ) -> list[Path]:
     """Write the requested files of a law, or of a front of two criteria, the goals."""
     files: list[Path] = []
-    paths = _paths(output, len(front))
+    paths = _output_paths(output, len(front))
     for path in paths:  # before files are written
-        free_to_write("output", path, overwrite=overwrite)
+        check_writable("output", path, overwrite=overwrite)
     for found, path in zip(front, paths, strict=False):
         about = {"flexcam": __version__, **{k: v for k, v in synthesis_json(found).items() if v is not None}}
-        files.append(write_law(found.law, made_folder(path.parent) / path.name, about=about, overwrite=overwrite))
+        files.append(write_law(found.law, create_folder(path.parent) / path.name, about=about, overwrite=overwrite))
     if plot is not None:
         from flexcam.plotting.curves import law_figure, law_front_figure
         from flexcam.plotting.figures import save_figure
@@ -294,12 +296,12 @@ def synthesize_harmonic(
     output: Output = None, overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
 ) -> None:  # fmt: skip
     """Replace a cam's lift by harmonics that its train cannot resonate with, dwells kept strictly."""
-    apart({"--output": output}, [case])
+    check_distinct_files({"--output": output}, [case])
     strict, wide = (
-        quantity("--tolerance", tolerance, "length", "um"),
-        None if bound is None else quantity("--bound", bound, "length", "mm"),
+        parse_quantity("--tolerance", tolerance, "length", "um"),
+        None if bound is None else parse_quantity("--bound", bound, "length", "mm"),
     )
-    found = harmonic_cam(load(case, overrides), name, tolerance=strict, count=count, bound=wide)
+    found = harmonic_cam(load_case(case, overrides), name, tolerance=strict, count=count, bound=wide)
     about = {"flexcam": __version__, "made_for": str(case), "harmonics": found.count}
     files = [] if output is None else [write_lift(found.fit.event, output, about=about, overwrite=overwrite)]
     if as_json:
@@ -311,9 +313,9 @@ def synthesize_harmonic(
             "files": [str(path) for path in files],
         })  # fmt: skip
         return
-    out().print(harmonic_table(found))
+    result_console().print(harmonic_table(found))
     for path in files:
-        out().print(f'{path}  (in a case: lift_table = "{path.name}" instead of law, lift, rise and return)')
+        result_console().print(f'{path}  (in a case: lift_table = "{path.name}" instead of law, lift, rise and return)')
 
 
 @synthesize.command(
@@ -332,16 +334,16 @@ def synthesize_polydyne(
     output: Output = None, overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
 ) -> None:  # fmt: skip
     """Find the cam that makes the valve move as the case's cam would move it if everything were rigid."""
-    apart({"--output": output}, [case])
-    at = None if speed is None else positive("--speed", quantity("--speed", speed, "speed", "rpm"), "rad/s")
+    check_distinct_files({"--output": output}, [case])
+    at = None if speed is None else positive("--speed", parse_quantity("--speed", speed, "speed", "rpm"), "rad/s")
     if damping and frequency is None:
         raise refuse("--damping", damping, "nothing without --frequency", "the case's train has its own")
     if frequency is not None:
-        omega = 2.0 * math.pi * quantity("--frequency", frequency, "rate", "Hz")
+        omega = 2.0 * math.pi * parse_quantity("--frequency", frequency, "rate", "Hz")
         cams = load_cams(case, overrides or ())
-        found = polydyne_of(cams.cams, name, SingleMass(omega, damping), _speed_of(cams, at), count)
-    elif holds_mechanism(case):
-        found = polydyne_cam(load(case, overrides), name, speed=at, count=count)
+        found = design_polydyne(cams.cams, name, SingleMass(omega, damping), _design_speed(cams, at), count)
+    elif has_mechanism(case):
+        found = polydyne_cam(load_case(case, overrides), name, speed=at, count=count)
     else:
         given, remedy = f"{case.name}, which has cams alone", "add --frequency for one mass on a spring"
         raise refuse("case", given, "a case with the train that the cam drives", "", remedy)
@@ -352,18 +354,18 @@ def synthesize_polydyne(
             "status": "ok", "design_speed_rpm": found.speed / RPM, "left_out": found.design.left_out,
             "lift": [end.value for end in event_extremes(found.design.event)],
             "acceleration": [end.value for end in event_extremes(found.design.event, 2)], "ratio": found.ratio,
-            "speeds_rpm": (found.speeds / RPM).tolist(), "plain": or_null(found.plain),
-            "polydyne": or_null(found.compensated), "files": [str(path) for path in files],
+            "speeds_rpm": (found.speeds / RPM).tolist(), "plain": finite_or_null(found.plain),
+            "polydyne": finite_or_null(found.compensated), "files": [str(path) for path in files],
         })  # fmt: skip
         return
-    out().print(polydyne_facts(found))
-    out().print()
-    out().print(polydyne_table(found))
+    result_console().print(polydyne_properties_table(found))
+    result_console().print()
+    result_console().print(polydyne_table(found))
     for path in files:
-        out().print(f'{path}  (in a case: lift_table = "{path.name}" instead of law, lift, rise and return)')
+        result_console().print(f'{path}  (in a case: lift_table = "{path.name}" instead of law, lift, rise and return)')
 
 
-def _speed_of(cams: CamSet, given: float | None) -> float:
+def _design_speed(cams: CamSet, given: float | None) -> float:
     """Return the design speed: the given one or that of the file."""
     speed = given if given is not None else cams.speed
     if speed is None:

@@ -8,13 +8,13 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from flexcam.analysis.preparation import prepare, scalar_probe
-from flexcam.analysis.trade import trade as fidelity_trade
-from flexcam.cli.app import CaseFile, Json, Overrides, Overwrite, app, from_one, load
-from flexcam.cli.arguments import free_targets
-from flexcam.core.errors import together
+from flexcam.analysis.trade import evaluate_ladder as fidelity_trade
+from flexcam.cli.app import CaseFile, Json, Overrides, Overwrite, app, check_positive, load_case
+from flexcam.cli.arguments import check_targets
+from flexcam.core.errors import collect_errors
 from flexcam.io import write_text
-from flexcam.report.fidelity_tables import TRADE_LEGEND, trade_csv, trade_json, trade_table, trade_words
-from flexcam.report.terminal import counting, out, print_json
+from flexcam.report.fidelity_tables import TRADE_LEGEND, trade_csv, trade_json, trade_table, trade_warnings
+from flexcam.report.terminal import print_json, result_console, show_count
 
 
 @app.command(
@@ -32,29 +32,29 @@ def trade(
     overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
 ) -> None:  # fmt: skip
     """Run the models of a case against a converged one: what each costs, and by how much it errs."""
-    read = together(
-        lambda: load(case, overrides),
-        lambda: from_one("--repeats", repeats),
-        lambda: free_targets(csv, plot, case, overwrite=overwrite),
+    read = collect_errors(
+        lambda: load_case(case, overrides),
+        lambda: check_positive("--repeats", repeats),
+        lambda: check_targets(csv, plot, case, overwrite=overwrite),
     )
     at = probe or scalar_probe(prepare(read))
-    with counting(None, "models") as shown:
+    with show_count(None, "models") as shown:
         against, found = fidelity_trade(read, at, repeats=repeats, advance=shown)
     if csv is not None:
         write_text(csv, trade_csv(against, found), overwrite=overwrite)
     if plot is not None:
-        from flexcam.plotting.figures import save_figure, titled
+        from flexcam.plotting.figures import add_title, save_figure
         from flexcam.plotting.study_curves import work_precision_figure
 
         figure = work_precision_figure(found)
-        save_figure(titled(figure, read.title), plot, overwrite=overwrite)
+        save_figure(add_title(figure, read.title), plot, overwrite=overwrite)
     files = [str(path) for path in (csv, plot) if path is not None]
     if as_json:
         print_json({"status": "ok", **trade_json(against, found), "files": files})
     else:
-        out().print(trade_table(against, found))
-        out().print(TRADE_LEGEND)
-        for sentence in trade_words(against, found):
-            out().print("\n" + sentence)
+        result_console().print(trade_table(against, found))
+        result_console().print(TRADE_LEGEND)
+        for sentence in trade_warnings(against, found):
+            result_console().print("\n" + sentence)
         for path in files:
-            out().print(path)
+            result_console().print(path)

@@ -11,12 +11,12 @@ from cyclopts import Parameter
 from flexcam.analysis.natural_modes import modes as case_modes
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
-from flexcam.case.reader import recalled_case
-from flexcam.cli.app import Json, Overrides, Overwrite, app, load, quantity
-from flexcam.cli.cams import drawing_words
+from flexcam.case.reader import case_from_result
+from flexcam.cli.app import Json, Overrides, Overwrite, app, load_case, parse_quantity
+from flexcam.cli.cams import describe_sizes
 from flexcam.core.errors import refuse
 from flexcam.io import Result, read_result
-from flexcam.report.terminal import out, print_json
+from flexcam.report.terminal import print_json, result_console
 from flexcam.valvetrain import Structure, build_structure
 
 if TYPE_CHECKING:
@@ -48,39 +48,39 @@ def view(
     overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
 ) -> None:  # fmt: skip
     """Show the mechanism as solids: in a window with a slider over the cam angle, or off-screen in a file."""
-    from flexcam.plotting.figures import FRAMES, free_to_save, save
-    from flexcam.plotting.rendering import ready_to_render
-    from flexcam.plotting.scene.assembly import mechanism
+    from flexcam.plotting.figures import FRAMES, check_output_path, save_view
+    from flexcam.plotting.rendering import select_renderer
+    from flexcam.plotting.scene.assembly import build_mechanism
 
     if not abs(scale) <= _LARGEST_SCALE:
         raise refuse("--scale", scale, f"a finite number, up to {_LARGEST_SCALE:g} by size", "a picture shows no more")
-    angle = None if at is None else quantity("--at", at, "angle", "deg")
+    angle = None if at is None else parse_quantity("--at", at, "angle", "deg")
     pixels = _pixels(size)
     if picture is not None:
-        free_to_save(picture, pixels, overwrite=overwrite)
-    case, result = _read(source, overrides)
+        check_output_path(picture, pixels, overwrite=overwrite)
+    case, result = _read_source(source, overrides)
     structure = build_structure(build_model(case))
-    motion, title = _motion(case, structure, result, color, mode)
-    drawn, still = mechanism(structure), _still(case, result, motion, angle, mode)
-    ready_to_render(off_screen=picture is not None)
-    from flexcam.plotting.solid_view import Looks, Stage, show
+    motion, title = _displayed_motion(case, structure, result, color, mode)
+    drawn, still = build_mechanism(structure), _image_instant(case, result, motion, angle, mode)
+    select_renderer(off_screen=picture is not None)
+    from flexcam.plotting.solid_view import MechanismView, ViewSettings, show_window
 
-    stage = Stage(drawn, motion, Looks(scale, pixels, title), off_screen=picture is not None)
+    stage = MechanismView(drawn, motion, ViewSettings(scale, pixels, title), off_screen=picture is not None)
     if picture is None:
-        show(stage, still, swings=mode is not None)
+        show_window(stage, still, swings=mode is not None)
     else:
-        save(stage, picture, motion.spread(FRAMES), still)
+        save_view(stage, picture, motion.spread(FRAMES), still)
     if as_json:
         files = [] if picture is None else [str(picture)]
         print_json({"status": "ok", "files": files, "instants": len(motion), "drawn": list(drawn.notes)})
         return
-    for sentence in drawing_words(drawn.notes):
-        out().print(sentence)
+    for sentence in describe_sizes(drawn.notes):
+        result_console().print(sentence)
     if picture is not None:
-        out().print(str(picture))
+        result_console().print(str(picture))
 
 
-def _still(case: Case, result: Result | None, motion: Motion, angle: float | None, mode: int | None) -> int:
+def _image_instant(case: Case, result: Result | None, motion: Motion, angle: float | None, mode: int | None) -> int:
     """Return the index of the instant of an image: the requested one, else full lift of a result, else the first."""
     from flexcam.plotting.scene.assembly import full_lift
 
@@ -101,17 +101,17 @@ _LEAST, _MOST = 64, 8192
 _LARGEST_SCALE = 1e6
 
 
-def _read(source: Path, overrides: Overrides) -> tuple[Case, Result | None]:
+def _read_source(source: Path, overrides: Overrides) -> tuple[Case, Result | None]:
     """Return the case of a case file, or the case of a result with the result."""
     if source.suffix != ".vtkhdf":
-        return load(source, overrides), None
+        return load_case(source, overrides), None
     if overrides:
         raise refuse("--set", overrides[0], "cases alone", "a result has been computed", "give the case, or run it")
     result = read_result(source)
-    return recalled_case(result), result
+    return case_from_result(result), result
 
 
-def _motion(
+def _displayed_motion(
     case: Case, structure: Structure, result: Result | None, color: str | None, mode: int | None
 ) -> tuple[Motion, str]:
     """Return the displayed motion and its title."""

@@ -4,10 +4,17 @@ Imports no other package of flexcam. A new unit is a row of the table in `units`
 function in `factorization`; input errors are raised through `errors`.
 """
 
-from flexcam.core.eigen import LongArray, natural
-from flexcam.core.factorization import DENSE_LIMIT, Factor, SingularMatrixError, diagonal_scale, factorize, operator
+from flexcam.core.eigen import LongArray, solve_eigenproblem
+from flexcam.core.factorization import (
+    DENSE_LIMIT,
+    Factor,
+    SingularMatrixError,
+    diagonal_scale,
+    factorize,
+    select_storage,
+)
 from flexcam.core.matrices import (
-    TOO_MUCH,
+    ROUNDING_LIMIT,
     ComplexArray,
     FloatArray,
     IntArray,
@@ -15,13 +22,13 @@ from flexcam.core.matrices import (
     component_members,
     connected_components,
     energy_rounding,
-    share_lost,
+    rounding_fraction,
 )
-from flexcam.core.null_space import factorize_held, null_space, pins
+from flexcam.core.null_space import factorize_constrained, null_space, select_constraints
 
 __all__ = [
     "DENSE_LIMIT",
-    "TOO_MUCH",
+    "ROUNDING_LIMIT",
     "ComplexArray",
     "Factor",
     "FloatArray",
@@ -34,10 +41,10 @@ __all__ = [
     "diagonal_scale",
     "energy_rounding",
     "factorize",
-    "factorize_held",
-    "natural",
+    "factorize_constrained",
     "null_space",
-    "operator",
-    "pins",
-    "share_lost",
+    "rounding_fraction",
+    "select_constraints",
+    "select_storage",
+    "solve_eigenproblem",
 ]

@@ -20,24 +20,24 @@ LongArray = NDArray[np.longdouble]
 _SLICES = 4
 """Number of slices of about twenty bits each: together more than extended precision has."""
 
-_FEW = 100
+_SMALL_SIZE = 100
 """Size up to which the processor's own extended precision, one term at a time, is as fast."""
 
 
-def product(A: LongArray, B: LongArray) -> LongArray:
+def multiply_extended(A: LongArray, B: LongArray) -> LongArray:
     """Return A B in extended precision."""
     n = A.shape[1]
-    if n <= _FEW:
+    if n <= _SMALL_SIZE:
         return A @ B
     bits = (53 - math.ceil(math.log2(_SLICES * n))) // 2
-    left, right = _sliced(A, bits, axis=1), _sliced(B, bits, axis=0)
+    left, right = _split(A, bits, axis=1), _split(B, bits, axis=0)
     found = np.zeros((len(A), B.shape[1]), dtype=np.longdouble)
     for last in reversed(range(_SLICES)):  # sum the smallest terms first
         found += np.hstack(left[: last + 1]) @ np.vstack(right[last::-1])
     return found
 
 
-def _sliced(matrix: LongArray, bits: int, *, axis: int) -> list[FloatArray]:
+def _split(matrix: LongArray, bits: int, *, axis: int) -> list[FloatArray]:
     """Return slices whose sum is the matrix, except for the bits below the last slice."""
     size = np.frexp(np.abs(matrix).max(axis=axis, keepdims=True))[1]
     slices: list[FloatArray] = []
@@ -48,7 +48,7 @@ def _sliced(matrix: LongArray, bits: int, *, axis: int) -> list[FloatArray]:
     return slices
 
 
-def times(matrix: FloatArray, columns: LongArray) -> LongArray:
+def multiply_sparse(matrix: FloatArray, columns: LongArray) -> LongArray:
     """Return the product of a mostly zero matrix with columns, in extended precision."""
     found = np.zeros((len(matrix), columns.shape[1]), dtype=np.longdouble)
     for i, row in enumerate(matrix):
@@ -59,18 +59,18 @@ def times(matrix: FloatArray, columns: LongArray) -> LongArray:
 
 _TWO = np.longdouble(2.0)
 
-_MIXED = 1e-3
+_MIXING_LIMIT = 1e-3
 """Relative mixing of two vectors up to which a first correction can separate them."""
 
 _PASSES = 6
 _SMALL = 1e-9
 """Correction whose square is of the size of rounding."""
 
-_REFINED = 500
+_REFINEMENT_SIZE = 500
 """Number of unknowns up to which the vectors are refined."""
 
 
-def natural(M: FloatArray, K: FloatArray) -> tuple[FloatArray, FloatArray]:
+def solve_eigenproblem(M: FloatArray, K: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the eigenvalues and eigenvectors of ``K x = lambda M x``, the vectors orthonormal in M.
 
     An eigensolver in double precision leaves an error of the size of the rounding of the largest eigenvalue in every
@@ -86,44 +86,44 @@ def natural(M: FloatArray, K: FloatArray) -> tuple[FloatArray, FloatArray]:
     half = np.linalg.solve(L, stiff)
     values, vectors = np.linalg.eigh(np.linalg.solve(L, half.T))
     shapes: FloatArray = np.linalg.solve(L.T, vectors).astype(float)
-    if len(M) <= _REFINED:
-        values, shapes = _refined(heavy, stiff, shapes)
+    if len(M) <= _REFINEMENT_SIZE:
+        values, shapes = _refine(heavy, stiff, shapes)
     return np.maximum(values, 0.0), scale[:, None] * shapes
 
 
-def _refined(M: FloatArray, K: FloatArray, vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _refine(M: FloatArray, K: FloatArray, vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
     X = vectors.astype(np.longdouble)
     for _ in range(_PASSES):  # each pass squares the error
-        heavy, stiff = _products(X, M, K)
-        labels = _near(heavy, stiff)
+        heavy, stiff = _project(X, M, K)
+        labels = _cluster(heavy, stiff)
         if (np.bincount(labels) > 1).any():
-            X = _turned(X, labels, heavy, stiff)
-            heavy, stiff = _products(X, M, K)
-        mixed = _mixed(labels, heavy, stiff).astype(float)
+            X = _diagonalize_clusters(X, labels, heavy, stiff)
+            heavy, stiff = _project(X, M, K)
+        mixed = _correction(labels, heavy, stiff).astype(float)
         X = X + X.astype(float) @ mixed
-        X = X / np.sqrt(np.sum(X * times(M, X), axis=0))
+        X = X / np.sqrt(np.sum(X * multiply_sparse(M, X), axis=0))
         if np.abs(mixed).max(initial=0.0) < _SMALL:
             break
-    values = np.sum(X * times(K, X), axis=0)
+    values = np.sum(X * multiply_sparse(K, X), axis=0)
     order = np.argsort(values)
     return values[order].astype(float), X[:, order].astype(float)
 
 
-def _products(X: LongArray, M: FloatArray, K: FloatArray) -> tuple[LongArray, LongArray]:
+def _project(X: LongArray, M: FloatArray, K: FloatArray) -> tuple[LongArray, LongArray]:
     """Return the projections of both matrices on the vectors, exactly symmetric to preserve orthogonality."""
-    heavy, stiff = (product(X.T, times(matrix, X)) for matrix in (M, K))
+    heavy, stiff = (multiply_extended(X.T, multiply_sparse(matrix, X)) for matrix in (M, K))
     return (heavy + heavy.T) / _TWO, (stiff + stiff.T) / _TWO
 
 
-def _near(heavy: LongArray, stiff: LongArray) -> IntArray:
+def _cluster(heavy: LongArray, stiff: LongArray) -> IntArray:
     """Return groups of vectors whose eigenvalues are too close to be separated by a first correction."""
     values = np.diag(stiff) / np.diag(heavy)
     rounding = np.finfo(np.longdouble).eps * np.abs(values).max(initial=0.0)
     mixing, apart = np.abs(stiff - values * heavy) + rounding, np.abs(values[None, :] - values[:, None])
-    return connected_components(len(values), *np.nonzero(np.maximum(mixing, mixing.T) >= _MIXED * apart))
+    return connected_components(len(values), *np.nonzero(np.maximum(mixing, mixing.T) >= _MIXING_LIMIT * apart))
 
 
-def _turned(X: LongArray, labels: IntArray, heavy: LongArray, stiff: LongArray) -> LongArray:
+def _diagonalize_clusters(X: LongArray, labels: IntArray, heavy: LongArray, stiff: LongArray) -> LongArray:
     """Return the vectors, each group rotated within its own space into eigenvectors."""
     turned = X.copy()
     for label in np.flatnonzero(np.bincount(labels) > 1).tolist():
@@ -134,7 +134,7 @@ def _turned(X: LongArray, labels: IntArray, heavy: LongArray, stiff: LongArray) 
     return turned
 
 
-def _mixed(labels: IntArray, heavy: LongArray, stiff: LongArray) -> LongArray:
+def _correction(labels: IntArray, heavy: LongArray, stiff: LongArray) -> LongArray:
     """Return the correction by the other vectors: the residual along them over the eigenvalue differences."""
     values = np.diag(stiff) / np.diag(heavy)
     same = labels[:, None] == labels

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-Read = TypeVar("Read")
+ParsedValue = TypeVar("ParsedValue")
 """Type of a value read from text."""
 
 
@@ -95,13 +95,13 @@ class InputError(FlexcamError, ValueError):
 
 def refuse(where: str, given: object, allowed: str, why: str = "", remedy: str = "") -> InputError:
     """Return the error for a single invalid value, to be raised by the caller."""
-    shown = given if isinstance(given, str) else told(given)
+    shown = given if isinstance(given, str) else format_value(given)
     return InputError([Fault(where, shown, allowed, why, remedy)])
 
 
-def gathered(read: Callable[[str], Read], given: Iterable[str]) -> tuple[list[Read], list[Fault]]:
+def parse_all(read: Callable[[str], ParsedValue], given: Iterable[str]) -> tuple[list[ParsedValue], list[Fault]]:
     """Return the values read from texts, and the faults of those that cannot be read."""
-    found, faults = list[Read](), list[Fault]()
+    found, faults = list[ParsedValue](), list[Fault]()
     for one in given:
         try:
             found.append(read(one))
@@ -110,22 +110,22 @@ def gathered(read: Callable[[str], Read], given: Iterable[str]) -> tuple[list[Re
     return found, faults
 
 
-def together(first: Callable[[], Read], *others: Callable[[], object]) -> Read:
+def collect_errors(first: Callable[[], ParsedValue], *others: Callable[[], object]) -> ParsedValue:
     """Run several checks, collect their faults, and return the result of the first."""
-    found, faults = list[Read](), list[Fault]()
+    found, faults = list[ParsedValue](), list[Fault]()
     for i, check in enumerate((first, *others)):
         try:
             value = check()
         except InputError as refusal:
             faults += refusal.faults
         else:
-            found += [cast("Read", value)] if i == 0 else []
+            found += [cast("ParsedValue", value)] if i == 0 else []
     if faults:
         raise InputError(faults)
     return found[0]
 
 
-def told(value: object) -> str:
+def format_value(value: object) -> str:
     """Format a value as in a case file, without Python notation."""
     if value is None or isinstance(value, bool):
         return "nothing" if value is None else str(value).lower()
@@ -135,20 +135,20 @@ def told(value: object) -> str:
     if isinstance(value, (list, tuple)):
         return "[" + ", ".join(map(_inner, cast("list[object]", value))) + "]"
     if isinstance(value, (np.ndarray, np.generic)):
-        return told(cast("Any", value).tolist())
+        return format_value(cast("Any", value).tolist())
     return str(value) if isinstance(value, (PurePath, date, time)) else repr(value)
 
 
 def _inner(value: object) -> str:
-    return f'"{value}"' if isinstance(value, str) else told(value)
+    return f'"{value}"' if isinstance(value, str) else format_value(value)
 
 
-def said(fault: Exception) -> str:
+def system_message(fault: Exception) -> str:
     """Return the operating system's reason for an error, without its number and path."""
     return (fault.strerror if isinstance(fault, OSError) else None) or str(fault)
 
 
-def in_words(shape: Iterable[int | None]) -> str:
+def format_shape(shape: Iterable[int | None]) -> str:
     """Format an array shape; None means any length."""
     return " x ".join("any" if n is None else str(n) for n in shape) or "of a single number"
 
@@ -170,7 +170,7 @@ def finite_array(where: str, values: ArrayLike, shape: tuple[int | None, ...]) -
         raise refuse(where, values, "an array of numbers") from None
     fits = array.ndim == len(shape) and all(n is None or n == m for n, m in zip(shape, array.shape, strict=True))
     if not fits:
-        raise refuse(where, f"shape {in_words(array.shape)}", f"shape {in_words(shape)}")
+        raise refuse(where, f"shape {format_shape(array.shape)}", f"shape {format_shape(shape)}")
     if not np.isfinite(array).all():
         first = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
         raise refuse(f"{where}{list(first)}", str(array[first]), "finite numbers only")
@@ -178,7 +178,7 @@ def finite_array(where: str, values: ArrayLike, shape: tuple[int | None, ...]) -
     return array
 
 
-def did_you_mean(name: str, known: Iterable[str]) -> str:
+def suggest_name(name: str, known: Iterable[str]) -> str:
     """Return a suggestion of the closest known name, or an empty text."""
     names = [other for other in known if other != name]
     swapped = [other for other in names if sorted(other.lower()) == sorted(name.lower())]

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from flexcam.core.matrices import Triplets
 
 
-_WIDEST = 64
+_MAX_BANDWIDTH = 64
 """Half bandwidth up to which the banded factor is faster: eight parallel shafts coupled at every node have 31."""
 
 _ROUNDING = 8.0 * np.finfo(float).eps
@@ -83,7 +83,7 @@ def _band(matrix: csr_array, order: IntArray) -> FloatArray | None:
     place[order] = np.arange(len(order))
     rows, cols = place[entries.row], place[entries.col]
     width = int(np.abs(cols - rows).max(initial=0))
-    if width > _WIDEST:
+    if width > _MAX_BANDWIDTH:
         return None
     sides = np.zeros((2, width + 1, len(order)), order="C")
     for side, (row, col) in zip(sides, ((rows, cols), (cols, rows)), strict=True):
@@ -200,6 +200,6 @@ def _sparse_lu(scaled: csc_array, scale: FloatArray) -> _SparseLU:
     return _SparseLU(lu.solve, scale)
 
 
-def operator(matrix: Triplets) -> FloatArray | csr_array:
+def select_storage(matrix: Triplets) -> FloatArray | csr_array:
     """Return the matrix in the storage form with the fastest products at its size."""
     return matrix.dense() if matrix.size <= DENSE_LIMIT else matrix.csr()

@@ -23,7 +23,7 @@ IntArray = NDArray[np.intp]
 """Array of integers, such as indices."""
 
 
-_FEW = 300
+_SMALL_SIZE = 300
 """Number of unknowns up to which a dense product is as fast as scipy's sparse one."""
 
 
@@ -76,7 +76,7 @@ class Triplets:
 
     def dense(self) -> FloatArray:
         """Return the matrix as an array, shape (size, size)."""
-        flat = _summed(self.rows * self.size + self.cols, self.values, self.size**2)
+        flat = _sum_duplicates(self.rows * self.size + self.cols, self.values, self.size**2)
         return flat.reshape(self.size, self.size)
 
     def csr(self) -> csr_array:
@@ -87,18 +87,18 @@ class Triplets:
 
     def times(self, vector: FloatArray) -> FloatArray:
         """Return the product with a vector, shape (size,)."""
-        return _summed(self.rows, self.values * vector[self.cols], self.size)
+        return _sum_duplicates(self.rows, self.values * vector[self.cols], self.size)
 
     def times_all(self, columns: FloatArray) -> FloatArray:
         """Return the product with every column of an array, shape (size, k)."""
-        if self.size <= _FEW:
+        if self.size <= _SMALL_SIZE:
             return self.dense() @ columns
         return self.csr() @ columns
 
     def diagonal(self) -> FloatArray:
         """Return the diagonal, shape (size,)."""
         on = self.rows == self.cols
-        return _summed(self.rows[on], self.values[on], self.size)
+        return _sum_duplicates(self.rows[on], self.values[on], self.size)
 
     def scaled(self, factor: float) -> Self:
         """Return the matrix times a number."""
@@ -116,11 +116,11 @@ class Triplets:
         return type(self)(len(index), rows[inside], cols[inside], self.values[inside])
 
 
-def _summed(places: IntArray, values: FloatArray, size: int) -> FloatArray:
+def _sum_duplicates(places: IntArray, values: FloatArray, size: int) -> FloatArray:
     return np.bincount(places, weights=values, minlength=size).astype(float, copy=False)
 
 
-TOO_MUCH = 0.05
+ROUNDING_LIMIT = 0.05
 """Limit of rounding as a fraction of the strain energy; the estimate is an upper bound, about ten times the error."""
 
 
@@ -136,7 +136,7 @@ def energy_rounding(matrix: Triplets, shapes: FloatArray) -> FloatArray:
     return np.finfo(float).eps * np.sum(absolute * size.times_all(absolute), axis=0)
 
 
-def share_lost(matrix: Triplets, shape: FloatArray) -> float:
+def rounding_fraction(matrix: Triplets, shape: FloatArray) -> float:
     """Return the fraction of a displacement that rounding of the stiffness may have changed."""
     energy = abs(float(shape @ matrix.times(shape)))
     return float(energy_rounding(matrix, shape[:, None])[0]) / energy if energy > 0.0 else 0.0

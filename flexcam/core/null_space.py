@@ -12,7 +12,7 @@ from flexcam.core.matrices import FloatArray, Triplets
 _ROUNDING = 64.0 * np.finfo(float).eps
 """Eigenvalues of the diagonally scaled matrix below this are rounding: each entry of K has an error of one eps."""
 
-_AT_MOST = 24
+_MAX_DIMENSION = 24
 """Maximum dimension searched in a sparse matrix: six rigid-body motions for each of four unconnected parts."""
 
 
@@ -46,11 +46,11 @@ def _lanczos_motions(matrix: Triplets, scale: FloatArray) -> FloatArray:
     scaled = (spread @ matrix.csr() @ spread).tocsc()
     start = np.random.default_rng(0).standard_normal(matrix.size)
     shift = -1e-10
-    values, vectors = eigsh(scaled, k=min(_AT_MOST, matrix.size - 2), sigma=shift, v0=start)
+    values, vectors = eigsh(scaled, k=min(_MAX_DIMENSION, matrix.size - 2), sigma=shift, v0=start)
     return vectors[:, np.abs(values) < _ROUNDING]
 
 
-def pins(motions: FloatArray) -> list[int]:
+def select_constraints(motions: FloatArray) -> list[int]:
     """Return one unknown per motion such that fixing these unknowns removes all the motions.
 
     Gaussian elimination with row pivots.
@@ -65,7 +65,7 @@ def pins(motions: FloatArray) -> list[int]:
 
 
 @dataclass(frozen=True, eq=False)
-class _Changed:
+class _LowRankUpdate:
     """Solver for A + U D U^T based on a solver for A: M. A. Woodbury, Inverting Modified Matrices (1950)."""
 
     base: Factor
@@ -78,7 +78,7 @@ class _Changed:
         return x - self.answers @ np.linalg.solve(self.small, self.vectors.T @ x)
 
 
-def factorize_held(matrix: Triplets, motions: FloatArray, stiffness: float) -> Factor:
+def factorize_constrained(matrix: Triplets, motions: FloatArray, stiffness: float) -> Factor:
     """Return the factorization of ``A + k F F^T``.
 
     The term ``k F F^T`` couples all moving unknowns, so it is not formed for many unknowns: one unknown per motion is
@@ -89,7 +89,7 @@ def factorize_held(matrix: Triplets, motions: FloatArray, stiffness: float) -> F
     if matrix.size <= DENSE_LIMIT:
         return factorize(Triplets.joined([matrix, *(Triplets.outer(f, f, stiffness) for f in motions.T)]))
     scale = diagonal_scale(matrix)
-    at = np.array(pins(np.linalg.qr(motions / scale[:, None])[0]))
+    at = np.array(select_constraints(np.linalg.qr(motions / scale[:, None])[0]))
     size = 1.0 / scale[at] ** 2
     base = factorize(matrix + Triplets(matrix.size, at, at, size))
     single = np.zeros((matrix.size, len(at)))
@@ -97,4 +97,4 @@ def factorize_held(matrix: Triplets, motions: FloatArray, stiffness: float) -> F
     vectors = np.hstack([motions, single])
     answers = base.solve(vectors)
     added = np.concatenate([np.full(motions.shape[1], 1.0 / stiffness), -1.0 / size])
-    return _Changed(base, vectors, answers, np.diag(added) + vectors.T @ answers)
+    return _LowRankUpdate(base, vectors, answers, np.diag(added) + vectors.T @ answers)

@@ -10,7 +10,7 @@ import re
 from dataclasses import dataclass
 from decimal import Context, Decimal
 
-from flexcam.core.errors import did_you_mean, refuse
+from flexcam.core.errors import refuse, suggest_name
 
 RPM = math.pi / 30.0
 """One revolution per minute, rad/s."""
@@ -143,7 +143,7 @@ def _unit_product(text: str, where: str) -> tuple[Decimal, Exponents]:
         if match is None or found is None:
             symbol = match[2] if match else text[position:]
             comma = "write a point in decimal numbers, no comma" if text.startswith(",") else ""
-            hint = comma or did_you_mean(symbol, _known_symbols())
+            hint = comma or suggest_name(symbol, _known_symbols())
             allowed = "units such as mm, kg, kN/m, GPa, rpm, deg"
             raise refuse(
                 where, f"unit {symbol!r} in {text!r}", allowed, "no such unit is known", hint or "write it in SI"
@@ -157,7 +157,7 @@ def _unit_product(text: str, where: str) -> tuple[Decimal, Exponents]:
     return factor, exponents  # pyright: ignore[reportReturnType]
 
 
-def _same_kind(found: Exponents, wanted: Exponents) -> bool:
+def _equal_dimension(found: Exponents, wanted: Exponents) -> bool:
     """Return whether two dimensions agree; the radian may be omitted in moments and derived quantities only."""
     of_moments = wanted[:2] == (2, 1)
     return found[:3] == wanted[:3] if of_moments else found == wanted
@@ -177,7 +177,7 @@ def parse(value: float | str, dimension: str, where: str = "value", *, noise: bo
     else:
         raise refuse(where, repr(value), allowed, "it does not begin with a number")
     factor, exponents = _unit_product(text, where) if text else (Decimal(1), kind.exponents)
-    if not _same_kind(exponents, kind.exponents):
+    if not _equal_dimension(exponents, kind.exponents):
         why = f"the unit {text!r} does not measure {article} {kind.name}"
         remedy = (
             f"give the {kind.name} in a unit of its own, as in {kind.example!r}" if kind.si else "leave the unit out"
@@ -207,12 +207,12 @@ def shaft_speed(speed: float, turns: float) -> str:
     return own if turns == 1.0 else f"crankshaft {round(turns * speed / RPM, 9):g} rpm ({own})"
 
 
-_SHOWN = {
+_DISPLAY_UNITS = {
     "m": (1e3, "mm"), "rad": (180.0 / math.pi, "deg"), "Pa": (1e-6, "MPa"), "m/s^2": (1.0, "m/s²"),
     "rad/s^2": (1.0, "rad/s²"), "1": (1.0, ""),
 }  # fmt: skip
 
 
-def shown(unit: str) -> tuple[float, str]:
+def to_display_unit(unit: str) -> tuple[float, str]:
     """Return a quantity in the unit engineers commonly use."""
-    return _SHOWN.get(unit, (1.0, unit))
+    return _DISPLAY_UNITS.get(unit, (1.0, unit))

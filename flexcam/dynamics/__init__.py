@@ -17,7 +17,7 @@ from flexcam.dynamics.angle_functions import (
 )
 from flexcam.dynamics.basis import Basis, DofSubset, ModeBasis, project_system
 from flexcam.dynamics.bathe import Bathe, bathe
-from flexcam.dynamics.blocks import SLOPES, Advance, Block, SaveAt, Series, Sink, Thing, track_progress
+from flexcam.dynamics.blocks import SLOPES, Block, Item, ProgressCallback, SaveAt, Series, Sink, track_progress
 from flexcam.dynamics.cam_motion import CamMotion, ConstantSpeed, Drive, FluctuatingSpeed, SpeedByAngle
 from flexcam.dynamics.central_difference import CentralDifference, central_difference, highest_frequency
 from flexcam.dynamics.exact_modes import Exact, exact
@@ -28,23 +28,23 @@ from flexcam.dynamics.integrator import Method
 from flexcam.dynamics.linearization import Tangents
 from flexcam.dynamics.modal_reduction import corrected_modes, craig_bampton, effective_masses, mac
 from flexcam.dynamics.modes import Modes, frequency_response, modes, normalized_response
-from flexcam.dynamics.periodic import periodic
+from flexcam.dynamics.periodic import solve_periodic
 from flexcam.dynamics.problem import Adaptive, Engine, Problem, State
 from flexcam.dynamics.reduced_problem import active_dofs_of, basis_of, integrated_size, method_refusal
-from flexcam.dynamics.response import STATE, History, Outline, Response, extent, peak, turning_points
+from flexcam.dynamics.response import STATE, History, Outline, Response, peak, turning_points, value_range
 from flexcam.dynamics.scipy_reference import ScipyIntegrator, dop853, radau
 from flexcam.dynamics.solve import fingerprint, outline, prescribed_probes, solve
-from flexcam.dynamics.statics import equilibrium, moving_equilibrium, rest, static_displacement
+from flexcam.dynamics.statics import equilibrium, installed_state, moving_equilibrium, static_displacement
 from flexcam.dynamics.status import (
     NOT_POSITIVE,
-    TOO_FINE,
+    ROUNDING_STATUS,
     Cause,
     NotPositiveError,
     RunFailedError,
     Stats,
     Status,
     instability_status,
-    raise_if_interrupted,
+    reraise_interrupt,
 )
 from flexcam.dynamics.system import (
     Channel,
@@ -61,19 +61,18 @@ from flexcam.dynamics.system import (
     System,
     force_sum,
     load_sum,
+    observable_sum,
     row_of,
-    total,
 )
 
 __all__ = [
     "NOT_POSITIVE",
     "ONE",
+    "ROUNDING_STATUS",
     "SLOPES",
     "STATE",
-    "TOO_FINE",
     "ActiveDofs",
     "Adaptive",
-    "Advance",
     "AngleFunction",
     "AngleVector",
     "Basis",
@@ -98,6 +97,7 @@ __all__ = [
     "FullMotion",
     "History",
     "InactiveGroup",
+    "Item",
     "Load",
     "LocalForce",
     "Method",
@@ -111,6 +111,7 @@ __all__ = [
     "PrescribedMotion",
     "Probe",
     "Problem",
+    "ProgressCallback",
     "Reaction",
     "Response",
     "RunFailedError",
@@ -125,7 +126,6 @@ __all__ = [
     "Status",
     "System",
     "Tangents",
-    "Thing",
     "active_dofs_of",
     "basis_of",
     "bathe",
@@ -139,7 +139,6 @@ __all__ = [
     "elastic_stop",
     "equilibrium",
     "exact",
-    "extent",
     "find_active_dofs",
     "fingerprint",
     "floquet",
@@ -150,6 +149,7 @@ __all__ = [
     "highest_frequency",
     "hunt_crossley_contact",
     "instability_status",
+    "installed_state",
     "integrated_size",
     "load_sum",
     "mac",
@@ -158,20 +158,20 @@ __all__ = [
     "moving_equilibrium",
     "newmark",
     "normalized_response",
+    "observable_sum",
     "oil_column_law",
     "outline",
     "peak",
-    "periodic",
     "prescribed_probes",
     "project_system",
     "radau",
-    "raise_if_interrupted",
-    "rest",
+    "reraise_interrupt",
     "row_of",
     "solve",
+    "solve_periodic",
     "spring_damper",
     "static_displacement",
-    "total",
     "track_progress",
     "turning_points",
+    "value_range",
 ]

@@ -23,13 +23,13 @@ from flexcam.dynamics.force_laws import ForceLaw
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.system import LocalForce, System
 
-_SLOW = 1e-13
+_VELOCITY_TOLERANCE = 1e-13
 """Fraction of the largest initial velocity, as square roots of energies, below which a velocity is rounding."""
 
-_BALANCED = 1e-12
+_RESIDUAL_TOLERANCE = 1e-12
 """Fraction of the forces on a group below which its residual is rounding of the equilibrium."""
 
-_NOTHING = 1e-15
+_FORCE_TOLERANCE = 1e-15
 """Fraction of the forces on all groups below which a force is rounding."""
 
 
@@ -81,11 +81,14 @@ def find_active_dofs(
     n = system.size
     d = np.zeros(n) if displacement is None else displacement
     v = np.zeros(n) if velocity is None else velocity
-    idle, begun = _idle(system, d), _changing(system) | _started(v, system.mass.diagonal())
+    idle, begun = (
+        _find_idle_scalars(system, d),
+        _find_variable_loads(system) | _find_initial_motion(v, system.mass.diagonal()),
+    )
     while True:
-        labels = _coupled(system, idle)
-        steady, moving = _resting(system, d, inner, _any(begun, labels), labels)
-        moving |= _any(_unbalanced(system, d, steady, labels), labels)
+        labels = _coupling_groups(system, idle)
+        steady, moving = _constant_forces(system, d, inner, _spread_to_groups(begun, labels), labels)
+        moving |= _spread_to_groups(_find_unbalanced(system, d, steady, labels), labels)
         asleep = [one for one in idle if not moving[one.unknowns].any()]
         if len(asleep) == len(idle):
             break
@@ -101,7 +104,7 @@ def find_active_dofs(
 
 
 @dataclass(frozen=True, eq=False)
-class _Asleep:
+class _IdleScalars:
     """Idle scalars of a local force, and the unknowns that they sense or act on."""
 
     force: LocalForce
@@ -109,44 +112,44 @@ class _Asleep:
     unknowns: NDArray[np.bool_]
 
 
-def _idle(system: System, d: FloatArray) -> list[_Asleep]:
+def _find_idle_scalars(system: System, d: FloatArray) -> list[_IdleScalars]:
     """Return the sets of idle scalars that are zero in the initial state."""
-    found: list[_Asleep] = []
+    found: list[_IdleScalars] = []
     for force in system.local_forces:
         for held in force.idle_scalars():
             if not any((force.sense[i].vectors @ d).any() or force.offset[i] != Constant(0.0) for i in held):
                 vectors = [one.vectors for i in held for one in (force.sense[i], force.act[i])]
-                found.append(_Asleep(force, frozenset(held), (np.concatenate(vectors) != 0.0).any(axis=0)))
+                found.append(_IdleScalars(force, frozenset(held), (np.concatenate(vectors) != 0.0).any(axis=0)))
     return found
 
 
-def _coupled(system: System, idle: list[_Asleep]) -> IntArray:
+def _coupling_groups(system: System, idle: list[_IdleScalars]) -> IntArray:
     """Return the group label of every unknown: its lowest member."""
     pairs = [
         (m.rows[m.values != 0.0], m.cols[m.values != 0.0]) for m in (system.mass, system.damping, system.stiffness)
     ]
     for force in system.local_forces:
         asleep = frozenset[int]().union(*(one.scalars for one in idle if one.force is force))
-        involved = np.flatnonzero(_involved(force, system.size, asleep))
+        involved = np.flatnonzero(_force_unknowns(force, system.size, asleep))
         pairs.append((np.repeat(involved[:1], len(involved)), involved))
     rows, cols = (np.concatenate(one) for one in zip(*pairs, strict=True))
     return connected_components(system.size, rows, cols)
 
 
-def _involved(force: LocalForce, size: int, asleep: frozenset[int] = frozenset()) -> NDArray[np.bool_]:
+def _force_unknowns(force: LocalForce, size: int, asleep: frozenset[int] = frozenset()) -> NDArray[np.bool_]:
     """Return the unknowns that a local force senses or acts on, except through idle scalars."""
     pairs = [pair for i, pair in enumerate(zip(force.sense, force.act, strict=True)) if i not in asleep]
     vectors = [np.zeros((1, size)), *(one.vectors for pair in pairs for one in pair)]
     return (np.concatenate(vectors) != 0.0).any(axis=0)
 
 
-def _changing(system: System) -> NDArray[np.bool_]:
+def _find_variable_loads(system: System) -> NDArray[np.bool_]:
     """Return the unknowns under a time-dependent load."""
     vectors = [load.vector for load in system.loads if not load.steady]
     return (np.array(vectors).reshape(len(vectors), system.size) != 0.0).any(axis=0)
 
 
-def _resting(
+def _constant_forces(
     system: System, d: FloatArray, inner: FloatArray | None, moving: NDArray[np.bool_], labels: IntArray
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
     """Return the constant forces on inactive unknowns, shape (k, n), and the active unknowns, local forces included."""
@@ -157,18 +160,18 @@ def _resting(
     gap = forces.sensed(d[None], np.zeros((1, system.size)), schedule)[0][0]
     answer = forces.respond(gap, np.zeros(forces.count), forces.start_state if inner is None else inner, schedule)
     for force, part, states in forces.parts:
-        involved = _involved(force, system.size)
+        involved = _force_unknowns(force, system.size)
         if moving[involved].any():
             continue
-        if _varies(force, gap[part]) or answer.state_rate[states].any():
-            moving |= _any(involved, labels)
+        if _depends_on_angle(force, gap[part]) or answer.state_rate[states].any():
+            moving |= _spread_to_groups(involved, labels)
         else:
             pairs = zip(answer.force[part].tolist(), force.act, strict=True)
             steady += [size * act.vectors[0] for size, act in pairs]
     return np.array(steady).reshape(len(steady), system.size), moving
 
 
-def _varies(force: LocalForce, gap: FloatArray) -> bool:
+def _depends_on_angle(force: LocalForce, gap: FloatArray) -> bool:
     """Return whether a force at rest depends on the cam angle through its vectors, offsets or law."""
     if any(one.functions for one in (*force.sense, *force.act)):
         return True
@@ -177,23 +180,23 @@ def _varies(force: LocalForce, gap: FloatArray) -> bool:
     return bool((not isinstance(force.law, ForceLaw) or force.law.functions) and gap.any())
 
 
-def _unbalanced(system: System, d: FloatArray, steady: FloatArray, labels: IntArray) -> NDArray[np.bool_]:
+def _find_unbalanced(system: System, d: FloatArray, steady: FloatArray, labels: IntArray) -> NDArray[np.bool_]:
     """Return the unknowns on which constant forces and stiffness are not in equilibrium within rounding."""
     K, scale = system.stiffness, diagonal_scale(system.stiffness)
     strained = np.bincount(K.rows, weights=np.abs(K.values * d[K.cols]), minlength=system.size)
     missing = np.abs(steady.sum(axis=0) - K.times(d)) * scale
     size = np.zeros(system.size)
     np.maximum.at(size, labels, (np.abs(steady).sum(axis=0) + strained) * scale)
-    return missing > np.maximum(_BALANCED * size[labels], _NOTHING * size.max(initial=0.0))
+    return missing > np.maximum(_RESIDUAL_TOLERANCE * size[labels], _FORCE_TOLERANCE * size.max(initial=0.0))
 
 
-def _started(v: FloatArray, mass: FloatArray) -> NDArray[np.bool_]:
+def _find_initial_motion(v: FloatArray, mass: FloatArray) -> NDArray[np.bool_]:
     """Return the unknowns with an initial velocity; for massless unknowns any velocity counts."""
     sizes = np.abs(v) * np.sqrt(np.maximum(mass, 0.0))
-    return (sizes > _SLOW * sizes.max(initial=0.0)) | ((v != 0.0) & (mass <= 0.0))
+    return (sizes > _VELOCITY_TOLERANCE * sizes.max(initial=0.0)) | ((v != 0.0) & (mass <= 0.0))
 
 
-def _any(one: NDArray[np.bool_], labels: IntArray) -> NDArray[np.bool_]:
+def _spread_to_groups(one: NDArray[np.bool_], labels: IntArray) -> NDArray[np.bool_]:
     """Return the unknowns of groups with at least one marked member."""
     found = np.zeros(len(labels), dtype=bool)
     found[labels[one]] = True

@@ -22,7 +22,7 @@ from flexcam.dynamics.step_state import StepInputs, StepState
 from flexcam.dynamics.system import System
 
 _MOST_HALVINGS = 16
-_DOUBLED = 1.0 / 16.0
+_DOUBLING_LIMIT = 1.0 / 16.0
 """Fraction of the tolerance below which the step is doubled: the error grows by 8, with a safety factor of 2."""
 
 
@@ -44,7 +44,7 @@ class StepFloorError(ArithmeticError):
         self.unknown, self.times, self.step = unknown, times, step
 
 
-class Norm:
+class EnergyNorm:
     """Energy norm of displacements, relative to the largest of a motion.
 
     The weights are the diagonals of the stiffness and of the mass at the frequency of the motion, for unknowns without
@@ -70,13 +70,13 @@ class Norm:
 
     def error(self, moments: Sequence[StepState]) -> tuple[float, int]:
         """Return the largest relative error of successive steps, and the unknown with it."""
-        lacking = np.array([_lacking(*pair, self._unseen) for pair in pairwise(moments)]) * self._weights
+        lacking = np.array([_taylor_defect(*pair, self._unseen) for pair in pairwise(moments)]) * self._weights
         sizes = np.linalg.norm(lacking, axis=1)
         worst = int(np.argmax(sizes))
         return float(sizes[worst]) / self._size if self._size > 0.0 else 0.0, int(np.argmax(np.abs(lacking[worst])))
 
 
-def _lacking(old: StepState, new: StepState, unseen: float) -> FloatArray:
+def _taylor_defect(old: StepState, new: StepState, unseen: float) -> FloatArray:
     h = new.time - old.time  # zero across an impact
     lacking = new.d - old.d - h * old.v - h**2 * (old.a / 3.0 + new.a / 6.0)
     return np.maximum(np.abs(lacking), unseen * h**2 * np.abs(new.a - old.a)) if unseen else lacking
@@ -106,7 +106,7 @@ class StepController:
         Number of steps repeated with half their length.
     """
 
-    def __init__(self, walker: EventStepper, at: At, step: float, adaptive: Adaptive, norm: Norm) -> None:
+    def __init__(self, walker: EventStepper, at: At, step: float, adaptive: Adaptive, norm: EnergyNorm) -> None:
         self._walker, self._at, self._step, self._norm = walker, at, step, norm
         self._tolerance = adaptive.tolerance
         smallest = adaptive.smallest or step / 2.0**_MOST_HALVINGS
@@ -128,7 +128,7 @@ class StepController:
                 continue
             walked += part
             now, done = part[-1], done + length
-            if share < _DOUBLED and self.halvings and done % (2 * length) == 0:
+            if share < _DOUBLING_LIMIT and self.halvings and done % (2 * length) == 0:
                 self.halvings -= 1
         return walked
 

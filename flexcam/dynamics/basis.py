@@ -111,7 +111,7 @@ class DofSubset:
             return None if motions is None else np.zeros((len(self.kept), 0))
         along, sizes, _ = np.linalg.svd(motions[self.kept], full_matrices=False)
         whole = float(np.linalg.norm(motions, 2))
-        return along[:, sizes > _PART * whole]
+        return along[:, sizes > _ROUNDING * whole]
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,13 +177,13 @@ class ModeBasis:
         return None
 
 
-_PART = 1e-9
+_ROUNDING = 1e-9
 """Relative size below which an entry is rounding."""
 
 
 def project_system(system: System, basis: Basis) -> System:
     """Return the equations of a system in the coordinates of a basis."""
-    shown = _Shown(basis)
+    shown = _ExpandedObservation(basis)
     return System(
         mass=basis.matrix(system.mass),
         damping=basis.matrix(system.damping),
@@ -204,7 +204,7 @@ def _load(load: Load, basis: Basis) -> Load:
 
 def _local(force: LocalForce, basis: Basis) -> LocalForce:
     pairs = zip(force.offset, force.sense, strict=True)
-    offset = tuple(_moved(known, one.vectors @ basis.held, one.functions) for known, one in pairs)
+    offset = tuple(_offset_function(known, one.vectors @ basis.held, one.functions) for known, one in pairs)
     sense, act = (tuple(_vectors(one, basis) for one in side) for side in (force.sense, force.act))
     return replace(force, sense=sense, act=act, offset=offset)
 
@@ -215,13 +215,13 @@ def _vectors(one: AngleVector, basis: Basis) -> AngleVector:
 
 def _probe(probe: Probe, basis: Basis) -> Probe:
     offset = tuple(
-        _moved(known, np.array([at])) if at != 0.0 else known
+        _offset_function(known, np.array([at])) if at != 0.0 else known
         for known, at in zip(probe.offset, (probe.rows @ basis.held).tolist(), strict=True)
     )
     return replace(probe, rows=basis.rows(probe.rows), offset=offset)
 
 
-def _moved(
+def _offset_function(
     known: AngleFunction | None, amounts: FloatArray, functions: tuple[AngleFunction, ...] = ()
 ) -> AngleFunction:
     """Return a function of the cam angle plus multiples of others; a single constant stays a constant."""
@@ -239,27 +239,27 @@ def _moved(
     return both
 
 
-def _channel(channel: Channel, shown: _Shown) -> Channel:
+def _channel(channel: Channel, shown: _ExpandedObservation) -> Channel:
     def value(seen: Observation) -> FloatArray:
         return channel.value(shown(seen))
 
     return replace(channel, value=value)
 
 
-class _Shown:
+class _ExpandedObservation:
     """Observation expanded to all unknowns, cached for all channels with the same observation."""
 
     def __init__(self, basis: Basis) -> None:
-        self._rows = _Rows(basis)
+        self._rows = _ProjectedRows(basis)
         self._last: tuple[Observation, Observation] | None = None
 
     def __call__(self, seen: Observation) -> Observation:
         if self._last is None or self._last[0] is not seen:
-            self._last = seen, replace(seen, moved=_Spread(seen.moved, self._rows))
+            self._last = seen, replace(seen, moved=_ExpandedMotion(seen.moved, self._rows))
         return self._last[1]
 
 
-class _Rows:
+class _ProjectedRows:
     """Rows over all unknowns projected to a basis, each computed once."""
 
     def __init__(self, basis: Basis) -> None:
@@ -273,10 +273,10 @@ class _Rows:
         return self._known[id(rows)][1:]
 
 
-class _Spread:
+class _ExpandedMotion:
     """Motion of all unknowns from that of the coordinates, computed on demand."""
 
-    def __init__(self, inside: MotionView, rows: _Rows) -> None:
+    def __init__(self, inside: MotionView, rows: _ProjectedRows) -> None:
         self._inside, self._rows = inside, rows
         self._picked: dict[tuple[int, int], FloatArray] = {}
         self._whole: dict[int, FloatArray] = {}

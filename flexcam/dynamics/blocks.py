@@ -56,7 +56,7 @@ def _cubic(x: FloatArray, old: FloatArray, new: FloatArray, slope: FloatArray, n
     return y * y * ((1.0 + 2.0 * x) * old + x * slope) + x * x * ((3.0 - 2.0 * x) * new - y * new_slope)
 
 
-_WORTH = 640
+_MIN_BLOCK_STEPS = 640
 """Minimum steps per block; below it the overhead of a block exceeds its content."""
 
 
@@ -64,7 +64,7 @@ _FIELDS = 32
 """Number of saved fields written together if they are close in time."""
 
 
-_MOST = 8192
+_MAX_BLOCK_STEPS = 8192
 """Maximum steps per block, so that the memory of a run does not depend on the interval of saved fields."""
 
 
@@ -134,8 +134,8 @@ class SaveAt:
         """Steps per block."""
         if self.fields_per_block:
             return self.field_every * self.fields_per_block
-        fields = max(_FIELDS, -(-_WORTH // self.field_every))
-        return self.field_every * min(fields, _MOST // self.field_every) or _MOST
+        fields = max(_FIELDS, -(-_MIN_BLOCK_STEPS // self.field_every))
+        return self.field_every * min(fields, _MAX_BLOCK_STEPS // self.field_every) or _MAX_BLOCK_STEPS
 
     def fields(self, steps: IntArray, last: int) -> NDArray[np.bool_]:
         """Return after which steps all unknowns are saved.
@@ -173,15 +173,15 @@ class Sink(Protocol):
         ...
 
 
-Advance = Callable[[int], None]
+ProgressCallback = Callable[[int], None]
 """Progress callback; its argument is the number of newly finished items."""
 
 
-Thing = TypeVar("Thing")
+Item = TypeVar("Item")
 """Type of an item."""
 
 
-def track_progress(things: Iterable[Thing], advance: Advance | None) -> Iterator[Thing]:
+def track_progress(things: Iterable[Item], advance: ProgressCallback | None) -> Iterator[Item]:
     """Yield items and report progress after each."""
     for one in things:
         yield one

@@ -16,7 +16,7 @@ from flexcam.dynamics.generalized_alpha import family_matrix
 from flexcam.dynamics.implicit_step import ImplicitStage, Prediction
 from flexcam.dynamics.integrator import At, Method, Stepper
 from flexcam.dynamics.local_forces import LocalForces
-from flexcam.dynamics.massless import Massless
+from flexcam.dynamics.massless import MasslessMotions
 from flexcam.dynamics.step_state import StepInputs, StepState
 from flexcam.dynamics.system import System
 
@@ -55,7 +55,7 @@ class CentralDifference(Method):
 
     def refusal(self, system: System, step: float) -> InputError | None:
         """Return the refusal of contacts and dampers without mass, and of steps beyond the limit."""
-        light = Massless(system)
+        light = MasslessMotions(system)
         if pushed := light.pushed(_NAME):
             return pushed
         omega, names = highest_frequency(system, light)
@@ -70,7 +70,7 @@ class _Stepper:
     """A stage without stiffness in its operator, followed by the massless motions."""
 
     def __init__(self, system: System, forces: LocalForces, step: float) -> None:
-        self._massless, self._dt = Massless(system), step
+        self._massless, self._dt = MasslessMotions(system), step
         self._stage = ImplicitStage(system, forces, 0.0, 0.5 * step, step, inverse=self._massless.inverse)
 
     def advance(self, now: StepState, to: StepInputs) -> StepState:
@@ -85,7 +85,7 @@ class _Stepper:
         return replace(new, v=v, a=light.place(new.a, np.zeros(len(v))))
 
 
-def highest_frequency(system: System, light: Massless | None = None) -> tuple[float, list[str]]:
+def highest_frequency(system: System, light: MasslessMotions | None = None) -> tuple[float, list[str]]:
     """Return the highest natural frequency of a system without its local forces, and the unknowns that move most.
 
     Parameters
@@ -100,16 +100,16 @@ def highest_frequency(system: System, light: Massless | None = None) -> tuple[fl
     tuple
         Angular frequency, rad/s, and up to three names.
     """
-    light = light or Massless(system)
+    light = light or MasslessMotions(system)
     if not len(light.kept):
         return 0.0, []
-    find = _dense if len(light.kept) <= DENSE_LIMIT else _sparse
+    find = _highest_dense if len(light.kept) <= DENSE_LIMIT else _highest_sparse
     square, shape = find(system, light)
     order: list[int] = np.argsort(-np.abs(shape)).tolist()
     return float(np.sqrt(max(square, 0.0))), [system.names[light.kept[i]] for i in order[:3]]
 
 
-def _dense(system: System, light: Massless) -> tuple[float, FloatArray]:
+def _highest_dense(system: System, light: MasslessMotions) -> tuple[float, FloatArray]:
     pulled = system.stiffness.times_all(light.spread(np.eye(len(light.kept))))
     values, vectors = np.linalg.eig(light.inverse(system.mass).solve(pulled)[light.kept])
     squares, shapes = np.real(values), np.real(vectors)
@@ -117,7 +117,7 @@ def _dense(system: System, light: Massless) -> tuple[float, FloatArray]:
     return float(squares[highest]), shapes[:, highest]
 
 
-def _sparse(system: System, light: Massless) -> tuple[float, FloatArray]:
+def _highest_sparse(system: System, light: MasslessMotions) -> tuple[float, FloatArray]:
     from scipy.sparse.linalg import LinearOperator, eigsh
 
     size, inverse = len(light.kept), light.inverse(system.mass)

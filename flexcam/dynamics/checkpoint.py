@@ -46,7 +46,7 @@ class CheckpointSink(Protocol):
         ...
 
 
-class Earlier(Protocol):
+class CompletedPart(Protocol):
     """Completed part of an interrupted run."""
 
     @property
@@ -69,6 +69,6 @@ def flatten(name: str, value: object) -> dict[str, NDArray[Any]]:
     return {key: array for part in parts for key, array in part.items()}
 
 
-def arrays_below(name: str, arrays: Arrays) -> dict[str, NDArray[Any]]:
+def select_prefix(name: str, arrays: Arrays) -> dict[str, NDArray[Any]]:
     """Return the arrays of one value by their nested names."""
     return {key.removeprefix(f"{name}."): array for key, array in arrays.items() if key.startswith(f"{name}.")}

@@ -16,16 +16,16 @@ from flexcam.dynamics.integrator import At, Stepper
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.step_state import StepInputs, StepState
 
-CLOSE = 1e-9
+END_TOLERANCE = 1e-9
 """Fraction of a step within which an event coincides with one of its ends."""
 
-SHARP = 1e-12
+TIME_TOLERANCE = 1e-12
 """Tolerance of an event time as a fraction of a step."""
 
 ROUNDING = 4.0 * 2.220446049250313e-16
 """Relative rounding of time differences."""
 
-TOGETHER = 1e-6
+SIMULTANEITY = 1e-6
 """Fraction of a step within which events are simultaneous, such as those of two symmetric trains."""
 
 MOST_EVENTS = 40
@@ -33,11 +33,11 @@ MOST_EVENTS = 40
 
 CORRECTIONS = 60
 
-LEAST = 0.01
+MIN_REDUCTION = 0.01
 """Minimum relative reduction of a bracket by a secant step."""
 
 
-def crossing(pressed: bool, gap: float, new_gap: float, rate: float, new_rate: float, length: float) -> float:
+def find_crossing(pressed: bool, gap: float, new_gap: float, rate: float, new_rate: float, length: float) -> float:
     """Return the time in (0, length) of the sign change of the cubic through both ends, by bisection."""
     low, high = 0.0, 1.0
     for _ in range(50):
@@ -72,7 +72,7 @@ def narrow_bracket(
     newton = after - gap / rate if rate != 0.0 else high
     if beyond and was_beyond:
         # After an event the scalar starts at zero up to rounding, which is not the zero sought.
-        newton = max(low - near * (high - low) / (far - near), low + LEAST * (high - low))
+        newton = max(low - near * (high - low) / (far - near), low + MIN_REDUCTION * (high - low))
     if not low < newton < high:
         newton = 0.5 * (low + high)
     return newton, low, high, near, far, beyond
@@ -166,13 +166,13 @@ class EventStepper:
         length = to.time - now.time
         (gap, rate), (new_gap, new_rate) = self._gaps(now), self._gaps(trial)
         roots = [
-            crossing(bool(side[i]), gap[i], new_gap[i], rate[i], new_rate[i], length) if crossed[i] else np.inf
+            find_crossing(bool(side[i]), gap[i], new_gap[i], rate[i], new_rate[i], length) if crossed[i] else np.inf
             for i in range(len(crossed))
         ]
         first = int(np.argmin(roots))
         moment, there = self._stopped(now, trial, to, first, roots[first])
         pressed = self._forces.pressed(moment.gap)
-        together = crossed & (np.abs(np.array(roots) - roots[first]) <= TOGETHER * length)
+        together = crossed & (np.abs(np.array(roots) - roots[first]) <= SIMULTANEITY * length)
         pressed[together] = ~side[together]
         moment = replace(moment, pressed=pressed)
         if not self._balances:
@@ -185,13 +185,13 @@ class EventStepper:
         """Return the instant of a zero crossing near a given time, by Newton's method within a bracket."""
         length, side = to.time - now.time, bool(self._side(now)[which])
         low, high, after = 0.0, length, guess
-        sharp = max(SHARP * length, ROUNDING * abs(to.time))
+        sharp = max(TIME_TOLERANCE * length, ROUNDING * abs(to.time))
         moment, there, was_beyond = trial, to, False
         near, far = float(self._gaps(now)[0][which]), float(self._gaps(trial)[0][which])
         for _ in range(CORRECTIONS):
-            if after <= CLOSE * length:
+            if after <= END_TOLERANCE * length:
                 return replace(now, impulse=None, iterations=0), self._at(now.time)
-            if after >= (1.0 - CLOSE) * length:
+            if after >= (1.0 - END_TOLERANCE) * length:
                 return trial, to
             there = self._at(now.time + after)
             moment = self._advance(now, there)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from flexcam.core import FloatArray, IntArray
-from flexcam.dynamics.adaptive import Norm, StepController, StepFloorError
+from flexcam.dynamics.adaptive import EnergyNorm, StepController, StepFloorError
 from flexcam.dynamics.blocks import SaveAt, Series
 from flexcam.dynamics.checkpoint import Arrays, flatten
 from flexcam.dynamics.contact_events import EventStepper
@@ -98,7 +98,7 @@ class DirectEngine:
             except NoConvergenceError as fault:
                 return walked, convergence_failure(fault.forces, float(at[i]), float(angle[i]))
             except StepFloorError as fault:
-                return walked, _too_small(fault, self._system, float(at[i]), float(angle[i]))
+                return walked, _step_floor_status(fault, self._system, float(at[i]), float(angle[i]))
             if steps[i] % self._save.field_every == 0:
                 part[-1] = self._starter.resumed(part[-1], to)
             walked.append(part)
@@ -133,11 +133,11 @@ class DirectEngine:
     def _paced(self, problem: Problem, scheme: Method, pilot: Pilot) -> StepController | None:
         if problem.adaptive is None or not problem.system.size:
             return None
-        norm = Norm(problem.system, pilot(problem, scheme), scheme.unseen)
+        norm = EnergyNorm(problem.system, pilot(problem, scheme), scheme.unseen)
         return StepController(self._walker, self._at, problem.step, problem.adaptive, norm)
 
 
-def _too_small(fault: StepFloorError, system: System, at: float, angle: float) -> Status:
+def _step_floor_status(fault: StepFloorError, system: System, at: float, angle: float) -> Status:
     text = (
         f"the error of {system.names[fault.unknown]} stays at {fault.times:.3g} times the tolerance with steps of "
         f"{fault.step:.3g} s {instant(at, angle)}"

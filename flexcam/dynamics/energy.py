@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexcam.core import FloatArray, IntArray, Triplets, operator
-from flexcam.dynamics.checkpoint import Arrays, arrays_below, flatten
+from flexcam.core import FloatArray, IntArray, Triplets, select_storage
+from flexcam.dynamics.checkpoint import Arrays, flatten, select_prefix
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.prescribed_inputs import PrescribedInputs
 from flexcam.dynamics.step_state import Trajectory
@@ -40,7 +40,7 @@ class EquilibriumResidual:
 
     def __init__(self, system: System, forces: LocalForces, step: float) -> None:
         self._forces, self._vectors = forces, system.load_vectors()
-        self._matrices = [operator(one) for one in (system.mass, system.damping, system.stiffness)]
+        self._matrices = [select_storage(one) for one in (system.mass, system.damping, system.stiffness)]
         stiff = np.abs(system.stiffness.diagonal()) + np.abs(system.mass.diagonal()) / step**2
         self._weights = np.divide(1.0, np.sqrt(stiff), out=np.zeros_like(stiff), where=stiff > 0.0)
         self._largest = np.full(2, -1.0)
@@ -86,7 +86,7 @@ PARTS = ("work", "kinetic", "strain", "contact", "dissipated", "numerical", "res
 
 
 @dataclass(frozen=True, eq=False)
-class _Held:
+class _EnergyState:
     """Energies at m instants, J, shape (m,), and the quantities for the work between them.
 
     `elastic` is the strain energy including that of polynomial laws. `damped` is the damping force per unknown;
@@ -115,12 +115,12 @@ class _Held:
     carried: FloatArray
     impulse: FloatArray
 
-    def last(self) -> _Held:
+    def last(self) -> _EnergyState:
         """Return the last instant alone."""
-        return _Held(*(getattr(self, n)[-1:] for n in self.__dataclass_fields__))
+        return _EnergyState(*(getattr(self, n)[-1:] for n in self.__dataclass_fields__))
 
 
-class EnergyAccount:
+class EnergyBalance:
     """Energy balance, block by block.
 
     Parameters
@@ -133,7 +133,7 @@ class EnergyAccount:
 
     def __init__(self, system: System, forces: LocalForces) -> None:
         self._system, self._forces = system, forces
-        self._M, self._C, self._K = (_Form(m) for m in (system.mass, system.damping, system.stiffness))
+        self._M, self._C, self._K = (_QuadraticForm(m) for m in (system.mass, system.damping, system.stiffness))
         self._damped = bool(system.damping.values.any())
         smooth = forces.polynomial
         rough = np.flatnonzero(~smooth)
@@ -147,7 +147,7 @@ class EnergyAccount:
         self._acting = np.flatnonzero(forces.act.owner[~forces.opposed].any(axis=0))
         self._acted = forces.act.owner[:, self._acting].argmax(axis=0) if forces.count else self._acting
         self._pushed = np.concatenate([system.load_vectors(), forces.act.vectors[self._acting]])
-        self._last: _Held | None = None
+        self._last: _EnergyState | None = None
         self._sums = np.zeros(4)  # work, dissipated, numerical, and the energy at the start
 
     def block(
@@ -171,17 +171,17 @@ class EnergyAccount:
 
     def restore(self, state: Arrays) -> None:
         """Restore the state."""
-        held = arrays_below("held", state)
-        self._last, self._sums = (_Held(**held) if held else None), state["sums"].copy()
+        held = select_prefix("held", state)
+        self._last, self._sums = (_EnergyState(**held) if held else None), state["sums"].copy()
 
-    def _gone(self, new: _Held, last: _Held | None) -> FloatArray:
+    def _gone(self, new: _EnergyState, last: _EnergyState | None) -> FloatArray:
         """Return work, dissipation and numerical loss since the previous instant, shape (b, 3)."""
 
         def added(name: str) -> FloatArray:
-            return _paired(np.add, getattr(new, name), getattr(last, name, None))
+            return _combine_successive(np.add, getattr(new, name), getattr(last, name, None))
 
         def passed(name: str) -> FloatArray:
-            return _paired(np.subtract, getattr(new, name), getattr(last, name, None))
+            return _combine_successive(np.subtract, getattr(new, name), getattr(last, name, None))
 
         # Work is the mean force along the path; the factor 1/2 is applied at the end.
         damped, given = (0.5 * _dot(added(one), passed(path)) for one, path in (("damped", "d"), ("pushes", "paths")))
@@ -204,16 +204,18 @@ class EnergyAccount:
         work = given + moving + struck + self._turned(new, last)
         return np.column_stack([work, lost, numerical])
 
-    def _turned(self, new: _Held, last: _Held | None) -> FloatArray:
+    def _turned(self, new: _EnergyState, last: _EnergyState | None) -> FloatArray:
         """Return the energy stored by cam rotation in contacts whose law depends on the angle."""
         begin = 0 if last else 1
-        before = _before(new.gap, last and last.gap), _before(new.states, last and last.states)
+        before = _previous(new.gap, last and last.gap), _previous(new.states, last and last.states)
         later = self._stores.varying(*before, new.angle[begin:])
-        angle, changing = _before(new.angle, last and last.angle), _before(new.changing, last and last.changing)
+        angle, changing = _previous(new.angle, last and last.angle), _previous(new.changing, last and last.changing)
         earlier = self._stores.varying(new.gap[begin:], new.states[begin:], angle)
         return 0.5 * (later - changing + new.changing[begin:] - earlier)
 
-    def _held(self, track: Trajectory, seen: Observation, carried: FloatArray, schedule: PrescribedInputs) -> _Held:
+    def _held(
+        self, track: Trajectory, seen: Observation, carried: FloatArray, schedule: PrescribedInputs
+    ) -> _EnergyState:
         gaps, forces, d = seen.gaps[:, self._rough], seen.forces[:, self._rough], track.d
         stored, elastic, by_state = self._stores.at(gaps, seen.states, schedule.angle)
         changing = self._stores.varying(gaps, seen.states, schedule.angle)
@@ -223,7 +225,7 @@ class EnergyAccount:
         strain, nothing = 0.5 * self._K.twice(d) + self._system.stored, np.zeros((len(d), 0))
         struck = (seen.rates[:, self._rough], carried[:, self._rough], track.impulse[:, self._rough])
         acted = seen.forces[:, self._acted] * schedule.acted[:, self._acting]
-        return _Held(
+        return _EnergyState(
             schedule.angle, 0.5 * self._M.twice(track.v), strain, strain + smooth, stored + smooth,
             *((d, self._C.times(track.v)) if self._damped else (nothing, nothing)),
             np.hstack([seen.histories, acted]), (self._pushed @ d.T).T,
@@ -232,12 +234,12 @@ class EnergyAccount:
         )  # fmt: skip
 
 
-class _Form:
+class _QuadraticForm:
     """A matrix in dense form, or its diagonal if it is diagonal."""
 
     def __init__(self, matrix: Triplets) -> None:
         self._diagonal = matrix.diagonal() if (matrix.rows == matrix.cols).all() else None
-        self._whole: FloatArray | csr_array = operator(matrix) if self._diagonal is None else np.zeros((0, 0))
+        self._whole: FloatArray | csr_array = select_storage(matrix) if self._diagonal is None else np.zeros((0, 0))
 
     def times(self, rows: FloatArray) -> FloatArray:
         """Return the product with every row, shape (m, n)."""
@@ -250,7 +252,7 @@ class _Form:
         return np.square(rows) @ self._diagonal if self._diagonal is not None else _dot(self.times(rows), rows)
 
 
-def _paired(operation: np.ufunc, now: FloatArray, last: FloatArray | None) -> FloatArray:
+def _combine_successive(operation: np.ufunc, now: FloatArray, last: FloatArray | None) -> FloatArray:
     """Return sum or difference of successive instants; without `last` the first instant has none."""
     if last is None:
         return np.asarray(operation(now[1:], now[:-1]), dtype=float)
@@ -260,7 +262,7 @@ def _paired(operation: np.ufunc, now: FloatArray, last: FloatArray | None) -> Fl
     return found
 
 
-def _before(now: FloatArray, last: FloatArray | None) -> FloatArray:
+def _previous(now: FloatArray, last: FloatArray | None) -> FloatArray:
     """Return the preceding instants; without `last` the first instant has none."""
     return now[:-1] if last is None else np.concatenate([last, now[:-1]])
 

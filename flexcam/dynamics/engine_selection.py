@@ -28,7 +28,7 @@ from flexcam.dynamics.problem import Problem
 from flexcam.dynamics.reduced_problem import basis_of, reduce_problem
 from flexcam.dynamics.system import System
 
-MOST = 500
+MAX_MODES = 500
 """Number of unknowns up to which all modes are computed, within half a second."""
 
 _MODAL_STEPS, _SQUARED = 1000, 15
@@ -81,8 +81,8 @@ def select_engine(problem: Problem, method: Method, save: SaveAt) -> SelectedEng
             return SelectedEngine("direct", plain, outer)
         try:
             exactly = save.field_every >= _SPARSE and problem.runs == 1  # single runs of a study are not resumed
-            natural, inside = _natural(plain, method, engine, exactly=exactly)
-        except _UnfitError as unfit:
+            natural, inside = _modal_problem(plain, method, engine, exactly=exactly)
+        except _UnsuitableEngineError as unfit:
             refusals.append(str(unfit))
         else:
             return SelectedEngine(engine, inside, (natural, *outer), natural)
@@ -109,44 +109,46 @@ def direct_time(problem: Problem) -> float:
         len(force.sense) // force.law.scalars if isinstance(force.law, ForceLaw) else 1
         for force in problem.system.local_forces
     )
-    step = _STEP + _LAW * laws + _SQUARE * min(problem.system.size, MOST) ** 2
+    step = _STEP + _LAW * laws + _SQUARE * min(problem.system.size, MAX_MODES) ** 2
     return problem.runs * problem.steps * step
 
 
-class _UnfitError(ValueError):
+class _UnsuitableEngineError(ValueError):
     """Reason why an engine cannot integrate a problem."""
 
 
-def _natural(
+def _modal_problem(
     problem: Problem, method: Method, engine: EngineName, *, exactly: bool
 ) -> tuple[ModalCoordinates, Problem]:
     """Return the modes of a problem, and the problem in modal coordinates."""
     system = problem.system
     if not isinstance(method, Scheme):
-        raise _UnfitError("it integrates with newmark, hht and generalized-alpha only")
+        raise _UnsuitableEngineError("it integrates with newmark, hht and generalized-alpha only")
     if problem.adaptive is not None:
-        raise _UnfitError("it has no adaptive steps")
-    if not 0 < system.size <= MOST:
-        raise _UnfitError(f"the system has {system.size} unknowns; all modes of 1 to {MOST} are computed")
+        raise _UnsuitableEngineError("it has no adaptive steps")
+    if not 0 < system.size <= MAX_MODES:
+        raise _UnsuitableEngineError(
+            f"the system has {system.size} unknowns; all modes of 1 to {MAX_MODES} are computed"
+        )
     if engine == "modal" and system.local_forces:
-        raise _UnfitError(f"{system.local_forces[0].name} depends on the motion")
+        raise _UnsuitableEngineError(f"{system.local_forces[0].name} depends on the motion")
     if engine == "kernel":
-        _refuse_uncompiled(system)
+        _require_compiler(system)
     found = find_modal_coordinates(system)
     if found is None:
-        raise _UnfitError("mass or stiffness are not symmetric and positive, or modes cannot be told apart")
+        raise _UnsuitableEngineError("mass or stiffness are not symmetric and positive, or modes cannot be told apart")
     inside = modal_problem(problem, found)
     if engine == "modal" and diagonal(inside.system.damping) is None:
-        raise _UnfitError("the damping couples the modes")
+        raise _UnsuitableEngineError("the damping couples the modes")
     return replace(found, exactly=exactly), inside
 
 
-def _refuse_uncompiled(system: System) -> None:
+def _require_compiler(system: System) -> None:
     if not is_available():
-        raise _UnfitError("numba is not installed")
+        raise _UnsuitableEngineError("numba is not installed")
     for force in system.local_forces:
         if not isinstance(force.law, ForceLaw):
-            raise _UnfitError(f"the law of {force.name} is a Python object")
+            raise _UnsuitableEngineError(f"the law of {force.name} is a Python object")
 
 
 def forces_of(way: SelectedEngine) -> LocalForces:

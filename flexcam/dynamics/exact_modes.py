@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flexcam.core import FloatArray, natural
+from flexcam.core import FloatArray, solve_eigenproblem
 from flexcam.core.errors import InputError, refuse
 from flexcam.dynamics.integrator import At, Method, Stepper
 from flexcam.dynamics.local_forces import LocalForces
-from flexcam.dynamics.massless import Massless
+from flexcam.dynamics.massless import MasslessMotions
 from flexcam.dynamics.step_state import StepInputs, StepState
 from flexcam.dynamics.system import System
 
@@ -64,17 +64,17 @@ class Exact(Method):
         if system.size > _MOST:
             given = f"{_NAME} with {system.size} unknowns"
             return refuse("run.integrator", given, f"at most {_MOST} unknowns", "all modes are carried", "use newmark")
-        return Massless(system).pushed(_NAME)
+        return MasslessMotions(system).pushed(_NAME)
 
 
 class _Stepper:
     """All modes, then the massless motions, which mass and damping do not couple to them."""
 
     def __init__(self, system: System, step: float) -> None:
-        self._light, self._dt = Massless(system), step
+        self._light, self._dt = MasslessMotions(system), step
         basis = self._light.spread(np.eye(system.size)[self._light.kept][:, self._light.kept])
         M, C, K = (basis.T @ matrix.times_all(basis) for matrix in (system.mass, system.damping, system.stiffness))
-        values, shapes = natural(0.5 * (M + M.T), 0.5 * (K + K.T))
+        values, shapes = solve_eigenproblem(0.5 * (M + M.T), 0.5 * (K + K.T))
         self._omega = np.sqrt(values)
         self._shapes = basis @ shapes
         self._weigh = system.mass.times_all(self._shapes).T

@@ -25,16 +25,16 @@ from flexcam.dynamics.direct_engine import DirectEngine
 from flexcam.dynamics.generalized_alpha import newmark
 from flexcam.dynamics.initial_acceleration import InitialAcceleration
 from flexcam.dynamics.integrator import Method
-from flexcam.dynamics.linearization import Linear, Linearization, LinearStep, SmallStep, directions, parts
+from flexcam.dynamics.linearization import Linear, Linearization, LinearStep, SmallStep, directions, split_state
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.prescribed_inputs import PrescribedInputs
 from flexcam.dynamics.problem import Problem
 from flexcam.dynamics.reduced_problem import reduce_problem
-from flexcam.dynamics.solve import pilot, singular
+from flexcam.dynamics.solve import pilot, singular_status
 from flexcam.dynamics.status import RunFailedError, Stats
 from flexcam.dynamics.step_state import StepInputs, StepState
 
-LARGEST = 400
+MAX_UNKNOWNS = 400
 """Maximum number of unknowns."""
 
 _BLOCK = 500
@@ -43,7 +43,7 @@ _BLOCK = 500
 _SAME = 1e-9
 """Relative difference of two step lengths that is rounding."""
 
-_OFTEN = 40
+_MIN_EQUAL_STEPS = 40
 """Number of equal steps above which a matrix power is cheaper than single steps."""
 
 _TOUCH = 1e-15
@@ -91,12 +91,12 @@ def period_map(problem: Problem, method: Method, stop: Callable[[], bool], *, de
     if refusal := method.refusal(problem.system, problem.step):
         raise refusal
     try:
-        return _revolved(problem, method, stop, derived=derived)
+        return _integrate_period(problem, method, stop, derived=derived)
     except SingularMatrixError as fault:
-        raise RunFailedError(singular(fault, problem.system)) from None
+        raise RunFailedError(singular_status(fault, problem.system)) from None
 
 
-def _revolved(problem: Problem, method: Method, stop: Callable[[], bool], *, derived: bool) -> PeriodMap:
+def _integrate_period(problem: Problem, method: Method, stop: Callable[[], bool], *, derived: bool) -> PeriodMap:
     forces = LocalForces(problem.system)
     engine = DirectEngine(problem, method, forces, SaveAt(field_every=problem.steps + 1), stop, pilot)
     disturbances, fields = Disturbances(problem, forces) if derived else None, list[FloatArray]()
@@ -200,7 +200,7 @@ class Disturbances:
         """Apply the pending steps, which are all equal."""
         if self._waiting is None:
             return
-        if self._count < _OFTEN:
+        if self._count < _MIN_EQUAL_STEPS:
             for _ in range(self._count):
                 self._carried = self._stepper.carried(self._waiting, self._carried)
         else:
@@ -242,7 +242,7 @@ class Disturbances:
             first = int(np.argmax(rate))
             shift = -(hit.sense[first] @ before[:n]) / rate[first]
             before = before + self._flow(old)[:, None] * shift
-        d, v, z = parts(before, n)
+        d, v, z = split_state(before, n)
         factor, beside = hit.reversal(rate), _BESIDE * self._problem.step
         later, earlier = (self._change(old, held, factor, sign * beside) for sign in (1.0, -1.0))
         v = v + hit.turned(hit.sense @ v + hit.turning @ d, factor)
@@ -365,8 +365,8 @@ def floquet(problem: Problem, method: Method | None = None) -> Floquet:
     basis = problem.basis
     inside = problem if basis is None else reduce_problem(problem, basis)
     n = inside.system.size
-    if not 0 < n <= LARGEST:
-        raise refuse("system", f"{n} unknowns", f"1 to {LARGEST}", "a basis of disturbances is carried along")
+    if not 0 < n <= MAX_UNKNOWNS:
+        raise refuse("system", f"{n} unknowns", f"1 to {MAX_UNKNOWNS}", "a basis of disturbances is carried along")
     found = period_map(inside, method or newmark(), lambda: False)
     values, vectors = np.linalg.eig(found.derivative)
     order = np.argsort(-np.abs(values))

@@ -1,11 +1,12 @@
 """Force laws of contacts, joints and springs, each defined once as a function of plain numbers.
 
 A law takes the penetration x of two bodies (positive while they touch), its rate v and the constants of the law, and
-returns the force, the derivatives of the force by x and by v, and the stored energy. `respond` evaluates all laws of
+returns the force, its derivatives by x and by v, and the stored energy. `evaluate_laws` evaluates all laws of
 a system; static equilibrium, both time-stepping engines, the energy balance, linearization and the rigid model call it.
 The functions use numbers and array elements only, so that they run as Python and as compiled code.
 
-To add a law: write its function here, give it a number and a branch in `respond`, and describe its constants in `LAWS`.
+To add a law: write its function here, give it a number and a branch in `evaluate_laws`, and describe its constants in
+`LAWS`.
 """
 # Elements of arrays are numbers to the compiler and arrays to the type checker.
 # pyright: reportArgumentType=false, reportAssignmentType=false
@@ -18,7 +19,7 @@ from dataclasses import dataclass
 from flexcam.core import FloatArray, IntArray
 from flexcam.dynamics.angle_functions import AngleFunction
 
-Answer = tuple[float, float, float, float]
+LawResponse = tuple[float, float, float, float]
 """Force, its derivatives by penetration and by rate, and the stored energy."""
 
 BILATERAL, STOP, HUNT_CROSSLEY, LINE_CONTACT, OIL_COLUMN, PULSATING, LEVER, ARCH, CUSTOM = range(9)
@@ -53,7 +54,7 @@ ARCH_SCALARS = 7
 """Scalars of a shallow arch: the elongation, then chord slope and both end rotations in two planes."""
 
 
-def bilateral(x: float, v: float, stiffness: float, damping: float) -> Answer:
+def bilateral(x: float, v: float, stiffness: float, damping: float) -> LawResponse:
     """Return the force ``k x + c v`` of a spring and a damper.
 
     Parameters
@@ -76,7 +77,7 @@ def bilateral(x: float, v: float, stiffness: float, damping: float) -> Answer:
     return stiffness * x + damping * v, stiffness, damping, 0.5 * stiffness * x * x
 
 
-def stop(x: float, v: float, stiffness: float, damping: float, depth: float) -> Answer:
+def stop(x: float, v: float, stiffness: float, damping: float, depth: float) -> LawResponse:
     """Return the force of an elastic stop: ``k x + c min(x/d, 1) v`` while pressed, never negative.
 
     The damping grows over the depth d, as in the impact functions of multibody codes: a damper that acts at once
@@ -110,7 +111,7 @@ def stop(x: float, v: float, stiffness: float, damping: float, depth: float) -> 
     return force, stiffness + (damping * v / depth if part < 1.0 else 0.0), damping * part, energy
 
 
-def hunt_crossley(x: float, v: float, stiffness: float, dissipation: float) -> Answer:
+def hunt_crossley(x: float, v: float, stiffness: float, dissipation: float) -> LawResponse:
     """Return the force ``k x (1 + chi v)`` of Hunt and Crossley while pressed, never negative.
 
     K. H. Hunt and F. R. E. Crossley, Coefficient of restitution interpreted as damping in vibroimpact, J. Appl. Mech.
@@ -189,7 +190,7 @@ def line_load(approach: float, limit: float, give: float, rest: float, depth: fl
 def line_contact(
     x: float, v: float, cosine: float, limit: float, width: float, give: float, rest: float, depth: float,
     dissipation: float,
-) -> Answer:  # fmt: skip
+) -> LawResponse:  # fmt: skip
     """Return the force of Hertz's line contact along a direction inclined to the contact normal.
 
     The penetration along the normal is ``x cos(a)``, and so is the component of the normal force along the direction.
@@ -361,7 +362,7 @@ def lever(constants: FloatArray, b: int, i: int, local: FloatArray, tangent: Flo
     i
         Its first scalar: the path p (m), then the motion x (m).
     local, tangent
-        As in `respond`.
+        As in `evaluate_laws`.
     """
     k, c, path, path_rate = constants[b], constants[b + 1], local[PENETRATION, i], local[RATE, i]
     beyond, change, slope, bend = lever_motion(path, constants[b + 2], constants[b + 3], constants[b + 4])
@@ -394,7 +395,7 @@ def arch(constants: FloatArray, b: int, i: int, bent: int, local: FloatArray, ta
     bent
         Number of bending scalars that move, from the first on.
     local, tangent
-        As in `respond`.
+        As in `evaluate_laws`.
     """
     axial, shortened = constants[b], 0.0
     for r in range(bent):
@@ -427,11 +428,11 @@ def custom(law: int, angle: float, local: FloatArray, tangent: FloatArray) -> No
     angle
         Cam angle, rad.
     local, tangent
-        As in `respond`.
+        As in `evaluate_laws`.
     """
 
 
-def respond(
+def evaluate_laws(
     laws: IntArray, constants: FloatArray, cam: FloatArray, k: int, column: int, step: float, local: FloatArray,
     tangent: FloatArray, states: FloatArray,
 ) -> None:  # fmt: skip
@@ -502,7 +503,7 @@ def respond(
             tangent[1, i + 1, 1] = constants[b] * N * slope
 
 
-def respond_rows(
+def evaluate_rows(
     laws: IntArray, constants: FloatArray, cam: FloatArray, column: int, penetration: FloatArray, rate: FloatArray,
     inner: FloatArray, local: FloatArray, tangent: FloatArray, states: FloatArray, force: FloatArray,
     energy: FloatArray, by_state: FloatArray,
@@ -512,13 +513,13 @@ def respond_rows(
     Parameters
     ----------
     laws, constants, cam, column
-        As in `respond`.
+        As in `evaluate_laws`.
     penetration, rate
         Scalars and their rates, shape (m, c).
     inner
         Internal states, shape (m, s).
     local, tangent, states
-        Work arrays, as in `respond`.
+        Work arrays, as in `evaluate_laws`.
     force, energy
         Written: forces (N) and stored energies (J), shape (m, c).
     by_state
@@ -533,7 +534,7 @@ def respond_rows(
                 states[BEGIN, laws[law, LAW_STATE]] = local[PENETRATION, laws[law, FIRST]]
         for z in range(states.shape[1]):
             states[STATE, z] = inner[k, z]
-        respond(laws, constants, cam, k, column, 0.0, local, tangent, states)
+        evaluate_laws(laws, constants, cam, k, column, 0.0, local, tangent, states)
         for i in range(local.shape[1]):
             force[k, i], energy[k, i] = local[ANSWER, i], local[ENERGY, i]
         for z in range(states.shape[1]):
@@ -542,7 +543,7 @@ def respond_rows(
 
 FUNCTIONS_OF_LAWS = (
     bilateral, stop, hunt_crossley, line_load, line_contact, oil_column, lever_motion, coulomb, lever, arch, custom,
-    respond, respond_rows,
+    evaluate_laws, evaluate_rows,
 )  # fmt: skip
 """Functions for the compiler, in the order of their calls."""
 

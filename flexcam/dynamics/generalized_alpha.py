@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from flexcam.core import FloatArray, LongArray, operator
+from flexcam.core import FloatArray, LongArray, select_storage
 from flexcam.core.errors import refuse
 from flexcam.dynamics.implicit_step import ImplicitStage, Prediction
 from flexcam.dynamics.integrator import At, Method, Stepper
@@ -191,7 +191,11 @@ class _Stepper:
 
     def __init__(self, system: System, forces: LocalForces, scheme: Scheme, step: float) -> None:
         self._scheme, self._dt = scheme, step
-        self._M, self._C, self._K = operator(system.mass), operator(system.damping), operator(system.stiffness)
+        self._M, self._C, self._K = (
+            select_storage(system.mass),
+            select_storage(system.damping),
+            select_storage(system.stiffness),
+        )
         new_m, new_f = 1.0 - scheme.alpha_m, 1.0 - scheme.alpha_f
         self._stage = ImplicitStage(system, forces, scheme.beta * step**2, scheme.gamma * step, step, new_m, new_f)
         self._led = find_massless_rates(system, average=scheme.average)

@@ -54,7 +54,7 @@ class Impact:
 
     def impulse(self, rate: FloatArray) -> FloatArray:
         """Return the impulses, shape (k,); zeros if no impulse can separate the bodies, as between closing walls."""
-        return complementary(self.delassus, self.reversal(rate) * rate)
+        return solve_complementarity(self.delassus, self.reversal(rate) * rate)
 
     def part(self, which: IntArray) -> Impact:
         """Return a subset of the contacts."""
@@ -66,7 +66,7 @@ class Impact:
         return np.asarray(self.gained @ np.linalg.lstsq(self.delassus, asked, rcond=_ROUNDING)[0], dtype=float)
 
 
-def complementary(W: FloatArray, asked: FloatArray) -> FloatArray:
+def solve_complementarity(W: FloatArray, asked: FloatArray) -> FloatArray:
     """Return p >= 0 with W p >= b and p (W p - b) = 0 for a symmetric W without negative eigenvalues.
 
     The solution is the smallest change of velocity in the mass norm: least distance programming by non-negative least
@@ -80,7 +80,7 @@ def complementary(W: FloatArray, asked: FloatArray) -> FloatArray:
     sized, wanted = scale[:, None] * W * scale, scale * asked
     if not (size := float(wanted.max())) > 0.0:
         return nothing
-    pushes = _pushes(sized, wanted / size)
+    pushes = _solve_active_set(sized, wanted / size)
     if pushes is None:
         return nothing
     held = np.flatnonzero(pushes > _ROUNDING * pushes.max())
@@ -89,7 +89,7 @@ def complementary(W: FloatArray, asked: FloatArray) -> FloatArray:
     return scale * np.maximum(found, 0.0)
 
 
-def _pushes(W: FloatArray, asked: FloatArray) -> FloatArray | None:
+def _solve_active_set(W: FloatArray, asked: FloatArray) -> FloatArray | None:
     """Return the solution to some digits, which identifies the active contacts; None without a solution."""
     from scipy.optimize import nnls
 

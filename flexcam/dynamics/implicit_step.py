@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexcam.core import Factor, FloatArray, Triplets, factorize, operator
+from flexcam.core import Factor, FloatArray, Triplets, factorize, select_storage
 from flexcam.dynamics.force_laws import (
     ANSWER,
     BASE,
@@ -80,7 +80,7 @@ class ImplicitStage:
         weight_m: float = 1.0, weight_f: float = 1.0, inverse: Callable[[Triplets], Factor] = factorize,
     ) -> None:  # fmt: skip
         self._forces, self._to_d, self._to_v, self._step, self._new = forces, to_d, to_v, step, weight_f
-        self._C, self._K = operator(system.damping), operator(system.stiffness)
+        self._C, self._K = select_storage(system.damping), select_storage(system.stiffness)
         self._damped = bool(system.damping.values.any())
         S = system.mass.scaled(weight_m) + system.damping.scaled(weight_f * to_v)
         self._S = inverse(S + system.stiffness.scaled(weight_f * to_d) if to_d else S)
@@ -129,11 +129,11 @@ class ImplicitStage:
             self._to_v, local, work.tangent, work.states, work.moved, work.active, work.compliance, work.matrix,
         )  # fmt: skip
         if iterations == 0:
-            raise NoConvergenceError(unconverged(forces.names, local))
+            raise NoConvergenceError(find_unconverged(forces.names, local))
         return int(iterations)
 
 
-def unconverged(names: list[str], local: FloatArray) -> list[str]:
+def find_unconverged(names: list[str], local: FloatArray) -> list[str]:
     """Return the names of the local forces with the largest difference from their laws."""
     missing = np.abs(local[TRIAL] - local[ANSWER])
     return [name for name, one in zip(names, missing, strict=True) if one >= 0.1 * missing.max()]

@@ -10,7 +10,7 @@ from flexcam.core import Factor, FloatArray, IntArray
 from flexcam.core.errors import Fault, InputError
 from flexcam.dynamics.impact import Impact
 from flexcam.dynamics.local_forces import LocalForces
-from flexcam.dynamics.massless import TOUCHED, Massless
+from flexcam.dynamics.massless import FORCE_TOLERANCE, MasslessMotions
 from flexcam.dynamics.prescribed_inputs import PrescribedInputs
 from flexcam.dynamics.problem import State
 from flexcam.dynamics.step_state import StepInputs, StepState
@@ -30,9 +30,9 @@ class InitialAcceleration:
 
     def __init__(self, system: System, forces: LocalForces) -> None:
         self._system, self._forces = system, forces
-        self._massless = Massless(system)
+        self._massless = MasslessMotions(system)
         self._factor: Factor | None = None
-        if refusal := light_impacts(forces, self._massless):
+        if refusal := massless_impact_error(forces, self._massless):
             raise refusal
 
     def first(self, start: State, to: StepInputs) -> StepState:
@@ -95,11 +95,13 @@ class InitialAcceleration:
         return self._factor.solve(right)
 
 
-def light_impacts(forces: LocalForces, light: Massless) -> InputError | None:
+def massless_impact_error(forces: LocalForces, light: MasslessMotions) -> InputError | None:
     """Return the error for impacts on massless unknowns, with all names; None without such impacts."""
     bouncing: list[int] = forces.switching[~np.isnan(forces.restitution)].tolist()
     pushed = [
-        one for one in bouncing if (light.touched(forces.act.vectors[forces.act.owner[one] > 0.0]) > TOUCHED).any()
+        one
+        for one in bouncing
+        if (light.touched(forces.act.vectors[forces.act.owner[one] > 0.0]) > FORCE_TOLERANCE).any()
     ]
     given, allowed = "a restitution where a body has no mass", "a mass on both sides, or ground"
     why, remedy = "an impact changes the velocity of a mass", "add a mass there, or use dissipation"

@@ -22,7 +22,7 @@ from flexcam.dynamics.system import System
 At = Callable[[float], StepInputs]
 """Function that returns the prescribed inputs at a time, s."""
 
-_GROWS = 1.0 + 1e-7
+_GROWTH_LIMIT = 1.0 + 1e-7
 """Spectral radius that counts as growth: a double eigenvalue of 1 is accurate to half the digits."""
 
 _STEPS = np.geomspace(1e-3, 1e6, 181)
@@ -200,13 +200,13 @@ class Method(ABC):
         float
             By bisection to 1e-12 of it.
         """
-        beyond = [x for x in _STEPS.tolist() if self.spectral_radius(x, damping) > _GROWS]
+        beyond = [x for x in _STEPS.tolist() if self.spectral_radius(x, damping) > _GROWTH_LIMIT]
         if not beyond:
             return math.inf
         low, high = 0.0, float(beyond[0])
         while high - low > 1e-12 * high:
             middle = 0.5 * (low + high)
-            low, high = (low, middle) if self.spectral_radius(middle, damping) > _GROWS else (middle, high)
+            low, high = (low, middle) if self.spectral_radius(middle, damping) > _GROWTH_LIMIT else (middle, high)
         return low
 
     def _swinging(self, omega_dt: float, damping: float) -> complex:

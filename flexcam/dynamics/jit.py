@@ -39,7 +39,7 @@ def is_available() -> bool:
 
 def bind(functions: Sequence[FunctionType], overrides: Mapping[str, Callable[..., Any]] | None = None) -> Functions:
     """Return the functions as Python, some of the functions that they call replaced by others."""
-    return _bound(functions, dict(overrides or {}), lambda function: function)
+    return _bind(functions, dict(overrides or {}), lambda function: function)
 
 
 @lru_cache
@@ -55,7 +55,7 @@ def compile_functions(
         keep = cached and writable
         inner = numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **_OPTIONS)
         entry = numba.njit(cache=keep, **_OPTIONS)
-        found = _bound(functions, {}, lambda function: (entry if function.__name__ in entries else inner)(function))
+        found = _bind(functions, {}, lambda function: (entry if function.__name__ in entries else inner)(function))
     if keep:
         for name in entries:
             found[name] = _CachedEntry(
@@ -86,7 +86,7 @@ def _typeof() -> Callable[[object], Any]:
     return numba.typeof
 
 
-def _bound(
+def _bind(
     functions: Sequence[FunctionType], namespace: Functions, wrap: Callable[[FunctionType], Callable[..., Any]]
 ) -> Functions:
     for function in functions:

@@ -18,7 +18,7 @@ from flexcam.dynamics.contact_events import EventStepper
 from flexcam.dynamics.engine import STOPPED, convergence_failure, in_range, stack_motion
 from flexcam.dynamics.force_laws import OWN, STATE, STATE_ROWS
 from flexcam.dynamics.generalized_alpha import Scheme
-from flexcam.dynamics.implicit_step import NoConvergenceError, unconverged
+from flexcam.dynamics.implicit_step import NoConvergenceError, find_unconverged
 from flexcam.dynamics.initial_acceleration import InitialAcceleration
 from flexcam.dynamics.jit import Functions, compile_functions
 from flexcam.dynamics.kernel import DONE, FORCE_SIZE, FUNCTIONS_OF_KERNEL, STATE_SIZE, UNSETTLED
@@ -35,7 +35,7 @@ _NO_SIDES = np.zeros((2, 0), dtype=np.intp)
 
 def compiled_functions() -> Functions:
     """Return the compiled functions of the kernel."""
-    return compile_functions(FUNCTIONS_OF_KERNEL, ("respond_rows", "march"))
+    return compile_functions(FUNCTIONS_OF_KERNEL, ("evaluate_rows", "march"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,7 +168,7 @@ class Kernel:
 
     def unconverged(self) -> list[str]:
         """Return the names of the forces that did not converge in the last call."""
-        return unconverged(self.forces.names, self._work.local)
+        return find_unconverged(self.forces.names, self._work.local)
 
 
 class KernelStepper:

@@ -10,7 +10,7 @@ import numpy as np
 from flexcam.core import FloatArray
 from flexcam.dynamics.cam_motion import CamMotion
 from flexcam.dynamics.local_forces import LocalForces
-from flexcam.dynamics.massless import Massless, find_massless_rates
+from flexcam.dynamics.massless import MasslessMotions, find_massless_rates
 from flexcam.dynamics.prescribed_inputs import PrescribedInputs
 from flexcam.dynamics.system import Reaction, System
 
@@ -189,7 +189,7 @@ class LinearStep:
 
     def __init__(self, system: System) -> None:
         self._M, self._C, self._K = (one.dense() for one in (system.mass, system.damping, system.stiffness))
-        self._light = Massless(system)
+        self._light = MasslessMotions(system)
         found = find_massless_rates(system, average=True) if self._light.any else None
         self._free = None if found is None else found.free @ found.amounts[: found.free.shape[1]]
 
@@ -198,7 +198,7 @@ class LinearStep:
         if not self._light.any:
             return given
         n = len(self._M)
-        d, v, z = parts(given, n)
+        d, v, z = split_state(given, n)
         push = at.by_state @ z - (at.damping - self._C) @ v - (at.stiffness - self._K) @ d
         return np.vstack([self._light.place(d, push), v, z])
 
@@ -209,7 +209,7 @@ class LinearStep:
         end, v is the only unknown. `more` is what comes to d_free, p and z_free from elsewhere.
         """
         n, old, new, h = len(self._M), step.old, step.new, step.length
-        d, v, z = parts(before, n)
+        d, v, z = split_state(before, n)
         push = self._M @ v - 0.5 * h * self._balanced(old.damping @ v + old.stiffness @ d - old.by_state @ z)
         d, whole = d + 0.5 * h * v, 0.5 * h * np.eye(n)
         if self._free is not None:
@@ -246,7 +246,7 @@ def _states(step: SmallStep, before: FloatArray, more: FloatArray) -> tuple[Floa
     """
     old, new = step.old, step.new
     n = new.state_by_d.shape[1]
-    d, _, z = parts(before, n)
+    d, _, z = split_state(before, n)
     if not len(z):
         return z, new.state_by_d
     T, B = step.by_travel[:, None], step.by_begin[:, None]
@@ -254,6 +254,6 @@ def _states(step: SmallStep, before: FloatArray, more: FloatArray) -> tuple[Floa
     return B * z + (T - B) * (sensed @ d) + more, (1.0 - T) * senses
 
 
-def parts(state: FloatArray, n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+def split_state(state: FloatArray, n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return displacements, velocities and internal states of n unknowns."""
     return state[:n], state[n : 2 * n], state[2 * n :]

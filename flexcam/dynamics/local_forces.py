@@ -194,7 +194,7 @@ class LawTable:
                 continue
             for _ in range(count // law.scalars):
                 friction = len(constants) + len(law.constants)
-                scalars = _needed(first, moved) if law.kind == ARCH else law.scalars
+                scalars = _count_arch_scalars(first, moved) if law.kind == ARCH else law.scalars
                 state = len(owners) if law.states else -1
                 rows.append((law.kind, first, scalars, len(constants), len(functions), state, friction))
                 constants += [*law.constants, *(law.friction or ())]
@@ -205,7 +205,7 @@ class LawTable:
         return cls(table, np.array(constants), tuple(functions), np.array(owners, dtype=np.intp), custom)
 
 
-def _needed(first: int, moved: Callable[[int], bool]) -> int:
+def _count_arch_scalars(first: int, moved: Callable[[int], bool]) -> int:
     """Return the number of active scalars of an arch: planes without motion are omitted."""
     planes = [plane for plane in (1, 2) if any(moved(first + 3 * plane - 2 + i) for i in range(3))]
     return 1 + 3 * max(planes, default=0)
@@ -253,7 +253,7 @@ class LocalForces:
         self.switching: IntArray = np.array([i for i, _ in switches], dtype=np.intp)
         self.restitution: FloatArray = np.array([np.nan if e is None else e for _, e in switches], dtype=float)
         self.functions = bind((*FUNCTIONS_OF_LAWS, *FUNCTIONS_OF_NEWTON), self._overrides())
-        self.respond_rows = (compiled or self.functions)["respond_rows"]
+        self.respond_rows = (compiled or self.functions)["evaluate_rows"]
         self.workspace = Workspace(self.table, self.count, len(self.sense.vectors))
         self.storing = np.zeros(self.count)
         for force, part, _ in self.parts:
@@ -307,11 +307,11 @@ class LocalForces:
         cuts = np.cumsum([0, senses, senses, acts, c, c, len(self.table.functions)])
         rows = np.empty((len(motion.angle), int(cuts[-1])))
         sensed, sensed_rates, acted, offset, offset_rate, functions = (rows[:, a:b] for a, b in pairwise(cuts.tolist()))
-        _put(sensed, self.sense.fixed, self.sense.varying, cam, 0)
-        _put(sensed_rates, 0.0 * self.sense.fixed, self.sense.varying, cam, 1, speed)
-        _put(acted, self.act.fixed, self.act.varying, cam, 0)
-        _put(offset, *self._offsets, cam, 0)
-        _put(offset_rate, 0.0 * self._offsets[0], self._offsets[1], cam, 1, speed)
+        _write_functions(sensed, self.sense.fixed, self.sense.varying, cam, 0)
+        _write_functions(sensed_rates, 0.0 * self.sense.fixed, self.sense.varying, cam, 1, speed)
+        _write_functions(acted, self.act.fixed, self.act.varying, cam, 0)
+        _write_functions(offset, *self._offsets, cam, 0)
+        _write_functions(offset_rate, 0.0 * self._offsets[0], self._offsets[1], cam, 1, speed)
         for i, function in enumerate(self.table.functions):
             functions[:, i] = cam(function, 0)
         return PrescribedInputs(motion.angle, rows, self.sense.owner, self.act.owner, cam)
@@ -362,7 +362,7 @@ class LocalForces:
         local[PENETRATION], local[RATE], local[ANSWER] = gap, rate, 0.0
         tangent[:] = 0.0
         states[STATE], states[BEGIN] = state, gap[table.owners]
-        self.functions["respond"](
+        self.functions["evaluate_laws"](
             table.laws, table.constants, schedule.rows, i, schedule.functions, 0.0, local, tangent, states
         )
         return self._reaction()
@@ -379,7 +379,7 @@ class LocalForces:
         rows = table.laws[table.laws[:, LAW_STATE] >= 0]
         work.local[PENETRATION], work.states[STATE] = gap, state
         none = np.zeros((1, len(table.functions)))
-        self.functions["respond"](rows, table.constants, none, 0, 0, step, work.local, work.tangent, work.states)
+        self.functions["evaluate_laws"](rows, table.constants, none, 0, 0, step, work.local, work.tangent, work.states)
 
     def state_steps(
         self, step: float, gap: FloatArray, begin: FloatArray, state: FloatArray
@@ -401,7 +401,7 @@ class LocalForces:
         return work.states[BY_TRAVEL].copy(), work.states[BY_BEGIN].copy()
 
     def _reaction(self) -> Reaction:
-        """Return the output of `respond` as matrices of all scalars."""
+        """Return the output of `evaluate_laws` as matrices of all scalars."""
         work, c = self.workspace, self.count
         by_gap, by_rate = np.zeros((2, c, c))
         for first, size in self.table.laws[:, [FIRST, SCALARS]].tolist():
@@ -449,7 +449,7 @@ class LocalForces:
         return energy, force, by_state
 
 
-def _put(
+def _write_functions(
     into: FloatArray, fixed: FloatArray, varying: tuple[tuple[int, AngleFunction], ...], cam: CamFunctionCache,
     order: int, speed: FloatArray | None = None,
 ) -> None:  # fmt: skip

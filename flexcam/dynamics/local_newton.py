@@ -30,7 +30,7 @@ from flexcam.dynamics.force_laws import (
     RATE,
     SCALARS,
     TRIAL,
-    respond,
+    evaluate_laws,
 )
 
 TOLERANCE = 1e-12
@@ -266,7 +266,7 @@ def solve_local(
             for i in range(c):
                 local[TRIAL, i] = local[BASE, i]
         sense(places, give, given, k, sense_at, to_d, to_v, local, moved, W)
-        respond(laws, constants, given, k, functions, step, local, tangent, states)
+        evaluate_laws(laws, constants, given, k, functions, step, local, tangent, states)
         off = residual(laws, local, tangent, usual if late else 0.0)
         if off == 0.0 or (
             late and is_rounding(laws, places, give, given, k, sense_at, to_d, to_v, local, tangent, W, off)

@@ -18,19 +18,19 @@ from flexcam.core import (
     component_members,
     factorize,
     null_space,
-    operator,
-    pins,
+    select_constraints,
+    select_storage,
 )
 from flexcam.core.errors import InputError, refuse
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.step_state import StepState
 from flexcam.dynamics.system import System
 
-TOUCHED = 1e-9
+FORCE_TOLERANCE = 1e-9
 """Fraction of a unit force along a massless motion that is rounding."""
 
 
-class Massless:
+class MasslessMotions:
     """Massless motions of a system.
 
     Parameters
@@ -47,9 +47,9 @@ class Massless:
     """
 
     def __init__(self, system: System) -> None:
-        self._system, self._K = system, operator(system.stiffness)
-        self.motions = massless(system)
-        self.kept: IntArray = np.setdiff1d(np.arange(system.size), pins(self.motions) if self.any else [])
+        self._system, self._K = system, select_storage(system.stiffness)
+        self.motions = find_massless_motions(system)
+        self.kept: IntArray = np.setdiff1d(np.arange(system.size), select_constraints(self.motions) if self.any else [])
 
     @property
     def any(self) -> bool:
@@ -79,7 +79,7 @@ class Massless:
         Massless motions follow their springs in the solution, and forces on them act through the same springs on the
         others. The solution does not depend on the choice of kept unknowns.
         """
-        return _Following(factorize(matrix.part(self.kept)), self) if self.any else factorize(matrix)
+        return _CondensedSolver(factorize(matrix.part(self.kept)), self) if self.any else factorize(matrix)
 
     def touched(self, vectors: FloatArray) -> FloatArray:
         """Return the force of each unit vector, shape (m, n), on the massless motions, shape (m,)."""
@@ -96,12 +96,14 @@ class Massless:
         forces = LocalForces(self._system)
         on = np.zeros(forces.count, dtype=bool)
         for stack in (forces.sense, forces.act):
-            on |= (stack.owner[:, self.touched(stack.vectors) > TOUCHED] > 0.0).any(axis=1)
+            on |= (stack.owner[:, self.touched(stack.vectors) > FORCE_TOLERANCE] > 0.0).any(axis=1)
         names = list(dict.fromkeys(forces.names[i] for i in np.flatnonzero(on).tolist()))
         if names:
             return refuse("run.integrator", method, f"a method that takes {', '.join(names)} without mass", why, remedy)
         slowed = np.abs(self._system.damping.times_all(self.motions))
-        damped = np.flatnonzero(slowed.max(axis=0) > TOUCHED * np.abs(self._system.damping.values).max(initial=0.0))
+        damped = np.flatnonzero(
+            slowed.max(axis=0) > FORCE_TOLERANCE * np.abs(self._system.damping.values).max(initial=0.0)
+        )
         if not len(damped):
             return None
         rows: list[int] = np.abs(self.motions[:, damped]).argmax(axis=0).tolist()
@@ -115,17 +117,17 @@ class Massless:
 
 
 @dataclass(frozen=True, eq=False)
-class _Following:
+class _CondensedSolver:
     """Solver for the kept part of a matrix; the massless motions follow."""
 
     factor: Factor
-    light: Massless
+    light: MasslessMotions
 
     def solve(self, right: FloatArray) -> FloatArray:
         return self.light.spread(self.factor.solve(self.light.passed_on(right)[self.light.kept]))
 
 
-def massless(system: System) -> FloatArray:
+def find_massless_motions(system: System) -> FloatArray:
     """Return the massless motions as columns.
 
     Above the dense limit they are computed within groups of unknowns coupled by mass: a massive member is one such
@@ -199,7 +201,7 @@ class MasslessRates:
 @lru_cache(maxsize=1)
 def find_massless_rates(system: System, *, average: bool) -> MasslessRates | None:
     """Return the motions of a system with derived rates; None without such."""
-    found = massless(system)
+    found = find_massless_motions(system)
     if not found.shape[1]:
         return None
     unit = normalize_stiffness(found, system.stiffness)

@@ -17,7 +17,7 @@ from flexcam.dynamics.response import Outline, Response, turning_points
 from flexcam.dynamics.status import Stats, Status
 
 
-class Keeper(Sink, Protocol):
+class ResponseSink(Sink, Protocol):
     """Sink that provides a response."""
 
     def response(self) -> Response:
@@ -25,7 +25,7 @@ class Keeper(Sink, Protocol):
         ...
 
 
-class Memory:
+class MemorySink:
     """Sink that stores all results and provides the `Response`.
 
     Parameters
@@ -106,7 +106,7 @@ def _response(outline: Outline, whole: Block, end: tuple[Status, Stats]) -> Resp
     )  # fmt: skip
 
 
-class Recent(Memory):
+class RecentSink(MemorySink):
     """Sink that stores the latest histories and the last field.
 
     Parameters
@@ -144,7 +144,7 @@ class Recent(Memory):
         return _response(self.outline, whole, self._end)
 
 
-class Extremes:
+class ExtremesSink:
     """Sink that tracks minima and maxima over a run without storing histories.
 
     Extremes of probes are those of the dense output, which may lie between two instants.
@@ -172,7 +172,7 @@ class Extremes:
         self._before = _empty(outline)
 
     @classmethod
-    def of(cls, response: Response) -> Extremes:
+    def of(cls, response: Response) -> ExtremesSink:
         """Return the extremes of a response."""
         seen = cls(response.outline)
         channels = [response.channels[name] for name, _ in response.outline.channels]

@@ -11,9 +11,9 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from flexcam.core import FloatArray, SingularMatrixError, Triplets, natural
+from flexcam.core import FloatArray, SingularMatrixError, Triplets, solve_eigenproblem
 from flexcam.dynamics.basis import ModeBasis
-from flexcam.dynamics.massless import Massless, normalize_stiffness, relaxation_times
+from flexcam.dynamics.massless import MasslessMotions, normalize_stiffness, relaxation_times
 from flexcam.dynamics.problem import Problem
 from flexcam.dynamics.reduced_problem import reduce_problem
 from flexcam.dynamics.system import System
@@ -101,12 +101,12 @@ class ModalCoordinates:
 
 def find_modal_coordinates(system: System) -> ModalCoordinates | None:
     """Return the modal coordinates of a system."""
-    found = _motions(_Pair(system.mass, system.stiffness))
-    return None if found is None else _apart(found, system.damping)
+    found = _motions(_MatrixPair(system.mass, system.stiffness))
+    return None if found is None else _decouple_massless(found, system.damping)
 
 
 @dataclass(frozen=True, eq=False)
-class _Pair:
+class _MatrixPair:
     """Mass and stiffness as a cache key, equal if all entries are, so that runs of one mechanism share the modes."""
 
     mass: Triplets
@@ -118,28 +118,28 @@ class _Pair:
         return tuple(part.tobytes() for each in entries for part in each)
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Pair) and self.mass.size == other.mass.size and self._content == other._content
+        return isinstance(other, _MatrixPair) and self.mass.size == other.mass.size and self._content == other._content
 
     def __hash__(self) -> int:
         return hash(self._content)
 
 
 @lru_cache(maxsize=8)
-def _motions(pair: _Pair) -> ModalCoordinates | None:
+def _motions(pair: _MatrixPair) -> ModalCoordinates | None:
     n = pair.mass.size
     system = System(pair.mass, Triplets.zeros(n), pair.stiffness, ("",) * n)
     if not (_symmetric(system.mass) and _symmetric(system.stiffness)):
         return None
-    light = Massless(system)
+    light = MasslessMotions(system)
     try:
         kept = light.spread(np.eye(system.size)[:, light.kept][light.kept])
         M, K = (kept.T @ matrix.times_all(kept) for matrix in (system.mass, system.stiffness))
-        values, shapes = natural(0.5 * (M + M.T), 0.5 * (K + K.T))
+        values, shapes = solve_eigenproblem(0.5 * (M + M.T), 0.5 * (K + K.T))
         soft = normalize_stiffness(light.motions, system.stiffness)
     except (np.linalg.LinAlgError, SingularMatrixError):  # a mass or a stiffness that is not positive
         return None
     moving = kept @ shapes
-    if _pushes(moving, system.stiffness):
+    if _is_indefinite(moving, system.stiffness):
         return None
     back = np.vstack([system.mass.times_all(moving).T, system.stiffness.times_all(soft).T])
     few, whole = soft.shape[1], np.hstack([moving, soft])
@@ -155,7 +155,7 @@ def _symmetric(matrix: Triplets) -> bool:
     return bool((np.abs(full - full.T) <= _SYMMETRIC * np.outer(size, size)).all())
 
 
-def _pushes(motions: FloatArray, stiffness: Triplets) -> bool:
+def _is_indefinite(motions: FloatArray, stiffness: Triplets) -> bool:
     """Return whether a stiffness is indefinite, as beyond buckling."""
     energy = np.sum(motions * stiffness.times_all(motions), axis=0)
     every = replace(stiffness, values=np.abs(stiffness.values))
@@ -163,7 +163,7 @@ def _pushes(motions: FloatArray, stiffness: Triplets) -> bool:
     return bool((energy < -_ROUNDING * sizes).any())
 
 
-def _apart(found: ModalCoordinates, damping: Triplets) -> ModalCoordinates:
+def _decouple_massless(found: ModalCoordinates, damping: Triplets) -> ModalCoordinates:
     """Return modes in which dampers do not couple two massless ones."""
     light = found.mass == 0.0
     if not light.any() or not damping.values.any():
@@ -179,11 +179,11 @@ def modal_problem(problem: Problem, motions: ModalCoordinates) -> Problem:
     none = Triplets.zeros(problem.system.size)  # mass and stiffness are known already
     inside = reduce_problem(replace(problem, system=replace(problem.system, mass=none, stiffness=none)), motions)
     mass, stiffness = (Triplets.from_dense(np.diag(one)) for one in (motions.mass, motions.stiffness))
-    damping = _cleaned(_undamped(inside.system.damping, problem.system.damping, motions))
+    damping = _drop_coupling(_clear_undamped(inside.system.damping, problem.system.damping, motions))
     return replace(inside, system=replace(inside.system, mass=mass, stiffness=stiffness, damping=damping))
 
 
-def _undamped(inside: Triplets, damping: Triplets, motions: ModalCoordinates) -> Triplets:
+def _clear_undamped(inside: Triplets, damping: Triplets, motions: ModalCoordinates) -> Triplets:
     """Return a modal damping with exact zeros for undamped massless motions."""
     light = np.flatnonzero(motions.mass == 0.0)
     free = light[relaxation_times(motions.vectors[:, light], damping)[0] == 0.0]
@@ -191,7 +191,7 @@ def _undamped(inside: Triplets, damping: Triplets, motions: ModalCoordinates) ->
     return replace(inside, values=np.where(gone, 0.0, inside.values))
 
 
-def _cleaned(damping: Triplets) -> Triplets:
+def _drop_coupling(damping: Triplets) -> Triplets:
     """Return a damping without negligible coupling of modes."""
     full = damping.dense()
     own = np.sqrt(np.abs(np.diag(full)))

@@ -17,7 +17,7 @@ from flexcam.dynamics.engine import STOPPED, all_within, first_track, in_range, 
 from flexcam.dynamics.generalized_alpha import Scheme
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.modal_coordinates import ModalCoordinates
-from flexcam.dynamics.modal_step import USUAL, ModalStep, ModeParameters, StepBlock, drop_vanished, stride_length
+from flexcam.dynamics.modal_step import USUAL, ModalStep, ModeParameters, StepBlock, block_length, drop_vanished
 from flexcam.dynamics.problem import Problem
 from flexcam.dynamics.status import Stats, Status
 from flexcam.dynamics.step_state import ProbeTrajectory, Trajectory
@@ -93,8 +93,8 @@ class ModalPropagator:
         self.at, self.state = -1, np.zeros((3, problem.system.size))
         self.causes = np.zeros_like(self.state)
         self.steps = ModalStep.of(scheme, ModeParameters.of(problem))
-        self.stride = StepBlock.of(self.steps, stride_length(self._every))
-        strides, rest = divmod(self._every, stride_length(self._every))
+        self.stride = StepBlock.of(self.steps, block_length(self._every))
+        strides, rest = divmod(self._every, block_length(self._every))
         self._group = 1 if rest else max(count for count in range(1, _GROUP + 1) if strides % count == 0)
         self.pushes = self.steps.light * self._vectors
         self._left = np.zeros((0, 0)) if self.stride is None else self._by_history(self.stride)
@@ -294,7 +294,7 @@ class ModalEngine:
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class OutputMatrices:
     """Matrices for the motion of rows in a block.
 
     Parameters
@@ -310,7 +310,7 @@ class View:
     seen: FloatArray
 
     @classmethod
-    def of(cls, rows: FloatArray, course: ModalPropagator) -> View:
+    def of(cls, rows: FloatArray, course: ModalPropagator) -> OutputMatrices:
         """Return the matrices for a propagator with blocks."""
         stride, length, count = course.stride, course.length, 3 * len(rows)
         if stride is None:
@@ -351,7 +351,7 @@ class ProbeEngine(ModalEngine):
     ) -> None:
         super().__init__(problem, scheme, save, stop, natural)
         self._save = save
-        self._view = View.of(probe_rows(problem), self._course)
+        self._view = OutputMatrices.of(probe_rows(problem), self._course)
 
     def glance(self, steps: IntArray) -> tuple[ProbeTrajectory, Status]:
         """Return the saved results of successive steps, up to the last in range, and a status, see `Engine`."""

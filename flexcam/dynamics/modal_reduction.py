@@ -12,7 +12,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from flexcam.core import FloatArray, IntArray, SingularMatrixError, Triplets, diagonal_scale, factorize, pins
+from flexcam.core import (
+    FloatArray,
+    IntArray,
+    SingularMatrixError,
+    Triplets,
+    diagonal_scale,
+    factorize,
+    select_constraints,
+)
 from flexcam.core.errors import refuse
 from flexcam.dynamics.modes import Modes, modes
 
@@ -31,22 +39,22 @@ def corrected_modes(
     found = modes(mass, stiffness, rigid + count, free=free)
     shapes = found.shapes
     missed = places.T - mass.times_all(shapes) @ (shapes.T @ places.T)
-    answers = _held(stiffness, missed, shapes[:, : found.rigid])
+    answers = _static_solutions(stiffness, missed, shapes[:, : found.rigid])
     answers -= shapes @ (shapes.T @ mass.times_all(answers))
     known = (places @ shapes[:, found.rigid :]) ** 2 @ found.omegas[found.rigid :] ** -2.0
-    return np.hstack([shapes, _independent(mass, stiffness, answers, known)])
+    return np.hstack([shapes, _orthogonalize(mass, stiffness, answers, known)])
 
 
-def _held(stiffness: Triplets, loads: FloatArray, rigid: FloatArray) -> FloatArray:
+def _static_solutions(stiffness: Triplets, loads: FloatArray, rigid: FloatArray) -> FloatArray:
     """Return static solutions for loads that do no work on the free motions, shape (n, k)."""
-    held = pins(rigid / diagonal_scale(stiffness)[:, None])
+    held = select_constraints(rigid / diagonal_scale(stiffness)[:, None])
     kept = np.setdiff1d(np.arange(stiffness.size), held)
     answers = np.zeros(loads.shape)
     answers[kept] = factorize(stiffness.part(kept)).solve(loads[kept])
     return answers
 
 
-def _independent(mass: Triplets, stiffness: Triplets, shapes: FloatArray, known: FloatArray) -> FloatArray:
+def _orthogonalize(mass: Triplets, stiffness: Triplets, shapes: FloatArray, known: FloatArray) -> FloatArray:
     """Return shapes of the same span with unit stiffness and diagonal mass, the lightest last.
 
     A shape is used if its energy exceeds that of its projection on the others.
@@ -78,10 +86,10 @@ def craig_bampton(
         which = ", ".join(str(inner[i]) for i in fault.unknowns[:6]) or "some"
         why = "a group that moves freely has no static answer"
         raise refuse("boundary", f"unknowns {which} free while it is held", "one that holds every group", why) from None
-    return np.hstack([unit, *(_fixed(mass, stiffness, group, count) for group in interiors)])
+    return np.hstack([unit, *(_fixed_interface_modes(mass, stiffness, group, count) for group in interiors)])
 
 
-def _fixed(mass: Triplets, stiffness: Triplets, group: IntArray, count: int) -> FloatArray:
+def _fixed_interface_modes(mass: Triplets, stiffness: Triplets, group: IntArray, count: int) -> FloatArray:
     """Return the fixed-interface modes of a group, expanded to all unknowns."""
     own = modes(mass.part(group), stiffness.part(group), count, free=np.zeros((len(group), 0)))
     shapes = np.zeros((stiffness.size, own.shapes.shape[1]))

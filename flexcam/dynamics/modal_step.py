@@ -45,7 +45,8 @@ class ModalStep:
     scheme
         The scheme.
     beta, gamma
-        Parameters of the scheme, or one per mode if a mode has neither mass nor damper, shape (n,): see `massless`.
+        Parameters of the scheme, or one per mode if a mode has neither mass nor damper, shape (n,): see
+        `find_massless_motions`.
     slowed
         Indices of massless motions whose acceleration is the change of their velocity, for the same reason.
     slow, stiff, heavy
@@ -133,22 +134,22 @@ class ModalStep:
 _FEWEST, USUAL, _LONG, _MOST = 16, 40, 64, 128
 """Steps of a block: longer blocks need fewer sequential and more parallel operations."""
 
-_SELDOM = 1024
+_LONG_INTERVAL = 1024
 """Interval of saved fields above which blocks are long."""
 
-_GROWN = 1e6
+_GROWTH_LIMIT = 1e6
 """Growth over a block above which a mode is advanced step by step, to locate divergence."""
 
-_GONE = 1e-130
+_VANISHING_OFFSET = 1e-130
 """Constant that, added and subtracted, removes vanished motions and leaves others unchanged.
 
 Motions that decay further would become denormal numbers, which are very slow.
 """
 
 
-def stride_length(every: int) -> int:
+def block_length(every: int) -> int:
     """Return the steps of a block for an interval at which coordinates are recomputed."""
-    usual = USUAL if every < _SELDOM else _LONG
+    usual = USUAL if every < _LONG_INTERVAL else _LONG
     even = [length for length in range(_FEWEST, _MOST + 1) if every % length == 0]
     if even:
         return min(even, key=lambda length: abs(length - usual))
@@ -192,12 +193,12 @@ class StepBlock:
         begin, pushed, found = np.zeros((3, 4, n)), np.zeros((length, 4, n)), np.empty((3, length, 4, n))
         begin[[0, 1, 2], [0, 1, 2]], pushed[0, 3] = 1.0, 1.0
         steps.walk(begin, pushed, found)
-        if not np.abs(found[:, :, :3]).max(initial=0.0) < _GROWN:
+        if not np.abs(found[:, :, :3]).max(initial=0.0) < _GROWTH_LIMIT:
             return None
         within, pulse, old = found[:, :, :3], found[:, :, 3], steps.old
         # By a constant force; the displacement in equilibrium would cause the opposite change.
         within[:, :, 0] = np.cumsum(pulse, axis=1)
-        change = _repeated(steps.change(), length)[:, [3, 1, 2]]
+        change = _power(steps.change(), length)[:, [3, 1, 2]]
         shift = np.concatenate([-steps.stiff * change[:1], change[1:]]).astype(float)
         answer = (1.0 - old) * pulse
         answer[:, 1:] += old * pulse[:, :-1]  # forces at the beginning of a step act as well
@@ -223,14 +224,14 @@ class StepBlock:
 
 def drop_vanished(state: FloatArray) -> FloatArray:
     """Return a state without vanished motions."""
-    return (state + _GONE) - _GONE
+    return (state + _VANISHING_OFFSET) - _VANISHING_OFFSET
 
 
-def _repeated(change: LongArray, times: int) -> LongArray:
+def _power(change: LongArray, times: int) -> LongArray:
     """Return ``A^L - 1`` from ``A - 1`` by doubling, without adding the identity."""
     if times == 1:
         return change
-    half = _repeated(change, times // 2)
+    half = _power(change, times // 2)
     twice = 2.0 * half + _after(half, half)
     return twice + change + _after(change, twice) if times % 2 else twice
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from flexcam.core import (
     DENSE_LIMIT,
-    TOO_MUCH,
+    ROUNDING_LIMIT,
     FloatArray,
     IntArray,
     SingularMatrixError,
@@ -26,10 +26,10 @@ from flexcam.core import (
     energy_rounding,
     factorize,
     null_space,
-    pins,
+    select_constraints,
 )
 from flexcam.core.errors import positive
-from flexcam.dynamics.status import TOO_FINE, Cause, NotPositiveError, RunFailedError, Status
+from flexcam.dynamics.status import ROUNDING_STATUS, Cause, NotPositiveError, RunFailedError, Status
 
 ComplexArray = NDArray[np.complex128]
 
@@ -49,7 +49,7 @@ def normalized_response(frequency_ratio: FloatArray, damping_ratio: float) -> Co
     return np.divide(1.0, below, out=np.full(below.shape, complex(math.inf, 0.0)), where=below != 0.0)
 
 
-LOST = 1e-6
+ERROR_LIMIT = 1e-6
 """Relative error of an eigenvalue above which a mode is omitted."""
 
 _DEFAULT_COUNT = 20
@@ -63,15 +63,15 @@ def lanczos(
     solve = _flexibility(stiffness, rigid, mass.times_all(rigid))
     massive = np.flatnonzero(mass.diagonal() > 0.0)
     if len(massive) <= DENSE_LIMIT:
-        inverse_squares, shapes = _condensed(mass.part(massive).dense(), massive, solve, mass.size)
+        inverse_squares, shapes = _condense(mass.part(massive).dense(), massive, solve, mass.size)
     else:
-        inverse_squares, shapes = _iterated(mass, stiffness, solve, wanted)
+        inverse_squares, shapes = _lanczos_iteration(mass, stiffness, solve, wanted)
     largest = float(np.abs(inverse_squares).max(initial=0.0))
     rounding = np.sqrt(mass.size) * np.finfo(float).eps * largest
-    if inverse_squares.min(initial=0.0) < -rounding / LOST:
+    if inverse_squares.min(initial=0.0) < -rounding / ERROR_LIMIT:
         raise NotPositiveError(shapes[:, int(np.argmin(inverse_squares))])
     # With fewer masses than requested modes, zeros remain as rounding of either sign.
-    good = min(int(np.argmax(np.append(inverse_squares * LOST <= rounding, True))), wanted)
+    good = min(int(np.argmax(np.append(inverse_squares * ERROR_LIMIT <= rounding, True))), wanted)
     lost = min(int(np.count_nonzero(inverse_squares > rounding)), wanted) - good
     return 1.0 / inverse_squares[:good], shapes[:, :good], max(lost, 0)
 
@@ -79,7 +79,7 @@ def lanczos(
 Solve = Callable[[FloatArray], FloatArray]
 
 
-def _iterated(mass: Triplets, stiffness: Triplets, solve: Solve, wanted: int) -> tuple[FloatArray, FloatArray]:
+def _lanczos_iteration(mass: Triplets, stiffness: Triplets, solve: Solve, wanted: int) -> tuple[FloatArray, FloatArray]:
     """Return 1/omega^2, descending, and shapes by Lanczos iteration.
 
     R. G. Grimes, J. G. Lewis, H. D. Simon, SIAM J. Matrix Anal. Appl. 15 (1994).
@@ -98,7 +98,7 @@ def _iterated(mass: Triplets, stiffness: Triplets, solve: Solve, wanted: int) ->
     return 1.0 / values[order], shapes[:, order]
 
 
-def _condensed(M: FloatArray, massive: IntArray, solve: Solve, size: int) -> tuple[FloatArray, FloatArray]:
+def _condense(M: FloatArray, massive: IntArray, solve: Solve, size: int) -> tuple[FloatArray, FloatArray]:
     """Return 1/omega^2, descending, and shapes from the flexibility of the few unknowns with mass.
 
     With M = W W^T and F the flexibility, ``W^T F W`` has the eigenvalues of ``F M``; its vectors v give x = F W v.
@@ -118,7 +118,7 @@ def _condensed(M: FloatArray, massive: IntArray, solve: Solve, size: int) -> tup
 def _flexibility(stiffness: Triplets, rigid: FloatArray, heavy: FloatArray) -> Solve:
     """Return the solve with K on the complement of the free motions: loads and answers have no part along them."""
     scale = diagonal_scale(stiffness)
-    held = pins(np.linalg.qr(rigid / scale[:, None])[0])
+    held = select_constraints(np.linalg.qr(rigid / scale[:, None])[0])
     kept = np.setdiff1d(np.arange(stiffness.size), held)
     try:
         factor = factorize(stiffness.part(kept))
@@ -166,13 +166,13 @@ class Modes:
     def doubt(self) -> str:
         """Describe the rounding error of the frequencies; empty if negligible."""
         share = float(self.rounding.max(initial=0.0))
-        if share <= _WORTH_TELLING:
+        if share <= _REPORT_LIMIT:
             return ""
         at = f"{self.frequencies[int(np.argmax(self.rounding))]:.4g} Hz"
         return f"Warning: rounding in the stiffness may have taken up to {100.0 * share:.1g} % of the frequency {at}"
 
 
-_WORTH_TELLING = 1e-4
+_REPORT_LIMIT = 1e-4
 """Relative error of a frequency to report: tables show four digits."""
 
 
@@ -211,23 +211,27 @@ def modes(mass: Triplets, stiffness: Triplets, count: int | None = None, *, free
     >>> pair.omegas
     array([2., 3.])
     """
-    rigid = _mass_orthonormal(_sought(stiffness) if free is None else free, mass)
+    rigid = _mass_orthonormal(_find_free_motions(stiffness) if free is None else free, mass)
     solver = _dense if mass.size <= 2 * DENSE_LIMIT else lanczos
     squares, shapes, lost = solver(mass, stiffness, rigid, count)
-    shapes = _orthonormalized(shapes, rigid, mass)
+    shapes = _orthonormalize(shapes, rigid, mass)
     shares = energy_rounding(stiffness, shapes) / squares
-    if (shares > TOO_MUCH).any():
+    if (shares > ROUNDING_LIMIT).any():
         raise RunFailedError(_too_fine(float(shares.max())))
     omegas = np.concatenate([np.zeros(rigid.shape[1]), np.sqrt(squares)])
     shapes = np.concatenate([rigid, shapes], axis=1)
     wanted = len(omegas) if count is None else min(count, len(omegas))
     taken = np.concatenate([np.zeros(rigid.shape[1]), 0.5 * shares])  # square root of the rounded eigenvalue
     return Modes(
-        omegas[:wanted], _signed(shapes[:, :wanted]), int(min(rigid.shape[1], wanted)), int(lost), taken[:wanted]
+        omegas[:wanted],
+        _normalize_signs(shapes[:, :wanted]),
+        int(min(rigid.shape[1], wanted)),
+        int(lost),
+        taken[:wanted],
     )
 
 
-def _sought(stiffness: Triplets) -> FloatArray:
+def _find_free_motions(stiffness: Triplets) -> FloatArray:
     """Return the null space of matrices without known free motions; more energy than rounding means a soft motion."""
     found = null_space(stiffness)
     energy = np.abs(np.sum(found * stiffness.times_all(found), axis=0))
@@ -238,8 +242,8 @@ def _sought(stiffness: Triplets) -> FloatArray:
 
 
 def _too_fine(share: float) -> Status:
-    text = f"{TOO_FINE.text} (up to {100.0 * share:.3g} % of a mode's energy)"
-    return replace(TOO_FINE, text=text)
+    text = f"{ROUNDING_STATUS.text} (up to {100.0 * share:.3g} % of a mode's energy)"
+    return replace(ROUNDING_STATUS, text=text)
 
 
 def _mass_orthonormal(motions: FloatArray, mass: Triplets) -> FloatArray:
@@ -252,7 +256,7 @@ def _mass_orthonormal(motions: FloatArray, mass: Triplets) -> FloatArray:
     return motions @ (vectors / np.sqrt(values))
 
 
-def _orthonormalized(shapes: FloatArray, rigid: FloatArray, mass: Triplets) -> FloatArray:
+def _orthonormalize(shapes: FloatArray, rigid: FloatArray, mass: Triplets) -> FloatArray:
     """Return shapes orthonormalized in the mass: to the free motions, then among themselves.
 
     Two Newton iterations for the nearest orthonormal set square the error twice and treat all shapes alike.
@@ -269,7 +273,7 @@ def _dense(
     """Return modes from the more accurate side: low ones from ``K^-1 M``, high ones from ``M^-1 K``."""
     M, K = mass.dense(), stiffness.dense()
     squares, shapes, errors = _by_stiffness(M, K, diagonal_scale(stiffness), rigid)
-    if (errors > LOST).any() and (high := _by_mass(mass, K)) is not None:
+    if (errors > ERROR_LIMIT).any() and (high := _by_mass(mass, K)) is not None:
         high = tuple(values[..., rigid.shape[1] :] for values in high)
         squares, shapes, errors = (one[..., : len(high[0])] for one in (squares, shapes, errors))
         switch = _switch(squares, errors, high[2])
@@ -278,7 +282,7 @@ def _dense(
             for a, b in zip((squares, shapes, errors), high, strict=True)
         )
     wanted = len(squares) if count is None else max(count - rigid.shape[1], 0)
-    good = int(np.argmax(np.append(errors > LOST, True)))
+    good = int(np.argmax(np.append(errors > ERROR_LIMIT, True)))
     shown = min(good, wanted)
     massive = np.count_nonzero(mass.diagonal() > 0.0) - rigid.shape[1]
     return squares[:shown], shapes[:, :shown], max(min(massive, wanted) - good, 0)
@@ -321,8 +325,8 @@ def _by_mass(mass: Triplets, K: FloatArray) -> tuple[FloatArray, FloatArray, Flo
     Massless motions are condensed statically. Returns None if rounding prevents the factorization of the mass.
     """
     light = null_space(mass)
-    kept = np.setdiff1d(np.arange(mass.size), np.array(pins(light), dtype=np.intp))
-    all_of = _following(K, light)[:, kept]
+    kept = np.setdiff1d(np.arange(mass.size), np.array(select_constraints(light), dtype=np.intp))
+    all_of = _condense_massless(K, light)[:, kept]
     massive = mass.part(kept)
     scale = diagonal_scale(massive)
     try:
@@ -336,7 +340,7 @@ def _by_mass(mass: Triplets, K: FloatArray) -> tuple[FloatArray, FloatArray, Flo
     return positive, all_of @ (scale[:, None] * np.linalg.solve(L.T, vectors)), errors
 
 
-def _following(K: FloatArray, light: FloatArray) -> FloatArray:
+def _condense_massless(K: FloatArray, light: FloatArray) -> FloatArray:
     """Return unit motions of every unknown with massless motions, shape (n, k), in static equilibrium."""
     everything = np.eye(len(K))
     if not light.shape[1]:
@@ -359,7 +363,7 @@ def _cholesky(K: FloatArray, scale: FloatArray) -> FloatArray:
         raise NotPositiveError(scale * np.linalg.eigh(K)[1][:, 0]) from None
 
 
-def _signed(shapes: FloatArray) -> FloatArray:
+def _normalize_signs(shapes: FloatArray) -> FloatArray:
     """Return the shapes with positive largest entries, for reproducible signs."""
     if not shapes.size:
         return shapes

@@ -17,7 +17,7 @@ import numpy as np
 
 from flexcam.core import FloatArray
 from flexcam.dynamics.blocks import SaveAt
-from flexcam.dynamics.floquet import LARGEST, period_map
+from flexcam.dynamics.floquet import MAX_UNKNOWNS, period_map
 from flexcam.dynamics.integrator import Method
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.problem import Problem, State
@@ -28,7 +28,7 @@ from flexcam.dynamics.status import Cause, RunFailedError, Status
 _NOTHING = 1e-6
 """Fraction of the motion of the first guess below which the periodic state is rest."""
 
-_LATE = Status(
+_TIME_LIMIT_STATUS = Status(
     Cause.TIME_LIMIT, "the time given to the run was over while its periodic start was sought", "allow more time"
 )
 """Status of a run that never began."""
@@ -38,7 +38,7 @@ _MOST_REVOLUTIONS = 100
 _USUAL_REVOLUTIONS = 10
 """Expected revolutions of a search, for the selection of the engine."""
 
-_PATIENCE, _PATIENCE_OF_NEWTON = 12, 8
+_MAX_STALLED, _PATIENCE_OF_NEWTON = 12, 8
 """Revolutions without halving the residual after which the search ends: contacts that open and close limit it."""
 
 _GOOD = 0.1
@@ -48,7 +48,7 @@ _FREE = 1e-10
 """Relative change per revolution below which a motion is excluded from the search."""
 
 
-def periodic(problem: Problem, scheme: Method, *, tolerance: float = 1e-9, until: float | None = None) -> State:
+def solve_periodic(problem: Problem, scheme: Method, *, tolerance: float = 1e-9, until: float | None = None) -> State:
     """Return the periodic state of one revolution.
 
     Parameters
@@ -75,7 +75,7 @@ def periodic(problem: Problem, scheme: Method, *, tolerance: float = 1e-9, until
     start = problem.start or State.rest(problem.system.size)
     basis = basis_of(problem)
     inside = problem if basis is None else reduce_problem(problem, basis)
-    if not 0 < inside.system.size <= LARGEST:
+    if not 0 < inside.system.size <= MAX_UNKNOWNS:
         return replace(_fixed_point(problem, _Anderson(problem, scheme, until), tolerance), time=start.time)
     found = _fixed_point(inside, _Newton(inside, scheme, until), tolerance)
     if basis is not None:
@@ -85,7 +85,7 @@ def periodic(problem: Problem, scheme: Method, *, tolerance: float = 1e-9, until
 
 
 @dataclass(frozen=True, eq=False)
-class _Turn:
+class _Revolution:
     """A revolution: final state, and displacements and velocities within, shape (m, 2n)."""
 
     end: FloatArray
@@ -97,11 +97,11 @@ class _Search(Protocol):
 
     patience: int
 
-    def turn(self, x: FloatArray) -> _Turn | None:
+    def turn(self, x: FloatArray) -> _Revolution | None:
         """Return a revolution from a state; None if the run fails."""
         ...
 
-    def next(self, x: FloatArray, turn: _Turn | None, error: float) -> FloatArray | None:
+    def next(self, x: FloatArray, turn: _Revolution | None, error: float) -> FloatArray | None:
         """Return the next state after one with an error; None to stop."""
         ...
 
@@ -109,7 +109,7 @@ class _Search(Protocol):
 def _fixed_point(problem: Problem, search: _Search, tolerance: float) -> State:
     """Return the state with the smallest residual, in the unknowns of the problem."""
     weights = _weights(problem)
-    x: FloatArray | None = _packed(problem, problem.start or State.rest(problem.system.size))
+    x: FloatArray | None = _pack(problem, problem.start or State.rest(problem.system.size))
     best, least, level, since, first = x, np.inf, np.inf, 0, 0.0
     for _ in range(_MOST_REVOLUTIONS):
         turn, error = search.turn(x), np.inf
@@ -124,7 +124,7 @@ def _fixed_point(problem: Problem, search: _Search, tolerance: float) -> State:
         x = search.next(x, turn, error) if error > tolerance and since <= search.patience else None
         if x is None:
             break
-    return replace(_unpacked(problem, best), periodicity=float(least))
+    return replace(_unpack(problem, best), periodicity=float(least))
 
 
 class _Newton:
@@ -143,20 +143,20 @@ class _Newton:
         self._end: FloatArray | None = None
         self._least, self.patience = np.inf, _PATIENCE_OF_NEWTON
 
-    def turn(self, x: FloatArray) -> _Turn | None:
+    def turn(self, x: FloatArray) -> _Revolution | None:
         """Return a revolution, see `_Search`."""
-        one = replace(self._problem, start=_unpacked(self._problem, x))
+        one = replace(self._problem, start=_unpack(self._problem, x))
         try:
             found = period_map(one, self._scheme, self._late, derived=self._derivative is None)
         except RunFailedError:
             if self._late():
-                raise RunFailedError(_LATE) from None
+                raise RunFailedError(_TIME_LIMIT_STATUS) from None
             return None
         if found.derivative.size:
             self._derivative = found.derivative
-        return _Turn(found.end, found.fields)
+        return _Revolution(found.end, found.fields)
 
-    def next(self, x: FloatArray, turn: _Turn | None, error: float) -> FloatArray | None:
+    def next(self, x: FloatArray, turn: _Revolution | None, error: float) -> FloatArray | None:
         """Return the next state, see `_Search`."""
         if turn is None or error >= self._least or self._derivative is None:
             end, self._end, self._derivative, self._least = self._end, None, None, np.inf
@@ -185,24 +185,24 @@ class _Anderson:
     def __init__(self, problem: Problem, scheme: Method, until: float | None) -> None:
         self._problem = replace(problem, runs=problem.runs * _USUAL_REVOLUTIONS)
         self._scheme, self._until = scheme, until
-        self._weights, self.patience = _weights(problem), _PATIENCE
+        self._weights, self.patience = _weights(problem), _MAX_STALLED
         self._points: list[FloatArray] = []
         self._misses: list[FloatArray] = []
 
-    def turn(self, x: FloatArray) -> _Turn | None:
+    def turn(self, x: FloatArray) -> _Revolution | None:
         """Return a revolution, see `_Search`."""
-        one = replace(self._problem, start=_unpacked(self._problem, x))
+        one = replace(self._problem, start=_unpack(self._problem, x))
         save = SaveAt(field_every=max(one.steps // 64, 1))
         response = solve(one, self._scheme, save=save, until=self._until)
         if response.status.cause is Cause.TIME_LIMIT:
-            raise RunFailedError(_LATE)
+            raise RunFailedError(_TIME_LIMIT_STATUS)
         if not response.status.ok:
             return None
-        self.patience = max(_PATIENCE, 0 if response.stats.events else len(x))
+        self.patience = max(_MAX_STALLED, 0 if response.stats.events else len(x))
         fields = np.concatenate([response.fields.displacement, response.fields.velocity], axis=1)
-        return _Turn(np.concatenate([fields[-1], response.inner]), fields)
+        return _Revolution(np.concatenate([fields[-1], response.inner]), fields)
 
-    def next(self, x: FloatArray, turn: _Turn | None, error: float) -> FloatArray | None:
+    def next(self, x: FloatArray, turn: _Revolution | None, error: float) -> FloatArray | None:
         """Return the next state, see `_Search`."""
         if turn is None:
             return None
@@ -216,12 +216,12 @@ class _Anderson:
         return points[-1] + misses[-1] - share @ (dx + df)
 
 
-def _packed(problem: Problem, state: State) -> FloatArray:
+def _pack(problem: Problem, state: State) -> FloatArray:
     inner = LocalForces(problem.system).start_state if state.inner is None else state.inner
     return np.concatenate([state.displacement, state.velocity, inner])
 
 
-def _unpacked(problem: Problem, x: FloatArray) -> State:
+def _unpack(problem: Problem, x: FloatArray) -> State:
     n = problem.system.size
     begin = problem.start.time if problem.start else 0.0
     return State(x[:n], x[n : 2 * n], begin, x[2 * n :] if len(x) > 2 * n else None)

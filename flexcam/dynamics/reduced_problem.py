@@ -11,10 +11,10 @@ from flexcam.core.errors import InputError
 from flexcam.dynamics.active_dofs import ActiveDofs, find_active_dofs
 from flexcam.dynamics.basis import Basis, DofSubset, project_system
 from flexcam.dynamics.blocks import Block, Series
-from flexcam.dynamics.initial_acceleration import light_impacts
+from flexcam.dynamics.initial_acceleration import massless_impact_error
 from flexcam.dynamics.integrator import Method
 from flexcam.dynamics.local_forces import LocalForces
-from flexcam.dynamics.massless import Massless
+from flexcam.dynamics.massless import MasslessMotions
 from flexcam.dynamics.problem import Problem, State
 from flexcam.dynamics.system import System
 
@@ -57,7 +57,7 @@ def method_refusal(problem: Problem, method: Method) -> InputError | None:
         return None  # it integrates any system in any unknowns
     basis = basis_of(problem)
     system = problem.system if basis is None else project_system(problem.system, basis)
-    light = light_impacts(LocalForces(system), Massless(system)) if struck else None
+    light = massless_impact_error(LocalForces(system), MasslessMotions(system)) if struck else None
     return light or method.refusal(system, problem.step)
 
 

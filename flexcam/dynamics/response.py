@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexcam.core import FloatArray
-from flexcam.core.errors import did_you_mean, finite_array, refuse
+from flexcam.core.errors import finite_array, refuse, suggest_name
 from flexcam.dynamics.blocks import Series
 from flexcam.dynamics.status import Stats, Status
 
@@ -42,18 +42,18 @@ def peak(time: FloatArray, values: FloatArray, slopes: FloatArray | None = None)
     """Return the largest absolute value of a history, shape (m,), and its instant; zeros for an empty one."""
     if not len(values):
         return 0.0, 0.0
-    instants, every = (time, values) if slopes is None else _with_turns(time, values, slopes)
+    instants, every = (time, values) if slopes is None else _add_turning_points(time, values, slopes)
     at = int(np.argmax(np.abs(every)))
     return float(np.abs(every[at])), float(instants[at])
 
 
-def extent(time: FloatArray, values: FloatArray, slopes: FloatArray | None = None) -> float:
+def value_range(time: FloatArray, values: FloatArray, slopes: FloatArray | None = None) -> float:
     """Return the range of a history, shape (m,): its maximum minus its minimum."""
-    every = values if slopes is None else _with_turns(time, values, slopes)[1]
+    every = values if slopes is None else _add_turning_points(time, values, slopes)[1]
     return float(np.ptp(every)) if len(every) else 0.0
 
 
-def _with_turns(time: FloatArray, values: FloatArray, slopes: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _add_turning_points(time: FloatArray, values: FloatArray, slopes: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the instants of a history and its turning points, and the values there."""
     instants, turned = turning_points(time, values, slopes)
     return np.concatenate([time, instants]), np.concatenate([values, turned])
@@ -97,7 +97,7 @@ class Outline:
                     return slice(first + i, first + i + 1)
             known += [probe, *(f"{probe}.{one}" for one in components if len(components) > 1)]
             first += len(components)
-        raise refuse("probe", repr(name), ", ".join(known) or "(no probe was saved)", remedy=did_you_mean(name, known))
+        raise refuse("probe", repr(name), ", ".join(known) or "(no probe was saved)", remedy=suggest_name(name, known))
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ from flexcam.dynamics.implicit_step import NoConvergenceError
 from flexcam.dynamics.initial_acceleration import InitialAcceleration
 from flexcam.dynamics.integrator import At, Method, Stepper
 from flexcam.dynamics.local_forces import LocalForces
-from flexcam.dynamics.massless import Massless
+from flexcam.dynamics.massless import MasslessMotions
 from flexcam.dynamics.step_state import StepInputs, StepState
 from flexcam.dynamics.system import System
 
@@ -27,7 +27,7 @@ _ORDERS = {"Radau": 5, "DOP853": 8}
 _MOST = 200
 """Maximum number of unknowns."""
 
-_STILL = 1e-15
+_ABSOLUTE_TOLERANCE = 1e-15
 """Magnitude of a motion, m, rad or of a state, below which errors are ignored."""
 
 
@@ -76,7 +76,7 @@ class ScipyIntegrator(Method):
         if system.size > _MOST:
             why, remedy = "it is a check, and slow", "use bathe, or newmark with smaller steps"
             return refuse("run.integrator", f"{self.name} with {system.size} unknowns", f"at most {_MOST}", why, remedy)
-        return Massless(system).pushed(self.name)
+        return MasslessMotions(system).pushed(self.name)
 
 
 class _Stepper:
@@ -84,7 +84,7 @@ class _Stepper:
 
     def __init__(self, system: System, forces: LocalForces, method: ScipyIntegrator, at: At) -> None:
         self._forces, self._method, self._at = forces, method, at
-        self._light, self._starter, self._n = Massless(system), InitialAcceleration(system, forces), system.size
+        self._light, self._starter, self._n = MasslessMotions(system), InitialAcceleration(system, forces), system.size
 
     def advance(self, now: StepState, to: StepInputs) -> StepState:
         """Return the next instant, as `Stepper` says."""
@@ -123,8 +123,8 @@ class _Stepper:
     def _sizes(self, now: StepState, length: float) -> FloatArray:
         """Return the absolute tolerance of every entry, relative to the largest motion so far."""
         largest = (float(np.abs(one).max(initial=0.0)) * length**i for i, one in enumerate((now.d, now.v, now.a)))
-        size = max(*largest, _STILL)
-        inner = np.maximum(np.abs(now.inner), np.abs(now.gap[self._forces.table.owners])) + _STILL
+        size = max(*largest, _ABSOLUTE_TOLERANCE)
+        inner = np.maximum(np.abs(now.inner), np.abs(now.gap[self._forces.table.owners])) + _ABSOLUTE_TOLERANCE
         parts = [np.full(self._n, size), np.full(self._n, size / length), inner]
         return self._method.tolerance * np.concatenate(parts)
 

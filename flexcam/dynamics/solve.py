@@ -15,14 +15,14 @@ from flexcam.core import FloatArray, IntArray, SingularMatrixError
 from flexcam.core.errors import refuse
 from flexcam.dynamics.blocks import Block, SaveAt, Series, Sink
 from flexcam.dynamics.cam_motion import CamMotion
-from flexcam.dynamics.checkpoint import Arrays, Checkpoint, CheckpointSink, Earlier
-from flexcam.dynamics.energy import PARTS, EnergyAccount, EquilibriumResidual
+from flexcam.dynamics.checkpoint import Arrays, Checkpoint, CheckpointSink, CompletedPart
+from flexcam.dynamics.energy import PARTS, EnergyBalance, EquilibriumResidual
 from flexcam.dynamics.engine import STOPPED, Engine
 from flexcam.dynamics.engine_selection import create_engine, forces_of, select_engine
 from flexcam.dynamics.generalized_alpha import newmark
 from flexcam.dynamics.integrator import Method
 from flexcam.dynamics.local_forces import LocalForces
-from flexcam.dynamics.memory import Keeper, Memory
+from flexcam.dynamics.memory import MemorySink, ResponseSink
 from flexcam.dynamics.modal_engine import ProbeEngine
 from flexcam.dynamics.prescribed_inputs import PrescribedInputs
 from flexcam.dynamics.problem import Problem
@@ -82,8 +82,8 @@ def solve(
     sinks: Sequence[Sink] = (),
     stop: Callable[[], bool] | None = None,
     until: float | None = None,
-    memory: Keeper | None = None,
-    resume: Earlier | None = None,
+    memory: ResponseSink | None = None,
+    resume: CompletedPart | None = None,
 ) -> Response:
     """Integrate a problem in time.
 
@@ -133,7 +133,7 @@ def solve(
     """
     keep = save or SaveAt()
     names = outline(problem.system, channels=keep.channels)
-    memory = memory or Memory(names, problem.steps + 1, problem.steps // keep.field_every + 2)
+    memory = memory or MemorySink(names, problem.steps + 1, problem.steps // keep.field_every + 2)
     takers = (memory, *sinks)
     clock = _Clock(stop or _never, until)
     keepers = [sink for sink in sinks if isinstance(sink, CheckpointSink)]
@@ -155,11 +155,11 @@ def solve(
         run = _Run(inside, engine, forces, keep)
         if resume is not None:
             for block in resume.blocks():
-                _hand_out(block, takers)
+                _write_block(block, takers)
             run.restore(resume.checkpoint.arrays)
             stats = run.counted(replace(stats, steps=resume.checkpoint.steps))
         for block in run.blocks(stats.steps):
-            _hand_out(reduce(expand_block, way.bases, block), takers)
+            _write_block(reduce(expand_block, way.bases, block), takers)
             stats = run.counted(replace(stats, steps=stats.steps + len(block.time)))
             if keepers and run.status.ok:
                 reached = Checkpoint(stats.steps, problem_told, run.state())
@@ -169,9 +169,9 @@ def solve(
     except KeyboardInterrupt:
         status = STOPPED
     except SingularMatrixError as fault:
-        status = singular(fault, inside.system)
+        status = singular_status(fault, inside.system)
     except OSError as fault:  # error of a sink: the results so far are still in memory
-        status = _not_saved(fault)
+        status = _write_failure(fault)
     stats = replace(stats, steps=max(stats.steps - 1, 0), seconds=time.perf_counter() - started)
     status = _close(sinks, status, stats)
     memory.close(status, stats)
@@ -180,7 +180,7 @@ def solve(
     return memory.response()
 
 
-def _hand_out(block: Block, takers: Sequence[Sink]) -> None:
+def _write_block(block: Block, takers: Sequence[Sink]) -> None:
     for sink in takers:
         sink.write(block)
 
@@ -191,17 +191,17 @@ def _close(sinks: Sequence[Sink], status: Status, stats: Stats) -> Status:
         try:
             sink.close(status, stats)
         except OSError as fault:
-            status = _not_saved(fault)
+            status = _write_failure(fault)
     return status
 
 
-def _not_saved(fault: OSError) -> Status:
+def _write_failure(fault: OSError) -> Status:
     text = f"the result could not be written: {fault}"
     remedy = "free space or name another folder; --resume goes on from what was saved, if anything was"
     return Status(Cause.NOT_SAVED, text, remedy)
 
 
-def singular(fault: SingularMatrixError, system: System) -> Status:
+def singular_status(fault: SingularMatrixError, system: System) -> Status:
     """Return the status of an undetermined motion."""
     where = ", ".join(system.names[i] for i in fault.unknowns[:6]) or "an unknown"
     text = f"nothing determines the motion of {where}: no mass, and no stiffness to place it"
@@ -216,7 +216,7 @@ class _Run:
         self._forces = forces
         width = 1 if isinstance(engine, ProbeEngine) else max(problem.system.size, 1)
         self._at_once = max(AT_ONCE // width, LEAST_AT_ONCE)
-        self._account = EnergyAccount(problem.system, forces)
+        self._account = EnergyBalance(problem.system, forces)
         self._imbalance = EquilibriumResidual(problem.system, forces, problem.step)
         self.status = Status()
 
@@ -372,11 +372,11 @@ def pilot(problem: Problem, method: Method) -> Series:
     angle = problem.drive.at(times).angle
     steps = max(int(np.count_nonzero(angle < angle[0] + 2.0 * np.pi)), 1)
     first = replace(problem, steps=min(steps, problem.steps), adaptive=None)
-    return solve(first, sound, save=SaveAt(field_every=max(first.steps // _LOOKS, 1))).fields
+    return solve(first, sound, save=SaveAt(field_every=max(first.steps // _PILOT_FIELDS, 1))).fields
 
 
 AT_ONCE, LEAST_AT_ONCE = 50_000, 8
 """Unknowns times steps in memory together, so that a dozen arrays fit the cache; minimum steps."""
 
-_LOOKS = 200
+_PILOT_FIELDS = 200
 """Number of fields of the pilot run."""

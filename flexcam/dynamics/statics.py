@@ -14,7 +14,7 @@ import numpy as np
 
 from flexcam.core import (
     DENSE_LIMIT,
-    TOO_MUCH,
+    ROUNDING_LIMIT,
     FloatArray,
     IntArray,
     SingularMatrixError,
@@ -22,23 +22,23 @@ from flexcam.core import (
     diagonal_scale,
     energy_rounding,
     factorize,
-    factorize_held,
+    factorize_constrained,
     null_space,
-    pins,
-    share_lost,
+    rounding_fraction,
+    select_constraints,
 )
 from flexcam.dynamics.cam_motion import CamMotion, Drive
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.prescribed_inputs import PrescribedInputs
 from flexcam.dynamics.problem import State
-from flexcam.dynamics.status import TOO_FINE, Cause, RunFailedError, Status, instability_status
+from flexcam.dynamics.status import ROUNDING_STATUS, Cause, RunFailedError, Status, instability_status
 from flexcam.dynamics.system import Load, Reaction, System
 
 _MOST_ITERATIONS = 300
 _TOLERANCE = 1e-9
 """Relative residual, to the largest force."""
 
-_SHARP = 1e-12
+_TIGHT_TOLERANCE = 1e-12
 """Relative residual of an equilibrium that is compared with a nearby one."""
 
 _SUMS = 4.0
@@ -67,10 +67,10 @@ def solve_equilibrium(
         missing, size, tangent = potential.at(u)
         most = float(np.abs(missing).max(initial=0.0))
         stalled, close = 0.5 * before <= most, most <= _TOLERANCE * size
-        done = close and (near is None or stalled or most <= _SHARP * size)
+        done = close and (near is None or stalled or most <= _TIGHT_TOLERANCE * size)
         if done or (stalled and most <= potential.rounding(u)):  # no further improvement
-            if not close and share_lost(system.stiffness, u) > TOO_MUCH:
-                raise RunFailedError(TOO_FINE)
+            if not close and rounding_fraction(system.stiffness, u) > ROUNDING_LIMIT:
+                raise RunFailedError(ROUNDING_STATUS)
             _refuse_unstable(potential, u, tangent)
             return u
         step = _step(tangent, free, hold, missing)
@@ -78,15 +78,15 @@ def solve_equilibrium(
         u, before = u + part * step, most
     missing, _, tangent = potential.at(u)
     _refuse_unstable(potential, u, tangent)
-    raise _unbalanced(system, missing, free)
+    raise _no_equilibrium_status(system, missing, free)
 
 
 def _step(tangent: Triplets, free: FloatArray, hold: float, missing: FloatArray) -> FloatArray:
     """Return the Newton step: with constrained free motions a tangent is singular by rounding only."""
     try:
-        return factorize_held(tangent, free, hold).solve(missing)
+        return factorize_constrained(tangent, free, hold).solve(missing)
     except SingularMatrixError:
-        raise RunFailedError(TOO_FINE) from None
+        raise RunFailedError(ROUNDING_STATUS) from None
 
 
 def _refuse_unstable(potential: _Potential, u: FloatArray, tangent: Triplets) -> None:
@@ -109,7 +109,7 @@ def _refuse_unstable(potential: _Potential, u: FloatArray, tangent: Triplets) ->
 
 
 @dataclass(frozen=True, eq=False)
-class _Touching:
+class _LawContribution:
     """Effect of one local law on its unknowns at a cam angle.
 
     Parameters
@@ -145,7 +145,7 @@ class _Potential:
     schedule: PrescribedInputs
     act: FloatArray
     sense: FloatArray
-    touching: tuple[_Touching, ...]
+    touching: tuple[_LawContribution, ...]
     load: FloatArray
 
     @classmethod
@@ -153,10 +153,10 @@ class _Potential:
         """Return the potential at a cam angle under a load of shape (n,)."""
         act = schedule.acting(0) @ forces.act.vectors
         sense = schedule.sensing(0) @ forces.sense.vectors
-        each: list[_Touching] = []
+        each: list[_LawContribution] = []
         for one, part, _ in forces.parts:
             at = np.flatnonzero((act[part] != 0.0).any(axis=0) | (sense[part] != 0.0).any(axis=0))
-            each.append(_Touching(one.name, part, at, act[part, at], sense[part, at]))
+            each.append(_LawContribution(one.name, part, at, act[part, at], sense[part, at]))
         return cls(system, forces, schedule, act, sense, tuple(each), load)
 
     def at(self, u: FloatArray) -> tuple[FloatArray, float, Triplets]:
@@ -210,7 +210,7 @@ class _Potential:
         return part, None
 
 
-def _unbalanced(system: System, missing: FloatArray, free: FloatArray) -> RunFailedError:
+def _no_equilibrium_status(system: System, missing: FloatArray, free: FloatArray) -> RunFailedError:
     push = np.abs(free @ (free.T @ missing)) if free.shape[1] else np.zeros(1)
     if float(push.max()) > 1e-6 * float(np.abs(missing).max(initial=0.0)):
         furthest: list[int] = np.argsort(-push)[:4].tolist()
@@ -235,33 +235,33 @@ def static_displacement(
     """
     free = null_space(stiffness) if free is None else free
     if not free.shape[1]:
-        return _trusted(stiffness, load, _solved(stiffness, load))
+        return _check_rounding(stiffness, load, _solve_constrained(stiffness, load))
     # Weighting by the diagonal of the stiffness makes translations and rotations comparable.
     scale = diagonal_scale(stiffness)
     motions = np.linalg.qr(free / scale[:, None])[0]
     _refuse_mechanism(motions, scale * load, names)
     # As the load does no work on the free motions, fixing one unknown of each changes only their part.
-    kept = np.setdiff1d(np.arange(stiffness.size), pins(motions))
+    kept = np.setdiff1d(np.arange(stiffness.size), select_constraints(motions))
     x = np.zeros(stiffness.size)
-    x[kept] = _solved(stiffness.part(kept), load[kept])
+    x[kept] = _solve_constrained(stiffness.part(kept), load[kept])
     # Unweighted least squares of the components is independent of the axes.
     drift = np.linalg.qr(free)[0]
-    return _trusted(stiffness, load, x) - drift @ (drift.T @ x)
+    return _check_rounding(stiffness, load, x) - drift @ (drift.T @ x)
 
 
-def _solved(stiffness: Triplets, load: FloatArray) -> FloatArray:
+def _solve_constrained(stiffness: Triplets, load: FloatArray) -> FloatArray:
     """Return the displacement of a constrained structure; a singular matrix is then due to rounding."""
     try:
         return factorize(stiffness).solve(load)
     except SingularMatrixError:
-        raise RunFailedError(TOO_FINE) from None
+        raise RunFailedError(ROUNDING_STATUS) from None
 
 
-def _trusted(stiffness: Triplets, load: FloatArray, x: FloatArray) -> FloatArray:
+def _check_rounding(stiffness: Triplets, load: FloatArray, x: FloatArray) -> FloatArray:
     """Return the solution unless rounding of the stiffness dominates it."""
     lost = float(energy_rounding(stiffness, x[:, None])[0])
-    if lost > TOO_MUCH * abs(float(x @ load)):
-        raise RunFailedError(TOO_FINE)
+    if lost > ROUNDING_LIMIT * abs(float(x @ load)):
+        raise RunFailedError(ROUNDING_STATUS)
     return x
 
 
@@ -277,14 +277,14 @@ def _refuse_mechanism(motions: FloatArray, load: FloatArray, names: Sequence[str
     raise RunFailedError(Status(Cause.SINGULAR, text, "support one of these components or attach a spring to it"))
 
 
-def rest(system: System, drive: Drive, time: float = 0.0) -> State:
+def installed_state(system: System, drive: Drive, time: float = 0.0) -> State:
     """Return the initial state as installed: equilibrium of preloads at rest."""
-    return _balanced(LocalForces(system), system, drive, time, lambda load: load.installed)
+    return _solve_from(LocalForces(system), system, drive, time, lambda load: load.installed)
 
 
 def equilibrium(system: System, drive: Drive, time: float = 0.0) -> State:
     """Return the static equilibrium under all loads and local forces at the cam angle of an instant."""
-    return _balanced(LocalForces(system), system, drive, time, _all)
+    return _solve_from(LocalForces(system), system, drive, time, _all)
 
 
 def moving_equilibrium(system: System, drive: Drive, time: float = 0.0) -> State:
@@ -294,14 +294,14 @@ def moving_equilibrium(system: System, drive: Drive, time: float = 0.0) -> State
     difference over a thousandth of a radian.
     """
     forces = LocalForces(system)
-    still = _balanced(forces, system, drive, time, _all)
-    step = _CARRIED / float(drive.at(np.array([time])).speed[0])
+    still = _solve_from(forces, system, drive, time, _all)
+    step = _ANGLE_STEP / float(drive.at(np.array([time])).speed[0])
     near = still.displacement
-    before, after = (_balanced(forces, system, drive, time + side, _all, near).displacement for side in (-step, step))
+    before, after = (_solve_from(forces, system, drive, time + side, _all, near).displacement for side in (-step, step))
     return replace(still, velocity=(after - before) / (2.0 * step))
 
 
-_CARRIED = 1e-3
+_ANGLE_STEP = 1e-3
 """Angle step of the difference, rad."""
 
 
@@ -309,7 +309,7 @@ def _all(load: Load) -> bool:
     return True
 
 
-def _balanced(
+def _solve_from(
     forces: LocalForces, system: System, drive: Drive, time: float, acts: Callable[[Load], bool],
     near: FloatArray | None = None,
 ) -> State:  # fmt: skip
@@ -321,10 +321,10 @@ def _balanced(
         d = static_displacement(system.stiffness, load, system.names, system.free)
     else:
         d = solve_equilibrium(system, forces, load, motion, near)
-    return State(d, np.zeros(system.size), time, _resting(forces, d, motion))
+    return State(d, np.zeros(system.size), time, _rest_internal_states(forces, d, motion))
 
 
-def _resting(forces: LocalForces, d: FloatArray, motion: CamMotion) -> FloatArray | None:
+def _rest_internal_states(forces: LocalForces, d: FloatArray, motion: CamMotion) -> FloatArray | None:
     """Return the internal states at rest, shape (s,); None where there are none."""
     if not len(forces.table.owners):
         return None

@@ -69,7 +69,7 @@ class Status:
         return f"{self.cause}: {self.text}" + (f"; {self.remedy}" if self.remedy else "")
 
 
-TOO_FINE = Status(
+ROUNDING_STATUS = Status(
     Cause.ROUNDING,
     "rounding in the stiffness takes too much of the answer: a member is cut into too many elements, or stiffnesses "
     "lie too far apart for double precision",
@@ -141,7 +141,7 @@ class Stats:
         return self.seconds >= 0.0
 
 
-def raise_if_interrupted(status: Status) -> None:
+def reraise_interrupt(status: Status) -> None:
     """Raise KeyboardInterrupt again if one of many runs was interrupted."""
     if status.cause is Cause.INTERRUPTED:
         raise KeyboardInterrupt
@@ -153,7 +153,7 @@ NOT_POSITIVE = Status(
 )  # fmt: skip
 """Status of an indefinite stiffness without details."""
 
-_NAMED = 3
+_MAX_NAMES = 3
 """Number of unknowns in a message."""
 
 _DIGITS = 6
@@ -181,7 +181,7 @@ def instability_status(names: Sequence[str], motion: FloatArray, parts: Iterable
     """Return the status of an indefinite stiffness."""
     sizes = np.abs(motion) / max(float(np.abs(motion).max(initial=0.0)), np.finfo(float).tiny)
     order: list[int] = np.argsort(-np.round(sizes, _DIGITS), kind="stable").tolist()
-    along = f"along {', '.join(names[i] for i in order[:_NAMED])}"
+    along = f"along {', '.join(names[i] for i in order[:_MAX_NAMES])}"
     energies: dict[str, float] = defaultdict(float)  # all elements of a member have its name
     for name, part in parts:
         energies[name] += float(motion @ part.times(motion))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from flexcam.core import FloatArray, IntArray
 from flexcam.dynamics.angle_functions import CamFunctionCache
 from flexcam.dynamics.blocks import Series
-from flexcam.dynamics.checkpoint import Arrays, arrays_below
+from flexcam.dynamics.checkpoint import Arrays, select_prefix
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.prescribed_inputs import PrescribedInputs
 
@@ -59,7 +59,7 @@ class StepState:
     @classmethod
     def restored(cls, name: str, arrays: Arrays) -> StepState | None:
         """Return the instant of a checkpoint, bit by bit; None without one."""
-        parts = arrays_below(name, arrays)
+        parts = select_prefix(name, arrays)
         if not parts:
             return None
         stride = parts.pop("stride", None)

@@ -231,7 +231,7 @@ def force_sum(*scalars: int, factor: AngleFunction | None = None) -> Observable:
     return lambda seen: _times(seen, _sum(seen.forces, scalars), factor)
 
 
-def total(*parts: Observable) -> Observable:
+def observable_sum(*parts: Observable) -> Observable:
     """Return the sum of observables."""
     return lambda seen: np.sum([part(seen) for part in parts], axis=0)
 

@@ -13,16 +13,16 @@ from flexcam.fem.dofs import DofMap
 from flexcam.fem.elements import beam
 from flexcam.fem.elements.beam import Beams
 
-_AT_ONCE = 1000
+_BLOCK_SIZE = 1000
 """Number of elements processed together, so that their matrices fit in the processor cache."""
 
 
 def assemble(beams: Beams, local: FloatArray, dofs: DofMap) -> Triplets:
     """Return the assembled matrix of element matrices in local axes."""
-    return _assembled(beams, lambda part: local[part], dofs)
+    return _assemble_blocks(beams, lambda part: local[part], dofs)
 
 
-def _assembled(beams: Beams, local: Callable[[slice], FloatArray], dofs: DofMap) -> Triplets:
+def _assemble_blocks(beams: Beams, local: Callable[[slice], FloatArray], dofs: DofMap) -> Triplets:
     """Return the matrix assembled from element matrices that are computed in blocks.
 
     The triplets are written in place; memory for full element matrices is reserved but not touched.
@@ -30,8 +30,8 @@ def _assembled(beams: Beams, local: Callable[[slice], FloatArray], dofs: DofMap)
     most = 144 * len(beams)
     rows, cols, values = np.empty(most, np.intp), np.empty(most, np.intp), np.empty(most)
     end = 0
-    for first in range(0, len(beams), _AT_ONCE):
-        part = slice(first, first + _AT_ONCE)
+    for first in range(0, len(beams), _BLOCK_SIZE):
+        part = slice(first, first + _BLOCK_SIZE)
         found = _entries(beams.part(part), local(part), dofs)
         begin, end = end, end + len(found[0])
         for whole, one in zip((rows, cols, values), found, strict=True):
@@ -52,20 +52,20 @@ def _entries(beams: Beams, local: FloatArray, dofs: DofMap) -> tuple[IntArray, I
 
 def stiffness(beams: Beams, dofs: DofMap) -> Triplets:
     """Return the assembled elastic stiffness, SI."""
-    return _assembled(beams, lambda part: beam.stiffness(beams.part(part)), dofs)
+    return _assemble_blocks(beams, lambda part: beam.stiffness(beams.part(part)), dofs)
 
 
 def mass(beams: Beams, dofs: DofMap) -> Triplets:
     """Return the assembled mass of the beams, SI."""
-    return _assembled(beams, lambda part: beam.mass(beams.part(part)), dofs)
+    return _assemble_blocks(beams, lambda part: beam.mass(beams.part(part)), dofs)
 
 
 def geometric(beams: Beams, axial_force: FloatArray, dofs: DofMap) -> Triplets:
     """Return the assembled geometric stiffness under given axial forces."""
-    return _assembled(beams, lambda part: beam.geometric(beams.part(part), axial_force[part]), dofs)
+    return _assemble_blocks(beams, lambda part: beam.geometric(beams.part(part), axial_force[part]), dofs)
 
 
-def spread_force(beams: Beams, elements: slice, per_length: FloatArray) -> FloatArray:
+def distributed_load(beams: Beams, elements: slice, per_length: FloatArray) -> FloatArray:
     """Return the element loads of a force distributed uniformly over elements.
 
     The loads are consistent with the cubic shape functions: q L/2 at both ends and the fixed-end moments q L^2/12.
@@ -89,7 +89,7 @@ def element_weight(beams: Beams, gravity: FloatArray) -> FloatArray:
     return np.einsum("eij,ej->ei", beam.mass(beams), np.hstack([pulled, still, pulled, still]))
 
 
-def gathered(beams: Beams, loads: FloatArray, dofs: DofMap) -> FloatArray:
+def assemble_loads(beams: Beams, loads: FloatArray, dofs: DofMap) -> FloatArray:
     """Assemble the load vector of element loads."""
     turned = np.einsum("eji,ekj->eki", beams.triads, loads.reshape(-1, 4, 3)).ravel()
     numbers = dofs.numbers[beams.nodes].ravel()

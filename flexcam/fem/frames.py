@@ -13,7 +13,7 @@ from typing import cast
 import numpy as np
 
 from flexcam.core import FloatArray
-from flexcam.core.errors import did_you_mean, finite_array, refuse
+from flexcam.core.errors import finite_array, refuse, suggest_name
 
 COMPONENTS = ("ux", "uy", "uz", "rx", "ry", "rz")
 """The six components of a node, in array order."""
@@ -26,7 +26,7 @@ def component(name: str, where: str = "component") -> int:
     """Return the index of a component among the six."""
     if name in COMPONENTS:
         return COMPONENTS.index(name)
-    raise refuse(where, repr(name), ", ".join(COMPONENTS), remedy=did_you_mean(name, COMPONENTS))
+    raise refuse(where, repr(name), ", ".join(COMPONENTS), remedy=suggest_name(name, COMPONENTS))
 
 
 def direction(value: str | FloatArray | Sequence[float], where: str = "direction") -> FloatArray:
@@ -35,7 +35,7 @@ def direction(value: str | FloatArray | Sequence[float], where: str = "direction
         unit, name = np.zeros(6), value[1:] if value[:1] in ("+", "-") else value
         unit[component(name, where)] = -1.0 if value.startswith("-") else 1.0
         return unit
-    if not isinstance(value, np.ndarray) and not _are_numbers(value):
+    if not isinstance(value, np.ndarray) and not _is_number_sequence(value):
         raise refuse(where, value, _DIRECTIONS)
     six, given = np.zeros(6), finite_array(where, value, (None,))
     if len(given) not in (3, 6) or not given.any():
@@ -51,7 +51,7 @@ def direction(value: str | FloatArray | Sequence[float], where: str = "direction
 _DIRECTIONS = "a component such as 'uy' or '-uy', or three or six numbers"
 
 
-def _are_numbers(value: object) -> bool:
+def _is_number_sequence(value: object) -> bool:
     """Return whether a value is a sequence of numbers (booleans excluded)."""
     if not isinstance(value, (list, tuple)):
         return False

@@ -9,8 +9,8 @@ from typing import Literal
 import numpy as np
 
 from flexcam.core import FloatArray
-from flexcam.core.errors import did_you_mean, refuse
-from flexcam.fem.elements.arch import half_wave
+from flexcam.core.errors import refuse, suggest_name
+from flexcam.fem.elements.arch import initial_bow
 from flexcam.fem.elements.beam import Beams
 from flexcam.fem.frames import default_orientation, triads
 from flexcam.fem.mesh import Mesh
@@ -58,7 +58,7 @@ def beams(mesh: Mesh, members: Mapping[str, Member]) -> Beams:
     """Return the element arrays of a mesh."""
     for name in mesh.lines:
         if name not in members:
-            raise refuse(f"members.{name}", "nothing", "data for every line group", remedy=did_you_mean(name, members))
+            raise refuse(f"members.{name}", "nothing", "data for every line group", remedy=suggest_name(name, members))
     chosen = [members[name] for name in mesh.lines]
     repeats = [len(line) - 1 for line in mesh.lines.values()]
     ends = mesh.nodes[mesh.elements()]
@@ -87,7 +87,7 @@ def beams(mesh: Mesh, members: Mapping[str, Member]) -> Beams:
 
 def _bows(mesh: Mesh, chosen: list[Member], length: FloatArray) -> FloatArray:
     ranges = mesh.element_ranges().values()
-    bows = [half_wave(member.bow, length[part]) for member, part in zip(chosen, ranges, strict=True)]
+    bows = [initial_bow(member.bow, length[part]) for member, part in zip(chosen, ranges, strict=True)]
     return np.concatenate([np.zeros((0, 6)), *bows])
 
 

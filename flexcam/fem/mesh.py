@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexcam.core import FloatArray, IntArray, component_members, connected_components
-from flexcam.core.errors import Fault, InputError, did_you_mean, finite_array, refuse
+from flexcam.core.errors import Fault, InputError, finite_array, refuse, suggest_name
 
 Bools = np.ndarray[tuple[int], np.dtype[np.bool_]]
 
@@ -112,7 +112,7 @@ class Mesh:
         if name in self.points:
             return self.points[name]
         known = ", ".join(self.points) or "(the mesh names no points)"
-        raise refuse(where, repr(name), f"a point of the mesh: {known}", remedy=did_you_mean(name, self.points))
+        raise refuse(where, repr(name), f"a point of the mesh: {known}", remedy=suggest_name(name, self.points))
 
     def node_name(self, node: int) -> str:
         """Return the name of a node: that of its own point, or its number.
@@ -177,7 +177,7 @@ class Mesh:
         return next((part for part in self.parts if (part == node).any()), np.array([node], dtype=np.intp))
 
 
-def refined(mesh: Mesh, divisions: Mapping[str, int]) -> Mesh:
+def refine(mesh: Mesh, divisions: Mapping[str, int]) -> Mesh:
     """Return the mesh with every element of the given members divided into equal parts."""
     nodes = [mesh.nodes]
     lines: dict[str, IntArray] = {}
@@ -193,7 +193,7 @@ def refined(mesh: Mesh, divisions: Mapping[str, int]) -> Mesh:
     return Mesh(np.concatenate(nodes), lines, mesh.points)
 
 
-_SHOWN = 20
+_MAX_FAULTS = 20
 """Maximum number of faults of one kind to report: in a mesh with thousands they have one cause."""
 
 
@@ -215,10 +215,17 @@ def _length_faults(mesh: Mesh) -> list[Fault]:
     ends = mesh.nodes[mesh.elements()]
     length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     return [
-        Fault(f"element {e}", f"nodes {a} and {b} at the same place", "two nodes apart", "an element has a length",
-              "merge the nodes or move one")
-        for e, (a, b) in [(e, mesh.elements()[e].tolist()) for e in np.flatnonzero(length == 0.0)[:_SHOWN].tolist()]
-    ]  # fmt: skip
+        Fault(
+            f"element {e}",
+            f"nodes {a} and {b} at the same place",
+            "two nodes apart",
+            "an element has a length",
+            "merge the nodes or move one",
+        )
+        for e, (a, b) in [
+            (e, mesh.elements()[e].tolist()) for e in np.flatnonzero(length == 0.0)[:_MAX_FAULTS].tolist()
+        ]
+    ]
 
 
 def _duplicate_faults(mesh: Mesh) -> list[Fault]:
@@ -227,7 +234,7 @@ def _duplicate_faults(mesh: Mesh) -> list[Fault]:
     sorted_nodes = mesh.nodes[order]
     same = np.flatnonzero((sorted_nodes[1:] == sorted_nodes[:-1]).all(axis=1))
     why = "members meet only at a shared node"
-    pairs = [(int(order[i]), int(order[i + 1])) for i in same[:_SHOWN].tolist()]
+    pairs = [(int(order[i]), int(order[i + 1])) for i in same[:_MAX_FAULTS].tolist()]
     return [
         Fault(
             f"nodes {mesh.node_name(a)!r} and {mesh.node_name(b)!r}",

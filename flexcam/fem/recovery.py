@@ -47,7 +47,7 @@ def section_forces(
         moving = _local(beams, velocity)
         strained = local + damping.beta * moving
         pushed = damping.alpha * moving + (0.0 if pushed is None else pushed)
-    on_nodes = np.einsum("eij,...ej->...ei", beam.stiffness(beams), strained) + arch.beyond_linear(beams, local)
+    on_nodes = np.einsum("eij,...ej->...ei", beam.stiffness(beams), strained) + arch.nonlinear_end_forces(beams, local)
     if pushed is not None:
         on_nodes += np.einsum("eij,...ej->...ei", beam.mass(beams), pushed)
     if spread is not None:
@@ -114,7 +114,7 @@ class Fibres:
         return self.axial(forces)[..., None] + y - z
 
 
-_AROUND = np.arange(36) * (2.0 * np.pi / 36)
+_OUTLINE_POINTS = np.arange(36) * (2.0 * np.pi / 36)
 """Points on a round outline: the maximum of 36 points differs from the true one by at most 0.4 %."""
 
 _CORNERS = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]])
@@ -123,7 +123,7 @@ _CORNERS = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]])
 def fibres(sections: Sequence[Section]) -> Fibres:
     """Return the stress factors of elements."""
     outline = [
-        (np.sin(_AROUND), np.cos(_AROUND))
+        (np.sin(_OUTLINE_POINTS), np.cos(_OUTLINE_POINTS))
         if s.round
         else (np.resize(_CORNERS[:, 1], 36), np.resize(_CORNERS[:, 0], 36))
         for s in sections
@@ -150,8 +150,12 @@ def deflection(beams: Beams, nodal: FloatArray, parts: int, elements: slice = _A
     (u1, t1), (u2, t2) = ((local[..., i, :], local[..., i + 1, :]) for i in (0, 2))
     x = np.linspace(0.0, 1.0, parts + 1)
     u, rx = ((1.0 - x) * first[..., :1] + x * second[..., :1] for first, second in ((u1, u2), (t1, t2)))
-    v, rz = _bent(length, beams.phi_y[elements, None], x, (u1[..., 1:2], t1[..., 2:], u2[..., 1:2], t2[..., 2:]))
-    w, ry = _bent(length, beams.phi_z[elements, None], x, (u1[..., 2:], -t1[..., 1:2], u2[..., 2:], -t2[..., 1:2]))
+    v, rz = _interpolate_bending(
+        length, beams.phi_y[elements, None], x, (u1[..., 1:2], t1[..., 2:], u2[..., 1:2], t2[..., 2:])
+    )
+    w, ry = _interpolate_bending(
+        length, beams.phi_z[elements, None], x, (u1[..., 2:], -t1[..., 1:2], u2[..., 2:], -t2[..., 1:2])
+    )
     return np.stack([u, v, w, rx, -ry, rz], axis=-1)
 
 
@@ -159,7 +163,7 @@ Ends = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 """Deflection and rotation at both ends, shape (..., e, 1) each."""
 
 
-def _bent(L: FloatArray, phi: FloatArray, x: FloatArray, ends: Ends) -> tuple[FloatArray, FloatArray]:
+def _interpolate_bending(L: FloatArray, phi: FloatArray, x: FloatArray, ends: Ends) -> tuple[FloatArray, FloatArray]:
     """Return deflection and rotation of the section in one plane, shape (..., e, len(x)) each."""
     v1, r1, v2, r2 = ends
     rise = (3.0 * x**2 - 2.0 * x**3 + phi * x) / (1.0 + phi)

@@ -70,12 +70,12 @@ def mass_at(node: int, body: PointMass, dofs: DofMap) -> Triplets:
     return Triplets(dofs.size, numbers[i], numbers[j], matrix[i, j])
 
 
-def along(row: FloatArray, coefficient: float) -> Triplets:
+def scalar_matrix(row: FloatArray, coefficient: float) -> Triplets:
     """Return the matrix of a mass, spring or damper that acts on one scalar ``row^T u``."""
     return Triplets.outer(row, row, coefficient)
 
 
-_HELD = 1e-10
+_RANK_TOLERANCE = 1e-10
 """Singular values of the constraints below this are rounding: the rows have size 1."""
 
 
@@ -90,16 +90,16 @@ def free_motions(mesh: Mesh, dofs: DofMap, springs: Iterable[FloatArray]) -> Flo
     free = np.zeros((dofs.size, rigid.shape[-1] + further))
     free[dofs.numbers[dofs.numbers >= 0], : rigid.shape[-1]] = rigid[dofs.numbers >= 0]
     free[nodal:, rigid.shape[-1] :] = np.eye(further)
-    rows = np.concatenate([held, *(_stretched(row, free) for row in springs)])
+    rows = np.concatenate([held, *(_row_product(row, free) for row in springs)])
     size = np.abs(rows).max(axis=1, initial=0.0)
     rows = rows[size > 0.0] / size[size > 0.0, None]
     small = np.linalg.qr(rows, mode="r")  # the same null space with few rows
     _, values, vectors = np.linalg.svd(small)
-    rank = int(np.count_nonzero(values > _HELD * max(1.0, float(values.max(initial=0.0)))))
+    rank = int(np.count_nonzero(values > _RANK_TOLERANCE * max(1.0, float(values.max(initial=0.0)))))
     return free @ vectors[rank:].T
 
 
-def _stretched(row: FloatArray, free: FloatArray) -> FloatArray:
+def _row_product(row: FloatArray, free: FloatArray) -> FloatArray:
     """Return the product of a sparse row with motions, shape (1, k)."""
     at = np.flatnonzero(row != 0.0)
     return row[None, at] @ free[at]

@@ -13,7 +13,7 @@ from flexcam.dynamics import Cause, RunFailedError, Status
 
 
 @contextmanager
-def whole(path: Path) -> Generator[Path]:
+def atomic_write_path(path: Path) -> Generator[Path]:
     """Yield a temporary path, which replaces the target file once the block completes without error."""
     draft = path.with_name(f".flexcam-{os.getpid()}{path.suffix}") if path.is_file() or not path.exists() else path
     try:
@@ -29,7 +29,7 @@ def whole(path: Path) -> Generator[Path]:
                 draft.unlink(missing_ok=True)
 
 
-def hold(file: int) -> bool:
+def lock_file(file: int) -> bool:
     """Lock an open file until the process ends or the descriptor is closed; raise BlockingIOError if it is locked.
 
     Without file locks (Windows, some network drives) return False; concurrent access is not prevented then.
@@ -52,15 +52,15 @@ _FLAGS = os.O_RDONLY | getattr(os, "O_DIRECTORY", 0) | getattr(os, "O_NOFOLLOW",
 
 
 @contextmanager
-def scratch() -> Generator[Path]:
+def temporary_folder() -> Generator[Path]:
     """Yield a new temporary folder, removed at the end; first remove folders left by earlier processes of this user.
 
     Without file locks (Windows, some network drives) only the new folder is removed.
     """
     for left in Path(tempfile.gettempdir()).glob(f"{_PREFIX}*"):
         with suppress(OSError):  # locked or removed by another process
-            _remove_left(left)
-    folder, lock = _held()
+            _remove_stale(left)
+    folder, lock = _locked_folder()
     try:
         yield folder
     finally:
@@ -69,17 +69,17 @@ def scratch() -> Generator[Path]:
             os.close(lock)
 
 
-def _remove_left(folder: Path) -> None:
+def _remove_stale(folder: Path) -> None:
     """Remove a folder of this user that no process has locked."""
     lock = os.open(folder, _FLAGS)
     try:
-        if os.fstat(lock).st_uid == os.getuid() and hold(lock):
+        if os.fstat(lock).st_uid == os.getuid() and lock_file(lock):
             shutil.rmtree(folder, ignore_errors=True)
     finally:
         os.close(lock)
 
 
-def _held() -> tuple[Path, int | None]:
+def _locked_folder() -> tuple[Path, int | None]:
     """Return a new folder and the descriptor of its lock; None without file locks."""
     while True:  # another process may remove the new folder before it is locked
         folder = Path(tempfile.mkdtemp(prefix=_PREFIX))
@@ -90,7 +90,7 @@ def _held() -> tuple[Path, int | None]:
         except OSError:  # this system cannot open folders
             return folder, None
         with suppress(BlockingIOError):
-            hold(lock)
+            lock_file(lock)
             if folder.exists():
                 return folder, lock
         os.close(lock)

@@ -10,15 +10,15 @@ from pathlib import Path
 import numpy as np
 
 from flexcam.core import FloatArray, IntArray
-from flexcam.core.errors import did_you_mean, refuse
+from flexcam.core.errors import refuse, suggest_name
 from flexcam.dynamics import Response
 from flexcam.fem.frames import ROTATIONS
 from flexcam.fem.mesh import Mesh
-from flexcam.io.atomic_write import whole
-from flexcam.io.paths import free_to_write, made_folder
+from flexcam.io.atomic_write import atomic_write_path
+from flexcam.io.paths import check_writable, create_folder
 from flexcam.io.result_reader import Result
 from flexcam.io.result_writer import SERIES, VECTORS
-from flexcam.io.vtk_groups import RECOVERED
+from flexcam.io.vtk_groups import RECOVERED_FIELDS
 
 _TYPES = {"float64": "Float64", "int64": "Int64"}
 
@@ -50,7 +50,7 @@ def write_polylines(
         "<Lines>", _array("connectivity", np.arange(drawn)), _array("offsets", ends), "</Lines>",
         "</Piece></PolyData></VTKFile>", "",
     ])  # fmt: skip
-    with whole(path) as draft:
+    with atomic_write_path(path) as draft:
         draft.write_text(text, encoding="ascii")
 
 
@@ -68,7 +68,7 @@ CAM_ANGLE = "cam_angle_deg"
 
 
 @dataclass(frozen=True, eq=False)
-class Frame:
+class ExportFrame:
     """One saved instant: mesh, mesh node of every point, point data by name and global values by name."""
 
     mesh: Mesh
@@ -83,27 +83,29 @@ def write_pvd(
     """Write a result as a ParaView collection."""
     if every < 1:
         raise refuse("every", every, "a whole number from 1")
-    free_to_write("export", path, overwrite=overwrite)
+    check_writable("export", path, overwrite=overwrite)
     node = result.still["node"].astype(np.intp)
     known = {**{name: result.field(name)[:, node] for name in VECTORS}, **result.recovered}
     for name in fields or ():
         if name not in known:
-            raise refuse("fields", repr(name), ", ".join(known), remedy=did_you_mean(name, known))
+            raise refuse("fields", repr(name), ", ".join(known), remedy=suggest_name(name, known))
     moving = {name: known[name] for name in fields or known}
     instants = range(0, len(result.response.field_time), every)
     degrees = np.degrees(result.response.field_angle).tolist()
     frames = (
-        Frame(result.mesh, node, {**{n: v[i] for n, v in moving.items()}, **result.still}, {CAM_ANGLE: degrees[i]})
+        ExportFrame(
+            result.mesh, node, {**{n: v[i] for n, v in moving.items()}, **result.still}, {CAM_ANGLE: degrees[i]}
+        )
         for i in instants
     )
     return write_collection(path, result.response.field_time[::every], frames)
 
 
-def write_collection(path: Path, times: FloatArray, frames: Iterable[Frame]) -> list[Path]:
+def write_collection(path: Path, times: FloatArray, frames: Iterable[ExportFrame]) -> list[Path]:
     """Write frames as ``.vtp`` files into a folder, and a ``.pvd`` file beside it that lists them."""
     from xml.sax.saxutils import quoteattr  # imports urllib
 
-    folder = made_folder(path.with_suffix(""))
+    folder = create_folder(path.with_suffix(""))
     written = [folder / f"{path.stem}_{i:06d}.vtp" for i in range(len(times))]
     for piece, frame in zip(written, frames, strict=True):
         write_vtp(piece, frame)
@@ -114,12 +116,12 @@ def write_collection(path: Path, times: FloatArray, frames: Iterable[Frame]) -> 
     head = (
         '<?xml version="1.0"?>\n<VTKFile type="Collection" version="1.0" byte_order="LittleEndian">\n  <Collection>\n'
     )
-    with whole(path) as draft:
+    with atomic_write_path(path) as draft:
         draft.write_text(head + "\n".join(entries) + "\n  </Collection>\n</VTKFile>\n", encoding="utf-8")
     return [path, *written]
 
 
-def write_vtp(path: Path, frame: Frame) -> None:
+def write_vtp(path: Path, frame: ExportFrame) -> None:
     """Write one frame as VTK PolyData XML: a polyline per member and a vertex per movable node without a member."""
     lengths = [len(line) for line in frame.mesh.lines.values()]
     points = frame.mesh.nodes[frame.node]
@@ -129,7 +131,9 @@ def write_vtp(path: Path, frame: Frame) -> None:
     write_polylines(path, points, lengths, point_data=frame.data, cell_data={"member": members}, field_data=whole)
 
 
-_UNITS = {name: unit for name, (*_, unit) in VECTORS.items()} | {name: unit for name, (unit, _) in RECOVERED.items()}
+_UNITS = {name: unit for name, (*_, unit) in VECTORS.items()} | {
+    name: unit for name, (unit, _) in RECOVERED_FIELDS.items()
+}
 
 _MACRO = '''\
 """A result of flexcam in ParaView (5.11 or newer).
@@ -207,20 +211,20 @@ if given:
 
 def write_macro(collection: Path, fields: Sequence[str], degrees: Sequence[float], *, overwrite: bool = False) -> Path:
     """Write the macro of an exported collection as ``NAME.paraview.py`` beside it."""
-    path = macro_of(collection)
-    free_to_write("export", path, overwrite=overwrite)
+    path = macro_path(collection)
+    check_writable("export", path, overwrite=overwrite)
     colour = "stress_von_mises" if "stress_von_mises" in fields else fields[0]
     text = _MACRO.format(
         name=collection.stem, colour=colour, collection=collection.name,
         folder=str(collection.parent.resolve()), angle=CAM_ANGLE,
         degrees=[round(one, 6) for one in degrees], units=_UNITS,
     )  # fmt: skip
-    with whole(path) as draft:
+    with atomic_write_path(path) as draft:
         draft.write_text(text, encoding="utf-8")
     return path
 
 
-def macro_of(collection: Path) -> Path:
+def macro_path(collection: Path) -> Path:
     """Return the path of the macro of a collection."""
     return collection.with_name(f"{collection.stem}.paraview.py")
 
@@ -231,7 +235,7 @@ def write_csv(
     """Write time, cam angle, probe histories and channels as CSV, one row per step."""
     if every < 1:
         raise refuse("every", every, "a whole number from 1")
-    free_to_write("export", path, overwrite=overwrite)
+    check_writable("export", path, overwrite=overwrite)
     columns: dict[str, FloatArray] = {"time [s]": response.time, "cam angle [deg]": np.degrees(response.angle)}
     for name in probes or [name for name, _ in response.outline.probes]:
         history = response[name]
@@ -244,7 +248,7 @@ def write_csv(
     columns.update({f"{name} [{units[name]}]": values for name, values in response.channels.items()})
     header = ",".join(columns)
     rows = np.column_stack(list(columns.values()))[::every]
-    with whole(path) as draft:
+    with atomic_write_path(path) as draft:
         np.savetxt(draft, rows, fmt="%.17g", delimiter=",", header=header, comments="")
     return path
 
@@ -256,8 +260,8 @@ def component_unit(component: str, unit: str) -> str:
 
 def write_text(path: Path, text: str, *, overwrite: bool = False) -> Path:
     """Write a text file, such as a table."""
-    free_to_write("output", path, overwrite=overwrite)
-    made_folder(path.parent)
-    with whole(path) as draft:
+    check_writable("output", path, overwrite=overwrite)
+    create_folder(path.parent)
+    with atomic_write_path(path) as draft:
         draft.write_text(text, encoding="utf-8")
     return path

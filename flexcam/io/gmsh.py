@@ -16,12 +16,12 @@ from flexcam.core.errors import InputError, refuse
 ALLOWED = "a Gmsh file (.msh) of format 2.2 or 4.1"
 
 
-def malformed(given: str, why: str = "") -> InputError:
+def invalid_file_error(given: str, why: str = "") -> InputError:
     """Return the error for an invalid Gmsh file."""
     return refuse("mesh", given, ALLOWED, why, "export it again from Gmsh")
 
 
-class Numbers(Protocol):
+class NumberReader(Protocol):
     """Sequential reader of the numbers of one section."""
 
     def heading(self) -> int:
@@ -37,7 +37,7 @@ class Numbers(Protocol):
         ...
 
 
-class Words:
+class TextReader:
     """Reader of a text section.
 
     Parameters
@@ -59,21 +59,23 @@ class Words:
         """Return the next numbers."""
         words = self._words[self._next : self._next + count]
         if count < 0 or len(words) < count:
-            raise malformed(f"{len(self._words)} numbers in ${self._name}", "it ends before what it announces")
+            raise invalid_file_error(f"{len(self._words)} numbers in ${self._name}", "it ends before what it announces")
         self._next += count
         try:
             return np.array(words, dtype="S").astype(float if kind == "f" else np.int64)
         except (ValueError, OverflowError):
             text = b" ".join(words[:6]).decode("ascii", "replace")
-            raise malformed(f"{text!r} in ${self._name}", "numbers stand there") from None
+            raise invalid_file_error(f"{text!r} in ${self._name}", "numbers stand there") from None
 
     def end(self) -> None:
         """Raise an error if the section contains more numbers."""
         if self._next != len(self._words):
-            raise malformed(f"more in ${self._name} than it announces", "a line has too many numbers or too few")
+            raise invalid_file_error(
+                f"more in ${self._name} than it announces", "a line has too many numbers or too few"
+            )
 
 
-class Binary:
+class BinaryReader:
     """Reader of a binary section.
 
     Parameters
@@ -94,7 +96,7 @@ class Binary:
         """Return the number on the first line of the section."""
         found = re.compile(rb"\s*(\d{1,12})[ \t\r]*\n").match(self._data, self._next)
         if found is None:
-            raise malformed(f"no number at the head of ${self._name}")
+            raise invalid_file_error(f"no number at the head of ${self._name}")
         self._next = found.end()
         return int(found[1])
 
@@ -102,7 +104,9 @@ class Binary:
         """Return the next numbers."""
         item = np.dtype(self._kinds[kind])
         if count < 0 or self._next + count * item.itemsize > len(self._data):
-            raise malformed(f"{len(self._data)} bytes from ${self._name} on", "it ends before what it announces")
+            raise invalid_file_error(
+                f"{len(self._data)} bytes from ${self._name} on", "it ends before what it announces"
+            )
         values = np.frombuffer(self._data, item, count, self._next)
         self._next += count * item.itemsize
         return values if kind == "f" else values.astype(np.int64)
@@ -110,7 +114,7 @@ class Binary:
     def end(self) -> None:
         """Raise an error if the end mark of the section does not follow."""
         if not self._data[self._next :].lstrip().startswith(f"$End{self._name}".encode()):
-            raise malformed(f"no $End{self._name} after ${self._name}", "it holds more than it announces")
+            raise invalid_file_error(f"no $End{self._name} after ${self._name}", "it holds more than it announces")
 
 
 LINE, POINT = 1, 15
@@ -124,7 +128,7 @@ _NODES = {
 
 
 @dataclass(frozen=True, eq=False)
-class Elements:
+class ElementGroup:
     """Elements of one type in one physical group.
 
     Parameters
@@ -146,7 +150,7 @@ class Elements:
 
 
 @dataclass(frozen=True, eq=False)
-class Msh:
+class GmshMesh:
     """Content of a Gmsh file.
 
     Parameters
@@ -163,64 +167,64 @@ class Msh:
 
     numbers: IntArray
     points: FloatArray
-    elements: list[Elements]
+    elements: list[ElementGroup]
     names: dict[tuple[int, int], str]
 
 
-def read_msh(path: Path) -> Msh:
+def read_msh(path: Path) -> GmshMesh:
     """Read a Gmsh file."""
     try:
         data = path.read_bytes()
     except OSError as fault:
-        raise malformed(str(path), str(fault)) from None
+        raise invalid_file_error(str(path), str(fault)) from None
     head = _HEAD.match(data)
     if head is None:
-        raise malformed(path.name, "it does not begin with $MeshFormat")
+        raise invalid_file_error(path.name, "it does not begin with $MeshFormat")
     version, binary, size = head[1].decode("ascii", "replace"), head[2] == b"1", int(head[3])
     newer = version in ("4", "4.1")
     if not (newer or version in ("2", "2.1", "2.2")) or size not in (4, 8):
-        raise malformed(f"format {version}", "save it as version 4.1")
+        raise invalid_file_error(f"format {version}", "save it as version 4.1")
     if binary and data[head.end() : head.end() + 4] != b"\x01\x00\x00\x00":
-        raise malformed(path.name, "its bytes are in the order of another machine")
-    sections = _Sections(data, head.end(), size if binary else 0)
+        raise invalid_file_error(path.name, "its bytes are in the order of another machine")
+    sections = _SectionReader(data, head.end(), size if binary else 0)
     read = _read_4 if newer else _read_2
     numbers, points, elements = read(sections, binary)
-    return Msh(numbers, points, elements, _names(data))
+    return GmshMesh(numbers, points, elements, _names(data))
 
 
 _HEAD = re.compile(rb"\s*(?:\$Comments\b.*?\$EndComments\s*)*\$MeshFormat\s+(\S{1,8})\s+([01])\s+(\d)\s*?\n", re.S)
-_NAMED = re.compile(r'^\s*(\d{1,9})\s+(\d{1,9})\s+"(.*)"\s*$', re.M)
+_PHYSICAL_NAME = re.compile(r'^\s*(\d{1,9})\s+(\d{1,9})\s+"(.*)"\s*$', re.M)
 
 
 def _names(data: bytes) -> dict[tuple[int, int], str]:
     section = data.partition(b"$PhysicalNames")[2].partition(b"$EndPhysicalNames")[0].decode("utf-8", "replace")
-    return {(int(dimension), int(number)): name for dimension, number, name in _NAMED.findall(section)}
+    return {(int(dimension), int(number)): name for dimension, number, name in _PHYSICAL_NAME.findall(section)}
 
 
-class _Sections:
+class _SectionReader:
     """Sequential reader of the sections of a file."""
 
     def __init__(self, data: bytes, first: int, size: int) -> None:
         self._data, self._first, self._size = data, first, size
 
-    def numbers(self, name: str) -> Numbers:
+    def numbers(self, name: str) -> NumberReader:
         """Return the reader of a section."""
         start = self._data.find(b"\n$%s" % name.encode(), self._first - 1)
         if start < 0:
-            raise malformed(f"no ${name}", f"of {ALLOWED}")
+            raise invalid_file_error(f"no ${name}", f"of {ALLOWED}")
         first = self._data.find(b"\n", start + 1) + 1
         if self._size:
-            return Binary(name, self._data[first:] if first else b"", self._size)
+            return BinaryReader(name, self._data[first:] if first else b"", self._size)
         end = self._data.find(b"$End%s" % name.encode(), first)
         if end < 0 or not first:
-            raise malformed(f"no $End{name}", "the file is cut off")
-        return Words(name, self._data[first:end])
+            raise invalid_file_error(f"no $End{name}", "the file is cut off")
+        return TextReader(name, self._data[first:end])
 
 
-Parts = tuple[IntArray, FloatArray, list[Elements]]
+Parts = tuple[IntArray, FloatArray, list[ElementGroup]]
 
 
-def _read_2(sections: _Sections, binary: bool) -> Parts:
+def _read_2(sections: _SectionReader, binary: bool) -> Parts:
     nodes = sections.numbers("Nodes")
     count = nodes.heading()
     numbers, points = _nodes_2(nodes, count, binary)
@@ -228,16 +232,16 @@ def _read_2(sections: _Sections, binary: bool) -> Parts:
     elements = sections.numbers("Elements")
     found = list(_elements_2(elements, elements.heading(), binary))
     elements.end()
-    return numbers, points, _by_group(found)
+    return numbers, points, _group_elements(found)
 
 
-def _nodes_2(nodes: Numbers, count: int, binary: bool) -> tuple[IntArray, FloatArray]:
+def _nodes_2(nodes: NumberReader, count: int, binary: bool) -> tuple[IntArray, FloatArray]:
     if binary:
         rows = nodes.take("i", 7 * count).astype("<i4").reshape(count, 7)
         return rows[:, 0].astype(np.intp), np.ascontiguousarray(rows[:, 1:]).view("<f8").astype(float)
     rows: FloatArray = nodes.take("f", 4 * count).reshape(count, 4)
     if not (rows[:, 0] == np.round(rows[:, 0])).all() or (np.abs(rows[:, 0]) > 2.0**53).any():
-        raise malformed("a node whose number is not whole")
+        raise invalid_file_error("a node whose number is not whole")
     return rows[:, 0].astype(np.intp), rows[:, 1:]
 
 
@@ -245,7 +249,7 @@ Row = tuple[int, int, int, tuple[int, ...]]
 """Type, physical group, tag and nodes of one element."""
 
 
-def _elements_2(elements: Numbers, count: int, binary: bool) -> Iterator[Row]:
+def _elements_2(elements: NumberReader, count: int, binary: bool) -> Iterator[Row]:
     done = 0
     while done < count:
         if binary:
@@ -255,7 +259,7 @@ def _elements_2(elements: Numbers, count: int, binary: bool) -> Iterator[Row]:
             number, kind, tags = elements.take("i", 3).tolist()
             numbers, several = [number], 1
         if kind not in _NODES or tags < 0 or several < 1:
-            raise malformed(f"an element of type {kind} with {tags} tags", "Gmsh has no such element")
+            raise invalid_file_error(f"an element of type {kind} with {tags} tags", "Gmsh has no such element")
         width = tags + _NODES[kind] + (numbers is None)
         for row in elements.take("i", several * width).reshape(several, width).tolist():
             number, *rest = row if numbers is None else [*numbers, *row]
@@ -263,25 +267,25 @@ def _elements_2(elements: Numbers, count: int, binary: bool) -> Iterator[Row]:
         done += several
 
 
-def _by_group(rows: list[Row]) -> list[Elements]:
+def _group_elements(rows: list[Row]) -> list[ElementGroup]:
     """Group elements by type and physical group, in the order of first appearance."""
     parts: dict[tuple[int, int], list[Row]] = {}
     for row in rows:
         parts.setdefault(row[:2], []).append(row)
     return [
-        Elements(kind, group, np.array([row[2] for row in its]), np.array([row[3] for row in its]))
+        ElementGroup(kind, group, np.array([row[2] for row in its]), np.array([row[3] for row in its]))
         for (kind, group), its in parts.items()
     ]
 
 
-def _read_4(sections: _Sections, binary: bool) -> Parts:
+def _read_4(sections: _SectionReader, binary: bool) -> Parts:
     del binary  # both forms have the same layout
     groups = _entities(sections.numbers("Entities"))
     numbers, points = _nodes_4(sections.numbers("Nodes"))
     return numbers, points, list(_elements_4(sections.numbers("Elements"), groups))
 
 
-def _entities(entities: Numbers) -> dict[tuple[int, int], list[int]]:
+def _entities(entities: NumberReader) -> dict[tuple[int, int], list[int]]:
     """Return the physical groups by dimension and tag of the entity."""
     groups: dict[tuple[int, int], list[int]] = {}
     for dimension, count in enumerate(entities.take("u", 4).tolist()):
@@ -295,7 +299,7 @@ def _entities(entities: Numbers) -> dict[tuple[int, int], list[int]]:
     return groups
 
 
-def _nodes_4(nodes: Numbers) -> tuple[IntArray, FloatArray]:
+def _nodes_4(nodes: NumberReader) -> tuple[IntArray, FloatArray]:
     blocks, total, _, _ = nodes.take("u", 4).tolist()
     numbers: list[Any] = []
     points: list[Any] = []
@@ -307,27 +311,27 @@ def _nodes_4(nodes: Numbers) -> tuple[IntArray, FloatArray]:
         points.append(nodes.take("f", count * width).reshape(count, width)[:, :3])
     nodes.end()
     if sum(map(len, numbers)) != total:
-        raise malformed(f"{sum(map(len, numbers))} nodes, {total} announced")
+        raise invalid_file_error(f"{sum(map(len, numbers))} nodes, {total} announced")
     if not total:
         return np.zeros(0, np.intp), np.zeros((0, 3))
     return np.concatenate(numbers), np.concatenate(points)
 
 
-def _elements_4(elements: Numbers, groups: dict[tuple[int, int], list[int]]) -> Iterator[Elements]:
+def _elements_4(elements: NumberReader, groups: dict[tuple[int, int], list[int]]) -> Iterator[ElementGroup]:
     blocks, total, _, _ = elements.take("u", 4).tolist()
     done = 0
     for _ in range(blocks):
         dimension, entity, kind = elements.take("i", 3).tolist()
         (count,) = elements.take("u", 1).tolist()
         if kind not in _NODES:
-            raise malformed(f"elements of type {kind}", "Gmsh has no such element")
+            raise invalid_file_error(f"elements of type {kind}", "Gmsh has no such element")
         rows = elements.take("u", count * (1 + _NODES[kind])).reshape(count, 1 + _NODES[kind])
         done += count
         for group in groups.get((dimension, entity), []) or [0]:
-            yield Elements(kind, group, rows[:, 0], rows[:, 1:])
+            yield ElementGroup(kind, group, rows[:, 0], rows[:, 1:])
     elements.end()
     if done != total:
-        raise malformed(f"{done} elements, {total} announced")
+        raise invalid_file_error(f"{done} elements, {total} announced")
 
 
 Group = tuple[int, str, IntArray]

@@ -12,9 +12,9 @@ from typing import Literal
 import numpy as np
 
 from flexcam.core import FloatArray
-from flexcam.core.errors import Fault, InputError, refuse, said
-from flexcam.io.atomic_write import whole
-from flexcam.io.paths import free_to_write, lines_of, made_folder
+from flexcam.core.errors import Fault, InputError, refuse, system_message
+from flexcam.io.atomic_write import atomic_write_path
+from flexcam.io.paths import check_writable, create_folder, read_lines
 
 AngleKind = Literal["cam", "crank"]
 
@@ -22,7 +22,7 @@ _LENGTHS = {"um": 1e-6, "μm": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0
 _DEGREE = math.pi / 180.0
 _ANGLES = {"deg": _DEGREE, "°": _DEGREE, "degree": _DEGREE, "degrees": _DEGREE, "rad": 1.0}
 _SEPARATOR = re.compile(r"[,;\t]|\s+")
-_MOST_FAULTS = 10
+_MAX_FAULTS = 10
 _DECIMAL_COMMA = re.compile(r"\d,\d+\s*[;\t]")
 
 
@@ -64,8 +64,8 @@ def read_lift(path: Path, *, angle: AngleKind | None = None, unit: str | None = 
     bad = [(number, text) for number, text in rows if not _numbers(text)]
     if bad:
         raise InputError(
-            Fault(f"{path.name}, line {number}", repr(text[:40]), "an angle and a lift", "", _mend(text))
-            for number, text in bad[:_MOST_FAULTS]
+            Fault(f"{path.name}, line {number}", repr(text[:40]), "an angle and a lift", "", _suggest_remedy(text))
+            for number, text in bad[:_MAX_FAULTS]
         )
     values = np.array([_numbers(text) for _, text in rows], dtype=float).reshape(-1, 2)
     return LiftColumns(values[:, 0] * to_rad * (0.5 if kind == "crank" else 1.0), values[:, 1] * scale,
@@ -76,10 +76,10 @@ def write_lift_table(path: Path, angle: FloatArray, lift: FloatArray, *, overwri
     """Write a table of angle and lift that `read_lift` reads."""
     if path.suffix != ".csv":
         raise refuse("output", str(path), "a name that ends in .csv", "a case tells a table by it")
-    free_to_write("output", path, overwrite=overwrite)
-    made_folder(path.parent)
+    check_writable("output", path, overwrite=overwrite)
+    create_folder(path.parent)
     rows = np.column_stack([np.degrees(angle), 1e3 * lift])
-    with whole(path) as draft:
+    with atomic_write_path(path) as draft:
         np.savetxt(draft, rows, fmt="%.12g", delimiter=",", header="cam_deg,lift_mm", comments="")
     return path
 
@@ -87,14 +87,14 @@ def write_lift_table(path: Path, angle: FloatArray, lift: FloatArray, *, overwri
 def _lines(path: Path) -> list[tuple[int, str]]:
     """Return the non-empty rows with their line numbers."""
     try:
-        lines = lines_of(path)
+        lines = read_lines(path)
     except (OSError, UnicodeDecodeError) as fault:
-        raise refuse("lift table", str(path), "a readable text file", said(fault)) from None
+        raise refuse("lift table", str(path), "a readable text file", system_message(fault)) from None
     rows = [(number, line.partition("#")[0].strip()) for number, line in enumerate(lines, start=1)]
     return [(number, line) for number, line in rows if line]
 
 
-def _mend(row: str) -> str:
+def _suggest_remedy(row: str) -> str:
     if _DECIMAL_COMMA.search(row):
         return "write decimal points: 90.5; 1.25"
     return "correct or remove the row"
@@ -117,18 +117,18 @@ def _columns(head: str, path: Path) -> tuple[str, str]:
         return "", ""
     if len(parts) != 2:
         raise refuse(f"{path.name}, head", repr(head), "two names, such as cam_deg, lift_mm", "there are two columns")
-    if _words(parts[1])[:1] in (["cam"], ["crank"], ["angle"]) or "lift" in _words(parts[0]):
+    if _header_words(parts[1])[:1] in (["cam"], ["crank"], ["angle"]) or "lift" in _header_words(parts[0]):
         raise refuse(f"{path.name}, head", repr(head), "the angle first, then the lift", "", "swap the columns")
     return parts[0], parts[1]
 
 
-def _words(head: str) -> list[str]:
+def _header_words(head: str) -> list[str]:
     plain = unicodedata.normalize("NFKC", head).lower()  # Unicode has two micro signs
     return [word for word in re.split(r"[^a-zμ°\"]+", plain) if word]
 
 
 def _angle(column: str, given: AngleKind | None, head: str, path: Path) -> tuple[AngleKind, float]:
-    words = _words(column)
+    words = _header_words(column)
     named: list[AngleKind] = [kind for kind in ("cam", "crank") if any(word.startswith(kind) for word in words)]
     kind = given or (named[0] if len(named) == 1 else None)
     if kind is None:
@@ -142,7 +142,7 @@ def _angle(column: str, given: AngleKind | None, head: str, path: Path) -> tuple
 
 
 def _length(column: str, given: str | None, head: str, path: Path) -> float:
-    named = [word for word in _words(column) if word in _LENGTHS]
+    named = [word for word in _header_words(column) if word in _LENGTHS]
     unit = given or (named[-1] if named else None)
     if unit not in _LENGTHS:
         remedy = 'add unit = "mm" or unit = "in", or a first row such as cam_deg, lift_mm'

@@ -12,16 +12,16 @@ from pathlib import Path
 import numpy as np
 
 from flexcam.core import IntArray
-from flexcam.core.errors import NAME, NAMES, Fault, InputError, did_you_mean, refuse
+from flexcam.core.errors import NAME, NAMES, Fault, InputError, refuse, suggest_name
 from flexcam.fem.mesh import Mesh
 from flexcam.io.exports import write_text
-from flexcam.io.gmsh import LINE, POINT, Elements, Msh, msh_text, read_msh
-from flexcam.io.text_files import inp_text
+from flexcam.io.gmsh import LINE, POINT, ElementGroup, GmshMesh, msh_text, read_msh
+from flexcam.io.text_files import format_inp
 
-_TOLD = 20
+_MAX_FAULTS = 20
 """Maximum number of reported faults of one kind: a mesh with thousands has one cause."""
 
-_ONE_PLACE = 1e-9
+_COINCIDENCE_TOLERANCE = 1e-9
 """Distance, relative to the mesh size, below which nodes count as coincident (rounding)."""
 
 
@@ -51,7 +51,7 @@ def read_mesh(path: Path) -> Mesh:
     if path.suffix.lower() != ".msh":
         raise refuse("mesh", path.name, "a Gmsh file (.msh)", "other formats lose the names of groups")
     if not path.is_file():
-        near = did_you_mean(path.name, [other.name for other in path.parent.glob("*.msh")])
+        near = suggest_name(path.name, [other.name for other in path.parent.glob("*.msh")])
         raise refuse("mesh", str(path), "an existing file", "the path is relative to the case file", near)
     raw = read_msh(path)
     groups = _groups(raw)
@@ -73,56 +73,56 @@ def read_mesh(path: Path) -> Mesh:
     return Mesh(raw.points, lines, points)
 
 
-def _name(group: Elements, raw: Msh) -> str:
+def _name(group: ElementGroup, raw: GmshMesh) -> str:
     return raw.names.get((1 if group.kind == LINE else 0, group.group), "")
 
 
-def _member(group: Elements) -> IntArray | None:
-    return _chain(group.nodes) if group.kind == LINE else None
+def _member(group: ElementGroup) -> IntArray | None:
+    return _order_chain(group.nodes) if group.kind == LINE else None
 
 
-def _groups(raw: Msh) -> list[Elements]:
+def _groups(raw: GmshMesh) -> list[ElementGroup]:
     """Merge elements of one type and group; a group may consist of several curves."""
-    parts: dict[tuple[int, int], list[Elements]] = {}
+    parts: dict[tuple[int, int], list[ElementGroup]] = {}
     for one in raw.elements:
         if len(one.numbers):
             parts.setdefault((one.kind, one.group), []).append(one)
     return [
-        Elements(kind, group, *(np.concatenate([getattr(one, key) for one in its]) for key in ("numbers", "nodes")))
+        ElementGroup(kind, group, *(np.concatenate([getattr(one, key) for one in its]) for key in ("numbers", "nodes")))
         for (kind, group), its in parts.items()
     ]
 
 
-def _node_faults(raw: Msh) -> Iterator[Fault]:
-    for i in np.flatnonzero(~np.isfinite(raw.points).all(axis=1))[:_TOLD].tolist():
+def _node_faults(raw: GmshMesh) -> Iterator[Fault]:
+    for i in np.flatnonzero(~np.isfinite(raw.points).all(axis=1))[:_MAX_FAULTS].tolist():
         given = ", ".join(f"{x:g}" for x in raw.points[i].tolist())
         yield Fault(f"mesh node {raw.numbers[i]}", given, "finite coordinates", "", "export it again from Gmsh")
     numbers, counts = np.unique(raw.numbers, return_counts=True)
-    for number in numbers[counts > 1][:_TOLD].tolist():
+    for number in numbers[counts > 1][:_MAX_FAULTS].tolist():
         yield Fault(
             f"mesh node {number}", "several nodes", "one node of a number", "which one is meant is not known", ""
         )
 
 
-def _reference_faults(raw: Msh) -> Iterator[Fault]:
+def _reference_faults(raw: GmshMesh) -> Iterator[Fault]:
     for one in raw.elements:
         bad = np.flatnonzero(~np.isin(one.nodes, raw.numbers).all(axis=1))
-        for i in bad[:_TOLD].tolist():
+        for i in bad[:_MAX_FAULTS].tolist():
             missing = [n for n in one.nodes[i].tolist() if n not in raw.numbers]
             where, given = f"mesh element {one.numbers[i]}", f"node {missing[0]}"
             yield Fault(where, given, "a node of the file", "there is no such node", "export it again from Gmsh")
 
 
-def _numbered(numbers: IntArray) -> str:
+def _format_tags(numbers: IntArray) -> str:
     """Return a shortened list of element tags."""
     told = ", ".join(map(str, numbers[:3].tolist()))
     return f"{told}, ..." if len(numbers) > 3 else told
 
 
-def _group_faults(group: Elements, raw: Msh) -> Iterator[Fault]:
-    what = f"{len(group.numbers)} cells (elements {_numbered(group.numbers)})"
+def _group_faults(group: ElementGroup, raw: GmshMesh) -> Iterator[Fault]:
+    what = f"{len(group.numbers)} cells (elements {_format_tags(group.numbers)})"
     if group.kind not in (LINE, POINT):
-        shape = f"{len(group.numbers)} cells of {group.nodes.shape[1]} nodes (elements {_numbered(group.numbers)})"
+        shape = f"{len(group.numbers)} cells of {group.nodes.shape[1]} nodes (elements {_format_tags(group.numbers)})"
         why, remedy = "members are beams", "mesh only curves, in order 1"
         yield Fault("mesh", shape, "lines of two nodes and points", why, remedy)
     elif group.kind == LINE and not _name(group, raw):
@@ -132,12 +132,12 @@ def _group_faults(group: Elements, raw: Msh) -> Iterator[Fault]:
         where, why = f"mesh group {_name(group, raw)!r}", "cases and results name the group"
         yield Fault(where, repr(_name(group, raw)), NAMES, why, "rename the physical group in Gmsh")
     elif group.kind == LINE and _member(group) is None:
-        why = f"a member is a chain without branches, loops or gaps{_broken_at(group.nodes)}"
+        why = f"a member is a chain without branches, loops or gaps{_describe_breaks(group.nodes)}"
         where, remedy = f"mesh group {_name(group, raw)!r}", "give each chain its own group"
         yield Fault(where, what, "one open chain", why, remedy)
 
 
-def _broken_at(pairs: IntArray) -> str:
+def _describe_breaks(pairs: IntArray) -> str:
     """Describe the nodes at which lines do not form a chain."""
     nodes, counts = np.unique(pairs, return_counts=True)
     if branches := nodes[counts > 2].tolist():
@@ -146,10 +146,10 @@ def _broken_at(pairs: IntArray) -> str:
     return f"; it ends at nodes {', '.join(map(str, ends[:6]))}" if len(ends) > 2 else "; it has a loop"
 
 
-def _length_faults(raw: Msh) -> Iterator[Fault]:
+def _length_faults(raw: GmshMesh) -> Iterator[Fault]:
     """Yield lines of zero length and coincident nodes."""
     size = float(np.ptp(raw.points, axis=0).max(initial=0.0)) or 1.0
-    grid = np.round(raw.points / (_ONE_PLACE * size))
+    grid = np.round(raw.points / (_COINCIDENCE_TOLERANCE * size))
     _, place, counts = np.unique(grid, axis=0, return_inverse=True, return_counts=True)
     at = dict(zip(raw.numbers.tolist(), place.ravel().tolist(), strict=True))
     flat = [
@@ -159,12 +159,12 @@ def _length_faults(raw: Msh) -> Iterator[Fault]:
         for number, (a, b) in zip(one.numbers.tolist(), one.nodes.tolist(), strict=True)
         if at[a] == at[b]
     ]
-    for number, a, b in flat[:_TOLD]:
+    for number, a, b in flat[:_MAX_FAULTS]:
         given, why = f"nodes {a} and {b} at the same place", "an element has a length"
         yield Fault(f"mesh element {number}", given, "two nodes apart", why, "merge the nodes or move one")
     inside = {at[a] for _, a, _ in flat}
     twice = [i for i in np.flatnonzero(counts > 1).tolist() if i not in inside]
-    for i in twice[:_TOLD]:
+    for i in twice[:_MAX_FAULTS]:
         here = raw.numbers[place.ravel() == i].tolist()
         given = ", ".join(f"{x:g}" for x in raw.points[raw.numbers == here[0]][0].tolist())
         where = f"mesh nodes {' and '.join(map(str, here[:3]))}"
@@ -173,7 +173,7 @@ def _length_faults(raw: Msh) -> Iterator[Fault]:
         )
 
 
-def _chain(pairs: IntArray) -> IntArray | None:
+def _order_chain(pairs: IntArray) -> IntArray | None:
     """Return the nodes of an open chain in the direction of its lines; None if the lines do not form one."""
     neighbours: dict[int, list[int]] = {}
     for a, b in pairs.tolist():
@@ -212,7 +212,7 @@ def write_mesh(mesh: Mesh, path: Path, *, overwrite: bool = False) -> None:
     ``write_mesh(flexcam.fem.mesh.published_model(3), Path("tayeb-3.msh"))``
     """
     if path.suffix.lower() == ".inp":
-        write_text(path, inp_text(mesh), overwrite=overwrite)
+        write_text(path, format_inp(mesh), overwrite=overwrite)
         return
     groups = [(LINE, name, np.column_stack([line[:-1], line[1:]])) for name, line in mesh.lines.items()]
     groups += [(POINT, name, index[:, None]) for name, index in mesh.points.items()]

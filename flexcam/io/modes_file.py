@@ -14,17 +14,17 @@ import numpy as np
 from flexcam.cams import KINDS, HarmonicLift, Law
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
-from flexcam.io.atomic_write import whole
-from flexcam.io.exports import Frame, write_collection, write_text, write_vtp
-from flexcam.io.integrity import seal
-from flexcam.io.paths import free_to_write
-from flexcam.io.text_files import texts, toml_text
-from flexcam.io.vtk_groups import Geometry, VtkGroup, still_data
+from flexcam.io.atomic_write import atomic_write_path
+from flexcam.io.exports import ExportFrame, write_collection, write_text, write_vtp
+from flexcam.io.integrity import write_digest
+from flexcam.io.paths import check_writable
+from flexcam.io.text_files import format_toml, write_strings
+from flexcam.io.vtk_groups import Geometry, VtkGroup, constant_data
 
-PHASES = 24
+FRAMES_PER_PERIOD = 24
 """Frames per period of the animation."""
 
-_SWING = 0.05
+_DRAWN_AMPLITUDE = 0.05
 """Maximum translation of a drawn shape relative to the model size, suited to Warp By Vector with scale 1."""
 
 
@@ -38,39 +38,43 @@ def write_modes(
     """
     still_path, collection = path.with_suffix(".vtp"), path.with_suffix(".pvd")
     for target in (path, still_path, collection):
-        free_to_write("modes", target, overwrite=overwrite)
-    drawn = _drawn(geometry, frequencies, shapes)
-    phase = np.arange(PHASES) / PHASES
+        check_writable("modes", target, overwrite=overwrite)
+    drawn = _scaled_shapes(geometry, frequencies, shapes)
+    phase = np.arange(FRAMES_PER_PERIOD) / FRAMES_PER_PERIOD
     swing = np.cos(2.0 * np.pi * phase)
-    still = still_data(geometry)
+    still = constant_data(geometry)
     held = io.BytesIO()  # small; h5py does not handle a full disk safely
     with h5py.File(held, "w") as opened:
         file: Any = opened
-        group = VtkGroup(file, geometry, dict.fromkeys(drawn, ("m", 3)), still, PHASES)
-        group.append({name: swing[:, None, None] * shape for name, shape in drawn.items()}, PHASES)
-        group.count(PHASES)
+        group = VtkGroup(file, geometry, dict.fromkeys(drawn, ("m", 3)), still, FRAMES_PER_PERIOD)
+        group.append({name: swing[:, None, None] * shape for name, shape in drawn.items()}, FRAMES_PER_PERIOD)
+        group.count(FRAMES_PER_PERIOD)
         group.stamp(phase)
-        texts(
+        write_strings(
             file.create_group("about"), {"kind": "modes", "frequencies_hz": " ".join(f"{f:.9g}" for f in frequencies)}
         )
         for one in group.grown:
             one.sum()
-        seal(file)
-    with whole(path) as draft:
+        write_digest(file)
+    with atomic_write_path(path) as draft:
         draft.write_bytes(held.getvalue())
     constant = {name: values for name, (values, _) in still.items()}
-    write_vtp(still_path, Frame(geometry.mesh, geometry.node, {**constant, **drawn}))
-    frames = (Frame(geometry.mesh, geometry.node, {**constant, **{n: s * d for n, d in drawn.items()}}) for s in swing)
+    write_vtp(still_path, ExportFrame(geometry.mesh, geometry.node, {**constant, **drawn}))
+    frames = (
+        ExportFrame(geometry.mesh, geometry.node, {**constant, **{n: s * d for n, d in drawn.items()}}) for s in swing
+    )
     return [path, still_path, *write_collection(collection, phase, frames)]
 
 
-def _drawn(geometry: Geometry, frequencies: FloatArray, shapes: FloatArray) -> dict[str, FloatArray]:
+def _scaled_shapes(geometry: Geometry, frequencies: FloatArray, shapes: FloatArray) -> dict[str, FloatArray]:
     size = geometry.mesh.extent
     drawn: dict[str, FloatArray] = {}
     nodal = geometry.dofs.nodal_modes(shapes.T, size)[:, geometry.node, :3]
     for i, (frequency, moved) in enumerate(zip(frequencies, nodal, strict=True), start=1):
         largest = float(np.linalg.norm(moved, axis=1).max())
-        scale = _SWING * size / largest if largest > 0.0 else 0.0  # pure torsion or an internal mode moves no point
+        scale = (
+            _DRAWN_AMPLITUDE * size / largest if largest > 0.0 else 0.0
+        )  # pure torsion or an internal mode moves no point
         drawn[f"mode_{i:02d}_{frequency:.1f}Hz"] = scale * moved
     return drawn
 
@@ -92,4 +96,4 @@ def write_lift(lift: HarmonicLift, path: Path, *, about: Mapping[str, object], o
 def _write(path: Path, content: Mapping[str, object], *, overwrite: bool) -> Path:
     if path.suffix != ".toml":
         raise refuse("output", str(path), "a name that ends in .toml", "so a case tells it from a name of a law")
-    return write_text(path, toml_text(content), overwrite=overwrite)
+    return write_text(path, format_toml(content), overwrite=overwrite)

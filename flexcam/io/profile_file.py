@@ -13,37 +13,37 @@ from pathlib import Path
 import numpy as np
 
 from flexcam.core import FloatArray
-from flexcam.core.errors import Fault, InputError, refuse, said
-from flexcam.io.atomic_write import whole
+from flexcam.core.errors import Fault, InputError, refuse, system_message
+from flexcam.io.atomic_write import atomic_write_path
 from flexcam.io.exports import write_polylines
-from flexcam.io.paths import free_to_write, lines_of
+from flexcam.io.paths import check_writable, read_lines
 
 _LENGTHS = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
-_MOST_FAULTS = 10
+_MAX_FAULTS = 10
 
 
 def read_profile(path: Path, *, unit: str | None = None) -> FloatArray:
     """Read the points of a profile."""
     try:
-        lines = lines_of(path)
+        lines = read_lines(path)
     except (OSError, UnicodeDecodeError) as fault:
-        raise refuse("profile", str(path), "a readable text file", said(fault)) from None
-    rows = [(number, _parts(line)) for number, line in enumerate(lines, start=1) if line.partition("#")[0].strip()]
+        raise refuse("profile", str(path), "a readable text file", system_message(fault)) from None
+    rows = [(number, _split_row(line)) for number, line in enumerate(lines, start=1) if line.partition("#")[0].strip()]
     if not rows:
         raise refuse("profile", f"{path.name}, which is empty", "rows of x and y")
     head = [] if _numbers(rows[0][1], (0, 1)) else rows.pop(0)[1]
     columns = _columns(head, path)
-    scale = _scale([head[column] for column in columns] if head else [], unit, path)
+    scale = _find_scale([head[column] for column in columns] if head else [], unit, path)
     bad = [Fault(f"{path.name}, line {number}", repr(",".join(parts)[:40]), "numbers", "", "correct or remove the row")
            for number, parts in rows if not _numbers(parts, columns)]  # fmt: skip
     if bad:
-        raise InputError(bad[:_MOST_FAULTS])
+        raise InputError(bad[:_MAX_FAULTS])
     points = scale * np.array([_numbers(parts, columns) for _, parts in rows], dtype=float).reshape(-1, 2)
     closed = len(points) > 1 and bool(np.abs(points[0] - points[-1]).max() < 1e-9 * np.abs(points).max())
     return points[:-1] if closed else points
 
 
-def _parts(line: str) -> list[str]:
+def _split_row(line: str) -> list[str]:
     return [part.strip() for part in re.split(r"[,;\t]", line.partition("#")[0])]
 
 
@@ -74,7 +74,7 @@ def _columns(head: list[str], path: Path) -> tuple[int, int]:
     return found[0], found[1]
 
 
-def _scale(head: list[str], given: str | None, path: Path) -> float:
+def _find_scale(head: list[str], given: str | None, path: Path) -> float:
     """Return the unit of the column headers (the last word of each that is a unit) or the given one."""
     words = [[word for word in _words(name) if word in _LENGTHS] for name in head]
     named = [given or "", *(word[-1] for word in words if word)]
@@ -121,9 +121,9 @@ def write_profile(table: ProfileTable, stem: Path, forms: Sequence[str], *, over
     writers = {"csv": _csv, "dxf": _dxf, "vtp": _vtp}
     paths = [stem.with_name(f"{stem.name}.{form}") for form in forms]
     for path in paths:
-        free_to_write("profile", path, overwrite=overwrite)
+        check_writable("profile", path, overwrite=overwrite)
     for form, path in zip(forms, paths, strict=True):
-        with whole(path) as draft:
+        with atomic_write_path(path) as draft:
             writers[form](table, draft)
     return paths
 

@@ -8,33 +8,33 @@ from typing import Any
 import numpy as np
 
 from flexcam.core import FloatArray, IntArray
-from flexcam.io.hdf5 import dataset, fill, space
-from flexcam.io.integrity import keep_sum
-from flexcam.io.text_files import note
+from flexcam.io.hdf5 import create_dataset, create_dataspace, write_dataset
+from flexcam.io.integrity import write_checksum
+from flexcam.io.text_files import write_string_attribute
 
-_MOST = 4096
+_MAX_CHUNK_SIZE = 4096
 """Maximum number of values in a chunk, as far as blocks can be halved."""
 
 
 def chunk_rows(rows: int, width: int) -> int:
     """Return the rows of a chunk: those of a block, halved while too many because the last chunk is stored in full."""
-    while rows % 2 == 0 and rows * width > _MOST:
+    while rows % 2 == 0 and rows * width > _MAX_CHUNK_SIZE:
         rows //= 2
     return rows
 
 
-def _chunks(shape: tuple[int, ...]) -> tuple[int, ...]:
+def _chunk_shape(shape: tuple[int, ...]) -> tuple[int, ...]:
     """Return the chunk shape of a fixed dataset: as many full rows as one chunk may contain."""
     width = int(np.prod(shape[1:], dtype=int))
-    return (max(1, min(shape[0], _MOST // max(width, 1))), *shape[1:])
+    return (max(1, min(shape[0], _MAX_CHUNK_SIZE // max(width, 1))), *shape[1:])
 
 
-def ordered(group: Any, name: str) -> Any:  # noqa: ANN401 - h5py has no types
+def create_ordered_group(group: Any, name: str) -> Any:  # noqa: ANN401 - h5py has no types
     """Return a new group that preserves the creation order of its members."""
     return group.create_group(name, track_order=True)
 
 
-class Growing:
+class GrowingDataset:
     """Empty dataset with an extensible first axis.
 
     Rows are written without h5py's selections and look-ups: a result has about forty such datasets that grow together.
@@ -59,8 +59,8 @@ class Growing:
         self._columns = (width,) if width else ()
         shape, limit = (0, *self._columns), (None, *self._columns)
         chunk = (chunk_rows(rows, width or 1), *self._columns)
-        self.dataset: Any = dataset(group, name, kind, shape, limit=limit, chunk=chunk)
-        note(self.dataset, "units", unit)
+        self.dataset: Any = create_dataset(group, name, kind, shape, limit=limit, chunk=chunk)
+        write_string_attribute(self.dataset, "units", unit)
         self._length, self._kind, self._sum = 0, kind, 0
         self.sum()
 
@@ -86,20 +86,20 @@ class Growing:
             there.select_hyperslab((first, *(0 for _ in self._columns)), rows.shape)
             values = np.ascontiguousarray(rows, dtype=self._kind)
             self._sum = zlib.crc32(values.data, self._sum)
-            self.dataset.id.write(space(rows.shape), there, values)
+            self.dataset.id.write(create_dataspace(rows.shape), there, values)
 
     def sum(self) -> None:
         """Write the checksum of all rows."""
-        keep_sum(self.dataset, self._sum)
+        write_checksum(self.dataset, self._sum)
 
 
-def fixed(group: Any, name: str, values: FloatArray | IntArray, unit: str = "") -> Any:  # noqa: ANN401
+def create_fixed_dataset(group: Any, name: str, values: FloatArray | IntArray, unit: str = "") -> Any:  # noqa: ANN401
     """Return a new dataset of fixed size with its unit."""
     array = np.ascontiguousarray(values)
-    chunk = _chunks(array.shape) if array.size else ()  # an empty dataset has no chunks
-    made = dataset(group, name, array.dtype.str, array.shape, chunk=chunk)
+    chunk = _chunk_shape(array.shape) if array.size else ()  # an empty dataset has no chunks
+    made = create_dataset(group, name, array.dtype.str, array.shape, chunk=chunk)
     if array.size:
-        fill(made, array)
-    note(made, "units", unit)
-    keep_sum(made, zlib.crc32(array.data))
+        write_dataset(made, array)
+    write_string_attribute(made, "units", unit)
+    write_checksum(made, zlib.crc32(array.data))
     return made

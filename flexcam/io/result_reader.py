@@ -10,33 +10,33 @@ from typing import Any
 import numpy as np
 
 from flexcam.core import FloatArray, IntArray
-from flexcam.core.errors import Fault, InputError, did_you_mean, refuse
+from flexcam.core.errors import Fault, InputError, refuse, suggest_name
 from flexcam.dynamics import Cause, Outline, Response, Series, Stats, Status
 from flexcam.fem.frames import COMPONENTS
 from flexcam.fem.mesh import Mesh
-from flexcam.io.hdf5 import DAMAGE, datasets, guarded
-from flexcam.io.integrity import SUM, damaged, held, seal_fault, taken
-from flexcam.io.result_writer import FORMAT, SERIES, VECTORS, partial_of
-from flexcam.io.text_files import noted, notes, read_texts
-from flexcam.io.vtk_groups import RECOVERED
+from flexcam.io.hdf5 import READ_ERRORS, datasets, open_checked
+from flexcam.io.integrity import CHECKSUM, damage_fault, dataset_fault, digest_fault, read_rows
+from flexcam.io.result_writer import FORMAT, SERIES, VECTORS, partial_path
+from flexcam.io.text_files import read_string_attribute, read_string_attributes, read_strings
+from flexcam.io.vtk_groups import RECOVERED_FIELDS
 
 _RESULT, _PARTIAL, _WRITING = ".vtkhdf", ".partial.vtkhdf", (".writing", ".copying")
 
 
-def instead(path: Path) -> str:
+def suggest_alternative(path: Path) -> str:
     """Suggest an alternative file for a result that cannot be read: its partial or final result."""
     if path.suffix == ".toml":
         return f"a case is solved first: flexcam run {path}"
     try:
-        return _beside(path)
+        return _find_alternative(path)
     except OSError:  # not a valid file name or no access to the folder: the error message says so
         return ""
 
 
-def _beside(path: Path) -> str:
+def _find_alternative(path: Path) -> str:
     final = path.with_name(path.name.removesuffix(_PARTIAL) + _RESULT) if path.name.endswith(_PARTIAL) else path
     final = final.with_suffix(_RESULT) if final.suffix in _WRITING else final
-    partial, writing = partial_of(final), final.with_suffix(_WRITING[0])
+    partial, writing = partial_path(final), final.with_suffix(_WRITING[0])
     if path.exists() and path.suffix not in _WRITING:
         return ""
     if final != path and final.exists():
@@ -47,10 +47,10 @@ def _beside(path: Path) -> str:
         return (
             f"{writing} is there: a run is going on, or was killed before its first copy; ask again once it has ended"
         )
-    return did_you_mean(path.name, [one.name for one in path.parent.glob(f"*{_RESULT}")])
+    return suggest_name(path.name, [one.name for one in path.parent.glob(f"*{_RESULT}")])
 
 
-STILL = ("radius", "node", "axis_x", "axis_y", "axis_z")
+CONSTANT_DATA = ("radius", "node", "axis_x", "axis_y", "axis_z")
 """Constant point data."""
 
 
@@ -137,12 +137,12 @@ def read_result(path: str | Path) -> Result:
     ``read_result("results/model-3-shm.vtkhdf").response["valve"].velocity`` is the velocity of the valve.
     """
     source = Path(path)
-    with guarded(source, "result", "a result file of flexcam (.vtkhdf)", instead(source)) as file:
-        check_whole(file, source)
+    with open_checked(source, "result", "a result file of flexcam (.vtkhdf)", suggest_alternative(source)) as file:
+        check_integrity(file, source)
         return _result(file)
 
 
-def check_whole(file: Any, source: Path) -> None:  # noqa: ANN401 - h5py has no types
+def check_integrity(file: Any, source: Path) -> None:  # noqa: ANN401 - h5py has no types
     """Raise an error for a newer format, or if names, texts or index do not match the digest."""
     if "VTKHDF" not in file and {"inputs", "scalars"} <= set(file):
         remedy = "flexcam.studies.tables.read_table reads it, and flexcam info --verify says whether it is sound"
@@ -151,20 +151,20 @@ def check_whole(file: Any, source: Path) -> None:  # noqa: ANN401 - h5py has no 
     if form > FORMAT:
         given = f"{source} of format {form}"
         raise refuse("result", given, f"up to format {FORMAT}", "it is newer", "update flexcam")
-    if fault := seal_fault(file):
+    if fault := digest_fault(file):
         raise InputError([fault])
 
 
 def _result(file: Any) -> Result:  # noqa: ANN401
-    about = read_texts(file["about"])
+    about = read_strings(file["about"])
     vtk = file["VTKHDF"]
     data, mesh = vtk["PointData"], _mesh(file)
     count, points = min(int(vtk["Steps"].attrs["NSteps"]), len(vtk["Steps/Values"])), int(vtk["NumberOfPoints"][0])
-    recovered = {name: taken(data[name], count * points) for name in RECOVERED}
+    recovered = {name: read_rows(data[name], count * points) for name in RECOVERED_FIELDS}
     return Result(
         mesh=mesh,
         response=_response(file, count, len(mesh.nodes)),
-        still={name: taken(data[name]) for name in STILL},
+        still={name: read_rows(data[name]) for name in CONSTANT_DATA},
         recovered={name: values.reshape(count, points, *values.shape[1:]) for name, values in recovered.items()},
         about=about,
         warnings=_warnings(file),
@@ -178,46 +178,46 @@ def _warnings(file: Any) -> tuple[str, ...]:  # noqa: ANN401
 
 def _mesh(file: Any) -> Mesh:  # noqa: ANN401
     vtk, group = file["VTKHDF"], file["mesh"]
-    node, ends = taken(vtk["PointData/node"]), taken(vtk["Lines/Offsets"]).tolist()
-    names = notes(vtk["CellData/member"], "names")
+    node, ends = read_rows(vtk["PointData/node"]), read_rows(vtk["Lines/Offsets"]).tolist()
+    names = read_string_attributes(vtk["CellData/member"], "names")
     lines = {name: node[a:b] for name, a, b in zip(names, ends[:-1], ends[1:], strict=True)}
-    return Mesh(taken(group["nodes"]), lines, {name: taken(index) for name, index in group["points"].items()})
+    return Mesh(read_rows(group["nodes"]), lines, {name: read_rows(index) for name, index in group["points"].items()})
 
 
 def _response(file: Any, count: int, nodes: int) -> Response:  # noqa: ANN401
     vtk, history = file["VTKHDF"], file["history"]
     steps = int(history.attrs["steps"])
-    probes = tuple((name, notes(one, "components")) for name, one in history["probes"].items())
+    probes = tuple((name, read_string_attributes(one, "components")) for name, one in history["probes"].items())
     channels, data = history["channels"].items(), vtk["PointData"]
-    node = taken(data["node"])
+    node = read_rows(data["node"])
 
     def fields(name: str) -> FloatArray:
-        return taken(data[name], count * len(node))
+        return read_rows(data[name], count * len(node))
 
     return Response(
         outline=Outline(
             tuple(f"node {n}.{c}" for n in range(nodes) for c in COMPONENTS),
             probes,
-            tuple((name, noted(data, "units")) for name, data in channels),
+            tuple((name, read_string_attribute(data, "units")) for name, data in channels),
         ),
-        time=taken(history["time"], steps),
-        angle=taken(history["cam_angle"], steps),
-        probes=Series(*(_side_by_side(history, probes, series, steps) for series in SERIES)),
-        channels={name: taken(data, steps) for name, data in channels},
-        field_time=taken(vtk["Steps/Values"], count),
-        field_angle=taken(file["fields/cam_angle"], count),
-        fields=Series(*(at_nodes(fields, series, node, nodes) for series in SERIES)),
-        status=status_of(file),
+        time=read_rows(history["time"], steps),
+        angle=read_rows(history["cam_angle"], steps),
+        probes=Series(*(_join_probes(history, probes, series, steps) for series in SERIES)),
+        channels={name: read_rows(data, steps) for name, data in channels},
+        field_time=read_rows(vtk["Steps/Values"], count),
+        field_angle=read_rows(file["fields/cam_angle"], count),
+        fields=Series(*(nodal_values(fields, series, node, nodes) for series in SERIES)),
+        status=read_status(file),
         stats=_stats(file),
     )
 
 
-def _side_by_side(history: Any, probes: tuple[tuple[str, tuple[str, ...]], ...], series: str, steps: int) -> FloatArray:  # noqa: ANN401
-    columns = [taken(history["probes"][name][series], steps) for name, _ in probes]
+def _join_probes(history: Any, probes: tuple[tuple[str, tuple[str, ...]], ...], series: str, steps: int) -> FloatArray:  # noqa: ANN401
+    columns = [read_rows(history["probes"][name][series], steps) for name, _ in probes]
     return np.concatenate(columns, axis=1) if columns else np.zeros((steps, 0))
 
 
-def at_nodes(read: Callable[[str], FloatArray], series: str, node: IntArray, nodes: int) -> FloatArray:
+def nodal_values(read: Callable[[str], FloatArray], series: str, node: IntArray, nodes: int) -> FloatArray:
     """Return one series of saved fields at the nodes; coincident points of a joint have the same values."""
     parts = {first: read(name).reshape(-1, len(node), 3) for name, (of, first, _) in VECTORS.items() if of == series}
     spread = np.zeros((len(parts[0]), nodes, 6))
@@ -226,11 +226,11 @@ def at_nodes(read: Callable[[str], FloatArray], series: str, node: IntArray, nod
     return spread.reshape(-1, 6 * nodes)
 
 
-def status_of(file: Any) -> Status:  # noqa: ANN401
+def read_status(file: Any) -> Status:  # noqa: ANN401
     """Return the status of the run in an open result file."""
     if "status" not in file:
         return Status(Cause.INTERRUPTED, "the run was cut off before it could say why", "flexcam run --resume goes on")
-    texts = read_texts(file["status"])
+    texts = read_strings(file["status"])
     return Status(Cause(texts["cause"]), texts["text"], texts["remedy"])
 
 
@@ -241,14 +241,14 @@ def _stats(file: Any) -> Stats:  # noqa: ANN401
     group = file["status"]
     known = {name: default for name, default in Stats().__dict__.items() if name in group.attrs}
     kept: dict[str, Any] = {
-        name: noted(group, name) if isinstance(default, str) else type(default)(group.attrs[name])
+        name: read_string_attribute(group, name) if isinstance(default, str) else type(default)(group.attrs[name])
         for name, default in known.items()
     }
     return Stats(**kept)
 
 
 @dataclass(frozen=True)
-class Verified:
+class VerificationSummary:
     """Summary of a verified file.
 
     Parameters
@@ -269,21 +269,21 @@ class Verified:
     complete: bool
 
 
-def verified(path: str | Path) -> Verified:
+def verify_file(path: str | Path) -> VerificationSummary:
     """Read and verify every dataset of a result or of a sweep table."""
     source = Path(path)
     allowed = "a result file of flexcam (.vtkhdf) or the table of a sweep (.h5)"
-    with guarded(source, "result", allowed, instead(source)) as file:
+    with open_checked(source, "result", allowed, suggest_alternative(source)) as file:
         found = datasets(file)
-        if faults := [fault for fault in (seal_fault(file), *map(_fault, found)) if fault]:
+        if faults := [fault for fault in (digest_fault(file), *map(_fault, found)) if fault]:
             raise InputError(faults)
-        complete = "history" not in file or status_of(file).ok
-        checked = sum(SUM in one.attrs for one in found)
-        return Verified(len(found), checked, sum(int(one.nbytes) for one in found), complete)
+        complete = "history" not in file or read_status(file).ok
+        checked = sum(CHECKSUM in one.attrs for one in found)
+        return VerificationSummary(len(found), checked, sum(int(one.nbytes) for one in found), complete)
 
 
 def _fault(one: Any) -> Fault | None:  # noqa: ANN401 - h5py has no types
     try:
-        return held(one)
-    except DAMAGE as fault:
-        return damaged(one, str(fault))
+        return dataset_fault(one)
+    except READ_ERRORS as fault:
+        return damage_fault(one, str(fault))

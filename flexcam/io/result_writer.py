@@ -18,29 +18,29 @@ import h5py  # pyright: ignore[reportMissingTypeStubs]
 import numpy as np
 
 from flexcam.core import FloatArray
-from flexcam.core.errors import refuse, said
+from flexcam.core.errors import refuse, system_message
 from flexcam.dynamics import Block, Outline, SaveAt, Stats, Status
 from flexcam.dynamics.checkpoint import Checkpoint
 from flexcam.fem.frames import ROTATIONS
 from flexcam.fem.mesh import Mesh
-from flexcam.io.atomic_write import hold
-from flexcam.io.integrity import keep_sum, seal, taken
-from flexcam.io.paths import free_to_write
-from flexcam.io.result_datasets import Growing, chunk_rows, fixed, ordered
-from flexcam.io.text_files import note, texts
-from flexcam.io.vtk_groups import RECOVERED, Geometry, VtkGroup, still_data
+from flexcam.io.atomic_write import lock_file
+from flexcam.io.integrity import read_rows, write_checksum, write_digest
+from flexcam.io.paths import check_writable
+from flexcam.io.result_datasets import GrowingDataset, chunk_rows, create_fixed_dataset, create_ordered_group
+from flexcam.io.text_files import write_string_attribute, write_strings
+from flexcam.io.vtk_groups import RECOVERED_FIELDS, Geometry, VtkGroup, constant_data
 
-_SHARE = 0.02
+_MAX_COPY_TIME = 0.02
 """Maximum fraction of the run time spent on copies."""
 
-_SPARE = 2
+_REQUIRED_SPACE = 2
 """Free space required for a copy, relative to the file size: the rest of the run needs space too."""
 
-_LAID_OUT = 1 << 19
+_LAYOUT_BYTES = 1 << 19
 """Bytes of a file before its first step, with a margin for a few hundred nodes."""
 
 
-class Draft:
+class TemporaryResult:
     """Temporary result file, locked by one process.
 
     Parameters
@@ -57,22 +57,22 @@ class Draft:
             allowed, why = "a file of its own", "a symbolic link stands there: what it leads to would be written over"
             raise refuse("result", str(path), allowed, why, "remove the link, or name another folder")
         try:
-            self._held = _locked(path)
+            self._held = _lock_file(path)
             self._try()
         except BlockingIOError:
             allowed, why = "a result that nobody else is writing", "another run is writing it now"
             raise refuse("result", str(shown), allowed, why, "wait for its end, or name another folder") from None
         except OSError as fault:
             allowed, remedy = "a file that can be written", "free space or name another folder"
-            raise refuse("result", str(path), allowed, said(fault), remedy) from None
+            raise refuse("result", str(path), allowed, system_message(fault), remedy) from None
         self._last, self._cost = time.perf_counter(), 0.0
 
     def _try(self) -> None:
         """Detect a full disk before HDF5 lays out the file, because HDF5 does not handle that error safely."""
         try:
             done = 0
-            while done < _LAID_OUT:  # a short write gives no error; the next one does
-                done += os.pwrite(self._held, bytes(_LAID_OUT - done), done)
+            while done < _LAYOUT_BYTES:  # a short write gives no error; the next one does
+                done += os.pwrite(self._held, bytes(_LAYOUT_BYTES - done), done)
             os.truncate(self._held, 0)
         except OSError:
             self.discard()
@@ -86,13 +86,13 @@ class Draft:
     @property
     def due(self) -> bool:
         """Return whether the next copy is due."""
-        return self._cost <= _SHARE * (time.perf_counter() - self._last)
+        return self._cost <= _MAX_COPY_TIME * (time.perf_counter() - self._last)
 
     def show(self, prepared: float | None = None) -> None:
         """Publish a copy of the file; without space for it the previous copy remains."""
         began = time.perf_counter() if prepared is None else prepared
         try:
-            if shutil.disk_usage(self.path.parent).free > _SPARE * self.path.stat().st_size:
+            if shutil.disk_usage(self.path.parent).free > _REQUIRED_SPACE * self.path.stat().st_size:
                 self._copy.unlink(missing_ok=True)  # a link there would redirect the copy
                 shutil.copyfile(self.path, self._copy)
                 os.replace(self._copy, self._shown)
@@ -133,12 +133,12 @@ def _sync_folder(folder: Path) -> None:
             os.close(held)
 
 
-def _locked(path: Path) -> int:
+def _lock_file(path: Path) -> int:
     """Return a descriptor that holds the lock of a file until the process ends."""
     while True:
         held = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
         try:
-            hold(held)
+            lock_file(held)
             with suppress(FileNotFoundError):
                 if os.path.samestat(os.fstat(held), path.stat()):
                     return held
@@ -149,16 +149,16 @@ def _locked(path: Path) -> int:
 
 
 @contextmanager
-def plainly() -> Generator[None]:
+def convert_write_errors() -> Generator[None]:
     """Convert HDF5 write errors to the message of the operating system, without addresses and buffer sizes."""
     try:
         yield
     except (OSError, RuntimeError) as fault:
-        told = _SYSTEM.search(str(fault))
+        told = _ERRNO_PATTERN.search(str(fault))
         raise OSError(os.strerror(int(told[1])) if told else str(fault).partition(" (")[0]) from None
 
 
-_SYSTEM = re.compile(r"errno = (\d+)")
+_ERRNO_PATTERN = re.compile(r"errno = (\d+)")
 """Operating system error number in an HDF5 message."""
 
 
@@ -169,10 +169,10 @@ _STEPS, _PROBLEM = "steps", "problem"
 _CHUNK_KEPT_STATE = 4096
 
 
-def make_checkpoint(file: Any) -> None:  # noqa: ANN401 - h5py has no types
+def create_checkpoint(file: Any) -> None:  # noqa: ANN401 - h5py has no types
     """Create the empty checkpoint dataset in a new result file."""
     file.create_dataset(CHECKPOINT, (0,), "u1", maxshape=(None,), chunks=(_CHUNK_KEPT_STATE,), fletcher32=True)
-    keep_sum(file[CHECKPOINT], zlib.crc32(b""))
+    write_checksum(file[CHECKPOINT], zlib.crc32(b""))
 
 
 def write_checkpoint(file: Any, checkpoint: Checkpoint) -> None:  # noqa: ANN401
@@ -184,19 +184,19 @@ def write_checkpoint(file: Any, checkpoint: Checkpoint) -> None:  # noqa: ANN401
     content = np.frombuffer(packed.getvalue(), dtype=np.uint8)
     file[CHECKPOINT].resize((len(content),))
     file[CHECKPOINT][:] = content
-    keep_sum(file[CHECKPOINT], zlib.crc32(content.data))
+    write_checksum(file[CHECKPOINT], zlib.crc32(content.data))
 
 
 def read_checkpoint(file: Any) -> Checkpoint | None:  # noqa: ANN401
     """Return the checkpoint of an open result file."""
     if CHECKPOINT not in file or not len(file[CHECKPOINT]):
         return None
-    with np.load(BytesIO(taken(file[CHECKPOINT]).tobytes()), allow_pickle=False) as packed:
+    with np.load(BytesIO(read_rows(file[CHECKPOINT]).tobytes()), allow_pickle=False) as packed:
         arrays: dict[str, Any] = dict(packed.items())
     return Checkpoint(int(arrays.pop(_STEPS)), str(arrays.pop(_PROBLEM)), arrays)
 
 
-def drop_checkpoint(file: Any) -> None:  # noqa: ANN401
+def remove_checkpoint(file: Any) -> None:  # noqa: ANN401
     """Remove the checkpoint of an open result file: a complete run needs none."""
     del file[CHECKPOINT]
 
@@ -249,21 +249,21 @@ class ResultFile:
         steps: int, save: SaveAt, about: Mapping[str, str], overwrite: bool = False, resume: Checkpoint | None = None,
         warnings: Callable[[Stats], Sequence[str]] | None = None,
     ) -> None:  # fmt: skip
-        free_to_write("result", path, overwrite=overwrite)
+        check_writable("result", path, overwrite=overwrite)
         self.path = path
-        self.partial = partial_of(path)
+        self.partial = partial_path(path)
         self._geometry, self._outline = geometry, outline
         self._checkpoint = resume
         self._warnings = warnings
         self._waiting: list[Block] = []
         self._taken, self._all, self._bytes = 0, steps + 1, 0
-        self._draft = Draft(path.with_suffix(".writing"), self.partial)
+        self._draft = TemporaryResult(path.with_suffix(".writing"), self.partial)
         try:
-            free_to_write(
+            check_writable(
                 "partial result", self.partial, overwrite=overwrite or resume is not None,
                 remedy="go on with it by --resume, or overwrite it by --overwrite or overwrite=True",
             )  # fmt: skip
-            with plainly():
+            with convert_write_errors():
                 self._create(geometry, save, about)
         except OSError as fault:
             self._abandon()
@@ -275,38 +275,38 @@ class ResultFile:
         self._draft.begin()
 
     def _create(self, geometry: Geometry, save: SaveAt, about: Mapping[str, str]) -> None:
-        _need_room(self._draft.path, geometry, self._outline, about)
+        _check_space(self._draft.path, geometry, self._outline, about)
         # Every chunk is written once and in full: a cache would keep all chunks and search them at every flush.
         self._file: Any = h5py.File(self._draft.path, "w", locking=False, rdcc_nbytes=0)
-        _bound(self._file)
-        moving = {**{name: (unit, 3) for name, (_, _, unit) in VECTORS.items()}, **RECOVERED}
+        _limit_index_cache(self._file)
+        moving = {**{name: (unit, 3) for name, (_, _, unit) in VECTORS.items()}, **RECOVERED_FIELDS}
         fields = max(save.block // save.field_every, 1)
-        self._vtk = VtkGroup(self._file, geometry, moving, still_data(geometry), fields)
-        self._field_angle = Growing(self._file.create_group("fields"), "cam_angle", fields, "rad")
+        self._vtk = VtkGroup(self._file, geometry, moving, constant_data(geometry), fields)
+        self._field_angle = GrowingDataset(self._file.create_group("fields"), "cam_angle", fields, "rad")
         self._create_history(save.block)
         _write_mesh(self._file, geometry)
-        texts(self._file.create_group("about"), {"format": str(FORMAT), **about})
-        make_checkpoint(self._file)
+        write_strings(self._file.create_group("about"), {"format": str(FORMAT), **about})
+        create_checkpoint(self._file)
 
     def _create_history(self, rows: int) -> None:
         history = self._file.create_group("history")
         history.attrs["steps"] = 0
         history.attrs["size"] = len(self._outline.unknowns)
-        self._time = Growing(history, "time", rows, "s")
+        self._time = GrowingDataset(history, "time", rows, "s")
         self._time.dataset.make_scale("time")
-        self._angle = Growing(history, "cam_angle", rows, "rad")
-        probes = ordered(history, "probes")
-        self._probes: list[tuple[str, slice, Growing]] = []
+        self._angle = GrowingDataset(history, "cam_angle", rows, "rad")
+        probes = create_ordered_group(history, "probes")
+        self._probes: list[tuple[str, slice, GrowingDataset]] = []
         for name, components in self._outline.probes:
-            group = ordered(probes, name)
-            note(group, "components", components)
+            group = create_ordered_group(probes, name)
+            write_string_attribute(group, "components", components)
             turns = any(one in ROTATIONS for one in components)
             for series, unit in SERIES.items():
                 told = f"{unit}; rotations {unit.replace('m', 'rad', 1)}" if turns else unit
-                made = Growing(group, series, rows, told, width=len(components))
+                made = GrowingDataset(group, series, rows, told, width=len(components))
                 self._probes.append((series, self._outline.columns(name), made))
-        channels = ordered(history, "channels")
-        self._channels = [Growing(channels, name, rows, unit) for name, unit in self._outline.channels]
+        channels = create_ordered_group(history, "channels")
+        self._channels = [GrowingDataset(channels, name, rows, unit) for name, unit in self._outline.channels]
         for one in (self._angle, *(made for _, _, made in self._probes), *self._channels):
             _module.h5ds.attach_scale(one.dataset.id, self._time.dataset.id, 0)
 
@@ -314,9 +314,9 @@ class ResultFile:
         """Append a block, immediately or together with later ones."""
         self._waiting.append(block)
         self._taken += len(block.time)
-        self._bytes += _size(block)
-        if self._bytes > _WORTH or self._taken == self._all:  # an interrupted run must not lose much data
-            with plainly():
+        self._bytes += _block_bytes(block)
+        if self._bytes > _MIN_WRITE_BYTES or self._taken == self._all:  # an interrupted run must not lose much data
+            with convert_write_errors():
                 self._append()
 
     def _append(self) -> None:
@@ -337,7 +337,7 @@ class ResultFile:
         self._checkpoint = checkpoint
         if self._draft.due:
             began = time.perf_counter()
-            with plainly():
+            with convert_write_errors():
                 self._append()
                 write_checkpoint(self._file, checkpoint)
                 self._seal()
@@ -357,7 +357,7 @@ class ResultFile:
         grown = [self._time, self._angle, self._field_angle, *self._channels, *(one for _, _, one in self._probes)]
         for one in (*grown, *self._vtk.grown):
             one.sum()
-        seal(self._file)
+        write_digest(self._file)
 
     def _append_history(self, block: Block) -> None:
         self._time.extend(block.time)
@@ -373,7 +373,7 @@ class ResultFile:
             self._abandon()  # stopped before it reached the end of the earlier partial result, which remains
             return
         try:
-            with plainly():
+            with convert_write_errors():
                 self._end(status, stats)
         except OSError:
             self._abandon()
@@ -393,37 +393,37 @@ class ResultFile:
         group = self._file.create_group("status")
         doubtful = self._warnings(stats) if self._warnings else ()
         told = {"cause": str(status.cause), "text": status.text, "remedy": status.remedy}
-        texts(group, {**told, "warnings": "\n".join(doubtful)})
+        write_strings(group, {**told, "warnings": "\n".join(doubtful)})
         for name in stats.__dataclass_fields__:
             value = getattr(stats, name)
             if isinstance(value, str):
-                note(group, name, value)
+                write_string_attribute(group, name, value)
             else:
                 group.attrs[name] = value
         if status.ok:
-            drop_checkpoint(self._file)
+            remove_checkpoint(self._file)
         elif self._checkpoint is not None:
             write_checkpoint(self._file, self._checkpoint)
         self._seal()
         self._file.close()
 
 
-_WORTH = 2**20
+_MIN_WRITE_BYTES = 2**20
 """Minimum size of buffered blocks before writing, bytes: each of some hundred datasets has a fixed cost per write."""
 
 
-def _size(block: Block) -> int:
+def _block_bytes(block: Block) -> int:
     """Return the size of a block without its saved fields, bytes."""
     arrays = (block.channels, *(getattr(one, name) for one in (block.probes, block.fields) for name in SERIES))
     return sum(one.nbytes for one in arrays)
 
 
-def partial_of(path: Path) -> Path:
+def partial_path(path: Path) -> Path:
     """Return the path of the partial result of a run."""
     return path.with_name(f"{path.stem}.partial.vtkhdf")
 
 
-def _need_room(path: Path, geometry: Geometry, outline: Outline, about: Mapping[str, str]) -> None:
+def _check_space(path: Path, geometry: Geometry, outline: Outline, about: Mapping[str, str]) -> None:
     """Test the free space with a file of the size of an empty result: HDF5 without space can abort the process."""
     datasets = _DATASETS + len(SERIES) * len(outline.probes) + len(outline.channels) + len(geometry.mesh.points)
     size = _HEAD * datasets + sum(map(len, about.values())) + _STILL_VTKHDF * len(geometry.node)
@@ -435,33 +435,33 @@ _DATASETS, _HEAD, _STILL_VTKHDF = 45, 1650, 8 * 24
 """Number of datasets of any result; bytes of a dataset's header and first index; bytes of constant data per point."""
 
 
-def _bound(file: Any) -> None:  # noqa: ANN401
+def _limit_index_cache(file: Any) -> None:  # noqa: ANN401
     """Limit the chunk index that HDF5 caches in a long run: HDF5 counts only a tenth of its memory."""
     config = file.id.get_mdc_config()
-    config.set_initial_size, config.initial_size = 1, _INDEX
-    config.min_size = config.max_size = _INDEX
+    config.set_initial_size, config.initial_size = 1, _INDEX_CACHE_BYTES
+    config.min_size = config.max_size = _INDEX_CACHE_BYTES
     file.id.set_mdc_config(config)
 
 
-_INDEX = 2**18
+_INDEX_CACHE_BYTES = 2**18
 """Size of the cached index, bytes, in the format on disk; enough for the blocks being written."""
 
 
 def _write_mesh(file: Any, geometry: Geometry) -> None:  # noqa: ANN401 - h5py has no types
     group = file.create_group("mesh")
-    fixed(group, "nodes", geometry.mesh.nodes, "m")
-    points = ordered(group, "points")
+    create_fixed_dataset(group, "nodes", geometry.mesh.nodes, "m")
+    points = create_ordered_group(group, "points")
     for name, index in geometry.mesh.points.items():
-        fixed(points, name, index)
+        create_fixed_dataset(points, name, index)
 
 
 _NUMBER, _CHUNK, _DATASET = 8, 80, 2900
 """Bytes of a number, of a chunk's checksum and index entry, of a dataset's header and first index."""
 
-_ABOUT = 125_000
+_METADATA_BYTES = 125_000
 """Bytes of the case, of the other texts, and of the part of the mesh that does not depend on its size."""
 
-_STILL = 24
+_CONSTANT_VALUES = 24
 """Constant values per point, such as position and axes."""
 
 
@@ -469,20 +469,20 @@ def result_bytes(outline: Outline, mesh: Mesh, save: SaveAt, steps: int) -> int:
     """Return the estimated size of the result file of a run, bytes."""
     rows, fields = steps + 1, -(-steps // save.field_every) + 1
     widths = [1, 1, *(len(parts) for _, parts in outline.probes for _ in SERIES), *(1 for _ in outline.channels)]
-    points, together = points_drawn(mesh), max(save.block // save.field_every, 1)
-    vectors = [*(3 for _ in VECTORS), *(width for _, width in RECOVERED.values())]
-    size = sum(_growing(rows, save.block, width) for width in widths)
-    size += sum(_growing(fields * points, together * points, width) for width in vectors)
-    size += 4 * _growing(fields, together, 1)  # times, angles, parts, offsets
-    return size + _NUMBER * _STILL * points + _ABOUT
+    points, together = count_output_points(mesh), max(save.block // save.field_every, 1)
+    vectors = [*(3 for _ in VECTORS), *(width for _, width in RECOVERED_FIELDS.values())]
+    size = sum(_growing_bytes(rows, save.block, width) for width in widths)
+    size += sum(_growing_bytes(fields * points, together * points, width) for width in vectors)
+    size += 4 * _growing_bytes(fields, together, 1)  # times, angles, parts, offsets
+    return size + _NUMBER * _CONSTANT_VALUES * points + _METADATA_BYTES
 
 
-def points_drawn(mesh: Mesh) -> int:
+def count_output_points(mesh: Mesh) -> int:
     """Return the number of output points: those of every member and the nodes without a member."""
     return sum(len(line) for line in mesh.lines.values()) + int((~mesh.on_members()).sum())
 
 
-def _growing(rows: int, block: int, width: int) -> int:
+def _growing_bytes(rows: int, block: int, width: int) -> int:
     """Return the size of a growing dataset, bytes; the last chunk is stored in full."""
     chunk = chunk_rows(block, width)
     return math.ceil(rows / chunk) * (chunk * width * _NUMBER + _CHUNK) + _DATASET

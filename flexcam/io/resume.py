@@ -12,20 +12,20 @@ from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import InputError, refuse
 from flexcam.dynamics import Block, Cause, Outline, SaveAt, Series, Status
 from flexcam.dynamics.checkpoint import Checkpoint
-from flexcam.io.hdf5 import guarded
-from flexcam.io.result_reader import at_nodes, check_whole, status_of, verified
+from flexcam.io.hdf5 import open_checked
+from flexcam.io.result_reader import check_integrity, nodal_values, read_status, verify_file
 from flexcam.io.result_writer import SERIES, read_checkpoint
-from flexcam.io.text_files import read_texts
+from flexcam.io.text_files import read_strings
 from flexcam.io.vtk_groups import Geometry
 
-_AGAIN = "run the case again, with --overwrite"
+_RESUME_REMEDY = "run the case again, with --overwrite"
 _FAILED = (Cause.NOT_FINITE, Cause.NO_CONVERGENCE, Cause.SINGULAR, Cause.STEP_TOO_SMALL, Cause.ROUNDING)
 """Causes that would end a resumed run in the same way."""
 
-_GUARDED = ("--resume", "a partial result of flexcam", _AGAIN)
+_OPEN_MESSAGES = ("--resume", "a partial result of flexcam", _RESUME_REMEDY)
 
 
-class Unfinished:
+class PartialResult:
     """Partial result of an incomplete run.
 
     Parameters
@@ -48,27 +48,27 @@ class Unfinished:
     def __init__(self, path: Path, geometry: Geometry, outline: Outline, save: SaveAt) -> None:
         self._path, self._geometry, self._outline, self._save = path, geometry, outline, save
         self._free = geometry.dofs.numbers >= 0
-        with guarded(path, *_GUARDED) as file:
-            check_whole(file, path)
-            self.about: Mapping[str, str] = read_texts(file["about"])
-            self.status: Status = status_of(file)
+        with open_checked(path, *_OPEN_MESSAGES) as file:
+            check_integrity(file, path)
+            self.about: Mapping[str, str] = read_strings(file["about"])
+            self.status: Status = read_status(file)
             found = read_checkpoint(file)
         if self.status.cause in _FAILED:
             given, why = f"{path}: {self.status.cause}", "it would end the same way again"
             raise refuse("--resume", given, "a run that was stopped or cut off", why, self.status.remedy)
         if found is None:
             why = "it broke off before the first block of its steps was saved"
-            raise refuse("--resume", str(path), "a result with a checkpoint", why, _AGAIN)
+            raise refuse("--resume", str(path), "a result with a checkpoint", why, _RESUME_REMEDY)
         self.checkpoint: Checkpoint = found
 
     def verify(self) -> None:
         """Read all datasets and verify their checksums."""
-        verified(self._path)
+        verify_file(self._path)
 
     def blocks(self) -> Iterator[Block]:
         """Yield the blocks up to the checkpoint; only data read are verified, see `verify` for the rest."""
         size, field = self._save.block, 0
-        with guarded(self._path, *_GUARDED) as file:
+        with open_checked(self._path, *_OPEN_MESSAGES) as file:
             for first in range(0, self.checkpoint.steps, size):
                 steps = np.arange(first, min(first + size, self.checkpoint.steps))
                 saved = np.flatnonzero(steps % self._save.field_every == 0)  # does not include the last step of the run
@@ -96,7 +96,7 @@ class Unfinished:
         """Return saved fields in the degrees of freedom of the run: nodal ones, then those recorded as probes."""
         node, nodes = self._geometry.node, len(self._geometry.mesh.nodes)
         which = slice(fields.start * len(node), fields.stop * len(node))
-        nodal = at_nodes(lambda name: _rows(data[name], which), series, node, nodes).reshape(-1, nodes, 6)
+        nodal = nodal_values(lambda name: _rows(data[name], which), series, node, nodes).reshape(-1, nodes, 6)
         beside = self._outline.unknowns[int(self._free.sum()) :]
         return np.concatenate([nodal[:, self._free], *(self._beside(name, probes) for name in beside)], axis=1)
 

@@ -15,42 +15,44 @@ import h5py  # pyright: ignore[reportMissingTypeStubs]
 import numpy as np
 
 from flexcam.fem.mesh import Mesh
-from flexcam.io.hdf5 import attribute, dataset, fill, text
+from flexcam.io.hdf5 import create_dataset, string_type, write_attribute, write_dataset
 
 _module: Any = h5py
 
 
-def encoded(texts: Sequence[str]) -> Any:  # noqa: ANN401 - an array
+def encode_strings(texts: Sequence[str]) -> Any:  # noqa: ANN401 - an array
     """Return strings as an HDF5-compatible array of UTF-8 bytes of one length."""
     parts = [one.encode() for one in texts]
     return np.array(parts, dtype=_module.string_dtype("utf-8", max([1, *map(len, parts)])))
 
 
-def texts(group: Any, content: Mapping[str, str]) -> None:  # noqa: ANN401 - h5py has no types
+def write_strings(group: Any, content: Mapping[str, str]) -> None:  # noqa: ANN401 - h5py has no types
     """Write strings into a group, one dataset each."""
     for name, one in content.items():
-        value = encoded([one]).reshape(())
-        kind = text(value.dtype.itemsize)
-        fill(dataset(group, name, kind, ()), value, kind)
+        value = encode_strings([one]).reshape(())
+        kind = string_type(value.dtype.itemsize)
+        write_dataset(create_dataset(group, name, kind, ()), value, kind)
 
 
-def read_texts(group: Any) -> dict[str, str]:  # noqa: ANN401
+def read_strings(group: Any) -> dict[str, str]:  # noqa: ANN401
     """Return the strings of a group by name."""
     return {name: bytes(item[()]).decode() for name, item in group.items()}
 
 
-def note(one: Any, name: str, content: str | Sequence[str]) -> None:  # noqa: ANN401
+def write_string_attribute(one: Any, name: str, content: str | Sequence[str]) -> None:  # noqa: ANN401
     """Write one or more strings as an attribute."""
-    values = encoded([content] if isinstance(content, str) else content)
-    attribute(one, name, values.reshape(()) if isinstance(content, str) else values, text(values.dtype.itemsize))
+    values = encode_strings([content] if isinstance(content, str) else content)
+    write_attribute(
+        one, name, values.reshape(()) if isinstance(content, str) else values, string_type(values.dtype.itemsize)
+    )
 
 
-def noted(one: Any, name: str) -> str:  # noqa: ANN401
+def read_string_attribute(one: Any, name: str) -> str:  # noqa: ANN401
     """Return the string of an attribute."""
     return bytes(one.attrs[name]).decode()
 
 
-def notes(one: Any, name: str) -> tuple[str, ...]:  # noqa: ANN401
+def read_string_attributes(one: Any, name: str) -> tuple[str, ...]:  # noqa: ANN401
     """Return the strings of an attribute."""
     return tuple(bytes(content).decode() for content in one.attrs[name])
 
@@ -58,25 +60,25 @@ def notes(one: Any, name: str) -> tuple[str, ...]:  # noqa: ANN401
 _ARRAY = re.compile(r"^(?P<head>.*)\[\n(?P<body>(?: +[^ \[\]{}].*,\n)+) *\](?P<tail>,?)$", re.MULTILINE)
 """Array in the output of tomli_w, one element per line; nested arrays and tables do not match."""
 
-_WIDE = 100
+_LINE_LENGTH = 100
 """Maximum line length, characters."""
 
 
-def toml_text(content: Mapping[str, object]) -> str:
+def format_toml(content: Mapping[str, object]) -> str:
     """Return tables as TOML text."""
     import tomli_w
 
-    return _ARRAY.sub(_joined, tomli_w.dumps(content))
+    return _ARRAY.sub(_join_array, tomli_w.dumps(content))
 
 
-def _joined(found: re.Match[str]) -> str:
+def _join_array(found: re.Match[str]) -> str:
     lines = found["body"].removesuffix("\n").split("\n")  # `splitlines` would also split inside strings
     elements = [line.strip(" ").removesuffix(",") for line in lines]
     line = f"{found['head']}[{', '.join(elements)}]{found['tail']}"
-    return line if len(line) <= _WIDE else found[0]
+    return line if len(line) <= _LINE_LENGTH else found[0]
 
 
-def inp_text(mesh: Mesh) -> str:
+def format_inp(mesh: Mesh) -> str:
     """Return nodes, elements, a set of elements per member and a set of nodes per named point."""
     import meshio  # pyright: ignore[reportMissingTypeStubs]
 

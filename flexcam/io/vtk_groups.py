@@ -19,10 +19,10 @@ from flexcam.fem.elements.beam import Beams
 from flexcam.fem.mesh import Mesh
 from flexcam.fem.recovery import Fibres, fibres, section_forces
 from flexcam.fem.sections import Section
-from flexcam.io.result_datasets import Growing, fixed
-from flexcam.io.text_files import note
+from flexcam.io.result_datasets import GrowingDataset, create_fixed_dataset
+from flexcam.io.text_files import write_string_attribute
 
-RECOVERED = {
+RECOVERED_FIELDS = {
     "section_force": ("N", 3),
     "section_moment": ("N m", 3),
     "stress_axial": ("Pa", 1),
@@ -126,11 +126,11 @@ class Geometry:
         return out
 
 
-Still = Mapping[str, tuple[FloatArray | IntArray, str]]
+ConstantData = Mapping[str, tuple[FloatArray | IntArray, str]]
 """Constant point data: name to values and unit."""
 
 
-def still_data(geometry: Geometry) -> Still:
+def constant_data(geometry: Geometry) -> ConstantData:
     """Return the constant point data: radius, mesh node, local axes."""
     axes = {f"axis_{name}": (axis, "") for name, axis in zip("xyz", geometry.axes().swapaxes(0, 1), strict=True)}
     return {"radius": (geometry.radius(), "m"), "node": (geometry.node, ""), **axes}
@@ -158,7 +158,7 @@ class VtkGroup:
         file: Any,  # noqa: ANN401 - h5py has no types
         geometry: Geometry,
         moving: Mapping[str, tuple[str, int]],
-        still: Still,
+        still: ConstantData,
         rows: int,
     ) -> None:
         self._points, self._steps = len(geometry.node), 0
@@ -168,19 +168,19 @@ class VtkGroup:
         _write_lines(self._group, geometry)
         data = self._group.create_group("PointData")
         for name, (values, unit) in still.items():
-            fixed(data, name, values, unit)
+            create_fixed_dataset(data, name, values, unit)
         self._data = {
-            name: Growing(data, name, rows * self._points, unit, width=width if width > 1 else 0)
+            name: GrowingDataset(data, name, rows * self._points, unit, width=width if width > 1 else 0)
             for name, (unit, width) in moving.items()
         }
         self._create_steps(rows, still)
 
-    def _create_steps(self, rows: int, still: Still) -> None:
+    def _create_steps(self, rows: int, still: ConstantData) -> None:
         steps = self._group.create_group("Steps")
         steps.attrs["NSteps"] = 0
 
-        def shared(names: Sequence[str], width: int = 0) -> Growing:
-            made = Growing(steps, names[0], rows, "", width=width, kind="i8")
+        def shared(names: Sequence[str], width: int = 0) -> GrowingDataset:
+            made = GrowingDataset(steps, names[0], rows, "", width=width, kind="i8")
             for name in names[1:]:
                 steps[name] = made.dataset
             return made
@@ -192,7 +192,7 @@ class VtkGroup:
         )
         self._parts = shared(["NumberOfParts"])
         self._offsets = shared([f"PointDataOffsets/{name}" for name in self._data])
-        self._times = Growing(steps, "Values", rows, "s")
+        self._times = GrowingDataset(steps, "Values", rows, "s")
 
     def append(self, values: Mapping[str, FloatArray], count: int) -> None:
         """Append the point data of steps, shape (count, points) or (count, points, width), without counting them."""
@@ -204,7 +204,7 @@ class VtkGroup:
         self._offsets.extend((self._steps + np.arange(count)) * self._points)
 
     @property
-    def grown(self) -> list[Growing]:
+    def grown(self) -> list[GrowingDataset]:
         """Growing datasets of the group."""
         return [*self._data.values(), *self._zeros, self._parts, self._offsets, self._times]
 
@@ -220,8 +220,8 @@ class VtkGroup:
 
 def _write_lines(vtk: Any, geometry: Geometry) -> None:  # noqa: ANN401 - h5py has no types
     mesh, points, ends = geometry.mesh, len(geometry.node), geometry.ends
-    fixed(vtk, "NumberOfPoints", np.array([points]))
-    fixed(vtk, "Points", mesh.nodes[geometry.node], "m")
+    create_fixed_dataset(vtk, "NumberOfPoints", np.array([points]))
+    create_fixed_dataset(vtk, "Points", mesh.nodes[geometry.node], "m")
     single, nothing = len(geometry.single), np.zeros(0, int)
     cells = {
         "Vertices": (np.arange(points - single, points), np.arange(single + 1)),
@@ -231,9 +231,9 @@ def _write_lines(vtk: Any, geometry: Geometry) -> None:  # noqa: ANN401 - h5py h
     }
     for topology, (connectivity, offsets) in cells.items():
         group = vtk.create_group(topology)
-        fixed(group, "NumberOfCells", np.array([len(offsets) - 1]))
-        fixed(group, "NumberOfConnectivityIds", np.array([len(connectivity)]))
-        fixed(group, "Connectivity", connectivity)
-        fixed(group, "Offsets", offsets)
-    member = fixed(vtk.create_group("CellData"), "member", geometry.cells())
-    note(member, "names", list(mesh.lines))
+        create_fixed_dataset(group, "NumberOfCells", np.array([len(offsets) - 1]))
+        create_fixed_dataset(group, "NumberOfConnectivityIds", np.array([len(connectivity)]))
+        create_fixed_dataset(group, "Connectivity", connectivity)
+        create_fixed_dataset(group, "Offsets", offsets)
+    member = create_fixed_dataset(vtk.create_group("CellData"), "member", geometry.cells())
+    write_string_attribute(member, "names", list(mesh.lines))

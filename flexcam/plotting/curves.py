@@ -18,14 +18,14 @@ from flexcam.cams import (
     Law,
     SwingFlatFollower,
     SwingRollerFollower,
-    Synthesized,
+    Synthesis,
     Turn,
     joints,
     residual_spectrum,
 )
 from flexcam.core import ComplexArray, FloatArray
 from flexcam.dynamics import Method
-from flexcam.plotting.figures import COLOURS, legend, looks, stack, stacked, titled
+from flexcam.plotting.figures import COLOURS, add_legend, add_stacked_axes, add_title, create_stacked_axes, line_styles
 
 # matplotlib does not type its keyword arguments.
 
@@ -38,41 +38,46 @@ LAW_POSITION = "z, part of the rise"
 
 _POINTS = 1441
 _RATIOS = np.linspace(0.05, 6.0, 600)
-_BEFORE = 1e-6
+_JUMP_OFFSET = 1e-6
 """Angle before a discontinuity, rad, at which its left-hand limit is drawn."""
 
 
 def law_figure(laws: Mapping[str, Law]) -> Figure:
     """Return a figure with lift, velocity, acceleration and jerk of laws."""
-    figure, axes = stacked(LAW_LABELS, LAW_POSITION)
+    figure, axes = create_stacked_axes(LAW_LABELS, LAW_POSITION)
     draw_laws(axes, laws)
-    legend(figure, axes[0], len(laws))
-    return titled(figure, _only(laws))
+    add_legend(figure, axes[0], len(laws))
+    return add_title(figure, _single_name(laws))
 
 
 def draw_laws(axes: Sequence[Axes], laws: Mapping[str, Law]) -> None:
     """Draw lift, velocity, acceleration and jerk of laws."""
     z = np.linspace(0.0, 1.0, _POINTS)
-    for (name, law), (color, dashes) in zip(laws.items(), looks(), strict=False):
+    for (name, law), (color, dashes) in zip(laws.items(), line_styles(), strict=False):
         for order, one in enumerate(axes):
-            one.plot(*_broken(z, law.breaks, law(z, order)), label=name, color=color, linestyle=dashes)
+            one.plot(*_insert_gaps(z, law.breaks, law(z, order)), label=name, color=color, linestyle=dashes)
 
 
 def lift_figure(events: Mapping[str, Event]) -> Figure:
     """Return a figure with lift, velocity, acceleration and jerk of cams over the cam angle."""
     even = np.linspace(0.0, 2.0 * math.pi, _POINTS)
     labels = ["lift\nmm", "velocity\nmm/rad", "acceleration\nmm/rad²", "jerk\nmm/rad³"]
-    figure, axes = stacked(labels, "cam angle, deg")
-    for (name, event), (color, dashes) in zip(events.items(), looks(), strict=False):
+    figure, axes = create_stacked_axes(labels, "cam angle, deg")
+    for (name, event), (color, dashes) in zip(events.items(), line_styles(), strict=False):
         met = joints(event)
         ends = np.array([joint.angle for joint in met])
-        angle = np.sort(np.concatenate([even, ends, ends[ends > _BEFORE] - _BEFORE]))  # both sides of every jump
+        angle = np.sort(
+            np.concatenate([even, ends, ends[ends > _JUMP_OFFSET] - _JUMP_OFFSET])
+        )  # both sides of every jump
         for order, one in enumerate(axes):
-            steps = tuple(math.degrees(joint.angle - 0.5 * _BEFORE) for joint in met if joint.steps[order])
+            steps = tuple(math.degrees(joint.angle - 0.5 * _JUMP_OFFSET) for joint in met if joint.steps[order])
             one.plot(
-                *_broken(np.degrees(angle), steps, 1e3 * event(angle, order)), label=name, color=color, linestyle=dashes
+                *_insert_gaps(np.degrees(angle), steps, 1e3 * event(angle, order)),
+                label=name,
+                color=color,
+                linestyle=dashes,
             )
-    legend(figure, axes[0], len(events))
+    add_legend(figure, axes[0], len(events))
     axes[-1].set_xticks(range(0, 361, 45))
     axes[-1].set_xlim(0.0, 360.0)
     return figure
@@ -82,18 +87,18 @@ def spectrum_figure(laws: Mapping[str, Law]) -> Figure:
     """Return a figure with the residual vibration of laws over the rise time."""
     figure = Figure(figsize=(7.0, 4.0), layout="constrained")
     axes = figure.add_subplot()
-    for (name, law), (color, dashes) in zip(laws.items(), looks(), strict=False):
+    for (name, law), (color, dashes) in zip(laws.items(), line_styles(), strict=False):
         axes.plot(_RATIOS, residual_spectrum(law, _RATIOS), label=name, color=color, linestyle=dashes)
     axes.set_xlabel("rise time over the period of the oscillator")
     axes.set_ylabel("residual amplitude over lift")
     axes.set_ylim(0.0, 1.1)
     axes.set_xlim(0.0, float(_RATIOS[-1]))
     axes.grid(alpha=0.3)
-    legend(figure, axes, len(laws))
-    return titled(figure, _only(laws))
+    add_legend(figure, axes, len(laws))
+    return add_title(figure, _single_name(laws))
 
 
-def _only(laws: Mapping[str, Law]) -> str:
+def _single_name(laws: Mapping[str, Law]) -> str:
     """Return the name of a single law; several laws are named in the legend."""
     return next(iter(laws)) if len(laws) == 1 else ""
 
@@ -114,7 +119,7 @@ def draw_profile(axes: Axes, profile: CamProfile, angle: float) -> None:
     at = int(np.argmin(np.abs(np.angle(np.exp(1j * (profile.angle - angle))))))
     touch, follower = profile.touch, profile.follower
     around = np.exp(1j * np.linspace(0.0, 2.0 * math.pi, 361))
-    _line(axes, _closed(profile.points) * turned, "cam", color=COLOURS[0], linewidth=2.0)
+    _line(axes, _close_curve(profile.points) * turned, "cam", color=COLOURS[0], linewidth=2.0)
     _line(
         axes,
         np.asarray(follower.base_radius * around, dtype=np.complex128),
@@ -124,7 +129,7 @@ def draw_profile(axes: Axes, profile: CamProfile, angle: float) -> None:
         linestyle="--",
     )
     if math.isfinite(follower.roller_radius):
-        _line(axes, _closed(profile.pitch) * turned, "pitch curve", color="0.6", linewidth=0.8, linestyle=":")
+        _line(axes, _close_curve(profile.pitch) * turned, "pitch curve", color="0.6", linewidth=0.8, linestyle=":")
         _line(axes, touch.trace[at] + follower.roller_radius * around, "roller", color=COLOURS[1], linewidth=1.5)
     else:
         along = -1j * touch.normal[at] * 0.7 * follower.base_radius
@@ -135,14 +140,14 @@ def draw_profile(axes: Axes, profile: CamProfile, angle: float) -> None:
         end = touch.trace[at] if math.isfinite(follower.roller_radius) else touch.point[at]
         _line(axes, np.array([follower.distance, end], dtype=np.complex128), "arm", color=COLOURS[1], linewidth=1.0)
         axes.plot(1e3 * follower.distance, 0.0, "^", color=COLOURS[1], markersize=8, label="pivot")
-    _rotation(axes, 0.5 * follower.base_radius, profile.turn)
+    _draw_rotation(axes, 0.5 * follower.base_radius, profile.turn)
     axes.set_aspect("equal")
     axes.grid(alpha=0.3)
     axes.set_title(f"cam angle {math.degrees(profile.angle[at]):.4g} deg, lift {1e3 * profile.lift[at]:.4g} mm")
     axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), fontsize="small")
 
 
-def _rotation(axes: Axes, radius: float, turn: Turn) -> None:
+def _draw_rotation(axes: Axes, radius: float, turn: Turn) -> None:
     """Draw an arrow about the cam centre in the direction of rotation."""
     way = 1e3 * radius * np.exp(1j * turn * np.radians([30.0, 150.0]))
     bow = {"arrowstyle": "->", "connectionstyle": f"arc3,rad={0.55 * turn}", "color": "0.4"}
@@ -152,7 +157,7 @@ def _rotation(axes: Axes, radius: float, turn: Turn) -> None:
 
 def pressure_figure(profile: CamProfile) -> Figure:
     """Return a figure with pressure angle and radius of curvature over the cam angle."""
-    figure, (upper, lower) = stacked(["pressure angle\ndeg", "radius of\ncurvature, mm"], "cam angle, deg")
+    figure, (upper, lower) = create_stacked_axes(["pressure angle\ndeg", "radius of\ncurvature, mm"], "cam angle, deg")
     angle = np.degrees(profile.angle)
     upper.plot(angle, np.degrees(profile.pressure_angle), color=COLOURS[0])
     # A nearly straight flank has a radius of metres, which would hide all other values.
@@ -164,13 +169,13 @@ def pressure_figure(profile: CamProfile) -> Figure:
     return figure
 
 
-def _broken(x: FloatArray, breaks: Sequence[float], y: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _insert_gaps(x: FloatArray, breaks: Sequence[float], y: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return a curve with a gap at every jump, so that no vertical line is drawn."""
     at = np.searchsorted(x, np.sort(np.array(breaks)))
     return np.insert(x, at, np.nan), np.insert(y, at, np.nan)
 
 
-def _closed(points: FloatArray) -> ComplexArray:
+def _close_curve(points: FloatArray) -> ComplexArray:
     return np.append(points[:, 0], points[0, 0]) + 1j * np.append(points[:, 1], points[0, 1])
 
 
@@ -190,7 +195,7 @@ _DIGITS = 4
 _UNIT = "lift 1 over angle 1"
 
 
-def law_front_figure(front: Sequence[Synthesized], first: str, second: str) -> Figure:
+def law_front_figure(front: Sequence[Synthesis], first: str, second: str) -> Figure:
     """Return a figure with a Pareto front of laws, and the laws with the same numbers and colours."""
     figure = Figure(figsize=(12.0, 7.6), layout="constrained")
     halves = figure.add_gridspec(1, 2)
@@ -200,10 +205,10 @@ def law_front_figure(front: Sequence[Synthesized], first: str, second: str) -> F
     axes.set_xlabel(f"{_WORDS[first]}, {_UNIT}")
     axes.set_ylabel(f"{_WORDS[second]}, {_UNIT}")
     axes.set_title(f"Pareto front of {front[0].family}", fontsize="medium")
-    below = stack(right, LAW_LABELS, LAW_POSITION)
+    below = add_stacked_axes(right, LAW_LABELS, LAW_POSITION)
     draw_laws(below, {str(i): one.law for i, one in enumerate(front, start=1)})
     below[0].set_title(f"Its laws, {_UNIT}", fontsize="medium")
-    legend(right, below[0], len(front), columns=_COLUMNS)
+    add_legend(right, below[0], len(front), columns=_COLUMNS)
     return figure
 
 
@@ -211,7 +216,9 @@ def draw_front(axes: Axes, values: FloatArray, converged: Sequence[bool]) -> Non
     """Draw two criteria against each other, numbered from 1, in the colours of the laws."""
     axes.plot(*values.T, color="0.65", linewidth=1.2, zorder=1)
     named: dict[tuple[str, str], str] = {}
-    for i, ((x, y), whole, (color, _)) in enumerate(zip(values.tolist(), converged, looks(), strict=False), start=1):
+    for i, ((x, y), whole, (color, _)) in enumerate(
+        zip(values.tolist(), converged, line_styles(), strict=False), start=1
+    ):
         if not (math.isfinite(x) and math.isfinite(y)):
             continue
         axes.scatter(x, y, s=36, facecolors=color if whole else "none", edgecolors=color, zorder=2)
@@ -236,24 +243,24 @@ _STEPS = np.geomspace(1e-2, 1e3, 301)
 def method_figure(methods: Mapping[str, Method], damping: float = 0.0) -> Figure:
     """Return a figure with spectral radius, period error and damping of integrators."""
     labels = ("spectral radius", "period error, %", "damping ratio, %")
-    figure, (radius, period, ratio) = stacked(labels, "angular frequency times step")
-    for (name, method), (colour, dashes) in zip(methods.items(), looks(), strict=False):
+    figure, (radius, period, ratio) = create_stacked_axes(labels, "angular frequency times step")
+    for (name, method), (colour, dashes) in zip(methods.items(), line_styles(), strict=False):
         inside = _STEPS[min(method.stable_to(damping), _STEPS[-1]) >= _STEPS]
         low = inside[inside <= math.pi]
         curves = (
-            (radius, inside, _each([method.spectral_radius(x, damping) for x in inside.tolist()])),
-            (period, low, 100.0 * _each([method.period_error(x, damping) for x in low.tolist()])),
-            (ratio, low, 100.0 * _each([method.damping_ratio(x, damping) for x in low.tolist()])),
+            (radius, inside, _to_array([method.spectral_radius(x, damping) for x in inside.tolist()])),
+            (period, low, 100.0 * _to_array([method.period_error(x, damping) for x in low.tolist()])),
+            (ratio, low, 100.0 * _to_array([method.damping_ratio(x, damping) for x in low.tolist()])),
         )
         for axis, at, values in curves:
             axis.semilogx(at, values, label=name, color=colour, linestyle=dashes)
     period.set_ylim(-20.0, 60.0)
     ratio.set_ylim(-0.5, 6.0)
-    legend(figure, radius, len(methods))
+    add_legend(figure, radius, len(methods))
     return figure
 
 
-def _each(values: list[float]) -> FloatArray:
+def _to_array(values: list[float]) -> FloatArray:
     """Return values as an array with NaN for missing values."""
     found = np.array(values, dtype=float)
     return np.where(np.isfinite(found), found, math.nan)

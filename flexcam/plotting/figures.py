@@ -31,10 +31,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, FigureBase
 
 from flexcam.core.errors import refuse
-from flexcam.io import free_to_write, made_folder, whole
+from flexcam.io import atomic_write_path, check_writable, create_folder
 
 if TYPE_CHECKING:
-    from flexcam.plotting.solid_view import Stage
+    from flexcam.plotting.solid_view import MechanismView
 
 
 # matplotlib does not type its keyword arguments.
@@ -45,76 +45,76 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0
 
 _DASHES = ("-", "--", "-.", ":")
 _FORMATS = (".svg", ".png", ".pdf")
-_ABOVE = 14.0
+_TITLE_PAD = 14.0
 """Space between axes and title, points: the order numbers of a Campbell diagram are placed there."""
 
-_LETTERS = 76
+_TITLE_WIDTH = 76
 """Characters per line of a title above axes of standard width."""
 
-_PAPER, _INKS = 160, 64
+_DPI, _COLOUR_COUNT = 160, 64
 """Resolution of an image for printing, dots per inch, and its number of colours; curves need few."""
 
 
 def save_figure(figure: Figure, path: Path, *, overwrite: bool = False) -> Path:
     """Write a figure."""
-    free_for_picture(path, overwrite=overwrite)
-    made_folder(path.parent)
-    with _without_remarks(), whole(path) as draft:
+    check_figure_path(path, overwrite=overwrite)
+    create_folder(path.parent)
+    with _suppress_warnings(), atomic_write_path(path) as draft:
         figure.savefig(draft, dpi=150)
     return path
 
 
 @contextmanager
-def _without_remarks() -> Generator[None]:
+def _suppress_warnings() -> Generator[None]:
     """Suppress the warnings of matplotlib about missing glyphs, which it draws as boxes."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing from", category=UserWarning)
         yield
 
 
-def titled(figure: Figure, title: str) -> Figure:
+def add_title(figure: Figure, title: str) -> Figure:
     """Add a title above the first axes, below an outside legend."""
     if title:
-        figure.axes[0].set_title(wrapped(title), fontsize="medium", pad=_ABOVE)
+        figure.axes[0].set_title(wrap_title(title), fontsize="medium", pad=_TITLE_PAD)
     return figure
 
 
-def wrapped(title: str) -> str:
+def wrap_title(title: str) -> str:
     """Wrap a title to the width of a figure."""
-    return "\n".join(textwrap.wrap(title, _LETTERS))
+    return "\n".join(textwrap.wrap(title, _TITLE_WIDTH))
 
 
-def png_of(figure: Figure) -> bytes:
+def render_png(figure: Figure) -> bytes:
     """Return a figure as PNG for printing, with a size that does not depend on the number of points."""
     from PIL import Image
 
     drawn, written = io.BytesIO(), io.BytesIO()
-    with _without_remarks():
-        figure.savefig(drawn, format="png", dpi=_PAPER)
+    with _suppress_warnings():
+        figure.savefig(drawn, format="png", dpi=_DPI)
     with Image.open(drawn) as image:
-        image.convert("RGB").quantize(_INKS).save(written, format="png", optimize=True)
+        image.convert("RGB").quantize(_COLOUR_COUNT).save(written, format="png", optimize=True)
     return written.getvalue()
 
 
-def free_for_picture(path: Path, *, overwrite: bool = False) -> None:
+def check_figure_path(path: Path, *, overwrite: bool = False) -> None:
     """Raise an error if a figure cannot be written to a path."""
     if path.suffix not in _FORMATS:
         raise refuse("picture", str(path), f"a name that ends in {', '.join(_FORMATS)}")
-    free_to_write("picture", path, overwrite=overwrite)
+    check_writable("picture", path, overwrite=overwrite)
 
 
-def looks() -> Iterator[tuple[str, str]]:
+def line_styles() -> Iterator[tuple[str, str]]:
     """Yield pairs of colour and dashes; seven colours and four dash patterns repeat after 28 curves."""
     return zip(cycle(COLOURS), cycle(_DASHES), strict=False)
 
 
-def stacked(labels: Sequence[str], below: str, *, height: float = 1.6) -> tuple[Figure, list[Axes]]:
+def create_stacked_axes(labels: Sequence[str], below: str, *, height: float = 1.6) -> tuple[Figure, list[Axes]]:
     """Return a figure with axes stacked vertically."""
     figure = Figure(figsize=(7.0, 1.2 + height * len(labels)), layout="constrained")
-    return figure, stack(figure, labels, below)
+    return figure, add_stacked_axes(figure, labels, below)
 
 
-def stack(figure: FigureBase, labels: Sequence[str], below: str) -> list[Axes]:
+def add_stacked_axes(figure: FigureBase, labels: Sequence[str], below: str) -> list[Axes]:
     """Return vertically stacked axes of a figure or a subfigure."""
     axes = list(np.atleast_1d(np.asarray(figure.subplots(len(labels), sharex=True))))
     for one, label in zip(axes, labels, strict=True):
@@ -125,7 +125,7 @@ def stack(figure: FigureBase, labels: Sequence[str], below: str) -> list[Axes]:
     return axes
 
 
-def legend(figure: FigureBase, axes: Axes, count: int, *, columns: int = 4) -> None:
+def add_legend(figure: FigureBase, axes: Axes, count: int, *, columns: int = 4) -> None:
     """Add a legend with the names of several curves above the axes."""
     if count > 1:
         lines, names = axes.get_legend_handles_labels()
@@ -141,7 +141,7 @@ def write_page(window: Any, path: Path, title: str) -> None:  # noqa: ANN401 - a
 
     packed, page = io.BytesIO(), io.StringIO()
     with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("index.json", json.dumps(_described(window)))
+        archive.writestr("index.json", json.dumps(_serialize_window(window)))
     write_html(packed.getvalue(), page)
     alone = _ICONS.sub("`data:,`", page.getvalue())
     path.write_text(alone.replace("<head>", f"<head><title>{html.escape(title)}</title>", 1), encoding="utf-8")
@@ -151,7 +151,7 @@ _ICONS = re.compile(r"`https?://[^`]*/favicon[^`]*`")
 """Icons that the viewer would download."""
 
 
-def _described(window: Any) -> dict[str, Any]:  # noqa: ANN401
+def _serialize_window(window: Any) -> dict[str, Any]:  # noqa: ANN401
     """Return a window in the format of vtk.js: its objects, and their arrays by hash."""
     from trame_vtk.modules.vtk.serializers import (
         SynchronizationContext,
@@ -179,7 +179,7 @@ def _described(window: Any) -> dict[str, Any]:  # noqa: ANN401
 # pyvista and imageio do not type most of their interface.
 
 
-NEEDS = {
+REQUIREMENTS = {
     ".png": ("", ()),
     ".gif": ("movie", ("imageio",)),
     ".mp4": ("movie", ("imageio", "imageio_ffmpeg")),
@@ -193,11 +193,11 @@ FRAMES = 72
 _PER_SECOND = 24
 
 
-def free_to_save(path: Path, size: tuple[int, int], *, overwrite: bool = False) -> None:
+def check_output_path(path: Path, size: tuple[int, int], *, overwrite: bool = False) -> None:
     """Raise an error if an output file cannot be written, before rendering."""
-    if path.suffix not in NEEDS:
-        raise refuse("--save", str(path), f"a name that ends in {', '.join(NEEDS)}")
-    extra, modules = NEEDS[path.suffix]
+    if path.suffix not in REQUIREMENTS:
+        raise refuse("--save", str(path), f"a name that ends in {', '.join(REQUIREMENTS)}")
+    extra, modules = REQUIREMENTS[path.suffix]
     lacking = [name for name in modules if find_spec(name) is None]
     if lacking:
         why = f"{' and '.join(lacking)} cannot be imported"
@@ -205,17 +205,17 @@ def free_to_save(path: Path, size: tuple[int, int], *, overwrite: bool = False) 
                      f"pip install 'flexcam[{extra}]'")  # fmt: skip
     if path.suffix == ".mp4" and (size[0] % 2 or size[1] % 2):
         raise refuse("--size", f"{size[0]}x{size[1]}", "even numbers", "the colours of a movie are kept by fours")
-    free_to_write("picture", path, overwrite=overwrite)
+    check_writable("picture", path, overwrite=overwrite)
 
 
-def save(stage: Stage, path: Path, frames: Sequence[int], still: int) -> None:
+def save_view(stage: MechanismView, path: Path, frames: Sequence[int], still: int) -> None:
     """Write an image or page of one instant, or a movie of several."""
-    made_folder(path.parent)
-    with whole(path) as draft:
+    create_folder(path.parent)
+    with atomic_write_path(path) as draft:
         _save(stage, draft, frames, still)
 
 
-def _save(stage: Stage, path: Path, frames: Sequence[int], still: int) -> None:
+def _save(stage: MechanismView, path: Path, frames: Sequence[int], still: int) -> None:
     match path.suffix:
         case ".gif":
             path.write_bytes(_gif(stage, frames))
@@ -231,7 +231,7 @@ def _save(stage: Stage, path: Path, frames: Sequence[int], still: int) -> None:
     stage.plotter.close()
 
 
-def _gif(stage: Stage, frames: Sequence[int]) -> bytes:
+def _gif(stage: MechanismView, frames: Sequence[int]) -> bytes:
     """Return a movie as bytes: the file writer would print system errors and continue."""
     from imageio.v2 import get_writer
 
@@ -245,7 +245,7 @@ def _gif(stage: Stage, frames: Sequence[int]) -> bytes:
     return made.getvalue()
 
 
-def _movie(stage: Stage, path: Path, frames: Sequence[int]) -> None:
+def _movie(stage: MechanismView, path: Path, frames: Sequence[int]) -> None:
     quiet = {"ffmpeg_log_level": "quiet"}  # the error is reported below
     stage.plotter.open_movie(str(path), framerate=_PER_SECOND, macro_block_size=2, **quiet)
     for i in frames:

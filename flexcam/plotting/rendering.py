@@ -8,7 +8,7 @@ import subprocess
 import sys
 from functools import cache
 
-from flexcam.core.errors import refuse, said
+from flexcam.core.errors import refuse, system_message
 from flexcam.dynamics import Cause, RunFailedError, Status
 
 _WINDOW = "VTK_DEFAULT_OPENGL_WINDOW"
@@ -29,7 +29,7 @@ else:
 sys.exit(0 if image.min() < 100 < image.max() else "the picture is empty")
 """
 
-_PATIENCE = 60.0
+_TIMEOUT = 60.0
 """Timeout of a rendering test, s."""
 
 _REMEDY = (
@@ -38,7 +38,7 @@ _REMEDY = (
 )
 
 
-def ready_to_render(*, off_screen: bool) -> None:
+def select_renderer(*, off_screen: bool) -> None:
     """Select a class of window that works, by rendering a sphere in a separate process."""
     display = sys.platform != "linux" or bool(os.environ.get("DISPLAY"))
     if not display and not off_screen:
@@ -49,7 +49,7 @@ def ready_to_render(*, off_screen: bool) -> None:
     windows = [own] if own else [*without[:1], *([""] if display else []), *without[1:]]
     told = ""
     for window in windows:
-        told = _drawn_by(window, off_screen=off_screen)
+        told = _test_renderer(window, off_screen=off_screen)
         if not told:
             if window:
                 os.environ[_WINDOW] = window
@@ -62,18 +62,18 @@ _OFF_SCREEN = ("vtkEGLRenderWindow", "vtkOSOpenGLRenderWindow")
 
 
 @cache
-def _drawn_by(window: str, *, off_screen: bool) -> str:
+def _test_renderer(window: str, *, off_screen: bool) -> str:
     """Return why a class of window cannot render; empty if it can."""
     environment = {**os.environ, **({_WINDOW: window} if window else {})}
     command = [sys.executable, "-c", _PROBE, "off" if off_screen else "on"]
     try:
         done = subprocess.run(  # noqa: S603 - our own words
-            command, env=environment, capture_output=True, text=True, timeout=_PATIENCE, check=False
+            command, env=environment, capture_output=True, text=True, timeout=_TIMEOUT, check=False
         )
     except subprocess.TimeoutExpired:
-        return f"drawing took more than {_PATIENCE:g} s"
+        return f"drawing took more than {_TIMEOUT:g} s"
     except OSError as fault:  # no separate interpreter, or it may not be started
-        return f"no process can be started: {said(fault)}"
+        return f"no process can be started: {system_message(fault)}"
     if done.returncode == 0:
         return ""
     lines = [_HEAD.sub("", _COLOUR.sub("", line)).strip() for line in done.stderr.splitlines()]

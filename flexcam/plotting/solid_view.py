@@ -1,6 +1,6 @@
 """Solid mechanisms on screen, in images, movies and HTML pages. Only this module imports pyvista.
 
-Call `flexcam.plotting.rendering.ready_to_render` first: if a library is missing, VTK aborts its process.
+Call `flexcam.plotting.rendering.select_renderer` first: if a library is missing, VTK aborts its process.
 """
 
 # pyright: reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
@@ -18,7 +18,7 @@ import pyvista
 from flexcam.core import FloatArray
 from flexcam.plotting.scene.assembly import Mechanism
 from flexcam.plotting.scene.motion import Motion
-from flexcam.plotting.scene.solids import Solid, merged
+from flexcam.plotting.scene.solids import Solid, merge_solids
 
 COLOURS = {
     "shaft": "#7a8fa6", "member": "#c9ced4", "lobe": "#D55E00", "follower": "#E69F00", "roller": "#F0C25A",
@@ -27,11 +27,11 @@ COLOURS = {
 }  # fmt: skip
 """Colours by kind of part: those of Okabe and Ito for moving parts."""
 
-_PLAIN = "#d5d9dd"
+_NEUTRAL_COLOUR = "#d5d9dd"
 """Colour of parts without a value if members are coloured by one."""
 
 _CLEAR = {"bearing": 0.45, "seat": 0.6, "ground": 0.8}
-_SHARP = 35.0
+_SHARP_ANGLE = 35.0
 """Angle between triangles, deg, above which an edge is drawn sharp."""
 
 _BELOW_WORDS, _BESIDE_BAR = 1.08, 0.8
@@ -43,12 +43,12 @@ _BAR = {
 }  # fmt: skip
 """Style of the colour bar."""
 
-_BETWEEN = 40
+_FRAME_TIME = 40
 """Time between two instants of a mode in the window, ms."""
 
 
 @dataclass(frozen=True)
-class Looks:
+class ViewSettings:
     """View settings of a scene.
 
     Parameters
@@ -66,7 +66,7 @@ class Looks:
     title: str = ""
 
 
-class Stage:
+class MechanismView:
     """Mechanism in a window or off-screen.
 
     Parameters
@@ -79,7 +79,7 @@ class Stage:
         Whether to render without a window.
     """
 
-    def __init__(self, mechanism: Mechanism, motion: Motion, looks: Looks, *, off_screen: bool) -> None:
+    def __init__(self, mechanism: Mechanism, motion: Motion, looks: ViewSettings, *, off_screen: bool) -> None:
         self._mechanism, self._motion, self._looks = mechanism, motion, looks
         self.plotter: Any = pyvista.Plotter(off_screen=off_screen, window_size=list(looks.size))
         self.plotter.set_background("white")
@@ -105,7 +105,7 @@ class Stage:
             bar = {**_BAR, **fonts, "title": f"{self._motion.label}\n"}
             even = {"ambient": 0.35, "diffuse": 0.7, "specular": 0.1}  # colours are data here
             return {**common, **even, "scalars": "value", "clim": top, "cmap": "viridis", "scalar_bar_args": bar}
-        return {**common, "color": _PLAIN if self._motion.values is not None else COLOURS[kind]}
+        return {**common, "color": _NEUTRAL_COLOUR if self._motion.values is not None else COLOURS[kind]}
 
     def _meshes(self, i: int) -> dict[str, pyvista.PolyData]:
         """Return a mesh per kind of part; coloured members are separate from parts without values."""
@@ -113,14 +113,14 @@ class Stage:
         kinds: dict[str, list[Solid]] = {}
         for solid in solids:
             kinds.setdefault(solid.kind, []).append(solid)
-        return {kind: _mesh(merged(parts)) for kind, parts in kinds.items()}
+        return {kind: _mesh(merge_solids(parts)) for kind, parts in kinds.items()}
 
     def show(self, i: int) -> None:
         """Show instant i."""
         for kind, mesh in self._meshes(i).items():
             self._actors[kind].mapper.SetInputData(mesh)
         angle, words = self._motion.angle, [self._looks.title] if self._looks.title else []
-        words += [_angle_words(angle, i)] if np.ptp(angle) > 0.0 else []
+        words += [_format_angle(angle, i)] if np.ptp(angle) > 0.0 else []
         words += [f"elastic part x {self._looks.scale:g}"] if self._looks.scale != 1.0 else []
         self.plotter.add_text("\n".join(words), position="upper_left", font_size=11, color="black", name="words")
 
@@ -143,7 +143,7 @@ class Stage:
             self.show(step % len(self._motion))
             self.plotter.render()
 
-        self.plotter.add_timer_event(max_steps=1_000_000, duration=_BETWEEN, callback=next_one)
+        self.plotter.add_timer_event(max_steps=1_000_000, duration=_FRAME_TIME, callback=next_one)
 
     def _aim(self) -> None:
         """Set the camera so that lobes and train are visible and everything fits."""
@@ -187,18 +187,18 @@ def _mesh(solid: Solid) -> pyvista.PolyData:
     mesh = pyvista.PolyData.from_regular_faces(solid.points, solid.faces)
     if solid.values is not None:
         mesh.point_data["value"] = solid.values
-    shaded: Any = mesh.compute_normals(split_vertices=True, feature_angle=_SHARP, consistent_normals=False)
+    shaded: Any = mesh.compute_normals(split_vertices=True, feature_angle=_SHARP_ANGLE, consistent_normals=False)
     return shaded
 
 
-def _angle_words(angle: FloatArray, i: int) -> str:
+def _format_angle(angle: FloatArray, i: int) -> str:
     """Return the cam angle of an instant relative to the start of the displayed revolution."""
     turns = math.floor(float(angle[0]) / (2.0 * math.pi) + 1e-9)
     told = f"cam angle {math.degrees(float(angle[i])) - 360.0 * turns:.1f} deg"
     return f"{told} of the last revolution" if turns else told
 
 
-def show(stage: Stage, still: int, *, swings: bool) -> None:
+def show_window(stage: MechanismView, still: int, *, swings: bool) -> None:
     """Open the window, with a slider over the cam angle or with an animated mode."""
     stage.show(still)
     if swings:

@@ -17,19 +17,19 @@ from flexcam.analysis.campbell import Campbell
 from flexcam.analysis.orders import Waterfall
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
-from flexcam.core.units import shown
+from flexcam.core.units import to_display_unit
 from flexcam.fem.recovery import deflection
-from flexcam.plotting.figures import legend, looks, stacked, wrapped
+from flexcam.plotting.figures import add_legend, create_stacked_axes, line_styles, wrap_title
 from flexcam.plotting.histories import axis_label, short_name
 from flexcam.valvetrain import ModelModes, Structure
 
 # matplotlib does not type its keyword arguments.
 
 
-_LARGEST = 160.0
+_MAX_CIRCLE_AREA = 160.0
 """Area of the largest circle, points squared."""
 
-_MET = "an order meets a mode; area: its part of the force"
+_CROSSING_LABEL = "an order meets a mode; area: its part of the force"
 
 
 def campbell_figure(found: Campbell, scale: float, shaft: str) -> Figure:
@@ -37,14 +37,14 @@ def campbell_figure(found: Campbell, scale: float, shaft: str) -> Figure:
     figure = Figure(figsize=(8.0, 5.0), layout="constrained")
     axes = figure.add_subplot()
     rpm = scale * found.rpm
-    top = _top(found)
+    top = _highest_drawn_frequency(found)
     _rays(axes, found, rpm, top)
-    styles, told = looks(), False
+    styles, told = line_styles(), False
     for i, (column, reached) in enumerate(zip(found.frequencies.T, found.reached, strict=True)):
         if reached:
             colour, dashes = next(styles)
             axes.plot(rpm, column, color=colour, linestyle=dashes, linewidth=1.8, marker="o", markersize=3,
-                      label=_named(found, i, top))  # fmt: skip
+                      label=_mode_label(found, i, top))  # fmt: skip
         else:
             first = not told and bool((column <= top).any())
             axes.plot(rpm, column, color="0.5", linewidth=1.2, label="not felt at the contact" * first)
@@ -59,14 +59,14 @@ def campbell_figure(found: Campbell, scale: float, shaft: str) -> Figure:
     return figure
 
 
-def _named(found: Campbell, mode: int, top: float) -> str:
+def _mode_label(found: Campbell, mode: int, top: float) -> str:
     """Return the label of a mode; empty if it is outside of the diagram."""
     if not (found.frequencies[:, mode] <= top).any():
         return ""
     return f"{mode + 1}: {', '.join(found.words[mode].split(', ')[:2])}"
 
 
-def _top(found: Campbell) -> float:
+def _highest_drawn_frequency(found: Campbell) -> float:
     """Return the highest frequency drawn: modes far above all order lines are cut off."""
     highest = max(found.lifts, default=1) * float(found.rpm[-1]) / 60.0
     known = found.frequencies[~np.isnan(found.frequencies)]
@@ -91,10 +91,10 @@ def _rays(axes: Axes, found: Campbell, rpm: np.ndarray, top: float) -> None:
 def _circles(axes: Axes, found: Campbell, scale: float) -> None:
     met = [one for one in found.crossings if not math.isnan(one.load)]
     largest = max((one.load for one in met), default=0.0) or 1.0
-    sizes = [max(_LARGEST * one.load / largest, 8.0) for one in met]
+    sizes = [max(_MAX_CIRCLE_AREA * one.load / largest, 8.0) for one in met]
     axes.scatter(
         [scale * one.rpm for one in met], [one.frequency for one in met], s=sizes, facecolors="none",
-        edgecolors="black", linewidths=1.2, zorder=3, label=_MET * bool(met),
+        edgecolors="black", linewidths=1.2, zorder=3, label=_CROSSING_LABEL * bool(met),
     )  # fmt: skip
 
 
@@ -120,7 +120,7 @@ def waterfall_figure(found: Sequence[Waterfall], scale: float, shaft: str) -> Fi
 def _draw(figure: Figure, axes: Axes, found: Waterfall, scale: float) -> None:
     from matplotlib.colors import LogNorm
 
-    factor, _ = shown(found.unit)
+    factor, _ = to_display_unit(found.unit)
     sizes = factor * found.amplitudes[:, 1:]
     largest = float(np.nanmax(sizes)) if np.isfinite(sizes).any() else 1.0
     norm = LogNorm(10.0**-_DECADES * (largest or 1.0), largest or 1.0, clip=True)
@@ -135,30 +135,30 @@ def _draw(figure: Figure, axes: Axes, found: Waterfall, scale: float) -> None:
 # matplotlib does not type its keyword arguments.
 
 
-_SLOW = 1.0
+_LINEAR_GROWTH = 1.0
 """Growth rate, 1/s, below which the axis is linear; it always covers this range, so that rounding appears as zero."""
 
 
 def force_figure(rpm: FloatArray, forces: Mapping[str, tuple[FloatArray, FloatArray]], shaft: str) -> Figure:
     """Return a figure with maximum and minimum contact force over speed."""
-    figure, (upper, lower) = stacked(("largest force, N", "least force, N"), f"{shaft} speed, rpm")
-    for (name, (least, largest)), (colour, dashes) in zip(forces.items(), looks(), strict=False):
+    figure, (upper, lower) = create_stacked_axes(("largest force, N", "least force, N"), f"{shaft} speed, rpm")
+    for (name, (least, largest)), (colour, dashes) in zip(forces.items(), line_styles(), strict=False):
         upper.plot(rpm, largest, label=name, color=colour, linestyle=dashes, marker="o", markersize=3)
         lower.plot(rpm, least, color=colour, linestyle=dashes, marker="o", markersize=3)
     lower.axhline(0.0, color="black", linewidth=0.8)
-    legend(figure, upper, len(forces))
+    add_legend(figure, upper, len(forces))
     return figure
 
 
 def growth_figure(rpm: FloatArray, growth: FloatArray, dangers: Mapping[str, NDArray[np.bool_]], shaft: str) -> Figure:
     """Return a figure with the growth rate of disturbances over speed and the causes of instability at each speed."""
-    figure, (upper, lower) = stacked(("growth, 1/s", "endangered by"), f"{shaft} speed, rpm")
+    figure, (upper, lower) = create_stacked_axes(("growth, 1/s", "endangered by"), f"{shaft} speed, rpm")
     upper.plot(rpm, growth, color="black", marker="o", markersize=3)
-    upper.set_yscale("symlog", linthresh=_SLOW)
+    upper.set_yscale("symlog", linthresh=_LINEAR_GROWTH)
     upper.axhline(0.0, color="black", linewidth=0.8)
     least, largest = upper.get_ylim()
-    upper.set_ylim(min(least, -_SLOW), max(largest, _SLOW))
-    for row, ((_, at), (colour, _)) in enumerate(zip(dangers.items(), looks(), strict=False)):
+    upper.set_ylim(min(least, -_LINEAR_GROWTH), max(largest, _LINEAR_GROWTH))
+    for row, ((_, at), (colour, _)) in enumerate(zip(dangers.items(), line_styles(), strict=False)):
         chosen = rpm[at]
         lower.plot(chosen, np.full(len(chosen), row), color=colour, marker="s", linestyle="none")
     lower.set_yticks(range(len(dangers)), labels=list(dangers))
@@ -174,10 +174,10 @@ _PARTS = 8
 """Drawn segments per element, enough for a cubic."""
 
 _MOTIONS = ("along", "across y", "across z", "twist times radius")
-_NOTHING = 1e-6
+_MIN_MOTION = 1e-6
 """Motion relative to the maximum of a mode below which a curve is not drawn."""
 
-_WIDE = 58
+_TITLE_WIDTH = 58
 """Characters per line of a title of one column."""
 
 
@@ -188,8 +188,8 @@ def draw_mode(axes: Axes, structure: Structure, member: str, nodal: FloatArray, 
     begin = np.cumsum(structure.beams.length[part]) - structure.beams.length[part]
     place = 1e3 * (begin[:, None] + structure.beams.length[part, None] * np.linspace(0.0, 1.0, _PARTS + 1)).ravel()
     scale = np.array([1.0, 1.0, 1.0, structure.model.members[member].section.radius]) / size
-    for values, name, (colour, dashes) in zip((moved * scale).reshape(-1, 4).T, _MOTIONS, looks(), strict=False):
-        if np.abs(values).max() > _NOTHING:
+    for values, name, (colour, dashes) in zip((moved * scale).reshape(-1, 4).T, _MOTIONS, line_styles(), strict=False):
+        if np.abs(values).max() > _MIN_MOTION:
             axes.plot(place, values, label=name, color=colour, linestyle=dashes)
     axes.axhline(0.0, color="0.4", linewidth=0.8)
     axes.set_xlim(0.0, float(place[-1]))
@@ -209,12 +209,12 @@ def mode_figure(structure: Structure, found: ModelModes, *, title: str = "") -> 
     grid = figure.subplots(count, len(members), squeeze=False, sharex="col", sharey=True)
     shapes = structure.dofs.nodal_modes(found.modes.shapes.T, structure.model.mesh.extent)
     for mode, (row, nodal) in enumerate(zip(grid, shapes, strict=True)):
-        largest = _largest(structure, nodal)
+        largest = _maximum_motion(structure, nodal)
         for axes, member in zip(row, members, strict=True):
             draw_mode(axes, structure, member, nodal, largest)
         row[0].set_ylabel(f"mode {mode + 1}")
         words = f"{found.modes.frequencies[mode]:.4g} Hz: {found.words(mode)}"
-        row[0].set_title("\n".join(textwrap.wrap(words, _WIDE * len(members))), fontsize="small", loc="left")
+        row[0].set_title("\n".join(textwrap.wrap(words, _TITLE_WIDTH * len(members))), fontsize="small", loc="left")
         if not any(line.get_label() in _MOTIONS for axes in row for line in axes.lines):
             row[0].text(0.5, 0.75, "no member moves", transform=row[0].transAxes, ha="center", color="0.3")
     for axes, member in zip(grid[-1], members, strict=True):
@@ -224,11 +224,11 @@ def mode_figure(structure: Structure, found: ModelModes, *, title: str = "") -> 
     }
     figure.legend(list(handles.values()), list(handles), loc="outside lower center", fontsize="small", ncols=4)
     if title:
-        figure.suptitle(wrapped(title), fontsize="medium")
+        figure.suptitle(wrap_title(title), fontsize="medium")
     return figure
 
 
-def _largest(structure: Structure, nodal: FloatArray) -> float:
+def _maximum_motion(structure: Structure, nodal: FloatArray) -> float:
     """Return the maximum motion of the members' centre lines and surfaces; 1 if only other parts move."""
     moved = np.abs(deflection(structure.beams, nodal, _PARTS))
     radius = np.concatenate([

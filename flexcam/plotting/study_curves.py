@@ -10,9 +10,9 @@ from itertools import groupby
 import numpy as np
 from matplotlib.figure import Figure
 
-from flexcam.analysis.trade import Traded
+from flexcam.analysis.trade import ModelEvaluation
 from flexcam.core import FloatArray
-from flexcam.plotting.figures import COLOURS, legend, looks, stacked
+from flexcam.plotting.figures import COLOURS, add_legend, create_stacked_axes, line_styles
 
 # matplotlib does not type its keyword arguments.
 
@@ -119,12 +119,12 @@ def map_figure(
 _KINDS = ("lift", "acceleration")
 
 
-def work_precision_figure(found: Sequence[Traded]) -> Figure:
+def work_precision_figure(found: Sequence[ModelEvaluation]) -> Figure:
     """Return a figure with the error of models over their work, both logarithmic."""
-    figure, axes = stacked(tuple(f"error of {kind}, %" for kind in _KINDS), "unknowns times steps")
+    figure, axes = create_stacked_axes(tuple(f"error of {kind}, %" for kind in _KINDS), "unknowns times steps")
     runs = sorted((one for one in found if one.errors), key=lambda one: (one.rung, one.steps))
     names = 0
-    for (name, group), (colour, dashes) in zip(groupby(runs, key=lambda one: one.rung), looks(), strict=False):
+    for (name, group), (colour, dashes) in zip(groupby(runs, key=lambda one: one.rung), line_styles(), strict=False):
         of, names = list(group), names + 1
         for axis, kind in zip(axes, _KINDS, strict=True):
             work = [max(one.work, 1) for one in of]
@@ -133,5 +133,5 @@ def work_precision_figure(found: Sequence[Traded]) -> Figure:
             best = [one for one in of if one.best]
             axis.loglog([max(one.work, 1) for one in best], [100.0 * one.errors[kind] for one in best],
                         color=colour, linestyle="none", marker="s", markersize=8, fillstyle="none")  # fmt: skip
-    legend(figure, axes[0], names)
+    add_legend(figure, axes[0], names)
     return figure

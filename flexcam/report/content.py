@@ -9,25 +9,25 @@ import numpy as np
 from rich.table import Table
 
 from flexcam.analysis.comparison import Comparison
-from flexcam.analysis.error_estimate import estimate
+from flexcam.analysis.error_estimate import estimate_errors
 from flexcam.analysis.limits import Limits, find_limits
-from flexcam.analysis.stored_model import strength_of
-from flexcam.analysis.trade import trade
+from flexcam.analysis.stored_model import member_strength
+from flexcam.analysis.trade import evaluate_ladder
 from flexcam.case.case import Case
 from flexcam.core import FloatArray
 from flexcam.core.errors import InputError
 from flexcam.dynamics import Response
-from flexcam.dynamics.memory import Extremes
-from flexcam.report.fidelity_tables import TRADE_LEGEND, error_table, plus_minus, trade_table, trade_words
+from flexcam.dynamics.memory import ExtremesSink
+from flexcam.report.fidelity_tables import TRADE_LEGEND, error_table, format_with_error, trade_table, trade_warnings
 from flexcam.report.limits_table import limits_table
 from flexcam.report.model_tables import comparison_table, mode_table, model_table
-from flexcam.report.result_tables import info_table, operation_table, run_table, strength_table
-from flexcam.report.sentences import Subject
+from flexcam.report.result_tables import info_table, metrics_table, run_table, strength_table
+from flexcam.report.sentences import ReportSubject
 from flexcam.valvetrain import Metric
 
 
 @dataclass(frozen=True)
-class Sheet:
+class ReportTable:
     """Table.
 
     Parameters
@@ -107,7 +107,7 @@ class Chart:
 
 
 @dataclass(frozen=True, eq=False)
-class Album:
+class ChartGroup:
     """Group of charts of which the reader selects one.
 
     Parameters
@@ -218,11 +218,11 @@ class Chapter:
     verdict: tuple[str, ...]
     summary: tuple[str, ...]
     warnings: tuple[str, ...]
-    sheets: tuple[Sheet, ...]
+    sheets: tuple[ReportTable, ...]
     pictures: tuple[Picture, ...]
     scene: Scene | None
     case: str
-    origin: Sheet
+    origin: ReportTable
 
 
 @dataclass(frozen=True, eq=False)
@@ -245,16 +245,16 @@ class Report:
 
     title: str
     chapters: tuple[Chapter, ...]
-    albums: tuple[Album, ...]
+    albums: tuple[ChartGroup, ...]
     notes: tuple[str, ...]
     still: Picture | None
 
 
-_NUMBER = 24
+_MAX_NUMBER_LENGTH = 24
 """Maximum length of a cell that counts as a number, characters."""
 
 
-def sheet(table: Table) -> Sheet:
+def report_table(table: Table) -> ReportTable:
     """Convert a table for the terminal to a value."""
     heads = tuple(str(column.header) for column in table.columns) if table.show_header else ()
     columns = [[str(cell) for cell in column.cells] for column in table.columns]
@@ -262,29 +262,31 @@ def sheet(table: Table) -> Sheet:
     words = (
         i
         for i, of in enumerate(columns)
-        if table.columns[i].justify == "left" or max(map(len, of), default=0) > _NUMBER
+        if table.columns[i].justify == "left" or max(map(len, of), default=0) > _MAX_NUMBER_LENGTH
     )
-    return Sheet(str(table.title or ""), heads, cells, tuple(words))
+    return ReportTable(str(table.title or ""), heads, cells, tuple(words))
 
 
-def sheets(about: Subject, compared: Comparison | None, figures: list[Metric]) -> list[Sheet]:
+def result_tables(about: ReportSubject, compared: Comparison | None, figures: list[Metric]) -> list[ReportTable]:
     """Return the tables of a result."""
     response, known = about.result.response, about.known
     turns = 1.0 if known is None else known.case.turns
-    found = [sheet(comparison_table(compared, turns))] if compared is not None else []
-    found += [sheet(operation_table(figures))] if figures else []
+    found = [report_table(comparison_table(compared, turns))] if compared is not None else []
+    found += [report_table(metrics_table(figures))] if figures else []
     if known is not None:
-        stressed = strength_of(known.ready, known.response)
-        found += [sheet(strength_table(stressed))] if stressed else []
-        found.append(replace(sheet(run_table(known.case, Extremes.of(response))), title="Range of the probes"))
-    found += [energy_sheet(response)] if len(response.time) else []
-    found += [sheet(mode_table(about.modes))] if about.modes is not None else []
+        stressed = member_strength(known.ready, known.response)
+        found += [report_table(strength_table(stressed))] if stressed else []
+        found.append(
+            replace(report_table(run_table(known.case, ExtremesSink.of(response))), title="Range of the probes")
+        )
+    found += [energy_table(response)] if len(response.time) else []
+    found += [report_table(mode_table(about.modes))] if about.modes is not None else []
     if known is not None and about.modes is not None:
-        found.append(replace(sheet(model_table(known.ready, about.modes)), title="The model"))
+        found.append(replace(report_table(model_table(known.ready, about.modes)), title="The model"))
     return found
 
 
-def energy_sheet(response: Response) -> Sheet:
+def energy_table(response: Response) -> ReportTable:
     """Return the table of the energies of a run."""
     parts = {name.removeprefix("energy."): v for name, v in response.channels.items() if name.startswith("energy.")}
     rows = [
@@ -292,21 +294,21 @@ def energy_sheet(response: Response) -> Sheet:
         for name, values in parts.items()
         if np.any(values)
     ]
-    return Sheet("Energy over the run", ("J", "least", "largest", "at the end"), tuple(rows))
+    return ReportTable("Energy over the run", ("J", "least", "largest", "at the end"), tuple(rows))
 
 
-def origin(about: Subject) -> Sheet:
+def origin_table(about: ReportSubject) -> ReportTable:
     """Return the table of the origin of a result."""
     result = about.result if about.known is None else replace(about.result, response=about.known.response)
-    return replace(sheet(info_table(result)), title="The result file")
+    return replace(report_table(info_table(result)), title="The result file")
 
 
-_BRACKET = 0.01
+_LIMIT_TOLERANCE = 0.01
 """Width of the bracket of limits relative to the speed."""
 
 
 @dataclass(frozen=True)
-class Asked:
+class ReportOptions:
     """Additional content of a report, which requires runs of the case.
 
     Parameters
@@ -325,7 +327,7 @@ class Asked:
 
 
 @dataclass(frozen=True)
-class Extra:
+class AdditionalContent:
     """Additional content of a chapter.
 
     Parameters
@@ -335,13 +337,13 @@ class Extra:
     """
 
     sentences: tuple[str, ...] = ()
-    sheets: tuple[Sheet, ...] = ()
+    sheets: tuple[ReportTable, ...] = ()
     pictures: tuple[Picture, ...] = ()
 
 
-def extras(case: Case, probe: str, asked: Asked) -> list[Extra]:
+def additional_content(case: Case, probe: str, asked: ReportOptions) -> list[AdditionalContent]:
     """Return the additional content from runs of the case."""
-    found: list[Extra] = []
+    found: list[AdditionalContent] = []
     if asked.errors or case.record.fidelity.estimate:
         found.append(_errors(case, probe))
     if asked.limits:
@@ -351,23 +353,27 @@ def extras(case: Case, probe: str, asked: Asked) -> list[Extra]:
     return found
 
 
-def _errors(case: Case, probe: str) -> Extra:
-    errors = estimate(case, probe)
-    told = "; ".join(f"{one.quantity} {plus_minus(one)}" for one in errors if one.holds)
+def _errors(case: Case, probe: str) -> AdditionalContent:
+    errors = estimate_errors(case, probe)
+    told = "; ".join(f"{one.quantity} {format_with_error(one)}" for one in errors if one.holds)
     unknown = ", ".join(one.quantity for one in errors if not one.holds)
     said = [f"Largest values of {probe} and the contacts with their errors: {told}."] if told else []
     if unknown:
         said.append(f"No estimate of the error holds for {unknown}: shorter steps do not bring the runs together.")
-    return Extra(tuple(said), (sheet(error_table(errors)),))
+    return AdditionalContent(tuple(said), (report_table(error_table(errors)),))
 
 
-def _limits(case: Case) -> Extra:
+def _limits(case: Case) -> AdditionalContent:
     scale = case.turns
     try:
-        limits = find_limits(case, lowest=0.5 * case.speed, highest=2.0 * case.speed, tolerance=_BRACKET * case.speed)
+        limits = find_limits(
+            case, lowest=0.5 * case.speed, highest=2.0 * case.speed, tolerance=_LIMIT_TOLERANCE * case.speed
+        )
     except InputError as refusal:  # the rest of the page is still valid
-        return Extra(tuple(f"Limits were not looked for: {fault.why or fault.given}." for fault in refusal.faults), ())
-    return Extra((_first(limits, scale),), (sheet(limits_table(limits, scale)),))
+        return AdditionalContent(
+            tuple(f"Limits were not looked for: {fault.why or fault.given}." for fault in refusal.faults), ()
+        )
+    return AdditionalContent((_first(limits, scale),), (report_table(limits_table(limits, scale)),))
 
 
 def _first(limits: Limits, scale: float) -> str:
@@ -378,18 +384,20 @@ def _first(limits: Limits, scale: float) -> str:
     return f"What gives way first is {limits.first.replace('_', ' ')}, from {speed}: {one.words}."
 
 
-def _trade(case: Case, probe: str) -> Extra:
-    from flexcam.plotting.figures import png_of
+def _trade(case: Case, probe: str) -> AdditionalContent:
+    from flexcam.plotting.figures import render_png
     from flexcam.plotting.study_curves import work_precision_figure
 
-    against, rungs = trade(case, probe, repeats=1)
-    table = sheet(trade_table(against, rungs))
+    against, rungs = evaluate_ladder(case, probe, repeats=1)
+    table = report_table(trade_table(against, rungs))
     best = ", ".join(f"{one.rung} at {one.steps} steps" for one in rungs if one.best)
     words = (
         f"Error over work, both logarithmic. No other model beats, in both: {best}. "
         f"The table has the numbers ({TRADE_LEGEND})."
     )
     title = "What a cheaper model costs in error"
-    return Extra(
-        tuple(trade_words(against, rungs)), (table,), (Picture(title, png_of(work_precision_figure(rungs)), words),)
+    return AdditionalContent(
+        tuple(trade_warnings(against, rungs)),
+        (table,),
+        (Picture(title, render_png(work_precision_figure(rungs)), words),),
     )

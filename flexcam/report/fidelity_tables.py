@@ -11,9 +11,9 @@ from rich.table import Table
 
 from flexcam.analysis.error_estimate import Error
 from flexcam.analysis.model_choice import Choice
-from flexcam.analysis.trade import Reference, Traded
+from flexcam.analysis.trade import ModelEvaluation, Reference
 from flexcam.dynamics import Cause
-from flexcam.report.terminal import table
+from flexcam.report.terminal import plain_table
 
 _SHOWN = {"m": (1e3, "mm"), "m/s": (1.0, "m/s"), "m/s^2": (1.0, "m/s^2"), "N": (1.0, "N")}
 _ROUNDING = 1e-10
@@ -29,7 +29,7 @@ TRADE_LEGEND = "* no other model beats it in both work and error; work is unknow
 """Legend of `trade_table`."""
 
 
-def trade_table(against: Reference, found: Sequence[Traded]) -> Table:
+def trade_table(against: Reference, found: Sequence[ModelEvaluation]) -> Table:
     """Return the table of a case's model ladder."""
     kinds = _quantities(against)
     rows = [
@@ -41,7 +41,7 @@ def trade_table(against: Reference, found: Sequence[Traded]) -> Table:
     rows.append(("", "reference", str(against.steps), "", "", "", *own, "its own error"))
     heads = ("", "model", "steps/rev", "unknowns", "work", "cpu s", *(f"{kind}, %" for kind in kinds), "")
     norm = {"max": "largest", "rms": "rms", None: "rms, of forces the largest"}[against.norm]
-    return table(f"What a cheaper model costs in error ({norm}; as a part of the largest value)", heads, rows)
+    return plain_table(f"What a cheaper model costs in error ({norm}; as a part of the largest value)", heads, rows)
 
 
 def _quantities(against: Reference) -> list[str]:
@@ -52,12 +52,12 @@ def _percent(share: float | None) -> str:
     return "" if share is None else f"{100.0 * share:.2g}"
 
 
-def trade_words(against: Reference, found: Sequence[Traded]) -> list[str]:
+def trade_warnings(against: Reference, found: Sequence[ModelEvaluation]) -> list[str]:
     """Return warnings about a model ladder."""
-    return [*_rough(against), *_refused(found)]
+    return [*_reference_warnings(against), *_describe_rejected_models(found)]
 
 
-def _refused(found: Sequence[Traded]) -> list[str]:
+def _describe_rejected_models(found: Sequence[ModelEvaluation]) -> list[str]:
     """Return which models were not run, with the first reason."""
     refused = [one for one in found if one.status.cause is Cause.REFUSED]
     if not refused:
@@ -67,30 +67,30 @@ def _refused(found: Sequence[Traded]) -> list[str]:
     return [f"Not run, as the method of the case refuses such steps: {told}. The first: {refused[0].status.text}"]
 
 
-def _rough(against: Reference) -> list[str]:
+def _reference_warnings(against: Reference) -> list[str]:
     shares = {name: error / against.size[name] for name, error in against.errors.items() if against.size[name] > 0.0}
-    rough = [f"{name} ({_percent(share)} %)" for name, share in shares.items() if share > _ROUGH]
+    rough = [f"{name} ({_percent(share)} %)" for name, share in shares.items() if share > _REFERENCE_ERROR_TOLERANCE]
     if not rough:
         return []
     unsure = f"Warning: the reference itself is not sure of {', '.join(rough)}"
     return [f"{unsure}: bounces, or motions that its steps do not see; errors of that size say nothing, nor do marks"]
 
 
-_ROUGH = 0.05
+_REFERENCE_ERROR_TOLERANCE = 0.05
 """Error of the reference relative to the quantity's size from which a warning is given."""
 
 
-def trade_json(against: Reference, found: Sequence[Traded]) -> dict[str, object]:
+def trade_json(against: Reference, found: Sequence[ModelEvaluation]) -> dict[str, object]:
     """Return the model ladder for ``--json``."""
     own = {name: error / against.size[name] if against.size[name] else 0.0 for name, error in against.errors.items()}
     return {
         "reference": {"steps_per_revolution": against.steps, "errors": own, "sizes": against.size},
-        "rungs": [traded_json(one) for one in found],
-        "warnings": trade_words(against, found),
+        "rungs": [evaluation_json(one) for one in found],
+        "warnings": trade_warnings(against, found),
     }
 
 
-def traded_json(one: Traded) -> dict[str, object]:
+def evaluation_json(one: ModelEvaluation) -> dict[str, object]:
     """Return one model of the ladder for ``--json``."""
     return {
         "model": one.rung, "words": one.words, "steps_per_revolution": one.steps, "unknowns": one.unknowns,
@@ -99,7 +99,7 @@ def traded_json(one: Traded) -> dict[str, object]:
     }  # fmt: skip
 
 
-def trade_csv(against: Reference, found: Sequence[Traded]) -> str:
+def trade_csv(against: Reference, found: Sequence[ModelEvaluation]) -> str:
     """Return the model ladder as comma-separated values."""
     kinds = _quantities(against)
     text = io.StringIO()
@@ -114,14 +114,19 @@ def trade_csv(against: Reference, found: Sequence[Traded]) -> str:
 def error_table(errors: Sequence[Error]) -> Table:
     """Return the values of a run with their estimated errors."""
     rows = [
-        (one.quantity, plus_minus(one), *(_share(one, part) for part in (one.time, one.space, one.model)), _held(one))
+        (
+            one.quantity,
+            format_with_error(one),
+            *(_share(one, part) for part in (one.time, one.space, one.model)),
+            _met_tolerances(one),
+        )
         for one in errors
     ]
     heads = ("quantity", "largest", "by the steps", "by the elements", "by the model", "")
-    return table("How far the numbers may be off", heads, rows)
+    return plain_table("How far the numbers may be off", heads, rows)
 
 
-def plus_minus(one: Error) -> str:
+def format_with_error(one: Error) -> str:
     """Return a value with its error, such as ``10.43 ± 0.02 mm``."""
     factor, unit = _SHOWN[one.unit]
     value, error = factor * one.size, factor * one.total
@@ -137,11 +142,11 @@ def _share(one: Error, error: float) -> str:
     return f"{100.0 * error / one.size:.2g} %" if one.size > 0.0 else ""
 
 
-def _held(one: Error) -> str:
+def _met_tolerances(one: Error) -> str:
     return "" if one.holds else "no estimate holds: shorter steps do not bring the runs together"
 
 
-def choice_words(choice: Choice) -> list[str]:
+def describe_choice(choice: Choice) -> list[str]:
     """Return sentences about the chosen model, the reason, and the cost of the next cheaper one."""
     one = choice.found
     named = f"{one.rung} ({one.words}), {one.steps} steps per revolution, {one.unknowns} unknowns"
@@ -159,8 +164,8 @@ def choice_words(choice: Choice) -> list[str]:
 
 def choice_json(choice: Choice) -> dict[str, object]:
     """Return a model choice for ``--json``."""
-    cheaper = None if choice.cheaper is None else traded_json(choice.cheaper)
+    cheaper = None if choice.cheaper is None else evaluation_json(choice.cheaper)
     return {
-        "met": choice.met, "tried": choice.tried, "why": choice.why, "model": traded_json(choice.found),
+        "met": choice.met, "tried": choice.tried, "why": choice.why, "model": evaluation_json(choice.found),
         "cheaper": cheaper,
     }  # fmt: skip

@@ -10,40 +10,40 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexcam.core import FloatArray, IntArray
-from flexcam.core.units import shown
+from flexcam.core.units import to_display_unit
 from flexcam.dynamics import STATE, Outline, Response
 from flexcam.fem.elements.beam import Beams
 from flexcam.fem.frames import ROTATIONS
 from flexcam.fem.mesh import Mesh
 from flexcam.fem.recovery import deflection
-from flexcam.report.content import Album, Chart, Curve, Panel, Scene, Shape
-from flexcam.report.sentences import Subject
+from flexcam.report.content import Chart, ChartGroup, Curve, Panel, Scene, Shape
+from flexcam.report.sentences import ReportSubject
 from flexcam.valvetrain import Structure
 
 _SERIES = {"displacement": "", "velocity": "/s", "acceleration": "/s^2"}
-_WITHIN = 1e-4
+_CURVE_TOLERANCE = 1e-4
 """Allowed deviation of a drawn curve relative to its range: less than a pixel of a large screen."""
 
-_FIRST = 4
+_FIRST_CHART_RATIO = 4
 """Ratio of the points of an album's first chart, which is visible initially, to those of the others."""
 
-_LONG = 40_000
+_LONG_HISTORY = 40_000
 """Number of points of a history above which it is reduced by intervals first."""
 
-_ROOM, _ROOM_OF_ONE = 55_000, 2_500
+_MAX_TOTAL_POINTS, _RESULT_POINTS = 55_000, 2_500
 """Total points of all curves of a page, about 600 kB, and the part of it used by the texts of every result."""
 
-_MOST, _LEAST = 3000, 100
+_MAX_POINTS, _MIN_POINTS = 3000, 100
 """Maximum and minimum number of points of a curve."""
 
-_MOST_CURVES = 300
+_MAX_CURVES = 300
 """Maximum number of curves of a page; probes listed in the case come first."""
 
 Runs = Mapping[str, tuple[Response, Response | None]]
 """Response by name, and the response with rigid members."""
 
 
-def thinned(x: FloatArray, y: FloatArray, most: int = _MOST) -> tuple[FloatArray, FloatArray]:
+def reduce_points(x: FloatArray, y: FloatArray, most: int = _MAX_POINTS) -> tuple[FloatArray, FloatArray]:
     """Return a curve reduced to few of its points, including its extremes, for linear interpolation.
 
     The points with the largest distance from the polyline are added until all are within the tolerance: D. H. Douglas
@@ -52,11 +52,11 @@ def thinned(x: FloatArray, y: FloatArray, most: int = _MOST) -> tuple[FloatArray
     """
     if len(x) <= 2:
         return x, y
-    if len(x) > _LONG:
-        peaks = _peaks(y, _LONG // 4)
+    if len(x) > _LONG_HISTORY:
+        peaks = _peaks(y, _LONG_HISTORY // 4)
         x, y = x[peaks], y[peaks]
-    off = _WITHIN * float(np.ptp(y))
-    while (kept := _kept(x, y, off)).sum() > most:
+    off = _CURVE_TOLERANCE * float(np.ptp(y))
+    while (kept := _kept_points(x, y, off)).sum() > most:
         off *= 2.0
     return x[kept], y[kept]
 
@@ -68,7 +68,7 @@ def _peaks(y: FloatArray, stretches: int) -> IntArray:
     return np.unique([0, *each, len(y) - 1])
 
 
-def _kept(x: FloatArray, y: FloatArray, within: float) -> NDArray[np.bool_]:
+def _kept_points(x: FloatArray, y: FloatArray, within: float) -> NDArray[np.bool_]:
     kept = np.zeros(len(x), dtype=bool)
     kept[[0, -1, int(np.argmin(y)), int(np.argmax(y))]] = True
     while True:
@@ -83,41 +83,43 @@ def _kept(x: FloatArray, y: FloatArray, within: float) -> NDArray[np.bool_]:
         kept |= more
 
 
-def albums(runs: Runs, main: str) -> list[Album]:
+def build_albums(runs: Runs, main: str) -> list[ChartGroup]:
     """Return all curves of several results."""
     first = [one for one, _ in runs.values()]
-    probes = list(dict.fromkeys(name for one in first for name in scalars(one.outline)))
+    probes = list(dict.fromkeys(name for one in first for name in scalar_probe_names(one.outline)))
     probes = [name for name in probes if name == main or _moves(first, name)]
     probes.sort(key=lambda name: name != main)
     channels = list(dict.fromkeys(name for one in first for name, _ in one.outline.channels))
     shown_channels = [name for name in channels if not name.startswith(("energy.", STATE))]
     shown_channels.sort(key=lambda name: not (name.startswith("contacts.") and name.endswith(".force")))
-    room = max(_MOST_CURVES // len(runs), 1)
+    room = max(_MAX_CURVES // len(runs), 1)
     found = [
-        Album("Motion", "probe", tuple(_motion(runs, name) for name in probes[: max(room // 6, 1)])),
-        Album(
+        ChartGroup("Motion", "probe", tuple(_motion(runs, name) for name in probes[: max(room // 6, 1)])),
+        ChartGroup(
             "Forces and more", "channel", tuple(_channel(runs, name) for name in shown_channels[: max(room // 4, 1)])
         ),
-        Album("Energy", "result", tuple(_energy(name, one) for name, (one, _) in runs.items())),
+        ChartGroup("Energy", "result", tuple(_energy(name, one) for name, (one, _) in runs.items())),
     ]
     held = [replace(one, charts=tuple(c for c in one.charts if any(p.curves for p in c.panels))) for one in found]
-    return _fitting([album for album in held if album.charts], max(_ROOM - _ROOM_OF_ONE * len(runs), _LEAST))
+    return _fit_albums(
+        [album for album in held if album.charts], max(_MAX_TOTAL_POINTS - _RESULT_POINTS * len(runs), _MIN_POINTS)
+    )
 
 
-def _fitting(made: list[Album], room: int) -> list[Album]:
+def _fit_albums(made: list[ChartGroup], room: int) -> list[ChartGroup]:
     """Return albums reduced to the size of a page: the curves with the most points are reduced further."""
-    most = _MOST
-    while most > _LEAST and sum(len(curve.x) for album in made for curve in _of(album)) > room:
+    most = _MAX_POINTS
+    while most > _MIN_POINTS and sum(len(curve.x) for album in made for curve in _of(album)) > room:
         most = 3 * most // 4
-        made = [replace(one, charts=_lighter(one.charts, most)) for one in made]
+        made = [replace(one, charts=_reduce_album(one.charts, most)) for one in made]
     return made
 
 
-def _lighter(charts: tuple[Chart, ...], most: int) -> tuple[Chart, ...]:
-    return tuple(_coarser(chart, most * (1 if i else _FIRST)) for i, chart in enumerate(charts))
+def _reduce_album(charts: tuple[Chart, ...], most: int) -> tuple[Chart, ...]:
+    return tuple(_coarser(chart, most * (1 if i else _FIRST_CHART_RATIO)) for i, chart in enumerate(charts))
 
 
-def _of(album: Album) -> list[Curve]:
+def _of(album: ChartGroup) -> list[Curve]:
     return [curve for chart in album.charts for panel in chart.panels for curve in panel.curves]
 
 
@@ -129,22 +131,22 @@ def _coarser(chart: Chart, most: int) -> Chart:
 def _fewer(curve: Curve, most: int) -> Curve:
     if len(curve.x) <= most:
         return curve
-    x, y = thinned(curve.x, curve.y, most)
+    x, y = reduce_points(curve.x, curve.y, most)
     return replace(curve, x=x, y=y)
 
 
-def left_over(runs: Runs) -> list[str]:
+def describe_omitted_curves(runs: Runs) -> list[str]:
     """Return a sentence if curves of the results are omitted from a report."""
     first = [one for one, _ in runs.values()]
-    room = max(_MOST_CURVES // len(runs), 1)
-    probes = {name for one in first for name in scalars(one.outline) if _moves(first, name)}
+    room = max(_MAX_CURVES // len(runs), 1)
+    probes = {name for one in first for name in scalar_probe_names(one.outline) if _moves(first, name)}
     channels = {name for one in first for name, _ in one.outline.channels}
     if len(probes) <= max(room // 6, 1) and len(channels) <= max(room // 4, 1):
         return []
     return ["There are more curves than a page holds: the first probes and channels are shown, the result has all"]
 
 
-def scalars(outline: Outline) -> list[str]:
+def scalar_probe_names(outline: Outline) -> list[str]:
     """Return the names of all scalar probes of a run."""
     return [
         name if len(components) == 1 else f"{name}.{one}" for name, components in outline.probes for one in components
@@ -152,19 +154,19 @@ def scalars(outline: Outline) -> list[str]:
 
 
 def _moves(responses: Sequence[Response], name: str) -> bool:
-    having = [one for one in responses if name in scalars(one.outline) and len(one.time)]
+    having = [one for one in responses if name in scalar_probe_names(one.outline) and len(one.time)]
     return any(float(np.ptp(one[name].displacement)) > 0.0 for one in having)
 
 
 def _motion(runs: Runs, name: str) -> Chart:
     unit = "rad" if name.rpartition(".")[2] in ROTATIONS else "m"
     panels = tuple(_motion_panel(runs, name, series, unit + per) for series, per in _SERIES.items())
-    return Chart(name, _words(panels), panels)
+    return Chart(name, _text_alternative(panels), panels)
 
 
 def _motion_panel(runs: Runs, name: str, series: str, unit: str) -> Panel:
     def values(one: Response) -> FloatArray | None:
-        return getattr(one[name], series) if name in scalars(one.outline) else None
+        return getattr(one[name], series) if name in scalar_probe_names(one.outline) else None
 
     return _panel(runs, series, unit, values)
 
@@ -173,32 +175,34 @@ def _channel(runs: Runs, name: str) -> Chart:
     unit = next(unit for one, _ in runs.values() for channel, unit in one.outline.channels if channel == name)
     label = " ".join(name.split(".")[1:]).replace("_", " ")
     panel = _panel(runs, label, unit, lambda one: one.channels.get(name))
-    return Chart(name.replace(".", " ").replace("_", " "), _words([panel]), (panel,))
+    return Chart(name.replace(".", " ").replace("_", " "), _text_alternative([panel]), (panel,))
 
 
 def _energy(name: str, response: Response) -> Chart:
     parts = {key.removeprefix("energy."): v for key, v in response.channels.items() if key.startswith("energy.")}
     angle = np.degrees(response.angle)
     curves = [
-        Curve(part, i, False, *thinned(angle, values)) for i, (part, values) in enumerate(parts.items()) if values.any()
+        Curve(part, i, False, *reduce_points(angle, values))
+        for i, (part, values) in enumerate(parts.items())
+        if values.any()
     ]
     panel = Panel("energy, J", tuple(curves))
-    return Chart(name or "this result", _words([panel]), (panel,) if curves else ())
+    return Chart(name or "this result", _text_alternative([panel]), (panel,) if curves else ())
 
 
 def _panel(runs: Runs, label: str, unit: str, values: Callable[[Response], FloatArray | None]) -> Panel:
-    factor, symbol = shown(unit)
+    factor, symbol = to_display_unit(unit)
     curves: list[Curve] = []
     for group, (name, pair) in enumerate(runs.items()):
         for one, rigid in zip(pair, (False, True), strict=True):
             history = None if one is None else values(one)
             if one is not None and history is not None and len(history):
                 called = ", ".join(filter(None, (name, "rigid" if rigid else "" if name else "flexible")))
-                curves.append(Curve(called, group, rigid, *thinned(np.degrees(one.angle), factor * history)))
+                curves.append(Curve(called, group, rigid, *reduce_points(np.degrees(one.angle), factor * history)))
     return Panel(f"{label}, {symbol}" if symbol else label, tuple(curves))
 
 
-def _words(panels: Sequence[Panel]) -> tuple[str, ...]:
+def _text_alternative(panels: Sequence[Panel]) -> tuple[str, ...]:
     """Return a text alternative of panels: the range of every curve and its cam angles."""
     return tuple(
         f"{panel.label.partition(',')[0]}{f' ({curve.name})' if curve.name else ''}: {_range(curve, panel)}"
@@ -228,7 +232,7 @@ _SAME_PLACE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class _Lines:
+class _LinePoints:
     """Points on members: index of the element and position in it, shape (p,) each."""
 
     element: IntArray
@@ -248,7 +252,7 @@ class _Lines:
         return np.einsum("pji,...pj->...pi", beams.triads[self.element], local)
 
 
-def scene(about: Subject, share: int = 1) -> Scene | None:
+def scene(about: ReportSubject, share: int = 1) -> Scene | None:
     """Return the members of a result and their motion."""
     mesh = about.result.mesh
     ends = mesh.elements()
@@ -256,11 +260,11 @@ def scene(about: Subject, share: int = 1) -> Scene | None:
         return None
     lines = _lines(mesh, _POINTS // share)
     points = lines.of_nodes(ends, mesh.nodes)
-    shapes = (*_modes(about, lines), *_motion_scene(about, lines))
+    shapes = (*_modes(about, lines), *_run_motion(about, lines))
     return Scene(points, lines.ranges, _names(mesh, points), shapes) if shapes else None
 
 
-def _lines(mesh: Mesh, room: int) -> _Lines:
+def _lines(mesh: Mesh, room: int) -> _LinePoints:
     """Return points along the members within a limit, including the ends and at least one point between them."""
     elements = len(mesh.elements())
     parts = min(max(room // elements, 1), _PARTS)
@@ -278,7 +282,7 @@ def _lines(mesh: Mesh, room: int) -> _Lines:
         np.minimum(one // parts, part.stop - 1)
         for one, part in zip(element, mesh.element_ranges().values(), strict=True)
     ]
-    return _Lines(np.concatenate(of), np.concatenate(element) - parts * np.concatenate(of), parts, ranges)
+    return _LinePoints(np.concatenate(of), np.concatenate(element) - parts * np.concatenate(of), parts, ranges)
 
 
 def _names(mesh: Mesh, points: FloatArray) -> dict[str, int]:
@@ -292,26 +296,30 @@ def _names(mesh: Mesh, points: FloatArray) -> dict[str, int]:
     return {", ".join(names): at for at, names in found.items()}
 
 
-def _modes(about: Subject, lines: _Lines) -> list[Shape]:
+def _modes(about: ReportSubject, lines: _LinePoints) -> list[Shape]:
     if about.known is None or about.modes is None:
         return []
     found, structure = about.modes, about.known.structure
     moved = lines.of_beams(structure.beams, structure.dofs.nodal_modes(found.modes.shapes.T, about.result.mesh.extent))
     return [
-        Shape(f"mode {i + 1}, {frequency:.4g} Hz", found.words(i) + _unseen(structure, shares), moved[i : i + 1])
+        Shape(
+            f"mode {i + 1}, {frequency:.4g} Hz",
+            found.words(i) + _describe_undrawn_part(structure, shares),
+            moved[i : i + 1],
+        )
         for i, (frequency, shares) in enumerate(zip(found.modes.frequencies.tolist(), found.shares, strict=True))
     ]
 
 
-def _unseen(structure: Structure, shares: Mapping[str, float]) -> str:
+def _describe_undrawn_part(structure: Structure, shares: Mapping[str, float]) -> str:
     """Return a note if the part with the largest motion in a mode is not a member and not drawn; otherwise empty."""
     most = max(shares, key=lambda part: shares[part], default="")
     return f". What moves most, {most}, is no member: the lines show only what moves with it" * (
-        most in _beside(structure)
+        most in _undrawn_parts(structure)
     )
 
 
-def _beside(structure: Structure) -> set[str]:
+def _undrawn_parts(structure: Structure) -> set[str]:
     """Return the parts of modes without lines: rockers, springs, and masses outside of members."""
     model = structure.model
     lines = set(model.mesh.elements().ravel().tolist())
@@ -327,7 +335,7 @@ def _beside(structure: Structure) -> set[str]:
     }
 
 
-def _motion_scene(about: Subject, lines: _Lines) -> list[Shape]:
+def _run_motion(about: ReportSubject, lines: _LinePoints) -> list[Shape]:
     """Return the motion of the last revolution of a run, or of a shorter run."""
     response = about.result.response
     if len(response.field_time) < 2:

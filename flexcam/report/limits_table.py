@@ -8,7 +8,7 @@ from rich.table import Table
 
 from flexcam.analysis.limits import LIMITS, Limits
 from flexcam.core.units import shaft_name
-from flexcam.report.terminal import table
+from flexcam.report.terminal import plain_table
 
 
 def limits_json(found: Limits, scale: float) -> dict[str, object]:
@@ -44,4 +44,4 @@ def limits_table(found: Limits, scale: float) -> Table:
         for name, margin in found.buckling_margins.items()
     ]
     shaft = shaft_name(scale)
-    return table("What gives way, and when", ("limit", f"{shaft} rpm", "within", "what happens"), rows)
+    return plain_table("What gives way, and when", ("limit", f"{shaft} rpm", "within", "what happens"), rows)

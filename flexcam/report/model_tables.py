@@ -11,21 +11,21 @@ from rich.table import Table
 
 from flexcam.analysis.comparison import Comparison
 from flexcam.analysis.error_estimate import Claim
-from flexcam.analysis.preparation import Prepared
-from flexcam.analysis.resources import Budget, size
+from flexcam.analysis.preparation import PreparedRun
+from flexcam.analysis.resources import ResourceEstimate, format_size
 from flexcam.case.case import Case
-from flexcam.case.fault_report import filled
+from flexcam.case.fault_report import resolve_record
 from flexcam.core import FloatArray
 from flexcam.core.units import RPM, shaft_speed
 from flexcam.dynamics import active_dofs_of
-from flexcam.io import toml_text
-from flexcam.report.formatting import clear, decimals, fixed
-from flexcam.report.run_checks import left_words
-from flexcam.report.terminal import bare, facts, table
+from flexcam.io import format_toml
+from flexcam.report.formatting import count_decimals, format_fixed, remove_noise
+from flexcam.report.run_checks import describe_contact_loss
+from flexcam.report.terminal import create_table, facts_table, plain_table
 from flexcam.valvetrain import Adjuster, Contact, Lash, Metric, ModelModes, Seat, Spring, build_structure, member_masses
 from flexcam.valvetrain import describe_inactive as words_of
 
-COUPLINGS = {
+CONTACT_DESCRIPTIONS = {
     "published-load": (
         "This result comes from the published load: the cam drives the follower by a force, so the follower is a mass "
         "on the retaining spring. A train held in contact does not behave like this near that resonance."
@@ -39,21 +39,21 @@ COUPLINGS = {
 """Descriptions of the contact formulations."""
 
 
-def resolved(case: Case) -> str:
+def resolved_toml(case: Case) -> str:
     """Return the case with all defaults as TOML in SI."""
-    return toml_text(filled(case.record))
+    return format_toml(resolve_record(case.record))
 
 
-def couplings(case: Case, figures: Sequence[Metric] = ()) -> list[str]:
+def describe_contacts(case: Case, figures: Sequence[Metric] = ()) -> list[str]:
     """Return sentences about the contact formulation of a result."""
     models = dict.fromkeys(contact.model for contact in case.record.contacts.values())
-    said = {model: COUPLINGS[model] for model in models if model in COUPLINGS}
-    if left := left_words(figures):  # only unilateral contacts have this metric
+    said = {model: CONTACT_DESCRIPTIONS[model] for model in models if model in CONTACT_DESCRIPTIONS}
+    if left := describe_contact_loss(figures):  # only unilateral contacts have this metric
         said["unilateral"] = f"{said['unilateral'].removesuffix('.')}: {left}."
     return list(said.values())
 
 
-def model_table(ready: Prepared, modes: ModelModes, takes: Budget | None = None) -> Table:
+def model_table(ready: PreparedRun, modes: ModelModes, takes: ResourceEstimate | None = None) -> Table:
     """Return the table of a model's contents."""
     model, problem = ready.model, ready.problem
     lowest = [f"{f:.4g}" for f in modes.modes.frequencies[modes.modes.rigid :][:5]]
@@ -62,7 +62,7 @@ def model_table(ready: Prepared, modes: ModelModes, takes: Budget | None = None)
         ("members", ", ".join(f"{name} {mass:.4g} kg" for name, mass in member_masses(model).items()) or "none"),
         ("elements", str(len(model.mesh.elements()))),
         ("degrees of freedom", str(problem.system.size)),
-        ("left out of the run", "; ".join(left_out(ready)) or "nothing"),
+        ("left out of the run", "; ".join(describe_inactive(ready)) or "nothing"),
         ("masses", ", ".join(f"{name} {part.body.mass:g} kg" for name, part in model.masses.items()) or "none"),
         ("springs", ", ".join(f"{name} {_stiffness(s)}" for name, s in model.springs.items()) or "none"),
         ("supports", ", ".join(f"{point}: {' '.join(held)}" for point, held in model.supports.items()) or "none"),
@@ -77,16 +77,20 @@ def model_table(ready: Prepared, modes: ModelModes, takes: Budget | None = None)
         ("steps", f"{problem.steps} of {problem.step:.4g} s ({per_revolution:.6g} per revolution)"),
         ("free motions", _free_motions(modes)),
         ("lowest frequencies", ", ".join(lowest) + " Hz" if lowest else "none"),
-        *([("a run takes", f"{size(takes.memory)} of memory, a result of {size(takes.file)}")] if takes else []),
+        *(
+            [("a run takes", f"{format_size(takes.memory)} of memory, a result of {format_size(takes.file)}")]
+            if takes
+            else []
+        ),
     ]
-    return facts(ready.case.title, rows)
+    return facts_table(ready.case.title, rows)
 
 
 def _stiffness(spring: Spring) -> str:
     return f"{spring.stiffness:g} {'N m/rad' if spring.turns else 'N/m'}"
 
 
-def left_out(ready: Prepared) -> list[str]:
+def describe_inactive(ready: PreparedRun) -> list[str]:
     """Return sentences about inactive degrees of freedom that a run omits."""
     problem = ready.problem
     if not problem.prune or not problem.system.size:
@@ -110,7 +114,7 @@ def _place(contact: Lash | Adjuster) -> str:
     return f"from {contact.ends[0]} to {contact.ends[1]}" if contact.ends else f"at rocker {contact.rocker}"
 
 
-def _weight(ready: Prepared) -> list[tuple[str, str]]:
+def _weight(ready: PreparedRun) -> list[tuple[str, str]]:
     model = ready.model
     if not any(model.gravity):
         return []
@@ -131,10 +135,10 @@ def _free_motions(modes: ModelModes) -> str:
 def mac_table(likeness: FloatArray) -> Table:
     """Return a table of the modal assurance criterion."""
     rows = [(str(i + 1), *(f"{value:.2f}" for value in row)) for i, row in enumerate(likeness)]
-    return table("Modal assurance criterion", ("here / there", *map(str, range(1, likeness.shape[1] + 1))), rows)
+    return plain_table("Modal assurance criterion", ("here / there", *map(str, range(1, likeness.shape[1] + 1))), rows)
 
 
-def mac_words(likeness: FloatArray, nodes: int) -> str:
+def describe_mac(likeness: FloatArray, nodes: int) -> str:
     """Return a sentence with the number of nodes used to compare shapes."""
     few = nodes < max(likeness.shape)
     doubt = "; fewer than modes: different shapes may look alike, refine both in the same places" if few else ""
@@ -143,11 +147,11 @@ def mac_words(likeness: FloatArray, nodes: int) -> str:
 
 def mode_table(modes: ModelModes, of: str = "") -> Table:
     """Return the table of frequencies, effective masses and descriptions of modes."""
-    places = decimals(float(np.abs(modes.effective[:, :3]).max(initial=0.0)), 4)
-    made = table(f"{of}: modes" if of else "Modes", ("no.", "Hz", "camshaft rpm", "ux kg", "uy kg", "uz kg"), ())
+    places = count_decimals(float(np.abs(modes.effective[:, :3]).max(initial=0.0)), 4)
+    made = plain_table(f"{of}: modes" if of else "Modes", ("no.", "Hz", "camshaft rpm", "ux kg", "uy kg", "uz kg"), ())
     made.add_column("what moves (share of the kinetic energy)", justify="left")
     for i, frequency in enumerate(modes.modes.frequencies):
-        masses = [fixed(m, places) for m in modes.effective[i, :3]]
+        masses = [format_fixed(m, places) for m in modes.effective[i, :3]]
         made.add_row(str(i + 1), f"{frequency:.2f}", f"{60.0 * frequency:.0f}", *masses, modes.words(i))
     return made
 
@@ -159,11 +163,11 @@ def comparison_table(comparison: Comparison, turns: float = 1.0) -> Table:
     for one in comparison.deviations:
         unit, scale = units[one.quantity]
         figures = [f"{scale * v:.4g}" for v in (one.rigid_peak, one.flexible_peak, one.peak, one.rms)]
-        rows.append((f"{one.quantity}, {unit}", *figures, _part(one.of_rigid), f"{one.angle_deg:.1f}"))
+        rows.append((f"{one.quantity}, {unit}", *figures, _format_fraction(one.of_rigid), f"{one.angle_deg:.1f}"))
     one, other = comparison.names
     head = ("", f"{other} peak", f"{one} peak", "peak deviation", "rms deviation", f"of {other} peak", "at cam deg")
     speed = shaft_speed(comparison.speed_rpm * RPM, turns)
-    return table(f"{one[:1].upper()}{one[1:]} against {other} at {comparison.probe}, {speed}", head, rows)
+    return plain_table(f"{one[:1].upper()}{one[1:]} against {other} at {comparison.probe}, {speed}", head, rows)
 
 
 def comparison_json(comparison: Comparison) -> dict[str, object]:
@@ -176,21 +180,21 @@ def comparison_json(comparison: Comparison) -> dict[str, object]:
     }  # fmt: skip
 
 
-def _part(value: float) -> str:
+def _format_fraction(value: float) -> str:
     """Format a fraction with enough decimals for values of about a thousandth."""
-    return fixed(value, 3) if value >= _LITTLE else f"{clear(value, 1.0):.2g}"
+    return format_fixed(value, 3) if value >= _MIN_FRACTION else f"{remove_noise(value, 1.0):.2g}"
 
 
-_LITTLE = 5e-4
+_MIN_FRACTION = 5e-4
 """Fraction from which three decimals are sufficient."""
 
 
-def comparison_words(comparison: Comparison, mode_hz: float | None) -> list[str]:
+def describe_comparison(comparison: Comparison, mode_hz: float | None) -> list[str]:
     """Return sentences about a comparison."""
     deviation = (
-        f"The {comparison.probe} deviates by up to {_part(comparison.peak_deviation)} of its lift "
-        f"(rms {_part(comparison.rms_deviation)}); its peak acceleration is "
-        f"{fixed(comparison.peak_acceleration_ratio, 2)} "
+        f"The {comparison.probe} deviates by up to {_format_fraction(comparison.peak_deviation)} of its lift "
+        f"(rms {_format_fraction(comparison.rms_deviation)}); its peak acceleration is "
+        f"{format_fixed(comparison.peak_acceleration_ratio, 2)} "
         f"times the {comparison.names[1]} one."
     )
     if mode_hz is None:
@@ -205,7 +209,7 @@ def comparison_words(comparison: Comparison, mode_hz: float | None) -> list[str]
 
 def claim_table(claims: Iterable[Claim]) -> Table:
     """Return the table of the paper's claims and the computed results."""
-    made = bare("What the paper says, and this computation")
+    made = create_table("What the paper says, and this computation")
     for head in ("the paper", "reproduced", "computed"):
         made.add_column(head, justify="left")
     for claim in claims:

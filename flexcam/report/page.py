@@ -18,19 +18,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexcam import __version__
-from flexcam.analysis.comparison import Comparison, between
-from flexcam.analysis.limits import margins
-from flexcam.analysis.model_checks import shared
-from flexcam.analysis.preparation import figures_of, scalar_probe
+from flexcam.analysis.comparison import Comparison, compare_responses
+from flexcam.analysis.limits import compute_margins
+from flexcam.analysis.model_checks import check_shared_seat_load
+from flexcam.analysis.preparation import compute_metrics, scalar_probe
 from flexcam.case.case import Case
 from flexcam.core.errors import FlexcamError, InputError, refuse
 from flexcam.core.units import RPM
 from flexcam.report import sentences
-from flexcam.report.content import Album, Asked, Chapter, Chart, Picture, Report, Scene, extras, origin, sheets
-from flexcam.report.figures import Runs, albums, left_over, scalars, scene
-from flexcam.report.formatting import told_apart
-from flexcam.report.run_checks import Watched, run_doubts
-from flexcam.report.sentences import Known, Subject
+from flexcam.report.content import (
+    Chapter,
+    Chart,
+    ChartGroup,
+    Picture,
+    Report,
+    ReportOptions,
+    Scene,
+    additional_content,
+    origin_table,
+    result_tables,
+)
+from flexcam.report.figures import Runs, build_albums, describe_omitted_curves, scalar_probe_names, scene
+from flexcam.report.formatting import make_unique
+from flexcam.report.run_checks import RunMonitor, check_run
+from flexcam.report.sentences import ReportSubject, RestoredCase
 from flexcam.valvetrain import Metric
 
 _PAGE = Path(__file__).parent / "template"
@@ -43,22 +54,22 @@ _SINGLE = 1e37
 _ESCAPED = {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028": "\\u2028", "\u2029": "\\u2029"}
 
 
-def page(report: Report) -> str:
+def render_page(report: Report) -> str:
     """Return a report as HTML."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
     from markupsafe import Markup
 
-    ours = Markup  # unescaped content: own scripts, and data escaped by `embedded`
+    ours = Markup  # unescaped content: own scripts, and data escaped by `embed_json`
     scripts = [_plotly(), _text("curves.js"), _text("shapes.js")]
     jinja = Environment(loader=FileSystemLoader(_PAGE), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
                         lstrip_blocks=True)  # fmt: skip
     return jinja.get_template("page.html").render(
         report=report, version=__version__, style=ours(_text("page.css")), scripts=[ours(one) for one in scripts],
-        policy=_policy(scripts), data=ours(embedded(_data(report))), image=_image,
+        policy=_content_security_policy(scripts), data=ours(embed_json(_page_data(report))), image=_data_url,
     )  # fmt: skip
 
 
-def embedded(content: object) -> str:
+def embed_json(content: object) -> str:
     r"""Return a value as JSON that is safe inside a script element for any strings."""
     text = json.dumps(content, allow_nan=False)
     for character, escape in _ESCAPED.items():
@@ -75,25 +86,25 @@ def _plotly() -> str:
     return (pkgutil.get_data("plotly", "package_data/plotly.min.js") or b"").decode()
 
 
-def _policy(scripts: list[str]) -> str:
+def _content_security_policy(scripts: list[str]) -> str:
     """Return the content security policy of the page: its own scripts, styles and images, nothing external."""
     hashes = (base64.b64encode(hashlib.sha256(one.encode()).digest()).decode() for one in scripts)
     allowed = " ".join(f"'sha256-{one}'" for one in hashes)
     return f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline'; img-src data: blob:"
 
 
-def _image(picture: Picture) -> str:
+def _data_url(picture: Picture) -> str:
     """Return an image as a data URL."""
     return "data:image/png;base64," + base64.b64encode(picture.png).decode()
 
 
-def _data(report: Report) -> dict[str, object]:
+def _page_data(report: Report) -> dict[str, object]:
     """Return the data for the scripts of the page."""
     scenes = [_scene(chapter.scene) if chapter.scene else None for chapter in report.chapters]
     return {"albums": [_album(one) for one in report.albums], "scenes": scenes}
 
 
-def _album(album: Album) -> dict[str, object]:
+def _album(album: ChartGroup) -> dict[str, object]:
     return {"title": album.title, "charts": [_chart(one) for one in album.charts]}
 
 
@@ -135,38 +146,46 @@ def _scene(scene: Scene) -> dict[str, object]:
 def _numbers(values: NDArray[np.float64]) -> Mapping[str, str]:
     """Return an array in the format of plotly.js: base64 of its bytes, in single precision if that is sufficient."""
     largest = float(np.abs(values).max(initial=0.0))
-    kind = "f8" if largest > _SINGLE or (largest > _LARGE and _rising(values)) else "f4"
+    kind = "f8" if largest > _SINGLE or (largest > _LARGE and _is_increasing(values)) else "f4"
     return {"dtype": kind, "bdata": base64.b64encode(np.ascontiguousarray(values, dtype=f"<{kind}").tobytes()).decode()}
 
 
-def _rising(values: NDArray[np.float64]) -> bool:
+def _is_increasing(values: NDArray[np.float64]) -> bool:
     return values.ndim == 1 and bool((np.diff(values) >= 0.0).all())
 
 
-def report_of(subjects: Sequence[Subject], *, probe: str | None = None, asked: Asked | None = None) -> Report:
+def build_report(
+    subjects: Sequence[ReportSubject], *, probe: str | None = None, asked: ReportOptions | None = None
+) -> Report:
     """Return a report on results."""
-    names = _names(subjects)
-    mains = [_main(one, probe) for one in subjects]
+    names = _result_names(subjects)
+    mains = [_main_probe(one, probe) for one in subjects]
     chapters = tuple(
-        _chapter(one, name, main, asked or Asked(), len(subjects))
+        _chapter(one, name, main, asked or ReportOptions(), len(subjects))
         for one, name, main in zip(subjects, names, mains, strict=True)
     )
     runs = {name: (one.result.response, one.rigid) for name, one in zip(names, subjects, strict=True)}
     main = next(filter(None, mains), "")
     title = chapters[0].title if len(chapters) == 1 else ", ".join(names)
-    return Report(title, chapters, tuple(albums(runs, main)), tuple(left_over(runs)), _still(runs, main))
+    return Report(
+        title,
+        chapters,
+        tuple(build_albums(runs, main)),
+        tuple(describe_omitted_curves(runs)),
+        _motion_image(runs, main),
+    )
 
 
-def _names(subjects: Sequence[Subject]) -> list[str]:
+def _result_names(subjects: Sequence[ReportSubject]) -> list[str]:
     """Return names that distinguish results; empty for a single one."""
     speeds = [one.known.case.told_speed if one.known else "" for one in subjects]
-    return told_apart([one.stem for one in subjects], speeds) if len(subjects) > 1 else [""]
+    return make_unique([one.stem for one in subjects], speeds) if len(subjects) > 1 else [""]
 
 
-def _main(about: Subject, probe: str | None) -> str:
+def _main_probe(about: ReportSubject, probe: str | None) -> str:
     """Return the main probe of a result; empty if it has none."""
     response = about.result.response
-    saved = scalars(response.outline)
+    saved = scalar_probe_names(response.outline)
     if probe is not None:
         history = response[probe]
         if history.displacement.ndim != 1:
@@ -177,44 +196,52 @@ def _main(about: Subject, probe: str | None) -> str:
     return scalar_probe(about.known.ready)
 
 
-def _chapter(about: Subject, name: str, main: str, asked: Asked, share: int) -> Chapter:
+def _chapter(about: ReportSubject, name: str, main: str, asked: ReportOptions, share: int) -> Chapter:
     kept, known, status = about.result.about, about.known, about.result.response.status
     title = kept.get("title", "") or about.stem
     ended = [] if status.ok else [f"The run did not reach its end. {status}"]
     if known is None:
         return Chapter(
-            name, title, (), (), (*ended, *about.lacking), tuple(sheets(about, None, [])), (), scene(about, share),
-            kept.get("case", ""), origin(about),
-        )  # fmt: skip
-    figures = figures_of(known.ready, known.response)
-    compared, lacking = _compared(about, known, main)
-    more = extras(known.case, main, asked) if status.ok and main else []
-    summary = [*sentences.modelled(about, known, figures), *_in_hand(known.case)]
-    doubts = _doubts(known, figures, drawn_rigid=about.rigid is not None) if len(known.response.time) else []
+            name,
+            title,
+            (),
+            (),
+            (*ended, *about.lacking),
+            tuple(result_tables(about, None, [])),
+            (),
+            scene(about, share),
+            kept.get("case", ""),
+            origin_table(about),
+        )
+    figures = compute_metrics(known.ready, known.response)
+    compared, lacking = _compare_rigid(about, known, main)
+    more = additional_content(known.case, main, asked) if status.ok and main else []
+    summary = [*sentences.describe_model(about, known, figures), *_describe_margins(known.case)]
+    doubts = _warnings(known, figures, drawn_rigid=about.rigid is not None) if len(known.response.time) else []
     return Chapter(
         name=name,
         title=f"{title}, {known.case.told_speed}",
-        verdict=tuple(sentences.verdict(compared)) if compared and status.ok else (),
+        verdict=tuple(sentences.describe_verdict(compared)) if compared and status.ok else (),
         summary=(*summary, *chain.from_iterable(one.sentences for one in more)),
         warnings=(*ended, *doubts, *about.lacking, *lacking),
-        sheets=(*chain.from_iterable(one.sheets for one in more), *sheets(about, compared, figures)),
+        sheets=(*chain.from_iterable(one.sheets for one in more), *result_tables(about, compared, figures)),
         pictures=tuple(chain.from_iterable(one.pictures for one in more)),
         scene=scene(about, share),
         case=known.case.text,
-        origin=origin(about),
+        origin=origin_table(about),
     )
 
 
-def _doubts(known: Known, figures: list[Metric], *, drawn_rigid: bool) -> list[str]:
+def _warnings(known: RestoredCase, figures: list[Metric], *, drawn_rigid: bool) -> list[str]:
     """Return the warnings without the prefix, for a list with the title of warnings."""
-    watched = Watched.again(known.ready, known.response)
-    found = run_doubts(known.ready, watched, figures, known.response.stats)
-    found += shared(known.ready.model, known.case.speed) if drawn_rigid else []
+    watched = RunMonitor.again(known.ready, known.response)
+    found = check_run(known.ready, watched, figures, known.response.stats)
+    found += check_shared_seat_load(known.ready.model, known.case.speed) if drawn_rigid else []
     told = [one.removeprefix("Warning: ") for one in found]
     return [f"{one[:1].upper()}{one[1:]}." for one in told]
 
 
-def _compared(about: Subject, known: Known, main: str) -> tuple[Comparison | None, list[str]]:
+def _compare_rigid(about: ReportSubject, known: RestoredCase, main: str) -> tuple[Comparison | None, list[str]]:
     """Return the comparison of a result with its rigid train, or the reason why there is none."""
     if about.rigid is None or not main:
         return None, []
@@ -223,24 +250,26 @@ def _compared(about: Subject, known: Known, main: str) -> tuple[Comparison | Non
         return None, [f"Not in this report: the comparison with a rigid train; nothing moves {main} in it: {remedy}."]
     try:
         speed = known.case.speed / RPM
-        return between(about.result.response, about.rigid, main, speed, ("flexible", "rigid")), []
+        return compare_responses(about.result.response, about.rigid, main, speed, ("flexible", "rigid")), []
     except InputError as refusal:
         return None, [f"Not in this report: the comparison with a rigid train; {refusal}"]
 
 
-def _in_hand(case: Case) -> list[str]:
+def _describe_margins(case: Case) -> list[str]:
     try:
-        return sentences.left_in_hand(margins(case), case.turns)
+        return sentences.describe_margins(compute_margins(case), case.turns)
     except FlexcamError:  # without static equilibrium at full lift there are no margins; the run reports the reason
         return []
 
 
-def _still(runs: Runs, main: str) -> Picture | None:
+def _motion_image(runs: Runs, main: str) -> Picture | None:
     """Return an image with the motion of the main probe."""
-    moved = {name: pair for name, pair in runs.items() if len(pair[0].time) and main in scalars(pair[0].outline)}
+    moved = {
+        name: pair for name, pair in runs.items() if len(pair[0].time) and main in scalar_probe_names(pair[0].outline)
+    }
     if not moved:
         return None
-    from flexcam.plotting.figures import png_of
+    from flexcam.plotting.figures import render_png
     from flexcam.plotting.histories import contact_forces, motion_figure
 
     own = {name: one for name, (one, _) in moved.items()}
@@ -250,4 +279,4 @@ def _still(runs: Runs, main: str) -> Picture | None:
     ]
     figure = motion_figure(own, main, common[:1], rigid=rigid)
     words = f"Displacement, velocity and acceleration of {main} over the cam angle; the page says it in words below."
-    return Picture(f"Motion of {main}", png_of(figure), words)
+    return Picture(f"Motion of {main}", render_png(figure), words)

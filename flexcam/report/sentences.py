@@ -12,17 +12,17 @@ import numpy as np
 from flexcam.analysis.comparison import Comparison
 from flexcam.analysis.limits import Margins
 from flexcam.analysis.natural_modes import modes
-from flexcam.analysis.preparation import Prepared, prepare
-from flexcam.analysis.stored_model import reopened
+from flexcam.analysis.preparation import PreparedRun, prepare
+from flexcam.analysis.stored_model import reload_result
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
-from flexcam.case.reader import recalled_case
+from flexcam.case.reader import case_from_result
 from flexcam.core.errors import FlexcamError, InputError
 from flexcam.core.units import RPM, shaft_speed
 from flexcam.dynamics import Response, RunFailedError, solve
 from flexcam.io import Result, read_result
-from flexcam.report.model_tables import comparison_words, couplings, left_out
-from flexcam.report.result_tables import unknowns
+from flexcam.report.model_tables import describe_comparison, describe_contacts, describe_inactive
+from flexcam.report.result_tables import describe_dofs
 from flexcam.valvetrain import Metric, ModelModes, Structure, build_structure
 
 MODES = 12
@@ -30,7 +30,7 @@ MODES = 12
 
 
 @dataclass(frozen=True, eq=False)
-class Known:
+class RestoredCase:
     """Case of a result and the objects built from it.
 
     Parameters
@@ -46,13 +46,13 @@ class Known:
     """
 
     case: Case
-    ready: Prepared
+    ready: PreparedRun
     response: Response
     structure: Structure
 
 
 @dataclass(frozen=True, eq=False)
-class Subject:
+class ReportSubject:
     """Result and the data derived from it.
 
     Parameters
@@ -73,7 +73,7 @@ class Subject:
 
     path: Path
     result: Result
-    known: Known | None
+    known: RestoredCase | None
     rigid: Response | None
     modes: ModelModes | None
     lacking: tuple[str, ...]
@@ -84,15 +84,17 @@ class Subject:
         return self.path.name.partition(".")[0]
 
 
-def subject(path: Path) -> Subject:
+def load_subject(path: Path) -> ReportSubject:
     """Return a result with all data derived from its case."""
     result = read_result(path)
     try:
-        case = recalled_case(result)
-        known = Known(case, *reopened(case, result), build_structure(build_model(case)))
+        case = case_from_result(result)
+        known = RestoredCase(case, *reload_result(case, result), build_structure(build_model(case)))
     except FlexcamError as refusal:
         what = "the comparison with a rigid train, modes, stresses with their safety, and what was left out of the run"
-        return Subject(path, result, None, None, None, (f"Not in this report: {what}; {_why(refusal)}",))
+        return ReportSubject(
+            path, result, None, None, None, (f"Not in this report: {what}; {_describe_error(refusal)}",)
+        )
     lacking: list[str] = []
     rigid = found = None
     if case.record.fidelity.model != "rigid" and known.ready.model.driven:
@@ -100,15 +102,15 @@ def subject(path: Path) -> Subject:
             ready = prepare(case, rigid=True)
             rigid = solve(ready.problem, ready.scheme, save=ready.save)
         except FlexcamError as refusal:
-            lacking.append(f"Not in this report: the comparison with a rigid train; {_why(refusal)}")
+            lacking.append(f"Not in this report: the comparison with a rigid train; {_describe_error(refusal)}")
     try:
         found = modes(case, MODES)
     except FlexcamError as refusal:
-        lacking.append(f"Not in this report: modes; {_why(refusal)}")
-    return Subject(path, result, known, rigid, found, tuple(lacking))
+        lacking.append(f"Not in this report: modes; {_describe_error(refusal)}")
+    return ReportSubject(path, result, known, rigid, found, tuple(lacking))
 
 
-def _why(refusal: FlexcamError) -> str:
+def _describe_error(refusal: FlexcamError) -> str:
     match refusal:
         case InputError():
             return "; ".join(map(str, refusal.faults))
@@ -127,7 +129,7 @@ _MODELS = {
 }  # fmt: skip
 
 
-def modelled(about: Subject, known: Known, figures: Sequence[Metric] = ()) -> list[str]:
+def describe_model(about: ReportSubject, known: RestoredCase, figures: Sequence[Metric] = ()) -> list[str]:
     """Return sentences about the model and the parts omitted from the run."""
     case, ready, response = known.case, known.ready, about.result.response
     record = case.record
@@ -147,11 +149,11 @@ def modelled(about: Subject, known: Known, figures: Sequence[Metric] = ()) -> li
         f"Modelled with {kind}: {parts}.",
         (
             f"Run at {case.told_speed} for {covers} of the camshaft, in {response.stats.steps} steps "
-            f"({per:.6g} per revolution) of {unknowns(known.response)}."
+            f"({per:.6g} per revolution) of {describe_dofs(known.response)}."
         ),
     ]
-    said += couplings(case, figures)
-    left = left_out(ready)
+    said += describe_contacts(case, figures)
+    left = describe_inactive(ready)
     return [*said, f"Left out of the run, as nothing moves it: {'; '.join(left)}."] if left else said
 
 
@@ -161,16 +163,16 @@ def _count(number: int, word: str) -> str:
     return f"{number} {word}es" if word.endswith("s") else f"{number} {word}s"
 
 
-def verdict(compared: Comparison) -> list[str]:
+def describe_verdict(compared: Comparison) -> list[str]:
     """Return sentences that compare the flexible result with the rigid one."""
     off, ratio = compared.peak_deviation, compared.peak_acceleration_ratio
     same = off <= _SAME_LIFT and abs(ratio - 1.0) <= _SAME_ACCELERATION
     bounds = f"{100 * _SAME_LIFT:g} % of the lift, {100 * _SAME_ACCELERATION:g} % of the largest acceleration"
     said = "A rigid train would tell nearly the same" if same else "A rigid train would not tell the same"
-    return [f"{said} (held against {bounds}).", *comparison_words(compared, None)]
+    return [f"{said} (held against {bounds}).", *describe_comparison(compared, None)]
 
 
-def left_in_hand(margins: Margins, turns: float) -> list[str]:
+def describe_margins(margins: Margins, turns: float) -> list[str]:
     """Return sentences about the margins of the train at its speed."""
     said: list[str] = []
     if margins.rigid_rpm is not None and margins.spring is not None:

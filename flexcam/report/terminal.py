@@ -19,13 +19,13 @@ from flexcam.core.errors import printable
 from flexcam.dynamics import Block, Sink, Stats, Status
 
 
-def out() -> Console:
+def result_console() -> Console:
     """Return the console for results; redirected tables have a fixed width, and brackets are not markup."""
     width = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 160
-    return _Out(file=sys.stdout, width=width, highlight=False, markup=False, emoji=False, soft_wrap=False)
+    return _ResultConsole(file=sys.stdout, width=width, highlight=False, markup=False, emoji=False, soft_wrap=False)
 
 
-class _Out(Console):
+class _ResultConsole(Console):
     """Console without markup that leaves a broken pipe to the command line."""
 
     def render_str(
@@ -56,7 +56,7 @@ class _Out(Console):
         raise BrokenPipeError
 
 
-def note(sentence: str) -> None:
+def print_message(sentence: str) -> None:
     """Print a message on standard error."""
     with suppress(OSError):  # full or closed stream; the exit code remains
         sys.stderr.write(printable(f"{sentence}\n"))
@@ -67,7 +67,7 @@ def print_json(content: object) -> None:
     sys.stdout.write(json.dumps(content, indent=2, allow_nan=False) + "\n")
 
 
-class _Bar:
+class _ProgressSink:
     """Sink that updates a progress bar."""
 
     def __init__(self, advance: Callable[[float], None]) -> None:
@@ -81,7 +81,7 @@ class _Bar:
 
 
 @contextmanager
-def progress(steps: int) -> Generator[list[Sink]]:
+def show_progress(steps: int) -> Generator[list[Sink]]:
     """Show a progress bar on standard error during a run, if it is a terminal."""
     if not sys.stderr.isatty():
         yield []
@@ -90,11 +90,11 @@ def progress(steps: int) -> Generator[list[Sink]]:
 
     columns = ("steps", BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
-        yield [_Bar(partial(shown.advance, shown.add_task("steps", total=steps + 1)))]
+        yield [_ProgressSink(partial(shown.advance, shown.add_task("steps", total=steps + 1)))]
 
 
 @contextmanager
-def counting(total: int | None, what: str) -> Generator[Callable[[int], None]]:
+def show_count(total: int | None, what: str) -> Generator[Callable[[int], None]]:
     """Show the number of finished items, their rate and the remaining time, if standard error is a terminal."""
     if total == 0 or not sys.stderr.isatty():
         yield lambda _: None
@@ -107,19 +107,19 @@ def counting(total: int | None, what: str) -> Generator[Callable[[int], None]]:
 
         def advance(count: int) -> None:
             shown.advance(task, count)
-            shown.update(task, rate=_rate(shown.tasks[0].speed))
+            shown.update(task, rate=_format_rate(shown.tasks[0].speed))
 
         yield advance
 
 
-def _rate(speed: float | None) -> str:
+def _format_rate(speed: float | None) -> str:
     """Return the number of items per second, or the seconds per item."""
     if not speed:
         return ""
     return f"{speed:.1f}/s" if speed >= 1.0 else f"{1.0 / speed:.1f} s each"
 
 
-def bare(title: str) -> Table:
+def create_table(title: str) -> Table:
     """Return a table without lines, at least as wide as its title."""
     gap = (0, _GAP, 0, 0)
     made = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False, padding=gap)
@@ -127,11 +127,11 @@ def bare(title: str) -> Table:
     return made
 
 
-def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> Table:
+def plain_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> Table:
     """Return a plain table with the first column aligned left and numbers aligned right."""
-    made, cells = bare(title), [list(row) for row in rows]
+    made, cells = create_table(title), [list(row) for row in rows]
     longest = [max((len(row[i]) for row in cells), default=0) for i in range(len(columns))]
-    heads, most = list(columns), out().width
+    heads, most = list(columns), result_console().width
     whole = sum(size + 1 for size in longest if size <= _NUMBER) <= most  # otherwise their digits are wrapped
     if _width(heads, longest) > most:  # numbers are never wrapped: use headers of several lines and small gaps
         heads = [fill(head, width) for head, width in zip(columns, _widths(columns, longest, most), strict=True)]
@@ -164,9 +164,9 @@ def _width(heads: Sequence[str], longest: Sequence[int]) -> int:
     return sum(max(len(head), size) + _GAP for head, size in zip(heads, longest, strict=True)) - _GAP
 
 
-def facts(title: str, rows: Iterable[tuple[str, str]]) -> Table:
+def facts_table(title: str, rows: Iterable[tuple[str, str]]) -> Table:
     """Return a table of names and values."""
-    made = bare(title)
+    made = create_table(title)
     made.show_header = False
     made.add_column()
     made.add_column()

@@ -31,14 +31,14 @@ _RANGE = re.compile(rf"\s*({_NUMBER}){_UNIT}:\s*({_NUMBER}){_UNIT}(?::\s*({_NUMB
 _LIKE_A_RANGE = re.compile(rf"\s*{_NUMBER}[^,:]*:")
 _DIGITS = Context(prec=17)
 _SAMPLED = Context(prec=10)
-_LARGEST = 300
+_MAX_EXPONENT = 300
 """Maximum exponent of a number."""
-_SMALL, _LONG = -6, 16
+_MIN_FIXED_EXPONENT, _MAX_FIXED_EXPONENT = -6, 16
 """Range of decimal exponents written in fixed notation."""
 _FEWEST = 2
 _MANY = 10**15
 
-LIMIT = 10_000
+MAX_VARIANTS = 10_000
 """Default maximum number of variants."""
 
 FORMS = "a range 1000:8000:50rpm or 1000:8000#141rpm, a list 30,40,50 kN/m, an interval 30:60 kN/m, or one value"
@@ -93,7 +93,7 @@ class Axis:
         return _quantity(_SAMPLED.plus(low + Decimal(part) * (high - low)), self.unit)
 
 
-def axis(key: str, spec: str, *, where: str = "", limit: int = LIMIT) -> Axis:
+def parse_axis(key: str, spec: str, *, where: str = "", limit: int = MAX_VARIANTS) -> Axis:
     """Return the axis of one key."""
     place = where or f"--set {key}={spec}"
     if not spec.strip():
@@ -105,7 +105,7 @@ def axis(key: str, spec: str, *, where: str = "", limit: int = LIMIT) -> Axis:
     return _list(key, place, spec, limit)
 
 
-def axes(settings: Sequence[str], *, limit: int = LIMIT) -> tuple[Axis, ...]:
+def parse_axes(settings: Sequence[str], *, limit: int = MAX_VARIANTS) -> tuple[Axis, ...]:
     """Return the axes of several ``key=spec``."""
     found, faults = dict[str, Axis](), list[Fault]()
     for setting in settings:
@@ -117,7 +117,7 @@ def axes(settings: Sequence[str], *, limit: int = LIMIT) -> tuple[Axis, ...]:
             faults.append(Fault(where, repr(key), "every key once", "it is given twice", "write a list"))
         else:
             try:
-                found[key] = axis(key, spec, limit=limit)
+                found[key] = parse_axis(key, spec, limit=limit)
             except InputError as refusal:
                 faults += refusal.faults
     if faults:
@@ -127,16 +127,16 @@ def axes(settings: Sequence[str], *, limit: int = LIMIT) -> tuple[Axis, ...]:
 
 def _range(key: str, where: str, match: re.Match[str], limit: int) -> Axis:
     start, stop, step = (Decimal(match[i] or 0) for i in (1, 3, 5))
-    if any(abs(number.adjusted()) > _LARGEST for number in (start, stop, step)):
+    if any(abs(number.adjusted()) > _MAX_EXPONENT for number in (start, stop, step)):
         raise refuse(where, match[0].strip(), FORMS, "no mechanism has such numbers")
     units = {unit for unit in match.group(2, 4, 6, 8) if unit}
     if len(units) > 1:
         raise refuse(where, " and ".join(sorted(units)), "one unit, at the end", "numbers of a range belong together")
     unit = "".join(units)
     if match[7]:
-        numbers = _evenly(where, start, stop, int(match[7]), limit)
+        numbers = _evenly_spaced(where, start, stop, int(match[7]), limit)
     elif match[5]:
-        numbers = _stepped(where, start, stop, step, limit)
+        numbers = _range_values(where, start, stop, step, limit)
     elif start >= stop:
         raise refuse(where, match[0].strip(), "an interval that rises, such as 30:60 kN/m", "the interval is empty")
     else:
@@ -144,15 +144,15 @@ def _range(key: str, where: str, match: re.Match[str], limit: int) -> Axis:
     return Axis(key, where, tuple(_quantity(number, unit) for number in numbers), unit)
 
 
-def _evenly(where: str, start: Decimal, stop: Decimal, count: int, limit: int) -> list[Decimal]:
+def _evenly_spaced(where: str, start: Decimal, stop: Decimal, count: int, limit: int) -> list[Decimal]:
     if count < _FEWEST or start == stop:
         given = f"{count} values from {start} to {stop}"
         raise refuse(where, given, "two values or more, from a start to another stop", "the range is empty")
-    few_enough(where, count, limit)
+    check_count(where, count, limit)
     return [_DIGITS.plus(start + (stop - start) * i / (count - 1)) for i in range(count)]
 
 
-def _stepped(where: str, start: Decimal, stop: Decimal, step: Decimal, limit: int) -> list[Decimal]:
+def _range_values(where: str, start: Decimal, stop: Decimal, step: Decimal, limit: int) -> list[Decimal]:
     if step == 0:
         raise refuse(where, "a step of zero", "a step that leads from start to stop", "the range never ends")
     steps = (stop - start) / step
@@ -160,11 +160,11 @@ def _stepped(where: str, start: Decimal, stop: Decimal, step: Decimal, limit: in
         given = f"a step of {step} to a stop {'below' if step > 0 else 'above'} the start"
         remedy = f"swap them, or take a step of {-step}"
         raise refuse(where, given, "a step towards the stop", "the range is empty", remedy)
-    few_enough(where, int(steps) + 1, limit)
+    check_count(where, int(steps) + 1, limit)
     return [_DIGITS.plus(start + i * step) for i in range(int(steps) + 1)]
 
 
-def few_enough(where: str, count: int, limit: int) -> None:
+def check_count(where: str, count: int, limit: int) -> None:
     """Raise an error if the number of runs exceeds the limit."""
     if count > limit:
         given = f"{count} variants" if count < _MANY else "more variants than could ever be run"
@@ -176,7 +176,7 @@ def _list(key: str, where: str, spec: str, limit: int) -> Axis:
     parts = [part.strip() for part in _split(spec)]
     if not all(parts):
         raise refuse(where, repr(spec), FORMS, "a value between the commas is missing")
-    few_enough(where, len(parts), limit)
+    check_count(where, len(parts), limit)
     found = [_QUANTITY.match(part) for part in parts]
     units = [one[2] if one else None for one in found]
     unit = units[-1] or ""
@@ -184,7 +184,7 @@ def _list(key: str, where: str, spec: str, limit: int) -> Axis:
         raise refuse(
             where, repr(spec), FORMS, "some numbers have a unit and the last one has none", "give each its unit"
         )
-    texts = [_joined(part, unit) if one and not one[2] else part for part, one in zip(parts, found, strict=True)]
+    texts = [_join_unit(part, unit) if one and not one[2] else part for part, one in zip(parts, found, strict=True)]
     if all(found) and set(units) <= {None, unit or None}:
         numbers = [float(one[1]) for one in found if one]
         return Axis(key, where, tuple(map(Value, texts, numbers)), unit)
@@ -209,10 +209,10 @@ def _split(spec: str) -> list[str]:
 def _quantity(number: Decimal, unit: str) -> Value:
     """Return a number with its unit, in fixed notation up to sixteen digits, so that integers remain integers."""
     plain = number.normalize() if number else Decimal(0)
-    text = f"{plain:f}" if _SMALL <= plain.adjusted() < _LONG else f"{plain}"
-    return Value(_joined(text, unit), float(plain))
+    text = f"{plain:f}" if _MIN_FIXED_EXPONENT <= plain.adjusted() < _MAX_FIXED_EXPONENT else f"{plain}"
+    return Value(_join_unit(text, unit), float(plain))
 
 
-def _joined(number: str, unit: str) -> str:
+def _join_unit(number: str, unit: str) -> str:
     """Join a number and its unit; a blank is required before "1/s"."""
     return f"{number} {unit}" if unit[:1] == "1" else f"{number}{unit}"

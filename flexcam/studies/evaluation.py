@@ -19,9 +19,9 @@ from pathlib import Path
 import numpy as np
 
 from flexcam.analysis.comparison import compare
-from flexcam.analysis.model_choice import chosen
-from flexcam.analysis.preparation import Prepared, described, figures_of, prepare, scalar_probe
-from flexcam.analysis.run import result_file
+from flexcam.analysis.model_choice import select_case
+from flexcam.analysis.preparation import PreparedRun, build_problem, compute_metrics, prepare, scalar_probe
+from flexcam.analysis.run import open_result_file
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.case.reader import CaseFile
@@ -39,35 +39,35 @@ from flexcam.dynamics import (
     prescribed_probes,
     solve,
 )
-from flexcam.io import scratch
+from flexcam.io import temporary_folder
 from flexcam.io.exports import component_unit
 from flexcam.io.result_writer import SERIES
-from flexcam.studies.plan import Bundle, Plan, opened
+from flexcam.studies.plan import Bundle, Plan, open_case
 from flexcam.valvetrain import ANY_SPEED, Metric, Model, build_rigid, train_metric_names
 
 
-def scalars_of(ready: Prepared, response: Response) -> list[Metric]:
+def compute_scalars(ready: PreparedRun, response: Response) -> list[Metric]:
     """Return the scalars of a run."""
     figures = [
-        *(figures_of(ready, response) if response.outline.channels else ()),
-        *_motions(response, ready.revolution),
-        *_deviations(ready, response),
-        *_residual(response),
+        *(compute_metrics(ready, response) if response.outline.channels else ()),
+        *_probe_scalars(response, ready.revolution),
+        *_deviation_scalars(ready, response),
+        *_energy_residual(response),
     ]
     return [figure for figure in figures if np.isfinite(figure.value)]
 
 
-def of_motion(names: Sequence[str]) -> bool:
+def are_probe_scalars(names: Sequence[str]) -> bool:
     """Return whether all scalars concern the motion of probes, so that no other results are required."""
     return bool(names) and all(name.partition(".")[0] in ("probes", "deviation") for name in names)
 
 
 def scalar_names(case: Case) -> list[str]:
     """Return the names of all scalars of a case, without a run."""
-    model, system = described(case)
+    model, system = build_problem(case)
     named = outline(system)
     names = train_metric_names(model, [name for name, _ in named.channels])
-    probes = [component for name, components in named.probes for component in _components(name, components)]
+    probes = [component for name, components in named.probes for component in _component_names(name, components)]
     names += [f"probes.{probe}.{series}.largest" for probe in probes for series in SERIES]
     compared = case.record.fidelity.model != "rigid" and bool(case.record.output.probes) and bool(model.driven)
     return [*names, *(_DEVIATIONS if compared else ()), *(() if system.carried else (_RESIDUAL,))]
@@ -77,16 +77,16 @@ _DEVIATIONS = ("deviation.peak", "deviation.rms")
 _RESIDUAL = "energy.residual.largest"
 
 
-def _components(probe: str, components: Sequence[str]) -> list[str]:
+def _component_names(probe: str, components: Sequence[str]) -> list[str]:
     """Return the names of the components of a probe; a scalar probe keeps its name."""
     return [probe] if len(components) == 1 else [f"{probe}.{component}" for component in components]
 
 
-def _motions(response: Response, period: float) -> Iterator[Metric]:
+def _probe_scalars(response: Response, period: float) -> Iterator[Metric]:
     """Yield the maximum motions of every probe component in the last revolution."""
     last = response.latest(period)
     for probe, components in response.outline.probes:
-        for component, name in zip(components, _components(probe, components), strict=True):
+        for component, name in zip(components, _component_names(probe, components), strict=True):
             history = response[name]
             for series, unit in SERIES.items():
                 slopes = getattr(history, SLOPES[series])[last] if series in SLOPES else None
@@ -94,25 +94,25 @@ def _motions(response: Response, period: float) -> Iterator[Metric]:
                 yield Metric(f"probes.{name}.{series}.largest", largest, component_unit(component, unit))
 
 
-def _deviations(ready: Prepared, response: Response) -> Iterator[Metric]:
+def _deviation_scalars(ready: PreparedRun, response: Response) -> Iterator[Metric]:
     """Yield the deviations of the default probe from the rigid train, if the rigid train moves it."""
     if ready.case.record.fidelity.model == "rigid" or not ready.case.record.output.probes:
         return
     try:
-        found = compare(response, _rigid(ready, response), scalar_probe(ready), ready.case.speed / RPM)
+        found = compare(response, _rigid_response(ready, response), scalar_probe(ready), ready.case.speed / RPM)
     except InputError:
         return
     for name, part in zip(_DEVIATIONS, (found.peak_deviation, found.rms_deviation), strict=True):
         yield Metric(name, part, "1")
 
 
-def _rigid(ready: Prepared, response: Response) -> Response:
+def _rigid_response(ready: PreparedRun, response: Response) -> Response:
     """Return the motion of the rigid train at the instants of a response."""
     rigid, motion = build_rigid(ready.model, ANY_SPEED), ready.problem.drive.at(response.time)
     return replace(response, outline=outline(rigid), probes=prescribed_probes(rigid, motion))
 
 
-def _residual(response: Response) -> Iterator[Metric]:
+def _energy_residual(response: Response) -> Iterator[Metric]:
     if "energy.residual" in response.channels:
         residual = response.channels["energy.residual"]
         yield Metric(_RESIDUAL, float(np.abs(residual).max(initial=0.0)), "J")
@@ -149,26 +149,26 @@ def evaluate(
     return Row(row.status, row.scalars, row.units, time.perf_counter() - begun)
 
 
-_SELDOM = SaveAt(field_every=4096)
+_SPARSE_OUTPUT = SaveAt(field_every=4096)
 """Output of one of many linear runs without saved fields: blocks are long; rows agree with a single run to rounding."""
 
 
 def _row(case: Case, folder: Path | None, model: Model | None, runs: int, channels: bool) -> Row:
     try:
-        read, choice = chosen(case)
+        read, choice = select_case(case)
         ready = prepare(read, model=model)
-        sinks = [] if folder is None else [result_file(ready, folder)]
+        sinks = [] if folder is None else [open_result_file(ready, folder)]
         alone = sinks or runs == 1 or ready.problem.system.local_forces
-        save = ready.save if alone else _SELDOM
+        save = ready.save if alone else _SPARSE_OUTPUT
         save = save if channels or sinks else replace(save, channels=False)
         response = solve(replace(ready.problem, runs=runs), ready.scheme, save=save, sinks=sinks)
-        row = row_of(ready, response)
+        row = make_row(ready, response)
     except InputError as refusal:
-        return refused(refusal)
+        return rejected_row(refusal)
     except RunFailedError as failure:
         return Row(failure.status)
     except Exception as fault:  # noqa: BLE001 - a fault in one variant must not cost the others
-        return Row(_fault(fault))
+        return Row(_internal_error_status(fault))
     if choice is None or not row.status.ok:
         return row
     named = f"{choice.found.rung}, {choice.found.steps} steps per revolution"
@@ -177,34 +177,34 @@ def _row(case: Case, folder: Path | None, model: Model | None, runs: int, channe
     return Row(met if choice.met else missed, row.scalars, row.units)
 
 
-def row_of(ready: Prepared, response: Response) -> Row:
+def make_row(ready: PreparedRun, response: Response) -> Row:
     """Return the row of a completed run."""
     if not response.status.ok:
         return Row(response.status)
-    figures = scalars_of(ready, response)
+    figures = compute_scalars(ready, response)
     values, units = {one.name: one.value for one in figures}, {one.name: one.unit for one in figures}
     return Row(response.status, values, units, response.stats.seconds)
 
 
-def refused(refusal: InputError) -> Row:
+def rejected_row(refusal: InputError) -> Row:
     """Return the row of a variant that cannot start."""
     return Row(Status(Cause.REFUSED, " | ".join(map(str, refusal.faults))))
 
 
-def _fault(fault: Exception) -> Status:
+def _internal_error_status(fault: Exception) -> Status:
     """Return the status of an internal error of flexcam, with its source line."""
     last = traceback.extract_tb(fault.__traceback__)[-1]
     text = f"a fault of flexcam itself: {type(fault).__name__}: {fault} ({Path(last.filename).name}:{last.lineno})"
     return Status(Cause.FAULT, text, "please report it; flexcam run with the same keys shows more")
 
 
-_MOST = 16
+_MAX_CHUNK_SIZE = 16
 """Maximum number of variants per chunk, which limits the loss in a crash."""
 
-_MANY = 64
+_CHUNK_COUNT = 64
 """Desired number of chunks of a plan, enough for many workers."""
 
-_STEPS = 120_000
+_MAX_CHUNK_STEPS = 120_000
 """Maximum number of steps per chunk; a longer run is a separate chunk."""
 
 
@@ -247,57 +247,57 @@ def chunk_size(plan: Plan, case: Case) -> int:
     """Return the number of variants per chunk, independent of the number of workers."""
     run = case.record.run
     steps = int(run.revolutions * (run.steps_per_revolution or 3600))
-    return max(1, min(_MOST, len(plan) // _MANY, _STEPS // max(steps, 1)))
+    return max(1, min(_MAX_CHUNK_SIZE, len(plan) // _CHUNK_COUNT, _MAX_CHUNK_STEPS // max(steps, 1)))
 
 
-def chunks_of(plan: Plan, size: int) -> tuple[Chunk, ...]:
+def divide_plan(plan: Plan, size: int) -> tuple[Chunk, ...]:
     """Divide a plan into chunks."""
     variants = plan.variants
     starts = range(0, len(variants), size)
     return tuple(Chunk(i, first, variants[first : first + size]) for i, first in enumerate(starts))
 
 
-def evaluated(
+def evaluate_chunk(
     source: Bundle | Path, variants: Sequence[tuple[str, ...]], *, histories: bool = False, runs: int = 1,
     channels: bool = True,
 ) -> list[Outcome]:  # fmt: skip
     """Run the variants of a chunk in a worker."""
-    file = opened(source)
-    cases = [_read(file, overrides) for overrides in variants]
-    run = partial(_kept, runs=runs) if histories else partial(_ran, runs=runs, channels=channels)
-    ran = iter(_evaluated([case for case in cases if isinstance(case, Case)], run))
+    file = open_case(source)
+    cases = [_read_variant(file, overrides) for overrides in variants]
+    run = partial(_run_with_history, runs=runs) if histories else partial(_run_case, runs=runs, channels=channels)
+    ran = iter(_evaluate_cases([case for case in cases if isinstance(case, Case)], run))
     found = [next(ran) if isinstance(case, Case) else Outcome(case) for case in cases]
     if any(one.row.status.cause is Cause.INTERRUPTED for one in found):
         raise KeyboardInterrupt
-    return [_placed(one, file.path.parent) for one in found]
+    return [_restore_file_names(one, file.path.parent) for one in found]
 
 
-def _read(file: CaseFile, overrides: Sequence[str]) -> Case | Row:
+def _read_variant(file: CaseFile, overrides: Sequence[str]) -> Case | Row:
     """Return the case of a variant, or its row if it cannot be read on this machine."""
     try:
         return file.read(overrides)
     except InputError as refusal:
-        return refused(refusal)
+        return rejected_row(refusal)
 
 
-def _evaluated(cases: Sequence[Case], run: Callable[[Case, Model | None], Outcome]) -> list[Outcome]:
+def _evaluate_cases(cases: Sequence[Case], run: Callable[[Case, Model | None], Outcome]) -> list[Outcome]:
     """Run the cases of a chunk and return their outcomes."""
-    return [run(case, model) for case, model in zip(cases, _models(cases), strict=True)]
+    return [run(case, model) for case, model in zip(cases, _shared_models(cases), strict=True)]
 
 
-def _models(cases: Sequence[Case]) -> list[Model | None]:
+def _shared_models(cases: Sequence[Case]) -> list[Model | None]:
     """Return the model of each case that differs from its predecessor only in speed; None if it has to be built."""
     models: list[Model | None] = []
     for i, case in enumerate(cases):
         if i and _same_mechanism(cases[i - 1], case):
-            models[-1] = models[-1] or _built(cases[i - 1])
+            models[-1] = models[-1] or _build_model(cases[i - 1])
             models.append(models[-1])
         else:
             models.append(None)
     return models
 
 
-def _built(case: Case) -> Model | None:
+def _build_model(case: Case) -> Model | None:
     """Return the model of a case; None if it cannot be built, which its run reports."""
     try:
         return build_model(case)
@@ -310,13 +310,13 @@ def _same_mechanism(one: Case, other: Case) -> bool:
     return one.with_run(speeds).record == other.with_run(speeds).record
 
 
-def _ran(case: Case, model: Model | None, *, runs: int, channels: bool) -> Outcome:
+def _run_case(case: Case, model: Model | None, *, runs: int, channels: bool) -> Outcome:
     return Outcome(evaluate(case, model=model, runs=runs, channels=channels))
 
 
-def _kept(case: Case, model: Model | None, *, runs: int) -> Outcome:
+def _run_with_history(case: Case, model: Model | None, *, runs: int) -> Outcome:
     """Run a case and return its outcome with the result file."""
-    with scratch() as folder:
+    with temporary_folder() as folder:
         row = evaluate(case, folder=folder, model=model, runs=runs)
         written = next(folder.iterdir(), None)
         if written is None:
@@ -324,7 +324,7 @@ def _kept(case: Case, model: Model | None, *, runs: int) -> Outcome:
         return Outcome(row, (written.name.removeprefix(case.name), written.read_bytes()))
 
 
-def _placed(outcome: Outcome, folder: Path) -> Outcome:
+def _restore_file_names(outcome: Outcome, folder: Path) -> Outcome:
     """Return an outcome with file names in messages as in the case, not in the temporary folder."""
     status = outcome.row.status
     text = status.text.replace(f"{folder}/", "")

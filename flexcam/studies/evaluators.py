@@ -16,16 +16,22 @@ import numpy as np
 
 from flexcam.analysis.limits import Search
 from flexcam.case.case import Case
-from flexcam.case.fault_report import filled
+from flexcam.case.fault_report import resolve_record
 from flexcam.case.reader import CaseFile, read_case
 from flexcam.core import FloatArray
-from flexcam.core.errors import Fault, InputError, gathered, refuse
-from flexcam.dynamics import Advance, Cause, RunFailedError, Status, track_progress
-from flexcam.io import file_beside, toml_text
-from flexcam.studies.axes import axis
-from flexcam.studies.evaluation import Row, refused
-from flexcam.studies.executors import end_with_parent, ended, one_thread, pipes_may_break, undisturbed
-from flexcam.studies.quantities import number_of, overrides_of, quantities
+from flexcam.core.errors import Fault, InputError, parse_all, refuse
+from flexcam.dynamics import Cause, ProgressCallback, RunFailedError, Status, track_progress
+from flexcam.io import find_referenced_file, format_toml
+from flexcam.studies.axes import parse_axis
+from flexcam.studies.evaluation import Row, rejected_row
+from flexcam.studies.executors import (
+    block_interrupts,
+    limit_threads,
+    restore_sigpipe,
+    terminate_executor,
+    terminate_with_parent,
+)
+from flexcam.studies.quantities import get_number, make_overrides, quantity_row
 
 _DIGITS = 15
 
@@ -59,14 +65,14 @@ class Variable:
 
 def variables_of(case: Case, settings: Sequence[str], option: str) -> tuple[Variable, ...]:
     """Return the variables of ``KEY=LOW:HIGHunit`` texts."""
-    found, faults = gathered(lambda setting: _variable(case, setting, f"{option} {setting}"), settings)
-    faults += given_twice(option, [one.key for one in found])
+    found, faults = parse_all(lambda setting: _variable(case, setting, f"{option} {setting}"), settings)
+    faults += duplicate_key_faults(option, [one.key for one in found])
     if faults:
         raise InputError(faults)
     return tuple(found)
 
 
-def given_twice(option: str, keys: Sequence[str]) -> list[Fault]:
+def duplicate_key_faults(option: str, keys: Sequence[str]) -> list[Fault]:
     """Return a fault for every key given more than once."""
     twice = dict.fromkeys(key for key in keys if keys.count(key) > 1)
     return [Fault(option, repr(key), "every key once", "it is given twice", "") for key in twice]
@@ -74,25 +80,25 @@ def given_twice(option: str, keys: Sequence[str]) -> list[Fault]:
 
 def _variable(case: Case, setting: str, where: str) -> Variable:
     key, _, spec = (part.strip() for part in setting.partition("="))
-    number = number_of(case, key, where)  # raises an error for an unknown key
+    number = get_number(case, key, where)  # raises an error for an unknown key
     if not spec:
         raise refuse(where, "no interval", f"{key}=LOW:HIGHunit, such as {key}=0.9:1.1{number.unit.removeprefix('SI')}")
-    ends = axis(key, spec, where=where)
+    ends = parse_axis(key, spec, where=where)
     low, *_, high = ends.values[0], ends.values[-1]
     if not ends.interval or low.number is None or high.number is None:
         raise refuse(where, repr(spec), "an interval such as 30:60 kN/m", "anything between may be taken")
-    first, last = (number_at(case, key, end.text, where) for end in (low, high))
+    first, last = (number_after_override(case, key, end.text, where) for end in (low, high))
     stands = (number.value - first) / (last - first) if last != first else None
     return Variable(key, low.number, high.number, ends.unit or number.unit.removeprefix("SI"), stands)
 
 
-def number_at(case: Case, key: str, text: str, where: str) -> float:
+def number_after_override(case: Case, key: str, text: str, where: str) -> float:
     """Return the number of a case after replacing it by a text."""
     try:
-        there = read_case(case.path, (*case.overrides, *overrides_of(case, {key: text})))
+        there = read_case(case.path, (*case.overrides, *make_overrides(case, {key: text})))
     except InputError as refusal:
         raise InputError(replace(fault, where=where) for fault in refusal.faults) from None
-    return number_of(there, key, where).value
+    return get_number(there, key, where).value
 
 
 Runs = Callable[[Sequence[tuple[str, ...]]], Iterator[Row]]
@@ -102,7 +108,7 @@ the variants as soon as they are finished, so that an interrupted study keeps th
 
 
 @dataclass(frozen=True, eq=False)
-class Points:
+class PointEvaluator:
     """Evaluated points of the variables of a study, without repetitions.
 
     Parameters
@@ -123,7 +129,7 @@ class Points:
     def overrides(self, point: FloatArray) -> tuple[str, ...]:
         """Return the overrides at a point, shape (k,), with values in the units of the variables."""
         pairs = zip(self.variables, np.asarray(point).tolist(), strict=True)
-        return overrides_of(self.case, {one.key: one.text(value) for one, value in pairs})
+        return make_overrides(self.case, {one.key: one.text(value) for one, value in pairs})
 
     def rows(self, points: FloatArray) -> list[Row]:
         """Return the rows of points of shape (m, k)."""
@@ -143,28 +149,28 @@ class Points:
         return len(self._known)
 
 
-def serial(
+def serial_evaluator(
     file: CaseFile, fixed: Sequence[str], names: Sequence[str], search: Search | None = None,
-    *, runs: int = 1, advance: Advance | None = None,
+    *, runs: int = 1, advance: ProgressCallback | None = None,
 ) -> Runs:  # fmt: skip
     """Return a function that evaluates variants serially."""
 
     def run(variants: Sequence[tuple[str, ...]]) -> Iterator[Row]:
         for one in track_progress(variants, advance):
-            yield variant_row(file, (*fixed, *one), names, search, runs)
+            yield evaluate_variant(file, (*fixed, *one), names, search, runs)
 
     return run
 
 
-def variant_row(
+def evaluate_variant(
     file: CaseFile, overrides: Sequence[str], names: Sequence[str], search: Search | None = None, runs: int = 1
 ) -> Row:
     """Return the row of one variant of a case."""
     try:
         case = file.read(overrides)
     except InputError as refusal:
-        return refused(refusal)
-    return quantities(case, names, search, runs)
+        return rejected_row(refusal)
+    return quantity_row(case, names, search, runs)
 
 
 def column(rows: Sequence[Row], name: str) -> FloatArray:
@@ -172,65 +178,65 @@ def column(rows: Sequence[Row], name: str) -> FloatArray:
     return np.array([row.scalars.get(name, np.nan) for row in rows], dtype=float)
 
 
-Asked = tuple[CaseFile, tuple[str, ...], tuple[str, ...], Search | None, int]
+WorkerTask = tuple[CaseFile, tuple[str, ...], tuple[str, ...], Search | None, int]
 """Case file, common overrides, names of quantities, search range of limits, and number of variants."""
 
-_asked: list[Asked] = []
+_worker_task: list[WorkerTask] = []
 """Task of a worker process, set once."""
 
-_LOST = Status(
+_WORKER_LOST = Status(
     Cause.WORKER_LOST, "a process that evaluates variants was killed", "memory is the usual cause: take fewer --workers"
 )
 
 
 @contextmanager
-def evaluators(
+def create_evaluator(
     file: CaseFile, fixed: Sequence[str], names: Sequence[str], search: Search | None = None,
-    *, workers: int = 1, runs: int = 1, advance: Advance | None = None,
+    *, workers: int = 1, runs: int = 1, advance: ProgressCallback | None = None,
 ) -> Generator[Runs]:  # fmt: skip
     """Yield a function that evaluates variants, with workers that end with the context."""
     if workers < 1:
         raise refuse("--workers", workers, "a whole number from 1")
     if workers == 1:
-        yield serial(file, fixed, names, search, runs=runs, advance=advance)
+        yield serial_evaluator(file, fixed, names, search, runs=runs, advance=advance)
         return
     bare = CaseFile(file.path, file.text, file.raw)  # meshes are not transferred; every process reads them
     asked = bare, tuple(fixed), tuple(names), search, runs
     # spawn: workers do not inherit threads and locks of this process, on all systems
     context = multiprocessing.get_context("spawn")
     before = {process.pid for process in multiprocessing.active_children()}
-    with one_thread(), pipes_may_break():
-        pool = ProcessPoolExecutor(workers, context, initializer=_begin, initargs=(asked,))
+    with limit_threads(), restore_sigpipe():
+        pool = ProcessPoolExecutor(workers, context, initializer=_start_worker, initargs=(asked,))
 
         def evaluated(variants: Sequence[tuple[str, ...]]) -> Iterator[Row]:
             try:
-                with undisturbed():
+                with block_interrupts():
                     rows = [pool.submit(_row, one) for one in variants]
                 for row in track_progress(rows, advance):
                     yield row.result()
             except BrokenProcessPool:
-                raise RunFailedError(_LOST) from None
+                raise RunFailedError(_WORKER_LOST) from None
 
         try:
             yield evaluated
         finally:
-            ended(pool, before)
+            terminate_executor(pool, before)
 
 
-def _begin(asked: Asked) -> None:
-    end_with_parent()
-    _asked.append(asked)
+def _start_worker(asked: WorkerTask) -> None:
+    terminate_with_parent()
+    _worker_task.append(asked)
 
 
 def _row(overrides: tuple[str, ...]) -> Row:
-    file, fixed, names, search, runs = _asked[-1]
-    return variant_row(file, (*fixed, *overrides), names, search, runs)
+    file, fixed, names, search, runs = _worker_task[-1]
+    return evaluate_variant(file, (*fixed, *overrides), names, search, runs)
 
 
 _NOT_RUN = Row(Status(Cause.INTERRUPTED, "the study was stopped before its turn", "run the study again"))
 
 
-class Kept:
+class InterruptibleRuns:
     """Evaluates variants; after Ctrl-C the remaining variants have a row with the status of an interrupted run.
 
     Parameters
@@ -281,20 +287,20 @@ class Kept:
         return Status(Cause.INTERRUPTED, text, "the same command evaluates all of them")
 
 
-def case_text(case: Case, target: Path, told: Sequence[str] = ()) -> str:
+def resolved_case_text(case: Case, target: Path, told: Sequence[str] = ()) -> str:
     """Return a case with all defaults as TOML for another folder."""
-    moved = _named_from(filled(case.record), case.path, target.parent)
+    moved = _relocate_file_names(resolve_record(case.record), case.path, target.parent)
     head = "".join(f"# {line}\n" for line in told)
-    return head + toml_text(cast("dict[str, Any]", moved))
+    return head + format_toml(cast("dict[str, Any]", moved))
 
 
-def _named_from(value: object, case: Path, new: Path) -> object:
+def _relocate_file_names(value: object, case: Path, new: Path) -> object:
     """Adapt the relative file names in raw tables to another folder."""
     if isinstance(value, dict):
-        return {name: _named_from(one, case, new) for name, one in cast("dict[str, object]", value).items()}
+        return {name: _relocate_file_names(one, case, new) for name, one in cast("dict[str, object]", value).items()}
     if isinstance(value, list):
-        return [_named_from(one, case, new) for one in cast("list[object]", value)]
+        return [_relocate_file_names(one, case, new) for one in cast("list[object]", value)]
     if isinstance(value, str) and Path(value).suffix and not os.path.isabs(value):
-        old = file_beside(case, value)
+        old = find_referenced_file(case, value)
         return value if old is None else Path(os.path.relpath(old, new)).as_posix()
     return value

@@ -22,10 +22,10 @@ from typing import Any, Protocol
 from urllib.parse import urlsplit
 
 from flexcam import __version__
-from flexcam.core.errors import InputError, refuse, said
+from flexcam.core.errors import InputError, refuse, system_message
 from flexcam.dynamics import Cause, RunFailedError, Status
-from flexcam.io import scratch
-from flexcam.studies.evaluation import Chunk, Outcome, Row, evaluated
+from flexcam.io import temporary_folder
+from flexcam.studies.evaluation import Chunk, Outcome, Row, evaluate_chunk
 from flexcam.studies.plan import Bundle
 
 Variants = Sequence[tuple[str, ...]]
@@ -60,16 +60,16 @@ class Workers(Protocol):
 
 
 @dataclass(frozen=True)
-class Here:
+class SerialWorkers:
     """Serial execution in the calling process, for few variants and for debugging."""
 
     def ready(self, bundle: Bundle, *, histories: bool) -> AbstractContextManager[Pool]:
         """Yield a pool of this process."""
-        return _here(bundle, histories)
+        return _serial_pool(bundle, histories)
 
 
 @dataclass(frozen=True)
-class Processes:
+class ProcessWorkers:
     """Worker processes on this machine.
 
     Parameters
@@ -86,50 +86,52 @@ class Processes:
 
     def ready(self, bundle: Bundle, *, histories: bool) -> AbstractContextManager[Pool]:
         """Yield a pool of new processes, started on demand."""
-        return _processes(bundle, self.count, histories)
+        return _process_pool(bundle, self.count, histories)
 
 
 @contextmanager
-def _unpacked(bundle: Bundle) -> Generator[Path]:
-    with scratch() as folder:
+def _unpack_bundle(bundle: Bundle) -> Generator[Path]:
+    with temporary_folder() as folder:
         yield bundle.unpacked(folder)
 
 
 @contextmanager
-def _here(bundle: Bundle, histories: bool) -> Generator[Pool]:
+def _serial_pool(bundle: Bundle, histories: bool) -> Generator[Pool]:
     def submit(variants: Variants) -> Future[list[Outcome]]:
         future: Future[list[Outcome]] = Future()
-        future.set_result(evaluated(case, variants, histories=histories, runs=bundle.runs, channels=bundle.channels))
+        future.set_result(
+            evaluate_chunk(case, variants, histories=histories, runs=bundle.runs, channels=bundle.channels)
+        )
         return future
 
-    with _unpacked(bundle) as case:
+    with _unpack_bundle(bundle) as case:
         yield Pool(submit, 1, ())
 
 
 @contextmanager
-def _processes(bundle: Bundle, count: int, histories: bool) -> Generator[Pool]:
-    with _unpacked(bundle) as case, one_thread(), pipes_may_break():
+def _process_pool(bundle: Bundle, count: int, histories: bool) -> Generator[Pool]:
+    with _unpack_bundle(bundle) as case, limit_threads(), restore_sigpipe():
         before = {process.pid for process in multiprocessing.active_children()}
         # spawn: workers do not inherit threads and locks of this process, on all systems
-        executor = ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), initializer=end_with_parent)
+        executor = ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), initializer=terminate_with_parent)
 
         def submit(variants: Variants) -> Future[list[Outcome]]:
-            with undisturbed():
+            with block_interrupts():
                 return executor.submit(
-                    evaluated, case, variants, histories=histories, runs=bundle.runs, channels=bundle.channels
+                    evaluate_chunk, case, variants, histories=histories, runs=bundle.runs, channels=bundle.channels
                 )
 
-        with undisturbed():
+        with block_interrupts():
             awake = executor.submit(_version)
         try:
             yield Pool(submit, count + 1, (BrokenProcessPool,))
             if awake.done() and awake.exception() is not None:
-                raise RunFailedError(_ASLEEP)
+                raise RunFailedError(_NOT_STARTED_STATUS)
         finally:
-            ended(executor, before)
+            terminate_executor(executor, before)
 
 
-_ASLEEP = Status(
+_NOT_STARTED_STATUS = Status(
     Cause.WORKER_LOST,
     "no worker process could begin",
     'a script that sweeps needs its last part under: if __name__ == "__main__":',
@@ -140,7 +142,7 @@ def _version() -> str:
     return __version__
 
 
-def ended(executor: Executor, before: set[int | None]) -> None:
+def terminate_executor(executor: Executor, before: set[int | None]) -> None:
     """Terminate the processes of an executor, also during a run."""
     for process in multiprocessing.active_children():
         if process.pid not in before:
@@ -149,20 +151,20 @@ def ended(executor: Executor, before: set[int | None]) -> None:
     executor.shutdown(wait=True, cancel_futures=True)
 
 
-def end_with_parent() -> None:
+def terminate_with_parent() -> None:
     """Terminate a worker process when its parent has ended for any reason."""
     parent = multiprocessing.parent_process()
     if parent is not None:
-        threading.Thread(target=_end_with, args=(parent.join,), daemon=True).start()
+        threading.Thread(target=_exit_after, args=(parent.join,), daemon=True).start()
 
 
-def _end_with(joined: Callable[[], None]) -> None:
+def _exit_after(joined: Callable[[], None]) -> None:
     joined()
     os._exit(1)
 
 
 @contextmanager
-def one_thread() -> Generator[None]:
+def limit_threads() -> Generator[None]:
     """Limit processes started in the context to one linear algebra thread each."""
     before = {name: os.environ.get(name) for name in _THREADS}
     os.environ.update(dict.fromkeys(_THREADS, "1"))
@@ -174,7 +176,7 @@ def one_thread() -> Generator[None]:
 
 
 @contextmanager
-def pipes_may_break() -> Generator[None]:
+def restore_sigpipe() -> Generator[None]:
     """Restore Python's handling of SIGPIPE, so that a broken pipe raises an exception instead of ending this process.
 
     Libraries such as Gmsh reset the signal to its default action.
@@ -190,7 +192,7 @@ def pipes_may_break() -> Generator[None]:
 
 
 @contextmanager
-def undisturbed() -> Generator[None]:
+def block_interrupts() -> Generator[None]:
     """Block Ctrl-C in processes and threads started in the context: this process decides how a sweep ends."""
     if not hasattr(signal, "pthread_sigmask"):  # not available on all systems
         yield
@@ -205,15 +207,15 @@ def undisturbed() -> Generator[None]:
 
 Outcomes = list[Outcome]
 
-_KILLER = Status(
+_KILLED_STATUS = Status(
     Cause.WORKER_LOST,
     "the process that ran this variant alone was killed, as the ones before it",
     "memory is the usual cause: save fewer fields (output.field_every), or run fewer at a time (--workers)",
 )
-_GONE = Status(Cause.WORKER_LOST, "the connection to the scheduler was lost", "--resume does the rest")
+_CLUSTER_LOST_STATUS = Status(Cause.WORKER_LOST, "the connection to the scheduler was lost", "--resume does the rest")
 
 
-def executed(
+def run_chunks(
     bundle: Bundle, chunks: Sequence[Chunk], workers: Workers, *, histories: bool = False
 ) -> Generator[tuple[Chunk, Outcomes]]:
     """Run chunks and yield each with its outcomes as they finish.
@@ -224,17 +226,17 @@ def executed(
     waiting, suspects = deque(chunks), deque[Chunk]()
     while waiting:
         with workers.ready(bundle, histories=histories) as pool:
-            for chunk, future in _through(pool, waiting):
-                if _lost(pool, future):
+            for chunk, future in _submit_chunks(pool, waiting):
+                if _is_worker_lost(pool, future):
                     suspects.append(chunk)
                 else:
                     yield chunk, future.result()
         while suspects:
             chunk = suspects.popleft()
-            yield chunk, _alone(bundle, chunk, workers, histories)
+            yield chunk, _repeat_chunk(bundle, chunk, workers, histories)
 
 
-def _through(pool: Pool, waiting: deque[Chunk]) -> Iterator[tuple[Chunk, Future[Outcomes]]]:
+def _submit_chunks(pool: Pool, waiting: deque[Chunk]) -> Iterator[tuple[Chunk, Future[Outcomes]]]:
     """Yield chunks and their finished futures; chunks rejected by a broken pool remain in the queue."""
     running: dict[Future[Outcomes], Chunk] = {}
     broken = False
@@ -249,23 +251,25 @@ def _through(pool: Pool, waiting: deque[Chunk]) -> Iterator[tuple[Chunk, Future[
             yield running.pop(future), future
 
 
-def _lost(pool: Pool, future: Future[Outcomes]) -> bool:
+def _is_worker_lost(pool: Pool, future: Future[Outcomes]) -> bool:
     if future.cancelled():
-        raise RunFailedError(_GONE)
+        raise RunFailedError(_CLUSTER_LOST_STATUS)
     fault = future.exception()
     return isinstance(fault, pool.lost)
 
 
-def _alone(bundle: Bundle, chunk: Chunk, workers: Workers, histories: bool) -> Outcomes:
+def _repeat_chunk(bundle: Bundle, chunk: Chunk, workers: Workers, histories: bool) -> Outcomes:
     """Return the outcomes of a chunk whose worker was killed."""
-    whole = _tried(bundle, chunk.variants, workers, histories)
+    whole = _try_variants(bundle, chunk.variants, workers, histories)
     if whole is not None:
         return whole
-    single = [_tried(bundle, (variant,), workers, histories) for variant in chunk.variants]
-    return [outcome for one in single for outcome in one or [Outcome(Row(_KILLER))]]
+    single = [_try_variants(bundle, (variant,), workers, histories) for variant in chunk.variants]
+    return [outcome for one in single for outcome in one or [Outcome(Row(_KILLED_STATUS))]]
 
 
-def _tried(bundle: Bundle, variants: Sequence[tuple[str, ...]], workers: Workers, histories: bool) -> Outcomes | None:
+def _try_variants(
+    bundle: Bundle, variants: Sequence[tuple[str, ...]], workers: Workers, histories: bool
+) -> Outcomes | None:
     """Return the outcomes of variants run alone; None if their worker was killed again."""
     with workers.ready(bundle, histories=histories) as pool:
         try:
@@ -274,7 +278,7 @@ def _tried(bundle: Bundle, variants: Sequence[tuple[str, ...]], workers: Workers
             return None
 
 
-_PATIENCE = 5.0
+_TIMEOUT = 5.0
 """Timeout of a scheduler, and then of its workers, s."""
 
 LOCAL = "local"
@@ -282,7 +286,7 @@ LOCAL = "local"
 
 
 @dataclass(frozen=True)
-class Cluster:
+class ClusterWorkers:
     """Workers of a Dask cluster.
 
     Parameters
@@ -302,34 +306,34 @@ class Cluster:
 
     def ready(self, bundle: Bundle, *, histories: bool) -> AbstractContextManager[Pool]:
         """Yield the workers of the cluster."""
-        return _cluster(self, bundle, histories)
+        return _cluster_pool(self, bundle, histories)
 
 
 @contextmanager
-def _cluster(asked: Cluster, bundle: Bundle, histories: bool) -> Generator[Pool]:
+def _cluster_pool(asked: ClusterWorkers, bundle: Bundle, histories: bool) -> Generator[Pool]:
     if find_spec("distributed") is None:
         why, remedy = "Dask is not installed", "pip install 'flexcam[cluster]'"
         raise refuse("--scheduler", asked.address, "processes of this machine (--workers)", why, remedy)
     from distributed import KilledWorker
 
-    with _quiet(), warnings.catch_warnings(), ExitStack() as stack:
+    with _suppress_dask_log(), warnings.catch_warnings(), ExitStack() as stack:
         warnings.filterwarnings("ignore", module="distributed")  # large cases, different versions of other packages
         client = stack.enter_context(_client(asked))
-        _answers(client, asked)
+        _check_workers(client, asked)
         # A task that loads the case instead of the case itself: Dask repeats it if a worker is lost.
-        case = client.submit(_same, bundle, key=f"flexcam-{bundle.digest}-{id(bundle)}")
+        case = client.submit(_identity, bundle, key=f"flexcam-{bundle.digest}-{id(bundle)}")
         executor = client.get_executor(pure=False)
 
         def submit(variants: Variants) -> Future[list[Outcome]]:
             return executor.submit(
-                evaluated, case, variants, histories=histories, runs=bundle.runs, channels=bundle.channels
+                evaluate_chunk, case, variants, histories=histories, runs=bundle.runs, channels=bundle.channels
             )
 
-        yield Pool(submit, _EVERYTHING, (KilledWorker,))
+        yield Pool(submit, _LOG_LEVEL, (KilledWorker,))
 
 
 @contextmanager
-def _quiet() -> Generator[None]:
+def _suppress_dask_log() -> Generator[None]:
     """Suppress the log of Dask: lost workers are reported by rows, a lost scheduler by a status."""
     names = [name for name in logging.root.manager.loggerDict if name.partition(".")[0] == "distributed"]
     levels = {name: logging.getLogger(name).level for name in names}
@@ -342,26 +346,26 @@ def _quiet() -> Generator[None]:
             logging.getLogger(name).setLevel(level)
 
 
-_EVERYTHING = 1_000_000
+_LOG_LEVEL = 1_000_000
 
 
 @contextmanager
-def _client(asked: Cluster) -> Generator[Any]:
+def _client(asked: ClusterWorkers) -> Generator[Any]:
     from distributed import Client, LocalCluster
 
     if asked.address == LOCAL:
         quiet: dict[str, Any] = {"dashboard_address": None, "silence_logs": logging.CRITICAL}
-        with undisturbed():
+        with block_interrupts():
             local = LocalCluster(n_workers=asked.count, threads_per_worker=1, processes=True, **quiet)
-        with local, Client(local, timeout=_PATIENCE) as client:
+        with local, Client(local, timeout=_TIMEOUT) as client:
             yield client
         return
-    _greet(asked)
-    with Client(asked.address, timeout=_PATIENCE) as client:
+    _check_address(asked)
+    with Client(asked.address, timeout=_TIMEOUT) as client:
         yield client
 
 
-def _greet(asked: Cluster) -> None:
+def _check_address(asked: ClusterWorkers) -> None:
     """Raise an error if no scheduler answers within the timeout; Dask's client may wait without limit."""
     import asyncio
 
@@ -371,7 +375,7 @@ def _greet(asked: Cluster) -> None:
     security: Any = Security()
 
     async def greeted() -> None:
-        async with asyncio.timeout(_PATIENCE):
+        async with asyncio.timeout(_TIMEOUT):
             made: Any = rpc(asked.address, connection_args=security.get_connection_args("client"))
             async with made as scheduler:
                 await scheduler.identity()
@@ -380,14 +384,14 @@ def _greet(asked: Cluster) -> None:
         _ = urlsplit(asked.address).port  # Dask maps a port above 65535 to another one
         asyncio.run(greeted())
     except OSError as fault:  # includes the timeout
-        raise _nobody(asked, *_silence(fault)) from None
+        raise _no_scheduler_error(asked, *_describe_timeout(fault)) from None
     except (ValueError, TypeError) as fault:
-        raise _nobody(asked, str(fault), "write it as tcp://HOST:PORT") from None
+        raise _no_scheduler_error(asked, str(fault), "write it as tcp://HOST:PORT") from None
     except (MemoryError, EOFError, RuntimeError, LookupError, AttributeError):
-        raise _nobody(asked, "something else does", "check the port") from None
+        raise _no_scheduler_error(asked, "something else does", "check the port") from None
 
 
-def _silence(fault: BaseException) -> tuple[str, str]:
+def _describe_timeout(fault: BaseException) -> tuple[str, str]:
     """Return why the scheduler did not answer, which Dask retries until the timeout, and a remedy."""
     first = fault
     while (behind := first.__cause__ or first.__context__) is not None:
@@ -397,33 +401,33 @@ def _silence(fault: BaseException) -> tuple[str, str]:
     if isinstance(first, socket.gaierror):
         return f"no machine is known by that name ({first.strerror})", "check the name, or give the number"
     if isinstance(first, OSError) and first.errno:
-        return said(first), "check the address and the network"
+        return system_message(first), "check the address and the network"
     why = "it keeps silent: no scheduler, or a firewall or a machine that is off"
     return why, "check that a scheduler runs there and its port is open"
 
 
-def _nobody(asked: Cluster, why: str, remedy: str) -> InputError:
-    told = f"none answers there within {_PATIENCE:g} s: {why}"
+def _no_scheduler_error(asked: ClusterWorkers, why: str, remedy: str) -> InputError:
+    told = f"none answers there within {_TIMEOUT:g} s: {why}"
     given = asked.address or "nothing"
     return refuse("--scheduler", given, "the address of a Dask scheduler", told, f"{remedy}; or use --workers N")
 
 
-def _answers(client: Any, asked: Cluster) -> None:  # noqa: ANN401 - distributed has no types
+def _check_workers(client: Any, asked: ClusterWorkers) -> None:  # noqa: ANN401 - distributed has no types
     """Raise an error for a cluster without workers, or with workers that have another version of flexcam."""
     try:
-        client.wait_for_workers(1, timeout=_PATIENCE)
+        client.wait_for_workers(1, timeout=_TIMEOUT)
     except TimeoutError:
         why, remedy = "the scheduler has no workers", f"start some: dask worker {asked.address}"
         raise refuse("--scheduler", asked.address, "a cluster with workers", why, remedy) from None
     try:
         found = {str(version) for version in client.run(_version_cluster).values()}
     except ModuleNotFoundError as fault:
-        raise _other(asked, str(fault)) from None
+        raise _version_error(asked, str(fault)) from None
     if found != {__version__}:
-        raise _other(asked, f"they have flexcam {', '.join(sorted(found))}")
+        raise _version_error(asked, f"they have flexcam {', '.join(sorted(found))}")
 
 
-def _other(asked: Cluster, why: str) -> InputError:
+def _version_error(asked: ClusterWorkers, why: str) -> InputError:
     return refuse("--scheduler", asked.address, f"workers with flexcam {__version__}", why, "install it there")
 
 
@@ -431,5 +435,5 @@ def _version_cluster() -> str:
     return __version__
 
 
-def _same(bundle: Bundle) -> Bundle:
+def _identity(bundle: Bundle) -> Bundle:
     return bundle

@@ -11,13 +11,13 @@ import numpy as np
 from flexcam.core import FloatArray, Triplets
 from flexcam.dynamics import Modes, modes
 
-_SAME = 1e-6
+_REPEATED_TOLERANCE = 1e-6
 """Relative difference below which frequencies count as repeated."""
 
-_BESIDE = 6
+_EXTRA_MODES = 6
 """Additional modes beyond the highest requested one, which contain its repeated frequencies."""
 
-Pair = tuple[Triplets, Triplets]
+MatrixPair = tuple[Triplets, Triplets]
 """Mass and stiffness matrices."""
 
 
@@ -42,7 +42,7 @@ class FrequencyDerivative:
 
 
 def frequency_derivatives(
-    middle: Pair, beside: Sequence[Pair], step: float, count: int, free: FloatArray | None = None
+    middle: MatrixPair, beside: Sequence[MatrixPair], step: float, count: int, free: FloatArray | None = None
 ) -> FrequencyDerivative:
     """Return the derivatives of the lowest natural frequencies, without rigid-body modes.
 
@@ -53,10 +53,10 @@ def frequency_derivatives(
     """
     found = _modes(middle, count, free)
     omegas, shapes = found.omegas[found.rigid :], found.shapes[:, found.rigid :]
-    dM, dK = (_differenced([pair[i] for pair in beside], step) for i in (0, 1))
+    dM, dK = (_finite_difference([pair[i] for pair in beside], step) for i in (0, 1))
     values = np.zeros(len(omegas))
     repeated = np.zeros(len(omegas), dtype=bool)
-    for group in _groups(omegas):
+    for group in _repeated_groups(omegas):
         x, square = shapes[:, group], float(np.mean(omegas[group])) ** 2
         slopes = np.linalg.eigvalsh(_symmetric(x.T @ dK.times_all(x) - square * (x.T @ dM.times_all(x))))
         values[group] = slopes / (2.0 * math.sqrt(square))
@@ -66,23 +66,23 @@ def frequency_derivatives(
     return FrequencyDerivative(omegas[told] / turn, values[told] / turn, tuple(repeated[told].tolist()))
 
 
-def _modes(pair: Pair, count: int, free: FloatArray | None) -> Modes:
+def _modes(pair: MatrixPair, count: int, free: FloatArray | None) -> Modes:
     rigid = 0 if free is None else free.shape[1]
-    return modes(*pair, None if free is None else rigid + count + _BESIDE, free=free)
+    return modes(*pair, None if free is None else rigid + count + _EXTRA_MODES, free=free)
 
 
-def _differenced(matrices: Sequence[Triplets], step: float) -> Triplets:
+def _finite_difference(matrices: Sequence[Triplets], step: float) -> Triplets:
     """Return the finite difference derivative of a matrix; constant entries cancel exactly."""
     far_below, below, above, far_above = (one.dense() for one in matrices)
     whole, half = (far_above - far_below) / (2.0 * step), (above - below) / step
     return Triplets.from_dense((4.0 * half - whole) / 3.0)
 
 
-def _groups(omegas: FloatArray) -> list[list[int]]:
+def _repeated_groups(omegas: FloatArray) -> list[list[int]]:
     """Return the groups of repeated frequencies as lists of indices."""
     found: list[list[int]] = []
     for i, omega in enumerate(omegas.tolist()):
-        if found and omega - omegas[found[-1][-1]] <= _SAME * omega:
+        if found and omega - omegas[found[-1][-1]] <= _REPEATED_TOLERANCE * omega:
             found[-1].append(i)
         else:
             found.append([i])

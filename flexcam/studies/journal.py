@@ -12,9 +12,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from flexcam.core.errors import InputError, refuse, said
+from flexcam.core.errors import InputError, refuse, system_message
 from flexcam.dynamics import Cause, Status
-from flexcam.io import hold, made_folder
+from flexcam.io import create_folder, lock_file
 from flexcam.studies.evaluation import Row
 
 _WORDS = {
@@ -54,12 +54,12 @@ class Journal:
         if path.exists() and not (resume or overwrite):
             why, remedy = "a sweep was begun here", "--resume finishes it, --overwrite begins anew"
             raise refuse("journal", str(path), "none, or --resume", why, remedy)
-        made_folder(path.parent)
+        create_folder(path.parent)
         self._path, self._head, self._fresh = path, dict(belongs), True
         try:
             self._file = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
         except OSError as fault:
-            raise refuse("journal", str(path), "a file that can be written", said(fault)) from None
+            raise refuse("journal", str(path), "a file that can be written", system_message(fault)) from None
         try:
             _lock(self._file, path)
             self.rows, self._end = _read(path, belongs) if resume else (dict[int, list[Row]](), 0)
@@ -76,7 +76,7 @@ class Journal:
             if not self._end:
                 self._line(self._head)
         units = {name: unit for row in rows for name, unit in row.units.items()}
-        self._line({"chunk": index, "units": units, "rows": [_told(row) for row in rows]})
+        self._line({"chunk": index, "units": units, "rows": [_format_identification(row) for row in rows]})
 
     def close(self) -> None:
         """Close the file; an empty journal is removed."""
@@ -91,7 +91,7 @@ class Journal:
         os.fsync(self._file)
 
 
-def begun_with(path: Path, fact: str) -> bool:
+def journal_contains(path: Path, fact: str) -> bool:
     """Return whether an existing journal contains a given fact in its identification."""
     try:
         with path.open("rb") as file:
@@ -103,7 +103,7 @@ def begun_with(path: Path, fact: str) -> bool:
 def _lock(file: int, path: Path) -> None:
     """Lock the journal; raise an error if another sweep has locked it. The lock ends with the process."""
     try:
-        hold(file)
+        lock_file(file)
     except BlockingIOError:
         raise refuse(
             "journal", str(path), "one that nobody writes", "another sweep is running here", "wait for it"
@@ -119,7 +119,7 @@ def _read(path: Path, belongs: Mapping[str, Any]) -> tuple[dict[int, list[Row]],
         return {}, 0
     try:
         head, *chunks = [json.loads(line) for line in lines]
-        _same(path, head, belongs)
+        _check_identification(path, head, belongs)
         return {int(one["chunk"]): [_row(row, one["units"]) for row in one["rows"]] for one in chunks}, end
     except (ValueError, KeyError, TypeError, AttributeError) as fault:
         if isinstance(fault, InputError):
@@ -129,7 +129,7 @@ def _read(path: Path, belongs: Mapping[str, Any]) -> tuple[dict[int, list[Row]],
         ) from None
 
 
-def _same(path: Path, head: Mapping[str, Any], belongs: Mapping[str, Any]) -> None:
+def _check_identification(path: Path, head: Mapping[str, Any], belongs: Mapping[str, Any]) -> None:
     other = [words for name, words in _WORDS.items() if head.get(name) != belongs.get(name)]
     if other:
         given = f"{path}, of another sweep"
@@ -139,7 +139,7 @@ def _same(path: Path, head: Mapping[str, Any], belongs: Mapping[str, Any]) -> No
         )
 
 
-def _told(row: Row) -> dict[str, Any]:
+def _format_identification(row: Row) -> dict[str, Any]:
     status = row.status
     told: dict[str, Any] = {"cause": str(status.cause), "text": status.text, "remedy": status.remedy}
     return {**told, "scalars": dict(row.scalars), "seconds": round(row.seconds, 3)}

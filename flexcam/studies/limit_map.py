@@ -6,14 +6,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from flexcam.case.case import Case
-from flexcam.case.fault_report import own_unit
+from flexcam.case.fault_report import find_unit
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
 from flexcam.dynamics import Cause, Status
 from flexcam.studies.axes import Axis, Value
 from flexcam.studies.evaluators import Runs, column
-from flexcam.studies.plan import Plan, made_plan
-from flexcam.studies.quantities import complete
+from flexcam.studies.plan import Plan, make_plan
+from flexcam.studies.quantities import require_complete
 
 LIMIT = "limits."
 
@@ -44,7 +44,7 @@ class LimitMap:
 
 
 def _with_unit(axis: Axis, case: Case) -> Axis:
-    return axis if axis.unit else replace(axis, unit=own_unit(case.record, axis.key.split(".")) or "")
+    return axis if axis.unit else replace(axis, unit=find_unit(case.record, axis.key.split(".")) or "")
 
 
 def grid_plan(first: Axis, second: Axis, fixed: Sequence[str] = ()) -> Plan:
@@ -56,14 +56,14 @@ def grid_plan(first: Axis, second: Axis, fixed: Sequence[str] = ()) -> Plan:
         raise refuse("--and", second.key, "another key than that of --over", "a map is over two")
     pairs = [one.partition("=") for one in fixed]
     laid = [Axis(key.strip(), f"--set {key}={text}", (Value(text.strip(), None),)) for key, _, text in pairs]
-    return made_plan([*laid, first, second])
+    return make_plan([*laid, first, second])
 
 
 def limit_map(plan: Plan, names: Sequence[str], runs: Runs) -> LimitMap:
     """Return the map of limits over a grid."""
     rows = list(runs(plan.variants))
     if all(row.status.cause is Cause.REFUSED for row in rows):
-        complete(rows[0])
+        require_complete(rows[0])
     first, second = plan.varied
     rpm = {name: column(rows, LIMIT + name).reshape(plan.shape) for name in names}
     return LimitMap((first, second), rpm, tuple(row.status for row in rows))

@@ -12,21 +12,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexcam.core import FloatArray
-from flexcam.core.errors import InputError, gathered, refuse
+from flexcam.core.errors import InputError, parse_all, refuse
 from flexcam.core.units import DIMENSIONS, RPM, parse
 from flexcam.studies.evaluation import Row
 
 _CONSTRAINT = re.compile(r"\s*([^<>=]+?)\s*(<=|>=)\s*([^<>=]+?)\s*$")
-_FAILED = 1e6
+_FAILED_VIOLATION = 1e6
 """Violation of every constraint if a variant has no value: larger than any regular one."""
 
-_SAME = {"1": "", "Hz": "1/s"}
+_UNIT_NAMES = {"1": "", "Hz": "1/s"}
 """Units of scalars and the corresponding units of dimensions."""
 
 _ROUNDING = 1e-9
 """Tolerance of a bound for rounding, relative to the bound."""
 
-_ACTIVE = 0.01
+_ACTIVE_TOLERANCE = 0.01
 """Distance from a bound, relative to the bound, within which a constraint is active."""
 
 
@@ -76,12 +76,12 @@ class Constraint:
 
     def bound(self, unit: str) -> float:
         """Return the bound in the unit of its quantity."""
-        values = _by_unit(self.text)
+        values = _bound_by_unit(self.text)
         if unit.endswith("rpm") and "rad/s" in values:
             return values["rad/s"] / RPM
         if "bare" in values:
             return values["bare"]
-        wanted = _SAME.get(unit, unit)
+        wanted = _UNIT_NAMES.get(unit, unit)
         if wanted not in values:
             raise refuse("--subject", self.words, f"a bound in {unit or 'no unit'}, or a bare number", "units differ")
         return values[wanted]
@@ -93,26 +93,26 @@ class Constraint:
         return (value - bound if self.relation == "<=" else bound - value) / size
 
 
-def constraint(text: str) -> Constraint:
+def parse_constraint(text: str) -> Constraint:
     """Parse a constraint."""
     found = _CONSTRAINT.match(text)
     if found is None:
         raise refuse(
             "--subject", repr(text), "NAME <= VALUE or NAME >= VALUE, in quotes", "", "such as 'frequency.1 >= 900 Hz'"
         )
-    _by_unit(found[3], text)
+    _bound_by_unit(found[3], text)
     return Constraint(found[1], "<=" if found[2] == "<=" else ">=", found[3])
 
 
-def constraints_of(texts: Sequence[str]) -> tuple[Constraint, ...]:
+def parse_constraints(texts: Sequence[str]) -> tuple[Constraint, ...]:
     """Parse several constraints."""
-    found, faults = gathered(constraint, texts)
+    found, faults = parse_all(parse_constraint, texts)
     if faults:
         raise InputError(faults)
     return tuple(found)
 
 
-def _by_unit(text: str, where: str = "") -> dict[str, float]:
+def _bound_by_unit(text: str, where: str = "") -> dict[str, float]:
     """Return the bound in every possible SI unit; ``bare`` for a number without unit."""
     try:
         return {"bare": float(text)}
@@ -129,36 +129,36 @@ def _by_unit(text: str, where: str = "") -> dict[str, float]:
     return found
 
 
-def value_of(row: Row, name: str) -> float:
+def row_value(row: Row, name: str) -> float:
     """Return a quantity of a row; infinite for a limit that is not met, otherwise NaN if missing."""
     missing = math.inf if name.startswith("limits.") and row.status.ok else math.nan
     return row.scalars.get(name, missing)
 
 
-def costs(rows: Sequence[Row], goals: Sequence[Goal]) -> FloatArray:
+def compute_costs(rows: Sequence[Row], goals: Sequence[Goal]) -> FloatArray:
     """Return the quantities to be minimized, shape (variants, goals)."""
-    values = np.array([[value_of(row, goal.name) for goal in goals] for row in rows], dtype=float)
+    values = np.array([[row_value(row, goal.name) for goal in goals] for row in rows], dtype=float)
     signed = values * np.array([-1.0 if goal.most else 1.0 for goal in goals])
     return np.where(np.isnan(signed), math.inf, signed)
 
 
-def violations(rows: Sequence[Row], bounds: Sequence[Constraint], goals: Sequence[Goal]) -> FloatArray:
+def compute_violations(rows: Sequence[Row], bounds: Sequence[Constraint], goals: Sequence[Goal]) -> FloatArray:
     """Return the relative violations of the constraints, shape (variants, bounds + 1)."""
-    found = np.full((len(rows), len(bounds) + 1), _FAILED)
+    found = np.full((len(rows), len(bounds) + 1), _FAILED_VIOLATION)
     for i, row in enumerate(rows):
-        values = [value_of(row, one.name) for one in bounds]
-        if row.status.ok and not any(math.isnan(x) for x in [*values, *(value_of(row, one.name) for one in goals)]):
+        values = [row_value(row, one.name) for one in bounds]
+        if row.status.ok and not any(math.isnan(x) for x in [*values, *(row_value(row, one.name) for one in goals)]):
             units = [row.units.get(one.name, "rpm") for one in bounds]
             pairs = zip(bounds, values, units, strict=True)
-            found[i] = [*(min(one.violation(value, unit), _FAILED) for one, value, unit in pairs), 0.0]
-    return np.maximum(found, -_FAILED)
+            found[i] = [*(min(one.violation(value, unit), _FAILED_VIOLATION) for one, value, unit in pairs), 0.0]
+    return np.maximum(found, -_FAILED_VIOLATION)
 
 
-def feasible(passed: FloatArray) -> NDArray[np.bool_]:
+def is_feasible(passed: FloatArray) -> NDArray[np.bool_]:
     """Return which variants satisfy all constraints."""
     return np.asarray((passed <= _ROUNDING).all(axis=1))
 
 
-def active(passed: float) -> bool:
+def is_active(passed: float) -> bool:
     """Return whether a constraint is active: the value is within a hundredth of the bound."""
-    return passed >= -_ACTIVE
+    return passed >= -_ACTIVE_TOLERANCE

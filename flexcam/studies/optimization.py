@@ -14,26 +14,26 @@ import numpy as np
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
 from flexcam.studies.evaluation import Row
-from flexcam.studies.evaluators import Points
-from flexcam.studies.objective import Constraint, Goal, costs, feasible, violations
-from flexcam.studies.plan import checked_seed
+from flexcam.studies.evaluators import PointEvaluator
+from flexcam.studies.objective import Constraint, Goal, compute_costs, compute_violations, is_feasible
+from flexcam.studies.plan import check_seed
 
-_PER_VARIABLE, _FEWEST, _MOST = 6, 12, 64
+_POINTS_PER_VARIABLE, _MIN_POINTS, _MAX_POINTS = 6, 12, 64
 """Points of a generation: number per variable, minimum and maximum."""
 
-_GLOBAL = 0.7
+_GLOBAL_FRACTION = 0.7
 """Fraction of the evaluations for the global search; the others refine the best variant."""
 
-_REGION = 0.05
+_TRUST_RADIUS = 0.05
 """Initial radius of the trust region relative to the intervals."""
 
-_LARGE = 1e30
-_FAR = 10.0
+_LARGE_COST = 1e30
+_MAX_VIOLATION = 10.0
 """Maximum violation passed to the models of the constraints."""
 
 
 @dataclass(frozen=True, eq=False)
-class Design:
+class OptimizationProblem:
     """Optimization problem.
 
     Parameters
@@ -46,7 +46,7 @@ class Design:
         Constraints.
     """
 
-    points: Points
+    points: PointEvaluator
     goals: tuple[Goal, ...]
     bounds: tuple[Constraint, ...] = ()
 
@@ -103,7 +103,7 @@ class Evaluations:
     @property
     def best(self) -> int | None:
         """Index of the best variant that satisfies all constraints; None if there is none."""
-        inside = np.flatnonzero(feasible(self.violations))
+        inside = np.flatnonzero(is_feasible(self.violations))
         return int(inside[np.argmin(self.costs[inside, 0])]) if len(inside) else None
 
     @property
@@ -123,7 +123,7 @@ class Evaluations:
         return float(steps[passing].min(initial=np.inf))
 
 
-class Judge:
+class ProblemEvaluator:
     """Evaluates points of an optimization problem and stores all results.
 
     Parameters
@@ -132,7 +132,7 @@ class Judge:
         Optimization problem.
     """
 
-    def __init__(self, design: Design) -> None:
+    def __init__(self, design: OptimizationProblem) -> None:
         self._design = design
         self._seen: dict[tuple[float, ...], tuple[Row, FloatArray, FloatArray]] = {}
 
@@ -160,7 +160,7 @@ class Judge:
     def _see(self, points: Sequence[tuple[float, ...]]) -> None:
         if points:
             rows, design = self._design.points.rows(np.array(points)), self._design
-            cost, passed = costs(rows, design.goals), violations(rows, design.bounds, design.goals)
+            cost, passed = compute_costs(rows, design.goals), compute_violations(rows, design.bounds, design.goals)
             self._seen.update(zip(points, zip(rows, cost, passed, strict=True), strict=True))
 
     def evaluations(self) -> Evaluations:
@@ -180,7 +180,7 @@ class Judge:
         return self.evaluations()
 
 
-def optimize(design: Design, *, evaluations: int = 200, seed: int = 0) -> Evaluations:
+def optimize(design: OptimizationProblem, *, evaluations: int = 200, seed: int = 0) -> Evaluations:
     """Search for the best variant that satisfies all constraints.
 
     Differential evolution (R. Storn and K. Price, J. Global Optim. 11 (1997) 341) evaluates whole generations, with
@@ -192,24 +192,26 @@ def optimize(design: Design, *, evaluations: int = 200, seed: int = 0) -> Evalua
     generation = generation_size(len(design.points.variables))
     if evaluations < 2 * generation:
         raise refuse("--evaluations", evaluations, f"{2 * generation} or more", "two generations")
-    checked_seed(seed)
-    judge = Judge(design)
+    check_seed(seed)
+    judge = ProblemEvaluator(design)
 
     def search() -> None:
-        _evolve(judge, design, generation, int(_GLOBAL * evaluations), seed)
+        _differential_evolution(judge, design, generation, int(_GLOBAL_FRACTION * evaluations), seed)
         left = evaluations - judge.count
         if left > 0:
-            _close_in(judge, judge.evaluations(), design, left)
+            _refine(judge, judge.evaluations(), design, left)
 
     return judge.after(search)
 
 
 def generation_size(variables: int) -> int:
     """Return the number of points of a generation."""
-    return min(max(_PER_VARIABLE * variables, _FEWEST), _MOST)
+    return min(max(_POINTS_PER_VARIABLE * variables, _MIN_POINTS), _MAX_POINTS)
 
 
-def _evolve(judge: Judge, design: Design, generation: int, most: int, seed: int) -> None:
+def _differential_evolution(
+    judge: ProblemEvaluator, design: OptimizationProblem, generation: int, most: int, seed: int
+) -> None:
     from scipy.optimize import Bounds, NonlinearConstraint, differential_evolution
     from scipy.stats import qmc
 
@@ -219,7 +221,7 @@ def _evolve(judge: Judge, design: Design, generation: int, most: int, seed: int)
         start[0] = design.stands  # the result is not worse than the given case
 
     def cost(x: FloatArray) -> FloatArray:
-        return np.minimum(judge.judged(x.T)[0][:, 0], _LARGE)
+        return np.minimum(judge.judged(x.T)[0][:, 0], _LARGE_COST)
 
     def passed(x: FloatArray) -> FloatArray:
         return judge.judged(np.atleast_2d(x.T))[1].T
@@ -232,7 +234,7 @@ def _evolve(judge: Judge, design: Design, generation: int, most: int, seed: int)
     )  # fmt: skip
 
 
-def _close_in(judge: Judge, known: Evaluations, design: Design, most: int) -> None:
+def _refine(judge: ProblemEvaluator, known: Evaluations, design: OptimizationProblem, most: int) -> None:
     from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
     start = known.parts[known.nearest if known.best is None else known.best]
@@ -245,20 +247,20 @@ def _close_in(judge: Judge, known: Evaluations, design: Design, most: int) -> No
         return min(found, worst + size) / (size or 1.0)
 
     def passed(x: FloatArray) -> FloatArray:
-        return np.minimum(judge.judged(x[None, :])[1][0, :-1], _FAR)
+        return np.minimum(judge.judged(x[None, :])[1][0, :-1], _MAX_VIOLATION)
 
     count = len(start)
     minimize(
         cost, start, method="COBYQA", bounds=Bounds(np.zeros(count), np.ones(count)),
         constraints=NonlinearConstraint(passed, -np.inf, 0.0) if design.bounds else (),
-        options={"maxfev": most, "initial_tr_radius": _REGION, "final_tr_radius": 1e-5},
+        options={"maxfev": most, "initial_tr_radius": _TRUST_RADIUS, "final_tr_radius": 1e-5},
     )  # fmt: skip
 
 
 # pymoo has no stubs and does not type its keyword arguments.
 
 
-def pareto(design: Design, *, evaluations: int = 400, seed: int = 0) -> Evaluations:
+def find_pareto_front(design: OptimizationProblem, *, evaluations: int = 400, seed: int = 0) -> Evaluations:
     """Search for the Pareto front of two goals.
 
     NSGA-II: K. Deb et al., IEEE Trans. Evol. Comput. 6 (2002) 182, as implemented in pymoo.
@@ -270,18 +272,18 @@ def pareto(design: Design, *, evaluations: int = 400, seed: int = 0) -> Evaluati
     size = 2 * generation_size(len(design.points.variables))
     if evaluations < 2 * size:
         raise refuse("--evaluations", evaluations, f"{2 * size} or more", "two generations")
-    checked_seed(seed)
-    judge = Judge(design)
+    check_seed(seed)
+    judge = ProblemEvaluator(design)
 
     def search() -> None:
         if design.stands is not None:
             judge.judged(design.stands[None])  # the front is not worse than the given case
-        _evolve_pareto(judge, design, size, evaluations // size, seed)
+        _run_nsga2(judge, design, size, evaluations // size, seed)
 
     return judge.after(search)
 
 
-def _evolve_pareto(judge: Judge, design: Design, size: int, generations: int, seed: int) -> None:
+def _run_nsga2(judge: ProblemEvaluator, design: OptimizationProblem, size: int, generations: int, seed: int) -> None:
     from pymoo.algorithms.moo.nsga2 import NSGA2
     from pymoo.core.evaluator import Evaluator
     from pymoo.core.problem import Problem
@@ -298,15 +300,15 @@ def _evolve_pareto(judge: Judge, design: Design, size: int, generations: int, se
         algorithm.tell(infills=asked)
 
 
-def front(found: Evaluations) -> list[int]:
+def pareto_indices(found: Evaluations) -> list[int]:
     """Return the indices of the Pareto-optimal variants that satisfy all constraints."""
-    inside = np.flatnonzero(feasible(found.violations) & np.isfinite(found.costs).all(axis=1)).tolist()
-    kept = [i for i in inside if not any(_beats(found.costs[j], found.costs[i]) for j in inside)]
+    inside = np.flatnonzero(is_feasible(found.violations) & np.isfinite(found.costs).all(axis=1)).tolist()
+    kept = [i for i in inside if not any(_dominates(found.costs[j], found.costs[i]) for j in inside)]
     first: dict[tuple[float, ...], int] = {}
     for i in kept:
         first.setdefault(tuple(found.costs[i].tolist()), i)
     return sorted(first.values(), key=lambda i: float(found.costs[i, 0]))
 
 
-def _beats(one: FloatArray, other: FloatArray) -> bool:
+def _dominates(one: FloatArray, other: FloatArray) -> bool:
     return bool((one <= other).all() and (one < other).any())

@@ -16,9 +16,9 @@ from pathlib import Path, PurePosixPath
 from typing import Any, Literal, cast
 
 from flexcam.case.reader import CaseFile
-from flexcam.core.errors import Fault, InputError, did_you_mean, refuse
-from flexcam.io import file_beside, scratch
-from flexcam.studies.axes import LIMIT, Axis, Value, few_enough
+from flexcam.core.errors import Fault, InputError, refuse, suggest_name
+from flexcam.io import find_referenced_file, temporary_folder
+from flexcam.studies.axes import MAX_VARIANTS, Axis, Value, check_count
 
 _SAMPLE = re.compile(r"([a-z]+):(\d{1,15})$")
 
@@ -51,22 +51,22 @@ class Sample:
         return made.tolist()
 
 
-def sample(text: str, seed: int = 0) -> Sample:
+def parse_sample(text: str, seed: int = 0) -> Sample:
     """Parse a sampling method."""
     allowed = "lhs:N (Latin hypercube) or sobol:N (Sobol's sequence), such as sobol:512"
     match = _SAMPLE.match(text.strip())
     if match is None or match[1] not in ("lhs", "sobol"):
-        raise refuse("--sample", repr(text), allowed, "", did_you_mean(text.partition(":")[0], ["lhs", "sobol"]))
+        raise refuse("--sample", repr(text), allowed, "", suggest_name(text.partition(":")[0], ["lhs", "sobol"]))
     count = int(match[2])
     if count < 1:
         raise refuse("--sample", text, "1 point or more", "the plan is empty")
     if match[1] == "sobol" and count & (count - 1):
         near = f"take sobol:{1 << (count.bit_length() - 1)} or sobol:{1 << count.bit_length()}"
         raise refuse("--sample", text, "a power of two", "Sobol's sequence is even over the space there only", near)
-    return Sample("sobol" if match[1] == "sobol" else "lhs", count, checked_seed(seed))
+    return Sample("sobol" if match[1] == "sobol" else "lhs", count, check_seed(seed))
 
 
-def checked_seed(seed: int) -> int:
+def check_seed(seed: int) -> int:
     """Return a random seed after checking it."""
     if seed < 0:
         raise refuse("--seed", seed, "a whole number from 0", "generators of random numbers take no other")
@@ -125,7 +125,7 @@ class Plan:
         )
 
 
-def made_plan(axes: Sequence[Axis], sampled: Sample | None = None, *, limit: int = LIMIT) -> Plan:
+def make_plan(axes: Sequence[Axis], sampled: Sample | None = None, *, limit: int = MAX_VARIANTS) -> Plan:
     """Return a plan after checking the number of variants."""
     plan = Plan(tuple(axes), sampled)
     if sampled is None and (open_ones := [one for one in axes if one.interval]):
@@ -137,11 +137,11 @@ def made_plan(axes: Sequence[Axis], sampled: Sample | None = None, *, limit: int
         given = " ".join(one.where for one in axes) or "no --set"
         raise refuse("sweep", given, "at least one key with several values", "nothing varies",
                      "such as --set run.speed=1000:4000:500rpm")  # fmt: skip
-    few_enough("--sample" if sampled else "sweep", len(plan), limit)
+    check_count("--sample" if sampled else "sweep", len(plan), limit)
     return plan
 
 
-_LONGEST = 255
+_MAX_NAME_LENGTH = 255
 """Maximum length of a file name, characters."""
 
 
@@ -180,12 +180,16 @@ class Bundle:
         return home / self.name
 
 
-def bundle_of(file: CaseFile, plan: Plan | None = None) -> Bundle:
+def make_bundle(file: CaseFile, plan: Plan | None = None) -> Bundle:
     """Return a case with its files as plain data."""
     given = [value.text.strip("\"'") for one in plan.axes for value in one.values] if plan else []
     files = {file.path.name: file.text.encode()}
-    for text in dict.fromkeys([*_texts(file.raw), *given]):
-        if len(text) <= _LONGEST and not os.path.isabs(text) and (found := file_beside(file.path, text)):
+    for text in dict.fromkeys([*_iterate_strings(file.raw), *given]):
+        if (
+            len(text) <= _MAX_NAME_LENGTH
+            and not os.path.isabs(text)
+            and (found := find_referenced_file(file.path, text))
+        ):
             files[PurePosixPath(Path(os.path.normpath(text))).as_posix()] = found.read_bytes()
     return Bundle(file.path.name, _digest(files), files, len(plan) if plan else 1)
 
@@ -198,24 +202,24 @@ def _digest(files: Mapping[str, bytes]) -> str:
     return found.hexdigest()
 
 
-def _texts(raw: object) -> Iterator[str]:
+def _iterate_strings(raw: object) -> Iterator[str]:
     """Yield all strings of nested tables."""
     if isinstance(raw, str):
         yield raw
     elif isinstance(raw, Mapping):
         for value in cast("Mapping[str, Any]", raw).values():
-            yield from _texts(value)
+            yield from _iterate_strings(value)
     elif isinstance(raw, Sequence):
         for value in cast("Sequence[Any]", raw):
-            yield from _texts(value)
+            yield from _iterate_strings(value)
 
 
 @lru_cache(maxsize=1)
-def opened(source: Bundle | Path) -> CaseFile:
+def open_case(source: Bundle | Path) -> CaseFile:
     """Return the case file of a path, or of a bundle that is unpacked once per process."""
     if isinstance(source, Path):
         return CaseFile.opened(source)
-    return CaseFile.opened(source.unpacked(_folders.enter_context(scratch())))
+    return CaseFile.opened(source.unpacked(_folders.enter_context(temporary_folder())))
 
 
 _folders = ExitStack()

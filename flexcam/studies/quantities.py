@@ -10,16 +10,16 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, cast
 
-from flexcam.analysis.limits import LIMITS, Search, bracketed_limits, limits_of
+from flexcam.analysis.limits import LIMITS, Search, applicable_limits, search_limits
 from flexcam.cams import Event, event_extremes, harmonics, joints
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
-from flexcam.case.fault_report import own_unit
-from flexcam.core.errors import Fault, InputError, did_you_mean, refuse
+from flexcam.case.fault_report import find_unit
+from flexcam.core.errors import Fault, InputError, refuse, suggest_name
 from flexcam.core.units import RPM, shaft_name
-from flexcam.dynamics import Cause, RunFailedError, Status, raise_if_interrupted
-from flexcam.studies.evaluation import Row, evaluate, of_motion, refused, scalar_names
-from flexcam.studies.tables import unknown_scalar
+from flexcam.dynamics import Cause, RunFailedError, Status, reraise_interrupt
+from flexcam.studies.evaluation import Row, are_probe_scalars, evaluate, rejected_row, scalar_names
+from flexcam.studies.tables import unknown_scalar_fault
 from flexcam.valvetrain import build_structure, model_modes
 
 
@@ -42,12 +42,12 @@ class Number:
     unit: str
 
 
-def number_of(case: Case, key: str, where: str) -> Number:
+def get_number(case: Case, key: str, where: str) -> Number:
     """Return a number of a case by key."""
-    known = dict(_leaves(case.record.model_dump(mode="json", by_alias=True), ""))
+    known = dict(_iterate_values(case.record.model_dump(mode="json", by_alias=True), ""))
     numbers = [name for name, value in known.items() if isinstance(value, float)]
     if key not in known:
-        near = did_you_mean(key, numbers) or did_you_mean(
+        near = suggest_name(key, numbers) or suggest_name(
             key.rpartition(".")[2], [n.rpartition(".")[2] for n in numbers]
         )
         allowed = f"the key of a number of the case, such as {', '.join(numbers[:6])}"
@@ -59,11 +59,11 @@ def number_of(case: Case, key: str, where: str) -> Number:
         raise refuse(
             where, given, "the key of a number with a fraction", why, "give it a number" if value is None else ""
         )
-    unit = own_unit(case.record, key.split("."))
+    unit = find_unit(case.record, key.split("."))
     return Number(key, value, "SI" if unit is None else unit)
 
 
-def _leaves(value: object, path: str) -> Iterator[tuple[str, object]]:
+def _iterate_values(value: object, path: str) -> Iterator[tuple[str, object]]:
     """Yield dotted key and value in nested tables and lists."""
     if isinstance(value, dict):
         inner = cast("dict[str, object]", value)
@@ -73,10 +73,10 @@ def _leaves(value: object, path: str) -> Iterator[tuple[str, object]]:
         yield path, value
         return
     for name, one in inner.items():
-        yield from _leaves(one, f"{path}.{name}" if path else name)
+        yield from _iterate_values(one, f"{path}.{name}" if path else name)
 
 
-def overrides_of(case: Case, values: Mapping[str, str]) -> tuple[str, ...]:
+def make_overrides(case: Case, values: Mapping[str, str]) -> tuple[str, ...]:
     """Return the overrides that set values of a case; a list is written in full with its other elements."""
     record = case.record.model_dump(mode="json", by_alias=True)
     lists: dict[str, list[Any]] = {}
@@ -136,51 +136,53 @@ def frequency_number(name: str) -> int | None:
     return int(found[1]) if found else None
 
 
-def quantities(case: Case, names: Sequence[str], search: Search | None = None, runs: int = 1) -> Row:
+def quantity_row(case: Case, names: Sequence[str], search: Search | None = None, runs: int = 1) -> Row:
     """Return the row with the requested quantities of a case."""
     begun = time.perf_counter()
     try:
-        found = measured(case, names, search, runs)
+        found = compute_quantities(case, names, search, runs)
     except InputError as refusal:
-        return refused(refusal)
+        return rejected_row(refusal)
     except RunFailedError as failure:
-        raise_if_interrupted(failure.status)
+        reraise_interrupt(failure.status)
         return Row(failure.status)
     values = {name: found[name].value for name in names if name in found}
     units = {name: found[name].unit for name in values}
     return Row(Status(), values, units, time.perf_counter() - begun)
 
 
-def measured(case: Case, names: Sequence[str], search: Search | None = None, runs: int = 1) -> dict[str, Quantity]:
+def compute_quantities(
+    case: Case, names: Sequence[str], search: Search | None = None, runs: int = 1
+) -> dict[str, Quantity]:
     """Return the requested quantities of a case; raise an error if a run fails."""
     found = _frequencies(case, names) | _limits(case, names, search, runs)
     found |= _cams(case, names) | _numbers(case, names)
     of_a_run = [name for name in names if name not in found and not name.startswith(_LIMIT)]
     if not of_a_run:
         return found
-    row = complete(evaluate(case, runs=runs, channels=not of_motion(of_a_run)))
+    row = require_complete(evaluate(case, runs=runs, channels=not are_probe_scalars(of_a_run)))
     if lacking := [name for name in of_a_run if name not in row.scalars]:
-        raise InputError(_unknown(name, row.scalars, case.record.cams) for name in lacking)
+        raise InputError(_unknown_name_fault(name, row.scalars, case.record.cams) for name in lacking)
     return found | {name: Quantity(row.scalars[name], row.units[name]) for name in of_a_run}
 
 
 def check_names(case: Case, names: Sequence[str], where: str = "scalar") -> None:
     """Raise an error for names that a case cannot have, before a run."""
-    limits, runs = _split(name for name in names if not _known_at_once(case, name))
+    limits, runs = _split(name for name in names if not _is_known_name(case, name))
     known = scalar_names(case) if runs else []
-    faults = [_unknown(name, known, case.record.cams) for name in runs if name not in known]
-    met = [_LIMIT + one for one in limits_of(case)] if limits else []
-    faults += [Fault("scalar", repr(name), ", ".join(met), _no_limit(name), did_you_mean(name, met))
+    faults = [_unknown_name_fault(name, known, case.record.cams) for name in runs if name not in known]
+    met = [_LIMIT + one for one in applicable_limits(case)] if limits else []
+    faults += [Fault("scalar", repr(name), ", ".join(met), _no_limit_error(name), suggest_name(name, met))
                for name in limits if name not in met]  # fmt: skip
     if faults:
         raise InputError(replace(fault, where=where) for fault in faults)
 
 
-def _no_limit(name: str) -> str:
+def _no_limit_error(name: str) -> str:
     return "the case lacks the part" if name.removeprefix(_LIMIT) in LIMITS else "there is no such limit"
 
 
-def _known_at_once(case: Case, name: str) -> bool:
+def _is_known_name(case: Case, name: str) -> bool:
     """Return whether a name is that of a frequency, a cam property or a number of the case."""
     cam = _CAM.match(name)
     return bool(frequency_number(name) or (cam and cam[1] in case.record.cams) or _number(case, name))
@@ -192,15 +194,15 @@ def _split(names: Iterable[str]) -> tuple[list[str], list[str]]:
     return [n for n in every if n.startswith(_LIMIT)], [n for n in every if not n.startswith(_LIMIT)]
 
 
-def _unknown(name: str, known: Iterable[str], cams: Iterable[str]) -> Fault:
+def _unknown_name_fault(name: str, known: Iterable[str], cams: Iterable[str]) -> Fault:
     of_cams = [f"cams.{cam}.{kind}" for cam in cams for kind in _CAM_UNITS]
-    near = did_you_mean(name, [*known, "frequency.1", *(_LIMIT + one for one in LIMITS), *of_cams])
+    near = suggest_name(name, [*known, "frequency.1", *(_LIMIT + one for one in LIMITS), *of_cams])
     others = "frequency.N, limits.NAME, cams.NAME.area and its like, or the key of a number"
-    allowed = f"{unknown_scalar(name, known).allowed}; {others}"
+    allowed = f"{unknown_scalar_fault(name, known).allowed}; {others}"
     return Fault("scalar", repr(name), allowed, "the case has no other", near)
 
 
-def complete(row: Row) -> Row:
+def require_complete(row: Row) -> Row:
     """Return a row if it is complete, otherwise raise an error."""
     if row.status.cause is Cause.REFUSED:
         raise refuse("case", "as it stands", "a case that can be run", row.status.text)
@@ -227,10 +229,10 @@ def _limits(case: Case, names: Sequence[str], search: Search | None, runs: int) 
         return {}
     if unknown := [one for one in asked if one not in LIMITS]:
         allowed = ", ".join(_LIMIT + one for one in LIMITS)
-        raise refuse("scalar", f"{_LIMIT}{unknown[0]}", allowed, "", did_you_mean(unknown[0], LIMITS))
+        raise refuse("scalar", f"{_LIMIT}{unknown[0]}", allowed, "", suggest_name(unknown[0], LIMITS))
     scale, unit = case.turns, f"{shaft_name(case.turns)} rpm"
     where = search or Search(0.5 * case.speed, 2.0 * case.speed, 10.0 * RPM / scale)
-    found = bracketed_limits(case, where, asked, runs=runs)
+    found = search_limits(case, where, asked, runs=runs)
     if lacking := [one for one in asked if one not in found]:
         raise refuse(
             "scalar", f"{_LIMIT}{lacking[0]}", ", ".join(_LIMIT + one for one in found), "the case lacks the part"
@@ -246,25 +248,25 @@ def _cams(case: Case, names: Sequence[str]) -> dict[str, Quantity]:
     }
     model = build_model(case) if asked else None
     return {
-        name: Quantity(_of_lift(model.cams[cam].event, kind), _CAM_UNITS[kind])
+        name: Quantity(_lift_property(model.cams[cam].event, kind), _CAM_UNITS[kind])
         for name, (cam, kind) in asked.items()
         if model is not None
     }
 
 
-def _of_lift(event: Event, kind: str) -> float:
+def _lift_property(event: Event, kind: str) -> float:
     """Return a property of a lift, as derivatives by the cam angle."""
     if kind == "area":
         return 2.0 * math.pi * float(harmonics(event, 1)[0].real)
     if kind == "jerk" and any(one.steps[2] for one in joints(event)):
         raise refuse("scalar", "the jerk of a lift", "a lift whose acceleration does not step", "it is infinite there")
-    low, high = event_extremes(event, _ORDERS[kind])
+    low, high = event_extremes(event, _DERIVATIVE_ORDERS[kind])
     if kind == "deceleration":
         return -low.value
     return high.value if kind == "acceleration" else max(abs(low.value), abs(high.value))
 
 
-_ORDERS = {"velocity": 1, "acceleration": 2, "deceleration": 2, "jerk": 3}
+_DERIVATIVE_ORDERS = {"velocity": 1, "acceleration": 2, "deceleration": 2, "jerk": 3}
 """Order of the derivative by the cam angle."""
 
 
@@ -279,6 +281,6 @@ def _numbers(case: Case, names: Sequence[str]) -> dict[str, Quantity]:
 
 def _number(case: Case, name: str) -> Number | None:
     try:
-        return number_of(case, name, "scalar")
+        return get_number(case, name, "scalar")
     except InputError:
         return None

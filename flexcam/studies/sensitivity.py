@@ -14,24 +14,24 @@ from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.case.reader import CaseFile
 from flexcam.core import FloatArray
-from flexcam.core.errors import InputError, gathered, refuse
+from flexcam.core.errors import InputError, parse_all, refuse
 from flexcam.studies.evaluation import Row
 from flexcam.studies.evaluators import Runs, column
-from flexcam.studies.frequencies import Pair, frequency_derivatives
-from flexcam.studies.plan import checked_seed
-from flexcam.studies.quantities import Number, complete, frequency_number, number_of, overrides_of
+from flexcam.studies.frequencies import MatrixPair, frequency_derivatives
+from flexcam.studies.plan import check_seed
+from flexcam.studies.quantities import Number, frequency_number, get_number, make_overrides, require_complete
 from flexcam.valvetrain import Structure, build_structure
 
-STEPS = (-1.0, -0.5, 0.5, 1.0)
+STEP_OFFSETS = (-1.0, -0.5, 0.5, 1.0)
 """Offsets of the evaluated points, in steps."""
 
-_LARGE = 0.05
+_LARGE_ERROR = 0.05
 """Relative error of a derivative from which it is reported."""
 
-_SAME_JUMP = 0.8
+_KINK_RATIO = 0.8
 """Ratio of the jump of the slope at half the step to that at the full step: 1/2 for smooth functions, 1 for a kink."""
 
-_NOISE = 1e-9
+_ROUNDING = 1e-9
 """Relative change of a function below which it is rounding."""
 
 
@@ -54,7 +54,7 @@ class Derivative:
     smooth: bool
 
 
-def central(middle: float, beside: FloatArray, step: float) -> Derivative:
+def central_derivative(middle: float, beside: FloatArray, step: float) -> Derivative:
     """Return the derivative of a function from values at neighbouring points.
 
     Exact for polynomials of up to the fourth degree. L. F. Richardson, Phil. Trans. R. Soc. A 210 (1911) 307.
@@ -65,12 +65,12 @@ def central(middle: float, beside: FloatArray, step: float) -> Derivative:
     error = abs(value - half)
     pairs = ((far_above, far_below, step), (above, below, 0.5 * step))
     jumps = [abs(up - 2.0 * middle + down) / h for up, down, h in pairs]
-    size = max(abs(value), _NOISE * abs(middle) / step, float(np.finfo(float).tiny))
-    kink = jumps[1] > _LARGE * size and jumps[1] > _SAME_JUMP * jumps[0]
-    return Derivative(value, error, not (kink or error > _LARGE * size))
+    size = max(abs(value), _ROUNDING * abs(middle) / step, float(np.finfo(float).tiny))
+    kink = jumps[1] > _LARGE_ERROR * size and jumps[1] > _KINK_RATIO * jumps[0]
+    return Derivative(value, error, not (kink or error > _LARGE_ERROR * size))
 
 
-def logarithmic(derivative: float, parameter: float, value: float) -> float:
+def logarithmic_derivative(derivative: float, parameter: float, value: float) -> float:
     """Return the change of a value in percent per percent change of a parameter."""
     return parameter * derivative / value if value != 0.0 else math.nan
 
@@ -115,15 +115,15 @@ class Sensitivity:
     note: str
 
 
-def numbers_of(case: Case, keys: Sequence[str], option: str = "--to") -> list[Number]:
+def get_numbers(case: Case, keys: Sequence[str], option: str = "--to") -> list[Number]:
     """Return the numbers with respect to which derivatives are computed."""
-    found, faults = gathered(lambda key: _not_zero(number_of(case, key, option), option), dict.fromkeys(keys))
+    found, faults = parse_all(lambda key: _check_not_zero(get_number(case, key, option), option), dict.fromkeys(keys))
     if faults:
         raise InputError(faults)
     return found
 
 
-def _not_zero(number: Number, option: str) -> Number:
+def _check_not_zero(number: Number, option: str) -> Number:
     if number.value == 0.0:
         why, remedy = "a step is a part of the number", f"give it a small value first: --set {number.key}=..."
         raise refuse(option, f"{number.key} = 0", "a number that is not zero", why, remedy)
@@ -138,20 +138,20 @@ def sensitivities(
     if not 1e-8 <= relative_step <= 0.2:
         raise refuse("--relative-step", relative_step, "1e-8 to 0.2", "a part of each number")
     case = file.read(fixed)
-    numbers = numbers_of(case, keys)
+    numbers = get_numbers(case, keys)
     frequencies = [name for name in names if frequency_number(name)]
     responses = [name for name in names if name not in frequencies]
     found = {
         (one.scalar, number.key): one
         for number in numbers
-        for one in _of_frequencies(file, fixed, case, frequencies, number)
+        for one in _frequency_sensitivities(file, fixed, case, frequencies, number)
     }
     if responses:
-        found |= _of_responses(case, responses, numbers, runs, relative_step)
+        found |= _response_sensitivities(case, responses, numbers, runs, relative_step)
     return [found[name, number.key] for name in dict.fromkeys(names) for number in numbers]
 
 
-def _of_frequencies(
+def _frequency_sensitivities(
     file: CaseFile, fixed: Sequence[str], case: Case, names: Sequence[str], number: Number
 ) -> list[Sensitivity]:
     if not names:
@@ -172,11 +172,11 @@ def _frequency(
         raise refuse("--of", name, f"frequency.1 to frequency.{len(frequencies)}", "the model has no more modes")
     value, slope = float(frequencies[i]), float(values[i])
     note = "one of several equal frequencies: the slopes are those of their branches" if repeated[i] else ""
-    relative = logarithmic(slope, number.value, value)
+    relative = logarithmic_derivative(slope, number.value, value)
     return Sensitivity(name, "Hz", value, number, slope, None, relative, not repeated[i], note)
 
 
-def _matrices(file: CaseFile, overrides: Sequence[str], like: Structure) -> Pair:
+def _matrices(file: CaseFile, overrides: Sequence[str], like: Structure) -> MatrixPair:
     one = build_structure(build_model(file.read(overrides)))
     if one.mass.size != like.mass.size:
         raise refuse(
@@ -186,19 +186,19 @@ def _matrices(file: CaseFile, overrides: Sequence[str], like: Structure) -> Pair
 
 
 def _variants(case: Case, number: Number, step: float) -> list[tuple[str, ...]]:
-    return [overrides_of(case, {number.key: repr(number.value + part * step)}) for part in STEPS]
+    return [make_overrides(case, {number.key: repr(number.value + part * step)}) for part in STEP_OFFSETS]
 
 
-def _of_responses(
+def _response_sensitivities(
     case: Case, names: Sequence[str], numbers: Sequence[Number], runs: Runs, relative_step: float
 ) -> dict[tuple[str, str], Sensitivity]:
     steps = [abs(number.value) * relative_step for number in numbers]
     variants = [one for number, step in zip(numbers, steps, strict=True) for one in _variants(case, number, step)]
     middle, *rows = runs([(), *variants])
-    complete(middle)
+    require_complete(middle)
     found: dict[tuple[str, str], Sensitivity] = {}
     for i, (number, step) in enumerate(zip(numbers, steps, strict=True)):
-        beside = rows[len(STEPS) * i : len(STEPS) * (i + 1)]
+        beside = rows[len(STEP_OFFSETS) * i : len(STEP_OFFSETS) * (i + 1)]
         for name in names:
             found[name, number.key] = _response(name, middle, beside, number, step)
     return found
@@ -211,9 +211,9 @@ def _response(name: str, middle: Row, beside: Sequence[Row], number: Number, ste
         failed = next((row.status for row in (middle, *beside) if not row.status.ok), None)
         note = "not known on both sides: " + (str(failed) if failed else "it is not met in the range looked at")
         return Sensitivity(name, unit, value, number, math.nan, None, math.nan, False, note)
-    found: Derivative = central(value, values, step)
+    found: Derivative = central_derivative(value, values, step)
     note = "" if found.smooth else "not smooth here: contacts that open or close, or noise; a derivative means little"
-    relative = logarithmic(found.value, number.value, value)
+    relative = logarithmic_derivative(found.value, number.value, value)
     return Sensitivity(name, unit, value, number, found.value, found.error, relative, found.smooth, note)
 
 
@@ -259,22 +259,22 @@ def sobol_indices(function: Function, dimensions: int, count: int, *, seed: int 
     sequence; estimators and bootstrap are those of `scipy.stats.sobol_indices`: A. Saltelli et al., Comput. Phys.
     Commun. 181 (2010) 259.
     """
-    checked_count(count)
-    checked_seed(seed)
-    a, b, mixed = _points(dimensions, count, seed)
+    check_count(count)
+    check_seed(seed)
+    a, b, mixed = _saltelli_points(dimensions, count, seed)
     each = np.stack([a, b, *mixed], axis=1)  # ordered by base point: an interrupted study has complete base points
     parts = function(each.reshape(-1, dimensions)).reshape(count, dimensions + 2, -1)
-    return [_indices(parts[:, :, i].T, count, seed) for i in range(parts.shape[2])]
+    return [_compute_indices(parts[:, :, i].T, count, seed) for i in range(parts.shape[2])]
 
 
-def checked_count(count: int) -> None:
+def check_count(count: int) -> None:
     """Raise an error if the number of base points is not a power of two."""
     if count < 2 or count & (count - 1):
         near = f"{1 << (max(count, 2).bit_length() - 1)} or {1 << max(count, 2).bit_length()}"
         raise refuse("--sobol", count, "a power of two from 2", "Sobol's sequence is even over the space there", near)
 
 
-def _points(dimensions: int, count: int, seed: int) -> tuple[FloatArray, FloatArray, list[FloatArray]]:
+def _saltelli_points(dimensions: int, count: int, seed: int) -> tuple[FloatArray, FloatArray, list[FloatArray]]:
     """Return the points A and B, and for every variable A with the column of B."""
     from scipy.stats import qmc
 
@@ -284,7 +284,7 @@ def _points(dimensions: int, count: int, seed: int) -> tuple[FloatArray, FloatAr
     return a, b, [np.where(own[i], b, a) for i in range(dimensions)]
 
 
-def _indices(values: FloatArray, asked: int, seed: int) -> SobolIndices:
+def _compute_indices(values: FloatArray, asked: int, seed: int) -> SobolIndices:
     """Return the indices from values at A, B and the mixed points, shape (k + 2, n)."""
     from scipy import stats
 
@@ -305,13 +305,13 @@ def _indices(values: FloatArray, asked: int, seed: int) -> SobolIndices:
         warnings.simplefilter("ignore")  # a variable without effect has nothing to resample
         ends = found.bootstrap(confidence_level=_CONFIDENCE, n_resamples=_RESAMPLES)
     intervals = [
-        _interval(one.confidence_interval.low, one.confidence_interval.high, index)
+        _bootstrap_interval(one.confidence_interval.low, one.confidence_interval.high, index)
         for one, index in ((ends.first_order, first), (ends.total_order, total))
     ]
     return SobolIndices(first, total, intervals[0], intervals[1], variance, used, asked)
 
 
-def _interval(low: ArrayLike, high: ArrayLike, index: FloatArray) -> FloatArray:
+def _bootstrap_interval(low: ArrayLike, high: ArrayLike, index: FloatArray) -> FloatArray:
     """Return both ends, shape (2, k); the index itself if resampling gave none."""
     both = np.array([np.ravel(low)[: len(index)], np.ravel(high)[: len(index)]], dtype=float)
     return np.where(np.isfinite(both), both, index)

@@ -13,30 +13,37 @@ from pathlib import Path
 
 from flexcam import __version__
 from flexcam.analysis.preparation import prepare
-from flexcam.analysis.resources import affordable
-from flexcam.analysis.run import budget_of
+from flexcam.analysis.resources import check_resources
+from flexcam.analysis.run import estimate_case_resources
 from flexcam.case.case import Case
 from flexcam.case.reader import CaseFile
-from flexcam.case.toml_lines import Places
+from flexcam.case.toml_lines import KeyLocations
 from flexcam.core.errors import Fault, InputError, refuse
 from flexcam.dynamics import Cause, RunFailedError, Status
-from flexcam.io import free_to_write, made_folder
-from flexcam.studies.axes import LIMIT, Axis, axes, axis
-from flexcam.studies.evaluation import Chunk, Outcome, Row, chunk_size, chunks_of, of_motion, scalar_names
-from flexcam.studies.executors import Here, Workers, executed
-from flexcam.studies.journal import Journal, begun_with
-from flexcam.studies.plan import Bundle, Plan, bundle_of, made_plan, opened, sample
-from flexcam.studies.tables import Table, begins_one, can_write_parquet, tabulated, unknown_scalar, write_table
+from flexcam.io import check_writable, create_folder
+from flexcam.studies.axes import MAX_VARIANTS, Axis, parse_axes, parse_axis
+from flexcam.studies.evaluation import Chunk, Outcome, Row, are_probe_scalars, chunk_size, divide_plan, scalar_names
+from flexcam.studies.executors import SerialWorkers, Workers, run_chunks
+from flexcam.studies.journal import Journal, journal_contains
+from flexcam.studies.plan import Bundle, Plan, make_bundle, make_plan, open_case, parse_sample
+from flexcam.studies.tables import (
+    SweepTable,
+    is_scalar_prefix,
+    make_table,
+    require_parquet,
+    unknown_scalar_fault,
+    write_table,
+)
 
-_MANY = 1000
+_QUICK_CHECK_LIMIT = 1000
 """Number of variants above which the ends of the axes are checked first: reading a case takes at least 0.5 ms."""
 
-_NAMED = 3
+_MAX_LISTED = 3
 """Number of variants and values listed in a report."""
 
 
 @dataclass
-class _Group:
+class _FaultGroup:
     """Variants rejected for the same reason at the same key."""
 
     fault: Fault
@@ -44,24 +51,26 @@ class _Group:
     given: dict[str, None] = field(default_factory=dict[str, None])
 
 
-def validated(file: CaseFile, plan: Plan) -> Case:
+def validate_plan(file: CaseFile, plan: Plan) -> Case:
     """Check every variant of a plan."""
     variants = plan.variants
-    if len(variants) > _MANY:  # an unknown key or a wrong unit is reported before thousands of variants repeat it
-        _check(file, plan, ends(plan))
-    _check(file, plan, range(len(variants)))
+    if (
+        len(variants) > _QUICK_CHECK_LIMIT
+    ):  # an unknown key or a wrong unit is reported before thousands of variants repeat it
+        _check_variant(file, plan, end_variants(plan))
+    _check_variant(file, plan, range(len(variants)))
     return file.read(variants[0])
 
 
-def _check(file: CaseFile, plan: Plan, some: Sequence[int]) -> None:
-    variants, groups = plan.variants, dict[tuple[str, str, str], _Group]()
+def _check_variant(file: CaseFile, plan: Plan, some: Sequence[int]) -> None:
+    variants, groups = plan.variants, dict[tuple[str, str, str], _FaultGroup]()
     for i in some:
-        _gather(file, plan, variants[i], i, groups)
+        _group_faults(file, plan, variants[i], i, groups)
     if groups:
-        raise InputError(_summed(group, len(some)) for group in groups.values())
+        raise InputError(_summarize_faults(group, len(some)) for group in groups.values())
 
 
-def ends(plan: Plan) -> list[int]:
+def end_variants(plan: Plan) -> list[int]:
     """Return the variants with the first and the last value of every axis; for a sample, its first and last point."""
     if plan.sample is not None:
         return sorted({0, len(plan) - 1})
@@ -72,20 +81,20 @@ def ends(plan: Plan) -> list[int]:
     return sorted(found)
 
 
-def _gather(
-    file: CaseFile, plan: Plan, overrides: Sequence[str], i: int, groups: dict[tuple[str, str, str], _Group]
+def _group_faults(
+    file: CaseFile, plan: Plan, overrides: Sequence[str], i: int, groups: dict[tuple[str, str, str], _FaultGroup]
 ) -> None:
     try:
         file.read(overrides)
     except InputError as refusal:
         for fault in refusal.faults:
-            placed = _placed(fault, plan.axes)
-            group = groups.setdefault((placed.where, fault.allowed, fault.why), _Group(placed))
+            placed = _locate_fault(fault, plan.axes)
+            group = groups.setdefault((placed.where, fault.allowed, fault.why), _FaultGroup(placed))
             group.variants.append(i)
             group.given[fault.given] = None
 
 
-def _placed(fault: Fault, axes: Sequence[Axis]) -> Fault:
+def _locate_fault(fault: Fault, axes: Sequence[Axis]) -> Fault:
     """Return a fault with the option of the axis that it concerns; otherwise unchanged."""
     for one in axes:
         if f"--set {one.key}=" in fault.where:
@@ -93,19 +102,21 @@ def _placed(fault: Fault, axes: Sequence[Axis]) -> Fault:
     return fault
 
 
-def _summed(group: _Group, count: int) -> Fault:
+def _summarize_faults(group: _FaultGroup, count: int) -> Fault:
     given = list(group.given)
-    more = f" and {len(given) - _NAMED} more" if len(given) > _NAMED else ""
-    fault = replace(group.fault, given=", ".join(given[:_NAMED]) + more)
-    return replace(fault, why="; ".join(part for part in (fault.why, _which(group.variants, count)) if part))
+    more = f" and {len(given) - _MAX_LISTED} more" if len(given) > _MAX_LISTED else ""
+    fault = replace(group.fault, given=", ".join(given[:_MAX_LISTED]) + more)
+    return replace(
+        fault, why="; ".join(part for part in (fault.why, _describe_variants(group.variants, count)) if part)
+    )
 
 
-def _which(variants: Sequence[int], count: int) -> str:
+def _describe_variants(variants: Sequence[int], count: int) -> str:
     """Describe which of the checked variants are affected; empty for all of them."""
     if len(variants) == count:
         return ""
-    named = ", ".join(str(i + 1) for i in variants[:_NAMED])
-    more = f" and {len(variants) - _NAMED} more" if len(variants) > _NAMED else ""
+    named = ", ".join(str(i + 1) for i in variants[:_MAX_LISTED])
+    more = f" and {len(variants) - _MAX_LISTED} more" if len(variants) > _MAX_LISTED else ""
     return f"in variant{'s' if len(variants) > 1 else ''} {named}{more}"
 
 
@@ -116,22 +127,22 @@ def check_names(file: CaseFile, plan: Plan, names: Sequence[str]) -> None:
     found, first those with the ends of every axis and with every value that is a word.
     """
     known, left = dict[str, None](), list(names)
-    for one in _told_apart(file, plan) if left else ():
+    for one in _scalar_name_sets(file, plan) if left else ():
         known |= dict.fromkeys(one)
-        left = [name for name in left if not begins_one(name, known)]
+        left = [name for name in left if not is_scalar_prefix(name, known)]
         if not left:
             return
     if known:
-        faults = [unknown_scalar(name, known) for name in left]
+        faults = [unknown_scalar_fault(name, known) for name in left]
         raise InputError(replace(fault, where="--scalars") for fault in faults)
 
 
-def _told_apart(file: CaseFile, plan: Plan) -> Iterator[list[str]]:
+def _scalar_name_sets(file: CaseFile, plan: Plan) -> Iterator[list[str]]:
     """Yield the scalar names of variants; a variant with inconsistent parts is skipped."""
     variants = plan.variants
     words = [f"{one.key}={value.text}" for one in plan.axes if not one.numeric for value in one.values]
     with_words = [next((i for i, one in enumerate(variants) if word in one), 0) for word in words]
-    for i in dict.fromkeys([*ends(plan), *with_words]):
+    for i in dict.fromkeys([*end_variants(plan), *with_words]):
         try:
             yield scalar_names(file.read(variants[i]))
         except InputError:
@@ -142,7 +153,7 @@ GRID = "grid"
 
 
 @dataclass(frozen=True, eq=False)
-class Study:
+class Sweep:
     """Checked sweep: all variants are readable.
 
     Parameters
@@ -171,7 +182,7 @@ class Study:
     @property
     def chunks(self) -> tuple[Chunk, ...]:
         """Chunks of the plan."""
-        return chunks_of(self.plan, self.size)
+        return divide_plan(self.plan, self.size)
 
     def about(self) -> dict[str, str]:
         """Return the metadata of the table: case, plan and versions."""
@@ -200,10 +211,10 @@ class Study:
         }  # fmt: skip
 
 
-def study(
+def make_sweep(
     path: str | Path, settings: Sequence[str] = (), *, sampled: str | None = None, seed: int | None = None,
-    scalars: Sequence[str] = (), limit: int = LIMIT,
-) -> Study:  # fmt: skip
+    scalars: Sequence[str] = (), limit: int = MAX_VARIANTS,
+) -> Sweep:  # fmt: skip
     """Return the sweep of a case with all variants checked."""
     file = CaseFile.opened(path)
     own = file.sweep
@@ -215,65 +226,65 @@ def study(
         why, remedy = "every combination is run, and none is drawn", "add --sample, or leave it out"
         raise refuse("--seed", seed, "--seed with --sample only", why, remedy)
     number = seed if seed is not None else own.seed if own else 0
-    plan = made_plan(found, None if how == GRID else sample(how, number), limit=limit)
-    first = validated(file, plan)
+    plan = make_plan(found, None if how == GRID else parse_sample(how, number), limit=limit)
+    first = validate_plan(file, plan)
     if first.record.fidelity.estimate:
         where, why = first.place(("fidelity", "estimate")), "a sweep keeps what was computed, without estimates"
         raise refuse(where, "true", "false", why, "--set fidelity.estimate=false")
     kept = tuple(scalars or (own.scalars if own else ()))
     check_names(file, plan, kept)
-    bundle = replace(bundle_of(file, plan), channels=not of_motion(kept))
-    return Study(first.name, first.record.title, plan, bundle, chunk_size(plan, first), kept)
+    bundle = replace(make_bundle(file, plan), channels=not are_probe_scalars(kept))
+    return Sweep(first.name, first.record.title, plan, bundle, chunk_size(plan, first), kept)
 
 
 def _axes(file: CaseFile, settings: Sequence[str], limit: int) -> tuple[Axis, ...]:
     """Return the axes of the case's table, replaced and extended by those of the command line."""
-    own, places, faults = file.sweep, Places.of_text(file.text), list[Fault]()
+    own, places, faults = file.sweep, KeyLocations.of_text(file.text), list[Fault]()
     found: dict[str, Axis] = {}
     given = {setting.partition("=")[0].strip() for setting in settings}
     for key, spec in (own.set_ if own else {}).items():
         if key in given:
-            found[key] = axis(key, "0")  # preserves its position
+            found[key] = parse_axis(key, "0")  # preserves its position
             continue
         try:
-            found[key] = axis(key, spec, where=places.place(("sweep", "set", key)), limit=limit)
+            found[key] = parse_axis(key, spec, where=places.place(("sweep", "set", key)), limit=limit)
         except InputError as refusal:
             faults += refusal.faults
     try:
-        found |= {one.key: one for one in axes(settings, limit=limit)}
+        found |= {one.key: one for one in parse_axes(settings, limit=limit)}
     except InputError as refusal:
         faults += refusal.faults
-    faults += [_strange(one) for one in found.values() if one.key.partition(".")[0] == "sweep"]
+    faults += [_unknown_key_fault(one) for one in found.values() if one.key.partition(".")[0] == "sweep"]
     if faults:
         raise InputError(faults)
     return tuple(found.values())
 
 
-def _strange(one: Axis) -> Fault:
+def _unknown_key_fault(one: Axis) -> Fault:
     return Fault(
         one.where, one.key, "a key of the mechanism or its run", "it says how to sweep", "see --sample, --seed"
     )
 
 
-def afford(asked: Study, folder: Path | None = None, *, together: int = 1) -> None:
+def check_sweep_resources(asked: Sweep, folder: Path | None = None, *, together: int = 1) -> None:
     """Raise an error if memory or disk space is insufficient for the first variants of a sweep."""
-    first = opened(asked.bundle).read(asked.plan.variants[0])
-    afford_case(first, folder, runs=len(asked.plan), together=min(together, len(asked.plan)))
+    first = open_case(asked.bundle).read(asked.plan.variants[0])
+    check_case_resources(first, folder, runs=len(asked.plan), together=min(together, len(asked.plan)))
 
 
-def afford_case(case: Case, folder: Path | None = None, *, runs: int = 1, together: int = 1) -> None:
+def check_case_resources(case: Case, folder: Path | None = None, *, runs: int = 1, together: int = 1) -> None:
     """Raise an error if memory or disk space is insufficient for many runs of a case."""
     periodic = case.record.run.start == "periodic"  # computing a periodic state takes many revolutions
     try:
         ready = prepare(case.with_run({"start": "equilibrium"}) if periodic else case)
     except (InputError, RunFailedError):  # its row reports it
         return
-    needs = budget_of(ready)
-    affordable(replace(needs, file=runs * needs.file), folder, together=together)
+    needs = estimate_case_resources(ready)
+    check_resources(replace(needs, file=runs * needs.file), folder, together=together)
 
 
 @dataclass(frozen=True)
-class Target:
+class OutputTarget:
     """Output folder of a sweep and the treatment of existing files.
 
     Parameters
@@ -311,64 +322,71 @@ class Target:
         return sorted((self.folder / f"{name}.sweep").glob("variant-*.vtkhdf*"))
 
 
-def swept(asked: Study, workers: Workers | None = None, *, advance: Callable[[int], None] | None = None) -> Table:
+def run_sweep(
+    asked: Sweep, workers: Workers | None = None, *, advance: Callable[[int], None] | None = None
+) -> SweepTable:
     """Run a sweep and return its table without writing files."""
     rows: dict[int, list[Row]] = {}
-    for chunk, outcomes in executed(asked.bundle, asked.chunks, workers or Here()):
+    for chunk, outcomes in run_chunks(asked.bundle, asked.chunks, workers or SerialWorkers()):
         rows[chunk.index] = [one.row for one in outcomes]
         if advance:
             advance(len(outcomes))
-    return _tabulated(asked, rows)
+    return _make_table(asked, rows)
 
 
-def sweep_files(
-    asked: Study, target: Target, workers: Workers | None = None, *, advance: Callable[[int], None] | None = None
-) -> tuple[Table, list[Path]]:
+def run_sweep_to_files(
+    asked: Sweep, target: OutputTarget, workers: Workers | None = None, *, advance: Callable[[int], None] | None = None
+) -> tuple[SweepTable, list[Path]]:
     """Run a sweep with a journal and write its tables."""
     if target.parquet:
-        can_write_parquet()
-    asked = _complete(asked, target)
+        require_parquet()
+    asked = _with_all_scalars(asked, target)
     try:
-        with _opened(asked, target) as journal:
-            table = _kept(_journaled(asked, target, journal, workers or Here(), advance or _silent), asked.scalars)
+        with _open_journal(asked, target) as journal:
+            table = _select_scalars(
+                _run_missing_chunks(asked, target, journal, workers or SerialWorkers(), advance or _ignore_progress),
+                asked.scalars,
+            )
             return table, [write_table(table, path, overwrite=True) for path in target.tables(asked.name)]
     except KeyboardInterrupt:
-        raise RunFailedError(_stopped(asked, target)) from None
+        raise RunFailedError(_interrupted_status(asked, target)) from None
 
 
-def _complete(asked: Study, target: Target) -> Study:
+def _with_all_scalars(asked: Sweep, target: OutputTarget) -> Sweep:
     """Return a sweep that computes all scalars if its journal has them or result files are kept."""
-    begun = target.resume and begun_with(target.journal(asked.name), "channels")
+    begun = target.resume and journal_contains(target.journal(asked.name), "channels")
     return replace(asked, bundle=replace(asked.bundle, channels=True)) if begun or target.histories else asked
 
 
-def _journaled(asked: Study, target: Target, journal: Journal, workers: Workers, tell: Callable[[int], None]) -> Table:
+def _run_missing_chunks(
+    asked: Sweep, target: OutputTarget, journal: Journal, workers: Workers, tell: Callable[[int], None]
+) -> SweepTable:
     """Run the chunks missing in the journal, and return the complete table."""
     rows = dict(journal.rows)
     tell(sum(len(some) for some in rows.values()))
     left = [chunk for chunk in asked.chunks if chunk.index not in rows]
     stale = target.kept(asked.name) if target.histories and not rows else []
-    for chunk, outcomes in executed(asked.bundle, left, workers, histories=target.histories):
+    for chunk, outcomes in run_chunks(asked.bundle, left, workers, histories=target.histories):
         while stale:  # result files of an earlier sweep would not match the table
             stale.pop().unlink()
-        _keep_histories(asked, target, chunk, outcomes)
+        _write_histories(asked, target, chunk, outcomes)
         rows[chunk.index] = [one.row for one in outcomes]
         journal.add(chunk.index, rows[chunk.index])
         tell(len(outcomes))
-    return _tabulated(asked, rows)
+    return _make_table(asked, rows)
 
 
-def _stopped(asked: Study, target: Target) -> Status:
+def _interrupted_status(asked: Sweep, target: OutputTarget) -> Status:
     """Return the status of an interrupted sweep; its finished rows are in the journal."""
     path, kept = target.journal(asked.name), 0
     if path.exists():
-        with _opened(asked, replace(target, resume=True)) as journal:
+        with _open_journal(asked, replace(target, resume=True)) as journal:
             kept = sum(len(some) for some in journal.rows.values())
     text = f"stopped by the user: {kept} of {len(asked.plan)} variants are kept in {path}"
     return Status(Cause.INTERRUPTED, text, "the same command with --resume does the rest")
 
 
-def _kept(table: Table, names: Sequence[str]) -> Table:
+def _select_scalars(table: SweepTable, names: Sequence[str]) -> SweepTable:
     """Return a table with the requested scalars."""
     try:
         return table.keeping(names) if names else table
@@ -378,17 +396,17 @@ def _kept(table: Table, names: Sequence[str]) -> Table:
         raise InputError(mended) from None
 
 
-def _silent(count: int) -> None:
+def _ignore_progress(count: int) -> None:
     del count
 
 
 @contextmanager
-def _opened(asked: Study, target: Target) -> Generator[Journal]:
+def _open_journal(asked: Sweep, target: OutputTarget) -> Generator[Journal]:
     """Open the journal of a sweep after checking that its tables may be written."""
     path, belongs = target.journal(asked.name), asked.belongs(histories=target.histories)
     ours = target.resume and path.exists()
     for table in target.tables(asked.name):
-        free_to_write("table", table, overwrite=target.overwrite or ours)
+        check_writable("table", table, overwrite=target.overwrite or ours)
     if target.histories and not (target.overwrite or ours) and (kept := target.kept(asked.name)):
         why, remedy = "nothing is written over", "--overwrite replaces them, -o names another folder"
         raise refuse("histories", f"{len(kept)} in {kept[0].parent}", "none from an earlier sweep", why, remedy)
@@ -399,17 +417,17 @@ def _opened(asked: Study, target: Target) -> Generator[Journal]:
         journal.close()
 
 
-def _keep_histories(asked: Study, target: Target, chunk: Chunk, outcomes: Sequence[Outcome]) -> None:
+def _write_histories(asked: Sweep, target: OutputTarget, chunk: Chunk, outcomes: Sequence[Outcome]) -> None:
     """Write the result files of a chunk atomically."""
     for i, outcome in enumerate(outcomes):
         if outcome.history is not None:
             ending, content = outcome.history
             path = target.history(asked.name, chunk.first + i + 1, ending)
-            made_folder(path.parent)
+            create_folder(path.parent)
             partial = path.with_name(f"{path.name}.part")
             partial.write_bytes(content)
             os.replace(partial, path)
 
 
-def _tabulated(asked: Study, rows: dict[int, list[Row]]) -> Table:
-    return tabulated(asked.plan, [row for _, some in sorted(rows.items()) for row in some], asked.about())
+def _make_table(asked: Sweep, rows: dict[int, list[Row]]) -> SweepTable:
+    return make_table(asked.plan, [row for _, some in sorted(rows.items()) for row in some], asked.about())

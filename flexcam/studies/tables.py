@@ -14,9 +14,9 @@ import h5py  # pyright: ignore[reportMissingTypeStubs]
 import numpy as np
 
 from flexcam.core import FloatArray
-from flexcam.core.errors import Fault, InputError, did_you_mean, refuse
+from flexcam.core.errors import Fault, InputError, refuse, suggest_name
 from flexcam.dynamics import Cause, Response, Status
-from flexcam.io import free_to_write, guarded, made_folder, seal, seal_fault, whole
+from flexcam.io import atomic_write_path, check_writable, create_folder, digest_fault, open_checked, write_digest
 from flexcam.io.exports import component_unit
 from flexcam.io.result_writer import SERIES
 from flexcam.studies.evaluation import Row
@@ -47,7 +47,7 @@ class Column:
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class SweepTable:
     """Results of a sweep.
 
     Parameters
@@ -79,7 +79,7 @@ class Table:
     def __getitem__(self, name: str) -> FloatArray:
         """Return a scalar of all variants, shape (variants,); NaN for missing values."""
         if name not in self.scalars:
-            raise InputError([unknown_scalar(name, self.scalars)])
+            raise InputError([unknown_scalar_fault(name, self.scalars)])
         return self.scalars[name]
 
     @property
@@ -93,25 +93,25 @@ class Table:
             raise refuse("table", "a sampled plan", "a grid", "its points lie on no axes")
         return self[name].reshape(self.shape)
 
-    def keeping(self, names: Sequence[str]) -> Table:
+    def keeping(self, names: Sequence[str]) -> SweepTable:
         """Return the table with only the given scalars."""
         kept: dict[str, FloatArray] = {}
-        if self.scalars and (unknown := [name for name in names if not begins_one(name, self.scalars)]):
-            raise InputError(unknown_scalar(name, self.scalars) for name in unknown)
+        if self.scalars and (unknown := [name for name in names if not is_scalar_prefix(name, self.scalars)]):
+            raise InputError(unknown_scalar_fault(name, self.scalars) for name in unknown)
         for name in names:
-            kept |= {one: values for one, values in self.scalars.items() if _under(one, name)}
+            kept |= {one: values for one, values in self.scalars.items() if _is_prefix(one, name)}
         units = {name: self.units[name] for name in kept}
-        return Table(self.inputs, kept, units, self.statuses, self.shape, self.about)
+        return SweepTable(self.inputs, kept, units, self.statuses, self.shape, self.about)
 
 
-def tabulated(plan: Plan, rows: Sequence[Row], about: Mapping[str, str] | None = None) -> Table:
+def make_table(plan: Plan, rows: Sequence[Row], about: Mapping[str, str] | None = None) -> SweepTable:
     """Return the table of a plan."""
     units = {name: unit for row in reversed(rows) for name, unit in row.units.items()}
     names = list(dict.fromkeys(name for row in rows for name in row.scalars))
     scalars = {name: np.array([row.scalars.get(name, np.nan) for row in rows], dtype=float) for name in names}
     shape = plan.shape if plan.sample is None else ()
     statuses = tuple(row.status for row in rows)
-    return Table(_inputs(plan), scalars, {name: units[name] for name in names}, statuses, shape, about or {})
+    return SweepTable(_inputs(plan), scalars, {name: units[name] for name in names}, statuses, shape, about or {})
 
 
 def _inputs(plan: Plan) -> tuple[Column, ...]:
@@ -123,33 +123,33 @@ def _inputs(plan: Plan) -> tuple[Column, ...]:
     return tuple(columns)
 
 
-def _under(name: str, asked: str) -> bool:
+def _is_prefix(name: str, asked: str) -> bool:
     return name == asked or name.startswith(f"{asked}.")
 
 
-def begins_one(name: str, known: Iterable[str]) -> bool:
+def is_scalar_prefix(name: str, known: Iterable[str]) -> bool:
     """Return whether a name is that of a scalar or a prefix of one."""
-    return any(_under(one, name) for one in known)
+    return any(_is_prefix(one, name) for one in known)
 
 
-_LISTED = 24
+_MAX_LISTED = 24
 """Maximum number of scalars listed in a message; of more, only prefixes are listed."""
 
 
-def unknown_scalar(name: str, known: Iterable[str]) -> Fault:
+def unknown_scalar_fault(name: str, known: Iterable[str]) -> Fault:
     """Return the fault of a scalar that no variant has."""
     names = list(known)
     parts = [one.split(".") for one in names]
     begins = list(dict.fromkeys(".".join(part[:i]) for part in parts for i in range(1, len(part))))
     groups = list(dict.fromkeys(".".join(part[:2]) for part in parts))
-    allowed = ", ".join(names if len(names) <= _LISTED else groups) or "(no run was completed)"
-    head = "a name that begins with " if len(names) > _LISTED else ""
-    return Fault("scalars", repr(name), head + allowed, "", did_you_mean(name, [*begins, *names]))
+    allowed = ", ".join(names if len(names) <= _MAX_LISTED else groups) or "(no run was completed)"
+    head = "a name that begins with " if len(names) > _MAX_LISTED else ""
+    return Fault("scalars", repr(name), head + allowed, "", suggest_name(name, [*begins, *names]))
 
 
-def table_frame(table: Table) -> pd.DataFrame:
+def table_frame(table: SweepTable) -> pd.DataFrame:
     """Return a table as a data frame."""
-    _installed("pandas")
+    _require_package("pandas")
     import pandas as pd
 
     columns: dict[str, Any] = {one.name: list(one.values) for one in table.inputs}
@@ -161,9 +161,9 @@ def table_frame(table: Table) -> pd.DataFrame:
     return frame
 
 
-def table_dataset(table: Table) -> xr.Dataset:
+def table_dataset(table: SweepTable) -> xr.Dataset:
     """Return a table as an xarray dataset with the axes of a grid as dimensions."""
-    _installed("xarray")
+    _require_package("xarray")
     import xarray as xr
 
     shape = table.shape or (len(table),)
@@ -187,7 +187,7 @@ def table_dataset(table: Table) -> xr.Dataset:
 
 def history_frame(response: Response) -> pd.DataFrame:
     """Return the histories of a run as a data frame."""
-    _installed("pandas")
+    _require_package("pandas")
     import pandas as pd
 
     columns = _columns(response)
@@ -200,7 +200,7 @@ def history_frame(response: Response) -> pd.DataFrame:
 
 def history_dataset(response: Response) -> xr.Dataset:
     """Return the histories of a run as an xarray dataset over time."""
-    _installed("xarray")
+    _require_package("xarray")
     import xarray as xr
 
     columns = {name: (["time"], values, {"units": unit}) for name, (values, unit) in _columns(response).items()}
@@ -222,7 +222,7 @@ def _columns(response: Response) -> dict[str, tuple[Any, str]]:
     return found | {name: (values, units[name]) for name, values in response.channels.items()}
 
 
-def _installed(package: str) -> None:
+def _require_package(package: str) -> None:
     if find_spec(package) is None:
         raise refuse(
             "data frames", package, "a package that is installed", "it comes with the extra 'tables'",
@@ -234,7 +234,7 @@ FORMAT = "2"
 """Format version; since version 2 a table has a digest."""
 
 
-def write_hdf5(table: Table, path: Path) -> None:
+def write_hdf5(table: SweepTable, path: Path) -> None:
     """Write a table with its metadata as HDF5."""
     opened: Any = h5py.File(path, "w", libver="latest", locking=False)
     with opened as file:
@@ -256,7 +256,7 @@ def write_hdf5(table: Table, path: Path) -> None:
         status = file.create_group("status", track_order=True)
         for name in ("cause", "text", "remedy"):
             _texts(status, name, [str(getattr(one, name)) for one in table.statuses])
-        seal(file)
+        write_digest(file)
 
 
 def _numbers(group: Any, name: str, values: Any, unit: str) -> None:  # noqa: ANN401 - h5py has no types
@@ -271,23 +271,23 @@ def _texts(group: Any, name: str, texts: Sequence[str]) -> None:  # noqa: ANN401
     group.create_dataset(name, data=np.array(encoded, dtype=kind), track_times=False)
 
 
-def read_table(path: str | Path) -> Table:
+def read_table(path: str | Path) -> SweepTable:
     """Read the table of a sweep."""
     source = Path(path)
-    with guarded(source, "table", "the HDF5 table of a sweep (.sweep.h5)") as file:
+    with open_checked(source, "table", "the HDF5 table of a sweep (.sweep.h5)") as file:
         return _table(file, source)
 
 
-def _table(file: Any, source: Path) -> Table:  # noqa: ANN401
+def _table(file: Any, source: Path) -> SweepTable:  # noqa: ANN401
     about = {name: _read_texts(item)[0] for name, item in file["about"].items()}
     form = about.pop("format")
     if form not in ("1", FORMAT):
         raise refuse("table", f"{source} of format {form}", f"up to format {FORMAT}", "it is newer", "update flexcam")
-    if form != "1" and (fault := seal_fault(file)):
+    if form != "1" and (fault := digest_fault(file)):
         raise InputError([fault])
     status = zip(*(_read_texts(file["status"][name]) for name in ("cause", "text", "remedy")), strict=True)
     scalars = {name: np.where(file["valid"][name][()], item[()], np.nan) for name, item in file["scalars"].items()}
-    return Table(
+    return SweepTable(
         inputs=tuple(_column(name, item) for name, item in file["inputs"].items()),
         scalars=scalars,
         units={name: _unit(item) for name, item in file["scalars"].items()},
@@ -314,20 +314,20 @@ def _read_texts(item: Any) -> list[str]:  # noqa: ANN401
 ENDINGS = (".h5", ".csv", ".parquet")
 
 
-def write_table(table: Table, path: Path, *, overwrite: bool = False) -> Path:
+def write_table(table: SweepTable, path: Path, *, overwrite: bool = False) -> Path:
     """Write a table in the format of its suffix: ``.h5``, ``.csv`` or ``.parquet``."""
     if path.suffix not in ENDINGS:
         raise refuse("table", str(path), f"a name that ends in {', '.join(ENDINGS)}")
     if path.suffix == ".parquet":
-        can_write_parquet()
-    free_to_write("table", path, overwrite=overwrite)
-    made_folder(path.parent)
-    with whole(path) as draft:
+        require_parquet()
+    check_writable("table", path, overwrite=overwrite)
+    create_folder(path.parent)
+    with atomic_write_path(path) as draft:
         {".h5": write_hdf5, ".csv": _write_csv, ".parquet": _write_parquet}[path.suffix](table, draft)
     return path
 
 
-def can_write_parquet() -> None:
+def require_parquet() -> None:
     """Raise an error if the packages for Parquet are not installed."""
     missing = [name for name in ("pandas", "pyarrow") if find_spec(name) is None]
     if missing:
@@ -335,12 +335,12 @@ def can_write_parquet() -> None:
         raise refuse("--parquet", "a Parquet table", "an HDF5 or a CSV one", why, remedy)
 
 
-def csv_text(table: Table) -> str:
+def format_csv(table: SweepTable) -> str:
     """Return a table as CSV: a header with units, and an empty cell for a missing number."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    head = [_headed(one.name, one.unit) for one in table.inputs]
-    head += [_headed(name, table.units[name]) for name in table.scalars]
+    head = [_column_header(one.name, one.unit) for one in table.inputs]
+    head += [_column_header(name, table.units[name]) for name in table.scalars]
     writer.writerow(["variant", *head, "status", "message"])
     columns = [*(one.values for one in table.inputs), *table.scalars.values()]
     for i, status in enumerate(table.statuses):
@@ -348,7 +348,7 @@ def csv_text(table: Table) -> str:
     return text.getvalue()
 
 
-def _headed(name: str, unit: str) -> str:
+def _column_header(name: str, unit: str) -> str:
     return f"{name} [{unit}]" if unit else name
 
 
@@ -358,10 +358,10 @@ def _cell(value: float | str) -> str:
     return repr(float(value)) if np.isfinite(value) else ""
 
 
-def _write_csv(table: Table, path: Path) -> None:
-    path.write_text(csv_text(table), encoding="utf-8", newline="")
+def _write_csv(table: SweepTable, path: Path) -> None:
+    path.write_text(format_csv(table), encoding="utf-8", newline="")
 
 
-def _write_parquet(table: Table, path: Path) -> None:
+def _write_parquet(table: SweepTable, path: Path) -> None:
 
     table_frame(table).to_parquet(path)

@@ -12,17 +12,17 @@ import numpy as np
 
 from flexcam.case.case import Case
 from flexcam.core import FloatArray
-from flexcam.core.errors import InputError, gathered, refuse
+from flexcam.core.errors import InputError, parse_all, refuse
 from flexcam.core.units import DIMENSIONS, parse
-from flexcam.studies.evaluators import given_twice, number_at
-from flexcam.studies.plan import checked_seed
-from flexcam.studies.quantities import number_of
+from flexcam.studies.evaluators import duplicate_key_faults, number_after_override
+from flexcam.studies.plan import check_seed
+from flexcam.studies.quantities import get_number
 
 _SPEC = re.compile(r"\s*(?:(normal|uniform)\s*:)?\s*(?:±|\+-|\+/-)\s*(\S.*?)\s*$")
 _SIGMAS = 3.0
 """Half width of a normal scatter in standard deviations: 99.7 % of the parts lie within."""
 
-_CUT = 5.0
+_TRUNCATION = 5.0
 """Truncation of a normal scatter in standard deviations: one part in two million lies beyond."""
 
 QUANTILES = (0.01, 0.05, 0.5, 0.95, 0.99)
@@ -31,7 +31,7 @@ FORMS = "±2%, ±0.05mm, or normal:±2%"
 
 
 @dataclass(frozen=True)
-class Scatter:
+class PartScatter:
     """Scatter of a number of a case from part to part.
 
     Parameters
@@ -50,45 +50,45 @@ class Scatter:
     kind: Literal["uniform", "normal"]
 
     def value(self, part: float) -> float:
-        """Return the quantile for a probability from 0 to 1; a normal scatter is truncated at `_CUT` deviations."""
+        """Return the quantile for a probability from 0 to 1; `_TRUNCATION` deviations limit a normal scatter."""
         if self.kind == "uniform":
             return self.middle + self.half * (2.0 * part - 1.0)
         from statistics import NormalDist
 
-        beyond = NormalDist().cdf(-_CUT)
+        beyond = NormalDist().cdf(-_TRUNCATION)
         return self.middle + self.half / _SIGMAS * NormalDist().inv_cdf(min(max(part, beyond), 1.0 - beyond))
 
 
-def scatters_of(case: Case, settings: Sequence[str], option: str = "--tolerance") -> tuple[Scatter, ...]:
+def parse_scatters(case: Case, settings: Sequence[str], option: str = "--tolerance") -> tuple[PartScatter, ...]:
     """Parse the scatter of several ``KEY=±SPEC`` texts."""
-    found, faults = gathered(lambda setting: _scatter(case, setting, f"{option} {setting}"), settings)
-    faults += given_twice(option, [one.key for one in found])
+    found, faults = parse_all(lambda setting: _parse_scatter(case, setting, f"{option} {setting}"), settings)
+    faults += duplicate_key_faults(option, [one.key for one in found])
     if faults:
         raise InputError(faults)
     return tuple(found)
 
 
-def _scatter(case: Case, setting: str, where: str) -> Scatter:
+def _parse_scatter(case: Case, setting: str, where: str) -> PartScatter:
     key, equals, spec = setting.partition("=")
     match = _SPEC.match(spec)
     if not equals or match is None:
         raise refuse(where, repr(spec or setting), f"KEY={FORMS}", "", "such as springs.valve.stiffness=±5%")
-    number = number_of(case, key.strip(), where)
+    number = get_number(case, key.strip(), where)
     kind: Literal["uniform", "normal"] = "normal" if match[1] == "normal" else "uniform"
-    half = _half(match[2], number.value, number.unit, where)
+    half = _half_width(match[2], number.value, number.unit, where)
     if not half > 0.0:
         raise refuse(where, repr(spec), "a width above zero", "nothing scatters")
-    found = Scatter(number.key, number.value, half, kind)
-    widest = 100.0 if kind == "uniform" else 100.0 * _SIGMAS / _CUT
+    found = PartScatter(number.key, number.value, half, kind)
+    widest = 100.0 if kind == "uniform" else 100.0 * _SIGMAS / _TRUNCATION
     if match[2].endswith("%") and half >= 0.01 * widest * abs(number.value):
         why = "some parts would have a number of zero or of the other sign"
         raise refuse(where, repr(spec), f"less than ±{widest:g} %", why, f"such as {key}=±5%")
     for end in (0.0, 1.0):
-        number_at(case, number.key, repr(found.value(end)), where)  # raises an error for an invalid value
+        number_after_override(case, number.key, repr(found.value(end)), where)  # raises an error for an invalid value
     return found
 
 
-def _half(text: str, middle: float, unit: str, where: str) -> float:
+def _half_width(text: str, middle: float, unit: str, where: str) -> float:
     """Return the half width: a fraction of the centre, or a quantity of the same dimension."""
     if text.endswith("%"):
         return abs(middle) * parse(text, "number", where)
@@ -100,18 +100,18 @@ def _half(text: str, middle: float, unit: str, where: str) -> float:
     return parse(text, kinds[0], where)
 
 
-def sampled(scatters: Sequence[Scatter], count: int, seed: int = 0) -> FloatArray:
+def sample_parts(scatters: Sequence[PartScatter], count: int, seed: int = 0) -> FloatArray:
     """Return sampled numbers of parts, shape (count, scatters)."""
     if count < 8:
         raise refuse("--count", count, "a whole number from 8", "mean and spread mean nothing with fewer")
     from scipy.stats import qmc
 
-    parts = qmc.LatinHypercube(len(scatters), seed=np.random.default_rng(checked_seed(seed))).random(count)
+    parts = qmc.LatinHypercube(len(scatters), seed=np.random.default_rng(check_seed(seed))).random(count)
     return np.array([[one.value(part) for one, part in zip(scatters, row, strict=True)] for row in parts.tolist()])
 
 
 @dataclass(frozen=True, eq=False)
-class Spread:
+class ScalarDistribution:
     """Distribution of a scalar.
 
     Parameters
@@ -136,16 +136,18 @@ class Spread:
     ranks: FloatArray
 
 
-def spread(points: FloatArray, values: FloatArray) -> Spread:
+def scalar_distribution(points: FloatArray, values: FloatArray) -> ScalarDistribution:
     """Return the distribution of a scalar over sets of parts."""
     known = ~np.isnan(values)
     kept = values[known]
     if len(kept) < 2:
         nothing = dict.fromkeys(QUANTILES, math.nan)
-        return Spread(kept, int((~known).sum()), math.nan, math.nan, nothing, np.zeros(points.shape[1]) + math.nan)
+        return ScalarDistribution(
+            kept, int((~known).sum()), math.nan, math.nan, nothing, np.zeros(points.shape[1]) + math.nan
+        )
     quantiles = {part: float(np.quantile(kept, part)) for part in QUANTILES}
     ranks = np.array([_correlation(_ranks(points[known, i]), _ranks(kept)) for i in range(points.shape[1])])
-    return Spread(kept, int((~known).sum()), float(kept.mean()), float(kept.std(ddof=1)), quantiles, ranks)
+    return ScalarDistribution(kept, int((~known).sum()), float(kept.mean()), float(kept.std(ddof=1)), quantiles, ranks)
 
 
 def _ranks(values: FloatArray) -> FloatArray:

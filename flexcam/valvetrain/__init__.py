@@ -10,14 +10,14 @@ from flexcam.valvetrain.camshaft import free_running, free_speed
 from flexcam.valvetrain.compression import compressed_members
 from flexcam.valvetrain.frequency_response import lift_transfer, valve_ratio
 from flexcam.valvetrain.loads import element_loads
-from flexcam.valvetrain.mass_chain import Chain, chain_of, straighten, without_compression
+from flexcam.valvetrain.mass_chain import Chain, build_chain, straighten, without_compression
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.modes import (
+    ContactModes,
     ModelModes,
-    ReachedModes,
     contact_modes,
+    contact_stiffness,
     describe_inactive,
-    holding,
     modal_basis,
     model_modes,
     modes_on_the_lift,
@@ -68,6 +68,7 @@ __all__ = [
     "Chain",
     "CoarseCam",
     "Contact",
+    "ContactModes",
     "GivenLoad",
     "Lash",
     "Lever",
@@ -78,7 +79,6 @@ __all__ = [
     "ModelModes",
     "PublishedLoad",
     "Pulsation",
-    "ReachedModes",
     "Resolution",
     "ResolutionSink",
     "Rocker",
@@ -90,20 +90,20 @@ __all__ = [
     "Structure",
     "Wire",
     "buckling_load",
+    "build_chain",
     "build_rigid",
     "build_structure",
     "build_system",
-    "chain_of",
     "coarse_cams",
     "compressed_members",
     "contact_modes",
+    "contact_stiffness",
     "describe_inactive",
     "element_loads",
     "follower_train",
     "free_running",
     "free_speed",
     "hertz_line",
-    "holding",
     "lift_transfer",
     "main_lift",
     "member_masses",

@@ -22,21 +22,21 @@ from flexcam.dynamics import (
     derivative,
     force_sum,
     hunt_crossley_contact,
+    observable_sum,
     spring_damper,
-    total,
 )
 from flexcam.valvetrain.cam_functions import (
-    along_lift,
-    around,
-    beside_lift,
-    leaning,
-    lightened,
-    off_pivot,
-    rub,
-    slide,
-    tabled,
-    touched,
-    travelled,
+    cached_profile,
+    cam_sliding,
+    face_sliding,
+    interpolate_table,
+    lift_ratio,
+    normal_force_ratio,
+    pressure_tangent,
+    profile_table,
+    sliding_distance,
+    sliding_ratio,
+    transverse_lift_ratio,
 )
 from flexcam.valvetrain.contacts import Coupling, conservative_force
 from flexcam.valvetrain.hertz_contact import STRAIGHT, HertzLine
@@ -50,24 +50,24 @@ _NEAR = 1e-2
 """Tolerance between an arm and its member."""
 
 
-def turning(axis: FloatArray) -> FloatArray:
+def rotation_direction(axis: FloatArray) -> FloatArray:
     """Return the direction vector of a rotation."""
     return np.concatenate([np.zeros(3), axis])
 
 
-def to_right(contact: CamContact, cam: Cam) -> FloatArray:
+def transverse_direction(contact: CamContact, cam: Cam) -> FloatArray:
     """Return the direction to the right of the lift in the plane of the profile, shape (6,)."""
     return np.concatenate([cam.turn * np.cross(contact.direction[:3], contact.shaft_axis), np.zeros(3)])
 
 
-def sideways(structure: Structure, contact: CamContact, cam: Cam) -> FloatArray:
+def transverse_row(structure: Structure, contact: CamContact, cam: Cam) -> FloatArray:
     """Return the row of the cam motion relative to the follower, to the right in the plane of the profile."""
-    along = to_right(contact, cam)
+    along = transverse_direction(contact, cam)
     own = structure.row(contact.follower, along) if structure.is_node(contact.follower) else 0.0
     return structure.row(cam.at, along) - own
 
 
-def refuse_other_arm(structure: Structure, contact: CamContact, cam: Cam, where: str) -> None:
+def check_arm_length(structure: Structure, contact: CamContact, cam: Cam, where: str) -> None:
     """Refuse a follower whose arm differs from that of its finger member."""
     swinging = cam.follower
     if not isinstance(swinging, SwingRollerFollower | SwingFlatFollower):
@@ -79,7 +79,7 @@ def refuse_other_arm(structure: Structure, contact: CamContact, cam: Cam, where:
             allowed = f"{1e3 * finger.arms[0]:g} mm, that of the rocker"
             raise refuse(f"{key}.arm", given, allowed, why, f"see {where}")
         return
-    for pivot in pivots(structure, contact):
+    for pivot in find_pivot(structure, contact):
         name = structure.model.mesh.node_name(pivot)
         length, square = _arm(structure, contact, cam, pivot)
         if min(abs(length - swinging.arm), abs(abs(square) - swinging.arm)) > _NEAR * swinging.arm:
@@ -91,7 +91,7 @@ def refuse_other_arm(structure: Structure, contact: CamContact, cam: Cam, where:
             raise refuse(f"{key}.rotation", given, allowed, why, f"or turn the cam, see {where}")
 
 
-def pivots(structure: Structure, contact: CamContact) -> list[int]:
+def find_pivot(structure: Structure, contact: CamContact) -> list[int]:
     """Return the pivot node of the follower's member in the plane of the cam, if unique."""
     mesh, vector = structure.model.mesh, structure.dofs.vector
     node = find_node(structure.model, contact.follower, "follower")
@@ -100,7 +100,7 @@ def pivots(structure: Structure, contact: CamContact) -> list[int]:
     held = [n for n in mesh.connected(node).tolist() if not any(vector(n, one).any() for one in plane)]
     away = mesh.nodes[node] - mesh.nodes[held[:1]]
     lifts = abs(away @ across[:3]) > _NEAR * np.linalg.norm(away, axis=1)  # a node beyond the pivot only moves sideways
-    turns = [n for n in held if vector(n, turning(contact.shaft_axis)).any()]
+    turns = [n for n in held if vector(n, rotation_direction(contact.shaft_axis)).any()]
     return turns if len(held) == 1 and lifts.all() else []
 
 
@@ -108,7 +108,7 @@ def _arm(structure: Structure, contact: CamContact, cam: Cam, pivot: int) -> tup
     """Return the distance of the follower from its pivot, m, and its component normal to the lift, inwards positive."""
     mesh = structure.model.mesh
     away = mesh.nodes[pivot] - mesh.nodes[mesh.node(contact.follower)]
-    lift, right = (float(away @ one[:3]) for one in (contact.direction, to_right(contact, cam)))
+    lift, right = (float(away @ one[:3]) for one in (contact.direction, transverse_direction(contact, cam)))
     return float(np.hypot(lift, right)), right
 
 
@@ -117,7 +117,7 @@ def add_friction(structure: Structure, name: str, contact: CamContact, cam: Cam,
     along = sliding_path(structure, name, contact, cam)
     acting = AngleVector(-along.vectors, along.functions)
     law = replace(cast("ForceLaw", force.law), friction=(contact.friction, contact.friction_speed))
-    offset = (*force.offset, travelled(cam))
+    offset = (*force.offset, sliding_distance(cam))
     return LocalForce(
         force.name, (*force.sense, along), (*force.act, acting), law, offset, force.restitution
     )  # fmt: skip
@@ -138,20 +138,27 @@ def sliding_path(structure: Structure, name: str, contact: CamContact, cam: Cam)
     if np.isfinite(cam.follower.roller_radius):
         why = "a roller takes the sliding up by turning"
         raise refuse(where, contact.friction, "a follower with a flat face", why, "leave friction out")
-    twist, right = structure.row(cam.at, turning(contact.shaft_axis)), to_right(contact, cam)
+    twist, right = structure.row(cam.at, rotation_direction(contact.shaft_axis)), transverse_direction(contact, cam)
     if not isinstance(cam.follower, SwingFlatFollower):
-        return AngleVector(np.array([sideways(structure, contact, cam), twist]), (constant(1.0), rub(cam)))
+        return AngleVector(
+            np.array([transverse_row(structure, contact, cam), twist]), (constant(1.0), cam_sliding(cam))
+        )
     rows = [structure.row(cam.at, right), -structure.row(cam.at, contact.direction), twist]
-    rows.append(-_drawn(structure, contact, cam, cam.follower))
-    return AngleVector(np.array(rows), (along_lift(cam), beside_lift(cam), rub(cam), lightened(cam)))
+    rows.append(-_face_row(structure, contact, cam, cam.follower))
+    return AngleVector(
+        np.array(rows), (lift_ratio(cam), transverse_lift_ratio(cam), cam_sliding(cam), normal_force_ratio(cam))
+    )
 
 
-def _drawn(structure: Structure, contact: CamContact, cam: Cam, face: SwingFlatFollower) -> FloatArray:
+def _face_row(structure: Structure, contact: CamContact, cam: Cam, face: SwingFlatFollower) -> FloatArray:
     """Return the row of the motion of a swinging face along itself, to the right."""
-    along = off_pivot(cam) * structure.row(contact.follower, contact.direction)
+    along = face_sliding(cam) * structure.row(contact.follower, contact.direction)
     if not structure.is_node(contact.follower):
         return along
-    own, turned = (structure.row(contact.follower, d) for d in (to_right(contact, cam), turning(contact.shaft_axis)))
+    own, turned = (
+        structure.row(contact.follower, d)
+        for d in (transverse_direction(contact, cam), rotation_direction(contact.shaft_axis))
+    )
     if not turned.any():
         return own + along
     mesh = structure.model.mesh
@@ -163,13 +170,13 @@ def _drawn(structure: Structure, contact: CamContact, cam: Cam, face: SwingFlatF
 def couple_cam(structure: Structure, name: str, contact: CamContact) -> Coupling:
     """Return the contact of a cam and its follower."""
     cam, where = structure.model.cams[contact.cam], f"contacts.{name}"
-    depth = _depth(structure, contact, cam, where)
+    depth = _penetration_rows(structure, contact, cam, where)
     law = _cam_law(structure, name, contact, cam)
     force = conservative_force(where, depth, law, cam.event, contact.restitution)
     torque: Observable = force_sum(0, factor=derivative(cam.event))
     if contact.friction:
         force = add_friction(structure, name, contact, cam, force)
-        torque = total(torque, force_sum(1, factor=rub(cam)))
+        torque = observable_sum(torque, force_sum(1, factor=cam_sliding(cam)))
     return Coupling((), (force,), (
         Channel(f"{where}.force", "N", force_sum(0)),
         Channel(f"{where}.torque", "N m", torque),
@@ -178,13 +185,13 @@ def couple_cam(structure: Structure, name: str, contact: CamContact) -> Coupling
     ))  # fmt: skip
 
 
-def _depth(structure: Structure, contact: CamContact, cam: Cam, where: str) -> AngleVector:
+def _penetration_rows(structure: Structure, contact: CamContact, cam: Cam, where: str) -> AngleVector:
     """Return the derivative of the penetration by the unknowns."""
-    lift, axis = contact.direction, turning(contact.shaft_axis)
+    lift, axis = contact.direction, rotation_direction(contact.shaft_axis)
     follower = structure.row(contact.follower, lift, f"{where}.follower")
     if not follower.any():
-        raise _stands_still(structure, contact.follower, f"{where}.follower")
-    refuse_other_arm(structure, contact, cam, where)
+        raise _is_fixed(structure, contact.follower, f"{where}.follower")
+    check_arm_length(structure, contact, cam, where)
     twist = structure.row(cam.at, axis)
     rolls = cam.follower is not None and np.isfinite(cam.follower.roller_radius)
     swings = isinstance(cam.follower, SwingRollerFollower | SwingFlatFollower)
@@ -193,16 +200,16 @@ def _depth(structure: Structure, contact: CamContact, cam: Cam, where: str) -> A
     rows = [structure.row(cam.at, lift) - follower, twist - tilt]
     functions: list[AngleFunction] = [constant(1.0), derivative(cam.event)]
     if swings:  # the normal rotates with the arm
-        rows = [twist, structure.row(cam.at, lift), structure.row(cam.at, to_right(contact, cam))]
-        more, by = zip(*_carried(structure, contact, cam), strict=True)
-        return AngleVector(np.array([*rows, *more]), (functions[1], along_lift(cam), beside_lift(cam), *by))
+        rows = [twist, structure.row(cam.at, lift), structure.row(cam.at, transverse_direction(contact, cam))]
+        more, by = zip(*_swing_rows(structure, contact, cam), strict=True)
+        return AngleVector(np.array([*rows, *more]), (functions[1], lift_ratio(cam), transverse_lift_ratio(cam), *by))
     if rolls:
-        rows.append(sideways(structure, contact, cam))
-        functions.append(beside_lift(cam))
+        rows.append(transverse_row(structure, contact, cam))
+        functions.append(transverse_lift_ratio(cam))
     return AngleVector(np.array(rows), tuple(functions))
 
 
-def _carried(structure: Structure, contact: CamContact, cam: Cam) -> list[tuple[FloatArray, AngleFunction]]:
+def _swing_rows(structure: Structure, contact: CamContact, cam: Cam) -> list[tuple[FloatArray, AngleFunction]]:
     """Return rows and functions of the motion of a swinging follower away from the cam.
 
     A finger that is a member has its node at the arm's length. A flat face is touched at the distance q from the pivot:
@@ -215,15 +222,18 @@ def _carried(structure: Structure, contact: CamContact, cam: Cam) -> list[tuple[
     if not structure.is_node(contact.follower):
         return [(away, constant(1.0))]
     if not isinstance(cam.follower, SwingFlatFollower):
-        return [(away, constant(1.0)), (-structure.row(contact.follower, to_right(contact, cam)), leaning(cam))]
-    turned = structure.row(contact.follower, turning(contact.shaft_axis))
+        return [
+            (away, constant(1.0)),
+            (-structure.row(contact.follower, transverse_direction(contact, cam)), pressure_tangent(cam)),
+        ]
+    turned = structure.row(contact.follower, rotation_direction(contact.shaft_axis))
     if not turned.any():
         return [(away, constant(1.0))]
     stiff = cam.follower.side * cam.turn * cam.follower.arm * turned  # motion by rotation about the pivot
-    return [(stiff, constant(1.0)), (away - stiff, lightened(cam))]
+    return [(stiff, constant(1.0)), (away - stiff, normal_force_ratio(cam))]
 
 
-def _stands_still(structure: Structure, follower: str, where: str) -> InputError:
+def _is_fixed(structure: Structure, follower: str, where: str) -> InputError:
     mesh = structure.model.mesh
     if structure.is_node(follower) and not (structure.dofs.numbers[mesh.node(follower)] >= 0).any():
         given, why = f"{follower!r}, a node with nothing that moves", "members, masses and springs give a node unknowns"
@@ -240,7 +250,11 @@ def _cam_law(structure: Structure, name: str, contact: CamContact, cam: Cam) -> 
     if contact.stiffness is not None:
         return hunt_crossley_contact(contact.stiffness, contact.dissipation)
     line = hertz_line(structure, name, contact, cam)
-    return line.law() if isinstance(cam.follower, FlatFollower) else line.law(tabled(around(cam).touch.reach))
+    return (
+        line.law()
+        if isinstance(cam.follower, FlatFollower)
+        else line.law(interpolate_table(profile_table(cam).touch.reach))
+    )
 
 
 def hertz_line(structure: Structure, name: str, contact: CamContact, cam: Cam) -> HertzLine:
@@ -256,14 +270,14 @@ def hertz_line(structure: Structure, name: str, contact: CamContact, cam: Cam) -
         given, why = f"hertz, of a cam at {cam.at!r} on no member", "the member says the material"
         raise refuse(where, given, "a number, or a cam on a member", why)
     follower, roller = cam.follower, cam.follower.roller_radius
-    own = around(cam).radius
+    own = profile_table(cam).radius
     curvature = 1.0 / own + 1.0 / roller
     if (undercut(own, follower) | (curvature < 0.0)).any():
         given = "a profile that is undercut or hollow under its follower"
         raise refuse(where, given, "one that touches along a line", "see flexcam cam", "a larger base circle")
     rolls = bool(np.isfinite(roller))
     depth = 2.0 * (follower.base_radius + roller) if rolls else follower.base_radius  # the base circle for the cam
-    radius = tabled(1.0 / np.maximum(curvature, 1.0 / (STRAIGHT * depth)))
+    radius = interpolate_table(1.0 / np.maximum(curvature, 1.0 / (STRAIGHT * depth)))
     return HertzLine(cam.width, material.E, material.nu, radius, depth, contact.dissipation, rolls)
 
 
@@ -274,15 +288,15 @@ def _profile_channels(structure: Structure, name: str, contact: CamContact, cam:
     where = f"contacts.{name}"
     channels: list[Channel] = []
     follower = cam.follower
-    whole = not undercut(around(cam).radius, follower).any()
+    whole = not undercut(profile_table(cam).radius, follower).any()
     on_member = structure.model.mesh.on_members()[find_node(structure.model, cam.at, f"cams.{contact.cam}.at")]
     if cam.width is not None and whole and on_member:
         line = hertz_line(structure, name, contact, cam)
         channels.append(Channel(f"{where}.pressure", "Pa", _pressure(line, cam)))
     if not np.isfinite(follower.roller_radius):
-        channels.append(Channel(f"{where}.sliding", "m/s", _per_time(slide(cam))))
+        channels.append(Channel(f"{where}.sliding", "m/s", _per_time(sliding_ratio(cam))))
     if contact.friction:
-        channels.append(Channel(f"{where}.friction", "N", force_sum(1, factor=lightened(cam))))
+        channels.append(Channel(f"{where}.friction", "N", force_sum(1, factor=normal_force_ratio(cam))))
     return channels
 
 
@@ -292,7 +306,7 @@ def _per_time(path: AngleFunction) -> Observable:
 
 def _pressure(line: HertzLine, cam: Cam) -> Observable:
     def pressed(seen: Observation) -> FloatArray:
-        reach = touched(cam, seen.cam).touch.reach
+        reach = cached_profile(cam, seen.cam).touch.reach
         return line.pressure(seen.forces[:, 0] / reach, seen.cam(line.radius, 0))
 
     return pressed

@@ -26,7 +26,7 @@ def _profile(cam: Cam, angle: FloatArray, motion: Motion | None = None) -> CamPr
 
 
 @lru_cache(maxsize=8)
-def around(cam: Cam) -> CamProfile:
+def profile_table(cam: Cam) -> CamProfile:
     """Return the profile at `ANGLES`, for several tables."""
     return _profile(cam, ANGLES)
 
@@ -40,27 +40,27 @@ class _OfProfile(DerivedCamFunction):
     slope: Callable[[CamProfile], FloatArray]
 
     def of(self, cam: CamFunctionCache, order: int) -> FloatArray:
-        return (self.value, self.slope)[order](touched(self.cam, cam))
+        return (self.value, self.slope)[order](cached_profile(self.cam, cam))
 
 
-def touched(cam: Cam, at: CamFunctionCache) -> CamProfile:
+def cached_profile(cam: Cam, at: CamFunctionCache) -> CamProfile:
     """Return the profile at cam angles, computed once and cached."""
 
     def made() -> CamProfile:
         event = cam.event
         return _profile(cam, at.angle, (at(event, 0), at(event, 1), at(event, 2)))
 
-    return at.once((touched, id(cam)), made)
+    return at.once((cached_profile, id(cam)), made)
 
 
 @lru_cache(maxsize=8)
-def along_lift(cam: Cam) -> AngleFunction:
+def lift_ratio(cam: Cam) -> AngleFunction:
     """Return the lift per motion of the cam along the initial lift direction."""
     return _OfProfile(cam, lambda made: made.push.real, lambda made: made.push_rate.real)
 
 
 @lru_cache(maxsize=8)
-def beside_lift(cam: Cam) -> AngleFunction:
+def transverse_lift_ratio(cam: Cam) -> AngleFunction:
     """Return the lift per motion of the cam to the right.
 
     For a translating follower this is the tangent of the pressure angle.
@@ -69,7 +69,7 @@ def beside_lift(cam: Cam) -> AngleFunction:
 
 
 @lru_cache(maxsize=8)
-def leaning(cam: Cam) -> AngleFunction:
+def pressure_tangent(cam: Cam) -> AngleFunction:
     """Return the tangent of the pressure angle relative to the rotated arm."""
     return _OfProfile(
         cam, lambda made: np.tan(made.pressure_angle), lambda made: made.pressure_rate / made.touch.reach**2
@@ -77,21 +77,21 @@ def leaning(cam: Cam) -> AngleFunction:
 
 
 @lru_cache(maxsize=8)
-def slide(cam: Cam) -> AngleFunction:
+def sliding_ratio(cam: Cam) -> AngleFunction:
     """Return the sliding path per cam angle, m, of the cam's surface to the right of a flat face."""
     return _OfProfile(cam, lambda made: made.touch.sliding, lambda made: made.touch.sliding_rate)
 
 
 @lru_cache(maxsize=8)
-def lightened(cam: Cam) -> AngleFunction:
+def normal_force_ratio(cam: Cam) -> AngleFunction:
     """Return the force along the normal per force along the lift."""
     return _OfProfile(cam, lambda made: 1.0 / made.touch.reach, lambda made: _by_reach_rate(made, 1.0, 0.0))
 
 
 @lru_cache(maxsize=8)
-def rub(cam: Cam) -> AngleFunction:
+def cam_sliding(cam: Cam) -> AngleFunction:
     """Return the path per cam angle, m, of the cam's surface along a flat face, divided by the reach."""
-    off = off_pivot(cam)
+    off = face_sliding(cam)
     return _OfProfile(
         cam,
         lambda made: (made.touch.sliding + off * made.velocity) / made.touch.reach,
@@ -106,24 +106,24 @@ def _by_reach_rate(made: CamProfile, value: FloatArray | float, rate: FloatArray
     return (rate - value * made.touch.reach_rate / made.touch.reach) / made.touch.reach
 
 
-def off_pivot(cam: Cam) -> float:
+def face_sliding(cam: Cam) -> float:
     """Return the path of a swinging flat face along itself to the right, per lift."""
     one = cam.follower
     return one.side * one.face / one.arm if isinstance(one, SwingFlatFollower) else 0.0
 
 
 @lru_cache(maxsize=8)
-def travelled(cam: Cam) -> AngleFunction:
+def sliding_distance(cam: Cam) -> AngleFunction:
     """Return the sliding path since cam angle zero, divided by the reach, m."""
     slid = _OfProfile(
         cam,
         lambda made: made.touch.sliding / made.touch.reach,
         lambda made: _by_reach_rate(made, made.touch.sliding, made.touch.sliding_rate),
     )
-    return _Travelled(slid, cam, off_pivot(cam))
+    return _SlidingDistance(slid, cam, face_sliding(cam))
 
 
-class _Travelled(DerivedCamFunction):
+class _SlidingDistance(DerivedCamFunction):
     """Sliding path since cam angle zero, m; `path` is its derivative.
 
     The motion of the face itself, `off` times the lift, is added because it is part of the follower's motion.
@@ -141,7 +141,7 @@ class _Travelled(DerivedCamFunction):
         slid = cam(self._path, order - 1) if order else self._slid(cam.angle)
         if not self._off:
             return slid
-        made = touched(self._cam, cam)
+        made = cached_profile(self._cam, cam)
         if order:
             return slid + self._off * _by_reach_rate(made, made.lift, made.velocity)
         return slid + self._off * made.lift / made.touch.reach
@@ -157,7 +157,7 @@ class _Travelled(DerivedCamFunction):
         return turns * sums[-1] + ends + width * z * y * (y * slopes[i] - z * slopes[i + 1])
 
 
-def tabled(values: FloatArray) -> AngleFunction:
+def interpolate_table(values: FloatArray) -> AngleFunction:
     """Return the interpolation of values at `ANGLES`, without derivatives."""
 
     def looked_up(angle: FloatArray, order: int) -> FloatArray:

@@ -9,7 +9,7 @@ import numpy as np
 
 from flexcam.cams import Event
 from flexcam.core import FloatArray, IntArray
-from flexcam.core.errors import did_you_mean, refuse
+from flexcam.core.errors import refuse, suggest_name
 from flexcam.dynamics import (
     AngleFunction,
     AngleVector,
@@ -27,10 +27,10 @@ from flexcam.fem.frames import ROTATIONS
 from flexcam.valvetrain.contacts import Coupling
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import Adjuster, CamContact, Contact, Lash, PublishedLoad, Seat
-from flexcam.valvetrain.structure import Structure, structure_in
+from flexcam.valvetrain.structure import Structure, build_structure_in
 
 
-def shafts(structure: Structure) -> Coupling:
+def shaft_channels(structure: Structure) -> Coupling:
     """Return the channels of the camshafts."""
     model = structure.model
     channels: list[Channel] = []
@@ -66,10 +66,10 @@ def _inertia(structure: Structure, nodes: IntArray, axis: FloatArray) -> Load:
     dofs, turning = structure.dofs, _turning(axis)
     beams = structure.beams.part(np.flatnonzero(np.isin(structure.beams.nodes[:, 0], nodes)))
     pulled = beam.to_global(beams, beam.mass(beams)) @ np.tile(turning, 2)
-    vector = _assembled(dofs.size, dofs.numbers[beams.nodes], pulled)
+    vector = _assemble_vector(dofs.size, dofs.numbers[beams.nodes], pulled)
     for at, matrix in _bodies(structure):
         if at in nodes:
-            vector = vector + _assembled(dofs.size, dofs.numbers[at], matrix @ turning)
+            vector = vector + _assemble_vector(dofs.size, dofs.numbers[at], matrix @ turning)
     return Load(f"shaft of {structure.model.mesh.node_name(int(nodes[0]))}", -vector, lambda motion: motion.rate)
 
 
@@ -78,7 +78,7 @@ def _turning(axis: FloatArray) -> FloatArray:
     return np.concatenate([np.zeros(3), axis])
 
 
-def _assembled(size: int, numbers: IntArray, values: FloatArray) -> FloatArray:
+def _assemble_vector(size: int, numbers: IntArray, values: FloatArray) -> FloatArray:
     """Return a vector of values at numbered unknowns, shape (size,); constrained ones have no number."""
     free = numbers.ravel() >= 0
     vector = np.zeros(size)
@@ -91,7 +91,7 @@ _ALONG = 0.9
 
 
 @dataclass(frozen=True, eq=False)
-class HeldEnd:
+class ShaftDrive:
     """Node at which a shaft's rotation is prescribed.
 
     Parameters
@@ -150,12 +150,12 @@ class HeldEnd:
         return any(self.node in named[point] for point in points if point in named)
 
 
-def find_held_ends(structure: Structure) -> tuple[HeldEnd, ...]:
+def find_shaft_drives(structure: Structure) -> tuple[ShaftDrive, ...]:
     """Return all nodes at which a shaft's rotation is prescribed."""
-    return tuple(_freed(structure, *end) for end in _found(structure))
+    return tuple(_release_rotation(structure, *end) for end in _prescribed_rotations(structure))
 
 
-def _found(structure: Structure) -> Iterator[tuple[str, int, FloatArray]]:
+def _prescribed_rotations(structure: Structure) -> Iterator[tuple[str, int, FloatArray]]:
     """Yield name, node and axis of every prescribed shaft rotation."""
     model = structure.model
     driven: dict[int, FloatArray] = {}
@@ -170,16 +170,18 @@ def _found(structure: Structure) -> Iterator[tuple[str, int, FloatArray]]:
                 yield point if len(model.mesh.select(point)) == 1 else model.mesh.node_name(node), node, along
 
 
-def _freed(structure: Structure, name: str, node: int, along: FloatArray) -> HeldEnd:
+def _release_rotation(structure: Structure, name: str, node: int, along: FloatArray) -> ShaftDrive:
     held = 3 + np.flatnonzero(structure.dofs.numbers[node, 3:] < 0)
     dofs = structure.dofs.freed(node, held, name)
     new = dofs.numbers[node, held]
     turned = np.zeros(dofs.size)
     turned[new] = along[held - 3]
-    return HeldEnd(name, node, structure_in(structure.model, dofs), np.delete(np.arange(dofs.size), new), turned)
+    return ShaftDrive(
+        name, node, build_structure_in(structure.model, dofs), np.delete(np.arange(dofs.size), new), turned
+    )
 
 
-def inertia_torque(end: HeldEnd) -> Observable:
+def inertia_torque(end: ShaftDrive) -> Observable:
     """Return the torque of mass, damping and stiffness on a constrained rotation, without modal damping."""
     freed, damping = end.freed, end.freed.model.damping
     damped = freed.dampers + rayleigh_damping(freed.mass, freed.stiffness, damping.alpha, damping.beta)
@@ -191,7 +193,7 @@ def inertia_torque(end: HeldEnd) -> Observable:
     return asked
 
 
-def reaction_torque(end: HeldEnd, loads: tuple[Load, ...], forces: tuple[LocalForce, ...]) -> Observable:
+def reaction_torque(end: ShaftDrive, loads: tuple[Load, ...], forces: tuple[LocalForce, ...]) -> Observable:
     """Return the reaction of loads and local forces of the released structure on a constrained rotation."""
     pushed = np.array([end.turned @ load.vector for load in loads])
     acting = [one for force in forces for one in force.act]
@@ -220,7 +222,7 @@ def free_running(
     """Return the drive of a freely running cam."""
     if cam not in model.cams:
         raise refuse(
-            "run.free_running.cam", repr(cam), f"one of {', '.join(model.cams)}", "", did_you_mean(cam, model.cams)
+            "run.free_running.cam", repr(cam), f"one of {', '.join(model.cams)}", "", suggest_name(cam, model.cams)
         )
     part = model.cams[cam]
     if part.follower is None:

@@ -11,7 +11,7 @@ import numpy as np
 from flexcam.core import DENSE_LIMIT, FloatArray, IntArray
 from flexcam.dynamics import Channel, ForceLaw, LocalForce, Observable, Observation
 from flexcam.dynamics.force_laws import ARCH
-from flexcam.fem.elements.arch import SCALARS, Arch, deforming
+from flexcam.fem.elements.arch import SCALARS, Arch, deformation_matrix
 from flexcam.valvetrain.buckling import buckling_load
 from flexcam.valvetrain.contacts import Coupling, opposed_force
 from flexcam.valvetrain.model import Model
@@ -103,7 +103,7 @@ def arch_laws(arch: Arch) -> list[ForceLaw]:
             for axial, g, bow, pull in parts]  # fmt: skip
 
 
-def bowings(structure: Structure) -> Coupling:
+def geometric_stiffness_forces(structure: Structure) -> Coupling:
     """Return the geometric stiffness forces and the compression channels of members.
 
     Parameters
@@ -125,7 +125,7 @@ def bowings(structure: Structure) -> Coupling:
         elements = elements_of(structure, name)
         where = f"members.{name}"
         if model.members[name].geometric_stiffness:
-            rows, arch = _sensed(structure, elements), Arch.of(structure.beams, elements)
+            rows, arch = _deformation_rows(structure, elements), Arch.of(structure.beams, elements)
             pairs = zip(np.split(rows, len(elements)), arch_laws(arch), strict=True)
             forces += [opposed_force(f"{where}.bending", part, law) for part, law in pairs]
             pressed = _compression(arch, slice(first, first + len(rows)))
@@ -152,9 +152,9 @@ def _compression(arch: Arch, part: slice) -> Observable:
     return largest
 
 
-def _sensed(structure: Structure, elements: IntArray) -> FloatArray:
+def _deformation_rows(structure: Structure, elements: IntArray) -> FloatArray:
     """Return the rows of all scalars, shape (7 e, n)."""
-    each = zip(deforming(structure.beams, elements), elements.tolist(), strict=True)
+    each = zip(deformation_matrix(structure.beams, elements), elements.tolist(), strict=True)
     return np.concatenate([D @ _ends(structure, e) for D, e in each])
 
 

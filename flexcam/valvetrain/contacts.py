@@ -74,7 +74,7 @@ def couple_seat(structure: Structure, name: str, seat: Seat) -> Coupling:
 def couple_lash(structure: Structure, name: str, lash: Lash) -> Coupling:
     """Return the coupling of the lash between a rocker and its point."""
     where = f"contacts.{name}"
-    row, gap = play_row(structure, lash, where), constant(-lash.gap)
+    row, gap = lash_row(structure, lash, where), constant(-lash.gap)
     law = elastic_stop(lash.stiffness, lash.damping, lash.damping_depth)
     force = conservative_force(where, AngleVector.constant(row), law, gap)
     return Coupling((), (force,), (
@@ -83,7 +83,7 @@ def couple_lash(structure: Structure, name: str, lash: Lash) -> Coupling:
     ))  # fmt: skip
 
 
-def play_row(structure: Structure, part: Lash | Adjuster, where: str) -> FloatArray:
+def lash_row(structure: Structure, part: Lash | Adjuster, where: str) -> FloatArray:
     """Return the row of the approach of both sides of a lash, shape (n,)."""
     if part.ends is not None and part.direction is not None:
         first, second = (structure.row(end, part.direction, where) for end in part.ends)
@@ -111,7 +111,7 @@ def couple_adjuster(structure: Structure, name: str, part: Adjuster) -> Coupling
     """
     where = f"contacts.{name}"
     law = oil_column_law(part.stiffness, part.leak, part.refill, part.plunger_force)
-    force = conservative_force(where, AngleVector.constant(play_row(structure, part, where)), law)
+    force = conservative_force(where, AngleVector.constant(lash_row(structure, part, where)), law)
     return Coupling((), (force,), (
         Channel(f"{where}.force", "N", force_sum(0)),
         Channel(f"{where}.leak_down", "m", lambda seen: seen.states[:, 0]),

@@ -9,8 +9,8 @@ import numpy as np
 from flexcam.core import ComplexArray, FloatArray
 from flexcam.core.errors import refuse
 from flexcam.dynamics import static_displacement
-from flexcam.fem.rigid_bodies import along
-from flexcam.valvetrain.contacts import play_row
+from flexcam.fem.rigid_bodies import scalar_matrix
+from flexcam.valvetrain.contacts import lash_row
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import Adjuster, Lash, PublishedLoad
 from flexcam.valvetrain.published_load import series_stiffness
@@ -39,10 +39,10 @@ def lift_transfer(model: Model, contact: str, probe: str, speed: float) -> Calla
         if part.stiffness is None:
             raise refuse(f"contacts.{contact}.stiffness", "hertz", "a number", "the answer to a lift must be linear")
         force = part.stiffness * push
-        stiffness, free = stiffness + along(push, part.stiffness), None
+        stiffness, free = stiffness + scalar_matrix(push, part.stiffness), None
     for name, play in model.contacts.items():  # lash is closed while the train is under compression
         if isinstance(play, Lash | Adjuster):
-            closed = along(play_row(structure, play, f"contacts.{name}"), play.stiffness)
+            closed = scalar_matrix(lash_row(structure, play, f"contacts.{name}"), play.stiffness)
             stiffness, free = stiffness + closed, None
     row = structure.row(probe, np.zeros(6) if model.rocker_at(probe) else lift, "probe")
     M, C, K = (np.asarray(matrix.dense()) for matrix in (system.mass, system.damping, stiffness))

@@ -49,7 +49,7 @@ def lever_joints(structure: Structure) -> Coupling:
     Coupling
         A local force per elastic end.
     """
-    refuse_far_turns(structure)
+    check_lever_rotation(structure)
     forces: list[LocalForce] = []
     for name, lever in structure.model.levers.items():
         for end, rows in lever_ends(structure, lever).items():
@@ -58,7 +58,7 @@ def lever_joints(structure: Structure) -> Coupling:
     return Coupling((), tuple(forces), ())
 
 
-def refuse_far_turns(structure: Structure) -> None:
+def check_lever_rotation(structure: Structure) -> None:
     """Refuse a lift that rotates a lever until its arm is parallel to the motion.
 
     Parameters

@@ -6,7 +6,7 @@ import numpy as np
 
 from flexcam.core import FloatArray
 from flexcam.dynamics import ConstantSpeed, Load
-from flexcam.fem.assembly import element_weight, gathered, spread_force
+from flexcam.fem.assembly import assemble_loads, distributed_load, element_weight
 from flexcam.valvetrain.parts import PublishedLoad
 from flexcam.valvetrain.published_load import constant_history, follower_train
 from flexcam.valvetrain.structure import Structure, find_node, spring_parts, spring_row
@@ -20,7 +20,7 @@ def constant_loads(structure: Structure) -> list[Load]:
         if load.member is None:
             vector = load.size * structure.row(load.at or "", load.direction, f"loads.{name}.at")
         else:
-            vector = gathered(structure.beams, _spread(structure, name), structure.dofs)
+            vector = assemble_loads(structure.beams, _distribute(structure, name), structure.dofs)
         loads.append(Load(f"loads.{name}", vector, constant_history(1.0), steady=True))
     for name, spring in model.springs.items():
         if not spring.installed_force:
@@ -53,14 +53,14 @@ def element_loads(structure: Structure) -> FloatArray:
     """Return the distributed element loads: given forces and weight."""
     total = np.zeros((len(structure.beams), 12))
     for name, load in structure.model.loads.items():
-        total += _spread(structure, name) if load.member is not None else 0.0
+        total += _distribute(structure, name) if load.member is not None else 0.0
     return total + element_weight(structure.beams, np.array(structure.model.gravity))
 
 
-def _spread(structure: Structure, name: str) -> FloatArray:
+def _distribute(structure: Structure, name: str) -> FloatArray:
     load = structure.model.loads[name]
     elements = structure.model.mesh.element_ranges()[load.member or ""]
-    return spread_force(structure.beams, elements, load.size * load.direction[:3])
+    return distributed_load(structure.beams, elements, load.size * load.direction[:3])
 
 
 def _weight(structure: Structure) -> FloatArray:
@@ -69,7 +69,7 @@ def _weight(structure: Structure) -> FloatArray:
     Masses at a rocker's point are excluded because a lumped rocker does not define the direction of its valve.
     """
     model, gravity = structure.model, np.array(structure.model.gravity)
-    load = gathered(structure.beams, element_weight(structure.beams, gravity), structure.dofs)
+    load = assemble_loads(structure.beams, element_weight(structure.beams, gravity), structure.dofs)
     for name, part in model.masses.items():
         if model.rocker_at(part.at) is None:
             pull = part.body.matrix() @ np.concatenate([gravity, np.zeros(3)])

@@ -29,7 +29,7 @@ def static_shapes(system: System, rows: FloatArray) -> FloatArray:
         raise refuse(
             "chain", f"a model of {n} unknowns", f"up to {2 * DENSE_LIMIT}", "shapes are full", "fewer elements"
         )
-    still = _unseen(np.zeros((n, 0)) if system.free is None else system.free, rows)
+    still = _unobserved_motions(np.zeros((n, 0)) if system.free is None else system.free, rows)
     held = np.concatenate([rows, still.T])
     K = system.stiffness.dense()
     scale = float(np.abs(np.diagonal(K)).max(initial=0.0)) or 1.0
@@ -39,7 +39,7 @@ def static_shapes(system: System, rows: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.solve(whole, given)[:n], dtype=np.float64)
 
 
-def _unseen(free: FloatArray, rows: FloatArray) -> FloatArray:
+def _unobserved_motions(free: FloatArray, rows: FloatArray) -> FloatArray:
     """Return the strain-free motions orthogonal to rows, orthonormal, shape (n, k)."""
     basis = np.linalg.qr(free)[0]
     _, values, vectors = np.linalg.svd(rows @ basis)
@@ -47,7 +47,7 @@ def _unseen(free: FloatArray, rows: FloatArray) -> FloatArray:
     return np.asarray(basis @ vectors[seen:].T, dtype=np.float64)
 
 
-def rigid_lumped(mass: FloatArray, moved: FloatArray, count: int) -> FloatArray:
+def lump_mass(mass: FloatArray, moved: FloatArray, count: int) -> FloatArray:
     """Return a mass matrix lumped to the first unknowns, with the same momentum in a rigid motion."""
     lump = mass.copy()
     own = moved[:count]
@@ -83,7 +83,7 @@ class Chain:
     unfelt: tuple[str, ...]
 
 
-def chain_of(model: Model, speed: float, count: int, *, contact: str | None = None, lumped: bool = False) -> Chain:
+def build_chain(model: Model, speed: float, count: int, *, contact: str | None = None, lumped: bool = False) -> Chain:
     """Return the train of a model as a chain of masses."""
     model = straighten(model)
     structure, system = build_structure(model), build_system(model, speed)
@@ -94,17 +94,17 @@ def chain_of(model: Model, speed: float, count: int, *, contact: str | None = No
         raise refuse("count", given, f"1 to {len(points)}", why, "more elements in its members")
     step = (len(points) - 1) / max(count - 1, 1)
     picked = [points[round(i * step)] for i in range(count)]
-    names, rows = _kept(system, picked)
+    names, rows = _kept_rows(system, picked)
     shapes = static_shapes(system, rows)
     found = project_system(system, ModeBasis(shapes, tuple(names)))
     moved = rows @ follower_train(structure, driven, "chain").motion
     k = len(picked)
-    lump = rigid_lumped(found.mass.dense(), moved, k)
+    lump = lump_mass(found.mass.dense(), moved, k)
     if lumped:
         found = replace(found, mass=Triplets.from_dense(lump))
     felt = moved[:k]
     between = -np.diagonal(found.stiffness.dense()[:k, :k], 1) * felt[:-1] * felt[1:]
-    unfelt = _unfelt(structure, shapes)
+    unfelt = _unstressed_members(structure, shapes)
     found = without_compression(found, unfelt)
     return Chain(found, tuple(names[:k]), np.diagonal(lump)[:k] * felt**2, between, shapes, unfelt)
 
@@ -115,14 +115,14 @@ def without_compression(system: System, members: Sequence[str]) -> System:
     return replace(system, channels=tuple(one for one in system.channels if not one.name.startswith(left)))
 
 
-def _unfelt(structure: Structure, shapes: FloatArray) -> tuple[str, ...]:
+def _unstressed_members(structure: Structure, shapes: FloatArray) -> tuple[str, ...]:
     """Return the members that are not stretched with the follower fixed."""
     bars = {name: Bars(structure, elements_of(structure, name)) for name in compressed_members(structure.model)}
     stretched = {name: np.abs(one.tension(shapes[:, 1:].T)) / one.stiffness for name, one in bars.items()}
-    return tuple(name for name, one in stretched.items() if one.max(initial=0.0) < _STRETCHED)
+    return tuple(name for name, one in stretched.items() if one.max(initial=0.0) < _ELONGATION_TOLERANCE)
 
 
-_STRETCHED = 1e-6
+_ELONGATION_TOLERANCE = 1e-6
 """Elongation of an element per unit motion below which it is rounding."""
 
 
@@ -143,19 +143,19 @@ def _contact(model: Model, name: str | None) -> PublishedLoad | CamContact:
     return next(iter(model.driven.values()))
 
 
-def _kept(system: System, picked: Sequence[tuple[str, FloatArray]]) -> tuple[list[str], FloatArray]:
+def _kept_rows(system: System, picked: Sequence[tuple[str, FloatArray]]) -> tuple[list[str], FloatArray]:
     """Return names and rows of the kept motions: points of the chain, then those of local forces."""
     names, rows = [name for name, _ in picked], [row for _, row in picked]
     for force in system.local_forces:
         for vector in (*force.sense, *force.act):
             for row in vector.vectors:
-                if _apart(row, rows):
+                if _is_independent(row, rows):
                     names.append(f"{force.name}.{len(rows) - len(picked) + 1}")
                     rows.append(row / np.linalg.norm(row))
     return names, np.array(rows)
 
 
-def _apart(row: FloatArray, rows: Sequence[FloatArray]) -> bool:
+def _is_independent(row: FloatArray, rows: Sequence[FloatArray]) -> bool:
     """Return whether a row is linearly independent of others."""
     size = float(np.linalg.norm(row))
     if size == 0.0:
@@ -179,7 +179,7 @@ def _train(structure: Structure, contact: PublishedLoad | CamContact) -> list[tu
         if rocker.finger or model.mesh.node(rocker.start) not in nodes:
             continue
         point = structure.row(rocker.point, np.zeros(6))
-        if not _apart(point, [row for row in found.values() if row.any()]):
+        if not _is_independent(point, [row for row in found.values() if row.any()]):
             del found[rocker.start]  # the point moves in proportion to it
         found[rocker.point] = point
     return [(name, row) for name, row in found.items() if row.any()]

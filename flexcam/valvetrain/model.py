@@ -21,7 +21,7 @@ from flexcam.valvetrain.parts import (
     Lash,
     Lever,
     MassAt,
-    Play,
+    NodeLash,
     PublishedLoad,
     Pulsation,
     Rocker,
@@ -118,13 +118,13 @@ class Model:
         return next((one for one in plays if one.rocker == rocker), None)
 
     @property
-    def plays(self) -> list[Play]:
+    def plays(self) -> list[NodeLash]:
         """Lash and adjusters between nodes."""
         parts = [one for one in self.contacts.values() if isinstance(one, Lash | Adjuster)]
         return [
-            Play(one.ends, one.direction, one.gap, 0.0)
+            NodeLash(one.ends, one.direction, one.gap, 0.0)
             if isinstance(one, Lash)
-            else Play(one.ends, one.direction, 0.0, one.plunger_force)
+            else NodeLash(one.ends, one.direction, 0.0, one.plunger_force)
             for one in parts
             if one.ends is not None and one.direction is not None
         ]

@@ -10,7 +10,15 @@ from numpy.typing import NDArray
 
 from flexcam import dynamics
 from flexcam.cams import event_extremes
-from flexcam.core import FloatArray, IntArray, Triplets, component_members, connected_components, null_space, pins
+from flexcam.core import (
+    FloatArray,
+    IntArray,
+    Triplets,
+    component_members,
+    connected_components,
+    null_space,
+    select_constraints,
+)
 from flexcam.dynamics import (
     ActiveDofs,
     CamMotion,
@@ -38,7 +46,7 @@ from flexcam.valvetrain.structure import Structure, build_structure, spring_part
 from flexcam.valvetrain.system_builder import build_system
 
 _KINDS = {"axial": beam.AXIAL, "torsion": beam.TORSION, "bending x-y": beam.PLANE_XY, "bending x-z": beam.PLANE_XZ}
-_NAMED = 0.05
+_ENERGY_FRACTION = 0.05
 """Fraction of a mode's kinetic energy above which a part is named."""
 
 
@@ -63,7 +71,7 @@ class ModelModes:
     def words(self, mode: int) -> str:
         """Describe a mode, such as ``mass valve 60 %, pushrod axial 30 %``."""
         shares = sorted(self.shares[mode].items(), key=lambda item: -item[1])
-        named = [f"{part} {100.0 * share:.0f} %" for part, share in shares if share >= _NAMED]
+        named = [f"{part} {100.0 * share:.0f} %" for part, share in shares if share >= _ENERGY_FRACTION]
         free = "free motion: " if mode < self.modes.rigid else ""
         return free + ", ".join(named)
 
@@ -77,30 +85,30 @@ def model_modes(
     force = None if loaded is None else section_forces(structure.beams, structure.dofs.nodal(loaded))[:, 0, 0]
     if held:
         closed = Triplets.joined([part for _, part in held])
-        stiffness, free = stiffness + closed, _unstressed(free, closed, stiffness)
+        stiffness, free = stiffness + closed, _unstressed_motions(free, closed, stiffness)
     if force is not None:
         geometric = fem_geometric(structure.beams, force, structure.dofs)
-        stiffness, free = stiffness + geometric, _unstressed(free, geometric, stiffness)
+        stiffness, free = stiffness + geometric, _unstressed_motions(free, geometric, stiffness)
     try:
         found = dynamics.modes(structure.mass, stiffness, count, free=free)
     except NotPositiveError as failure:
         if failure.motion is None:
             raise
-        parts = [*held, *(() if force is None else _pressed(structure, force))]
+        parts = [*held, *(() if force is None else _member_geometric_stiffness(structure, force))]
         raise RunFailedError(instability_status(structure.dofs.names, failure.motion, parts)) from None
     motions = np.array([structure.dofs.rigid_motion(structure.model.mesh, unit) for unit in np.eye(6)])
     effective = dynamics.effective_masses(found, structure.mass, motions)
     return ModelModes(found, effective, _shares(structure, found.shapes.T))
 
 
-def _pressed(structure: Structure, force: FloatArray) -> Iterator[tuple[str, Triplets]]:
+def _member_geometric_stiffness(structure: Structure, force: FloatArray) -> Iterator[tuple[str, Triplets]]:
     """Yield the name of each member and its geometric stiffness under axial forces, N, tension positive, shape (e,)."""
     for name, its in structure.model.mesh.element_ranges().items():
         elements = np.arange(len(structure.beams))[its]
         yield f"members.{name}", fem_geometric(structure.beams.part(elements), force[elements], structure.dofs)
 
 
-def _unstressed(free: FloatArray, geometric: Triplets, stiffness: Triplets) -> FloatArray:
+def _unstressed_motions(free: FloatArray, geometric: Triplets, stiffness: Triplets) -> FloatArray:
     """Return the free motions without geometric stiffness, which acts against rotation of a member."""
     if not free.shape[1]:
         return free
@@ -174,7 +182,7 @@ def _parts(system: System, places: FloatArray) -> tuple[IntArray, list[IntArray]
     kept: NDArray[np.bool_] = np.array(places.any(axis=0))
     held = np.flatnonzero(~kept)
     while len(held) and (loose := null_space(system.stiffness.part(held))).shape[1]:
-        kept[held[pins(loose)]] = True  # fix one more unknown for each free motion between kept unknowns
+        kept[held[select_constraints(loose)]] = True  # fix one more unknown for each free motion between kept unknowns
         held = np.flatnonzero(~kept)
     joined = system.stiffness.part(held) + system.mass.part(held)
     labels = connected_components(len(held), joined.rows, joined.cols)
@@ -188,7 +196,7 @@ def _places(system: System) -> FloatArray:
     return rows[rows.any(axis=1)]
 
 
-_FELT = 1e-4
+_COMPLIANCE_FRACTION = 1e-4
 """Fraction of the static contact compliance above which a mode is relevant for the contact."""
 
 _MOST = 3000
@@ -196,7 +204,7 @@ _MOST = 3000
 
 
 @dataclass(frozen=True, eq=False)
-class ReachedModes:
+class ContactModes:
     """Modes on the lift of a cam.
 
     Parameters
@@ -219,20 +227,20 @@ class ReachedModes:
         """
         rigid, omegas = self.found.modes.rigid, self.found.modes.omegas
         shares = (self.push[rigid:] / omegas[rigid:]) ** 2
-        return (np.flatnonzero(shares > _FELT * shares.sum()) + rigid).tolist()
+        return (np.flatnonzero(shares > _COMPLIANCE_FRACTION * shares.sum()) + rigid).tolist()
 
 
-def contact_modes(structure: Structure, contact: str, held: Sequence[tuple[str, Triplets]]) -> ReachedModes:
+def contact_modes(structure: Structure, contact: str, held: Sequence[tuple[str, Triplets]]) -> ContactModes:
     """Return the modes of a train, and the modal force of a contact in each."""
     part = structure.model.driven[contact]
     found = model_modes(structure, held=held)
     push = structure.row(part.follower, part.direction) - structure.row(
         structure.model.cams[part.cam].at, part.direction
     )
-    return ReachedModes(found, np.abs(push @ found.modes.shapes))
+    return ContactModes(found, np.abs(push @ found.modes.shapes))
 
 
-def holding(
+def contact_stiffness(
     system: System, motion: CamMotion, displacement: FloatArray, velocity: FloatArray, inner: FloatArray | None = None
 ) -> list[tuple[str, Triplets]]:
     """Return the stiffness of each local force at an instant."""
@@ -240,7 +248,7 @@ def holding(
     return [(name, Triplets.from_dense(0.5 * (part + part.T))) for name, part in tangents.parts(0)]
 
 
-def modes_on_the_lift(model: Model, contact: str, speed: float) -> ReachedModes:
+def modes_on_the_lift(model: Model, contact: str, speed: float) -> ContactModes:
     """Return the modes about the static equilibrium at full lift of a cam."""
     structure, system = build_structure(model), build_system(model, speed)
     if not system.local_forces or system.size > _MOST:
@@ -251,7 +259,7 @@ def modes_on_the_lift(model: Model, contact: str, speed: float) -> ReachedModes:
     inner = None if state.inner is None else state.inner[None]
     still = np.zeros((1, system.size))
     return contact_modes(
-        structure, contact, holding(system, drive.at(np.zeros(1)), state.displacement[None], still, inner)
+        structure, contact, contact_stiffness(system, drive.at(np.zeros(1)), state.displacement[None], still, inner)
     )
 
 

@@ -325,7 +325,7 @@ class Adjuster:
 
 
 @dataclass(frozen=True, eq=False)
-class Play:
+class NodeLash:
     """Lash or adjuster between two nodes, the first of which pushes the second.
 
     Parameters

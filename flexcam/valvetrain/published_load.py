@@ -35,9 +35,9 @@ from flexcam.dynamics import (
     derivative,
     force_sum,
     load_sum,
+    observable_sum,
     spring_damper,
     static_displacement,
-    total,
 )
 from flexcam.valvetrain.contacts import Coupling
 from flexcam.valvetrain.parts import Cam, CamContact, PublishedLoad
@@ -95,8 +95,8 @@ def series_stiffness(structure: Structure, contact: PublishedLoad, where: str) -
 
 def preload(structure: Structure, contact: PublishedLoad, train: FollowerTrain, cam: Cam, speed: float) -> float:
     """Return the preload at the follower, N."""
-    if stated_forces(structure, train):
-        force = stated_force(structure, train)
+    if given_forces(structure, train):
+        force = given_force(structure, train)
         if force <= 0.0:
             given, why = f"springs that pull the follower with {-force:g} N", "contact needs a push against the lift"
             raise refuse("springs", given, "installed forces that close the contact", why, "turn a spring's direction")
@@ -105,12 +105,12 @@ def preload(structure: Structure, contact: PublishedLoad, train: FollowerTrain, 
     return contact.preload_factor * train.mass * deceleration
 
 
-def stated_force(structure: Structure, train: FollowerTrain) -> float:
+def given_force(structure: Structure, train: FollowerTrain) -> float:
     """Return the given installed forces of springs reduced to the follower, N; zero without any."""
-    return sum(float(train.motion @ row) * size for size, row in stated_forces(structure, train))
+    return sum(float(train.motion @ row) * size for size, row in given_forces(structure, train))
 
 
-def stated_forces(structure: Structure, train: FollowerTrain) -> list[tuple[float, FloatArray]]:
+def given_forces(structure: Structure, train: FollowerTrain) -> list[tuple[float, FloatArray]]:
     """Return installed force and row of the springs on a follower's train with a given installed force."""
     rows = [(s.installed_force, spring_row(structure, n, s)) for n, s in structure.model.springs.items()]
     return [(size, row) for size, row in rows if size is not None and float(train.motion @ row) != 0.0]
@@ -157,7 +157,7 @@ def couple_published_load(structure: Structure, name: str, contact: PublishedLoa
         local = (LocalForce(f"contacts.{name}", (sensed,), (felt,), spring_damper(K), (constant(0.0),)),)
 
     def seen(factor: AngleFunction | None = None) -> Observable:
-        return total(load_sum(0, 1, factor=factor), *[force_sum(0, factor=factor)] if local else [])
+        return observable_sum(load_sum(0, 1, factor=factor), *[force_sum(0, factor=factor)] if local else [])
 
     return Coupling(tuple(loads), local, (
         Channel(f"contacts.{name}.force", "N", seen()),
@@ -170,7 +170,7 @@ def _spring_share(structure: Structure, train: FollowerTrain) -> FloatArray:
 
     The force is distributed like the given installed forces, or like the stiffnesses without any.
     """
-    shares = stated_forces(structure, train)
+    shares = given_forces(structure, train)
     if not shares:
         rows = [(s.stiffness, spring_row(structure, n, s)) for n, s in structure.model.springs.items()]
         shares = [(k * float(train.motion @ row), row) for k, row in rows]

@@ -15,7 +15,7 @@ from flexcam.valvetrain.loads import element_loads
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.structure import Structure
 
-SEEN = 1e-3
+LIFT_TOLERANCE = 1e-3
 """Allowed deviation of the lift between two steps, relative to the lift: the published model is then accurate to 1 % at
 3000 rpm.
 """
@@ -50,8 +50,8 @@ def coarse_cams(model: Model, turn: float) -> list[CoarseCam]:
     found: list[CoarseCam] = []
     for name, cam in model.cams.items():
         curved = float(np.abs(cam.event(_ANGLES, 2)).max()) / (8.0 * cam.event.height)
-        if curved * turn**2 > SEEN:
-            enough = math.ceil(2.0 * math.pi * math.sqrt(curved / SEEN))
+        if curved * turn**2 > LIFT_TOLERANCE:
+            enough = math.ceil(2.0 * math.pi * math.sqrt(curved / LIFT_TOLERANCE))
             found.append(CoarseCam(name, min(curved * turn**2, 1.0), enough))
     return found
 
@@ -59,7 +59,7 @@ def coarse_cams(model: Model, turn: float) -> list[CoarseCam]:
 _BENDS = 0.01
 """Fraction of strain energy in bending above which a member counts as bending."""
 
-_LOOKS = 8
+_BLOCK_INTERVAL = 8
 """Number of initial blocks evaluated for bending; later, one of as many blocks is evaluated."""
 
 _WAVE = 2.0 * math.pi
@@ -111,7 +111,7 @@ class ResolutionSink:
         names = [name for name, _ in outline.channels]
         contacts = [i for i, name in enumerate(names) if name.startswith("contacts.") and name.endswith(".force")]
         self._names = [names[i].split(".")[1] for i in contacts]
-        self._touches = _Touches(np.array(contacts, dtype=np.intp))
+        self._touches = _ImpactSteps(np.array(contacts, dtype=np.intp))
 
     def write(self, block: Block) -> None:
         """Update with a block."""
@@ -121,7 +121,7 @@ class ResolutionSink:
         fields = block.fields
         if fields.velocity.shape[1] == len(self._mass):
             self._squares += [((one**2) @ self._mass).sum() for one in (fields.acceleration, fields.velocity)]
-        if self._blocks < _LOOKS or self._blocks % _LOOKS == 0:
+        if self._blocks < _BLOCK_INTERVAL or self._blocks % _BLOCK_INTERVAL == 0:
             self._bend(block)
         self._blocks += 1
 
@@ -157,7 +157,7 @@ class ResolutionSink:
         return {name: float(lengths[part].min()) for name, part in ranges.items() if energies[name] > _BENDS * whole}
 
 
-class _Touches:
+class _ImpactSteps:
     """Number of steps of the impact with the largest force, per contact."""
 
     def __init__(self, columns: IntArray) -> None:
@@ -173,14 +173,14 @@ class _Touches:
         peaks = forces.max(axis=0)
         for i in np.flatnonzero(peaks > self._largest).tolist():
             self._largest[i] = peaks[i]
-            self._steps[i] = _around(forces[:, i] > 0.0, int(np.argmax(forces[:, i])))
+            self._steps[i] = _contact_duration(forces[:, i] > 0.0, int(np.argmax(forces[:, i])))
 
     def named(self, names: list[str]) -> dict[str, int]:
         """Return the number of steps of contacts with an impact."""
         return {name: int(steps) for name, steps in zip(names, self._steps, strict=True) if steps}
 
 
-def _around(closed: NDArray[np.bool_], at: int) -> int:
+def _contact_duration(closed: NDArray[np.bool_], at: int) -> int:
     """Return the number of steps of closed contact around a step; zero if it is not within the block."""
     open_ = np.flatnonzero(~closed)
     before, after = open_[open_ < at], open_[open_ > at]

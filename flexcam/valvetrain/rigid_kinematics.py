@@ -20,7 +20,7 @@ Coordinate = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
 """Path of the rigid train over the lift, m, with its first two derivatives."""
 
 
-def in_proportion(lift: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def direct_path(lift: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the path of parts moved directly by the cam: the lift."""
     return lift, np.ones_like(lift), np.zeros_like(lift)
 
@@ -53,10 +53,10 @@ def path_behind_lash(before: Coordinate, gap: float, rest: float | None) -> Coor
     return before if gap == 0.0 and rest is None else moved
 
 
-_BALANCED = 1e-9
+_FORCE_TOLERANCE = 1e-9
 """Fraction of the largest force that counts as zero."""
 
-_NOTHING = 1e-12
+_PENETRATION_TOLERANCE = 1e-12
 """Penetration that counts as zero, m."""
 
 
@@ -86,7 +86,7 @@ class Body:
 
     def closed(self, place: float, before: float) -> bool:
         """Return whether its lash is closed at given positions of it and the driving body, m."""
-        return self.extends or place - before <= _NOTHING - self.gap
+        return self.extends or place - before <= _PENETRATION_TOLERANCE - self.gap
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,8 +120,8 @@ def find_rest(bodies: Sequence[Body], stiffness: FloatArray, force: FloatArray) 
     stops = _stops(bodies)
     for held in product(*((stop.likely, not stop.likely) for stop in stops)) if stops else ():
         holding = [stop for stop, holds in zip(stops, held, strict=True) if holds]
-        places, forces = _balance(stiffness[1:, 1:], own[1:], holding)
-        if places is not None and all(float(one.row @ places) >= one.bound - _NOTHING for one in stops):
+        places, forces = _solve_active_set(stiffness[1:, 1:], own[1:], holding)
+        if places is not None and all(float(one.row @ places) >= one.bound - _PENETRATION_TOLERANCE for one in stops):
             seats = sum((size * one.row * one.seat for one, size in zip(holding, forces, strict=True)), 0.0 * own[1:])
             return RestState(*(np.concatenate([[0.0], one]) for one in (places, seats)))
     return RestState(np.zeros(len(bodies)), np.zeros(len(bodies)))
@@ -143,7 +143,7 @@ def _stops(bodies: Sequence[Body]) -> list[_Stop]:
     return plays + [_Stop(unit[i], 0.0, True, True) for i, one in numbered if one.seated]
 
 
-def _balance(K: FloatArray, force: FloatArray, stops: Sequence[_Stop]) -> tuple[FloatArray | None, FloatArray]:
+def _solve_active_set(K: FloatArray, force: FloatArray, stops: Sequence[_Stop]) -> tuple[FloatArray | None, FloatArray]:
     """Return the rest positions with active constraints and their forces; None if a force is tensile.
 
     ``K x + f = A^T r`` with ``A x = b`` and ``r >= 0``.
@@ -153,7 +153,7 @@ def _balance(K: FloatArray, force: FloatArray, stops: Sequence[_Stop]) -> tuple[
     matrix = np.block([[K / scale, -A.T], [A, np.zeros((len(A), len(A)))]])
     given = np.concatenate([-force / scale, [stop.bound for stop in stops]])
     found: FloatArray = np.linalg.lstsq(matrix, given)[0].astype(np.float64, copy=False)
-    slight = _BALANCED * float(np.abs(force).max(initial=0.0)) / scale + _NOTHING
+    slight = _FORCE_TOLERANCE * float(np.abs(force).max(initial=0.0)) / scale + _PENETRATION_TOLERANCE
     if (np.abs(matrix @ found - given) > slight).any() or (found[n:] < -slight).any():
         return None, found[n:]
     return found[:n], scale * found[n:]
@@ -193,7 +193,7 @@ class Part:
 
 
 @dataclass(frozen=True, eq=False)
-class DividedTrain:
+class TrainParts:
     """Rigid train divided into parts and bodies.
 
     Parameters
@@ -220,7 +220,7 @@ class DividedTrain:
         """Return the path of every part for rest positions of bodies, m, shape (g,), from `find_rest`."""
         found: list[Coordinate] = []
         for part in self.parts:
-            path = found[part.before] if found else in_proportion
+            path = found[part.before] if found else direct_path
             if part.lever is not None:
                 path = lever_path(path, part.lever, part.end, part.share)
             if part.opens:
@@ -255,14 +255,14 @@ class _Joint:
     rocker: Rocker | None = None
 
 
-def divide_train(structure: Structure, motion: FloatArray) -> DividedTrain:
+def divide_train(structure: Structure, motion: FloatArray) -> TrainParts:
     """Divide a train at lash and levers."""
     parts, bodies = [Part(motion)], [Body()]
-    for joint in _outward([*_plays(structure, motion), *_rockers(structure, motion)]):
+    for joint in _topological_order([*_lash_joints(structure, motion), *_rockers(structure, motion)]):
         before = next((i for i, one in enumerate(parts) if float(joint.row @ one.motion) != 0.0), 0)
         for one in _parts_of(structure, joint, parts[before], before):
-            if twin := _twin(parts, before, one):
-                bodies[twin.body] = _least(bodies[twin.body], _body(joint, parts[before], one))
+            if twin := _parallel_lash(parts, before, one):
+                bodies[twin.body] = _combine_parallel(bodies[twin.body], _body(joint, parts[before], one))
                 continue
             if one.opens:
                 bodies.append(_body(joint, parts[before], one))
@@ -273,10 +273,10 @@ def divide_train(structure: Structure, motion: FloatArray) -> DividedTrain:
     seats = [structure.row(one.at, one.direction) for one in structure.model.contacts.values() if isinstance(one, Seat)]
     moved = [sum((one.slope * one.motion for one in parts if one.body == i), 0.0 * motion) for i in range(len(bodies))]
     seated = [any(float(row @ one) > 0.0 for row in seats) for one in moved]
-    return DividedTrain(tuple(parts), tuple(replace(one, seated=is_) for one, is_ in zip(bodies, seated, strict=True)))
+    return TrainParts(tuple(parts), tuple(replace(one, seated=is_) for one, is_ in zip(bodies, seated, strict=True)))
 
 
-def _plays(structure: Structure, motion: FloatArray) -> Iterator[_Joint]:
+def _lash_joints(structure: Structure, motion: FloatArray) -> Iterator[_Joint]:
     """Yield the lash elements between nodes of a train; refuse those that its lift does not close."""
     for name, play in structure.model.contacts.items():
         if isinstance(play, Lash | Adjuster) and play.ends is not None and play.direction is not None:
@@ -285,7 +285,7 @@ def _plays(structure: Structure, motion: FloatArray) -> Iterator[_Joint]:
             if not (pushing.any() and pushed.any()):  # a fixed node drives no other
                 continue
             driven = float(row @ motion)
-            if driven < 0.0 or (driven == 0.0 and float(far @ motion) and not _reached(structure, play.ends[0])):
+            if driven < 0.0 or (driven == 0.0 and float(far @ motion) and not _is_cam_driven(structure, play.ends[0])):
                 allowed, why = "a play that the lift of its cam closes", "a rigid train goes through it from the cam on"
                 remedy = "name as `from` the node on the side of the cam, with the direction in which it pushes"
                 raise refuse(f"contacts.{name}", f"from {play.ends[0]!r} to {play.ends[1]!r}", allowed, why, remedy)
@@ -293,7 +293,7 @@ def _plays(structure: Structure, motion: FloatArray) -> Iterator[_Joint]:
                 yield _Joint(row, complete_motion(structure, pushed), play)
 
 
-def _reached(structure: Structure, node: str) -> bool:
+def _is_cam_driven(structure: Structure, node: str) -> bool:
     """Return whether a cam moves a node."""
     model = structure.model
     return any(model.mesh.node(node) in moved_nodes(model, one) for one in model.driven.values())
@@ -308,7 +308,7 @@ def _rockers(structure: Structure, motion: FloatArray) -> Iterator[_Joint]:
             yield _Joint(row, own, structure.model.lash_of(name), rocker)
 
 
-def _outward(joints: Sequence[_Joint]) -> Iterator[_Joint]:
+def _topological_order(joints: Sequence[_Joint]) -> Iterator[_Joint]:
     """Yield joints in topological order: each after its driving joint."""
     left = list(joints)
     while left:
@@ -321,31 +321,31 @@ def _parts_of(structure: Structure, joint: _Joint, driver: Part, before: int) ->
     """Yield the parts driven by a joint: both ends of a lever, then the parts at its point or after the lash."""
     rocker, opens = joint.rocker, joint.play is not None
     if not isinstance(rocker, Lever):
-        yield Part(_through(joint, driver) * joint.moved, driver.slope, before, driver.body, opens=opens)
+        yield Part(_transmit(joint, driver) * joint.moved, driver.slope, before, driver.body, opens=opens)
         return
     name, share = structure.name_of(rocker), float(joint.row @ driver.motion)
     for end, own in ((0, path_name(name)), (1, tip_name(name)), (1, None)):
-        slope = driver.slope * float(lever_path(in_proportion, rocker, end, share)(np.zeros(1))[1][0])
+        slope = driver.slope * float(lever_path(direct_path, rocker, end, share)(np.zeros(1))[1][0])
         moved = joint.moved if own is None else _unit(structure, own)
         if moved.any():
             yield Part(moved, slope, before, driver.body, rocker, end, share, opens and own is None)
 
 
-def _through(joint: _Joint, driver: Part) -> float:
+def _transmit(joint: _Joint, driver: Part) -> float:
     """Return the motion after a joint per path of its part; at a lever's point, the path itself."""
     if isinstance(joint.rocker, Lever):
         return 1.0
     return float(joint.row @ driver.motion) * (joint.rocker.ratio if joint.rocker else 1.0)
 
 
-def _twin(parts: Sequence[Part], before: int, pushed: Part) -> Part | None:
+def _parallel_lash(parts: Sequence[Part], before: int, pushed: Part) -> Part | None:
     """Return the part driven by a parallel lash from the same body; None without one."""
     own = parts[before]
     beside = (one for one in parts if one.opens and one is not own and parts[one.before].body == own.body)
     return next((one for one in beside if pushed.opens and np.any((one.motion != 0.0) & (pushed.motion != 0.0))), None)
 
 
-def _least(one: Body, other: Body) -> Body:
+def _combine_parallel(one: Body, other: Body) -> Body:
     """Return a body after two parallel lash elements: the smaller gap governs, adjuster forces add up."""
     gap, push = min(one.gap, other.gap), one.push + other.push
     return replace(one, gap=gap, push=push, extends=one.extends or other.extends)
@@ -353,7 +353,7 @@ def _least(one: Body, other: Body) -> Body:
 
 def _body(joint: _Joint, driver: Part, first: Part) -> Body:
     """Return the body that begins with a part after a lash."""
-    moved = first.slope * _through(joint, driver)
+    moved = first.slope * _transmit(joint, driver)
     if isinstance(joint.play, Adjuster):
         return Body(driver.body, push=joint.play.plunger_force * moved, extends=True)
     return Body(driver.body, gap=joint.play.gap / moved if joint.play else 0.0)

@@ -11,7 +11,7 @@ import numpy as np
 from flexcam.cams import Event, event_extremes
 from flexcam.core import FloatArray, Triplets
 from flexcam.core.errors import refuse
-from flexcam.dynamics import (  # fmt: skip
+from flexcam.dynamics import (
     AngleFunction,
     AngleVector,
     CamFunctionCache,
@@ -27,21 +27,21 @@ from flexcam.dynamics import (  # fmt: skip
     derivative,
     load_sum,
     modes,
-    total,
+    observable_sum,
 )
 from flexcam.dynamics.force_laws import STOP
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.fem.assembly import modal_damping
 from flexcam.valvetrain.cam_contact import sliding_path
-from flexcam.valvetrain.cam_functions import lightened, rub, travelled
+from flexcam.valvetrain.cam_functions import cam_sliding, normal_force_ratio, sliding_distance
 from flexcam.valvetrain.contacts import opposed_force
-from flexcam.valvetrain.levers import refuse_far_turns
+from flexcam.valvetrain.levers import check_lever_rotation
 from flexcam.valvetrain.loads import steady_load
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import CamContact, PublishedLoad
 from flexcam.valvetrain.published_load import follower_train, preload
 from flexcam.valvetrain.rigid_kinematics import Body, Coordinate, divide_train, find_rest
-from flexcam.valvetrain.springs import coils
+from flexcam.valvetrain.springs import couple_coils
 from flexcam.valvetrain.structure import Structure, build_structure, spring_parts
 from flexcam.valvetrain.system_builder import probe_of
 
@@ -84,15 +84,15 @@ class SpringLaw:
 def spring_laws(structure: Structure, motions: FloatArray) -> tuple[SpringLaw, ...]:
     """Return the nonlinear laws of the springs in a train."""
     found: list[SpringLaw] = []
-    for force in coils(structure).forces:
+    for force in couple_coils(structure).forces:
         rows = np.array([sensed.vectors[0] for sensed in force.sense]) @ motions.T
         if rows.any() and isinstance(force.law, ForceLaw):
             offset, stops = force.offset[0], force.law.kind == STOP
-            found.append(SpringLaw(force.name, _alone(force.name, force.law, len(rows)), rows, offset, stops))
+            found.append(SpringLaw(force.name, _identity_law(force.name, force.law, len(rows)), rows, offset, stops))
     return tuple(found)
 
 
-def _alone(name: str, law: ForceLaw, count: int) -> LocalForces:
+def _identity_law(name: str, law: ForceLaw, count: int) -> LocalForces:
     """Return the law for scalars that are unknowns themselves."""
     none = Triplets.zeros(count)
     force = opposed_force(name, np.eye(count), law)
@@ -101,7 +101,7 @@ def _alone(name: str, law: ForceLaw, count: int) -> LocalForces:
 
 History = Callable[[CamMotion], FloatArray]
 
-_ROUND = np.linspace(0.0, 2.0 * np.pi, 721)
+_JAM_ANGLES = np.linspace(0.0, 2.0 * np.pi, 721)
 """Cam angles at which jamming is checked."""
 
 
@@ -141,9 +141,10 @@ class RigidFriction:
     def jams(self) -> bool:
         """Return whether the follower jams: friction carries the required force at some angle."""
         a = sum(
-            (share * one(_ROUND, 0) for share, one in zip(self.shares, self.along, strict=True)), np.zeros(len(_ROUND))
+            (share * one(_JAM_ANGLES, 0) for share, one in zip(self.shares, self.along, strict=True)),
+            np.zeros(len(_JAM_ANGLES)),
         )
-        path = a * self.event(_ROUND, 1) + self.slid(_ROUND, 1)
+        path = a * self.event(_JAM_ANGLES, 1) + self.slid(_JAM_ANGLES, 1)
         return bool((self.coefficient * a * np.sign(path) >= 1.0).any())
 
     def friction(self, needed: History) -> History:
@@ -166,7 +167,7 @@ def rigid_friction(structure: Structure, name: str, contact: CamContact, moved: 
     """Return the friction of a contact in the rigid train."""
     cam = structure.model.cams[contact.cam]
     path = sliding_path(structure, name, contact, cam)
-    speed, slid = contact.friction_speed, travelled(cam)
+    speed, slid = contact.friction_speed, sliding_distance(cam)
     found = RigidFriction(cam.event, contact.friction, speed, path.vectors @ moved, path.functions, slid)
     if found.jams():
         allowed, why = "a friction at which the face slides", "friction alone would hold the rigid follower: it jams"
@@ -227,13 +228,13 @@ class RigidTrain:
             damped = (h1 * speed[..., None]) @ self.damping
             held = sum((one.force(h, motion.cam) for one in self.springs), h @ self.stiffness + self.force)
             felt = (h1 * (inertia + damped + held)) @ (self.bodies != 0.0).T
-            shut = np.asarray(s <= _SHUT * event.height)[..., None]
+            shut = np.asarray(s <= _BASE_CIRCLE_FRACTION * event.height)[..., None]
             return np.sum(np.where(shut & ~np.isnan(self.standing), self.standing, felt), axis=-1)
 
         return history
 
 
-_SHUT = 1e-9
+_BASE_CIRCLE_FRACTION = 1e-9
 """Fraction of the lift below which a cam counts as on the base circle."""
 
 
@@ -243,7 +244,7 @@ def rigid_train(structure: Structure, contact: PublishedLoad | CamContact, where
     parted = divide_train(structure, train.motion)
     motions, bodies = parted.motions, parted.installed
     mass = motions @ structure.mass.times_all(motions.T)
-    damping, stiffness = _stretched(structure, motions)
+    damping, stiffness = _spring_matrices(structure, motions)
     given = structure.model.damping
     force = -motions @ steady_load(structure)
     if isinstance(contact, PublishedLoad):
@@ -255,7 +256,7 @@ def rigid_train(structure: Structure, contact: PublishedLoad | CamContact, where
         return RigidTrain(motions, paths, mass, damping, stiffness, force, bodies, np.nan * pushed, springs)
     begun = find_rest(parted.bodies, held, pushed)
     needed, seated = held @ begun.places + pushed, np.array([one.seated for one in parted.bodies])
-    standing = _standing(parted.bodies, needed - begun.seats)
+    standing = _rest_forces(parted.bodies, needed - begun.seats)
     between = seated & parted.joined(begun.places)
     return RigidTrain(
         motions, parted.coordinates(begun.places), mass, damping, stiffness, force, bodies, standing, springs,
@@ -263,7 +264,7 @@ def rigid_train(structure: Structure, contact: PublishedLoad | CamContact, where
     )  # fmt: skip
 
 
-def _standing(bodies: Sequence[Body], left: FloatArray) -> FloatArray:
+def _rest_forces(bodies: Sequence[Body], left: FloatArray) -> FloatArray:
     """Return the contributions of bodies to the follower force on the base circle, from their seat loads.
 
     A seat of the first body carries the remainder of all bodies, which other seats may reduce below zero.
@@ -292,7 +293,7 @@ def _modal(mass: FloatArray, stiffness: FloatArray, bodies: FloatArray, ratio: f
     return damping.dense()
 
 
-def _stretched(structure: Structure, motions: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _spring_matrices(structure: Structure, motions: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return damping and stiffness of the springs' parts along motions, shape (b, b) each."""
     damping, stiffness = np.zeros((2, len(motions), len(motions)))
     for name, spring in structure.model.springs.items():
@@ -311,7 +312,7 @@ ANY_SPEED = 1.0
 def build_rigid(model: Model, speed: float) -> System:
     """Return the mechanism with rigid members: no unknowns, the train follows the lift."""
     structure = build_structure(model)
-    refuse_far_turns(structure)
+    check_lever_rotation(structure)
     trains = {
         name: rigid_train(structure, contact, f"contacts.{name}.follower", speed)
         for name, contact in model.driven.items()
@@ -319,16 +320,16 @@ def build_rigid(model: Model, speed: float) -> System:
     loads: list[Load] = []
     channels: list[Channel] = []
     for name, train in trains.items():
-        own = _felt(structure, name, train, len(loads))
+        own = _contact_histories(structure, name, train, len(loads))
         loads += own[0]
         channels += own[1]
     nothing = Triplets.zeros(0)
     probes = tuple(_rigid_probe(structure, probe_of(structure, point), trains) for point in model.probes)
-    shown = _carried(model, structure, trains)
+    shown = _prescribed_motion(model, structure, trains)
     return System(nothing, nothing, nothing, (), tuple(loads), (), probes, tuple(channels), carried=shown)
 
 
-def _felt(structure: Structure, name: str, train: RigidTrain, at: int) -> tuple[list[Load], list[Channel]]:
+def _contact_histories(structure: Structure, name: str, train: RigidTrain, at: int) -> tuple[list[Load], list[Channel]]:
     """Return contact forces as histories from an index on, and the channels computed from them."""
     where, contact = f"contacts.{name}", structure.model.driven[name]
     cam = structure.model.cams[contact.cam]
@@ -344,18 +345,18 @@ def _felt(structure: Structure, name: str, train: RigidTrain, at: int) -> tuple[
     ]
     return loads, [
         Channel(f"{where}.force", "N", load_sum(at)),
-        Channel(f"{where}.torque", "N m", total(torque, load_sum(at + 1, factor=rub(cam)))),
-        Channel(f"{where}.friction", "N", load_sum(at + 1, factor=lightened(cam))),
+        Channel(f"{where}.torque", "N m", observable_sum(torque, load_sum(at + 1, factor=cam_sliding(cam)))),
+        Channel(f"{where}.friction", "N", load_sum(at + 1, factor=normal_force_ratio(cam))),
     ]
 
 
-def _carried(model: Model, structure: Structure, trains: Mapping[str, RigidTrain]) -> PrescribedMotion:
+def _prescribed_motion(model: Model, structure: Structure, trains: Mapping[str, RigidTrain]) -> PrescribedMotion:
     """Return the motion of all components for output."""
     vectors, functions = [np.zeros((1, structure.dofs.size))], [constant(0.0)]
     for name, train in trains.items():
         event = model.cams[model.driven[name].cam].event
         vectors.append(train.motions)
-        functions += [_Along(1.0, coordinate, event) for coordinate in train.coordinates]
+        functions += [_ScaledCoordinate(1.0, coordinate, event) for coordinate in train.coordinates]
     return PrescribedMotion(structure.dofs.names, AngleVector(np.concatenate(vectors), tuple(functions)))
 
 
@@ -367,16 +368,16 @@ def _rigid_probe(structure: Structure, probe: Probe, trains: dict[str, RigidTrai
         event = model.cams[model.driven[name].cam].event
         for component, shares in zip(moving, probe.rows @ train.motions.T, strict=True):
             component += [
-                _Along(float(share), one, event)
+                _ScaledCoordinate(float(share), one, event)
                 for share, one in zip(shares, train.coordinates, strict=True)
                 if share != 0.0
             ]
-    offsets = tuple(_Sum(tuple(component)) if component else None for component in moving)
+    offsets = tuple(_CoordinateSum(tuple(component)) if component else None for component in moving)
     return Probe(probe.name, probe.components, np.zeros((len(probe.components), 0)), offsets)
 
 
 @dataclass(frozen=True, eq=False)
-class _Along(DerivedCamFunction):
+class _ScaledCoordinate(DerivedCamFunction):
     """Fraction of a coordinate as a function of the cam angle."""
 
     share: float
@@ -393,7 +394,7 @@ class _Along(DerivedCamFunction):
 
 
 @dataclass(frozen=True, eq=False)
-class _Sum(DerivedCamFunction):
+class _CoordinateSum(DerivedCamFunction):
     """Sum of motions."""
 
     parts: tuple[AngleFunction, ...]

@@ -14,7 +14,7 @@ from flexcam.valvetrain.parts import Pulsation, Spring, Wire
 from flexcam.valvetrain.structure import Structure, spring_parts
 
 
-def coils(structure: Structure) -> Coupling:
+def couple_coils(structure: Structure) -> Coupling:
     """Return the contacts between neighbouring parts of springs, and the channels of all springs of an engine.
 
     Parameters
@@ -33,7 +33,7 @@ def coils(structure: Structure) -> Coupling:
     channels: list[Channel] = []
     count = 0
     for name, spring in structure.model.springs.items():
-        if not _told(spring) and spring.pulsation is None and spring.clash_travel is None:
+        if not _has_channels(spring) and spring.pulsation is None and spring.clash_travel is None:
             continue
         rows = np.array([high - low for low, high in spring_parts(structure, name, spring)])
         channels += _channels(f"springs.{name}", spring, rows)
@@ -68,15 +68,15 @@ def pulsating_spring(stiffness: float, pulsation: Pulsation) -> ForceLaw:
     return ForceLaw(PULSATING, (stiffness,), (lambda angle, order: pulsation.part(angle),))
 
 
-def _told(spring: Spring) -> bool:
+def _has_channels(spring: Spring) -> bool:
     """Return whether the force of a spring is an output: not of a bearing or a substitute for a stiff part."""
     return spring.installed_force is not None or spring.elements > 1 or spring.wire is not None
 
 
 def _channels(where: str, spring: Spring, rows: FloatArray) -> list[Channel]:
-    if not _told(spring):
+    if not _has_channels(spring):
         return []
-    pushed = _pushed(spring, rows)
+    pushed = _part_forces(spring, rows)
     found = [Channel(f"{where}.force", "N m" if spring.turns else "N", lambda seen: pushed(seen)[:, -1])]
     if spring.elements > 1:
         found.append(Channel(f"{where}.surge", "rad" if spring.turns else "m", _surge(rows)))
@@ -87,7 +87,7 @@ def _channels(where: str, spring: Spring, rows: FloatArray) -> list[Channel]:
     return found
 
 
-def _pushed(spring: Spring, rows: FloatArray) -> Observable:
+def _part_forces(spring: Spring, rows: FloatArray) -> Observable:
     """Return the force in every part, N, shape (m, parts), compression positive."""
     installed, stiffness = spring.installed_force or 0.0, spring.stiffness * spring.elements
 

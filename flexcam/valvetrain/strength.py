@@ -77,8 +77,8 @@ class StrengthSink:
             damping=self._structure.model.damping,
             spread=self._spread,
         )
-        self._normal = _widened(self._normal, self._fibres.normal(forces))
-        self._shear = _widened(self._shear, self._fibres.shear(forces))
+        self._normal = _extend_range(self._normal, self._fibres.normal(forces))
+        self._shear = _extend_range(self._shear, self._fibres.shear(forces))
         self._von_mises = np.maximum(self._von_mises, self._fibres.von_mises(forces).max(axis=0))
 
     def close(self, status: Status, stats: Stats) -> None:
@@ -119,7 +119,7 @@ class StrengthSink:
         )
 
 
-def _widened(bounds: tuple[FloatArray, FloatArray] | None, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _extend_range(bounds: tuple[FloatArray, FloatArray] | None, values: FloatArray) -> tuple[FloatArray, FloatArray]:
     least, largest = values.min(axis=0), values.max(axis=0)
     return (least, largest) if bounds is None else (np.minimum(bounds[0], least), np.maximum(bounds[1], largest))
 

@@ -10,13 +10,13 @@ from itertools import pairwise
 import numpy as np
 
 from flexcam.core import FloatArray, Triplets
-from flexcam.core.errors import did_you_mean, refuse
+from flexcam.core.errors import refuse, suggest_name
 from flexcam.fem.assembly import mass as fem_mass
 from flexcam.fem.assembly import stiffness as fem_stiffness
 from flexcam.fem.dofs import DofMap, dof_map
 from flexcam.fem.elements.beam import Beams
 from flexcam.fem.members import beams as fem_beams
-from flexcam.fem.rigid_bodies import along, free_motions, mass_at
+from flexcam.fem.rigid_bodies import free_motions, mass_at, scalar_matrix
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import Lever, MassAt, Rocker, Spring, path_name, tip_name
 
@@ -98,7 +98,7 @@ def find_node(model: Model, point: str, where: str) -> int:
     """Return the node of a named point."""
     if point not in model.mesh.points:
         known = [*model.mesh.points, *(r.point for r in model.rockers.values())]
-        raise refuse(where, repr(point), f"a point: {', '.join(known)}", remedy=did_you_mean(point, known))
+        raise refuse(where, repr(point), f"a point: {', '.join(known)}", remedy=suggest_name(point, known))
     return model.mesh.node(point, where)
 
 
@@ -133,19 +133,19 @@ def build_structure(model: Model) -> Structure:
     """Assemble the passive part of a model."""
     inner = [inner_name(name, i) for name, spring in model.springs.items() for i in range(1, spring.elements)]
     dofs = dof_map(model.mesh, model.supports.items(), _single(model))
-    bare = structure_in(model, dofs.extended([*model.further_unknowns, *inner]))
+    bare = build_structure_in(model, dofs.extended([*model.further_unknowns, *inner]))
     stretches = (stretch for stretch, spring, _ in _stretches(bare) if spring > 0.0)
     return replace(bare, free=free_motions(model.mesh, bare.dofs, stretches))
 
 
-def structure_in(model: Model, dofs: DofMap) -> Structure:
+def build_structure_in(model: Model, dofs: DofMap) -> Structure:
     """Assemble the passive part of a model with given unknowns."""
     beams, nothing = fem_beams(model.mesh, model.members), Triplets.zeros(dofs.size)
     bare = Structure(model, beams, dofs, nothing, nothing, nothing, np.zeros((dofs.size, 0)))
     mass, stiffness, dampers = [fem_mass(beams, dofs), *_masses(bare)], [fem_stiffness(beams, dofs)], [nothing]
     for stretch, spring, damper in _stretches(bare):
-        stiffness.append(along(stretch, spring))
-        dampers.append(along(stretch, damper))
+        stiffness.append(scalar_matrix(stretch, spring))
+        dampers.append(scalar_matrix(stretch, damper))
     mass, stiffness, dampers = (Triplets.joined(parts) for parts in (mass, stiffness, dampers))
     return replace(bare, mass=mass, stiffness=stiffness, dampers=dampers)
 
@@ -155,7 +155,7 @@ def _masses(bare: Structure) -> Iterator[Triplets]:
     for name, part in bare.model.masses.items():
         yield _mass(bare, name, part)
     for rocker in bare.model.rockers.values():
-        yield along(bare.path(rocker), rocker.inertia / rocker.arms[0] ** 2)
+        yield scalar_matrix(bare.path(rocker), rocker.inertia / rocker.arms[0] ** 2)
     for name, spring in bare.model.springs.items():
         if spring.mass > 0.0:
             for low, high in spring_parts(bare, name, spring):
@@ -187,7 +187,7 @@ def _single(model: Model) -> list[tuple[int, FloatArray]]:
 def _bar_mass(low: FloatArray, high: FloatArray, mass: float) -> Triplets:
     """Return the consistent mass m/6 [2 1; 1 2] of a bar between two motions."""
     both, apart = low + high, high - low
-    return along(both, 0.25 * mass) + along(apart, mass / 12.0)
+    return scalar_matrix(both, 0.25 * mass) + scalar_matrix(apart, mass / 12.0)
 
 
 def _mass(structure: Structure, name: str, part: MassAt) -> Triplets:
@@ -197,7 +197,7 @@ def _mass(structure: Structure, name: str, part: MassAt) -> Triplets:
             raise refuse(
                 f"masses.{name}", "inertia or offset at a rocker's point", "a mass alone", why, "leave them out"
             )
-        return along(structure.row(part.at, np.zeros(6)), part.body.mass)
+        return scalar_matrix(structure.row(part.at, np.zeros(6)), part.body.mass)
     return mass_at(find_node(structure.model, part.at, f"masses.{name}.at"), part.body, structure.dofs)
 
 

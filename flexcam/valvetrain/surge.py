@@ -27,7 +27,7 @@ _PER_HALF_WAVE = 4
 _MOST = 16
 """Default maximum number of parts; for longer waves the case must specify the number."""
 
-_MATTERS = 0.01
+_FORCE_FRACTION = 0.01
 """Fraction of the spring force by the lift below which waves of higher harmonics are neglected."""
 
 _HARMONICS = 256
@@ -38,18 +38,18 @@ def surge_frequency(spring: Spring) -> float:
     return 0.5 * math.sqrt(spring.stiffness / spring.mass)
 
 
-def parts_for_waves(spring: Spring, lifts: Iterable[Event], speed: float) -> int:
+def count_spring_parts(spring: Spring, lifts: Iterable[Event], speed: float) -> int:
     """Return the default number of parts of a spring for given lifts at a camshaft speed."""
     if not (spring.mass > 0.0 and spring.stiffness > 0.0):
         return 1
     surge = 2.0 * math.pi * surge_frequency(spring) / speed
-    waves = max((_last_that_matters(lift, surge) / surge for lift in lifts), default=0.0)
+    waves = max((_last_harmonic(lift, surge) / surge for lift in lifts), default=0.0)
     return min(math.ceil(_PER_HALF_WAVE * max(waves, 1.0)), _MOST)
 
 
-def _last_that_matters(lift: Event, surge: float) -> int:
+def _last_harmonic(lift: Event, surge: float) -> int:
     """Return the last relevant harmonic of a lift for a spring with surge at a camshaft order."""
     orders = np.arange(_HARMONICS + 1)
     sent = math.pi / surge * orders * np.abs(harmonics(lift, _HARMONICS))  # W T = pi W / (2 pi f1)
     beyond = np.cumsum(sent[::-1])[::-1]
-    return int(np.count_nonzero(beyond > _MATTERS * lift.height)) - 1
+    return int(np.count_nonzero(beyond > _FORCE_FRACTION * lift.height)) - 1

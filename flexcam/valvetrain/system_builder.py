@@ -10,20 +10,20 @@ import numpy as np
 
 from flexcam import dynamics
 from flexcam.core import DENSE_LIMIT, IntArray, Triplets, component_members, connected_components
-from flexcam.core.errors import InputError, gathered, refuse
-from flexcam.dynamics import Channel, DofSubset, Observable, Observation, Probe, System, total
+from flexcam.core.errors import InputError, parse_all, refuse
+from flexcam.dynamics import Channel, DofSubset, Observable, Observation, Probe, System, observable_sum
 from flexcam.fem.assembly import modal_damping, rayleigh_damping
 from flexcam.fem.frames import COMPONENTS
 from flexcam.valvetrain.cam_contact import couple_cam
-from flexcam.valvetrain.camshaft import HeldEnd, find_held_ends, inertia_torque, reaction_torque, shafts
-from flexcam.valvetrain.compression import bowings
+from flexcam.valvetrain.camshaft import ShaftDrive, find_shaft_drives, inertia_torque, reaction_torque, shaft_channels
+from flexcam.valvetrain.compression import geometric_stiffness_forces
 from flexcam.valvetrain.contacts import Coupling, couple_adjuster, couple_lash, couple_seat
 from flexcam.valvetrain.levers import lever_joints
 from flexcam.valvetrain.loads import constant_loads
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import Adjuster, CamContact, Contact, Lash, PublishedLoad, Seat
 from flexcam.valvetrain.published_load import couple_published_load
-from flexcam.valvetrain.springs import coils
+from flexcam.valvetrain.springs import couple_coils
 from flexcam.valvetrain.structure import Structure, build_structure, find_node, inner_name
 
 _MODAL_LIMIT = 2 * DENSE_LIMIT
@@ -33,14 +33,16 @@ _MODAL_LIMIT = 2 * DENSE_LIMIT
 def build_system(model: Model, speed: float) -> System:
     """Return the system of the flexible mechanism."""
     structure = build_structure(model)
-    contacts, faults = gathered(lambda name: _coupled(structure, name, model.contacts[name], speed), model.contacts)
+    contacts, faults = parse_all(lambda name: _couplings(structure, name, model.contacts[name], speed), model.contacts)
     if faults:
         raise InputError(faults)
     damping, joined, probes, ends = _at_any_speed(structure)
     couplings = [*contacts, *joined, Coupling(tuple(constant_loads(structure)), (), ())]
     parts = _parts(couplings)
     shown = zip(couplings, parts, strict=True)
-    own = [replace(one, value=_within(one.value, part)) for coupling, part in shown for one in coupling.channels]
+    own = [
+        replace(one, value=_offset_positions(one.value, part)) for coupling, part in shown for one in coupling.channels
+    ]
     return System(
         mass=structure.mass,
         damping=damping,
@@ -57,45 +59,55 @@ def build_system(model: Model, speed: float) -> System:
 @lru_cache(maxsize=4)
 def _at_any_speed(
     structure: Structure,
-) -> tuple[Triplets, tuple[Coupling, ...], tuple[Probe, ...], tuple[tuple[HeldEnd, list[Observable]], ...]]:
+) -> tuple[Triplets, tuple[Coupling, ...], tuple[Probe, ...], tuple[tuple[ShaftDrive, list[Observable]], ...]]:
     """Return the quantities independent of speed.
 
     Damping, couplings other than contacts, probes, and shaft drives with the reactions of these couplings.
     """
-    couplings = lever_joints(structure), coils(structure), bowings(structure), shafts(structure)
+    couplings = (
+        lever_joints(structure),
+        couple_coils(structure),
+        geometric_stiffness_forces(structure),
+        shaft_channels(structure),
+    )
     probes = (probe_of(structure, point) for point in structure.model.probes)
-    ends = tuple((end, _others(end)) for end in find_held_ends(structure))
+    ends = tuple((end, _reactions(end)) for end in find_shaft_drives(structure))
     return structure.dampers + _damping(structure), couplings, (*probes, *_inner_probes(structure)), ends
 
 
-def _others(end: HeldEnd) -> list[Observable]:
+def _reactions(end: ShaftDrive) -> list[Observable]:
     """Return the reactions of couplings other than contacts at a prescribed rotation, in coupling order."""
     freed = end.freed
-    asked = (lever_joints, end.levers), (coils, end.springs), (bowings, end.bends), (shafts, True)
+    asked = (
+        (lever_joints, end.levers),
+        (couple_coils, end.springs),
+        (geometric_stiffness_forces, end.bends),
+        (shaft_channels, True),
+    )
     found = [make(freed) if there else Coupling((), (), ()) for make, there in asked]
     constant = Coupling(tuple(constant_loads(freed)), (), ())
     return [reaction_torque(end, one.loads, one.forces) for one in (*found, constant)]
 
 
 def _torque(
-    end: HeldEnd, others: Sequence[Observable], contacts: Sequence[Coupling], parts: Sequence[_Part], speed: float
+    end: ShaftDrive, others: Sequence[Observable], contacts: Sequence[Coupling], parts: Sequence[_Part], speed: float
 ) -> Channel:
     """Return the drive torque of a prescribed shaft rotation."""
     model = end.freed.model
-    each = [inertia_torque(end), *map(_within, others, parts[len(contacts) :])]
+    each = [inertia_torque(end), *map(_offset_positions, others, parts[len(contacts) :])]
     for part, (name, contact), coupling in zip(parts, model.contacts.items(), contacts, strict=False):
         if not end.bears(contact):
             continue
         if isinstance(contact, PublishedLoad):  # stiffness already available
             value = coupling.channels[1].value
         else:
-            again = _coupled(end.freed, name, contact, speed)
+            again = _couplings(end.freed, name, contact, speed)
             value = reaction_torque(end, again.loads, again.forces)
-        each.append(_within(value, part))
-    return Channel(f"supports.{end.name}.torque", "N m", total(*each))
+        each.append(_offset_positions(value, part))
+    return Channel(f"supports.{end.name}.torque", "N m", observable_sum(*each))
 
 
-def _coupled(structure: Structure, name: str, contact: Contact, speed: float) -> Coupling:
+def _couplings(structure: Structure, name: str, contact: Contact, speed: float) -> Coupling:
     match contact:
         case PublishedLoad():
             return couple_published_load(structure, name, contact, speed)
@@ -118,10 +130,12 @@ def _damping(structure: Structure) -> Triplets:
         why = "every mode of the model takes part, and the matrix is full"
         given, remedy = f"modal damping of {structure.dofs.size} unknowns", "use damping = { alpha = ..., beta = ... }"
         raise refuse("run.damping.modal", given, f"up to {_MODAL_LIMIT} unknowns", why, remedy)
-    return Triplets.joined([matrix, *(_modal_damping(structure, one, given.modal) for one in _uncoupled(structure))])
+    return Triplets.joined(
+        [matrix, *(_modal_damping(structure, one, given.modal) for one in _uncoupled_groups(structure))]
+    )
 
 
-def _uncoupled(structure: Structure) -> list[IntArray]:
+def _uncoupled_groups(structure: Structure) -> list[IntArray]:
     """Return the unknowns of each part of a structure that is uncoupled in mass and stiffness."""
     both = structure.mass + structure.stiffness
     coupled = both.values != 0.0
@@ -164,7 +178,7 @@ class _Part:
         return self._last[1]
 
 
-def _within(value: Observable, part: _Part) -> Observable:
+def _offset_positions(value: Observable, part: _Part) -> Observable:
     return lambda seen: value(part(seen))
 
 

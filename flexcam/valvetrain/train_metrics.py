@@ -13,20 +13,20 @@ from flexcam.core import FloatArray
 from flexcam.dynamics import Response
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import CamContact, Seat
-from flexcam.valvetrain.train_topology import play_of
+from flexcam.valvetrain.train_topology import largest_lash
 
 Bools = NDArray[np.bool_]
 
-_TOUCH = 1e-6
+_REOPENING_LIFT = 1e-6
 """Lift above the seat, m, above which a closed valve counts as reopened; less for small lifts."""
 
 _TOUCH_PART = 2e-4
 """The same relative to the lift, which governs up to 5 mm, as for watch mechanisms."""
 
-_WHOLE = math.radians(355.0)
+_REVOLUTION_TOLERANCE = math.radians(355.0)
 """Tolerance of cam angle for a complete revolution, rad: a fluctuating speed may leave a gap."""
 
-_PARTED = 0.05
+_MAIN_LIFT_FRACTION = 0.05
 """Fraction of the lift, above ramps and lash, above which a cam is on its main lift: below it ringing dominates."""
 
 OPEN = math.radians(0.5)
@@ -63,23 +63,23 @@ def seating(gap: FloatArray, velocity: FloatArray, angle: FloatArray) -> Seating
     top = int(np.argmax(gap))
     height, speed, at = (np.roll(one, -top) for one in (gap, velocity, angle))
     shut = np.flatnonzero(height <= 0.0)
-    if not len(shut) or gap[top] <= _TOUCH or _unfinished(gap, angle):
+    if not len(shut) or gap[top] <= _REOPENING_LIFT or _is_open_ended(gap, angle):
         return None
     first, last = int(shut[0]), int(shut[-1])
     between = height[first : last + 1]
-    touch = min(_TOUCH, _TOUCH_PART * float(gap[top]))
+    touch = min(_REOPENING_LIFT, _TOUCH_PART * float(gap[top]))
     rising = np.diff(np.concatenate([[0], (between > touch).astype(int)])) > 0
     largest = max(float(between.max()), 0.0)
     return Seating(max(-float(speed[first - 1]), 0.0), int(rising.sum()), largest, float(at[first]))
 
 
-def _unfinished(gap: FloatArray, angle: FloatArray) -> bool:
+def _is_open_ended(gap: FloatArray, angle: FloatArray) -> bool:
     """Return whether a record ends during a lift that is not continued at its beginning."""
-    if gap[-1] <= _TOUCH:
+    if gap[-1] <= _REOPENING_LIFT:
         return False
     around = float(angle[-1] - angle[0]) * len(angle) / max(len(angle) - 1, 1)
-    step = np.abs(np.diff(gap)).max(initial=0.0) + _PARTED * gap.max()
-    return around < _WHOLE or bool(abs(gap[0] - gap[-1]) > step)
+    step = np.abs(np.diff(gap)).max(initial=0.0) + _MAIN_LIFT_FRACTION * gap.max()
+    return around < _REVOLUTION_TOLERANCE or bool(abs(gap[0] - gap[-1]) > step)
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,7 @@ def train_metrics(model: Model, response: Response, period: float) -> list[Metri
             figures.append(Metric(f"{channel}.largest", float(size.max()), unit))
         if end in _LEAST:
             figures.append(Metric(f"{channel}.least", float(values.min()), unit))
-        if end == _USE and float(values.max()) > 0.0:
+        if end == _BUCKLING_SUFFIX and float(values.max()) > 0.0:
             figures.append(Metric(_margin(channel), 1.0 / float(values.max()), "1"))
     return figures
 
@@ -137,16 +137,16 @@ def train_metric_names(model: Model, channels: Iterable[str]) -> list[str]:
     for channel in known:
         end = channel.rpartition(".")[2]
         names += [f"{channel}.largest"] * (end in _LARGEST) + [f"{channel}.least"] * (end in _LEAST)
-        names += [_margin(channel)] * (end == _USE)
+        names += [_margin(channel)] * (end == _BUCKLING_SUFFIX)
     return names
 
 
-_USE = "buckling_use"
+_BUCKLING_SUFFIX = "buckling_use"
 """Suffix of the channel of compression divided by buckling load."""
 
 
 def _margin(channel: str) -> str:
-    return channel.removesuffix(_USE) + "buckling_margin"
+    return channel.removesuffix(_BUCKLING_SUFFIX) + "buckling_margin"
 
 
 _SEATING = ("seating_velocity", "bounces", "bounce_height")
@@ -188,4 +188,4 @@ def main_lift(model: Model, cam: str) -> float:
     """Return the lift above which ramps and lash are taken up."""
     event = model.cams[cam].event
     ramp = getattr(event, "ramp", None)
-    return _PARTED * event.height + max(play_of(model, cam), float(ramp.height) if ramp else 0.0)
+    return _MAIN_LIFT_FRACTION * event.height + max(largest_lash(model, cam), float(ramp.height) if ramp else 0.0)

@@ -9,7 +9,17 @@ import numpy as np
 
 from flexcam.core import FloatArray
 from flexcam.valvetrain.model import Model
-from flexcam.valvetrain.parts import Adjuster, CamContact, Lash, Lever, Play, PublishedLoad, Rocker, path_name, tip_name
+from flexcam.valvetrain.parts import (
+    Adjuster,
+    CamContact,
+    Lash,
+    Lever,
+    NodeLash,
+    PublishedLoad,
+    Rocker,
+    path_name,
+    tip_name,
+)
 from flexcam.valvetrain.structure import Structure, inner_name, spring_ends, spring_row
 
 Driven = PublishedLoad | CamContact
@@ -19,17 +29,17 @@ def moved_nodes(model: Model, contact: Driven) -> list[int]:
     """Return the nodes moved by a follower through members, links and lash."""
     if contact.follower not in model.mesh.points:
         return []
-    joined = _joined(model)
-    found = dict.fromkeys(_outward(joined, model.mesh.node(contact.follower)))
+    joined = _adjacency(model)
+    found = dict.fromkeys(_nodes_by_distance(joined, model.mesh.node(contact.follower)))
     plays = [(model.mesh.node(play.ends[0]), model.mesh.node(play.ends[1])) for play in model.plays]
     while behind := [end for start, end in plays if start in found and end not in found]:
-        found |= dict.fromkeys(_outward(joined, behind[0]))
+        found |= dict.fromkeys(_nodes_by_distance(joined, behind[0]))
     return list(found)
 
 
-def plays_before(model: Model, node: int, plays: Sequence[Play]) -> list[Play]:
+def lashes_before(model: Model, node: int, plays: Sequence[NodeLash]) -> list[NodeLash]:
     """Return the lash elements in series between nodes before a node moves."""
-    found: list[Play] = []
+    found: list[NodeLash] = []
     left = list(plays)
     while before := [one for one in left if model.mesh.node(one.ends[1]) in model.connected(node)]:
         found.insert(0, before[0])
@@ -38,7 +48,7 @@ def plays_before(model: Model, node: int, plays: Sequence[Play]) -> list[Play]:
     return found
 
 
-def _joined(model: Model) -> dict[int, list[int]]:
+def _adjacency(model: Model) -> dict[int, list[int]]:
     """Return adjacency by members and links."""
     points = model.mesh.points
     ends = [(one.at, one.to) for one in model.springs.values() if one.link and one.to is not None]
@@ -50,7 +60,7 @@ def _joined(model: Model) -> dict[int, list[int]]:
     return found
 
 
-def _outward(joined: Mapping[int, Sequence[int]], start: int) -> list[int]:
+def _nodes_by_distance(joined: Mapping[int, Sequence[int]], start: int) -> list[int]:
     """Return the nodes connected to a node, nearest first."""
     reached = {start: None}
     waiting = [start]
@@ -72,26 +82,26 @@ def rocker_of(model: Model, contact: Driven) -> Rocker | None:
     return next(own, None)
 
 
-def play_of(model: Model, cam: str) -> float:
+def largest_lash(model: Model, cam: str) -> float:
     """Return the largest lash taken up by a cam's lift, reduced to the follower."""
     gaps = [0.0]
     for play in model.contacts.values():
         if isinstance(play, Lash):
-            cams = {contact.cam for contact in model.driven.values() if _within(model, contact, play)}
+            cams = {contact.cam for contact in model.driven.values() if _is_in_train(model, contact, play)}
             if not cams or cam in cams:
-                gaps.append(_taken_up(model, play))
+                gaps.append(_accumulated_lash(model, play))
     return max(gaps)
 
 
-def _taken_up(model: Model, play: Lash) -> float:
+def _accumulated_lash(model: Model, play: Lash) -> float:
     """Return a lash plus those before it, reduced to the follower, m."""
     rocker = model.rockers[play.rocker] if play.rocker else None
     start = rocker.start if rocker else play.ends[0] if play.ends else ""
-    before = plays_before(model, model.mesh.node(start), model.plays) if start in model.mesh.points else []
+    before = lashes_before(model, model.mesh.node(start), model.plays) if start in model.mesh.points else []
     return play.gap / (rocker.ratio if rocker else 1.0) + sum(one.gap for one in before)
 
 
-def _within(model: Model, contact: Driven, play: Lash) -> bool:
+def _is_in_train(model: Model, contact: Driven, play: Lash) -> bool:
     """Return whether a lash is in the train of a contact."""
     if play.ends is not None:
         return model.mesh.node(play.ends[0]) in moved_nodes(model, contact)
@@ -102,12 +112,12 @@ def complete_motion(structure: Structure, motion: FloatArray) -> FloatArray:
     """Return a motion of nodes with dependent points and springs, lash closed and springs deformed uniformly."""
     moved = motion
     for _ in [None, *structure.model.plays]:  # each pass adds at least one lash element in any order
-        moved = _linked(structure, _pushed_on(structure, moved))
+        moved = _follow_links(structure, _transmit_through_lash(structure, moved))
     for rocker in structure.model.rockers.values():
         driven = float(structure.row(rocker.start, rocker.direction) @ moved)
         for name, share in _shares(structure, rocker).items():
             moved += structure.dofs.unit(name) * share * driven
-    return with_springs(structure, _linked(structure, moved))
+    return with_springs(structure, _follow_links(structure, moved))
 
 
 def with_springs(structure: Structure, motion: FloatArray) -> FloatArray:
@@ -133,7 +143,7 @@ def rigid_shift(structure: Structure, end: str, direction: FloatArray) -> FloatA
     return motion / along if along else motion
 
 
-def _pushed_on(structure: Structure, motion: FloatArray) -> FloatArray:
+def _transmit_through_lash(structure: Structure, motion: FloatArray) -> FloatArray:
     """Return a motion transmitted through lash between nodes, all closed."""
     moved = motion.copy()
     for play in structure.model.plays:
@@ -143,7 +153,7 @@ def _pushed_on(structure: Structure, motion: FloatArray) -> FloatArray:
     return moved
 
 
-def _linked(structure: Structure, motion: FloatArray) -> FloatArray:
+def _follow_links(structure: Structure, motion: FloatArray) -> FloatArray:
     """Return a motion with points that follow through link springs."""
     moved = motion.copy()
     links = [(one.direction, (one.at, one.to)) for one in structure.model.springs.values() if one.link and one.to]
@@ -165,7 +175,7 @@ def _shares(structure: Structure, rocker: Rocker) -> dict[str, float]:
     return {name: share for name, share in own.items() if name in structure.dofs.names}
 
 
-_SLIGHT = 1e-9
+_MOTION_TOLERANCE = 1e-9
 """Fraction of a motion that counts as zero."""
 
 
@@ -183,15 +193,15 @@ def follower_motion(structure: Structure, contact: CamContact | PublishedLoad, n
     fields, free = _fields(structure, contact, node), numbers >= 0
     motions = np.zeros((len(fields), structure.dofs.size))
     motions[:, numbers[free]] = fields[:, free]
-    asked, ways = _supported(fields[:, ~free])
+    asked, ways = _support_combination(fields[:, ~free])
     if asked is None:
         return motions[0]
     begun, beside = motions[0] + asked @ motions[1:], ways @ motions[1:]
     if not len(beside):
         return begun
-    rows = _bent(structure)
+    rows = _deformation_rows(structure)
     bent = np.array([rows @ complete_motion(structure, one) for one in (begun, *beside)]).T
-    return begun + _least(bent[:, 1:], -bent[:, 0]) @ beside
+    return begun + _least_squares(bent[:, 1:], -bent[:, 0]) @ beside
 
 
 def _fields(structure: Structure, contact: CamContact | PublishedLoad, node: int) -> FloatArray:
@@ -208,24 +218,24 @@ def _fields(structure: Structure, contact: CamContact | PublishedLoad, node: int
     return np.array([*shifts, *([turned / length] if length > 0.0 else [])])
 
 
-def _supported(held: FloatArray) -> tuple[FloatArray | None, FloatArray]:
+def _support_combination(held: FloatArray) -> tuple[FloatArray | None, FloatArray]:
     """Return the combination of other motions required by supports for the first, and the free combinations.
 
     Combinations have the shape (k, h); None if the supports prevent the motion.
     """
     straight, others = held[0], held[1:]
     _, sizes, ways = np.linalg.svd(others.T, full_matrices=True)
-    asked = _least(others.T, -straight)
-    still = np.abs(straight + asked @ others).max(initial=0.0) <= _SLIGHT
-    return asked if still else None, ways[int(np.count_nonzero(sizes > _SLIGHT)) :]
+    asked = _least_squares(others.T, -straight)
+    still = np.abs(straight + asked @ others).max(initial=0.0) <= _MOTION_TOLERANCE
+    return asked if still else None, ways[int(np.count_nonzero(sizes > _MOTION_TOLERANCE)) :]
 
 
-def _least(matrix: FloatArray, wanted: FloatArray) -> FloatArray:
+def _least_squares(matrix: FloatArray, wanted: FloatArray) -> FloatArray:
     """Return the minimum-norm least-squares coefficients of columns; rounding is not a column."""
-    return np.linalg.lstsq(matrix, wanted, rcond=_SLIGHT)[0].astype(np.float64, copy=False)
+    return np.linalg.lstsq(matrix, wanted, rcond=_MOTION_TOLERANCE)[0].astype(np.float64, copy=False)
 
 
-def _bent(structure: Structure) -> FloatArray:
+def _deformation_rows(structure: Structure) -> FloatArray:
     """Return rows of the deformation of springs, and of lash to fixed parts, times the square root of stiffness."""
     model = structure.model
     rows = [np.sqrt(one.stiffness) * spring_row(structure, name, one) for name, one in model.springs.items()]

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from flexcam.cli.app import app
-from flexcam.cli.registry import FILES, load
+from flexcam.cli.registry import COMMAND_FILES, load_commands
 
 HEAVY = {
     "scipy",
@@ -104,8 +104,8 @@ def test_a_command_keeps_to_its_budget(words, packages, modules_not_asked, befor
 
 def test_the_file_of_every_command_is_known():
     """One that is not listed works, but loads the files of all commands."""
-    load(["--help"])
-    listed = {name: f"flexcam.cli.{file}" for file, names in FILES.items() for name in names}
+    load_commands(["--help"])
+    listed = {name: f"flexcam.cli.{file}" for file, names in COMMAND_FILES.items() for name in names}
     defined = {name: app[name].default_command for name in app if not name.startswith("-")}
     assert set(listed) == set(defined)
     assert {name: listed[name] for name, one in defined.items() if one} == {

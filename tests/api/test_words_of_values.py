@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import flexcam
-from flexcam.analysis.run import result_file
+from flexcam.analysis.run import open_result_file
 
 CASE = Path(__file__).parents[2] / "cases/tayeb/model-1-shm.toml"
 
@@ -13,7 +13,7 @@ CASE = Path(__file__).parents[2] / "cases/tayeb/model-1-shm.toml"
 def test_values_with_arrays_are_shown_in_a_line(tmp_path):
     case = flexcam.read_case(CASE, ["run.revolutions=0.01"])
     ready = flexcam.prepare(case)
-    sink = result_file(ready, tmp_path)
+    sink = open_result_file(ready, tmp_path)
     response = flexcam.solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink])
     result = flexcam.read_result(sink.path)
     words = {str(one) for one in (case, ready, ready.problem.system, response, response["valve"], result)}

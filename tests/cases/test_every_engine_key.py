@@ -249,6 +249,6 @@ def test_every_key_of_the_format_stands_in_some_case(rewritten, tmp_path):
     given |= keys_in(read_cams(DATA / "every-cam.toml"))
     modules = [getattr(schema, name) for name in ("cams", "contacts", "members", "parts", "run")]
     between = {("AdjusterRecord", key) for key in ("start", "to", "direction")}  # as those of a play
-    free = {key for key in all_keys(modules) if key[0] == "FreeCamRecord"}  # as those of a cam
+    free = {key for key in all_keys(modules) if key[0] == "CamDesignRecord"}  # as those of a cam
     assert len(all_keys(modules)) > 150
     assert all_keys(modules) - given - between - free == set()

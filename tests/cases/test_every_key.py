@@ -53,11 +53,11 @@ def test_cams_alone():
 
 def test_restart_from_a_result_and_a_step_in_seconds(tmp_path):
     from flexcam.analysis.preparation import prepare
-    from flexcam.analysis.run import result_file
+    from flexcam.analysis.run import open_result_file
     from flexcam.dynamics import solve
 
     ready = prepare(read_case(EVERY))
-    sink = result_file(ready, tmp_path)
+    sink = open_result_file(ready, tmp_path)
     solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink])
     text = EVERY.read_text(encoding="utf-8").replace("steps_per_revolution = 720", 'step = "20 us"')
     text = text.replace('speed = "1000 rpm"', 'crank_speed = "2000 rpm"')

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from flexcam import InputError, read_case
-from flexcam.studies.executors import Here
-from flexcam.studies.sweep import study, swept
+from flexcam.studies.executors import SerialWorkers
+from flexcam.studies.sweep import make_sweep, run_sweep
 
 CASES = Path(__file__).resolve().parents[2] / "cases"
 PUBLISHED = CASES / "tayeb/model-1-shm.toml"  # gives speed and steps_per_revolution
@@ -55,7 +55,7 @@ def test_both_can_be_swept():
     """Any key of any case: the rows of crank speeds are those of half as many turns of the camshaft."""
     quick = ["run.revolutions=0.1", "rockers.rocker.arms.1=40,42mm"]
     ours, theirs = (
-        swept(study(PUBLISHED, [one, *quick]), Here())
+        run_sweep(make_sweep(PUBLISHED, [one, *quick]), SerialWorkers())
         for one in ("run.crank_speed=4000,6000rpm", "run.speed=2000,3000rpm")
     )
     assert ours.shape == (2, 2)

@@ -12,7 +12,7 @@ import pytest
 
 from flexcam import InputError, build_model, modes, prepare, read_case, read_result, run, solve
 from flexcam.analysis.error_estimate import deviation
-from flexcam.analysis.run import geometry_of, result_file
+from flexcam.analysis.run import open_result_file, output_geometry
 from flexcam.io import write_modes, write_pvd
 
 ROOT = Path(__file__).parents[2]
@@ -40,7 +40,7 @@ def written(tmp_path):
 def kept(tmp_path_factory):
     folder = tmp_path_factory.mktemp("lumped")
     ready = prepare(read_case(LI, SHORT))
-    sink = result_file(ready, folder)
+    sink = open_result_file(ready, folder)
     return solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink]), read_result(sink.path), sink.path
 
 
@@ -72,7 +72,7 @@ def test_paraview_sees_vertices(kept):
 def test_collections_hold_vertices(kept, tmp_path):
     reading = pytest.importorskip("vtkmodules.vtkIOXML")
     _, result, _ = kept
-    drawn = geometry_of(build_model(read_case(LI)))
+    drawn = output_geometry(build_model(read_case(LI)))
     found = modes(read_case(LI))
     files = [*write_pvd(result, tmp_path / "train.pvd"), *write_modes(
         tmp_path / "train-modes.vtkhdf", drawn, found.modes.frequencies, found.modes.shapes
@@ -99,7 +99,7 @@ def test_beams_and_masses_side_by_side(tmp_path):
     ready = prepare(read_case(path))
     assert "ball.ux" in ready.problem.system.names
     assert ready.problem.system.free.shape[1] == 0
-    drawn = geometry_of(ready.model)
+    drawn = output_geometry(ready.model)
     assert len(drawn.node) == 9 + 1
     assert drawn.cells().tolist() == [-1, 0]
     assert run(read_case(path)).status.ok

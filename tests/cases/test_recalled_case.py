@@ -10,9 +10,9 @@ import pytest
 
 from flexcam import InputError, read_case, run
 from flexcam.analysis.preparation import prepare
-from flexcam.analysis.run import result_file
+from flexcam.analysis.run import open_result_file
 from flexcam.case.builder import build_model
-from flexcam.case.reader import recalled_case
+from flexcam.case.reader import case_from_result
 from flexcam.case.starters import new_case
 from flexcam.io import read_result
 from flexcam.plotting.scene.motion import result_motion
@@ -25,7 +25,7 @@ CASES = ["tayeb/model-3-shm", "pushrod-engine/lever", "li/valve-train", "petresc
 def solved(path, folder, *overrides):
     """Run a case for a few steps; return it and its result."""
     case = read_case(path, ["run.revolutions=0.05", "output.field_every=5", *overrides])
-    sink = result_file(prepare(case), folder)
+    sink = open_result_file(prepare(case), folder)
     response = run(case, sinks=[sink])
     return case, response, read_result(sink.path)
 
@@ -39,7 +39,7 @@ def test_model_and_motion_are_those_of_the_run(name, tmp_path):
     case, response, result = solved(source, tmp_path / "results")
     shutil.rmtree(tmp_path / "meshes")
     Path(source).unlink()
-    model, again = build_model(case) if "mesh" not in case.text else None, build_model(recalled_case(result))
+    model, again = build_model(case) if "mesh" not in case.text else None, build_model(case_from_result(result))
     if model is not None:
         assert np.array_equal(model.mesh.nodes, again.mesh.nodes)
         assert {n: line.tolist() for n, line in model.mesh.lines.items()} == {
@@ -54,7 +54,7 @@ def test_model_and_motion_are_those_of_the_run(name, tmp_path):
 
 def test_overrides_count(tmp_path):
     _, _, result = solved(ROOT / "cases/petrescu/valve-spring.toml", tmp_path, "cams.valve.lift=4 mm")
-    assert recalled_case(result).record.cams["valve"].lift == pytest.approx(0.004)
+    assert case_from_result(result).record.cams["valve"].lift == pytest.approx(0.004)
 
 
 def test_a_lift_table_that_is_gone_is_named(tmp_path):
@@ -62,4 +62,4 @@ def test_a_lift_table_that_is_gone_is_named(tmp_path):
     _, _, result = solved(tmp_path / "case.toml", tmp_path)
     (tmp_path / "measured-lift.csv").unlink()
     with pytest.raises(InputError, match=r"measured-lift\.csv"):
-        recalled_case(result)
+        case_from_result(result)

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from flexcam.cli.app import running
+from flexcam.cli.app import run_state
 from flexcam.cli.main import main
 
 ROOT = Path(__file__).parents[2]
@@ -71,7 +71,7 @@ def flexcam(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(signal, "signal", lambda *_: None)
 
     def run(*words):
-        monkeypatch.setattr(running, "solving", False)
+        monkeypatch.setattr(run_state, "solving", False)
         with pytest.raises(SystemExit) as ended:
             main([str(word) for word in words])
         out, err = capsys.readouterr()

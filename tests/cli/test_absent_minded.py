@@ -106,7 +106,7 @@ def test_a_result_that_is_there_is_told_before_a_model_is_chosen(flexcam, result
     def choosing(*asked):
         raise AssertionError
 
-    monkeypatch.setattr("flexcam.analysis.model_choice.chosen", choosing)
+    monkeypatch.setattr("flexcam.analysis.model_choice.select_case", choosing)
     done = flexcam("run", INLINE, "--set", "fidelity.tolerance=1%")
     assert done.code == 2
     assert "result: given results/inline.vtkhdf; allowed: a file that does not exist yet" in done.err

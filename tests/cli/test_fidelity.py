@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from flexcam import read_case, read_result, run
-from flexcam.analysis.measures import Measured
-from flexcam.analysis.trade import Reference, Traded
+from flexcam.analysis.measures import Histories
+from flexcam.analysis.trade import ModelEvaluation, Reference
 from flexcam.core.errors import refuse
 from flexcam.dynamics import Cause, RunFailedError, Status
 from flexcam.report.fidelity_tables import trade_table
-from flexcam.report.terminal import out
+from flexcam.report.terminal import result_console
 
 ROOT = Path(__file__).parents[2]
 FEW = ("run.revolutions=1", "run.steps_per_revolution=360")
@@ -25,7 +25,7 @@ FEW_SET = [word for one in FEW for word in ("--set", one)]
 
 
 TOLD: dict[str, object] = {}
-"""What `ladder` was told."""
+"""What `model_ladder` was told."""
 
 
 @pytest.fixture
@@ -83,9 +83,9 @@ def test_numbers_of_many_contacts_are_whole(monkeypatch, capsys):
         *(f"force {kind}-{n}" for n in range(1, 5) for kind in ("in", "exhaust")),
     ]
     errors = {name: 0.012 * 10.0**i for i, name in enumerate(names)}
-    found = Traded("beams x2", "", 1440, 10444, 345_600_000, 0.0123, errors, Status())
-    against = Reference(Measured(np.zeros(1), {}), errors, dict.fromkeys(errors, 1.0), 1440)
-    out().print(trade_table(against, [found]))
+    found = ModelEvaluation("beams x2", "", 1440, 10444, 345_600_000, 0.0123, errors, Status())
+    against = Reference(Histories(np.zeros(1), {}), errors, dict.fromkeys(errors, 1.0), 1440)
+    result_console().print(trade_table(against, [found]))
     shown = capsys.readouterr().out
     row = next(line for line in shown.splitlines() if "beams x2" in line).split()
     assert row == ["beams", "x2", "1440", "10444", "3.46e+08", "0.0123", *(f"{100.0 * x:.2g}" for x in errors.values())]
@@ -110,7 +110,7 @@ def test_a_reference_that_fails_is_named(trade, monkeypatch):
     def failing(*asked):
         raise RunFailedError(Status(Cause.NO_CONVERGENCE, "the forces do not settle"))
 
-    monkeypatch.setattr(TRADE, "measured_run", failing)
+    monkeypatch.setattr(TRADE, "run_histories", failing)
     done = trade()
     assert done.code == 3
     assert "the reference, of 3 times the elements and 4 times the steps: the forces do not settle" in done.err
@@ -142,8 +142,8 @@ def test_another_refusal_of_a_model_ends_the_ladder(trade, monkeypatch):
     def prepared(*asked):
         raise refusal
 
-    monkeypatch.setattr("flexcam.analysis.model_ladder.Rung.prepared", prepared)
-    monkeypatch.setattr(TRADE, "reference", lambda *asked, **more: None)
+    monkeypatch.setattr("flexcam.analysis.model_ladder.ModelLevel.prepared", prepared)
+    monkeypatch.setattr(TRADE, "reference_run", lambda *asked, **more: None)
     done = trade()
     assert done.code == 2
     assert "memory: given 9 TB" in done.err

@@ -9,8 +9,8 @@ import pytest
 
 from flexcam import read_case, read_result
 from flexcam.case.starters import new_case
-from flexcam.report.model_tables import couplings
-from flexcam.report.run_checks import mishaps
+from flexcam.report.model_tables import describe_contacts
+from flexcam.report.run_checks import check_events
 from flexcam.valvetrain import Metric
 
 FIGURES = (
@@ -25,7 +25,7 @@ WELL = (math.radians(0.4), 4.0, 0.09e-3, 0.0, 1.001)
 
 
 def test_every_mishap_is_told_with_number_and_place():
-    assert mishaps(FIGURES) == [
+    assert check_events(FIGURES) == [
         (
             "Warning: the follower of 'intake' leaves its cam for 81.6 deg on the lift: "
             "what follows is no valve event to design by"
@@ -40,7 +40,7 @@ def test_every_mishap_is_told_with_number_and_place():
 
 
 def test_a_train_that_keeps_together_is_told_of_nothing():
-    assert mishaps([replace(one, value=value) for one, value in zip(FIGURES, WELL, strict=True)]) == []
+    assert check_events([replace(one, value=value) for one, value in zip(FIGURES, WELL, strict=True)]) == []
 
 
 @pytest.fixture
@@ -50,8 +50,8 @@ def engine(tmp_path):
 
 def test_the_word_on_the_contact_tells_a_follower_that_left_its_cam(engine):
     case = read_case(engine)
-    assert couplings(case)[0].endswith("and it may leave it.")
-    assert couplings(case, FIGURES)[0].endswith("and it may leave it: 'intake' left it for 82 deg.")
+    assert describe_contacts(case)[0].endswith("and it may leave it.")
+    assert describe_contacts(case, FIGURES)[0].endswith("and it may leave it: 'intake' left it for 82 deg.")
 
 
 @pytest.mark.usefixtures("machine_code")

@@ -12,9 +12,9 @@ import pytest
 from PIL import Image
 
 from flexcam import prepare, read_case, read_result, solve
-from flexcam.analysis.run import result_file
-from flexcam.analysis.stored_model import reopened, strength_of
-from flexcam.case.reader import recalled_case
+from flexcam.analysis.run import open_result_file
+from flexcam.analysis.stored_model import member_strength, reload_result
+from flexcam.case.reader import case_from_result
 from flexcam.io import write_text
 from flexcam.valvetrain import StrengthSink, build_structure
 
@@ -181,7 +181,7 @@ def engine(tmp_path_factory):
     """Run the pushrod engine in few steps."""
     folder = tmp_path_factory.mktemp("engine")
     ready = prepare(read_case(ENGINE, ["run.steps_per_revolution=720", "run.revolutions=1"]))
-    sink = result_file(ready, folder)
+    sink = open_result_file(ready, folder)
     assert solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink]).status.ok
     return sink.path
 
@@ -218,9 +218,9 @@ def test_the_recalled_case_is_the_case(path, overrides, tmp_path):
     """Out of the result alone: the same matrices, names and loads."""
     own = read_case(ROOT / "cases" / path, [*overrides, "run.steps_per_revolution=90", "run.revolutions=0.1"])
     ready = prepare(own)
-    sink = result_file(ready, tmp_path)
+    sink = open_result_file(ready, tmp_path)
     solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink])
-    kept = recalled_case(read_result(sink.path))
+    kept = case_from_result(read_result(sink.path))
     assert (kept.text, kept.overrides, kept.speed) == (own.text, own.overrides, own.speed)
     one, other = ready.problem.system, prepare(kept).problem.system
     assert one.names == other.names
@@ -232,11 +232,11 @@ def test_the_recalled_case_is_the_case(path, overrides, tmp_path):
 def test_a_reopened_result_is_the_run(tmp_path):
     """Its fields are the unknowns of the run, those that no node has among them, and so are its stresses."""
     ready = prepare(read_case(ENGINE, ["run.steps_per_revolution=360", "run.revolutions=0.5"]))
-    sink, stressed = result_file(ready, tmp_path), StrengthSink(build_structure(ready.model))
+    sink, stressed = open_result_file(ready, tmp_path), StrengthSink(build_structure(ready.model))
     response = solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink, stressed])
     result = read_result(sink.path)
-    again, found = reopened(recalled_case(result), result)
+    again, found = reload_result(case_from_result(result), result)
     assert found.outline == response.outline
     for name, values in vars(response.fields).items():
         np.testing.assert_allclose(getattr(found.fields, name), values, rtol=0.0, atol=0.0)
-    assert strength_of(again, found) == stressed.members()
+    assert member_strength(again, found) == stressed.members()

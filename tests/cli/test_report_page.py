@@ -11,9 +11,9 @@ import shutil
 import pytest
 
 from flexcam import prepare, read_case, solve
-from flexcam.analysis.run import result_file
-from flexcam.report.page import page, report_of
-from flexcam.report.sentences import subject
+from flexcam.analysis.run import open_result_file
+from flexcam.report.page import build_report, render_page
+from flexcam.report.sentences import load_subject
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 
@@ -41,11 +41,11 @@ def written(tmp_path_factory, tayeb):
     paths = []
     for speed in (3000, 3300):
         ready = prepare(read_case(tayeb(1), [f"run.speed={speed}rpm", "run.steps_per_revolution=720"]))
-        sink = result_file(ready, folder / str(speed))
+        sink = open_result_file(ready, folder / str(speed))
         assert solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink]).status.ok
         paths.append(sink.path)
     file = folder / "report.html"
-    file.write_text(page(report_of([subject(path) for path in paths])), encoding="utf-8")
+    file.write_text(render_page(build_report([load_subject(path) for path in paths])), encoding="utf-8")
     return file
 
 

@@ -15,7 +15,7 @@ import pytest
 from flexcam import InputError, read_case, read_result
 from flexcam import run as flexcam_run
 from flexcam.analysis.preparation import prepare
-from flexcam.analysis.run import result_file, unfinished
+from flexcam.analysis.run import open_partial_result, open_result_file
 from flexcam.dynamics import Cause, Status, solve
 from tests.sinks import Cut
 
@@ -37,7 +37,7 @@ def assert_same(path, other):
 OFTEN = """
 from flexcam.cli.main import main
 from flexcam.io import result_writer
-result_writer._SHARE = float("inf")
+result_writer._MAX_COPY_TIME = float("inf")
 main()
 """
 """The command, with a copy after every block, so that no busy machine makes the first one late."""
@@ -88,7 +88,7 @@ def broken(case, tmp_path):
 
     def leave(cause=Cause.INTERRUPTED, *, blocks=1, overrides=("run.revolutions=3",)):
         ready = prepare(read_case(case, overrides))
-        file = result_file(ready, tmp_path / "out")
+        file = open_result_file(ready, tmp_path / "out")
         close = file.close
         file.close = lambda status, stats: close(Status(cause, "so it was", "do this"), stats)
         solve(ready.problem, ready.scheme, save=ready.save, sinks=[Cut(blocks), file])
@@ -104,7 +104,7 @@ SAME = ("--set", "run.revolutions=3", "--resume")
 def whole(tmp_path_factory):
     """Return the result of the same run, left alone."""
     ready = prepare(read_case(DATA / "inline.toml", ["run.revolutions=3"]))
-    file = result_file(ready, tmp_path_factory.mktemp("whole"))
+    file = open_result_file(ready, tmp_path_factory.mktemp("whole"))
     assert solve(ready.problem, ready.scheme, save=ready.save, sinks=[file]).status.ok
     return file.path
 
@@ -226,12 +226,12 @@ def test_what_stops_before_its_next_block_loses_nothing(after, broken, case, fle
     partial = broken(blocks=2)
     held = len(read_result(partial).response.time)
     ready = prepare(read_case(case, words))
-    earlier = unfinished(ready, partial.parent)
-    file = result_file(ready, partial.parent, resume=earlier)
+    earlier = open_partial_result(ready, partial.parent)
+    file = open_result_file(ready, partial.parent, resume=earlier)
     again = solve(ready.problem, ready.scheme, save=ready.save, sinks=[Cut(after), file], resume=earlier)
     assert again.status.cause is Cause.INTERRUPTED
     assert len(read_result(partial).response.time) == held
-    assert unfinished(ready, partial.parent).checkpoint.steps == earlier.checkpoint.steps
+    assert open_partial_result(ready, partial.parent).checkpoint.steps == earlier.checkpoint.steps
     assert [path.name for path in partial.parent.iterdir()] == [partial.name]
     assert flexcam("run", "case.toml", "-o", "out", *SAME).code == 0
     assert_same(tmp_path / "out/case.vtkhdf", whole)
@@ -240,7 +240,7 @@ def test_what_stops_before_its_next_block_loses_nothing(after, broken, case, fle
 def test_another_problem_from_python(broken, case):
     """Nothing but `solve` stands between what was left and another lift."""
     partial = broken()
-    earlier = unfinished(prepare(read_case(case, ("run.revolutions=3",))), partial.parent)
+    earlier = open_partial_result(prepare(read_case(case, ("run.revolutions=3",))), partial.parent)
     other = read_case(case, ("run.revolutions=3", "run.steps_per_revolution=3599"))
     with pytest.raises(InputError, match="what another problem left"):
         flexcam_run(other, resume=earlier)

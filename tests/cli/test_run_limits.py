@@ -10,10 +10,10 @@ import pytest
 
 from flexcam import read_case, read_result
 from flexcam.analysis import resources
-from flexcam.analysis.error_estimate import estimate
+from flexcam.analysis.error_estimate import estimate_errors
 from flexcam.analysis.preparation import prepare
-from flexcam.analysis.run import budget_of
-from flexcam.cli.arguments import duration
+from flexcam.analysis.run import estimate_case_resources
+from flexcam.cli.arguments import parse_duration
 from flexcam.dynamics import Cause
 
 HUGE = ("--set", "run.revolutions=1e9")
@@ -65,7 +65,7 @@ def test_frequencies_need_no_room_for_a_run(flexcam, case, monkeypatch):
 def test_check_tells_what_a_run_takes(flexcam, case):
     assert "of memory, a result of" in flexcam("check", case).out
     told = flexcam("check", case, "--json").json
-    needs = budget_of(prepare(read_case(case)), "revolution")
+    needs = estimate_case_resources(prepare(read_case(case)), "revolution")
     assert (told["memory_bytes"], told["result_bytes"]) == (needs.memory, needs.file)
 
 
@@ -129,7 +129,7 @@ def test_a_value_that_begins_with_a_dash(flexcam, case):
 
 @pytest.mark.parametrize(("given", "seconds"), [("5min30s", 330.0), ("1 h 30 min", 5400.0), (".5h", 1800.0)])
 def test_times_may_have_several_units(given, seconds):
-    assert duration("--time-limit", given) == pytest.approx(seconds, rel=1e-15)
+    assert parse_duration("--time-limit", given) == pytest.approx(seconds, rel=1e-15)
 
 
 def test_the_choice_of_a_model_ends_too(flexcam, case):
@@ -143,7 +143,7 @@ def test_the_choice_of_a_model_ends_too(flexcam, case):
 @pytest.mark.parametrize("fault", [None, KeyboardInterrupt])
 def test_the_estimate_of_errors_ends_too(fault, flexcam, case, monkeypatch):
     """The run before it is complete, and stays so."""
-    known, late = estimate, []
+    known, late = estimate_errors, []
 
     def after_the_run(*words):
         late.append(True)
@@ -151,7 +151,7 @@ def test_the_estimate_of_errors_ends_too(fault, flexcam, case, monkeypatch):
             raise fault
         return known(*words)
 
-    monkeypatch.setattr("flexcam.cli.run.estimate", after_the_run)
+    monkeypatch.setattr("flexcam.cli.run.estimate_errors", after_the_run)
     monkeypatch.setattr("time.monotonic", lambda: 1e6 if late else 0.0)
     ended = flexcam("run", case, "--set", "fidelity.estimate=true", "--time-limit", "1 h", "--json")
     assert ended.code == 0

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from flexcam.analysis.selftest import Check, checks, installed
-from flexcam.cli.registry import load
+from flexcam.analysis.selftest import Check, all_checks, installation_info
+from flexcam.cli.registry import load_commands
 from flexcam.fem.assembly import stiffness as fem_stiffness
 
-load(["selftest"])
-COMMAND = "flexcam.cli.selftest.checks"
+load_commands(["selftest"])
+COMMAND = "flexcam.cli.selftest.all_checks"
 
 
 def test_everything_passes_within_half_a_minute(flexcam):
@@ -48,7 +48,7 @@ def test_a_wrong_element_is_found(monkeypatch):
         return fem_stiffness(beams, dofs).scaled(1.0 + 1e-6)
 
     monkeypatch.setattr("flexcam.analysis.selftest.stiffness", stiff)
-    first = next(iter(checks()))
+    first = next(iter(all_checks()))
     assert not first.passed
     assert first.error == pytest.approx(1e-6, rel=1e-3)
 
@@ -57,7 +57,7 @@ def test_extras_that_are_missing_are_told(monkeypatch):
     monkeypatch.setattr("flexcam.analysis.selftest.find_spec", lambda name: None if name == "pymoo" else object())
     monkeypatch.setattr("flexcam.analysis.selftest._PACKAGES", ("no-such-package",))
     monkeypatch.setattr("flexcam.analysis.selftest.jit.is_available", lambda: False)
-    parts = installed()
+    parts = installation_info()
     assert parts["extra design"] == "not there (pymoo): pip install 'flexcam[design]'"
     assert parts["extra tables"] == "usable"
     assert parts["no-such-package"] == "not installed"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexcam import read_case
-from flexcam.analysis.limits import Search, bracketed_limits
+from flexcam.analysis.limits import Search, search_limits
 
 CASE = Path(__file__).resolve().parents[2] / "cases/pushrod-engine/intake.toml"
 QUICK = ("--set", "run.steps_per_revolution=360", "--set", "run.revolutions=1")
@@ -76,7 +76,7 @@ def test_a_small_valve_bounces_from_less(lift, told, tmp_path):
     text = ONE_MASS.replace('lift = "6 mm"', f'lift = "{lift}"').replace("[run]", seat)
     (tmp_path / "one.toml").write_text(text, encoding="utf-8")
     search = Search(100.0, 101.0, tolerance=10.0, count=2)
-    found = bracketed_limits(read_case(tmp_path / "one.toml", QUICK[1:2]), search, among=("bounce",))
+    found = search_limits(read_case(tmp_path / "one.toml", QUICK[1:2]), search, among=("bounce",))
     assert found["bounce"].words.startswith(f"the valve leaves its seat again by more than {told}")
 
 

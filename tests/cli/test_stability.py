@@ -122,9 +122,9 @@ def test_disturbances_are_followed_by_a_bounded_number_of_steps(monkeypatch, ste
         assert one.step * one.steps == pytest.approx(2.0 * math.pi / 100.0)
         return replace(State.rest(one.system.size), periodicity=0.5)
 
-    monkeypatch.setattr(stability, "periodic", found)
+    monkeypatch.setattr(stability, "solve_periodic", found)
     monkeypatch.setattr(stability, "floquet", lambda *_: pytest.fail("disturbances of what does not repeat"))
-    told = stability.stability(read_case(MATHIEU, [f"run.steps_per_revolution={steps}", "run.revolutions=1"]))
+    told = stability.assess_stability(read_case(MATHIEU, [f"run.steps_per_revolution={steps}", "run.revolutions=1"]))
     assert (asked, told.floquet, told.why_not) == (
         [followed],
         None,

@@ -18,8 +18,8 @@ from flexcam.analysis.natural_modes import modes
 from flexcam.case.reader import CaseFile, read_case
 from flexcam.dynamics import Status
 from flexcam.studies.evaluation import Row
-from flexcam.studies.evaluators import variant_row
-from flexcam.studies.quantities import number_of
+from flexcam.studies.evaluators import evaluate_variant
+from flexcam.studies.quantities import get_number
 
 ROOT = Path(__file__).resolve().parents[2]
 PUBLISHED = ROOT / "cases/tayeb/model-3-shm.toml"
@@ -79,7 +79,7 @@ def test_frequency_of_a_mass_on_a_spring(flexcam, oscillator):
 def test_numbers_have_the_unit_of_their_own_table(oscillator, monkeypatch, path, key, unit):
     """A stiffness is one along a line or about an axis: what stands beside it tells."""
     monkeypatch.chdir(oscillator.parent)
-    assert number_of(read_case(path), key, "--to").unit == unit
+    assert get_number(read_case(path), key, "--to").unit == unit
 
 
 def test_derivatives_are_told_with_their_unit(flexcam, oscillator):
@@ -240,9 +240,9 @@ def test_what_a_stopped_search_has_evaluated_is_kept(last, flexcam, oscillator, 
         if len(evaluated) == last:
             raise KeyboardInterrupt
         evaluated.append(words)
-        return variant_row(*words)
+        return evaluate_variant(*words)
 
-    monkeypatch.setattr("flexcam.studies.evaluators.variant_row", stopping)
+    monkeypatch.setattr("flexcam.studies.evaluators.evaluate_variant", stopping)
     told = ("--vary", "springs.one.stiffness=20:80kN/m", "--least", "springs.one.stiffness",
             "--evaluations", "40", "--subject", "frequency.1 >= 30 Hz",
             "-o", tmp_path / "best.toml", "--csv", tmp_path / "all.csv")  # fmt: skip
@@ -272,9 +272,9 @@ def test_what_a_stopped_study_has_evaluated_is_kept(kind, last, flexcam, oscilla
         if len(evaluated) == last:
             raise KeyboardInterrupt
         evaluated.append(words)
-        return variant_row(*words)
+        return evaluate_variant(*words)
 
-    monkeypatch.setattr("flexcam.studies.evaluators.variant_row", stopping)
+    monkeypatch.setattr("flexcam.studies.evaluators.evaluate_variant", stopping)
     command, *told = STUDIES[kind]
     case = PUBLISHED if kind == "derivatives" else oscillator
     done = flexcam(command, case, *told, "--csv", tmp_path / "all.csv", "--json")
@@ -300,7 +300,7 @@ def test_a_stopped_map_has_gaps(flexcam, tmp_path, monkeypatch):
             raise KeyboardInterrupt
         return rows.pop()
 
-    monkeypatch.setattr("flexcam.studies.evaluators.variant_row", stopping)
+    monkeypatch.setattr("flexcam.studies.evaluators.evaluate_variant", stopping)
     told = ("--over", "springs.valve.stiffness=45,65kN/m", "--and", "springs.valve.installed_force=300,500N")
     done = flexcam("limits", ENGINE, *told, "--limit", "buckling", "--csv", tmp_path / "map.csv", "--json")
     assert (done.code, done.json["status"]) == (130, "interrupted")
@@ -313,7 +313,7 @@ def test_a_search_stopped_before_its_first_variant(flexcam, oscillator, tmp_path
     def stopping(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("flexcam.studies.evaluators.variant_row", stopping)
+    monkeypatch.setattr("flexcam.studies.evaluators.evaluate_variant", stopping)
     told = ("--vary", "springs.one.stiffness=20:80kN/m", "--least", "springs.one.stiffness")
     done = flexcam("optimize", oscillator, *told, "--csv", tmp_path / "all.csv")
     assert done.code == 130
@@ -352,7 +352,7 @@ def test_names_are_refused_before_anything_runs(flexcam, path, words, monkeypatc
     def never(*_):
         pytest.fail("something was run")
 
-    for what in ("evaluate", "bracketed_limits"):
+    for what in ("evaluate", "search_limits"):
         monkeypatch.setattr(sys.modules["flexcam.studies.quantities"], what, never)
     refused = flexcam(words[0], path, *words[1:])
     assert refused.code == 2
@@ -494,18 +494,18 @@ def test_a_variant_is_run_as_one_of_as_many_as_are_asked_for(flexcam, monkeypatc
 def test_worker_processes_run_a_variant_as_one_of_many_too(monkeypatch):
     processes = sys.modules["flexcam.studies.evaluators"]
     given = []
-    monkeypatch.setattr(processes, "variant_row", lambda *words: words[-1])
-    monkeypatch.setattr(processes, "_asked", given)
+    monkeypatch.setattr(processes, "evaluate_variant", lambda *words: words[-1])
+    monkeypatch.setattr(processes, "_worker_task", given)
     monkeypatch.setattr(processes, "ProcessPoolExecutor", lambda *_, initargs, **__: given.extend(initargs))
-    monkeypatch.setattr(processes, "ended", lambda *_: None)
-    with processes.evaluators(CaseFile.opened(PUBLISHED), (), ["deviation.peak"], workers=2, runs=9):
+    monkeypatch.setattr(processes, "terminate_executor", lambda *_: None)
+    with processes.create_evaluator(CaseFile.opened(PUBLISHED), (), ["deviation.peak"], workers=2, runs=9):
         assert processes._row(()) == 9
 
 
 def test_limits_are_looked_for_as_one_of_many_variants(flexcam, monkeypatch):
     asked = []
     limits = sys.modules["flexcam.studies.quantities"]
-    monkeypatch.setattr(limits, "bracketed_limits", lambda *_, runs: asked.append(runs) or {})
+    monkeypatch.setattr(limits, "search_limits", lambda *_, runs: asked.append(runs) or {})
     told = ("--over", "springs.valve.stiffness=45,65kN/m", "--and", "springs.valve.installed_force=300,500N")
     flexcam("limits", ENGINE, *told)
     assert asked == [4, 4, 4, 4]

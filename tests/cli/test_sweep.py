@@ -188,7 +188,7 @@ def nobody(listening):
 
 @pytest.mark.parametrize("listening", [False, True])
 def test_a_scheduler_that_does_not_answer(flexcam, case, tmp_path, monkeypatch, listening):
-    monkeypatch.setattr("flexcam.studies.executors._PATIENCE", 0.5)
+    monkeypatch.setattr("flexcam.studies.executors._TIMEOUT", 0.5)
     with nobody(listening) as address:
         done = flexcam("sweep", "case.toml", *SPEEDS, "--scheduler", address)
     assert done.code == 2
@@ -211,7 +211,7 @@ def test_an_address_that_is_none(flexcam, case, monkeypatch, address, why, remed
         raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
 
     monkeypatch.setattr(socket, "getaddrinfo", unknown)  # some networks take long to say so
-    monkeypatch.setattr("flexcam.studies.executors._PATIENCE", 0.5)
+    monkeypatch.setattr("flexcam.studies.executors._TIMEOUT", 0.5)
     done = flexcam("sweep", "case.toml", *SPEEDS, "--scheduler", address)
     assert done.code == 2
     assert why in done.err

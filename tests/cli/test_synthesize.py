@@ -20,7 +20,7 @@ from rich.console import Console
 from flexcam import read_case, run
 from flexcam.cams import SplineFamily, minimax
 from flexcam.case.builder import build_model
-from flexcam.case.lift import law_file
+from flexcam.case.lift import read_law
 from flexcam.cli.synthesize import synthesis_table
 
 module = sys.modules["flexcam.cams.minimax"]  # the function hides it
@@ -220,19 +220,19 @@ def test_a_law_of_least_acceleration(told, tmp_path, monkeypatch):
     monkeypatch.setenv("FLEXCAM_FILES", str(tmp_path))
     case = plain([f"cams.intake.law={tmp_path}/new/best.toml"])
     lift = build_model(case).cams["intake"].event(np.array([math.pi / 4]))
-    assert lift == 0.006 * law_file(tmp_path / "new/best.toml").law(np.array([0.25]))
+    assert lift == 0.006 * read_law(tmp_path / "new/best.toml").law(np.array([0.25]))
     assert run(case).status.ok
 
 
 def test_conditions_and_families(told, tmp_path):
     facts(told, *POLYNOMIAL, "--condition", "0.5,1,1.8", "--condition", "0.25,0,0.1", "-o", "a.toml")
-    law = law_file(tmp_path / "a.toml").law
+    law = read_law(tmp_path / "a.toml").law
     assert [law(np.array([0.5]), 1)[0], law(np.array([0.25]))[0]] == pytest.approx([1.8, 0.1], rel=1e-9)
     for condition, allowed in (("--condition=0.3,1,-0.2", "--turning-back"), ("--condition=0.5,0,0.6", "--asymmetric")):
         assert (told(*POLYNOMIAL, condition).code, told(*POLYNOMIAL, condition, allowed).code) == (2, 0)
     (found,) = facts(told, *LEAST, "--family=harmonic", "--orders=1", "--orders=3", "-o", "b.toml")["laws"]
     assert found["Ca"] == pytest.approx(2 * math.pi / 9 * 1.5**1.5 * 4, rel=2e-8)  # Gutman's
-    assert [n for n, _ in law_file(tmp_path / "b.toml").law.harmonics] == [1, 3]
+    assert [n for n, _ in read_law(tmp_path / "b.toml").law.harmonics] == [1, 3]
     (found,) = facts(told, "synthesize", "law", "--family=harmonic", "--minimize=Cm")["laws"]
     assert (found["family_bound"], found["gap"]) == (None, None), "not convex: no bound is claimed"
 

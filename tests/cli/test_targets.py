@@ -6,9 +6,13 @@ from pathlib import Path
 import pytest
 
 from flexcam import InputError
-from flexcam.io import free_to_write, made_folder, named_as_folder, takes_files
+from flexcam.io import check_folder_name, check_folder_writable, check_writable, create_folder
 
-CHECKS = {"folder": made_folder, "try": takes_files, "file": lambda path: free_to_write("result", path, overwrite=True)}
+CHECKS = {
+    "folder": create_folder,
+    "try": check_folder_writable,
+    "file": lambda path: check_writable("result", path, overwrite=True),
+}
 
 
 @pytest.mark.parametrize("check", CHECKS)
@@ -31,11 +35,11 @@ def test_a_file_in_the_place_of_a_folder(check, below, tmp_path):
 
 
 def test_a_folder_is_tried_and_none_is_left(tmp_path, monkeypatch):
-    takes_files(tmp_path / "a/b/c")
+    check_folder_writable(tmp_path / "a/b/c")
     assert not list(tmp_path.iterdir())
     monkeypatch.chdir(tmp_path)
     (tmp_path / "a").mkdir()
-    takes_files(Path("a/b"))
+    check_folder_writable(Path("a/b"))
     assert [path.name for path in tmp_path.rglob("*")] == ["a"]
 
 
@@ -55,14 +59,14 @@ def test_a_folder_named_like_a_file(flexcam, case, tmp_path):
     assert "-o sub/grid" in told
     (tmp_path / "mine.h5").mkdir()
     for name in ("mine.h5", "results.v2", "0.5"):
-        assert named_as_folder(tmp_path / name) == tmp_path / name
+        assert check_folder_name(tmp_path / name) == tmp_path / name
 
 
 def test_an_ordinary_link_to_a_folder_is_followed(tmp_path):
     (tmp_path / "real").mkdir()
     (tmp_path / "link").symlink_to("real")
-    takes_files(tmp_path / "link/below")
-    assert os.path.lexists(made_folder(tmp_path / "link/below"))
+    check_folder_writable(tmp_path / "link/below")
+    assert os.path.lexists(create_folder(tmp_path / "link/below"))
     assert (tmp_path / "real/below").is_dir()
 
 
@@ -89,4 +93,4 @@ def test_a_folder_that_may_not_be_written_is_told_before_anything_is_computed(
 def test_a_device_takes_what_is_written(monkeypatch):
     """Whatever may be made beside it."""
     monkeypatch.setattr(os, "access", lambda path, mode: False)
-    free_to_write("output", Path("/dev/null"), overwrite=True)
+    check_writable("output", Path("/dev/null"), overwrite=True)

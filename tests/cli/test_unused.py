@@ -7,13 +7,13 @@ from pathlib import Path
 import pytest
 
 from flexcam.case.records import CaseRecord
-from flexcam.cli.app import UNUSED
-from flexcam.cli.registry import FILES
+from flexcam.cli.app import IGNORED_KEYS
+from flexcam.cli.registry import COMMAND_FILES
 
 DATA = Path(__file__).parents[1] / "data"
 INLINE = DATA / "inline.toml"
 
-COMMANDS = {name for names in FILES.values() for name in names}
+COMMANDS = {name for names in COMMAND_FILES.values() for name in names}
 
 
 def known(key):
@@ -27,7 +27,7 @@ def known(key):
     return True
 
 
-@pytest.mark.parametrize("row", UNUSED, ids=lambda row: " ".join([*row.commands, *row.keys]))
+@pytest.mark.parametrize("row", IGNORED_KEYS, ids=lambda row: " ".join([*row.commands, *row.keys]))
 def test_the_table_names_what_there_is(row):
     assert set(row.commands) <= COMMANDS
     assert all(known(key) for key in (*row.keys, *row.but))

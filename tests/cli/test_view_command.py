@@ -50,7 +50,7 @@ ALIKE = 8
 def drawing():
     """Skip where nothing can be drawn, but not where everything must run."""
     try:
-        rendering.ready_to_render(off_screen=True)
+        rendering.select_renderer(off_screen=True)
     except RunFailedError as failure:
         if os.environ.get("FLEXCAM_REQUIRE_PARAVIEW") == "1":
             pytest.fail(f"FLEXCAM_REQUIRE_PARAVIEW=1, but {failure}")
@@ -109,9 +109,9 @@ def test_a_result_is_saved_at_full_lift(flexcam, result):
     ("first", "told"), [(0.0, "cam angle 10.0 deg"), (1080.0, "cam angle 10.0 deg of the last revolution")]
 )
 def test_the_angle_is_counted_within_its_revolution(first, told):
-    from flexcam.plotting.solid_view import _angle_words
+    from flexcam.plotting.solid_view import _format_angle
 
-    assert _angle_words(np.radians(first + np.array([0.0, 10.0])), 1) == told
+    assert _format_angle(np.radians(first + np.array([0.0, 10.0])), 1) == told
 
 
 @pytest.mark.usefixtures("drawing")
@@ -235,9 +235,9 @@ def test_a_renderer_that_ends_its_process_ends_only_that(words, flexcam, monkeyp
         rendering, "_PROBE", "import os, sys; sys.stderr.write('(12s) [7F] x: 150 WARN| no GL\\n'); os.abort()"
     )
     monkeypatch.setenv("DISPLAY", ":0")
-    rendering._drawn_by.cache_clear()
+    rendering._test_renderer.cache_clear()
     failed = flexcam("view", FINGER, *words)
-    rendering._drawn_by.cache_clear()
+    rendering._test_renderer.cache_clear()
     assert failed.code == 3
     assert "no-rendering: nothing can be drawn here: no GL" in failed.err
     assert "apt-get install libgl1 libegl1" in failed.err
@@ -249,14 +249,14 @@ import sys
 from flexcam import read_case
 from flexcam.case.builder import build_model
 from flexcam.plotting.scene.motion import case_motion
-from flexcam.plotting.scene.assembly import mechanism
+from flexcam.plotting.scene.assembly import build_mechanism
 from flexcam.valvetrain import build_structure
-from flexcam.plotting.rendering import ready_to_render
-ready_to_render(off_screen=False)
-from flexcam.plotting.solid_view import Looks, Stage
+from flexcam.plotting.rendering import select_renderer
+select_renderer(off_screen=False)
+from flexcam.plotting.solid_view import MechanismView, ViewSettings
 structure = build_structure(build_model(read_case(sys.argv[1])))
-looks = Looks(size=(400, 300), title=sys.argv[3])
-stage = Stage(mechanism(structure), case_motion(structure, 100.0), looks, off_screen=False)
+looks = ViewSettings(size=(400, 300), title=sys.argv[3])
+stage = MechanismView(build_mechanism(structure), case_motion(structure, 100.0), looks, off_screen=False)
 stage.slide(0)
 stage.plotter.show(interactive=False, auto_close=False)
 slider = stage.plotter.widgets.slider_widgets[0]

@@ -10,7 +10,7 @@ import signal
 
 import pytest
 
-from flexcam.cli.app import running
+from flexcam.cli.app import run_state
 from flexcam.cli.main import main
 from tests.docs.pages import PAGES, ROOT, adds, assert_shown, blocks, keep, name_of
 
@@ -29,7 +29,7 @@ def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("COLUMNS", raising=False)
     monkeypatch.setattr(signal, "signal", lambda *_: None)
-    monkeypatch.setattr(running, "solving", False)
+    monkeypatch.setattr(run_state, "solving", False)
     return tmp_path
 
 
@@ -39,7 +39,7 @@ def command(line, code):
     if not given or given[0] in OTHERS:
         return
     assert given[0] == "flexcam", f"no command of this project: {line}"
-    running.solving = False
+    run_state.solving = False
     with pytest.raises(SystemExit) as ended:
         main(given[1:])
     assert ended.value.code == code, line

@@ -11,7 +11,7 @@ import pytest
 
 import flexcam
 from flexcam.analysis.preparation import prepare
-from flexcam.analysis.run import result_file
+from flexcam.analysis.run import open_result_file
 from flexcam.dynamics import Stats
 
 ROOT = Path(__file__).parents[2]
@@ -38,7 +38,7 @@ def found(tmp_path_factory):
     for name in CASES:
         case = flexcam.read_case(ROOT / f"cases/{name}.toml", ["run.revolutions=0.01"])
         ready = prepare(case)
-        sink = result_file(ready, folder)
+        sink = open_result_file(ready, folder)
         flexcam.solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink])
         with h5py.File(sink.path) as file:
             assert set(file["status"].attrs) == set(Stats.__dataclass_fields__)

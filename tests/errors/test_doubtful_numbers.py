@@ -10,9 +10,9 @@ import pytest
 
 from flexcam import InputError, prepare, read_case, read_result
 from flexcam.case.builder import build_model
-from flexcam.case.input_checks import STRAIGHT, TWISTED, USUAL, unusual
+from flexcam.case.input_checks import SPRING_RANGE, TORSION_SPRING_RANGE, TYPICAL_RANGES, check_values
 from flexcam.cli.main import main
-from flexcam.report.run_checks import input_doubts, lobe_doubts
+from flexcam.report.run_checks import check_input, check_lobes
 
 ROOT = Path(__file__).parents[2]
 CASE = ROOT / "tests/data/inline.toml"
@@ -59,8 +59,8 @@ DOUBTFUL = {
 @pytest.mark.parametrize("what", DOUBTFUL)
 def test_what_is_hardly_meant_is_told(what, tried):
     path, override, *said = DOUBTFUL[what]
-    found = [one for one in unusual(read_case(path, [override])) if said[0] in one]
-    assert found, unusual(read_case(path, [override]))
+    found = [one for one in check_values(read_case(path, [override])) if said[0] in one]
+    assert found, check_values(read_case(path, [override]))
     assert said[1] in found[0]
     assert f"(--set {override})" in found[0] or "line" in found[0], "with its place"
     tried("planted", f"number: {what}", 1, "told, with what was likely meant")
@@ -68,7 +68,7 @@ def test_what_is_hardly_meant_is_told(what, tried):
 
 @pytest.mark.parametrize("override", ["run.speed=314.159", "run.speed=300 rad/s", "run.speed=100"])
 def test_a_speed_that_may_be_meant(override):
-    assert not [one for one in unusual(read_case(CASE, [override])) if "speed" in one]
+    assert not [one for one in check_values(read_case(CASE, [override])) if "speed" in one]
 
 
 def test_an_endurance_limit_beyond_the_strength():
@@ -90,10 +90,10 @@ def test_a_sound_case_is_not_doubted(path):
         assert "[run]" not in path.read_text(encoding="utf-8"), "cams without a mechanism around them"
         return
     standing = case.with_run({"start": "equilibrium"}) if case.record.run.start == "periodic" else case
-    assert input_doubts(replace(prepare(standing), case=case)) == []
+    assert check_input(replace(prepare(standing), case=case)) == []
 
 
-@pytest.mark.parametrize("usual", [*USUAL, STRAIGHT, TWISTED], ids=lambda one: one.key)
+@pytest.mark.parametrize("usual", [*TYPICAL_RANGES, SPRING_RANGE, TORSION_SPRING_RANGE], ids=lambda one: one.key)
 def test_bounds_are_bounds(usual):
     """What a number may have been meant in leads back between them somewhere."""
     assert 0.0 <= usual.least < usual.most
@@ -112,7 +112,7 @@ def test_two_supports_that_hold_one_component(tmp_path, tried):
     (tmp_path / "case.toml").write_text(
         text.replace("[supports]", '[supports]\npushrod-top = ["ux"]'), encoding="utf-8"
     )
-    (told,) = unusual(read_case(tmp_path / "case.toml"))
+    (told,) = check_values(read_case(tmp_path / "case.toml"))
     assert "ux is held by support 'pushrod-top' already" in told
     assert "supports.guide (line" in told
     tried("planted", "two supports on one component", 1, "told")
@@ -120,7 +120,7 @@ def test_two_supports_that_hold_one_component(tmp_path, tried):
 
 def test_a_spring_on_what_a_support_holds(tried):
     overrides = ["springs.side.at=front", "springs.side.direction=uy", "springs.side.stiffness=1e6"]
-    (told,) = unusual(read_case(CASE, overrides))
+    (told,) = check_values(read_case(CASE, overrides))
     assert "springs.side" in told
     assert "acts on nothing" in told
     tried("planted", "a spring on a component that a support holds", 1, "told")
@@ -130,7 +130,7 @@ def test_loads_that_push_nothing():
     loads = [f'loads.{name}={{ at = "{at}", direction = "uy", force = {size} }}' for name, at, size in (
         ("lost", "lost", 3), ("borne", "front", -3), ("meant", "cam", 3), ("none", "front", 0))]  # fmt: skip
     ready = prepare(read_case(CASE, ["nodes.lost=[0, 0, 1]", *loads]))
-    told = [sentence for sentence in input_doubts(ready) if "pushes nothing" in sentence]
+    told = [sentence for sentence in check_input(ready) if "pushes nothing" in sentence]
     assert [sentence.split(":")[1].strip() for sentence in told] == ["loads.lost", "loads.borne"]
 
 
@@ -139,7 +139,7 @@ def test_a_member_that_nothing_touches(tmp_path, tried):
     text = CASE.read_text(encoding="utf-8").replace("[supports]", alone)
     text = text.replace("[materials.steel]", "a = [1, 1, 1]\nb = [1, 1.2, 1]\n[materials.steel]")
     (tmp_path / "case.toml").write_text(text, encoding="utf-8")
-    told = [one for one in input_doubts(prepare(read_case(tmp_path / "case.toml"))) if "touches them" in one]
+    told = [one for one in check_input(prepare(read_case(tmp_path / "case.toml"))) if "touches them" in one]
     assert len(told) == 1
     assert "members alone" in told[0]
     tried("planted", "a member that nothing touches", 1, "told")
@@ -149,10 +149,10 @@ def test_a_member_that_nothing_touches(tmp_path, tried):
 def test_a_contact_that_no_spring_closes(start, tmp_path, tried):
     """The follower stands off its cam before it turns: nothing presses it on."""
     case = ROOT / "cases/direct-acting/bucket.toml"
-    assert input_doubts(prepare(read_case(case, [f"run.start={start}"]))) == []
+    assert check_input(prepare(read_case(case, [f"run.start={start}"]))) == []
     lines = [line for line in case.read_text(encoding="utf-8").splitlines() if "installed_force" not in line]
     (tmp_path / "case.toml").write_text("\n".join(lines), encoding="utf-8")
-    (told,) = input_doubts(prepare(read_case(tmp_path / "case.toml", [f"run.start={start}"])))
+    (told,) = check_input(prepare(read_case(tmp_path / "case.toml", [f"run.start={start}"])))
     assert "contacts.intake: no spring presses the follower to its cam" in told
     tried("planted", f"springs that cannot hold contact, start {start}", 1, "told, with the remedy")
 
@@ -164,13 +164,13 @@ def test_a_contact_that_no_spring_closes(start, tmp_path, tried):
 def test_a_run_that_starts_on_a_flank(phase, start, told):
     """40 deg into a harmonic rise over 180 deg the lift is 3 mm (1 - cos 40 deg)."""
     case = read_case(CASE, [f"cams.intake.phase={phase} deg", f"run.start={start}"])
-    found = [one for one in input_doubts(prepare(case)) if "middle of its lift" in one]
+    found = [one for one in check_input(prepare(case)) if "middle of its lift" in one]
     assert len(found) == told
     if phase == -40 and told:
         assert "cams.intake" in found[0]
         assert "0.702 mm and 0.606 m/s" in found[0]
         assert 'start = "equilibrium"' in found[0]
-    assert input_doubts(prepare(case, rigid=True)) == []
+    assert check_input(prepare(case, rigid=True)) == []
 
 
 def test_run_tells_it_and_the_result_keeps_it(tmp_path, capsys):
@@ -198,7 +198,7 @@ def test_run_tells_it_and_the_result_keeps_it(tmp_path, capsys):
     ("sections.shaft.diameter=50mm", "its base circle has a radius of 24 mm, its shaft one of 25 mm"),
 ])  # fmt: skip
 def test_a_lobe_that_cannot_be_made(override, said):
-    (told,) = lobe_doubts(build_model(read_case(PUSHROD, [override])))
+    (told,) = check_lobes(build_model(read_case(PUSHROD, [override])))
     assert "cams.intake" in told
     assert said in told
 
@@ -232,12 +232,12 @@ speed = "1000 rpm"
 def test_a_lobe_is_not_on_two_sides_at_once(tmp_path, side, axis, later):
     """Turning about x it goes from y to z."""
     (tmp_path / "both.toml").write_text(BOTH.format(side=side, axis=axis), encoding="utf-8")
-    (told,) = lobe_doubts(build_model(read_case(tmp_path / "both.toml")))
+    (told,) = check_lobes(build_model(read_case(tmp_path / "both.toml")))
     assert f"cams.one: it lifts up and beside at one cam angle, and a lobe reaches the second {later} deg later" in told
 
 
 def test_a_lobe_as_thick_as_its_shaft_is_no_fault():
-    assert lobe_doubts(build_model(read_case(PUSHROD, ["sections.shaft.diameter=48mm"]))) == []
+    assert check_lobes(build_model(read_case(PUSHROD, ["sections.shaft.diameter=48mm"]))) == []
 
 
 @pytest.mark.parametrize(("override", "said"), [
@@ -247,7 +247,7 @@ def test_a_lobe_as_thick_as_its_shaft_is_no_fault():
 ])  # fmt: skip
 def test_parts_that_nothing_uses(override, said):
     """A name misspelt by --set makes a part of its own, beside the one that was meant."""
-    (told,) = unusual(read_case(CASE, [override]))
+    (told,) = check_values(read_case(CASE, [override]))
     key = override.partition("=")[0]
     assert told.startswith(f"Warning: {key} (--set {key}=")
     assert said in told

@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 from flexcam import InputError, prepare, read_case, read_mesh, read_result
-from flexcam.analysis.run import result_file
+from flexcam.analysis.run import open_result_file
 from flexcam.dynamics import solve
-from flexcam.io import guarded, verified
+from flexcam.io import open_checked, verify_file
 from flexcam.studies.tables import read_table
 
 ROOT = Path(__file__).parents[2]
@@ -26,7 +26,7 @@ ROOT = Path(__file__).parents[2]
 def sound(tmp_path_factory):
     """Return a small complete result."""
     ready = prepare(read_case(ROOT / "tests/data/inline.toml", ["run.revolutions=0.05"]))
-    sink = result_file(ready, tmp_path_factory.mktemp("sound"))
+    sink = open_result_file(ready, tmp_path_factory.mktemp("sound"))
     solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink])
     return sink.path
 
@@ -109,7 +109,7 @@ def test_hdf5_that_leads_out_or_swells(what, sound, tmp_path, tried):
         secret["x"] = np.arange(3.0)
     with h5py.File(path, "r+") as file:
         make(file)
-    for read in (read_result, verified, read_table):
+    for read in (read_result, verify_file, read_table):
         with pytest.raises(InputError, match=said) as refusal:
             read(path)
         assert str(path) in str(refusal.value)
@@ -118,9 +118,9 @@ def test_hdf5_that_leads_out_or_swells(what, sound, tmp_path, tried):
 
 def test_what_is_sound_passes_the_guard(sound):
     """Our own dimension scales are references that nothing follows."""
-    with guarded(sound, "result", "a result") as file:
+    with open_checked(sound, "result", "a result") as file:
         assert "DIMENSION_LIST" in file["history/cam_angle"].attrs
-    assert verified(sound).complete
+    assert verify_file(sound).complete
 
 
 LAUGHS = """<?xml version="1.0"?><!DOCTYPE VTKFile [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;&a;&a;">

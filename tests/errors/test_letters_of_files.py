@@ -6,8 +6,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from flexcam import InputError, prepare, read_case, solve
-from flexcam.analysis.case_diff import differing
-from flexcam.analysis.run import result_file
+from flexcam.analysis.case_diff import find_differences
+from flexcam.analysis.run import open_result_file
 from flexcam.cli.main import main
 from flexcam.plotting.figures import save_figure
 
@@ -70,7 +70,7 @@ COMMAND = "\\u001b]0;owned\\u0007\\u009b31m :bug: [bold]"
 def test_a_title_commands_no_terminal(case, ended, tmp_path):
     path = case(("TITLE", COMMAND))
     ready = prepare(read_case(path))
-    file = result_file(ready, tmp_path)
+    file = open_result_file(ready, tmp_path)
     assert solve(ready.problem, ready.scheme, save=ready.save, sinks=[file]).status.ok
     for words in (("check", path), ("info", file.path), ("run", path, "-o", tmp_path / "results")):
         told, code = ended(*words)
@@ -96,6 +96,6 @@ def test_letters_that_a_font_lacks_are_drawn_in_silence(tmp_path):
 def test_the_line_in_which_two_cases_differ():
     """Counted as an editor does, whatever letters a comment holds."""
     then = "# a\x85b\u2028c\nformat = 1\nspeed = 3\n"
-    (fault,) = differing({"case": then.replace("3", "4")}, {"case": then})
+    (fault,) = find_differences({"case": then.replace("3", "4")}, {"case": then})
     assert fault.where == "--resume: the text of the case, line 3"
     assert (fault.given, fault.allowed) == ("speed = 4", "speed = 3")

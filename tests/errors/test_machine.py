@@ -14,7 +14,7 @@ import h5py
 import pytest
 
 from flexcam import prepare, read_case, read_result
-from flexcam.analysis.run import result_file
+from flexcam.analysis.run import open_result_file
 from flexcam.core.errors import InputError
 from flexcam.dynamics import Cause, solve
 from flexcam.io import result_writer
@@ -26,7 +26,7 @@ RUN = ("run", "case.toml", "-o", "out")
 OFTEN = """
 from flexcam.cli.main import main
 from flexcam.io import result_writer
-result_writer._SHARE = float("inf")
+result_writer._MAX_COPY_TIME = float("inf")
 main()
 """
 """The command, with a copy after every block."""
@@ -78,7 +78,7 @@ def ready():
 @pytest.fixture
 def often(monkeypatch):
     """Have a copy after every block."""
-    monkeypatch.setattr(result_writer, "_SHARE", float("inf"))
+    monkeypatch.setattr(result_writer, "_MAX_COPY_TIME", float("inf"))
 
 
 class Doing:
@@ -101,7 +101,7 @@ def solved(ready, file, *sinks):
 
 
 def test_a_folder_that_vanishes(ready, tried, tmp_path):
-    file = result_file(ready, tmp_path / "out")
+    file = open_result_file(ready, tmp_path / "out")
     response = solved(ready, file, Doing(lambda: shutil.rmtree(tmp_path / "out")))
     assert response.status.cause is Cause.NOT_SAVED
     assert "No such file or directory" in response.status.text
@@ -122,15 +122,15 @@ def test_a_folder_in_the_place_of_the_result(ready, tmp_path):
     """It is refused at once, not when the run is over and cannot take its name."""
     (tmp_path / "inline.vtkhdf").mkdir()
     with pytest.raises(InputError, match="a folder stands there"):
-        result_file(ready, tmp_path, overwrite=True)
+        open_result_file(ready, tmp_path, overwrite=True)
 
 
 def test_results_that_are_open_elsewhere(ready, often, tried, tmp_path):
     """A reader of the result before, and one of the partial result, keep what they have opened."""
-    solved(ready, file := result_file(ready, tmp_path))
+    solved(ready, file := open_result_file(ready, tmp_path))
     opened = []
     with h5py.File(file.path) as before:
-        file = result_file(ready, tmp_path, overwrite=True)
+        file = open_result_file(ready, tmp_path, overwrite=True)
         assert solved(ready, file, Doing(lambda: opened.append(h5py.File(file.partial)))).status.ok
         with opened[0] as partial:
             assert 0 < partial["history"].attrs["steps"] < ready.problem.steps
@@ -142,7 +142,7 @@ def test_results_that_are_open_elsewhere(ready, often, tried, tmp_path):
 def test_no_room_for_a_copy(often, monkeypatch, tmp_path):
     """The run needs the room itself: what others see stays as it was, and the result is complete."""
     ready = prepare(read_case(CASE, ["run.revolutions=4"]))
-    file, full, seen = result_file(ready, tmp_path), shutil._ntuple_diskusage(0, 0, 0), []
+    file, full, seen = open_result_file(ready, tmp_path), shutil._ntuple_diskusage(0, 0, 0), []
 
     def look():
         seen.append(len(read_result(file.partial).response.time))
@@ -158,7 +158,7 @@ import os, sys
 from dataclasses import replace
 from flexcam import prepare, read_case
 from flexcam.dynamics import solve
-from flexcam.analysis.run import result_file
+from flexcam.analysis.run import open_result_file
 case, (begin, all_ready) = read_case(sys.argv[1]), os.pipe()
 for i in range(8):
     if not os.fork():
@@ -166,7 +166,7 @@ for i in range(8):
         os.read(begin, 1)  # returns when the parent lets go, for all at once
         for name in (f"a{i}", f"b{i}"):
             ready = prepare(replace(case, path=case.path.with_name(name + ".toml")))
-            solve(ready.problem, ready.scheme, save=ready.save, sinks=[result_file(ready, sys.argv[2])])
+            solve(ready.problem, ready.scheme, save=ready.save, sinks=[open_result_file(ready, sys.argv[2])])
         os._exit(0)
 os.close(all_ready)
 sys.exit(sum(os.wait()[1] != 0 for _ in range(8)))
@@ -188,27 +188,27 @@ def test_eight_processes_in_one_folder(ready, tried, tmp_path):
 HELD = """
 import os, sys
 from pathlib import Path
-from flexcam.io.result_writer import _locked
-_locked(Path(sys.argv[1]))
+from flexcam.io.result_writer import _lock_file
+_lock_file(Path(sys.argv[1]))
 os._exit(9)
 """
 
 
 def test_two_processes_and_one_result(ready, tried, tmp_path):
     """The second is refused, also with --overwrite; a process that is gone holds nothing."""
-    file = result_file(ready, tmp_path / "out")
+    file = open_result_file(ready, tmp_path / "out")
     shutil.copy(CASE, tmp_path / "inline.toml")
     for more in ([], ["--overwrite"]):
         done = flexcam(tmp_path, "run", "inline.toml", "-o", "out", *more)
         assert done.returncode == 2
         assert "another run is writing it now" in done.stderr
     with pytest.raises(InputError, match="another run is writing it now"):
-        result_file(ready, tmp_path / "out", overwrite=True)
+        open_result_file(ready, tmp_path / "out", overwrite=True)
     assert solved(ready, file).status.ok
     assert names(tmp_path / "out") == ["inline.vtkhdf"]
     left = str(tmp_path / "out/inline.writing")
     subprocess.run([sys.executable, "-c", HELD, left], timeout=60, check=False)
-    assert solved(ready, result_file(ready, tmp_path / "out", overwrite=True)).status.ok
+    assert solved(ready, open_result_file(ready, tmp_path / "out", overwrite=True)).status.ok
     tried("together", "two processes write one result", 3, "the second is refused; a dead one locks nobody out")
 
 

@@ -12,7 +12,7 @@ import pytest
 
 from flexcam import InputError
 from flexcam.case.reader import CaseFile
-from flexcam.case.toml_lines import toml
+from flexcam.case.toml_lines import parse_toml
 
 # changes, and the key paths of which each must have its fault in the one report
 MANY = {
@@ -188,4 +188,4 @@ def test_only_what_ends_a_line_of_toml_is_counted(end, text, changed, faults_of)
 def test_a_key_of_thousands_of_parts_is_refused_whatever_stands_in_it():
     key = ".".join(['"\u2028"'] * 3000)
     with pytest.raises(ValueError, match="nested more than"):
-        toml(f"{key} = 1")
+        parse_toml(f"{key} = 1")

@@ -7,9 +7,9 @@ import time
 import pytest
 
 from flexcam import InputError
-from flexcam.studies.axes import axes
-from flexcam.studies.plan import made_plan, sample
-from flexcam.studies.sweep import study
+from flexcam.studies.axes import parse_axes
+from flexcam.studies.plan import make_plan, parse_sample
+from flexcam.studies.sweep import make_sweep
 
 
 @pytest.fixture
@@ -45,32 +45,32 @@ SPECS = {
 
 @pytest.mark.parametrize("spec", SPECS)
 def test_no_values(spec):
-    fault = faults(lambda: axes([f"run.speed={spec}"]))[0]
+    fault = faults(lambda: parse_axes([f"run.speed={spec}"]))[0]
     assert fault.where == f"--set run.speed={spec}"
     assert fault.why == SPECS[spec]
     assert fault.allowed
 
 
 def test_faults_of_several_axes_come_together():
-    found = faults(lambda: axes(["run.speed=2:1:1", "nothing", "a=1,2", "a=3", "b=1:2:0"]))
+    found = faults(lambda: parse_axes(["run.speed=2:1:1", "nothing", "a=1,2", "a=3", "b=1:2:0"]))
     assert [fault.where for fault in found] == ["--set run.speed=2:1:1", "--set nothing", "--set a=3", "--set b=1:2:0"]
 
 
 @pytest.mark.parametrize("how", ["sobl:4", "sobol:5", "lhs:0", "lhs", "lhs:-3", "sobol:4.0"])
 def test_no_sample(how):
-    assert faults(lambda: sample(how))[0].where == "--sample"
+    assert faults(lambda: parse_sample(how))[0].where == "--sample"
 
 
 def test_plans_that_cannot_be():
-    assert [f.why for f in faults(lambda: made_plan(axes(["a=1:2", "b=3:4"])))] == ["a grid needs its points"] * 2
-    assert faults(lambda: made_plan(axes(["a=1"])))[0].why == "nothing varies"
-    assert "--limit 10201" in faults(lambda: made_plan(axes(["a=0:100:1", "b=0:100:1"])))[0].remedy
-    assert len(made_plan(axes(["a=0:100:1", "b=0:100:1"]), limit=10201)) == 10201
+    assert [f.why for f in faults(lambda: make_plan(parse_axes(["a=1:2", "b=3:4"])))] == ["a grid needs its points"] * 2
+    assert faults(lambda: make_plan(parse_axes(["a=1"])))[0].why == "nothing varies"
+    assert "--limit 10201" in faults(lambda: make_plan(parse_axes(["a=0:100:1", "b=0:100:1"])))[0].remedy
+    assert len(make_plan(parse_axes(["a=0:100:1", "b=0:100:1"]), limit=10201)) == 10201
 
 
 def test_unknown_key_unit_mismatch_and_impossible_values_in_one_report(case):
     wrong = ["run.speed=1000:3000:1000kN", "springs.valve.stifness=1,2kN/m", "cams.intake.lift=-1:5:3mm"]
-    found = {fault.where: fault for fault in faults(lambda: study(case, wrong))}
+    found = {fault.where: fault for fault in faults(lambda: make_sweep(case, wrong))}
     assert set(found) == {f"--set {one}" for one in wrong}
     assert found[f"--set {wrong[0]}"].given == "'1000kN', '2000kN', '3000kN'"
     assert "does not measure a speed" in found[f"--set {wrong[0]}"].why
@@ -79,12 +79,12 @@ def test_unknown_key_unit_mismatch_and_impossible_values_in_one_report(case):
 
 
 def test_an_unknown_table(case):
-    assert faults(lambda: study(case, ["sprigs.valve.stiffness=1,2kN/m"]))[0].remedy == "did you mean 'springs'?"
+    assert faults(lambda: make_sweep(case, ["sprigs.valve.stiffness=1,2kN/m"]))[0].remedy == "did you mean 'springs'?"
 
 
 def test_thousands_of_bad_variants_are_refused_at_once(case):
     begun = time.perf_counter()
-    found = faults(lambda: study(case, ["run.speed=1:9000:1kN"]))
+    found = faults(lambda: make_sweep(case, ["run.speed=1:9000:1kN"]))
     assert len(found) == 1
     assert time.perf_counter() - begun < 1.0  # all of them take seconds
 
@@ -93,16 +93,19 @@ def test_faults_of_the_table_of_a_case_name_its_line(case, text):
     table = '\n[sweep]\nset = { "run.speed" = "1000:2000:-500rpm", "springs.valve.stiffness" = "30:60kN/m" }\n'
     case.write_text(text + table, encoding="utf-8")
     line = len(text.splitlines()) + 3
-    found = faults(lambda: study(case))
+    found = faults(lambda: make_sweep(case))
     assert found[0].where == f"sweep.set.run.speed (line {line})"
-    assert faults(lambda: study(case, ["run.speed=1000,2000rpm"]))[0].where.startswith(
+    assert faults(lambda: make_sweep(case, ["run.speed=1000,2000rpm"]))[0].where.startswith(
         "sweep.set.springs.valve.stiffness"
     )
     case.write_text(text + '\n[sweep]\nseed = -1\nsampel = "lhs:3"\n', encoding="utf-8")
-    assert {fault.where.partition(" ")[0] for fault in faults(lambda: study(case))} == {"sweep.seed", "sweep.sampel"}
+    assert {fault.where.partition(" ")[0] for fault in faults(lambda: make_sweep(case))} == {
+        "sweep.seed",
+        "sweep.sampel",
+    }
 
 
 def test_a_sweep_of_its_own_keys_and_of_estimates(case):
-    assert faults(lambda: study(case, ["sweep.seed=1,2"]))[0].why == "it says how to sweep"
-    found = faults(lambda: study(case, ["run.speed=1000,2000rpm", "fidelity.estimate=true"]))
+    assert faults(lambda: make_sweep(case, ["sweep.seed=1,2"]))[0].why == "it says how to sweep"
+    found = faults(lambda: make_sweep(case, ["run.speed=1000,2000rpm", "fidelity.estimate=true"]))
     assert found[0].remedy == "--set fidelity.estimate=false"

@@ -8,7 +8,7 @@ import pytest
 
 from flexcam import InputError, read_case
 from flexcam.case.builder import build_model
-from flexcam.report.run_checks import lobe_doubts
+from flexcam.report.run_checks import check_lobes
 
 SHAFT = 'shaft = { shape = "circle", diameter = "25 mm" }'
 CUSTOM = 'shaft = {{ shape = "custom", A = 4.9e-4, Iy = 1.9e-8, Iz = {}, J = 3.8e-8 }}'
@@ -112,6 +112,6 @@ LOBE = ('mass = "0.15 kg"', 'mass = "0.15 kg", inertia = {}')
 )  # fmt: skip
 def test_a_turning_body_of_uneven_inertia_is_told_where_it_is_felt(text, changed, read, inertia, told):
     """The shaft has 0.69 kg on 180 mm: a hundredth of its bending is 1.1e-5 kg m^2."""
-    said = lobe_doubts(build_model(read(changed(text, (LOBE[0], LOBE[1].format(inertia))))))
+    said = check_lobes(build_model(read(changed(text, (LOBE[0], LOBE[1].format(inertia))))))
     assert bool(said) == told
     assert all("masses.lobe" in one and "0.0015 kg m^2" in one for one in said)

@@ -13,10 +13,10 @@ import pytest
 from imageio.v2 import get_writer
 
 from flexcam import prepare, read_case, solve
-from flexcam.analysis.run import result_file
+from flexcam.analysis.run import open_result_file
 from flexcam.cli.main import main
 from flexcam.dynamics import RunFailedError
-from flexcam.plotting.figures import save
+from flexcam.plotting.figures import save_view
 
 ASKED = {
     "motion.svg": ("plot", "RESULT", "-o"),
@@ -43,7 +43,7 @@ run = { speed = "3000 rpm", revolutions = 0.1, steps_per_revolution = 360 }
 output = { probes = ["b"] }
 """)
     ready = prepare(read_case(folder / "free.toml"))
-    file = result_file(ready, folder)
+    file = open_result_file(ready, folder)
     assert solve(ready.problem, ready.scheme, save=ready.save, sinks=[file]).status.ok
     return file.path
 
@@ -86,7 +86,7 @@ def test_a_movie_whose_writer_keeps_silent(tmp_path):
     plotter = SimpleNamespace(open_movie=opened, write_frame=lambda: None, close=lambda: None)
     stage = SimpleNamespace(plotter=plotter, show=lambda instant: None)
     with pytest.raises(RunFailedError, match="its end is missing"):
-        save(stage, tmp_path / "movie.mp4", [0, 1], 0)
+        save_view(stage, tmp_path / "movie.mp4", [0, 1], 0)
     assert [one.read_text() for one in tmp_path.iterdir()] == ["what stood there before"]
 
 
@@ -112,7 +112,7 @@ def test_a_movie_of_pictures_on_a_full_disk(tmp_path, capfd):
         full_disk(),
         pytest.raises(RunFailedError, match=r"movie\.gif could not be written: File too large; free space"),
     ):
-        save(stage, tmp_path / "movie.gif", [0, 1, 2], 0)
+        save_view(stage, tmp_path / "movie.gif", [0, 1, 2], 0)
     del stage
     gc.collect()
     assert capfd.readouterr() == ("", "")

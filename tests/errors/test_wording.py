@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from flexcam import InputError, read_case
-from flexcam.case.lift import given_law
+from flexcam.case.lift import parse_law
 from flexcam.case.reader import read_cams
-from flexcam.core.errors import did_you_mean, finite_array, refuse
+from flexcam.core.errors import finite_array, refuse, suggest_name
 
 
 def test_another_version_of_the_format(tmp_path):
@@ -24,16 +24,16 @@ def test_another_version_of_the_format(tmp_path):
 
 
 def test_no_hint_at_what_was_written():
-    assert did_you_mean("exponents", ["exponents", "conditions"]) == ""
+    assert suggest_name("exponents", ["exponents", "conditions"]) == ""
     with pytest.raises(InputError) as refusal:
-        given_law({"id": "polynomial", "exponents": ["x"]})
+        parse_law({"id": "polynomial", "exponents": ["x"]})
     assert "did you mean" not in str(refusal.value)
 
 
 @pytest.mark.parametrize("harmonics", [[0.9, 0.1], 0.9, [[1, 0.9, 0.1]], [[1.5, 0.9]]])
 def test_a_list_of_pairs_is_shown_as_one(harmonics):
     with pytest.raises(InputError, match=r"pairs, a whole number and a number each: \[\[1, 0.9\], \[3, 0.1\]\]"):
-        given_law({"id": "harmonic", "harmonics": harmonics})
+        parse_law({"id": "harmonic", "harmonics": harmonics})
 
 
 INLINE = Path(__file__).parents[1] / "data/inline.toml"

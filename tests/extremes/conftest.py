@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from flexcam.cli.app import running
+from flexcam.cli.app import run_state
 from flexcam.cli.main import main
 
 ROOT = Path(__file__).parents[2]
@@ -84,7 +84,7 @@ def command(
     monkeypatch.setattr(signal, "signal", lambda *_: None)
 
     def run(*words: Any) -> tuple[int, str]:
-        monkeypatch.setattr(running, "solving", False)
+        monkeypatch.setattr(run_state, "solving", False)
         with pytest.raises(SystemExit) as ended:
             main([str(word) for word in words])
         told = capsys.readouterr()

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from flexcam import prepare, read_case
-from flexcam.analysis.run import result_file
+from flexcam.analysis.run import open_result_file
 from flexcam.dynamics import Cause, ConstantSpeed, Problem, State, newmark, solve
 
 DIVERGING = "a run that diverges"
@@ -63,7 +63,7 @@ def test_a_case_that_diverges(expect, command, tayeb):
 
 def test_its_file_holds_numbers_only(expect, tmp_path, tayeb):
     ready = prepare(read_case(tayeb, UNSTABLE))
-    sink = result_file(ready, tmp_path)
+    sink = open_result_file(ready, tmp_path)
     response = solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink])
     assert response.status.cause is Cause.NOT_FINITE
     assert all_numbers(response)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from flexcam import read_case
-from flexcam.analysis.error_estimate import estimate
-from flexcam.analysis.measures import distance, measured
-from flexcam.analysis.model_ladder import Rung, steps_of, with_elements
+from flexcam.analysis.error_estimate import estimate_errors
+from flexcam.analysis.measures import distance, extract_histories
+from flexcam.analysis.model_ladder import ModelLevel, steps_per_revolution_of, with_elements
 
 TRAIN = """\
 format = 1
@@ -110,14 +110,14 @@ def errors(seed, folder):
     path = folder / f"random-{seed}.toml"
     path.write_text(text(seed), encoding="utf-8")
     case = read_case(path)
-    steps = steps_of(case)
+    steps = steps_per_revolution_of(case)
     own, best = (
-        measured(Rung("", "", with_elements(case, factor=finer)).stepped(times * steps).run(), "valve")
+        extract_histories(ModelLevel("", "", with_elements(case, factor=finer)).stepped(times * steps).run(), "valve")
         for finer, times in ((1, 1), (4, 8))
     )
     true = distance(own, best)
     return {one.quantity: (one.total / one.size, true[one.quantity] / one.size, one.holds)
-            for one in estimate(case, "valve")}  # fmt: skip
+            for one in estimate_errors(case, "valve")}  # fmt: skip
 
 
 ROUNDING = 1e-10

@@ -15,7 +15,7 @@ import re
 import numpy as np
 import pytest
 
-from flexcam.analysis.model_checks import overshot
+from flexcam.analysis.model_checks import check_overshoot
 from flexcam.cams import LAWS, LiftEvent
 from flexcam.dynamics import ConstantSpeed, Problem, State, newmark, solve
 from tests.integrators import WITH_CONTACTS
@@ -94,14 +94,14 @@ def test_overdamped_and_struck_with_a_dissipative_scheme(expect, released, struc
     scheme = WITH_CONTACTS[name]
     size = abs(0.5 - scheme.beta / scheme.gamma) * (END / COUNT) ** 2 * (2e6 + 1.0)
     assert released(scheme, 1e6, 1.0) == pytest.approx(size, rel=0.02)
-    (said,) = overshot(struck(1e6, 1.0), scheme)
+    (said,) = check_overshoot(struck(1e6, 1.0), scheme)
     assert float(re.search(r"by ([\d.]+) %", said)[1]) == pytest.approx(100.0 * size, rel=0.01)
     expect.warns(DAMPED, f"{name}, damping ratio 1e+06, struck", said, r"overshoots", r"\d %", "bathe")
 
 
 @pytest.mark.parametrize("name", WITH_CONTACTS)
 def test_nothing_overshoots_that_the_steps_resolve(struck, name):
-    assert not overshot(struck(10.0, 1.0), WITH_CONTACTS[name])
+    assert not check_overshoot(struck(10.0, 1.0), WITH_CONTACTS[name])
 
 
 RISE, HELD = 1.0, 1.0

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from flexcam import prepare, read_case, run
-from flexcam.analysis.run import result_file
+from flexcam.analysis.run import open_result_file
 from flexcam.dynamics import SaveAt, State, solve
 
 RESTART = "restart"
@@ -94,7 +94,7 @@ def test_from_a_result_file(expect, tmp_path, every):
     case = CASES["published load, no contact"]
     fields = f"output.field_every={every}"
     ready = prepare(read_case(case, ["run.revolutions=0.25", fields]))
-    solve(ready.problem, ready.scheme, save=ready.save, sinks=[result_file(ready, tmp_path)])
+    solve(ready.problem, ready.scheme, save=ready.save, sinks=[open_result_file(ready, tmp_path)])
     shutil.copy(case, tmp_path / "next.toml")
     overrides = ['run.start={ result = "inline.vtkhdf" }', "run.revolutions=0.25", fields]
     later = run(read_case(tmp_path / "next.toml", overrides))

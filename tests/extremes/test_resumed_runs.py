@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from flexcam import prepare, read_case
-from flexcam.analysis.run import result_file, unfinished
+from flexcam.analysis.run import open_partial_result, open_result_file
 from flexcam.dynamics import Cause, SaveAt, solve
 from tests.sinks import Cut
 
@@ -66,7 +66,7 @@ def prepared(way, *, steps=STEPS, save=SAVE):
 
 
 def solved(ready, folder, *, cut=None, earlier=None):
-    file = result_file(ready, folder, resume=earlier)
+    file = open_result_file(ready, folder, resume=earlier)
     sinks = [file] if cut is None else [Cut(cut), file]
     return solve(ready.problem, ready.scheme, save=ready.save, sinks=sinks, resume=earlier), file
 
@@ -121,11 +121,11 @@ def test_bit_by_bit(way, whole, tried, tmp_path):
     broken, _ = solved(prepared(way), tmp_path, cut=first)
     assert broken.status.cause is Cause.INTERRUPTED
     ready = prepared(way)
-    earlier = unfinished(ready, tmp_path)
+    earlier = open_partial_result(ready, tmp_path)
     assert earlier.checkpoint.steps == 20 * first
     solved(ready, tmp_path, cut=second, earlier=earlier)
     ready = prepared(way)
-    earlier = unfinished(ready, tmp_path)
+    earlier = open_partial_result(ready, tmp_path)
     assert earlier.checkpoint.steps == 20 * second
     again, file = solved(ready, tmp_path, earlier=earlier)
     assert again.status.ok
@@ -144,14 +144,14 @@ def test_time_over_before_the_first_new_block(whole, tmp_path):
     way = "general, linear"
     solved(prepared(way), tmp_path, cut=3)
     ready = prepared(way)
-    earlier = unfinished(ready, tmp_path)
+    earlier = open_partial_result(ready, tmp_path)
     late = solve(
-        ready.problem, ready.scheme, save=ready.save, sinks=[result_file(ready, tmp_path, resume=earlier)],
+        ready.problem, ready.scheme, save=ready.save, sinks=[open_result_file(ready, tmp_path, resume=earlier)],
         resume=earlier, until=0.0,
     )  # fmt: skip
     assert late.status.cause is Cause.TIME_LIMIT
     ready = prepared(way)
-    earlier = unfinished(ready, tmp_path)
+    earlier = open_partial_result(ready, tmp_path)
     assert earlier.checkpoint.steps >= 60
     _, file = solved(ready, tmp_path, earlier=earlier)
     assert not differing(content(file.path), whole(way)[1])

@@ -19,10 +19,10 @@ import numpy as np
 
 from flexcam import read_case
 from flexcam.analysis.preparation import prepare
-from flexcam.analysis.run import result_file
+from flexcam.analysis.run import open_result_file
 from flexcam.dynamics import solve
 from flexcam.io import Result
-from flexcam.studies.tables import Table
+from flexcam.studies.tables import SweepTable
 
 ROOT = Path(__file__).parents[2]
 
@@ -52,7 +52,7 @@ def _meshes(folder: Path) -> None:
 def _result(folder: Path) -> None:
     overrides = ["run.revolutions=0.1", "run.steps_per_revolution=400"]
     ready = prepare(read_case(ROOT / "tests/data/inline.toml", overrides))
-    sink = result_file(ready, folder / "made", overwrite=True)
+    sink = open_result_file(ready, folder / "made", overwrite=True)
     solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink])
     shutil.move(sink.path, folder / "small.vtkhdf")
 
@@ -236,7 +236,7 @@ def result_differs(read: Result, sound: Any) -> str:
     return next((k for k, v in other.channels.items() if _arrays_differ(one.channels[k], v, k)), "")
 
 
-def table_differs(read: Table, sound: Any) -> str:
+def table_differs(read: SweepTable, sound: Any) -> str:
     """Return the name of something that a damaged table says otherwise than the sound one, or nothing."""
     for name in ("units", "statuses", "shape", "about"):
         if getattr(read, name) != getattr(sound, name):

@@ -58,7 +58,7 @@ GROUND = 0.1
 """A quantity below this part of the largest of its kind is measured by that part: it may be rounding alone."""
 
 FLOOR = {"energy_lost": 1.0, "imbalance": 1.0, "periodicity": 1.0, "gap": 1.0, "growth": 1e-3}
-"""Least scale of some quantities, parts of one; that of all others is `LEAST`."""
+"""Least scale of some quantities, parts of one; that of all others is `MIN_REDUCTION`."""
 
 LEAST = 1e-7
 """In SI units: motions and forces below it are what rounding leaves."""

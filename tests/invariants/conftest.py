@@ -8,7 +8,7 @@ import pytest
 from flexcam.fem.dofs import DofMap, dof_map
 from flexcam.fem.elements.beam import Beams
 from flexcam.fem.members import Member, beams
-from flexcam.fem.mesh import Mesh, refined
+from flexcam.fem.mesh import Mesh, refine
 from flexcam.fem.sections import Section
 
 NODES = np.array([[0.0, 0.0, 0.0], [0.5, 0.1, -0.2], [0.7, 0.6, 0.1]])
@@ -22,7 +22,7 @@ class Frame:
         order = (lambda line: line[::-1]) if backwards else (lambda line: line)
         points = {"foot": [0], "knee": [1], "tip": [2]}
         mesh = Mesh(size * NODES @ rotation.T, {"a": order([0, 1]), "b": order([1, 2])}, points)
-        self.mesh: Mesh = refined(mesh, {"a": parts, "b": parts})
+        self.mesh: Mesh = refine(mesh, {"a": parts, "b": parts})
         section = Section(
             A=4e-4 * size**2, Iy=2e-8 * size**4, Iz=7e-9 * size**4, J=1e-8 * size**4, kappa_y=0.8, kappa_z=0.6
         )

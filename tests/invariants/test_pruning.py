@@ -38,7 +38,7 @@ from flexcam.fem.assembly import stiffness as fem_stiffness
 from flexcam.fem.dofs import dof_map
 from flexcam.fem.members import Member
 from flexcam.fem.members import beams as fem_beams
-from flexcam.fem.mesh import Mesh, refined
+from flexcam.fem.mesh import Mesh, refine
 from flexcam.fem.sections import Material, Section
 
 STEEL = Material(207e9, 0.29, 7800.0)
@@ -218,7 +218,7 @@ def shaft(axis, *, tilt=0.0):
     """Return a shaft along an axis between bearings, under a load across it."""
     nodes = np.linspace(0.0, 0.4, 5)[:, None] * axis
     nodes[:, 1] += tilt * nodes[:, 0]
-    mesh = refined(Mesh(nodes, {"shaft": [0, 1, 2, 3, 4]}, {"a": [0], "b": [4], "cam": [2]}), {"shaft": 1})
+    mesh = refine(Mesh(nodes, {"shaft": [0, 1, 2, 3, 4]}, {"a": [0], "b": [4], "cam": [2]}), {"shaft": 1})
     section = Section(A=4.9e-4, Iy=1.9e-8, Iz=1.9e-8, J=3.8e-8)
     beams, dofs = (
         fem_beams(mesh, {"shaft": Member(STEEL, section)}),

@@ -13,7 +13,7 @@ import pytest
 
 from flexcam import read_case
 from flexcam.analysis.preparation import prepare
-from flexcam.analysis.run import result_file
+from flexcam.analysis.run import open_result_file
 from flexcam.dynamics import solve
 from flexcam.io import read_result, write_pvd
 from flexcam.valvetrain import build_structure
@@ -33,7 +33,7 @@ class Done:
 
 def solved(ready, folder, *, sinks=(), overwrite=False):
     """Run a prepared case into a folder; return the response in memory and the sink."""
-    sink = result_file(ready, folder, overwrite=overwrite)
+    sink = open_result_file(ready, folder, overwrite=overwrite)
     return solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink, *sinks]), sink
 
 

@@ -12,10 +12,10 @@ import pytest
 
 from flexcam import InputError, prepare, read_case, read_result
 from flexcam.analysis.natural_modes import modes
-from flexcam.analysis.run import result_file
+from flexcam.analysis.run import open_result_file
 from flexcam.cli.main import main
 from flexcam.dynamics import solve
-from flexcam.io import verified
+from flexcam.io import verify_file
 from flexcam.io.hdf5 import datasets
 from flexcam.studies.tables import read_table
 from tests.fuzz import damage
@@ -61,7 +61,7 @@ def test_truncated(name, made, tmp_path, tried):
     lengths = [0, 1, 7, 8, 100, 512, *np.linspace(600, len(content) - 1, 30).astype(int).tolist()]
     for length in lengths:
         (tmp_path / name).write_bytes(content[:length])
-        for read in (verified, read_result if "vtk" in name else read_table):
+        for read in (verify_file, read_result if "vtk" in name else read_table):
             with pytest.raises(InputError):
                 read(tmp_path / name)
     tried("damaged", f"cut off, {'result' if 'vtk' in name else 'table of a sweep'}", len(lengths), "refused")
@@ -82,7 +82,7 @@ def test_every_damaged_dataset_is_named(made, tmp_path, tried):
         data[_dataset_bytes(made / "small.vtkhdf", name) + 3] ^= 64
     path.write_bytes(data)
     with pytest.raises(InputError) as refusal:
-        verified(path)
+        verify_file(path)
     assert {fault.where for fault in refusal.value.faults} == {f"{path}, {name}" for name in names}
     tried("damaged", "numbers of three datasets", 3, "refused, each named by `info --verify`")
 
@@ -104,7 +104,7 @@ def test_a_chunk_that_is_lost_is_not_read_as_zeros(made, tmp_path, tried):
     with pytest.raises(InputError):
         read_result(path)
     with pytest.raises(InputError, match=r"history/time|seal"):
-        verified(path)
+        verify_file(path)
     tried("damaged", "a chunk lost, which HDF5 reads as zeros", 1, "refused")
 
 
@@ -128,7 +128,7 @@ def test_what_is_changed_by_hand(what, made, tmp_path, tried):
     path.write_bytes((made / "small.vtkhdf").read_bytes())
     with h5py.File(path, "r+") as file:
         TEXTS[what](file)
-    for read in (read_result, verified):
+    for read in (read_result, verify_file):
         with pytest.raises(InputError, match="changed"):
             read(path)
     tried("damaged", f"result: {what}", 1, "refused")
@@ -139,7 +139,7 @@ def test_what_is_changed_by_hand(what, made, tmp_path, tried):
 )
 def test_other_files(words, tmp_path, tried):
     (tmp_path / "other.vtkhdf").write_bytes(words)
-    for read in (read_result, read_table, verified):
+    for read in (read_result, read_table, verify_file):
         with pytest.raises(InputError, match="other"):
             read(tmp_path / "other.vtkhdf")
     tried("damaged", f"a file that begins with {words[:8]!r}", 3, "refused")
@@ -171,9 +171,9 @@ def test_the_command(made, tmp_path, capsys):
 def test_modes_and_partial_results_are_verified_too(tmp_path):
     case = read_case(ROOT / "tests/data/inline.toml", ["run.revolutions=0.2"])
     ready = prepare(case)
-    sink = result_file(ready, tmp_path)
+    sink = open_result_file(ready, tmp_path)
     solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink], stop=lambda: True)
-    assert not verified(sink.partial).complete
+    assert not verify_file(sink.partial).complete
     assert len(modes(case, 2).modes.frequencies) == 2
 
 

@@ -13,7 +13,7 @@ from flexcam.io import result_writer
 @pytest.fixture
 def begun(tmp_path):
     """Return a draft of which one copy was shown."""
-    made = result_writer.Draft(tmp_path / "case.writing", tmp_path / "case.partial.vtkhdf")
+    made = result_writer.TemporaryResult(tmp_path / "case.writing", tmp_path / "case.partial.vtkhdf")
     made.path.write_bytes(b"the first copy")
     made.show()
     yield made
@@ -45,7 +45,7 @@ def test_a_result_is_on_the_disk_before_it_takes_its_name(tmp_path, monkeypatch)
     """A power cut must not leave an empty file under the name of a result, nor the name unwritten."""
     synced, done = [], os.fsync
     made, final = (
-        result_writer.Draft(tmp_path / "case.writing", tmp_path / "case.partial.vtkhdf"),
+        result_writer.TemporaryResult(tmp_path / "case.writing", tmp_path / "case.partial.vtkhdf"),
         tmp_path / "case.vtkhdf",
     )
 
@@ -71,7 +71,7 @@ def test_no_result_is_written_through_a_link(precious, tmp_path):
     """Whoever may write into the folder could lead a run to any file of the one who runs it."""
     (tmp_path / "case.writing").symlink_to(precious)
     with pytest.raises(InputError, match="symbolic link"):
-        result_writer.Draft(tmp_path / "case.writing", tmp_path / "case.partial.vtkhdf")
+        result_writer.TemporaryResult(tmp_path / "case.writing", tmp_path / "case.partial.vtkhdf")
     assert precious.read_bytes() == b"precious"
 
 

@@ -3,7 +3,7 @@
 import pytest
 
 from flexcam import InputError, read_result
-from flexcam.io import verified
+from flexcam.io import verify_file
 
 # what stands there, what is asked for, what is told
 BESIDE = {
@@ -24,7 +24,7 @@ def test_no_name_of_a_result(name, tmp_path):
         read_result(tmp_path / name)
 
 
-@pytest.mark.parametrize("read", [read_result, verified])
+@pytest.mark.parametrize("read", [read_result, verify_file])
 @pytest.mark.parametrize("what", BESIDE)
 def test_what_is_there_is_told(what, read, tmp_path):
     there, asked, told = BESIDE[what]

@@ -20,7 +20,7 @@ import pytest
 
 from flexcam import InputError, read_result
 from flexcam.dynamics import Cause
-from flexcam.io import partial_of
+from flexcam.io import partial_path
 
 CASE = Path(__file__).parents[1] / "data/inline.toml"
 
@@ -32,16 +32,16 @@ from flexcam import read_case
 from flexcam.dynamics import SaveAt, solve
 from flexcam.io import result_writer
 from flexcam.analysis.preparation import prepare
-from flexcam.analysis.run import result_file, unfinished
+from flexcam.analysis.run import open_partial_result, open_result_file
 
 case, folder, kills, seed = Path(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3]), int(sys.argv[4])
-result_writer._SHARE = float("inf")
+result_writer._MAX_COPY_TIME = float("inf")
 ready = prepare(read_case(case, ["run.engine=direct"]))
 ready = replace(ready, save=SaveAt(field_every=5, fields_per_block=8))
 
 def run(into, told=None, resume=False):
-    earlier = unfinished(ready, into) if resume else None
-    file = result_file(ready, into, resume=earlier)
+    earlier = open_partial_result(ready, into) if resume else None
+    file = open_result_file(ready, into, resume=earlier)
     if told is not None:
         keep = file.keep
         def kept(checkpoint):
@@ -123,7 +123,7 @@ def kills(request, tmp_path_factory):
     script(RUNS, CASE, folder, request.param, request.param)
     rows = json.loads((folder / "rows.json").read_text())
     whole = folder / "whole/inline.vtkhdf"
-    killed = [Killed(partial_of(folder / str(i) / whole.name), said) for i, said in rows]
+    killed = [Killed(partial_path(folder / str(i) / whole.name), said) for i, said in rows]
     assert sum(one.reported > 0 for one in killed) >= 0.2 * request.param, "many had saved something"
     return Kills(folder, killed, read_result(whole).response)
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexcam.cams import KINDS, LAWS, BSplineLaw, HarmonicLift
-from flexcam.case.lift import harmonic_file, law_file
+from flexcam.case.lift import read_harmonic_lift, read_law
 from flexcam.core.errors import InputError
 from flexcam.io import read_lift, write_law, write_lift
 
@@ -189,12 +189,12 @@ WRITTEN |= {
 
 @pytest.mark.parametrize("name", WRITTEN)
 def test_laws_read_back_bit_for_bit(name, tmp_path):
-    assert law_file(write_law(WRITTEN[name], tmp_path / "a.toml", about={"of": "a test"})).law == WRITTEN[name]
+    assert read_law(write_law(WRITTEN[name], tmp_path / "a.toml", about={"of": "a test"})).law == WRITTEN[name]
 
 
 def test_lifts_read_back_bit_for_bit(tmp_path):
     lift = HarmonicLift(1 / 300, (-1 / 300, 1e-300), (0.1 + 0.2, 0.0))
-    assert harmonic_file(write_lift(lift, tmp_path / "a.toml", about={})) == lift
+    assert read_harmonic_lift(write_lift(lift, tmp_path / "a.toml", about={})) == lift
     with pytest.raises(InputError, match="overwrite"):
         write_lift(lift, tmp_path / "a.toml", about={})
     with pytest.raises(InputError, match=r"\.toml"):

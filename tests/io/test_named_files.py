@@ -7,7 +7,7 @@ import pytest
 
 from flexcam import InputError, read_case
 from flexcam.case.reader import CaseFile
-from flexcam.studies.plan import bundle_of
+from flexcam.studies.plan import make_bundle
 
 ROOT = Path(__file__).parents[2]
 TAYEB = ROOT / "cases/tayeb/model-1-shm.toml"
@@ -25,7 +25,7 @@ def link(tmp_path):
 def test_a_mesh_is_found_beside_the_real_file(link):
     """A compiler would not find it, a shell script would; nobody wants to copy meshes to run a case from elsewhere."""
     assert len(read_case(link).mesh.nodes) == len(read_case(TAYEB).mesh.nodes)
-    assert "../../meshes/tayeb-1.msh" in bundle_of(CaseFile.opened(link)).files
+    assert "../../meshes/tayeb-1.msh" in make_bundle(CaseFile.opened(link)).files
 
 
 def test_a_mesh_beside_the_link_comes_first(link):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flexcam import modes
-from flexcam.analysis.run import geometry_of
+from flexcam.analysis.run import output_geometry
 from flexcam.io import write_modes
 
 SCRIPT = """
@@ -33,7 +33,7 @@ print("TOLD " + json.dumps({"names": names, "mode": mode, "steps": told}))
 
 def test_twenty_four_instants_warp_and_tube(pvbatch, ready, tmp_path):
     """Bounds are compared in single precision: ParaView's filters make points of floats."""
-    found, drawn = modes(ready.case, 3).modes, geometry_of(ready.model)
+    found, drawn = modes(ready.case, 3).modes, output_geometry(ready.model)
     files = write_modes(tmp_path / "inline-modes.vtkhdf", drawn, found.frequencies, found.shapes)
     collection = next(path for path in files if path.suffix == ".pvd")
     script = tmp_path / "look.py"

@@ -12,7 +12,7 @@ import pytest
 
 from flexcam import ConstantSpeed, InputError, Problem, RunFailedError, newmark, read_result, solve
 from flexcam.dynamics import Cause
-from flexcam.io.result_datasets import Growing
+from flexcam.io.result_datasets import GrowingDataset
 from tests.sinks import Cut
 
 CALLS = 50
@@ -22,7 +22,7 @@ CALLS = 50
 @pytest.fixture
 def cut_at(monkeypatch, ready, solve_into):
     """Interrupt the writing of the file where a dataset grows for the n-th time."""
-    grow = Growing.lengthen
+    grow = GrowingDataset.lengthen
 
     def run(folder, at):
         count = iter(range(10**6))
@@ -32,9 +32,9 @@ def cut_at(monkeypatch, ready, solve_into):
                 raise KeyboardInterrupt
             grow(*arguments, **names)
 
-        monkeypatch.setattr(Growing, "lengthen", grown)
+        monkeypatch.setattr(GrowingDataset, "lengthen", grown)
         response, sink = solve_into(ready, folder)
-        monkeypatch.setattr(Growing, "lengthen", grow)
+        monkeypatch.setattr(GrowingDataset, "lengthen", grow)
         return response, sink
 
     return run
@@ -103,17 +103,17 @@ from pathlib import Path
 from flexcam import read_case
 from flexcam.dynamics import solve
 from flexcam.io import result_writer
-from flexcam.io.result_datasets import Growing
+from flexcam.io.result_datasets import GrowingDataset
 from flexcam.analysis.preparation import prepare
-from flexcam.analysis.run import result_file
-result_writer._SHARE = float("inf")  # a copy after every block
-ready, grow = prepare(read_case(sys.argv[1])), Growing.lengthen
+from flexcam.analysis.run import open_result_file
+result_writer._MAX_COPY_TIME = float("inf")  # a copy after every block
+ready, grow = prepare(read_case(sys.argv[1])), GrowingDataset.lengthen
 for at in map(int, sys.argv[3:]):
     if os.fork() == 0:
         count = iter(range(10**6))
-        Growing.lengthen = lambda *a, **n: os._exit(9) if next(count) == at else grow(*a, **n)
+        GrowingDataset.lengthen = lambda *a, **n: os._exit(9) if next(count) == at else grow(*a, **n)
         folder = Path(sys.argv[2]) / str(at)
-        solve(ready.problem, ready.scheme, save=ready.save, sinks=[result_file(ready, folder)])
+        solve(ready.problem, ready.scheme, save=ready.save, sinks=[open_result_file(ready, folder)])
         os._exit(0)
     os.wait()
 """

@@ -9,7 +9,7 @@ import pytest
 
 from flexcam import read_case, read_result
 from flexcam.analysis.preparation import prepare
-from flexcam.analysis.run import result_file
+from flexcam.analysis.run import open_result_file
 from flexcam.case.records import CaseRecord
 from flexcam.dynamics import solve
 from flexcam.io import write_csv
@@ -21,7 +21,7 @@ EVERY = Path(__file__).parents[1] / "data/every-key.toml"
 def saved(tmp_path_factory):
     case = read_case(EVERY, ["run.revolutions=0.2"])
     ready = prepare(case)
-    sink = result_file(ready, tmp_path_factory.mktemp("saved"))
+    sink = open_result_file(ready, tmp_path_factory.mktemp("saved"))
     response = solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink])
     return case, response, read_result(sink.path)
 

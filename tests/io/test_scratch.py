@@ -11,12 +11,12 @@ from importlib import import_module
 
 import pytest
 
-from flexcam.io import scratch
+from flexcam.io import temporary_folder
 
 HOLDS = """
 import sys
-from flexcam.io import scratch
-with scratch() as folder:
+from flexcam.io import temporary_folder
+with temporary_folder() as folder:
     (folder / "case.toml").write_text("format = 1")
     print(folder, flush=True)
     sys.stdin.read()
@@ -44,14 +44,14 @@ def holder(home):
 
 
 def test_a_folder_is_gone_at_the_end(home):
-    with scratch() as one, scratch() as other:
+    with temporary_folder() as one, temporary_folder() as other:
         assert one != other
         assert {path.name for path in home.iterdir()} == {one.name, other.name}
     assert not list(home.iterdir())
 
 
 def test_a_folder_is_gone_after_a_fault(home):
-    with pytest.raises(ZeroDivisionError), scratch():
+    with pytest.raises(ZeroDivisionError), temporary_folder():
         raise ZeroDivisionError
     assert not list(home.iterdir())
 
@@ -60,7 +60,7 @@ def test_a_folder_is_gone_after_a_fault(home):
 def test_what_a_killed_process_left_goes_at_the_next_start_and_nothing_else(home, holder):
     """Neither the folder of a living process, nor that of another program or user, nor what a link leads to."""
     (held,) = home.iterdir()
-    with scratch():
+    with temporary_folder():
         assert (held / "case.toml").exists()
     kept = home / "kept"
     kept.mkdir()
@@ -69,7 +69,7 @@ def test_what_a_killed_process_left_goes_at_the_next_start_and_nothing_else(home
     (home / "flexcam-scratch-file").touch()
     holder.kill()
     holder.wait()
-    with scratch() as mine:
+    with temporary_folder() as mine:
         assert not held.exists()
         assert mine.exists()
     names = {"kept", "flexcam-scratch-link", "flexcam-results", "flexcam-scratch-file"}
@@ -82,18 +82,18 @@ def test_the_folder_of_another_user_stays(home, monkeypatch):
     other.mkdir()
     own = os.getuid()
     monkeypatch.setattr(os, "getuid", lambda: own + 1)
-    with scratch():
+    with temporary_folder():
         assert other.exists()
     monkeypatch.undo()
     monkeypatch.setattr(tempfile, "tempdir", str(home))
-    with scratch():
+    with temporary_folder():
         assert not other.exists()
 
 
 def test_without_locks_nothing_is_taken_for_left(home, monkeypatch):
     monkeypatch.setattr(
-        import_module("flexcam.io.atomic_write"), "hold", lambda file: False
+        import_module("flexcam.io.atomic_write"), "lock_file", lambda file: False
     )  # its function has the same name
-    with scratch() as one, scratch():
+    with temporary_folder() as one, temporary_folder():
         assert one.exists()
     assert not list(home.iterdir())

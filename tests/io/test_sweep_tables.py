@@ -11,17 +11,17 @@ import pytest
 
 from flexcam import InputError, read_case, run
 from flexcam.dynamics import Cause, Status
-from flexcam.studies.axes import axes
+from flexcam.studies.axes import parse_axes
 from flexcam.studies.evaluation import Row
-from flexcam.studies.plan import Plan, made_plan, sample
+from flexcam.studies.plan import Plan, make_plan, parse_sample
 from flexcam.studies.tables import (
-    csv_text,
+    format_csv,
     history_dataset,
     history_frame,
+    make_table,
     read_table,
     table_dataset,
     table_frame,
-    tabulated,
     write_table,
 )
 
@@ -40,8 +40,8 @@ def rows(count):
 
 @pytest.fixture
 def table():
-    plan = made_plan(axes(["run.speed=1000:3000:1000rpm", "run.integrator.method=newmark,bathe"]))
-    return tabulated(plan, rows(6), {"case": "title = 'ä'", "plan": "{}"})
+    plan = make_plan(parse_axes(["run.speed=1000:3000:1000rpm", "run.integrator.method=newmark,bathe"]))
+    return make_table(plan, rows(6), {"case": "title = 'ä'", "plan": "{}"})
 
 
 def same(one, other):
@@ -56,9 +56,9 @@ def same(one, other):
 
 def test_hdf5_gives_back_everything(table, tmp_path):
     same(read_table(write_table(table, tmp_path / "t.h5")), table)
-    sampled = tabulated(Plan(axes(["a=0:1 m", "b=x,y"]), sample("lhs:6")), rows(6))
+    sampled = make_table(Plan(parse_axes(["a=0:1 m", "b=x,y"]), parse_sample("lhs:6")), rows(6))
     same(read_table(write_table(sampled, tmp_path / "s.h5")), sampled)
-    nothing = tabulated(Plan(axes(["a=1,2"])), [Row(FAILED), Row(FAILED)])
+    nothing = make_table(Plan(parse_axes(["a=1,2"])), [Row(FAILED), Row(FAILED)])
     same(read_table(write_table(nothing, tmp_path / "n.h5")), nothing)
 
 
@@ -75,11 +75,11 @@ def test_no_file_holds_a_nan(table, tmp_path):
             assert np.isfinite(values[()]).all()
             assert (values[()][~file["valid"][name][()]] == 0.0).all()
         assert file["valid/late"][()].tolist() == [False] * 5 + [True]
-    assert "nan" not in csv_text(table).lower()
+    assert "nan" not in format_csv(table).lower()
 
 
 def test_csv(table):
-    read = list(csv.DictReader(csv_text(table).splitlines(keepends=True)))
+    read = list(csv.DictReader(format_csv(table).splitlines(keepends=True)))
     assert [row["variant"] for row in read] == list("123456")
     assert [float(row["run.speed [rpm]"]) for row in read] == [1000, 1000, 2000, 2000, 3000, 3000]
     assert read[1]["deviation.peak [1]"] == ""
@@ -97,7 +97,7 @@ def test_frames(table):
     assert dict(data.sizes) == {"run.speed": 3, "run.integrator.method": 2}
     assert float(data["deviation.peak"].sel({"run.speed": 2000.0, "run.integrator.method": "bathe"})) == 0.1 * 3
     assert np.array_equal(table.on_grid("deviation.peak"), data["deviation.peak"].values, equal_nan=True)
-    sampled = table_dataset(tabulated(Plan(axes(["a=0:1 m", "b=x,y"]), sample("lhs:6")), rows(6)))
+    sampled = table_dataset(make_table(Plan(parse_axes(["a=0:1 m", "b=x,y"]), parse_sample("lhs:6")), rows(6)))
     assert dict(sampled.sizes) == {"variant": 6}
     assert sampled["a"].dims == ("variant",)
 

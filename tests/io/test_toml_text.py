@@ -7,7 +7,7 @@ import tomllib
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from flexcam.io import toml_text
+from flexcam.io import format_toml
 
 LEAVES = st.one_of(st.booleans(), st.integers(-9, 9), st.floats(allow_nan=False), st.text(max_size=4),
                    st.sampled_from(["[\n", "],\n", " = [\n    1,\n]", "#", "}"]))  # fmt: skip
@@ -20,11 +20,11 @@ VALUES = st.recursive(
 @example({"": ["\x85", "\u2028", "\x0c"]})
 @settings(max_examples=200)
 def test_it_reads_as_it_was(content):
-    assert tomllib.loads(toml_text(content)) == content
+    assert tomllib.loads(format_toml(content)) == content
 
 
 def test_short_arrays_stand_in_a_line():
-    text = toml_text({"held": ["ux", "uy"], "rows": [[1, 2], [3, 4]], "long": list(range(60))})
+    text = format_toml({"held": ["ux", "uy"], "rows": [[1, 2], [3, 4]], "long": list(range(60))})
     assert 'held = ["ux", "uy"]\n' in text
     assert "rows = [\n    [1, 2],\n    [3, 4],\n]\n" in text
     assert "long = [\n    0,\n" in text

@@ -12,7 +12,7 @@ import pytest
 from flexcam import prepare, read_case, read_result
 from flexcam.dynamics import Cause
 from flexcam.io import result_writer
-from flexcam.io.hdf5 import attribute
+from flexcam.io.hdf5 import write_attribute
 from tests.sinks import Cut
 
 
@@ -32,7 +32,7 @@ def content(path):
 
 def test_the_file_is_that_of_blocks_written_one_by_one(longer, solve_into, monkeypatch, tmp_path):
     together = content(solve_into(longer, tmp_path / "together")[1].path)
-    monkeypatch.setattr(result_writer, "_WORTH", -1)
+    monkeypatch.setattr(result_writer, "_MIN_WRITE_BYTES", -1)
     single = content(solve_into(longer, tmp_path / "single")[1].path)
     assert together.keys() == single.keys()
     assert all(np.array_equal(values, single[name]) for name, values in together.items())
@@ -53,9 +53,9 @@ import os, sys
 from flexcam import read_case
 from flexcam.dynamics import solve
 from flexcam.analysis.preparation import prepare
-from flexcam.analysis.run import result_file
+from flexcam.analysis.run import open_result_file
 ready = prepare(read_case(sys.argv[1]))
-file = result_file(ready, sys.argv[2])
+file = open_result_file(ready, sys.argv[2])
 file.keep = lambda checkpoint: os._exit(9)
 solve(ready.problem, ready.scheme, save=ready.save, sinks=[file])
 """
@@ -71,6 +71,6 @@ def test_a_run_that_is_killed_at_once_leaves_no_copy(ready, tmp_path):
 def test_an_attribute_is_written_in_place(tmp_path):
     with h5py.File(tmp_path / "a.h5", "w") as file:
         for value in (1, 2):
-            attribute(file, "count", np.array(value, np.uint32))
+            write_attribute(file, "count", np.array(value, np.uint32))
         assert int(file.attrs["count"]) == 2
         assert list(file.attrs) == ["count"]

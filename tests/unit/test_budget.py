@@ -14,10 +14,10 @@ import flexcam
 from flexcam.analysis import resources
 from flexcam.analysis import resources as within
 from flexcam.analysis.preparation import prepare
-from flexcam.analysis.resources import Budget, affordable, free_disk, free_memory
-from flexcam.analysis.run import budget_of, result_file
+from flexcam.analysis.resources import ResourceEstimate, check_resources, free_disk, free_memory
+from flexcam.analysis.run import estimate_case_resources, open_result_file
 from flexcam.core.errors import InputError
-from flexcam.studies.sweep import afford, study
+from flexcam.studies.sweep import check_sweep_resources, make_sweep
 
 ROOT = Path(__file__).parents[2]
 CASE = ROOT / "tests/data/inline.toml"
@@ -38,9 +38,9 @@ def test_the_file_is_as_large_as_was_said(name, tmp_path):
     """Within 5 %: counted, but for HDF5's own index and heads."""
     case, settings = SIZES[name]
     ready = prepare(flexcam.read_case(case, settings))
-    sink = result_file(ready, tmp_path)
+    sink = open_result_file(ready, tmp_path)
     assert flexcam.solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink]).status.ok
-    assert budget_of(ready).file == pytest.approx(sink.path.stat().st_size, rel=0.05)
+    assert estimate_case_resources(ready).file == pytest.approx(sink.path.stat().st_size, rel=0.05)
 
 
 MEASURED = """
@@ -48,8 +48,8 @@ import json, resource, sys
 from pathlib import Path
 import numba, scipy.linalg.lapack, scipy.sparse.linalg
 import flexcam
-from flexcam.dynamics.memory import Extremes
-from flexcam.analysis.run import budget_of, recent, result_file
+from flexcam.dynamics.memory import ExtremesSink
+from flexcam.analysis.run import estimate_case_resources, open_result_file, summary_sink
 from flexcam.analysis.preparation import prepare
 from flexcam.valvetrain import StrengthSink, build_structure
 keep, case = sys.argv[1], flexcam.read_case(sys.argv[2], sys.argv[3:])
@@ -57,11 +57,11 @@ def taken():
     return int(Path("/proc/self/status").read_text().split("VmHWM:")[1].split()[0]) * 1024
 before = taken()
 ready = prepare(case)
-few = recent(ready)
-sinks = [result_file(ready, "."), StrengthSink(build_structure(ready.model)), Extremes(few.outline)]
+few = summary_sink(ready)
+sinks = [open_result_file(ready, "."), StrengthSink(build_structure(ready.model)), ExtremesSink(few.outline)]
 memory = few if keep == "revolution" else None
 response = flexcam.solve(ready.problem, ready.scheme, save=ready.save, sinks=sinks, memory=memory)
-print(json.dumps([budget_of(ready, keep).memory, taken() - before, response.stats.engine]))
+print(json.dumps([estimate_case_resources(ready, keep).memory, taken() - before, response.stats.engine]))
 """
 
 RUNS = {
@@ -91,16 +91,20 @@ def test_memory_is_what_was_said(name, tmp_path):
 
 def test_histories_count_only_where_they_are_kept():
     short, long = (prepare(flexcam.read_case(CASE, [f"run.revolutions={n}"])) for n in (10, 1000))
-    assert budget_of(long).histories == pytest.approx(100 * budget_of(short).histories, rel=0.01)
-    assert budget_of(long, "revolution").histories == budget_of(short, "revolution").histories
+    assert estimate_case_resources(long).histories == pytest.approx(
+        100 * estimate_case_resources(short).histories, rel=0.01
+    )
+    assert (
+        estimate_case_resources(long, "revolution").histories == estimate_case_resources(short, "revolution").histories
+    )
 
 
 def test_too_large_a_run_is_refused_with_figures(monkeypatch):
     monkeypatch.setattr(within, "free_memory", lambda: 10_000_000)
     monkeypatch.setattr(within, "free_disk", lambda _: 2_000_000_000)
-    large = Budget(1_000_000, 2_000_000, 3_000_000, 14_000_000, 5_000_000_000)
+    large = ResourceEstimate(1_000_000, 2_000_000, 3_000_000, 14_000_000, 5_000_000_000)
     with pytest.raises(InputError) as refused:
-        affordable(large, Path("results"), together=2)
+        check_resources(large, Path("results"), together=2)
     memory, disk = refused.value.faults
     assert memory.given == (
         "a run of 20 MB: 1 MB of programs, 2 MB of matrices, 3 MB of blocks of steps, 14 MB of histories; "
@@ -110,13 +114,13 @@ def test_too_large_a_run_is_refused_with_figures(monkeypatch):
     assert (disk.where, disk.given, disk.allowed) == ("disk", "a result file of 5 GB", "up to 1.8 GB")
     assert "field_every" in disk.remedy
     assert "--allow-large" in memory.remedy
-    affordable(replace(large, histories=0, file=1), Path("results"))
+    check_resources(replace(large, histories=0, file=1), Path("results"))
 
 
 def test_what_a_system_does_not_tell_refuses_nothing(monkeypatch):
     monkeypatch.setattr(within, "free_memory", lambda: None)
     monkeypatch.setattr(within, "free_disk", lambda _: None)
-    affordable(Budget(0, 0, 0, 10**18, 10**18), Path())
+    check_resources(ResourceEstimate(0, 0, 0, 10**18, 10**18), Path())
 
 
 def test_a_run_in_python_is_refused_too(monkeypatch):
@@ -136,15 +140,15 @@ def test_a_mesh_is_refused_before_its_matrices_are_made(monkeypatch):
 
 
 def test_a_sweep_is_refused_for_its_first_variant(monkeypatch, tmp_path):
-    asked = study(CASE, ["run.speed=1000:3000:1000rpm"])
-    needs = budget_of(prepare(flexcam.read_case(CASE)))
+    asked = make_sweep(CASE, ["run.speed=1000:3000:1000rpm"])
+    needs = estimate_case_resources(prepare(flexcam.read_case(CASE)))
     monkeypatch.setattr(within, "free_memory", lambda: 2 * needs.memory)
     monkeypatch.setattr(within, "free_disk", lambda _: 2 * needs.file)
-    afford(asked, together=1)
+    check_sweep_resources(asked, together=1)
     with pytest.raises(InputError, match="3 side by side"):
-        afford(asked, together=3)
+        check_sweep_resources(asked, together=3)
     with pytest.raises(InputError, match="disk: given a result file"):
-        afford(asked, tmp_path)
+        check_sweep_resources(asked, tmp_path)
 
 
 def test_this_machine_has_room():
@@ -161,11 +165,11 @@ def test_limits_of_control_groups_count(tmp_path):
         (folder / "memory.max").write_text(limit + "\n")
         (folder / "memory.current").write_text(used + "\n")
     own.write_text("0::/batch/job\n")
-    assert sorted(resources.of_groups(tmp_path / "root", own)) == [600, 9998]
+    assert sorted(resources.control_group_memory(tmp_path / "root", own)) == [600, 9998]
     older = tmp_path / "root/memory/job"
     older.mkdir(parents=True)
     (older / "memory.limit_in_bytes").write_text("800")
     (older / "memory.usage_in_bytes").write_text("900")
     own.write_text("3:cpu,cpuacct:/job\n2:memory:/job\n")
-    assert list(resources.of_groups(tmp_path / "root", own))[0] == 0  # noqa: RUF015
-    assert list(resources.of_groups(tmp_path / "root", tmp_path / "nothing")) == []
+    assert list(resources.control_group_memory(tmp_path / "root", own))[0] == 0  # noqa: RUF015
+    assert list(resources.control_group_memory(tmp_path / "root", tmp_path / "nothing")) == []

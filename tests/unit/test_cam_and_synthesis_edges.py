@@ -17,11 +17,11 @@ from flexcam.cams import (
     SingleMass,
     SplineFamily,
     cam_profile,
-    findings,
+    find_profile_faults,
     harmonic_fit,
     lift_from_profile,
     minimax,
-    off_design,
+    off_design_deviation,
     petrescu_profile,
     polydyne,
 )
@@ -68,8 +68,8 @@ def test_resonance_missed_by_one_rounding():
     train, speed = SingleMass(2000.0), 2000.0 / 103  # 103*speed/2000 = 1 - 1.1e-16
     made = polydyne(LiftEvent(LAWS["4-5-6-7"], 0.008, 1.5, 1.5), train, speed, count=120)
     plain = Polydyne(made.wanted, made.wanted, 0.0)
-    assert off_design(plain, train, [speed]).tolist() == [math.inf]
-    assert np.isfinite(off_design(made, train, [speed])).all(), "which the cam leaves out"
+    assert off_design_deviation(plain, train, [speed]).tolist() == [math.inf]
+    assert np.isfinite(off_design_deviation(made, train, [speed])).all(), "which the cam leaves out"
 
 
 def test_strict_section_whose_end_lies_between_two_angles():
@@ -138,7 +138,9 @@ def test_classical_profile_on_no_base_circle():
 
 def test_cutter_is_looked_at_even_if_undercut():
     with pytest.raises(InputError, match="cutter"):
-        findings(cam_profile(HarmonicLift(0.006, (0.0, -0.006), (0.0, 0.0)), FlatFollower(0.005)), cutter=-1.0)
+        find_profile_faults(
+            cam_profile(HarmonicLift(0.006, (0.0, -0.006), (0.0, 0.0)), FlatFollower(0.005)), cutter=-1.0
+        )
 
 
 def test_angles_that_are_no_numbers():

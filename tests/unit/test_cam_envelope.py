@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexcam.cams import cam_profile, findings
+from flexcam.cams import cam_profile, find_profile_faults
 
 COUNT = 2880
 ANGLES = np.arange(0, COUNT, 31)
@@ -14,7 +14,7 @@ INSIDE = 1e-9
 
 def test_envelope(follower, turn, smooth_event, gap):
     made = cam_profile(smooth_event, follower, count=COUNT, turn=turn)
-    assert not findings(made, pressure_angle=1.2)  # an undercut profile would be no envelope
+    assert not find_profile_faults(made, pressure_angle=1.2)  # an undercut profile would be no envelope
     own = made.points[:, 0] + 1j * made.points[:, 1]
     for k in ANGLES:
         fixed = own * np.exp(1j * turn * made.angle[k])

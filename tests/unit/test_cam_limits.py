@@ -17,8 +17,8 @@ from flexcam.cams import (
     SwingFlatFollower,
     SwingRollerFollower,
     cam_profile,
-    findings,
-    lowest,
+    curve_minimum,
+    find_profile_faults,
     minimum_base_radius,
 )
 from flexcam.core.errors import InputError
@@ -35,7 +35,7 @@ STEEP = math.radians(89.0)
 
 
 def undercuts(profile):
-    return [one for one in findings(profile, pressure_angle=STEEP) if "undercut" in one.what]
+    return [one for one in find_profile_faults(profile, pressure_angle=STEEP) if "undercut" in one.what]
 
 
 @pytest.mark.parametrize(("base", "cut"), [(2 * M * 0.999, True), (2 * M * 1.001, False)])
@@ -76,7 +76,7 @@ def test_pressure_angle_of_an_eccentric(part, steep, turn):
     """The ratio s'/(R + s) = m sin t/(R + m - m cos t) is largest where cos t = m/(R + m): sin phi = m/(R + m)."""
     follower, k = RollerFollower(0.002, 0.004), M / (0.006 + M)
     made = cam_profile(ONCE, follower, turn=turn, count=12)
-    found = findings(made, pressure_angle=part * math.asin(k))
+    found = find_profile_faults(made, pressure_angle=part * math.asin(k))
     assert [one.what for one in found] == ["pressure angle too large"] * steep
     for one in found:
         # On rise or return, as far before and behind the top.
@@ -91,7 +91,7 @@ def test_cutter_in_a_hollow(part, large, turn):
     deep = HarmonicLift(0.006, (0.0, -0.006), (0.0, 0.0))
     hollow = 0.020**2 / (0.024 - 0.020) + 0.004
     made = cam_profile(deep, RollerFollower(0.016, 0.004), turn=turn)
-    found = findings(made, pressure_angle=STEEP, cutter=part * hollow)
+    found = find_profile_faults(made, pressure_angle=STEEP, cutter=part * hollow)
     assert [one.what for one in found] == ["the cutter is larger than the hollow it would have to cut"] * large
     for one in found:
         assert min(abs(one.angle - at) for at in (0.0, math.pi)) < 1e-6
@@ -100,13 +100,13 @@ def test_cutter_in_a_hollow(part, large, turn):
 
 
 def test_any_cutter_fits_a_convex_cam():
-    assert not findings(cam_profile(ONCE, FlatFollower(0.018)), cutter=10.0)
+    assert not find_profile_faults(cam_profile(ONCE, FlatFollower(0.018)), cutter=10.0)
 
 
 @pytest.mark.parametrize("cutter", [0.0, -0.01, math.nan])
 def test_refused_cutters(cutter):
     with pytest.raises(InputError, match="cutter"):
-        findings(cam_profile(ONCE, FlatFollower(0.018)), cutter=cutter)
+        find_profile_faults(cam_profile(ONCE, FlatFollower(0.018)), cutter=cutter)
 
 
 @given(m=st.floats(0.0005, 0.003), n=st.integers(2, 4), radius=st.floats(0.0002, 0.01))
@@ -120,7 +120,7 @@ def test_smallest_base_circle_of_a_flat_face(m, n, radius):
 
 def test_smallest_base_circle_of_a_flat_face_that_takes_its_time():
     event = LiftEvent(LAWS["3-4-5"], lift=0.006, rise=1.2, fall=1.5)
-    least = 0.003 - lowest(lambda angle: event(angle) + event(angle, 2), event.joints).value
+    least = 0.003 - curve_minimum(lambda angle: event(angle) + event(angle, 2), event.joints).value
     assert minimum_base_radius(event, FlatFollower(0.018), radius=0.003) == pytest.approx(least, rel=1e-10)
 
 
@@ -149,7 +149,7 @@ def test_the_smallest_base_circle_fits_and_no_smaller_one(kind, turn, smooth_eve
     def fits(base):
         made = cam_profile(smooth_event, follower.with_base(base), count=1440, turn=turn)
         convex = made.radius[made.radius > 0.0]
-        return not findings(made, pressure_angle=limit) and convex.min() >= radius
+        return not find_profile_faults(made, pressure_angle=limit) and convex.min() >= radius
 
     least = minimum_base_radius(smooth_event, follower, pressure_angle=limit, radius=radius, turn=turn)
     assert fits(least)

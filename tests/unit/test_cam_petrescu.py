@@ -7,7 +7,15 @@ import math
 import numpy as np
 import pytest
 
-from flexcam.cams import LAWS, FlatFollower, LiftEvent, cam_profile, petrescu_efficiency, petrescu_profile, relaxed_arm
+from flexcam.cams import (
+    LAWS,
+    FlatFollower,
+    LiftEvent,
+    cam_profile,
+    petrescu_efficiency,
+    petrescu_profile,
+    relaxed_offset,
+)
 from flexcam.core.errors import InputError
 
 H, R0, U = 0.006, 0.013, math.pi / 2
@@ -30,7 +38,7 @@ def test_printed_formulas(relaxed, arm):
 
 def test_the_arm_of_the_relaxed_profile():
     """The base circle's tangent up to the height of the follower: r_a^2 + r_0^2 = (r_0 + s)^2."""
-    arm = relaxed_arm(COS, R0, PHI)
+    arm = relaxed_offset(COS, R0, PHI)
     np.testing.assert_allclose(arm**2 + R0**2, (R0 + S) ** 2, rtol=1e-14)
     assert arm[-1] == pytest.approx(math.sqrt(2 * 13 * 6 + 36) * 1e-3, rel=1e-12)
 

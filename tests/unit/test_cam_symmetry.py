@@ -12,7 +12,7 @@ from flexcam.cams import (
     RollerFollower,
     SwingFlatFollower,
     cam_profile,
-    findings,
+    find_profile_faults,
     lift_from_profile,
     minimum_base_radius,
 )
@@ -76,7 +76,7 @@ def test_scale_of_limits(factor, kind, smooth_event):
     assert minimum_base_radius(event, large, radius=0.004 * factor) == pytest.approx(factor * small, rel=1e-12)
     # Half that base circle is undercut in either size.
     found = [
-        findings(cam_profile(e, f.with_base(0.3 * size)))
+        find_profile_faults(cam_profile(e, f.with_base(0.3 * size)))
         for e, f, size in ((smooth_event, kind, small), (event, large, factor * small))
     ]
     assert [one.what for one in found[0]] == [one.what for one in found[1]] != []

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexcam import build_model, prepare, read_case
-from flexcam.analysis.error_estimate import estimate
+from flexcam.analysis.error_estimate import estimate_errors
 from flexcam.analysis.model_ladder import with_elements
 from flexcam.valvetrain import build_structure
 
@@ -66,7 +66,7 @@ def test_more_elements_begin_without_a_blow():
         given, own = (getattr(one.record.run.start, name) for one in (with_elements(case, factor=3), case))
         assert {round(x, 12) for x in given.values()} == {round(x, 12) for x in own.values()}
         assert len(given) == 2 * len(own)  # two nodes between those of every bucket
-    lift = next(one for one in estimate(case, "intake-4-follower.uy") if one.quantity == "lift")
+    lift = next(one for one in estimate_errors(case, "intake-4-follower.uy") if one.quantity == "lift")
     assert lift.space < 1e-3 * lift.size
 
 

@@ -13,7 +13,7 @@ from flexcam.case.builder import build_model
 from flexcam.core.errors import InputError
 from flexcam.fem.dofs import dof_map
 from flexcam.fem.frames import COMPONENTS
-from flexcam.fem.mesh import Mesh, chain, refined
+from flexcam.fem.mesh import Mesh, chain, refine
 from flexcam.valvetrain import build_structure
 
 MESH = Mesh([[0, 0, 0], [1, 0, 0], [1, 2, 0], [9, 9, 9]], {"a": [0, 1], "b": [1, 2]}, {"root": [0], "ends": [0, 2]})
@@ -53,7 +53,7 @@ def test_misspelled_names_are_refused_with_the_nearest(supports):
 
 
 def test_refined_keeps_old_nodes_and_the_line():
-    fine = refined(MESH, {"b": 4})
+    fine = refine(MESH, {"b": 4})
     np.testing.assert_array_equal(fine.nodes[:4], MESH.nodes)
     np.testing.assert_allclose(
         fine.nodes[fine.lines["b"]], np.column_stack([np.ones(5), np.linspace(0, 2, 5), np.zeros(5)])
@@ -63,7 +63,7 @@ def test_refined_keeps_old_nodes_and_the_line():
 
 
 def test_refining_twice_is_refining_by_the_product():
-    once, twice = refined(MESH, {"a": 6}), refined(refined(MESH, {"a": 2}), {"a": 3})
+    once, twice = refine(MESH, {"a": 6}), refine(refine(MESH, {"a": 2}), {"a": 3})
     np.testing.assert_allclose(twice.nodes[twice.lines["a"]], once.nodes[once.lines["a"]], atol=1e-15)
 
 

@@ -10,15 +10,23 @@ import numpy as np
 import pytest
 
 from flexcam import InputError, prepare, read_case, solve
-from flexcam.analysis.error_estimate import Error, estimate
-from flexcam.analysis.measures import Measured, distance, measured
+from flexcam.analysis.error_estimate import Error, estimate_errors
+from flexcam.analysis.measures import Histories, distance, extract_histories
 from flexcam.analysis.model_choice import Choice
-from flexcam.analysis.model_ladder import Rung, ladder, steps_of, with_elements
+from flexcam.analysis.model_ladder import ModelLevel, model_ladder, steps_per_revolution_of, with_elements
 from flexcam.analysis.preparation import scalar_probe
-from flexcam.analysis.trade import Reference, Traded, candidates, front, reference, tried, work_of
+from flexcam.analysis.trade import (
+    ModelEvaluation,
+    Reference,
+    candidate_models,
+    evaluate_model,
+    mark_pareto_front,
+    reference_run,
+    total_work,
+)
 from flexcam.dynamics import Cause, Status, integrated_size, outline
-from flexcam.report.fidelity_tables import choice_words, plus_minus
-from flexcam.report.run_checks import unseen
+from flexcam.report.fidelity_tables import describe_choice, format_with_error
+from flexcam.report.run_checks import describe_model_limits
 
 ROOT = Path(__file__).parents[2]
 INLINE = ROOT / "tests/data/inline.toml"
@@ -29,7 +37,7 @@ def history(steps, *values, **more):
     """Return a run over one second; a value is that of every instant of time."""
     time = np.linspace(0.0, 1.0, steps + 1)
     one = {name: value(time) for name, value in more.items()}
-    return Measured(time, one | {f"force {i}": value(time) for i, value in enumerate(values)})
+    return Histories(time, one | {f"force {i}": value(time) for i, value in enumerate(values)})
 
 
 class TestDistance:
@@ -89,48 +97,48 @@ class TestDistance:
         assert replace(one, slopes={"lift": 1.0 - 2.0 * one.time}).size("lift") == pytest.approx(0.25, rel=1e-15)
 
     def test_a_probe_of_several_scalars(self):
-        response = Rung("", "", read_case(INLINE, ["run.revolutions=0.01"])).run()
+        response = ModelLevel("", "", read_case(INLINE, ["run.revolutions=0.01"])).run()
         with pytest.raises(InputError, match="one scalar"):
-            measured(response, "cam")
+            extract_histories(response, "cam")
 
 
 def rung(work, worst, steps=100):
     errors = {} if worst is None else {"lift": worst, "velocity": worst / 2.0}
-    return Traded("any", "", steps, work // steps, work, 0.0, errors, Status(Cause.DONE))
+    return ModelEvaluation("any", "", steps, work // steps, work, 0.0, errors, Status(Cause.DONE))
 
 
 class TestFront:
     def test_marks_what_no_other_beats(self):
         given = [rung(400, 0.02), rung(100, 0.5), rung(200, 0.6), rung(300, 0.1), rung(500, 0.02), rung(600, 0.01)]
-        found = front(given)
+        found = mark_pareto_front(given)
         assert [one.work for one in found] == [100, 200, 300, 400, 500, 600]
         assert [one.best for one in found] == [True, False, True, True, False, True]
         assert not any(one.best for one in given)
 
     def test_of_equal_work_fewer_steps_come_first(self):
-        assert [one.best for one in front([rung(400, 0.2, 200), rung(400, 0.2, 100)])] == [True, False]
+        assert [one.best for one in mark_pareto_front([rung(400, 0.2, 200), rung(400, 0.2, 100)])] == [True, False]
 
     def test_runs_that_ended_early_are_never_best(self):
-        assert [one.best for one in front([rung(100, None), rung(200, 0.3)])] == [False, True]
+        assert [one.best for one in mark_pareto_front([rung(100, None), rung(200, 0.3)])] == [False, True]
 
     def test_a_model_that_knows_less_hides_none_that_knows_more(self):
         """A rigid train has no force on its seat: small errors of what it has are no reason to leave the others out."""
         whole = [replace(one, errors=one.errors | {"force seat": 0.9}) for one in (rung(100, 0.5), rung(200, 0.1))]
-        found = front([rung(0, 0.05), rung(50, 0.06), *whole, rung(300, 0.01)])
+        found = mark_pareto_front([rung(0, 0.05), rung(50, 0.06), *whole, rung(300, 0.01)])
         assert [one.best for one in found] == [True, False, True, False, False]
 
 
 class TestLadder:
     def test_models_of_a_case(self):
-        names = [one.name for one in ladder(read_case(INLINE))]
+        names = [one.name for one in model_ladder(read_case(INLINE))]
         assert names == ["rigid", "sdof", "modes 3", "modes 10", "beams", "beams x2"]
-        finer = ladder(read_case(INLINE, ["members.pushrod.elements=4", "members.camshaft.elements=4"]))
+        finer = model_ladder(read_case(INLINE, ["members.pushrod.elements=4", "members.camshaft.elements=4"]))
         assert [one.name for one in finer] == [
             "rigid", "sdof", "chain 3", "modes 3", "modes 10", "modes 30", "beams 1", "beams 2", "beams", "beams x2",
         ]  # fmt: skip
 
     def test_each_is_derived_from_the_case(self):
-        by_name = {one.name: one for one in ladder(read_case(INLINE, ["members.pushrod.elements=3"]))}
+        by_name = {one.name: one for one in model_ladder(read_case(INLINE, ["members.pushrod.elements=3"]))}
         unknowns = {name: integrated_size(one.prepared().problem) for name, one in by_name.items()}
         assert (unknowns["rigid"], unknowns["sdof"]) == (0, 1)
         assert by_name["beams x2"].case.record.members["pushrod"].elements == 6
@@ -140,36 +148,36 @@ class TestLadder:
 
     def test_what_the_case_asks_for_is_left_out(self):
         asked = read_case(INLINE, ['fidelity={ tolerance = "1 %", modes = 3, estimate = true }'])
-        for one in ladder(asked):
+        for one in model_ladder(asked):
             assert one.case.record.fidelity.tolerance is None
             assert not one.case.record.fidelity.estimate
-        assert ladder(asked)[-2].case.record.fidelity.modes is None
+        assert model_ladder(asked)[-2].case.record.fidelity.modes is None
 
     def test_the_way_through_time_is_that_of_models_with_motions(self):
         """A rigid train has none to carry, so that it cannot go the way that the others are asked to."""
-        rungs = ladder(read_case(INLINE, ["run.engine=modal"]))
+        rungs = model_ladder(read_case(INLINE, ["run.engine=modal"]))
         assert [one.case.record.run.engine for one in rungs] == ["auto", *["modal"] * 5]
         assert rungs[0].prepared().problem.engine == "auto"
 
     def test_candidates_begin_with_the_least_work(self):
         """By what is integrated: one mass at many steps costs less than the beams at few."""
-        found = candidates(read_case(INLINE, ["run.steps_per_revolution=480"]))
+        found = candidate_models(read_case(INLINE, ["run.steps_per_revolution=480"]))
         work = [integrated_size(ready.problem) * ready.problem.steps for ready in (one.prepared() for one in found)]
         assert work == sorted(work)
-        assert {steps_of(one.case) for one in found} == {60, 120, 240, 480}
+        assert {steps_per_revolution_of(one.case) for one in found} == {60, 120, 240, 480}
 
     @pytest.mark.parametrize(("steps", "counts"), [(100, {100}), (243, {243}), (120, {60, 120}), (250, {125, 250})])
     def test_steps_that_divide(self, steps, counts):
         """Half as often, down to 60 per revolution, and whole numbers only."""
-        found = candidates(read_case(INLINE, [f"run.steps_per_revolution={steps}"]))
-        assert {steps_of(one.case) for one in found} == counts
+        found = candidate_models(read_case(INLINE, [f"run.steps_per_revolution={steps}"]))
+        assert {steps_per_revolution_of(one.case) for one in found} == counts
 
 
 def test_a_ladder_begins_where_every_mesh_can():
     """A result fits one mesh: that is said, not that a finer one does not fit."""
     case = read_case(INLINE, ['run.start={ result = "first.vtkhdf" }'])
     with pytest.raises(InputError, match="given a start from a result; allowed: another start; a result fits one mesh"):
-        reference(case, "valve")
+        reference_run(case, "valve")
 
 
 def test_derived_cases_leave_the_given_one():
@@ -183,16 +191,16 @@ def test_derived_cases_leave_the_given_one():
     assert each.springs["valve"].elements == 8
     assert case.with_run({"revolutions": 7.0}).record.run.revolutions == 7.0
     assert case.with_fidelity({"model": "rigid"}).record.fidelity.model == "rigid"
-    assert Rung("", "", case).stepped(90).case.record.run.steps_per_revolution == 90
+    assert ModelLevel("", "", case).stepped(90).case.record.run.steps_per_revolution == 90
     assert case.record.model_dump_json() == before
 
 
 def test_steps_of_a_case():
-    assert steps_of(read_case(INLINE)) == 720
+    assert steps_per_revolution_of(read_case(INLINE)) == 720
     given = read_case(INLINE)
     # 3000 rpm turn once in 20 ms; a step of 30 us divides it 666.7 times.
-    assert steps_of(given.with_run({"steps_per_revolution": None, "step": 30e-6})) == 667
-    assert steps_of(given.with_run({"steps_per_revolution": None})) == 3600
+    assert steps_per_revolution_of(given.with_run({"steps_per_revolution": None, "step": 30e-6})) == 667
+    assert steps_per_revolution_of(given.with_run({"steps_per_revolution": None})) == 3600
 
 
 def error(size, total, unit="m"):
@@ -214,7 +222,7 @@ def error(size, total, unit="m"):
     ],
 )
 def test_numbers_with_their_errors(one, said):
-    assert plus_minus(one) == said
+    assert format_with_error(one) == said
 
 
 def test_all_errors_count():
@@ -224,8 +232,8 @@ def test_all_errors_count():
 def test_runs_to_come_are_counted_by_their_steps():
     """Reference of 4 and 2 times the steps, rungs at half of them, twice: 4 runs of 240 steps are as much work."""
     case = read_case(INLINE, ["run.steps_per_revolution=120"])
-    one = Rung("own", "", case)
-    work = work_of(case, [one.stepped(60)] * 2, repeats=2)
+    one = ModelLevel("own", "", case)
+    work = total_work(case, [one.stepped(60)] * 2, repeats=2)
     assert work == 960
     assert one.stepped(240).prepared(work=work).problem.runs == 4
     assert one.stepped(480).prepared().problem.runs == one.stepped(480).prepared(work=1).problem.runs == 1
@@ -238,9 +246,9 @@ def test_norms_of_a_ladder():
     for one in asked:
         case = read_case("tests/data/every-contact.toml", [*asked[0], "run.revolutions=0.5", *one])
         probe = scalar_probe(prepare(case))
-        against = reference(case, probe)
+        against = reference_run(case, probe)
         assert against.norm == case.record.fidelity.norm
-        found[against.norm] = tried(Rung("own", "", case).stepped(60), probe, against).errors
+        found[against.norm] = evaluate_model(ModelLevel("own", "", case).stepped(60), probe, against).errors
     for name in found["max"]:
         assert found["rms"][name] < found["max"][name]
         assert found[None][name] == found["max" if name.startswith("force") else "rms"][name]
@@ -251,16 +259,16 @@ def test_why_names_what_was_asked():
     found = replace(rung(100, 0.4), errors={"lift": 0.02, "velocity": 0.4})
     own, size = {"lift": 1e-5, "velocity": 1e-3, "force c": 0.0}, {"lift": 1e-2, "velocity": 1.0, "force c": 0.0}
     against = Reference(history(4), own, size, 400)
-    choice = Choice(Rung("any", "", SimpleNamespace()), found, None, against, False, 5, {"lift": 0.01})
+    choice = Choice(ModelLevel("any", "", SimpleNamespace()), found, None, against, False, 5, {"lift": 0.01})
     assert choice.why == "the closest of 5 models is off by lift 2 % (the reference 0.1 %)"
     assert "40" not in choice.why
-    assert "The tolerance is not met" in choice_words(choice)[0]
+    assert "The tolerance is not met" in describe_choice(choice)[0]
     assert replace(choice, met=True).why == ""
     assert "has all of force" in replace(choice, tolerance={"force": 0.1}).why
 
 
 def lift_of(case, steps):
-    return measured(Rung("", "", case).stepped(steps).run(), "valve")
+    return extract_histories(ModelLevel("", "", case).stepped(steps).run(), "valve")
 
 
 class TestEstimate:
@@ -271,7 +279,7 @@ class TestEstimate:
         10 % for the next order of the step at 60 steps per revolution.
         """
         case = read_case(INLINE, [f"run.steps_per_revolution={steps}"])
-        found = {one.quantity: one for one in estimate(case, "valve")}
+        found = {one.quantity: one for one in estimate_errors(case, "valve")}
         true = distance(lift_of(case, steps), lift_of(case, 32 * steps))
         for quantity in ("lift", "velocity"):
             assert found[quantity].time == pytest.approx(1.5 * true[quantity], rel=0.1)
@@ -282,7 +290,7 @@ class TestEstimate:
     def test_the_error_of_the_elements(self):
         """Against eight times the elements at the same steps: covered, and at most twice as large."""
         case = read_case(INLINE, ["run.steps_per_revolution=180", "run.speed=9000rpm"])
-        found = {one.quantity: one for one in estimate(case, "valve")}
+        found = {one.quantity: one for one in estimate_errors(case, "valve")}
         true = distance(lift_of(case, 180), lift_of(with_elements(case, factor=8), 180))
         assert true["lift"] <= found["lift"].space <= 2.0 * true["lift"]
 
@@ -293,7 +301,7 @@ class TestEstimate:
         few = ["run.steps_per_revolution=45", f'run.speed="{speed}rpm"']
         case = read_case(f"cases/tayeb/model-1-{law}.toml", few)
         true = lift_of(case, 64 * 45)
-        for one in estimate(case, "valve"):
+        for one in estimate_errors(case, "valve"):
             assert abs(one.size - true.size(one.quantity)) <= one.total
 
     @pytest.mark.parametrize(("steps", "way"), [(1440, "kernel"), (180, "direct")])
@@ -303,12 +311,12 @@ class TestEstimate:
 
         def measured_here(response, probe):
             taken.append(response.stats.engine)
-            return measured(response, probe)
+            return extract_histories(response, probe)
 
-        monkeypatch.setattr("flexcam.analysis.model_ladder.measured", measured_here)
+        monkeypatch.setattr("flexcam.analysis.model_ladder.extract_histories", measured_here)
         fewer = ["run.revolutions=1", f"run.steps_per_revolution={steps}", "springs.valve.elements=1"]
         plain = ["members.pushrod.geometric_stiffness=false", "members.pushrod.bow=0"]
-        estimate(read_case(ENGINE, [*fewer, *plain]), "valve")
+        estimate_errors(read_case(ENGINE, [*fewer, *plain]), "valve")
         assert taken == [way] * 4
 
     def test_chatter_has_none(self):
@@ -316,11 +324,11 @@ class TestEstimate:
         fast = ["run.crank_speed=9000rpm", "run.revolutions=0.6", "run.steps_per_revolution=180"]
         case = read_case(ENGINE, [*fast, "springs.valve.elements=2", "members.pushrod.geometric_stiffness=false",
                                   "members.pushrod.bow=0"])  # fmt: skip
-        assert not {one.quantity: one for one in estimate(case, "valve")}["force intake"].holds
+        assert not {one.quantity: one for one in estimate_errors(case, "valve")}["force intake"].holds
 
     def test_of_a_rigid_model_it_is_the_distance_to_beams(self):
         case = read_case(INLINE, ['fidelity.model="rigid"', "run.steps_per_revolution=180"])
-        found = estimate(case, "valve")[0]
+        found = estimate_errors(case, "valve")[0]
         beams = case.with_fidelity({"model": "beams"})
         assert found.time < 1e-8 * found.size  # the cubics between its instants
         assert found.space == 0.0
@@ -332,8 +340,8 @@ def test_the_ladder_is_the_same_whatever_reduction_a_case_asks_for():
     """Its rungs of modes are what their words say, also of a case that asks for Craig and Bampton's."""
     case = read_case(INLINE)
     asked = case.with_fidelity({"modes": 5, "reduction": "craig-bampton"})
-    rungs = {rung.name: rung.case.record.fidelity for rung in ladder(asked)}
-    assert rungs == {rung.name: rung.case.record.fidelity for rung in ladder(case)}
+    rungs = {rung.name: rung.case.record.fidelity for rung in model_ladder(asked)}
+    assert rungs == {rung.name: rung.case.record.fidelity for rung in model_ladder(case)}
 
 
 def solved(path, *overrides):
@@ -351,7 +359,7 @@ def test_compression_is_told_where_a_mass_stands_behind_a_member(masses, told):
     ready, response = solved("cases/tayeb/model-1-shm.toml", *few)
     name = "members.pushrod.compression"
     assert (name in response.channels) == told
-    assert any("of pushrod are not told" in one for one in unseen(ready)) != told
+    assert any("of pushrod are not told" in one for one in describe_model_limits(ready)) != told
     if told:
         whole = solved("cases/tayeb/model-1-shm.toml")[1].channels[name]
         np.testing.assert_allclose(response.channels[name], whole, rtol=0.0, atol=5e-3 * whole.max())

@@ -12,33 +12,33 @@ import pytest
 
 import flexcam
 from flexcam.analysis.preparation import prepare
-from flexcam.analysis.run import result_file
+from flexcam.analysis.run import open_result_file
 from flexcam.dynamics import Block, ConstantSpeed, Problem, State, Stats, hht, newmark, solve
 from flexcam.dynamics.energy import EquilibriumResidual
-from flexcam.report.result_tables import imbalance
-from flexcam.report.run_checks import Watched, balances, lost_energy, numerical_energy, run_doubts
+from flexcam.report.result_tables import equilibrium_residual
+from flexcam.report.run_checks import RunMonitor, check_run, describe_balance, energy_residual, numerical_dissipation
 from flexcam.valvetrain import Resolution
-from flexcam.valvetrain.resolution import _Touches
+from flexcam.valvetrain.resolution import _ImpactSteps
 
 CASE = Path(__file__).parents[1] / "data/inline.toml"
 
 
 def watched(path, *settings):
     ready = prepare(flexcam.read_case(path, settings))
-    seen = Watched.of(ready)
+    seen = RunMonitor.of(ready)
     response = solve(ready.problem, ready.scheme, save=ready.save, sinks=seen.sinks)
     return ready, seen, response
 
 
 def told(path, *settings):
     ready, seen, response = watched(path, *settings)
-    return run_doubts(ready, seen, [], response.stats)
+    return check_run(ready, seen, [], response.stats)
 
 
 def test_the_frequency_is_that_of_the_accelerations():
     """Of harmonic motion it is the motion's own; all unknowns follow one sine here."""
     ready = prepare(flexcam.read_case(CASE))
-    seen = Watched.of(ready)
+    seen = RunMonitor.of(ready)
     sink, w, n = seen.fineness, 700.0, ready.problem.system.size
     t = np.linspace(0.0, 2.0 * math.pi / w, 400, endpoint=False)[:, None]
     block = solve(ready.problem, ready.scheme).fields
@@ -62,7 +62,7 @@ def test_elements_per_wave_are_those_of_the_beam():
 
 
 def test_impacts_are_counted_around_the_largest_force():
-    touches = _Touches(np.array([0, 1, 2]))
+    touches = _ImpactSteps(np.array([0, 1, 2]))
     first = np.array([[0.0, 1.0, 0.0], [2.0, 1.0, 0.0], [5.0, 2.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
     touches.follow(first)
     touches.follow(np.array([[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 0.0, 0.0]]))
@@ -73,7 +73,7 @@ def test_impacts_are_counted_around_the_largest_force():
 
 def test_nothing_that_moves_is_fine_enough():
     ready = prepare(flexcam.read_case(CASE))
-    assert Watched.of(ready).fineness.found() == Resolution(0.0, math.inf, {}, {})
+    assert RunMonitor.of(ready).fineness.found() == Resolution(0.0, math.inf, {}, {})
 
 
 def test_a_fine_run_is_not_doubted():
@@ -98,7 +98,7 @@ class Found:
 def test_what_is_coarse_is_told():
     ready, seen, response = watched(CASE)
     coarse = Resolution(400.0, 10.0, {"shaft": 30.0, "pushrod": 1.9}, {"seat": 4, "tip": 5, "play": 1})
-    told = run_doubts(ready, replace(seen, fineness=Found(coarse)), [], response.stats)
+    told = check_run(ready, replace(seen, fineness=Found(coarse)), [], response.stats)
     longer = "take more steps per revolution, or a softer contact"
     bend = "a wave of bending of member pushrod has 1.9 of its elements at the 400 Hz of the accelerations"
     assert told == [
@@ -113,15 +113,15 @@ def test_what_is_coarse_is_told():
 def test_enough_steps_are_named(steps, more):
     """As many as that are enough, and more than there are."""
     ready, seen, response = watched(CASE)
-    (told,) = run_doubts(ready, replace(seen, fineness=Found(Resolution(400.0, steps, {}, {}))), [], response.stats)
+    (told,) = check_run(ready, replace(seen, fineness=Found(Resolution(400.0, steps, {}, {}))), [], response.stats)
     assert told.endswith(f"take {more} times as many")
 
 
 def test_the_same_is_told_of_a_result():
     ready, seen, response = watched(CASE)
-    again = Watched.again(ready, response)
+    again = RunMonitor.again(ready, response)
     assert again.fineness.found().frequency == pytest.approx(seen.fineness.found().frequency, rel=1e-12)
-    assert lost_energy(again.extremes) == lost_energy(seen.extremes)
+    assert energy_residual(again.extremes) == energy_residual(seen.extremes)
 
 
 @pytest.mark.parametrize("path", ["direct", "modal", "kernel"])
@@ -174,9 +174,9 @@ def test_what_the_time_integration_dissipates_is_told(tmp_path):
     energy = response.channels
     share = energy["energy.numerical"].max() / max(np.ptp(energy[f"energy.{n}"]) for n in ("work", "kinetic", "strain"))
     assert share > 0.5
-    assert numerical_energy(seen.extremes) == pytest.approx(share, rel=1e-12)
-    assert f"numerical dissipation {share:.2g} of the external work" in balances(seen.extremes, response.stats)
-    (words,) = (one for one in run_doubts(ready, seen, [], response.stats) if "dissipates" in one)
+    assert numerical_dissipation(seen.extremes) == pytest.approx(share, rel=1e-12)
+    assert f"numerical dissipation {share:.2g} of the external work" in describe_balance(seen.extremes, response.stats)
+    (words,) = (one for one in check_run(ready, seen, [], response.stats) if "dissipates" in one)
     assert words.startswith(f"Warning: the time integration dissipates {100.0 * share:.2g} % of the external work")
     assert words.endswith('take more steps per revolution, or integrator = { method = "newmark" }')
 
@@ -186,7 +186,7 @@ def test_what_the_time_integration_adds_is_told():
     ready, seen, response = watched(CASE)
     at = [name for name, _ in response.outline.channels].index("energy.numerical")
     seen.extremes._channels.least[at] = -0.5 * np.ptp(response.channels["energy.work"])
-    words = [one for one in run_doubts(ready, seen, [], response.stats) if "time integration" in one]
+    words = [one for one in check_run(ready, seen, [], response.stats) if "time integration" in one]
     assert len(words) == 1
     assert " adds " in words[0]
     assert words[0].endswith("take more steps per revolution")
@@ -205,15 +205,15 @@ def test_units_of_unknowns_do_not_matter(system_of):
 
 def test_what_is_out_of_balance_is_told():
     ready, seen, response = watched(CASE)
-    words = run_doubts(ready, seen, [], replace(response.stats, imbalance=0.02))
+    words = check_run(ready, seen, [], replace(response.stats, imbalance=0.02))
     assert words == [
         (
             "Warning: forces are out of balance by up to 2 % of the largest: the steps are too long for the motion; "
             "take more steps per revolution"
         )
     ]
-    assert "forces within" in balances(seen.extremes, response.stats)
-    assert balances(seen.extremes, Stats()).endswith("forces not looked at")
+    assert "forces within" in describe_balance(seen.extremes, response.stats)
+    assert describe_balance(seen.extremes, Stats()).endswith("forces not looked at")
 
 
 @pytest.mark.parametrize("path", ["direct", "modal", "kernel"])
@@ -236,21 +236,23 @@ def test_what_was_not_looked_at_is_not_told_as_zero(tmp_path):
     """A run that is stopped before the first saved field."""
     asked = count()
     ready = prepare(flexcam.read_case(CASE, ["run.engine=direct"]))
-    seen, sink = Watched.of(ready), result_file(ready, tmp_path)
+    seen, sink = RunMonitor.of(ready), open_result_file(ready, tmp_path)
     sinks = [*seen.sinks, sink]
     response = solve(ready.problem, ready.scheme, save=ready.save, sinks=sinks, stop=lambda: next(asked) > 3)
     assert response.stats.imbalance < 0.0
-    assert imbalance(response) is None
-    assert balances(seen.extremes, response.stats).endswith("forces not looked at")
-    assert run_doubts(ready, seen, [], response.stats) == []
+    assert equilibrium_residual(response) is None
+    assert describe_balance(seen.extremes, response.stats).endswith("forces not looked at")
+    assert check_run(ready, seen, [], response.stats) == []
     (left,) = tmp_path.glob("*.vtkhdf")
-    assert imbalance(flexcam.read_result(left).response) is None
+    assert equilibrium_residual(flexcam.read_result(left).response) is None
 
 
 def test_warnings_are_kept_with_the_result(tmp_path):
     ready = prepare(flexcam.read_case(CASE))
     asked = []
-    sink = result_file(ready, tmp_path, warnings=lambda stats: asked.append(stats.steps) or ["Warning: one", "two"])
+    sink = open_result_file(
+        ready, tmp_path, warnings=lambda stats: asked.append(stats.steps) or ["Warning: one", "two"]
+    )
     solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink])
     read = flexcam.read_result(sink.path)
     assert read.warnings == ("Warning: one", "two")

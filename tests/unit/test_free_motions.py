@@ -15,7 +15,7 @@ from flexcam.fem.dofs import dof_map
 from flexcam.fem.frames import COMPONENTS, direction
 from flexcam.fem.members import Member, beams
 from flexcam.fem.mesh import Mesh, chain
-from flexcam.fem.rigid_bodies import along, free_motions
+from flexcam.fem.rigid_bodies import free_motions, scalar_matrix
 from flexcam.fem.sections import Section
 
 TURN = Rotation.random(rng=np.random.default_rng(11)).as_matrix()
@@ -37,7 +37,7 @@ def two_bars(axes):
 
 def stiffness_of(steel, mesh, dofs, springs=()):
     K = stiffness(beams(mesh, {name: Member(steel, SECTION) for name in mesh.lines}), dofs)
-    return sum((along(row, 4e4) for row in springs), K)
+    return sum((scalar_matrix(row, 4e4) for row in springs), K)
 
 
 def assert_no_strain(K, motions):

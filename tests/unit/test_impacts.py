@@ -20,7 +20,7 @@ from flexcam.dynamics import (
     newmark,
     solve,
 )
-from flexcam.dynamics.impact import complementary
+from flexcam.dynamics.impact import solve_complementarity
 
 
 def contact(name, row, restitution, gap=0.0):
@@ -77,19 +77,19 @@ def test_a_body_that_rests_takes_the_impulse():
 def test_a_chain_in_flight_by_hand():
     """A body meets two that touch: p = W^-1 (1 + e) u with W of unit masses, [[2, -1], [-1, 2]], u = (1, 0)."""
     W = np.array([[2.0, -1.0], [-1.0, 2.0]])
-    np.testing.assert_allclose(complementary(W, 1.5 * np.array([1.0, 0.0])), [1.0, 0.5], rtol=1e-14)
+    np.testing.assert_allclose(solve_complementarity(W, 1.5 * np.array([1.0, 0.0])), [1.0, 0.5], rtol=1e-14)
 
 
 def test_no_impulse_pulls():
     """The second contact would have to pull: it parts faster than restitution asks, and takes no impulse."""
     W, asked = np.array([[2.0, 1.0], [1.0, 2.0]]), np.array([1.0, 0.2])
-    found = complementary(W, asked)
+    found = solve_complementarity(W, asked)
     np.testing.assert_allclose(found, [0.5, 0.0], rtol=1e-14)
     assert ((W @ found)[1] >= asked[1], np.linalg.solve(W, asked)[1] < 0.0) == (True, True)
 
 
 def test_walls_that_close_have_no_impulse():
-    np.testing.assert_array_equal(complementary(np.array([[1.0, -1.0], [-1.0, 1.0]]), np.ones(2)), [0.0, 0.0])
+    np.testing.assert_array_equal(solve_complementarity(np.array([[1.0, -1.0], [-1.0, 1.0]]), np.ones(2)), [0.0, 0.0])
 
 
 def test_random_impacts_are_complementary_and_lose_energy():
@@ -102,7 +102,7 @@ def test_random_impacts_are_complementary_and_lose_energy():
         W, v = (G / masses) @ G.T, random.normal(size=n) / np.sqrt(masses)
         rate, e = G @ v, random.uniform(0.0, 1.0, k)
         asked = np.where(rate >= 0.0, 1.0 + e, 2.0) * rate
-        p = complementary(W, asked)
+        p = solve_complementarity(W, asked)
         size = np.abs(asked).max()
         after = v - G.T @ p / masses
         assert p.min() >= 0.0
@@ -113,4 +113,4 @@ def test_random_impacts_are_complementary_and_lose_energy():
 
 def test_one_contact_is_the_closed_form():
     for W, asked in ((0.3, 1.7), (2.0, -1.0)):
-        assert complementary(np.array([[W]]), np.array([asked]))[0] == max(asked / W, 0.0)
+        assert solve_complementarity(np.array([[W]]), np.array([asked]))[0] == max(asked / W, 0.0)

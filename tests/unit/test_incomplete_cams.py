@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from flexcam import InputError
-from flexcam.case.builder import given_follower
-from flexcam.case.schema.cams import FreeCamRecord
+from flexcam.case.builder import parse_follower
+from flexcam.case.schema.cams import CamDesignRecord
 
 WHOLE = {"law": "shm", "lift": "6 mm", "rise": "60 deg", "return": "60 deg"}
 
@@ -15,14 +15,14 @@ WHOLE = {"law": "shm", "lift": "6 mm", "rise": "60 deg", "return": "60 deg"}
 def test_a_cam_without_all_keys_of_its_lift_is_refused_with_their_names(missing):
     given = {key: value for key, value in WHOLE.items() if key not in missing}
     with pytest.raises(InputError) as refusal:
-        FreeCamRecord.model_validate(given).made()
+        CamDesignRecord.model_validate(given).made()
     assert refusal.value.faults[0].given == f"nothing for {', '.join(missing)}"
 
 
 def test_a_whole_cam_has_its_own_lift():
-    assert FreeCamRecord.model_validate(WHOLE).made().event.height == pytest.approx(0.006)
+    assert CamDesignRecord.model_validate(WHOLE).made().event.height == pytest.approx(0.006)
 
 
 def test_a_follower_by_itself_needs_no_lift():
-    follower, turn = given_follower('{ type = "roller", radius = "9 mm" }', "15 mm", clockwise=True)
+    follower, turn = parse_follower('{ type = "roller", radius = "9 mm" }', "15 mm", clockwise=True)
     assert (follower.base_radius, follower.roller_radius, turn) == (0.015, 0.009, -1)

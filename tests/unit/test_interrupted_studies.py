@@ -10,13 +10,13 @@ import pytest
 
 from flexcam import read_case
 from flexcam.analysis.campbell import campbell
-from flexcam.analysis.limits import Search, bracketed_limits
-from flexcam.analysis.model_divergence import parting
+from flexcam.analysis.limits import Search, search_limits
+from flexcam.analysis.model_divergence import compare_models_over_speed
 from flexcam.analysis.orders import Signal, waterfall
-from flexcam.analysis.stability import over_speeds
-from flexcam.analysis.trade import trade
+from flexcam.analysis.stability import stability_over_speeds
+from flexcam.analysis.trade import evaluate_ladder
 from flexcam.dynamics import Cause, Status, solve
-from flexcam.studies.quantities import quantities
+from flexcam.studies.quantities import quantity_row
 
 ROOT = Path(__file__).resolve().parents[2]
 ENGINE = ROOT / "cases/pushrod-engine/intake.toml"
@@ -27,12 +27,12 @@ BROAD = Search(200.0, 300.0, tolerance=1e3, count=2)
 FORCE = Signal("contacts.intake.force")
 
 STUDIES = {
-    "flexcam.analysis.limits": (ENGINE, lambda case, **o: bracketed_limits(case, BROAD, ["buckling"], **o)),
+    "flexcam.analysis.limits": (ENGINE, lambda case, **o: search_limits(case, BROAD, ["buckling"], **o)),
     "flexcam.analysis.campbell": (ENGINE, lambda case, **o: campbell(case, SPEEDS, orders=[1], **o)),
     "flexcam.analysis.orders": (ENGINE, lambda case, **o: waterfall(case, SPEEDS, [FORCE], 4, **o)),
-    "flexcam.analysis.model_divergence": (ENGINE, lambda case, **o: parting(case, SPEEDS, **o)),
-    "flexcam.analysis.stability": (TAYEB, lambda case, **o: over_speeds(case, SPEEDS, **o)),
-    "flexcam.analysis.trade": (TAYEB, lambda case, **o: trade(case, "valve", repeats=1, **o)),
+    "flexcam.analysis.model_divergence": (ENGINE, lambda case, **o: compare_models_over_speed(case, SPEEDS, **o)),
+    "flexcam.analysis.stability": (TAYEB, lambda case, **o: stability_over_speeds(case, SPEEDS, **o)),
+    "flexcam.analysis.trade": (TAYEB, lambda case, **o: evaluate_ladder(case, "valve", repeats=1, **o)),
 }
 
 
@@ -54,8 +54,8 @@ def test_a_stopped_run_stops_what_asked_for_it(where, monkeypatch):
 @pytest.mark.parametrize(
     ("where", "ask"),
     [
-        ("flexcam.analysis.model_ladder", lambda case: trade(case, "valve", repeats=1)),
-        ("flexcam.studies.evaluation", lambda case: quantities(case, ["deviation.peak"])),
+        ("flexcam.analysis.model_ladder", lambda case: evaluate_ladder(case, "valve", repeats=1)),
+        ("flexcam.studies.evaluation", lambda case: quantity_row(case, ["deviation.peak"])),
     ],
 )
 def test_a_run_behind_another_is_heeded_too(where, ask, monkeypatch):

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from flexcam import prepare, read_case
-from flexcam.core import DENSE_LIMIT, Triplets, component_members, factorize, factorize_held
+from flexcam.core import DENSE_LIMIT, Triplets, component_members, factorize, factorize_constrained
 from flexcam.core.factorization import BandFactor
 from flexcam.dynamics import solve
 from flexcam.fem.assembly import mass, stiffness
 from flexcam.fem.dofs import dof_map
 from flexcam.fem.members import Member, beams
-from flexcam.fem.mesh import Mesh, refined
+from flexcam.fem.mesh import Mesh, refine
 from flexcam.fem.sections import Material, Section
 
 STEEL = Member(Material(2e11, 0.3, 7800.0), Section.circle(0.02))
@@ -24,7 +24,7 @@ MANY = 70
 
 
 def made(nodes, lines, supports=("root",)):
-    mesh = refined(Mesh(nodes, lines, {"root": [0]}), dict.fromkeys(lines, MANY))
+    mesh = refine(Mesh(nodes, lines, {"root": [0]}), dict.fromkeys(lines, MANY))
     order = np.random.default_rng(1).permutation(len(mesh.nodes))  # the order of the nodes tells nothing
     place = np.argsort(order)
     shuffled = Mesh(mesh.nodes[order], {n: place[line] for n, line in mesh.lines.items()}, {"root": place[[0]]})
@@ -89,7 +89,7 @@ def test_held_motions_cost_no_full_matrix(n, stiffness):
     motions = np.zeros((n, 2))
     motions[:half, 0] = motions[half:, 1] = half**-0.5
     right = np.random.default_rng(0).standard_normal((n, 2))
-    found = factorize_held(Triplets.from_dense(dense), motions, stiffness).solve(right)
+    found = factorize_constrained(Triplets.from_dense(dense), motions, stiffness).solve(right)
     exact = np.linalg.solve(dense + stiffness * motions @ motions.T, right)
     np.testing.assert_allclose(found, exact, atol=1e-9 * np.abs(exact).max())  # the condition is n^2
 

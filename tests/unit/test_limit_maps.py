@@ -5,16 +5,16 @@ from pathlib import Path
 import numpy as np
 
 from flexcam import read_case
-from flexcam.cli.studies import told_limit_map
+from flexcam.cli.studies import limit_map_output
 from flexcam.dynamics import Status
-from flexcam.studies.axes import axis
+from flexcam.studies.axes import parse_axis
 from flexcam.studies.limit_map import LimitMap, grid_plan
 
 CASE = read_case(Path(__file__).parents[1] / "data/inline.toml")
 
 
 def _map(first, second):
-    plan = grid_plan(axis(*first), axis(*second))
+    plan = grid_plan(parse_axis(*first), parse_axis(*second))
     one, other = plan.varied
     rpm = {"loss_of_contact": np.full(plan.shape, 6000.0)}
     return LimitMap((one, other), rpm, (Status(),) * len(plan)).told_in(CASE)
@@ -22,7 +22,7 @@ def _map(first, second):
 
 def test_units_of_keys():
     found = _map(("springs.valve.stiffness", "40000,50000"), ("springs.valve.installed_force", "200,300"))
-    told = told_limit_map(found, "crank")
+    told = limit_map_output(found, "crank")
     assert told.csv.startswith('"springs.valve.stiffness, N/m","springs.valve.installed_force, N"')
     assert "[crank rpm]" in told.csv
     assert "along: springs.valve.installed_force, N" in str(told.tables[0].title)
@@ -32,5 +32,5 @@ def test_units_of_keys():
 def test_units_as_given_and_plain_numbers():
     found = _map(("springs.valve.stiffness", "40,50kN/m"), ("contacts.intake.preload_factor", "2,3"))
     assert [one.unit for one in found.axes] == ["kN/m", ""]
-    told = told_limit_map(found, "camshaft")
+    told = limit_map_output(found, "camshaft")
     assert told.csv.startswith('"springs.valve.stiffness, kN/m",contacts.intake.preload_factor,')

@@ -6,11 +6,19 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from flexcam.core import DENSE_LIMIT, SingularMatrixError, Triplets, factorize, null_space, operator, pins
+from flexcam.core import (
+    DENSE_LIMIT,
+    SingularMatrixError,
+    Triplets,
+    factorize,
+    null_space,
+    select_constraints,
+    select_storage,
+)
 from flexcam.fem.assembly import mass, stiffness
 from flexcam.fem.dofs import dof_map
 from flexcam.fem.members import Member, beams
-from flexcam.fem.mesh import Mesh, refined
+from flexcam.fem.mesh import Mesh, refine
 from flexcam.fem.sections import Material, Section
 
 STEEL = Material(2e11, 0.3, 7800.0)
@@ -57,7 +65,7 @@ def grounded_chain(n, unit=1.0):
 def test_factorize(n, columns):
     matrix, right = grounded_chain(n), np.random.default_rng(0).standard_normal((n, *columns))
     np.testing.assert_allclose(factorize(matrix).solve(right), np.linalg.solve(matrix.dense(), right), rtol=1e-9)
-    np.testing.assert_allclose(operator(matrix) @ right, matrix.dense() @ right, atol=1e-13)
+    np.testing.assert_allclose(select_storage(matrix) @ right, matrix.dense() @ right, atol=1e-13)
 
 
 @pytest.mark.parametrize("n", [4, DENSE_LIMIT + 1], ids=["dense", "sparse"])
@@ -90,7 +98,7 @@ def frame(parts, seed=0, size=1.0):
     """Return an L of two members, turned at random; nothing holds it."""
     corner = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
     nodes = size * np.array([[0.0, 0, 0], [0.4, 0, 0], [0.4, 0.3, 0.1]]) @ corner.T
-    mesh = refined(Mesh(nodes, {"a": [0, 1], "b": [1, 2]}, {}), {"a": parts, "b": parts})
+    mesh = refine(Mesh(nodes, {"a": [0, 1], "b": [1, 2]}, {}), {"a": parts, "b": parts})
     section = Section(A=4e-4 * size**2, Iy=2e-8 * size**4, Iz=7e-9 * size**4, J=1e-8 * size**4)
     return mesh, beams(mesh, {"a": Member(STEEL, section), "b": Member(STEEL, section)})
 
@@ -114,7 +122,7 @@ def test_free_body_has_six_motions(parts, unit, size):
 def test_each_unconnected_body_has_six(bodies):
     nodes = np.array([[[0.0, k, 0], [1.0, k, 0.3]] for k in range(bodies)]).reshape(-1, 3)
     lines = {f"bar{k}": [2 * k, 2 * k + 1] for k in range(bodies)}
-    mesh = refined(Mesh(nodes, lines, {}), dict.fromkeys(lines, 30))
+    mesh = refine(Mesh(nodes, lines, {}), dict.fromkeys(lines, 30))
     elements = beams(mesh, dict.fromkeys(lines, Member(STEEL, Section.circle(0.02))))
     assert null_space(stiffness(elements, dof_map(mesh, []))).shape[1] == 6 * bodies
 
@@ -130,7 +138,7 @@ def test_supported_body_has_none():
 def test_a_fine_mesh_is_not_a_mechanism(parts):
     # A clamped slender shaft: its softest scaled eigenvalue falls as the fourth power of the element's length.
     nodes = [[0.0, 0, 0], [1.0, 0, 0]]
-    mesh = refined(Mesh(nodes, {"a": [0, 1]}, {"root": [0]}), {"a": parts})
+    mesh = refine(Mesh(nodes, {"a": [0, 1]}, {"root": [0]}), {"a": parts})
     elements = beams(mesh, {"a": Member(STEEL, Section.circle(0.02))})
     dofs = dof_map(mesh, [("root", ("ux", "uy", "uz", "rx", "ry", "rz"))])
     assert null_space(stiffness(elements, dofs)).shape[1] == 0
@@ -138,6 +146,6 @@ def test_a_fine_mesh_is_not_a_mechanism(parts):
 
 def test_pins_hold_every_motion_and_leave_the_array_alone(readonly):
     motions = np.linalg.qr(np.random.default_rng(3).standard_normal((12, 4)))[0]
-    held = pins(readonly(motions))
+    held = select_constraints(readonly(motions))
     assert len(set(held)) == 4
     assert np.linalg.matrix_rank(motions[held]) == 4

@@ -12,7 +12,7 @@ import pytest
 
 from flexcam import InputError, build_model, prepare, read_case, run, solve
 from flexcam.analysis.comparison import compare
-from flexcam.analysis.run import result_file
+from flexcam.analysis.run import open_result_file
 from flexcam.dynamics import ConstantSpeed
 from flexcam.fem.sections import Section
 from flexcam.valvetrain import build_structure
@@ -198,7 +198,7 @@ def inline(folder, *pairs, name="case"):
 def restarted(tmp_path):
     """Return two revolutions at once, and one that goes on from the result of one."""
     first = prepare(inline(tmp_path, name="first"))
-    solve(first.problem, first.scheme, save=first.save, sinks=[result_file(first, tmp_path)])
+    solve(first.problem, first.scheme, save=first.save, sinks=[open_result_file(first, tmp_path)])
     return (
         inline(tmp_path, ("revolutions = 1", "revolutions = 2"), name="whole"),
         inline(tmp_path, ('start = "rest"', 'start = { result = "first.vtkhdf" }'), name="second"),
@@ -210,7 +210,7 @@ def test_one_mass_goes_on_from_a_result(tmp_path, start):
     """What the installed spring and the preload bend beside the mass's shape is in the result, and stays."""
     few = ("[output]", '[fidelity]\nmodel = "sdof"\n\n[output]'), ('start = "rest"', f'start = "{start}"')
     first = prepare(inline(tmp_path, *few, name="first"))
-    one = solve(first.problem, first.scheme, save=first.save, sinks=[result_file(first, tmp_path)])
+    one = solve(first.problem, first.scheme, save=first.save, sinks=[open_result_file(first, tmp_path)])
     second = run(inline(tmp_path, few[0], (few[1][0], 'start = { result = "first.vtkhdf" }'), name="second"))
     whole = run(inline(tmp_path, *few, ("revolutions = 1", "revolutions = 2"), name="whole"))
     late, again = whole["valve"].displacement[len(one.time) - 1 :], second["valve"].displacement

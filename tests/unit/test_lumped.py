@@ -8,7 +8,7 @@ import pytest
 from flexcam.core.errors import InputError
 from flexcam.fem.dofs import dof_map
 from flexcam.fem.mesh import chain
-from flexcam.fem.rigid_bodies import PointMass, along, mass_at
+from flexcam.fem.rigid_bodies import PointMass, mass_at, scalar_matrix
 
 
 def test_kinetic_energy_of_a_body_on_an_arm():
@@ -33,7 +33,7 @@ def test_only_free_components_carry_mass():
 
 def test_spring_on_a_difference():
     row = np.array([1.0, 0.0, -2.0])
-    np.testing.assert_array_equal(along(row, 3.0).dense(), 3.0 * np.outer(row, row))
+    np.testing.assert_array_equal(scalar_matrix(row, 3.0).dense(), 3.0 * np.outer(row, row))
 
 
 @pytest.mark.parametrize(

@@ -11,10 +11,10 @@ import pytest
 
 import flexcam
 from flexcam.analysis.preparation import prepare
-from flexcam.analysis.run import recent, result_file
+from flexcam.analysis.run import open_result_file, summary_sink
 from flexcam.core.errors import InputError
 from flexcam.dynamics import SaveAt, turning_points
-from flexcam.dynamics.memory import Extremes, Memory, Recent
+from flexcam.dynamics.memory import ExtremesSink, MemorySink, RecentSink
 
 CASE = Path(__file__).parents[1] / "data/inline.toml"
 SELDOM = SaveAt(field_every=36_000)
@@ -32,8 +32,8 @@ def solved(ready, **options):
 def pair():
     """Return a run kept whole, and the same one kept for a summary, with its extremes."""
     ready = ready_of(4)
-    few = recent(ready)
-    seen = Extremes(few.outline)
+    few = summary_sink(ready)
+    seen = ExtremesSink(few.outline)
     return ready, solved(ready), solved(ready, memory=few, sinks=[seen]), seen
 
 
@@ -52,7 +52,7 @@ def test_a_run_that_would_never_fit_is_kept_as_far_as_it_comes():
     """More steps than there is memory for: such a run is ended by `stop` or `until`, and memory grows as it comes."""
     ready = ready_of(0.1)
     whole = solved(ready)
-    other = Memory(whole.outline, instants=10**14, fields=10**14)
+    other = MemorySink(whole.outline, instants=10**14, fields=10**14)
     kept = solved(ready, memory=other)
     np.testing.assert_array_equal(kept.time, whole.time)
     np.testing.assert_array_equal(kept.fields.displacement, whole.fields.displacement)
@@ -66,7 +66,7 @@ def test_the_last_field_is_kept(pair):
 
 def test_extremes_are_those_of_everything(pair):
     _, whole, _, seen = pair
-    after = Extremes.of(whole)
+    after = ExtremesSink.of(whole)
     for name, _ in whole.outline.channels:
         values = whole.channels[name]
         assert seen.channel(name) == after.channel(name) == (values.min(), values.max())
@@ -82,10 +82,10 @@ def test_extremes_are_those_of_everything(pair):
 
 def test_nothing_comes_of_nothing(pair):
     ready, whole, *_ = pair
-    assert len(Recent(whole.outline, 1.0).response().time) == 0
-    assert Extremes(whole.outline).probe("valve")[0].tolist() == [0.0]
-    assert Extremes(whole.outline).channel("no such channel") == (0.0, 0.0)
-    assert not Extremes(whole.outline).most_bent.any()
+    assert len(RecentSink(whole.outline, 1.0).response().time) == 0
+    assert ExtremesSink(whole.outline).probe("valve")[0].tolist() == [0.0]
+    assert ExtremesSink(whole.outline).channel("no such channel") == (0.0, 0.0)
+    assert not ExtremesSink(whole.outline).most_bent.any()
     del ready
 
 
@@ -131,7 +131,7 @@ class _Resident(_Peaks):
 
 def kept_of(ready, peaks, tmp_path):
     ready = replace(ready, save=SELDOM)
-    response = solved(ready, memory=recent(ready), sinks=[result_file(ready, tmp_path), peaks])
+    response = solved(ready, memory=summary_sink(ready), sinks=[open_result_file(ready, tmp_path), peaks])
     assert response.status.ok
     assert response.stats.steps == ready.problem.steps
     return peaks.peaks

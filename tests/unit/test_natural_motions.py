@@ -6,7 +6,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from flexcam.core import eigen, natural
+from flexcam.core import eigen, solve_eigenproblem
 from flexcam.core import eigen as pencil
 
 EPS = np.finfo(float).eps
@@ -68,7 +68,7 @@ PAIRS = {name: (M, K) for name, M, K in pairs()}
 def test_eigenvalues_are_those_of_fifty_digits(name):
     """Each within the rounding of the matrices along its own vector; none worse than numpy's."""
     M, K = PAIRS[name]
-    values, X = natural(M, K)
+    values, X = solve_eigenproblem(M, K)
     assert np.isfinite(values).all()
     assert np.isfinite(X).all()
     assert (values >= 0.0).all()
@@ -88,7 +88,7 @@ def test_eigenvalues_are_those_of_fifty_digits(name):
 def test_vectors_are_orthonormal_and_uncoupled(name):
     """At right angles in the mass to rounding whatever the ratio; in the stiffness to that of its largest entries."""
     M, K = PAIRS[name]
-    values, X = natural(M, K)
+    values, X = solve_eigenproblem(M, K)
     heavy, stiff, long = (one.astype(np.longdouble) for one in (M, K, X))
     right = long.T @ heavy @ long
     # Each entry of a vector is rounded once as it leaves: n terms of |x||M||x| eps.
@@ -103,15 +103,15 @@ def test_vectors_are_orthonormal_and_uncoupled(name):
 @pytest.mark.parametrize("M", [np.diag([1.0, -1.0]), np.array([[1.0, 2.0], [2.0, 1.0]])])
 def test_a_mass_that_is_not_positive_is_refused(M):
     with pytest.raises(np.linalg.LinAlgError):
-        natural(M, np.eye(2))
+        solve_eigenproblem(M, np.eye(2))
 
 
 def test_above_the_size_that_is_refined(monkeypatch):
     """Numpy's own values, none below zero, with a free motion and without."""
-    monkeypatch.setattr(pencil, "_REFINED", 100)
+    monkeypatch.setattr(pencil, "_REFINEMENT_SIZE", 100)
     k = np.random.default_rng(0).uniform(1.0, 10.0, 210)
     for free in (False, True):
-        values, X = natural(np.eye(210), springs(k, free=free))
+        values, X = solve_eigenproblem(np.eye(210), springs(k, free=free))
         np.testing.assert_allclose(values, np.maximum(np.linalg.eigvalsh(springs(k, free=free)), 0.0), atol=1e-12)
         np.testing.assert_allclose(X.T @ X, np.eye(210), atol=1e-12)
 
@@ -128,19 +128,19 @@ def test_slices_have_the_digits_of_extended_precision(monkeypatch):
     one, other = (rng.normal(size=(150, 150)).astype(np.longdouble) * 10.0 ** rng.uniform(-9, 9, 150) for _ in "ab")
     one += one * np.longdouble(2.0) ** -60  # digits below double precision
     other = other.T
-    sliced = eigen.product(one, other)
-    monkeypatch.setattr(eigen, "_FEW", 200)
+    sliced = eigen.multiply_extended(one, other)
+    monkeypatch.setattr(eigen, "_SMALL_SIZE", 200)
     sizes = np.abs(one).max(axis=1)[:, None] * np.abs(other).max(axis=0)
-    off = np.abs(sliced - eigen.product(one, other)) / sizes
+    off = np.abs(sliced - eigen.multiply_extended(one, other)) / sizes
     assert off.max() <= 8.0 * np.finfo(np.longdouble).eps
     assert np.abs(one.astype(float) @ other.astype(float) - sliced).max() > 100.0 * np.abs(sizes * off).max()
 
 
 def test_motions_are_the_same_however_products_are_taken(monkeypatch):
     M, K = graded(130)
-    values, X = natural(M, K)
-    monkeypatch.setattr(eigen, "_FEW", 200)
-    plain = natural(M, K)[0]
+    values, X = solve_eigenproblem(M, K)
+    monkeypatch.setattr(eigen, "_SMALL_SIZE", 200)
+    plain = solve_eigenproblem(M, K)[0]
     allowed = 2.0 * EPS * plain + 4.0 * len(M) * np.finfo(np.longdouble).eps * plain[-1]
     assert (np.abs(values - plain) <= allowed).all()
     np.testing.assert_allclose(X.T @ M @ X, np.eye(130), atol=1e-14)
@@ -148,4 +148,4 @@ def test_motions_are_the_same_however_products_are_taken(monkeypatch):
 
 def test_what_is_given_stays_as_it_is(readonly):
     M, K = readonly([[2.0, 0.1], [0.1, 1.0]]), readonly([[5.0, -1.0], [-1.0, 3.0]])
-    natural(M, K)
+    solve_eigenproblem(M, K)

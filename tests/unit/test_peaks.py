@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from flexcam import compare, prepare, read_case, run
-from flexcam.analysis.measures import measured
-from flexcam.dynamics import extent, peak, turning_points
-from flexcam.dynamics.memory import Extremes
-from flexcam.studies.evaluation import scalars_of
+from flexcam.analysis.measures import extract_histories
+from flexcam.dynamics import peak, turning_points, value_range
+from flexcam.dynamics.memory import ExtremesSink
+from flexcam.studies.evaluation import compute_scalars
 
 CASE = "cases/tayeb/model-1-cycloidal.toml"
 
@@ -25,7 +25,7 @@ def test_turning_points_of_a_cubic():
 @pytest.mark.parametrize("slope", [0.0, 2.0, -1e-300])
 def test_straight_lines_do_not_turn(slope):
     time = np.linspace(0.0, 1.0, 5)
-    assert extent(time, 1.0 + slope * time, np.full(5, slope)) == pytest.approx(abs(slope), rel=1e-15)
+    assert value_range(time, 1.0 + slope * time, np.full(5, slope)) == pytest.approx(abs(slope), rel=1e-15)
     assert peak(time, 1.0 + slope * time, np.full(5, slope))[0] == 1.0 + max(slope, 0.0)
 
 
@@ -42,7 +42,7 @@ def test_a_sine_of_few_steps(steps):
 def test_nothing_has_no_peak():
     nothing = np.zeros(0)
     assert peak(nothing, nothing, nothing) == (0.0, 0.0)
-    assert extent(nothing, nothing) == 0.0
+    assert value_range(nothing, nothing) == 0.0
     assert peak(np.ones(1), np.array([-2.0]), np.ones(1)) == (2.0, 1.0)
 
 
@@ -50,12 +50,14 @@ def test_all_tell_the_same_largest_motion():
     """Summary of a run, row of a sweep, comparison and estimate; that of 16 times the steps to a thousandth."""
     case = read_case(CASE, ["run.steps_per_revolution=45", "run.revolutions=1"])
     ready, response = prepare(case), run(case)
-    rows = {one.name: one.value for one in scalars_of(ready, response)}
-    least, largest = (float(one[0]) for one in Extremes.of(response).probe("valve"))
+    rows = {one.name: one.value for one in compute_scalars(ready, response)}
+    least, largest = (float(one[0]) for one in ExtremesSink.of(response).probe("valve"))
     found = compare(response, run(case, rigid=True), "valve", 1.0).deviations
     assert rows["probes.valve.displacement.largest"] == found[0].flexible_peak == max(largest, -least)
     assert (
-        rows["probes.valve.velocity.largest"] == found[1].flexible_peak == measured(response, "valve").size("velocity")
+        rows["probes.valve.velocity.largest"]
+        == found[1].flexible_peak
+        == extract_histories(response, "valve").size("velocity")
     )
-    assert measured(response, "valve").size("lift") == largest - least
+    assert extract_histories(response, "valve").size("lift") == largest - least
     assert found[0].flexible_peak > np.abs(response["valve"].displacement).max()

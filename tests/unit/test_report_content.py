@@ -16,24 +16,24 @@ from flexcam.fem.mesh import Mesh
 from flexcam.fem.recovery import deflection
 from flexcam.fem.sections import Section
 from flexcam.report.content import (
-    Album,
-    Asked,
     Chapter,
     Chart,
+    ChartGroup,
     Curve,
     Panel,
     Picture,
     Report,
+    ReportOptions,
+    ReportTable,
     Scene,
     Shape,
-    Sheet,
-    extras,
-    sheet,
+    additional_content,
+    report_table,
 )
-from flexcam.report.figures import albums, left_over, scalars, thinned
-from flexcam.report.page import embedded, page
-from flexcam.report.result_tables import operation_table
-from flexcam.report.terminal import facts, table
+from flexcam.report.figures import build_albums, describe_omitted_curves, reduce_points, scalar_probe_names
+from flexcam.report.page import embed_json, render_page
+from flexcam.report.result_tables import metrics_table
+from flexcam.report.terminal import facts_table, plain_table
 from flexcam.valvetrain import Metric
 
 EVIL = """</script></title><script>alert("1")</script><img src=x onerror='alert(2)'> & "quoted" 'single' {{ 7 * 7 }}"""
@@ -62,7 +62,7 @@ def run_of(probes, channels, count=721):
 
 def test_a_thinned_curve_misses_nothing(readonly):
     x, y = map(readonly, rough(7201))
-    few, values = thinned(x, y)
+    few, values = reduce_points(x, y)
     assert len(few) < len(x) / 4
     assert (values.min(), values.max(), few[0], few[-1]) == (y.min(), y.max(), x[0], x[-1])
     assert np.isin(few, x).all()
@@ -71,14 +71,14 @@ def test_a_thinned_curve_misses_nothing(readonly):
 
 def test_a_straight_line_is_two_points_and_a_limit_holds():
     x = np.linspace(0.0, 1.0, 1000)
-    assert len(thinned(x, 3.0 * x)[0]) == 2
-    assert len(thinned(x, np.random.default_rng(2).random(1000), most=100)[0]) <= 100
-    assert len(thinned(x[:1], x[:1])[0]) == 1
+    assert len(reduce_points(x, 3.0 * x)[0]) == 2
+    assert len(reduce_points(x, np.random.default_rng(2).random(1000), most=100)[0]) <= 100
+    assert len(reduce_points(x[:1], x[:1])[0]) == 1
 
 
 def test_a_very_long_history_keeps_its_peaks():
     x, y = rough(300_000)
-    few, values = thinned(x, y)
+    few, values = reduce_points(x, y)
     assert len(few) <= 3000
     assert (values.min(), values.max(), few[0], few[-1]) == (y.min(), y.max(), x[0], x[-1])
     assert (np.diff(few) > 0.0).all()
@@ -87,7 +87,7 @@ def test_a_very_long_history_keeps_its_peaks():
 def test_curves_of_several_results():
     one = run_of([("valve", ("valve",)), ("cam", ("ux", "rx"))], ["contacts.seat.force", "springs.valve.surge"])
     other = run_of([("valve", ("valve",))], ["contacts.seat.force"])
-    motion, forces = albums({"slow": (one, other), "fast": (other, None)}, "cam.rx")
+    motion, forces = build_albums({"slow": (one, other), "fast": (other, None)}, "cam.rx")
     assert [chart.name for chart in motion.charts] == ["cam.rx", "valve", "cam.ux"]
     assert [panel.label for panel in motion.charts[0].panels] == [
         "displacement, deg",
@@ -109,24 +109,26 @@ def test_a_page_has_room_for_many_curves():
     """Six results with thirty probes: points within what 1 MB holds, and said that some are left out."""
     one = run_of([(f"p{i}", ("ux", "uy", "uz")) for i in range(30)], [f"contacts.c{i}.force" for i in range(40)], 1500)
     runs = {str(i): (one, None) for i in range(6)}
-    found = albums(runs, "p3.uy")
+    found = build_albums(runs, "p3.uy")
     assert found[0].charts[0].name == "p3.uy"
     curves = [c for album in found for chart in album.charts for panel in chart.panels for c in panel.curves]
     assert sum(len(curve.x) for curve in curves) <= 55_000
-    assert len(left_over(runs)) == 1
-    assert left_over({"": (run_of([("a", ("a",))], []), None)}) == []
+    assert len(describe_omitted_curves(runs)) == 1
+    assert describe_omitted_curves({"": (run_of([("a", ("a",))], []), None)}) == []
 
 
 def test_a_run_without_instants_has_no_curves():
-    assert albums({"": (run_of([("a", ("a",))], ["contacts.c.force"], 0), None)}, "a") == []
-    assert scalars(Outline((), (("a", ("a",)), ("b", ("ux", "uy"))), ())) == ["a", "b.ux", "b.uy"]
+    assert build_albums({"": (run_of([("a", ("a",))], ["contacts.c.force"], 0), None)}, "a") == []
+    assert scalar_probe_names(Outline((), (("a", ("a",)), ("b", ("ux", "uy"))), ())) == ["a", "b.ux", "b.uy"]
 
 
 def test_tables_of_the_terminal():
-    made = sheet(table("Stresses", ("MPa", "mean"), [("rod", "1.5"), ("shaft", "a place with a long name, here")]))
+    made = report_table(
+        plain_table("Stresses", ("MPa", "mean"), [("rod", "1.5"), ("shaft", "a place with a long name, here")])
+    )
     rows = (("rod", "1.5"), ("shaft", "a place with a long name, here"))
-    assert made == Sheet("Stresses", ("MPa", "mean"), rows, (0, 1))
-    assert sheet(facts("Facts", [("a", "1")])) == Sheet("Facts", (), (("a", "1"),), (0, 1))
+    assert made == ReportTable("Stresses", ("MPa", "mean"), rows, (0, 1))
+    assert report_table(facts_table("Facts", [("a", "1")])) == ReportTable("Facts", (), (("a", "1"),), (0, 1))
 
 
 def cantilever(steel, angles=(0.0, 0.0)):
@@ -171,10 +173,10 @@ def evil():
     chart = Chart(EVIL, (EVIL,), (Panel(EVIL, (curve,)),))
     shape = Shape(EVIL, EVIL, np.ones((1, 2, 3)))
     scene = Scene(np.zeros((2, 3)), {EVIL: (0, 2)}, {EVIL: 0}, (shape,))
-    one = Sheet(EVIL, (EVIL, EVIL), ((EVIL, EVIL),))
+    one = ReportTable(EVIL, (EVIL, EVIL), ((EVIL, EVIL),))
     picture = Picture(EVIL, b"png", EVIL)
     chapter = Chapter(EVIL, EVIL, (EVIL,), (EVIL,), (EVIL,), (one,), (picture,), scene, EVIL, replace(one, heads=()))
-    return Report(EVIL, (chapter, chapter), (Album(EVIL, EVIL, (chart, chart)),), (EVIL,), picture)
+    return Report(EVIL, (chapter, chapter), (ChartGroup(EVIL, EVIL, (chart, chart)),), (EVIL,), picture)
 
 
 class Read(html.parser.HTMLParser):
@@ -203,7 +205,7 @@ class Read(html.parser.HTMLParser):
 
 
 def test_nothing_breaks_out_of_the_page(evil):
-    read = Read(page(evil))
+    read = Read(render_page(evil))
     assert len(read.scripts) == 4, "the data and three programs"
     data = json.loads(read.scripts[0])
     assert data["albums"][0]["charts"][0]["panels"][0]["curves"][0]["name"] == EVIL, "and all of it arrives"
@@ -217,7 +219,7 @@ def test_nothing_breaks_out_of_the_page(evil):
 
 def test_only_our_programs_may_run(evil):
     """The policy names their hashes and allows no address."""
-    read = Read(page(evil))
+    read = Read(render_page(evil))
     policy = next(a["content"] for tag, a in read.tags if a.get("http-equiv") == "Content-Security-Policy")
     assert policy.count("'sha256-") == 3
     assert "default-src 'none'" in policy
@@ -228,7 +230,7 @@ def test_only_our_programs_may_run(evil):
 
 def test_everything_can_be_reached_and_read_aloud(evil):
     """Every control has a name, every picture a text, every drawing a role; ids are unique and lead somewhere."""
-    read = Read(page(evil))
+    read = Read(render_page(evil))
     ids = [a["id"] for _, a in read.tags if "id" in a]
     assert len(ids) == len(set(ids))
     for tag, a in read.tags:
@@ -241,11 +243,11 @@ def test_everything_can_be_reached_and_read_aloud(evil):
 
 
 def test_json_in_a_script():
-    told = embedded({"a": "</script><!--\u2028&"})
+    told = embed_json({"a": "</script><!--\u2028&"})
     assert not set("<>&\u2028") & set(told)
     assert json.loads(told) == {"a": "</script><!--\u2028&"}
     with pytest.raises(ValueError, match="JSON"):
-        embedded(float("nan"))
+        embed_json(float("nan"))
 
 
 def test_numbers_too_large_for_single_precision_arrive():
@@ -258,12 +260,12 @@ def test_numbers_too_large_for_single_precision_arrive():
 
 
 def test_a_zero_of_the_train_has_no_sign():
-    made = operation_table([Metric("members.rod.compression", -0.0, "N")])
+    made = metrics_table([Metric("members.rod.compression", -0.0, "N")])
     assert list(made.columns[1].cells) == ["0 N"]
 
 
 def test_a_ladder_on_a_rough_reference_says_so():
     """Sixty steps do not see how a contact of 4 MN/m rings."""
     case = read_case("cases/li/valve-train.toml", ["run.steps_per_revolution=60", "run.revolutions=1"])
-    (found,) = extras(case, "valve.uy", Asked(trade=True))
+    (found,) = additional_content(case, "valve.uy", ReportOptions(trade=True))
     assert "the reference itself is not sure of" in found.sentences[0]

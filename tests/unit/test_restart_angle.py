@@ -10,7 +10,7 @@ import pytest
 
 from flexcam import InputError, read_case, run
 from flexcam.analysis.preparation import prepare
-from flexcam.analysis.run import result_file
+from flexcam.analysis.run import open_result_file
 from flexcam.dynamics import solve
 
 INLINE = Path(__file__).parents[1] / "data/inline.toml"
@@ -20,7 +20,7 @@ INLINE = Path(__file__).parents[1] / "data/inline.toml"
 def stopped(tmp_path):
     """Return the path of a case beside its result, which ends at 450 deg."""
     ready = prepare(read_case(INLINE, ["run.revolutions=1.25"]))
-    sink = result_file(ready, tmp_path)
+    sink = open_result_file(ready, tmp_path)
     solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink])
     shutil.copy(INLINE, tmp_path / "next.toml")
     return tmp_path / "next.toml"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flexcam.core import energy_rounding
-from flexcam.dynamics import TOO_FINE, Cause, RunFailedError, modes, static_displacement
+from flexcam.dynamics import ROUNDING_STATUS, Cause, RunFailedError, modes, static_displacement
 from flexcam.fem.assembly import mass, stiffness
 from flexcam.fem.dofs import dof_map
 from flexcam.fem.frames import COMPONENTS, direction
@@ -69,7 +69,7 @@ def test_a_contact_passes_the_cause_on(published, monkeypatch):
     """Rounding is no missing spring: only a motion that nothing resists is told as one."""
 
     def spoilt(*_):
-        raise RunFailedError(TOO_FINE)
+        raise RunFailedError(ROUNDING_STATUS)
 
     monkeypatch.setattr("flexcam.valvetrain.published_load.static_displacement", spoilt)
     with pytest.raises(RunFailedError) as refusal:

@@ -14,29 +14,29 @@ from flexcam.case.builder import build_model
 from flexcam.fem.members import Member, beams
 from flexcam.fem.mesh import Mesh
 from flexcam.fem.sections import Material, Section
-from flexcam.plotting.scene.assembly import mechanism
-from flexcam.plotting.scene.instant import Instant
-from flexcam.plotting.scene.lobes import cam_frame, lobe
-from flexcam.plotting.scene.motion import case_motion, centre_line, mode_motion, swept, turn
+from flexcam.plotting.scene.assembly import build_mechanism
+from flexcam.plotting.scene.instant import SceneState
+from flexcam.plotting.scene.lobes import cam_frame, lobe_solid
+from flexcam.plotting.scene.motion import case_motion, centre_line, mode_motion, rotation_matrices, sweep_outline
 from flexcam.plotting.scene.sizes import CoilSizes
 from flexcam.plotting.scene.solids import (
-    AROUND,
+    CIRCLE_POINTS,
     Solid,
     ball,
     capsule,
     cylinder,
     loft,
-    merged,
+    merge_solids,
     prism,
     ring,
     section_outlines,
 )
-from flexcam.plotting.scene.springs import coil
+from flexcam.plotting.scene.springs import coil_solid
 from flexcam.valvetrain import Cam, build_structure
 
 ROOT = Path(__file__).parents[2]
 STEEL = Material(E=207e9, nu=0.29, density=7800.0)
-FACETS = AROUND / math.pi * math.sin(math.pi / AROUND) * math.cos(math.pi / AROUND)
+FACETS = CIRCLE_POINTS / math.pi * math.sin(math.pi / CIRCLE_POINTS) * math.cos(math.pi / CIRCLE_POINTS)
 """Area of the polygon of a circle by that of the circle: what facets take of a volume, exactly."""
 
 CASES = ["pushrod-engine/intake", "pushrod-engine/lever", "direct-acting/bucket", "direct-acting/finger",
@@ -66,7 +66,7 @@ def bar(section, moved=None, length=0.3, direction=(1.0, 2.0, -0.5), shear=False
 def test_a_straight_member_has_the_volume_of_its_section(section, area):
     """To rounding: the facets of a circle are counted exactly."""
     _, _, line = bar(section)
-    rings = [swept(outline, line) for outline in section_outlines(section)]
+    rings = [sweep_outline(outline, line) for outline in section_outlines(section)]
     there_and_back = rings[0] if len(rings) == 1 else np.concatenate([rings[0], rings[1][::-1]])
     solid = loft("member", there_and_back, cyclic=len(rings) == 2)
     assert solid.closed
@@ -76,7 +76,7 @@ def test_a_straight_member_has_the_volume_of_its_section(section, area):
 def test_a_rectangle_lies_with_its_sides_in_the_local_axes():
     section = Section.rectangle(0.02, 0.01)
     mesh, made, line = bar(section)
-    corners = (swept(section_outlines(section)[0], line)[0] - mesh.nodes[0]) @ made.triads[0].T
+    corners = (sweep_outline(section_outlines(section)[0], line)[0] - mesh.nodes[0]) @ made.triads[0].T
     assert np.abs(corners).max(axis=0) == pytest.approx([0.0, 0.01, 0.005], abs=1e-15)
 
 
@@ -87,7 +87,7 @@ def test_the_centre_line_passes_through_the_nodes_with_their_rotations(shear, rn
     mesh, made, line = bar(Section.circle(0.05), moved, shear=shear)
     at_nodes = np.flatnonzero(line.part == np.round(line.part))
     assert np.allclose(line.points[at_nodes], mesh.nodes + moved[:, :3], rtol=0.0, atol=1e-15)
-    turned = made.triads[[0, 1, 2, 2]] @ turn(moved[:, 3:])
+    turned = made.triads[[0, 1, 2, 2]] @ rotation_matrices(moved[:, 3:])
     assert np.allclose(line.triads[at_nodes], turned, rtol=0.0, atol=1e-14)
     if not shear:
         fine = centre_line(made, slice(0, 3), mesh.nodes, moved, parts=4096)
@@ -119,10 +119,10 @@ def rng():
 
 
 def test_rotations_are_rotations(rng):
-    made = turn(rng.standard_normal((20, 3)))
+    made = rotation_matrices(rng.standard_normal((20, 3)))
     assert np.allclose(made @ np.swapaxes(made, 1, 2), np.eye(3), atol=1e-14)
     assert np.linalg.det(made) == pytest.approx(1.0)
-    assert np.allclose(turn(np.zeros((1, 3)))[0], np.eye(3))
+    assert np.allclose(rotation_matrices(np.zeros((1, 3)))[0], np.eye(3))
 
 
 EVENT = LiftEvent(LAWS["4-5-6-7"], 0.006, 1.3, 1.3, 0.0, 1.0)
@@ -138,7 +138,7 @@ def test_a_lobe_is_the_profile(follower, cam_turn):
     frame = cam_frame(cam, follower, np.zeros(3), lift, axis, 0.012)
     profile = cam_profile(EVENT, follower, count=360, turn=cam_turn)
     for angle in (0.0, 1.0, 2.3, 4.0):
-        solid = lobe(frame, angle, np.zeros(6))
+        solid = lobe_solid(frame, angle, np.zeros(6))
         assert solid.closed
         radii = np.linalg.norm(profile.points, axis=1)
         drawn = solid.points[:360] - solid.points[:360] @ axis[:, None] * axis
@@ -196,23 +196,23 @@ def test_an_open_or_inside_out_surface_is_told():
 def test_merged_solids_keep_volume_and_values():
     square = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
     one = loft("a", np.array([square, square + np.eye(3)[2]]), values=np.array([3.0, 4.0]))
-    both = merged([one, one])
+    both = merge_solids([one, one])
     assert both.volume == pytest.approx(2.0 * one.volume)
     assert both.values is not None
     assert both.values.tolist() == [*one.values.tolist()] * 2
-    assert merged([one, Solid("a", one.points, one.faces)]).values is None
+    assert merge_solids([one, Solid("a", one.points, one.faces)]).values is None
 
 
 def test_a_coil_follows_the_ends_and_the_parts_of_its_spring():
     """Wire of the volume of its length; both ends where the spring's ends are; the middle where its middle moved."""
     sizes, axis = CoilSizes(0.03, 0.004, 0.06, 6.0), np.array([0.0, 1.0, 0.0])
-    at_rest = coil(sizes, np.zeros(3), axis, np.zeros(2), 0.06)
+    at_rest = coil_solid(sizes, np.zeros(3), axis, np.zeros(2), 0.06)
     assert at_rest.closed
     turns = sizes.coils + 2.0
     length = turns * math.pi * 0.03
     assert at_rest.volume == pytest.approx(length * math.pi * 0.002**2, rel=0.08)  # ten facets, pitch left out
     assert (at_rest.points[:, 1].min(), at_rest.points[:, 1].max()) == pytest.approx((0.0, 0.06), abs=2e-4)  # facets
-    pressed = coil(sizes, np.zeros(3), axis, np.array([0.0, 0.004, -0.01]), 0.06)
+    pressed = coil_solid(sizes, np.zeros(3), axis, np.array([0.0, 0.004, -0.01]), 0.06)
     assert pressed.points[:, 1].max() == pytest.approx(0.05, abs=1e-3)
     # Parts move on their own: the middle by 4 mm, where no straight line between the ends goes.
     assert (pressed.points - at_rest.points)[:, 1].max() == pytest.approx(0.004, rel=0.02)
@@ -221,7 +221,7 @@ def test_a_coil_follows_the_ends_and_the_parts_of_its_spring():
 @pytest.mark.parametrize("name", CASES)
 def test_every_case_is_drawn_with_closed_solids(name):
     structure = structure_of(name)
-    motion, drawn = case_motion(structure, 100.0), mechanism(structure)
+    motion, drawn = case_motion(structure, 100.0), build_mechanism(structure)
     kinds = []
     for i in (0, 60):
         solids = drawn.solids(motion.instant(i))
@@ -244,7 +244,7 @@ PARTS = {
 @pytest.mark.parametrize("name", PARTS)
 def test_a_train_has_its_parts(name):
     structure = structure_of(name)
-    solids = mechanism(structure).solids(case_motion(structure, 100.0).instant(0))
+    solids = build_mechanism(structure).solids(case_motion(structure, 100.0).instant(0))
     counts = {kind: sum(solid.kind == kind for solid in solids) for kind in PARTS[name]}
     assert counts == PARTS[name]
 
@@ -256,7 +256,7 @@ TRAINS = ["pushrod-engine/intake", "pushrod-engine/lever", "direct-acting/bucket
 def test_cam_follower_and_valve_stay_together_as_the_train_turns(name):
     """The lobe touches its follower all the way round, the valve opens by its lift, away from its seat."""
     structure = structure_of(name)
-    motion, drawn = case_motion(structure, 100.0, count=24), mechanism(structure)
+    motion, drawn = case_motion(structure, 100.0, count=24), build_mechanism(structure)
     layout = drawn.layout
     gaps, opened = [], []
     for i in range(24):
@@ -282,7 +282,7 @@ def test_cam_follower_and_valve_stay_together_as_the_train_turns(name):
 def test_rocker_valve_and_spring_move_together(name):
     """The rocker's end lies on the valve at full lift; the spring is pressed by the lift and stands on the ground."""
     structure = structure_of(name)
-    motion, drawn = case_motion(structure, 100.0, count=360), mechanism(structure)
+    motion, drawn = case_motion(structure, 100.0, count=360), build_mechanism(structure)
     (frame,), valve = drawn.layout.levers.values(), drawn.layout.valves[0]
     rocker, along = frame.rocker, drawn.layout.valves[0].away
     lifts = [motion.instant(i).at(valve.point, along) @ along for i in range(360)]
@@ -318,8 +318,8 @@ def test_colours_lie_where_the_points_are():
     structure = structure_of("pushrod-engine/intake")
     count = sum(len(line) for line in structure.model.mesh.lines.values())
     values = np.arange(count, dtype=float)
-    instant = Instant(structure, 0.0, np.zeros(structure.dofs.size), values)
-    shaft, rod = (s for s in mechanism(structure).solids(instant) if s.kind in ("shaft", "member"))
+    instant = SceneState(structure, 0.0, np.zeros(structure.dofs.size), values)
+    shaft, rod = (s for s in build_mechanism(structure).solids(instant) if s.kind in ("shaft", "member"))
     ends = len(structure.model.mesh.lines["camshaft"])
     assert (shaft.values.min(), shaft.values.max()) == (0.0, ends - 1.0)
     assert (rod.values.min(), rod.values.max()) == (float(ends), count - 1.0)

@@ -5,7 +5,7 @@ import pytest
 
 from flexcam import prepare, read_case, run
 from flexcam.analysis.natural_modes import modes
-from flexcam.case.input_checks import unusual
+from flexcam.case.input_checks import check_values
 from flexcam.report.model_tables import model_table
 
 SURGING = """
@@ -82,5 +82,5 @@ def test_check_tells_its_unit(case):
     table = model_table(prepare(made), modes(made, 2))
     told = "".join(str(cell) for column in table.columns for cell in column.cells)
     assert "wound 30 N m/rad" in told
-    assert not [one for one in unusual(made) if "springs.wound" in one]  # 30 N/m were hardly a spring
-    assert [one for one in unusual(made) if "0.0001 N m/rad" in one]
+    assert not [one for one in check_values(made) if "springs.wound" in one]  # 30 N/m were hardly a spring
+    assert [one for one in check_values(made) if "0.0001 N m/rad" in one]

@@ -10,12 +10,12 @@ import pytest
 from scipy.linalg import eigh
 
 from flexcam import build_model, prepare, read_case
-from flexcam.analysis.error_estimate import estimate
+from flexcam.analysis.error_estimate import estimate_errors
 from flexcam.analysis.measures import distance
-from flexcam.analysis.model_ladder import Rung, measured_run, with_elements
+from flexcam.analysis.model_ladder import ModelLevel, run_histories, with_elements
 from flexcam.cams import HarmonicLift
 from flexcam.valvetrain import Spring, build_structure
-from flexcam.valvetrain.surge import parts_for_waves, surge_frequency
+from flexcam.valvetrain.surge import count_spring_parts, surge_frequency
 
 FINGER = Path("cases/direct-acting/finger.toml")
 UP = np.eye(6)[1]
@@ -51,14 +51,14 @@ def test_parts_for_a_lift_of_one_harmonic(harmonic, parts):
     """At a quarter of the surge's speed the harmonic n has n/4 half waves in the spring, and four parts in each."""
     speed = 2.0 * math.pi * surge_frequency(SPRING) / 4.0
     lift = HarmonicLift(5e-3, (*[0.0] * (harmonic - 1), 5e-3), (0.0,) * harmonic)
-    assert parts_for_waves(SPRING, [lift], speed) == parts
-    assert parts_for_waves(SPRING, [lift, HarmonicLift(1e-3, (1e-3,), (0.0,))], speed) == parts
-    assert parts_for_waves(SPRING, [lift], 1e-3 * speed) == 4
+    assert count_spring_parts(SPRING, [lift], speed) == parts
+    assert count_spring_parts(SPRING, [lift, HarmonicLift(1e-3, (1e-3,), (0.0,))], speed) == parts
+    assert count_spring_parts(SPRING, [lift], 1e-3 * speed) == 4
 
 
 def test_without_waves_there_are_no_parts():
     for spring in (Spring("valve", UP, 32e3), Spring("valve", UP, 0.0, mass=0.04)):
-        assert parts_for_waves(spring, [], 100.0) == 1
+        assert count_spring_parts(spring, [], 100.0) == 1
 
 
 def test_only_springs_with_mass_that_say_nothing_are_divided(untold):
@@ -74,9 +74,9 @@ def test_only_springs_with_mass_that_say_nothing_are_divided(untold):
 
 def test_the_default_is_near_the_wave_equation(untold):
     """Cam and adjuster within half a percent of their largest force of 32 parts; one part is off by 14 %."""
-    true = measured_run(Rung("", "", read_case(untold, [*FAST, "springs.valve.elements=32"])), "valve")
+    true = run_histories(ModelLevel("", "", read_case(untold, [*FAST, "springs.valve.elements=32"])), "valve")
     for overrides, most, least in (([], 5e-3, 0.0), (["springs.valve.elements=1"], 0.2, 0.1)):
-        found = distance(measured_run(Rung("", "", read_case(untold, [*FAST, *overrides])), "valve"), true)
+        found = distance(run_histories(ModelLevel("", "", read_case(untold, [*FAST, *overrides])), "valve"), true)
         for name in ("force intake", "force adjuster"):
             assert least < found[name] / true.size(name) < most
 
@@ -84,8 +84,8 @@ def test_the_default_is_near_the_wave_equation(untold):
 def test_the_estimate_covers_a_spring_in_one_part():
     case = read_case(FINGER, [*FAST, "springs.valve.elements=1"])
     finer = read_case(FINGER, [*FAST, "springs.valve.elements=16", "run.steps_per_revolution=1440"])
-    true = distance(*(measured_run(Rung("", "", one), "valve") for one in (case, finer)))
-    for one in estimate(case, "valve"):
+    true = distance(*(run_histories(ModelLevel("", "", one), "valve") for one in (case, finer)))
+    for one in estimate_errors(case, "valve"):
         assert one.total >= true[one.quantity]
 
 

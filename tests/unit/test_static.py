@@ -11,7 +11,7 @@ from flexcam.fem.assembly import stiffness
 from flexcam.fem.dofs import dof_map
 from flexcam.fem.frames import COMPONENTS
 from flexcam.fem.members import Member, beams
-from flexcam.fem.mesh import Mesh, chain, refined
+from flexcam.fem.mesh import Mesh, chain, refine
 from flexcam.fem.sections import Section
 
 
@@ -60,7 +60,7 @@ def free_angle(steel, parts, unit):
     """Two members at an angle, turned at random, held nowhere, under three random forces and moments in balance."""
     turn = Rotation.random(rng=np.random.default_rng(5)).as_matrix()
     nodes = np.array([[0.0, 0, 0], [0.4, 0, 0], [0.4, 0.3, 0.1]]) @ turn.T
-    mesh = refined(Mesh(nodes, {"a": [0, 1], "b": [1, 2]}, {}), {"a": parts, "b": parts})
+    mesh = refine(Mesh(nodes, {"a": [0, 1], "b": [1, 2]}, {}), {"a": parts, "b": parts})
     member = Member(steel, Section(A=4e-4, Iy=2e-8, Iz=7e-9, J=1e-8))
     dofs = dof_map(mesh, [])
     load = np.zeros((len(mesh.nodes), 6))

@@ -9,17 +9,17 @@ import pytest
 
 from flexcam.core import Triplets
 from flexcam.studies.frequencies import frequency_derivatives
-from flexcam.studies.sensitivity import STEPS, central, logarithmic
+from flexcam.studies.sensitivity import STEP_OFFSETS, central_derivative, logarithmic_derivative
 
-AT = np.array(STEPS)
+AT = np.array(STEP_OFFSETS)
 
 
 def beside(function, point, step):
-    return np.array([function(point + part * step) for part in STEPS])
+    return np.array([function(point + part * step) for part in STEP_OFFSETS])
 
 
 def pairs(make, point, step):
-    return make(point), [make(point + part * step) for part in STEPS]
+    return make(point), [make(point + part * step) for part in STEP_OFFSETS]
 
 
 def triplets(M, K):
@@ -28,7 +28,7 @@ def triplets(M, K):
 
 @pytest.mark.parametrize("degree", range(5))
 def test_exact_for_polynomials_of_the_fourth_degree(degree):
-    found = central(2.0**degree, beside(lambda x: x**degree, 2.0, 0.2), 0.2)
+    found = central_derivative(2.0**degree, beside(lambda x: x**degree, 2.0, 0.2), 0.2)
     assert found.value == pytest.approx(degree * 2.0 ** (degree - 1), rel=1e-12, abs=1e-13)
     assert found.smooth
 
@@ -36,7 +36,7 @@ def test_exact_for_polynomials_of_the_fourth_degree(degree):
 def test_error_bounds_what_is_left():
     """Of exp: the estimate is the second order term that extrapolation took away, larger than what is left."""
     for step in (0.4, 0.2, 0.1):
-        found = central(math.exp(1.0), beside(math.exp, 1.0, step), step)
+        found = central_derivative(math.exp(1.0), beside(math.exp, 1.0, step), step)
         assert abs(found.value - math.e) < found.error < 0.1 * math.e
 
 
@@ -46,20 +46,20 @@ def test_error_bounds_what_is_left():
     ids=["kink", "contact opens", "jump", "noise"],
 )
 def test_what_is_not_smooth_is_told(function):
-    assert not central(function(1.0), beside(function, 1.0, 0.01), 0.01).smooth
+    assert not central_derivative(function(1.0), beside(function, 1.0, 0.01), 0.01).smooth
 
 
 def test_a_constant_is_smooth():
     """Also with the noise of rounding on it."""
     rounding = 1.0 + 1e-14 * np.array([1.0, -1.0, 2.0, 0.0])
-    assert central(1.0, np.ones(4), 0.01) == central(1.0, np.ones(4), 0.01)
-    assert central(1.0, rounding, 0.01).smooth
-    assert central(0.0, np.zeros(4), 0.01).smooth
+    assert central_derivative(1.0, np.ones(4), 0.01) == central_derivative(1.0, np.ones(4), 0.01)
+    assert central_derivative(1.0, rounding, 0.01).smooth
+    assert central_derivative(0.0, np.zeros(4), 0.01).smooth
 
 
 def test_logarithmic():
-    assert logarithmic(3.0 * 2.0**2, 2.0, 2.0**3) == 3.0
-    assert math.isnan(logarithmic(1.0, 1.0, 0.0))
+    assert logarithmic_derivative(3.0 * 2.0**2, 2.0, 2.0**3) == 3.0
+    assert math.isnan(logarithmic_derivative(1.0, 1.0, 0.0))
 
 
 def test_mass_on_a_spring():
@@ -90,7 +90,7 @@ def test_equal_frequencies_part_along_their_branches():
     def make(p):
         return triplets(np.eye(2), [[1.0, p], [p, 1.0]])
 
-    found = frequency_derivatives(make(0.0), [make(part * 1e-3) for part in STEPS], 1e-3, 2)
+    found = frequency_derivatives(make(0.0), [make(part * 1e-3) for part in STEP_OFFSETS], 1e-3, 2)
     np.testing.assert_allclose(2.0 * math.pi * found.values, [-0.5, 0.5], atol=1e-12)
     assert found.repeated == (True, True)
 

@@ -11,8 +11,8 @@ from flexcam.core.errors import InputError
 from flexcam.dynamics import Cause, Status
 from flexcam.studies.evaluation import Row
 from flexcam.studies.evaluators import Variable
-from flexcam.studies.objective import Goal, active, constraint, constraints_of
-from flexcam.studies.optimization import Design, front, optimize, pareto
+from flexcam.studies.objective import Goal, is_active, parse_constraint, parse_constraints
+from flexcam.studies.optimization import OptimizationProblem, find_pareto_front, optimize, pareto_indices
 
 
 @dataclass
@@ -40,14 +40,14 @@ CORNER = {"sum": lambda x, y: x + 2.0 * y, "product": lambda x, y: x * y}
 
 def test_optimum_at_a_bound():
     known = Known(CORNER)
-    design = Design(known, (Goal("sum"),), constraints_of(["product >= 2 N"]))
+    design = OptimizationProblem(known, (Goal("sum"),), parse_constraints(["product >= 2 N"]))
     found = optimize(design, evaluations=200)
     best = found.best
     assert best is not None
     np.testing.assert_allclose(found.points[best], [2.0, 1.0], atol=0.02)
     assert found.costs[best, 0] == pytest.approx(4.0, abs=2e-3)
     assert found.rows[best].scalars["product"] >= 2.0 * (1.0 - 1e-9)
-    assert active(found.violations[best, 0])
+    assert is_active(found.violations[best, 0])
     assert len(found.points) <= 230
     again = optimize(design, evaluations=200)
     np.testing.assert_array_equal(found.points, again.points)
@@ -56,14 +56,16 @@ def test_optimum_at_a_bound():
 def test_most_and_variants_that_fail():
     """Most of a hill whose top fails: the best is found beside what fails, and nothing breaks."""
     known = Known({"hill": lambda x, y: -((x - 3.0) ** 2) - (y - 1.0) ** 2, "fails": lambda x, y: x > 2.5})
-    found = optimize(Design(known, (Goal("hill", most=True),)), evaluations=250)
+    found = optimize(OptimizationProblem(known, (Goal("hill", most=True),)), evaluations=250)
     assert found.best is not None
     np.testing.assert_allclose(found.points[found.best], [2.5, 1.0], atol=0.03)
     assert any(not row.status.ok for row in found.rows)
 
 
 def test_no_variant_within_the_bounds():
-    found = optimize(Design(Known(CORNER), (Goal("sum"),), constraints_of(["product >= 20"])), evaluations=60)
+    found = optimize(
+        OptimizationProblem(Known(CORNER), (Goal("sum"),), parse_constraints(["product >= 20"])), evaluations=60
+    )
     assert found.best is None
     np.testing.assert_allclose(found.points[found.nearest], [4.0, 4.0], atol=0.1)
 
@@ -72,8 +74,8 @@ def test_front_of_two_parabolas():
     """(x - 1)^2 + y^2 against (x - 3)^2 + y^2: the front is y = 0, 1 <= x <= 3, where sqrt f1 + sqrt f2 = 2."""
     pytest.importorskip("pymoo")
     known = Known({"left": lambda x, y: (x - 1.0) ** 2 + y**2, "right": lambda x, y: (x - 3.0) ** 2 + y**2})
-    found = pareto(Design(known, (Goal("left"), Goal("right"))), evaluations=960)
-    best = front(found)
+    found = find_pareto_front(OptimizationProblem(known, (Goal("left"), Goal("right"))), evaluations=960)
+    best = pareto_indices(found)
     assert len(best) > 20
     roots = np.sqrt(found.costs[best]).sum(axis=1)
     assert np.median(roots) < 2.05
@@ -83,13 +85,13 @@ def test_front_of_two_parabolas():
 
 
 def test_constraints_with_units():
-    one = constraint("contacts.intake.force.largest <= 2 kN")
+    one = parse_constraint("contacts.intake.force.largest <= 2 kN")
     assert one.bound("N") == 2000.0
     assert one.violation(2200.0, "N") == pytest.approx(0.1)
-    assert constraint("limits.loss_of_contact >= 7000 rpm").bound("rpm") == pytest.approx(7000.0)
-    assert constraint("limits.loss_of_contact >= 7000 rpm").bound("crank rpm") == pytest.approx(7000.0)
-    assert constraint("frequency.1 >= 0.9 kHz").bound("Hz") == pytest.approx(900.0)
-    assert constraint("deviation.peak <= 5 %").bound("1") == pytest.approx(0.05)
+    assert parse_constraint("limits.loss_of_contact >= 7000 rpm").bound("rpm") == pytest.approx(7000.0)
+    assert parse_constraint("limits.loss_of_contact >= 7000 rpm").bound("crank rpm") == pytest.approx(7000.0)
+    assert parse_constraint("frequency.1 >= 0.9 kHz").bound("Hz") == pytest.approx(900.0)
+    assert parse_constraint("deviation.peak <= 5 %").bound("1") == pytest.approx(0.05)
     with pytest.raises(InputError):
         one.bound("m")
 
@@ -97,4 +99,4 @@ def test_constraints_with_units():
 @pytest.mark.parametrize("text", ["", "x", "x < 3", "x <= ", "<= 3", "x <= many", "x == 3", "x <= 3 parsec"])
 def test_refused_constraints(text):
     with pytest.raises(InputError):
-        constraint(text)
+        parse_constraint(text)

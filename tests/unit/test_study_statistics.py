@@ -9,7 +9,7 @@ import pytest
 
 from flexcam.core.errors import InputError
 from flexcam.studies.sensitivity import sobol_indices
-from flexcam.studies.tolerance_analysis import Scatter, sampled, spread
+from flexcam.studies.tolerance_analysis import PartScatter, sample_parts, scalar_distribution
 
 A, B = 7.0, 0.1
 
@@ -72,21 +72,21 @@ def test_count_must_be_a_power_of_two():
 
 def test_linear_scatter():
     """Of y = 3 a + b: variances add; uniform h/sqrt 3, normal h/3. Two percent: what a hypercube of 500 leaves."""
-    parts = (Scatter("a", 10.0, 0.6, "uniform"), Scatter("b", 5.0, 0.9, "normal"))
-    points = sampled(parts, 500)
-    found = spread(points, 3.0 * points[:, 0] + points[:, 1])
+    parts = (PartScatter("a", 10.0, 0.6, "uniform"), PartScatter("b", 5.0, 0.9, "normal"))
+    points = sample_parts(parts, 500)
+    found = scalar_distribution(points, 3.0 * points[:, 0] + points[:, 1])
     assert found.mean == pytest.approx(35.0, abs=0.01)
     assert found.deviation == pytest.approx(math.hypot(3.0 * 0.6 / math.sqrt(3.0), 0.3), rel=0.02)
     assert points[:, 0].min() >= 9.4
     assert points[:, 0].max() <= 10.6
     assert found.quantiles[0.5] == pytest.approx(35.0, abs=0.05)
     assert found.ranks[0] > 0.9 > 0.4 > found.ranks[1] > 0.1
-    np.testing.assert_array_equal(points, sampled(parts, 500))
+    np.testing.assert_array_equal(points, sample_parts(parts, 500))
 
 
 def test_what_has_no_number_is_counted():
     values = np.array([1.0, 2.0, np.nan, 3.0])
-    found = spread(np.arange(4.0)[:, None], values)
+    found = scalar_distribution(np.arange(4.0)[:, None], values)
     assert (found.missing, found.mean, found.deviation) == (1, 2.0, 1.0)
-    assert math.isnan(spread(np.arange(4.0)[:, None], np.full(4, np.nan)).mean)
-    assert spread(np.arange(4.0)[:, None], np.ones(4)).ranks[0] == 0.0
+    assert math.isnan(scalar_distribution(np.arange(4.0)[:, None], np.full(4, np.nan)).mean)
+    assert scalar_distribution(np.arange(4.0)[:, None], np.ones(4)).ranks[0] == 0.0

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flexcam import InputError
-from flexcam.studies.axes import axes, axis
-from flexcam.studies.plan import Plan, made_plan, sample
+from flexcam.studies.axes import parse_axes, parse_axis
+from flexcam.studies.plan import Plan, make_plan, parse_sample
 
 NUMBERS = st.decimals(min_value=-1000, max_value=1000, places=3)
 STEPS = st.decimals(min_value="0.001", max_value=100, places=3)
@@ -19,7 +19,7 @@ UNITS = st.sampled_from(["", "rpm", "kN/m", " kN/m", "N s/m", "mm^2", " 1/s"])
 
 
 def texts(spec):
-    return [value.text for value in axis("key", spec).values]
+    return [value.text for value in parse_axis("key", spec).values]
 
 
 @settings(deadline=None)  # other work on the machine is no fault
@@ -27,12 +27,12 @@ def texts(spec):
 def test_a_range_with_a_step_has_its_stop_where_it_falls_on_the_grid(start, step, count, unit, down):
     step = -step if down else step
     stop = start + count * step
-    found = axis("key", f"{start}:{stop}:{step}{unit}")
+    found = parse_axis("key", f"{start}:{stop}:{step}{unit}")
     assert len(found.values) == count + 1
     assert [Decimal(repr(value.number)) for value in found.values] == [start + i * step for i in range(count + 1)]
     assert found.unit == unit.strip()
     assert all(value.text.endswith(unit.strip()) for value in found.values)
-    beyond = axis("key", f"{start}:{stop + step / 2}:{step}{unit}")
+    beyond = parse_axis("key", f"{start}:{stop + step / 2}:{step}{unit}")
     assert beyond.values == found.values
 
 
@@ -41,7 +41,7 @@ def test_a_range_with_a_step_has_its_stop_where_it_falls_on_the_grid(start, step
 def test_a_range_by_count_is_even_and_keeps_both_ends(start, stop, count, unit):
     if start == stop:
         stop += 1
-    found = axis("key", f"{start}:{stop}#{count}{unit}")
+    found = parse_axis("key", f"{start}:{stop}#{count}{unit}")
     assert len(found.values) == count
     assert (found.values[0].number, found.values[-1].number) == (float(start), float(stop))
     steps = [b.number - a.number for a, b in zip(found.values, found.values[1:], strict=False)]
@@ -51,7 +51,7 @@ def test_a_range_by_count_is_even_and_keeps_both_ends(start, stop, count, unit):
 @settings(deadline=None)  # other work on the machine is no fault
 @given(st.lists(NUMBERS, min_size=1, max_size=20), UNITS)
 def test_a_unit_at_the_end_of_a_list_is_that_of_all(numbers, unit):
-    found = axis("key", ",".join(map(str, numbers)) + unit)
+    found = parse_axis("key", ",".join(map(str, numbers)) + unit)
     assert [value.number for value in found.values] == [float(number) for number in numbers]
     assert all(value.text.endswith(unit.strip()) for value in found.values)
     assert found.numeric
@@ -60,7 +60,7 @@ def test_a_unit_at_the_end_of_a_list_is_that_of_all(numbers, unit):
 @settings(deadline=None)  # other work on the machine is no fault
 @given(NUMBERS, STEPS, st.floats(0, 1, exclude_max=True))
 def test_an_interval_is_sampled_inside(low, width, part):
-    found = axis("key", f"{low}:{low + width} kN/m")
+    found = parse_axis("key", f"{low}:{low + width} kN/m")
     value = found.at(part)
     assert found.interval
     # ten digits of a number up to 1100: half a unit of the tenth is 5e-7
@@ -72,7 +72,7 @@ def test_an_interval_is_sampled_inside(low, width, part):
 @given(st.text(max_size=40))
 def test_any_text_is_an_axis_or_is_refused(spec):
     with suppress(InputError):
-        assert axis("key", spec).values
+        assert parse_axis("key", spec).values
 
 
 @pytest.mark.parametrize(
@@ -96,7 +96,7 @@ def test_values_as_texts(spec, values):
 
 
 def test_a_grid_runs_its_last_axis_fastest_and_lays_single_values_over_all():
-    plan = made_plan(axes(["a.b=1,2", "c=5", "d=x,y,z"]))
+    plan = make_plan(parse_axes(["a.b=1,2", "c=5", "d=x,y,z"]))
     assert plan.shape == (2, 3)
     assert plan.variants[0] == ("c=5", "a.b=1", "d=x")
     assert [variant[1:] for variant in plan.variants] == [(f"a.b={i}", f"d={j}") for i in "12" for j in "xyz"]
@@ -104,13 +104,17 @@ def test_a_grid_runs_its_last_axis_fastest_and_lays_single_values_over_all():
 
 @pytest.mark.parametrize("how", ["lhs:16", "sobol:16"])
 def test_a_sample_fills_every_stratum_once_and_repeats_by_its_seed(how):
-    made = axes(["a=0:16 m", "b=w,x,y,z", "c=1:8:1"])
-    plan = made_plan(made, sample(how, 3))
-    assert plan.variants == made_plan(made, sample(how, 3)).variants != made_plan(made, sample(how, 4)).variants
+    made = parse_axes(["a=0:16 m", "b=w,x,y,z", "c=1:8:1"])
+    plan = make_plan(made, parse_sample(how, 3))
+    assert (
+        plan.variants
+        == make_plan(made, parse_sample(how, 3)).variants
+        != make_plan(made, parse_sample(how, 4)).variants
+    )
     assert sorted(int(point[0].number) for point in plan.points) == list(range(16))
     assert {point[1].text: 0 for point in plan.points}.keys() == set("wxyz")
     assert {int(point[2].number) for point in plan.points} == set(range(1, 9))
 
 
 def test_a_plan_of_one_value_each_has_one_variant():
-    assert Plan(axes(["a=1", "b=2"])).variants == (("a=1", "b=2"),)
+    assert Plan(parse_axes(["a=1", "b=2"])).variants == (("a=1", "b=2"),)

@@ -20,12 +20,12 @@ from flexcam import InputError, read_case
 from flexcam.case.reader import CaseFile
 from flexcam.dynamics import Cause, Status
 from flexcam.studies import executors as workers_of
-from flexcam.studies.axes import axes
-from flexcam.studies.evaluation import Outcome, Row, chunk_size, chunks_of, evaluate, evaluated
-from flexcam.studies.executors import Cluster, Here, Processes, executed
+from flexcam.studies.axes import parse_axes
+from flexcam.studies.evaluation import Outcome, Row, chunk_size, divide_plan, evaluate, evaluate_chunk
+from flexcam.studies.executors import ClusterWorkers, ProcessWorkers, SerialWorkers, run_chunks
 from flexcam.studies.journal import Journal
-from flexcam.studies.plan import Bundle, Plan, bundle_of
-from flexcam.studies.sweep import study, swept
+from flexcam.studies.plan import Bundle, Plan, make_bundle
+from flexcam.studies.sweep import make_sweep, run_sweep
 from flexcam.studies.tables import write_hdf5
 
 ROOT = Path(__file__).parents[2]
@@ -42,12 +42,12 @@ def written(table, folder, name):
 
 @pytest.fixture(scope="module")
 def asked():
-    return study(TAYEB, VARIED)
+    return make_sweep(TAYEB, VARIED)
 
 
 @pytest.fixture(scope="module")
 def alone(asked, tmp_path_factory):
-    return written(swept(asked, Here()), tmp_path_factory.mktemp("alone"), "here")
+    return written(run_sweep(asked, SerialWorkers()), tmp_path_factory.mktemp("alone"), "here")
 
 
 def killing(pid_of):
@@ -68,7 +68,7 @@ def worker_process():
 
 def test_processes_give_the_table_of_one_with_one_killed_in_the_middle(asked, alone, tmp_path):
     advance, killed = killing(worker_process)
-    assert written(swept(asked, Processes(2), advance=advance), tmp_path, "two") == alone
+    assert written(run_sweep(asked, ProcessWorkers(2), advance=advance), tmp_path, "two") == alone
     assert killed
     assert not [p for p in multiprocessing.active_children() if p.name.startswith("SpawnProcess")]
 
@@ -81,7 +81,7 @@ def dask_worker():
 
 def test_a_local_cluster_gives_the_same_table_with_one_worker_killed(asked, alone, tmp_path):
     advance, killed = killing(dask_worker)
-    assert written(swept(asked, Cluster("local", 2), advance=advance), tmp_path, "dask") == alone
+    assert written(run_sweep(asked, ClusterWorkers("local", 2), advance=advance), tmp_path, "dask") == alone
     assert killed
 
 
@@ -111,9 +111,9 @@ class Scripted:
 
 
 def test_a_variant_that_kills_its_worker_is_a_row_and_costs_no_other():
-    plan = Plan(axes(["key=a,b,poison,d,e,f,g,h"]))
-    chunks, workers = chunks_of(plan, 3), Scripted()
-    rows = {chunk.index: outcomes for chunk, outcomes in executed(Bundle("", "", {}), chunks, workers)}
+    plan = Plan(parse_axes(["key=a,b,poison,d,e,f,g,h"]))
+    chunks, workers = divide_plan(plan, 3), Scripted()
+    rows = {chunk.index: outcomes for chunk, outcomes in run_chunks(Bundle("", "", {}), chunks, workers)}
     found = [one.row.status for _, outcomes in sorted(rows.items()) for one in outcomes]
     assert [status.cause for status in found] == [Cause.WORKER_LOST if i == 2 else Cause.DONE for i in range(8)]
     assert [status.text for status in found if status.ok] == [f"key={letter}" for letter in "abdefgh"]
@@ -124,7 +124,7 @@ def test_a_variant_that_kills_its_worker_is_a_row_and_costs_no_other():
 def test_what_fails_is_a_row_with_its_cause():
     # Newmark with beta near 0 is stable up to omega dt = 2 only
     methods = ",".join(f"{{ method = 'newmark', beta = {beta} }}" for beta in (0.25, 0.001))
-    table = swept(study(TAYEB, ["run.steps_per_revolution=360", f"run.integrator={methods}"]))
+    table = run_sweep(make_sweep(TAYEB, ["run.steps_per_revolution=360", f"run.integrator={methods}"]))
     assert [status.cause for status in table.statuses] == [Cause.DONE, Cause.NOT_FINITE]
     assert table.failed == (1,)
     assert "cam angle" in table.statuses[1].text
@@ -140,7 +140,7 @@ def test_a_refusal_after_reading_and_a_fault_are_rows(monkeypatch):
     def broken(ready, response):
         raise ZeroDivisionError("nothing")
 
-    monkeypatch.setattr(sys.modules["flexcam.studies.evaluation"], "scalars_of", broken)
+    monkeypatch.setattr(sys.modules["flexcam.studies.evaluation"], "compute_scalars", broken)
     row = evaluate(read_case(TAYEB, QUICK))
     assert row.status.cause is Cause.FAULT
     assert "ZeroDivisionError: nothing (test_sweep_execution.py:" in row.status.text
@@ -155,14 +155,14 @@ def test_files_of_a_case_come_along(tmp_path):
     (tmp_path / "home/case.msh").write_bytes((ROOT / "meshes/tayeb-1.msh").read_bytes())
     (home / "lift.csv").write_bytes((ROOT / "tests/data/lift.csv").read_bytes())
     (home / "case.toml").write_text(text.replace("../../meshes/tayeb-1.msh", "../case.msh"), encoding="utf-8")
-    bundle = bundle_of(CaseFile.opened(home / "case.toml"), Plan(axes(["mesh=../case.msh,../none.msh"])))
+    bundle = make_bundle(CaseFile.opened(home / "case.toml"), Plan(parse_axes(["mesh=../case.msh,../none.msh"])))
     assert set(bundle.files) == {"case.toml", "lift.csv", "../case.msh"}
     unpacked = bundle.unpacked(tmp_path / "far/away")
     assert unpacked.is_relative_to(tmp_path / "far/away")
     assert (tmp_path / "far/away").resolve() in (unpacked.parent / "../case.msh").resolve().parents
-    here = evaluated(home / "case.toml", [tuple(QUICK)])[0].row
+    here = evaluate_chunk(home / "case.toml", [tuple(QUICK)])[0].row
     (tmp_path / "home").rename(tmp_path / "gone")
-    there = evaluated(bundle, [tuple(QUICK), ("mesh=../none.msh",)])
+    there = evaluate_chunk(bundle, [tuple(QUICK), ("mesh=../none.msh",)])
     assert there[0].row.scalars == here.scalars
     assert there[1].row.status.cause is Cause.REFUSED
     assert str(tmp_path) not in there[1].row.status.text
@@ -172,7 +172,7 @@ def test_files_of_a_case_come_along(tmp_path):
 def test_worker_processes_have_one_thread_of_linear_algebra(asked, monkeypatch):
     monkeypatch.setenv("OPENBLAS_NUM_THREADS", "3")
     monkeypatch.delenv("MKL_NUM_THREADS", raising=False)
-    with Processes(1).ready(asked.bundle, histories=False):
+    with ProcessWorkers(1).ready(asked.bundle, histories=False):
         assert os.environ["OPENBLAS_NUM_THREADS"] == os.environ["MKL_NUM_THREADS"] == "1"
     assert os.environ["OPENBLAS_NUM_THREADS"] == "3"
     assert "MKL_NUM_THREADS" not in os.environ
@@ -183,7 +183,7 @@ def test_a_dead_worker_cannot_end_this_process(asked):
     """Gmsh gives SIGPIPE its default back, and a write to a worker that died would then kill the parent."""
     before = signal.signal(signal.SIGPIPE, signal.SIG_DFL)
     try:
-        with Processes(1).ready(asked.bundle, histories=False) as pool:
+        with ProcessWorkers(1).ready(asked.bundle, histories=False) as pool:
             assert signal.getsignal(signal.SIGPIPE) is signal.SIG_IGN
             assert pool.submit(asked.chunks[0].variants).result()
         assert signal.getsignal(signal.SIGPIPE) is signal.SIG_DFL
@@ -201,10 +201,10 @@ def test_a_script_that_worker_processes_cannot_read_is_told_so(tmp_path):
 
 def test_chunks_do_not_depend_on_who_runs_them():
     case = read_case(TAYEB)
-    many, few = Plan(axes(["run.speed=1:5000:1rpm"])), Plan(axes(["run.speed=1:50:1rpm"]))
+    many, few = Plan(parse_axes(["run.speed=1:5000:1rpm"])), Plan(parse_axes(["run.speed=1:50:1rpm"]))
     assert (chunk_size(many, case), chunk_size(few, case)) == (16, 1)
     assert chunk_size(many, case.with_run({"revolutions": 100.0})) == 1  # a long run is a chunk of its own
-    assert [one for chunk in chunks_of(many, 16) for one in chunk.variants] == list(many.variants)
+    assert [one for chunk in divide_plan(many, 16) for one in chunk.variants] == list(many.variants)
 
 
 HEAD = {"format": 1, "flexcam": "1", "case": "c", "plan": "p", "histories": False}

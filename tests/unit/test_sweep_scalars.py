@@ -10,9 +10,9 @@ import pytest
 
 from flexcam import prepare, read_case, read_result, run, solve
 from flexcam.analysis.error_estimate import deviation
-from flexcam.analysis.preparation import figures_of, scalar_probe
+from flexcam.analysis.preparation import compute_metrics, scalar_probe
 from flexcam.dynamics import SLOPES, Cause, peak
-from flexcam.studies.evaluation import evaluate, of_motion, scalar_names
+from flexcam.studies.evaluation import are_probe_scalars, evaluate, scalar_names
 
 CASES = {
     "cases/tayeb/model-1-shm.toml": ["run.steps_per_revolution=720"],
@@ -61,7 +61,7 @@ def test_a_row_is_what_run_and_compare_say(path):
     assert set(row.units) == set(row.scalars)
     assert set(row.scalars) <= set(scalar_names(case))
     response = solve(ready.problem, ready.scheme, save=ready.save)
-    assert {f.name: f.value for f in figures_of(ready, response)}.items() <= row.scalars.items()
+    assert {f.name: f.value for f in compute_metrics(ready, response)}.items() <= row.scalars.items()
     probe = scalar_probe(ready)
     found = deviation(case, probe)
     assert (row.scalars["deviation.peak"], row.scalars["deviation.rms"]) == (found.peak_deviation, found.rms_deviation)
@@ -86,7 +86,7 @@ def test_without_channels_a_row_has_the_motion_of_the_probes(path, runs):
     case = read_case(path, CASES[path])
     whole, row = evaluate(case, runs=runs), evaluate(case, runs=runs, channels=False)
     assert row.status.ok
-    assert row.scalars.keys() == {name for name in whole.scalars if of_motion([name])}
+    assert row.scalars.keys() == {name for name in whole.scalars if are_probe_scalars([name])}
     assert len(row.scalars) >= 5
     for name, value in row.scalars.items():
         series = name.removeprefix("probes.").split(".")[-2:]

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from flexcam import InputError, build_model, prepare, read_case, run, solve
-from flexcam.analysis.model_ladder import chain, chain_run
+from flexcam.analysis.model_ladder import mass_chain, prepare_mass_chain
 from flexcam.dynamics import modes
 from flexcam.valvetrain import build_structure, follower_train
 
@@ -39,7 +39,7 @@ def whole():
 def test_static_stiffness_is_exact(record, whole, count):
     """A force at the follower: its displacement, and that of the valve."""
     case, system = whole
-    found = chain(case, count).system
+    found = mass_chain(case, count).system
     tappet = system.names.index("tappet.uy")
     push, own = np.eye(system.size)[tappet], np.eye(found.size)[0]
     beams = np.linalg.lstsq(system.stiffness.dense(), push, rcond=None)[0]
@@ -58,7 +58,7 @@ LOADED = {1: 2e-3, 2: 2e-5, 3: 1e-5, 13: 1e-9}
 @pytest.mark.parametrize("count", LOADED)
 def test_first_mode(record, whole, count):
     case, system = whole
-    found = frequencies(chain(case, count).system)[0]
+    found = frequencies(mass_chain(case, count).system)[0]
     assert found >= frequencies(system)[0] * (1.0 - 1e-10)
     record(source=SOURCE, case=f"Tayeb and Sliman, model 3, {count} masses", quantity="first mode of the follower",
            unit="Hz", reference=frequencies(system)[0], computed=found, tolerance=LOADED[count],
@@ -70,7 +70,7 @@ def test_more_masses_come_closer(record, whole, fitted_order, lumped):
     """Second mode: the pushrod between tappet and valve, with equal parts; second order, as for any bar."""
     case, system = whole
     exact, counts = frequencies(system)[1], (4, 7, 13)
-    errors = [abs(frequencies(chain(case, k, lumped=lumped).system)[1] / exact - 1.0) for k in counts]
+    errors = [abs(frequencies(mass_chain(case, k, lumped=lumped).system)[1] / exact - 1.0) for k in counts]
     assert errors[2] < 0.3 * errors[1] < 0.3 * errors[0]
     if lumped:
         order = fitted_order([1.0 / (k - 1.0) for k in counts[:2]], errors[:2])
@@ -86,7 +86,7 @@ def test_masses_are_those_of_the_rigid_train(record, whole, count):
     case, _ = whole
     structure = build_structure(build_model(case))
     contact = next(iter(structure.model.driven.values()))
-    found = chain(case, count, lumped=True)
+    found = mass_chain(case, count, lumped=True)
     rigid = follower_train(structure, contact, "test").mass
     allowed, reason = (8e-3, "the pushrod yields") if count == 1 else (1e-9, "momentum of the rigid motion")
     record(source=SOURCE, case=f"Tayeb and Sliman, model 3, {count} uncoupled masses",
@@ -99,7 +99,7 @@ def test_masses_are_those_of_the_rigid_train(record, whole, count):
 
 def test_a_lumped_train_is_its_own_chain():
     case = read_case(LI)
-    found, own = chain(case, 3), prepare(case).problem.system
+    found, own = mass_chain(case, 3), prepare(case).problem.system
     assert found.points == ("tappet", "rocker", "valve")
     np.testing.assert_allclose(found.system.mass.dense(), own.mass.dense(), atol=1e-15)
     np.testing.assert_allclose(found.system.stiffness.dense(), own.stiffness.dense(), rtol=1e-9, atol=1e-3)
@@ -114,7 +114,7 @@ def test_a_run_of_the_chain(record, count, allowed):
     One mass stands before the pushrod, whose compression is then not told.
     """
     case = read_case(TAYEB)
-    ready, beams = chain_run(case, count), run(case)
+    ready, beams = prepare_mass_chain(case, count), run(case)
     found = solve(ready.problem, ready.scheme, save=ready.save)
     assert found.status.ok
     pushrod = {"members.pushrod.compression", "members.pushrod.buckling_use"}
@@ -154,7 +154,7 @@ def test_compliance_at_the_contact_is_exact(record, sensed):
     """What the cam's contact senses under its own force: camshaft and bearings are in it, and twist over tilt."""
     case = read_case(ENGINE)
     rows, given = [], []
-    for system in (prepare(case).problem.system, chain(case, 2).system):
+    for system in (prepare(case).problem.system, mass_chain(case, 2).system):
         force = next(one for one in system.local_forces if one.name == "contacts.intake")
         row = force.sense[0].vectors[sensed]
         given.append(row)
@@ -168,7 +168,7 @@ def test_compliance_at_the_contact_is_exact(record, sensed):
 def test_an_engine_in_contact(record):
     """Camshaft, contact, play and seat stay: what contacts sense is kept beside the chain. Below surge and bowing."""
     case = read_case(ENGINE, ["run.crank_speed=2000rpm", "run.steps_per_revolution=1800", "run.engine=kernel"])
-    ready, beams = chain_run(case, 3), run(case)
+    ready, beams = prepare_mass_chain(case, 3), run(case)
     found = solve(ready.problem, ready.scheme, save=ready.save)
     assert found.status.ok
     assert ready.problem.system.size < 0.2 * prepare(case).problem.system.size
@@ -184,14 +184,14 @@ def test_an_engine_in_contact(record):
 def test_starts(whole):
     """A given start of the beams is seen at what is kept; rest and balance are found anew."""
     case = read_case(LI, ['run.start={ displacement = { "valve.uy" = "1 mm" }, velocity = { "tappet.uy" = 2 } }'])
-    start = chain_run(case, 3).problem.start
+    start = prepare_mass_chain(case, 3).problem.start
     np.testing.assert_allclose(start.displacement, [0.0, 0.0, 1e-3], atol=1e-15)
     np.testing.assert_allclose(start.velocity, [2.0, 0.0, 0.0], atol=1e-12)
-    balanced = chain_run(read_case(LI, ["run.start=equilibrium"]), 2)
+    balanced = prepare_mass_chain(read_case(LI, ["run.start=equilibrium"]), 2)
     assert not balanced.problem.start.displacement.any()
 
 
 @pytest.mark.parametrize(("count", "contact", "words"), [(0, None, "1 to"), (99, None, "1 to"), (2, "no", "one of")])
 def test_refused(whole, count, contact, words):
     with pytest.raises(InputError, match=words):
-        chain(whole[0], count, contact=contact)
+        mass_chain(whole[0], count, contact=contact)

@@ -14,7 +14,7 @@ import pytest
 from scipy.integrate import quad, solve_ivp
 
 from flexcam import build_model, prepare, read_case, run, solve
-from flexcam.analysis.run import result_file
+from flexcam.analysis.run import open_result_file
 from flexcam.dynamics import FluctuatingSpeed, SpeedByAngle
 from flexcam.valvetrain import free_running
 
@@ -269,7 +269,7 @@ def continued(case, tmp_path, lines, *, speed):
     """Return where a run ended and where the next one, from its result and at another speed, begins."""
     made = read_case(case(lines).path, ["run.revolutions=0.3"])
     first = prepare(made)
-    solve(first.problem, first.scheme, save=first.save, sinks=[result_file(first, tmp_path)])
+    solve(first.problem, first.scheme, save=first.save, sinks=[open_result_file(first, tmp_path)])
     text = made.path.read_text(encoding="utf-8").replace('start = "equilibrium"', 'start = { result = "drive.vtkhdf" }')
     made.path.write_text(text, encoding="utf-8")
     end = float(first.problem.drive.at(np.array([first.problem.step * first.problem.steps])).angle[0])

@@ -15,7 +15,7 @@ from scipy.linalg import eigh
 from flexcam import build_model, prepare, read_case
 from flexcam.fem.members import Member
 from flexcam.fem.sections import Material, Section
-from flexcam.report.run_checks import input_doubts
+from flexcam.report.run_checks import check_input
 from flexcam.valvetrain import buckling_load, build_structure, stiff_struts
 
 SOURCE = "Euler columns, cubic elements"
@@ -144,7 +144,7 @@ def test_too_few_elements_for_geometric_stiffness_are_told(tmp_path, supports, e
     assert [(one.member, one.elements) for one in told] == ([("rod", 4)] if excess else [])
     if excess:
         assert told[0].excess == pytest.approx(excess, rel=2e-2)  # four elements are up to 2e-3 too stiff themselves
-        assert any("too few elements in member rod" in one for one in input_doubts(prepare(case)))
+        assert any("too few elements in member rod" in one for one in check_input(prepare(case)))
     plain = tmp_path / "plain.toml"
     plain.write_text(text.replace("elements = 8", f"elements = {elements}"), encoding="utf-8")
-    assert not any("too few elements" in one for one in input_doubts(prepare(read_case(plain))))
+    assert not any("too few elements" in one for one in check_input(prepare(read_case(plain))))

@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 from flexcam import build_model, modes, prepare, read_case, run
-from flexcam.analysis.run import result_file
+from flexcam.analysis.run import open_result_file
 from flexcam.dynamics import ConstantSpeed, Load, Problem, SaveAt, State, equilibrium, newmark, solve
 from tests.pinned_rod import LENGTH, TUBE, across, pinned_rod, push
 
@@ -317,7 +317,7 @@ LINEAR_ONLY = (
 
 def test_section_force_of_a_bowed_column_in_the_result_file(column, tmp_path):
     ready = prepare(column(1e-3, push(-0.5 * EULER)))
-    sink = result_file(ready, tmp_path / "results")
+    sink = open_result_file(ready, tmp_path / "results")
     solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink])
     with h5py.File(sink.path) as file:
         axial = np.array(file["VTKHDF/PointData/section_force"])[:, 0]

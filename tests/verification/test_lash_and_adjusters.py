@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 from flexcam import build_model, prepare, read_case, run, solve
-from flexcam.analysis.run import result_file
+from flexcam.analysis.run import open_result_file
 from flexcam.dynamics import ConstantSpeed, equilibrium
 
 SOURCE = "Lash and hydraulic adjusters"
@@ -205,7 +205,7 @@ def test_a_run_goes_on_from_a_result(case, tmp_path):
     """Most of the lift, and the rest of it from that result: as in one go, with the leak-down."""
     whole = run(case(ADJUSTER, **(SEATED | {"revolutions": 0.5})))
     first = prepare(case(ADJUSTER, **(SEATED | {"revolutions": 0.3})))
-    solve(first.problem, first.scheme, save=first.save, sinks=[result_file(first, tmp_path)])
+    solve(first.problem, first.scheme, save=first.save, sinks=[open_result_file(first, tmp_path)])
     path = case(ADJUSTER, **(SEATED | {"revolutions": 0.2})).path
     text = path.read_text(encoding="utf-8").replace('start = "equilibrium"', 'start = { result = "play.vtkhdf" }')
     path.write_text(text, encoding="utf-8")

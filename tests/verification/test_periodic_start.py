@@ -15,7 +15,7 @@ import pytest
 
 from flexcam import prepare, read_case, run
 from flexcam.core import Triplets
-from flexcam.dynamics import ConstantSpeed, Load, Probe, Problem, State, System, newmark, periodic, solve
+from flexcam.dynamics import ConstantSpeed, Load, Probe, Problem, State, System, newmark, solve, solve_periodic
 from flexcam.dynamics.floquet import period_map
 
 SOURCE = "Periodic start"
@@ -44,7 +44,7 @@ def test_one_mass_under_one_harmonic(record):
     system = System(M, C, K, ("x",), (push,), (), (Probe("x", ("x",), np.eye(1), (None,)),))
     w, steps = 0.9, 4000
     problem = Problem(system, ConstantSpeed(w), 2.0 * math.pi / w / steps, steps, State.rest(1))
-    found = periodic(problem, newmark())
+    found = solve_periodic(problem, newmark())
     exact = 1.0 / (1.0 - w**2 + 0.01j * w)
     size = abs(exact)
     for name, reference, computed in (
@@ -204,7 +204,7 @@ def test_revolutions_of_the_search(monkeypatch, case, damped, most):
 def test_large_systems_find_the_same_state(monkeypatch):
     """Above the limit Anderson's method seeks it."""
     found = [prepare(read_case(LINEAR, [*DAMPED, "run.start=periodic"])).problem.start]
-    monkeypatch.setattr(SEARCH, "LARGEST", 0)
+    monkeypatch.setattr(SEARCH, "MAX_UNKNOWNS", 0)
     found.append(prepare(read_case(LINEAR, [*DAMPED, "run.start=periodic"])).problem.start)
     newton, anderson = (one.displacement for one in found)
     np.testing.assert_allclose(newton, anderson, atol=1e-7 * np.abs(newton).max())

@@ -15,8 +15,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from flexcam import build_model, read_case, run
-from flexcam.analysis.measures import settings_of
-from flexcam.analysis.petrescu import OneMass, setting
+from flexcam.analysis.measures import compute_settings
+from flexcam.analysis.petrescu import SingleMassModel, evaluate_setting
 from flexcam.cams import LAWS, LiftEvent
 from flexcam.core.units import RPM
 from flexcam.valvetrain import free_speed
@@ -37,7 +37,7 @@ FIGURES = {
 
 @pytest.fixture(scope="module")
 def found():
-    return {one.name: one for one in settings_of(read_case(CASE))}
+    return {one.name: one for one in compute_settings(read_case(CASE))}
 
 
 @pytest.mark.parametrize("name", FIGURES)
@@ -91,7 +91,7 @@ def test_every_angle_of_the_spreadsheet(record, u):
     worst = 0.0
     for rpm, k, x0, *_ in FIGURES.values():
         omega = free_speed(event, 0.013, 0.5 * rpm * RPM, 0.2, 0.1)
-        one = OneMass(event, 0.1, 5e6, k, x0)
+        one = SingleMassModel(event, 0.1, 5e6, k, x0)
         printed = spreadsheet(angle, rpm, k, x0, u)
         computed = one.kinematic_acceleration(angle, omega), one.dynamic_acceleration(angle, omega)
         for a, b in zip(printed, computed, strict=True):
@@ -105,7 +105,7 @@ def test_every_angle_of_the_spreadsheet(record, u):
 def test_derivatives_are_exact(record, law):
     """X' and x'' on other laws and with ramps' absence: by five-point differences of the order below, w held."""
     event = LiftEvent(LAWS[law], 0.006, 1.5, 1.5, dwell=0.2, phase=0.3)
-    one = OneMass(event, 0.1, 5e6, 2e5, 0.2)
+    one = SingleMassModel(event, 0.1, 5e6, 2e5, 0.2)
     angle = np.linspace(0.35, 1.75, 301)
     speed, h = np.full_like(angle, 700.0), 1e-4
     worst = 0.0
@@ -121,7 +121,9 @@ def test_derivatives_are_exact(record, law):
 def test_uniform_speed(found):
     """Without its own inertia's swing the cam's acceleration is s'' w^2."""
     event = LiftEvent(LAWS["cycloidal"], 0.006, 1.5, 1.5)
-    one = setting("even", OneMass(event, 0.1, 5e6, 4e4, 0.09), lambda a, n: np.full_like(a, 100.0 * (n == 0)), 100.0)
+    one = evaluate_setting(
+        "even", SingleMassModel(event, 0.1, 5e6, 4e4, 0.09), lambda a, n: np.full_like(a, 100.0 * (n == 0)), 100.0
+    )
     assert one.kinematic[0] == pytest.approx(2.0 * math.pi * 0.006 / 1.5**2 * 1e4, rel=1e-9)
     assert one.speed_ratio == 1.0
 

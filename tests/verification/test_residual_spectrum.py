@@ -16,14 +16,24 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from flexcam.cams import LAWS, BSplineLaw, CompoundCycloid, Harmonic, Law, Polynomial, Scca, Turned, residual_spectrum
-from flexcam.cams.motion_law import ClosedResidual
+from flexcam.cams import (
+    LAWS,
+    BSplineLaw,
+    CompoundCycloid,
+    Harmonic,
+    Law,
+    Polynomial,
+    ReversedLaw,
+    Scca,
+    residual_spectrum,
+)
+from flexcam.cams.motion_law import AnalyticResidual
 
 SOURCE = "Residual vibration after a rise, spectrum of a law"
 RATIOS = np.array([1e-3, 0.05, 0.5, 0.73, 1.0, 1.5, 2.0, 2.5, 3.0, 4.2, 7.0, 15.3])
 """Multiples of 1/2 among them: there the closed forms are limits."""
 
-CLOSED = {name: law for name, law in LAWS.items() if isinstance(law, ClosedResidual)} | {
+CLOSED = {name: law for name, law in LAWS.items() if isinstance(law, AnalyticResidual)} | {
     "four harmonics": Harmonic(((1, 0.9), (2, 0.2), (3, -0.3), (4, 0.2))),
 }
 
@@ -90,9 +100,9 @@ WITHOUT = {
     "4-5-6-7": LAWS["4-5-6-7"],
     "pavlovic-new": LAWS["pavlovic-new"],
     "quinquinomial": LAWS["quinquinomial"],
-    "quinquinomial turned": Turned(LAWS["quinquinomial"]),
+    "quinquinomial turned": ReversedLaw(LAWS["quinquinomial"]),
     "fb2": LAWS["fb2"],
-    "fb2, split 0.55, turned": Turned(CompoundCycloid(0.55)),
+    "fb2, split 0.55, turned": ReversedLaw(CompoundCycloid(0.55)),
     "SCCA 0.3, 0.1, 0.6": Scca(0.3, 0.1, 0.6),
     "steady start": Polynomial((1, 2, 3), ((1.0, 0, 1.0), (1.0, 1, 0.5), (0.0, 1, 0.8))),
     "B-spline": BSplineLaw((0.0, 0.0, 0.0, 0.2, 0.9, 1.0, 1.0, 1.0)),
@@ -105,7 +115,7 @@ WITHOUT = {
 @pytest.mark.parametrize("ratio", [0.62, 1.5, 3.1])
 @pytest.mark.parametrize("law", WITHOUT)
 def test_oscillator(law, ratio, record):
-    assert not isinstance(WITHOUT[law], ClosedResidual)
+    assert not isinstance(WITHOUT[law], AnalyticResidual)
     record(source=SOURCE, case=law, quantity=f"residual amplitude / lift, ratio {ratio:g}", unit="1",
            reference=round(oscillator(WITHOUT[law], ratio), 9), computed=residual_spectrum(WITHOUT[law], ratio),
            tolerance=2e-9, absolute=True, reason="some hundred steps of the reference, 1e-11 each")  # fmt: skip

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from flexcam.cams import LAWS, LiftEvent
-from flexcam.dynamics import ConstantSpeed, Problem, modes, newmark, rest, solve
+from flexcam.dynamics import ConstantSpeed, Problem, installed_state, modes, newmark, solve
 from flexcam.valvetrain import build_structure, build_system
 
 SOURCE = "Residual vibration after a rise, closed form"
@@ -113,7 +113,7 @@ def test_beam_model(record, published, law, ratio):
     speed = (math.pi / 2) / (ratio * 2 * math.pi / w)
     system = build_system(model, speed)
     drive = ConstantSpeed(speed)
-    problem = Problem(system, drive, (math.pi / 2) / speed / 2000, 2600, rest(system, drive))
+    problem = Problem(system, drive, (math.pi / 2) / speed / 2000, 2600, installed_state(system, drive))
     record(
         source=SOURCE,
         case=f"published beam model 3, {law}",

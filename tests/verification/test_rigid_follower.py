@@ -16,9 +16,9 @@ import pytest
 from scipy.optimize import brentq
 
 from flexcam import build_model, prepare, read_case, run
-from flexcam.analysis.limits import find_limits, margins
-from flexcam.analysis.model_checks import shared
-from flexcam.report.run_checks import input_doubts
+from flexcam.analysis.limits import compute_margins, find_limits
+from flexcam.analysis.model_checks import check_shared_seat_load
+from flexcam.report.run_checks import check_input
 
 SOURCE = "Rigid follower"
 MASS, SPRING, INSTALLED = 0.5, 20e3, 300.0
@@ -261,21 +261,21 @@ SEATED = "contacts.seat={ at = 'tappet', direction = 'uy', model = 'seat', stiff
 def test_what_cam_and_seat_share_is_told(train):
     """Of 300 N the cam bears its part of 2 GN/m and 60 MN/m side by side, 291.3 N; shaft and rod give little."""
     made = train(30.0, SEATED)[0]
-    (told,) = shared(build_model(made), 30.0)
+    (told,) = check_shared_seat_load(build_model(made), 30.0)
     springs, cam = (float(one) for one in re.findall(r"([0-9.]+) N ", told + " "))
     assert springs == INSTALLED
     assert cam == pytest.approx(INSTALLED * 2e9 / (2e9 + 60e6), rel=2e-3)
     ready = prepare(train(30.0, SEATED, "fidelity.model=rigid")[0])
-    assert input_doubts(ready).count(told) == 1
-    assert told not in input_doubts(prepare(made))  # the flexible train knows it
-    assert not shared(build_model(train(30.0)[0]), 30.0)
+    assert check_input(ready).count(told) == 1
+    assert told not in check_input(prepare(made))  # the flexible train knows it
+    assert not check_shared_seat_load(build_model(train(30.0)[0]), 30.0)
 
 
 def test_a_share_that_nothing_tells_is_left_out(train):
     """A contact of Hertz without a profile: the rigid train moves all the same, the flexible one cannot be made."""
     model = build_model(train(30.0, SEATED)[0])
     bare = replace(model, contacts=model.contacts | {"intake": replace(model.contacts["intake"], stiffness=None)})
-    (told,) = shared(bare, 30.0)
+    (told,) = check_shared_seat_load(bare, 30.0)
     assert told.endswith("leaves all to the seat")
 
 
@@ -295,7 +295,7 @@ def test_behind_a_play_the_share_is_known(train, play, known):
         f"contacts.lash={{ at = 'rocker', model = '{play} }}",
         "contacts.seat={ at = 'valve', model = 'seat', stiffness = '1 GN/m' }",
     ]
-    assert bool(shared(build_model(train(30.0, *more)[0]), 30.0)) != known
+    assert bool(check_shared_seat_load(build_model(train(30.0, *more)[0]), 30.0)) != known
 
 
 def test_limits_names_the_rigid_speed(record, train):
@@ -360,7 +360,7 @@ def test_springs_that_are_more_than_stiff(train, kind, parts, rigid):
 def test_touching_coils_of_a_rigid_train_are_told(train):
     """At 12 mm of lift, 2 mm beyond: check and run say what a flexible run says of its clearance."""
     keys = ["cams.intake.lift=12 mm", "springs.valve.elements=4", "springs.valve.mass=0.01", "fidelity.model=rigid"]
-    told = [input_doubts(prepare(train(30.0, *keys, f"springs.valve.clash_travel={mm} mm")[0])) for mm in (10, 13)]
+    told = [check_input(prepare(train(30.0, *keys, f"springs.valve.clash_travel={mm} mm")[0])) for mm in (10, 13)]
     assert [[one for one in each if "coils" in one] for each in told] == [
         ["Warning: coils of 'valve' touch: 2 mm beyond closed"], [],
     ]  # fmt: skip
@@ -373,4 +373,4 @@ def test_the_rigid_speed_counts_given_forces_and_no_damper(train):
     s, bend = event(ANGLES, 0), event(ANGLES, 2)
     down = bend < 0.0
     expected = math.sqrt(float(np.min((SPRING * s + INSTALLED + 100.0)[down] / (-M * bend[down]))))
-    assert margins(case[0]).rigid_rpm == pytest.approx(expected * 30.0 / math.pi, rel=1e-5)
+    assert compute_margins(case[0]).rigid_rpm == pytest.approx(expected * 30.0 / math.pi, rel=1e-5)

@@ -14,9 +14,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from flexcam import prepare, read_case
-from flexcam.analysis.run import geometry_of
+from flexcam.analysis.run import output_geometry
 from flexcam.dynamics import Block, ConstantSpeed, Problem, SaveAt, Series, newmark, solve, static_displacement
-from flexcam.fem.assembly import Damping, element_weight, gathered, spread_force, stiffness
+from flexcam.fem.assembly import Damping, assemble_loads, distributed_load, element_weight, stiffness
 from flexcam.fem.dofs import dof_map
 from flexcam.fem.frames import COMPONENTS
 from flexcam.fem.members import Member, beams
@@ -100,8 +100,8 @@ def test_tip_load(record, axis, component):
 def test_uniform_load(record, axis, parts):
     bar = Cantilever(AXES[axis], parts)
     q = np.array([30.0, 100.0, -70.0])
-    spread = spread_force(bar.beams, slice(0, parts), q)
-    found = bar.under(gathered(bar.beams, spread, bar.dofs), spread)
+    spread = distributed_load(bar.beams, slice(0, parts), q)
+    found = bar.under(assemble_loads(bar.beams, spread, bar.dofs), spread)
     root = beyond(bar, q * LENGTH, np.zeros(3), LENGTH / 2.0)
     compare(record, f"cantilever {axis}, uniform load, {parts} elements", found[0, 0], root, 1e-9, "rounding")
     assert np.abs(found[-1, 1]).max() <= 1e-9 * np.abs(root).max()
@@ -110,8 +110,8 @@ def test_uniform_load(record, axis, parts):
 def test_uniform_load_in_signs(record):
     """One element along x, q along y: Vy = q L and Mz = q L^2/2 at the root, nothing else."""
     bar = Cantilever(np.array([1.0, 0.0, 0.0]), 1)
-    spread = spread_force(bar.beams, slice(0, 1), 100.0 * bar.axes[1])
-    found = bar.under(gathered(bar.beams, spread, bar.dofs), spread)
+    spread = distributed_load(bar.beams, slice(0, 1), 100.0 * bar.axes[1])
+    found = bar.under(assemble_loads(bar.beams, spread, bar.dofs), spread)
     expected = np.array([0.0, 100.0 * LENGTH, 0.0, 0.0, 0.0, 100.0 * LENGTH**2 / 2.0])
     compare(record, "cantilever, q along local y", found[0, 0], expected, 1e-9, "rounding")
 
@@ -122,7 +122,7 @@ def test_weight(record, axis, mass):
     bar = Cantilever(AXES[axis], 1, Member(STEEL, UNEQUAL, mass=mass))
     gravity = np.array([0.0, -9.81, 0.0])
     spread = element_weight(bar.beams, gravity)
-    found = bar.under(gathered(bar.beams, spread, bar.dofs), spread)
+    found = bar.under(assemble_loads(bar.beams, spread, bar.dofs), spread)
     weight = STEEL.density * UNEQUAL.A * LENGTH * gravity
     root = beyond(bar, weight, np.zeros(3), LENGTH / 2.0)
     compare(record, f"cantilever {axis}, weight, {mass}", found[0, 0], root, 1e-9, "rounding")
@@ -165,7 +165,7 @@ def test_damped_shear_at_the_tip_is_the_applied_force(damping):
     bar, push = Cantilever(AXES["along z"], 4), np.array([1000.0, 0, 0, 0, 0, 0])
     model = bar.model(loads={"push": GivenLoad(1.0, push, "end")}, probes=("end",), damping=damping)
     problem = Problem(build_system(model, 1.0), ConstantSpeed(1.0), 2e-5, 400)
-    structure, shown = build_structure(model), geometry_of(model)
+    structure, shown = build_structure(model), output_geometry(model)
     strength = StrengthSink(structure)
     fields = solve(problem, newmark(), save=SaveAt(field_every=1), sinks=[strength]).fields
     nodal = [structure.dofs.nodal(getattr(fields, name)) for name in Series.__dataclass_fields__]

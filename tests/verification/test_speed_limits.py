@@ -8,7 +8,7 @@ import pytest
 
 import flexcam
 from flexcam.analysis.limits import find_limits
-from flexcam.analysis.model_divergence import parting, parts_at
+from flexcam.analysis.model_divergence import compare_models_over_speed, divergence_speed
 from flexcam.valvetrain import separation
 
 RPM = math.pi / 30.0
@@ -93,8 +93,8 @@ def test_models_agree_below_and_part_above(tmp_path):
     path = tmp_path / "stiff.toml"
     path.write_text(STIFF, encoding="utf-8")
     case = flexcam.read_case(path)
-    found = parting(case, [1000 * RPM, 2000 * RPM, 5500 * RPM])
-    assert parts_at(found, "bilateral", "unilateral", 0.03) == pytest.approx(5500.0)
+    found = compare_models_over_speed(case, [1000 * RPM, 2000 * RPM, 5500 * RPM])
+    assert divergence_speed(found, "bilateral", "unilateral", 0.03) == pytest.approx(5500.0)
     slow = found[0].forces
     assert slow["rigid"].largest == pytest.approx(slow["unilateral"].largest, rel=0.02)
     held = found[-1].forces

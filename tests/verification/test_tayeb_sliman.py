@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from flexcam.dynamics import ConstantSpeed, Problem, modes, newmark, rest, solve
+from flexcam.dynamics import ConstantSpeed, Problem, installed_state, modes, newmark, solve
 from flexcam.fem.elements import bending
 from flexcam.valvetrain import build_rigid, build_structure, build_system, follower_train
 from flexcam.valvetrain.published_load import preload, series_stiffness
@@ -42,7 +42,9 @@ def speed(rpm):
 def deviation(model, rpm, revolutions=2, steps=STEPS):
     """Valve motion less the rigid one, over the valve's lift, at every step of a run from rest."""
     drive, system = ConstantSpeed(speed(rpm)), build_system(model, speed(rpm))
-    problem = Problem(system, drive, 2 * math.pi / drive.speed / steps, revolutions * steps, rest(system, drive))
+    problem = Problem(
+        system, drive, 2 * math.pi / drive.speed / steps, revolutions * steps, installed_state(system, drive)
+    )
     response = solve(problem, newmark())
     rigid = RATIO * model.cams["intake"].event(response.angle)
     return (response["valve"].displacement - rigid) / (RATIO * LIFT)

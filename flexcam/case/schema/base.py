@@ -41,5 +41,5 @@ class PartRecord(Record, Generic[Part]):
         try:
             self._check()
         except InputError as refusal:
-            raise q.passed_on(refusal, inside=True) from None
+            raise q.convert_error(refusal, inside=True) from None
         return self

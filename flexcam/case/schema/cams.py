@@ -8,23 +8,23 @@ from pydantic import Field, ValidationInfo, field_validator
 
 from flexcam import valvetrain
 from flexcam.cams import (
+    DelayedEvent,
     Event,
     FlatFollower,
     Follower,
     LiftEvent,
     Ramp,
     RollerFollower,
-    Shifted,
     SwingFlatFollower,
     SwingRollerFollower,
 )
 from flexcam.case import quantities as q
-from flexcam.case.lift import GivenLaw, GivenLift
+from flexcam.case.lift import LawDefinition, LiftDefinition
 from flexcam.case.schema.base import Name, PartRecord, Record, Vector
 from flexcam.core.errors import InputError, refuse
 from flexcam.core.units import parse
 
-OF_A_LAW = {
+LAW_KEYS = {
     "law": "a motion law", "lift": "a length such as '6 mm'", "rise": "an angle such as '65 deg'",
     "return": "an angle such as '65 deg'",
 }  # fmt: skip
@@ -70,7 +70,7 @@ class RollerRecord(Record):
         return RollerFollower(base_radius, self.radius, self.offset) if base_radius else None
 
 
-class SwingRecord(Record):
+class SwingingFollowerRecord(Record):
     """Swinging follower, with a roller if `radius` is given, otherwise with a flat face."""
 
     type: Literal["swing"]
@@ -101,20 +101,22 @@ class SwingRecord(Record):
         return SwingRollerFollower(base_radius, self.radius, self.arm, self.distance, side)
 
 
-FollowerRecord = Annotated[FlatRecord | RollerRecord | SwingRecord, Field(discriminator="type")]
+FollowerRecord = Annotated[FlatRecord | RollerRecord | SwingingFollowerRecord, Field(discriminator="type")]
 
 
-class FreeCamRecord(PartRecord[valvetrain.Cam]):
+class CamDesignRecord(PartRecord[valvetrain.Cam]):
     """Cam without a shaft: its lift over one revolution, and the follower that determines the profile."""
 
     at: Name | None = Field(None, description="named node of the camshaft")
     follower: FollowerRecord | None = Field(None, description="what touches the cam")
-    law: GivenLaw | None = Field(None, description="motion law: a name, { id = ..., ... }, or a law file (.toml)")
-    return_law: GivenLaw | None = Field(None, description="run backwards on the return; that of the rise by default")
+    law: LawDefinition | None = Field(None, description="motion law: a name, { id = ..., ... }, or a law file (.toml)")
+    return_law: LawDefinition | None = Field(
+        None, description="run backwards on the return; that of the rise by default"
+    )
     lift: float | None = Field(
         None, gt=0.0, description='above the ramps; a text such as "10 deg" where the follower swings'
     )
-    lift_table: GivenLift | None = Field(None, description="file of the whole lift, instead of a law")
+    lift_table: LiftDefinition | None = Field(None, description="file of the whole lift, instead of a law")
     rise: q.PositiveAngle | None = None
     dwell: q.Angle = Field(0.0, description="upper dwell")
     fall: q.PositiveAngle | None = Field(None, alias="return")
@@ -136,7 +138,7 @@ class FreeCamRecord(PartRecord[valvetrain.Cam]):
         follower = info.data.get("follower")
         if value is None:
             return None
-        if isinstance(follower, SwingRecord) and isinstance(value, str):
+        if isinstance(follower, SwingingFollowerRecord) and isinstance(value, str):
             try:
                 angle = parse(value, "angle")
             except InputError:
@@ -166,10 +168,10 @@ class FreeCamRecord(PartRecord[valvetrain.Cam]):
 
     def _event(self) -> Event:
         if self.lift_table is not None:
-            return Shifted(self.lift_table.event, self.phase) if self.phase else self.lift_table.event
+            return DelayedEvent(self.lift_table.event, self.phase) if self.phase else self.lift_table.event
         if self.law is None or self.lift is None or self.rise is None or self.fall is None:
             given, why = f"nothing for {', '.join(self.lacking)}", "they make the lift where no lift_table does"
-            raise refuse("lift", given, ", ".join(OF_A_LAW), why, f"add {', '.join(self.lacking)}, or a lift_table")
+            raise refuse("lift", given, ", ".join(LAW_KEYS), why, f"add {', '.join(self.lacking)}, or a lift_table")
         opening, closing = self.ramps.made() if self.ramps else (None, None)
         return LiftEvent(
             self.law.law, self.lift, self.rise, self.fall, self.dwell, self.phase,
@@ -177,7 +179,7 @@ class FreeCamRecord(PartRecord[valvetrain.Cam]):
         )  # fmt: skip
 
 
-class CamRecord(FreeCamRecord):
+class CamRecord(CamDesignRecord):
     """A cam on its shaft."""
 
     at: Name = Field(description="named node of the camshaft")  # pyright: ignore[reportIncompatibleVariableOverride, reportGeneralTypeIssues]

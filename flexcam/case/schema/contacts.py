@@ -58,7 +58,7 @@ class UnilateralRecord(Record):
     def _friction_speed_acts(self) -> Self:
         if "friction_speed" in self.model_fields_set and "friction" not in self.model_fields_set:
             given, why = f"{self.friction_speed:g} m/s", "without friction it acts on nothing"
-            raise q.refused("friction beside it", why, "add friction", inside="friction_speed", given=given)
+            raise q.value_error("friction beside it", why, "add friction", inside="friction_speed", given=given)
         return self
 
 
@@ -84,7 +84,7 @@ class SeatRecord(Record):
     )
 
 
-class _PlayRecord(Record):
+class _GapRecord(Record):
     """Connection between a rocker and its point, or between two nodes."""
 
     at: Name | None = Field(None, description="name of a rocker: the play is at its point")
@@ -98,7 +98,7 @@ class _PlayRecord(Record):
         nothing = self.start is None and self.to is None and self.direction is None
         if not ((self.at is None and between) or (self.at is not None and nothing)):
             why = "it stands at a rocker's point or between two nodes"
-            raise q.refused("either at = a rocker, or from, to and direction", why)
+            raise q.value_error("either at = a rocker, or from, to and direction", why)
         return self
 
     @property
@@ -107,7 +107,7 @@ class _PlayRecord(Record):
         return (self.start, self.to) if self.start is not None and self.to is not None else None
 
 
-class LashRecord(_PlayRecord):
+class LashRecord(_GapRecord):
     """Lash between a rocker and the point it drives, or between two nodes."""
 
     model: Literal["lash"]
@@ -119,7 +119,7 @@ class LashRecord(_PlayRecord):
     damping_depth: _DampingDepth = DAMPING_DEPTH
 
 
-class AdjusterRecord(_PlayRecord):
+class AdjusterRecord(_GapRecord):
     """Hydraulic lash adjuster, in the place of a lash."""
 
     model: Literal["lash-adjuster"]
@@ -133,7 +133,7 @@ class AdjusterRecord(_PlayRecord):
     @model_validator(mode="after")
     def _leaks_slowly(self) -> Self:
         if not self.leak > self.refill:
-            raise q.refused("leak above refill", "the check valve is wider than the gap around the plunger")
+            raise q.value_error("leak above refill", "the check valve is wider than the gap around the plunger")
         return self
 
 

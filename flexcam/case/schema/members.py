@@ -11,9 +11,9 @@ from flexcam.case.schema.base import Name, PartRecord, Record, Vector
 from flexcam.fem.sections import Material, Section
 
 
-def _possible(nu: float) -> float:
+def _check_poisson_ratio(nu: float) -> float:
     if not -1.0 < nu <= 0.5:
-        raise q.refused("above -1 and up to 0.5", "the shear modulus E/(2(1+nu)) must be positive")
+        raise q.value_error("above -1 and up to 0.5", "the shear modulus E/(2(1+nu)) must be positive")
     return nu
 
 
@@ -21,7 +21,7 @@ class MaterialRecord(PartRecord[Material]):
     """Isotropic material."""
 
     E: q.Stress = Field(description="Young's modulus")
-    nu: Annotated[q.SignedNumber, AfterValidator(_possible)] = Field(description="Poisson's ratio")
+    nu: Annotated[q.SignedNumber, AfterValidator(_check_poisson_ratio)] = Field(description="Poisson's ratio")
     density: Annotated[float, q.Unit("density")] = Field(description="mass per volume")
     ultimate_strength: q.Stress | None = Field(None, description="for the margin against fatigue")
     endurance_limit: q.Stress | None = Field(
@@ -129,5 +129,5 @@ class MemberRecord(Record):
     @model_validator(mode="after")
     def _bow_acts(self) -> Self:
         if self.bow and not self.geometric_stiffness:
-            raise q.refused("bow with geometric_stiffness = true", "without it a bow acts on nothing")
+            raise q.value_error("bow with geometric_stiffness = true", "without it a bow acts on nothing")
         return self

@@ -28,7 +28,7 @@ class MassRecord(PartRecord[valvetrain.MassAt]):
         return valvetrain.MassAt(self.at, PointMass(self.mass, self.inertia, self.offset))
 
 
-_CLASH = 50.0
+_COIL_CONTACT_RATIO = 50.0
 """Default ratio of the stiffness of touching coils to that of the spring part between them: flexcam's choice."""
 
 
@@ -43,9 +43,9 @@ class WireRecord(PartRecord[valvetrain.Wire]):
     @model_validator(mode="after")
     def _is_a_coil(self) -> Self:
         if self.coil_diameter < 2.0 * self.diameter:
-            raise q.refused("a coil_diameter of twice the wire's or more", "Wahl's factor has no meaning for less")
+            raise q.value_error("a coil_diameter of twice the wire's or more", "Wahl's factor has no meaning for less")
         if (self.active_coils is None) != (self.shear_modulus is None):
-            raise q.refused("active_coils and shear_modulus together, or neither", "the stiffness takes both")
+            raise q.value_error("active_coils and shear_modulus together, or neither", "the stiffness takes both")
         return self
 
     def made(self) -> valvetrain.Wire:
@@ -70,7 +70,7 @@ class PulsationRecord(PartRecord[valvetrain.Pulsation]):
     @model_validator(mode="after")
     def _stays_a_spring(self) -> Self:
         if self.amplitude >= 1.0:
-            raise q.refused("an amplitude below 1", "the stiffness must not change its sign")
+            raise q.value_error("an amplitude below 1", "the stiffness must not change its sign")
         return self
 
     def made(self) -> valvetrain.Pulsation:
@@ -106,17 +106,19 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
     @model_validator(mode="after")
     def _of_one_piece(self) -> Self:
         if self.wire is not None and not direction(self.direction)[:3].any():
-            raise q.refused(
+            raise q.value_error(
                 "a wire on a spring along a line", "its stress and stiffness are those of a coil in compression"
             )
         if self.wire is not None and self.wire.rate is not None and self.stiffness:
-            raise q.refused("either stiffness, or active_coils and shear_modulus of the wire", "both say the same")
+            raise q.value_error("either stiffness, or active_coils and shear_modulus of the wire", "both say the same")
         if self.installed_force is not None and self.installed_compression is not None:
-            raise q.refused("either installed_force or installed_compression", "one follows from the other")
+            raise q.value_error("either installed_force or installed_compression", "one follows from the other")
         if self.link and (self.to is None or self.installed_force or self.installed_compression):
-            raise q.refused("a link with an end `to` and no preload", "it joins two points as a part of the train does")
+            raise q.value_error(
+                "a link with an end `to` and no preload", "it joins two points as a part of the train does"
+            )
         if self.clash_travel is not None and not self.made().stiffness:
-            raise q.refused("a stiffness where coils can touch", "a spring without one has no coils")
+            raise q.value_error("a stiffness where coils can touch", "a spring without one has no coils")
         return self
 
     @field_validator("stiffness", "damping", mode="before")
@@ -131,7 +133,7 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
         """Build the spring."""
         along = direction(self.direction)
         stiffness = self.stiffness or (self.wire.rate if self.wire else None) or 0.0
-        clash = self.clash_stiffness or _CLASH * self.elements * stiffness
+        clash = self.clash_stiffness or _COIL_CONTACT_RATIO * self.elements * stiffness
         wire = self.wire.made() if self.wire else None
         force = self.installed_force
         if self.installed_compression is not None:
@@ -181,7 +183,7 @@ class LoadRecord(Record):
             self.member is not None and self.force_per_length is not None,
         )
         if point == spread or (self.at is not None) == (self.member is not None):
-            raise q.refused("either at with force, or member with force_per_length", "a load acts in one way")
+            raise q.value_error("either at with force, or member with force_per_length", "a load acts in one way")
         return self
 
     def made(self) -> valvetrain.GivenLoad:

@@ -23,7 +23,7 @@ class ToleranceRecord(Record):
     @model_validator(mode="after")
     def _asks_for_something(self) -> Self:
         if not self.by_quantity():
-            raise q.refused("at least one of lift, velocity, acceleration, force", "it asks for nothing")
+            raise q.value_error("at least one of lift, velocity, acceleration, force", "it asks for nothing")
         return self
 
     def by_quantity(self) -> dict[str, float]:
@@ -70,11 +70,11 @@ class FidelityRecord(Record):
     @model_validator(mode="after")
     def _one_choice(self) -> Self:
         if self.tolerance is not None and self.model != "beams":
-            raise q.refused("either model or tolerance", "a tolerance chooses the model")
+            raise q.value_error("either model or tolerance", "a tolerance chooses the model")
         if self.reduction != "modes" and self.modes is None:
-            raise q.refused("modes with a reduction", "it says how many")
+            raise q.value_error("modes with a reduction", "it says how many")
         if self.modes is not None and self.model != "beams":
-            raise q.refused("modes with model = beams", "they are modes of the beams")
+            raise q.value_error("modes with model = beams", "they are modes of the beams")
         return self
 
     @property
@@ -161,7 +161,7 @@ class ExactRecord(PartRecord[dynamics.Method]):
         return dynamics.exact()
 
 
-class OutsideRecord(PartRecord[dynamics.Method]):
+class ScipyReferenceRecord(PartRecord[dynamics.Method]):
     """Integrators of scipy, as a check of small models: slow, with an accuracy set by the tolerance."""
 
     method: Literal["radau", "dop853"]
@@ -180,7 +180,7 @@ IntegratorRecord = Annotated[
     | BatheRecord
     | CentralDifferenceRecord
     | ExactRecord
-    | OutsideRecord,
+    | ScipyReferenceRecord,
     Field(discriminator="method"),
 ]
 
@@ -211,7 +211,7 @@ class GivenStartRecord(Record):
         }
 
 
-def _kind_of_start(value: object) -> str:
+def _start_tag(value: object) -> str:
     """Return the kind of initial state of a value or record, so that an invalid value gives one fault."""
     if isinstance(value, dict):
         return "result" if "result" in value else "given"
@@ -224,7 +224,7 @@ StartRecord = Annotated[
     Annotated[Literal["rest", "equilibrium", "periodic"], Tag("named")]
     | Annotated[ResultStartRecord, Tag("result")]
     | Annotated[GivenStartRecord, Tag("given")],
-    Discriminator(_kind_of_start),
+    Discriminator(_start_tag),
 ]
 
 
@@ -238,9 +238,9 @@ class FluctuationRecord(Record):
     @model_validator(mode="after")
     def _as_many(self) -> Self:
         if len(self.amplitudes) != len(self.orders) or len(self.phases) not in (0, len(self.orders)):
-            raise q.refused("an amplitude (and a phase, or none) for every order", "they belong together")
+            raise q.value_error("an amplitude (and a phase, or none) for every order", "they belong together")
         if sum(self.amplitudes) >= 1.0:
-            raise q.refused("amplitudes that together are below 1", "the shaft must keep turning")
+            raise q.value_error("amplitudes that together are below 1", "the shaft must keep turning")
         return self
 
     def made(self) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
@@ -300,17 +300,17 @@ class RunRecord(Record):
     @model_validator(mode="after")
     def _one_drive(self) -> Self:
         if self.fluctuation is not None and self.free_running is not None:
-            raise q.refused("either fluctuation or free_running", "the shaft turns in one way")
+            raise q.value_error("either fluctuation or free_running", "the shaft turns in one way")
         orders = self.fluctuation.orders if self.fluctuation else []
         if self.start == "periodic" and any(order != round(order) for order in orders):
-            raise q.refused("whole orders with start = periodic", "the state repeats with the camshaft")
+            raise q.value_error("whole orders with start = periodic", "the state repeats with the camshaft")
         return self
 
 
-def _without_doubles(names: list[str]) -> list[str]:
+def _check_duplicates(names: list[str]) -> list[str]:
     twice = [name for name in names if names.count(name) > 1]
     if twice:
-        raise q.refused("every point once", f"{twice[0]!r} is listed {names.count(twice[0])} times", "remove it")
+        raise q.value_error("every point once", f"{twice[0]!r} is listed {names.count(twice[0])} times", "remove it")
     return names
 
 
@@ -318,5 +318,5 @@ class OutputRecord(Record):
     """Saved quantities and instants."""
 
     probes: list[Name] = Field(default=[], description="points kept at every step")
-    _listed_once = field_validator("probes")(_without_doubles)
+    _listed_once = field_validator("probes")(_check_duplicates)
     field_every: int = Field(20, ge=1, le=1_000_000_000, strict=True, description="steps between saved fields")

@@ -21,7 +21,7 @@ class SettingRecord(Record):
     @model_validator(mode="after")
     def _one_speed(self) -> Self:
         if self.speed is not None and self.crank_speed is not None:
-            raise q.refused("either speed or crank_speed", "one follows from the other")
+            raise q.value_error("either speed or crank_speed", "one follows from the other")
         return self
 
     @property
@@ -45,7 +45,7 @@ class SweepRecord(Record):
     scalars: list[str] = Field(default=[], description="which to keep, by name or beginning of a name; all by default")
 
 
-class SweepOnly(Record):
+class SweepFileRecord(Record):
     """Case of which only the table ``[sweep]`` is read."""
 
     sweep: SweepRecord

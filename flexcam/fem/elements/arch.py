@@ -21,7 +21,7 @@ SCALARS = 7
 """Deformation parameters per element: elongation, then chord slope and both end rotations in both planes."""
 
 
-def deforming(beams: Beams, elements: IntArray) -> FloatArray:
+def deformation_matrix(beams: Beams, elements: IntArray) -> FloatArray:
     """Return the matrix from the twelve local components to the seven deformation parameters.
 
     Parameters
@@ -45,13 +45,13 @@ def deforming(beams: Beams, elements: IntArray) -> FloatArray:
     return D
 
 
-def shortening(beams: Beams, elements: IntArray) -> FloatArray:
+def shortening_matrix(beams: Beams, elements: IntArray) -> FloatArray:
     """Return g for slopes and rotations of both planes.
 
     Parameters
     ----------
     beams, elements
-        As for `deforming`.
+        As for `deformation_matrix`.
 
     Returns
     -------
@@ -97,31 +97,31 @@ class Arch:
     def of(cls, beams: Beams, elements: IntArray) -> Arch:
         """Return the arches of selected elements, shape (e,)."""
         axial = beams.EA[elements] / beams.length[elements]
-        return cls(axial, shortening(beams, elements), beams.bow[elements])
+        return cls(axial, shortening_matrix(beams, elements), beams.bow[elements])
 
     def pull(self, values: FloatArray) -> FloatArray:
         """Return the bending forces per unit axial force, g (y + y0), shape (..., e, 6), for shape (..., e, 7)."""
-        return _behind(self._pull(_before(values)), values)
+        return _move_instants_first(self._pull(_move_instants_last(values)), values)
 
     def axial_force(self, values: FloatArray) -> FloatArray:
         """Return the axial force, tension positive, N, shape (..., e), for parameters of shape (..., e, 7)."""
-        first = _before(values)
+        first = _move_instants_last(values)
         N = self.axial[:, None] * first[:, 0] + self._beyond(first, self._pull(first))
-        return _behind(N, values)
+        return _move_instants_first(N, values)
 
     def forces(self, values: FloatArray) -> FloatArray:
         """Return the forces beyond those of the linear bar and beam, shape (..., e, 7), for that shape."""
-        first = _before(values)
+        first = _move_instants_last(values)
         pulled, found = self._pull(first), np.empty_like(first)
         beyond = self._beyond(first, pulled)
         N = self.axial[:, None] * first[:, 0] + beyond
         found[:, 0] = beyond
         np.multiply(N[:, None], pulled, out=found[:, 1:])
-        return _behind(found, values)
+        return _move_instants_first(found, values)
 
     def energy(self, values: FloatArray) -> FloatArray:
         """Return the energy beyond that of the linear bar and beam, J, shape (...), for shape (..., e, 7)."""
-        first = _before(values)
+        first = _move_instants_last(values)
         beyond = self._beyond(first, self._pull(first))  # N^2 minus that of the linear bar
         return np.sum(beyond * (0.5 * beyond / self.axial[:, None] + first[:, 0]), axis=0).reshape(values.shape[:-2])
 
@@ -152,17 +152,17 @@ class Arch:
         return forces, tangent
 
 
-def _before(values: FloatArray) -> FloatArray:
+def _move_instants_last(values: FloatArray) -> FloatArray:
     """Move the instants last, shape (..., e, k) to (e, k, m), for contiguous access."""
     return np.ascontiguousarray(values.reshape(-1, *values.shape[-2:]).transpose(1, 2, 0))
 
 
-def _behind(found: FloatArray, values: FloatArray) -> FloatArray:
+def _move_instants_first(found: FloatArray, values: FloatArray) -> FloatArray:
     """Move the instants back to the front, shape (e, ..., m) to (..., e, ...)."""
     return found.transpose(-1, *range(found.ndim - 1)).reshape(*values.shape[:-2], *found.shape[:-1])
 
 
-def beyond_linear(beams: Beams, local: FloatArray) -> FloatArray:
+def nonlinear_end_forces(beams: Beams, local: FloatArray) -> FloatArray:
     """Return the end forces of shallow arches beyond those of linear bars and beams.
 
     Parameters
@@ -181,13 +181,13 @@ def beyond_linear(beams: Beams, local: FloatArray) -> FloatArray:
     arched = np.flatnonzero(beams.arched)
     if not len(arched):
         return forces
-    D = deforming(beams, arched)
+    D = deformation_matrix(beams, arched)
     values = np.einsum("eij,...ej->...ei", D, local[..., arched, :])
     forces[..., arched, :] = np.einsum("eij,...ei->...ej", D, Arch.of(beams, arched).forces(values))
     return forces
 
 
-def half_wave(bow: float, length: FloatArray) -> FloatArray:
+def initial_bow(bow: float, length: FloatArray) -> FloatArray:
     """Return the initial bow y0 of the elements of a member with a half wave in its x-y plane.
 
     Parameters

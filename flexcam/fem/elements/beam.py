@@ -17,7 +17,7 @@ AXIAL = np.array([0, 6])
 TORSION = np.array([3, 9])
 PLANE_XY = np.array([1, 5, 7, 11])
 PLANE_XZ = np.array([2, 4, 8, 10])
-_TURNED = np.outer([1.0, -1.0, 1.0, -1.0], [1.0, -1.0, 1.0, -1.0])
+_ROTATION_SIGNS = np.outer([1.0, -1.0, 1.0, -1.0], [1.0, -1.0, 1.0, -1.0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +80,7 @@ def _place(bar: FloatArray, twist: FloatArray, xy: FloatArray, xz: FloatArray) -
     full[:, AXIAL[:, None], AXIAL] = bar
     full[:, TORSION[:, None], TORSION] = twist
     full[:, PLANE_XY[:, None], PLANE_XY] = xy
-    full[:, PLANE_XZ[:, None], PLANE_XZ] = xz * _TURNED
+    full[:, PLANE_XZ[:, None], PLANE_XZ] = xz * _ROTATION_SIGNS
     return full
 
 
@@ -172,11 +172,11 @@ def to_global(beams: Beams, local: FloatArray) -> FloatArray:
     ndarray
         Shape (e, 12, 12), global axes.
     """
-    rows_turned = _rows_turned(beams, local)
-    return _rows_turned(beams, rows_turned.swapaxes(1, 2)).swapaxes(1, 2)
+    rows_turned = _rotate_rows(beams, local)
+    return _rotate_rows(beams, rows_turned.swapaxes(1, 2)).swapaxes(1, 2)
 
 
-def _rows_turned(beams: Beams, matrices: FloatArray) -> FloatArray:
+def _rotate_rows(beams: Beams, matrices: FloatArray) -> FloatArray:
     """Return ``T^T m``; each group of three rows is a vector at one end."""
     back = np.swapaxes(beams.triads, -1, -2)[:, None]
     return (back @ matrices.reshape(-1, 4, 3, 12)).reshape(-1, 12, 12)

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexcam.plotting.scene.solids import Solid, cylinder, turned
+from flexcam.plotting.scene.solids import Solid, cylinder, revolve
 
 if TYPE_CHECKING:
-    from flexcam.plotting.scene.instant import Instant
-    from flexcam.plotting.scene.layout import CamPlace
+    from flexcam.plotting.scene.instant import SceneState
+    from flexcam.plotting.scene.layout import CamPlacement
 
 
-def follower(place: CamPlace, instant: Instant) -> list[Solid]:
+def follower(place: CamPlacement, instant: SceneState) -> list[Solid]:
     """Return the solids of a follower."""
     moved = instant.at(place.contact.follower, place.lift)
     if np.isinf(place.frame.follower.roller_radius):
@@ -21,13 +21,13 @@ def follower(place: CamPlace, instant: Instant) -> list[Solid]:
     return _roller(place, moved, instant)
 
 
-def _face(place: CamPlace, moved: np.ndarray) -> list[Solid]:
+def _face(place: CamPlacement, moved: np.ndarray) -> list[Solid]:
     """Return a disc with its face on the cam, and the neck to the node if that is farther away."""
     base, radius = place.frame.follower.base_radius, place.face
     face = place.frame.centre + base * place.lift + moved
     thick = 0.3 * radius
     profile = [(0.0, 0.96 * radius), (0.04 * radius, radius), (thick, radius)]
-    parts = [turned("follower", face, place.lift, profile)]
+    parts = [revolve("follower", face, place.lift, profile)]
     if place.ahead - base > thick:
         parts.append(
             cylinder("follower", face + thick * place.lift, face + (place.ahead - base) * place.lift, 0.3 * radius)
@@ -35,7 +35,7 @@ def _face(place: CamPlace, moved: np.ndarray) -> list[Solid]:
     return parts
 
 
-def _roller(place: CamPlace, moved: np.ndarray, instant: Instant) -> list[Solid]:
+def _roller(place: CamPlacement, moved: np.ndarray, instant: SceneState) -> list[Solid]:
     frame = place.frame
     along = float(moved @ place.lift)
     finger = not instant.structure.is_node(place.contact.follower)

@@ -12,7 +12,7 @@ from flexcam.valvetrain import Structure
 
 
 @dataclass(frozen=True, eq=False)
-class Instant:
+class SceneState:
     """State of a scene at one instant.
 
     Parameters

@@ -61,7 +61,7 @@ def lever_frame(rocker: Rocker, end: FloatArray, plane: FloatArray, side: int) -
     return LeverFrame(rocker, end - np.array([driven.real, driven.imag]) @ plane, plane, side)
 
 
-def lever(frame: LeverFrame, path: float, thick: float) -> list[Solid]:
+def lever_solids(frame: LeverFrame, path: float, thick: float) -> list[Solid]:
     """Return the solids of a rocker and its pivot."""
     bend, radii, pivot = _outline(frame, path, thick)
     links = zip(bend[:-1], bend[1:], radii[:-1], radii[1:], strict=True)

@@ -8,7 +8,7 @@ import numpy as np
 
 from flexcam.cams import CamProfile, Follower, SwingFlatFollower, SwingRollerFollower, cam_profile
 from flexcam.core import ComplexArray, FloatArray
-from flexcam.plotting.scene.motion import turn
+from flexcam.plotting.scene.motion import rotation_matrices
 from flexcam.plotting.scene.solids import Solid, prism
 from flexcam.valvetrain import Cam
 
@@ -82,11 +82,11 @@ def cam_frame(
     return CamFrame(made, centre, np.array([right, lift]), axis, width)
 
 
-def lobe(frame: CamFrame, angle: float, moved: FloatArray) -> Solid:
+def lobe_solid(frame: CamFrame, angle: float, moved: FloatArray) -> Solid:
     """Return the solid of a lobe."""
     outline = frame.contour(angle)
     flat = np.column_stack([outline.real, outline.imag])
-    plane = frame.plane @ turn(moved[None, 3:])[0]
+    plane = frame.plane @ rotation_matrices(moved[None, 3:])[0]
     return prism("lobe", flat, plane, frame.centre + moved[:3], frame.width)
 
 

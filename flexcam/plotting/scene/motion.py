@@ -9,16 +9,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexcam.core import FloatArray, IntArray
-from flexcam.core.errors import did_you_mean, refuse
+from flexcam.core.errors import refuse, suggest_name
 from flexcam.dynamics import CamMotion, Response
 from flexcam.fem.elements.beam import Beams
 from flexcam.fem.recovery import deflection
-from flexcam.io import RECOVERED, VECTORS, Result
-from flexcam.plotting.scene.instant import Instant
+from flexcam.io import RECOVERED_FIELDS, VECTORS, Result
+from flexcam.plotting.scene.instant import SceneState
 from flexcam.plotting.scene.sizes import model_size
 from flexcam.valvetrain import Structure, build_rigid
 
-PARTS = 8
+SEGMENTS_PER_ELEMENT = 8
 """Drawn segments per element."""
 
 
@@ -41,7 +41,9 @@ class CentreLine:
     part: FloatArray
 
 
-def centre_line(beams: Beams, elements: slice, nodes: FloatArray, nodal: FloatArray, parts: int = PARTS) -> CentreLine:
+def centre_line(
+    beams: Beams, elements: slice, nodes: FloatArray, nodal: FloatArray, parts: int = SEGMENTS_PER_ELEMENT
+) -> CentreLine:
     """Return the deformed centre line of a chain of elements."""
     ends, triads = beams.nodes[elements], beams.triads[elements]
     bent = deflection(beams, nodal, parts, elements)
@@ -54,11 +56,11 @@ def centre_line(beams: Beams, elements: slice, nodes: FloatArray, nodal: FloatAr
     straight = (1.0 - along) * start + along * end
     back = triads[own]
     points = straight + np.einsum("ni,nij->nj", moved, back)
-    axes = back @ turn(np.einsum("ni,nij->nj", rotated, back))
+    axes = back @ rotation_matrices(np.einsum("ni,nij->nj", rotated, back))
     return CentreLine(points, axes, part)
 
 
-def turn(vectors: FloatArray) -> FloatArray:
+def rotation_matrices(vectors: FloatArray) -> FloatArray:
     """Return rotation matrices of rotation vectors by Rodrigues' formula: the rows are the rotated axes."""
     angle = np.linalg.norm(vectors, axis=1)[:, None, None]
     x, y, z = vectors.T
@@ -67,13 +69,13 @@ def turn(vectors: FloatArray) -> FloatArray:
     return np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * np.sinc(0.5 * angle / np.pi) ** 2 * cross @ cross
 
 
-def swept(outline: FloatArray, line: CentreLine) -> FloatArray:
+def sweep_outline(outline: FloatArray, line: CentreLine) -> FloatArray:
     """Return the rings of an outline swept along a centre line."""
     return line.points[:, None] + outline @ line.triads[:, 1:]
 
 
 REVOLUTION = 2.0 * math.pi
-SWING = 0.05
+MODE_AMPLITUDE = 0.05
 """Maximum translation of a drawn mode relative to the model size."""
 
 
@@ -107,10 +109,10 @@ class Motion:
     def __len__(self) -> int:
         return len(self.angle)
 
-    def instant(self, i: int, scale: float = 1.0) -> Instant:
+    def instant(self, i: int, scale: float = 1.0) -> SceneState:
         """Return instant i with its elastic part multiplied by `scale`."""
         values = None if self.values is None else self.values[i]
-        return Instant(self.structure, float(self.angle[i]), self.rigid[i] + scale * self.elastic[i], values)
+        return SceneState(self.structure, float(self.angle[i]), self.rigid[i] + scale * self.elastic[i], values)
 
     def at(self, instants: Sequence[int] | IntArray) -> Motion:
         """Return selected instants."""
@@ -138,8 +140,8 @@ def result_motion(structure: Structure, result: Result, speed: float, colour: st
     response = result.response
     if not len(response.field_time):
         raise refuse("result", "no saved field", "at least one", "", "run the case again")
-    rigid = carried(structure, response.field_angle, speed)[0]
-    moved = _unknowns(structure, response, rigid)
+    rigid = rigid_motion(structure, response.field_angle, speed)[0]
+    moved = _structure_dofs(structure, response, rigid)
     motion = Motion(structure, response.field_angle, rigid, moved - rigid)
     return motion if colour is None else replace(motion, values=_colours(result, colour), label=_label(colour))
 
@@ -147,7 +149,7 @@ def result_motion(structure: Structure, result: Result, speed: float, colour: st
 def case_motion(structure: Structure, speed: float, colour: str | None = None, count: int = 180) -> Motion:
     """Return the motion of the rigid mechanism over one revolution."""
     angle = np.linspace(0.0, REVOLUTION, count, endpoint=False)
-    series = dict(zip(("displacement", "velocity", "acceleration"), carried(structure, angle, speed), strict=True))
+    series = dict(zip(("displacement", "velocity", "acceleration"), rigid_motion(structure, angle, speed), strict=True))
     rigid = series["displacement"]
     motion = Motion(structure, angle, rigid, np.zeros_like(rigid))
     if colour is None:
@@ -155,7 +157,7 @@ def case_motion(structure: Structure, speed: float, colour: str | None = None, c
     if colour not in series:
         why, remedy = "a case is shown as its rigid mechanism moves", "solve it with flexcam run and view the result"
         raise refuse("--color", repr(colour), ", ".join(series), why, remedy)
-    values = _shown_in(colour)[1] * _lengths(_on_members(structure, series[colour]))
+    values = _display_unit(colour)[1] * _lengths(_member_translations(structure, series[colour]))
     return replace(motion, values=values, label=_label(colour))
 
 
@@ -165,15 +167,15 @@ def mode_motion(structure: Structure, shape: FloatArray, *, coloured: bool = Fal
     others = np.abs(shape[int((structure.dofs.numbers >= 0).sum()) :]).max(initial=0.0)
     largest = float(max(moved, others)) or 1.0
     swing = np.cos(REVOLUTION * np.arange(count) / count)[:, None]
-    elastic = SWING * model_size(structure.model) / largest * swing * shape
+    elastic = MODE_AMPLITUDE * model_size(structure.model) / largest * swing * shape
     motion = Motion(structure, np.zeros(count), np.zeros_like(elastic), elastic)
     if not coloured:
         return motion
-    values = np.abs(swing) * _lengths(_on_members(structure, shape[None] / largest))
+    values = np.abs(swing) * _lengths(_member_translations(structure, shape[None] / largest))
     return replace(motion, values=values, label="displacement\n(largest = 1)")
 
 
-def carried(structure: Structure, angle: FloatArray, speed: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+def rigid_motion(structure: Structure, angle: FloatArray, speed: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return displacement, velocity and acceleration of the rigid mechanism at constant speed."""
     shown = build_rigid(structure.model, speed).carried
     if shown is None:
@@ -182,7 +184,7 @@ def carried(structure: Structure, angle: FloatArray, speed: float) -> tuple[Floa
     return shown.at(CamMotion(angle, np.full_like(angle, speed), np.zeros_like(angle)))
 
 
-def _unknowns(structure: Structure, response: Response, rigid: FloatArray) -> FloatArray:
+def _structure_dofs(structure: Structure, response: Response, rigid: FloatArray) -> FloatArray:
     """Return the degrees of freedom of the structure at the saved fields; missing ones move as in the rigid model."""
     numbers = structure.dofs.numbers
     nodal = response.fields.displacement.reshape(len(rigid), -1, 6)
@@ -198,17 +200,17 @@ def _unknowns(structure: Structure, response: Response, rigid: FloatArray) -> Fl
 
 
 def _colours(result: Result, colour: str) -> FloatArray:
-    known = [*VECTORS, *RECOVERED]
+    known = [*VECTORS, *RECOVERED_FIELDS]
     if colour not in known:
-        raise refuse("--color", repr(colour), ", ".join(known), remedy=did_you_mean(colour, known))
+        raise refuse("--color", repr(colour), ", ".join(known), remedy=suggest_name(colour, known))
     if colour in result.recovered:
         values = result.recovered[colour]
     else:
         values = result.field(colour)[:, result.still["node"].astype(np.intp)]
-    return _shown_in(colour)[1] * (values if values.ndim == 2 else _lengths(values))
+    return _display_unit(colour)[1] * (values if values.ndim == 2 else _lengths(values))
 
 
-def _on_members(structure: Structure, unknowns: FloatArray) -> FloatArray:
+def _member_translations(structure: Structure, unknowns: FloatArray) -> FloatArray:
     """Return translations at the points of the members' polylines, shape (f, points, 3)."""
     points = np.concatenate([np.zeros(0, np.intp), *structure.model.mesh.lines.values()])
     return structure.dofs.nodal(unknowns)[:, points, :3]
@@ -218,15 +220,15 @@ def _lengths(vectors: FloatArray) -> FloatArray:
     return np.linalg.norm(vectors, axis=-1)
 
 
-_SHOWN = {"Pa": ("MPa", 1e-6), "m": ("mm", 1e3)}
+_DISPLAY_UNITS = {"Pa": ("MPa", 1e-6), "m": ("mm", 1e3)}
 """Display units, and their number per SI unit."""
 
 
-def _shown_in(colour: str) -> tuple[str, float]:
+def _display_unit(colour: str) -> tuple[str, float]:
     """Return the display unit of a field and its number per SI unit."""
-    unit = VECTORS[colour][2] if colour in VECTORS else RECOVERED[colour][0]
-    return _SHOWN.get(unit, (unit, 1.0))
+    unit = VECTORS[colour][2] if colour in VECTORS else RECOVERED_FIELDS[colour][0]
+    return _DISPLAY_UNITS.get(unit, (unit, 1.0))
 
 
 def _label(colour: str) -> str:
-    return f"{colour.replace('_', ' ')}\n{_shown_in(colour)[0]}"
+    return f"{colour.replace('_', ' ')}\n{_display_unit(colour)[0]}"

@@ -45,7 +45,7 @@ def valve_lift(model: Model) -> float:
     return max(lifts, default=0.0) or 0.1 * model_size(model)
 
 
-def drawn_follower(name: str, cam: Cam, distance: float, notes: Notes) -> Follower:
+def default_follower(name: str, cam: Cam, distance: float, notes: Notes) -> Follower:
     """Return the follower with which a cam is drawn."""
     if cam.follower is not None:
         return cam.follower

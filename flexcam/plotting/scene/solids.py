@@ -57,11 +57,11 @@ def loft(kind: str, rings: FloatArray, *, cyclic: bool = False, values: FloatArr
     if not cyclic:
         points = np.concatenate([points, rings[[0, -1]].mean(axis=1)])
         spread = None if values is None or spread is None else np.append(spread, values[[0, -1]])
-    return Solid(kind, points, _skin(count, around, cyclic), spread)
+    return Solid(kind, points, _loft_faces(count, around, cyclic), spread)
 
 
 @lru_cache(maxsize=256)
-def _skin(count: int, around: int, cyclic: bool) -> IntArray:
+def _loft_faces(count: int, around: int, cyclic: bool) -> IntArray:
     """Return the triangles between rings and those of the end faces."""
     here = np.arange(count if cyclic else count - 1)[:, None] * around
     there = (here + around) % (count * around)
@@ -76,7 +76,7 @@ def _skin(count: int, around: int, cyclic: bool) -> IntArray:
     return skin
 
 
-def merged(solids: Sequence[Solid]) -> Solid:
+def merge_solids(solids: Sequence[Solid]) -> Solid:
     """Merge several solids into one surface."""
     starts = np.cumsum([0, *(len(one.points) for one in solids)])[:-1].tolist()
     values = [one.values for one in solids if one.values is not None]
@@ -88,11 +88,11 @@ def merged(solids: Sequence[Solid]) -> Solid:
     )
 
 
-AROUND = 32
+CIRCLE_POINTS = 32
 """Points of a circle: a round bar then has 99.4 % of its volume."""
 
 
-def circle(radius: float, count: int = AROUND) -> FloatArray:
+def circle(radius: float, count: int = CIRCLE_POINTS) -> FloatArray:
     """Return points of a circle about the origin, counterclockwise."""
     turn = 2.0 * math.pi * np.arange(count) / count
     return radius * np.column_stack([np.cos(turn), np.sin(turn)])
@@ -113,7 +113,7 @@ def capsule(start: complex, end: complex, radii: tuple[float, float]) -> FloatAr
     """Return the outline of two circles and their outer tangents, counterclockwise."""
     span = end - start
     open_by = math.acos(max(-1.0, min(1.0, (radii[0] - radii[1]) / abs(span))))
-    half = AROUND // 2
+    half = CIRCLE_POINTS // 2
     about = span / abs(span)
     near = start + radii[0] * about * np.exp(1j * np.linspace(open_by, 2.0 * math.pi - open_by, half))
     far = end + radii[1] * about * np.exp(1j * np.linspace(-open_by, open_by, half))
@@ -121,7 +121,7 @@ def capsule(start: complex, end: complex, radii: tuple[float, float]) -> FloatAr
     return np.column_stack([outline.real, outline.imag])
 
 
-def across(axis: FloatArray) -> tuple[FloatArray, FloatArray]:
+def perpendicular_axes(axis: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return two unit vectors that form a right-handed triad with an axis, the axis last."""
     near = default_orientation(axis)
     first = near - (near @ axis) * axis
@@ -129,9 +129,9 @@ def across(axis: FloatArray) -> tuple[FloatArray, FloatArray]:
     return first, np.cross(axis, first)
 
 
-def turned(kind: str, centre: FloatArray, axis: FloatArray, profile: Sequence[tuple[float, float]]) -> Solid:
+def revolve(kind: str, centre: FloatArray, axis: FloatArray, profile: Sequence[tuple[float, float]]) -> Solid:
     """Return a body of revolution."""
-    first, second = across(axis)
+    first, second = perpendicular_axes(axis)
     ring = circle(1.0) @ np.array([first, second])
     return loft(kind, np.array([centre + x * axis + radius * ring for x, radius in profile]))
 
@@ -140,12 +140,12 @@ def cylinder(kind: str, start: FloatArray, end: FloatArray, radius: float) -> So
     """Return a cylinder between two points."""
     span = end - start
     length = float(np.linalg.norm(span))
-    return turned(kind, start, span / length, [(0.0, radius), (length, radius)])
+    return revolve(kind, start, span / length, [(0.0, radius), (length, radius)])
 
 
 def ring(kind: str, centre: FloatArray, axis: FloatArray, radii: tuple[float, float], width: float) -> Solid:
     """Return a ring of rectangular cross-section."""
-    first, second = across(axis)
+    first, second = perpendicular_axes(axis)
     spokes = circle(1.0) @ np.array([first, second])
     inner, outer = radii
     corners = [(inner, -0.5), (inner, 0.5), (outer, 0.5), (outer, -0.5)]
@@ -157,7 +157,7 @@ def ball(kind: str, centre: FloatArray, radius: float) -> Solid:
     """Return a sphere."""
     tilt = np.linspace(0.05, math.pi - 0.05, 17)
     pairs = zip((-radius * np.cos(tilt)).tolist(), (radius * np.sin(tilt)).tolist(), strict=True)
-    return turned(kind, centre, np.array([0.0, 1.0, 0.0]), list(pairs))
+    return revolve(kind, centre, np.array([0.0, 1.0, 0.0]), list(pairs))
 
 
 def prism(kind: str, outline: FloatArray, plane: FloatArray, centre: FloatArray, width: float) -> Solid:

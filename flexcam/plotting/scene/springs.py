@@ -8,24 +8,24 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexcam.core import FloatArray
-from flexcam.plotting.scene.instant import Instant
+from flexcam.plotting.scene.instant import SceneState
 from flexcam.plotting.scene.sizes import CoilSizes
-from flexcam.plotting.scene.solids import Solid, across, circle, loft, ring
+from flexcam.plotting.scene.solids import Solid, circle, loft, perpendicular_axes, ring
 
 _PER_COIL = 20
 _WIRE = 10
-_DEAD = 1.0
+_END_COILS = 1.0
 """Number of closed coils at each end."""
 
 
-def coil(sizes: CoilSizes, start: FloatArray, axis: FloatArray, moved: FloatArray, length: float) -> Solid:
+def coil_solid(sizes: CoilSizes, start: FloatArray, axis: FloatArray, moved: FloatArray, length: float) -> Solid:
     """Return the solid of a coil spring."""
-    turns = sizes.coils + 2.0 * _DEAD
+    turns = sizes.coils + 2.0 * _END_COILS
     angle = np.linspace(0.0, 2.0 * math.pi * turns, round(_PER_COIL * turns) + 1)
-    place = _rise(angle / (2.0 * math.pi), turns, sizes, length)
-    closed = (0.5 + _DEAD) * sizes.wire  # end coils move with the ends
+    place = _coil_height(angle / (2.0 * math.pi), turns, sizes, length)
+    closed = (0.5 + _END_COILS) * sizes.wire  # end coils move with the ends
     along = place + np.interp(place, np.linspace(closed, max(length - closed, closed), len(moved)), moved)
-    first, second = across(axis)
+    first, second = perpendicular_axes(axis)
     out = np.cos(angle)[:, None] * first + np.sin(angle)[:, None] * second
     centres = start + along[:, None] * axis + 0.5 * sizes.diameter * out
     tangent = np.gradient(centres, axis=0)
@@ -35,16 +35,18 @@ def coil(sizes: CoilSizes, start: FloatArray, axis: FloatArray, moved: FloatArra
     return loft("spring", centres[:, None] + wire[:, :1] * out[:, None] + wire[:, 1:] * up[:, None])
 
 
-def _rise(turn: FloatArray, turns: float, sizes: CoilSizes, length: float) -> FloatArray:
+def _coil_height(turn: FloatArray, turns: float, sizes: CoilSizes, length: float) -> FloatArray:
     """Return the height of the wire centre over the turns: closed end coils, evenly spaced active coils."""
-    inner = max(length - (1.0 + 2.0 * _DEAD) * sizes.wire, 0.0)
+    inner = max(length - (1.0 + 2.0 * _END_COILS) * sizes.wire, 0.0)
     half = 0.5 * sizes.wire
-    knots = [0.0, _DEAD, turns - _DEAD, turns]
-    return np.interp(turn, knots, [half, half + _DEAD * sizes.wire, half + _DEAD * sizes.wire + inner, length - half])
+    knots = [0.0, _END_COILS, turns - _END_COILS, turns]
+    return np.interp(
+        turn, knots, [half, half + _END_COILS * sizes.wire, half + _END_COILS * sizes.wire + inner, length - half]
+    )
 
 
 @dataclass(frozen=True, eq=False)
-class CoilPlace:
+class CoilPlacement:
     """Position of a coil spring.
 
     Parameters
@@ -73,11 +75,11 @@ class CoilPlace:
     retainer: bool
 
 
-def drawn(place: CoilPlace, instant: Instant) -> list[Solid]:
+def spring_solids(place: CoilPlacement, instant: SceneState) -> list[Solid]:
     """Return the solids of a spring."""
     moved = place.sense * (place.borders @ instant.unknowns)
     size, axis = place.sizes, place.axis
-    made = [coil(size, place.start, axis, moved, size.length)]
+    made = [coil_solid(size, place.start, axis, moved, size.length)]
     inner, outer, thick = 0.5 * (size.diameter - 1.6 * size.wire), 0.5 * size.diameter + size.wire, 0.7 * size.wire
     if place.retainer:
         top = place.start + (size.length + moved[-1] + 0.5 * thick) * axis

@@ -9,21 +9,21 @@ import numpy as np
 
 from flexcam.core import FloatArray, IntArray
 from flexcam.fem.frames import COMPONENTS
-from flexcam.plotting.scene.solids import Solid, across, circle, prism, ring
+from flexcam.plotting.scene.solids import Solid, circle, perpendicular_axes, prism, ring
 from flexcam.plotting.scene.trains import is_bearing, shafts
 from flexcam.valvetrain import Model
 
 if TYPE_CHECKING:
-    from flexcam.plotting.scene.instant import Instant
+    from flexcam.plotting.scene.instant import SceneState
     from flexcam.plotting.scene.layout import Layout
 
 _TEETH = 20
 
 
-def drawn(model: Model, layout: Layout, instant: Instant) -> Iterator[Solid]:
+def support_solids(model: Model, layout: Layout, instant: SceneState) -> Iterator[Solid]:
     """Yield the symbols of supports."""
     bearings = {model.mesh.node(one.at) for one in model.springs.values() if is_bearing(model, one)}
-    held = _held(model)
+    held = _fixed_components(model)
     turning = shafts(model)
     faces = {model.mesh.node(c.contact.follower) for c in layout.cams if c.ahead}
     for name, line in model.mesh.lines.items():
@@ -37,11 +37,11 @@ def drawn(model: Model, layout: Layout, instant: Instant) -> Iterator[Solid]:
                 yield _wheel(where, axis, 2.4 * radius, instant.angle, _sense(layout, axis))
             if kept.all():
                 yield _wall(where, axis, 2.0 * radius)
-            elif (node in bearings or _holds_across(kept, axis)) and node not in faces and not driven:
+            elif (node in bearings or _fixes_transverse(kept, axis)) and node not in faces and not driven:
                 yield ring("bearing", where, axis, (1.02 * radius, 1.6 * radius), 1.1 * radius)
 
 
-def _held(model: Model) -> dict[int, FloatArray]:
+def _fixed_components(model: Model) -> dict[int, FloatArray]:
     """Return the fixed components of every supported node, shape (6,) each."""
     held: dict[int, FloatArray] = {}
     for point, names in model.supports.items():
@@ -51,9 +51,9 @@ def _held(model: Model) -> dict[int, FloatArray]:
     return held
 
 
-def _holds_across(kept: FloatArray, axis: FloatArray) -> bool:
+def _fixes_transverse(kept: FloatArray, axis: FloatArray) -> bool:
     """Return whether both translations perpendicular to an axis are fixed."""
-    first, second = across(axis)
+    first, second = perpendicular_axes(axis)
     free = ~kept[:3].astype(bool)
     return not (np.abs(first[free]).max(initial=0.0) > 0.3 or np.abs(second[free]).max(initial=0.0) > 0.3)
 
@@ -71,12 +71,12 @@ def _sense(layout: Layout, axis: FloatArray) -> float:
 def _wall(where: FloatArray, axis: FloatArray, half: float) -> Solid:
     """Return a plate for a clamped member."""
     corners = half * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
-    return prism("ground", corners, np.array(across(axis)), where, 0.4 * half)
+    return prism("ground", corners, np.array(perpendicular_axes(axis)), where, 0.4 * half)
 
 
 def _wheel(where: FloatArray, axis: FloatArray, radius: float, angle: float, sense: float) -> Solid:
     """Return a toothed wheel that rotates with the shaft."""
-    first, second = across(axis)
+    first, second = perpendicular_axes(axis)
     teeth = np.where(np.arange(4 * _TEETH) % 4 < 2, 1.0, 0.9)[:, None] * circle(radius, 4 * _TEETH)
     c, s = np.cos(sense * angle), np.sin(sense * angle)
     return prism("drive", teeth, np.array([c * first + s * second, c * second - s * first]), where, 0.35 * radius)

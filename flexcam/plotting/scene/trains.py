@@ -8,12 +8,12 @@ from flexcam.core import FloatArray
 from flexcam.valvetrain import Model, Seat, Spring
 
 
-def unit(vector: FloatArray) -> FloatArray:
+def unit_vector(vector: FloatArray) -> FloatArray:
     """Return the unit vector along a vector."""
     return vector[:3] / np.linalg.norm(vector[:3])
 
 
-def seat_at(model: Model, point: str) -> Seat | None:
+def find_seat(model: Model, point: str) -> Seat | None:
     """Return the seat at a point; None if there is none."""
     return next((one for one in model.contacts.values() if isinstance(one, Seat) and one.at == point), None)
 

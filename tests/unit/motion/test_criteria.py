@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flexcam.cams import LAWS, CompoundCycloid, Harmonic, Polynomial, Scca, Turned, criteria, quinquinomial
+from flexcam.cams import LAWS, CompoundCycloid, Harmonic, Polynomial, ReversedLaw, Scca, criteria, quinquinomial
 from flexcam.cams.law_criteria import stationary_points
 
 
@@ -56,7 +56,7 @@ def test_extremes_of_a_compound_cycloid(split):
     "law", [quinquinomial(2), CompoundCycloid(0.3), LAWS["pavlovic-new"], Polynomial((2, 9)), Scca(0.2, 0.5, 0.3)]
 )
 def test_a_turned_law_has_the_same_criteria_with_other_signs(law):
-    one, other = criteria(law), criteria(Turned(law))
+    one, other = criteria(law), criteria(ReversedLaw(law))
     for attribute in ("Cv", "Ca", "Cm"):
         assert getattr(one, attribute) == pytest.approx(getattr(other, attribute), rel=1e-11)
     np.testing.assert_allclose(one.rms, other.rms, rtol=1e-11)
@@ -130,6 +130,6 @@ def test_quinquinomial_steps_on_one_side_only():
 def test_jumps_by_order():
     assert criteria(LAWS["parabolic"]).jumps == (2,)
     assert criteria(LAWS["fb2"]).jumps == (3,)
-    assert criteria(Turned(LAWS["fb2"])).jumps == (3,)
+    assert criteria(ReversedLaw(LAWS["fb2"])).jumps == (3,)
     assert criteria(LAWS["modified-trapezoid"]).jumps == ()
     assert criteria(Scca(0.5, 0.5, 0.0)).jumps == (2,)

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flexcam.cams import LAWS, HarmonicLift, LiftEvent, Ramp, Shifted, Turned, quinquinomial
+from flexcam.cams import LAWS, DelayedEvent, HarmonicLift, LiftEvent, Ramp, ReversedLaw, quinquinomial
 from flexcam.cams.lift_event import Segment
 from flexcam.core.errors import InputError
 
@@ -64,7 +64,7 @@ def test_phase_only_moves_the_event(phase, angle, order):
 
 @pytest.mark.parametrize("phase", [0.0, 0.9, -2.0, 6.0, 40.0])
 def test_a_shifted_event_is_one_of_another_phase(phase):
-    shifted, moved = Shifted(event(phase=0.0), phase), event(phase=phase)
+    shifted, moved = DelayedEvent(event(phase=0.0), phase), event(phase=phase)
     grid = np.linspace(-1.0, 7.0, 801)
     for order in range(3):
         size = np.abs(moved(grid, order)).max()
@@ -75,7 +75,7 @@ def test_a_shifted_event_is_one_of_another_phase(phase):
 
 def test_a_shifted_harmonic_lift_happens_later():
     lift = HarmonicLift(0.003, (-0.003,), (0.0,))
-    shifted = Shifted(lift, 0.5)
+    shifted = DelayedEvent(lift, 0.5)
     assert shifted.joints == ()
     np.testing.assert_allclose(shifted(np.array([0.5, 0.5 + math.pi])), [0.0, 0.006], rtol=0, atol=1e-17)
     np.testing.assert_allclose(shifted(np.array([1.3]), 1), lift(np.array([0.8]), 1), rtol=0, atol=1e-17)
@@ -119,8 +119,10 @@ class TestSingleDwell:
     def test_low_turns_both_laws(self):
         one = LiftEvent(self.LAW, LIFT, RISE, FALL, single_dwell="low", fall_law=quinquinomial(2))
         z = np.linspace(0.01, 0.99, 50)
-        np.testing.assert_allclose(one(z * RISE), LIFT * Turned(self.LAW)(z), rtol=0, atol=1e-16)
-        np.testing.assert_allclose(one(RISE + z * FALL), LIFT * Turned(quinquinomial(2))(1 - z), rtol=0, atol=1e-16)
+        np.testing.assert_allclose(one(z * RISE), LIFT * ReversedLaw(self.LAW)(z), rtol=0, atol=1e-16)
+        np.testing.assert_allclose(
+            one(RISE + z * FALL), LIFT * ReversedLaw(quinquinomial(2))(1 - z), rtol=0, atol=1e-16
+        )
 
     def test_high_leaves_the_law_as_it_is(self):
         one = LiftEvent(self.LAW, LIFT, RISE, FALL, dwell=TURN - RISE - FALL, single_dwell="high")

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from flexcam.cams import LAWS, BSplineLaw, HarmonicLift, LiftEvent, criteria, event_extremes, lowest
+from flexcam.cams import LAWS, BSplineLaw, HarmonicLift, LiftEvent, criteria, curve_minimum, event_extremes
 
 
 @pytest.mark.parametrize("name", LAWS)
@@ -29,19 +29,21 @@ def test_the_side_before_a_joint_counts():
     """The jerk of 3-4-5 at the end of its rise, 60 h/b^3, is not reached: the dwell follows with none."""
     half = event_extremes(LiftEvent(LAWS["3-4-5"], 1.0, 1.0, 2.0), 3)
     assert [half[0].value, half[1].value] == pytest.approx([-30.0, 60.0], rel=1e-11)
-    assert lowest(lambda angle: np.where(angle < 2.0, 3.0 - angle, 5.0), (2.0,)).value == pytest.approx(1.0, rel=1e-12)
+    assert curve_minimum(lambda angle: np.where(angle < 2.0, 3.0 - angle, 5.0), (2.0,)).value == pytest.approx(
+        1.0, rel=1e-12
+    )
 
 
 def test_between_the_points_of_any_grid():
     phase = 0.1234
     low, high = event_extremes(HarmonicLift(0.0, (math.cos(7 * phase),) * 0 + (0.0,) * 6 + (1.0,), (0.0,) * 7))
     assert [low.value, high.value] == pytest.approx([-1.0, 1.0], rel=1e-13)
-    found = lowest(lambda angle: -np.cos(angle - phase))
+    found = curve_minimum(lambda angle: -np.cos(angle - phase))
     assert (found.value, found.at) == (pytest.approx(-1.0, rel=1e-14), pytest.approx(phase, abs=1e-7))
 
 
 def test_values_that_are_none_are_passed_over():
-    found = lowest(lambda angle: np.where(angle < 1.0, np.nan, angle))
+    found = curve_minimum(lambda angle: np.where(angle < 1.0, np.nan, angle))
     assert found.value == pytest.approx(1.0, abs=1e-7)
 
 

@@ -17,13 +17,13 @@ from flexcam.cams import (
     CosineSum,
     Harmonic,
     Polynomial,
+    ReversedLaw,
     Scca,
-    Turned,
     harmonic_acceleration,
     quinquinomial,
     through_points,
 )
-from flexcam.cams.ramps import FromRamp
+from flexcam.cams.ramps import RampTransition
 from flexcam.core.errors import InputError
 
 PART = st.floats(0.02, 0.98)
@@ -110,7 +110,7 @@ def test_each_derivative_is_the_slope_of_the_one_below(laws, order, derivative_e
     holds()
 
 
-@pytest.mark.parametrize("wrapped", [lambda law: law, Turned, lambda law: FromRamp(law, 0.7)],
+@pytest.mark.parametrize("wrapped", [lambda law: law, ReversedLaw, lambda law: RampTransition(law, 0.7)],
                          ids=["plain", "turned", "from a ramp"])  # fmt: skip
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
 @pytest.mark.parametrize("name", sorted(LAWS))
@@ -145,9 +145,9 @@ SIDES = {
     "trapezoid of accelerations": Scca(0.5, 0.5, 0.0),
     "parabolic": LAWS["parabolic"],
     "fb2": CompoundCycloid(0.35),
-    "turned fb2": Turned(CompoundCycloid(0.35)),
-    "turned parabolic": Turned(LAWS["parabolic"]),
-    "fb2 from a ramp": FromRamp(CompoundCycloid(0.35), 0.4),
+    "turned fb2": ReversedLaw(CompoundCycloid(0.35)),
+    "turned parabolic": ReversedLaw(LAWS["parabolic"]),
+    "fb2 from a ramp": RampTransition(CompoundCycloid(0.35), 0.4),
 }
 
 

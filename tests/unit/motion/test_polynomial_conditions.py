@@ -10,7 +10,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from flexcam.cams import LAWS, Polynomial
-from flexcam.case.lift import given_law
+from flexcam.case.lift import parse_law
 from flexcam.core.errors import InputError
 
 END = (1.0, 0, 1.0)
@@ -129,9 +129,9 @@ def test_exponents_are_refused_for_their_own_reason(exponents, reason):
 
 def test_a_broken_exponent_is_told_to_be_a_whole_number():
     with pytest.raises(InputError, match="a whole number is needed there"):
-        given_law({"id": "polynomial", "exponents": [2.5, 4, 5]})
+        parse_law({"id": "polynomial", "exponents": [2.5, 4, 5]})
 
 
 def test_a_parameter_that_is_none_is_told_so():
     with pytest.raises(InputError, match="there is no such key; did you mean 'exponents'"):
-        given_law({"id": "polynomial", "exponents": [3, 4, 5], "exponent": 3})
+        parse_law({"id": "polynomial", "exponents": [3, 4, 5], "exponent": 3})

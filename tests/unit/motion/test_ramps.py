@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flexcam.cams import LAWS, LiftEvent, Ramp, Turned, joints
-from flexcam.cams.ramps import FromRamp
+from flexcam.cams import LAWS, LiftEvent, Ramp, ReversedLaw, joints
+from flexcam.cams.ramps import RampTransition
 from flexcam.core.errors import InputError
 
 TURN = 2 * math.pi
@@ -71,7 +71,7 @@ def test_without_a_take_off_the_velocity_steps():
 @pytest.mark.parametrize("name", SMOOTH)
 def test_main_lift_goes_on_from_the_ramp(name, k):
     """From velocity k without acceleration, to 1 at rest; law + gain keeps the law's own end."""
-    law = FromRamp(LAWS[name], k)
+    law = RampTransition(LAWS[name], k)
     np.testing.assert_allclose(at(law, [0.0, 1.0]), [0.0, 1.0], rtol=0, atol=1e-14)
     np.testing.assert_allclose(at(law, [0.0, 1.0], 1), [k, 0.0], rtol=0, atol=1e-12)
     np.testing.assert_allclose(at(law, [0.0, 1.0], 2), [0.0, 0.0], rtol=0, atol=1e-11)
@@ -83,7 +83,7 @@ def test_main_lift_by_the_formula():
     z, k = np.linspace(0.0, 1.0, 101), 0.35
     g = z - 2 * z**3 + 2 * z**4 - 0.6 * z**5
     slope = (1 - z) ** 3 * (1 + 3 * z)
-    law = FromRamp(LAWS["4-5-6-7"], k)
+    law = RampTransition(LAWS["4-5-6-7"], k)
     np.testing.assert_allclose(law(z), (1 - 0.4 * k) * LAWS["4-5-6-7"](z) + k * g, rtol=0, atol=1e-15)
     np.testing.assert_allclose(law(z, 1), (1 - 0.4 * k) * LAWS["4-5-6-7"](z, 1) + k * slope, rtol=0, atol=1e-14)
 
@@ -149,7 +149,7 @@ def test_ramps_of_a_single_low_dwell():
     event = LiftEvent(LAWS["quinquinomial"], LIFT, RISE, RISE, phase=PHASE, ramp=RAMP, single_dwell="low")
     assert all(one.steps[:3] == (0.0, 0.0, 0.0) for one in joints(event))
     k = RAMP.slope * RISE / LIFT
-    law = FromRamp(Turned(LAWS["quinquinomial"]), k)
+    law = RampTransition(ReversedLaw(LAWS["quinquinomial"]), k)
     z = np.linspace(0.0, 0.999, 101)
     expected = RAMP.height + LIFT * law(z)
     np.testing.assert_allclose(event(PHASE + z * RISE), expected, rtol=0, atol=1e-16)

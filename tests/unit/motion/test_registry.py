@@ -11,7 +11,7 @@ import pytest
 
 from flexcam import cams
 from flexcam.cams import KINDS, LAWS, kind_names, law_kind, law_registry
-from flexcam.case.lift import GivenLaw, given_law
+from flexcam.case.lift import LawDefinition, parse_law
 from flexcam.cli.laws import find_law
 from flexcam.core.errors import InputError
 
@@ -60,9 +60,9 @@ def test_a_broken_package_is_named_and_breaks_no_other(plugged, target, tmp_path
     monkeypatch.syspath_prepend(tmp_path)
     plugged({"broken": target, "line": "flexcam.cams.standard_laws:Harmonic"})
     assert law_kind("line") is cams.Harmonic
-    assert given_law({"id": "fb2", "split": 0.3}).law == KINDS["fb2"](0.3)
+    assert parse_law({"id": "fb2", "split": 0.3}).law == KINDS["fb2"](0.3)
     with pytest.raises(InputError, match=f"'broken'.*{target} brings it and cannot be loaded"):
-        given_law("broken")
+        parse_law("broken")
 
 
 def test_it_is_loaded_from_its_own_module(plugged, monkeypatch):
@@ -77,7 +77,7 @@ def test_it_is_loaded_from_its_own_module(plugged, monkeypatch):
     np.testing.assert_allclose(law_kind("skewed")(power=3.0)(Z), Z**3)
     np.testing.assert_allclose(find_law("skewed")(Z), Z**2)
     np.testing.assert_allclose(find_law("skewed", ["power=3"])(Z), Z**3)
-    assert "skewed" in GivenLaw.__get_pydantic_json_schema__(None, None)["anyOf"][1]["properties"]["id"]["enum"]
+    assert "skewed" in LawDefinition.__get_pydantic_json_schema__(None, None)["anyOf"][1]["properties"]["id"]["enum"]
 
 
 def test_flexcams_own_kinds_come_first(plugged):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexcam.cams import LAWS, CompoundCycloid, Scca, Turned
+from flexcam.cams import LAWS, CompoundCycloid, ReversedLaw, Scca
 
 Z = np.linspace(0.0, 1.0, 1001)
 LAWS_AND_MORE = dict(LAWS) | {"fb2, dyadic split": CompoundCycloid(0.375), "trapezoid": Scca(0.5, 0.5, 0.0)}
@@ -20,9 +20,9 @@ def away(law):
 @pytest.mark.parametrize("name", sorted(LAWS_AND_MORE))
 def test_turned_is_one_minus_the_law_from_the_other_end(name, order):
     law = LAWS_AND_MORE[name]
-    z = away(Turned(law))
+    z = away(ReversedLaw(law))
     expected = (order == 0) - (-1.0) ** order * law(1.0 - z, order)
-    np.testing.assert_allclose(Turned(law)(z, order), expected, rtol=0, atol=1e-15 * (1 + np.abs(expected).max()))
+    np.testing.assert_allclose(ReversedLaw(law)(z, order), expected, rtol=0, atol=1e-15 * (1 + np.abs(expected).max()))
 
 
 @pytest.mark.parametrize("order", range(5))
@@ -33,9 +33,9 @@ def test_turned_twice_is_the_law(name, order):
     expected = law(z, order)
     # 1 - (1 - z) differs from z by half a bit of 1, which the next derivative multiplies, and sums of powers cancel.
     np.testing.assert_allclose(
-        Turned(Turned(law))(z, order), expected, rtol=0, atol=5e-14 * (1 + np.abs(expected).max())
+        ReversedLaw(ReversedLaw(law))(z, order), expected, rtol=0, atol=5e-14 * (1 + np.abs(expected).max())
     )
-    np.testing.assert_allclose(Turned(Turned(law)).breaks, law.breaks, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(ReversedLaw(ReversedLaw(law)).breaks, law.breaks, rtol=0, atol=1e-15)
 
 
 @pytest.mark.parametrize("name", ["fb2, dyadic split", "parabolic", "trapezoid", "modified-trapezoid"])
@@ -45,7 +45,7 @@ def test_turned_twice_is_the_law_at_its_jumps_too(name):
     at = np.array(law.breaks)
     for order in range(5):
         size = np.abs(law(Z, order)).max()
-        np.testing.assert_allclose(Turned(Turned(law))(at, order), law(at, order), rtol=0, atol=1e-14 * size)
+        np.testing.assert_allclose(ReversedLaw(ReversedLaw(law))(at, order), law(at, order), rtol=0, atol=1e-14 * size)
 
 
 @pytest.mark.parametrize("name", ["cycloidal", "modified-sine", "3-4-5", "shm"])
@@ -53,7 +53,7 @@ def test_a_symmetric_law_is_its_own(name):
     for order in range(4):
         expected = LAWS[name](Z, order)
         np.testing.assert_allclose(
-            Turned(LAWS[name])(Z, order), expected, rtol=0, atol=1e-12 * (1 + np.abs(expected).max())
+            ReversedLaw(LAWS[name])(Z, order), expected, rtol=0, atol=1e-12 * (1 + np.abs(expected).max())
         )
 
 
@@ -61,7 +61,7 @@ def test_a_symmetric_law_is_its_own(name):
 def test_the_side_at_a_turned_jump(split):
     """Right of the turned break is what the law has left of its own, with the jerk's sign kept: -A pi/p."""
     law = CompoundCycloid(split)
-    turned = Turned(law)
+    turned = ReversedLaw(law)
     (at,) = turned.breaks
     assert at == pytest.approx(1.0 - split)
     right, left = turned(np.array([at, np.nextafter(at, 0.0)]), 3)
