@@ -55,7 +55,7 @@ def outer(x):
 def planted(tmp_path):
     """Return the source, without its layout, with a fault planted into it."""
     (tmp_path / "flexcam" / "part").mkdir(parents=True)
-    (tmp_path / "flexcam" / "part" / "motion_law.py").write_text(SOURCE, encoding="utf-8")
+    (tmp_path / "flexcam" / "part" / "law.py").write_text(SOURCE, encoding="utf-8")
     (tmp_path / "flexcam" / "other.py").write_text("LIMIT = 2.0\n\n\ndef outer(z):\n    return z\n", encoding="utf-8")
 
     def plant(symbol, old, new, **more):
