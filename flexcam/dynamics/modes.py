@@ -363,9 +363,15 @@ def _cholesky(K: FloatArray, scale: FloatArray) -> FloatArray:
         raise NotPositiveError(scale * np.linalg.eigh(K)[1][:, 0]) from None
 
 
+_EQUAL = 1e-6
+"""Relative difference up to which entries of a shape are equal: those of symmetric shapes differ by rounding."""
+
+
 def _normalize_signs(shapes: FloatArray) -> FloatArray:
-    """Return the shapes with positive largest entries, for reproducible signs."""
+    """Return the shapes with positive largest entries, the first where several are equal, for reproducible signs."""
     if not shapes.size:
         return shapes
-    largest = shapes[np.argmax(np.abs(shapes), axis=0), np.arange(shapes.shape[1])]
+    sizes = np.abs(shapes)
+    first = np.argmax(sizes >= (1.0 - _EQUAL) * sizes.max(axis=0), axis=0)
+    largest = shapes[first, np.arange(shapes.shape[1])]
     return shapes * np.where(largest < 0.0, -1.0, 1.0)

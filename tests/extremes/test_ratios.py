@@ -49,9 +49,9 @@ def test_two_masses(expect, ratio, which):
     found, theory = modes(M, K).omegas, closed_form((1.1, 1.3), m)
     for i, name in enumerate(("lower", "higher")):
         # The lower mode to rounding; the higher one is taken from the side that keeps it, at worst eps * ratio apart
-        # until the two sides meet at the square root of 1/eps: 1e-8.
+        # until the two sides meet at the square root of 1/eps: 1e-8, more on some processors.
         expect.right(MASSES, f"two masses, m1/m2 = {m[0] / m[1]:g}, {name} frequency", what="omega",
-                     reference=theory[i], computed=found[i], tolerance=2e-8 if i else 1e-14, unit=" rad/s")  # fmt: skip
+                     reference=theory[i], computed=found[i], tolerance=5e-8 if i else 1e-14, unit=" rad/s")  # fmt: skip
 
 
 LENGTH, PARTS = 1.0, 10

@@ -96,8 +96,8 @@ def test_vectors_are_orthonormal_and_uncoupled(name):
     assert (np.abs(right - np.eye(len(M))) <= 4.0 * EPS * np.maximum(sizes, 1.0)).all()
     coupled = np.abs(long.T @ stiff @ long - np.diag(values))
     largest = np.abs(X).T @ np.abs(K) @ np.abs(X)
-    # A correction of some roundings leaves its square.
-    assert (coupled <= 16.0 * EPS * np.maximum(largest, 8.0 * EPS * values[-1])).all()
+    # A correction of some roundings leaves its square; close values amplify it, more on some processors.
+    assert (coupled <= 64.0 * EPS * np.maximum(largest, 8.0 * EPS * values[-1])).all()
 
 
 @pytest.mark.parametrize("M", [np.diag([1.0, -1.0]), np.array([[1.0, 2.0], [2.0, 1.0]])])

@@ -192,7 +192,10 @@ def test_a_dead_worker_cannot_end_this_process(asked):
 
 
 def test_a_script_that_worker_processes_cannot_read_is_told_so(tmp_path):
-    script = f"from flexcam import sweep\nsweep.swept(sweep.study({str(TAYEB)!r}, {VARIED!r}), sweep.Processes(2))\n"
+    script = (
+        "from flexcam.studies import executors, sweep\n"
+        f"sweep.run_sweep(sweep.make_sweep({str(TAYEB)!r}, {VARIED!r}), executors.ProcessWorkers(2))\n"
+    )
     (tmp_path / "script.py").write_text(script, encoding="utf-8")
     done = subprocess.run([sys.executable, "script.py"], cwd=tmp_path, capture_output=True, text=True, timeout=60)
     told = "flexcam.dynamics.status.RunFailedError: worker-lost: no worker process could"
