@@ -58,6 +58,6 @@ WITH_CONTACTS = {one.title: one.method for one in INTEGRATORS.values() if one.co
 SCHEMES = {
     name: one.method
     for name, one in INTEGRATORS.items()
-    if isinstance(one.method, Scheme) and one.method.stable_to() == math.inf
+    if isinstance(one.method, Scheme) and one.method.stability_limit() == math.inf
 }
 """Those that go every way through time, in all settings."""

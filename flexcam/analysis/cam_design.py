@@ -105,10 +105,10 @@ def harmonic_cam(
 def _first_contact_frequency(model: Model, contact: str, speed: float) -> float:
     """Return the lowest natural frequency that a contact excites, rad/s."""
     reached = modes_on_the_lift(model, contact, speed)
-    if not reached.felt:
+    if not reached.relevant_modes:
         why = "what is driven has no mode of its own"
         raise refuse(f"contacts.{contact}", "no spring that it moves", "a train on a spring", why, "add a spring")
-    return float(reached.found.modes.omegas[reached.felt[0]])
+    return float(reached.found.modes.omegas[reached.relevant_modes[0]])
 
 
 def polydyne_cam(case: Case, cam: str | None, *, speed: float | None = None, count: int = 60) -> PolydyneCam:
@@ -138,12 +138,12 @@ def _evaluate_design(wanted: Event, answer: Transfer, speed: float, ratio: float
 def _valve_transfer(model: Model, cam: str, speed: float) -> Transfer:
     """Return the transfer function of the valve: its motion relative to that of the rigid train."""
     contact = _contact_name(model, cam)
-    start = model.driven[contact].follower
+    start = model.cam_contacts[contact].follower
     finger = model.rocker_at(start)
     if finger is not None:
         points = [finger.point]
     else:
-        follower = model.mesh.connected(model.mesh.node(start))
+        follower = model.mesh.connected_nodes(model.mesh.node(start))
         points = [r.point for r in model.rockers.values() if not r.finger and model.mesh.node(r.start) in follower]
     answer = lift_transfer(model, contact, points[0] if points else start, speed)
     ratio = valve_ratio(model, cam)
@@ -156,7 +156,7 @@ def _valve_transfer(model: Model, cam: str, speed: float) -> Transfer:
 
 def _contact_name(model: Model, cam: str) -> str:
     """Return the name of the contact between a cam and its train."""
-    contact = next((n for n, c in model.driven.items() if c.cam == cam), None)
+    contact = next((n for n, c in model.cam_contacts.items() if c.cam == cam), None)
     if contact is None:
         raise refuse(f"cams.{cam}", "no contact", "a contact that drives a train", "", "add one under [contacts]")
     return contact

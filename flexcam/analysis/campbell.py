@@ -138,7 +138,7 @@ def campbell(
 
 def _reached_modes(ready: PreparedRun, response: Response, contact: str, structure: Structure) -> ContactModes:
     """Return the modes of a train on the lift of a cam."""
-    cam = ready.model.cams[ready.model.driven[contact].cam]
+    cam = ready.model.cams[ready.model.cam_contacts[contact].cam]
     return contact_modes(structure, contact, _held(ready, response, cam.event))
 
 
@@ -157,9 +157,9 @@ def _extend_lines(lines: list[_ModeLine], i: int, count: int, here: ContactModes
     """Extend the lines by the modes at the next speed; a mode that matches no line starts a new one."""
     first = here.found.modes.rigid
     last = min(first + modes + _EXTRA_MODES, len(here.found.modes.omegas))
-    shapes, hit = here.found.modes.shapes[:, first:last], set(here.felt)
+    shapes, hit = here.found.modes.shapes[:, first:last], set(here.relevant_modes)
     before = np.array([line.shape for line in lines]).reshape(len(lines), mass.size)
-    likeness = (before @ mass.times_all(shapes)) ** 2
+    likeness = (before @ mass.multiply(shapes)) ** 2
     here_hz = here.found.modes.frequencies[first:last]
     leaps = np.abs(here_hz / np.array([line.latest for line in lines])[:, None] - 1.0) > _MAX_FREQUENCY_CHANGE
     alike = np.where(leaps, 0.0, likeness)

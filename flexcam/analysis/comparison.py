@@ -35,7 +35,7 @@ class Deviation:
     angle_deg: float
 
     @property
-    def of_rigid(self) -> float:
+    def relative_peak(self) -> float:
         """Maximum difference relative to the rigid peak."""
         return self.peak / self.rigid_peak if self.rigid_peak > 0.0 else 0.0
 

@@ -57,7 +57,7 @@ def excited_mode(case: Case) -> tuple[float, float]:
     """Return the mode nearest to the cam speed among those excited by the contact force."""
     structure = build_structure(build_model(case))
     found = model_modes(structure).modes
-    contact = next(iter(structure.model.driven.values()))
+    contact = next(iter(structure.model.cam_contacts.values()))
     push = structure.row(contact.follower, contact.direction)
     driven = abs(push @ found.shapes)
     loaded = [f for f, part in zip(found.frequencies, driven, strict=True) if f > 0.0 and part > 1e-3 * driven.max()]
@@ -174,14 +174,14 @@ class Error:
 def estimate_errors(case: Case, probe: str, until: float | None = None) -> list[Error]:
     """Return the estimated errors of a case's run."""
     steps = steps_per_revolution_of(case)
-    own = ModelLevel("own", "", case).stepped(steps)
-    finer = ModelLevel("finer", "", with_elements(case, factor=2)).stepped(steps)
+    own = ModelLevel("own", "", case).with_steps(steps)
+    finer = ModelLevel("finer", "", with_elements(case, factor=2)).with_steps(steps)
     # An odd number of steps cannot be halved: convergence is then checked with shorter steps.
     counts = (steps // 2, steps, 2 * steps) if steps % 2 == 0 else (steps, 2 * steps, 4 * steps)
     asked = own.case.record.fidelity
     coarse = asked.model != "beams" or asked.modes is not None
     work = sum(counts) + steps * (2 if coarse else 1)
-    runs = {n: run_histories(own.stepped(n), probe, until, work) for n in counts}
+    runs = {n: run_histories(own.with_steps(n), probe, until, work) for n in counts}
     longer, shorter = (distance(runs[a], runs[b]) for a, b in pairwise(counts))
     base, better = runs[steps], runs[2 * steps]
     beams = with_beam_model(own.case)

@@ -40,9 +40,9 @@ def camshaft_drive(case: Case, model: Model, start: float = 0.0) -> Drive:
     """Return the drive of the camshaft."""
     run = case.record.run
     if run.fluctuation is not None:
-        return FluctuatingSpeed(case.speed, *run.fluctuation.made(), start)
+        return FluctuatingSpeed(case.speed, *run.fluctuation.build(), start)
     if run.free_running is not None:
-        return free_running(model, case.speed, *run.free_running.made(), start)
+        return free_running(model, case.speed, *run.free_running.build(), start)
     return ConstantSpeed(case.speed, start)
 
 
@@ -53,7 +53,7 @@ def _drive_at_angle(case: Case, model: Model, drive: Drive, angle: float, time: 
         return drive
     free = case.record.run.free_running
     if free is not None:
-        return free_running(model, case.speed, *free.made(), angle, time)
+        return free_running(model, case.speed, *free.build(), angle, time)
     return camshaft_drive(case, model, missing)
 
 
@@ -119,7 +119,7 @@ def _periodic_state(case: Case, problem: Problem, until: float | None) -> Proble
     if not problem.system.size:
         return replace(problem, start=replace(State.rest(0), periodicity=0.0))
     one = replace(problem, steps=steps_per_revolution(case, problem))
-    return replace(problem, start=solve_periodic(one, case.record.run.integrator.made(), until=until))
+    return replace(problem, start=solve_periodic(one, case.record.run.integrator.build(), until=until))
 
 
 def _unknown_dof_faults(case: Case, system: System, values: Mapping[str, float], kind: str) -> list[Fault]:

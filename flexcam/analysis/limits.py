@@ -269,7 +269,7 @@ def _conditions(model: Model, given: float | None) -> dict[str, tuple[Condition,
 def _open_contacts(response: Response, ready: PreparedRun) -> list[str]:
     """Return the contacts that are open on the main lift in the last revolution."""
     last = response.latest(ready.revolution)
-    free = [name for name, one in ready.model.driven.items() if isinstance(one, CamContact) and one.unilateral]
+    free = [name for name, one in ready.model.cam_contacts.items() if isinstance(one, CamContact) and one.unilateral]
     return [name for name in free if separation(ready.model, response, name, last) > OPEN]
 
 
@@ -305,7 +305,7 @@ def _rigid_limit_speed(case: Case) -> float | None:
     """Return the camshaft speed at which the inertia of the rigid train first equals its springs and loads, rpm."""
     one = prepare(case.at_speed(1.0), rigid=True)
     worst: list[float] = []
-    for name, contact in one.model.driven.items():
+    for name, contact in one.model.cam_contacts.items():
         lifted = one.model.cams[contact.cam].event(_ANGLES) > main_lift(one.model, contact.cam)
         still, _, inertia = _force_coefficients(case, name)[:, lifted]
         pulls = inertia < 0.0

@@ -21,7 +21,7 @@ def compute_settings(case: Case) -> list[Setting]:
     """Return the closed-form results of a case and of its listed settings."""
     model = build_model(case)
     where, contact = _single_item(
-        "contacts", {n: one for n, one in model.driven.items() if isinstance(one, CamContact)}
+        "contacts", {n: one for n, one in model.cam_contacts.items() if isinstance(one, CamContact)}
     )
     if contact.stiffness is None or contact.follower in (rocker.start for rocker in model.rockers.values()):
         given = "a hertz contact, or a rocker on the follower"
@@ -162,7 +162,7 @@ def _maximum_difference(fine: Histories, coarse: Histories, name: str, apart: Fl
         return found
     both = fine.time <= coarse.time[-1]
     values, rates = coarse.values[name][:, None], slopes[:, None]
-    between = Series(values, rates, np.zeros_like(rates)).between(coarse.time, fine.time[both]).displacement[:, 0]
+    between = Series(values, rates, np.zeros_like(rates)).interpolate(coarse.time, fine.time[both]).displacement[:, 0]
     return max(found, float(np.abs(fine.values[name][both] - between).max(initial=0.0)))
 
 

@@ -91,7 +91,7 @@ def check_start_impact(case: Case, model: Model, problem: Problem) -> list[str]:
         return []
     begin = problem.drive.at(np.zeros(1))
     found: list[str] = []
-    for name in dict.fromkeys(one.cam for one in model.driven.values()):
+    for name in dict.fromkeys(one.cam for one in model.cam_contacts.values()):
         event = model.cams[name].event
         lift, slope = (float(event(begin.angle, order)[0]) for order in (0, 1))
         if abs(lift) > _IMPACT_LIFT * event.height:
@@ -174,7 +174,7 @@ def check_coil_bind(model: Model, speed: float) -> list[str]:
 
 def _describe_base_circle_force(model: Model, contact: str, speed: float) -> str:
     """Describe the force on a cam on its base circle in the flexible train; empty if not known."""
-    event = model.cams[model.driven[contact].cam].event
+    event = model.cams[model.cam_contacts[contact].cam].event
     low = _ANGLES[np.abs(event(_ANGLES, 0)) <= _BASE_CIRCLE_TOLERANCE * event.height]
     if not len(low):
         return ""

@@ -52,7 +52,7 @@ class SpeedResult:
     rpm: float
     forces: Mapping[str, ForceRange | None]
 
-    def differs(self, first: str, second: str, tolerance: float) -> bool:
+    def models_differ(self, first: str, second: str, tolerance: float) -> bool:
         """Return whether the extremes of two models differ by more than a fraction of the larger maximum."""
         one, other = self.forces[first], self.forces[second]
         if one is None or other is None:
@@ -75,7 +75,7 @@ def compare_models_over_speed(
 
 def divergence_speed(found: Sequence[SpeedResult], first: str, second: str, tolerance: float = 0.05) -> float | None:
     """Return the lowest speed, rpm, at which two models differ by more than a fraction of the force; None if never."""
-    return next((one.rpm for one in found if one.differs(first, second, tolerance)), None)
+    return next((one.rpm for one in found if one.models_differ(first, second, tolerance)), None)
 
 
 def _evaluate_speed(case: Case, speed: float, contact: str, runs: int) -> SpeedResult:
@@ -99,7 +99,7 @@ def _force_range(response: Response, ready: PreparedRun, contact: str) -> ForceR
     if not response.status.ok:
         return None
     model = ready.model
-    cam = model.driven[contact].cam
+    cam = model.cam_contacts[contact].cam
     lifted = response.latest(ready.revolution) & (model.cams[cam].event(response.angle) > main_lift(model, cam))
     force: FloatArray = response.channels[f"contacts.{contact}.force"][lifted]
     return ForceRange(float(force.min()), float(force.max()))

@@ -157,7 +157,7 @@ class ModelLevel:
     words: str
     case: Case
 
-    def prepared(self, until: float | None = None, work: int = 0) -> PreparedRun:
+    def prepare(self, until: float | None = None, work: int = 0) -> PreparedRun:
         """Return the prepared run; the search for a periodic state ends at `until`, s of `time.monotonic`.
 
         `work` is the number of steps per revolution of all planned runs including this one: setup that speeds up many
@@ -169,10 +169,10 @@ class ModelLevel:
 
     def run(self, until: float | None = None, work: int = 0) -> Response:
         """Return the response; the run ends at `until` at the latest."""
-        ready = self.prepared(until, work)
+        ready = self.prepare(until, work)
         return solve(ready.problem, ready.scheme, save=ready.save, until=until)
 
-    def stepped(self, per_revolution: int) -> ModelLevel:
+    def with_steps(self, per_revolution: int) -> ModelLevel:
         """Return the same model with another number of steps per revolution."""
         return replace(self, case=self.case.with_run({"steps_per_revolution": per_revolution, "step": None}))
 

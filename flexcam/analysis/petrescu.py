@@ -50,12 +50,12 @@ class SingleMassModel:
         return self.spring_stiffness * self.compression
 
     @property
-    def wound_up(self) -> float:
+    def preload_deflection(self) -> float:
         """Deflection of the train under the preload, k x_0/(K + k), m: the lift it absorbs."""
         return self.preload / (self.train_stiffness + self.spring_stiffness)
 
     @property
-    def lifts_off(self) -> bool:
+    def opens_valve(self) -> bool:
         """Return whether the train force at full lift exceeds the preload; otherwise a seated valve does not open."""
         return self.train_stiffness * self.event.height > self.preload
 
@@ -70,7 +70,7 @@ class SingleMassModel:
         K, k = self.train_stiffness, self.spring_stiffness
         inertia, square, linear = (K + k) * self.mass * speed**2, k * (k + 2.0 * K), 2.0 * self.preload * (K + k)
         N = inertia * s1**2 + square * s**2 + linear * s
-        D, whole = s + self.wound_up, 2.0 * (K + k) ** 2
+        D, whole = s + self.preload_deflection, 2.0 * (K + k) ** 2
         if order == 0:
             return s - N / (whole * D)
         N1 = 2.0 * inertia * s1 * s2 + 2.0 * square * s * s1 + linear * s1
@@ -129,7 +129,7 @@ class Setting:
     speed_ratio: float
 
     @property
-    def lost(self) -> float:
+    def lift_loss(self) -> float:
         """Fraction of the lift by which the valve does not open."""
         return 1.0 - self.opening / self.lift
 
@@ -147,5 +147,5 @@ def evaluate_setting(name: str, one: SingleMassModel, omega: AngleFunction, spee
         span(lambda angle: one.kinematic_acceleration(angle, omega)),
         span(lambda angle: one.dynamic_acceleration(angle, omega)),
         one.event.height, span(lambda angle: one.motion(angle, omega(angle, 0)))[0],
-        one.wound_up, one.lifts_off, fastest / slowest,
+        one.preload_deflection, one.opens_valve, fastest / slowest,
     )  # fmt: skip

@@ -107,7 +107,7 @@ def prepare(
     """
     model, system, few = _build_problem(case, model, _model_name(case, rigid=rigid), allow_large=allow_large)
     save = SaveAt(field_every=case.record.output.field_every)
-    scheme = case.record.run.integrator.made()
+    scheme = case.record.run.integrator.build()
     try:
         plain = replace(_make_problem(case, model, system), runs=runs)
         if rigid:  # the rigid companion of a flexible run; the engine was requested for the flexible one
@@ -199,7 +199,7 @@ def _residual_start(case: Case, problem: Problem, shapes: FloatArray) -> FloatAr
     """
     if problem.start is None or isinstance(case.record.run.start, GivenStartRecord):
         return None
-    begun, stiff = problem.start.displacement, problem.system.stiffness.times_all(shapes)
+    begun, stiff = problem.start.displacement, problem.system.stiffness.multiply(shapes)
     return begun - shapes @ np.linalg.lstsq(shapes.T @ stiff, stiff.T @ begun)[0]
 
 
@@ -219,7 +219,7 @@ def _make_problem(case: Case, model: Model, system: System) -> Problem:
     if steps < 1:
         given = f"{run.revolutions:g} revolutions with a step of {step:g} s"
         raise refuse("run", given, "at least one step", "", "more revolutions or a smaller step")
-    adaptive = run.adaptive.made() if run.adaptive else None
+    adaptive = run.adaptive.build() if run.adaptive else None
     prune = case.record.fidelity.prune
     return Problem(system, drive, step, steps, adaptive=adaptive, prune=prune, engine=run.engine)
 
@@ -237,7 +237,7 @@ def scalar_probe(ready: PreparedRun) -> str:
 
 def _driven_probes(ready: PreparedRun) -> dict[str, str]:
     """Return the probes moved by the rigid train, each with its component of largest motion."""
-    if not ready.model.driven:
+    if not ready.model.cam_contacts:
         return {}
     try:
         rigid = build_rigid(ready.model, ANY_SPEED)
@@ -256,7 +256,7 @@ _REVOLUTION_ANGLES = np.linspace(0.0, 2.0 * np.pi, 361)
 
 def _follower_component(ready: PreparedRun, probe: Probe) -> str:
     """Return the component of a probe along the direction of the first follower, or its first one."""
-    contact = next(iter(ready.model.driven.values()), None)
+    contact = next(iter(ready.model.cam_contacts.values()), None)
     along = "" if contact is None else COMPONENTS[int(np.argmax(np.abs(contact.direction)))]
     return _component_name(probe, probe.components.index(along) if along in probe.components else 0)
 

@@ -202,25 +202,25 @@ class _Beam:
         self.dofs = dof_map(mesh, [("start", start), *([("end", end)] if end else [])])
         self.mass, self.stiffness = mass(self._beams, self.dofs), stiffness(self._beams, self.dofs)
 
-    def picked(self, *components: str) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
+    def component_dofs(self, *components: str) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
         """Return the degrees of freedom of some components."""
         return np.array([i for i, name in enumerate(self.dofs.names) if name.rpartition(".")[2] in components], np.intp)
 
-    def pushed(self, component: str, size: float) -> float:
+    def end_displacement(self, component: str, size: float) -> float:
         """Return the displacement of the end under a force or torque."""
-        at = self.picked(component)[-1]
+        at = self.component_dofs(component)[-1]
         load = np.zeros(len(self.dofs.names))
         load[at] = size
         return float(static_displacement(self.stiffness, load, self.dofs.names)[at])
 
     def frequencies(self, count: int) -> FloatArray:
         """Return the lowest bending frequencies in the x-y plane, Hz."""
-        bends = self.picked(*_BENDING)
+        bends = self.component_dofs(*_BENDING)
         return modes(self.mass.part(bends), self.stiffness.part(bends), count).frequencies
 
-    def buckling(self) -> float:
+    def buckling_load(self) -> float:
         """Return the buckling load, N."""
-        bends = self.picked(*_BENDING)
+        bends = self.component_dofs(*_BENDING)
         softened = geometric(self._beams, np.full(len(self._beams), -1.0), self.dofs).part(bends).dense()
         return 1.0 / float(np.linalg.eigvals(np.linalg.solve(self.stiffness.part(bends).dense(), -softened)).real.max())
 
@@ -231,15 +231,15 @@ def structure_checks() -> Iterator[Check]:
     yield from _vibration_checks()
     source = "Timoshenko and Gere, Theory of Elastic Stability, ch. 2"
     euler = math.pi**2 * _STEEL.E * _TUBE.Iz / _LENGTH**2
-    found = _Beam(_SLENDER, _PINNED, ("uy", "uz")).buckling()
+    found = _Beam(_SLENDER, _PINNED, ("uy", "uz")).buckling_load()
     yield Check("buckling load of a pinned column", source, euler, found, 1e-5, "N")
 
 
 def _static_checks() -> Iterator[Check]:
     beam, force, torque = _Beam(_SLENDER, _FIXED), 100.0, 10.0
-    bent, found = force * _LENGTH**3 / (3.0 * _STEEL.E * _TUBE.Iz), beam.pushed("uy", force)
+    bent, found = force * _LENGTH**3 / (3.0 * _STEEL.E * _TUBE.Iz), beam.end_displacement("uy", force)
     yield Check("tip of a cantilever under a force", "Euler-Bernoulli, P L^3/(3 E I)", bent, found, 1e-9, "m")
-    twisted, found = torque * _LENGTH / (_STEEL.G * _TUBE.J), beam.pushed("rx", torque)
+    twisted, found = torque * _LENGTH / (_STEEL.G * _TUBE.J), beam.end_displacement("rx", torque)
     yield Check("twist of a tube under a torque", "Saint-Venant, T L/(G J)", twisted, found, 1e-9, "rad")
 
 

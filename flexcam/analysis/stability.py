@@ -75,7 +75,7 @@ class StepAmplification:
     critical_step: float
 
     @property
-    def looked_at(self) -> bool:
+    def is_available(self) -> bool:
         """Return whether a mode could be evaluated."""
         return bool(self.moving)
 
@@ -95,7 +95,7 @@ def step_amplification(ready: PreparedRun, method: Method, response: Response) -
     if ready.problem.system.size > MAX_DOFS:
         return _highest_mode_amplification(ready, method)
     worst, critical = StepAmplification(0.0, 0.0, 0.0, (), 0.0, math.inf), math.inf
-    limited = method.stable_to() < math.inf
+    limited = method.stability_limit() < math.inf
     for angle, swings in _modes_along_motion(ready, response):
         if not len(swings.omegas):
             continue
@@ -108,7 +108,7 @@ def step_amplification(ready: PreparedRun, method: Method, response: Response) -
         )  # fmt: skip
         if limited:
             ratio = max(float(swings.ratios[-1]), 0.0)
-            critical = min(critical, method.stable_to(ratio) / float(swings.omegas[-1]))
+            critical = min(critical, method.stability_limit(ratio) / float(swings.omegas[-1]))
         if (round(here.radius, 9), here.frequency) > (round(worst.radius, 9), worst.frequency):
             worst = here
     return StepAmplification(worst.radius, worst.frequency, worst.damping, worst.moving, worst.angle, critical)
@@ -118,7 +118,7 @@ def _highest_mode_amplification(ready: PreparedRun, method: Method) -> StepAmpli
     """Return the amplification of the highest mode without contacts, which limits conditionally stable methods."""
     basis, system = basis_of(ready.problem), ready.problem.system
     omega, moving = highest_frequency(project_system(system, basis) if basis is not None and basis.size else system)
-    radius, limit = method.spectral_radius(omega * ready.problem.step), method.stable_to()
+    radius, limit = method.spectral_radius(omega * ready.problem.step), method.stability_limit()
     return StepAmplification(
         radius, omega / (2.0 * math.pi), 0.0, tuple(moving), 0.0, limit / omega if omega else math.inf
     )
@@ -219,12 +219,12 @@ class Resonance:
 def resonances(ready: PreparedRun, response: Response) -> tuple[Resonance, ...]:
     """Return the resonances of cam harmonics with the modes."""
     met: list[Resonance] = []
-    for name, contact in ready.model.driven.items():
+    for name, contact in ready.model.cam_contacts.items():
         reached = modes_on_the_lift(ready.model, name, ready.case.speed)
         lifts = lift_harmonics(ready.model.cams[contact.cam].event, _HARMONICS)
         loads = np.nan_to_num(force_harmonics(response, name, _HARMONICS))
         for n, amplitude in lifts.items():
-            for i in reached.felt:
+            for i in reached.relevant_modes:
                 frequency, words = float(reached.found.modes.frequencies[i]), reached.found.words(i)
                 rpm, load = 60.0 * frequency / n, float(loads[n - 1])
                 met.append(Resonance(name, rpm, n, amplitude, load, i, frequency, words))
@@ -290,7 +290,7 @@ class Stability:
     status: Status
 
     @property
-    def resonant(self) -> tuple[Resonance, ...]:
+    def active_resonances(self) -> tuple[Resonance, ...]:
         """Resonances at the case's speed with harmonics present in the contact force."""
         largest: dict[str, float] = {}
         for one in self.resonances:
@@ -299,27 +299,29 @@ class Stability:
         return tuple(one for one in near if one.load >= _MIN_FORCE_RATIO * largest[one.contact])
 
     @property
-    def highest(self) -> float:
+    def highest_listed_rpm(self) -> float:
         """Camshaft speed up to which resonances are listed individually, rpm: twice the case's own."""
         return _LISTED_SPEED_RATIO * self.rpm
 
     @property
     def within(self) -> tuple[Resonance, ...]:
         """Resonances up to that speed, nearest to the case's speed first."""
-        return tuple(one for one in self.resonances if one.rpm <= self.highest)
+        return tuple(one for one in self.resonances if one.rpm <= self.highest_listed_rpm)
 
     @property
-    def beyond(self) -> tuple[Resonance, ...]:
+    def higher_resonances(self) -> tuple[Resonance, ...]:
         """Resonances above that speed, in ascending order."""
-        return tuple(sorted((one for one in self.resonances if one.rpm > self.highest), key=lambda one: one.rpm))
+        return tuple(
+            sorted((one for one in self.resonances if one.rpm > self.highest_listed_rpm), key=lambda one: one.rpm)
+        )
 
     @property
-    def chatters(self) -> bool:
+    def is_chattering(self) -> bool:
         """Return whether contacts open and close so that small differences grow: single bounces cannot be predicted."""
         return self.floquet is not None and not self.floquet.stable() and self.floquet.events > 0
 
     @property
-    def verdict(self) -> tuple[str, ...]:
+    def causes(self) -> tuple[str, ...]:
         """Threats to stability at the speed, in this order.
 
         ``broken off`` (the run ended early), ``numerical``, ``parametric``, ``resonance``, ``contact loss``.
@@ -329,7 +331,7 @@ class Stability:
             found.append("numerical")
         if self.floquet is not None and not self.floquet.stable() and not self.floquet.events:
             found.append("parametric")
-        if self.resonant:
+        if self.active_resonances:
             found.append("resonance")
         if self.open_on_the_lift > 0.0:
             found.append("contact loss")
@@ -338,8 +340,8 @@ class Stability:
 
 def assess_stability(case: Case) -> Stability:
     """Return the stability of a case at its speed."""
-    method = case.record.run.integrator.made()
-    limited = method.stable_to() < math.inf
+    method = case.record.run.integrator.build()
+    limited = method.stability_limit() < math.inf
     ready = prepare(case.with_average_acceleration() if limited else case)
     whole = math.ceil(ready.revolution / ready.problem.step)
     problem = replace(ready.problem, steps=max(ready.problem.steps, whole))  # the evaluation needs whole revolutions
@@ -387,7 +389,7 @@ def _open_angle(ready: PreparedRun, response: Response) -> float:
     if not len(response.time):
         return 0.0
     last = response.latest(ready.revolution)
-    return max((separation(ready.model, response, name, last) for name in ready.model.driven), default=0.0)
+    return max((separation(ready.model, response, name, last) for name in ready.model.cam_contacts), default=0.0)
 
 
 def stability_over_speeds(

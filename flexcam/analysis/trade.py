@@ -107,7 +107,7 @@ class ModelEvaluation:
     best: bool = False
 
     @property
-    def worst(self) -> float:
+    def maximum_error(self) -> float:
         """Maximum error; infinite for an incomplete run."""
         return max(self.errors.values(), default=math.inf)
 
@@ -123,7 +123,7 @@ def reference_run(case: Case, probe: str, until: float | None = None, *, work: i
     try:
         finest, coarser = (
             run_histories(
-                ModelLevel("reference", "", with_elements(beams, factor=elements)).stepped(n * steps),
+                ModelLevel("reference", "", with_elements(beams, factor=elements)).with_steps(n * steps),
                 probe,
                 until,
                 work,
@@ -154,7 +154,7 @@ def total_work(case: Case, rungs: Sequence[ModelLevel], repeats: int = 1) -> int
 
 def _with_stable_method(case: Case) -> Case:
     """Return a case with an unconditionally stable method: itself, or with average acceleration."""
-    limited = case.record.run.integrator.made().stable_to() < math.inf
+    limited = case.record.run.integrator.build().stability_limit() < math.inf
     return case.with_average_acceleration() if limited else case
 
 
@@ -179,7 +179,7 @@ def candidate_models(case: Case) -> list[ModelLevel]:
     steps = steps_per_revolution_of(case)
     counts = [steps // n for n in (8, 4, 2, 1) if steps % n == 0 and (steps // n >= _MIN_STEPS or n == 1)]
     return sorted(
-        (rung.stepped(n) for rung in model_ladder(case) for n in counts),
+        (rung.with_steps(n) for rung in model_ladder(case) for n in counts),
         key=lambda rung: (
             _work(prepare_without_periodic_search(_with_stable_method(rung.case))),
             steps_per_revolution_of(rung.case),
@@ -196,7 +196,7 @@ def evaluate_model(
 ) -> ModelEvaluation:  # fmt: skip
     """Return cost and error of a model; `work` is the steps per revolution of all planned runs."""
     try:
-        ready = rung.prepared(until, work)
+        ready = rung.prepare(until, work)
     except InputError as refusal:
         return _rejected_model(rung, refusal)
     response, first = _timed_run(ready, until)
@@ -248,8 +248,8 @@ def mark_pareto_front(found: Sequence[ModelEvaluation]) -> list[ModelEvaluation]
     every = len({name for one in found for name in one.errors})
     least = every, math.inf
     marked: list[ModelEvaluation] = []
-    for one in sorted(found, key=lambda one: (one.work, one.steps, one.worst)):
-        error = every - len(one.errors), one.worst  # a model without a quantity has an infinite error in it
+    for one in sorted(found, key=lambda one: (one.work, one.steps, one.maximum_error)):
+        error = every - len(one.errors), one.maximum_error  # a model without a quantity has an infinite error in it
         marked.append(replace(one, best=error < least))
         least = min(least, error)
     return marked

@@ -93,7 +93,7 @@ class Follower(Protocol):
         """Unit direction in which the lift begins, fixed frame."""
         ...
 
-    def touch(self, lift: FloatArray, velocity: FloatArray, acceleration: FloatArray, turn: Turn) -> FollowerContact:
+    def contact(self, lift: FloatArray, velocity: FloatArray, acceleration: FloatArray, turn: Turn) -> FollowerContact:
         """Return the contact at given lift (m), velocity (m/rad) and acceleration (m/rad^2), shape (n,) each."""
         ...
 
@@ -131,7 +131,7 @@ class FlatFollower:
         """Upwards."""
         return 1j
 
-    def touch(self, lift: FloatArray, velocity: FloatArray, acceleration: FloatArray, turn: Turn) -> FollowerContact:
+    def contact(self, lift: FloatArray, velocity: FloatArray, acceleration: FloatArray, turn: Turn) -> FollowerContact:
         """Return the contact, at the distance s' from the axis, where the velocities along the normal agree."""
         height = self.base_radius + lift
         point = _complex(turn * velocity + 1j * height)
@@ -216,7 +216,7 @@ class RollerFollower:
         """Height of the roller's centre on the base circle."""
         return math.sqrt((self.base_radius + self.roller_radius) ** 2 - self.offset**2)
 
-    def touch(self, lift: FloatArray, velocity: FloatArray, acceleration: FloatArray, turn: Turn) -> FollowerContact:
+    def contact(self, lift: FloatArray, velocity: FloatArray, acceleration: FloatArray, turn: Turn) -> FollowerContact:
         """Return the contact where the normal of the centre's path meets the roller."""
         trace = _complex(self.offset + 1j * (self._start + lift))
         up = _complex(np.full(trace.shape, 1j))
@@ -294,7 +294,7 @@ class SwingRollerFollower:
         """Unit vector normal to the arm on the base circle."""
         return _normal_direction(self.start_angle, self.side)
 
-    def touch(self, lift: FloatArray, velocity: FloatArray, acceleration: FloatArray, turn: Turn) -> FollowerContact:
+    def contact(self, lift: FloatArray, velocity: FloatArray, acceleration: FloatArray, turn: Turn) -> FollowerContact:
         """Return the contact where the normal of the centre's path meets the roller."""
         angle = self.start_angle + lift / self.arm
         rate, bend = velocity / self.arm, acceleration / self.arm
@@ -363,7 +363,7 @@ class SwingFlatFollower:
         """Unit vector normal to the face on the base circle."""
         return _normal_direction(self.start_angle, self.side)
 
-    def touch(self, lift: FloatArray, velocity: FloatArray, acceleration: FloatArray, turn: Turn) -> FollowerContact:
+    def contact(self, lift: FloatArray, velocity: FloatArray, acceleration: FloatArray, turn: Turn) -> FollowerContact:
         """Return the contact at the distance q along the face where the normal velocities of cam and face agree.
 
         With the face's direction t = -exp(-i psi), its normal m = -i t and the cam's velocity i turn z, equal normal

@@ -116,7 +116,7 @@ class Criteria:
         return met.index(False) if False in met else 3
 
     @property
-    def broken(self) -> tuple[str, ...]:
+    def violations(self) -> tuple[str, ...]:
         """Violated requirements of a rise between two dwells, in words."""
         said = [f"s({z}) = {end[0]:.6g}, not {z}" for z, end in enumerate(self.ends) if abs(end[0] - z) > _ZERO]
         for order, name in _STEPS:

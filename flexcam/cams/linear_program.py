@@ -64,12 +64,12 @@ class Program:
         """Return the weighted sum of a law's criteria."""
         return sum(weight * _criterion(law, name) for name, weight in self.weights.items())
 
-    def met(self, law: Law, slack: float) -> bool:
+    def is_feasible(self, law: Law, slack: float) -> bool:
         """Return whether a law satisfies the bounds and does not reverse, within a slack."""
         within = all(_criterion(law, name) <= limit * (1.0 + slack) for name, limit in self.limits.items())
         return within and (not self.monotone or _min_velocity(law) >= -slack - _LIMIT_MARGIN)
 
-    def missed(self, law: Law, slack: float) -> list[str]:
+    def violations(self, law: Law, slack: float) -> list[str]:
         """Return the violated bounds and conditions of a law, within a slack, in words."""
         values = {name: _criterion(law, name) for name in self.limits}
         said = [f"{name} is {values[name]:.9g}, its bound {limit:.9g}"
@@ -150,18 +150,22 @@ class Program:
         self, places: Mapping[int, FloatArray], cuts: Sequence[TangentPlane], around: tuple[FloatArray, float] | None
     ) -> tuple[FloatArray, FloatArray]:
         blocks = [
-            self._weighted(name, *self.family.rows(places[k], k)) for name, k in ORDERS.items() if name in self.weights
+            self._objective_constraints(name, *self.family.rows(places[k], k))
+            for name, k in ORDERS.items()
+            if name in self.weights
         ]
-        blocks += [self._limited(name, *self.family.rows(places[ORDERS[name]], ORDERS[name])) for name in self.limits]
+        blocks += [
+            self._limit_constraints(name, *self.family.rows(places[ORDERS[name]], ORDERS[name])) for name in self.limits
+        ]
         if self.monotone:
             rows, offset = self.family.rows(places[1], 1)
             # If a law reverses by rounding, a short step could only correct that.
-            blocks.append((self._wide(-rows), offset + (0.0 if around is None else FEASIBILITY_TOLERANCE)))
+            blocks.append((self._dense_rows(-rows), offset + (0.0 if around is None else FEASIBILITY_TOLERANCE)))
         if cuts:
             slopes = np.array([slope for slope, _ in cuts])
             blocks.append((np.hstack([slopes, -self._pick("rms", len(cuts))]), -np.array([value for _, value in cuts])))
         if around is not None and "Cm" in self.weights:
-            blocks.append(self._weighted("Cm", *self._moment(places[2], around[0])))
+            blocks.append(self._objective_constraints("Cm", *self._moment(places[2], around[0])))
         nothing = np.zeros((0, self.family.size + len(self.weights))), np.zeros(0)
         blocks.append(nothing)
         return np.vstack([A for A, _ in blocks]), np.concatenate([b for _, b in blocks])
@@ -173,18 +177,18 @@ class Program:
         rows = second[:, None] * V + first[:, None] * A
         return rows, first * second - rows @ x
 
-    def _weighted(self, name: str, rows: FloatArray, offset: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _objective_constraints(self, name: str, rows: FloatArray, offset: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the inequalities abs(rows x + offset) <= the largest value of a criterion."""
         pick = self._pick(name, len(rows))
         return np.vstack([np.hstack([rows, -pick]), np.hstack([-rows, -pick])]), np.concatenate([-offset, offset])
 
-    def _limited(self, name: str, rows: FloatArray, offset: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _limit_constraints(self, name: str, rows: FloatArray, offset: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the inequalities abs(rows x + offset) <= the limit."""
         limit = self.limits[name] * (1.0 - _LIMIT_MARGIN)
-        rows, offset = self._wide(rows) / limit, offset / limit
+        rows, offset = self._dense_rows(rows) / limit, offset / limit
         return np.vstack([rows, -rows]), np.concatenate([1.0 - offset, 1.0 + offset])
 
-    def _wide(self, rows: FloatArray) -> FloatArray:
+    def _dense_rows(self, rows: FloatArray) -> FloatArray:
         return np.hstack([rows, np.zeros((len(rows), len(self.weights)))])
 
     def _pick(self, name: str, count: int) -> FloatArray:
@@ -196,7 +200,7 @@ class Program:
         matrix, right = self.family.equalities()
         rows = [self.family.rows(np.array([z]), order) for z, order, _ in self.conditions]
         values = [value - offset[0] for (_, offset), (*_, value) in zip(rows, self.conditions, strict=True)]
-        return self._wide(np.vstack([matrix, *(row for row, _ in rows)])), np.concatenate([right, values])
+        return self._dense_rows(np.vstack([matrix, *(row for row, _ in rows)])), np.concatenate([right, values])
 
 
 def _solutions(E: FloatArray, e: FloatArray, size: int) -> tuple[FloatArray, FloatArray]:

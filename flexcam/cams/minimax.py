@@ -95,7 +95,7 @@ def minimax(
 
 def _violations(program: Program, law: Law, objective: float, bound: float | None) -> tuple[str, ...]:
     """Return the violated bounds and conditions and the remaining gap of a law, in words."""
-    said = list(program.missed(law, FEASIBILITY_TOLERANCE))
+    said = list(program.violations(law, FEASIBILITY_TOLERANCE))
     if bound is not None and abs(objective - bound) > _OPTIMALITY_TOLERANCE * max(1.0, abs(bound)):
         side = "above" if objective > bound else "below"
         said.append(f"the objective lies {abs(objective - bound):.2g} {side} the bound that is to prove it")
@@ -110,7 +110,7 @@ def _exchange(program: Program) -> tuple[FloatArray, float]:
     x, bound = program.least_rms(places) if alone else program.solve(places, cuts)
     for _ in range(_ROUNDS):
         law = program.family.law(x)
-        if program.met(law, 0.0) and program.objective(law) - bound <= _GAP * abs(bound):
+        if program.is_feasible(law, 0.0) and program.objective(law) - bound <= _GAP * abs(bound):
             break
         places = {order: _with(places[order], stationary_points(law, order)) for order in places}
         cuts += [program.tangent(x)] if "rms" in program.weights else []
@@ -151,11 +151,11 @@ def _trust_region_descent(program: Program, x: FloatArray) -> FloatArray:
             continue
         tried = program.family.law(step)
         places = {order: _with(places[order], stationary_points(tried, order)) for order in places}
-        if not program.met(tried, 0.5 * FEASIBILITY_TOLERANCE) and stubborn < _MAX_REPEATS:
+        if not program.is_feasible(tried, 0.5 * FEASIBILITY_TOLERANCE) and stubborn < _MAX_REPEATS:
             stubborn += 1  # the positions just added may correct it
             continue
         stubborn, value = 0, program.objective(tried)
-        if value < best * (1.0 - 1e-9) and program.met(tried, 0.5 * FEASIBILITY_TOLERANCE):
+        if value < best * (1.0 - 1e-9) and program.is_feasible(tried, 0.5 * FEASIBILITY_TOLERANCE):
             x, law, best, radius = step, tried, value, min(2.0 * radius, _LARGEST)
         else:
             radius *= 0.5

@@ -102,7 +102,7 @@ class Polynomial:
 
     def __call__(self, z: FloatArray, order: int = 0) -> FloatArray:
         """Return the derivative of the given order at z."""
-        powers, powers_of_rest = self._derived(order)
+        powers, powers_of_rest = self._derivative_powers(order)
         near = 1.0 - z < _NEAR_END
         if not near.any():
             return horner(z, powers)
@@ -110,7 +110,7 @@ class Polynomial:
         return np.where(near, (-1.0) ** order * from_end, from_start)
 
     @lru_cache(maxsize=64)  # noqa: B019 - of a frozen value with a handful of numbers
-    def _derived(self, order: int) -> tuple[FloatArray, FloatArray]:
+    def _derivative_powers(self, order: int) -> tuple[FloatArray, FloatArray]:
         """Return the powers of a derivative, of z and of 1 - z."""
         dense = np.zeros(self.exponents[-1] + 1)
         dense[list(self.exponents)] = self.coefficients

@@ -60,17 +60,17 @@ class CamProfile:
     @property
     def points(self) -> FloatArray:
         """Profile, m, shape (n, 2), frame of the cam."""
-        return self._turned(self.touch.point)
+        return self._to_cam_frame(self.touch.point)
 
     @property
     def pitch(self) -> FloatArray:
         """Path of the roller's centre (the profile itself for a flat face), m, shape (n, 2), frame of the cam."""
-        return self._turned(self.touch.trace)
+        return self._to_cam_frame(self.touch.trace)
 
     @property
     def normals(self) -> FloatArray:
         """Outward unit normals, shape (n, 2), frame of the cam."""
-        return self._turned(self.touch.normal)
+        return self._to_cam_frame(self.touch.normal)
 
     @property
     def radius(self) -> FloatArray:
@@ -102,7 +102,7 @@ class CamProfile:
         """Distance of the contact from the parallel to the normal through the cam centre, m; s' for a flat face."""
         return -(self.touch.point * np.conj(1j * self.touch.normal)).real
 
-    def _turned(self, fixed: ComplexArray) -> FloatArray:
+    def _to_cam_frame(self, fixed: ComplexArray) -> FloatArray:
         own = fixed * np.exp(-1j * self.turn * self.angle)
         return np.column_stack([own.real, own.imag])
 
@@ -129,7 +129,7 @@ def profile_at(
     lift, velocity, acceleration = motion or (event(angle), event(angle, 1), event(angle, 2))
     # A radius is infinite at a point of inflection and at a stationary point of the pitch curve.
     with np.errstate(divide="ignore", invalid="ignore"):
-        touch = follower.touch(lift, velocity, acceleration, turn)
+        touch = follower.contact(lift, velocity, acceleration, turn)
     return CamProfile(follower, turn, angle, lift, velocity, acceleration, touch, event)
 
 

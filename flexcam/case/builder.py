@@ -56,7 +56,7 @@ def _lash_sides(play: LashRecord, case: CaseRecord) -> tuple[tuple[str, ...], fl
 def _axial(name: str, case: CaseRecord, mesh: Mesh) -> float:
     member = case.members[name]
     length = np.linalg.norm(np.diff(mesh.nodes[mesh.lines[name]], axis=0), axis=1).sum()
-    return case.materials[member.material].made().E * case.sections[member.section].made().A / float(length)
+    return case.materials[member.material].build().E * case.sections[member.section].build().A / float(length)
 
 
 def with_spring_parts(case: Case) -> Case:
@@ -66,8 +66,8 @@ def with_spring_parts(case: Case) -> Case:
     }
     if not untold:
         return case
-    lifts = [cam.made().event for cam in case.record.cams.values()]
-    parts = {name: count_spring_parts(one.made(), lifts, case.speed) for name, one in untold.items()}
+    lifts = [cam.build().event for cam in case.record.cams.values()]
+    parts = {name: count_spring_parts(one.build(), lifts, case.speed) for name, one in untold.items()}
     divided = {name: one.model_copy(update={"elements": parts[name]}) for name, one in untold.items()}
     springs = case.record.springs | divided
     return replace(case, record=case.record.model_copy(update={"springs": springs}))
@@ -91,7 +91,7 @@ def parse_follower(follower: str, base_radius: str | None = None, *, clockwise: 
         alone = _FollowerRecord.model_validate({"follower": table, "base_radius": base_radius})
     except ValidationError as refusal:
         raise InputError(convert_errors(refusal.errors(include_url=False), KeyLocations({}), _FollowerRecord)) from None
-    made = alone.follower.made(alone.base_radius)
+    made = alone.follower.build(alone.base_radius)
     if made is None:
         raise refuse("base_radius", "nothing", "the radius of the base circle", "the lift counts from it", "give it")
     return made, -1 if clockwise else 1
@@ -142,14 +142,14 @@ def build_model(case: Case) -> valvetrain.Model:
         mesh=mesh,
         members={name: _member(member, record) for name, member in record.members.items()},
         supports={point: tuple(held) for point, held in record.supports.items()},
-        masses={name: one.made() for name, one in record.masses.items()},
-        springs={**{name: one.made() for name, one in record.springs.items()}, **_bearings(pairs)},
+        masses={name: one.build() for name, one in record.masses.items()},
+        springs={**{name: one.build() for name, one in record.springs.items()}, **_bearings(pairs)},
         rockers=each("rockers", record.rockers, lambda one: _rocker(one, record, mesh)),
-        cams={name: one.made() for name, one in record.cams.items()},
+        cams={name: one.build() for name, one in record.cams.items()},
         contacts=each("contacts", record.contacts, lambda one: _contact(one, record, mesh)),
-        loads={name: one.made() for name, one in record.loads.items()},
+        loads={name: one.build() for name, one in record.loads.items()},
         gravity=record.run.gravity,
-        damping=record.run.damping.made(),
+        damping=record.run.damping.build(),
         probes=tuple(record.output.probes),
     )
     faults.extend([*shaft_faults(case, model), *support_faults(case, model)])
@@ -180,7 +180,7 @@ def _inline_mesh(case: Case) -> Mesh:
 
 def _member(member: members.MemberRecord, case: CaseRecord) -> Member:
     return Member(
-        case.materials[member.material].made(), case.sections[member.section].made(), member.orientation,
+        case.materials[member.material].build(), case.sections[member.section].build(), member.orientation,
         member.shear, member.rotary_inertia, member.mass, member.geometric_stiffness, member.bow,
     )  # fmt: skip
 
@@ -204,7 +204,7 @@ def _bearing(bearing: parts.BearingRecord, mesh: Mesh) -> tuple[valvetrain.Sprin
     axis = _tangent(mesh, mesh.node(bearing.at))
     first = _direction_to_follower(default_orientation(axis), axis)
     return tuple(
-        valvetrain.Spring(bearing.at, _six_components(along), *bearing.made())
+        valvetrain.Spring(bearing.at, _six_components(along), *bearing.build())
         for along in (first, np.cross(axis, first))
     )
 
@@ -226,7 +226,7 @@ def _shared_train_faults(case: Case, mesh: Mesh) -> list[Fault]:
             continue
         if contact.follower not in mesh.points:
             continue
-        part = int(mesh.connected(mesh.node(contact.follower, "follower"))[0])
+        part = int(mesh.connected_nodes(mesh.node(contact.follower, "follower"))[0])
         if part in seen:
             where, given = (
                 case.place(("contacts", name, "follower")),
@@ -305,7 +305,7 @@ def _finger_direction(record: parts.LumpedRecord | parts.LeverRecord) -> FloatAr
 
 
 def _is_connected(contact: contacts.CamContactRecord, node: int, mesh: Mesh) -> bool:
-    return contact.follower in mesh.points and node in mesh.connected(mesh.node(contact.follower, "follower"))
+    return contact.follower in mesh.points and node in mesh.connected_nodes(mesh.node(contact.follower, "follower"))
 
 
 def _contact(record: contacts.ContactRecord, case: CaseRecord, mesh: Mesh) -> valvetrain.Contact:

@@ -72,7 +72,7 @@ class Case:
         return 2.0 if self.record.run.speed is None else 1.0
 
     @property
-    def told_speed(self) -> str:
+    def speed_text(self) -> str:
         """Speed with unit and shaft, for messages."""
         return shaft_speed(self.speed, self.turns)
 

@@ -82,7 +82,7 @@ def _rotating_members(model: Model) -> dict[str, str]:
     """Return the rotating members, each with the cam that rotates it."""
     found: dict[str, str] = {}
     for name, cam in model.cams.items():
-        nodes = model.mesh.connected(model.mesh.node(cam.at))
+        nodes = model.mesh.connected_nodes(model.mesh.node(cam.at))
         for member, line in model.mesh.lines.items():
             if np.isin(line, nodes).any():
                 found.setdefault(member, name)
@@ -100,9 +100,9 @@ def _describe_difference(member: Member) -> str:
 
 def _rotation_faults(case: Case, model: Model) -> Iterator[Fault]:
     first: dict[int, str] = {}
-    axes = {contact.cam: contact.shaft_axis for contact in model.driven.values()}
+    axes = {contact.cam: contact.shaft_axis for contact in model.cam_contacts.values()}
     for name, axis in axes.items():
-        shaft = int(model.mesh.connected(model.mesh.node(model.cams[name].at))[0])
+        shaft = int(model.mesh.connected_nodes(model.mesh.node(model.cams[name].at))[0])
         other = first.setdefault(shaft, name)
         if float(axis @ axes[other]) < 0.0:
             given, allowed = (

@@ -33,7 +33,7 @@ def apply_overrides(raw: dict[str, Any], text: str, overrides: Sequence[str]) ->
     places, found = KeyLocations.of_text(text), list[Fault]()
     for override in overrides:
         found += _apply_override(raw, override)
-        places = places.overridden(_key(override), override)
+        places = places.with_override(_key(override), override)
     _remove_replaced_keys(raw, {_key(override) for override in overrides})
     return places, found
 

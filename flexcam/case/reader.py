@@ -50,7 +50,7 @@ def read_case(path: str | Path, overrides: Sequence[str] = ()) -> Case:
     --------
     ``read_case("cases/tayeb/model-3-shm.toml", ["run.speed=4000rpm"])`` is the published case at another speed.
     """
-    return CaseFile.opened(path).read(overrides)
+    return CaseFile.open(path).read(overrides)
 
 
 _REQUIRED_TEXTS = ("case", "case_file", "overrides")
@@ -90,7 +90,7 @@ class CaseFile:
     meshes: dict[str, Mesh] = field(default_factory=dict[str, Mesh])
 
     @classmethod
-    def opened(cls, path: str | Path) -> CaseFile:
+    def open(cls, path: str | Path) -> CaseFile:
         """Open a case file."""
         source = Path(path)
         return cls(source, *read_tables(source))

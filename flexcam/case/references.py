@@ -34,11 +34,11 @@ class References:
 
     def faults(self) -> list[Fault]:
         """Return the faults of references without a target, or with several nodes where one is required."""
-        found = [*self._parts(), *self._lifts(), *self._member_nodes(), *self._ends()]
+        found = [*self._part_faults(), *self._lift_faults(), *self._member_nodes(), *self._spring_end_faults()]
         if self.mesh is not None:
             found += [*self._groups(self.mesh)]
         if self.mesh is not None or "nodes" in self.raw:
-            found += [*self._points()]
+            found += [*self._point_faults()]
         return found
 
     def _table(self, kind: str) -> Table:
@@ -50,26 +50,26 @@ class References:
             if isinstance(table, Mapping):
                 yield name, cast("Table", table)
 
-    def _known(self, path: Path, name: object, known: Sequence[str], what: str) -> Iterator[Fault]:
+    def _check_name(self, path: Path, name: object, known: Sequence[str], what: str) -> Iterator[Fault]:
         if isinstance(name, str) and name not in known:
             allowed = f"{what}: {', '.join(known) or '(there is none)'}"
             yield Fault(self.places.place(path), repr(name), allowed, "", suggest_name(name, known))
 
-    def _parts(self) -> Iterator[Fault]:
+    def _part_faults(self) -> Iterator[Fault]:
         for name, table in self._each("contacts"):
             if table.get("model") in ("lash", "lash-adjuster"):
-                yield from self._known(
+                yield from self._check_name(
                     ("contacts", name, "at"), table.get("at"), list(self._table("rockers")), "a rocker"
                 )
         free = self._table("run").get("free_running")
         if isinstance(free, Mapping):
             cam = cast("Table", free).get("cam")
-            yield from self._known(("run", "free_running", "cam"), cam, list(self._table("cams")), "a cam")
+            yield from self._check_name(("run", "free_running", "cam"), cam, list(self._table("cams")), "a cam")
         for kind, key, target, what in _PART_REFERENCES:
             for name, table in self._each(kind):
-                yield from self._known((kind, name, key), table.get(key), list(self._table(target)), what)
+                yield from self._check_name((kind, name, key), table.get(key), list(self._table(target)), what)
 
-    def _lifts(self) -> Iterator[Fault]:
+    def _lift_faults(self) -> Iterator[Fault]:
         """Yield missing keys of cams, and keys that conflict with a lift file."""
         for name, table in self._each("cams"):
             for key in LAW_KEYS if "lift_table" not in table else ():
@@ -88,9 +88,9 @@ class References:
                 where, why = self.places.place(("members", name)), "the case has no mesh file"
                 yield Fault(where, "no nodes", "the named nodes along it", why, 'add nodes = ["...", "..."]')
             for node in _as_list(table.get("nodes")):
-                yield from self._known(("members", name, "nodes"), node, named, "a named node")
+                yield from self._check_name(("members", name, "nodes"), node, named, "a named node")
 
-    def _ends(self) -> Iterator[Fault]:
+    def _spring_end_faults(self) -> Iterator[Fault]:
         """Yield springs with both ends at one point, which have no elongation."""
         for name, table in self._each("springs"):
             if "at" in table and table.get("to") == table["at"]:
@@ -103,7 +103,7 @@ class References:
     def _groups(self, mesh: Mesh) -> Iterator[Fault]:
         members = self._table("members")
         for name, table in self._each("members"):
-            yield from self._known(("members", name), name, list(mesh.lines), "a line group of the mesh")
+            yield from self._check_name(("members", name), name, list(mesh.lines), "a line group of the mesh")
             if "nodes" in table:
                 why = "the mesh file says where it runs"
                 yield Fault(self.places.place(("members", name, "nodes")), "nodes", "nothing", why, "remove the key")
@@ -111,7 +111,7 @@ class References:
             if name not in members:
                 yield Fault(f"mesh group {name!r}", "no member", "a table under [members]", "", f"add [members.{name}]")
 
-    def _points(self) -> Iterator[Fault]:
+    def _point_faults(self) -> Iterator[Fault]:
         counts = dict.fromkeys(self._table("nodes"), 1)
         if self.mesh is not None:
             counts = {name: len(index) for name, index in self.mesh.points.items()}
@@ -132,14 +132,14 @@ class References:
                 if kind == "rockers" and _is_finger(table, counts):
                     continue
                 allowed = {**counts, **(dict.fromkeys(rockers, 1) if of_rockers else {})}
-                yield from self._one_point((kind, name, key), table.get(key), allowed)
+                yield from self._check_point((kind, name, key), table.get(key), allowed)
         for name in self._table("supports"):
-            yield from self._known(("supports", name), name, list(counts), "a point")
+            yield from self._check_name(("supports", name), name, list(counts), "a point")
         for probe in _as_list(self._table("output").get("probes")):
-            yield from self._one_point(("output", "probes"), probe, {**counts, **dict.fromkeys(rockers, 1)})
+            yield from self._check_point(("output", "probes"), probe, {**counts, **dict.fromkeys(rockers, 1)})
 
-    def _one_point(self, path: Path, name: object, counts: Mapping[str, int]) -> Iterator[Fault]:
-        yield from self._known(path, name, list(counts), "a point")
+    def _check_point(self, path: Path, name: object, counts: Mapping[str, int]) -> Iterator[Fault]:
+        yield from self._check_name(path, name, list(counts), "a point")
         if isinstance(name, str) and counts.get(name, 1) != 1:
             why = f"it names {counts[name]} nodes"
             yield Fault(

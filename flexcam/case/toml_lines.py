@@ -43,7 +43,7 @@ class KeyLocations:
                 notes.setdefault(table + _parts(key[1]), f"line {number}")
         return cls(notes)
 
-    def overridden(self, path: Path, override: str) -> KeyLocations:
+    def with_override(self, path: Path, override: str) -> KeyLocations:
         """Return the sources with one key given by an override."""
         return KeyLocations({**self.notes, path: f"--set {override}"})
 

@@ -183,7 +183,7 @@ class RunState:
     signals: list[int] = field(default_factory=list[int])
     solving: bool = False
 
-    def stopped(self) -> bool:
+    def is_stopped(self) -> bool:
         """Return whether a signal requested the end of the run."""
         return bool(self.signals)
 

@@ -138,7 +138,7 @@ class Source:
         return _solve_source(prepare(self.case, rigid=True))
 
     @cached_property
-    def alone(self) -> CamSet | None:
+    def cams_only(self) -> CamSet | None:
         """Cams of a file without a mechanism; None for a result or a complete case."""
         if self.path.suffix == RESULT or has_mechanism(self.path):
             return None
@@ -147,12 +147,12 @@ class Source:
     @property
     def cams(self) -> Mapping[str, Cam]:
         """Cams by name."""
-        return build_model(self.case).cams if self.alone is None else self.alone.cams
+        return build_model(self.case).cams if self.cams_only is None else self.cams_only.cams
 
     @property
     def subject(self) -> str:
         """Title of the case or of the file of cams."""
-        return self.case.title if self.alone is None else self.alone.title or self.stem
+        return self.case.title if self.cams_only is None else self.cams_only.title or self.stem
 
     @property
     def stem(self) -> str:
@@ -162,7 +162,7 @@ class Source:
     @property
     def title(self) -> str:
         """Title of the case with its speed."""
-        return f"{self.case.record.title or self.stem}, {self.case.told_speed}"
+        return f"{self.case.record.title or self.stem}, {self.case.speed_text}"
 
 
 def _solve_source(ready: PreparedRun) -> Response:
@@ -183,7 +183,7 @@ def open_sources(paths: Sequence[Path], overrides: Sequence[str] | None, *, cams
         raise refuse("--set", overrides[0], "cases alone", "a result has been computed", "give the case, or run it")
     found = [Source(path, tuple(overrides or ())) for path in paths]
     for one in found:
-        _ = one.result or (cams and one.alone) or one.case
+        _ = one.result or (cams and one.cams_only) or one.case
     return found
 
 
@@ -191,7 +191,7 @@ def name_sources(sources: Sequence[Source]) -> dict[str, Source]:
     """Return sources by a distinguishing name: empty for a single one, else file name, speed or number."""
     if len(sources) == 1:
         return {"": sources[0]}
-    speeds = ["" if one.alone else one.case.told_speed for one in sources]
+    speeds = ["" if one.cams_only else one.case.speed_text for one in sources]
     return dict(zip(make_unique([one.stem for one in sources], speeds), sources, strict=True))
 
 

@@ -29,7 +29,7 @@ def law_json(found: Criteria) -> dict[str, object]:
         "Cv": found.Cv, "Ca": found.Ca, "Cj": found.Cj, "Cm": found.Cm,
         "extremes": {name: [asdict(one) for one in getattr(found, name)] for name, _ in _CURVES},
         "jumps": list(found.jumps), "end_conditions": ends, "rest_at_ends": found.rest_at_ends,
-        "symmetric": found.symmetric, "broken": list(found.broken), "rms": list(found.rms),
+        "symmetric": found.symmetric, "broken": list(found.violations), "rms": list(found.rms),
         "harmonics": list(found.harmonics),
     }  # fmt: skip
 
@@ -54,7 +54,7 @@ def law_facts(name: str, found: Criteria) -> Table:
         ("symmetric", "yes" if found.symmetric else "no"),
         ("rms of s', s'', s'''", ", ".join(f"{value:.6g}" for value in found.rms)),
         ("harmonics of s''", ", ".join(f"{remove_noise(value, largest):.3g}" for value in found.harmonics)),
-        *(("not met between dwells", said) for said in found.broken),
+        *(("not met between dwells", said) for said in found.violations),
     ]
     return facts_table(f"Motion law {name}", rows)
 

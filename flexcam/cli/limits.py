@@ -57,19 +57,19 @@ def stability_table(found: Stability, scale: float) -> Table:
         ("off the cam", f"{math.degrees(found.open_on_the_lift):.3g} deg of the lift"),
         ("resonances", _count_resonances(found, scale)),
         *((_format_order(found, one), _format_resonance(one, scale)) for one in found.within[:_SHOWN]),
-        ("verdict", "; ".join(f"{one}: {_WORDS[one]}" for one in found.verdict) or _describe_stable(found)),
+        ("verdict", "; ".join(f"{one}: {_WORDS[one]}" for one in found.causes) or _describe_stable(found)),
     ]  # fmt: skip
     return facts_table(f"Stability at {shaft_speed(found.rpm * RPM, scale)}", rows)
 
 
 def _describe_stable(found: Stability) -> str:
-    skipped = [] if found.discrete.looked_at else ["the integrator"]
+    skipped = [] if found.discrete.is_available else ["the integrator"]
     skipped += ["the growth of disturbances"] if found.floquet is None else []
     return "nothing endangers this speed" + (f", but {' and '.join(skipped)} could not be looked at" if skipped else "")
 
 
 def _describe_amplification(found: StepAmplification) -> str:
-    if not found.looked_at:
+    if not found.is_available:
         return "not looked at"
     words = f"spectral radius {found.radius:.9g}, largest at {found.frequency:.5g} Hz ({', '.join(found.moving)})"
     return words + (f"; steps up to {found.critical_step:.4g} s" if math.isfinite(found.critical_step) else "")
@@ -90,19 +90,20 @@ def _count_resonances(found: Stability, scale: float) -> str:
     """Return the number of resonances below and above the highest listed speed."""
     count = len(found.within)
     rpm = f"{shaft_name(scale)} rpm"
-    words = f"{count or 'none'} up to {scale * found.highest:.5g} {rpm}"
+    words = f"{count or 'none'} up to {scale * found.highest_listed_rpm:.5g} {rpm}"
     if count > _SHOWN:
         words += f", of which the nearest {_SHOWN} are listed"
-    if not found.beyond:
+    if not found.higher_resonances:
         return words
-    return f"{words}; {len(found.beyond)} above, the lowest at {scale * found.beyond[0].rpm:.6g} {rpm}"
+    lowest = found.higher_resonances[0].rpm
+    return f"{words}; {len(found.higher_resonances)} above, the lowest at {scale * lowest:.6g} {rpm}"
 
 
 def _describe_growth(found: Stability) -> str:
     if found.floquet is None:
         return f"not looked at: {found.why_not}"
     largest, moving = abs(complex(found.floquet.multipliers[0])), ", ".join(found.floquet.moving())
-    if found.chatters:
+    if found.is_chattering:
         events = found.floquet.events
         return f"chatters: with {events} openings and closings small differences grow by {largest:.3g} ({moving})"
     return f"largest multiplier {largest:.6g}, growth {found.floquet.growth:.4g} 1/s ({moving})"
@@ -112,22 +113,36 @@ def stability_json(found: Stability, scale: float) -> dict[str, object]:
     """Return the stability for ``--json``."""
     multipliers = [] if found.floquet is None else [[one.real, one.imag] for one in found.floquet.multipliers.tolist()]
     return {
-        "shaft": shaft_name(scale), "rpm": scale * found.rpm,
-        "run": str(found.status.cause), "spectral_radius": found.discrete.radius,
-        "endangered_mode_hz": found.discrete.frequency, "endangered_moves": list(found.discrete.moving),
+        "shaft": shaft_name(scale),
+        "rpm": scale * found.rpm,
+        "run": str(found.status.cause),
+        "spectral_radius": found.discrete.radius,
+        "endangered_mode_hz": found.discrete.frequency,
+        "endangered_moves": list(found.discrete.moving),
         "critical_step_s": found.discrete.critical_step if math.isfinite(found.discrete.critical_step) else None,
-        "multipliers": multipliers, "growth": None if found.floquet is None else found.floquet.growth,
-        "chatters": found.chatters, "note": found.why_not, "open_on_the_lift_deg": math.degrees(found.open_on_the_lift),
+        "multipliers": multipliers,
+        "growth": None if found.floquet is None else found.floquet.growth,
+        "chatters": found.is_chattering,
+        "note": found.why_not,
+        "open_on_the_lift_deg": math.degrees(found.open_on_the_lift),
         "resonances": [
-            {"contact": one.contact, "rpm": scale * one.rpm, "harmonic": one.harmonic, "amplitude_m": one.amplitude,
-             "load_n": one.load, "frequency_hz": one.frequency, "moves": one.words}
+            {
+                "contact": one.contact,
+                "rpm": scale * one.rpm,
+                "harmonic": one.harmonic,
+                "amplitude_m": one.amplitude,
+                "load_n": one.load,
+                "frequency_hz": one.frequency,
+                "moves": one.words,
+            }
             for one in found.within[: 4 * _SHOWN]
         ],
-        "resonances_up_to_rpm": scale * found.highest, "resonances_within": len(found.within),
-        "resonances_above": len(found.beyond),
-        "next_resonance_rpm": scale * found.beyond[0].rpm if found.beyond else None,
-        "verdict": list(found.verdict),
-    }  # fmt: skip
+        "resonances_up_to_rpm": scale * found.highest_listed_rpm,
+        "resonances_within": len(found.within),
+        "resonances_above": len(found.higher_resonances),
+        "next_resonance_rpm": scale * found.higher_resonances[0].rpm if found.higher_resonances else None,
+        "verdict": list(found.causes),
+    }
 
 
 def growth_table(found: Sequence[Stability], scale: float) -> Table:
@@ -140,7 +155,7 @@ def _row(one: Stability, scale: float) -> list[str]:
     largest = "" if one.floquet is None else f"{abs(complex(one.floquet.multipliers[0])):.6g}"
     growth = "" if one.floquet is None else f"{one.floquet.growth:.4g}"
     opened = f"{math.degrees(one.open_on_the_lift):.3g}"
-    words = ", ".join([*one.verdict, *(["chatter"] if one.chatters else [])]) or "-"
+    words = ", ".join([*one.causes, *(["chatter"] if one.is_chattering else [])]) or "-"
     return [f"{scale * one.rpm:.6g}", f"{one.discrete.radius:.9g}", largest, growth, opened, words]
 
 
@@ -151,8 +166,8 @@ def growth_rates(found: Sequence[Stability]) -> FloatArray:
 
 def causes_by_speed(found: Sequence[Stability]) -> dict[str, NDArray[np.bool_]]:
     """Return the speeds at which each cause of instability occurs."""
-    named = {cause: np.array([cause in one.verdict for one in found]) for cause in _WORDS}
-    return {**named, "chatter": np.array([one.chatters for one in found])}
+    named = {cause: np.array([cause in one.causes for one in found]) for cause in _WORDS}
+    return {**named, "chatter": np.array([one.is_chattering for one in found])}
 
 
 _PAIRS = (("rigid", "bilateral"), ("bilateral", "unilateral"))

@@ -68,11 +68,11 @@ class FigureOptions:
         """Return the responses by name; the name of a single run is empty."""
         return {name: one.response for name, one in self.sources.items()}
 
-    def rigid_ones(self) -> dict[str, Response]:
+    def rigid_responses(self) -> dict[str, Response]:
         """Return the rigid responses by name; empty if they are not requested."""
         return {name: one.rigid for name, one in self.sources.items()} if self.rigid else {}
 
-    def rigid_doubts(self) -> list[str]:
+    def rigid_warnings(self) -> list[str]:
         """Return sentences about the limits of a drawn rigid train."""
         ones = self.sources.values() if self.rigid else ()
         return list(
@@ -118,7 +118,7 @@ def plot(
     sources = name_sources(open_sources(files, overrides, cams=what in _OF_CAMS))
     asked = FigureOptions(sources, probe, channels, over, rigid, cam, angle, count)
     save_figure(_FIGURES[what](asked), target, overwrite=overwrite)
-    doubtful = asked.rigid_doubts()
+    doubtful = asked.rigid_warnings()
     if as_json:
         print_json({"status": "ok", "files": [str(target)], "warnings": doubtful})
     else:
@@ -158,7 +158,7 @@ def _motion(asked: FigureOptions) -> Figure:
     responses = asked.responses()
     channels = asked.channels if asked.channels is not None else contact_forces(asked.first.response)[:1]
     return motion_figure(
-        responses, asked.probe or scalar_probe(asked.first.ready), channels, rigid=asked.rigid_ones(),
+        responses, asked.probe or scalar_probe(asked.first.ready), channels, rigid=asked.rigid_responses(),
         over=asked.over or "angle", title=asked.title,
     )  # fmt: skip
 
@@ -169,7 +169,9 @@ def _force(asked: FigureOptions) -> Figure:
     responses, channels = asked.responses(), asked.channels or contact_forces(asked.first.response)
     if not channels:
         raise refuse("--what", "force", "a run with contacts", "this one has none", "name channels with --channel")
-    return channel_figure(responses, channels, rigid=asked.rigid_ones(), over=asked.over or "angle", title=asked.title)
+    return channel_figure(
+        responses, channels, rigid=asked.rigid_responses(), over=asked.over or "angle", title=asked.title
+    )
 
 
 def _energy(asked: FigureOptions) -> Figure:

@@ -21,23 +21,29 @@ def settings_table(found: Sequence[Setting], scale: float) -> Table:
     """Return the table of the closed-form results, one row per setting."""
     rows = [
         (
-            one.name, f"{scale * one.speed / RPM:.6g}", f"{one.stiffness / 1e3:.4g}", format_mm(one.compression, 4),
-            *(f"{value:.0f}" for value in (*one.kinematic, *one.dynamic)), format_mm(one.opening, 3), f"{one.lost:.1%}",
+            one.name,
+            f"{scale * one.speed / RPM:.6g}",
+            f"{one.stiffness / 1e3:.4g}",
+            format_mm(one.compression, 4),
+            *(f"{value:.0f}" for value in (*one.kinematic, *one.dynamic)),
+            format_mm(one.opening, 3),
+            f"{one.lift_loss:.1%}",
         )
         for one in found
-    ]  # fmt: skip
+    ]
     title = f"Acceleration of the lift (spp) and of the valve (xpp), m/s^2; lift {format_mm(found[0].lift, 4)} mm"
     return plain_table(title, ("setting", f"{shaft_name(scale)} rpm", *_HEAD), rows)
 
 
 def describe_settings(found: Sequence[Setting]) -> list[str]:
     """Return sentences about the lift lost with the accelerations."""
-    worst = max(found, key=lambda one: one.lost)
+    worst = max(found, key=lambda one: one.lift_loss)
     limited = worst.dynamic[0] / worst.kinematic[0]
     bought = (
         "In this closed form what limits the acceleration is lost lift: the train yields to the spring, and the valve "
         f"does not open. With {worst.name} the valve's largest acceleration is {limited:.1%} of the lift's, and it "
-        f"opens {format_mm(worst.opening, 3)} of {format_mm(worst.lift, 4)} mm: {worst.lost:.1%} of the lift is lost."
+        f"opens {format_mm(worst.opening, 3)} of {format_mm(worst.lift, 4)} mm: "
+        f"{worst.lift_loss:.1%} of the lift is lost."
     )
     words = [bought]
     if shut := [one for one in found if not one.lifts_off]:
@@ -54,7 +60,7 @@ def describe_settings(found: Sequence[Setting]) -> list[str]:
 
 def settings_json(found: Sequence[Setting], scale: float) -> dict[str, object]:
     """Return the results of settings for ``--json``, SI."""
-    rows = [{**asdict(one), "rpm": scale * one.speed / RPM, "lost": one.lost} for one in found]
+    rows = [{**asdict(one), "rpm": scale * one.speed / RPM, "lost": one.lift_loss} for one in found]
     shaft = shaft_name(scale)
     return {"shaft": shaft, "settings": rows, "words": describe_settings(found)}
 

@@ -132,7 +132,7 @@ def map_limits(
         given = "--over alone" if over else "--and alone" if beside else "--limit, --workers, --csv or --plot alone"
         raise refuse("limits", given, "--over KEY=SPEC and --and KEY=SPEC", "they belong to a map over two numbers")
     check_targets(csv, plot, path, overwrite=overwrite)
-    file = CaseFile.opened(path)
+    file = CaseFile.open(path)
     plan = grid_plan(_axis("--over", over), _axis("--and", beside), overrides or ())
     case = validate_plan(file, plan)
     shaft = shaft_name(case.turns)
@@ -142,7 +142,7 @@ def map_limits(
         create_evaluator(file, (), asked, search, workers=workers, runs=len(plan), advance=shown) as runs,
     ):
         kept = InterruptibleRuns(runs)
-        found = limit_map(plan, names, kept).told_in(case)
+        found = limit_map(plan, names, kept).with_units(case)
 
     def draw() -> Figure:
         from flexcam.plotting.study_curves import map_figure
@@ -405,8 +405,8 @@ def _bounds(design: OptimizationProblem, found: Evaluations, at: int) -> Table:
         (
             one.words,
             f"{format_number(row_value(row, one.name))} {_unit_optimum(row.units, one.name)}".strip(),
-            _closeness(float(passed[i]), found.outside(at, i)),
-            _step(found.outside(at, i)),
+            _closeness(float(passed[i]), found.distance_to_violation(at, i)),
+            _step(found.distance_to_violation(at, i)),
         )
         for i, one in enumerate(design.bounds)
     ]
@@ -452,11 +452,15 @@ def _variant(design: OptimizationProblem, found: Evaluations, i: int) -> dict[st
         "values": {name: finite_or_none(row_value(row, name)) for name in names},
         "units": {name: row.units.get(name, "") for name in names},
         "bounds": [
-            {"bound": one.words, "slack": finite_or_none(-float(x)), "outside": finite_or_none(found.outside(i, k)),
-             "active": is_active(float(x)) or found.outside(i, k) <= _ACTIVE_DISTANCE}
+            {
+                "bound": one.words,
+                "slack": finite_or_none(-float(x)),
+                "outside": finite_or_none(found.distance_to_violation(i, k)),
+                "active": is_active(float(x)) or found.distance_to_violation(i, k) <= _ACTIVE_DISTANCE,
+            }
             for k, (one, x) in enumerate(zip(design.bounds, found.violations[i].tolist(), strict=False))
         ],
-    }  # fmt: skip
+    }
 
 
 def _csv(design: OptimizationProblem, found: Evaluations) -> str:
@@ -559,7 +563,7 @@ class _StudyOptions:
         self, path: Path, overrides: Sequence[str] | None, names: Sequence[str],
         lowest: str | None, highest: str | None, within: str, *, option: str, workers: int, allow_large: bool,
     ) -> None:  # fmt: skip
-        self.file, self.fixed = CaseFile.opened(path), tuple(overrides or ())
+        self.file, self.fixed = CaseFile.open(path), tuple(overrides or ())
         self.case = self.file.read(self.fixed)
         warn_ignored_keys(self.fixed, self.case)
         self.names = tuple(dict.fromkeys(names))
@@ -571,7 +575,7 @@ class _StudyOptions:
         if not allow_large and any(frequency_number(name) is None for name in names):
             check_case_resources(self.case, together=workers)
 
-    def checked(self, count: int) -> dict[str, Quantity]:
+    def initial_quantities(self, count: int) -> dict[str, Quantity]:
         """Return the requested quantities of the unchanged case; unknown names raise an error."""
         try:
             return compute_quantities(self.case, self.names, self.search, count)
@@ -604,7 +608,7 @@ def _derivatives_studies(
     responses = [name for name in asked.names if not frequency_number(name)]
     get_numbers(asked.case, keys)
     count = 1 + len(STEP_OFFSETS) * len(keys)
-    asked.checked(count)
+    asked.initial_quantities(count)
     with asked.evaluators(count, workers, responses) as runs:
         kept = InterruptibleRuns(runs)
         found = sensitivities(asked.file, asked.fixed, asked.names, keys, kept, relative_step=relative_step)
@@ -622,7 +626,7 @@ def _derivatives_studies(
 def _shares(asked: _StudyOptions, keys: list[str], count: int, seed: int, workers: int) -> tuple[StudyAnswer, Status]:
     variables = variables_of(asked.case, keys, "--to")
     check_count(count)
-    asked.checked(count)
+    asked.initial_quantities(count)
     low, high = (np.array([getattr(one, end) for one in variables]) for end in ("low", "high"))
     with asked.evaluators(count * (len(variables) + 2), workers) as runs:
         kept = InterruptibleRuns(runs)
@@ -630,7 +634,7 @@ def _shares(asked: _StudyOptions, keys: list[str], count: int, seed: int, worker
 
         def values(parts: FloatArray) -> FloatArray:
             rows = points.rows(low + parts * (high - low))
-            if kept.stopped and kept.done < _MIN_BASE_POINTS * (len(variables) + 2):
+            if kept.is_interrupted and kept.done < _MIN_BASE_POINTS * (len(variables) + 2):
                 raise KeyboardInterrupt  # a single base point gives no indices
             return np.column_stack([column(rows, name) for name in asked.names])
 
@@ -658,7 +662,7 @@ def _scatter(
 ) -> tuple[StudyAnswer, Status]:
     scatters = parse_scatters(asked.case, tolerances)
     parts = sample_parts(scatters, count, seed)
-    middle = asked.checked(count)
+    middle = asked.initial_quantities(count)
     variables = tuple(Variable(one.key, one.middle - one.half, one.middle + one.half) for one in scatters)
     with asked.evaluators(count, workers) as runs:
         kept = InterruptibleRuns(runs)
@@ -721,7 +725,7 @@ def optimize(
     )
     variables = variables_of(asked.case, vary, "--vary")
     with suppress(RunFailedError):  # a case that fails may have better variants
-        asked.checked(evaluations)
+        asked.initial_quantities(evaluations)
     with asked.evaluators(evaluations, workers) as runs:
         points = PointEvaluator(asked.case, variables, runs)
         search = study_optimize if len(goals) == 1 else find_pareto_front

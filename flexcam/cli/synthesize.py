@@ -32,7 +32,7 @@ def synthesis_json(found: Synthesis) -> dict[str, object]:
     return {
         "family": found.family, "objective": found.objective, "family_bound": found.bound, "gap": found.gap,
         "bound_over_all_laws": found.bound_all, "Cv": c.Cv, "Ca": c.Ca, "Cj": c.Cj, "Cm": c.Cm, "rms": c.rms[1],
-        "broken": list(c.broken), "converged": found.converged, "not_converged": list(found.open),
+        "broken": list(c.violations), "converged": found.converged, "not_converged": list(found.open),
     }  # fmt: skip
 
 
@@ -59,7 +59,7 @@ def synthesis_table(found: Synthesis) -> Table:
         ("no law of the family has less than", bound),
         ("no law at all has less than", every),
         ("C_v, C_a, C_j, C_m", ", ".join("infinite" if x is None else f"{x:.6g}" for x in (c.Cv, c.Ca, c.Cj, c.Cm))),
-        *(("not met", said) for said in c.broken),
+        *(("not met", said) for said in c.violations),
     ]
     return facts_table(f"Best of {found.family}", rows)
 

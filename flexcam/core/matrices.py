@@ -69,7 +69,7 @@ class Triplets:
         return cls(len(left), np.repeat(i, len(j)), np.tile(j, len(i)), values.ravel())
 
     @classmethod
-    def joined(cls, matrices: Sequence[Triplets]) -> Self:
+    def sum(cls, matrices: Sequence[Triplets]) -> Self:
         """Return the sum of one or more matrices of the same size."""
         rows, cols, values = (np.concatenate([getattr(m, n) for m in matrices]) for n in ("rows", "cols", "values"))
         return cls(matrices[0].size, rows, cols, values)
@@ -89,7 +89,7 @@ class Triplets:
         """Return the product with a vector, shape (size,)."""
         return _sum_duplicates(self.rows, self.values * vector[self.cols], self.size)
 
-    def times_all(self, columns: FloatArray) -> FloatArray:
+    def multiply(self, columns: FloatArray) -> FloatArray:
         """Return the product with every column of an array, shape (size, k)."""
         if self.size <= _SMALL_SIZE:
             return self.dense() @ columns
@@ -105,7 +105,7 @@ class Triplets:
         return type(self)(self.size, self.rows, self.cols, factor * self.values)
 
     def __add__(self, other: Triplets) -> Self:
-        return self.joined((self, other))
+        return self.sum((self, other))
 
     def part(self, index: IntArray) -> Self:
         """Return the submatrix of the rows and columns `index`, in that order."""
@@ -133,7 +133,7 @@ def energy_rounding(matrix: Triplets, shapes: FloatArray) -> FloatArray:
     """
     size = Triplets(matrix.size, matrix.rows, matrix.cols, np.abs(matrix.values))
     absolute = np.abs(shapes)
-    return np.finfo(float).eps * np.sum(absolute * size.times_all(absolute), axis=0)
+    return np.finfo(float).eps * np.sum(absolute * size.multiply(absolute), axis=0)
 
 
 def rounding_fraction(matrix: Triplets, shape: FloatArray) -> float:

@@ -87,7 +87,7 @@ def factorize_constrained(matrix: Triplets, motions: FloatArray, stiffness: floa
     if not motions.shape[1]:
         return factorize(matrix)
     if matrix.size <= DENSE_LIMIT:
-        return factorize(Triplets.joined([matrix, *(Triplets.outer(f, f, stiffness) for f in motions.T)]))
+        return factorize(Triplets.sum([matrix, *(Triplets.outer(f, f, stiffness) for f in motions.T)]))
     scale = diagonal_scale(matrix)
     at = np.array(select_constraints(np.linalg.qr(motions / scale[:, None])[0]))
     size = 1.0 / scale[at] ** 2

@@ -156,14 +156,16 @@ def _constant_forces(
     still, moving = CamMotion(np.zeros(1), np.zeros(1), np.zeros(1)), moving.copy()
     steady = [load.vector * load.history(still)[0] for load in system.loads if load.steady]
     forces = LocalForces(system)
-    schedule = forces.schedule(still)
-    gap = forces.sensed(d[None], np.zeros((1, system.size)), schedule)[0][0]
-    answer = forces.respond(gap, np.zeros(forces.count), forces.start_state if inner is None else inner, schedule)
+    schedule = forces.prescribed_inputs(still)
+    penetration = forces.sense_motion(d[None], np.zeros((1, system.size)), schedule)[0][0]
+    answer = forces.respond(
+        penetration, np.zeros(forces.count), forces.start_state if inner is None else inner, schedule
+    )
     for force, part, states in forces.parts:
         involved = _force_unknowns(force, system.size)
         if moving[involved].any():
             continue
-        if _depends_on_angle(force, gap[part]) or answer.state_rate[states].any():
+        if _depends_on_angle(force, penetration[part]) or answer.state_rate[states].any():
             moving |= _spread_to_groups(involved, labels)
         else:
             pairs = zip(answer.force[part].tolist(), force.act, strict=True)
@@ -171,13 +173,13 @@ def _constant_forces(
     return np.array(steady).reshape(len(steady), system.size), moving
 
 
-def _depends_on_angle(force: LocalForce, gap: FloatArray) -> bool:
+def _depends_on_angle(force: LocalForce, penetration: FloatArray) -> bool:
     """Return whether a force at rest depends on the cam angle through its vectors, offsets or law."""
     if any(one.functions for one in (*force.sense, *force.act)):
         return True
     if not all(isinstance(offset, Constant) for offset in force.offset):
         return True
-    return bool((not isinstance(force.law, ForceLaw) or force.law.functions) and gap.any())
+    return bool((not isinstance(force.law, ForceLaw) or force.law.functions) and penetration.any())
 
 
 def _find_unbalanced(system: System, d: FloatArray, steady: FloatArray, labels: IntArray) -> NDArray[np.bool_]:

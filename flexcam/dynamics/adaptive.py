@@ -122,7 +122,7 @@ class StepController:
             length = whole >> self.halvings
             last = done + length == whole
             there = to if last else self._at(begin + (done + length) / whole * self._step)
-            part, share = self._tried(now, there)
+            part, share = self._try_step(now, there)
             if not part:
                 self.halvings += 1
                 continue
@@ -132,7 +132,7 @@ class StepController:
                 self.halvings -= 1
         return walked
 
-    def _tried(self, now: StepState, there: StepInputs) -> tuple[list[StepState], float]:
+    def _try_step(self, now: StepState, there: StepInputs) -> tuple[list[StepState], float]:
         """Return a step and its error relative to the tolerance; no step if the error is too large."""
         events = self._walker.events
         part = self._walker.walk(now, there)

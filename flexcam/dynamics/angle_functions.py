@@ -119,7 +119,7 @@ class CamFunctionCache:
             found = self._known[id(function), order] = function, value
         return found[1]
 
-    def once(self, key: object, make: Callable[[], T]) -> T:
+    def cached(self, key: object, make: Callable[[], T]) -> T:
         """Return the cached value of a key at these angles, computed if missing."""
         if key not in self._made:
             self._made[key] = make()

@@ -26,7 +26,7 @@ class Basis(Protocol):
         """Number of coordinates m."""
         ...
 
-    def named(self, names: Sequence[str]) -> tuple[str, ...]:
+    def coordinate_names(self, names: Sequence[str]) -> tuple[str, ...]:
         """Return names of the m coordinates from those of the n unknowns."""
         ...
 
@@ -42,7 +42,7 @@ class Basis(Protocol):
         """Return ``T q`` of motions as rows, shape (..., m) to (..., n)."""
         ...
 
-    def saved(self, motions: FloatArray) -> FloatArray:
+    def expand_saved(self, motions: FloatArray) -> FloatArray:
         """Return ``T q`` of saved motions, shape (f, m) to (f, n): a run can be resumed from any of them."""
         ...
 
@@ -75,7 +75,7 @@ class DofSubset:
         """Number of unknowns kept."""
         return len(self.kept)
 
-    def named(self, names: Sequence[str]) -> tuple[str, ...]:
+    def coordinate_names(self, names: Sequence[str]) -> tuple[str, ...]:
         """Return the names of those kept."""
         kept: list[int] = self.kept.tolist()
         return tuple(names[i] for i in kept)
@@ -94,7 +94,7 @@ class DofSubset:
         full[..., self.kept] = motion
         return full
 
-    def saved(self, motions: FloatArray) -> FloatArray:
+    def expand_saved(self, motions: FloatArray) -> FloatArray:
         """Return the motions expanded to all unknowns."""
         return self.spread(motions)
 
@@ -142,14 +142,14 @@ class ModeBasis:
         """Number of shapes."""
         return self.vectors.shape[1]
 
-    def named(self, names: Sequence[str]) -> tuple[str, ...]:
+    def coordinate_names(self, names: Sequence[str]) -> tuple[str, ...]:
         """Return the names of the coordinates."""
         return self.called or tuple(f"shape {i}" for i in range(1, self.vectors.shape[1] + 1))
 
     def matrix(self, full: Triplets) -> Triplets:
         """Return ``T' A T`` with rounding removed: massless shapes then have zero mass."""
-        part = self.vectors.T @ full.times_all(self.vectors)
-        sizes = replace(full, values=np.abs(full.values)).times_all(np.abs(self.vectors))
+        part = self.vectors.T @ full.multiply(self.vectors)
+        sizes = replace(full, values=np.abs(full.values)).multiply(np.abs(self.vectors))
         rounding = np.finfo(float).eps * np.sqrt(full.size) * (np.abs(self.vectors).T @ sizes)
         part[np.abs(part) <= rounding] = 0.0
         symmetric = np.abs(part - part.T) <= 2.0 * rounding
@@ -163,13 +163,13 @@ class ModeBasis:
         """Return the sum of the shapes times the coordinates."""
         return motion @ self.vectors.T
 
-    def saved(self, motions: FloatArray) -> FloatArray:
+    def expand_saved(self, motions: FloatArray) -> FloatArray:
         """Return the sums of the shapes."""
         return self.spread(motions)
 
     def within(self, motion: FloatArray, weight: Triplets) -> FloatArray:
         """Return the coordinates of the nearest motion."""
-        heavy = weight.times_all(self.vectors)
+        heavy = weight.multiply(self.vectors)
         return np.asarray(np.linalg.lstsq(self.vectors.T @ heavy, heavy.T @ motion)[0], dtype=float)
 
     def free(self, motions: FloatArray | None) -> FloatArray | None:
@@ -188,7 +188,7 @@ def project_system(system: System, basis: Basis) -> System:
         mass=basis.matrix(system.mass),
         damping=basis.matrix(system.damping),
         stiffness=basis.matrix(system.stiffness),
-        names=basis.named(system.names),
+        names=basis.coordinate_names(system.names),
         loads=tuple(_load(load, basis) for load in system.loads),
         local_forces=tuple(_local(force, basis) for force in system.local_forces),
         probes=tuple(_probe(probe, basis) for probe in system.probes),
@@ -287,10 +287,10 @@ class _ExpandedMotion:
             self._whole[order] = spread + self._rows.held if order == 0 else spread
         return self._whole[order]
 
-    def picked(self, rows: FloatArray, order: int = 0) -> FloatArray:
+    def extract(self, rows: FloatArray, order: int = 0) -> FloatArray:
         key = id(rows), order
         if key not in self._picked:
             own, still = self._rows(rows)
-            found = self._inside.picked(own, order)
+            found = self._inside.extract(own, order)
             self._picked[key] = found + still if order == 0 else found
         return self._picked[key]

@@ -26,11 +26,11 @@ class Series:
     acceleration: FloatArray
 
     @classmethod
-    def joined(cls, parts: Sequence[Series]) -> Series:
+    def concatenate(cls, parts: Sequence[Series]) -> Series:
         """Return the concatenated parts."""
         return cls(*(np.concatenate([getattr(p, name) for p in parts]) for name in cls.__annotations__))
 
-    def between(self, own: FloatArray, times: FloatArray) -> Series:
+    def interpolate(self, own: FloatArray, times: FloatArray) -> Series:
         """Return the motion at other ascending times, s, by interpolation between instants.
 
         Displacements are cubics with the velocities at both ends, velocities cubics with the accelerations,
@@ -95,14 +95,16 @@ class Block:
     fields: Series
 
     @classmethod
-    def joined(cls, parts: Sequence[Block]) -> Block:
+    def concatenate(cls, parts: Sequence[Block]) -> Block:
         """Return successive blocks as one."""
         if len(parts) == 1:
             return parts[0]
         rows = {name: np.concatenate([getattr(p, name) for p in parts])
                 for name in ("time", "angle", "channels", "field_time", "field_angle")}  # fmt: skip
         return cls(
-            **rows, probes=Series.joined([p.probes for p in parts]), fields=Series.joined([p.fields for p in parts])
+            **rows,
+            probes=Series.concatenate([p.probes for p in parts]),
+            fields=Series.concatenate([p.fields for p in parts]),
         )
 
 

@@ -143,7 +143,7 @@ class SpeedByAngle:
         self._angles = np.linspace(0.0, 2.0 * np.pi, points)
         if float(speed(self._angles, 0).min()) <= 0.0:
             raise refuse("speed", "zero or less at some angle", "above zero at every cam angle")
-        self._times = np.concatenate([[0.0], np.cumsum(self._passing(self._angles[:-1], np.diff(self._angles)))])
+        self._times = np.concatenate([[0.0], np.cumsum(self._travel_times(self._angles[:-1], np.diff(self._angles)))])
         self._first = float(self._time_at(np.array([start % (2.0 * np.pi)]))[0]) - time
 
     @property
@@ -165,9 +165,9 @@ class SpeedByAngle:
         """Return the time of an angle within the revolution."""
         step = self._angles[1]
         i = np.clip(np.floor(angle / step).astype(int), 0, len(self._angles) - 2)
-        return self._times[i] + self._passing(self._angles[i], angle - self._angles[i])
+        return self._times[i] + self._travel_times(self._angles[i], angle - self._angles[i])
 
-    def _passing(self, angle: FloatArray, width: FloatArray) -> FloatArray:
+    def _travel_times(self, angle: FloatArray, width: FloatArray) -> FloatArray:
         """Return the times to advance by given widths from given angles, by four-point Gauss quadrature."""
         x, w = np.polynomial.legendre.leggauss(4)
         at = angle[:, None] + 0.5 * width[:, None] * (1.0 + x)

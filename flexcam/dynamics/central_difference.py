@@ -36,7 +36,7 @@ class CentralDifference(Method):
 
     Examples
     --------
-    >>> round(CentralDifference().stable_to(), 9)
+    >>> round(CentralDifference().stability_limit(), 9)
     2.0
     """
 
@@ -56,7 +56,7 @@ class CentralDifference(Method):
     def refusal(self, system: System, step: float) -> InputError | None:
         """Return the refusal of contacts and dampers without mass, and of steps beyond the limit."""
         light = MasslessMotions(system)
-        if pushed := light.pushed(_NAME):
+        if pushed := light.contact_error(_NAME):
             return pushed
         omega, names = highest_frequency(system, light)
         if step * omega <= _LIMIT:
@@ -110,7 +110,7 @@ def highest_frequency(system: System, light: MasslessMotions | None = None) -> t
 
 
 def _highest_dense(system: System, light: MasslessMotions) -> tuple[float, FloatArray]:
-    pulled = system.stiffness.times_all(light.spread(np.eye(len(light.kept))))
+    pulled = system.stiffness.multiply(light.spread(np.eye(len(light.kept))))
     values, vectors = np.linalg.eig(light.inverse(system.mass).solve(pulled)[light.kept])
     squares, shapes = np.real(values), np.real(vectors)
     highest = int(np.argmax(squares))
@@ -123,7 +123,7 @@ def _highest_sparse(system: System, light: MasslessMotions) -> tuple[float, Floa
     size, inverse = len(light.kept), light.inverse(system.mass)
 
     def pull(kept: FloatArray) -> FloatArray:
-        return system.stiffness.times_all(light.spread(kept.reshape(size, -1)))[light.kept]
+        return system.stiffness.multiply(light.spread(kept.reshape(size, -1)))[light.kept]
 
     def freed(push: FloatArray) -> FloatArray:
         whole = np.zeros((system.size, 1))

@@ -41,7 +41,7 @@ class Checkpoint:
 class CheckpointSink(Protocol):
     """Sink that also stores checkpoints."""
 
-    def keep(self, checkpoint: Checkpoint) -> None:
+    def write_checkpoint(self, checkpoint: Checkpoint) -> None:
         """Store the checkpoint after the last block written."""
         ...
 

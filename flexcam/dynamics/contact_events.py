@@ -37,14 +37,16 @@ MIN_REDUCTION = 0.01
 """Minimum relative reduction of a bracket by a secant step."""
 
 
-def find_crossing(pressed: bool, gap: float, new_gap: float, rate: float, new_rate: float, length: float) -> float:
+def find_crossing(
+    pressed: bool, penetration: float, new_penetration: float, rate: float, new_rate: float, length: float
+) -> float:
     """Return the time in (0, length) of the sign change of the cubic through both ends, by bisection."""
     low, high = 0.0, 1.0
     for _ in range(50):
         x = 0.5 * (low + high)
         y = 1.0 - x
-        value = y * y * ((1.0 + 2.0 * x) * gap + x * length * rate) + x * x * (
-            (3.0 - 2.0 * x) * new_gap - y * length * new_rate
+        value = y * y * ((1.0 + 2.0 * x) * penetration + x * length * rate) + x * x * (
+            (3.0 - 2.0 * x) * new_penetration - y * length * new_rate
         )
         if (value > 0.0) == pressed:
             low = x
@@ -58,18 +60,18 @@ Bracket = tuple[float, float, float, float, bool]
 
 
 def narrow_bracket(
-    pressed: bool, after: float, gap: float, rate: float, bracket: Bracket
+    pressed: bool, after: float, penetration: float, rate: float, bracket: Bracket
 ) -> tuple[float, float, float, float, float, bool]:
     """Return the next estimate of the zero, by Newton's method within the bracket, and the new bracket."""
     low, high, near, far, was_beyond = bracket
-    beyond = (gap > 0.0) != pressed
+    beyond = (penetration > 0.0) != pressed
     if beyond:
         if was_beyond:  # same end twice: the Illinois rule avoids slow convergence at a stiff contact
             near *= 0.5
-        high, far = after, gap
+        high, far = after, penetration
     else:
-        low, near = after, gap
-    newton = after - gap / rate if rate != 0.0 else high
+        low, near = after, penetration
+    newton = after - penetration / rate if rate != 0.0 else high
     if beyond and was_beyond:
         # After an event the scalar starts at zero up to rounding, which is not the zero sought.
         newton = max(low - near * (high - low) / (far - near), low + MIN_REDUCTION * (high - low))
@@ -139,7 +141,7 @@ class EventStepper:
             trial = self._advance(now, to)
             if not len(self._forces.switching) or not (self._side(now) != self._side(trial)).any():
                 return [*walked, trial]
-            walked += self._event(now, trial, to)
+            walked += self._first_event(now, trial, to)
             now = walked[-1]
             if now.time == to.time:
                 return walked
@@ -157,29 +159,31 @@ class EventStepper:
         return self._halved[halvings].advance(now, to)
 
     def _side(self, moment: StepState) -> Bools:
-        return self._forces.pressed(moment.gap) if moment.pressed is None else moment.pressed
+        return self._forces.contact_sides(moment.penetration) if moment.pressed is None else moment.pressed
 
-    def _event(self, now: StepState, trial: StepState, to: StepInputs) -> list[StepState]:
+    def _first_event(self, now: StepState, trial: StepState, to: StepInputs) -> list[StepState]:
         """Return the instant of the first event, and the one after an impact."""
         self.events += 1
         side, crossed = self._side(now), self._side(now) != self._side(trial)
         length = to.time - now.time
-        (gap, rate), (new_gap, new_rate) = self._gaps(now), self._gaps(trial)
+        (penetration, rate), (new_penetration, new_rate) = self._penetrations(now), self._penetrations(trial)
         roots = [
-            find_crossing(bool(side[i]), gap[i], new_gap[i], rate[i], new_rate[i], length) if crossed[i] else np.inf
+            find_crossing(bool(side[i]), penetration[i], new_penetration[i], rate[i], new_rate[i], length)
+            if crossed[i]
+            else np.inf
             for i in range(len(crossed))
         ]
         first = int(np.argmin(roots))
-        moment, there = self._stopped(now, trial, to, first, roots[first])
-        pressed = self._forces.pressed(moment.gap)
+        moment, there = self._locate_crossing(now, trial, to, first, roots[first])
+        pressed = self._forces.contact_sides(moment.penetration)
         together = crossed & (np.abs(np.array(roots) - roots[first]) <= SIMULTANEITY * length)
         pressed[together] = ~side[together]
         moment = replace(moment, pressed=pressed)
         if not self._balances:
-            moment = replace(self._starter.restarted(moment), pressed=pressed)
-        return self._struck(moment, there, pressed & ~side)
+            moment = replace(self._starter.restart(moment), pressed=pressed)
+        return self._apply_impact(moment, there, pressed & ~side)
 
-    def _stopped(
+    def _locate_crossing(
         self, now: StepState, trial: StepState, to: StepInputs, which: int, guess: float
     ) -> tuple[StepState, StepInputs]:
         """Return the instant of a zero crossing near a given time, by Newton's method within a bracket."""
@@ -187,7 +191,7 @@ class EventStepper:
         low, high, after = 0.0, length, guess
         sharp = max(TIME_TOLERANCE * length, ROUNDING * abs(to.time))
         moment, there, was_beyond = trial, to, False
-        near, far = float(self._gaps(now)[0][which]), float(self._gaps(trial)[0][which])
+        near, far = float(self._penetrations(now)[0][which]), float(self._penetrations(trial)[0][which])
         for _ in range(CORRECTIONS):
             if after <= END_TOLERANCE * length:
                 return replace(now, impulse=None, iterations=0), self._at(now.time)
@@ -195,26 +199,28 @@ class EventStepper:
                 return trial, to
             there = self._at(now.time + after)
             moment = self._advance(now, there)
-            its_gap, its_rate = (float(one[which]) for one in self._gaps(moment))
-            if abs(its_gap) <= sharp * abs(its_rate) or high - low <= sharp:
+            its_penetration, its_rate = (float(one[which]) for one in self._penetrations(moment))
+            if abs(its_penetration) <= sharp * abs(its_rate) or high - low <= sharp:
                 break
             bracket = (low, high, near, far, was_beyond)
-            after, low, high, near, far, was_beyond = narrow_bracket(side, after, its_gap, its_rate, bracket)
+            after, low, high, near, far, was_beyond = narrow_bracket(side, after, its_penetration, its_rate, bracket)
         return moment, there
 
-    def _struck(self, moment: StepState, there: StepInputs, closed: Bools) -> list[StepState]:
+    def _apply_impact(self, moment: StepState, there: StepInputs, closed: Bools) -> list[StepState]:
         restitution = self._forces.restitution
         bouncing = ~np.isnan(restitution)
-        struck = closed & (self._gaps(moment)[1] > _SLOW) & bouncing
+        struck = closed & (self._penetrations(moment)[1] > _SLOW) & bouncing
         if not struck.any() or moment.pressed is None:
             return [moment]
         after = self._starter.impact(moment, there, np.flatnonzero(moment.pressed & bouncing))
         # Without restitution a contact stays closed unless another impulse separates it.
-        stays = self._gaps(after)[1] > np.where(restitution == 0.0, -_SLOW, 0.0)
-        pressed, gap = np.where(struck, stays, moment.pressed), after.gap.copy()
-        gap[self._forces.switching[struck]] = 0.0  # the remainder is rounding, which would determine the opening
-        return [moment, replace(after, pressed=pressed, gap=gap)]
+        stays = self._penetrations(after)[1] > np.where(restitution == 0.0, -_SLOW, 0.0)
+        pressed, penetration = np.where(struck, stays, moment.pressed), after.penetration.copy()
+        penetration[self._forces.switching[struck]] = (
+            0.0  # the remainder is rounding, which would determine the opening
+        )
+        return [moment, replace(after, pressed=pressed, penetration=penetration)]
 
-    def _gaps(self, moment: StepState) -> tuple[FloatArray, FloatArray]:
+    def _penetrations(self, moment: StepState) -> tuple[FloatArray, FloatArray]:
         """Return the switching scalars and their rates."""
-        return moment.gap[self._forces.switching], moment.rate[self._forces.switching]
+        return moment.penetration[self._forces.switching], moment.rate[self._forces.switching]

@@ -56,8 +56,10 @@ class DirectEngine:
         def stepper(length: float) -> Stepper:
             return scheme.stepper(problem.system, forces, length, self._at)
 
-        self._walker = EventStepper(problem.step, forces, self._starter, self._at, stepper, balances=scheme.balances)
-        self._pace = self._paced(problem, scheme, pilot)
+        self._walker = EventStepper(
+            problem.step, forces, self._starter, self._at, stepper, balances=scheme.is_collocated
+        )
+        self._pace = self._create_stepper(problem, scheme, pilot)
         self._last: StepState | None = None
         self._iterations, self._substeps = 0, 0
 
@@ -73,17 +75,17 @@ class DirectEngine:
         """
         at = self._problem.times(steps)
         motion = self._problem.drive.at(at)
-        schedule = self._forces.schedule(motion)
+        schedule = self._forces.prescribed_inputs(motion)
         before = None if self._last is None else stack_motion(Trajectory.of([[self._last]]))[0]
-        walked, status = self._walked(steps, at, motion.angle, schedule, self._system.applied(motion))
+        walked, status = self._advance_steps(steps, at, motion.angle, schedule, self._system.load_vector(motion))
         if not walked:
-            return walked, Trajectory.none(self._system.size, self._forces), status
+            return walked, Trajectory.empty(self._system.size, self._forces), status
         self._iterations += sum(m.iterations for part in walked for m in part)
         self._substeps += sum(len(part) for part in walked)
         track, left = in_range(Trajectory.of(walked), before, self._system, motion.angle)
         return walked, track, status if left.ok else left
 
-    def _walked(
+    def _advance_steps(
         self, steps: IntArray, at: FloatArray, angle: FloatArray, schedule: PrescribedInputs, loads: FloatArray
     ) -> tuple[list[list[StepState]], Status]:
         """Return the instants per step: events, and the end of the step last."""
@@ -100,12 +102,12 @@ class DirectEngine:
             except StepFloorError as fault:
                 return walked, _step_floor_status(fault, self._system, float(at[i]), float(angle[i]))
             if steps[i] % self._save.field_every == 0:
-                part[-1] = self._starter.resumed(part[-1], to)
+                part[-1] = self._starter.resume(part[-1], to)
             walked.append(part)
             self._last = part[-1]
         return walked, Status()
 
-    def counted(self, stats: Stats) -> Stats:
+    def statistics(self, stats: Stats) -> Stats:
         """Return the statistics with the counts of this engine."""
         stats = replace(stats, iterations=self._iterations, events=self._walker.events)
         return replace(stats, substeps=self._substeps, rejected=self._pace.rejected) if self._pace else stats
@@ -118,7 +120,7 @@ class DirectEngine:
 
     def restore(self, state: Arrays) -> None:
         """Restore the state, see `Engine`."""
-        self._last = StepState.restored("last", state)
+        self._last = StepState.from_checkpoint("last", state)
         self._iterations, self._substeps, self._walker.events, *paced = state["counts"].tolist()
         if self._pace:
             self._pace.halvings, self._pace.rejected = paced
@@ -128,12 +130,12 @@ class DirectEngine:
 
     def _at(self, time: float) -> StepInputs:
         motion = self._problem.drive.at(np.array([time]))
-        return StepInputs(time, self._system.applied(motion)[0], self._forces.schedule(motion))
+        return StepInputs(time, self._system.load_vector(motion)[0], self._forces.prescribed_inputs(motion))
 
-    def _paced(self, problem: Problem, scheme: Method, pilot: Pilot) -> StepController | None:
+    def _create_stepper(self, problem: Problem, scheme: Method, pilot: Pilot) -> StepController | None:
         if problem.adaptive is None or not problem.system.size:
             return None
-        norm = EnergyNorm(problem.system, pilot(problem, scheme), scheme.unseen)
+        norm = EnergyNorm(problem.system, pilot(problem, scheme), scheme.velocity_error)
         return StepController(self._walker, self._at, problem.step, problem.adaptive, norm)
 
 
@@ -164,12 +166,12 @@ class KinematicEngine:
     def advance(self, steps: IntArray) -> tuple[Trajectory, Status]:
         """Return the instants of some successive steps, see `Engine`."""
         if self._stop():
-            return Trajectory.none(0, self._forces), STOPPED
+            return Trajectory.empty(0, self._forces), STOPPED
         nothing = np.zeros((len(steps), 0))
         at, each = self._problem.times(steps), np.arange(len(steps))
         return Trajectory(at, nothing, nothing, nothing, nothing, nothing, nothing, each), Status()
 
-    def counted(self, stats: Stats) -> Stats:
+    def statistics(self, stats: Stats) -> Stats:
         """Return the statistics unchanged: no step is taken."""
         return stats
 

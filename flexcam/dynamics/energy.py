@@ -51,7 +51,7 @@ class EquilibriumResidual:
         lacking, acting = self._largest
         return float(lacking / acting if acting > 0.0 else acting)
 
-    def look(self, track: Trajectory, seen: Observation, schedule: PrescribedInputs, rows: IntArray) -> None:
+    def evaluate(self, track: Trajectory, seen: Observation, schedule: PrescribedInputs, rows: IntArray) -> None:
         """Evaluate instants."""
         if not len(rows) or not len(self._weights):
             return
@@ -59,7 +59,7 @@ class EquilibriumResidual:
         parts = [_product(matrix, one) for matrix, one in zip(self._matrices, moved, strict=True)]
         parts.append(-seen.histories[rows] @ self._vectors)
         if self._forces.count:
-            acted = (seen.forces[rows] @ schedule.acts) * schedule.acted[rows]
+            acted = (seen.forces[rows] @ schedule.acts) * schedule.acting_weights[rows]
             parts.append(-acted @ self._forces.act.vectors)
         each = np.array(parts)
         self._largest = np.maximum(self._largest, [self._size(each.sum(axis=0)), self._size(each)])
@@ -107,7 +107,7 @@ class _EnergyState:
     paths: FloatArray
     force: FloatArray
     still: FloatArray
-    gap: FloatArray
+    penetration: FloatArray
     states: FloatArray
     by_state: FloatArray
     changing: FloatArray
@@ -154,12 +154,12 @@ class EnergyBalance:
         self, track: Trajectory, seen: Observation, carried: FloatArray, schedule: PrescribedInputs
     ) -> FloatArray:
         """Return the terms of the balance at the instants of a block, shape (m, 7), J."""
-        new = self._held(track, seen, carried, schedule)
+        new = self._evaluate_state(track, seen, carried, schedule)
         energy = new.kinetic + new.strain + new.contact
         first = self._last is None
         if first:
             self._sums[3] = energy[0]
-        gone = self._gone(new, self._last)
+        gone = self._dissipation(new, self._last)
         sums = self._sums[:3] + np.cumsum(np.vstack([np.zeros((int(first), 3)), gone]), axis=0)
         self._sums[:3], self._last = sums[-1], new.last()
         residual = sums[:, 0] - (energy - self._sums[3]) - sums[:, 1] - sums[:, 2]
@@ -174,7 +174,7 @@ class EnergyBalance:
         held = select_prefix("held", state)
         self._last, self._sums = (_EnergyState(**held) if held else None), state["sums"].copy()
 
-    def _gone(self, new: _EnergyState, last: _EnergyState | None) -> FloatArray:
+    def _dissipation(self, new: _EnergyState, last: _EnergyState | None) -> FloatArray:
         """Return work, dissipation and numerical loss since the previous instant, shape (b, 3)."""
 
         def added(name: str) -> FloatArray:
@@ -186,14 +186,14 @@ class EnergyBalance:
         # Work is the mean force along the path; the factor 1/2 is applied at the end.
         damped, given = (0.5 * _dot(added(one), passed(path)) for one, path in (("damped", "d"), ("pushes", "paths")))
         # The work of a contact along its penetration comes from the unknowns and, if not opposed, from the cam.
-        forces, still, deepened, others = added("force"), added("still"), passed("gap"), self._others
+        forces, still, deepened, others = added("force"), added("still"), passed("penetration"), self._others
         moving = 0.5 * _dot(forces[:, others], deepened[:, others])
         taken = 0.5 * _dot(forces, deepened) - moving
         lossy = self._stores.lossy
         crushed = 0.5 * _dot(forces[:, lossy] - still[:, lossy], deepened[:, lossy])
         crushed -= 0.5 * _dot(added("by_state"), passed("states"))
         # Difference of the work of the mean force and of the nonlinear force, by Simpson's rule.
-        half = 0.5 * added("gap"), 0.5 * added("states"), 0.5 * added("angle")
+        half = 0.5 * added("penetration"), 0.5 * added("states"), 0.5 * added("angle")
         curved = 2.0 / 3.0 * _dot(0.5 * still - self._stores.at(*half)[1], deepened)
         impulse = new.impulse if last else new.impulse[1:]
         struck, impact_lost = (0.5 * _dot(impulse, added(one)) for one in ("carried", "rate"))
@@ -201,35 +201,35 @@ class EnergyBalance:
         # still closes: the product is negative, which is an error of the step.
         lost = np.maximum(damped + crushed + impact_lost, 0.0)
         numerical = given - taken - passed("kinetic") - passed("elastic") + struck + curved + (crushed - lost)
-        work = given + moving + struck + self._turned(new, last)
+        work = given + moving + struck + self._cam_energy(new, last)
         return np.column_stack([work, lost, numerical])
 
-    def _turned(self, new: _EnergyState, last: _EnergyState | None) -> FloatArray:
+    def _cam_energy(self, new: _EnergyState, last: _EnergyState | None) -> FloatArray:
         """Return the energy stored by cam rotation in contacts whose law depends on the angle."""
         begin = 0 if last else 1
-        before = _previous(new.gap, last and last.gap), _previous(new.states, last and last.states)
+        before = _previous(new.penetration, last and last.penetration), _previous(new.states, last and last.states)
         later = self._stores.varying(*before, new.angle[begin:])
         angle, changing = _previous(new.angle, last and last.angle), _previous(new.changing, last and last.changing)
-        earlier = self._stores.varying(new.gap[begin:], new.states[begin:], angle)
+        earlier = self._stores.varying(new.penetration[begin:], new.states[begin:], angle)
         return 0.5 * (later - changing + new.changing[begin:] - earlier)
 
-    def _held(
+    def _evaluate_state(
         self, track: Trajectory, seen: Observation, carried: FloatArray, schedule: PrescribedInputs
     ) -> _EnergyState:
-        gaps, forces, d = seen.gaps[:, self._rough], seen.forces[:, self._rough], track.d
-        stored, elastic, by_state = self._stores.at(gaps, seen.states, schedule.angle)
-        changing = self._stores.varying(gaps, seen.states, schedule.angle)
+        penetrations, forces, d = seen.penetrations[:, self._rough], seen.forces[:, self._rough], track.d
+        stored, elastic, by_state = self._stores.at(penetrations, seen.states, schedule.angle)
+        changing = self._stores.varying(penetrations, seen.states, schedule.angle)
         smooth = np.zeros(len(d))
         if self._smooth is not None:
-            smooth = self._smooth.at(seen.gaps[:, self._smooth_scalars], seen.states, schedule.angle)[0]
+            smooth = self._smooth.at(seen.penetrations[:, self._smooth_scalars], seen.states, schedule.angle)[0]
         strain, nothing = 0.5 * self._K.twice(d) + self._system.stored, np.zeros((len(d), 0))
         struck = (seen.rates[:, self._rough], carried[:, self._rough], track.impulse[:, self._rough])
-        acted = seen.forces[:, self._acted] * schedule.acted[:, self._acting]
+        acted = seen.forces[:, self._acted] * schedule.acting_weights[:, self._acting]
         return _EnergyState(
             schedule.angle, 0.5 * self._M.twice(track.v), strain, strain + smooth, stored + smooth,
             *((d, self._C.times(track.v)) if self._damped else (nothing, nothing)),
             np.hstack([seen.histories, acted]), (self._pushed @ d.T).T,
-            forces if self._storing.all() else forces * self._storing, elastic, gaps, seen.states, by_state,
+            forces if self._storing.all() else forces * self._storing, elastic, penetrations, seen.states, by_state,
             changing, *(struck if self._strikes else (nothing,) * 3),
         )  # fmt: skip
 

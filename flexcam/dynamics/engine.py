@@ -23,7 +23,7 @@ class Engine(Protocol):
         """Return the instants of successive steps, and the status."""
         ...
 
-    def counted(self, stats: Stats) -> Stats:
+    def statistics(self, stats: Stats) -> Stats:
         """Return the statistics with the counts of the engine."""
         ...
 
@@ -91,5 +91,5 @@ def first_track(problem: Problem, forces: LocalForces) -> Trajectory:
     """Return the first instant of a problem."""
     start = problem.start or State.rest(problem.system.size)
     motion = problem.drive.at(problem.times(np.zeros(1, dtype=np.intp)))
-    to = StepInputs(start.time, problem.system.applied(motion)[0], forces.schedule(motion))
+    to = StepInputs(start.time, problem.system.load_vector(motion)[0], forces.prescribed_inputs(motion))
     return Trajectory.of([[InitialAcceleration(problem.system, forces).first(start, to)]])

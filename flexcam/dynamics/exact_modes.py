@@ -64,7 +64,7 @@ class Exact(Method):
         if system.size > _MOST:
             given = f"{_NAME} with {system.size} unknowns"
             return refuse("run.integrator", given, f"at most {_MOST} unknowns", "all modes are carried", "use newmark")
-        return MasslessMotions(system).pushed(_NAME)
+        return MasslessMotions(system).contact_error(_NAME)
 
 
 class _Stepper:
@@ -73,11 +73,11 @@ class _Stepper:
     def __init__(self, system: System, step: float) -> None:
         self._light, self._dt = MasslessMotions(system), step
         basis = self._light.spread(np.eye(system.size)[self._light.kept][:, self._light.kept])
-        M, C, K = (basis.T @ matrix.times_all(basis) for matrix in (system.mass, system.damping, system.stiffness))
+        M, C, K = (basis.T @ matrix.multiply(basis) for matrix in (system.mass, system.damping, system.stiffness))
         values, shapes = solve_eigenproblem(0.5 * (M + M.T), 0.5 * (K + K.T))
         self._omega = np.sqrt(values)
         self._shapes = basis @ shapes
-        self._weigh = system.mass.times_all(self._shapes).T
+        self._weigh = system.mass.multiply(self._shapes).T
         self._damping = shapes.T @ C @ shapes
         self._modes = _Modes(self._omega, self._damping, step)
 

@@ -110,8 +110,8 @@ def _integrate_period(problem: Problem, method: Method, stop: Callable[[], bool]
             disturbances.follow([moment for part in walked for moment in part])
         fields.append(np.hstack([track.d, track.v])[track.ends])
         end = np.concatenate([track.d[-1], track.v[-1], track.state[-1]])
-    derivative = np.zeros((0, 0)) if disturbances is None else disturbances.carried()
-    return PeriodMap(end, derivative, np.concatenate(fields), engine.counted(Stats()).events)
+    derivative = np.zeros((0, 0)) if disturbances is None else disturbances.monodromy()
+    return PeriodMap(end, derivative, np.concatenate(fields), engine.statistics(Stats()).events)
 
 
 class Disturbances:
@@ -139,10 +139,10 @@ class Disturbances:
     def follow(self, moments: list[StepState]) -> None:
         """Propagate the disturbances over successive instants."""
         every = moments if self._last is None else [self._last, *moments]
-        schedule = self._forces.schedule(self._problem.drive.at(np.array([one.time for one in every])))
+        schedule = self._forces.prescribed_inputs(self._problem.drive.at(np.array([one.time for one in every])))
         if self._last is None:
             first = self._at(schedule, 0, every[0], self._side(every[0]))
-            self._carried = self._stepper.begun(first, self._carried)
+            self._carried = self._stepper.initial_disturbances(first, self._carried)
         begin: Linear | None = None
         for i, (old, new) in enumerate(pairwise(every)):
             side = self._side(old)
@@ -152,39 +152,41 @@ class Disturbances:
                 begin = end  # of the next step as well
                 continue
             begin = None
-            self._flush()
+            self._apply_pending()
             if new.time > old.time:
-                self._pass(schedule, i, old, new)
+                self._event_step(schedule, i, old, new)
             elif new.impulse is not None:
-                self._strike(old, new)
+                self._apply_impact(old, new)
         self._last = every[-1]
 
-    def carried(self) -> FloatArray:
+    def monodromy(self) -> FloatArray:
         """Return the propagated disturbances, shape (2n + s, 2n + s)."""
-        self._flush()
+        self._apply_pending()
         if self._last is None or self._shift is None:
             return self._carried
         return self._carried - self._flow(self._last)[:, None] * self._shift  # a last event does not shift the end
 
     def _side(self, moment: StepState) -> Bools:
-        return self._forces.pressed(moment.gap) if moment.pressed is None else moment.pressed
+        return self._forces.contact_sides(moment.penetration) if moment.pressed is None else moment.pressed
 
     def _at(self, schedule: PrescribedInputs, i: int, moment: StepState, side: Bools) -> Linear:
         """Return the linear system at an instant, with every contact on its side within the step."""
-        return self._linear.at(schedule, i, self._on(side, moment), moment.rate, moment.inner)
+        return self._linear.at(schedule, i, self._set_sides(side, moment), moment.rate, moment.inner)
 
-    def _on(self, side: Bools, moment: StepState) -> FloatArray:
+    def _set_sides(self, side: Bools, moment: StepState) -> FloatArray:
         """Return the sensed scalars, with contacts that are about to switch set to their side."""
-        gap, which = moment.gap.copy(), self._forces.switching
-        depth = gap[which]
+        penetration, which = moment.penetration.copy(), self._forces.switching
+        depth = penetration[which]
         there = np.abs(depth) <= _AT_ONCE * self._problem.step * np.abs(moment.rate[which])
-        gap[which] = np.where(there, np.where(side, _TOUCH, -_TOUCH), depth)
-        return gap
+        penetration[which] = np.where(there, np.where(side, _TOUCH, -_TOUCH), depth)
+        return penetration
 
     def _small(self, begin: Linear, end: Linear, old: StepState, new: StepState) -> SmallStep:
         """Return what the step between two instants does to disturbances."""
         h, none = new.time - old.time, np.zeros(0)
-        kept = self._forces.state_steps(h, new.gap, old.gap, old.inner) if len(old.inner) else (none, none)
+        kept = (
+            self._forces.state_steps(h, new.penetration, old.penetration, old.inner) if len(old.inner) else (none, none)
+        )
         return SmallStep(begin, end, h, *kept)
 
     def _step(self, step: SmallStep) -> None:
@@ -193,22 +195,22 @@ class Disturbances:
         if usual and same and abs(step.length - usual.length) <= _SAME * usual.length:
             self._count += 1
             return
-        self._flush()
+        self._apply_pending()
         self._waiting, self._count = step, 1
 
-    def _flush(self) -> None:
+    def _apply_pending(self) -> None:
         """Apply the pending steps, which are all equal."""
         if self._waiting is None:
             return
         if self._count < _MIN_EQUAL_STEPS:
             for _ in range(self._count):
-                self._carried = self._stepper.carried(self._waiting, self._carried)
+                self._carried = self._stepper.propagate(self._waiting, self._carried)
         else:
-            one = self._stepper.carried(self._waiting, np.eye(len(self._carried)))
+            one = self._stepper.propagate(self._waiting, np.eye(len(self._carried)))
             self._carried = np.linalg.matrix_power(one, self._count) @ self._carried
         self._waiting, self._count = None, 0
 
-    def _pass(self, schedule: PrescribedInputs, i: int, old: StepState, new: StepState) -> None:
+    def _event_step(self, schedule: PrescribedInputs, i: int, old: StepState, new: StepState) -> None:
         """Apply a step that begins or ends at an event, whose time depends on the disturbances.
 
         An event at g(d, t) = 0 comes later by ``-g_d Y/g'``, with the rate of g by the length of the step.
@@ -218,25 +220,27 @@ class Disturbances:
         step, longer = self._small(begin, end, old, new), self._stepper.impulse(self._flow(old), self._flow(new))
         moved: FloatArray = np.zeros_like(self._carried)
         if self._shift is not None:
-            moved = (self._stepper.passed(0.5 * h * self._drift(old, side)) - longer)[:, None] * self._shift
-        after, self._shift = self._stepper.carried(step, self._carried, moved), None
+            moved = (self._stepper.old_terms(0.5 * h * self._prescribed_rates(old, side)) - longer)[
+                :, None
+            ] * self._shift
+        after, self._shift = self._stepper.propagate(step, self._carried, moved), None
         crossed = np.flatnonzero(side != self._side(new))
         if len(crossed):
             which = self._forces.switching[crossed]
-            which = int(which[np.argmin(np.abs(new.gap[which] / new.rate[which]))])
-            longer = (longer + 0.5 * h * self._drift(new, side))[:, None]
-            by_time = self._stepper.carried(step, np.zeros_like(longer), longer)[:, 0]
+            which = int(which[np.argmin(np.abs(new.penetration[which] / new.rate[which]))])
+            longer = (longer + 0.5 * h * self._prescribed_rates(new, side))[:, None]
+            by_time = self._stepper.propagate(step, np.zeros_like(longer), longer)[:, 0]
             sense, n = directions(self._forces, schedule, i + 1)[1][which], len(new.d)
             rate = new.rate[which] + sense @ (by_time[:n] - new.v)
             self._shift = shift = -(sense @ after[:n]) / rate
             after = after + by_time[:, None] * shift
         self._carried = after
 
-    def _strike(self, old: StepState, new: StepState) -> None:
+    def _apply_impact(self, old: StepState, new: StepState) -> None:
         """Apply an impact R(x, t): the disturbances become ``R_x Y + R_t t'``, with the shift t' of its time."""
         n, switching = self._problem.system.size, self._forces.switching
         held = np.flatnonzero(_impulse(new)[switching] > 0.0)
-        hit, rate = self._starter.struck(self._instant(old.time), held), old.rate[switching[held]]
+        hit, rate = self._starter.impact_data(self._instant(old.time), held), old.rate[switching[held]]
         before, shift = self._carried, self._shift
         if shift is None:  # at the end of a step
             first = int(np.argmax(rate))
@@ -245,18 +249,18 @@ class Disturbances:
         d, v, z = split_state(before, n)
         factor, beside = hit.reversal(rate), _BESIDE * self._problem.step
         later, earlier = (self._change(old, held, factor, sign * beside) for sign in (1.0, -1.0))
-        v = v + hit.turned(hit.sense @ v + hit.turning @ d, factor)
+        v = v + hit.velocity_change(hit.sense @ v + hit.turning @ d, factor)
         v = v + (later - earlier)[:, None] * shift / (2.0 * beside)
         self._carried, self._shift = np.vstack([d, v, z]), shift
 
     def _change(self, old: StepState, held: IntArray, factor: FloatArray, after: float) -> FloatArray:
         """Return the change of the impact velocities per delay of the same motion, shape (n,)."""
         to = self._instant(old.time + after)
-        hit = self._starter.struck(to, held)
+        hit = self._starter.impact_data(to, held)
         rate = hit.sense @ old.v + hit.turning @ old.d + to.schedule.offset_rate[0][self._forces.switching[held]]
-        return hit.turned(rate, factor)
+        return hit.velocity_change(rate, factor)
 
-    def _drift(self, moment: StepState, side: Bools) -> FloatArray:
+    def _prescribed_rates(self, moment: StepState, side: Bools) -> FloatArray:
         """Return the rates of forces (n,) and of internal state rates (s,) due to the cam motion alone, per second.
 
         Contacts stay on their side: the prescribed penetration rate is multiplied by their stiffness.
@@ -270,27 +274,34 @@ class Disturbances:
 
         if not forces.count:
             return np.concatenate([np.zeros_like(moment.d), slope(before.load, after.load)])
-        seen = [forces.sensed(moment.d[None], moment.v[None], one.schedule) for one in (before, after)]
-        by_gap, by_rate = (slope(one[0], other[0]) for one, other in zip(*(part[:2] for part in seen), strict=True))
-        gap = self._on(side, moment)
-        early, now, late = (forces.respond(gap, moment.rate, state, one.schedule) for one in (before, there, after))
-        force = slope(early.force, late.force) + now.by_gap @ by_gap + now.by_rate @ by_rate
-        act, turned = there.schedule.acting(0), slope(before.schedule.acting(0), after.schedule.acting(0))
+        seen = [forces.sense_motion(moment.d[None], moment.v[None], one.schedule) for one in (before, after)]
+        by_penetration, by_rate = (
+            slope(one[0], other[0]) for one, other in zip(*(part[:2] for part in seen), strict=True)
+        )
+        penetration = self._set_sides(side, moment)
+        early, now, late = (
+            forces.respond(penetration, moment.rate, state, one.schedule) for one in (before, there, after)
+        )
+        force = slope(early.force, late.force) + now.by_penetration @ by_penetration + now.by_rate @ by_rate
+        act, turned = (
+            there.schedule.acting_matrix(0),
+            slope(before.schedule.acting_matrix(0), after.schedule.acting_matrix(0)),
+        )
         pushed = slope(before.load, after.load) + (force @ act + now.force @ turned) @ forces.act.vectors
         if not len(state):
             return np.concatenate([np.zeros_like(moment.d), pushed])
         flow = slope(early.state_rate, late.state_rate)
-        flow += now.state_rate_by_gap @ by_gap + now.state_rate_by_rate @ by_rate
+        flow += now.state_rate_by_penetration @ by_penetration + now.state_rate_by_rate @ by_rate
         return np.concatenate([np.zeros_like(moment.d), pushed, flow])
 
     def _flow(self, moment: StepState) -> FloatArray:
         """Return velocities, accelerations and rates of internal states in a row."""
-        rates = self._forces.state_rates(moment.gap, moment.inner) if len(moment.inner) else moment.inner
+        rates = self._forces.state_rates(moment.penetration, moment.inner) if len(moment.inner) else moment.inner
         return np.concatenate([moment.v, moment.a, rates])
 
     def _instant(self, time: float) -> StepInputs:
         motion = self._problem.drive.at(np.array([time]))
-        return StepInputs(time, self._problem.system.applied(motion)[0], self._forces.schedule(motion))
+        return StepInputs(time, self._problem.system.load_vector(motion)[0], self._forces.prescribed_inputs(motion))
 
 
 def _impulse(moment: StepState) -> FloatArray:

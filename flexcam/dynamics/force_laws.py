@@ -631,7 +631,7 @@ class ForceLaw:
         return LAWS[self.kind].states
 
     @property
-    def lossless(self) -> bool:
+    def is_conservative(self) -> bool:
         """True if the law is conservative."""
         where = LAWS[self.kind].damping
         return self.friction is None and not self.states and (where is None or self.constants[where] == 0.0)

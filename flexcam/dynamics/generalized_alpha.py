@@ -112,7 +112,7 @@ class Scheme(Method):
         return 2 if abs(self.gamma + self.alpha_m - self.alpha_f - 0.5) < _ROUNDING else 1
 
     @property
-    def balances(self) -> bool:
+    def is_collocated(self) -> bool:
         """True if the acceleration satisfies the equation of motion at its own instant."""
         return not self.alpha_m and not self.alpha_f
 
@@ -122,7 +122,7 @@ class Scheme(Method):
         return (self.beta, self.gamma, self.alpha_m, self.alpha_f) == (0.25, 0.5, 0.0, 0.0)
 
     @property
-    def unseen(self) -> float:
+    def velocity_error(self) -> float:
         """Error of a step in the velocity, that of the trapezoidal rule, if the displacement is more accurate.
 
         At beta = 1/6 the displacement equals the series used for the error estimate, while the velocity does not.
@@ -204,10 +204,10 @@ class _Stepper:
         """Return the next instant, as `Stepper` says."""
         s, dt = self._scheme, self._dt
         d, v = predict(now.d, now.v, now.a, dt, s.beta, s.gamma)
-        new = self._stage.solve(Prediction(d, v, self._old(now)), now, to)
-        return new if self._led is None else self._led.led(now, new, dt)
+        new = self._stage.solve(Prediction(d, v, self._old_terms(now)), now, to)
+        return new if self._led is None else self._led.update_rates(now, new, dt)
 
-    def _old(self, now: StepState) -> FloatArray | None:
+    def _old_terms(self, now: StepState) -> FloatArray | None:
         """Return the weighted terms of the old instant."""
         s = self._scheme
         if not s.alpha_f and not s.alpha_m:

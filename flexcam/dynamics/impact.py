@@ -60,7 +60,7 @@ class Impact:
         """Return a subset of the contacts."""
         return Impact(self.sense[which], self.turning[which], self.gained[:, which], self.restitution[which])
 
-    def turned(self, rate: FloatArray, factor: FloatArray) -> FloatArray:
+    def velocity_change(self, rate: FloatArray, factor: FloatArray) -> FloatArray:
         """Return the velocity change, shape (n, ...), that removes a factor of the rates, shape (k, ...)."""
         asked = (factor * rate.T).T
         return np.asarray(self.gained @ np.linalg.lstsq(self.delassus, asked, rcond=_ROUNDING)[0], dtype=float)

@@ -98,10 +98,10 @@ class ImplicitStage:
         a = self._S.solve(right)
         d, v = predicted.d + self._to_d * a, predicted.v + self._to_v * a
         if self._forces.count == 0:
-            return StepState(to.time, d, v, a, to.load, now.local, now.gap, now.rate, now.inner)
+            return StepState(to.time, d, v, a, to.load, now.local, now.penetration, now.rate, now.inner)
         iterations = self._find_forces(d, v, now, to)
         local, states = self._forces.workspace.local, self._forces.workspace.states
-        weights = local[TRIAL] @ to.schedule.acting(to.row)
+        weights = local[TRIAL] @ to.schedule.acting_matrix(to.row)
         more = self._by_act @ weights
         applied = to.load + weights @ self._forces.act.vectors
         return StepState(
@@ -113,17 +113,17 @@ class ImplicitStage:
         """Find the local forces for the motion without them; return the iterations."""
         forces, work, table = self._forces, self._forces.workspace, self._forces.table
         schedule, i, local = to.schedule, to.row, self._forces.workspace.local
-        sensing, turning = schedule.sensing(i), schedule.turning(i)
+        sensing, turning = schedule.sensing_matrix(i), schedule.sensing_rate_matrix(i)
         on_d, on_v = forces.sense.vectors @ d, forces.sense.vectors @ v
         local[FREE_PENETRATION] = sensing @ on_d + schedule.offset[i]
         local[FREE_RATE] = sensing @ on_v + turning @ on_d + schedule.offset_rate[i]
         local[TRIAL] = local[BASE] = now.local
         local[OWN] = -1.0
-        answer = self._give.T @ schedule.acting(i).T
+        answer = self._give.T @ schedule.acting_matrix(i).T
         moved = sensing @ answer
         work.compliance[0] = self._to_d * moved
         work.compliance[1] = self._to_v * moved + self._to_d * (turning @ answer)
-        work.states[STATE], work.states[BEGIN] = now.inner, now.gap[table.owners]
+        work.states[STATE], work.states[BEGIN] = now.inner, now.penetration[table.owners]
         iterations = forces.functions["solve_local"](
             table.laws, table.constants, forces.places, self._give, schedule.rows, i, 0, self._step, self._to_d,
             self._to_v, local, work.tangent, work.states, work.moved, work.active, work.compliance, work.matrix,

@@ -44,51 +44,53 @@ class InitialAcceleration:
         d, v = start.displacement, start.velocity
         inner = self._forces.start_state if start.inner is None else start.inner
         if start.acceleration is not None:
-            return replace(self.answered(d, v, inner, to), a=start.acceleration)
+            return replace(self.update_forces(d, v, inner, to), a=start.acceleration)
         if self._massless.any:
-            d = self._massless.place(d, self.answered(d, v, inner, to).applied)
-        return self.restarted(self.answered(d, v, inner, to))
+            d = self._massless.place(d, self.update_forces(d, v, inner, to).applied)
+        return self.restart(self.update_forces(d, v, inner, to))
 
-    def resumed(self, moment: StepState, to: StepInputs) -> StepState:
+    def resume(self, moment: StepState, to: StepInputs) -> StepState:
         """Return an instant with forces recomputed from the motion, for resuming bit by bit."""
-        same = self.answered(moment.d, moment.v, moment.inner, to)
+        same = self.update_forces(moment.d, moment.v, moment.inner, to)
         kept = {name: getattr(moment, name) for name in ("a", "impulse", "iterations", "stride")}
         return replace(same, **kept)
 
-    def restarted(self, moment: StepState) -> StepState:
+    def restart(self, moment: StepState) -> StepState:
         """Return an instant with the acceleration in equilibrium."""
         system = self._system
         right = moment.applied - system.damping.times(moment.v) - system.stiffness.times(moment.d)
-        return replace(moment, a=self._accelerated(right))
+        return replace(moment, a=self._acceleration(right))
 
     def impact(self, moment: StepState, to: StepInputs, closed: IntArray) -> StepState:
         """Return the instant after an impact at all closed switching scalars."""
         which = self._forces.switching[closed]
-        struck, impulse = self.struck(to, closed), np.zeros(self._forces.count)
+        struck, impulse = self.impact_data(to, closed), np.zeros(self._forces.count)
         impulse[which] = struck.impulse(moment.rate[which])
-        after = self.answered(moment.d, moment.v + struck.gained @ impulse[which], moment.inner, to)
-        return replace(self.restarted(after), impulse=impulse)
+        after = self.update_forces(moment.d, moment.v + struck.gained @ impulse[which], moment.inner, to)
+        return replace(self.restart(after), impulse=impulse)
 
-    def struck(self, to: StepInputs, closed: IntArray) -> Impact:
+    def impact_data(self, to: StepInputs, closed: IntArray) -> Impact:
         """Return the data of an impact at switching scalars."""
         forces, schedule, i = self._forces, to.schedule, to.row
         which = forces.switching[closed]
-        sense, turning = (rows[which] @ forces.sense.vectors for rows in (schedule.sensing(i), schedule.turning(i)))
-        act = schedule.acting(i)[which] @ forces.act.vectors
-        return Impact(sense, turning, self._accelerated_all(act.T), forces.restitution[closed])
+        sense, turning = (
+            rows[which] @ forces.sense.vectors for rows in (schedule.sensing_matrix(i), schedule.sensing_rate_matrix(i))
+        )
+        act = schedule.acting_matrix(i)[which] @ forces.act.vectors
+        return Impact(sense, turning, self._accelerations(act.T), forces.restitution[closed])
 
-    def answered(self, d: FloatArray, v: FloatArray, inner: FloatArray, to: StepInputs) -> StepState:
+    def update_forces(self, d: FloatArray, v: FloatArray, inner: FloatArray, to: StepInputs) -> StepState:
         """Return an instant with the forces of its motion, without acceleration."""
         forces = self._forces
-        gap, rate, _ = (one[0] for one in forces.sensed(d[None], v[None], _only(to)))
-        answer = forces.respond(gap, rate, inner, to.schedule, to.row)
-        applied = to.load + (answer.force @ to.schedule.acting(to.row)) @ forces.act.vectors
-        return StepState(to.time, d, v, np.zeros(len(d)), applied, answer.force, gap, rate, inner)
+        penetration, rate, _ = (one[0] for one in forces.sense_motion(d[None], v[None], _only(to)))
+        answer = forces.respond(penetration, rate, inner, to.schedule, to.row)
+        applied = to.load + (answer.force @ to.schedule.acting_matrix(to.row)) @ forces.act.vectors
+        return StepState(to.time, d, v, np.zeros(len(d)), applied, answer.force, penetration, rate, inner)
 
-    def _accelerated(self, right: FloatArray) -> FloatArray:
-        return self._accelerated_all(right[:, None])[:, 0]
+    def _acceleration(self, right: FloatArray) -> FloatArray:
+        return self._accelerations(right[:, None])[:, 0]
 
-    def _accelerated_all(self, right: FloatArray) -> FloatArray:
+    def _accelerations(self, right: FloatArray) -> FloatArray:
         """Return ``M^-1 f`` for columns f, without massless motions."""
         if self._factor is None:
             self._factor = self._massless.inverse(self._system.mass)
@@ -101,7 +103,7 @@ def massless_impact_error(forces: LocalForces, light: MasslessMotions) -> InputE
     pushed = [
         one
         for one in bouncing
-        if (light.touched(forces.act.vectors[forces.act.owner[one] > 0.0]) > FORCE_TOLERANCE).any()
+        if (light.force_on_massless(forces.act.vectors[forces.act.owner[one] > 0.0]) > FORCE_TOLERANCE).any()
     ]
     given, allowed = "a restitution where a body has no mass", "a mass on both sides, or ground"
     why, remedy = "an impact changes the velocity of a mass", "add a mass there, or use dissipation"

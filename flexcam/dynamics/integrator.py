@@ -64,12 +64,12 @@ class Method(ABC):
         """Order of accuracy of displacement and velocity."""
 
     @property
-    def balances(self) -> bool:
+    def is_collocated(self) -> bool:
         """True if the acceleration satisfies the equation of motion at its own instant."""
         return True
 
     @property
-    def unseen(self) -> float:
+    def velocity_error(self) -> float:
         """Error of a step not visible in its displacement, divided by h^2 times the change of the acceleration."""
         return 0.0
 
@@ -165,7 +165,7 @@ class Method(ABC):
         float
             Infinite if the mode does not oscillate.
         """
-        turn = float(np.angle(self._swinging(omega_dt, damping)))
+        turn = float(np.angle(self._oscillating_eigenvalue(omega_dt, damping)))
         return omega_dt * math.sqrt(1.0 - damping**2) / turn - 1.0 if turn > 0.0 else math.inf
 
     def damping_ratio(self, omega_dt: float, damping: float = 0.0) -> float:
@@ -183,11 +183,11 @@ class Method(ABC):
         float
             Decay per radian (Hughes, eq. 9.1.30); infinite if the mode does not oscillate.
         """
-        pair = self._swinging(omega_dt, damping)
+        pair = self._oscillating_eigenvalue(omega_dt, damping)
         turn = float(np.angle(pair))
         return math.log(1.0 / abs(pair)) / turn if turn > 0.0 else math.inf
 
-    def stable_to(self, damping: float = 0.0) -> float:
+    def stability_limit(self, damping: float = 0.0) -> float:
         """Return the stability limit of angular frequency times step; infinite if unconditionally stable.
 
         Parameters
@@ -209,7 +209,7 @@ class Method(ABC):
             low, high = (low, middle) if self.spectral_radius(middle, damping) > _GROWTH_LIMIT else (middle, high)
         return low
 
-    def _swinging(self, omega_dt: float, damping: float) -> complex:
+    def _oscillating_eigenvalue(self, omega_dt: float, damping: float) -> complex:
         """Return the eigenvalue of the oscillating pair: the one of largest angle."""
         values = self._eigenvalues(omega_dt, damping)
         return complex(values[int(np.argmax(values.imag))])

@@ -91,15 +91,15 @@ def find_forces(
         state[Q_TRIAL, i] = state[Q_FREE, i] + to_d * state[ACCELERATION, i]
         state[V_TRIAL, i] = state[V_FREE, i] + to_v * state[ACCELERATION, i]
     for i in range(c):
-        gap, rate = given[k, offset + i], given[k, offset + c + i]
+        penetration, rate = given[k, offset + i], given[k, offset + c + i]
         for b in range(places[0, i], places[0, i + 1]):
             on_d, on_v = 0.0, 0.0
             for m in range(n):
                 on_d += vectors[b, m] * state[Q_TRIAL, m]
                 on_v += vectors[b, m] * state[V_TRIAL, m]
-            gap += given[k, n + b] * on_d
+            penetration += given[k, n + b] * on_d
             rate += given[k, n + b] * on_v + given[k, n + senses + b] * on_d
-        local[FREE_PENETRATION, i], local[FREE_RATE, i] = gap, rate
+        local[FREE_PENETRATION, i], local[FREE_RATE, i] = penetration, rate
         local[TRIAL, i], local[BASE, i] = forces[LAST_FORCE, i] + forces[TREND, i], forces[LAST_FORCE, i]
     for at in range(len(varying)):
         i = varying[at]

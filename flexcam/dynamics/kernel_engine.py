@@ -107,17 +107,17 @@ class KernelState:
     @classmethod
     def of(cls, moment: StepState) -> KernelState:
         """Return a copy of an instant."""
-        modes, forces = np.zeros((STATE_SIZE, len(moment.d))), np.zeros((FORCE_SIZE, len(moment.gap)))
+        modes, forces = np.zeros((STATE_SIZE, len(moment.d))), np.zeros((FORCE_SIZE, len(moment.penetration)))
         modes[:4] = moment.d, moment.v, moment.a, moment.applied
-        forces[:3] = moment.local, moment.gap, moment.rate
+        forces[:3] = moment.local, moment.penetration, moment.rate
         states = np.zeros((STATE_ROWS, len(moment.inner)))
         states[STATE] = moment.inner
         return cls(modes, forces, states)
 
     def moment(self, time: float, pressed: NDArray[np.bool_] | None = None) -> StepState:
         """Return the instant; its arrays are its own."""
-        (d, v, a, applied), (local, gap, rate) = self.modes[:4].copy(), self.forces[:3].copy()
-        return StepState(time, d, v, a, applied, local, gap, rate, self.states[STATE].copy(), pressed)
+        (d, v, a, applied), (local, penetration, rate) = self.modes[:4].copy(), self.forces[:3].copy()
+        return StepState(time, d, v, a, applied, local, penetration, rate, self.states[STATE].copy(), pressed)
 
 
 class Kernel:
@@ -166,7 +166,7 @@ class Kernel:
         row, iterations = count.tolist()
         return int(how), row, iterations
 
-    def unconverged(self) -> list[str]:
+    def find_unconverged(self) -> list[str]:
         """Return the names of the forces that did not converge in the last call."""
         return find_unconverged(self.forces.names, self._work.local)
 
@@ -183,7 +183,7 @@ class KernelStepper:
         given = kernel.given(to.load[None], to.schedule.row(to.row))
         how, _, iterations = kernel.advance(self._operator, state, (0, 1), given, np.empty((1, kernel.columns)))
         if how == UNSETTLED:
-            raise NoConvergenceError(kernel.unconverged())
+            raise NoConvergenceError(kernel.find_unconverged())
         return replace(state.moment(to.time), iterations=iterations)
 
 
@@ -208,7 +208,7 @@ class KernelEngine:
         self._whole = self._kernel.operator(problem.step)
         self._starter = InitialAcceleration(problem.system, forces)
         self._walker = EventStepper(
-            problem.step, forces, self._starter, self._at, self._stepper, balances=scheme.balances
+            problem.step, forces, self._starter, self._at, self._stepper, balances=scheme.is_collocated
         )
         self._last: StepState | None = None
         self._iterations = 0
@@ -216,7 +216,7 @@ class KernelEngine:
     def advance(self, steps: IntArray) -> tuple[Trajectory, Status]:
         """Return the instants of some successive steps, see `Engine`."""
         if self._stop():
-            return Trajectory.none(self._system.size, self._forces), STOPPED
+            return Trajectory.empty(self._system.size, self._forces), STOPPED
         at = self._problem.times(steps)
         loads, schedule = self._prescribed(at)
         before = None if self._last is None else stack_motion(Trajectory.of([[self._last]]))[0]
@@ -269,9 +269,9 @@ class KernelEngine:
         for row, moments in stepped.items():
             parts += [plain.between(first, row), Trajectory.of([moments])]
             first = row + 1
-        return Trajectory.joined([*parts, plain.between(first, len(time))])
+        return Trajectory.concatenate([*parts, plain.between(first, len(time))])
 
-    def counted(self, stats: Stats) -> Stats:
+    def statistics(self, stats: Stats) -> Stats:
         """Return the statistics with the counts of this engine."""
         return replace(stats, iterations=self._iterations, events=self._walker.events)
 
@@ -281,12 +281,12 @@ class KernelEngine:
 
     def restore(self, state: Arrays) -> None:
         """Restore the state, see `Engine`."""
-        self._last = StepState.restored("last", state)
+        self._last = StepState.from_checkpoint("last", state)
         self._iterations, self._walker.events = state["counts"].tolist()
 
     def _sides(self, moment: StepState) -> IntArray:
         """Return the switching scalars, and which of them count as pressed."""
-        pressed = self._forces.pressed(moment.gap) if moment.pressed is None else moment.pressed
+        pressed = self._forces.contact_sides(moment.penetration) if moment.pressed is None else moment.pressed
         return np.array([self._forces.switching, pressed], dtype=np.intp)
 
     def _at(self, time: float) -> StepInputs:
@@ -295,7 +295,7 @@ class KernelEngine:
 
     def _prescribed(self, times: FloatArray) -> tuple[FloatArray, PrescribedInputs]:
         motion = self._problem.drive.at(times)
-        return self._system.applied(motion), self._forces.schedule(motion)
+        return self._system.load_vector(motion), self._forces.prescribed_inputs(motion)
 
     def _stepper(self, step: float) -> KernelStepper:
         return KernelStepper(self._kernel, step)

@@ -63,12 +63,14 @@ class Linearization:
         self._plain = Linear(self._C, self._K, nothing.T, nothing, nothing, np.zeros((s, s)))
         self._last, self._told = self._plain, b""
 
-    def at(self, schedule: PrescribedInputs, i: int, gap: FloatArray, rate: FloatArray, state: FloatArray) -> Linear:
+    def at(
+        self, schedule: PrescribedInputs, i: int, penetration: FloatArray, rate: FloatArray, state: FloatArray
+    ) -> Linear:
         """Return the linear system at a row of the prescribed inputs; cached if nothing has changed."""
         if not self._forces.count:
             return self._plain
-        answer = self._forces.respond(gap, rate, state, schedule, i)
-        weights = schedule.sensed[i], schedule.sensed_rates[i], schedule.acted[i]
+        answer = self._forces.respond(penetration, rate, state, schedule, i)
+        weights = schedule.sensing_weights[i], schedule.sensing_rates[i], schedule.acting_weights[i]
         told = b"".join(one.tobytes() for one in (*weights, *_derivatives(answer)))
         if told != self._told:
             self._last, self._told = self._with(answer, *directions(self._forces, schedule, i)), told
@@ -77,11 +79,11 @@ class Linearization:
     def _with(self, answer: Reaction, act: FloatArray, sense: FloatArray, turning: FloatArray) -> Linear:
         by_rate = act.T @ answer.by_rate
         C = self._C - by_rate @ sense
-        K = self._K - act.T @ answer.by_gap @ sense - by_rate @ turning
+        K = self._K - act.T @ answer.by_penetration @ sense - by_rate @ turning
         if not len(answer.state_rate):
             plain = self._plain
             return Linear(C, K, plain.by_state, plain.state_by_d, plain.state_by_v, plain.state_by_state)
-        by_d = answer.state_rate_by_gap @ sense + answer.state_rate_by_rate @ turning
+        by_d = answer.state_rate_by_penetration @ sense + answer.state_rate_by_rate @ turning
         return Linear(
             C, K, act.T @ answer.by_state, by_d, answer.state_rate_by_rate @ sense, answer.state_rate_by_state
         )
@@ -89,15 +91,15 @@ class Linearization:
 
 def directions(forces: LocalForces, schedule: PrescribedInputs, i: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the acting and sensing rows of the forces, and the rates of the latter, shape (c, n) each."""
-    act, sense, turning = schedule.acting(i), schedule.sensing(i), schedule.turning(i)
+    act, sense, turning = schedule.acting_matrix(i), schedule.sensing_matrix(i), schedule.sensing_rate_matrix(i)
     return act @ forces.act.vectors, sense @ forces.sense.vectors, turning @ forces.sense.vectors
 
 
 def _derivatives(answer: Reaction) -> tuple[FloatArray, ...]:
-    own = answer.by_gap, answer.by_rate
+    own = answer.by_penetration, answer.by_rate
     if not len(answer.state_rate):
         return own
-    of_state = answer.state_rate_by_gap, answer.state_rate_by_rate, answer.state_rate_by_state
+    of_state = answer.state_rate_by_penetration, answer.state_rate_by_rate, answer.state_rate_by_state
     return (*own, answer.by_state, *of_state)
 
 
@@ -131,8 +133,8 @@ class Tangents:
         self._forces = LocalForces(system)
         self._linear = Linearization(system, self._forces)
         self.mass = self._linear.mass
-        self._schedule = self._forces.schedule(motion)
-        self._gap, self._rate, _ = self._forces.sensed(displacement, velocity, self._schedule)
+        self._schedule = self._forces.prescribed_inputs(motion)
+        self._gap, self._rate, _ = self._forces.sense_motion(displacement, velocity, self._schedule)
         self._inner = inner
 
     def at(self, i: int) -> tuple[FloatArray, FloatArray]:
@@ -147,8 +149,8 @@ class Tangents:
         answer = self._forces.respond(self._gap[i], self._rate[i], self._state(i), self._schedule, i)
         act, sense, turning = directions(self._forces, self._schedule, i)
         for _, own, _ in self._forces.parts:
-            by_gap = answer.by_gap[own, own] @ sense[own] + answer.by_rate[own, own] @ turning[own]
-            yield self._forces.names[own.start], -act[own].T @ by_gap
+            by_penetration = answer.by_penetration[own, own] @ sense[own] + answer.by_rate[own, own] @ turning[own]
+            yield self._forces.names[own.start], -act[own].T @ by_penetration
 
     def _state(self, i: int) -> FloatArray:
         return self._forces.start_state if self._inner is None else self._inner[i]
@@ -193,7 +195,7 @@ class LinearStep:
         found = find_massless_rates(system, average=True) if self._light.any else None
         self._free = None if found is None else found.free @ found.amounts[: found.free.shape[1]]
 
-    def begun(self, at: Linear, given: FloatArray) -> FloatArray:
+    def initial_disturbances(self, at: Linear, given: FloatArray) -> FloatArray:
         """Return disturbances of an initial state with massless motions in static equilibrium."""
         if not self._light.any:
             return given
@@ -202,7 +204,7 @@ class LinearStep:
         push = at.by_state @ z - (at.damping - self._C) @ v - (at.stiffness - self._K) @ d
         return np.vstack([self._light.place(d, push), v, z])
 
-    def carried(self, step: SmallStep, before: FloatArray, more: FloatArray | None = None) -> FloatArray:
+    def propagate(self, step: SmallStep, before: FloatArray, more: FloatArray | None = None) -> FloatArray:
         """Return disturbances, shape (2n + s, m), after a step.
 
         With ``d = d_free + A v``, ``z = z_free + F d`` and ``M v + h/2 (C v + K d - P z) = p`` at the new
@@ -210,7 +212,7 @@ class LinearStep:
         """
         n, old, new, h = len(self._M), step.old, step.new, step.length
         d, v, z = split_state(before, n)
-        push = self._M @ v - 0.5 * h * self._balanced(old.damping @ v + old.stiffness @ d - old.by_state @ z)
+        push = self._M @ v - 0.5 * h * self._equilibrate(old.damping @ v + old.stiffness @ d - old.by_state @ z)
         d, whole = d + 0.5 * h * v, 0.5 * h * np.eye(n)
         if self._free is not None:
             d, whole = d - 0.5 * h * (self._free @ v), whole + 0.5 * h * self._free
@@ -229,13 +231,13 @@ class LinearStep:
         n, mean = len(self._M), 0.5 * (old + new)
         return np.concatenate([mean[:n], self._M @ mean[n : 2 * n], mean[2 * n :]])
 
-    def passed(self, more: FloatArray) -> FloatArray:
+    def old_terms(self, more: FloatArray) -> FloatArray:
         """Return the contribution of the old end, without its residual on massless motions."""
         n = len(self._M)
-        return np.concatenate([more[:n], self._balanced(more[n : 2 * n]), more[2 * n :]])
+        return np.concatenate([more[:n], self._equilibrate(more[n : 2 * n]), more[2 * n :]])
 
-    def _balanced(self, forces: FloatArray) -> FloatArray:
-        return self._light.passed_on(forces) if self._light.any else forces
+    def _equilibrate(self, forces: FloatArray) -> FloatArray:
+        return self._light.condense_force(forces) if self._light.any else forces
 
 
 def _states(step: SmallStep, before: FloatArray, more: FloatArray) -> tuple[FloatArray, FloatArray]:

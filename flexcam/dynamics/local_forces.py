@@ -67,29 +67,31 @@ class StoredEnergy:
         self._varying = self._laws[varies]
         lossy = np.zeros(forces.count, dtype=bool)
         for force, part, _ in forces.parts:
-            lossy[part] = isinstance(force.law, ForceLaw) and not force.law.lossless
+            lossy[part] = isinstance(force.law, ForceLaw) and not force.law.is_conservative
         self.lossy: IntArray = np.flatnonzero(lossy[self._scalars] & (forces.storing[self._scalars] > 0.0))
 
-    def at(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def at(
+        self, penetration: FloatArray, state: FloatArray, angle: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the energy, J, (m,), its derivatives by the scalars, (m, r), and by all internal states, (m, s)."""
         energy, force, by_state = self._forces.energies(
-            self._all(gap), state, self._forces.function_values(angle), self._laws
+            self._all(penetration), state, self._forces.function_values(angle), self._laws
         )
         return energy.sum(axis=1), force[:, self._scalars], by_state
 
-    def varying(self, gap: FloatArray, state: FloatArray, angle: FloatArray) -> FloatArray:
+    def varying(self, penetration: FloatArray, state: FloatArray, angle: FloatArray) -> FloatArray:
         """Return the energy of the laws that depend on the cam angle, J, shape (m,)."""
         if not len(self._varying):
-            return np.zeros(len(gap))
+            return np.zeros(len(penetration))
         functions = self._forces.function_values(angle)
-        return self._forces.energies(self._all(gap), state, functions, self._varying)[0].sum(axis=1)
+        return self._forces.energies(self._all(penetration), state, functions, self._varying)[0].sum(axis=1)
 
-    def _all(self, gap: FloatArray) -> FloatArray:
+    def _all(self, penetration: FloatArray) -> FloatArray:
         """Return the scalars among all of the system, zero for the others."""
         if len(self._scalars) == self._forces.count:
-            return gap
-        whole = np.zeros((len(gap), self._forces.count))
-        whole[:, self._scalars] = gap
+            return penetration
+        whole = np.zeros((len(penetration), self._forces.count))
+        whole[:, self._scalars] = penetration
         return whole
 
 
@@ -258,7 +260,7 @@ class LocalForces:
         self.storing = np.zeros(self.count)
         for force, part, _ in self.parts:
             self.storing[part] = force.conservative
-        self.opposed = self._opposed()
+        self.opposed = self._is_opposed()
 
     def _overrides(self) -> Functions:
         custom, laws = self.table.custom, self.table.laws
@@ -268,7 +270,7 @@ class LocalForces:
             part = slice(first, first + size)
             answer = custom[law].respond(local[PENETRATION, part], local[RATE, part], float(angle))
             local[ANSWER, part] = answer.force
-            tangent[0, part, :size], tangent[1, part, :size] = answer.by_gap, answer.by_rate
+            tangent[0, part, :size], tangent[1, part, :size] = answer.by_penetration, answer.by_rate
 
         return {**NUMPY, "custom": evaluate} if custom else dict(NUMPY)
 
@@ -282,7 +284,7 @@ class LocalForces:
         """Scalars whose sensing or acting vectors change with the cam angle, shape (v,)."""
         return np.unique(np.array([*self.sense.varying_scalars, *self.act.varying_scalars], dtype=np.intp))
 
-    def _opposed(self) -> NDArray[np.bool_]:
+    def _is_opposed(self) -> NDArray[np.bool_]:
         """Return which forces act exactly against their sensed motion at all cam angles, shape (c,)."""
         found = self.storing > 0.0
         found[[*self.sense.varying_scalars, *self.act.varying_scalars, *(i for i, _ in self._offsets[1])]] = False
@@ -300,7 +302,7 @@ class LocalForces:
         """Return the energy of the conservative forces on some scalars; None for all."""
         return StoredEnergy(self, scalars)
 
-    def schedule(self, motion: CamMotion) -> PrescribedInputs:
+    def prescribed_inputs(self, motion: CamMotion) -> PrescribedInputs:
         """Return the prescribed inputs for the cam motion at some instants."""
         cam, speed = motion.cam, motion.speed[:, None]
         senses, acts, c = len(self.sense.vectors), len(self.act.vectors), self.count
@@ -324,7 +326,7 @@ class LocalForces:
             found[:, i] = cam(function, 0)
         return found
 
-    def sensed(
+    def sense_motion(
         self, d: FloatArray, v: FloatArray, schedule: PrescribedInputs
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the sensed scalars, their rates, and the prescribed part of the rates.
@@ -343,46 +345,46 @@ class LocalForces:
         """
         rows, c = self.sense.rows, self.count
         on_d, on_v = (rows @ d.T).T, (rows @ v.T).T  # contiguous histories per scalar
-        gap, rate, carried = on_d[:, :c], on_v[:, :c], np.zeros((len(d), c), order="F")
-        gap += schedule.offset
+        penetration, rate, carried = on_d[:, :c], on_v[:, :c], np.zeros((len(d), c), order="F")
+        penetration += schedule.offset
         carried += schedule.offset_rate
         for j, ((place, _), scalar) in enumerate(zip(self.sense.varying, self.sense.varying_scalars, strict=True)):
-            gap[:, scalar] += schedule.sensed[:, place] * on_d[:, c + j]
-            carried[:, scalar] += schedule.sensed_rates[:, place] * on_d[:, c + j]
-            rate[:, scalar] += schedule.sensed[:, place] * on_v[:, c + j]
+            penetration[:, scalar] += schedule.sensing_weights[:, place] * on_d[:, c + j]
+            carried[:, scalar] += schedule.sensing_rates[:, place] * on_d[:, c + j]
+            rate[:, scalar] += schedule.sensing_weights[:, place] * on_v[:, c + j]
         rate += carried
-        return gap, rate, carried
+        return penetration, rate, carried
 
     def respond(
-        self, gap: FloatArray, rate: FloatArray, state: FloatArray, schedule: PrescribedInputs, i: int = 0
+        self, penetration: FloatArray, rate: FloatArray, state: FloatArray, schedule: PrescribedInputs, i: int = 0
     ) -> Reaction:
         """Return the forces for sensed scalars and rates, shape (c,), and states, (s,), at an instant of a schedule."""
         work, table = self.workspace, self.table
         local, tangent, states = work.local, work.tangent, work.states
-        local[PENETRATION], local[RATE], local[ANSWER] = gap, rate, 0.0
+        local[PENETRATION], local[RATE], local[ANSWER] = penetration, rate, 0.0
         tangent[:] = 0.0
-        states[STATE], states[BEGIN] = state, gap[table.owners]
+        states[STATE], states[BEGIN] = state, penetration[table.owners]
         self.functions["evaluate_laws"](
             table.laws, table.constants, schedule.rows, i, schedule.functions, 0.0, local, tangent, states
         )
         return self._reaction()
 
-    def state_rates(self, gap: FloatArray, state: FloatArray) -> FloatArray:
+    def state_rates(self, penetration: FloatArray, state: FloatArray) -> FloatArray:
         """Return the rates of the internal states, shape (s,), for all sensed scalars and states at an instant."""
-        self.workspace.states[BEGIN] = gap[self.table.owners]
-        self._follow(0.0, gap, state)
+        self.workspace.states[BEGIN] = penetration[self.table.owners]
+        self._follow(0.0, penetration, state)
         return self.workspace.states[STATE_RATE].copy()
 
-    def _follow(self, step: float, gap: FloatArray, state: FloatArray) -> None:
+    def _follow(self, step: float, penetration: FloatArray, state: FloatArray) -> None:
         """Evaluate the laws with an internal state alone."""
         work, table = self.workspace, self.table
         rows = table.laws[table.laws[:, LAW_STATE] >= 0]
-        work.local[PENETRATION], work.states[STATE] = gap, state
+        work.local[PENETRATION], work.states[STATE] = penetration, state
         none = np.zeros((1, len(table.functions)))
         self.functions["evaluate_laws"](rows, table.constants, none, 0, 0, step, work.local, work.tangent, work.states)
 
     def state_steps(
-        self, step: float, gap: FloatArray, begin: FloatArray, state: FloatArray
+        self, step: float, penetration: FloatArray, begin: FloatArray, state: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Return how what an internal state leaves of its scalar follows travel and begin of a step, shape (s,) each.
 
@@ -390,44 +392,46 @@ class LocalForces:
         ----------
         step
             Length of the step, s.
-        gap, begin
+        penetration, begin
             All sensed scalars at its end and at its beginning, shape (c,).
         state
             Internal states at its beginning, shape (s,).
         """
         work, table = self.workspace, self.table
         work.states[BEGIN] = begin[table.owners]
-        self._follow(step, gap, state)
+        self._follow(step, penetration, state)
         return work.states[BY_TRAVEL].copy(), work.states[BY_BEGIN].copy()
 
     def _reaction(self) -> Reaction:
         """Return the output of `evaluate_laws` as matrices of all scalars."""
         work, c = self.workspace, self.count
-        by_gap, by_rate = np.zeros((2, c, c))
+        by_penetration, by_rate = np.zeros((2, c, c))
         for first, size in self.table.laws[:, [FIRST, SCALARS]].tolist():
             part = slice(first, first + size)
-            by_gap[part, part], by_rate[part, part] = work.tangent[:, part, :size]
+            by_penetration[part, part], by_rate[part, part] = work.tangent[:, part, :size]
         force, owners = work.local[ANSWER].copy(), self.table.owners
         if not len(owners):
-            return Reaction(force, by_gap, by_rate)
-        of_gap, at, flow = np.zeros((len(owners), c)), np.arange(len(owners)), work.states[FLOW]
-        of_gap[at, owners] = flow  # z' = a (x - z) for the scalar x of the law; the force depends on x - z
-        by_state = -by_gap[:, owners]
+            return Reaction(force, by_penetration, by_rate)
+        of_penetration, at, flow = np.zeros((len(owners), c)), np.arange(len(owners)), work.states[FLOW]
+        of_penetration[at, owners] = flow  # z' = a (x - z) for the scalar x of the law; the force depends on x - z
+        by_state = -by_penetration[:, owners]
         rate = work.states[STATE_RATE].copy()
-        return Reaction(force, by_gap, by_rate, rate, by_state, of_gap, 0.0 * of_gap, -np.diag(flow))
+        return Reaction(
+            force, by_penetration, by_rate, rate, by_state, of_penetration, 0.0 * of_penetration, -np.diag(flow)
+        )
 
-    def pressed(self, gap: FloatArray) -> NDArray[np.bool_]:
+    def contact_sides(self, penetration: FloatArray) -> NDArray[np.bool_]:
         """Return the sides of the switching scalars."""
-        return gap[self.switching] > 0.0
+        return penetration[self.switching] > 0.0
 
     def energies(
-        self, gap: FloatArray, state: FloatArray, functions: FloatArray, laws: IntArray | None = None
+        self, penetration: FloatArray, state: FloatArray, functions: FloatArray, laws: IntArray | None = None
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return stored energies, J, elastic forces, N, and derivatives of the energy by the states at m instants.
 
         Parameters
         ----------
-        gap, state
+        penetration, state
             Sensed scalars and internal states, shape (m, c) and (m, s).
         functions
             Functions of the laws, shape (m, f).
@@ -440,10 +444,10 @@ class LocalForces:
             Shapes (m, c), (m, c) and (m, s).
         """
         work, table = Workspace(self.table, self.count, 0), self.table
-        force, energy = np.empty_like(gap, order="C"), np.empty_like(gap, order="C")
+        force, energy = np.empty_like(penetration, order="C"), np.empty_like(penetration, order="C")
         by_state, rows = np.zeros_like(state, order="C"), table.laws if laws is None else laws
         self.respond_rows(
-            rows, table.constants, functions, 0, np.ascontiguousarray(gap), np.zeros(gap.shape),
+            rows, table.constants, functions, 0, np.ascontiguousarray(penetration), np.zeros(penetration.shape),
             np.ascontiguousarray(state), work.local, work.tangent, work.states, force, energy, by_state,
         )  # fmt: skip
         return energy, force, by_state

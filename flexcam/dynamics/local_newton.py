@@ -131,9 +131,9 @@ def residual(laws: IntArray, local: FloatArray, tangent: FloatArray, usual: floa
     for law in range(len(laws)):
         first = laws[law, FIRST]
         for i in range(first, first + laws[law, SCALARS]):
-            by_gap, by_rate = abs(tangent[0, i, i - first]), abs(tangent[1, i, i - first])
-            gap, rate = local[FREE_PENETRATION, i], local[FREE_RATE, i]
-            own = by_gap * (abs(gap) + abs(local[PENETRATION, i] - gap))
+            by_penetration, by_rate = abs(tangent[0, i, i - first]), abs(tangent[1, i, i - first])
+            penetration, rate = local[FREE_PENETRATION, i], local[FREE_RATE, i]
+            own = by_penetration * (abs(penetration) + abs(local[PENETRATION, i] - penetration))
             own += by_rate * (abs(rate) + abs(local[RATE, i] - rate))
             off, force = abs(local[TRIAL, i] - local[ANSWER, i]), abs(local[ANSWER, i])
             total += force + off
@@ -152,18 +152,23 @@ def is_rounding(
     for law in range(len(laws)):
         first = laws[law, FIRST]
         for i in range(first, first + laws[law, SCALARS]):
-            gap, rate, by_gap, by_rate = abs(local[FREE_PENETRATION, i]), abs(local[FREE_RATE, i]), 0.0, 0.0
+            penetration, rate, by_penetration, by_rate = (
+                abs(local[FREE_PENETRATION, i]),
+                abs(local[FREE_RATE, i]),
+                0.0,
+                0.0,
+            )
             for j in range(local.shape[1]):
                 fill_compliance(i, j, places, give, given, k, sense_at, to_d, to_v, W)
-                on_gap, on_rate = abs(W[0, i, j]), abs(W[1, i, j])
+                on_penetration, on_rate = abs(W[0, i, j]), abs(W[1, i, j])
                 missing = abs(local[TRIAL, j] - local[ANSWER, j])
-                gap += on_gap * abs(local[TRIAL, j])
+                penetration += on_penetration * abs(local[TRIAL, j])
                 rate += on_rate * abs(local[TRIAL, j])
-                by_gap += on_gap * missing
+                by_penetration += on_penetration * missing
                 by_rate += on_rate * missing
-            if by_gap > ROUNDING * gap or by_rate > ROUNDING * rate:
+            if by_penetration > ROUNDING * penetration or by_rate > ROUNDING * rate:
                 still = False
-            rounding = max(rounding, abs(tangent[0, i, i - first]) * gap + abs(tangent[1, i, i - first]) * rate)
+            rounding = max(rounding, abs(tangent[0, i, i - first]) * penetration + abs(tangent[1, i, i - first]) * rate)
     return still or off <= ROUNDING * rounding
 
 
@@ -214,13 +219,13 @@ def correct(
         for column in range(n):
             matrix[row, column] = 0.0
         for r in range(size):
-            by_gap, by_rate = tangent[0, i, r], tangent[1, i, r]
-            if by_gap != 0.0 or by_rate != 0.0:
+            by_penetration, by_rate = tangent[0, i, r], tangent[1, i, r]
+            if by_penetration != 0.0 or by_rate != 0.0:
                 sensed = active[0, begin + r]
                 for column in range(n):
                     j = active[0, column]
                     fill_compliance(sensed, j, places, give, given, k, sense_at, to_d, to_v, W)
-                    matrix[row, column] -= by_gap * W[0, sensed, j] + by_rate * W[1, sensed, j]
+                    matrix[row, column] -= by_penetration * W[0, sensed, j] + by_rate * W[1, sensed, j]
         matrix[row, row] += 1.0
         matrix[row, n] = local[TRIAL, i] - local[ANSWER, i]
     if not eliminate(matrix, n, n + 1):

@@ -69,7 +69,7 @@ class MasslessMotions:
         motion[self.kept] = kept
         return self.place(motion, np.zeros(motion.shape))
 
-    def passed_on(self, push: FloatArray) -> FloatArray:
+    def condense_force(self, push: FloatArray) -> FloatArray:
         """Return a force, shape (n, ...), condensed to the unknowns with mass."""
         return push - self._K @ self.place(np.zeros(push.shape), push)
 
@@ -81,14 +81,14 @@ class MasslessMotions:
         """
         return _CondensedSolver(factorize(matrix.part(self.kept)), self) if self.any else factorize(matrix)
 
-    def touched(self, vectors: FloatArray) -> FloatArray:
+    def force_on_massless(self, vectors: FloatArray) -> FloatArray:
         """Return the force of each unit vector, shape (m, n), on the massless motions, shape (m,)."""
         if not self.any or not len(vectors):
             return np.zeros(len(vectors))
         size = np.abs(vectors).max(axis=1)
         return np.abs(vectors @ self.motions).max(axis=1) / np.where(size > 0.0, size, 1.0)
 
-    def pushed(self, method: str) -> InputError | None:
+    def contact_error(self, method: str) -> InputError | None:
         """Return the error for contacts and dampers on massless motions, with names; None without such."""
         if not self.any:
             return None
@@ -96,11 +96,11 @@ class MasslessMotions:
         forces = LocalForces(self._system)
         on = np.zeros(forces.count, dtype=bool)
         for stack in (forces.sense, forces.act):
-            on |= (stack.owner[:, self.touched(stack.vectors) > FORCE_TOLERANCE] > 0.0).any(axis=1)
+            on |= (stack.owner[:, self.force_on_massless(stack.vectors) > FORCE_TOLERANCE] > 0.0).any(axis=1)
         names = list(dict.fromkeys(forces.names[i] for i in np.flatnonzero(on).tolist()))
         if names:
             return refuse("run.integrator", method, f"a method that takes {', '.join(names)} without mass", why, remedy)
-        slowed = np.abs(self._system.damping.times_all(self.motions))
+        slowed = np.abs(self._system.damping.multiply(self.motions))
         damped = np.flatnonzero(
             slowed.max(axis=0) > FORCE_TOLERANCE * np.abs(self._system.damping.values).max(initial=0.0)
         )
@@ -124,7 +124,7 @@ class _CondensedSolver:
     light: MasslessMotions
 
     def solve(self, right: FloatArray) -> FloatArray:
-        return self.light.spread(self.factor.solve(self.light.passed_on(right)[self.light.kept]))
+        return self.light.spread(self.factor.solve(self.light.condense_force(right)[self.light.kept]))
 
 
 def find_massless_motions(system: System) -> FloatArray:
@@ -188,7 +188,7 @@ class MasslessRates:
     slow: FloatArray
     amounts: FloatArray
 
-    def led(self, now: StepState, new: StepState, step: float) -> StepState:
+    def update_rates(self, now: StepState, new: StepState, step: float) -> StepState:
         """Return an instant with the massless rates from displacements, velocities and the previous instant."""
         k = self.free.shape[1]
         change, v, a, v1, a1 = (self.amounts @ np.column_stack([new.d - now.d, now.v, now.a, new.v, new.a])).T
@@ -208,13 +208,13 @@ def find_massless_rates(system: System, *, average: bool) -> MasslessRates | Non
     times, turned = relaxation_times(unit, system.damping)
     free, slow = unit @ turned[:, times == 0.0], unit @ turned[:, (times != 0.0) & average]
     both = np.hstack([free, slow])
-    return MasslessRates(free, slow, system.stiffness.times_all(both).T) if both.shape[1] else None
+    return MasslessRates(free, slow, system.stiffness.multiply(both).T) if both.shape[1] else None
 
 
 def normalize_stiffness(motions: FloatArray, stiffness: Triplets) -> FloatArray:
     """Return motions combined such that the stiffness matrix is the identity."""
     try:
-        L = np.linalg.cholesky(motions.T @ stiffness.times_all(motions))
+        L = np.linalg.cholesky(motions.T @ stiffness.multiply(motions))
     except np.linalg.LinAlgError:
         raise SingularMatrixError(tuple(np.abs(motions).argmax(axis=0).tolist())) from None
     return np.asarray(np.linalg.solve(L, motions.T).T, dtype=float)
@@ -222,8 +222,8 @@ def normalize_stiffness(motions: FloatArray, stiffness: Triplets) -> FloatArray:
 
 def relaxation_times(unit: FloatArray, damping: Triplets) -> tuple[FloatArray, FloatArray]:
     """Return the relaxation times of motions of unit stiffness by dampers."""
-    within = unit.T @ damping.times_all(unit)
-    size = np.abs(unit).T @ replace(damping, values=np.abs(damping.values)).times_all(np.abs(unit))
+    within = unit.T @ damping.multiply(unit)
+    size = np.abs(unit).T @ replace(damping, values=np.abs(damping.values)).multiply(np.abs(unit))
     if not (within - np.diag(np.diag(within))).any():
         times, turned = np.diag(within), np.eye(len(within))
     else:

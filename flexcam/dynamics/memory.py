@@ -54,7 +54,7 @@ class MemorySink:
         """Return all stored results; empty arrays without results."""
         if not self._kept[0].count:
             self.write(_empty(self.outline))
-        (time, angle), (channels,), probes, (field_time, field_angle), fields = (rows.kept for rows in self._kept)
+        (time, angle), (channels,), probes, (field_time, field_angle), fields = (rows.arrays for rows in self._kept)
         moved = Series(*probes), Series(*fields)
         whole = Block(time, angle, moved[0], channels, field_time, field_angle, moved[1])
         return _response(self.outline, whole, self._end)
@@ -68,7 +68,7 @@ class _Rows:
         self._expected, self._all = expected, np.zeros((0, 0))
 
     @property
-    def kept(self) -> FloatArray:
+    def arrays(self) -> FloatArray:
         return self._all[:, : self.count]
 
     def add(self, arrays: tuple[FloatArray, ...]) -> None:
@@ -76,7 +76,7 @@ class _Rows:
         if not self.count or end > self._all.shape[1]:
             room = self._room(end, (len(arrays), *arrays[0].shape[1:]))
             if self.count:
-                room[:, : self.count] = self.kept
+                room[:, : self.count] = self.arrays
             self._all = room
         for kept, array in zip(self._all, arrays, strict=True):
             kept[self.count : end] = array
@@ -139,7 +139,7 @@ class RecentSink(MemorySink):
     def response(self) -> Response:
         """Return the stored response."""
         field = self._field
-        kept = Block.joined([*self._blocks] or [self._without])
+        kept = Block.concatenate([*self._blocks] or [self._without])
         whole = replace(kept, field_time=field.field_time, field_angle=field.field_angle, fields=field.fields)
         return _response(self.outline, whole, self._end)
 
@@ -207,7 +207,7 @@ class ExtremesSink:
         self._before = replace(
             before, time=block.time[-1:].copy(), probes=Series(*(x[-1:].copy() for x in _arrays(now)))
         )
-        whole = Series.joined([before.probes, now])
+        whole = Series.concatenate([before.probes, now])
         return turning_points(np.append(before.time, block.time), whole.displacement, whole.velocity)[1]
 
     def probe(self, name: str) -> tuple[FloatArray, FloatArray]:

@@ -63,7 +63,7 @@ class ModalCoordinates:
         """Number of modes."""
         return len(self.mass)
 
-    def named(self, names: Sequence[str]) -> tuple[str, ...]:
+    def coordinate_names(self, names: Sequence[str]) -> tuple[str, ...]:
         """Return the unknown that moves most, per mode."""
         leading: list[int] = np.abs(self.vectors).argmax(axis=0).tolist() if self.size else []
         return tuple(names[i] for i in leading)
@@ -80,15 +80,15 @@ class ModalCoordinates:
         """Return the motion of all unknowns."""
         return motion @ self.vectors.T
 
-    def saved(self, motions: FloatArray) -> FloatArray:
+    def expand_saved(self, motions: FloatArray) -> FloatArray:
         """Return the saved motions of all unknowns."""
         if not self.exactly:
             return self.spread(motions)
         return np.matmul(self.vectors, motions[:, :, None])[:, :, 0]
 
-    def taken_anew(self, motions: FloatArray) -> FloatArray:
+    def recompute(self, motions: FloatArray) -> FloatArray:
         """Return modal coordinates, shape (m, n), recomputed from the saved unknowns."""
-        return np.matmul(self.back, self.saved(motions)[:, :, None])[:, :, 0]
+        return np.matmul(self.back, self.expand_saved(motions)[:, :, None])[:, :, 0]
 
     def within(self, motion: FloatArray, weight: Triplets) -> FloatArray:
         """Return the modal coordinates of a motion."""
@@ -133,7 +133,7 @@ def _motions(pair: _MatrixPair) -> ModalCoordinates | None:
     light = MasslessMotions(system)
     try:
         kept = light.spread(np.eye(system.size)[:, light.kept][light.kept])
-        M, K = (kept.T @ matrix.times_all(kept) for matrix in (system.mass, system.stiffness))
+        M, K = (kept.T @ matrix.multiply(kept) for matrix in (system.mass, system.stiffness))
         values, shapes = solve_eigenproblem(0.5 * (M + M.T), 0.5 * (K + K.T))
         soft = normalize_stiffness(light.motions, system.stiffness)
     except (np.linalg.LinAlgError, SingularMatrixError):  # a mass or a stiffness that is not positive
@@ -141,7 +141,7 @@ def _motions(pair: _MatrixPair) -> ModalCoordinates | None:
     moving = kept @ shapes
     if _is_indefinite(moving, system.stiffness):
         return None
-    back = np.vstack([system.mass.times_all(moving).T, system.stiffness.times_all(soft).T])
+    back = np.vstack([system.mass.multiply(moving).T, system.stiffness.multiply(soft).T])
     few, whole = soft.shape[1], np.hstack([moving, soft])
     if not np.abs(back @ whole - np.eye(len(whole))).max(initial=0.0) <= _CLEAN:
         return None
@@ -157,9 +157,9 @@ def _symmetric(matrix: Triplets) -> bool:
 
 def _is_indefinite(motions: FloatArray, stiffness: Triplets) -> bool:
     """Return whether a stiffness is indefinite, as beyond buckling."""
-    energy = np.sum(motions * stiffness.times_all(motions), axis=0)
+    energy = np.sum(motions * stiffness.multiply(motions), axis=0)
     every = replace(stiffness, values=np.abs(stiffness.values))
-    sizes = np.sum(np.abs(motions) * every.times_all(np.abs(motions)), axis=0)
+    sizes = np.sum(np.abs(motions) * every.multiply(np.abs(motions)), axis=0)
     return bool((energy < -_ROUNDING * sizes).any())
 
 

@@ -121,11 +121,11 @@ class ModalPropagator:
         known = self._problem.system.load_histories(self._problem.drive.at(times))
         return np.concatenate([known, np.zeros((self.length, known.shape[1]))])
 
-    def pushed(self, histories: FloatArray) -> FloatArray:
+    def modal_forces(self, histories: FloatArray) -> FloatArray:
         """Return the modal forces of every step, shape (m, n), from load histories, shape (m + 1, k)."""
-        return self.steps.pushed(np.einsum("tk,kn->tn", histories, self._vectors))
+        return self.steps.modal_forces(np.einsum("tk,kn->tn", histories, self._vectors))
 
-    def stretches(self, last: int, histories: FloatArray) -> Iterator[StepBlocks]:
+    def sequences(self, last: int, histories: FloatArray) -> Iterator[StepBlocks]:
         """Yield sequences up to a step, where the last block may extend beyond it, and set the state there."""
         first = at = self.at
         while at < last:
@@ -133,32 +133,32 @@ class ModalPropagator:
             if self.stride and rest >= self.length:
                 count = -(-(last - at) // self.length)
                 count = min(count, rest // self.length) if self._every % self.length else count
-                stretch = self._strides(self.stride, count, last, histories[at - first :], at - first)
+                stretch = self._blocks(self.stride, count, last, histories[at - first :], at - first)
                 at += count * self.length
             else:
                 at = min(at + rest, at + _AT_ONCE, last)
                 stretch = self._single(at, histories[self.at - first :], self.at - first)
             yield stretch
 
-    def _strides(self, stride: StepBlock, count: int, last: int, histories: FloatArray, row: int) -> StepBlocks:
+    def _blocks(self, stride: StepBlock, count: int, last: int, histories: FloatArray, row: int) -> StepBlocks:
         """Return blocks of steps, and set the state to the end of the last complete one."""
         length = stride.length
         over = sliding_window_view(histories[: count * length + 1], length + 1, axis=0)[::length]
         rising = (over - over[:, :, :1]).reshape(count, over[0].size)
         pushes = np.einsum("bk,kn->bn", histories[: count * length + 1 : length], self.pushes)
-        ends = self._added(rising, self.at // length)
+        ends = self._load_response(rising, self.at // length)
         begins, causes = np.empty_like(ends), np.empty((count + 1, *self.state.shape))
         state, causes[0] = self.state, self.causes
         for few in self._groups(count):
             at = self.at + few.start * length
             if at // length % self._group == 0:
-                state = drop_vanished(self._anew(state, at))
+                state = drop_vanished(self._recompute(state, at))
                 causes[few.start] = stride.causes(state, pushes[few.start])
             ahead = slice(few.start, few.stop + 1)
-            stride.land(state, pushes[ahead], causes[ahead], ends[few])
+            stride.advance(state, pushes[ahead], causes[ahead], ends[few])
             begins[few.start], begins[few.start + 1 : few.stop] = state, ends[few.start : few.stop - 1]
             state = ends[few.stop - 1]
-        self._go_on(count if self.at + count * length <= last else count - 1, ends, causes)
+        self._set_state(count if self.at + count * length <= last else count - 1, ends, causes)
         return StepBlocks(row, begins, ends, causes[:-1], rising)
 
     def _groups(self, count: int) -> Iterator[slice]:
@@ -167,13 +167,13 @@ class ModalPropagator:
         firsts = [0, *range(self._group - ahead, count, self._group), count]
         return (slice(first, last) for first, last in pairwise(firsts))
 
-    def _go_on(self, strides: int, ends: FloatArray, causes: FloatArray) -> None:
+    def _set_state(self, strides: int, ends: FloatArray, causes: FloatArray) -> None:
         """Set the state to that after blocks."""
         if strides:
             self.at += strides * self.length
             self.state, self.causes = ends[strides - 1], causes[strides]
 
-    def _added(self, rising: FloatArray, first: int) -> FloatArray:
+    def _load_response(self, rising: FloatArray, first: int) -> FloatArray:
         """Return the contribution of loads to the states in blocks, shape (b, 3, n).
 
         Blocks are grouped between steps that are the same in every run, as the bits of a matrix product depend on its
@@ -188,18 +188,18 @@ class ModalPropagator:
 
     def _single(self, end: int, histories: FloatArray, row: int) -> StepBlocks:
         """Return single steps, and advance the state."""
-        pushed = self.pushed(histories[: end - self.at + 1])
+        pushed = self.modal_forces(histories[: end - self.at + 1])
         states = np.empty((3, *pushed.shape))
-        self.steps.walk(self._anew(self.state, self.at), pushed, states)
+        self.steps.walk(self._recompute(self.state, self.at), pushed, states)
         self.at, self.state = end, states[:, -1].copy()
         nothing = np.zeros((0, *self.state.shape))
         return StepBlocks(row, nothing, nothing, nothing, nothing[:, 0], states)
 
-    def _anew(self, state: FloatArray, at: int) -> FloatArray:
+    def _recompute(self, state: FloatArray, at: int) -> FloatArray:
         """Return the state at a step recomputed from the saved unknowns, or unchanged if none are saved."""
         if not (self._exactly and at and at % self._every == 0):
             return state
-        return self._natural.taken_anew(state / self.scale) * self.scale
+        return self._natural.recompute(state / self.scale) * self.scale
 
 
 class ModalEngine:
@@ -230,16 +230,16 @@ class ModalEngine:
     def advance(self, steps: IntArray) -> tuple[Trajectory, Status]:
         """Return the instants of some successive steps, see `Engine`."""
         if self._stop():
-            return Trajectory.none(self._system.size, self._forces), STOPPED
-        first, at = self._begun(), self._problem.times(steps)
+            return Trajectory.empty(self._system.size, self._forces), STOPPED
+        first, at = self._first_instant(), self._problem.times(steps)
         row = int(steps[0]) - self._course.at
-        walked = self._walked(int(steps[-1]))
+        walked = self._advance_states(int(steps[-1]))
         walked[1:] /= self._course.scale[1:, None]
-        track = self._track(at, walked[:, row:]) if first is None else self._led(first, at, walked)
+        track = self._track(at, walked[:, row:]) if first is None else self._restore_first(first, at, walked)
         before = None if first is not None else stack_motion(self._track(at[:1], walked[:, row - 1 : row]))[0]
         return in_range(track, before, self._system, self._problem.drive.at(at).angle)
 
-    def _begun(self) -> Trajectory | None:
+    def _first_instant(self) -> Trajectory | None:
         """Return the first instant if the run is at its start; else None."""
         if self._course.at >= 0:
             return None
@@ -247,17 +247,17 @@ class ModalEngine:
         self._course.begin(first)
         return first
 
-    def _walked(self, last: int) -> FloatArray:
+    def _advance_states(self, last: int) -> FloatArray:
         """Return the states from the current one up to a step, shape (3, m + 1, n)."""
         course, count = self._course, last - self._course.at + 1
         histories = course.histories(last)
-        pushed, found = course.pushed(histories), np.empty((3, len(histories), self._system.size))
+        pushed, found = course.modal_forces(histories), np.empty((3, len(histories), self._system.size))
         found[:, 0] = course.state
-        for stretch in course.stretches(last, histories):
-            self._put(stretch, pushed, found)
+        for stretch in course.sequences(last, histories):
+            self._write_states(stretch, pushed, found)
         return found[:, :count]
 
-    def _put(self, stretch: StepBlocks, pushed: FloatArray, found: FloatArray) -> None:
+    def _write_states(self, stretch: StepBlocks, pushed: FloatArray, found: FloatArray) -> None:
         """Write the states of a sequence, for all blocks together."""
         first, n = stretch.row, self._system.size
         if stretch.states is not None:
@@ -274,11 +274,11 @@ class ModalEngine:
         (d, v, a), nothing = walked, np.zeros((len(at), 0))
         return Trajectory(at, d, v, a, nothing, nothing, nothing, np.arange(len(at)))
 
-    def _led(self, first: Trajectory, at: FloatArray, walked: FloatArray) -> Trajectory:
+    def _restore_first(self, first: Trajectory, at: FloatArray, walked: FloatArray) -> Trajectory:
         """Return the first instant unchanged, and those after it."""
-        return first if len(at) == 1 else Trajectory.joined([first, self._track(at[1:], walked[:, 1:])])
+        return first if len(at) == 1 else Trajectory.concatenate([first, self._track(at[1:], walked[:, 1:])])
 
-    def counted(self, stats: Stats) -> Stats:
+    def statistics(self, stats: Stats) -> Stats:
         """Return the statistics unchanged: there are no iterations."""
         return stats
 
@@ -326,7 +326,7 @@ class OutputMatrices:
             later[:, instant, instant - 1 :] = answers[:, : length + 1 - instant]
         return cls(rows, seen.reshape(len(seen), length * count))
 
-    def of_stretch(self, stretch: StepBlocks, course: ModalPropagator) -> FloatArray:
+    def evaluate(self, stretch: StepBlocks, course: ModalPropagator) -> FloatArray:
         """Return displacements, velocities and accelerations after every step of a sequence, shape (m, 3, p)."""
         if stretch.states is not None:
             return (stretch.states / course.scale[:, None] @ self.rows.T).swapaxes(0, 1)
@@ -353,14 +353,14 @@ class ProbeEngine(ModalEngine):
         self._save = save
         self._view = OutputMatrices.of(probe_rows(problem), self._course)
 
-    def glance(self, steps: IntArray) -> tuple[ProbeTrajectory, Status]:
+    def advance_probes(self, steps: IntArray) -> tuple[ProbeTrajectory, Status]:
         """Return the saved results of successive steps, up to the last in range, and a status, see `Engine`."""
         rows = self._view.rows
         if self._stop():
-            return ProbeTrajectory.none(len(rows), self._system.size), STOPPED
+            return ProbeTrajectory.empty(len(rows), self._system.size), STOPPED
         saved = self._save.fields(steps, self._problem.steps)
         earlier = self.state()
-        seen = self._seen(steps, saved)
+        seen = self._evaluate(steps, saved)
         if seen is not None:
             return seen, Status()
         self.restore(earlier)  # repeat instant by instant to find the diverging motion
@@ -370,9 +370,9 @@ class ProbeEngine(ModalEngine):
             track.time, probes, Series(track.d, track.v, track.a).at(saved[: len(track.time)])
         ), status
 
-    def _seen(self, steps: IntArray, saved: NDArray[np.bool_]) -> ProbeTrajectory | None:
+    def _evaluate(self, steps: IntArray, saved: NDArray[np.bool_]) -> ProbeTrajectory | None:
         """Return the saved results of steps; None if a value diverges."""
-        first, course = self._begun(), self._course
+        first, course = self._first_instant(), self._course
         begin, at = course.at, self._problem.times(steps)
         histories, rows = course.histories(int(steps[-1])), steps[saved] - begin
         found = np.empty((len(histories), 3, len(self._view.rows)))
@@ -380,8 +380,8 @@ class ProbeEngine(ModalEngine):
         if first is not None:
             fields[:, 0] = first.d[0], first.v[0], first.a[0]
             found[0] = fields[:, 0] @ self._view.rows.T
-        for stretch in course.stretches(int(steps[-1]), histories):
-            seen = self._view.of_stretch(stretch, course)
+        for stretch in course.sequences(int(steps[-1]), histories):
+            seen = self._view.evaluate(stretch, course)
             found[stretch.row + 1 : stretch.row + 1 + len(seen)] = seen
             within = (rows > stretch.row) & (rows <= stretch.row + len(seen))
             fields[:, within] = self._states(stretch, rows[within], histories) / course.scale[:, None]
@@ -398,7 +398,7 @@ class ProbeEngine(ModalEngine):
         found = stretch.ends[which].swapaxes(0, 1).copy()
         for i in np.flatnonzero(past < self._course.length - 1).tolist():  # the last step of a run may not end a block
             row = stretch.row + int(which[i]) * self._course.length
-            pushed = self._course.pushed(histories[row : row + int(past[i]) + 2])
+            pushed = self._course.modal_forces(histories[row : row + int(past[i]) + 2])
             states = np.empty((3, *pushed.shape))
             self._course.steps.walk(stretch.begins[which[i]], pushed, states)
             found[:, i] = states[:, -1]

@@ -38,9 +38,9 @@ def corrected_modes(
     rigid = modes(mass, stiffness, 1, free=free).rigid if free is None else free.shape[1]
     found = modes(mass, stiffness, rigid + count, free=free)
     shapes = found.shapes
-    missed = places.T - mass.times_all(shapes) @ (shapes.T @ places.T)
+    missed = places.T - mass.multiply(shapes) @ (shapes.T @ places.T)
     answers = _static_solutions(stiffness, missed, shapes[:, : found.rigid])
-    answers -= shapes @ (shapes.T @ mass.times_all(answers))
+    answers -= shapes @ (shapes.T @ mass.multiply(answers))
     known = (places @ shapes[:, found.rigid :]) ** 2 @ found.omegas[found.rigid :] ** -2.0
     return np.hstack([shapes, _orthogonalize(mass, stiffness, answers, known)])
 
@@ -59,13 +59,13 @@ def _orthogonalize(mass: Triplets, stiffness: Triplets, shapes: FloatArray, know
 
     A shape is used if its energy exceeds that of its projection on the others.
     """
-    energy = np.maximum(np.einsum("ik,ik->k", shapes, stiffness.times_all(shapes)), 0.0)
+    energy = np.maximum(np.einsum("ik,ik->k", shapes, stiffness.multiply(shapes)), 0.0)
     kept = energy > _DEPENDENT * (known + energy)
     shapes = shapes[:, kept] / np.sqrt(energy[kept])
-    values, vectors = np.linalg.eigh(shapes.T @ stiffness.times_all(shapes))
+    values, vectors = np.linalg.eigh(shapes.T @ stiffness.multiply(shapes))
     good = values > _DEPENDENT
     unit = shapes @ (vectors[:, good] / np.sqrt(values[good]))
-    _, turned = np.linalg.eigh(unit.T @ mass.times_all(unit))
+    _, turned = np.linalg.eigh(unit.T @ mass.multiply(unit))
     found = unit @ turned[:, ::-1]
     # Otherwise a shape of a massless unknown would have the mass of rounding and a very high frequency.
     return np.where(np.abs(found) > _STILL * diagonal_scale(stiffness)[:, None], found, 0.0)
@@ -81,7 +81,7 @@ def craig_bampton(
     unit = np.zeros((stiffness.size, len(boundary)))
     unit[boundary, np.arange(len(boundary))] = 1.0
     try:
-        unit[inner] = -factorize(stiffness.part(inner)).solve(stiffness.times_all(unit)[inner])
+        unit[inner] = -factorize(stiffness.part(inner)).solve(stiffness.multiply(unit)[inner])
     except SingularMatrixError as fault:
         which = ", ".join(str(inner[i]) for i in fault.unknowns[:6]) or "some"
         why = "a group that moves freely has no static answer"

@@ -83,7 +83,7 @@ class ModalStep:
         """Weight of the forces at the beginning of a step."""
         return self.scheme.alpha_f
 
-    def pushed(self, loads: FloatArray) -> FloatArray:
+    def modal_forces(self, loads: FloatArray) -> FloatArray:
         """Return the modal forces of every step, shape (m, n), from those at both ends, shape (m + 1, n)."""
         old, push = self.old, self.light * loads
         return (1.0 - old) * push[1:] + old * push[:-1] if old else push[1:]
@@ -208,7 +208,7 @@ class StepBlock:
         """Return the causes of change of a state under a force, shape (3, n)."""
         return np.concatenate([(push - self.stiff * begin[0])[None], begin[1:]])
 
-    def land(self, begin: FloatArray, pushes: FloatArray, causes: FloatArray, ends: FloatArray) -> None:
+    def advance(self, begin: FloatArray, pushes: FloatArray, causes: FloatArray, ends: FloatArray) -> None:
         """Write the states after every block and their causes of change."""
         shifts = ends.copy()
         shifts[:, 0] *= -self.stiff

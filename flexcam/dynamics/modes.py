@@ -60,7 +60,7 @@ def lanczos(
 ) -> tuple[FloatArray, FloatArray, int]:
     """Return the lowest modes with stiffness."""
     wanted = min(max((count or _DEFAULT_COUNT) - rigid.shape[1], 1), mass.size - 2)
-    solve = _flexibility(stiffness, rigid, mass.times_all(rigid))
+    solve = _flexibility(stiffness, rigid, mass.multiply(rigid))
     massive = np.flatnonzero(mass.diagonal() > 0.0)
     if len(massive) <= DENSE_LIMIT:
         inverse_squares, shapes = _condense(mass.part(massive).dense(), massive, solve, mass.size)
@@ -163,7 +163,7 @@ class Modes:
         """Frequencies, Hz, shape (k,)."""
         return self.omegas / (2.0 * np.pi)
 
-    def doubt(self) -> str:
+    def describe_rounding(self) -> str:
         """Describe the rounding error of the frequencies; empty if negligible."""
         share = float(self.rounding.max(initial=0.0))
         if share <= _REPORT_LIMIT:
@@ -234,7 +234,7 @@ def modes(mass: Triplets, stiffness: Triplets, count: int | None = None, *, free
 def _find_free_motions(stiffness: Triplets) -> FloatArray:
     """Return the null space of matrices without known free motions; more energy than rounding means a soft motion."""
     found = null_space(stiffness)
-    energy = np.abs(np.sum(found * stiffness.times_all(found), axis=0))
+    energy = np.abs(np.sum(found * stiffness.multiply(found), axis=0))
     taken = energy_rounding(stiffness, found)
     if (soft := energy > taken).any():
         raise RunFailedError(_too_fine(float((taken[soft] / energy[soft]).max())))
@@ -249,7 +249,7 @@ def _too_fine(share: float) -> Status:
 def _mass_orthonormal(motions: FloatArray, mass: Triplets) -> FloatArray:
     if not motions.shape[1]:
         return motions
-    values, vectors = np.linalg.eigh(motions.T @ mass.times_all(motions))
+    values, vectors = np.linalg.eigh(motions.T @ mass.multiply(motions))
     if values[0] <= 1e-13 * values[-1]:
         text = "a motion of the model has neither stiffness nor mass"
         raise RunFailedError(Status(Cause.SINGULAR, text, "support it or give it a mass"))
@@ -261,9 +261,9 @@ def _orthonormalize(shapes: FloatArray, rigid: FloatArray, mass: Triplets) -> Fl
 
     Two Newton iterations for the nearest orthonormal set square the error twice and treat all shapes alike.
     """
-    shapes = shapes - rigid @ (rigid.T @ mass.times_all(shapes))
+    shapes = shapes - rigid @ (rigid.T @ mass.multiply(shapes))
     for _ in range(2):
-        shapes = shapes @ (1.5 * np.eye(shapes.shape[1]) - 0.5 * shapes.T @ mass.times_all(shapes))
+        shapes = shapes @ (1.5 * np.eye(shapes.shape[1]) - 0.5 * shapes.T @ mass.multiply(shapes))
     return shapes
 
 

@@ -43,17 +43,17 @@ class PrescribedInputs:
         return self.rows[:, self._cuts[i] : self._cuts[i + 1]]
 
     @property
-    def sensed(self) -> FloatArray:
+    def sensing_weights(self) -> FloatArray:
         """Weights of the sensing vectors, shape (m, k)."""
         return self._part(0)
 
     @property
-    def sensed_rates(self) -> FloatArray:
+    def sensing_rates(self) -> FloatArray:
         """Their time derivatives, shape (m, k)."""
         return self._part(1)
 
     @property
-    def acted(self) -> FloatArray:
+    def acting_weights(self) -> FloatArray:
         """Weights of the acting vectors, shape (m, a)."""
         return self._part(2)
 
@@ -81,14 +81,14 @@ class PrescribedInputs:
         """Return one of the instants."""
         return self.at(slice(i, i + 1))
 
-    def sensing(self, i: int) -> FloatArray:
+    def sensing_matrix(self, i: int) -> FloatArray:
         """Return the weights of the sensing vectors in every scalar at an instant, shape (c, k)."""
-        return self.senses * self.sensed[i]
+        return self.senses * self.sensing_weights[i]
 
-    def turning(self, i: int) -> FloatArray:
+    def sensing_rate_matrix(self, i: int) -> FloatArray:
         """Return their time derivatives, shape (c, k)."""
-        return self.senses * self.sensed_rates[i]
+        return self.senses * self.sensing_rates[i]
 
-    def acting(self, i: int) -> FloatArray:
+    def acting_matrix(self, i: int) -> FloatArray:
         """Return the weights of the acting vectors in every force at an instant, shape (c, a)."""
-        return self.acts * self.acted[i]
+        return self.acts * self.acting_weights[i]

@@ -72,8 +72,8 @@ def _weight(system: System) -> Triplets:
 def expand_block(block: Block, basis: Basis) -> Block:
     """Return a block with fields expanded to all unknowns."""
     fields = block.fields
-    moved = basis.saved(fields.displacement)
+    moved = basis.expand_saved(fields.displacement)
     if basis.held.any():
         moved = moved + basis.held
-    spread: list[FloatArray] = [basis.saved(one) for one in (fields.velocity, fields.acceleration)]
+    spread: list[FloatArray] = [basis.expand_saved(one) for one in (fields.velocity, fields.acceleration)]
     return replace(block, fields=Series(moved, *spread))

@@ -1,6 +1,6 @@
 """Response of a run: probe histories, channels, dense output and extremes.
 
-Between two instants a motion is the cubic with its values and slopes at both, as in `Series.between`. The maximum of m
+Between two instants a motion is the cubic with its values and slopes at both (`Series.interpolate`). The maximum of m
 samples in a period of a sine has a relative error up to ``1 - cos(pi/m)``, half a percent with 30 steps; that of the
 cubic is ``(2 pi/m)^4/384`` (C. de Boor, A Practical Guide to Splines, 1978), a 200 000th. A history without slopes,
 such as a force, is linear between its instants.
@@ -220,7 +220,7 @@ class Response:
             return np.interp(given, self.time, values)
 
         return replace(
-            self, time=given, angle=straight(self.angle), probes=self.probes.between(self.time, given),
+            self, time=given, angle=straight(self.angle), probes=self.probes.interpolate(self.time, given),
             channels={name: straight(values) for name, values in self.channels.items()},
         )  # fmt: skip
 

@@ -76,7 +76,7 @@ class ScipyIntegrator(Method):
         if system.size > _MOST:
             why, remedy = "it is a check, and slow", "use bathe, or newmark with smaller steps"
             return refuse("run.integrator", f"{self.name} with {system.size} unknowns", f"at most {_MOST}", why, remedy)
-        return MasslessMotions(system).pushed(self.name)
+        return MasslessMotions(system).contact_error(self.name)
 
 
 class _Stepper:
@@ -109,7 +109,7 @@ class _Stepper:
     def _moment(self, y: FloatArray, to: StepInputs) -> StepState:
         n = self._n
         d = self._light.place(y[:n], to.load)
-        return self._starter.restarted(self._starter.answered(d, y[n : 2 * n], y[2 * n :], to))
+        return self._starter.restart(self._starter.update_forces(d, y[n : 2 * n], y[2 * n :], to))
 
     def _rate(self, time: float, y: FloatArray) -> FloatArray:
         to = self._at(time)
@@ -117,14 +117,14 @@ class _Stepper:
         return np.concatenate([moment.v, moment.a, self._state_rate(moment, to)])
 
     def _state_rate(self, moment: StepState, to: StepInputs) -> FloatArray:
-        answer = self._forces.respond(moment.gap, moment.rate, moment.inner, to.schedule, to.row)
+        answer = self._forces.respond(moment.penetration, moment.rate, moment.inner, to.schedule, to.row)
         return answer.state_rate
 
     def _sizes(self, now: StepState, length: float) -> FloatArray:
         """Return the absolute tolerance of every entry, relative to the largest motion so far."""
         largest = (float(np.abs(one).max(initial=0.0)) * length**i for i, one in enumerate((now.d, now.v, now.a)))
         size = max(*largest, _ABSOLUTE_TOLERANCE)
-        inner = np.maximum(np.abs(now.inner), np.abs(now.gap[self._forces.table.owners])) + _ABSOLUTE_TOLERANCE
+        inner = np.maximum(np.abs(now.inner), np.abs(now.penetration[self._forces.table.owners])) + _ABSOLUTE_TOLERANCE
         parts = [np.full(self._n, size), np.full(self._n, size / length), inner]
         return self._method.tolerance * np.concatenate(parts)
 

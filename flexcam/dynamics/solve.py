@@ -50,7 +50,7 @@ def fingerprint(problem: Problem, method: Method, save: SaveAt) -> str:
     spread = np.linspace(0, problem.steps, _INSTANTS).round().astype(np.intp)
     steps = np.union1d(spread, np.arange(0, min(problem.steps, _BEGINNING) + 1, _APART))
     motion = problem.drive.at(problem.times(steps))
-    schedule = forces.schedule(motion)
+    schedule = forces.prescribed_inputs(motion)
     parts = [motion.angle, motion.speed, system.load_vectors(), system.load_histories(motion), forces.act.vectors]
     parts += [forces.sense.vectors, schedule.rows, forces.table.laws, forces.table.constants]
     for matrix in (system.mass, system.damping, system.stiffness):
@@ -151,20 +151,20 @@ def solve(
     status = Status()
     try:
         forces = forces_of(way)
-        engine = create_engine(way, scheme, forces, keep, clock.stopped, pilot)
+        engine = create_engine(way, scheme, forces, keep, clock.is_stopped, pilot)
         run = _Run(inside, engine, forces, keep)
         if resume is not None:
             for block in resume.blocks():
                 _write_block(block, takers)
             run.restore(resume.checkpoint.arrays)
-            stats = run.counted(replace(stats, steps=resume.checkpoint.steps))
+            stats = run.statistics(replace(stats, steps=resume.checkpoint.steps))
         for block in run.blocks(stats.steps):
             _write_block(reduce(expand_block, way.bases, block), takers)
-            stats = run.counted(replace(stats, steps=stats.steps + len(block.time)))
+            stats = run.statistics(replace(stats, steps=stats.steps + len(block.time)))
             if keepers and run.status.ok:
                 reached = Checkpoint(stats.steps, problem_told, run.state())
                 for sink in keepers:
-                    sink.keep(reached)
+                    sink.write_checkpoint(reached)
         status = TIME_UP if clock.late and run.status is STOPPED else run.status
     except KeyboardInterrupt:
         status = STOPPED
@@ -240,7 +240,7 @@ class _Run:
         for first in range(done, end, size):
             parts = list(self._parts(first, min(first + size, end)))
             if parts:
-                yield Block.joined(parts)
+                yield Block.concatenate(parts)
             if not self.status.ok:
                 return
 
@@ -258,12 +258,12 @@ class _Run:
     def _part(self, steps: IntArray) -> Block | None:
         """Return the block of steps, or None if the first could not be taken; `status` gives the reason."""
         if isinstance(self._engine, ProbeEngine):
-            glance, self.status = self._engine.glance(steps)
-            return self._glanced(steps[: len(glance.time)], glance) if len(glance.time) else None
+            glance, self.status = self._engine.advance_probes(steps)
+            return self._probe_part(steps[: len(glance.time)], glance) if len(glance.time) else None
         track, self.status = self._engine.advance(steps)
         return self._block(steps[: len(track.ends)], track) if len(track.ends) else None
 
-    def _glanced(self, steps: IntArray, glance: ProbeTrajectory) -> Block:
+    def _probe_part(self, steps: IntArray, glance: ProbeTrajectory) -> Block:
         motion, saved = self._problem.drive.at(glance.time), self._save.fields(steps, self._problem.steps)
         return Block(
             time=glance.time, angle=motion.angle, probes=_offset(self._system.probes, glance.probes, motion),
@@ -284,32 +284,32 @@ class _Run:
             fields=shown if len(fields) == len(time) else shown.at(fields),
         )  # fmt: skip
 
-    def counted(self, stats: Stats) -> Stats:
+    def statistics(self, stats: Stats) -> Stats:
         """Return the statistics with the counts of this run."""
-        stats = self._engine.counted(stats)
+        stats = self._engine.statistics(stats)
         return replace(stats, imbalance=self._imbalance.share) if self._save.channels else stats
 
     def _channels(self, steps: IntArray, track: Trajectory, motion: CamMotion) -> FloatArray:
         """Return channels, energies and internal states at the ends of steps."""
-        schedule = self._forces.schedule(motion)
-        seen, carried = self._observed(track, motion, schedule)
+        schedule = self._forces.prescribed_inputs(motion)
+        seen, carried = self._observe(track, motion, schedule)
         last = steps == self._problem.steps  # a short run may have no other evaluated instants
         between = (steps + 1) % self._save.field_every == 0  # at saved fields some engines restart their state
-        self._imbalance.look(track, seen, schedule, track.ends[between | last])
+        self._imbalance.evaluate(track, seen, schedule, track.ends[between | last])
         each = [channel.value(seen) for channel in self._system.channels]
         if not self._system.carried:
             each.append(self._account.block(track, seen, carried, schedule))
         found = np.column_stack([*each, seen.states])
         return found[track.ends] if len(steps) < len(found) else found
 
-    def _observed(
+    def _observe(
         self, track: Trajectory, motion: CamMotion, schedule: PrescribedInputs
     ) -> tuple[Observation, FloatArray]:
         """Return the observation, and the prescribed part of the sensed rates."""
-        gaps, rates, carried = self._forces.sensed(track.d, track.v, schedule)
+        penetrations, rates, carried = self._forces.sense_motion(track.d, track.v, schedule)
         histories, moved = self._system.load_histories(motion), FullMotion(track.d, track.v, track.a)
         forces = np.asfortranarray(track.local)  # contiguous per scalar, like the sensed scalars
-        return Observation(motion, schedule.cam, moved, histories, forces, gaps, rates, track.state), carried
+        return Observation(motion, schedule.cam, moved, histories, forces, penetrations, rates, track.state), carried
 
 
 def _probe_series(probes: tuple[Probe, ...], moved: Series, motion: CamMotion) -> Series:
@@ -356,7 +356,7 @@ class _Clock:
         self._stop, self._until = stop, until
         self.late = False
 
-    def stopped(self) -> bool:
+    def is_stopped(self) -> bool:
         self.late = self._until is not None and time.monotonic() >= self._until
         return self.late or self._stop()
 
@@ -366,7 +366,7 @@ def pilot(problem: Problem, method: Method) -> Series:
 
     The given steps may be beyond the stability limit; an unbounded motion is no reference.
     """
-    sound = method if method.stable_to() == math.inf else newmark()
+    sound = method if method.stability_limit() == math.inf else newmark()
     begin = problem.start.time if problem.start else 0.0
     times: FloatArray = begin + problem.step * np.arange(problem.steps + 1, dtype=float)
     angle = problem.drive.at(times).angle

@@ -58,7 +58,7 @@ def solve_equilibrium(
     """Return the static equilibrium displacement of loads, stiffness and local forces."""
     free = null_space(system.stiffness) if system.free is None else system.free
     free = np.linalg.qr(free)[0] if free.shape[1] else free
-    potential = _Potential.of(system, forces, forces.schedule(motion), load)
+    potential = _Potential.of(system, forces, forces.prescribed_inputs(motion), load)
     u = np.zeros(system.size) if near is None else near
     # A soft spring on the free motions limits a step along them and vanishes with the step.
     hold = max(float(np.abs(free.T @ load).max(initial=0.0)) / _FALL, 1.0)
@@ -74,7 +74,7 @@ def solve_equilibrium(
             _refuse_unstable(potential, u, tangent)
             return u
         step = _step(tangent, free, hold, missing)
-        part, energy = potential.shortened(u, step, missing, energy)
+        part, energy = potential.line_search(u, step, missing, energy)
         u, before = u + part * step, most
     missing, _, tangent = potential.at(u)
     _refuse_unstable(potential, u, tangent)
@@ -130,9 +130,9 @@ class _LawContribution:
     act: FloatArray
     sense: FloatArray
 
-    def tangent(self, by_gap: FloatArray, size: int) -> Triplets:
+    def tangent(self, by_penetration: FloatArray, size: int) -> Triplets:
         """Return the n x n stiffness of the law from the derivatives of the forces, shape (c, c)."""
-        own = Triplets.from_dense(-self.act.T @ by_gap[self.scalars, self.scalars] @ self.sense)
+        own = Triplets.from_dense(-self.act.T @ by_penetration[self.scalars, self.scalars] @ self.sense)
         return Triplets(size, self.touched[own.rows], self.touched[own.cols], own.values)
 
 
@@ -151,8 +151,8 @@ class _Potential:
     @classmethod
     def of(cls, system: System, forces: LocalForces, schedule: PrescribedInputs, load: FloatArray) -> _Potential:
         """Return the potential at a cam angle under a load of shape (n,)."""
-        act = schedule.acting(0) @ forces.act.vectors
-        sense = schedule.sensing(0) @ forces.sense.vectors
+        act = schedule.acting_matrix(0) @ forces.act.vectors
+        sense = schedule.sensing_matrix(0) @ forces.sense.vectors
         each: list[_LawContribution] = []
         for one, part, _ in forces.parts:
             at = np.flatnonzero((act[part] != 0.0).any(axis=0) | (sense[part] != 0.0).any(axis=0))
@@ -163,15 +163,15 @@ class _Potential:
         """Return the residual forces (n,), the magnitude of the forces, and the tangent."""
         reaction, stiffness = self._reaction(u), self.system.stiffness
         strain, pushed = stiffness.times(u), reaction.force @ self.act
-        local = [one.tangent(reaction.by_gap, stiffness.size) for one in self.touching]
+        local = [one.tangent(reaction.by_penetration, stiffness.size) for one in self.touching]
         size = max(float(np.abs(part).max(initial=0.0)) for part in (self.load, strain, pushed))
         missing = self.load + pushed - strain
-        return missing, max(size, np.finfo(float).tiny), Triplets.joined([stiffness, *local])
+        return missing, max(size, np.finfo(float).tiny), Triplets.sum([stiffness, *local])
 
     def parts(self, u: FloatArray) -> list[tuple[str, Triplets]]:
         """Return name and stiffness of each local force."""
         reaction = self._reaction(u)
-        return [(one.name, one.tangent(reaction.by_gap, self.system.size)) for one in self.touching]
+        return [(one.name, one.tangent(reaction.by_penetration, self.system.size)) for one in self.touching]
 
     def _reaction(self, u: FloatArray) -> Reaction:
         still, states = np.zeros(self.forces.count), self.forces.start_state
@@ -192,7 +192,7 @@ class _Potential:
         stored = float(self.forces.stored_energy().at(self._gap(u)[None], state, self.schedule.angle)[0][0])
         return 0.5 * float(u @ self.system.stiffness.times(u)) - float(self.load @ u) + stored
 
-    def shortened(
+    def line_search(
         self, u: FloatArray, step: FloatArray, missing: FloatArray, known: float | None
     ) -> tuple[float, float | None]:
         """Return the fraction of a step with sufficient decrease, and the energy there.
@@ -328,5 +328,5 @@ def _rest_internal_states(forces: LocalForces, d: FloatArray, motion: CamMotion)
     """Return the internal states at rest, shape (s,); None where there are none."""
     if not len(forces.table.owners):
         return None
-    gap = forces.sensed(d[None], np.zeros((1, len(d))), forces.schedule(motion))[0][0]
-    return np.minimum(gap[forces.table.owners], 0.0)  # at rest the oil column has not leaked and is full
+    penetration = forces.sense_motion(d[None], np.zeros((1, len(d))), forces.prescribed_inputs(motion))[0][0]
+    return np.minimum(penetration[forces.table.owners], 0.0)  # at rest the oil column has not leaked and is full

@@ -136,7 +136,7 @@ class Stats:
     seconds: float = 0.0
 
     @property
-    def told(self) -> bool:
+    def is_complete(self) -> bool:
         """True if the statistics are complete; for a killed run only steps and size are known."""
         return self.seconds >= 0.0
 

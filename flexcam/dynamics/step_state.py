@@ -28,12 +28,12 @@ class StepState:
         Displacement, velocity, acceleration, shape (n,).
     applied
         Loads and local forces in the unknowns, shape (n,).
-    local, gap, rate
+    local, penetration, rate
         Local forces, sensed scalars and their rates, shape (c,).
     inner
         Internal states of the local laws, shape (s,).
     pressed
-        Side of zero of the switching scalars; None for that of the gap.
+        Side of zero of the switching scalars; None for that of the penetration.
     impulse
         Impulses of impacts at this instant, N s, shape (c,); None without impact.
     iterations
@@ -48,7 +48,7 @@ class StepState:
     a: FloatArray
     applied: FloatArray
     local: FloatArray
-    gap: FloatArray
+    penetration: FloatArray
     rate: FloatArray
     inner: FloatArray
     pressed: NDArray[np.bool_] | None = None
@@ -57,7 +57,7 @@ class StepState:
     stride: float | None = None
 
     @classmethod
-    def restored(cls, name: str, arrays: Arrays) -> StepState | None:
+    def from_checkpoint(cls, name: str, arrays: Arrays) -> StepState | None:
         """Return the instant of a checkpoint, bit by bit; None without one."""
         parts = select_prefix(name, arrays)
         if not parts:
@@ -141,14 +141,14 @@ class Trajectory:
         )  # fmt: skip
 
     @classmethod
-    def none(cls, size: int, forces: LocalForces) -> Trajectory:
+    def empty(cls, size: int, forces: LocalForces) -> Trajectory:
         """Return an empty sequence for a system size."""
         still, local = np.zeros((0, size)), np.zeros((0, forces.count))
         state = np.zeros((0, len(forces.start_state)))
         return cls(np.zeros(0), still, still, still, local, state, local, np.zeros(0, dtype=np.intp))
 
     @classmethod
-    def joined(cls, tracks: Sequence[Trajectory]) -> Trajectory:
+    def concatenate(cls, tracks: Sequence[Trajectory]) -> Trajectory:
         """Return the concatenation of several sequences."""
         time, d, v, a, local, state, impulse = (
             np.concatenate(rows) for rows in zip(*(t.rows for t in tracks), strict=True)
@@ -164,18 +164,18 @@ class Trajectory:
 
     def between(self, first: int, last: int) -> Trajectory:
         """Return the instants of a range of output steps."""
-        return self._taken(slice(first, last), np.arange(last - first))
+        return self._select(slice(first, last), np.arange(last - first))
 
     def last(self) -> Trajectory:
         """Return the last instant alone."""
-        return self._taken(slice(-1, None), np.zeros(1, dtype=np.intp))
+        return self._select(slice(-1, None), np.zeros(1, dtype=np.intp))
 
     def until(self, count: int) -> Trajectory:
         """Return the instants of the first steps."""
         end = int(self.ends[count - 1]) + 1 if count else 0
-        return self._taken(slice(0, end), self.ends[:count])
+        return self._select(slice(0, end), self.ends[:count])
 
-    def _taken(self, part: slice, ends: IntArray) -> Trajectory:
+    def _select(self, part: slice, ends: IntArray) -> Trajectory:
         time, d, v, a, local, state, impulse = (rows[part] for rows in self.rows)
         return Trajectory(time, d, v, a, local, state, impulse, ends)
 
@@ -199,7 +199,7 @@ class ProbeTrajectory:
     fields: Series
 
     @classmethod
-    def none(cls, probes: int, size: int) -> ProbeTrajectory:
+    def empty(cls, probes: int, size: int) -> ProbeTrajectory:
         """Return an empty sequence for a system size."""
         watched, still = np.zeros((0, probes)), np.zeros((0, size))
         return cls(np.zeros(0), Series(watched, watched, watched), Series(still, still, still))

@@ -26,24 +26,24 @@ class Reaction:
     ----------
     force
         N, shape (c,).
-    by_gap, by_rate
+    by_penetration, by_rate
         Derivatives of the forces by the sensed scalars and their rates, shape (c, c).
     state_rate
         Rates of the internal states, shape (s,).
     by_state
         Derivatives of the forces by the states, shape (c, s).
-    state_rate_by_gap, state_rate_by_rate
+    state_rate_by_penetration, state_rate_by_rate
         Derivatives of the rates by the sensed scalars and their rates, shape (s, c).
     state_rate_by_state
         Derivatives of the rates by the states, shape (s, s).
     """
 
     force: FloatArray
-    by_gap: FloatArray
+    by_penetration: FloatArray
     by_rate: FloatArray
     state_rate: FloatArray = field(default_factory=lambda: _NO_STATE)
     by_state: FloatArray = field(default_factory=lambda: _NONE)
-    state_rate_by_gap: FloatArray = field(default_factory=lambda: _NONE)
+    state_rate_by_penetration: FloatArray = field(default_factory=lambda: _NONE)
     state_rate_by_rate: FloatArray = field(default_factory=lambda: _NONE)
     state_rate_by_state: FloatArray = field(default_factory=lambda: _NONE)
 
@@ -51,7 +51,7 @@ class Reaction:
 class CustomLaw(Protocol):
     """A force law as an object in Python, without internal state; only the direct engine evaluates it."""
 
-    def respond(self, gap: FloatArray, rate: FloatArray, angle: float) -> Reaction:
+    def respond(self, penetration: FloatArray, rate: FloatArray, angle: float) -> Reaction:
         """Return the forces for sensed scalars and rates, shape (c,) each, at a cam angle (rad)."""
         ...
 
@@ -118,7 +118,7 @@ class MotionView(Protocol):
         """Return displacement (order 0), velocity (1) or acceleration (2) of all unknowns, shape (m, n)."""
         ...
 
-    def picked(self, rows: FloatArray, order: int = 0) -> FloatArray:
+    def extract(self, rows: FloatArray, order: int = 0) -> FloatArray:
         """Return rows times the motion, shape (k, n) to (m, k); results are cached by the array of rows."""
         ...
 
@@ -141,7 +141,7 @@ class FullMotion:
         """Return the motion, see `MotionView`."""
         return (self.displacement, self.velocity, self.acceleration)[order]
 
-    def picked(self, rows: FloatArray, order: int = 0) -> FloatArray:
+    def extract(self, rows: FloatArray, order: int = 0) -> FloatArray:
         """Return what rows pick, see `MotionView`."""
         return (rows @ self.whole(order).T).T  # contiguous history per row
 
@@ -160,7 +160,7 @@ class Observation:
         Motion of all unknowns.
     histories
         Scalar histories of the loads, shape (m, loads).
-    forces, gaps, rates
+    forces, penetrations, rates
         Of the local forces: force, sensed scalar and its rate, shape (m, c).
     states
         Internal states of the local laws, shape (m, s).
@@ -171,7 +171,7 @@ class Observation:
     moved: MotionView
     histories: FloatArray
     forces: FloatArray
-    gaps: FloatArray
+    penetrations: FloatArray
     rates: FloatArray
     states: FloatArray
 
@@ -194,7 +194,7 @@ class Observation:
         """Return the observation of selected loads, sensed scalars and internal states."""
         return Observation(
             self.motion, self.cam, self.moved, self.histories[:, loads], self.forces[:, scalars],
-            self.gaps[:, scalars], self.rates[:, scalars], self.states[:, states],
+            self.penetrations[:, scalars], self.rates[:, scalars], self.states[:, states],
         )  # fmt: skip
 
 
@@ -239,7 +239,7 @@ def observable_sum(*parts: Observable) -> Observable:
 def row_of(row: FloatArray) -> Observable:
     """Return the observable of a row: its displacement."""
     rows = row[None]
-    return lambda seen: seen.moved.picked(rows)[:, 0]
+    return lambda seen: seen.moved.extract(rows)[:, 0]
 
 
 def _sum(values: FloatArray, columns: tuple[int, ...]) -> FloatArray:
@@ -385,7 +385,7 @@ class System:
             return np.zeros((*motion.angle.shape, 0))
         return np.stack([load.history(motion) for load in self.loads], axis=-1)
 
-    def applied(self, motion: CamMotion) -> FloatArray:
+    def load_vector(self, motion: CamMotion) -> FloatArray:
         """Return the loads in the unknowns at some instants.
 
         Each instant has the same bits as if it were alone, which a product of matrices would not give.

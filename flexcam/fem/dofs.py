@@ -43,11 +43,11 @@ class DofMap:
         row[self.numbers[node][free]] = direction[free]
         return row
 
-    def extended(self, names: Iterable[str]) -> DofMap:
+    def extend(self, names: Iterable[str]) -> DofMap:
         """Return the numbering with additional unknowns after those of the nodes, each a motion along one line."""
         return DofMap(self.numbers, (*self.names, *names))
 
-    def freed(self, node: int, components: IntArray, called: str) -> DofMap:
+    def release(self, node: int, components: IntArray, called: str) -> DofMap:
         """Return the numbering with constrained components of a node released."""
         free, names = self.numbers >= 0, list(self.names)
         free[node, components] = True

@@ -161,7 +161,7 @@ class Mesh:
         joined = np.flatnonzero(self.on_members())
         return [joined[group] for group in component_members(labels[joined])]
 
-    def connected(self, node: int) -> IntArray:
+    def connected_nodes(self, node: int) -> IntArray:
         """Return the nodes connected to a node by members, including the node itself.
 
         Parameters

@@ -24,11 +24,11 @@ def invalid_file_error(given: str, why: str = "") -> InputError:
 class NumberReader(Protocol):
     """Sequential reader of the numbers of one section."""
 
-    def heading(self) -> int:
+    def read_count(self) -> int:
         """Return the number on the first line of the section, which is text in format 2.2."""
         ...
 
-    def take(self, kind: str, count: int) -> Any:  # noqa: ANN401 - an array of that kind
+    def read(self, kind: str, count: int) -> Any:  # noqa: ANN401 - an array of that kind
         """Return the next `count` numbers of kind ``i`` (integer), ``u`` (size) or ``f`` (float)."""
         ...
 
@@ -51,11 +51,11 @@ class TextReader:
     def __init__(self, name: str, text: bytes) -> None:
         self._name, self._words, self._next = name, text.split(), 0
 
-    def heading(self) -> int:
+    def read_count(self) -> int:
         """Return the next integer."""
-        return int(self.take("u", 1)[0])
+        return int(self.read("u", 1)[0])
 
-    def take(self, kind: str, count: int) -> Any:  # noqa: ANN401
+    def read(self, kind: str, count: int) -> Any:  # noqa: ANN401
         """Return the next numbers."""
         words = self._words[self._next : self._next + count]
         if count < 0 or len(words) < count:
@@ -92,7 +92,7 @@ class BinaryReader:
         self._name, self._data, self._next = name, data, 0
         self._kinds = {"i": "<i4", "u": f"<u{size}", "f": "<f8"}
 
-    def heading(self) -> int:
+    def read_count(self) -> int:
         """Return the number on the first line of the section."""
         found = re.compile(rb"\s*(\d{1,12})[ \t\r]*\n").match(self._data, self._next)
         if found is None:
@@ -100,7 +100,7 @@ class BinaryReader:
         self._next = found.end()
         return int(found[1])
 
-    def take(self, kind: str, count: int) -> Any:  # noqa: ANN401
+    def read(self, kind: str, count: int) -> Any:  # noqa: ANN401
         """Return the next numbers."""
         item = np.dtype(self._kinds[kind])
         if count < 0 or self._next + count * item.itemsize > len(self._data):
@@ -226,20 +226,20 @@ Parts = tuple[IntArray, FloatArray, list[ElementGroup]]
 
 def _read_2(sections: _SectionReader, binary: bool) -> Parts:
     nodes = sections.numbers("Nodes")
-    count = nodes.heading()
+    count = nodes.read_count()
     numbers, points = _nodes_2(nodes, count, binary)
     nodes.end()
     elements = sections.numbers("Elements")
-    found = list(_elements_2(elements, elements.heading(), binary))
+    found = list(_elements_2(elements, elements.read_count(), binary))
     elements.end()
     return numbers, points, _group_elements(found)
 
 
 def _nodes_2(nodes: NumberReader, count: int, binary: bool) -> tuple[IntArray, FloatArray]:
     if binary:
-        rows = nodes.take("i", 7 * count).astype("<i4").reshape(count, 7)
+        rows = nodes.read("i", 7 * count).astype("<i4").reshape(count, 7)
         return rows[:, 0].astype(np.intp), np.ascontiguousarray(rows[:, 1:]).view("<f8").astype(float)
-    rows: FloatArray = nodes.take("f", 4 * count).reshape(count, 4)
+    rows: FloatArray = nodes.read("f", 4 * count).reshape(count, 4)
     if not (rows[:, 0] == np.round(rows[:, 0])).all() or (np.abs(rows[:, 0]) > 2.0**53).any():
         raise invalid_file_error("a node whose number is not whole")
     return rows[:, 0].astype(np.intp), rows[:, 1:]
@@ -253,15 +253,15 @@ def _elements_2(elements: NumberReader, count: int, binary: bool) -> Iterator[Ro
     done = 0
     while done < count:
         if binary:
-            kind, several, tags = elements.take("i", 3).tolist()
+            kind, several, tags = elements.read("i", 3).tolist()
             numbers = None
         else:
-            number, kind, tags = elements.take("i", 3).tolist()
+            number, kind, tags = elements.read("i", 3).tolist()
             numbers, several = [number], 1
         if kind not in _NODES or tags < 0 or several < 1:
             raise invalid_file_error(f"an element of type {kind} with {tags} tags", "Gmsh has no such element")
         width = tags + _NODES[kind] + (numbers is None)
-        for row in elements.take("i", several * width).reshape(several, width).tolist():
+        for row in elements.read("i", several * width).reshape(several, width).tolist():
             number, *rest = row if numbers is None else [*numbers, *row]
             yield kind, rest[0] if tags else 0, number, tuple(rest[tags:])
         done += several
@@ -288,27 +288,27 @@ def _read_4(sections: _SectionReader, binary: bool) -> Parts:
 def _entities(entities: NumberReader) -> dict[tuple[int, int], list[int]]:
     """Return the physical groups by dimension and tag of the entity."""
     groups: dict[tuple[int, int], list[int]] = {}
-    for dimension, count in enumerate(entities.take("u", 4).tolist()):
+    for dimension, count in enumerate(entities.read("u", 4).tolist()):
         for _ in range(count):
-            (number,) = entities.take("i", 1).tolist()
-            entities.take("f", 6 if dimension else 3)
-            groups[dimension, number] = entities.take("i", *entities.take("u", 1).tolist()).tolist()
+            (number,) = entities.read("i", 1).tolist()
+            entities.read("f", 6 if dimension else 3)
+            groups[dimension, number] = entities.read("i", *entities.read("u", 1).tolist()).tolist()
             if dimension:
-                entities.take("i", *entities.take("u", 1).tolist())
+                entities.read("i", *entities.read("u", 1).tolist())
     entities.end()
     return groups
 
 
 def _nodes_4(nodes: NumberReader) -> tuple[IntArray, FloatArray]:
-    blocks, total, _, _ = nodes.take("u", 4).tolist()
+    blocks, total, _, _ = nodes.read("u", 4).tolist()
     numbers: list[Any] = []
     points: list[Any] = []
     for _ in range(blocks):
-        dimension, _, parametric = nodes.take("i", 3).tolist()
-        (count,) = nodes.take("u", 1).tolist()
+        dimension, _, parametric = nodes.read("i", 3).tolist()
+        (count,) = nodes.read("u", 1).tolist()
         width = 3 + (dimension if parametric else 0)
-        numbers.append(nodes.take("u", count))
-        points.append(nodes.take("f", count * width).reshape(count, width)[:, :3])
+        numbers.append(nodes.read("u", count))
+        points.append(nodes.read("f", count * width).reshape(count, width)[:, :3])
     nodes.end()
     if sum(map(len, numbers)) != total:
         raise invalid_file_error(f"{sum(map(len, numbers))} nodes, {total} announced")
@@ -318,14 +318,14 @@ def _nodes_4(nodes: NumberReader) -> tuple[IntArray, FloatArray]:
 
 
 def _elements_4(elements: NumberReader, groups: dict[tuple[int, int], list[int]]) -> Iterator[ElementGroup]:
-    blocks, total, _, _ = elements.take("u", 4).tolist()
+    blocks, total, _, _ = elements.read("u", 4).tolist()
     done = 0
     for _ in range(blocks):
-        dimension, entity, kind = elements.take("i", 3).tolist()
-        (count,) = elements.take("u", 1).tolist()
+        dimension, entity, kind = elements.read("i", 3).tolist()
+        (count,) = elements.read("u", 1).tolist()
         if kind not in _NODES:
             raise invalid_file_error(f"elements of type {kind}", "Gmsh has no such element")
-        rows = elements.take("u", count * (1 + _NODES[kind])).reshape(count, 1 + _NODES[kind])
+        rows = elements.read("u", count * (1 + _NODES[kind])).reshape(count, 1 + _NODES[kind])
         done += count
         for group in groups.get((dimension, entity), []) or [0]:
             yield ElementGroup(kind, group, rows[:, 0], rows[:, 1:])

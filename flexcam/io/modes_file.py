@@ -49,12 +49,12 @@ def write_modes(
         group = VtkGroup(file, geometry, dict.fromkeys(drawn, ("m", 3)), still, FRAMES_PER_PERIOD)
         group.append({name: swing[:, None, None] * shape for name, shape in drawn.items()}, FRAMES_PER_PERIOD)
         group.count(FRAMES_PER_PERIOD)
-        group.stamp(phase)
+        group.write_times(phase)
         write_strings(
             file.create_group("about"), {"kind": "modes", "frequencies_hz": " ".join(f"{f:.9g}" for f in frequencies)}
         )
-        for one in group.grown:
-            one.sum()
+        for one in group.growing_datasets:
+            one.write_checksum()
         write_digest(file)
     with atomic_write_path(path) as draft:
         draft.write_bytes(held.getvalue())

@@ -62,25 +62,25 @@ class GrowingDataset:
         self.dataset: Any = create_dataset(group, name, kind, shape, limit=limit, chunk=chunk)
         write_string_attribute(self.dataset, "units", unit)
         self._length, self._kind, self._sum = 0, kind, 0
-        self.sum()
+        self.write_checksum()
 
     def __len__(self) -> int:
         return self._length
 
     def append_zeros(self, count: int) -> None:
         """Append rows of zeros, which take no space in the file."""
-        self.lengthen(count)
+        self.append_empty(count)
         self._sum = zlib.crc32(np.zeros((count, *self._columns), self._kind).data, self._sum)
 
-    def lengthen(self, count: int) -> None:
+    def append_empty(self, count: int) -> None:
         """Extend the dataset by empty rows."""
         self._length += count
         self.dataset.id.set_extent((self._length, *self._columns))
 
-    def extend(self, rows: FloatArray | IntArray) -> None:
+    def append(self, rows: FloatArray | IntArray) -> None:
         """Append rows of the width of the dataset."""
         first = self._length
-        self.lengthen(len(rows))
+        self.append_empty(len(rows))
         if len(rows):
             there: Any = self.dataset.id.get_space()
             there.select_hyperslab((first, *(0 for _ in self._columns)), rows.shape)
@@ -88,7 +88,7 @@ class GrowingDataset:
             self._sum = zlib.crc32(values.data, self._sum)
             self.dataset.id.write(create_dataspace(rows.shape), there, values)
 
-    def sum(self) -> None:
+    def write_checksum(self) -> None:
         """Write the checksum of all rows."""
         write_checksum(self.dataset, self._sum)
 

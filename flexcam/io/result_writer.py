@@ -58,7 +58,7 @@ class TemporaryResult:
             raise refuse("result", str(path), allowed, why, "remove the link, or name another folder")
         try:
             self._held = _lock_file(path)
-            self._try()
+            self._check_space()
         except BlockingIOError:
             allowed, why = "a result that nobody else is writing", "another run is writing it now"
             raise refuse("result", str(shown), allowed, why, "wait for its end, or name another folder") from None
@@ -67,7 +67,7 @@ class TemporaryResult:
             raise refuse("result", str(path), allowed, system_message(fault), remedy) from None
         self._last, self._cost = time.perf_counter(), 0.0
 
-    def _try(self) -> None:
+    def _check_space(self) -> None:
         """Detect a full disk before HDF5 lays out the file, because HDF5 does not handle that error safely."""
         try:
             done = 0
@@ -84,7 +84,7 @@ class TemporaryResult:
         self._last, self._cost = now, now - self._last
 
     @property
-    def due(self) -> bool:
+    def is_copy_due(self) -> bool:
         """Return whether the next copy is due."""
         return self._cost <= _MAX_COPY_TIME * (time.perf_counter() - self._last)
 
@@ -102,7 +102,7 @@ class TemporaryResult:
         self._last = time.perf_counter()
         self._cost = self._last - began
 
-    def become(self, path: Path) -> None:
+    def rename(self, path: Path) -> None:
         """Synchronize the file to disk and rename it to its final name; no further writes are possible."""
         try:
             os.fsync(self._held)
@@ -266,7 +266,7 @@ class ResultFile:
             with convert_write_errors():
                 self._create(geometry, save, about)
         except OSError as fault:
-            self._abandon()
+            self._discard()
             allowed, remedy = "a file that can be written", "free space or name another folder"
             raise refuse("result", str(self.path), allowed, str(fault), remedy) from None
         except BaseException:
@@ -323,24 +323,24 @@ class ResultFile:
         """Write the buffered blocks."""
         if not self._waiting:
             return
-        block = Block.joined(self._waiting)
+        block = Block.concatenate(self._waiting)
         self._waiting, self._bytes = [], 0
         self._append_history(block)
         self._vtk.append(self._point_data(block), len(block.field_time))
-        self._field_angle.extend(block.field_angle)
+        self._field_angle.append(block.field_angle)
         self._vtk.count(len(block.field_time))
         self._file["history"].attrs.modify("steps", len(self._time))
-        self._vtk.stamp(block.field_time)
+        self._vtk.write_times(block.field_time)
 
-    def keep(self, checkpoint: Checkpoint) -> None:
+    def write_checkpoint(self, checkpoint: Checkpoint) -> None:
         """Store the checkpoint after the last block, and publish a copy when one is due."""
         self._checkpoint = checkpoint
-        if self._draft.due:
+        if self._draft.is_copy_due:
             began = time.perf_counter()
             with convert_write_errors():
                 self._append()
                 write_checkpoint(self._file, checkpoint)
-                self._seal()
+                self._write_digest()
                 self._file.flush()
             self._draft.show(began)
 
@@ -350,45 +350,45 @@ class ResultFile:
         vectors = {
             name: nodal[series][:, geometry.node, first : first + 3] for name, (series, first, _) in VECTORS.items()
         }
-        return {**vectors, **geometry.recovered(*(nodal[series] for series in SERIES))}
+        return {**vectors, **geometry.recover_fields(*(nodal[series] for series in SERIES))}
 
-    def _seal(self) -> None:
+    def _write_digest(self) -> None:
         """Write the checksums and the digest."""
         grown = [self._time, self._angle, self._field_angle, *self._channels, *(one for _, _, one in self._probes)]
-        for one in (*grown, *self._vtk.grown):
-            one.sum()
+        for one in (*grown, *self._vtk.growing_datasets):
+            one.write_checksum()
         write_digest(self._file)
 
     def _append_history(self, block: Block) -> None:
-        self._time.extend(block.time)
-        self._angle.extend(block.angle)
+        self._time.append(block.time)
+        self._angle.append(block.angle)
         for series, columns, history in self._probes:
-            history.extend(getattr(block.probes, series)[:, columns])
+            history.append(getattr(block.probes, series)[:, columns])
         for values, history in zip(block.channels.T, self._channels, strict=True):
-            history.extend(values)
+            history.append(values)
 
     def close(self, status: Status, stats: Stats) -> None:
         """Write the status of the run and rename the file: to its final name if complete, else to the partial one."""
         if self._checkpoint is not None and self._taken < self._checkpoint.steps:
-            self._abandon()  # stopped before it reached the end of the earlier partial result, which remains
+            self._discard()  # stopped before it reached the end of the earlier partial result, which remains
             return
         try:
             with convert_write_errors():
-                self._end(status, stats)
+                self._write_status(status, stats)
         except OSError:
-            self._abandon()
+            self._discard()
             raise
-        self._draft.become(self.path if status.ok else self.partial)
+        self._draft.rename(self.path if status.ok else self.partial)
         if status.ok:
             self.partial.unlink(missing_ok=True)
 
-    def _abandon(self) -> None:
+    def _discard(self) -> None:
         """Discard the temporary file; closing it may fail in HDF5."""
         with suppress(OSError, RuntimeError, AttributeError):
             self._file.close()
         self._draft.discard()
 
-    def _end(self, status: Status, stats: Stats) -> None:
+    def _write_status(self, status: Status, stats: Stats) -> None:
         self._append()
         group = self._file.create_group("status")
         doubtful = self._warnings(stats) if self._warnings else ()
@@ -404,7 +404,7 @@ class ResultFile:
             remove_checkpoint(self._file)
         elif self._checkpoint is not None:
             write_checkpoint(self._file, self._checkpoint)
-        self._seal()
+        self._write_digest()
         self._file.close()
 
 

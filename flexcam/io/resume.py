@@ -98,9 +98,9 @@ class PartialResult:
         which = slice(fields.start * len(node), fields.stop * len(node))
         nodal = nodal_values(lambda name: _rows(data[name], which), series, node, nodes).reshape(-1, nodes, 6)
         beside = self._outline.unknowns[int(self._free.sum()) :]
-        return np.concatenate([nodal[:, self._free], *(self._beside(name, probes) for name in beside)], axis=1)
+        return np.concatenate([nodal[:, self._free], *(self._internal_dofs(name, probes) for name in beside)], axis=1)
 
-    def _beside(self, name: str, probes: FloatArray) -> FloatArray:
+    def _internal_dofs(self, name: str, probes: FloatArray) -> FloatArray:
         try:
             return probes[:, self._outline.columns(name)]
         except InputError:  # internal nodes of a spring do not move in the rigid model and are not stored

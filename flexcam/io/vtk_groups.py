@@ -61,10 +61,10 @@ class Geometry:
     @cached_property
     def node(self) -> IntArray:
         """Mesh node of every point, shape (points,): member by member, then `single`."""
-        return np.concatenate([*self.mesh.lines.values(), self.single])
+        return np.concatenate([*self.mesh.lines.values(), self.free_nodes])
 
     @cached_property
-    def single(self) -> IntArray:
+    def free_nodes(self) -> IntArray:
         """Movable nodes without a member, shape (k,)."""
         return np.flatnonzero((self.dofs.numbers >= 0).any(axis=1) & ~self.mesh.on_members())
 
@@ -75,12 +75,12 @@ class Geometry:
 
     def cells(self) -> IntArray:
         """Return the member index of every cell, shape (cells,); vertices come first with -1."""
-        return np.concatenate([np.full(len(self.single), -1), np.arange(len(self.mesh.lines))])
+        return np.concatenate([np.full(len(self.free_nodes), -1), np.arange(len(self.mesh.lines))])
 
     def radius(self) -> FloatArray:
         """Return the display radius at every point, m, shape (points,); zero at a vertex."""
         radii = [np.full(len(line), self.sections[name].radius) for name, line in self.mesh.lines.items()]
-        return np.concatenate([*radii, np.zeros(len(self.single))])
+        return np.concatenate([*radii, np.zeros(len(self.free_nodes))])
 
     def axes(self) -> FloatArray:
         """Return the local axes at every point, shape (points, 3, 3).
@@ -91,7 +91,7 @@ class Geometry:
             self.beams.triads[part][np.minimum(np.arange(len(line)), len(line) - 2)]
             for line, part in zip(self.mesh.lines.values(), self.mesh.element_ranges().values(), strict=True)
         ]
-        return np.concatenate([*along, np.tile(np.eye(3), (len(self.single), 1, 1))])
+        return np.concatenate([*along, np.tile(np.eye(3), (len(self.free_nodes), 1, 1))])
 
     @cached_property
     def fibres(self) -> Fibres:
@@ -99,22 +99,24 @@ class Geometry:
         counts = [len(line) - 1 for line in self.mesh.lines.values()]
         return fibres([s for name, n in zip(self.mesh.lines, counts, strict=True) for s in [self.sections[name]] * n])
 
-    def recovered(self, nodal: FloatArray, velocity: FloatArray, acceleration: FloatArray) -> dict[str, FloatArray]:
+    def recover_fields(
+        self, nodal: FloatArray, velocity: FloatArray, acceleration: FloatArray
+    ) -> dict[str, FloatArray]:
         """Return section forces and stresses at the points."""
         forces = section_forces(
             self.beams, nodal, velocity=velocity, acceleration=acceleration, damping=self.damping, spread=self.spread
         )
         fibre = self.fibres
         return {
-            "section_force": self._at_points(forces[..., :3]),
-            "section_moment": self._at_points(forces[..., 3:]),
-            "stress_axial": self._at_points(fibre.axial(forces)),
-            "stress_bending": self._at_points(fibre.bending(forces)),
-            "stress_torsion": self._at_points(fibre.shear(forces)),
-            "stress_von_mises": self._at_points(fibre.von_mises(forces)),
+            "section_force": self._point_values(forces[..., :3]),
+            "section_moment": self._point_values(forces[..., 3:]),
+            "stress_axial": self._point_values(fibre.axial(forces)),
+            "stress_bending": self._point_values(fibre.bending(forces)),
+            "stress_torsion": self._point_values(fibre.shear(forces)),
+            "stress_von_mises": self._point_values(fibre.von_mises(forces)),
         }
 
-    def _at_points(self, values: FloatArray) -> FloatArray:
+    def _point_values(self, values: FloatArray) -> FloatArray:
         """Return the larger of the adjacent element end values at every point, from shape (times, e, 2, ...)."""
         out = np.zeros((len(values), len(self.node), *values.shape[3:]))
         for first, part in zip(self.ends[:-1].tolist(), self.mesh.element_ranges().values(), strict=True):
@@ -197,14 +199,14 @@ class VtkGroup:
     def append(self, values: Mapping[str, FloatArray], count: int) -> None:
         """Append the point data of steps, shape (count, points) or (count, points, width), without counting them."""
         for name, rows in values.items():
-            self._data[name].extend(rows.reshape(-1, *rows.shape[2:]))
+            self._data[name].append(rows.reshape(-1, *rows.shape[2:]))
         for zeros in self._zeros:
             zeros.append_zeros(count)
-        self._parts.extend(np.ones(count, int))
-        self._offsets.extend((self._steps + np.arange(count)) * self._points)
+        self._parts.append(np.ones(count, int))
+        self._offsets.append((self._steps + np.arange(count)) * self._points)
 
     @property
-    def grown(self) -> list[GrowingDataset]:
+    def growing_datasets(self) -> list[GrowingDataset]:
         """Growing datasets of the group."""
         return [*self._data.values(), *self._zeros, self._parts, self._offsets, self._times]
 
@@ -213,16 +215,16 @@ class VtkGroup:
         self._steps += more
         self._group["Steps"].attrs.modify("NSteps", self._steps)
 
-    def stamp(self, times: FloatArray) -> None:
+    def write_times(self, times: FloatArray) -> None:
         """Write the times of the counted steps, s."""
-        self._times.extend(times)
+        self._times.append(times)
 
 
 def _write_lines(vtk: Any, geometry: Geometry) -> None:  # noqa: ANN401 - h5py has no types
     mesh, points, ends = geometry.mesh, len(geometry.node), geometry.ends
     create_fixed_dataset(vtk, "NumberOfPoints", np.array([points]))
     create_fixed_dataset(vtk, "Points", mesh.nodes[geometry.node], "m")
-    single, nothing = len(geometry.single), np.zeros(0, int)
+    single, nothing = len(geometry.free_nodes), np.zeros(0, int)
     cells = {
         "Vertices": (np.arange(points - single, points), np.arange(single + 1)),
         "Lines": (np.arange(points - single), ends),

@@ -245,7 +245,7 @@ def method_figure(methods: Mapping[str, Method], damping: float = 0.0) -> Figure
     labels = ("spectral radius", "period error, %", "damping ratio, %")
     figure, (radius, period, ratio) = create_stacked_axes(labels, "angular frequency times step")
     for (name, method), (colour, dashes) in zip(methods.items(), line_styles(), strict=False):
-        inside = _STEPS[min(method.stable_to(damping), _STEPS[-1]) >= _STEPS]
+        inside = _STEPS[min(method.stability_limit(damping), _STEPS[-1]) >= _STEPS]
         low = inside[inside <= math.pi]
         curves = (
             (radius, inside, _to_array([method.spectral_radius(x, damping) for x in inside.tolist()])),

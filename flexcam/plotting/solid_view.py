@@ -87,7 +87,7 @@ class MechanismView:
         for kind, mesh in self._meshes(0).items():
             self._actors[kind] = self.plotter.add_mesh(mesh, **self._style(kind, mesh))
         self.plotter.enable_anti_aliasing("ssaa")
-        self._aim()
+        self._set_camera()
         self.show(0)
 
     @property
@@ -136,7 +136,7 @@ class MechanismView:
             pointa=(0.03, 0.12), pointb=(0.33, 0.12), color="black", fmt="%.1f", interaction_event="always",
         )  # fmt: skip
 
-    def swing(self) -> None:
+    def animate(self) -> None:
         """Play the instants in a loop."""
 
         def next_one(step: int) -> None:
@@ -145,14 +145,14 @@ class MechanismView:
 
         self.plotter.add_timer_event(max_steps=1_000_000, duration=_FRAME_TIME, callback=next_one)
 
-    def _aim(self) -> None:
+    def _set_camera(self) -> None:
         """Set the camera so that lobes and train are visible and everything fits."""
         axis, up = self._mechanism.axis, self._mechanism.upwards
         ahead = 0.85 * axis + 0.55 * np.cross(up, axis) + 0.3 * up
         ahead /= np.linalg.norm(ahead)
         right = np.cross(up, ahead) / np.linalg.norm(np.cross(up, ahead))
         plane = np.array([right, np.cross(ahead, right), ahead])
-        seen = self._reach() @ plane.T
+        seen = self._visible_points() @ plane.T
         middle, half = 0.5 * (seen.max(axis=0) + seen.min(axis=0)), 0.5 * np.ptp(seen, axis=0)
         wide, beside = self._looks.size[0] / self._looks.size[1], 1.0 if self._motion.values is None else _BESIDE_BAR
         scale = 1.06 * float(max(half[1] * _BELOW_WORDS, half[0] / (beside * wide)))
@@ -164,7 +164,7 @@ class MechanismView:
         camera.parallel_scale = scale
         self.plotter.renderer.ResetCameraClippingRange()
 
-    def _reach(self) -> FloatArray:
+    def _visible_points(self) -> FloatArray:
         """Return all points at four instants, m, shape (n, 3), which define the visible region."""
         instants = {(i * len(self._motion)) // 4 for i in range(4)}
         return np.concatenate(
@@ -202,7 +202,7 @@ def show_window(stage: MechanismView, still: int, *, swings: bool) -> None:
     """Open the window, with a slider over the cam angle or with an animated mode."""
     stage.show(still)
     if swings:
-        stage.swing()
+        stage.animate()
     else:
         stage.slide(still)
     stage.plotter.show()

@@ -73,7 +73,7 @@ def model_table(ready: PreparedRun, modes: ModelModes, takes: ResourceEstimate |
         *((f"cam {n}", f"at {c.at}, lift {1e3 * c.event.height:g} mm") for n, c in model.cams.items()),
         *((f"contact {n}", _contact(c)) for n, c in model.contacts.items()),
         *_weight(ready),
-        ("speed", ready.case.told_speed),
+        ("speed", ready.case.speed_text),
         ("steps", f"{problem.steps} of {problem.step:.4g} s ({per_revolution:.6g} per revolution)"),
         ("free motions", _free_motions(modes)),
         ("lowest frequencies", ", ".join(lowest) + " Hz" if lowest else "none"),
@@ -163,7 +163,7 @@ def comparison_table(comparison: Comparison, turns: float = 1.0) -> Table:
     for one in comparison.deviations:
         unit, scale = units[one.quantity]
         figures = [f"{scale * v:.4g}" for v in (one.rigid_peak, one.flexible_peak, one.peak, one.rms)]
-        rows.append((f"{one.quantity}, {unit}", *figures, _format_fraction(one.of_rigid), f"{one.angle_deg:.1f}"))
+        rows.append((f"{one.quantity}, {unit}", *figures, _format_fraction(one.relative_peak), f"{one.angle_deg:.1f}"))
     one, other = comparison.names
     head = ("", f"{other} peak", f"{one} peak", "peak deviation", "rms deviation", f"of {other} peak", "at cam deg")
     speed = shaft_speed(comparison.speed_rpm * RPM, turns)
@@ -176,7 +176,7 @@ def comparison_json(comparison: Comparison) -> dict[str, object]:
         "status": str(comparison.status.cause), "probe": comparison.probe, "speed_rpm": comparison.speed_rpm,
         "peak_deviation": comparison.peak_deviation, "rms_deviation": comparison.rms_deviation,
         "peak_acceleration_ratio": comparison.peak_acceleration_ratio,
-        "deviations": [{**asdict(one), "of_rigid": one.of_rigid} for one in comparison.deviations],
+        "deviations": [{**asdict(one), "of_rigid": one.relative_peak} for one in comparison.deviations],
     }  # fmt: skip
 
 

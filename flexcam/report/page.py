@@ -178,7 +178,7 @@ def build_report(
 
 def _result_names(subjects: Sequence[ReportSubject]) -> list[str]:
     """Return names that distinguish results; empty for a single one."""
-    speeds = [one.known.case.told_speed if one.known else "" for one in subjects]
+    speeds = [one.known.case.speed_text if one.known else "" for one in subjects]
     return make_unique([one.stem for one in subjects], speeds) if len(subjects) > 1 else [""]
 
 
@@ -220,7 +220,7 @@ def _chapter(about: ReportSubject, name: str, main: str, asked: ReportOptions, s
     doubts = _warnings(known, figures, drawn_rigid=about.rigid is not None) if len(known.response.time) else []
     return Chapter(
         name=name,
-        title=f"{title}, {known.case.told_speed}",
+        title=f"{title}, {known.case.speed_text}",
         verdict=tuple(sentences.describe_verdict(compared)) if compared and status.ok else (),
         summary=(*summary, *chain.from_iterable(one.sentences for one in more)),
         warnings=(*ended, *doubts, *about.lacking, *lacking),
@@ -234,7 +234,7 @@ def _chapter(about: ReportSubject, name: str, main: str, asked: ReportOptions, s
 
 def _warnings(known: RestoredCase, figures: list[Metric], *, drawn_rigid: bool) -> list[str]:
     """Return the warnings without the prefix, for a list with the title of warnings."""
-    watched = RunMonitor.again(known.ready, known.response)
+    watched = RunMonitor.from_response(known.ready, known.response)
     found = check_run(known.ready, watched, figures, known.response.stats)
     found += check_shared_seat_load(known.ready.model, known.case.speed) if drawn_rigid else []
     told = [one.removeprefix("Warning: ") for one in found]

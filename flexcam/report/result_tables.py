@@ -34,7 +34,7 @@ def run_table(case: Case, extremes: ExtremesSink) -> Table:
     least = min(_REST_AMPLITUDE, _RELATIVE_REST_AMPLITUDE * largest)
     rows = [(name, *_bounds(bounds, "mrad" if turns else "mm")) for name, turns, bounds in moved
             if float(np.abs(bounds).max()) > least]  # fmt: skip
-    title = f"{case.title}, {case.told_speed}"
+    title = f"{case.title}, {case.speed_text}"
     return plain_table(title, ("probe", "least", "largest"), rows or [("no probe moves", "", "")])
 
 
@@ -74,7 +74,7 @@ def strength_table(members: Mapping[str, MemberStrength]) -> Table:
 def describe_dofs(response: Response) -> str:
     """Return the number of degrees of freedom of a result and how many were integrated, as far as known."""
     every, integrated = response.stats.size or len(response.outline.unknowns), response.stats.unknowns
-    if not response.stats.told:
+    if not response.stats.is_complete:
         return f"{response.stats.size} unknowns" if response.stats.size else "unknowns not counted"
     count = f"{every} unknowns" + (f", {integrated} integrated" if integrated != every else "")
     return count + _ENGINES.get(response.stats.engine, "")
@@ -92,7 +92,9 @@ def describe_verification(path: Path, found: VerificationSummary) -> str:
 
 def stats_json(stats: Stats) -> dict[str, object]:
     """Return the known statistics of a run for JSON."""
-    return asdict(stats) if stats.told else {"steps": stats.steps, **({"size": stats.size} if stats.size else {})}
+    return (
+        asdict(stats) if stats.is_complete else {"steps": stats.steps, **({"size": stats.size} if stats.size else {})}
+    )
 
 
 def _warning_rows(result: Result) -> list[tuple[str, str]]:
@@ -102,7 +104,7 @@ def _warning_rows(result: Result) -> list[tuple[str, str]]:
 
 
 def _seconds(stats: Stats) -> str:
-    return f", {stats.seconds:.3g} s" if stats.told else ""
+    return f", {stats.seconds:.3g} s" if stats.is_complete else ""
 
 
 def _bounds(bounds: FloatArray, unit: str) -> list[str]:

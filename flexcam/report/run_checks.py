@@ -67,7 +67,7 @@ class RunMonitor:
         return cls(ExtremesSink(names), watching)
 
     @classmethod
-    def again(cls, ready: PreparedRun, response: Response) -> Self:
+    def from_response(cls, ready: PreparedRun, response: Response) -> Self:
         """Return the sinks for a finished run, from its histories."""
         made = cls.of(ready)
         rows = [response.channels[name] for name, _ in response.outline.channels]
@@ -175,8 +175,8 @@ def _check_body_inertia(model: Model) -> Iterator[str]:
     kinetic energy: slopes are pi/L times the deflection, and the mean of the squared half wave is 1/2.
     """
     own = member_masses(model)
-    for contact in model.driven.values():
-        nodes = model.mesh.connected(model.mesh.node(model.cams[contact.cam].at))
+    for contact in model.cam_contacts.values():
+        nodes = model.mesh.connected_nodes(model.mesh.node(model.cams[contact.cam].at))
         length = float(np.ptp(model.mesh.nodes[nodes] @ contact.shaft_axis))
         mass = sum(own[name] for name, line in model.mesh.lines.items() if np.isin(line, nodes).any())
         for name, part in model.masses.items():
@@ -201,7 +201,7 @@ def _transverse_inertia_difference(inertia: FloatArray, axis: FloatArray) -> flo
 def _check_shared_lobes(model: Model) -> Iterator[str]:
     """Yield the cams with followers on different sides of the shaft that lift at the same cam angle."""
     first: dict[str, PublishedLoad | CamContact] = {}
-    for one in model.driven.values():
+    for one in model.cam_contacts.values():
         other = first.setdefault(one.cam, one)
         later = _lift_angle(other, one)
         if min(later, 360.0 - later) > _SAME_LOBE_ANGLE:
@@ -263,7 +263,7 @@ _MAX_ENERGY_RESIDUAL = 0.01
 
 def check_modes(modes: ModelModes) -> list[str]:
     """Return warnings about modes."""
-    return [sentence for sentence in (modes.modes.doubt(),) if sentence]
+    return [sentence for sentence in (modes.modes.describe_rounding(),) if sentence]
 
 
 def check_cam_steps(ready: PreparedRun) -> list[str]:

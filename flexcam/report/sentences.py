@@ -97,7 +97,7 @@ def load_subject(path: Path) -> ReportSubject:
         )
     lacking: list[str] = []
     rigid = found = None
-    if case.record.fidelity.model != "rigid" and known.ready.model.driven:
+    if case.record.fidelity.model != "rigid" and known.ready.model.cam_contacts:
         try:
             ready = prepare(case, rigid=True)
             rigid = solve(ready.problem, ready.scheme, save=ready.save)
@@ -148,7 +148,7 @@ def describe_model(about: ReportSubject, known: RestoredCase, figures: Sequence[
     said = [
         f"Modelled with {kind}: {parts}.",
         (
-            f"Run at {case.told_speed} for {covers} of the camshaft, in {response.stats.steps} steps "
+            f"Run at {case.speed_text} for {covers} of the camshaft, in {response.stats.steps} steps "
             f"({per:.6g} per revolution) of {describe_dofs(known.response)}."
         ),
     ]

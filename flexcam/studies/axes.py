@@ -76,12 +76,12 @@ class Axis:
     interval: bool = False
 
     @property
-    def varies(self) -> bool:
+    def is_varied(self) -> bool:
         """Return whether the axis has more than one value."""
         return len(self.values) > 1
 
     @property
-    def numeric(self) -> bool:
+    def is_numeric(self) -> bool:
         """Return whether every value is a number in the unit of the axis."""
         return all(value.number is not None for value in self.values)
 

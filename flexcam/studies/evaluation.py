@@ -69,7 +69,7 @@ def scalar_names(case: Case) -> list[str]:
     names = train_metric_names(model, [name for name, _ in named.channels])
     probes = [component for name, components in named.probes for component in _component_names(name, components)]
     names += [f"probes.{probe}.{series}.largest" for probe in probes for series in SERIES]
-    compared = case.record.fidelity.model != "rigid" and bool(case.record.output.probes) and bool(model.driven)
+    compared = case.record.fidelity.model != "rigid" and bool(case.record.output.probes) and bool(model.cam_contacts)
     return [*names, *(_DEVIATIONS if compared else ()), *(() if system.carried else (_RESIDUAL,))]
 
 

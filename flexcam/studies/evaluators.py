@@ -139,12 +139,12 @@ class PointEvaluator:
             self._known[one] = row
         return [self._known[one] for one in asked]
 
-    def knows(self, point: FloatArray) -> bool:
+    def is_evaluated(self, point: FloatArray) -> bool:
         """Return whether a point, shape (k,), has been evaluated."""
         return self.overrides(point) in self._known
 
     @property
-    def evaluated(self) -> int:
+    def count(self) -> int:
         """Number of points evaluated so far."""
         return len(self._known)
 
@@ -274,14 +274,14 @@ class InterruptibleRuns:
         return row
 
     @property
-    def stopped(self) -> bool:
+    def is_interrupted(self) -> bool:
         """Return whether some requested variants are not finished."""
         return self.done < self.asked
 
     @property
     def status(self) -> Status:
         """Status of the study."""
-        if not self.stopped:
+        if not self.is_interrupted:
             return Status()
         text = f"stopped by the user after {self.done} of {self.asked} variants; what is told is of these alone"
         return Status(Cause.INTERRUPTED, text, "the same command evaluates all of them")

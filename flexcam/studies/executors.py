@@ -92,7 +92,7 @@ class ProcessWorkers:
 @contextmanager
 def _unpack_bundle(bundle: Bundle) -> Generator[Path]:
     with temporary_folder() as folder:
-        yield bundle.unpacked(folder)
+        yield bundle.unpack(folder)
 
 
 @contextmanager

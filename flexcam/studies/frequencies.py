@@ -58,7 +58,7 @@ def frequency_derivatives(
     repeated = np.zeros(len(omegas), dtype=bool)
     for group in _repeated_groups(omegas):
         x, square = shapes[:, group], float(np.mean(omegas[group])) ** 2
-        slopes = np.linalg.eigvalsh(_symmetric(x.T @ dK.times_all(x) - square * (x.T @ dM.times_all(x))))
+        slopes = np.linalg.eigvalsh(_symmetric(x.T @ dK.multiply(x) - square * (x.T @ dM.multiply(x))))
         values[group] = slopes / (2.0 * math.sqrt(square))
         repeated[group] = len(group) > 1
     turn = 2.0 * math.pi

@@ -37,7 +37,7 @@ class LimitMap:
     rpm: Mapping[str, FloatArray]
     statuses: tuple[Status, ...]
 
-    def told_in(self, case: Case) -> LimitMap:
+    def with_units(self, case: Case) -> LimitMap:
         """Return the same map with units for numbers given without one: those of the case."""
         first, second = (_with_unit(one, case) for one in self.axes)
         return replace(self, axes=(first, second))
@@ -50,7 +50,7 @@ def _with_unit(axis: Axis, case: Case) -> Axis:
 def grid_plan(first: Axis, second: Axis, fixed: Sequence[str] = ()) -> Plan:
     """Return the grid plan of two axes."""
     for one in (first, second):
-        if not one.varies or not one.numeric:
+        if not one.is_varied or not one.is_numeric:
             raise refuse(one.where, f"{len(one.values)} values", "several numbers", "a map is drawn over them")
     if first.key == second.key:
         raise refuse("--and", second.key, "another key than that of --over", "a map is over two")
@@ -64,6 +64,6 @@ def limit_map(plan: Plan, names: Sequence[str], runs: Runs) -> LimitMap:
     rows = list(runs(plan.variants))
     if all(row.status.cause is Cause.REFUSED for row in rows):
         require_complete(rows[0])
-    first, second = plan.varied
+    first, second = plan.varied_axes
     rpm = {name: column(rows, LIMIT + name).reshape(plan.shape) for name in names}
     return LimitMap((first, second), rpm, tuple(row.status for row in rows))

@@ -112,7 +112,7 @@ class Evaluations:
         passed = np.maximum(self.violations, 0.0).sum(axis=1)
         return int(np.argmin(passed))
 
-    def outside(self, at: int, bound: int) -> float:
+    def distance_to_violation(self, at: int, bound: int) -> float:
         """Return the maximum distance, in fractions of an interval, to the nearest variant that violates a constraint.
 
         Discontinuous quantities, such as lost contact, have no slack: this distance shows whether they are active.
@@ -141,23 +141,23 @@ class ProblemEvaluator:
         """Number of points evaluated so far."""
         return len(self._seen)
 
-    def judged(self, parts: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def evaluate(self, parts: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return costs, (m, goals), and violations, (m, bounds + 1), at fractions of the intervals, shape (m, k)."""
         design = self._design
         at = design.scaled(np.asarray(parts, dtype=float))
         keys = [tuple(point) for point in at.tolist()]
         new = list(dict.fromkeys(key for key in keys if key not in self._seen))
         try:
-            self._see(new)
+            self._record(new)
         except KeyboardInterrupt:
-            self._see([key for key in new if design.points.knows(np.array(key))])
+            self._record([key for key in new if design.points.is_evaluated(np.array(key))])
             raise
         found = [self._seen[key] for key in keys]
         shape = len(found), len(design.goals)
         cost = np.array([one[1] for one in found]).reshape(shape)
         return cost, np.array([one[2] for one in found]).reshape(len(found), len(design.bounds) + 1)
 
-    def _see(self, points: Sequence[tuple[float, ...]]) -> None:
+    def _record(self, points: Sequence[tuple[float, ...]]) -> None:
         if points:
             rows, design = self._design.points.rows(np.array(points)), self._design
             cost, passed = compute_costs(rows, design.goals), compute_violations(rows, design.bounds, design.goals)
@@ -169,7 +169,7 @@ class ProblemEvaluator:
         points = np.array(list(self._seen))
         return Evaluations(points, self._design.parts(points), rows, np.array(cost), np.array(passed))
 
-    def after(self, search: Callable[[], None]) -> Evaluations:
+    def run_search(self, search: Callable[[], None]) -> Evaluations:
         """Run a search and return all evaluations, also after Ctrl-C."""
         try:
             search()
@@ -201,7 +201,7 @@ def optimize(design: OptimizationProblem, *, evaluations: int = 200, seed: int =
         if left > 0:
             _refine(judge, judge.evaluations(), design, left)
 
-    return judge.after(search)
+    return judge.run_search(search)
 
 
 def generation_size(variables: int) -> int:
@@ -221,10 +221,10 @@ def _differential_evolution(
         start[0] = design.stands  # the result is not worse than the given case
 
     def cost(x: FloatArray) -> FloatArray:
-        return np.minimum(judge.judged(x.T)[0][:, 0], _LARGE_COST)
+        return np.minimum(judge.evaluate(x.T)[0][:, 0], _LARGE_COST)
 
     def passed(x: FloatArray) -> FloatArray:
-        return judge.judged(np.atleast_2d(x.T))[1].T
+        return judge.evaluate(np.atleast_2d(x.T))[1].T
 
     cube, inside = Bounds(np.zeros(variables), np.ones(variables)), NonlinearConstraint(passed, -np.inf, 0.0)
     differential_evolution(
@@ -243,11 +243,11 @@ def _refine(judge: ProblemEvaluator, known: Evaluations, design: OptimizationPro
     worst = float(finite.max()) if len(finite) else 0.0
 
     def cost(x: FloatArray) -> float:
-        found = float(judge.judged(x[None, :])[0][0, 0])
+        found = float(judge.evaluate(x[None, :])[0][0, 0])
         return min(found, worst + size) / (size or 1.0)
 
     def passed(x: FloatArray) -> FloatArray:
-        return np.minimum(judge.judged(x[None, :])[1][0, :-1], _MAX_VIOLATION)
+        return np.minimum(judge.evaluate(x[None, :])[1][0, :-1], _MAX_VIOLATION)
 
     count = len(start)
     minimize(
@@ -277,10 +277,10 @@ def find_pareto_front(design: OptimizationProblem, *, evaluations: int = 400, se
 
     def search() -> None:
         if design.stands is not None:
-            judge.judged(design.stands[None])  # the front is not worse than the given case
+            judge.evaluate(design.stands[None])  # the front is not worse than the given case
         _run_nsga2(judge, design, size, evaluations // size, seed)
 
-    return judge.after(search)
+    return judge.run_search(search)
 
 
 def _run_nsga2(judge: ProblemEvaluator, design: OptimizationProblem, size: int, generations: int, seed: int) -> None:
@@ -295,7 +295,7 @@ def _run_nsga2(judge: ProblemEvaluator, design: OptimizationProblem, size: int, 
     algorithm.setup(problem, termination=("n_gen", generations), seed=seed, verbose=False)
     while algorithm.has_next():
         asked: Any = algorithm.ask()
-        cost, passed = judge.judged(np.asarray(asked.get("X"), dtype=float))
+        cost, passed = judge.evaluate(np.asarray(asked.get("X"), dtype=float))
         Evaluator().eval(StaticProblem(problem, F=np.minimum(cost, 1e30), G=passed), asked)
         algorithm.tell(infills=asked)
 

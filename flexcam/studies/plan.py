@@ -89,19 +89,19 @@ class Plan:
     sample: Sample | None = None
 
     @property
-    def varied(self) -> tuple[Axis, ...]:
+    def varied_axes(self) -> tuple[Axis, ...]:
         """Axes with more than one value."""
-        return tuple(one for one in self.axes if one.varies)
+        return tuple(one for one in self.axes if one.is_varied)
 
     @property
     def fixed(self) -> tuple[str, ...]:
         """Overrides of every variant, as ``key=value``."""
-        return tuple(f"{one.key}={one.values[0].text}" for one in self.axes if not one.varies)
+        return tuple(f"{one.key}={one.values[0].text}" for one in self.axes if not one.is_varied)
 
     @property
     def shape(self) -> tuple[int, ...]:
         """Number of values along every varied axis of a grid; for sampled points, their number."""
-        return tuple(len(one.values) for one in self.varied) if self.sample is None else (self.sample.count,)
+        return tuple(len(one.values) for one in self.varied_axes) if self.sample is None else (self.sample.count,)
 
     def __len__(self) -> int:
         return prod(self.shape)
@@ -110,16 +110,16 @@ class Plan:
     def points(self) -> tuple[tuple[Value, ...], ...]:
         """Values of the varied axes, a row per variant."""
         if self.sample is None:
-            return tuple(product(*(one.values for one in self.varied)))
-        if not self.varied:
+            return tuple(product(*(one.values for one in self.varied_axes)))
+        if not self.varied_axes:
             return ((),) * len(self)
-        parts = self.sample.points(len(self.varied))
-        return tuple(tuple(one.at(part) for one, part in zip(self.varied, row, strict=True)) for row in parts)
+        parts = self.sample.points(len(self.varied_axes))
+        return tuple(tuple(one.at(part) for one, part in zip(self.varied_axes, row, strict=True)) for row in parts)
 
     @property
     def variants(self) -> tuple[tuple[str, ...], ...]:
         """Overrides of every variant, for `flexcam.read_case`."""
-        keys, fixed = [one.key for one in self.varied], self.fixed
+        keys, fixed = [one.key for one in self.varied_axes], self.fixed
         return tuple(
             (*fixed, *(f"{key}={value.text}" for key, value in zip(keys, row, strict=True))) for row in self.points
         )
@@ -133,7 +133,7 @@ def make_plan(axes: Sequence[Axis], sampled: Sample | None = None, *, limit: int
         raise InputError(
             Fault(one.where, "an interval", "a range with a step, or a list", why, remedy) for one in open_ones
         )
-    if not plan.varied:
+    if not plan.varied_axes:
         given = " ".join(one.where for one in axes) or "no --set"
         raise refuse("sweep", given, "at least one key with several values", "nothing varies",
                      "such as --set run.speed=1000:4000:500rpm")  # fmt: skip
@@ -169,7 +169,7 @@ class Bundle:
     runs: int = 1
     channels: bool = True
 
-    def unpacked(self, folder: Path) -> Path:
+    def unpack(self, folder: Path) -> Path:
         """Write the files into a folder with their relative paths, and return the case file."""
         ups = max(PurePosixPath(path).parts.count("..") for path in self.files)
         home = folder.joinpath(*["up"] * ups)
@@ -218,8 +218,8 @@ def _iterate_strings(raw: object) -> Iterator[str]:
 def open_case(source: Bundle | Path) -> CaseFile:
     """Return the case file of a path, or of a bundle that is unpacked once per process."""
     if isinstance(source, Path):
-        return CaseFile.opened(source)
-    return CaseFile.opened(source.unpacked(_folders.enter_context(temporary_folder())))
+        return CaseFile.open(source)
+    return CaseFile.open(source.unpack(_folders.enter_context(temporary_folder())))
 
 
 _folders = ExitStack()

@@ -140,7 +140,7 @@ def check_names(file: CaseFile, plan: Plan, names: Sequence[str]) -> None:
 def _scalar_name_sets(file: CaseFile, plan: Plan) -> Iterator[list[str]]:
     """Yield the scalar names of variants; a variant with inconsistent parts is skipped."""
     variants = plan.variants
-    words = [f"{one.key}={value.text}" for one in plan.axes if not one.numeric for value in one.values]
+    words = [f"{one.key}={value.text}" for one in plan.axes if not one.is_numeric for value in one.values]
     with_words = [next((i for i, one in enumerate(variants) if word in one), 0) for word in words]
     for i in dict.fromkeys([*end_variants(plan), *with_words]):
         try:
@@ -202,7 +202,7 @@ class Sweep:
             **{package: version(package) for package in packages},
         }
 
-    def belongs(self, *, histories: bool) -> dict[str, object]:
+    def identification(self, *, histories: bool) -> dict[str, object]:
         """Return the identification of the sweep's journal."""
         plan = hashlib.sha256(json.dumps([self.size, self.plan.variants]).encode()).hexdigest()
         return {
@@ -216,7 +216,7 @@ def make_sweep(
     scalars: Sequence[str] = (), limit: int = MAX_VARIANTS,
 ) -> Sweep:  # fmt: skip
     """Return the sweep of a case with all variants checked."""
-    file = CaseFile.opened(path)
+    file = CaseFile.open(path)
     own = file.sweep
     if limit < 1:
         raise refuse("--limit", limit, "a whole number from 1", "it is the most variants that are run")
@@ -317,7 +317,7 @@ class OutputTarget:
         """Return the path of the result file of a variant, counted from 1."""
         return self.folder / f"{name}.sweep" / f"variant-{variant:05d}{ending}"
 
-    def kept(self, name: str) -> list[Path]:
+    def existing_histories(self, name: str) -> list[Path]:
         """Return the existing result files of variants, of this sweep or of an earlier one."""
         return sorted((self.folder / f"{name}.sweep").glob("variant-*.vtkhdf*"))
 
@@ -365,7 +365,7 @@ def _run_missing_chunks(
     rows = dict(journal.rows)
     tell(sum(len(some) for some in rows.values()))
     left = [chunk for chunk in asked.chunks if chunk.index not in rows]
-    stale = target.kept(asked.name) if target.histories and not rows else []
+    stale = target.existing_histories(asked.name) if target.histories and not rows else []
     for chunk, outcomes in run_chunks(asked.bundle, left, workers, histories=target.histories):
         while stale:  # result files of an earlier sweep would not match the table
             stale.pop().unlink()
@@ -389,7 +389,7 @@ def _interrupted_status(asked: Sweep, target: OutputTarget) -> Status:
 def _select_scalars(table: SweepTable, names: Sequence[str]) -> SweepTable:
     """Return a table with the requested scalars."""
     try:
-        return table.keeping(names) if names else table
+        return table.select(names) if names else table
     except InputError as refusal:
         remedy = "nothing is lost: --resume with other --scalars writes the tables at once"
         mended = [replace(one, remedy="; ".join(filter(None, (one.remedy, remedy)))) for one in refusal.faults]
@@ -403,11 +403,11 @@ def _ignore_progress(count: int) -> None:
 @contextmanager
 def _open_journal(asked: Sweep, target: OutputTarget) -> Generator[Journal]:
     """Open the journal of a sweep after checking that its tables may be written."""
-    path, belongs = target.journal(asked.name), asked.belongs(histories=target.histories)
+    path, belongs = target.journal(asked.name), asked.identification(histories=target.histories)
     ours = target.resume and path.exists()
     for table in target.tables(asked.name):
         check_writable("table", table, overwrite=target.overwrite or ours)
-    if target.histories and not (target.overwrite or ours) and (kept := target.kept(asked.name)):
+    if target.histories and not (target.overwrite or ours) and (kept := target.existing_histories(asked.name)):
         why, remedy = "nothing is written over", "--overwrite replaces them, -o names another folder"
         raise refuse("histories", f"{len(kept)} in {kept[0].parent}", "none from an earlier sweep", why, remedy)
     journal = Journal(path, belongs, resume=target.resume, overwrite=target.overwrite)

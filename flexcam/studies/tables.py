@@ -93,7 +93,7 @@ class SweepTable:
             raise refuse("table", "a sampled plan", "a grid", "its points lie on no axes")
         return self[name].reshape(self.shape)
 
-    def keeping(self, names: Sequence[str]) -> SweepTable:
+    def select(self, names: Sequence[str]) -> SweepTable:
         """Return the table with only the given scalars."""
         kept: dict[str, FloatArray] = {}
         if self.scalars and (unknown := [name for name in names if not is_scalar_prefix(name, self.scalars)]):
@@ -116,10 +116,10 @@ def make_table(plan: Plan, rows: Sequence[Row], about: Mapping[str, str] | None 
 
 def _inputs(plan: Plan) -> tuple[Column, ...]:
     columns: list[Column] = []
-    for axis, values in zip(plan.varied, zip(*plan.points, strict=True), strict=True):
+    for axis, values in zip(plan.varied_axes, zip(*plan.points, strict=True), strict=True):
         numbers = [value.number for value in values if value.number is not None]
-        told = np.array(numbers, dtype=float) if axis.numeric else tuple(value.text for value in values)
-        columns.append(Column(axis.key, axis.unit if axis.numeric else "", told))
+        told = np.array(numbers, dtype=float) if axis.is_numeric else tuple(value.text for value in values)
+        columns.append(Column(axis.key, axis.unit if axis.is_numeric else "", told))
     return tuple(columns)
 
 

@@ -97,7 +97,7 @@ def find_pivot(structure: Structure, contact: CamContact) -> list[int]:
     node = find_node(structure.model, contact.follower, "follower")
     across = np.concatenate([np.cross(contact.direction[:3], contact.shaft_axis), np.zeros(3)])
     plane = contact.direction, across
-    held = [n for n in mesh.connected(node).tolist() if not any(vector(n, one).any() for one in plane)]
+    held = [n for n in mesh.connected_nodes(node).tolist() if not any(vector(n, one).any() for one in plane)]
     away = mesh.nodes[node] - mesh.nodes[held[:1]]
     lifts = abs(away @ across[:3]) > _NEAR * np.linalg.norm(away, axis=1)  # a node beyond the pivot only moves sideways
     turns = [n for n in held if vector(n, rotation_direction(contact.shaft_axis)).any()]
@@ -180,7 +180,7 @@ def couple_cam(structure: Structure, name: str, contact: CamContact) -> Coupling
     return Coupling((), (force,), (
         Channel(f"{where}.force", "N", force_sum(0)),
         Channel(f"{where}.torque", "N m", torque),
-        Channel(f"{where}.gap", "m", lambda seen: -seen.gaps[:, 0]),
+        Channel(f"{where}.gap", "m", lambda seen: -seen.penetrations[:, 0]),
         *_profile_channels(structure, name, contact, cam),
     ))  # fmt: skip
 

@@ -34,7 +34,7 @@ def shaft_channels(structure: Structure) -> Coupling:
     """Return the channels of the camshafts."""
     model = structure.model
     channels: list[Channel] = []
-    for contact in model.driven.values():
+    for contact in model.cam_contacts.values():
         at = model.cams[contact.cam].at
         axis = _turning(contact.shaft_axis)
         if model.mesh.on_members()[model.mesh.node(at)]:
@@ -54,8 +54,8 @@ def _bodies(structure: Structure) -> list[tuple[int, FloatArray]]:
 def _inertias(structure: Structure) -> tuple[Load, ...]:
     mesh = structure.model.mesh
     shafts: dict[int, Load] = {}
-    for contact in structure.model.driven.values():
-        nodes = mesh.connected(mesh.node(structure.model.cams[contact.cam].at))
+    for contact in structure.model.cam_contacts.values():
+        nodes = mesh.connected_nodes(mesh.node(structure.model.cams[contact.cam].at))
         if int(nodes[0]) not in shafts:
             shafts[int(nodes[0])] = _inertia(structure, nodes, contact.shaft_axis)
     return tuple(shafts.values())
@@ -115,7 +115,7 @@ class ShaftDrive:
     turned: FloatArray
 
     @property
-    def bends(self) -> bool:
+    def is_on_arched_member(self) -> bool:
         """True if a member with geometric stiffness contains the node."""
         model = self.freed.model
         return any(one.geometric_stiffness and self.node in model.mesh.lines[n] for n, one in model.members.items())
@@ -130,7 +130,7 @@ class ShaftDrive:
         """True if a spring ends at the node."""
         return self._is_at(*(end for one in self.freed.model.springs.values() for end in (one.at, one.to) if end))
 
-    def bears(self, contact: Contact) -> bool:
+    def has_contact_torque(self, contact: Contact) -> bool:
         """Return whether a contact at this node exerts a torque; the published load only if so configured."""
         model = self.freed.model
         match contact:
@@ -159,8 +159,8 @@ def _prescribed_rotations(structure: Structure) -> Iterator[tuple[str, int, Floa
     """Yield name, node and axis of every prescribed shaft rotation."""
     model = structure.model
     driven: dict[int, FloatArray] = {}
-    for contact in model.driven.values():
-        nodes = model.mesh.connected(model.mesh.node(model.cams[contact.cam].at))
+    for contact in model.cam_contacts.values():
+        nodes = model.mesh.connected_nodes(model.mesh.node(model.cams[contact.cam].at))
         driven |= dict.fromkeys(nodes.tolist(), contact.shaft_axis)
     for point, held in model.supports.items():
         for node in model.mesh.select(point).tolist():
@@ -172,7 +172,7 @@ def _prescribed_rotations(structure: Structure) -> Iterator[tuple[str, int, Floa
 
 def _release_rotation(structure: Structure, name: str, node: int, along: FloatArray) -> ShaftDrive:
     held = 3 + np.flatnonzero(structure.dofs.numbers[node, 3:] < 0)
-    dofs = structure.dofs.freed(node, held, name)
+    dofs = structure.dofs.release(node, held, name)
     new = dofs.numbers[node, held]
     turned = np.zeros(dofs.size)
     turned[new] = along[held - 3]
@@ -188,7 +188,7 @@ def inertia_torque(end: ShaftDrive) -> Observable:
     each = [matrix.times(end.turned)[end.kept][None] for matrix in (freed.stiffness, damped, freed.mass)]
 
     def asked(seen: Observation) -> FloatArray:
-        return sum((seen.moved.picked(row, order)[:, 0] for order, row in enumerate(each)), np.zeros(1))
+        return sum((seen.moved.extract(row, order)[:, 0] for order, row in enumerate(each)), np.zeros(1))
 
     return asked
 

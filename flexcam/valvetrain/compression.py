@@ -20,7 +20,9 @@ from flexcam.valvetrain.structure import Structure
 
 def compressed_members(model: Model) -> list[str]:
     """Return the members with a compression channel: all without a cam, and those with geometric stiffness."""
-    shafts = {node for cam in model.cams.values() for node in model.mesh.connected(model.mesh.node(cam.at)).tolist()}
+    shafts = {
+        node for cam in model.cams.values() for node in model.mesh.connected_nodes(model.mesh.node(cam.at)).tolist()
+    }
     return [
         name for name, member in model.members.items()
         if member.geometric_stiffness or shafts.isdisjoint(model.mesh.lines[name].tolist())
@@ -81,7 +83,7 @@ def linear_compression(bars: Bars) -> Observable:
     if bars.structure.dofs.size > DENSE_LIMIT:
         return lambda seen: -bars.tension(seen.displacement).min(axis=1)
     rows = bars.rows()
-    return lambda seen: -seen.moved.picked(rows).min(axis=1)
+    return lambda seen: -seen.moved.extract(rows).min(axis=1)
 
 
 def arch_laws(arch: Arch) -> list[ForceLaw]:
@@ -147,7 +149,7 @@ def _compression(arch: Arch, part: slice) -> Observable:
 
     def largest(seen: Observation) -> FloatArray:
         # The force on the elongation is the axial force beyond that of the linear bar.
-        return -(arch.axial * seen.gaps[:, stretches] + seen.forces[:, stretches]).min(axis=-1)
+        return -(arch.axial * seen.penetrations[:, stretches] + seen.forces[:, stretches]).min(axis=-1)
 
     return largest
 

@@ -66,7 +66,7 @@ def couple_seat(structure: Structure, name: str, seat: Seat) -> Coupling:
     force = conservative_force(f"contacts.{name}", AngleVector.constant(-row), law, restitution=seat.restitution)
     return Coupling((), (force,), (
         Channel(f"contacts.{name}.force", "N", force_sum(0)),
-        Channel(f"contacts.{name}.gap", "m", lambda seen: -seen.gaps[:, 0]),
+        Channel(f"contacts.{name}.gap", "m", lambda seen: -seen.penetrations[:, 0]),
         Channel(f"contacts.{name}.velocity", "m/s", lambda seen: -seen.rates[:, 0]),
     ))  # fmt: skip
 
@@ -79,7 +79,7 @@ def couple_lash(structure: Structure, name: str, lash: Lash) -> Coupling:
     force = conservative_force(where, AngleVector.constant(row), law, gap)
     return Coupling((), (force,), (
         Channel(f"{where}.force", "N", force_sum(0)),
-        Channel(f"{where}.gap", "m", lambda seen: -seen.gaps[:, 0]),
+        Channel(f"{where}.gap", "m", lambda seen: -seen.penetrations[:, 0]),
     ))  # fmt: skip
 
 

@@ -24,11 +24,11 @@ _MOST = 3000
 def lift_transfer(model: Model, contact: str, probe: str, speed: float) -> Callable[[FloatArray], ComplexArray]:
     """Return the motion of a point per lift of a cam, as a function of the circular frequency."""
     system = build_system(model, speed)
-    if contact not in model.driven:
-        raise refuse("contact", repr(contact), f"one of {', '.join(model.driven)}")
+    if contact not in model.cam_contacts:
+        raise refuse("contact", repr(contact), f"one of {', '.join(model.cam_contacts)}")
     if system.size > _MOST:
         raise refuse("model", f"{system.size} unknowns", f"up to {_MOST} for a polydyne cam", "", "fewer elements")
-    structure, part = build_structure(model), model.driven[contact]
+    structure, part = build_structure(model), model.cam_contacts[contact]
     where = f"contacts.{contact}.follower"
     lift = part.direction
     push = structure.row(part.follower, lift) - structure.row(model.cams[part.cam].at, lift)
@@ -60,12 +60,12 @@ def lift_transfer(model: Model, contact: str, probe: str, speed: float) -> Calla
 
 def valve_ratio(model: Model, cam: str) -> float:
     """Return the valve motion per cam lift, from the rocker of the follower's train."""
-    for contact in model.driven.values():
+    for contact in model.cam_contacts.values():
         if contact.cam == cam:
             finger = model.rocker_at(contact.follower)
             if finger is not None:
                 return finger.ratio
-            train = model.connected(find_node(model, contact.follower, "follower"))
+            train = model.connected_nodes(find_node(model, contact.follower, "follower"))
             ratios = [r.ratio for r in model.rockers.values() if not r.finger and model.mesh.node(r.start) in train]
             return ratios[0] if ratios else 1.0
     return 1.0

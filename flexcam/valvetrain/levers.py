@@ -72,7 +72,7 @@ def check_lever_rotation(structure: Structure) -> None:
         Naming the lever.
     """
     model = structure.model
-    for name, contact in model.driven.items():
+    for name, contact in model.cam_contacts.items():
         train = follower_train(structure, contact, f"contacts.{name}.follower")
         event = model.cams[contact.cam].event
         for rocker, lever in model.levers.items():

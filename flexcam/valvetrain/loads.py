@@ -44,7 +44,7 @@ def steady_load(structure: Structure) -> FloatArray:
 
 def _of_a_published_load(structure: Structure, row: FloatArray) -> bool:
     """Return whether a spring acts on the train of a published load, whose preload includes its installed force."""
-    contacts = structure.model.driven.items()
+    contacts = structure.model.cam_contacts.items()
     published = [(f"contacts.{n}.follower", one) for n, one in contacts if isinstance(one, PublishedLoad)]
     return any(float(follower_train(structure, one, where).motion @ row) != 0.0 for where, one in published)
 

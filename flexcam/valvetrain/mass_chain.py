@@ -133,14 +133,17 @@ def straighten(model: Model) -> Model:
 
 
 def _contact(model: Model, name: str | None) -> PublishedLoad | CamContact:
-    if name in model.driven:
-        return model.driven[name]
+    if name in model.cam_contacts:
+        return model.cam_contacts[name]
     if name is not None:
-        raise refuse("contact", repr(name), f"one of {', '.join(model.driven) or '(there is none)'}")
-    if len(model.driven) != 1:
-        given, why = f"{len(model.driven)} contacts of a cam", "few masses stand for the one train that a cam drives"
+        raise refuse("contact", repr(name), f"one of {', '.join(model.cam_contacts) or '(there is none)'}")
+    if len(model.cam_contacts) != 1:
+        given, why = (
+            f"{len(model.cam_contacts)} contacts of a cam",
+            "few masses stand for the one train that a cam drives",
+        )
         raise refuse("contact", given, "one", why, "take another model")
-    return next(iter(model.driven.values()))
+    return next(iter(model.cam_contacts.values()))
 
 
 def _kept_rows(system: System, picked: Sequence[tuple[str, FloatArray]]) -> tuple[list[str], FloatArray]:

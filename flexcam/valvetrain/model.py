@@ -97,7 +97,7 @@ class Model:
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
 
     @property
-    def driven(self) -> dict[str, PublishedLoad | CamContact]:
+    def cam_contacts(self) -> dict[str, PublishedLoad | CamContact]:
         """Cam-follower contacts by name."""
         return {n: one for n, one in self.contacts.items() if isinstance(one, PublishedLoad | CamContact)}
 
@@ -118,7 +118,7 @@ class Model:
         return next((one for one in plays if one.rocker == rocker), None)
 
     @property
-    def plays(self) -> list[NodeLash]:
+    def lashes(self) -> list[NodeLash]:
         """Lash and adjusters between nodes."""
         parts = [one for one in self.contacts.values() if isinstance(one, Lash | Adjuster)]
         return [
@@ -129,7 +129,7 @@ class Model:
             if one.ends is not None and one.direction is not None
         ]
 
-    def connected(self, node: int) -> IntArray:
+    def connected_nodes(self, node: int) -> IntArray:
         """Return the nodes connected to a node by members and links, including the node itself.
 
         Parameters
@@ -145,9 +145,9 @@ class Model:
         points = self.mesh.points
         links = [(one.at, one.to) for one in self.springs.values() if one.link and one.to in points]
         pairs = [(self.mesh.node(a), self.mesh.node(b)) for a, b in links if a in points and b is not None]
-        found = set(self.mesh.connected(node).tolist())
+        found = set(self.mesh.connected_nodes(node).tolist())
         while more := {n for pair in pairs if not found.isdisjoint(pair) for n in pair} - found:
-            found.update(*(self.mesh.connected(n).tolist() for n in more))
+            found.update(*(self.mesh.connected_nodes(n).tolist() for n in more))
         return np.array(sorted(found), dtype=np.intp)
 
     @property

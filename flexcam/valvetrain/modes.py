@@ -84,7 +84,7 @@ def model_modes(
     stiffness, free = structure.stiffness, structure.free
     force = None if loaded is None else section_forces(structure.beams, structure.dofs.nodal(loaded))[:, 0, 0]
     if held:
-        closed = Triplets.joined([part for _, part in held])
+        closed = Triplets.sum([part for _, part in held])
         stiffness, free = stiffness + closed, _unstressed_motions(free, closed, stiffness)
     if force is not None:
         geometric = fem_geometric(structure.beams, force, structure.dofs)
@@ -112,7 +112,7 @@ def _unstressed_motions(free: FloatArray, geometric: Triplets, stiffness: Triple
     """Return the free motions without geometric stiffness, which acts against rotation of a member."""
     if not free.shape[1]:
         return free
-    values, vectors = np.linalg.eigh(free.T @ geometric.times_all(free))
+    values, vectors = np.linalg.eigh(free.T @ geometric.multiply(free))
     size = float((free**2 * stiffness.diagonal()[:, None]).sum(axis=0).max())
     return free @ vectors[:, np.abs(values) <= 1e-12 * size]
 
@@ -219,7 +219,7 @@ class ContactModes:
     push: FloatArray
 
     @property
-    def felt(self) -> list[int]:
+    def relevant_modes(self) -> list[int]:
         """Indices of the modes that contribute to the static contact compliance, without free motions.
 
         Compared with the modal force, this criterion gives low modes more weight, so that spring surge is not missed
@@ -232,7 +232,7 @@ class ContactModes:
 
 def contact_modes(structure: Structure, contact: str, held: Sequence[tuple[str, Triplets]]) -> ContactModes:
     """Return the modes of a train, and the modal force of a contact in each."""
-    part = structure.model.driven[contact]
+    part = structure.model.cam_contacts[contact]
     found = model_modes(structure, held=held)
     push = structure.row(part.follower, part.direction) - structure.row(
         structure.model.cams[part.cam].at, part.direction
@@ -253,7 +253,7 @@ def modes_on_the_lift(model: Model, contact: str, speed: float) -> ContactModes:
     structure, system = build_structure(model), build_system(model, speed)
     if not system.local_forces or system.size > _MOST:
         return contact_modes(structure, contact, ())
-    highest = event_extremes(model.cams[model.driven[contact].cam].event)[1]
+    highest = event_extremes(model.cams[model.cam_contacts[contact].cam].event)[1]
     drive = ConstantSpeed(speed, start=highest.at)
     state = equilibrium(system, drive)
     inner = None if state.inner is None else state.inner[None]

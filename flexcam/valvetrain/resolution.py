@@ -142,7 +142,7 @@ class ResolutionSink:
         pushed, moving = self._squares
         omega = math.sqrt(pushed / moving) if moving > 0.0 else 0.0
         steps = _WAVE / (omega * self._step) if omega > 0.0 else math.inf
-        return Resolution(omega / _WAVE, steps, self._waves(omega), self._touches.named(self._names))
+        return Resolution(omega / _WAVE, steps, self._waves(omega), self._touches.impact_steps(self._names))
 
     def _waves(self, omega: float) -> dict[str, float]:
         """Return elements per wavelength of every bending member."""
@@ -175,7 +175,7 @@ class _ImpactSteps:
             self._largest[i] = peaks[i]
             self._steps[i] = _contact_duration(forces[:, i] > 0.0, int(np.argmax(forces[:, i])))
 
-    def named(self, names: list[str]) -> dict[str, int]:
+    def impact_steps(self, names: list[str]) -> dict[str, int]:
         """Return the number of steps of contacts with an impact."""
         return {name: int(steps) for name, steps in zip(names, self._steps, strict=True) if steps}
 

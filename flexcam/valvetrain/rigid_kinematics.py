@@ -84,7 +84,7 @@ class Body:
     extends: bool = False
     seated: bool = False
 
-    def closed(self, place: float, before: float) -> bool:
+    def is_closed(self, place: float, before: float) -> bool:
         """Return whether its lash is closed at given positions of it and the driving body, m."""
         return self.extends or place - before <= _PENETRATION_TOLERANCE - self.gap
 
@@ -224,22 +224,22 @@ class TrainParts:
             if part.lever is not None:
                 path = lever_path(path, part.lever, part.end, part.share)
             if part.opens:
-                path = self._opened(part, path, rests)
+                path = self._lash_path(part, path, rests)
             found.append(path)
         return tuple(found)
 
-    def joined(self, rests: FloatArray) -> Bools:
+    def is_cam_supported(self, rests: FloatArray) -> Bools:
         """Return which bodies are supported at rest by the cam without oil, shape (g,): their lash is closed."""
         found = [True]
         for body, rest in list(zip(self.bodies, rests, strict=True))[1:]:
-            closed = not body.extends and body.closed(float(rest), float(rests[body.before]))
+            closed = not body.extends and body.is_closed(float(rest), float(rests[body.before]))
             found.append(closed and found[body.before])
         return np.array(found)
 
-    def _opened(self, part: Part, path: Coordinate, rests: FloatArray) -> Coordinate:
+    def _lash_path(self, part: Part, path: Coordinate, rests: FloatArray) -> Coordinate:
         """Return a path after a lash; that of an adjuster, or one closed at rest, has no gap."""
         body, rest = self.bodies[part.body], float(rests[part.body])
-        closed = body.closed(rest, float(rests[body.before]))
+        closed = body.is_closed(rest, float(rests[body.before]))
         if body.extends or (closed and body.seated):
             return path_behind_lash(path, float(path(np.zeros(1))[0][0]) - part.slope * rest, None)
         return path_behind_lash(path, part.slope * body.gap, None if closed else part.slope * rest)
@@ -296,7 +296,7 @@ def _lash_joints(structure: Structure, motion: FloatArray) -> Iterator[_Joint]:
 def _is_cam_driven(structure: Structure, node: str) -> bool:
     """Return whether a cam moves a node."""
     model = structure.model
-    return any(model.mesh.node(node) in moved_nodes(model, one) for one in model.driven.values())
+    return any(model.mesh.node(node) in moved_nodes(model, one) for one in model.cam_contacts.values())
 
 
 def _rockers(structure: Structure, motion: FloatArray) -> Iterator[_Joint]:

@@ -72,11 +72,11 @@ class SpringLaw:
 
     def force(self, moved: FloatArray, cam: CamFunctionCache) -> FloatArray:
         """Return the forces against some motions by virtual work."""
-        pressed = self.pressed(moved, cam)
+        pressed = self.compression(moved, cam)
         functions = self.law.function_values(cam.angle)
         return self.law.energies(pressed, np.zeros((len(pressed), 0)), functions)[1] @ self.rows
 
-    def pressed(self, moved: FloatArray, cam: CamFunctionCache) -> FloatArray:
+    def compression(self, moved: FloatArray, cam: CamFunctionCache) -> FloatArray:
         """Return the compression of each part, m, shape (m, c), for the arguments of `force`."""
         return moved @ self.rows.T + cam(self.offset, 0)[:, None]
 
@@ -243,7 +243,7 @@ def rigid_train(structure: Structure, contact: PublishedLoad | CamContact, where
     train = follower_train(structure, contact, where)
     parted = divide_train(structure, train.motion)
     motions, bodies = parted.motions, parted.installed
-    mass = motions @ structure.mass.times_all(motions.T)
+    mass = motions @ structure.mass.multiply(motions.T)
     damping, stiffness = _spring_matrices(structure, motions)
     given = structure.model.damping
     force = -motions @ steady_load(structure)
@@ -257,7 +257,7 @@ def rigid_train(structure: Structure, contact: PublishedLoad | CamContact, where
     begun = find_rest(parted.bodies, held, pushed)
     needed, seated = held @ begun.places + pushed, np.array([one.seated for one in parted.bodies])
     standing = _rest_forces(parted.bodies, needed - begun.seats)
-    between = seated & parted.joined(begun.places)
+    between = seated & parted.is_cam_supported(begun.places)
     return RigidTrain(
         motions, parted.coordinates(begun.places), mass, damping, stiffness, force, bodies, standing, springs,
         float(np.maximum(needed, 0.0)[between].sum()),
@@ -315,7 +315,7 @@ def build_rigid(model: Model, speed: float) -> System:
     check_lever_rotation(structure)
     trains = {
         name: rigid_train(structure, contact, f"contacts.{name}.follower", speed)
-        for name, contact in model.driven.items()
+        for name, contact in model.cam_contacts.items()
     }
     loads: list[Load] = []
     channels: list[Channel] = []
@@ -331,7 +331,7 @@ def build_rigid(model: Model, speed: float) -> System:
 
 def _contact_histories(structure: Structure, name: str, train: RigidTrain, at: int) -> tuple[list[Load], list[Channel]]:
     """Return contact forces as histories from an index on, and the channels computed from them."""
-    where, contact = f"contacts.{name}", structure.model.driven[name]
+    where, contact = f"contacts.{name}", structure.model.cam_contacts[name]
     cam = structure.model.cams[contact.cam]
     needed, arm = train.contact_force(cam.event), derivative(cam.event)
     torque = load_sum(at, factor=arm)
@@ -354,7 +354,7 @@ def _prescribed_motion(model: Model, structure: Structure, trains: Mapping[str, 
     """Return the motion of all components for output."""
     vectors, functions = [np.zeros((1, structure.dofs.size))], [constant(0.0)]
     for name, train in trains.items():
-        event = model.cams[model.driven[name].cam].event
+        event = model.cams[model.cam_contacts[name].cam].event
         vectors.append(train.motions)
         functions += [_ScaledCoordinate(1.0, coordinate, event) for coordinate in train.coordinates]
     return PrescribedMotion(structure.dofs.names, AngleVector(np.concatenate(vectors), tuple(functions)))
@@ -365,7 +365,7 @@ def _rigid_probe(structure: Structure, probe: Probe, trains: dict[str, RigidTrai
     model = structure.model
     moving: list[list[AngleFunction]] = [[] for _ in probe.components]
     for name, train in trains.items():
-        event = model.cams[model.driven[name].cam].event
+        event = model.cams[model.cam_contacts[name].cam].event
         for component, shares in zip(moving, probe.rows @ train.motions.T, strict=True):
             component += [
                 _ScaledCoordinate(float(share), one, event)
@@ -386,7 +386,7 @@ class _ScaledCoordinate(DerivedCamFunction):
 
     def of(self, cam: CamFunctionCache, order: int) -> FloatArray:
         key = id(self.coordinate), id(self.event)  # trains of several cams may share a coordinate
-        h, h1, h2 = cam.once(key, lambda: self.coordinate(cam(self.event, 0)))
+        h, h1, h2 = cam.cached(key, lambda: self.coordinate(cam(self.event, 0)))
         if order == 0:
             return self.share * h
         slope = cam(self.event, 1)
@@ -406,7 +406,7 @@ class _CoordinateSum(DerivedCamFunction):
 def shared_forces(model: Model, speed: float) -> dict[str, float]:
     """Return forces shared by cam and seat on the base circle, which the rigid model cannot distribute."""
     structure = build_structure(model)
-    free = {name: one for name, one in model.driven.items() if isinstance(one, CamContact)}
+    free = {name: one for name, one in model.cam_contacts.items() if isinstance(one, CamContact)}
     found = {n: rigid_train(structure, one, f"contacts.{n}.follower", speed).shared for n, one in free.items()}
     return {name: force for name, force in found.items() if force > 0.0}
 
@@ -414,12 +414,12 @@ def shared_forces(model: Model, speed: float) -> dict[str, float]:
 def touching_coils(model: Model, speed: float) -> dict[str, float]:
     """Return the springs with coil clash at full lift of the rigid trains."""
     structure, found = build_structure(model), dict[str, float]()
-    for name, contact in model.driven.items():
+    for name, contact in model.cam_contacts.items():
         train = rigid_train(structure, contact, f"contacts.{name}.follower", speed)
         top = event_extremes(model.cams[contact.cam].event)[1]
         moved = np.stack([one(np.array([top.value]))[0] for one in train.coordinates], axis=-1)
         for one in train.springs:
-            beyond = len(one.rows) * float(one.pressed(moved, CamFunctionCache(np.array([top.at]))).max())
+            beyond = len(one.rows) * float(one.compression(moved, CamFunctionCache(np.array([top.at]))).max())
             if one.stops and beyond > 0.0:
                 found[one.name.split(".")[1]] = beyond
     return found

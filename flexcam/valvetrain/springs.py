@@ -92,7 +92,7 @@ def _part_forces(spring: Spring, rows: FloatArray) -> Observable:
     installed, stiffness = spring.installed_force or 0.0, spring.stiffness * spring.elements
 
     def pushed(seen: Observation) -> FloatArray:
-        stretch = seen.moved.picked(rows)
+        stretch = seen.moved.extract(rows)
         if spring.pulsation is None:
             return installed + stiffness * stretch
         return installed + stiffness * (1.0 + spring.pulsation.part(seen.motion.angle))[:, None] * stretch
@@ -102,7 +102,7 @@ def _part_forces(spring: Spring, rows: FloatArray) -> Observable:
 
 def _surge(rows: FloatArray) -> Observable:
     def largest(seen: Observation) -> FloatArray:
-        stretch = seen.moved.picked(rows)
+        stretch = seen.moved.extract(rows)
         uneven = np.cumsum(stretch - stretch.mean(axis=1, keepdims=True), axis=1)
         return np.abs(uneven).max(axis=1)
 
@@ -115,4 +115,4 @@ def _stress(pushed: Observable, wire: Wire) -> Observable:
 
 
 def _clearance(travel: float, rows: FloatArray) -> Observable:
-    return lambda seen: travel - len(rows) * seen.moved.picked(rows).max(axis=1)
+    return lambda seen: travel - len(rows) * seen.moved.extract(rows).max(axis=1)

@@ -133,7 +133,7 @@ def build_structure(model: Model) -> Structure:
     """Assemble the passive part of a model."""
     inner = [inner_name(name, i) for name, spring in model.springs.items() for i in range(1, spring.elements)]
     dofs = dof_map(model.mesh, model.supports.items(), _single(model))
-    bare = build_structure_in(model, dofs.extended([*model.further_unknowns, *inner]))
+    bare = build_structure_in(model, dofs.extend([*model.further_unknowns, *inner]))
     stretches = (stretch for stretch, spring, _ in _stretches(bare) if spring > 0.0)
     return replace(bare, free=free_motions(model.mesh, bare.dofs, stretches))
 
@@ -146,7 +146,7 @@ def build_structure_in(model: Model, dofs: DofMap) -> Structure:
     for stretch, spring, damper in _stretches(bare):
         stiffness.append(scalar_matrix(stretch, spring))
         dampers.append(scalar_matrix(stretch, damper))
-    mass, stiffness, dampers = (Triplets.joined(parts) for parts in (mass, stiffness, dampers))
+    mass, stiffness, dampers = (Triplets.sum(parts) for parts in (mass, stiffness, dampers))
     return replace(bare, mass=mass, stiffness=stiffness, dampers=dampers)
 
 

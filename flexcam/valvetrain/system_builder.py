@@ -81,7 +81,7 @@ def _reactions(end: ShaftDrive) -> list[Observable]:
     asked = (
         (lever_joints, end.levers),
         (couple_coils, end.springs),
-        (geometric_stiffness_forces, end.bends),
+        (geometric_stiffness_forces, end.is_on_arched_member),
         (shaft_channels, True),
     )
     found = [make(freed) if there else Coupling((), (), ()) for make, there in asked]
@@ -96,7 +96,7 @@ def _torque(
     model = end.freed.model
     each = [inertia_torque(end), *map(_offset_positions, others, parts[len(contacts) :])]
     for part, (name, contact), coupling in zip(parts, model.contacts.items(), contacts, strict=False):
-        if not end.bears(contact):
+        if not end.has_contact_torque(contact):
             continue
         if isinstance(contact, PublishedLoad):  # stiffness already available
             value = coupling.channels[1].value
@@ -130,7 +130,7 @@ def _damping(structure: Structure) -> Triplets:
         why = "every mode of the model takes part, and the matrix is full"
         given, remedy = f"modal damping of {structure.dofs.size} unknowns", "use damping = { alpha = ..., beta = ... }"
         raise refuse("run.damping.modal", given, f"up to {_MODAL_LIMIT} unknowns", why, remedy)
-    return Triplets.joined(
+    return Triplets.sum(
         [matrix, *(_modal_damping(structure, one, given.modal) for one in _uncoupled_groups(structure))]
     )
 

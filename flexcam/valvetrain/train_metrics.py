@@ -107,7 +107,7 @@ def train_metrics(model: Model, response: Response, period: float) -> list[Metri
         return []
     last = response.latest(period)
     figures: list[Metric] = []
-    for name, contact in model.driven.items():
+    for name, contact in model.cam_contacts.items():
         if isinstance(contact, CamContact) and contact.unilateral:
             angle = separation(model, response, name, last)
             figures.append(Metric(f"contacts.{name}.open_on_the_lift", angle, "rad"))
@@ -130,7 +130,7 @@ def train_metrics(model: Model, response: Response, period: float) -> list[Metri
 def train_metric_names(model: Model, channels: Iterable[str]) -> list[str]:
     """Return the names of all metrics that `train_metrics` may return."""
     known = list(channels)
-    free = [name for name, one in model.driven.items() if isinstance(one, CamContact) and one.unilateral]
+    free = [name for name, one in model.cam_contacts.items() if isinstance(one, CamContact) and one.unilateral]
     seats = [name for name, one in model.contacts.items() if isinstance(one, Seat) and f"contacts.{name}.gap" in known]
     names = [f"contacts.{name}.open_on_the_lift" for name in free]
     names += [f"contacts.{name}.{one}" for name in seats for one in _SEATING]
@@ -175,7 +175,7 @@ def _seat(response: Response, where: str, last: Bools) -> list[Metric]:
 
 def separation(model: Model, response: Response, contact: str, instants: Bools) -> float:
     """Return the cam angle of contact loss on the main lift."""
-    cam = model.driven[contact].cam
+    cam = model.cam_contacts[contact].cam
     angle = response.angle[instants]
     if len(angle) < 2:
         return 0.0

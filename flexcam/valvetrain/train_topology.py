@@ -31,7 +31,7 @@ def moved_nodes(model: Model, contact: Driven) -> list[int]:
         return []
     joined = _adjacency(model)
     found = dict.fromkeys(_nodes_by_distance(joined, model.mesh.node(contact.follower)))
-    plays = [(model.mesh.node(play.ends[0]), model.mesh.node(play.ends[1])) for play in model.plays]
+    plays = [(model.mesh.node(play.ends[0]), model.mesh.node(play.ends[1])) for play in model.lashes]
     while behind := [end for start, end in plays if start in found and end not in found]:
         found |= dict.fromkeys(_nodes_by_distance(joined, behind[0]))
     return list(found)
@@ -41,7 +41,7 @@ def lashes_before(model: Model, node: int, plays: Sequence[NodeLash]) -> list[No
     """Return the lash elements in series between nodes before a node moves."""
     found: list[NodeLash] = []
     left = list(plays)
-    while before := [one for one in left if model.mesh.node(one.ends[1]) in model.connected(node)]:
+    while before := [one for one in left if model.mesh.node(one.ends[1]) in model.connected_nodes(node)]:
         found.insert(0, before[0])
         left.remove(before[0])
         node = model.mesh.node(before[0].ends[0])
@@ -87,7 +87,7 @@ def largest_lash(model: Model, cam: str) -> float:
     gaps = [0.0]
     for play in model.contacts.values():
         if isinstance(play, Lash):
-            cams = {contact.cam for contact in model.driven.values() if _is_in_train(model, contact, play)}
+            cams = {contact.cam for contact in model.cam_contacts.values() if _is_in_train(model, contact, play)}
             if not cams or cam in cams:
                 gaps.append(_accumulated_lash(model, play))
     return max(gaps)
@@ -97,7 +97,7 @@ def _accumulated_lash(model: Model, play: Lash) -> float:
     """Return a lash plus those before it, reduced to the follower, m."""
     rocker = model.rockers[play.rocker] if play.rocker else None
     start = rocker.start if rocker else play.ends[0] if play.ends else ""
-    before = lashes_before(model, model.mesh.node(start), model.plays) if start in model.mesh.points else []
+    before = lashes_before(model, model.mesh.node(start), model.lashes) if start in model.mesh.points else []
     return play.gap / (rocker.ratio if rocker else 1.0) + sum(one.gap for one in before)
 
 
@@ -111,7 +111,7 @@ def _is_in_train(model: Model, contact: Driven, play: Lash) -> bool:
 def complete_motion(structure: Structure, motion: FloatArray) -> FloatArray:
     """Return a motion of nodes with dependent points and springs, lash closed and springs deformed uniformly."""
     moved = motion
-    for _ in [None, *structure.model.plays]:  # each pass adds at least one lash element in any order
+    for _ in [None, *structure.model.lashes]:  # each pass adds at least one lash element in any order
         moved = _follow_links(structure, _transmit_through_lash(structure, moved))
     for rocker in structure.model.rockers.values():
         driven = float(structure.row(rocker.start, rocker.direction) @ moved)
@@ -137,7 +137,7 @@ def rigid_shift(structure: Structure, end: str, direction: FloatArray) -> FloatA
     If supports guide at an angle to the direction, the unit is the component along it.
     """
     motion = np.zeros(structure.dofs.size)
-    numbers = structure.dofs.numbers[structure.model.mesh.connected(structure.model.mesh.node(end))]
+    numbers = structure.dofs.numbers[structure.model.mesh.connected_nodes(structure.model.mesh.node(end))]
     motion[numbers[numbers >= 0]] = np.broadcast_to(direction, numbers.shape)[numbers >= 0]
     along = float(structure.row(end, direction) @ motion)
     return motion / along if along else motion
@@ -146,7 +146,7 @@ def rigid_shift(structure: Structure, end: str, direction: FloatArray) -> FloatA
 def _transmit_through_lash(structure: Structure, motion: FloatArray) -> FloatArray:
     """Return a motion transmitted through lash between nodes, all closed."""
     moved = motion.copy()
-    for play in structure.model.plays:
+    for play in structure.model.lashes:
         driven, pushed = (float(structure.row(end, play.direction) @ moved) for end in play.ends)
         if driven != 0.0 and pushed == 0.0:
             moved += driven * rigid_shift(structure, play.ends[1], play.direction)
@@ -189,7 +189,7 @@ def follower_motion(structure: Structure, contact: CamContact | PublishedLoad, n
     pivot rotates about the pivot, and the spring deflects under its force. Motions without spring energy are zero. A
     part constrained along the lift itself, which bends, moves in its free components.
     """
-    numbers = structure.dofs.numbers[structure.model.mesh.connected(node)]
+    numbers = structure.dofs.numbers[structure.model.mesh.connected_nodes(node)]
     fields, free = _fields(structure, contact, node), numbers >= 0
     motions = np.zeros((len(fields), structure.dofs.size))
     motions[:, numbers[free]] = fields[:, free]
@@ -210,7 +210,7 @@ def _fields(structure: Structure, contact: CamContact | PublishedLoad, node: int
     The rotation is about the node, scaled by the length of the part; a single node does not rotate.
     """
     mesh, axis = structure.model.mesh, np.asarray(contact.shaft_axis)
-    away = mesh.nodes[mesh.connected(node)] - mesh.nodes[node]
+    away = mesh.nodes[mesh.connected_nodes(node)] - mesh.nodes[node]
     across = np.concatenate([np.cross(contact.direction[:3], axis), np.zeros(3)], dtype=np.float64)
     turned = np.concatenate([np.cross(axis, away), np.broadcast_to(axis, away.shape)], axis=1, dtype=np.float64)
     length = float(np.linalg.norm(away, axis=1).max())

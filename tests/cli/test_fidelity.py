@@ -142,7 +142,7 @@ def test_another_refusal_of_a_model_ends_the_ladder(trade, monkeypatch):
     def prepared(*asked):
         raise refusal
 
-    monkeypatch.setattr("flexcam.analysis.model_ladder.ModelLevel.prepared", prepared)
+    monkeypatch.setattr("flexcam.analysis.model_ladder.ModelLevel.prepare", prepared)
     monkeypatch.setattr(TRADE, "reference_run", lambda *asked, **more: None)
     done = trade()
     assert done.code == 2

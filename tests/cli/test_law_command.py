@@ -68,7 +68,8 @@ def test_every_law(name, told):
     assert found.keys() == KEYS
     for key in ("Cv", "Ca", "Cj", "Cm", "symmetric", "rest_at_ends"):
         assert found[key] == getattr(law, key), key
-    for key in ("broken", "jumps", "rms", "harmonics"):
+    assert found["broken"] == list(law.violations)
+    for key in ("jumps", "rms", "harmonics"):
         assert found[key] == list(getattr(law, key)), key
     peaks = {key: max(abs(end["value"]) for end in pair) for key, pair in found["extremes"].items()}
     assert peaks == {"velocity": law.Cv, "acceleration": law.Ca, "jerk": law.Cj or peaks["jerk"], "moment": law.Cm}

@@ -498,7 +498,7 @@ def test_worker_processes_run_a_variant_as_one_of_many_too(monkeypatch):
     monkeypatch.setattr(processes, "_worker_task", given)
     monkeypatch.setattr(processes, "ProcessPoolExecutor", lambda *_, initargs, **__: given.extend(initargs))
     monkeypatch.setattr(processes, "terminate_executor", lambda *_: None)
-    with processes.create_evaluator(CaseFile.opened(PUBLISHED), (), ["deviation.peak"], workers=2, runs=9):
+    with processes.create_evaluator(CaseFile.open(PUBLISHED), (), ["deviation.peak"], workers=2, runs=9):
         assert processes._row(()) == 9
 
 

@@ -106,7 +106,7 @@ def test_modes_of_2000_elements_tell_the_digits_lost(expect, steel):
     beam = Cantilever(steel, 1.0, 2000, shear=False)
     found = beam.lowest()
     assert abs(found.omegas[0] / beam.swings() - 1.0) <= found.rounding[0]
-    expect.warns(ELEMENTS, "cantilever, 2000 elements per span, modes", found.doubt(), "rounding", r"\d %")
+    expect.warns(ELEMENTS, "cantilever, 2000 elements per span, modes", found.describe_rounding(), "rounding", r"\d %")
 
 
 FINE = """

@@ -112,7 +112,9 @@ def errors(seed, folder):
     case = read_case(path)
     steps = steps_per_revolution_of(case)
     own, best = (
-        extract_histories(ModelLevel("", "", with_elements(case, factor=finer)).stepped(times * steps).run(), "valve")
+        extract_histories(
+            ModelLevel("", "", with_elements(case, factor=finer)).with_steps(times * steps).run(), "valve"
+        )
         for finer, times in ((1, 1), (4, 8))
     )
     true = distance(own, best)

@@ -127,7 +127,7 @@ def test_modes_tell_the_digits_lost(expect, ratio):
     found = modes(M, K, free=HELD)
     lost = abs(found.omegas[0] / closed_form(k, (1.0, 1.0))[0] - 1.0)
     assert lost <= found.rounding[0] <= 1000.0 * EPS * ratio
-    expect.warns(STIFFNESSES, f"soft spring to ground, link {ratio:g} times as stiff, modes", found.doubt(),
+    expect.warns(STIFFNESSES, f"soft spring to ground, link {ratio:g} times as stiff, modes", found.describe_rounding(),
                  r"rounding", r"\d(\.\d+)? %")  # fmt: skip
 
 

@@ -55,7 +55,7 @@ def test_a_result_is_on_the_disk_before_it_takes_its_name(tmp_path, monkeypatch)
 
     monkeypatch.setattr(result_writer.os, "fsync", sync)
     file = made.path.stat().st_ino
-    made.become(final)
+    made.rename(final)
     assert synced == [(file, False), (tmp_path.stat().st_ino, True)]
 
 

@@ -43,11 +43,11 @@ def run(into, told=None, resume=False):
     earlier = open_partial_result(ready, into) if resume else None
     file = open_result_file(ready, into, resume=earlier)
     if told is not None:
-        keep = file.keep
+        keep = file.write_checkpoint
         def kept(checkpoint):
             keep(checkpoint)
             os.write(told, checkpoint.steps.to_bytes(8, "little"))
-        file.keep = kept
+        file.write_checkpoint = kept
     solve(ready.problem, ready.scheme, save=ready.save, sinks=[file], resume=earlier)
 
 def at_call(number):  # ends this process at so many calls of Python functions and C functions from now on

@@ -25,7 +25,7 @@ def link(tmp_path):
 def test_a_mesh_is_found_beside_the_real_file(link):
     """A compiler would not find it, a shell script would; nobody wants to copy meshes to run a case from elsewhere."""
     assert len(read_case(link).mesh.nodes) == len(read_case(TAYEB).mesh.nodes)
-    assert "../../meshes/tayeb-1.msh" in make_bundle(CaseFile.opened(link)).files
+    assert "../../meshes/tayeb-1.msh" in make_bundle(CaseFile.open(link)).files
 
 
 def test_a_mesh_beside_the_link_comes_first(link):

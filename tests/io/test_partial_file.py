@@ -22,7 +22,7 @@ CALLS = 50
 @pytest.fixture
 def cut_at(monkeypatch, ready, solve_into):
     """Interrupt the writing of the file where a dataset grows for the n-th time."""
-    grow = GrowingDataset.lengthen
+    grow = GrowingDataset.append_empty
 
     def run(folder, at):
         count = iter(range(10**6))
@@ -32,9 +32,9 @@ def cut_at(monkeypatch, ready, solve_into):
                 raise KeyboardInterrupt
             grow(*arguments, **names)
 
-        monkeypatch.setattr(GrowingDataset, "lengthen", grown)
+        monkeypatch.setattr(GrowingDataset, "append_empty", grown)
         response, sink = solve_into(ready, folder)
-        monkeypatch.setattr(GrowingDataset, "lengthen", grow)
+        monkeypatch.setattr(GrowingDataset, "append_empty", grow)
         return response, sink
 
     return run
@@ -107,11 +107,11 @@ from flexcam.io.result_datasets import GrowingDataset
 from flexcam.analysis.preparation import prepare
 from flexcam.analysis.run import open_result_file
 result_writer._MAX_COPY_TIME = float("inf")  # a copy after every block
-ready, grow = prepare(read_case(sys.argv[1])), GrowingDataset.lengthen
+ready, grow = prepare(read_case(sys.argv[1])), GrowingDataset.append_empty
 for at in map(int, sys.argv[3:]):
     if os.fork() == 0:
         count = iter(range(10**6))
-        GrowingDataset.lengthen = lambda *a, **n: os._exit(9) if next(count) == at else grow(*a, **n)
+        GrowingDataset.append_empty = lambda *a, **n: os._exit(9) if next(count) == at else grow(*a, **n)
         folder = Path(sys.argv[2]) / str(at)
         solve(ready.problem, ready.scheme, save=ready.save, sinks=[open_result_file(ready, folder)])
         os._exit(0)

@@ -133,5 +133,5 @@ def test_refusals(table, tmp_path):
     with pytest.raises(InputError, match=r"did you mean 'deviation\.peak'"):
         table["deviation.peek"]
     with pytest.raises(InputError, match="deviaton"):
-        table.keeping(["contacts", "deviaton"])
-    assert list(table.keeping(["late", "contacts"]).scalars) == ["late", "contacts.a.force.largest"]
+        table.select(["contacts", "deviaton"])
+    assert list(table.select(["late", "contacts"]).scalars) == ["late", "contacts.a.force.largest"]

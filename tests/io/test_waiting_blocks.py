@@ -56,7 +56,7 @@ from flexcam.analysis.preparation import prepare
 from flexcam.analysis.run import open_result_file
 ready = prepare(read_case(sys.argv[1]))
 file = open_result_file(ready, sys.argv[2])
-file.keep = lambda checkpoint: os._exit(9)
+file.write_checkpoint = lambda checkpoint: os._exit(9)
 solve(ready.problem, ready.scheme, save=ready.save, sinks=[file])
 """
 

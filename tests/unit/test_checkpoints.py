@@ -28,7 +28,7 @@ def test_an_instant_comes_back_whole(more):
     """Nothing of it is forgotten, whatever is added to it one day."""
     before = moment(**more)
     arrays = {**flatten("last", before), "counts": np.zeros(2)}
-    after = StepState.restored("last", arrays)
+    after = StepState.from_checkpoint("last", arrays)
     assert flatten("", after).keys() == flatten("", before).keys()
     assert {one.name for one in fields(StepState) if getattr(after, one.name) is None} == {
         one.name for one in fields(StepState) if getattr(before, one.name) is None
@@ -39,7 +39,7 @@ def test_an_instant_comes_back_whole(more):
 
 
 def test_no_instant_comes_back_as_none():
-    assert StepState.restored("last", {"load": np.zeros(2)}) is None
+    assert StepState.from_checkpoint("last", {"load": np.zeros(2)}) is None
 
 
 class Kept:
@@ -53,7 +53,7 @@ class Kept:
             raise KeyboardInterrupt
         self._blocks.append(block)
 
-    def keep(self, checkpoint):
+    def write_checkpoint(self, checkpoint):
         self.checkpoint = checkpoint
 
     def close(self, status, stats):

@@ -69,8 +69,8 @@ def test_refining_twice_is_refining_by_the_product():
 
 def test_connected_nodes():
     mesh = Mesh(np.arange(18.0).reshape(6, 3), {"a": [0, 1], "b": [4, 5], "c": [1, 2]}, {})
-    np.testing.assert_array_equal(mesh.connected(2), [0, 1, 2])
-    np.testing.assert_array_equal(mesh.connected(3), [3])
+    np.testing.assert_array_equal(mesh.connected_nodes(2), [0, 1, 2])
+    np.testing.assert_array_equal(mesh.connected_nodes(3), [3])
 
 
 def test_mesh_copies_and_freezes(readonly):
@@ -104,7 +104,7 @@ def test_chain():
 
 def test_rounding_at_nodes_is_no_part_of_a_mode():
     """Beside a rocker that moves by 1, 1e-14 at a node is rounding, 1e-6 is a motion, and so is a turn alone."""
-    dofs = dof_map(MESH, [("root", COMPONENTS)]).extended(["valve"])
+    dofs = dof_map(MESH, [("root", COMPONENTS)]).extend(["valve"])
     turn = next(i for i, name in enumerate(dofs.names) if name.endswith(".rz"))
     shapes = np.zeros((3, dofs.size))
     shapes[:, -1] = 1.0, 1.0, 0.0

@@ -59,7 +59,7 @@ def test_a_play_is_that_of_its_own_train(model):
 
 def test_a_follower_moves_what_is_behind_its_play(model):
     names = {
-        name: [model.mesh.node_name(node) for node in moved_nodes(model, model.driven[name])]
+        name: [model.mesh.node_name(node) for node in moved_nodes(model, model.cam_contacts[name])]
         for name in ("first", "second")
     }
     assert names == {"first": ["tappet", "tip"], "second": ["other"]}
@@ -82,7 +82,7 @@ def in_series(request, tmp_path):
 
 def test_plays_in_series_are_followed_in_any_order(in_series):
     model = prepare(in_series).model
-    reached = [model.mesh.node_name(node) for node in moved_nodes(model, model.driven["first"])]
+    reached = [model.mesh.node_name(node) for node in moved_nodes(model, model.cam_contacts["first"])]
     assert reached == ["tappet", "tip", "other"]
     found = build_chain(model, 60.0, 3)
     assert found.points == ("tappet", "tip", "other")

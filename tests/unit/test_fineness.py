@@ -66,9 +66,9 @@ def test_impacts_are_counted_around_the_largest_force():
     first = np.array([[0.0, 1.0, 0.0], [2.0, 1.0, 0.0], [5.0, 2.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
     touches.follow(first)
     touches.follow(np.array([[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 0.0, 0.0]]))
-    assert touches.named(["struck", "begins closed", "open"]) == {"struck": 3}
+    assert touches.impact_steps(["struck", "begins closed", "open"]) == {"struck": 3}
     touches.follow(np.array([[0.0, 0.0, 0.0], [9.0, 0.0, 0.0], [0.0, 0.0, 0.0]]))
-    assert touches.named(["struck", "begins closed", "open"]) == {"struck": 1}
+    assert touches.impact_steps(["struck", "begins closed", "open"]) == {"struck": 1}
 
 
 def test_nothing_that_moves_is_fine_enough():
@@ -119,7 +119,7 @@ def test_enough_steps_are_named(steps, more):
 
 def test_the_same_is_told_of_a_result():
     ready, seen, response = watched(CASE)
-    again = RunMonitor.again(ready, response)
+    again = RunMonitor.from_response(ready, response)
     assert again.fineness.found().frequency == pytest.approx(seen.fineness.found().frequency, rel=1e-12)
     assert energy_residual(again.extremes) == energy_residual(seen.extremes)
 
@@ -223,12 +223,12 @@ def test_a_run_shorter_than_a_field_is_looked_at(path, steps, monkeypatch):
     ready = prepare(flexcam.read_case(CASE, [f"run.engine={path}"]))
     short = replace(ready.problem, steps=steps)
     assert 0.0 < solve(short, ready.scheme).stats.imbalance < 1e-10
-    look = EquilibriumResidual.look
+    look = EquilibriumResidual.evaluate
 
     def blind(self, track, seen, schedule, rows):
         look(self, track, replace(seen, histories=0.0 * seen.histories), schedule, rows)
 
-    monkeypatch.setattr(EquilibriumResidual, "look", blind)
+    monkeypatch.setattr(EquilibriumResidual, "evaluate", blind)
     assert solve(short, ready.scheme).stats.imbalance > 0.1
 
 

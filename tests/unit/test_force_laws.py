@@ -91,7 +91,7 @@ def stacked(law, *, compiled=False):
     unit = Triplets.from_dense(np.eye(law.scalars))
     system = System(unit, unit, unit, tuple(map(str, range(law.scalars))), local_forces=(force,))
     forces = LocalForces(system, compiled_functions() if compiled else None)
-    return forces, forces.schedule(CamMotion(*(np.array([x]) for x in (ANGLE, 1.0, 0.0))))
+    return forces, forces.prescribed_inputs(CamMotion(*(np.array([x]) for x in (ANGLE, 1.0, 0.0))))
 
 
 def points(name, count=200):
@@ -119,7 +119,7 @@ def test_tangent_is_the_derivative_of_the_force(name):
     checked = 0
     for x, v, z in zip(*points(name, 60), strict=True):
         answer = forces.respond(x, v, z, schedule)
-        for which, tangent, h in ((0, answer.by_gap, 1e-6 * size), (1, answer.by_rate, 1e-6 * max(speed, 1.0))):
+        for which, tangent, h in ((0, answer.by_penetration, 1e-6 * size), (1, answer.by_rate, 1e-6 * max(speed, 1.0))):
             for i in range(law.scalars):
                 step = h * np.eye(law.scalars)[i]
 

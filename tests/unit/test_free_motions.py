@@ -43,7 +43,7 @@ def stiffness_of(steel, mesh, dofs, springs=()):
 def assert_no_strain(K, motions):
     """Entries of K times a motion cancel: what is left is rounding of the largest of them."""
     largest = np.abs(K.dense()) @ np.abs(motions)
-    assert np.abs(K.times_all(motions)).max() <= 1e-13 * largest.max()
+    assert np.abs(K.multiply(motions)).max() <= 1e-13 * largest.max()
 
 
 @pytest.mark.parametrize("axes", AXES.values(), ids=AXES)

@@ -15,9 +15,9 @@ CASE = read_case(Path(__file__).parents[1] / "data/inline.toml")
 
 def _map(first, second):
     plan = grid_plan(parse_axis(*first), parse_axis(*second))
-    one, other = plan.varied
+    one, other = plan.varied_axes
     rpm = {"loss_of_contact": np.full(plan.shape, 6000.0)}
-    return LimitMap((one, other), rpm, (Status(),) * len(plan)).told_in(CASE)
+    return LimitMap((one, other), rpm, (Status(),) * len(plan)).with_units(CASE)
 
 
 def test_units_of_keys():

@@ -80,7 +80,7 @@ def test_free_shaft(steel, path, parts):
     found = modes(shaft.M, shaft.K, 12, free=shaft.free)
     assert found.rigid == 6
     assert found.omegas[:6].tolist() == [0.0] * 6
-    gram = found.shapes.T @ shaft.M.times_all(found.shapes)
+    gram = found.shapes.T @ shaft.M.multiply(found.shapes)
     assert np.abs(gram - np.eye(len(gram))).max() <= 1e-10
     first = 4.730040744862704**2 / LENGTH**2 * math.sqrt(steel.E * ROUND.Iz / (steel.density * ROUND.A))
     assert found.omegas[6:8] == pytest.approx([first, first], rel=1e-6)

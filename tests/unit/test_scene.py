@@ -69,7 +69,7 @@ def test_a_straight_member_has_the_volume_of_its_section(section, area):
     rings = [sweep_outline(outline, line) for outline in section_outlines(section)]
     there_and_back = rings[0] if len(rings) == 1 else np.concatenate([rings[0], rings[1][::-1]])
     solid = loft("member", there_and_back, cyclic=len(rings) == 2)
-    assert solid.closed
+    assert solid.is_closed
     assert solid.volume == pytest.approx(0.3 * area, rel=1e-12)
 
 
@@ -139,7 +139,7 @@ def test_a_lobe_is_the_profile(follower, cam_turn):
     profile = cam_profile(EVENT, follower, count=360, turn=cam_turn)
     for angle in (0.0, 1.0, 2.3, 4.0):
         solid = lobe_solid(frame, angle, np.zeros(6))
-        assert solid.closed
+        assert solid.is_closed
         radii = np.linalg.norm(profile.points, axis=1)
         drawn = solid.points[:360] - solid.points[:360] @ axis[:, None] * axis
         assert np.sort(np.linalg.norm(drawn, axis=1)) == pytest.approx(np.sort(radii), rel=1e-12)
@@ -147,7 +147,7 @@ def test_a_lobe_is_the_profile(follower, cam_turn):
         x, y = profile.points.T
         assert area == pytest.approx(abs(0.5 * np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))), rel=1e-12)
         lifted = float(EVENT(np.array([angle]))[0])
-        touching = frame.drawn(lifted)
+        touching = frame.contact_end(lifted)
         if np.isfinite(follower.roller_radius):
             away = np.abs(frame.contour(angle) - touching).min()
             assert away == pytest.approx(follower.roller_radius, abs=2e-5)  # between points a degree apart
@@ -169,7 +169,7 @@ def test_a_follower_begins_to_move_along_the_lift():
         frame = cam_frame(
             Cam("cam", EVENT, follower), follower, np.zeros(3), np.array([0.0, -1.0, 0.0]), np.array([1.0, 0, 0]), 0.01
         )
-        step = (frame.drawn(1e-7) - frame.drawn(0.0)) / 1e-7
+        step = (frame.contact_end(1e-7) - frame.contact_end(0.0)) / 1e-7
         assert abs(step - 1j) < 1e-5
 
 
@@ -184,12 +184,12 @@ def test_bodies_of_closed_form():
     area = 0.05 * math.sqrt(0.1**2 - 0.01**2) + (math.pi - open_by) * 9e-4 + open_by * 4e-4
     assert body.volume == pytest.approx(0.01 * area, rel=0.01)  # arcs of 16 points
     for solid in (cylinder("a", zero, axis, 1.0), ring("a", zero, axis, (1.0, 2.0), 1.0), ball("a", zero, 1.0), body):
-        assert solid.closed
+        assert solid.is_closed
 
 
 def test_an_open_or_inside_out_surface_is_told():
     cube = cylinder("a", np.zeros(3), np.array([0.0, 0.0, 1.0]), 1.0)
-    assert not Solid("a", cube.points, cube.faces[1:]).closed
+    assert not Solid("a", cube.points, cube.faces[1:]).is_closed
     assert Solid("a", cube.points, cube.faces[:, ::-1]).volume < 0.0
 
 
@@ -207,7 +207,7 @@ def test_a_coil_follows_the_ends_and_the_parts_of_its_spring():
     """Wire of the volume of its length; both ends where the spring's ends are; the middle where its middle moved."""
     sizes, axis = CoilSizes(0.03, 0.004, 0.06, 6.0), np.array([0.0, 1.0, 0.0])
     at_rest = coil_solid(sizes, np.zeros(3), axis, np.zeros(2), 0.06)
-    assert at_rest.closed
+    assert at_rest.is_closed
     turns = sizes.coils + 2.0
     length = turns * math.pi * 0.03
     assert at_rest.volume == pytest.approx(length * math.pi * 0.002**2, rel=0.08)  # ten facets, pitch left out
@@ -225,7 +225,9 @@ def test_every_case_is_drawn_with_closed_solids(name):
     kinds = []
     for i in (0, 60):
         solids = drawn.solids(motion.instant(i))
-        assert all(solid.closed and solid.volume > 0.0 for solid in solids), [s.kind for s in solids if not s.closed]
+        assert all(solid.is_closed and solid.volume > 0.0 for solid in solids), [
+            s.kind for s in solids if not s.is_closed
+        ]
         kinds.append([solid.kind for solid in solids])
     assert kinds[0] == kinds[1]
 

@@ -19,7 +19,7 @@ def steps_of(scheme, ratio=0.0, omega=OMEGA):
 
 
 def walked(steps, begin, loads):
-    pushed = steps.pushed(loads)
+    pushed = steps.modal_forces(loads)
     found = np.empty((3, *pushed.shape))
     steps.walk(begin, pushed, found)
     return found
@@ -38,7 +38,7 @@ def test_strides_are_so_many_steps(name, ratio, length):
     ends = np.einsum("bmn,smn->bsn", rising[:, :0:-1], stride.answer)
     causes = np.empty((count + 1, 3, n))
     causes[0] = stride.causes(begin, push[0])
-    stride.land(begin, push[::length], causes, ends)
+    stride.advance(begin, push[::length], causes, ends)
     within = np.einsum("sjcn,bcn->bsjn", stride.within, causes[:-1])
     for step in range(length):  # what changes of the loads is answered from then on
         change = rising[:, step + 1, None, None]
@@ -91,7 +91,7 @@ def test_what_dies_out_ends_at_zero():
         assert (state == 0.0).all() or np.abs(state).max() > 1e-150
         causes, ends = np.empty((17, 3, 1)), np.zeros((16, 3, 1))
         causes[0] = stride.causes(state, np.zeros(1))
-        stride.land(state, np.zeros((17, 1)), causes, ends)
+        stride.advance(state, np.zeros((17, 1)), causes, ends)
         state = ends[-1]
     assert (drop_vanished(state) == 0.0).all()
 

@@ -54,7 +54,7 @@ def test_a_unit_at_the_end_of_a_list_is_that_of_all(numbers, unit):
     found = parse_axis("key", ",".join(map(str, numbers)) + unit)
     assert [value.number for value in found.values] == [float(number) for number in numbers]
     assert all(value.text.endswith(unit.strip()) for value in found.values)
-    assert found.numeric
+    assert found.is_numeric
 
 
 @settings(deadline=None)  # other work on the machine is no fault

@@ -155,9 +155,9 @@ def test_files_of_a_case_come_along(tmp_path):
     (tmp_path / "home/case.msh").write_bytes((ROOT / "meshes/tayeb-1.msh").read_bytes())
     (home / "lift.csv").write_bytes((ROOT / "tests/data/lift.csv").read_bytes())
     (home / "case.toml").write_text(text.replace("../../meshes/tayeb-1.msh", "../case.msh"), encoding="utf-8")
-    bundle = make_bundle(CaseFile.opened(home / "case.toml"), Plan(parse_axes(["mesh=../case.msh,../none.msh"])))
+    bundle = make_bundle(CaseFile.open(home / "case.toml"), Plan(parse_axes(["mesh=../case.msh,../none.msh"])))
     assert set(bundle.files) == {"case.toml", "lift.csv", "../case.msh"}
-    unpacked = bundle.unpacked(tmp_path / "far/away")
+    unpacked = bundle.unpack(tmp_path / "far/away")
     assert unpacked.is_relative_to(tmp_path / "far/away")
     assert (tmp_path / "far/away").resolve() in (unpacked.parent / "../case.msh").resolve().parents
     here = evaluate_chunk(home / "case.toml", [tuple(QUICK)])[0].row

@@ -32,7 +32,7 @@ def test_a_function_is_computed_once():
 
 def test_what_is_made_once_stays():
     known = CamFunctionCache(np.zeros(1))
-    assert known.once("key", lambda: [1]) is known.once("key", lambda: [2])
+    assert known.cached("key", lambda: [1]) is known.cached("key", lambda: [2])
 
 
 @pytest.mark.parametrize(
@@ -47,4 +47,4 @@ def test_what_is_made_once_stays():
     ],
 )
 def test_which_laws_are_lossless(law, lossless):
-    assert law.lossless is lossless
+    assert law.is_conservative is lossless

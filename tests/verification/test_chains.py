@@ -85,7 +85,7 @@ def test_more_masses_come_closer(record, whole, fitted_order, lumped):
 def test_masses_are_those_of_the_rigid_train(record, whole, count):
     case, _ = whole
     structure = build_structure(build_model(case))
-    contact = next(iter(structure.model.driven.values()))
+    contact = next(iter(structure.model.cam_contacts.values()))
     found = mass_chain(case, count, lumped=True)
     rigid = follower_train(structure, contact, "test").mass
     allowed, reason = (8e-3, "the pushrod yields") if count == 1 else (1e-9, "momentum of the rigid motion")

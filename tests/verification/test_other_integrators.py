@@ -65,7 +65,7 @@ def end(system, method, steps, start=None):
 @pytest.mark.parametrize("damping", [0.0, 0.1, 2.0])
 def test_limit_of_the_central_difference(record, damping):
     record(source=SOURCE, case=f"central difference, damping ratio {damping:g}", quantity="stability limit w dt",
-           unit="1", reference=2.0, computed=central_difference().stable_to(damping), tolerance=1e-6,
+           unit="1", reference=2.0, computed=central_difference().stability_limit(damping), tolerance=1e-6,
            reason="growth counts from 1 + 1e-7; it begins as a square root without damping")  # fmt: skip
 
 
@@ -86,12 +86,12 @@ def test_exact_modes_have_no_error(damping, x):
 
 
 def test_linear_acceleration_limit_is_that_of_its_formula():
-    assert newmark(beta=1 / 6).stable_to() == pytest.approx(2.0 * math.sqrt(3.0), rel=1e-6)
+    assert newmark(beta=1 / 6).stability_limit() == pytest.approx(2.0 * math.sqrt(3.0), rel=1e-6)
 
 
 @pytest.mark.parametrize("name", sorted(set(METHODS) - {"central-difference"}))
 def test_no_limit(name):
-    assert METHODS[name].stable_to() == math.inf
+    assert METHODS[name].stability_limit() == math.inf
 
 
 def test_a_run_at_the_limit():

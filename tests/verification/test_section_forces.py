@@ -169,7 +169,7 @@ def test_damped_shear_at_the_tip_is_the_applied_force(damping):
     strength = StrengthSink(structure)
     fields = solve(problem, newmark(), save=SaveAt(field_every=1), sinks=[strength]).fields
     nodal = [structure.dofs.nodal(getattr(fields, name)) for name in Series.__dataclass_fields__]
-    found = shown.recovered(*nodal)
+    found = shown.recover_fields(*nodal)
     assert np.abs(found["section_force"][:, -1] - bar.axes @ push[:3]).max() <= 1e-9 * 1000.0  # of a direct solve
     assert np.ptp(found["section_force"][:, 0], axis=0).max() > 100.0  # it does swing
     assert strength.members()["bar"].von_mises == pytest.approx(found["stress_von_mises"].max(), rel=1e-12)

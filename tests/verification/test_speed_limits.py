@@ -60,7 +60,7 @@ def at(case, rpm):
     ready = flexcam.prepare(flexcam.read_case(case.path, [f'run.speed="{rpm} rpm"', "run.revolutions=3"]))
     response = flexcam.solve(ready.problem, ready.scheme, save=ready.save)
     last = response.time > response.time[-1] - ready.revolution
-    return separation(ready.model, response, next(iter(ready.model.driven)), last) > math.radians(0.5)
+    return separation(ready.model, response, next(iter(ready.model.cam_contacts)), last) > math.radians(0.5)
 
 
 @pytest.mark.slow

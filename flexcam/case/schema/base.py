@@ -28,16 +28,16 @@ class Record(BaseModel):
 class PartRecord(Record, Generic[Part]):
     """Base class of tables that describe one part; validation builds the part, so that its faults are reported too."""
 
-    def made(self) -> Part:
+    def build(self) -> Part:
         """Build the part, SI."""
         raise NotImplementedError
 
     def _check(self) -> None:
         """Check that the part can be built."""
-        self.made()
+        self.build()
 
     @model_validator(mode="after")
-    def _is_possible(self) -> Self:
+    def _check_part(self) -> Self:
         try:
             self._check()
         except InputError as refusal:

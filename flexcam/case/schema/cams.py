@@ -42,7 +42,7 @@ class RampsRecord(Record):
     closing_height: q.Length | None = Field(None, description="as height by default")
     closing_duration: q.PositiveAngle | None = Field(None, description="as duration by default")
 
-    def made(self) -> tuple[Ramp, Ramp]:
+    def build(self) -> tuple[Ramp, Ramp]:
         """Build the opening and the closing ramp."""
         closing = (self.closing_height or self.height, self.closing_duration or self.duration)
         return Ramp(self.height, self.duration, self.take_off), Ramp(*closing, self.take_off)
@@ -53,7 +53,7 @@ class FlatRecord(Record):
 
     type: Literal["flat"]
 
-    def made(self, base_radius: float | None) -> Follower | None:
+    def build(self, base_radius: float | None) -> Follower | None:
         """Build the follower."""
         return FlatFollower(base_radius) if base_radius else None
 
@@ -65,7 +65,7 @@ class RollerRecord(Record):
     radius: q.Length
     offset: q.Position = Field(0.0, description="of the follower's axis from the cam's")
 
-    def made(self, base_radius: float | None) -> Follower | None:
+    def build(self, base_radius: float | None) -> Follower | None:
         """Build the follower."""
         return RollerFollower(base_radius, self.radius, self.offset) if base_radius else None
 
@@ -83,7 +83,7 @@ class SwingingFollowerRecord(Record):
     face: q.Position = Field(0.0, description="distance of the flat face from the pivot, positive away from the cam")
     rotation: Literal["clockwise", "counterclockwise"] = Field("clockwise", description="of the follower on the rise")
 
-    def made(self, base_radius: float | None) -> Follower | None:
+    def build(self, base_radius: float | None) -> Follower | None:
         """Build the follower."""
         side = 1 if self.rotation == "clockwise" else -1
         if self.angle is not None and self.radius is not None and base_radius is None:
@@ -133,7 +133,7 @@ class CamDesignRecord(PartRecord[valvetrain.Cam]):
 
     @field_validator("lift", mode="before")
     @classmethod
-    def _in_its_unit(cls, value: object, info: ValidationInfo) -> object:
+    def _convert_unit(cls, value: object, info: ValidationInfo) -> object:
         """Return metres; with a swinging follower an angle is converted to the path at the length of its arm."""
         follower = info.data.get("follower")
         if value is None:
@@ -148,21 +148,21 @@ class CamDesignRecord(PartRecord[valvetrain.Cam]):
         return q.Unit("length", above=True).validate(value)
 
     @property
-    def lacking(self) -> list[str]:
+    def missing_keys(self) -> list[str]:
         """Missing keys of the lift."""
         named = (("law", self.law), ("lift", self.lift), ("rise", self.rise), ("return", self.fall))
         return [key for key, value in named if value is None and self.lift_table is None]
 
     def _check(self) -> None:
         """Check the cam; missing keys are reported with the references of all tables."""
-        if not self.lacking:
-            self.made()
+        if not self.missing_keys:
+            self.build()
         elif self.follower is not None:
-            self.follower.made(self.base_radius)
+            self.follower.build(self.base_radius)
 
-    def made(self) -> valvetrain.Cam:
+    def build(self) -> valvetrain.Cam:
         """Build the cam."""
-        follower = self.follower.made(self.base_radius) if self.follower else None
+        follower = self.follower.build(self.base_radius) if self.follower else None
         turn = 1 if self.rotation == "counterclockwise" else -1
         return valvetrain.Cam(self.at or "", self._event(), follower, turn, self.width)
 
@@ -170,9 +170,11 @@ class CamDesignRecord(PartRecord[valvetrain.Cam]):
         if self.lift_table is not None:
             return DelayedEvent(self.lift_table.event, self.phase) if self.phase else self.lift_table.event
         if self.law is None or self.lift is None or self.rise is None or self.fall is None:
-            given, why = f"nothing for {', '.join(self.lacking)}", "they make the lift where no lift_table does"
-            raise refuse("lift", given, ", ".join(LAW_KEYS), why, f"add {', '.join(self.lacking)}, or a lift_table")
-        opening, closing = self.ramps.made() if self.ramps else (None, None)
+            given, why = f"nothing for {', '.join(self.missing_keys)}", "they make the lift where no lift_table does"
+            raise refuse(
+                "lift", given, ", ".join(LAW_KEYS), why, f"add {', '.join(self.missing_keys)}, or a lift_table"
+            )
+        opening, closing = self.ramps.build() if self.ramps else (None, None)
         return LiftEvent(
             self.law.law, self.lift, self.rise, self.fall, self.dwell, self.phase,
             self.return_law.law if self.return_law else None, opening, closing, self.single_dwell,

@@ -55,7 +55,7 @@ class UnilateralRecord(Record):
     friction_speed: q.Velocity = Field(0.01, description="velocity of sliding over which friction turns over, m/s")
 
     @model_validator(mode="after")
-    def _friction_speed_acts(self) -> Self:
+    def _check_friction_speed(self) -> Self:
         if "friction_speed" in self.model_fields_set and "friction" not in self.model_fields_set:
             given, why = f"{self.friction_speed:g} m/s", "without friction it acts on nothing"
             raise q.value_error("friction beside it", why, "add friction", inside="friction_speed", given=given)
@@ -93,7 +93,7 @@ class _GapRecord(Record):
     direction: q.LineValue | None = Field(None, description="in which it pushes, between nodes")
 
     @model_validator(mode="after")
-    def _one_place(self) -> Self:
+    def _check_place(self) -> Self:
         between = self.start is not None and self.to is not None and self.direction is not None
         nothing = self.start is None and self.to is None and self.direction is None
         if not ((self.at is None and between) or (self.at is not None and nothing)):
@@ -131,7 +131,7 @@ class AdjusterRecord(_GapRecord):
     plunger_force: q.Force = Field(description="of the spring that keeps it extended")
 
     @model_validator(mode="after")
-    def _leaks_slowly(self) -> Self:
+    def _check_leakage(self) -> Self:
         if not self.leak > self.refill:
             raise q.value_error("leak above refill", "the check valve is wider than the gap around the plunger")
         return self

@@ -28,7 +28,7 @@ class MaterialRecord(PartRecord[Material]):
         None, description="amplitude borne for ever, for the margin against fatigue"
     )
 
-    def made(self) -> Material:
+    def build(self) -> Material:
         """Build the material."""
         return Material(self.E, self.nu, self.density, self.ultimate_strength, self.endurance_limit)
 
@@ -38,13 +38,13 @@ class _SectionRecord(PartRecord[Section]):
     kappa_y: q.PositiveNumber | None = Field(None, description="shear factor along local y")
     kappa_z: q.PositiveNumber | None = Field(None, description="shear factor along local z")
 
-    def bare(self) -> Section:
+    def default_section(self) -> Section:
         """Return the section with the defaults of its shape."""
         raise NotImplementedError
 
-    def made(self) -> Section:
+    def build(self) -> Section:
         """Build the section, with the given torsion constant and shear factors."""
-        return self.bare().given(J=self.J, kappa_y=self.kappa_y, kappa_z=self.kappa_z)
+        return self.default_section().given(J=self.J, kappa_y=self.kappa_y, kappa_z=self.kappa_z)
 
 
 class CircleRecord(_SectionRecord):
@@ -53,7 +53,7 @@ class CircleRecord(_SectionRecord):
     shape: Literal["circle"]
     diameter: q.Length
 
-    def bare(self) -> Section:
+    def default_section(self) -> Section:
         """Return the section with the defaults of its shape."""
         return Section.circle(self.diameter)
 
@@ -65,7 +65,7 @@ class TubeRecord(_SectionRecord):
     outer_diameter: q.Length
     inner_diameter: Annotated[float, q.Unit("length")]
 
-    def bare(self) -> Section:
+    def default_section(self) -> Section:
         """Return the section with the defaults of its shape."""
         return Section.tube(self.outer_diameter, self.inner_diameter)
 
@@ -77,7 +77,7 @@ class RectangleRecord(_SectionRecord):
     width_y: q.Length
     width_z: q.Length
 
-    def bare(self) -> Section:
+    def default_section(self) -> Section:
         """Return the section with the defaults of its shape."""
         return Section.rectangle(self.width_y, self.width_z)
 
@@ -99,7 +99,7 @@ class CustomRecord(_SectionRecord):
         None, description="c of the torsional shear stress T c/J; twice the smaller fibre distance by default"
     )
 
-    def bare(self) -> Section:
+    def default_section(self) -> Section:
         """Return the section with the defaults of its shape."""
         fibres = (self.fibre_y or 0.0, self.fibre_z or 0.0, self.torsion_arm or 0.0)
         return Section(self.A, self.Iy, self.Iz, self.J, 1.0, 1.0, *fibres)
@@ -127,7 +127,7 @@ class MemberRecord(Record):
     bow: q.Position = Field(0.0, description="initial half wave in the local x-y plane, at mid-length")
 
     @model_validator(mode="after")
-    def _bow_acts(self) -> Self:
+    def _check_bow(self) -> Self:
         if self.bow and not self.geometric_stiffness:
             raise q.value_error("bow with geometric_stiffness = true", "without it a bow acts on nothing")
         return self

@@ -23,7 +23,7 @@ class MassRecord(PartRecord[valvetrain.MassAt]):
     )
     offset: Point = Field((0.0, 0.0, 0.0), description="from the node to its centre, global axes")
 
-    def made(self) -> valvetrain.MassAt:
+    def build(self) -> valvetrain.MassAt:
         """Build the body and its position."""
         return valvetrain.MassAt(self.at, PointMass(self.mass, self.inertia, self.offset))
 
@@ -41,14 +41,14 @@ class WireRecord(PartRecord[valvetrain.Wire]):
     shear_modulus: q.Stress | None = None
 
     @model_validator(mode="after")
-    def _is_a_coil(self) -> Self:
+    def _check_coil(self) -> Self:
         if self.coil_diameter < 2.0 * self.diameter:
             raise q.value_error("a coil_diameter of twice the wire's or more", "Wahl's factor has no meaning for less")
         if (self.active_coils is None) != (self.shear_modulus is None):
             raise q.value_error("active_coils and shear_modulus together, or neither", "the stiffness takes both")
         return self
 
-    def made(self) -> valvetrain.Wire:
+    def build(self) -> valvetrain.Wire:
         """Build the wire."""
         return valvetrain.Wire(self.diameter, self.coil_diameter)
 
@@ -57,7 +57,7 @@ class WireRecord(PartRecord[valvetrain.Wire]):
         """Stiffness of the spring, N/m; None without a number of coils."""
         if self.active_coils is None or self.shear_modulus is None:
             return None
-        return self.made().rate(self.shear_modulus, self.active_coils)
+        return self.build().rate(self.shear_modulus, self.active_coils)
 
 
 class PulsationRecord(PartRecord[valvetrain.Pulsation]):
@@ -68,12 +68,12 @@ class PulsationRecord(PartRecord[valvetrain.Pulsation]):
     phase: q.SignedAngle = 0.0
 
     @model_validator(mode="after")
-    def _stays_a_spring(self) -> Self:
+    def _check_amplitude(self) -> Self:
         if self.amplitude >= 1.0:
             raise q.value_error("an amplitude below 1", "the stiffness must not change its sign")
         return self
 
-    def made(self) -> valvetrain.Pulsation:
+    def build(self) -> valvetrain.Pulsation:
         """Build the pulsation."""
         return valvetrain.Pulsation(self.order, self.amplitude, self.phase)
 
@@ -104,7 +104,7 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
     wire: WireRecord | None = Field(None, description="for the shear stress, and the stiffness where none is given")
 
     @model_validator(mode="after")
-    def _of_one_piece(self) -> Self:
+    def _check_parts(self) -> Self:
         if self.wire is not None and not direction(self.direction)[:3].any():
             raise q.value_error(
                 "a wire on a spring along a line", "its stress and stiffness are those of a coil in compression"
@@ -117,30 +117,30 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
             raise q.value_error(
                 "a link with an end `to` and no preload", "it joins two points as a part of the train does"
             )
-        if self.clash_travel is not None and not self.made().stiffness:
+        if self.clash_travel is not None and not self.build().stiffness:
             raise q.value_error("a stiffness where coils can touch", "a spring without one has no coils")
         return self
 
     @field_validator("stiffness", "damping", mode="before")
     @classmethod
-    def _in_its_unit(cls, value: object, info: ValidationInfo) -> float:
+    def _convert_unit(cls, value: object, info: ValidationInfo) -> float:
         """Return SI; units depend on whether the spring is translational or rotational."""
         along = info.data.get("direction", "uy")
         turns = not direction(along)[:3].any()
         return q.Unit(f"rotational {info.field_name}" if turns else str(info.field_name)).validate(value)
 
-    def made(self) -> valvetrain.Spring:
+    def build(self) -> valvetrain.Spring:
         """Build the spring."""
         along = direction(self.direction)
         stiffness = self.stiffness or (self.wire.rate if self.wire else None) or 0.0
         clash = self.clash_stiffness or _COIL_CONTACT_RATIO * self.elements * stiffness
-        wire = self.wire.made() if self.wire else None
+        wire = self.wire.build() if self.wire else None
         force = self.installed_force
         if self.installed_compression is not None:
             force = stiffness * self.installed_compression
         return valvetrain.Spring(
             self.at, along, stiffness, self.damping, self.to, force, self.mass, self.elements,
-            self.clash_travel, clash, wire, self.pulsation.made() if self.pulsation else None, self.link,
+            self.clash_travel, clash, wire, self.pulsation.build() if self.pulsation else None, self.link,
         )  # fmt: skip
 
 
@@ -151,7 +151,7 @@ class BearingRecord(PartRecord[tuple[float, float]]):
     stiffness: q.Stiffness
     damping: q.DampingValue = 0.0
 
-    def made(self) -> tuple[float, float]:
+    def build(self) -> tuple[float, float]:
         """Return stiffness and damping; the directions follow from the mesh."""
         return self.stiffness, self.damping
 
@@ -169,7 +169,7 @@ class LoadRecord(Record):
 
     @field_validator("force", mode="before")
     @classmethod
-    def _in_its_unit(cls, value: object, info: ValidationInfo) -> float | None:
+    def _convert_unit(cls, value: object, info: ValidationInfo) -> float | None:
         """Return SI; a force about an axis is a moment."""
         if value is None:
             return None
@@ -177,7 +177,7 @@ class LoadRecord(Record):
         return q.Unit("moment" if turns else "force", signed=True).validate(value)
 
     @model_validator(mode="after")
-    def _one_of_two(self) -> Self:
+    def _check_target(self) -> Self:
         point, spread = (
             self.at is not None and self.force is not None,
             self.member is not None and self.force_per_length is not None,
@@ -186,7 +186,7 @@ class LoadRecord(Record):
             raise q.value_error("either at with force, or member with force_per_length", "a load acts in one way")
         return self
 
-    def made(self) -> valvetrain.GivenLoad:
+    def build(self) -> valvetrain.GivenLoad:
         """Build the load."""
         size = self.force if self.force is not None else self.force_per_length
         return valvetrain.GivenLoad(size or 0.0, direction(self.direction), self.at, self.member)

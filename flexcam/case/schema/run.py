@@ -21,7 +21,7 @@ class ToleranceRecord(Record):
     force: q.Tolerance | None = Field(None, description="of every contact")
 
     @model_validator(mode="after")
-    def _asks_for_something(self) -> Self:
+    def _check_not_empty(self) -> Self:
         if not self.by_quantity():
             raise q.value_error("at least one of lift, velocity, acceleration, force", "it asks for nothing")
         return self
@@ -68,7 +68,7 @@ class FidelityRecord(Record):
     )
 
     @model_validator(mode="after")
-    def _one_choice(self) -> Self:
+    def _check_choice(self) -> Self:
         if self.tolerance is not None and self.model != "beams":
             raise q.value_error("either model or tolerance", "a tolerance chooses the model")
         if self.reduction != "modes" and self.modes is None:
@@ -92,7 +92,7 @@ class DampingRecord(PartRecord[Damping]):
     beta: Annotated[float, q.Unit("time")] = Field(0.0, description="Rayleigh factor of the stiffness")
     modal: q.Ratio = Field(0.0, description="damping ratio of every mode")
 
-    def made(self) -> Damping:
+    def build(self) -> Damping:
         """Build the damping."""
         return Damping(self.alpha, self.beta, self.modal)
 
@@ -104,7 +104,7 @@ class NewmarkRecord(PartRecord[dynamics.Scheme]):
     beta: q.PositiveNumber = 0.25
     gamma: q.PositiveNumber = 0.5
 
-    def made(self) -> dynamics.Scheme:
+    def build(self) -> dynamics.Scheme:
         """Build the scheme."""
         return dynamics.newmark(beta=self.beta, gamma=self.gamma)
 
@@ -115,7 +115,7 @@ class HhtRecord(PartRecord[dynamics.Scheme]):
     method: Literal["hht"]
     alpha: q.SignedNumber = -0.05
 
-    def made(self) -> dynamics.Scheme:
+    def build(self) -> dynamics.Scheme:
         """Build the scheme."""
         return dynamics.hht(alpha=self.alpha)
 
@@ -126,7 +126,7 @@ class GeneralizedAlphaRecord(PartRecord[dynamics.Scheme]):
     method: Literal["generalized-alpha"]
     rho_inf: q.Ratio = 0.9
 
-    def made(self) -> dynamics.Scheme:
+    def build(self) -> dynamics.Scheme:
         """Build the scheme."""
         return dynamics.generalized_alpha(rho_inf=self.rho_inf)
 
@@ -136,7 +136,7 @@ class BatheRecord(PartRecord[dynamics.Method]):
 
     method: Literal["bathe"]
 
-    def made(self) -> dynamics.Method:
+    def build(self) -> dynamics.Method:
         """Build the method."""
         return dynamics.bathe()
 
@@ -146,7 +146,7 @@ class CentralDifferenceRecord(PartRecord[dynamics.Method]):
 
     method: Literal["central-difference"]
 
-    def made(self) -> dynamics.Method:
+    def build(self) -> dynamics.Method:
         """Build the method."""
         return dynamics.central_difference()
 
@@ -156,7 +156,7 @@ class ExactRecord(PartRecord[dynamics.Method]):
 
     method: Literal["exact"]
 
-    def made(self) -> dynamics.Method:
+    def build(self) -> dynamics.Method:
         """Build the method."""
         return dynamics.exact()
 
@@ -167,7 +167,7 @@ class ScipyReferenceRecord(PartRecord[dynamics.Method]):
     method: Literal["radau", "dop853"]
     tolerance: Annotated[float, Field(ge=1e-13, le=1e-2)] = Field(1e-9, description="relative local error")
 
-    def made(self) -> dynamics.Method:
+    def build(self) -> dynamics.Method:
         """Build the method."""
         make = dynamics.radau if self.method == "radau" else dynamics.dop853
         return make(tolerance=self.tolerance)
@@ -199,7 +199,7 @@ class GivenStartRecord(Record):
 
     @field_validator("displacement", "velocity", mode="before")
     @classmethod
-    def _in_their_units(cls, value: object, info: ValidationInfo) -> object:
+    def _convert_units(cls, value: object, info: ValidationInfo) -> object:
         """Return SI by component; values other than tables are left to pydantic."""
         if not isinstance(value, dict):
             return value
@@ -236,14 +236,14 @@ class FluctuationRecord(Record):
     phases: list[q.SignedAngle] = Field(default=[], description="of the swings; zero by default")
 
     @model_validator(mode="after")
-    def _as_many(self) -> Self:
+    def _check_lengths(self) -> Self:
         if len(self.amplitudes) != len(self.orders) or len(self.phases) not in (0, len(self.orders)):
             raise q.value_error("an amplitude (and a phase, or none) for every order", "they belong together")
         if sum(self.amplitudes) >= 1.0:
             raise q.value_error("amplitudes that together are below 1", "the shaft must keep turning")
         return self
 
-    def made(self) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
+    def build(self) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
         """Return orders, amplitudes and phases."""
         return tuple(self.orders), tuple(self.amplitudes), tuple(self.phases or [0.0] * len(self.orders))
 
@@ -255,7 +255,7 @@ class FreeRunningRecord(Record):
     cam_mass: Annotated[float, q.Unit("mass", above=True)] = Field(description="of the cam, as a disc")
     follower_mass: q.MassValue = Field(description="of the follower")
 
-    def made(self) -> tuple[str, float, float]:
+    def build(self) -> tuple[str, float, float]:
         """Return the name of the cam and both masses."""
         return self.cam, self.cam_mass, self.follower_mass
 
@@ -266,7 +266,7 @@ class AdaptiveRecord(PartRecord[dynamics.Adaptive]):
     tolerance: q.PositiveNumber = Field(1e-6, description="largest error of a step, as a part of the motion (energy)")
     smallest: q.Time | None = Field(None, description="smallest step; 2^-16 of the one given by default")
 
-    def made(self) -> dynamics.Adaptive:
+    def build(self) -> dynamics.Adaptive:
         """Build the step control: tolerance and minimum step."""
         return dynamics.Adaptive(self.tolerance, self.smallest)
 
@@ -298,7 +298,7 @@ class RunRecord(Record):
     damping: DampingRecord = Field(default_factory=lambda: DampingRecord.model_validate({}))
 
     @model_validator(mode="after")
-    def _one_drive(self) -> Self:
+    def _check_drive(self) -> Self:
         if self.fluctuation is not None and self.free_running is not None:
             raise q.value_error("either fluctuation or free_running", "the shaft turns in one way")
         orders = self.fluctuation.orders if self.fluctuation else []

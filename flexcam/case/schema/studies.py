@@ -19,7 +19,7 @@ class SettingRecord(Record):
     installed_compression: q.Length | None = Field(None, description="of the spring")
 
     @model_validator(mode="after")
-    def _one_speed(self) -> Self:
+    def _check_speed(self) -> Self:
         if self.speed is not None and self.crank_speed is not None:
             raise q.value_error("either speed or crank_speed", "one follows from the other")
         return self

@@ -99,21 +99,21 @@ class Arch:
         axial = beams.EA[elements] / beams.length[elements]
         return cls(axial, shortening_matrix(beams, elements), beams.bow[elements])
 
-    def pull(self, values: FloatArray) -> FloatArray:
+    def bending_per_force(self, values: FloatArray) -> FloatArray:
         """Return the bending forces per unit axial force, g (y + y0), shape (..., e, 6), for shape (..., e, 7)."""
-        return _move_instants_first(self._pull(_move_instants_last(values)), values)
+        return _move_instants_first(self._bending_per_force(_move_instants_last(values)), values)
 
     def axial_force(self, values: FloatArray) -> FloatArray:
         """Return the axial force, tension positive, N, shape (..., e), for parameters of shape (..., e, 7)."""
         first = _move_instants_last(values)
-        N = self.axial[:, None] * first[:, 0] + self._beyond(first, self._pull(first))
+        N = self.axial[:, None] * first[:, 0] + self._shortening_force(first, self._bending_per_force(first))
         return _move_instants_first(N, values)
 
     def forces(self, values: FloatArray) -> FloatArray:
         """Return the forces beyond those of the linear bar and beam, shape (..., e, 7), for that shape."""
         first = _move_instants_last(values)
-        pulled, found = self._pull(first), np.empty_like(first)
-        beyond = self._beyond(first, pulled)
+        pulled, found = self._bending_per_force(first), np.empty_like(first)
+        beyond = self._shortening_force(first, pulled)
         N = self.axial[:, None] * first[:, 0] + beyond
         found[:, 0] = beyond
         np.multiply(N[:, None], pulled, out=found[:, 1:])
@@ -122,14 +122,14 @@ class Arch:
     def energy(self, values: FloatArray) -> FloatArray:
         """Return the energy beyond that of the linear bar and beam, J, shape (...), for shape (..., e, 7)."""
         first = _move_instants_last(values)
-        beyond = self._beyond(first, self._pull(first))  # N^2 minus that of the linear bar
+        beyond = self._shortening_force(first, self._bending_per_force(first))  # N^2 minus that of the linear bar
         return np.sum(beyond * (0.5 * beyond / self.axial[:, None] + first[:, 0]), axis=0).reshape(values.shape[:-2])
 
-    def _pull(self, first: FloatArray) -> FloatArray:
+    def _bending_per_force(self, first: FloatArray) -> FloatArray:
         """Return `pull` with instants last: shape (e, 7, m) to (e, 6, m)."""
         return self.shortening @ (first[:, 1:] + self.bow[..., None])
 
-    def _beyond(self, first: FloatArray, pulled: FloatArray) -> FloatArray:
+    def _shortening_force(self, first: FloatArray, pulled: FloatArray) -> FloatArray:
         """Return the axial force of the shortening by bending, N, shape (e, m)."""
         # y.g.(y + 2 y0): the difference of both squares would leave rounding at zero bending.
         return 0.5 * self.axial[:, None] * np.einsum("eim,eim->em", first[:, 1:], pulled + self._start)
@@ -139,11 +139,11 @@ class Arch:
         """Generalized bending forces of the initial bow per unit axial force, shape (e, 6, 1)."""
         return self.shortening @ self.bow[..., None]
 
-    def answer(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def forces_and_stiffness(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the forces, shape (e, 7), and their derivatives, (e, 7, 7), for one instant, (e, 7)."""
         first = values[..., None]
-        pulled = self._pull(first)
-        beyond, pulled = self._beyond(first, pulled)[:, 0], pulled[..., 0]
+        pulled = self._bending_per_force(first)
+        beyond, pulled = self._shortening_force(first, pulled)[:, 0], pulled[..., 0]
         N, across = self.axial * values[:, 0] + beyond, self.axial[:, None] * pulled
         forces, tangent = np.empty_like(values), np.zeros((len(values), SCALARS, SCALARS))
         forces[:, 0], forces[:, 1:] = beyond, N[:, None] * pulled

@@ -40,7 +40,7 @@ def _roller(place: CamPlacement, moved: np.ndarray, instant: SceneState) -> list
     along = float(moved @ place.lift)
     finger = not instant.structure.is_node(place.contact.follower)
     swings = finger or frame.side != 1
-    centre = frame.drawn(along if swings else 0.0)
+    centre = frame.contact_end(along if swings else 0.0)
     middle = frame.centre + np.array([centre.real, centre.imag]) @ frame.plane + (0.0 if swings else 1.0) * moved
     half, radius = 0.55 * frame.width * frame.axis, frame.follower.roller_radius
     parts = [cylinder("roller", middle - half, middle + half, radius)]

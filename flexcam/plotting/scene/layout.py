@@ -82,19 +82,19 @@ def build_layout(structure: Structure) -> Layout:
     levers = {name: _lever(model, one, cams) for name, one in model.rockers.items()}
     valves = tuple(_valves(model, levers))
     for one in valves:
-        notes.say("valve head at", one.point, head, "four lifts across")
+        notes.record("valve head at", one.point, head, "four lifts across")
         if one.stem:
-            notes.say("valve stem at", one.point, STEM * head, "a sixth of its head across and three heads long")
+            notes.record("valve stem at", one.point, STEM * head, "a sixth of its head across and three heads long")
     reach = min((arm for one in model.rockers.values() for arm in one.arms), default=0.0)
     thick = 0.42 * reach
     for name in levers:
-        notes.say("rocker", name, thick, "thick: 0.42 of the shortest arm")
+        notes.record("rocker", name, thick, "thick: 0.42 of the shortest arm")
     springs = tuple(_springs(structure, cams, levers, head, notes))
     return Layout(cams, levers, valves, springs, head, thick, notes.lines)
 
 
 def _cams(model: Model, notes: Notes) -> Iterator[CamPlacement]:
-    for contact in model.driven.values():
+    for contact in model.cam_contacts.values():
         cam, lift = model.cams[contact.cam], unit_vector(contact.direction)
         node, points = model.mesh.node(cam.at), model.mesh.points
         centre, ahead = model.mesh.nodes[node], 0.0
@@ -106,7 +106,7 @@ def _cams(model: Model, notes: Notes) -> Iterator[CamPlacement]:
         face = 0.0
         if np.isinf(follower.roller_radius):
             face = sizes.face_radius(cam, follower, width)
-            notes.say("face of follower", contact.follower, face, "radius on which the whole contact lies")
+            notes.record("face of follower", contact.follower, face, "radius on which the whole contact lies")
         yield CamPlacement(frame, node, contact, lift, ahead, face)
 
 
@@ -114,7 +114,7 @@ def _lever(model: Model, rocker: Rocker, cams: tuple[CamPlacement, ...]) -> Leve
     own = next((one for one in cams if rocker_of(model, one.contact) is rocker), None)
     lift = unit_vector(rocker.direction)
     if rocker.finger and own is not None:
-        tip = own.frame.drawn(0.0)
+        tip = own.frame.contact_end(0.0)
         end = own.frame.centre + np.array([tip.real, tip.imag]) @ own.frame.plane
         return lever_frame(rocker, end, own.frame.plane, -own.frame.side)
     right = np.cross(own.frame.axis, lift) if own is not None else perpendicular_axes(lift)[0]
@@ -130,9 +130,9 @@ def _valves(model: Model, levers: dict[str, LeverFrame]) -> Iterator[ValvePlacem
     for name, frame in levers.items():
         point, play = frame.rocker.point, model.lash_of(name)
         gap = play.gap if isinstance(play, Lash) else 0.0
-        tip = frame.space(frame.ends(0.0)[1]) + gap * frame.away
-        yield ValvePlacement(point, tip, frame.away, True, find_seat(model, point) is not None)
-    for contact in model.driven.values():
+        tip = frame.space(frame.ends(0.0)[1]) + gap * frame.opening_direction
+        yield ValvePlacement(point, tip, frame.opening_direction, True, find_seat(model, point) is not None)
+    for contact in model.cam_contacts.values():
         if rocker_of(model, contact) is not None:
             continue
         nodes = set(moved_nodes(model, contact))
@@ -179,7 +179,7 @@ def _moving_end(
     frame = next(one for one in levers.values() if spring.at in (one.rocker.point, one.rocker.start))
     same = float(spring.direction @ frame.rocker.direction) >= 0.0
     if spring.at == frame.rocker.point:
-        away = frame.away if same else -frame.away
+        away = frame.opening_direction if same else -frame.opening_direction
         return frame.space(frame.ends(0.0)[1]) + 0.2 * head * away, away
     away = frame.plane[1] if same else -frame.plane[1]
     return frame.space(frame.ends(0.0)[0]), away

@@ -50,7 +50,7 @@ class LeverFrame:
         return self.pivot + np.array([point.real, point.imag]) @ self.plane
 
     @property
-    def away(self) -> FloatArray:
+    def opening_direction(self) -> FloatArray:
         """Unit vector of the output motion during lift, shape (3,)."""
         return self.plane[1] if self.rocker.finger else -self.plane[1]
 

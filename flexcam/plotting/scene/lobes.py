@@ -51,16 +51,16 @@ class CamFrame:
         made_for = self.follower
         return made_for.side if isinstance(made_for, SwingRollerFollower | SwingFlatFollower) else 1
 
-    def drawn(self, lift: float) -> complex:
+    def contact_end(self, lift: float) -> complex:
         """Return the contact end of the follower (a roller's centre) at a lift, in the plane, m."""
-        touch = self.follower.touch(np.array([lift]), np.zeros(1), np.zeros(1), self.profile.turn)
-        return complex(touch.trace[0]) * self._upright
+        touch = self.follower.contact(np.array([lift]), np.zeros(1), np.zeros(1), self.profile.turn)
+        return complex(touch.trace[0]) * self._upright_rotation
 
     @property
-    def _upright(self) -> complex:
+    def _upright_rotation(self) -> complex:
         """Rotation of the drawing after which the initial follower motion is along the imaginary axis."""
         nothing = np.zeros(1)
-        return 1j / complex(self.follower.touch(nothing, nothing, nothing, self.profile.turn).motion[0])
+        return 1j / complex(self.follower.contact(nothing, nothing, nothing, self.profile.turn).motion[0])
 
     def space(self, points: ComplexArray) -> FloatArray:
         """Return points of the rotated drawing in space, relative to the cam centre, m, shape (n, 3)."""
@@ -69,7 +69,7 @@ class CamFrame:
     def contour(self, angle: float) -> ComplexArray:
         """Return the profile at a cam angle, rad, in the rotated drawing, m, shape (POINTS,), counterclockwise."""
         own = self.profile.points @ np.array([1.0, 1j])
-        points = own * np.exp(1j * self.profile.turn * angle) * self._upright
+        points = own * np.exp(1j * self.profile.turn * angle) * self._upright_rotation
         return points if _area(points) > 0.0 else points[::-1]
 
 

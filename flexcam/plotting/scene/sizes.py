@@ -23,7 +23,7 @@ class Notes:
 
     _said: dict[str, list[str]] = field(default_factory=dict[str, list[str]])
 
-    def say(self, what: str, name: str, size: float, why: str) -> float:
+    def record(self, what: str, name: str, size: float, why: str) -> float:
         """Return a size, m, and record a note: the kind of part, its name, and the reason."""
         self._said.setdefault(f"{what} {{}}: {1e3 * size:.3g} mm, {why}", []).append(name)
         return size
@@ -50,14 +50,14 @@ def default_follower(name: str, cam: Cam, distance: float, notes: Notes) -> Foll
     if cam.follower is not None:
         return cam.follower
     base = distance if distance > 0.0 else 3.0 * cam.event.height
-    return FlatFollower(notes.say("base circle of cam", name, base, "to its follower's node, under a flat face"))
+    return FlatFollower(notes.record("base circle of cam", name, base, "to its follower's node, under a flat face"))
 
 
 def lobe_width(name: str, cam: Cam, follower: Follower, notes: Notes) -> float:
     """Return the width of a lobe, m."""
     if cam.width is not None:
         return cam.width
-    return notes.say("width of cam", name, 0.7 * follower.base_radius, "0.7 of its base radius")
+    return notes.record("width of cam", name, 0.7 * follower.base_radius, "0.7 of its base radius")
 
 
 def face_radius(cam: Cam, follower: Follower, width: float) -> float:
@@ -82,10 +82,10 @@ def coil_sizes(name: str, spring: Spring, diameter: float, travel: float, notes:
         D, d = spring.wire.coil_diameter, spring.wire.diameter
         coils = SHEAR_MODULUS * d**4 / (8.0 * D**3 * spring.stiffness) if spring.stiffness > 0.0 else _COILS
     else:
-        D, coils = notes.say("coil of spring", name, diameter, "wire from its rate, six coils of steel"), _COILS
+        D, coils = notes.record("coil of spring", name, diameter, "wire from its rate, six coils of steel"), _COILS
         d = min((8.0 * D**3 * coils * spring.stiffness / SHEAR_MODULUS) ** 0.25, D / 5.0)
     d, coils = max(d, D / 40.0), min(max(coils, 2.0), 20.0)
     room = spring.clash_travel or 1.4 * travel
     return CoilSizes(
-        D, d, notes.say("length of spring", name, (coils + 2.0) * d + room, "its coils and their travel"), coils
+        D, d, notes.record("length of spring", name, (coils + 2.0) * d + room, "its coils and their travel"), coils
     )

@@ -42,7 +42,7 @@ class Solid:
         return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6.0
 
     @property
-    def closed(self) -> bool:
+    def is_closed(self) -> bool:
         """Return whether every edge belongs to two triangles with opposite directions."""
         edges = np.concatenate([self.faces[:, [i, (i + 1) % 3]] for i in range(3)]).tolist()
         seen = {(a, b) for a, b in edges}

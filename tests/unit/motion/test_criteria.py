@@ -104,7 +104,7 @@ def test_what_is_broken_is_said(name):
         "velocity": "the velocity steps next to a dwell", "acceleration": "the acceleration steps next to a dwell",
         "jerk": "the jerk steps next to a dwell", "inside": "steps inside the rise", "symmetric": "not symmetric",
     }  # fmt: skip
-    assert [said.split(":")[0] for said in found.broken] == [words[key] for key in SAID[name]]
+    assert [said.split(":")[0] for said in found.violations] == [words[key] for key in SAID[name]]
 
 
 class Short:
@@ -117,13 +117,13 @@ class Short:
 
 
 def test_a_law_that_does_not_reach_its_lift_is_said():
-    broken = criteria(Short()).broken
+    broken = criteria(Short()).violations
     assert broken[0] == "s(0) = 0.1, not 0"
     assert broken[1] == "s(1) = 0.9, not 1"
 
 
 def test_quinquinomial_steps_on_one_side_only():
-    (first, _) = criteria(LAWS["quinquinomial"]).broken
+    (first, _) = criteria(LAWS["quinquinomial"]).violations
     assert first.endswith("by 6.33745 at z = 0")
 
 
