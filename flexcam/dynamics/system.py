@@ -10,6 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from flexcam.core import FloatArray, Triplets
+from flexcam.core.errors import refuse
 from flexcam.dynamics.angle_functions import AngleFunction, AngleVector, CamFunctionCache, Constant
 from flexcam.dynamics.cam_motion import CamMotion
 from flexcam.dynamics.force_laws import LAWS, ForceLaw
@@ -83,6 +84,11 @@ class LocalForce:
     law: ForceLaw | CustomLaw
     offset: tuple[AngleFunction, ...]
     restitution: float | None = None
+
+    def __post_init__(self) -> None:
+        if isinstance(self.law, ForceLaw) and len(self.sense) % self.law.scalars:
+            given, allowed = f"{len(self.sense)} sensed scalars", f"multiples of {self.law.scalars}"
+            raise refuse(self.name, given, allowed, "its law senses so many", "give a vector for each of them")
 
     @property
     def switching(self) -> range:
