@@ -261,3 +261,7 @@ def test_forces_that_react_through_each_other_alone(scheme, gain):
     # Such forces feed the motion: it grows by orders of magnitude, and so does what was settled to 1e-12.
     assert (np.abs(found.probes.displacement - general.probes.displacement).max()
             < 1e-9 * np.abs(general.probes.displacement).max())  # fmt: skip
+    K = np.array([[100.0, k], [-k, 200.0]])  # the same forces without an iteration
+    linear = replace(system, stiffness=Triplets.from_dense(K), local_forces=())
+    expected = solve(replace(problem, system=linear, engine="direct"), SCHEMES[scheme]).probes.displacement
+    assert np.abs(general.probes.displacement - expected).max() < 1e-9 * np.abs(expected).max()
