@@ -133,14 +133,15 @@ def check(count, folder):
     it are left in there. What is doubled is 3/4 of it, so that 1.5 times the truth is to be expected.
     Springs of few coarse parts are divided as well, and what surges in them may not converge: the estimate says so.
     Accelerations and forces after an impact or a jump of the law come together later than lifts do: of them every other
-    estimate is to hold.
+    estimate is to hold, and of forces, whose error is the largest one at any instant, nine of ten cover it.
     """
     found = [errors(seed, folder) for seed in range(count)]
     for quantity in ("lift", "velocity", "acceleration", "force intake"):
         ones = [one[quantity] for one in found if one[quantity][1] > ROUNDING]
         holding = [(estimated, true) for estimated, true, holds in ones if holds]
         assert len(holding) >= (0.7 if quantity == "lift" else 0.5) * len(ones), quantity
-        assert sum(estimated >= true for estimated, true in holding) >= 0.95 * len(holding), quantity
+        covered = sum(estimated >= true for estimated, true in holding)
+        assert covered >= (0.9 if quantity == "force intake" else 0.95) * len(holding), quantity
         assert np.median([estimated / true for estimated, true in holding]) < 5.0, quantity
 
 
