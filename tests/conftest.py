@@ -226,8 +226,11 @@ def local_force():
 
 @pytest.fixture(scope="session")
 def on_a_screen():
-    """Return how a command begins that needs a screen; every process looks for one from a number of its own on."""
-    return ["xvfb-run", "-a", "-n", str(100 + os.getpid() % 30_000), "-s", "-screen 0 800x600x24"]
+    """Return how a command begins that needs a screen; every process looks for one from a number of its own on.
+
+    A server that resets when its last client leaves is not there for the next one: hence `-noreset`.
+    """
+    return ["xvfb-run", "-a", "-n", str(100 + os.getpid() % 30_000), "-s", "-screen 0 800x600x24 -noreset"]
 
 
 @pytest.fixture

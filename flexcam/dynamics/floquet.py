@@ -288,11 +288,7 @@ class Disturbances:
             slope(before.schedule.acting_matrix(0), after.schedule.acting_matrix(0)),
         )
         pushed = slope(before.load, after.load) + (force @ act + now.force @ turned) @ forces.act.vectors
-        if not len(state):
-            return np.concatenate([np.zeros_like(moment.d), pushed])
-        flow = slope(early.state_rate, late.state_rate)
-        flow += now.state_rate_by_penetration @ by_penetration + now.state_rate_by_rate @ by_rate
-        return np.concatenate([np.zeros_like(moment.d), pushed, flow])
+        return np.concatenate([np.zeros_like(moment.d), pushed, now.flow * by_penetration[forces.table.owners]])
 
     def _flow(self, moment: StepState) -> FloatArray:
         """Return velocities, accelerations and rates of internal states in a row."""

@@ -19,7 +19,7 @@ from flexcam.dynamics.system import Reaction, System
 class Linear:
     """Linearized equations for displacement d, velocity v and internal states z at an instant.
 
-    ``M d'' + C d' + K d = P z`` and ``z' = Z_d d + Z_v v + Z_z z``.
+    ``M d'' + C d' + K d = P z``; every state z follows one sensed scalar G d.
 
     Parameters
     ----------
@@ -27,16 +27,14 @@ class Linear:
         C and K, shape (n, n).
     by_state
         P, shape (n, s).
-    state_by_d, state_by_v, state_by_state
-        Z_d and Z_v, shape (s, n), and Z_z, shape (s, s).
+    followed
+        G, shape (s, n).
     """
 
     damping: FloatArray
     stiffness: FloatArray
     by_state: FloatArray
-    state_by_d: FloatArray
-    state_by_v: FloatArray
-    state_by_state: FloatArray
+    followed: FloatArray
 
 
 class Linearization:
@@ -58,9 +56,8 @@ class Linearization:
     def __init__(self, system: System, forces: LocalForces) -> None:
         self.mass, self._C, self._K = (m.dense() for m in (system.mass, system.damping, system.stiffness))
         self._forces = forces
-        n, s = system.size, len(forces.start_state)
-        nothing = np.zeros((s, n))
-        self._plain = Linear(self._C, self._K, nothing.T, nothing, nothing, np.zeros((s, s)))
+        nothing = np.zeros((len(forces.start_state), system.size))
+        self._plain = Linear(self._C, self._K, nothing.T, nothing)
         self._last, self._told = self._plain, b""
 
     def at(
@@ -71,7 +68,8 @@ class Linearization:
             return self._plain
         answer = self._forces.respond(penetration, rate, state, schedule, i)
         weights = schedule.sensing_weights[i], schedule.sensing_rates[i], schedule.acting_weights[i]
-        told = b"".join(one.tobytes() for one in (*weights, *_derivatives(answer)))
+        derivatives = answer.by_penetration, answer.by_rate, answer.by_state, answer.flow
+        told = b"".join(one.tobytes() for one in (*weights, *derivatives))
         if told != self._told:
             self._last, self._told = self._with(answer, *directions(self._forces, schedule, i)), told
         return self._last
@@ -81,26 +79,14 @@ class Linearization:
         C = self._C - by_rate @ sense
         K = self._K - act.T @ answer.by_penetration @ sense - by_rate @ turning
         if not len(answer.state_rate):
-            plain = self._plain
-            return Linear(C, K, plain.by_state, plain.state_by_d, plain.state_by_v, plain.state_by_state)
-        by_d = answer.state_rate_by_penetration @ sense + answer.state_rate_by_rate @ turning
-        return Linear(
-            C, K, act.T @ answer.by_state, by_d, answer.state_rate_by_rate @ sense, answer.state_rate_by_state
-        )
+            return Linear(C, K, self._plain.by_state, self._plain.followed)
+        return Linear(C, K, act.T @ answer.by_state, sense[self._forces.table.owners])
 
 
 def directions(forces: LocalForces, schedule: PrescribedInputs, i: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the acting and sensing rows of the forces, and the rates of the latter, shape (c, n) each."""
     act, sense, turning = schedule.acting_matrix(i), schedule.sensing_matrix(i), schedule.sensing_rate_matrix(i)
     return act @ forces.act.vectors, sense @ forces.sense.vectors, turning @ forces.sense.vectors
-
-
-def _derivatives(answer: Reaction) -> tuple[FloatArray, ...]:
-    own = answer.by_penetration, answer.by_rate
-    if not len(answer.state_rate):
-        return own
-    of_state = answer.state_rate_by_penetration, answer.state_rate_by_rate, answer.state_rate_by_state
-    return (*own, answer.by_state, *of_state)
 
 
 class Tangents:
@@ -158,16 +144,16 @@ class Tangents:
 
 @dataclass(frozen=True, eq=False)
 class SmallStep:
-    """What a step does to small disturbances.
+    """A step of small disturbances.
 
     Parameters
     ----------
     old, new
-        What they obey at its beginning and at its end.
+        Linearized equations at its beginning and at its end.
     length
         s.
     by_travel, by_begin
-        How what an internal state leaves of its scalar follows travel and begin of the step, shape (s,).
+        Derivatives of ``e1 = x1 - z1``, scalar minus internal state at the end, by ``x1 - x0`` and by e0, shape (s,).
     """
 
     old: Linear
@@ -246,14 +232,9 @@ def _states(step: SmallStep, before: FloatArray, more: FloatArray) -> tuple[Floa
     By the rule of `flexcam.dynamics.force_laws.oil_column`: what a state z leaves of its scalar x, ``e = x - z``,
     follows ``e1 = T (x1 - x0) + B e0``, so that ``z1 = (1 - T) x1 + (T - B) x0 + B z0``.
     """
-    old, new = step.old, step.new
-    n = new.state_by_d.shape[1]
-    d, _, z = split_state(before, n)
-    if not len(z):
-        return z, new.state_by_d
+    d, _, z = split_state(before, step.new.followed.shape[1])
     T, B = step.by_travel[:, None], step.by_begin[:, None]
-    senses, sensed = (-one.state_by_d / np.diag(one.state_by_state)[:, None] for one in (new, old))
-    return B * z + (T - B) * (sensed @ d) + more, (1.0 - T) * senses
+    return B * z + (T - B) * (step.old.followed @ d) + more, (1.0 - T) * step.new.followed
 
 
 def split_state(state: FloatArray, n: int) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -412,12 +412,11 @@ class LocalForces:
         force, owners = work.local[ANSWER].copy(), self.table.owners
         if not len(owners):
             return Reaction(force, by_penetration, by_rate)
-        of_penetration, at, flow = np.zeros((len(owners), c)), np.arange(len(owners)), work.states[FLOW]
-        of_penetration[at, owners] = flow  # z' = a (x - z) for the scalar x of the law; the force depends on x - z
-        by_state = -by_penetration[:, owners]
-        rate = work.states[STATE_RATE].copy()
+        by_state = -by_penetration[
+            :, owners
+        ]  # the force depends on x - z of the scalar x of the law, and z' = a (x - z)
         return Reaction(
-            force, by_penetration, by_rate, rate, by_state, of_penetration, 0.0 * of_penetration, -np.diag(flow)
+            force, by_penetration, by_rate, work.states[STATE_RATE].copy(), by_state, work.states[FLOW].copy()
         )
 
     def contact_sides(self, penetration: FloatArray) -> NDArray[np.bool_]:

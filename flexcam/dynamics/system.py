@@ -33,10 +33,8 @@ class Reaction:
         Rates of the internal states, shape (s,).
     by_state
         Derivatives of the forces by the states, shape (c, s).
-    state_rate_by_penetration, state_rate_by_rate
-        Derivatives of the rates by the sensed scalars and their rates, shape (s, c).
-    state_rate_by_state
-        Derivatives of the rates by the states, shape (s, s).
+    flow
+        Rates of the states per unit of what each leaves of the scalar it follows, 1/s, shape (s,).
     """
 
     force: FloatArray
@@ -44,9 +42,7 @@ class Reaction:
     by_rate: FloatArray
     state_rate: FloatArray = field(default_factory=lambda: _NO_STATE)
     by_state: FloatArray = field(default_factory=lambda: _NONE)
-    state_rate_by_penetration: FloatArray = field(default_factory=lambda: _NONE)
-    state_rate_by_rate: FloatArray = field(default_factory=lambda: _NONE)
-    state_rate_by_state: FloatArray = field(default_factory=lambda: _NONE)
+    flow: FloatArray = field(default_factory=lambda: _NO_STATE)
 
 
 class CustomLaw(Protocol):

@@ -57,7 +57,7 @@ multiplied by the stiffness of what touches."""
 GROUND = 0.1
 """A quantity below this part of the largest of its kind is measured by that part: it may be rounding alone."""
 
-FLOOR = {"energy_lost": 1.0, "imbalance": 1.0, "periodicity": 1.0, "gap": 1.0, "growth": 1e-3}
+FLOOR = {"energy_lost": 1.0, "energy_numerical": 1.0, "imbalance": 1.0, "periodicity": 1.0, "gap": 1.0, "growth": 1e-3}
 """Least scale of some quantities, parts of one; that of all others is `MIN_REDUCTION`."""
 
 LEAST = 1e-7

@@ -96,6 +96,8 @@ VARIANTS: dict[str, dict[str, tuple[tuple[str, ...], dict[str, int]]]] = {
         "consistent": (("members.post.mass=consistent", "members.arm.mass=consistent"), {"direct": LIGHT}),
     },
     "cases/pushrod-engine/intake": {"fast": (("run.crank_speed=\"6500 rpm\"",), BEAMS)},
+    # Few modes of an engine of fingers, levers and oil columns: rounding moves whole touchdowns.
+    "data/every-engine": {rung: (LADDER[rung][0], {}) for rung in ("modes", "craig-bampton")},
     # The few modes of a finger on oil that strikes its seat multiply rounding to hundredths.
     "cases/direct-acting/finger": {"modes": (LADDER["modes"][0], {"direct": BARE})},
     "cases/tayeb/model-3-shm": {"deflection": (("contacts.intake.cam_deflection=true",), BEAMS)},

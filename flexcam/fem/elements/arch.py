@@ -9,7 +9,6 @@ unit force. M. A. Crisfield, Non-linear Finite Element Analysis of Solids and St
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -85,8 +84,8 @@ class Arch:
     Examples
     --------
     >>> arch = Arch(np.ones(1), np.eye(6)[None], np.zeros((1, 6)))
-    >>> arch.axial_force(np.array([[0.5, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0]]))
-    array([1.])
+    >>> arch.forces(np.array([[0.5, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0]]))
+    array([[0.5, 1. , 0. , 0. , 0. , 0. , 0. ]])
     """
 
     axial: FloatArray
@@ -99,67 +98,18 @@ class Arch:
         axial = beams.EA[elements] / beams.length[elements]
         return cls(axial, shortening_matrix(beams, elements), beams.bow[elements])
 
-    def bending_per_force(self, values: FloatArray) -> FloatArray:
-        """Return the bending forces per unit axial force, g (y + y0), shape (..., e, 6), for shape (..., e, 7)."""
-        return _move_instants_first(self._bending_per_force(_move_instants_last(values)), values)
-
-    def axial_force(self, values: FloatArray) -> FloatArray:
-        """Return the axial force, tension positive, N, shape (..., e), for parameters of shape (..., e, 7)."""
-        first = _move_instants_last(values)
-        N = self.axial[:, None] * first[:, 0] + self._shortening_force(first, self._bending_per_force(first))
-        return _move_instants_first(N, values)
-
     def forces(self, values: FloatArray) -> FloatArray:
-        """Return the forces beyond those of the linear bar and beam, shape (..., e, 7), for that shape."""
-        first = _move_instants_last(values)
-        pulled, found = self._bending_per_force(first), np.empty_like(first)
-        beyond = self._shortening_force(first, pulled)
-        N = self.axial[:, None] * first[:, 0] + beyond
-        found[:, 0] = beyond
-        np.multiply(N[:, None], pulled, out=found[:, 1:])
-        return _move_instants_first(found, values)
+        """Return the forces beyond those of the linear bar and beam, shape (..., e, 7), for that shape.
 
-    def energy(self, values: FloatArray) -> FloatArray:
-        """Return the energy beyond that of the linear bar and beam, J, shape (...), for shape (..., e, 7)."""
-        first = _move_instants_last(values)
-        beyond = self._shortening_force(first, self._bending_per_force(first))  # N^2 minus that of the linear bar
-        return np.sum(beyond * (0.5 * beyond / self.axial[:, None] + first[:, 0]), axis=0).reshape(values.shape[:-2])
-
-    def _bending_per_force(self, first: FloatArray) -> FloatArray:
-        """Return `pull` with instants last: shape (e, 7, m) to (e, 6, m)."""
-        return self.shortening @ (first[:, 1:] + self.bow[..., None])
-
-    def _shortening_force(self, first: FloatArray, pulled: FloatArray) -> FloatArray:
-        """Return the axial force of the shortening by bending, N, shape (e, m)."""
+        The same as `flexcam.dynamics.force_laws.arch`, for all instants and elements at once.
+        """
+        y, found = values[..., 1:], np.empty_like(values)
+        pulled = np.einsum("eij,...ej->...ei", self.shortening, y + self.bow)
+        start = np.einsum("eij,ej->ei", self.shortening, self.bow)
         # y.g.(y + 2 y0): the difference of both squares would leave rounding at zero bending.
-        return 0.5 * self.axial[:, None] * np.einsum("eim,eim->em", first[:, 1:], pulled + self._start)
-
-    @cached_property
-    def _start(self) -> FloatArray:
-        """Generalized bending forces of the initial bow per unit axial force, shape (e, 6, 1)."""
-        return self.shortening @ self.bow[..., None]
-
-    def forces_and_stiffness(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the forces, shape (e, 7), and their derivatives, (e, 7, 7), for one instant, (e, 7)."""
-        first = values[..., None]
-        pulled = self._bending_per_force(first)
-        beyond, pulled = self._shortening_force(first, pulled)[:, 0], pulled[..., 0]
-        N, across = self.axial * values[:, 0] + beyond, self.axial[:, None] * pulled
-        forces, tangent = np.empty_like(values), np.zeros((len(values), SCALARS, SCALARS))
-        forces[:, 0], forces[:, 1:] = beyond, N[:, None] * pulled
-        tangent[:, 0, 1:] = tangent[:, 1:, 0] = across
-        tangent[:, 1:, 1:] = N[:, None, None] * self.shortening + across[:, :, None] * pulled[:, None, :]
-        return forces, tangent
-
-
-def _move_instants_last(values: FloatArray) -> FloatArray:
-    """Move the instants last, shape (..., e, k) to (e, k, m), for contiguous access."""
-    return np.ascontiguousarray(values.reshape(-1, *values.shape[-2:]).transpose(1, 2, 0))
-
-
-def _move_instants_first(found: FloatArray, values: FloatArray) -> FloatArray:
-    """Move the instants back to the front, shape (e, ..., m) to (..., e, ...)."""
-    return found.transpose(-1, *range(found.ndim - 1)).reshape(*values.shape[:-2], *found.shape[:-1])
+        found[..., 0] = 0.5 * self.axial * np.sum(y * (pulled + start), axis=-1)
+        found[..., 1:] = (self.axial * values[..., 0] + found[..., 0])[..., None] * pulled
+        return found
 
 
 def nonlinear_end_forces(beams: Beams, local: FloatArray) -> FloatArray:
