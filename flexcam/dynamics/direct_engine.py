@@ -12,7 +12,7 @@ from flexcam.dynamics.adaptive import EnergyNorm, StepController, StepFloorError
 from flexcam.dynamics.blocks import SaveAt, Series
 from flexcam.dynamics.checkpoint import Arrays, flatten
 from flexcam.dynamics.contact_events import EventStepper
-from flexcam.dynamics.engine import STOPPED, convergence_failure, in_range, instant, stack_motion
+from flexcam.dynamics.engine import STOPPED, convergence_failure, in_range, instant, stack_instant
 from flexcam.dynamics.implicit_step import NoConvergenceError
 from flexcam.dynamics.initial_acceleration import InitialAcceleration
 from flexcam.dynamics.integrator import Method, Stepper
@@ -64,26 +64,21 @@ class DirectEngine:
         self._iterations, self._substeps = 0, 0
 
     def advance(self, steps: IntArray) -> tuple[Trajectory, Status]:
-        """Return the instants of some successive steps, see `Engine`."""
-        _, track, status = self.walk(steps)
-        return track, status
-
-    def walk(self, steps: IntArray) -> tuple[list[list[StepState]], Trajectory, Status]:
-        """Return the instants of successive steps and the state of each for the next step.
+        """Return the instants of some successive steps, see `Engine`.
 
         At saved fields the forces are recomputed from the motion, so that a resumed run is identical bit by bit.
         """
         at = self._problem.times(steps)
         motion = self._problem.drive.at(at)
         schedule = self._forces.prescribed_inputs(motion)
-        before = None if self._last is None else stack_motion(Trajectory.of([[self._last]]))[0]
+        before = None if self._last is None else stack_instant(self._last)
         walked, status = self._advance_steps(steps, at, motion.angle, schedule, self._system.load_vector(motion))
         if not walked:
-            return walked, Trajectory.empty(self._system.size, self._forces), status
+            return Trajectory.empty(self._system.size, self._forces), status
         self._iterations += sum(m.iterations for part in walked for m in part)
         self._substeps += sum(len(part) for part in walked)
-        track, left = in_range(Trajectory.of(walked), before, self._system, motion.angle)
-        return walked, track, status if left.ok else left
+        track, left = in_range(Trajectory.of(walked, self._forces), before, self._system, motion.angle)
+        return track, status if left.ok else left
 
     def _advance_steps(
         self, steps: IntArray, at: FloatArray, angle: FloatArray, schedule: PrescribedInputs, loads: FloatArray
@@ -167,9 +162,9 @@ class KinematicEngine:
         """Return the instants of some successive steps, see `Engine`."""
         if self._stop():
             return Trajectory.empty(0, self._forces), STOPPED
-        nothing = np.zeros((len(steps), 0))
-        at, each = self._problem.times(steps), np.arange(len(steps))
-        return Trajectory(at, nothing, nothing, nothing, nothing, nothing, nothing, each), Status()
+        nothing, at = np.zeros((len(steps), 0)), self._problem.times(steps)
+        sides, each = np.zeros((len(steps), 0), dtype=bool), np.arange(len(steps))
+        return Trajectory(at, nothing, nothing, nothing, nothing, nothing, nothing, sides, each), Status()
 
     def statistics(self, stats: Stats) -> Stats:
         """Return the statistics unchanged: no step is taken."""

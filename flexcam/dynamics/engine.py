@@ -12,7 +12,7 @@ from flexcam.dynamics.initial_acceleration import InitialAcceleration
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.problem import Problem, State
 from flexcam.dynamics.status import Cause, Stats, Status
-from flexcam.dynamics.step_state import StepInputs, Trajectory
+from flexcam.dynamics.step_state import StepInputs, StepState, Trajectory
 from flexcam.dynamics.system import System
 
 
@@ -76,6 +76,11 @@ def stack_motion(track: Trajectory) -> FloatArray:
     return np.hstack([track.d, track.v, track.a, track.local])
 
 
+def stack_instant(moment: StepState) -> FloatArray:
+    """Return motion and forces of an instant in a row."""
+    return np.concatenate([moment.d, moment.v, moment.a, moment.local])
+
+
 def instant(at: float, angle: float) -> str:
     """Format an instant for messages."""
     return f"at t = {at:.6g} s, cam angle {np.degrees(angle):.2f} deg"
@@ -92,4 +97,4 @@ def first_track(problem: Problem, forces: LocalForces) -> Trajectory:
     start = problem.start or State.rest(problem.system.size)
     motion = problem.drive.at(problem.times(np.zeros(1, dtype=np.intp)))
     to = StepInputs(start.time, problem.system.load_vector(motion)[0], forces.prescribed_inputs(motion))
-    return Trajectory.of([[InitialAcceleration(problem.system, forces).first(start, to)]])
+    return Trajectory.of([[InitialAcceleration(problem.system, forces).first(start, to)]], forces)

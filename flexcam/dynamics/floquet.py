@@ -13,7 +13,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,27 +20,31 @@ from numpy.typing import NDArray
 from flexcam.core import ComplexArray, FloatArray, IntArray, SingularMatrixError
 from flexcam.core.errors import refuse
 from flexcam.dynamics.blocks import SaveAt
-from flexcam.dynamics.direct_engine import DirectEngine
+from flexcam.dynamics.engine_selection import SelectedEngine, create_engine, forces_of, select_engine
 from flexcam.dynamics.generalized_alpha import newmark
 from flexcam.dynamics.initial_acceleration import InitialAcceleration
 from flexcam.dynamics.integrator import Method
-from flexcam.dynamics.linearization import Linear, Linearization, LinearStep, SmallStep, directions, split_state
+from flexcam.dynamics.linearization import (
+    SAME_LENGTH,
+    Linear,
+    Linearization,
+    LinearStep,
+    SmallStep,
+    directions,
+    split_state,
+)
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.prescribed_inputs import PrescribedInputs
 from flexcam.dynamics.problem import Problem
-from flexcam.dynamics.reduced_problem import reduce_problem
 from flexcam.dynamics.solve import pilot, singular_status
 from flexcam.dynamics.status import RunFailedError, Stats
-from flexcam.dynamics.step_state import StepInputs, StepState
+from flexcam.dynamics.step_state import StepInputs, StepState, Trajectory
 
 MAX_UNKNOWNS = 400
 """Maximum number of unknowns."""
 
 _BLOCK = 500
 """Number of steps whose instants are in memory together."""
-
-_SAME = 1e-9
-"""Relative difference of two step lengths that is rounding."""
 
 _MIN_EQUAL_STEPS = 40
 """Number of equal steps above which a matrix power is cheaper than single steps."""
@@ -80,38 +83,58 @@ class PeriodMap:
     events: int
 
 
-def period_map(problem: Problem, method: Method, stop: Callable[[], bool], *, derived: bool = True) -> PeriodMap:
-    """Return a period of a problem in its own unknowns.
+def period_map(
+    selected: SelectedEngine, method: Method, stop: Callable[[], bool], *, derived: bool = True
+) -> PeriodMap:
+    """Return a period of a problem in the unknowns of its engine.
 
     Raises
     ------
     RunFailedError
         If the run fails, with its status.
     """
-    if refusal := method.refusal(problem.system, problem.step):
-        raise refusal
     try:
-        return _integrate_period(problem, method, stop, derived=derived)
+        return _integrate_period(selected, method, stop, derived=derived)
     except SingularMatrixError as fault:
-        raise RunFailedError(singular_status(fault, problem.system)) from None
+        raise RunFailedError(singular_status(fault, selected.problem.system)) from None
 
 
-def _integrate_period(problem: Problem, method: Method, stop: Callable[[], bool], *, derived: bool) -> PeriodMap:
-    forces = LocalForces(problem.system)
-    engine = DirectEngine(problem, method, forces, SaveAt(field_every=problem.steps + 1), stop, pilot)
+def _integrate_period(
+    selected: SelectedEngine, method: Method, stop: Callable[[], bool], *, derived: bool
+) -> PeriodMap:
+    problem, forces = selected.problem, forces_of(selected)
+    engine = create_engine(selected, method, forces, SaveAt(field_every=problem.steps + 1), stop, pilot)
     disturbances, fields = Disturbances(problem, forces) if derived else None, list[FloatArray]()
     end = np.zeros(0)
     for begin in range(0, problem.steps + 1, _BLOCK):
         with np.errstate(over="ignore", invalid="ignore"):
-            walked, track, status = engine.walk(np.arange(begin, min(begin + _BLOCK, problem.steps + 1)))
+            track, status = engine.advance(np.arange(begin, min(begin + _BLOCK, problem.steps + 1)))
         if not status.ok:
             raise RunFailedError(status)
         if disturbances is not None:
-            disturbances.follow([moment for part in walked for moment in part])
+            disturbances.follow(track)
         fields.append(np.hstack([track.d, track.v])[track.ends])
         end = np.concatenate([track.d[-1], track.v[-1], track.state[-1]])
     derivative = np.zeros((0, 0)) if disturbances is None else disturbances.monodromy()
     return PeriodMap(end, derivative, np.concatenate(fields), engine.statistics(Stats()).events)
+
+
+@dataclass(frozen=True, eq=False)
+class _Instants:
+    """Instants of a trajectory with what their local forces sense."""
+
+    track: Trajectory
+    schedule: PrescribedInputs
+    penetration: FloatArray
+    rate: FloatArray
+
+    def at(self, i: int) -> StepState:
+        """Return the instant, with its side and its impulse."""
+        track, impulse = self.track, self.track.impulse[i]
+        return StepState(
+            float(track.time[i]), track.d[i], track.v[i], track.a[i], np.zeros_like(track.d[i]), track.local[i],
+            self.penetration[i], self.rate[i], track.state[i], track.pressed[i], impulse if impulse.any() else None,
+        )  # fmt: skip
 
 
 class Disturbances:
@@ -131,68 +154,73 @@ class Disturbances:
         self._stepper = LinearStep(problem.system)
         self._starter = InitialAcceleration(problem.system, forces)
         self._carried: FloatArray = np.eye(2 * problem.system.size + len(forces.start_state))
-        self._last: StepState | None = None
+        self._last: Trajectory | None = None
         self._waiting: SmallStep | None = None
         self._count = 0
         self._shift: FloatArray | None = None
 
-    def follow(self, moments: list[StepState]) -> None:
+    def follow(self, track: Trajectory) -> None:
         """Propagate the disturbances over successive instants."""
-        every = moments if self._last is None else [self._last, *moments]
-        schedule = self._forces.prescribed_inputs(self._problem.drive.at(np.array([one.time for one in every])))
+        every = self._sense(track if self._last is None else Trajectory.concatenate([self._last, track]))
+        time, sides = every.track.time, every.track.pressed
         if self._last is None:
-            first = self._at(schedule, 0, every[0], self._side(every[0]))
-            self._carried = self._stepper.initial_disturbances(first, self._carried)
+            self._carried = self._stepper.initial_disturbances(self._at(every, 0, sides[0]), self._carried)
+        plain = (np.diff(time) > 0.0) & (sides[1:] == sides[:-1]).all(axis=1)
         begin: Linear | None = None
-        for i, (old, new) in enumerate(pairwise(every)):
-            side = self._side(old)
-            if new.time > old.time and self._shift is None and (side == self._side(new)).all():
-                end = self._at(schedule, i + 1, new, side)
-                self._step(self._small(begin or self._at(schedule, i, old, side), end, old, new))
+        for i in range(len(time) - 1):
+            if plain[i] and self._shift is None:
+                end = self._at(every, i + 1, sides[i])
+                self._step(self._small(begin or self._at(every, i, sides[i]), end, every, i))
                 begin = end  # of the next step as well
                 continue
             begin = None
             self._apply_pending()
-            if new.time > old.time:
-                self._event_step(schedule, i, old, new)
-            elif new.impulse is not None:
-                self._apply_impact(old, new)
-        self._last = every[-1]
+            if time[i + 1] > time[i]:
+                self._event_step(every, i)
+            elif every.track.impulse[i + 1].any():
+                self._apply_impact(every.at(i), every.at(i + 1))
+        self._last = every.track.last()
+
+    def _sense(self, track: Trajectory) -> _Instants:
+        schedule = self._forces.prescribed_inputs(self._problem.drive.at(track.time))
+        penetration, rate, _ = self._forces.sense_motion(track.d, track.v, schedule)
+        return _Instants(track, schedule, penetration, rate)
 
     def monodromy(self) -> FloatArray:
         """Return the propagated disturbances, shape (2n + s, 2n + s)."""
         self._apply_pending()
         if self._last is None or self._shift is None:
             return self._carried
-        return self._carried - self._flow(self._last)[:, None] * self._shift  # a last event does not shift the end
+        last = self._sense(self._last).at(0)
+        return self._carried - self._flow(last)[:, None] * self._shift  # a last event does not shift the end
 
-    def _side(self, moment: StepState) -> Bools:
-        return self._forces.contact_sides(moment.penetration) if moment.pressed is None else moment.pressed
+    def _at(self, every: _Instants, i: int, side: Bools) -> Linear:
+        """Return the linear forces at an instant, with every contact on its side within the step."""
+        penetration = self._set_sides(side, every.penetration[i], every.rate[i])
+        return self._linear.at(every.schedule, i, penetration, every.rate[i], every.track.state[i])
 
-    def _at(self, schedule: PrescribedInputs, i: int, moment: StepState, side: Bools) -> Linear:
-        """Return the linear system at an instant, with every contact on its side within the step."""
-        return self._linear.at(schedule, i, self._set_sides(side, moment), moment.rate, moment.inner)
-
-    def _set_sides(self, side: Bools, moment: StepState) -> FloatArray:
+    def _set_sides(self, side: Bools, penetration: FloatArray, rate: FloatArray) -> FloatArray:
         """Return the sensed scalars, with contacts that are about to switch set to their side."""
-        penetration, which = moment.penetration.copy(), self._forces.switching
-        depth = penetration[which]
-        there = np.abs(depth) <= _AT_ONCE * self._problem.step * np.abs(moment.rate[which])
+        which = self._forces.switching
+        if not len(which):
+            return penetration
+        penetration, depth = penetration.copy(), penetration[which]
+        there = np.abs(depth) <= _AT_ONCE * self._problem.step * np.abs(rate[which])
         penetration[which] = np.where(there, np.where(side, _TOUCH, -_TOUCH), depth)
         return penetration
 
-    def _small(self, begin: Linear, end: Linear, old: StepState, new: StepState) -> SmallStep:
-        """Return what the step between two instants does to disturbances."""
-        h, none = new.time - old.time, np.zeros(0)
-        kept = (
-            self._forces.state_steps(h, new.penetration, old.penetration, old.inner) if len(old.inner) else (none, none)
-        )
-        return SmallStep(begin, end, h, *kept)
+    def _small(self, begin: Linear, end: Linear, every: _Instants, i: int) -> SmallStep:
+        """Return what the step after an instant does to disturbances."""
+        (h,), none = np.diff(every.track.time[i : i + 2]).tolist(), np.zeros(0)
+        if not every.track.state.shape[1]:
+            return SmallStep(begin, end, h, none, none)
+        new, old = every.penetration[i + 1], every.penetration[i]
+        return SmallStep(begin, end, h, *self._forces.state_steps(h, new, old, every.track.state[i]))
 
     def _step(self, step: SmallStep) -> None:
         usual = self._waiting
         same = usual and usual.old is step.old and usual.new is step.new
-        if usual and same and abs(step.length - usual.length) <= _SAME * usual.length:
+        if usual and same and abs(step.length - usual.length) <= SAME_LENGTH * usual.length:
             self._count += 1
             return
         self._apply_pending()
@@ -210,27 +238,27 @@ class Disturbances:
             self._carried = np.linalg.matrix_power(one, self._count) @ self._carried
         self._waiting, self._count = None, 0
 
-    def _event_step(self, schedule: PrescribedInputs, i: int, old: StepState, new: StepState) -> None:
+    def _event_step(self, every: _Instants, i: int) -> None:
         """Apply a step that begins or ends at an event, whose time depends on the disturbances.
 
         An event at g(d, t) = 0 comes later by ``-g_d Y/g'``, with the rate of g by the length of the step.
         """
-        side, h = self._side(old), new.time - old.time
-        begin, end = self._at(schedule, i, old, side), self._at(schedule, i + 1, new, side)
-        step, longer = self._small(begin, end, old, new), self._stepper.impulse(self._flow(old), self._flow(new))
+        old, new, side = every.at(i), every.at(i + 1), every.track.pressed[i]
+        step = self._small(self._at(every, i, side), self._at(every, i + 1, side), every, i)
+        h, longer = step.length, self._stepper.impulse(self._flow(old), self._flow(new))
         moved: FloatArray = np.zeros_like(self._carried)
         if self._shift is not None:
             moved = (self._stepper.old_terms(0.5 * h * self._prescribed_rates(old, side)) - longer)[
                 :, None
             ] * self._shift
         after, self._shift = self._stepper.propagate(step, self._carried, moved), None
-        crossed = np.flatnonzero(side != self._side(new))
+        crossed = np.flatnonzero(side != every.track.pressed[i + 1])
         if len(crossed):
             which = self._forces.switching[crossed]
             which = int(which[np.argmin(np.abs(new.penetration[which] / new.rate[which]))])
             longer = (longer + 0.5 * h * self._prescribed_rates(new, side))[:, None]
             by_time = self._stepper.propagate(step, np.zeros_like(longer), longer)[:, 0]
-            sense, n = directions(self._forces, schedule, i + 1)[1][which], len(new.d)
+            sense, n = directions(self._forces, every.schedule, i + 1)[1][which], len(new.d)
             rate = new.rate[which] + sense @ (by_time[:n] - new.v)
             self._shift = shift = -(sense @ after[:n]) / rate
             after = after + by_time[:, None] * shift
@@ -278,7 +306,7 @@ class Disturbances:
         by_penetration, by_rate = (
             slope(one[0], other[0]) for one, other in zip(*(part[:2] for part in seen), strict=True)
         )
-        penetration = self._set_sides(side, moment)
+        penetration = self._set_sides(side, moment.penetration, moment.rate)
         early, now, late = (
             forces.respond(penetration, moment.rate, state, one.schedule) for one in (before, there, after)
         )
@@ -369,17 +397,17 @@ def floquet(problem: Problem, method: Method | None = None) -> Floquet:
     RunFailedError
         If the run of the period fails.
     """
-    basis = problem.basis
-    inside = problem if basis is None else reduce_problem(problem, basis)
-    n = inside.system.size
+    chosen = method or newmark()
+    selected = select_engine(problem, chosen, SaveAt(field_every=problem.steps + 1))
+    n = selected.problem.system.size
     if not 0 < n <= MAX_UNKNOWNS:
         raise refuse("system", f"{n} unknowns", f"1 to {MAX_UNKNOWNS}", "a basis of disturbances is carried along")
-    found = period_map(inside, method or newmark(), lambda: False)
+    found = period_map(selected, chosen, lambda: False)
     values, vectors = np.linalg.eig(found.derivative)
     order = np.argsort(-np.abs(values))
-    shapes = np.asarray(vectors[:n, order], dtype=complex)
-    if basis is not None:
-        real, imaginary = (np.asarray(part(shapes.T), dtype=float) for part in (np.real, np.imag))
-        shapes = (basis.spread(real) + 1j * basis.spread(imaginary)).T
+    shapes = np.asarray(vectors[:n, order], dtype=complex).T
+    for basis in selected.bases:
+        real, imaginary = (np.asarray(part(shapes), dtype=float) for part in (np.real, np.imag))
+        shapes = basis.spread(real) + 1j * basis.spread(imaginary)
     values = np.asarray(values[order], dtype=complex)
-    return Floquet(values, shapes, problem.step * problem.steps, problem.system.names, found.events)
+    return Floquet(values, shapes.T, problem.step * problem.steps, problem.system.names, found.events)

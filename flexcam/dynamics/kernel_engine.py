@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from flexcam.core import FloatArray, IntArray
 from flexcam.dynamics.checkpoint import Arrays, flatten
 from flexcam.dynamics.contact_events import EventStepper
-from flexcam.dynamics.engine import STOPPED, convergence_failure, in_range, stack_motion
+from flexcam.dynamics.engine import STOPPED, convergence_failure, in_range, stack_instant
 from flexcam.dynamics.force_laws import OWN, STATE, STATE_ROWS
 from flexcam.dynamics.generalized_alpha import Scheme
 from flexcam.dynamics.implicit_step import NoConvergenceError, find_unconverged
@@ -35,7 +35,7 @@ _NO_SIDES = np.zeros((2, 0), dtype=np.intp)
 
 def compiled_functions() -> Functions:
     """Return the compiled functions of the kernel."""
-    return compile_functions(FUNCTIONS_OF_KERNEL, ("evaluate_rows", "march"))
+    return compile_functions(FUNCTIONS_OF_KERNEL, ("evaluate_laws", "evaluate_rows", "march"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,7 +219,7 @@ class KernelEngine:
             return Trajectory.empty(self._system.size, self._forces), STOPPED
         at = self._problem.times(steps)
         loads, schedule = self._prescribed(at)
-        before = None if self._last is None else stack_motion(Trajectory.of([[self._last]]))[0]
+        before = None if self._last is None else stack_instant(self._last)
         track, status = self._advance(at, loads, schedule)
         if not len(track.ends):
             return track, status
@@ -230,12 +230,14 @@ class KernelEngine:
         """Advance by the kernel, and by single steps where it stops."""
         found, given = np.empty((len(at), self._kernel.columns)), self._kernel.given(loads, schedule)
         stepped: dict[int, list[StepState]] = {}
+        pressed = np.empty((len(at), len(self._forces.switching)), dtype=bool)
         row, status = 0, Status()
         if self._last is None:
             to = StepInputs(float(at[0]), loads[0], schedule, 0)
             self._last, row = self._starter.first(self._problem.start or State.rest(self._system.size), to), 1
             found[0] = _row(self._last)
         state, sides = KernelState.of(self._last), self._sides(self._last)
+        pressed[:] = sides[1]
         while row < len(at):
             how, row, iterations = self._kernel.advance(self._whole, state, (row, len(at)), given, found, sides)
             self._iterations += iterations
@@ -252,22 +254,25 @@ class KernelEngine:
             stepped[row] = moments
             found[row], row = _row(moments[-1]), row + 1
             state, sides = KernelState.of(moments[-1]), self._sides(moments[-1])
+            pressed[row:] = sides[1]
         if row:
             self._last = state.moment(float(at[row - 1]), sides[1] > 0)
-        return self._track(at[:row], found[:row], stepped, schedule), status
+        return self._track(at[:row], found[:row], pressed[:row], stepped, schedule), status
 
     def _track(
-        self, time: FloatArray, found: FloatArray, stepped: dict[int, list[StepState]], schedule: PrescribedInputs
+        self, time: FloatArray, found: FloatArray, pressed: NDArray[np.bool_], stepped: dict[int, list[StepState]],
+        schedule: PrescribedInputs,
     ) -> Trajectory:  # fmt: skip
         """Return the kernel rows merged with the instants within single steps."""
         n, c = self._system.size, self._forces.count
         d, v, a, force, inner = np.split(found, [n, 2 * n, 3 * n, 3 * n + c], axis=1)
-        plain = Trajectory(time, d, v, a, force, inner, np.zeros((len(time), c)), np.arange(len(time)), schedule.cam)
+        none, each = np.zeros((len(time), c)), np.arange(len(time))
+        plain = Trajectory(time, d, v, a, force, inner, none, pressed, each, schedule.cam)
         if all(len(moments) == 1 and moments[0].impulse is None for moments in stepped.values()):
             return plain if len(time) == len(schedule.angle) else replace(plain, cam=None)
         parts, first = list[Trajectory](), 0
         for row, moments in stepped.items():
-            parts += [plain.between(first, row), Trajectory.of([moments])]
+            parts += [plain.between(first, row), Trajectory.of([moments], self._forces)]
             first = row + 1
         return Trajectory.concatenate([*parts, plain.between(first, len(time))])
 
@@ -303,4 +308,4 @@ class KernelEngine:
 
 def _row(moment: StepState) -> FloatArray:
     """Return a row of results of an instant."""
-    return np.concatenate([moment.d, moment.v, moment.a, moment.local, moment.inner])
+    return np.concatenate([stack_instant(moment), moment.inner])

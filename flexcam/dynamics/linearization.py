@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,31 +14,35 @@ from flexcam.dynamics.massless import MasslessMotions, find_massless_rates
 from flexcam.dynamics.prescribed_inputs import PrescribedInputs
 from flexcam.dynamics.system import Reaction, System
 
+SAME_LENGTH = 1e-9
+"""Relative difference of two step lengths that is rounding."""
+
 
 @dataclass(frozen=True, eq=False)
 class Linear:
-    """Linearized equations for displacement d, velocity v and internal states z at an instant.
-
-    ``M d'' + C d' + K d = P z``; every state z follows one sensed scalar G d.
+    """Linearized local forces at an instant: the forces ``by_d d + by_v v + by_state z`` act along the rows `act`.
 
     Parameters
     ----------
-    damping, stiffness
-        C and K, shape (n, n).
+    act
+        Shape (c, n).
+    by_d, by_v
+        Derivatives of the forces by displacement and velocity, shape (c, n).
     by_state
-        P, shape (n, s).
+        By the internal states z, shape (c, s); every state follows one sensed scalar G d.
     followed
         G, shape (s, n).
     """
 
-    damping: FloatArray
-    stiffness: FloatArray
+    act: FloatArray
+    by_d: FloatArray
+    by_v: FloatArray
     by_state: FloatArray
     followed: FloatArray
 
 
 class Linearization:
-    """Linearization of a system with given force laws.
+    """Linearization of the force laws of a system.
 
     Parameters
     ----------
@@ -46,26 +50,20 @@ class Linearization:
         The system.
     forces
         Its local forces, stacked.
-
-    Attributes
-    ----------
-    mass
-        Shape (n, n), the same at all instants.
     """
 
     def __init__(self, system: System, forces: LocalForces) -> None:
-        self.mass, self._C, self._K = (m.dense() for m in (system.mass, system.damping, system.stiffness))
         self._forces = forces
-        nothing = np.zeros((len(forces.start_state), system.size))
-        self._plain = Linear(self._C, self._K, nothing.T, nothing)
-        self._last, self._told = self._plain, b""
+        rows, states = np.zeros((forces.count, system.size)), np.zeros((len(forces.start_state), system.size))
+        self._last = Linear(rows, rows, rows, np.zeros((forces.count, len(states))), states)
+        self._told: bytes = b""
 
     def at(
         self, schedule: PrescribedInputs, i: int, penetration: FloatArray, rate: FloatArray, state: FloatArray
     ) -> Linear:
-        """Return the linear system at a row of the prescribed inputs; cached if nothing has changed."""
+        """Return the linear forces at a row of the prescribed inputs; the last ones if nothing has changed."""
         if not self._forces.count:
-            return self._plain
+            return self._last
         answer = self._forces.respond(penetration, rate, state, schedule, i)
         weights = schedule.sensing_weights[i], schedule.sensing_rates[i], schedule.acting_weights[i]
         derivatives = answer.by_penetration, answer.by_rate, answer.by_state, answer.flow
@@ -75,12 +73,10 @@ class Linearization:
         return self._last
 
     def _with(self, answer: Reaction, act: FloatArray, sense: FloatArray, turning: FloatArray) -> Linear:
-        by_rate = act.T @ answer.by_rate
-        C = self._C - by_rate @ sense
-        K = self._K - act.T @ answer.by_penetration @ sense - by_rate @ turning
+        by_d = answer.by_penetration @ sense + answer.by_rate @ turning
         if not len(answer.state_rate):
-            return Linear(C, K, self._plain.by_state, self._plain.followed)
-        return Linear(C, K, act.T @ answer.by_state, sense[self._forces.table.owners])
+            return Linear(act, by_d, answer.by_rate @ sense, self._last.by_state, self._last.followed)
+        return Linear(act, by_d, answer.by_rate @ sense, answer.by_state, sense[self._forces.table.owners])
 
 
 def directions(forces: LocalForces, schedule: PrescribedInputs, i: int) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -118,7 +114,7 @@ class Tangents:
     ) -> None:  # fmt: skip
         self._forces = LocalForces(system)
         self._linear = Linearization(system, self._forces)
-        self.mass = self._linear.mass
+        self.mass, self._C, self._K = (one.dense() for one in (system.mass, system.damping, system.stiffness))
         self._schedule = self._forces.prescribed_inputs(motion)
         self._gap, self._rate, _ = self._forces.sense_motion(displacement, velocity, self._schedule)
         self._inner = inner
@@ -126,7 +122,7 @@ class Tangents:
     def at(self, i: int) -> tuple[FloatArray, FloatArray]:
         """Return damping and stiffness at an instant, shape (n, n) each."""
         found = self._linear.at(self._schedule, i, self._gap[i], self._rate[i], self._state(i))
-        return found.damping, found.stiffness
+        return self._C - found.act.T @ found.by_v, self._K - found.act.T @ found.by_d
 
     def parts(self, i: int) -> Iterator[tuple[str, FloatArray]]:
         """Yield the name of each local force and the stiffness it adds at an instant, shape (n, n)."""
@@ -176,54 +172,78 @@ class LinearStep:
     """
 
     def __init__(self, system: System) -> None:
-        self._M, self._C, self._K = (one.dense() for one in (system.mass, system.damping, system.stiffness))
-        self._light = MasslessMotions(system)
+        self._matrices = tuple(one.dense() for one in (system.mass, system.damping, system.stiffness))
+        self._mass, self._damping, self._stiffness = (_operator(one) for one in self._matrices)
+        self._light, self._size = MasslessMotions(system), system.size
         found = find_massless_rates(system, average=True) if self._light.any else None
-        self._free = None if found is None else found.free @ found.amounts[: found.free.shape[1]]
+        # Displacement per new velocity and half a step; that of the old velocity makes the sum 2.
+        self._travel = np.eye(self._size)
+        if found is not None:
+            self._travel += found.free @ found.amounts[: found.free.shape[1]]
+        self._moves, self._solve = _operator(self._travel), self._mass
+        self._length: float = 0.0
 
     def initial_disturbances(self, at: Linear, given: FloatArray) -> FloatArray:
         """Return disturbances of an initial state with massless motions in static equilibrium."""
         if not self._light.any:
             return given
-        n = len(self._M)
-        d, v, z = split_state(given, n)
-        push = at.by_state @ z - (at.damping - self._C) @ v - (at.stiffness - self._K) @ d
+        d, v, z = split_state(given, self._size)
+        push = at.act.T @ (at.by_state @ z + at.by_v @ v + at.by_d @ d)
         return np.vstack([self._light.place(d, push), v, z])
 
     def propagate(self, step: SmallStep, before: FloatArray, more: FloatArray | None = None) -> FloatArray:
         """Return disturbances, shape (2n + s, m), after a step.
 
-        With ``d = d_free + A v``, ``z = z_free + F d`` and ``M v + h/2 (C v + K d - P z) = p`` at the new
-        end, v is the only unknown. `more` is what comes to d_free, p and z_free from elsewhere.
+        With ``d = d_free + A v``, ``z = z_free + F d`` and ``M v + h/2 (C v + K d - f) = p`` at the new end, v is the
+        only unknown; the local forces f are a correction of low rank (Sherman, Morrison and Woodbury). `more` is what
+        comes to d_free, p and z_free from elsewhere.
         """
-        n, old, new, h = len(self._M), step.old, step.new, step.length
+        n, old, new, half = self._size, step.old, step.new, 0.5 * step.length
         d, v, z = split_state(before, n)
-        push = self._M @ v - 0.5 * h * self._equilibrate(old.damping @ v + old.stiffness @ d - old.by_state @ z)
-        d, whole = d + 0.5 * h * v, 0.5 * h * np.eye(n)
-        if self._free is not None:
-            d, whole = d - 0.5 * h * (self._free @ v), whole + 0.5 * h * self._free
+        force = old.by_d @ d + old.by_v @ v + old.by_state @ z
+        free = self._damping(v) + self._stiffness(d) - old.act.T @ force
+        push = self._mass(v) - half * self._equilibrate(free)
+        d = d + half * (2.0 * v - self._moves(v))
         own = np.zeros((len(before) - 2 * n, 1))
         if more is not None:
             d, push, own = d + more[:n], push + more[n : 2 * n], more[2 * n :]
         z, by_d = _states(step, before, own)
-        C, K = new.damping, new.stiffness - new.by_state @ by_d
-        right = push - 0.5 * h * (K @ d - new.by_state @ z)
-        v = np.asarray(np.linalg.solve(self._M + 0.5 * h * (C + K @ whole), right), dtype=float)
-        d = d + whole @ v
+        by_new = new.by_d + new.by_state @ by_d
+        self._set_length(step.length)
+        v = self._solve(push - half * (self._stiffness(d) - new.act.T @ (by_new @ d + new.by_state @ z)))
+        if len(new.act):
+            answer, sense = self._solve(new.act.T), half * (new.by_v + half * by_new @ self._travel)
+            v = v + answer @ np.linalg.solve(np.eye(len(sense)) - sense @ answer, sense @ v)
+        d = d + half * self._moves(v)
         return np.vstack([d, v, z + by_d @ d])
+
+    def _set_length(self, length: float) -> None:
+        """Prepare the solution without local forces for a length of the step."""
+        if abs(length - self._length) > SAME_LENGTH * length:
+            (M, C, K), half = self._matrices, 0.5 * length
+            self._solve = _operator(np.linalg.inv(M + half * (C + half * K @ self._travel)).astype(np.float64))
+            self._length = length
 
     def impulse(self, old: FloatArray, new: FloatArray) -> FloatArray:
         """Return the derivatives of d, momentum and z by the step length, from the flows at both ends, (2n + s,)."""
-        n, mean = len(self._M), 0.5 * (old + new)
-        return np.concatenate([mean[:n], self._M @ mean[n : 2 * n], mean[2 * n :]])
+        n, mean = self._size, 0.5 * (old + new)
+        return np.concatenate([mean[:n], self._matrices[0] @ mean[n : 2 * n], mean[2 * n :]])
 
     def old_terms(self, more: FloatArray) -> FloatArray:
         """Return the contribution of the old end, without its residual on massless motions."""
-        n = len(self._M)
+        n = self._size
         return np.concatenate([more[:n], self._equilibrate(more[n : 2 * n]), more[2 * n :]])
 
     def _equilibrate(self, forces: FloatArray) -> FloatArray:
         return self._light.condense_force(forces) if self._light.any else forces
+
+
+def _operator(matrix: FloatArray) -> Callable[[FloatArray], FloatArray]:
+    """Return the product of a matrix with columns; that of a diagonal matrix takes one operation per entry."""
+    own = np.diag(matrix)[:, None]
+    if np.count_nonzero(matrix) <= len(own) and not (matrix - np.diagflat(own)).any():
+        return lambda columns: own * columns
+    return lambda columns: matrix @ columns
 
 
 def _states(step: SmallStep, before: FloatArray, more: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -236,7 +236,7 @@ class LocalForces:
     system
         The system.
     compiled
-        Compiled functions for the energies of many instants; None to evaluate them in Python.
+        Compiled functions of the laws; None to evaluate them in Python.
     """
 
     def __init__(self, system: System, compiled: Functions | None = None) -> None:
@@ -255,7 +255,9 @@ class LocalForces:
         self.switching: IntArray = np.array([i for i, _ in switches], dtype=np.intp)
         self.restitution: FloatArray = np.array([np.nan if e is None else e for _, e in switches], dtype=float)
         self.functions = bind((*FUNCTIONS_OF_LAWS, *FUNCTIONS_OF_NEWTON), self._overrides())
-        self.respond_rows = (compiled or self.functions)["evaluate_rows"]
+        self._evaluate, self._evaluate_rows = (
+            (compiled or self.functions)[name] for name in ("evaluate_laws", "evaluate_rows")
+        )
         self.workspace = Workspace(self.table, self.count, len(self.sense.vectors))
         self.storing = np.zeros(self.count)
         for force, part, _ in self.parts:
@@ -364,9 +366,7 @@ class LocalForces:
         local[PENETRATION], local[RATE], local[ANSWER] = penetration, rate, 0.0
         tangent[:] = 0.0
         states[STATE], states[BEGIN] = state, penetration[table.owners]
-        self.functions["evaluate_laws"](
-            table.laws, table.constants, schedule.rows, i, schedule.functions, 0.0, local, tangent, states
-        )
+        self._evaluate(table.laws, table.constants, schedule.rows, i, schedule.functions, 0.0, local, tangent, states)
         return self._reaction()
 
     def state_rates(self, penetration: FloatArray, state: FloatArray) -> FloatArray:
@@ -381,7 +381,7 @@ class LocalForces:
         rows = table.laws[table.laws[:, LAW_STATE] >= 0]
         work.local[PENETRATION], work.states[STATE] = penetration, state
         none = np.zeros((1, len(table.functions)))
-        self.functions["evaluate_laws"](rows, table.constants, none, 0, 0, step, work.local, work.tangent, work.states)
+        self._evaluate(rows, table.constants, none, 0, 0, step, work.local, work.tangent, work.states)
 
     def state_steps(
         self, step: float, penetration: FloatArray, begin: FloatArray, state: FloatArray
@@ -445,7 +445,7 @@ class LocalForces:
         work, table = Workspace(self.table, self.count, 0), self.table
         force, energy = np.empty_like(penetration, order="C"), np.empty_like(penetration, order="C")
         by_state, rows = np.zeros_like(state, order="C"), table.laws if laws is None else laws
-        self.respond_rows(
+        self._evaluate_rows(
             rows, table.constants, functions, 0, np.ascontiguousarray(penetration), np.zeros(penetration.shape),
             np.ascontiguousarray(state), work.local, work.tangent, work.states, force, energy, by_state,
         )  # fmt: skip

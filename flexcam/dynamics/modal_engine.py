@@ -271,8 +271,8 @@ class ModalEngine:
         found[:, first + length : end + 1 : length] = stretch.ends.swapaxes(0, 1)
 
     def _track(self, at: FloatArray, walked: FloatArray) -> Trajectory:
-        (d, v, a), nothing = walked, np.zeros((len(at), 0))
-        return Trajectory(at, d, v, a, nothing, nothing, nothing, np.arange(len(at)))
+        (d, v, a), nothing, sides = walked, np.zeros((len(at), 0)), np.zeros((len(at), 0), dtype=bool)
+        return Trajectory(at, d, v, a, nothing, nothing, nothing, sides, np.arange(len(at)))
 
     def _restore_first(self, first: Trajectory, at: FloatArray, walked: FloatArray) -> Trajectory:
         """Return the first instant unchanged, and those after it."""

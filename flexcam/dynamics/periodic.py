@@ -17,11 +17,11 @@ import numpy as np
 
 from flexcam.core import FloatArray
 from flexcam.dynamics.blocks import SaveAt
+from flexcam.dynamics.engine_selection import SelectedEngine, select_engine
 from flexcam.dynamics.floquet import MAX_UNKNOWNS, period_map
 from flexcam.dynamics.integrator import Method
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.problem import Problem, State
-from flexcam.dynamics.reduced_problem import basis_of, reduce_problem
 from flexcam.dynamics.solve import solve
 from flexcam.dynamics.status import Cause, RunFailedError, Status
 
@@ -40,6 +40,9 @@ _USUAL_REVOLUTIONS = 10
 
 _MAX_STALLED, _PATIENCE_OF_NEWTON = 12, 8
 """Revolutions without halving the residual after which the search ends: contacts that open and close limit it."""
+
+_MAX_FAILURES = 3
+"""Newton steps without reduction of the residual after which the search ends: the motion is chaotic."""
 
 _GOOD = 0.1
 """Reduction of the residual by a Newton step with which its derivative is reused."""
@@ -73,12 +76,12 @@ def solve_periodic(problem: Problem, scheme: Method, *, tolerance: float = 1e-9,
         If the time limit was reached.
     """
     start = problem.start or State.rest(problem.system.size)
-    basis = basis_of(problem)
-    inside = problem if basis is None else reduce_problem(problem, basis)
-    if not 0 < inside.system.size <= MAX_UNKNOWNS:
-        return replace(_fixed_point(problem, _Anderson(problem, scheme, until), tolerance), time=start.time)
-    found = _fixed_point(inside, _Newton(inside, scheme, until), tolerance)
-    if basis is not None:
+    several = replace(problem, runs=problem.runs * _USUAL_REVOLUTIONS)
+    selected = select_engine(several, scheme, SaveAt(field_every=problem.steps + 1))
+    if not 0 < selected.problem.system.size <= MAX_UNKNOWNS:
+        return replace(_fixed_point(problem, _Anderson(several, scheme, until), tolerance), time=start.time)
+    found = _fixed_point(selected.problem, _Newton(selected, scheme, until), tolerance)
+    for basis in selected.bases:
         moved = basis.spread(found.displacement) + basis.held
         found = replace(found, displacement=moved, velocity=basis.spread(found.velocity))
     return replace(found, time=start.time)
@@ -134,18 +137,20 @@ class _Newton:
     half a step does so less reliably if contacts open and close.
     """
 
-    def __init__(self, problem: Problem, scheme: Method, until: float | None) -> None:
-        self._problem, self._scheme, self._until = problem, scheme, until
+    def __init__(self, selected: SelectedEngine, scheme: Method, until: float | None) -> None:
+        problem = selected.problem
+        self._selected, self._scheme, self._until = selected, scheme, until
         weights = _weights(problem)
         inner = np.full(len(LocalForces(problem.system).start_state), weights.max())
         self._weights = np.concatenate([np.where(weights > 0.0, weights, 1.0), inner])
         self._derivative: FloatArray | None = None
         self._end: FloatArray | None = None
-        self._least, self.patience = np.inf, _PATIENCE_OF_NEWTON
+        self._least, self._failures, self.patience = np.inf, 0, _PATIENCE_OF_NEWTON
 
     def turn(self, x: FloatArray) -> _Revolution | None:
         """Return a revolution, see `_Search`."""
-        one = replace(self._problem, start=_unpack(self._problem, x))
+        problem = self._selected.problem
+        one = replace(self._selected, problem=replace(problem, start=_unpack(problem, x)))
         try:
             found = period_map(one, self._scheme, self._late, derived=self._derivative is None)
         except RunFailedError:
@@ -160,7 +165,8 @@ class _Newton:
         """Return the next state, see `_Search`."""
         if turn is None or error >= self._least or self._derivative is None:
             end, self._end, self._derivative, self._least = self._end, None, None, np.inf
-            return end
+            self._failures += 1
+            return end if self._failures <= _MAX_FAILURES else None
         new = x + self._newton(self._derivative, turn.end - x)
         if error > _GOOD * self._least:
             self._derivative = None
@@ -183,8 +189,7 @@ class _Anderson:
     """Anderson's method: combination of previous states of minimum residual, plus that residual."""
 
     def __init__(self, problem: Problem, scheme: Method, until: float | None) -> None:
-        self._problem = replace(problem, runs=problem.runs * _USUAL_REVOLUTIONS)
-        self._scheme, self._until = scheme, until
+        self._problem, self._scheme, self._until = problem, scheme, until
         self._weights, self.patience = _weights(problem), _MAX_STALLED
         self._points: list[FloatArray] = []
         self._misses: list[FloatArray] = []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -111,6 +112,8 @@ class Trajectory:
         Internal states of the local laws, shape (m, s).
     impulse
         Of impacts, N s, shape (m, c).
+    pressed
+        Side of zero of the switching scalars in the step that follows, shape (m, w).
     ends
         Indices of instants that end an output step, shape (b,): the others are events or sub-steps.
     cam
@@ -124,11 +127,12 @@ class Trajectory:
     local: FloatArray
     state: FloatArray
     impulse: FloatArray
+    pressed: NDArray[np.bool_]
     ends: IntArray
     cam: CamFunctionCache | None = None
 
     @classmethod
-    def of(cls, steps: Sequence[Sequence[StepState]]) -> Trajectory:
+    def of(cls, steps: Sequence[Sequence[StepState]], forces: LocalForces) -> Trajectory:
         """Return the instants of some steps, one sequence per step."""
         every = [moment for part in steps for moment in part]
         nothing = np.zeros(len(every[0].local))
@@ -137,6 +141,7 @@ class Trajectory:
             v=np.array([m.v for m in every]), a=np.array([m.a for m in every]),
             local=np.array([m.local for m in every]), state=np.array([m.inner for m in every]),
             impulse=np.array([nothing if m.impulse is None else m.impulse for m in every]),
+            pressed=np.array([forces.contact_sides(m.penetration) if m.pressed is None else m.pressed for m in every]),
             ends=np.cumsum([len(part) for part in steps]) - 1,
         )  # fmt: skip
 
@@ -144,23 +149,23 @@ class Trajectory:
     def empty(cls, size: int, forces: LocalForces) -> Trajectory:
         """Return an empty sequence for a system size."""
         still, local = np.zeros((0, size)), np.zeros((0, forces.count))
-        state = np.zeros((0, len(forces.start_state)))
-        return cls(np.zeros(0), still, still, still, local, state, local, np.zeros(0, dtype=np.intp))
+        state, sides = np.zeros((0, len(forces.start_state))), np.zeros((0, len(forces.switching)), dtype=bool)
+        return cls(np.zeros(0), still, still, still, local, state, local, sides, np.zeros(0, dtype=np.intp))
 
     @classmethod
     def concatenate(cls, tracks: Sequence[Trajectory]) -> Trajectory:
         """Return the concatenation of several sequences."""
-        time, d, v, a, local, state, impulse = (
+        time, d, v, a, local, state, impulse, pressed = (
             np.concatenate(rows) for rows in zip(*(t.rows for t in tracks), strict=True)
         )
         begins = np.cumsum([0, *(len(track.time) for track in tracks)])
         ends = [track.ends + begin for track, begin in zip(tracks, begins, strict=False)]
-        return cls(time, d, v, a, local, state, impulse, np.concatenate(ends))
+        return cls(time, d, v, a, local, state, impulse, pressed, np.concatenate(ends))
 
     @property
-    def rows(self) -> tuple[FloatArray, ...]:
+    def rows(self) -> tuple[NDArray[Any], ...]:
         """All arrays with a row per instant."""
-        return self.time, self.d, self.v, self.a, self.local, self.state, self.impulse
+        return self.time, self.d, self.v, self.a, self.local, self.state, self.impulse, self.pressed
 
     def between(self, first: int, last: int) -> Trajectory:
         """Return the instants of a range of output steps."""
@@ -176,8 +181,8 @@ class Trajectory:
         return self._select(slice(0, end), self.ends[:count])
 
     def _select(self, part: slice, ends: IntArray) -> Trajectory:
-        time, d, v, a, local, state, impulse = (rows[part] for rows in self.rows)
-        return Trajectory(time, d, v, a, local, state, impulse, ends)
+        time, d, v, a, local, state, impulse, pressed = (rows[part] for rows in self.rows)
+        return Trajectory(time, d, v, a, local, state, impulse, pressed, ends)
 
 
 @dataclass(frozen=True, eq=False)
