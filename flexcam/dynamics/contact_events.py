@@ -40,9 +40,9 @@ MIN_REDUCTION = 0.01
 def find_crossing(
     pressed: bool, penetration: float, new_penetration: float, rate: float, new_rate: float, length: float
 ) -> float:
-    """Return the time in (0, length) of the sign change of the cubic through both ends, by bisection."""
+    """Return the time in (0, length) of the sign change of the cubic through both ends, by bisection: a first guess."""
     low, high = 0.0, 1.0
-    for _ in range(50):
+    for _ in range(20):
         x = 0.5 * (low + high)
         y = 1.0 - x
         value = y * y * ((1.0 + 2.0 * x) * penetration + x * length * rate) + x * x * (

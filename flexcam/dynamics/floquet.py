@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -398,7 +398,8 @@ def floquet(problem: Problem, method: Method | None = None) -> Floquet:
         If the run of the period fails.
     """
     chosen = method or newmark()
-    selected = select_engine(problem, chosen, SaveAt(field_every=problem.steps + 1))
+    whole = replace(problem, prune=False)  # what the motion leaves at rest may still be unstable
+    selected = select_engine(whole, chosen, SaveAt(field_every=problem.steps + 1))
     n = selected.problem.system.size
     if not 0 < n <= MAX_UNKNOWNS:
         raise refuse("system", f"{n} unknowns", f"1 to {MAX_UNKNOWNS}", "a basis of disturbances is carried along")

@@ -6,6 +6,7 @@ forces do not converge, is taken by `EventStepper` with kernel steps of any leng
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexcam.core import FloatArray, IntArray
+from flexcam.dynamics.angle_functions import CamFunctionCache
 from flexcam.dynamics.checkpoint import Arrays, flatten
 from flexcam.dynamics.contact_events import EventStepper
 from flexcam.dynamics.engine import STOPPED, convergence_failure, in_range, stack_instant
@@ -21,7 +23,15 @@ from flexcam.dynamics.generalized_alpha import Scheme
 from flexcam.dynamics.implicit_step import NoConvergenceError, find_unconverged
 from flexcam.dynamics.initial_acceleration import InitialAcceleration
 from flexcam.dynamics.jit import Functions, compile_functions
-from flexcam.dynamics.kernel import DONE, FORCE_SIZE, FUNCTIONS_OF_KERNEL, STATE_SIZE, UNSETTLED
+from flexcam.dynamics.kernel import (
+    DONE,
+    FORCE_SIZE,
+    FUNCTIONS_OF_KERNEL,
+    INVERSE,
+    OPERATOR_SIZE,
+    STATE_SIZE,
+    UNSETTLED,
+)
 from flexcam.dynamics.local_forces import LocalForces, Workspace
 from flexcam.dynamics.prescribed_inputs import PrescribedInputs
 from flexcam.dynamics.problem import Problem, State
@@ -30,6 +40,13 @@ from flexcam.dynamics.step_state import StepInputs, StepState, Trajectory
 from flexcam.dynamics.system import System
 
 _NONE = np.zeros((0, 0))
+_ORDERS = np.arange(10.0)
+_NODES = np.cos(np.pi * (_ORDERS + 0.5) / len(_ORDERS))
+_FIT: FloatArray = np.linalg.inv(np.cos(np.outer(np.arccos(_NODES), _ORDERS))).astype(np.float64)
+"""Orders and points of the Chebyshev polynomials within a step, and their coefficients by the values there.
+
+L. N. Trefethen, Approximation Theory and Approximation Practice (2013), ch. 2 and 3.
+"""
 _NO_SIDES = np.zeros((2, 0), dtype=np.intp)
 
 
@@ -92,8 +109,9 @@ class ModalSystem:
             single = 1.0 / whole
             answering = new * acting * single
         weights = np.array([step, scheme.beta, scheme.gamma, scheme.alpha_m, scheme.alpha_f])
-        operator, give = np.vstack([self.modes, single, answering]), np.ascontiguousarray(answering @ sensing.T)
-        return StepOperator(weights, operator, give, inverse)
+        operator = np.empty((OPERATOR_SIZE + len(acting), len(single)))
+        operator[:INVERSE], operator[INVERSE], operator[OPERATOR_SIZE:] = self.modes, single, answering
+        return StepOperator(weights, operator, answering @ sensing.T, inverse)
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +155,7 @@ class Kernel:
         self._march, self._scheme, self.forces = compiled_functions()["march"], scheme, forces
         self._system = ModalSystem.of(problem.system, forces)
         self.columns = 3 * problem.system.size + forces.count + len(forces.start_state)
-        self._work = Workspace(forces.table, forces.count, self._system.senses)
+        self._work, self._varying = Workspace(forces.table, forces.count, self._system.senses), forces.varying
         self._length = 0.0
 
     def operator(self, step: float) -> StepOperator:
@@ -159,7 +177,7 @@ class Kernel:
             work.compliance[:], work.local[OWN], self._length = np.nan, -1.0, float(operator.scheme[0])
         how = self._march(
             *rows, operator.scheme, operator.operator, operator.give, operator.inverse, system.coupled, system.vectors,
-            given, table.laws, table.constants, self.forces.places, table.owners, self.forces.varying, state.modes,
+            given, table.laws, table.constants, self.forces.places, table.owners, self._varying, state.modes,
             state.forces, state.states, work.local, work.tangent, work.moved, work.active, work.compliance,
             work.matrix, sides, found, count,
         )  # fmt: skip
@@ -211,6 +229,7 @@ class KernelEngine:
             problem.step, forces, self._starter, self._at, self._stepper, balances=scheme.is_collocated
         )
         self._last: StepState | None = None
+        self._span, self._nodes = (math.inf, math.inf), np.zeros((0, 0))
         self._iterations = 0
 
     def advance(self, steps: IntArray) -> tuple[Trajectory, Status]:
@@ -295,8 +314,22 @@ class KernelEngine:
         return np.array([self._forces.switching, pressed], dtype=np.intp)
 
     def _at(self, time: float) -> StepInputs:
-        loads, schedule = self._prescribed(np.array([time]))
-        return StepInputs(time, loads[0], schedule)
+        """Return the prescribed inputs of an instant, by the polynomial through the Chebyshev points of its step.
+
+        The functions of the cam angle are evaluated once per step with events instead of once per trial of its time.
+        """
+        begin, end = self._span
+        if not begin <= time <= end:
+            step, start = self._problem.step, float(self._problem.times(np.zeros(1, dtype=np.intp))[0])
+            begin = start + step * math.floor((time - start) / step)
+            end = max(begin + step, time)
+            loads, schedule = self._prescribed(begin + 0.5 * (end - begin) * (1.0 + _NODES))
+            self._span, self._nodes = (begin, end), _FIT @ np.column_stack([loads, schedule.angle, schedule.rows])
+        phase = math.acos(min(max(2.0 * (time - begin) / (end - begin) - 1.0, -1.0), 1.0))
+        row, n = np.cos(_ORDERS * phase) @ self._nodes, self._system.size
+        angle, sense, act = row[n : n + 1], self._forces.sense.owner, self._forces.act.owner
+        inputs = PrescribedInputs(angle, row[None, n + 1 :], sense, act, CamFunctionCache(angle))
+        return StepInputs(time, row[:n], inputs)
 
     def _prescribed(self, times: FloatArray) -> tuple[FloatArray, PrescribedInputs]:
         motion = self._problem.drive.at(times)

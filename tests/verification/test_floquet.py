@@ -256,3 +256,14 @@ def test_a_train_with_an_adjuster_against_differences(record, speed, engine):
     record(source=IMPACTS, case=f"finger follower with adjuster, {speed}, {engine} engine, {found.events} events",
            quantity="change after a revolution", unit="1", reference=0.0, computed=missed, tolerance=1e-4,
            absolute=True, reason="central differences of the map of the run")  # fmt: skip
+
+
+def test_motions_at_rest_may_be_unstable():
+    """No load moves the second mass, and a run leaves it out; its damping is negative."""
+    one, damping = (Triplets.from_dense(np.diag(row)) for row in ([1.0, 1.0], [0.1, -0.1]))
+    push = Load("push", np.array([1.0, 0.0]), lambda motion: np.cos(motion.angle))
+    system = System(one, damping, one, ("x", "y"), (push,))
+    found = floquet(Problem(system, ConstantSpeed(2.0), math.pi / 500, 500, prune=True))
+    assert not found.stable()
+    assert found.growth == pytest.approx(0.05, rel=1e-3)
+    assert found.moving(1) == ["y"]
