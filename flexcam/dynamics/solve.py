@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
+import os
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from functools import reduce
 from hashlib import sha256
+from importlib import import_module
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +22,7 @@ from flexcam.dynamics.cam_motion import CamMotion
 from flexcam.dynamics.checkpoint import Arrays, Checkpoint, CheckpointSink, CompletedPart
 from flexcam.dynamics.energy import PARTS, EnergyBalance, EquilibriumResidual
 from flexcam.dynamics.engine import STOPPED, Engine
-from flexcam.dynamics.engine_selection import create_engine, forces_of, select_engine
+from flexcam.dynamics.engine_selection import MAX_MODES, SelectedEngine, create_engine, forces_of, select_engine
 from flexcam.dynamics.generalized_alpha import newmark
 from flexcam.dynamics.integrator import Method
 from flexcam.dynamics.local_forces import LocalForces
@@ -158,13 +162,14 @@ def solve(
                 _write_block(block, takers)
             run.restore(resume.checkpoint.arrays)
             stats = run.statistics(replace(stats, steps=resume.checkpoint.steps))
-        for block in run.blocks(stats.steps):
-            _write_block(reduce(expand_block, way.bases, block), takers)
-            stats = run.statistics(replace(stats, steps=stats.steps + len(block.time)))
-            if keepers and run.status.ok:
-                reached = Checkpoint(stats.steps, problem_told, run.state())
-                for sink in keepers:
-                    sink.write_checkpoint(reached)
+        with _blas_threads(way):
+            for block in run.blocks(stats.steps):
+                _write_block(reduce(expand_block, way.bases, block), takers)
+                stats = run.statistics(replace(stats, steps=stats.steps + len(block.time)))
+                if keepers and run.status.ok:
+                    reached = Checkpoint(stats.steps, problem_told, run.state())
+                    for sink in keepers:
+                        sink.write_checkpoint(reached)
         status = TIME_UP if clock.late and run.status is STOPPED else run.status
     except KeyboardInterrupt:
         status = STOPPED
@@ -178,6 +183,17 @@ def solve(
     if status.cause is Cause.SINGULAR:
         raise RunFailedError(status)
     return memory.response()
+
+
+def _blas_threads(way: SelectedEngine) -> AbstractContextManager[object]:
+    """Return a context with one thread of the linear algebra for a small system; the host's setting returns after it.
+
+    In small matrices threads only hinder each other: a run of 66 unknowns takes twice the time.
+    """
+    if way.engine != "direct" or way.problem.system.size > MAX_MODES or os.environ.get("OPENBLAS_NUM_THREADS") == "1":
+        return nullcontext()
+    control: Any = import_module("threadpoolctl")
+    return control.threadpool_limits(1, user_api="blas")
 
 
 def _write_block(block: Block, takers: Sequence[Sink]) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib
+
 import numpy as np
 import pytest
 
@@ -172,3 +174,23 @@ def test_impossible_problems_are_refused(toy, step, steps, start):
 def test_start_velocity_of_another_size_is_refused(toy):
     with pytest.raises(InputError):
         Problem(toy, ConstantSpeed(1.0), 1.0, 1, State([0.0], [0.0, 0.0]))
+
+
+def test_small_systems_use_one_thread_of_the_linear_algebra(monkeypatch):
+    """The host's setting returns after the run."""
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+    control = importlib.import_module("threadpoolctl")
+
+    def threads():
+        return {one["num_threads"] for one in control.threadpool_info() if one["user_api"] == "blas"}
+
+    one = Triplets.from_dense([[1.0]])
+    seen: list[set[int]] = []
+    with control.threadpool_limits(2, user_api="blas"):
+        solve(
+            Problem(System(one, one, one, ("x",)), ConstantSpeed(1.0), 0.1, 2, engine="direct"), newmark(),
+            stop=lambda: bool(seen.append(threads())),
+        )  # fmt: skip
+        assert threads() == {2}
+    assert all(found == {1} for found in seen)
+    assert seen
