@@ -195,7 +195,8 @@ def _penetration_rows(structure: Structure, contact: CamContact, cam: Cam, where
     twist = structure.row(cam.at, axis)
     rolls = cam.follower is not None and np.isfinite(cam.follower.roller_radius)
     swings = isinstance(cam.follower, SwingRollerFollower | SwingFlatFollower)
-    tilts = not rolls and not swings and structure.is_node(contact.follower)  # an arm rotates by its lift
+    # A follower without a stated shape is a foot that is free to turn; an arm rotates by its lift.
+    tilts = isinstance(cam.follower, FlatFollower) and structure.is_node(contact.follower)
     tilt = structure.row(contact.follower, axis) if tilts else np.zeros_like(twist)
     rows = [structure.row(cam.at, lift) - follower, twist - tilt]
     functions: list[AngleFunction] = [constant(1.0), derivative(cam.event)]

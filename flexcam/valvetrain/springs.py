@@ -7,7 +7,17 @@ import math
 import numpy as np
 
 from flexcam.core import FloatArray
-from flexcam.dynamics import Channel, ForceLaw, LocalForce, Observable, Observation, constant, elastic_stop, force_sum
+from flexcam.dynamics import (
+    Channel,
+    ForceLaw,
+    LocalForce,
+    Observable,
+    Observation,
+    constant,
+    elastic_stop,
+    force_sum,
+    observable_sum,
+)
 from flexcam.dynamics.force_laws import PULSATING
 from flexcam.valvetrain.contacts import Coupling, opposed_force
 from flexcam.valvetrain.parts import Pulsation, Spring, Wire
@@ -26,7 +36,7 @@ def couple_coils(structure: Structure) -> Coupling:
     -------
     Coupling
         A local force per spring with a clash travel. Channels, where applicable: ``force`` of the part at the moving
-        end, ``surge`` (largest deviation of a coil from uniform deformation), ``stress`` of the wire, ``clearance``
+        end with that of its coils that touch, ``surge`` (largest deviation of a coil from uniform deformation), ``stress`` of the wire, ``clearance``
         (travel left until all coils touch, counted by the most compressed part) and ``clash``.
     """
     forces: list[LocalForce] = []
@@ -36,11 +46,12 @@ def couple_coils(structure: Structure) -> Coupling:
         if not _has_channels(spring) and spring.pulsation is None and spring.clash_travel is None:
             continue
         rows = np.array([high - low for low, high in spring_parts(structure, name, spring)])
-        channels += _channels(f"springs.{name}", spring, rows)
         if spring.pulsation is not None:
             law = pulsating_spring(spring.stiffness * spring.elements, spring.pulsation)
             forces.append(opposed_force(f"springs.{name}.pulsation", rows, law))
             count += len(rows)
+        clash = None if spring.clash_travel is None else force_sum(count + len(rows) - 1)
+        channels += _channels(f"springs.{name}", spring, rows, clash)
         if spring.clash_travel is None:
             continue
         room = constant(-spring.clash_travel / spring.elements)
@@ -73,11 +84,17 @@ def _has_channels(spring: Spring) -> bool:
     return spring.installed_force is not None or spring.elements > 1 or spring.wire is not None
 
 
-def _channels(where: str, spring: Spring, rows: FloatArray) -> list[Channel]:
+def _channels(where: str, spring: Spring, rows: FloatArray, clash: Observable | None) -> list[Channel]:
+    """Return the channels of a spring; `clash` is the force of the touching coils at its moving end."""
     if not _has_channels(spring):
         return []
     pushed = _part_forces(spring, rows)
-    found = [Channel(f"{where}.force", "N m" if spring.turns else "N", lambda seen: pushed(seen)[:, -1])]
+
+    def end(seen: Observation) -> FloatArray:
+        return pushed(seen)[:, -1]
+
+    force = end if clash is None else observable_sum(end, clash)
+    found = [Channel(f"{where}.force", "N m" if spring.turns else "N", force)]
     if spring.elements > 1:
         found.append(Channel(f"{where}.surge", "rad" if spring.turns else "m", _surge(rows)))
     if spring.wire is not None:

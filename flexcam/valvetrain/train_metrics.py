@@ -43,7 +43,7 @@ class Seating:
     Parameters
     ----------
     velocity
-        Velocity at the first touch after the lift, m/s, towards the seat.
+        Velocity at the first touch after the lift, m/s, towards the seat, extrapolated from the last two instants.
     bounces
         Number of bounces before the next lift.
     height
@@ -70,7 +70,20 @@ def seating(gap: FloatArray, velocity: FloatArray, angle: FloatArray) -> Seating
     touch = min(_REOPENING_LIFT, _TOUCH_PART * float(gap[top]))
     rising = np.diff(np.concatenate([[0], (between > touch).astype(int)])) > 0
     largest = max(float(between.max()), 0.0)
-    return Seating(max(-float(speed[first - 1]), 0.0), int(rising.sum()), largest, float(at[first]))
+    return Seating(_touch_velocity(height[:first], speed[:first]), int(rising.sum()), largest, float(at[first]))
+
+
+def _touch_velocity(gap: FloatArray, velocity: FloatArray) -> float:
+    """Return the velocity towards the seat at the touch that follows some instants, m/s.
+
+    Between the last instant and the touch the acceleration is that before it: the square of the velocity is then a
+    linear function of the gap.
+    """
+    speed = max(-float(velocity[-1]), 0.0)
+    if len(gap) < 2 or not gap[-2] > gap[-1] or velocity[-2] > 0.0:
+        return speed
+    gain = (speed**2 - float(velocity[-2]) ** 2) / float(gap[-2] - gap[-1])
+    return math.sqrt(max(speed**2 + gain * float(gap[-1]), 0.0))
 
 
 def _is_open_ended(gap: FloatArray, angle: FloatArray) -> bool:
@@ -158,8 +171,8 @@ _LARGEST = (
 )  # fmt: skip
 """Suffixes of channels with a metric of maximum magnitude."""
 
-_SIGNED = ("compression",)
-"""Suffixes of channels with a metric of the positive maximum only."""
+_SIGNED = ("compression", "leak_down")
+"""Suffixes of channels whose metric is the maximum with its sign: a column that pumped up has a negative leak-down."""
 
 _LEAST = ("clearance",)
 

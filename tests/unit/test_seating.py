@@ -52,3 +52,17 @@ def test_a_revolution_that_begins_shut_and_ends_open_tells_nothing():
     gap, velocity = revolution()
     gap[300:] = np.linspace(0.0, 9e-3, 60)
     assert seating(gap, velocity, ANGLE) is None
+
+
+def test_velocity_is_that_of_the_touch():
+    """A body that falls from 3 mm passes the seat within a step: sqrt(2 g h), at any phase of the steps."""
+    for phase in (0.1, 0.5, 0.9):
+        time = (np.arange(-200, 40) + phase) * 2e-4
+        fall = np.clip(time, 0.0, None)
+        gap, velocity = 3e-3 - 0.5 * 9.81 * fall**2, -9.81 * fall
+        angle = np.linspace(0.0, 2.0 * np.pi, len(time))
+        gap, velocity = np.append(gap, np.full(100, -1e-6)), np.append(velocity, np.zeros(100))
+        gap[0] = -1e-6  # the revolution begins on the seat
+        told = seating(gap, velocity, np.append(angle, angle[-1] + angle[1] * np.arange(1, 101)))
+        assert told is not None
+        assert told.velocity == pytest.approx(np.sqrt(2.0 * 9.81 * 3e-3), rel=1e-9)

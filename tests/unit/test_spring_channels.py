@@ -67,6 +67,17 @@ def test_force_is_that_of_the_part_at_the_moving_end(case):
     assert np.abs(force - wanted).max() < 1e-9 * np.abs(force).max()  # the equation of motion of the mass
 
 
+def test_force_includes_that_of_touching_coils(case):
+    """0.2 mm of travel for a start at 1 mm: the equation of motion of the mass holds while the last coils touch."""
+    clash = 'elements = 4, damping = 0.0, clash_travel = "0.2 mm", clash_stiffness = "400 kN/m"'
+    response = run(case(SURGING.replace("elements = 4, damping = 0.0", clash)))
+    end, before = (response[name].acceleration for name in ("mass.uy", "springs.coil.3"))
+    wanted = -(0.1 + 0.015 / 3.0) * end - 0.015 / 6.0 * before
+    force = response.channels["springs.coil.force"]
+    assert response.channels["springs.coil.clash"].max() > 0.1 * np.abs(force).max()
+    assert np.abs(force - wanted).max() < 1e-9 * np.abs(force).max()
+
+
 def test_a_spring_that_turns_has_a_moment(case):
     made = case(TURNING)
     response = run(made)

@@ -99,6 +99,7 @@ def case(tmp_path):
 
     def make(follower=FLAT, contact=LINEAR, *, held=GUIDED, cam="", springs="", lines=""):
         text = CASE.format(follower=follower, contact=contact, held=held, cam=cam, springs=springs, run=lines)
+        text = text if follower else text.replace("follower = \n", "")
         path = tmp_path / "cam.toml"
         path.write_text(text, encoding="utf-8")
         return read_case(path)
@@ -138,6 +139,14 @@ def test_a_flat_follower_tilts(record, case, angle, cam, sense):
     turned = sense * (found["cam.rx"] - found["tappet.rx"])
     depth = found.s + found.slope * turned + found["cam.uy"] - found["tappet.uy"]
     assert depth == pytest.approx(found.force / CONTACT, rel=1e-6)
+
+
+def test_a_follower_without_a_shape_does_not_tilt(case):
+    """A foot that is free to turn: the force along the lift has no moment about its node."""
+    found = Standing(case(follower="", held=TILTING), RISING)
+    assert found.force > 0.9 * INSTALLED
+    assert found["tappet.rx"] == pytest.approx(0.0, abs=1e-15)
+    assert found["cam.rx"] == pytest.approx(-found.force * found.slope * 0.5 * SPAN / (G * SHAFT_J), rel=1e-9)
 
 
 def tangent(found, offset, base=BASE, roller=ROLLER):
