@@ -5,18 +5,19 @@ Error messages use the node and element tags of the file.
 
 from __future__ import annotations
 
+import io
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from flexcam.core import IntArray
 from flexcam.core.errors import NAME, NAMES, Fault, InputError, refuse, suggest_name
 from flexcam.fem.mesh import Mesh
-from flexcam.io.exports import write_text
+from flexcam.io.files import write_text
 from flexcam.io.gmsh import LINE, POINT, ElementGroup, GmshMesh, msh_text, read_msh
-from flexcam.io.text_files import format_inp
 
 _MAX_FAULTS = 20
 """Maximum number of reported faults of one kind: a mesh with thousands has one cause."""
@@ -212,8 +213,25 @@ def write_mesh(mesh: Mesh, path: Path, *, overwrite: bool = False) -> None:
     ``write_mesh(flexcam.fem.mesh.published_model(3), Path("tayeb-3.msh"))``
     """
     if path.suffix.lower() == ".inp":
-        write_text(path, format_inp(mesh), overwrite=overwrite)
+        write_text(path, _format_inp(mesh), overwrite=overwrite)
         return
     groups = [(LINE, name, np.column_stack([line[:-1], line[1:]])) for name, line in mesh.lines.items()]
     groups += [(POINT, name, index[:, None]) for name, index in mesh.points.items()]
     write_text(path, msh_text(mesh.nodes, groups), overwrite=overwrite)
+
+
+def _format_inp(mesh: Mesh) -> str:
+    """Return nodes, elements, a set of elements per member and a set of nodes per named point."""
+    import meshio  # pyright: ignore[reportMissingTypeStubs]
+
+    blocks: Any = [("line", np.column_stack([line[:-1], line[1:]])) for line in mesh.lines.values()]
+    nothing = np.zeros(0, dtype=np.intp)
+    sets: Any = {
+        name: [np.arange(len(pairs)) if i == k else nothing for i, (_, pairs) in enumerate(blocks)]
+        for k, name in enumerate(mesh.lines)
+    }
+    points: Any = dict(mesh.points)
+    text = io.StringIO()
+    whole = meshio.Mesh(mesh.nodes, blocks, cell_sets=sets, point_sets=points)
+    meshio.abaqus.write(text, whole)  # pyright: ignore
+    return text.getvalue().replace("TYPE=B31H", "TYPE=B31")  # the two-node beam element that Abaqus and CalculiX share
