@@ -210,7 +210,7 @@ def write_mesh(mesh: Mesh, path: Path, *, overwrite: bool = False) -> None:
 
     Examples
     --------
-    ``write_mesh(flexcam.fem.mesh.published_model(3), Path("tayeb-3.msh"))``
+    ``write_mesh(read_mesh(Path("train.msh")), Path("train.inp"))``
     """
     if path.suffix.lower() == ".inp":
         write_text(path, _format_inp(mesh), overwrite=overwrite)
