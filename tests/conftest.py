@@ -28,10 +28,12 @@ from flexcam.dynamics import Load, LocalForce, Probe, System
 from flexcam.fem.dofs import dof_map
 from flexcam.fem.frames import direction
 from flexcam.fem.members import Member
-from flexcam.fem.mesh import published_model
 from flexcam.fem.rigid_bodies import PointMass
 from flexcam.fem.sections import Material, Section
+from flexcam.io import read_mesh
 from flexcam.valvetrain import Cam, MassAt, Model, PublishedLoad, Rocker, Spring
+
+MESHES = Path(__file__).parents[1] / "meshes"
 
 ROWS = pytest.StashKey[dict[str, list[dict[str, object]]]]()
 """Rows by the page they stand on."""
@@ -167,7 +169,7 @@ def published(steel):
     def make(model=3, law="shm", event=None, **contact):
         event = event or LiftEvent(LAWS[law], lift=0.006, rise=math.pi, fall=math.pi)
         return Model(
-            mesh=published_model(model),
+            mesh=read_mesh(MESHES / f"tayeb-{model}.msh"),
             members={
                 "camshaft": Member(steel, Section.circle(0.025)), "pushrod": Member(steel, Section.tube(0.008, 0.005)),
             },

@@ -53,4 +53,4 @@ def shaft(work: Work) -> System:
         Load("torque", twist, lambda motion: work.torque * np.sin(motion.angle)),
     )
     probe = Probe("middle", ("uy", "rx"), np.array([push, twist]), (None, None))
-    return System(mass, mass.scaled(0.0), stiffness(beams, dofs), dofs.names, loads, probes=(probe,))
+    return System(mass, mass.scale(0.0), stiffness(beams, dofs), dofs.names, loads, probes=(probe,))

@@ -13,33 +13,51 @@ from flexcam.cams.followers import (
     SwingRollerFollower,
     Turn,
 )
-from flexcam.cams.harmonic_fit import HarmonicFit, harmonic_fit, harmonics_below
+from flexcam.cams.harmonic_synthesis import (
+    HarmonicFit,
+    Polydyne,
+    SingleMass,
+    Transfer,
+    harmonic_fit,
+    harmonics_below,
+    off_design_deviation,
+    polydyne,
+)
 from flexcam.cams.law_criteria import Criteria, Extreme, criteria, curve_minimum, residual_spectrum
 from flexcam.cams.law_registry import KINDS, LAWS, LawKind, kind_names, law_kind
-from flexcam.cams.lift_event import DelayedEvent, Event, Joint, LiftEvent, event_extremes, joints
+from flexcam.cams.lift_event import (
+    THRESHOLDS,
+    DelayedEvent,
+    Event,
+    Joint,
+    LiftEvent,
+    ValveEvent,
+    event_extremes,
+    joints,
+    overlap,
+    valve_event,
+)
 from flexcam.cams.lift_table import LiftReport, lift_table
 from flexcam.cams.minimax import Synthesis, minimax, pareto
-from flexcam.cams.motion_law import Law, ReversedLaw
+from flexcam.cams.motion_law import Law, Ramp, ReversedLaw
 from flexcam.cams.periodic_lift import HarmonicLift, OrderSpectrum, PeriodicSpline, harmonics, order_spectrum
-from flexcam.cams.polydyne import Polydyne, SingleMass, Transfer, motion_at, off_design_deviation, polydyne
 from flexcam.cams.polynomial_laws import BSplineLaw, Polynomial, quinquinomial, through_points
 from flexcam.cams.profile import (
     PRESSURE_ANGLE,
+    Bridge,
     CamProfile,
-    ProfileExtremes,
     ProfileFault,
     cam_profile,
+    find_bridges,
     find_profile_faults,
+    lift_from_profile,
     minimum_base_radius,
     petrescu_efficiency,
     petrescu_profile,
     profile_at,
-    profile_extremes,
     relaxed_offset,
     undercut,
 )
-from flexcam.cams.profile_reading import Bridge, find_bridges, lift_from_profile
-from flexcam.cams.ramps import Ramp
 from flexcam.cams.standard_laws import (
     CompoundCycloid,
     CosineSum,
@@ -51,7 +69,6 @@ from flexcam.cams.standard_laws import (
     harmonic_acceleration,
 )
 from flexcam.cams.synthesis_family import Family, HarmonicFamily, SplineFamily
-from flexcam.cams.valve_events import THRESHOLDS, ValveEvent, overlap, valve_event
 
 __all__ = [
     "KINDS",
@@ -86,7 +103,6 @@ __all__ = [
     "PeriodicSpline",
     "Polydyne",
     "Polynomial",
-    "ProfileExtremes",
     "ProfileFault",
     "Ramp",
     "ReversedLaw",
@@ -118,7 +134,6 @@ __all__ = [
     "lift_table",
     "minimax",
     "minimum_base_radius",
-    "motion_at",
     "off_design_deviation",
     "order_spectrum",
     "overlap",
@@ -127,7 +142,6 @@ __all__ = [
     "petrescu_profile",
     "polydyne",
     "profile_at",
-    "profile_extremes",
     "quinquinomial",
     "relaxed_offset",
     "residual_spectrum",

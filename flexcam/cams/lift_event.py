@@ -1,17 +1,17 @@
-"""Lift events: lift over the cam angle, its joints and extremes."""
+"""Lift events: lift over the cam angle, its joints and extremes, and the valve events of a lift."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from itertools import accumulate
 from typing import Literal, Protocol
 
 import numpy as np
 
 from flexcam.cams.law_criteria import Extreme, curve_minimum
-from flexcam.cams.motion_law import Law, ReversedLaw
-from flexcam.cams.ramps import Ramp, RampTransition
+from flexcam.cams.motion_law import Law, Ramp, RampTransition, ReversedLaw
 from flexcam.core import FloatArray
 from flexcam.core.errors import positive, refuse
 
@@ -43,18 +43,9 @@ class Event(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """Segment of cam angle with one law.
+    """Segment of cam angle with one law, forwards or backwards, or a dwell (None).
 
-    Parameters
-    ----------
-    start, span
-        rad, from the beginning of the event.
-    base, height
-        Lift at the lower end and rise of the law, m.
-    law
-        The law; None for a dwell.
-    backwards
-        Whether the law runs from its end to its start.
+    Start and span are rad from the beginning of the event; base is the lift at the lower end, m.
     """
 
     start: float
@@ -182,15 +173,15 @@ class LiftEvent:
         """Lift of the upper dwell, ramp included, m."""
         return self.lift + (self.ramp.height if self.ramp else 0.0)
 
-    @cached_property
-    def _height(self) -> float:
-        top = -curve_minimum(lambda angle: -self(angle), self.joints).value
-        return top if top > self._top * (1.0 + _ROUNDING) else self._top
-
     @property
     def height(self) -> float:
         """Largest lift including the ramp, m; above that of the upper dwell if a law overshoots 1."""
         return self._height
+
+    @cached_property
+    def _height(self) -> float:
+        top = -curve_minimum(lambda angle: -self(angle), self.joints).value
+        return top if top > self._top * (1.0 + _ROUNDING) else self._top
 
     @cached_property
     def segments(self) -> tuple[Segment, ...]:
@@ -207,12 +198,8 @@ class LiftEvent:
             (self.fall, end, self._fall_lift, _from(fall_law, closing, self.fall / self._fall_lift), True),
             (closing.duration if closing else 0.0, 0.0, end, closing, True),
         ]
-        made, start = list[Segment](), 0.0
-        for span, base, height, law, backwards in parts:
-            if span > 0.0:
-                made.append(Segment(start, span, base, height, law, backwards))
-            start += span
-        return tuple(made)
+        starts = accumulate((span for span, *_ in parts), initial=0.0)
+        return tuple(Segment(start, *part) for start, part in zip(starts, parts, strict=False) if part[0] > 0.0)
 
     @property
     def start(self) -> float:
@@ -292,18 +279,7 @@ class DelayedEvent:
 
 
 def unique_angles(angles: FloatArray) -> tuple[float, ...]:
-    """Return unique angles within a revolution, ascending.
-
-    Parameters
-    ----------
-    angles
-        rad.
-
-    Returns
-    -------
-    tuple
-        From 0 to 2 pi.
-    """
+    """Return unique angles, rad from 0 to 2 pi, ascending."""
     wrapped = np.sort(np.mod(angles + _SNAP, _REVOLUTION) - _SNAP)
     fresh = np.concatenate([[True], np.diff(wrapped) > 2.0 * _SNAP])[: len(wrapped)]
     return tuple((wrapped[fresh] + 0.0).tolist())
@@ -315,16 +291,10 @@ def _from(law: Law, ramp: Ramp | None, span_by_lift: float) -> Law:
 
 def event_extremes(event: Event, order: int = 0) -> tuple[Extreme, Extreme]:
     """Return the minimum and maximum of a lift or of its derivative."""
-    return _cached_extremes(event, order) if _is_hashable(event) else _extremes(event, order)
-
-
-def _is_hashable(event: Event) -> bool:
-    """Return whether an event can be a dictionary key; one that contains arrays cannot."""
     try:
-        hash(event)
-    except TypeError:
-        return False
-    return True
+        return _cached_extremes(event, order)
+    except TypeError:  # an event that contains arrays cannot be a key
+        return _extremes(event, order)
 
 
 def _extremes(event: Event, order: int) -> tuple[Extreme, Extreme]:
@@ -342,7 +312,7 @@ _LIMIT_OFFSET = 1e-8
 _STEP_TOLERANCE = 1e-6
 """Relative size of a step, to the largest value of its curve, below which it is zero."""
 
-_GRID = np.linspace(0.0, 2.0 * np.pi, 3601)
+_GRID = np.linspace(0.0, _REVOLUTION, 7201)
 
 
 @dataclass(frozen=True)
@@ -369,11 +339,82 @@ class Joint:
 def joints(event: Event) -> list[Joint]:
     """Return all joints of an event with the steps there."""
     angles = np.array(event.joints)
-    rows = list[list[float]]()
+    steps = np.zeros((len(angles), 4))
     for order in range(4):
         step = event(angles, order) - event(angles - _LIMIT_OFFSET, order)
         # Subtract the change of the smooth curve between both places.
         step -= _LIMIT_OFFSET * event(angles - _LIMIT_OFFSET, order + 1)
-        size = float(np.abs(event(_GRID, order)).max(initial=0.0))
-        rows.append(np.where(np.abs(step) > _STEP_TOLERANCE * size, step, 0.0).tolist())
-    return [Joint(float(a), (s[0], s[1], s[2], s[3])) for a, s in zip(angles, np.array(rows).T.tolist(), strict=True)]
+        size = float(np.abs(event(_GRID[::2], order)).max(initial=0.0))
+        steps[:, order] = np.where(np.abs(step) > _STEP_TOLERANCE * size, step, 0.0)
+    return [Joint(a, (s[0], s[1], s[2], s[3])) for a, s in zip(angles.tolist(), steps.tolist(), strict=True)]
+
+
+THRESHOLDS = {"1 mm": 1e-3, "0.05 in": 0.05 * 0.0254}
+"""Valve lifts at which events are evaluated."""
+
+_CYCLE = 4.0 * math.pi
+
+
+@dataclass(frozen=True)
+class ValveEvent:
+    """Opening and closing of a valve at a lift, in crank angles of a four-stroke cycle.
+
+    Parameters
+    ----------
+    lift
+        The lift, m.
+    opens, closes
+        Crank angles, rad, `opens` from 0 to 4 pi, `closes` after it; crank and cam angle are zero together.
+    """
+
+    lift: float
+    opens: float
+    closes: float
+
+    @property
+    def duration(self) -> float:
+        """Crank angle between the two, rad."""
+        return self.closes - self.opens
+
+    @property
+    def centre(self) -> float:
+        """Crank angle halfway between opening and closing, rad from 0 to 4 pi."""
+        return math.fmod(0.5 * (self.opens + self.closes), _CYCLE)
+
+
+def valve_event(event: Event, lift: float, *, ratio: float = 1.0, lash: float = 0.0) -> ValveEvent | None:
+    """Return the crank angles between which a valve is open beyond a lift."""
+    positive("lift", lift, "m")
+    positive("ratio", ratio, "")
+    positive("lash", lash, "m", zero=True)
+    cam_lift = (lift + lash) / ratio
+    above = event(_GRID[:-1]) > cam_lift
+    if not above.any() or above.all():
+        return None
+    opened, closed = (
+        [_crossing(event, cam_lift, float(_GRID[i] - _GRID[1]), float(_GRID[i])) for i in np.flatnonzero(change)]
+        for change in (above & ~np.roll(above, 1), ~above & np.roll(above, 1))
+    )
+    pairs = [(a, min((b - a) % (2.0 * math.pi) for b in closed)) for a in opened]
+    start, span = max(pairs, key=lambda pair: pair[1])
+    start = start % (2.0 * math.pi)
+    return ValveEvent(lift, 2.0 * start, 2.0 * (start + span))
+
+
+def overlap(one: ValveEvent, other: ValveEvent) -> float:
+    """Return the crank angle over which both valves are open."""
+    shifts = (-_CYCLE, 0.0, _CYCLE)
+    return sum(max(0.0, min(one.closes, other.closes + s) - max(one.opens, other.opens + s)) for s in shifts)
+
+
+def _crossing(event: Event, lift: float, low: float, high: float) -> float:
+    """Return the angle at which the lift crosses a value between two angles, by bisection."""
+
+    def is_above(angle: float) -> bool:
+        return bool(event(np.array([angle]))[0] > lift)
+
+    rising = is_above(high)
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if is_above(middle) == rising else (middle, high)
+    return 0.5 * (low + high)

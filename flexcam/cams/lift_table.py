@@ -1,19 +1,17 @@
-"""Measured or imported lift tables: smoothing by a periodic spline and report of the changes."""
+"""Measured or imported lift tables: checks, smoothing by a periodic spline, and a report of the changes."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from flexcam.cams.lift_checks import base_level, find_table_faults, scatter, wide_steps
 from flexcam.cams.lift_event import DelayedEvent
 from flexcam.cams.periodic_lift import DEGREE, PeriodicSpline, spline_rows
 from flexcam.core import FloatArray
-from flexcam.core.errors import InputError, format_shape, refuse
+from flexcam.core.errors import Fault, InputError, format_shape, refuse
 
 _REVOLUTION = 2.0 * math.pi
 _STEP = math.radians(1.0)
@@ -110,7 +108,8 @@ def lift_table(angle: ArrayLike, lift: ArrayLike, *, tolerance: float | None = N
     faults = find_table_faults(theta, s)
     if faults:
         raise InputError(faults)
-    theta, s = _drop_repeated_row(theta, s)
+    if theta[-1] - theta[0] > _REVOLUTION - 1e-9:  # the last row repeats the first
+        theta, s = theta[:-1], s[:-1]
     local = theta - theta[0]  # knots on equally spaced points: elsewhere an interpolating spline may not exist
     around, heights = _add_base_circle(local, s)
     noise = scatter(theta, s)
@@ -142,11 +141,11 @@ def _fit_by_cross_validation(theta: FloatArray, s: FloatArray, count: int, noise
     weight = _minimize_cross_validation(fit)
     allowed = _FAR * noise + _SMALL * float(s.max())
     for most in _KNOTS[1:]:
-        if fit.largest(weight) <= allowed or fit.rows.shape[1] >= len(theta):
+        if fit.largest_change(weight) <= allowed or fit.rows.shape[1] >= len(theta):
             break
         finer = _Fit.of(theta, s, count, most)
         found = _minimize_cross_validation(finer, near=math.log10(weight) + _WEIGHT_PER_HALVING)
-        if finer.largest(found) <= 0.5 * fit.largest(weight):
+        if finer.largest_change(found) <= 0.5 * fit.largest_change(weight):
             fit, weight = finer, found
     return fit, weight
 
@@ -154,12 +153,12 @@ def _fit_by_cross_validation(theta: FloatArray, s: FloatArray, count: int, noise
 def _fit_within_tolerance(theta: FloatArray, s: FloatArray, count: int, tolerance: float) -> tuple[_Fit, float]:
     """Return the fit with the largest roughness weight and the fewest knots within a tolerance."""
     fit = _Fit.of(theta, s, count, _KNOTS[0])
-    least = fit.change(_LEAST)
+    least = fit.rms_change(_LEAST)
     for most in _KNOTS[1:]:
         if least <= tolerance or fit.rows.shape[1] >= len(theta):
             break
         fit = _Fit.of(theta, s, count, most)
-        least = fit.change(_LEAST)
+        least = fit.rms_change(_LEAST)
     if least <= tolerance:
         return fit, _max_roughness_weight(fit, tolerance)
     if tolerance > 0.0:
@@ -171,12 +170,6 @@ def _fit_within_tolerance(theta: FloatArray, s: FloatArray, count: int, toleranc
         why = f"a spline of {_KNOTS[-1]} knots cannot pass through them all"
         raise refuse("tolerance", given, allowed, why, "allow some, or leave out points")
     return fit, _LEAST
-
-
-def _drop_repeated_row(theta: FloatArray, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the table without a last row that repeats the first row one revolution later."""
-    twice = theta[-1] - theta[0] > _REVOLUTION - 1e-9
-    return (theta[:-1], s[:-1]) if twice else (theta, s)
 
 
 def _add_base_circle(theta: FloatArray, s: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -232,21 +225,23 @@ class _Fit:
             found = np.linalg.lstsq(both, right, rcond=None)[0]
         return np.asarray(found, dtype=float)
 
-    def change(self, weight: float) -> float:
-        """Return the root mean square change of the measured points."""
-        change = self.rows[: self.count] @ self.coefficients(weight) - self.lift[: self.count]
-        return float(np.sqrt(np.mean(change**2)))
+    def changes(self, weight: float) -> FloatArray:
+        """Return the changes of the measured points."""
+        return self.rows[: self.count] @ self.coefficients(weight) - self.lift[: self.count]
 
-    def largest(self, weight: float) -> float:
+    def rms_change(self, weight: float) -> float:
+        """Return the root mean square change of the measured points."""
+        return float(np.sqrt(np.mean(self.changes(weight) ** 2)))
+
+    def largest_change(self, weight: float) -> float:
         """Return the largest change of a measured point."""
-        change = self.rows[: self.count] @ self.coefficients(weight) - self.lift[: self.count]
-        return float(np.abs(change).max())
+        return float(np.abs(self.changes(weight)).max())
 
     def score(self, weight: float) -> float:
         """Return the generalized cross-validation score: mean square change over (1 - c trace/m)^2."""
         used = float(np.trace(np.linalg.solve(self.square + weight * self.rough, self.measured)))
         m = self.count
-        return math.inf if _DOF_WEIGHT * used >= m else (self.change(weight) / (1.0 - _DOF_WEIGHT * used / m)) ** 2
+        return math.inf if _DOF_WEIGHT * used >= m else (self.rms_change(weight) / (1.0 - _DOF_WEIGHT * used / m)) ** 2
 
 
 _ILL = 1e-7
@@ -260,11 +255,11 @@ The roughness is scaled to the square of the rows.
 def _max_roughness_weight(fit: _Fit, tolerance: float) -> float:
     """Return the largest roughness weight whose change of the points is within the tolerance."""
     low, high = _LOWEST, _HIGHEST
-    if fit.change(10.0**low) > tolerance:
+    if fit.rms_change(10.0**low) > tolerance:
         return _LEAST
     for _ in range(30):
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if fit.change(10.0**middle) <= tolerance else (low, middle)
+        low, high = (middle, high) if fit.rms_change(10.0**middle) <= tolerance else (low, middle)
     return 10.0**low
 
 
@@ -277,21 +272,16 @@ def _minimize_cross_validation(fit: _Fit, near: float | None = None) -> float:
     powers = np.arange(_LOWEST + 1.0, _HIGHEST + 1.0)
     if near is not None:
         powers = np.maximum(near + np.arange(-2.0, 3.0), _LOWEST)
-    best = float(powers[_least(fit, powers)])
+    best = float(powers[np.argmin([fit.score(10.0**power) for power in powers])])
     fine = best + (np.linspace(-1.0, 1.0, 9) if near is None else np.array([-0.5, 0.0, 0.5]))
-    return 10.0 ** float(fine[_least(fit, fine)])
-
-
-def _least(fit: _Fit, powers: FloatArray) -> int:
-    score: Callable[[float], float] = fit.score
-    return int(np.argmin([score(10.0**power) for power in powers]))
+    return 10.0 ** float(fine[np.argmin([fit.score(10.0**power) for power in fine])])
 
 
 def _report(theta: FloatArray, s: FloatArray, spline: DelayedEvent, weight: float, noise: float) -> LiftReport:
     change = spline(theta) - s
     worst = int(np.argmax(np.abs(change)))
     fine = spline(np.linspace(0.0, _REVOLUTION, 3601), 2)
-    raw = _second_differences(theta, s)
+    raw = 2.0 * np.diff(np.diff(s) / np.diff(theta)) / (np.diff(theta)[:-1] + np.diff(theta)[1:])
     return LiftReport(
         len(theta), float(np.sqrt(np.mean(change**2))), float(abs(change[worst])), float(theta[worst]),
         (float(raw.min()), float(raw.max())), (float(fine.min()), float(fine.max())), weight,
@@ -316,7 +306,121 @@ def _remarks(theta: FloatArray, s: FloatArray, spline: DelayedEvent, noise: floa
     return said
 
 
-def _second_differences(theta: FloatArray, s: FloatArray) -> FloatArray:
-    left, right = np.diff(theta)[:-1], np.diff(theta)[1:]
-    slope = np.diff(s) / np.diff(theta)
-    return 2.0 * np.diff(slope) / (left + right)
+_LEAST_POINTS = 12
+_MOST_FAULTS = 10
+
+_BASE = 0.01
+"""Fraction of the largest lift below which a point is on the base circle, and by which a lift may bend across a gap."""
+
+_SCATTERS = 6.0
+"""Standard deviations of the noise allowed for a point on the base circle: one in 1e9 lies outside."""
+
+_OF_MEDIAN = 1.4826
+"""Ratio of standard deviation to median absolute value of normal noise."""
+
+_GAP, _GAP_RATIO, _WIDE = math.radians(3.0), 3.0, math.radians(20.0)
+"""A step is wide above 3 deg and three times its neighbours, or above 20 deg."""
+
+
+def find_table_faults(theta: FloatArray, s: FloatArray) -> list[Fault]:
+    """Return the faults of a lift table, with rows counted from 1."""
+    if len(theta) != len(s):
+        given = f"{len(s)} lifts at {len(theta)} angles"
+        return [Fault("lift table", given, "one lift per angle", "", "complete or remove the odd row")]
+    lost = np.flatnonzero(~(np.isfinite(theta) & np.isfinite(s)))
+    if lost.size:
+        return [
+            Fault(f"lift table, row {i + 1}", f"angle {math.degrees(theta[i]):g} deg, lift {1e3 * s[i]:g} mm",
+                  "finite numbers", "", "mend or remove the row")
+            for i in lost[:_MOST_FAULTS].tolist()
+        ]  # fmt: skip
+    if len(theta) < _LEAST_POINTS:
+        return [Fault("lift table", f"{len(theta)} points", f"{_LEAST_POINTS} or more", "", "measure at more angles")]
+    found: list[Fault] = []
+    back = np.flatnonzero(np.diff(theta) <= 0.0)
+    if back.size:
+        i = int(back[0])
+        given = f"{math.degrees(theta[i]):g} deg, then {math.degrees(theta[i + 1]):g} deg"
+        found.append(Fault(f"angle, row {i + 2}", given, "angles that ascend", "", "sort the rows, each angle once"))
+    elif theta[-1] - theta[0] > _REVOLUTION + 1e-9:
+        given = f"{math.degrees(theta[-1] - theta[0]):g} deg of cam angle"
+        remedy = "cut the table; crank angles must be said to be such"
+        found.append(Fault("angle", given, "360 deg at most", "the lift repeats every revolution", remedy))
+    top = float(s.max())
+    if top <= 0.0:
+        return [*found, Fault("lift", f"{top:g} m at most", "a lift above zero", "", "check the column and its unit")]
+    low = base_level(theta, s) if not found else _BASE * top
+    below = np.flatnonzero(s < -low)
+    if below.size:
+        i = int(below[0])
+        given = f"{1e3 * s[i]:g} mm at {math.degrees(theta[i]):g} deg"
+        found.append(Fault(f"lift, row {i + 1}", given, "zero or more", "a follower cannot enter the base circle",
+                           "subtract the base circle's reading"))  # fmt: skip
+    return found or [*_gaps(theta, s, low), *_periodicity_fault(theta, s, low)]
+
+
+def base_level(theta: FloatArray, s: FloatArray) -> float:
+    """Return the lift below which a point of a table counts as on the base circle, m."""
+    return max(_BASE * float(s.max()), _SCATTERS * scatter(theta, s))
+
+
+def scatter(theta: FloatArray, s: FloatArray) -> float:
+    """Return the standard deviation of a table's noise, from the deviation from parabolas through three neighbours."""
+    places = np.stack([theta[k : len(theta) - 3 + k] for k in range(4)])
+    values = np.stack([s[k : len(s) - 3 + k] for k in range(4)])
+    apart = places[:, None] - places[None]
+    weights = 1.0 / np.where(np.eye(4, dtype=bool)[:, :, None], 1.0, apart).prod(axis=1)
+    miss = np.abs((weights * values).sum(axis=0)) / np.sqrt((weights**2).sum(axis=0))
+    return _OF_MEDIAN * float(np.median(miss))
+
+
+def _gaps(theta: FloatArray, s: FloatArray, low: float) -> list[Fault]:
+    """Return the first gap on the lift; a missing range at the ends of a table is checked elsewhere."""
+    high = np.maximum(s[:-1], s[1:]) > low
+    bent = _max_curvature_deviation(theta, s) > _BASE * float(s.max())
+    gap = wide_steps(theta)[:-1] & high & (bent | (np.diff(theta) > _WIDE))
+    if not gap.any():
+        return []
+    i = int(np.argmax(gap))
+    given = f"no point between {math.degrees(theta[i]):g} and {math.degrees(theta[i + 1]):g} deg"
+    return [
+        Fault(f"angle, row {i + 2}", given, "an even cover of the lift", "a gap would be invented", "measure there")
+    ]
+
+
+def _max_curvature_deviation(theta: FloatArray, s: FloatArray) -> FloatArray:
+    """Return the possible deviation of the lift from a straight line in each step, from the slopes on both sides.
+
+    Each slope is taken over the angle of the step itself, which reduces the effect of noise.
+    """
+    step, slope = np.diff(theta), np.diff(s) / np.diff(theta)
+    at = np.arange(len(step))
+    before = np.maximum(np.searchsorted(theta, theta[:-1] - step, side="right") - 1, 0)
+    after = np.minimum(np.searchsorted(theta, theta[1:] + step), len(theta) - 1)
+    left = np.where(before < at, (s[at] - s[before]) / np.where(before < at, theta[at] - theta[before], 1.0), slope)
+    inner = after > at + 1
+    right = np.where(inner, (s[after] - s[at + 1]) / np.where(inner, theta[after] - theta[at + 1], 1.0), slope)
+    return np.maximum(np.abs(slope - left), np.abs(right - slope)) * step / 8.0
+
+
+def wide_steps(theta: FloatArray) -> NDArray[np.bool_]:
+    """Return which steps to the next point, around the revolution, are wide compared with their neighbours."""
+    step = np.diff(theta, append=theta[0] + _REVOLUTION)
+    beside = np.maximum(np.roll(step, 1), np.roll(step, -1))
+    return (step > _WIDE) | ((step > _GAP) & (step > _GAP_RATIO * beside))
+
+
+def _periodicity_fault(theta: FloatArray, s: FloatArray, low: float) -> list[Fault]:
+    """Return the fault of a lift that does not return to its initial value."""
+    jump = abs(float(s[-1] - s[0]))
+    if theta[-1] - theta[0] > _REVOLUTION - 1e-9:  # the last row repeats the first
+        closes = jump <= low
+    elif wide_steps(theta)[-1]:  # the base circle is omitted
+        closes = max(float(s[0]), float(s[-1])) <= low
+    else:
+        closes = jump <= low + _GAP_RATIO * float(np.abs(np.diff(s)).max())
+    if closes:
+        return []
+    start, end = (f"{1e3 * s[i]:g} mm at {math.degrees(theta[i]):g} deg" for i in (0, -1))
+    given, allowed = f"{start}, {end}", "a lift that begins and ends on the base circle, or runs on into itself"
+    return [Fault("lift", given, allowed, "the lift repeats every revolution", "measure the whole lift")]

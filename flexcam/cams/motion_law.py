@@ -1,14 +1,17 @@
-"""Motion laws: a normalized rise from 0 to 1 over 0 to 1, with its derivatives."""
+"""Motion laws: a normalized rise from 0 to 1 over 0 to 1 with its derivatives; reversed laws and ramps."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 from typing import Protocol, runtime_checkable
 
 import numpy as np
+from numpy.polynomial.polynomial import polyder, polyval
 
 from flexcam.core import FloatArray
+from flexcam.core.errors import positive, refuse
 
 
 class Law(Protocol):
@@ -28,6 +31,20 @@ class Law(Protocol):
         ...
 
 
+class SmoothLaw:
+    """Base class of laws whose derivatives up to the fourth are continuous."""
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Positions of inner jumps: none."""
+        return ()
+
+
+def linear(z: FloatArray, order: int) -> FloatArray:
+    """Return a derivative of z itself: z, 1 or 0."""
+    return (z, np.ones_like(z))[order] if order < 2 else np.zeros_like(z)
+
+
 @runtime_checkable
 class AnalyticResidual(Protocol):
     """Law with a closed form of its residual vibration."""
@@ -35,34 +52,6 @@ class AnalyticResidual(Protocol):
     def residual(self, ratio: FloatArray) -> FloatArray:
         """Return the amplitude over the lift, for rise times in periods of the oscillator, above zero."""
         ...
-
-
-def horner(z: FloatArray, coefficients: FloatArray) -> FloatArray:
-    """Evaluate a polynomial by Horner's scheme.
-
-    Parameters
-    ----------
-    z
-        Any shape.
-    coefficients
-        Of the powers from the zeroth, one at least.
-
-    Returns
-    -------
-    ndarray
-        Shape as `z`.
-
-    Examples
-    --------
-    >>> horner(np.array([2.0]), np.array([1.0, 0.0, 3.0]))
-    array([13.])
-    """
-    highest, *rest = coefficients[::-1].tolist()
-    value = np.full_like(z, highest)
-    for one in rest:
-        value *= z
-        value += one
-    return value
 
 
 _POINTS = 16
@@ -102,3 +91,100 @@ class ReversedLaw:
             mirrored = np.where(z == 1.0 - at, np.nextafter(at, 0.0), mirrored)
         turned = (-1.0) ** (order + 1) * self.law(mirrored, order)
         return 1.0 + turned if order == 0 else turned
+
+
+_GAIN = (0.0, 1.0, 0.0, -2.0, 2.0, -0.6)
+"""Powers of z of the integral of (1 - z)^3 (1 + 3 z): slope 1 at z = 0, zero at z = 1, without a step of acceleration.
+"""
+
+_SHORTEST = 1e-3
+_GAIN_AT_END = 0.4
+"""Value of the integral at z = 1."""
+
+
+@lru_cache
+def _gain_coefficients(order: int) -> FloatArray:
+    return np.asarray(polyder(_GAIN, order), dtype=float)
+
+
+def _gain(z: FloatArray, order: int) -> FloatArray:
+    return np.asarray(polyval(z, _gain_coefficients(order)), dtype=float)
+
+
+@dataclass(frozen=True)
+class Ramp:
+    """A ramp of constant velocity with a smooth take-off.
+
+    Parameters
+    ----------
+    height
+        m.
+    duration
+        Cam angle, rad.
+    take_off
+        Fraction of the duration over which the velocity rises, 0 to 1; with 0 the velocity steps.
+    """
+
+    height: float
+    duration: float
+    take_off: float = 0.25
+
+    def __post_init__(self) -> None:
+        positive("ramps.height", self.height, "m")
+        positive("ramps.duration", self.duration, "rad")
+        if not (self.take_off == 0.0 or _SHORTEST <= self.take_off <= 1.0):
+            raise refuse("ramps.take_off", self.take_off, f"0, or a part from {_SHORTEST:g} to 1 of the duration")
+
+    @property
+    def slope(self) -> float:
+        """Velocity at the end of the ramp, m/rad."""
+        return self.height / self.duration / self._part
+
+    @property
+    def _part(self) -> float:
+        """Ratio of the height to that of a ramp with full velocity from the start."""
+        return 1.0 - (1.0 - _GAIN_AT_END) * self.take_off
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """End of the take-off."""
+        return (self.take_off,) if 0.0 < self.take_off < 1.0 else ()
+
+    def __call__(self, z: FloatArray, order: int = 0) -> FloatArray:
+        """Return the derivative of the given order of the normalized ramp, from 0 to 1 over 0 to 1."""
+        t = self.take_off
+        line = ((z - (1.0 - _GAIN_AT_END) * t), np.ones_like(z))[order] if order < 2 else np.zeros_like(z)
+        if t > 0.0:
+            # The take-off is the mirror image of the gain at the end of the main lift.
+            backwards = np.clip(1.0 - z / t, 0.0, 1.0)
+            start = t ** (1 - order) * (-1.0) ** (order + 1) * _gain(backwards, order)
+            start = start + (_GAIN_AT_END * t if order == 0 else 0.0)
+            line = np.where(z < t, start, line)
+        return line / self._part
+
+
+@dataclass(frozen=True)
+class RampTransition:
+    """Law with an initial velocity and continuous velocity and acceleration.
+
+    s = (1 - 0.4 k) law + k g, where g' = (1 - z)^3 (1 + 3 z).
+
+    Parameters
+    ----------
+    law
+        The law of a rise from rest.
+    slope
+        k, the velocity at z = 0, normalized.
+    """
+
+    law: Law
+    slope: float
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Positions of inner jumps."""
+        return self.law.breaks
+
+    def __call__(self, z: FloatArray, order: int = 0) -> FloatArray:
+        """Return the derivative of the given order at z."""
+        return (1.0 - _GAIN_AT_END * self.slope) * self.law(z, order) + self.slope * _gain(z, order)

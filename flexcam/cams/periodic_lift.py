@@ -50,21 +50,22 @@ def spline_rows(angle: FloatArray, knots: int, order: int = 0) -> tuple[IntArray
 
 
 class _SmoothLift(ABC):
-    """Lift without joints; the height is cached."""
+    """Lift without joints."""
 
     @property
     def joints(self) -> tuple[float, ...]:
         """Cam angles where a derivative up to the fourth may jump: none."""
         return ()
 
-    @cached_property
-    def _height(self) -> float:
-        return lift_maximum(self)
-
     @property
     def height(self) -> float:
-        """Largest lift, m."""
+        """Largest lift, m, with a relative accuracy of 1e-9."""
         return self._height
+
+    @cached_property
+    def _height(self) -> float:
+        at = float(_GRID[np.argmax(self(_GRID))])
+        return float(self(at + np.linspace(-1.0, 1.0, 2001) * (_GRID[1] - _GRID[0])).max())
 
     @abstractmethod
     def __call__(self, angle: FloatArray, order: int = 0) -> FloatArray: ...
@@ -134,13 +135,6 @@ class HarmonicLift(_SmoothLift):
         return np.asarray(turned.real + (self.mean if order == 0 else 0.0), dtype=float)
 
 
-def lift_maximum(event: Event) -> float:
-    """Return the largest lift of an event, m, with a relative accuracy of 1e-9."""
-    at = float(_GRID[np.argmax(event(_GRID))])
-    fine = at + np.linspace(-1.0, 1.0, 2001) * (_GRID[1] - _GRID[0])
-    return float(event(fine).max())
-
-
 def harmonics(event: Event, count: int, order: int = 0) -> ComplexArray:
     """Return the harmonics of an event's lift or of its derivative."""
     points, weights = np.polynomial.legendre.leggauss(8)
@@ -154,9 +148,6 @@ def harmonics(event: Event, count: int, order: int = 0) -> ComplexArray:
     amplitude = np.asarray(swung / math.pi, dtype=np.complex128)
     amplitude[0] *= 0.5
     return amplitude
-
-
-_REVOLUTION_ORDERS = 2.0 * math.pi
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,25 +182,18 @@ def order_spectrum(angle: ArrayLike, values: ArrayLike, count: int) -> OrderSpec
     """
     at = finite_array("angle", angle, (None,))
     history = finite_array("values", values, (len(at),))
-    _validate(at, count)
-    steps = np.diff(at)
+    if count < 1:
+        raise refuse("count", count, "a whole number from 1")
+    if len(at) < 2 * count + 2:
+        why = "an order needs two instants of its own"
+        raise refuse("angle", f"{len(at)} instants", f"{2 * count + 2} or more for {count} orders", why)
+    steps, span = np.diff(at), float(at[-1] - at[0])
+    if (steps <= 0.0).any() or abs(span - _REVOLUTION) > 1.5 * float(steps.max()):
+        raise refuse("angle", f"{math.degrees(span):.6g} deg", "rising angles over one revolution, 360 deg")
     weights = 0.5 * (np.append(steps, 0.0) + np.append(0.0, steps))
     orders = np.arange(1, count + 1)
-    waves = np.concatenate(
-        [np.ones((len(at), 1)), np.cos(np.outer(at, orders)), np.sin(np.outer(at, orders))], axis=1
-    )  # fmt: skip
+    waves = np.hstack([np.ones((len(at), 1)), np.cos(np.outer(at, orders)), np.sin(np.outer(at, orders))])
     heavy = waves * weights[:, None]
     found = np.linalg.solve(heavy.T @ waves, heavy.T @ history)
     coefficients = np.append(found[:1].astype(np.complex128), found[1 : count + 1] - 1j * found[count + 1 :])
     return OrderSpectrum(coefficients, abs(float(history[-1] - history[0])))
-
-
-def _validate(angle: FloatArray, count: int) -> None:
-    if count < 1:
-        raise refuse("count", count, "a whole number from 1")
-    if len(angle) < 2 * count + 2:
-        why = "an order needs two instants of its own"
-        raise refuse("angle", f"{len(angle)} instants", f"{2 * count + 2} or more for {count} orders", why)
-    steps, span = np.diff(angle), float(angle[-1] - angle[0])
-    if (steps <= 0.0).any() or abs(span - _REVOLUTION_ORDERS) > 1.5 * float(steps.max()):
-        raise refuse("angle", f"{math.degrees(span):.6g} deg", "rising angles over one revolution, 360 deg")

@@ -10,8 +10,9 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.polynomial.polynomial import polyder, polyval
 
-from flexcam.cams.motion_law import horner
+from flexcam.cams.motion_law import SmoothLaw
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
 
@@ -27,7 +28,7 @@ _NEAR_END = 0.05
 
 
 @dataclass(frozen=True)
-class Polynomial:
+class Polynomial(SmoothLaw):
     """s = sum a_j z^j with given exponents, by default with s(1) = 1 and as many zero derivatives at 1 as possible.
 
     The coefficients then are ``a_j = prod p_i/(p_i - p_j)`` over the other exponents; with the lowest exponent p the
@@ -90,31 +91,25 @@ class Polynomial:
     @cached_property
     def _from_end(self) -> FloatArray:
         """Coefficients of the powers of w = 1 - z, from w^0; vanishing ones are exactly zero."""
+        terms = list(zip(self._exact, self.exponents, strict=True))
         powers = range(self.exponents[-1] + 1)
-        terms = zip(self._exact, self.exponents, strict=True)
-        pairs = [(a, p) for a, p in terms]
-        return np.array([float((-1) ** m * sum(a * math.comb(p, m) for a, p in pairs)) for m in powers])
-
-    @property
-    def breaks(self) -> tuple[float, ...]:
-        """Positions of inner jumps."""
-        return ()
+        return np.array([float((-1) ** m * sum(a * math.comb(p, m) for a, p in terms)) for m in powers])
 
     def __call__(self, z: FloatArray, order: int = 0) -> FloatArray:
         """Return the derivative of the given order at z."""
         powers, powers_of_rest = self._derivative_powers(order)
-        near = 1.0 - z < _NEAR_END
+        near, from_start = 1.0 - z < _NEAR_END, np.asarray(polyval(z, powers), dtype=float)
         if not near.any():
-            return horner(z, powers)
-        from_start, from_end = horner(z, powers), horner(1.0 - z, powers_of_rest)
-        return np.where(near, (-1.0) ** order * from_end, from_start)
+            return from_start
+        return np.where(near, (-1.0) ** order * polyval(1.0 - z, powers_of_rest), from_start)
 
     @lru_cache(maxsize=64)  # noqa: B019 - of a frozen value with a handful of numbers
     def _derivative_powers(self, order: int) -> tuple[FloatArray, FloatArray]:
         """Return the powers of a derivative, of z and of 1 - z."""
         dense = np.zeros(self.exponents[-1] + 1)
         dense[list(self.exponents)] = self.coefficients
-        return _differentiate(dense, order), _differentiate(self._from_end, order)
+        from_start, from_end = (np.asarray(polyder(c, order), dtype=float) for c in (dense, self._from_end))
+        return from_start, from_end
 
 
 def _exponent_fault(p: tuple[int, ...], least: int) -> str:
@@ -132,9 +127,7 @@ def _exponent_fault(p: tuple[int, ...], least: int) -> str:
 
 def _power(z: float, order: int, exponent: int) -> Fraction:
     """Return the derivative of z^exponent."""
-    if order > exponent:
-        return Fraction(0)
-    return math.perm(exponent, order) * Fraction(z) ** (exponent - order)
+    return math.perm(exponent, order) * Fraction(z) ** max(exponent - order, 0)
 
 
 def _solve_exact(rows: list[list[Fraction]], right: list[Fraction]) -> tuple[Fraction, ...]:
@@ -185,16 +178,12 @@ def quinquinomial(row: int = 1) -> Polynomial:
     return Polynomial(tuple(2 + 3 * row * i for i in range(5)))
 
 
-def _differentiate(coefficients: FloatArray, order: int) -> FloatArray:
-    return np.asarray(np.polynomial.polynomial.polyder(coefficients, order), dtype=float) if order else coefficients
-
-
 _LEAST_DEGREE = 5
 """Degree below which the fourth derivative is not continuous."""
 
 
 @dataclass(frozen=True)
-class BSplineLaw:
+class BSplineLaw(SmoothLaw):
     """s = sum c_i B_i(z) on clamped knots.
 
     The first and last coefficients are s(0) = 0 and s(1) = 1; as many derivatives vanish at an end as further
@@ -241,11 +230,6 @@ class BSplineLaw:
             )
         if not all(a < b for a, b in pairwise((0.0, *(self.knots or ()), 1.0))):
             raise refuse("knots", list(self.knots or ()), "numbers that ascend between 0 and 1")
-
-    @property
-    def breaks(self) -> tuple[float, ...]:
-        """Positions of inner jumps: none up to the fourth derivative."""
-        return ()
 
     @property
     def inner_knots(self) -> FloatArray:

@@ -9,12 +9,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from flexcam.cams.motion_law import SmoothLaw, linear
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
 
+_ROUNDING = 1e-9
+
 
 @dataclass(frozen=True)
-class Harmonic:
+class Harmonic(SmoothLaw):
     """s = z - sum c_n sin(2 pi n z)/(2 pi n); c_1 = 1 alone gives the cycloidal law.
 
     s' vanishes at both ends if the c_n sum to 1.
@@ -41,14 +44,9 @@ class Harmonic:
         if not all(n >= 1 and n == int(n) and math.isfinite(c) for n, c in self.harmonics):
             raise refuse("harmonics", list(self.harmonics), "pairs of a whole number from 1 and a finite number")
 
-    @property
-    def breaks(self) -> tuple[float, ...]:
-        """Positions of inner jumps."""
-        return ()
-
     def __call__(self, z: FloatArray, order: int = 0) -> FloatArray:
         """Return the derivative of the given order at z."""
-        value = (z, np.ones_like(z))[order] if order < 2 else np.zeros_like(z)
+        value = linear(z, order)
         for n, c in self.harmonics:
             w = 2.0 * math.pi * n
             value = value - c * w ** (order - 1) * np.sin(w * z + order * math.pi / 2.0)
@@ -79,7 +77,7 @@ FREUDENSTEIN = Harmonic(((1, 27.0 / 28.0), (3, 1.0 / 28.0)))
 
 
 @dataclass(frozen=True)
-class SimpleHarmonic:
+class SimpleHarmonic(SmoothLaw):
     """s = (1 - cos pi z)/2; its acceleration steps at a dwell.
 
     Source: R. L. Norton, Cam Design and Manufacturing Handbook, 2nd ed. (2009), ch. 2.
@@ -89,11 +87,6 @@ class SimpleHarmonic:
     >>> SimpleHarmonic()(np.array([0.0, 0.5, 1.0]))
     array([0. , 0.5, 1. ])
     """
-
-    @property
-    def breaks(self) -> tuple[float, ...]:
-        """Positions of inner jumps."""
-        return ()
 
     def __call__(self, z: FloatArray, order: int = 0) -> FloatArray:
         """Return the derivative of the given order at z."""
@@ -106,11 +99,8 @@ class SimpleHarmonic:
         return np.abs(0.5 * math.pi * np.sinc(0.5 - ratio) / (2.0 * ratio + 1.0))
 
 
-_ROUNDING = 1e-9
-
-
 @dataclass(frozen=True)
-class CosineSum:
+class CosineSum(SmoothLaw):
     """s = sum d_k cos(k pi z), k from 0; d = (1/2, -1/2) is the simple harmonic law.
 
     The velocity vanishes at both ends for all coefficients; the acceleration only for some.
@@ -138,14 +128,8 @@ class CosineSum:
         end = sum(d * (-1.0) ** k for k, d in enumerate(self.coefficients))
         if not (abs(start) <= _ROUNDING and abs(end - 1.0) <= _ROUNDING):
             given = f"coefficients with s(0) = {start:.9g} and s(1) = {end:.9g}"
-            raise refuse(
-                "coefficients", given, "a rise from 0 to 1", remedy="they sum to 0, with alternating signs to 1"
-            )
-
-    @property
-    def breaks(self) -> tuple[float, ...]:
-        """Positions of inner jumps."""
-        return ()
+            remedy = "they sum to 0, with alternating signs to 1"
+            raise refuse("coefficients", given, "a rise from 0 to 1", remedy=remedy)
 
     def __call__(self, z: FloatArray, order: int = 0) -> FloatArray:
         """Return the derivative of the given order at z."""
@@ -181,7 +165,7 @@ The law is not symmetric, s(1/2) = 0.498047, and its acceleration steps by pi^2 
 
 
 @dataclass(frozen=True)
-class Cycloidal:
+class Cycloidal(SmoothLaw):
     """s = z - sin(2 pi z)/(2 pi); its acceleration is continuous at dwells.
 
     Source: R. L. Norton, Cam Design and Manufacturing Handbook, 2nd ed. (2009), ch. 2.
@@ -192,14 +176,9 @@ class Cycloidal:
     array([0. , 0.5, 1. ])
     """
 
-    @property
-    def breaks(self) -> tuple[float, ...]:
-        """Positions of inner jumps."""
-        return ()
-
     def __call__(self, z: FloatArray, order: int = 0) -> FloatArray:
         """Return the derivative of the given order at z."""
-        line = (z, np.ones_like(z))[order] if order < 2 else np.zeros_like(z)
+        line = linear(z, order)
         return line - (2.0 * math.pi) ** (order - 1) * np.sin(2.0 * math.pi * z + order * math.pi / 2.0)
 
     def residual(self, ratio: FloatArray) -> FloatArray:
@@ -237,10 +216,6 @@ class Parabolic:
         return np.sinc(0.5 * ratio) ** 2
 
 
-_GRID = np.linspace(0.0, 1.0, 4001)
-_ROUNDING_HARMONIC_ACCELERATION = 1e-9
-
-
 def harmonic_acceleration(b: tuple[float, ...] = (2.0 * math.pi,)) -> Harmonic:
     """Return the law with the acceleration sum b_n sin(2 pi n z), n from 1.
 
@@ -269,11 +244,11 @@ def harmonic_acceleration(b: tuple[float, ...] = (2.0 * math.pi,)) -> Harmonic:
     """
     law = Harmonic(tuple((n, amplitude / (2.0 * math.pi * n)) for n, amplitude in enumerate(b, start=1)))
     total = sum(c for _, c in law.harmonics)
-    if not abs(total - 1.0) <= _ROUNDING_HARMONIC_ACCELERATION:
+    if not abs(total - 1.0) <= _ROUNDING:
         why = "the velocity must vanish at both ends"
         raise refuse("b", f"amplitudes with sum b_n/(2 pi n) = {total:.9g}", "a sum of 1", why, "scale them")
-    slowest = float(law(_GRID, 1).min())
-    if slowest < -_ROUNDING_HARMONIC_ACCELERATION:
+    slowest = float(law(np.linspace(0.0, 1.0, 4001), 1).min())
+    if slowest < -_ROUNDING:
         why = f"the velocity falls to {slowest:.4g}: the follower would turn back"
         raise refuse("b", f"{list(b)}", "amplitudes with a velocity of zero or more", why)
     return law
@@ -351,7 +326,7 @@ def _sine(x: FloatArray, b: float, order: int) -> FloatArray:
     if b == 0.0:
         return np.zeros_like(x)
     w = math.pi / b
-    line = (x / w, np.full_like(x, 1.0 / w))[order] if order < 2 else np.zeros_like(x)
+    line = linear(x, order) / w
     return line - w ** (order - 2) * np.sin(w * x + order * math.pi / 2.0)
 
 
@@ -418,7 +393,7 @@ class CompoundCycloid:
 
     def _sine(self, z: FloatArray, order: int) -> FloatArray:
         w = math.pi / self.split
-        line = (z / w, np.full_like(z, 1.0 / w))[order] if order < 2 else np.zeros_like(z)
+        line = linear(z, order) / w
         return self._peak * (line - w ** (order - 2) * np.sin(w * z + order * math.pi / 2.0))
 
     def _cosine(self, z: FloatArray, order: int) -> FloatArray:

@@ -10,7 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
-from flexcam.cams.motion_law import Law
+from flexcam.cams.motion_law import Law, linear
 from flexcam.cams.polynomial_laws import BSplineLaw
 from flexcam.cams.standard_laws import Harmonic
 from flexcam.core import FloatArray
@@ -204,8 +204,7 @@ class HarmonicFamily:
     def rows(self, z: FloatArray, order: int) -> tuple[FloatArray, FloatArray]:
         """Return rows and offset of a derivative."""
         w = 2.0 * math.pi * np.array(self.orders)
-        line = (z, np.ones_like(z))[order] if order < 2 else np.zeros_like(z)
-        return -(w ** (order - 1.0)) * np.sin(np.multiply.outer(z, w) + order * math.pi / 2.0), line
+        return -(w ** (order - 1.0)) * np.sin(np.multiply.outer(z, w) + order * math.pi / 2.0), linear(z, order)
 
     def equalities(self) -> tuple[FloatArray, FloatArray]:
         """Return the constraint that the coefficients sum to 1, so that the velocity does not step at the ends."""

@@ -6,7 +6,6 @@ function in `factorization`; input errors are raised through `errors`.
 
 from flexcam.core.eigen import LongArray, solve_eigenproblem
 from flexcam.core.factorization import (
-    DENSE_LIMIT,
     Factor,
     SingularMatrixError,
     diagonal_scale,
@@ -14,6 +13,7 @@ from flexcam.core.factorization import (
     select_storage,
 )
 from flexcam.core.matrices import (
+    DENSE_LIMIT,
     ROUNDING_LIMIT,
     ComplexArray,
     FloatArray,
@@ -24,7 +24,7 @@ from flexcam.core.matrices import (
     energy_rounding,
     rounding_fraction,
 )
-from flexcam.core.null_space import factorize_constrained, null_space, select_constraints
+from flexcam.core.null_space import factorize_with_update, null_space, select_constraints
 
 __all__ = [
     "DENSE_LIMIT",
@@ -41,7 +41,7 @@ __all__ = [
     "diagonal_scale",
     "energy_rounding",
     "factorize",
-    "factorize_constrained",
+    "factorize_with_update",
     "null_space",
     "rounding_fraction",
     "select_constraints",

@@ -24,7 +24,7 @@ _SMALL_SIZE = 100
 """Size up to which the processor's own extended precision, one term at a time, is as fast."""
 
 
-def multiply_extended(A: LongArray, B: LongArray) -> LongArray:
+def long_product(A: LongArray, B: LongArray) -> LongArray:
     """Return A B in extended precision."""
     n = A.shape[1]
     if n <= _SMALL_SIZE:
@@ -111,7 +111,7 @@ def _refine(M: FloatArray, K: FloatArray, vectors: FloatArray) -> tuple[FloatArr
 
 def _project(X: LongArray, M: FloatArray, K: FloatArray) -> tuple[LongArray, LongArray]:
     """Return the projections of both matrices on the vectors, exactly symmetric to preserve orthogonality."""
-    heavy, stiff = (multiply_extended(X.T, multiply_sparse(matrix, X)) for matrix in (M, K))
+    heavy, stiff = (long_product(X.T, multiply_sparse(matrix, X)) for matrix in (M, K))
     return (heavy + heavy.T) / _TWO, (stiff + stiff.T) / _TWO
 
 

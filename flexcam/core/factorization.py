@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from flexcam.core.errors import FlexcamError
-from flexcam.core.matrices import FloatArray, IntArray
+from flexcam.core.matrices import DENSE_LIMIT, FloatArray, IntArray
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -92,10 +92,6 @@ def _band(matrix: csr_array, order: IntArray) -> FloatArray | None:
     if float(np.abs(sides[0] - sides[1]).max(initial=0.0)) > _ROUNDING:
         return None
     return np.asfortranarray(sides[0])
-
-
-DENSE_LIMIT = 300
-"""Number of unknowns up to which a dense product is faster than a sparse one and scipy need not be imported."""
 
 
 class SingularMatrixError(FlexcamError, ArithmeticError):

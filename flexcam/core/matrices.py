@@ -23,8 +23,8 @@ IntArray = NDArray[np.intp]
 """Array of integers, such as indices."""
 
 
-_SMALL_SIZE = 300
-"""Number of unknowns up to which a dense product is as fast as scipy's sparse one."""
+DENSE_LIMIT = 300
+"""Number of unknowns up to which a dense product is faster than a sparse one and scipy need not be imported."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +91,7 @@ class Triplets:
 
     def multiply(self, columns: FloatArray) -> FloatArray:
         """Return the product with every column of an array, shape (size, k)."""
-        if self.size <= _SMALL_SIZE:
+        if self.size <= DENSE_LIMIT:
             return self.dense() @ columns
         return self.csr() @ columns
 
@@ -100,7 +100,7 @@ class Triplets:
         on = self.rows == self.cols
         return _sum_duplicates(self.rows[on], self.values[on], self.size)
 
-    def scaled(self, factor: float) -> Self:
+    def scale(self, factor: float) -> Self:
         """Return the matrix times a number."""
         return type(self)(self.size, self.rows, self.cols, factor * self.values)
 

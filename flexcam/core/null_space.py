@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexcam.core.factorization import DENSE_LIMIT, Factor, diagonal_scale, factorize
-from flexcam.core.matrices import FloatArray, Triplets
+from flexcam.core.factorization import Factor, diagonal_scale, factorize
+from flexcam.core.matrices import DENSE_LIMIT, FloatArray, Triplets
 
 _ROUNDING = 64.0 * np.finfo(float).eps
 """Eigenvalues of the diagonally scaled matrix below this are rounding: each entry of K has an error of one eps."""
@@ -78,7 +78,7 @@ class _LowRankUpdate:
         return x - self.answers @ np.linalg.solve(self.small, self.vectors.T @ x)
 
 
-def factorize_constrained(matrix: Triplets, motions: FloatArray, stiffness: float) -> Factor:
+def factorize_with_update(matrix: Triplets, motions: FloatArray, stiffness: float) -> Factor:
     """Return the factorization of ``A + k F F^T``.
 
     The term ``k F F^T`` couples all moving unknowns, so it is not formed for many unknowns: one unknown per motion is

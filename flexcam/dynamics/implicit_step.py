@@ -82,8 +82,8 @@ class ImplicitStage:
         self._forces, self._to_d, self._to_v, self._step, self._new = forces, to_d, to_v, step, weight_f
         self._C, self._K = select_storage(system.damping), select_storage(system.stiffness)
         self._damped = bool(system.damping.values.any())
-        S = system.mass.scaled(weight_m) + system.damping.scaled(weight_f * to_v)
-        self._S = inverse(S + system.stiffness.scaled(weight_f * to_d) if to_d else S)
+        S = system.mass.scale(weight_m) + system.damping.scale(weight_f * to_v)
+        self._S = inverse(S + system.stiffness.scale(weight_f * to_d) if to_d else S)
         # Response of all unknowns to each acting vector, and its sensed part: the low-rank update.
         self._by_act = self._S.solve(forces.act.vectors.T) * weight_f
         self._give = np.ascontiguousarray((forces.sense.vectors @ self._by_act).T)

@@ -66,7 +66,7 @@ def _weight(system: System) -> Triplets:
     mass, stiff = system.mass.diagonal(), system.stiffness.diagonal()
     heavy = mass > 0.0
     highest = float((stiff[heavy] / mass[heavy]).max(initial=0.0))
-    return system.mass + system.stiffness.scaled(1.0 / highest if highest > 0.0 else 1.0)
+    return system.mass + system.stiffness.scale(1.0 / highest if highest > 0.0 else 1.0)
 
 
 def expand_block(block: Block, basis: Basis) -> Block:

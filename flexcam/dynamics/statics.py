@@ -22,7 +22,7 @@ from flexcam.core import (
     diagonal_scale,
     energy_rounding,
     factorize,
-    factorize_constrained,
+    factorize_with_update,
     null_space,
     rounding_fraction,
     select_constraints,
@@ -84,7 +84,7 @@ def solve_equilibrium(
 def _step(tangent: Triplets, free: FloatArray, hold: float, missing: FloatArray) -> FloatArray:
     """Return the Newton step: with constrained free motions a tangent is singular by rounding only."""
     try:
-        return factorize_constrained(tangent, free, hold).solve(missing)
+        return factorize_with_update(tangent, free, hold).solve(missing)
     except SingularMatrixError:
         raise RunFailedError(ROUNDING_STATUS) from None
 

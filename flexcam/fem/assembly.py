@@ -17,11 +17,6 @@ _BLOCK_SIZE = 1000
 """Number of elements processed together, so that their matrices fit in the processor cache."""
 
 
-def assemble(beams: Beams, local: FloatArray, dofs: DofMap) -> Triplets:
-    """Return the assembled matrix of element matrices in local axes."""
-    return _assemble_blocks(beams, lambda part: local[part], dofs)
-
-
 def _assemble_blocks(beams: Beams, local: Callable[[slice], FloatArray], dofs: DofMap) -> Triplets:
     """Return the matrix assembled from element matrices that are computed in blocks.
 
@@ -128,7 +123,7 @@ class Damping:
 
 def rayleigh_damping(mass: Triplets, stiffness: Triplets, alpha: float, beta: float) -> Triplets:
     """Return ``alpha M + beta K``."""
-    parts = [matrix.scaled(factor) for matrix, factor in ((mass, alpha), (stiffness, beta)) if factor != 0.0]
+    parts = [matrix.scale(factor) for matrix, factor in ((mass, alpha), (stiffness, beta)) if factor != 0.0]
     return sum(parts, start=Triplets.zeros(mass.size))
 
 

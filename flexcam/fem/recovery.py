@@ -18,10 +18,6 @@ from flexcam.fem.elements import arch, beam
 from flexcam.fem.elements.beam import Beams
 from flexcam.fem.sections import Section
 
-FORCES = ("N", "Vy", "Vz", "T", "My", "Mz")
-"""Order of the section forces."""
-
-
 _UNDAMPED = Damping()
 
 

@@ -1,12 +1,15 @@
-"""Export of results: VTK PolyData XML (base64), ParaView collections and macros, CSV and text tables."""
+"""Export of results and modes: VTK PolyData XML (base64), ParaView collections and macros, CSV."""
 
 from __future__ import annotations
 
 import base64
+import io
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
+import h5py  # pyright: ignore[reportMissingTypeStubs]
 import numpy as np
 
 from flexcam.core import FloatArray, IntArray
@@ -14,11 +17,11 @@ from flexcam.core.errors import refuse, suggest_name
 from flexcam.dynamics import Response
 from flexcam.fem.frames import ROTATIONS
 from flexcam.fem.mesh import Mesh
-from flexcam.io.atomic_write import atomic_write_path
-from flexcam.io.paths import check_writable, create_folder
+from flexcam.io.files import atomic_write_path, check_writable, create_folder
+from flexcam.io.hdf5 import write_digest, write_texts
 from flexcam.io.result_reader import Result
-from flexcam.io.result_writer import SERIES, VECTORS
-from flexcam.io.vtk_groups import RECOVERED_FIELDS
+from flexcam.io.result_schema import ABOUT, NODE, RADIUS, RECOVERED_FIELDS, SERIES, VECTORS
+from flexcam.io.vtk_groups import Geometry, VtkGroup, constant_data
 
 _TYPES = {"float64": "Float64", "int64": "Int64"}
 
@@ -58,8 +61,8 @@ def _array(name: str, values: FloatArray | IntArray, *, whole: bool = False) -> 
     data = np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("<"))
     width = data.shape[1] if data.ndim == 2 else 1
     raw = np.array([data.nbytes], dtype="<u8").tobytes() + data.tobytes()
-    told = f'NumberOfTuples="{len(data)}"' if whole else f'NumberOfComponents="{width}"'
-    head = f'<DataArray type="{_TYPES[values.dtype.name]}" Name="{name}" {told} format="binary">'
+    count = f'NumberOfTuples="{len(data)}"' if whole else f'NumberOfComponents="{width}"'
+    head = f'<DataArray type="{_TYPES[values.dtype.name]}" Name="{name}" {count} format="binary">'
     return f"{head}{base64.b64encode(raw).decode('ascii')}</DataArray>"
 
 
@@ -84,7 +87,7 @@ def write_pvd(
     if every < 1:
         raise refuse("every", every, "a whole number from 1")
     check_writable("export", path, overwrite=overwrite)
-    node = result.still["node"].astype(np.intp)
+    node = result.still[NODE].astype(np.intp)
     known = {**{name: result.field(name)[:, node] for name in VECTORS}, **result.recovered}
     for name in fields or ():
         if name not in known:
@@ -164,11 +167,11 @@ source = PVDReader(registrationName={name!r}, FileName=next(filter(os.path.exist
 source.UpdatePipeline()
 
 warped = WarpByVector(registrationName="moved", Input=source)
-warped.Vectors = ["POINTS", "displacement"]
+warped.Vectors = ["POINTS", {vector!r}]
 warped.ScaleFactor = SCALE
 
 tubes = Tube(registrationName="members", Input=warped)
-tubes.Scalars = ["POINTS", "radius"]
+tubes.Scalars = ["POINTS", {radius!r}]
 tubes.VaryRadius = "By Absolute Scalar"
 tubes.NumberofSides = 24
 
@@ -217,7 +220,7 @@ def write_macro(collection: Path, fields: Sequence[str], degrees: Sequence[float
     text = _MACRO.format(
         name=collection.stem, colour=colour, collection=collection.name,
         folder=str(collection.parent.resolve()), angle=CAM_ANGLE,
-        degrees=[round(one, 6) for one in degrees], units=_UNITS,
+        degrees=[round(one, 6) for one in degrees], units=_UNITS, vector=next(iter(VECTORS)), radius=RADIUS,
     )  # fmt: skip
     with atomic_write_path(path) as draft:
         draft.write_text(text, encoding="utf-8")
@@ -258,10 +261,55 @@ def component_unit(component: str, unit: str) -> str:
     return unit.replace("m", "rad", 1) if component in ROTATIONS else unit
 
 
-def write_text(path: Path, text: str, *, overwrite: bool = False) -> Path:
-    """Write a text file, such as a table."""
-    check_writable("output", path, overwrite=overwrite)
-    create_folder(path.parent)
+FRAMES_PER_PERIOD = 24
+"""Frames per period of the animation."""
+
+_DRAWN_AMPLITUDE = 0.05
+"""Maximum translation of a drawn shape relative to the model size, suited to Warp By Vector with scale 1."""
+
+
+def write_modes(
+    path: Path, geometry: Geometry, frequencies: FloatArray, shapes: FloatArray, *, overwrite: bool = False
+) -> list[Path]:
+    """Write modes as ``NAME.vtkhdf`` (animated), ``NAME.pvd`` (the same for ParaView 5.11) and ``NAME.vtp`` (static).
+
+    Time is the phase of one period, 0 to 1. Every mode is a separate point vector, such as ``mode_01_67.1Hz``: select
+    it in Warp By Vector and press play. The maximum translation of a drawn shape is 5 % of the model size.
+    """
+    still_path, collection = path.with_suffix(".vtp"), path.with_suffix(".pvd")
+    for target in (path, still_path, collection):
+        check_writable("modes", target, overwrite=overwrite)
+    drawn = _scaled_shapes(geometry, frequencies, shapes)
+    phase = np.arange(FRAMES_PER_PERIOD) / FRAMES_PER_PERIOD
+    swing = np.cos(2.0 * np.pi * phase)
+    still = constant_data(geometry)
+    content = io.BytesIO()  # small; h5py does not handle a full disk safely
+    with h5py.File(content, "w") as opened:
+        file: Any = opened
+        group = VtkGroup(file, geometry, dict.fromkeys(drawn, ("m", 3)), still, FRAMES_PER_PERIOD)
+        group.append({name: swing[:, None, None] * shape for name, shape in drawn.items()}, FRAMES_PER_PERIOD)
+        group.count(FRAMES_PER_PERIOD)
+        group.write_times(phase)
+        about = {"kind": "modes", "frequencies_hz": " ".join(f"{f:.9g}" for f in frequencies)}
+        write_texts(file.create_group(ABOUT), about)
+        write_digest(file)
     with atomic_write_path(path) as draft:
-        draft.write_text(text, encoding="utf-8")
-    return path
+        draft.write_bytes(content.getvalue())
+    constant = {name: values for name, (values, _) in still.items()}
+    write_vtp(still_path, ExportFrame(geometry.mesh, geometry.node, {**constant, **drawn}))
+    frames = (
+        ExportFrame(geometry.mesh, geometry.node, {**constant, **{n: s * d for n, d in drawn.items()}}) for s in swing
+    )
+    return [path, still_path, *write_collection(collection, phase, frames)]
+
+
+def _scaled_shapes(geometry: Geometry, frequencies: FloatArray, shapes: FloatArray) -> dict[str, FloatArray]:
+    size = geometry.mesh.extent
+    drawn: dict[str, FloatArray] = {}
+    nodal = geometry.dofs.nodal_modes(shapes.T, size)[:, geometry.node, :3]
+    for i, (frequency, moved) in enumerate(zip(frequencies, nodal, strict=True), start=1):
+        largest = float(np.linalg.norm(moved, axis=1).max())
+        # Pure torsion or an internal mode moves no point.
+        scale = _DRAWN_AMPLITUDE * size / largest if largest > 0.0 else 0.0
+        drawn[f"mode_{i:02d}_{frequency:.1f}Hz"] = scale * moved
+    return drawn

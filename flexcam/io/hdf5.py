@@ -1,115 +1,261 @@
-"""Low-level access to HDF5: results have hundreds of datasets and attributes, and h5py's high-level calls are slow."""
+"""HDF5 files: growing datasets, texts of fixed length, one digest, and safe opening of files from elsewhere.
+
+Texts have a fixed length: those of variable length lie on an HDF5 heap without a checksum, and a damaged heap can cause
+an endless loop in HDF5. Every chunk has HDF5's own checksum (fletcher32), but names, attributes and the index have none
+in the format that old readers know: a flipped bit could rename a probe, lose a unit, or make HDF5 read zeros. The root
+therefore has one SHA-256 digest over everything in the file.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import math
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import h5py  # pyright: ignore[reportMissingTypeStubs]
 import numpy as np
-from numpy.typing import NDArray
 
-from flexcam.core.errors import Fault, InputError, refuse, system_message
-from flexcam.io.paths import file_size
+from flexcam.core import FloatArray, IntArray
+from flexcam.core.errors import Fault, InputError, format_shape, refuse, system_message
+from flexcam.io.files import file_size
+from flexcam.io.result_schema import DIGEST, UNITS
 
 _module: Any = h5py
 
-Shape = tuple[int, ...]
+_CHUNK_VALUES = 4096
+"""Maximum number of values in a chunk, as far as blocks can be halved."""
 
 
-@lru_cache(maxsize=64)
-def create_dataspace(shape: Shape, limit: tuple[int | None, ...] | None = None) -> Any:  # noqa: ANN401 - h5py has no types
-    """Return an HDF5 data space."""
-    if not shape:
-        return _module.h5s.create(_module.h5s.SCALAR)
-    most = None if limit is None else tuple(_module.h5s.UNLIMITED if one is None else one for one in limit)
-    return _module.h5s.create_simple(shape, most)
+def chunk_rows(rows: int, width: int) -> int:
+    """Return the rows of a chunk: those of a block, halved while too many because the last chunk is stored in full."""
+    while rows % 2 == 0 and rows * width > _CHUNK_VALUES:
+        rows //= 2
+    return rows
 
 
-def create_dataset(
-    group: Any, name: str, kind: Any, shape: Shape, *, limit: tuple[int | None, ...] | None = None, chunk: Shape = (),  # noqa: ANN401
-) -> Any:  # noqa: ANN401  # fmt: skip
-    """Return a new, empty dataset: contiguous, or chunked with a checksum per chunk (fletcher32).
+def create_ordered_group(group: Any, name: str) -> Any:  # noqa: ANN401 - h5py has no types
+    """Return a new group that preserves the creation order of its members."""
+    return group.create_group(name, track_order=True)
 
-    Data are not compressed: gzip takes longer than a run and halves the file at best.
+
+class GrowingDataset:
+    """Empty dataset with an extensible first axis.
+
+    Rows are written without h5py's selections: a result has about a hundred such datasets that grow together.
+
+    Parameters
+    ----------
+    group
+        Parent group.
+    name
+        Name of the dataset.
+    rows
+        Rows per block: chunks divide a block, so that no two blocks share a chunk.
+    unit
+        Unit of the values.
+    width
+        Number of columns; 0 for a one-dimensional dataset.
+    kind
+        Data type of the values.
     """
-    type_ = _number_type(kind) if isinstance(kind, str) else kind
-    made = _module.h5d.create(
-        group.id,
-        name.encode(),
-        type_,
-        create_dataspace(shape, limit),
-        _chunk_properties(chunk),
-        _link_creation_properties(),
-    )
-    return _module.Dataset(made)
+
+    def __init__(self, group: Any, name: str, rows: int, unit: str, *, width: int = 0, kind: str = "f8") -> None:  # noqa: ANN401
+        self._columns = (width,) if width else ()
+        self.dataset: Any = group.create_dataset(
+            name, (0, *self._columns), kind, maxshape=(None, *self._columns), fletcher32=True,
+            chunks=(chunk_rows(rows, width or 1), *self._columns), track_times=False,
+        )  # fmt: skip
+        write_text_attribute(self.dataset, UNITS, unit)
+        self._length, self._kind = 0, kind
+
+    def __len__(self) -> int:
+        return self._length
+
+    def append_empty(self, count: int) -> None:
+        """Extend the dataset by rows of zeros, which take no space in the file."""
+        self._length += count
+        self.dataset.id.set_extent((self._length, *self._columns))
+
+    def append(self, rows: FloatArray | IntArray) -> None:
+        """Append rows of the width of the dataset."""
+        first = self._length
+        self.append_empty(len(rows))
+        if len(rows):
+            there: Any = self.dataset.id.get_space()
+            there.select_hyperslab((first, *(0 for _ in self._columns)), rows.shape)
+            values = np.ascontiguousarray(rows, dtype=self._kind)
+            self.dataset.id.write(_module.h5s.create_simple(rows.shape), there, values)
 
 
-def write_dataset(made: Any, values: NDArray[Any], kind: Any = None) -> None:  # noqa: ANN401
-    """Write all values of a dataset."""
-    everything = create_dataspace(values.shape)
-    made.id.write(everything, everything, values, kind)
-
-
-def write_attribute(one: Any, name: str, values: NDArray[Any], kind: Any = None) -> None:  # noqa: ANN401
-    """Write an attribute; an existing one of the same type and shape is overwritten."""
-    key, owner = name.encode(), one.id
-    if _module.h5a.exists(owner, key):
-        held = _module.h5a.open(owner, key)
-    else:
-        held = _module.h5a.create(owner, key, kind or _number_type(values.dtype.str), create_dataspace(values.shape))
-    held.write(values)
-
-
-@lru_cache(maxsize=64)
-def string_type(length: int) -> Any:  # noqa: ANN401
-    """Return the HDF5 type of UTF-8 strings of a fixed length in bytes."""
-    return _module.h5t.py_create(_module.string_dtype("utf-8", length), logical=True)
-
-
-@lru_cache(maxsize=16)
-def _number_type(kind: str) -> Any:  # noqa: ANN401
-    return _module.h5t.py_create(np.dtype(kind), logical=True)
-
-
-@lru_cache(maxsize=64)
-def _chunk_properties(chunk: Shape) -> Any:  # noqa: ANN401
-    made = _module.h5p.create(_module.h5p.DATASET_CREATE)
-    made.set_obj_track_times(False)  # identical runs write identical bytes
-    if chunk:
-        made.set_chunk(chunk)
-        made.set_fletcher32()
+def create_fixed_dataset(group: Any, name: str, values: FloatArray | IntArray, unit: str = "") -> Any:  # noqa: ANN401
+    """Return a new dataset of fixed size with its unit; an empty one has no chunks."""
+    array = np.asarray(values)
+    width = max(int(np.prod(array.shape[1:], dtype=int)), 1)
+    chunk = (max(1, min(len(array), _CHUNK_VALUES // width)), *array.shape[1:])
+    checked = {"chunks": chunk, "fletcher32": True} if array.size else {}
+    made = group.create_dataset(name, data=array, track_times=False, **checked)
+    write_text_attribute(made, UNITS, unit)
     return made
 
 
-@lru_cache(maxsize=1)
-def _link_creation_properties() -> Any:  # noqa: ANN401
-    made = _module.h5p.create(_module.h5p.LINK_CREATE)
-    made.set_create_intermediate_group(True)
-    return made
+def _encode(texts: Sequence[str]) -> Any:  # noqa: ANN401 - an array
+    """Return texts as UTF-8 bytes of one length."""
+    parts = [one.encode() for one in texts]
+    return np.array(parts, dtype=_module.string_dtype("utf-8", max([1, *map(len, parts)])))
 
 
-_module_guard: Any = h5py
+def write_texts(group: Any, content: Mapping[str, str]) -> None:  # noqa: ANN401
+    """Write texts into a group, one dataset each."""
+    for name, one in content.items():
+        group.create_dataset(name, data=_encode([one]).reshape(()), track_times=False)
+
+
+def read_texts(group: Any) -> dict[str, str]:  # noqa: ANN401
+    """Return the texts of a group by name."""
+    return {name: bytes(item[()]).decode() for name, item in group.items()}
+
+
+def write_text_attribute(one: Any, name: str, content: str | Sequence[str]) -> None:  # noqa: ANN401
+    """Write one or more texts as an attribute."""
+    one.attrs[name] = _encode([content]).reshape(()) if isinstance(content, str) else _encode(content)
+
+
+def read_text_attribute(one: Any, name: str) -> str:  # noqa: ANN401
+    """Return the text of an attribute."""
+    return bytes(one.attrs[name]).decode()
+
+
+def read_text_list(one: Any, name: str) -> tuple[str, ...]:  # noqa: ANN401
+    """Return the texts of an attribute."""
+    return tuple(bytes(content).decode() for content in one.attrs[name])
+
 
 SCALES = frozenset({"DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME"})
 """Attributes that attach dimension scales to datasets, for other readers; flexcam ignores them."""
 
-_FILTERS = {_module_guard.h5z.FILTER_DEFLATE, _module_guard.h5z.FILTER_SHUFFLE, _module_guard.h5z.FILTER_FLETCHER32}
 
-_ALLOWED_BYTES, _ALLOWED_RATIO = 1 << 28, 200
-"""Limit of the declared size: bytes always allowed, plus a multiple of the file size, as constant data compress."""
+def _children(group: Any) -> Iterator[tuple[str, int, Any]]:  # noqa: ANN401
+    """Yield path, address and object of every hard link of a group, in order of names."""
+    path = _path(group).rstrip("/")
+    for name in sorted(group):
+        link = group.links.get_info(name)
+        if link.type == _module.h5l.TYPE_HARD:
+            yield f"{path}/{name.decode()}", int(link.u), _module.h5o.open(group, name)
+
+
+def _path(one: Any) -> str:  # noqa: ANN401
+    return _module.h5i.get_name(one).decode()
+
+
+def _attribute_names(one: Any) -> list[str]:  # noqa: ANN401
+    names: list[bytes] = []
+    _module.h5a.iterate(one, names.append)
+    return [name.decode() for name in sorted(names) if name.decode() not in SCALES]
+
+
+def datasets(file: Any) -> list[Any]:  # noqa: ANN401
+    """Return all datasets of a file; a dataset with several names is listed once."""
+    found: dict[int, Any] = {}
+    groups = [file.id]
+    while groups:
+        for _, address, one in _children(groups.pop()):
+            if isinstance(one, _module.h5d.DatasetID):
+                found.setdefault(address, one)
+            else:
+                groups.append(one)
+    return [_module.Dataset(one) for one in found.values()]
+
+
+_ROWS = 1 << 16
+"""Rows read at a time for the digest."""
+
+_REMEDY = "compute it again, or take it from a sound copy"
+
+
+def digest(file: Any) -> str:  # noqa: ANN401
+    """Return the SHA-256 digest of a file; raise an error that names every dataset whose numbers cannot be read."""
+    found, faults = hashlib.sha256(), list[Fault]()
+    for part in _digest_input(file, faults):
+        found.update(len(part).to_bytes(8, "little"))
+        found.update(part)
+    if faults:
+        raise InputError(faults)
+    return found.hexdigest()
+
+
+def _digest_input(file: Any, faults: list[Fault]) -> Iterator[Any]:  # noqa: ANN401
+    """Yield names, attributes and numbers; append the faults of damaged datasets."""
+    seen: set[int] = set()
+    groups = [file.id]
+    while groups:
+        group = groups.pop()
+        yield from _attributes(group)
+        for path, address, one in _children(group):
+            yield path.encode()
+            if address in seen:
+                continue
+            seen.add(address)
+            if not isinstance(one, _module.h5d.DatasetID):
+                groups.append(one)
+                continue
+            yield f"{one.dtype.str} {one.shape}".encode()
+            yield from _attributes(one)
+            try:
+                for values in _pieces(_module.Dataset(one)):
+                    yield np.ascontiguousarray(values).reshape(-1).view(np.uint8).data
+            except READ_ERRORS as fault:
+                allowed, why = "numbers as they were written", system_message(fault)
+                faults.append(Fault(path, "damaged numbers", allowed, why, _REMEDY))
+
+
+def _pieces(one: Any) -> Iterator[Any]:  # noqa: ANN401
+    if not one.shape:
+        yield np.asarray(one[()])
+    for first in range(0, one.shape[0] if one.shape else 0, _ROWS):
+        yield one[first : first + _ROWS]
+
+
+def _attributes(one: Any) -> Iterator[bytes]:  # noqa: ANN401
+    for name in _attribute_names(one):
+        if name != DIGEST:
+            attribute = _module.h5a.open(one, name.encode())
+            value = np.empty(attribute.shape, attribute.dtype)
+            attribute.read(value)
+            yield f"{name} {value.dtype.kind} {value.shape} {value.tolist()!r}".encode()
+
+
+def write_digest(file: Any) -> None:  # noqa: ANN401
+    """Write the digest into a file open for writing."""
+    file.attrs[DIGEST] = np.bytes_(digest(file).encode())
+
+
+def digest_fault(file: Any) -> Fault | None:  # noqa: ANN401
+    """Return the fault of the digest of a file; None if it is correct."""
+    if DIGEST not in file.attrs:
+        return Fault("/, seal", "nothing", "the seal every such file has", "its content may be damaged", _REMEDY)
+    if bytes(file.attrs[DIGEST]).decode("ascii", "replace") == digest(file):
+        return None
+    why = "a number, a name, a unit, a text or a length is not what was written"
+    return Fault("/, seal", "a seal that does not fit", "a file as it was written", why, _REMEDY)
+
+
+def read_rows(dataset: Any, rows: int) -> Any:  # noqa: ANN401
+    """Return the first rows of a dataset."""
+    if not dataset.shape or not 0 <= rows <= dataset.shape[0]:
+        raise refuse(dataset.name, f"shape {format_shape(dataset.shape)}", f"{rows} rows", "a count is wrong", _REMEDY)
+    return dataset[:rows]
+
 
 READ_ERRORS = (OSError, LookupError, ValueError, TypeError, AttributeError, RuntimeError, ArithmeticError, MemoryError)
 """Exceptions that h5py and numpy raise on damaged content."""
 
 
 @contextmanager
-def open_checked(path: Path, where: str, allowed: str, remedy: str = "") -> Generator[Any]:
-    """Open a file for reading, reject external links, and convert exceptions of the block into input errors."""
+def open_hdf5(path: Path, where: str, allowed: str, remedy: str = "") -> Generator[Any]:
+    """Open a file for reading, reject unsafe content, and convert exceptions of the block into input errors."""
     try:
         size = file_size(path)
         with h5py.File(path, "r", locking=False) as opened:
@@ -119,51 +265,24 @@ def open_checked(path: Path, where: str, allowed: str, remedy: str = "") -> Gene
             yield file
     except InputError as refusal:
         raise InputError(
-            _in_file(fault, path) if fault.where.startswith("/") else fault for fault in refusal.faults
-        ) from None
+            Fault(f"{path}, {fault.where}", fault.given, fault.allowed, fault.why, fault.remedy)
+            if fault.where.startswith("/") else fault for fault in refusal.faults
+        ) from None  # fmt: skip
+    except FileNotFoundError:
+        raise refuse(where, str(path), allowed, "there is no such file", remedy) from None
     except READ_ERRORS as fault:
-        raise refuse(where, str(path), allowed, _describe_read_error(fault), remedy) from None
+        why = f"it is damaged or none of flexcam's: {system_message(fault) or type(fault).__name__}"
+        raise refuse(where, str(path), allowed, why, remedy) from None
 
 
-def _in_file(fault: Fault, path: Path) -> Fault:
-    return Fault(f"{path}, {fault.where}", fault.given, fault.allowed, fault.why, fault.remedy)
+_FILTERS = {_module.h5z.FILTER_DEFLATE, _module.h5z.FILTER_SHUFFLE, _module.h5z.FILTER_FLETCHER32}
 
+_ALLOWED_BYTES, _ALLOWED_RATIO = 1 << 28, 200
+"""Limit of the declared size: bytes always allowed, plus a multiple of the file size, as constant data compress."""
 
-def _describe_read_error(fault: Exception) -> str:
-    if isinstance(fault, FileNotFoundError):
-        return "there is no such file"
-    return f"it is damaged or none of flexcam's: {_system_message(fault)}"
-
-
-def _system_message(fault: Exception) -> str:
-    return system_message(fault) or type(fault).__name__
-
-
-def iterate_children(group: Any) -> Iterator[tuple[bytes, int, Any]]:  # noqa: ANN401 - h5py has no types
-    """Yield name, type and object of every hard link of a group, in order of names."""
-    for name, address in iterate_links(group):
-        yield name, address, _module_guard.h5o.open(group, name)
-
-
-def iterate_links(group: Any) -> Iterator[tuple[bytes, int]]:  # noqa: ANN401
-    """Yield every hard link of a group, in order of names."""
-    for name in sorted(group):
-        link = group.links.get_info(name)
-        if link.type == _module_guard.h5l.TYPE_HARD:
-            yield name, int(link.u)
-
-
-def datasets(file: Any) -> list[Any]:  # noqa: ANN401
-    """Return all datasets of a file; a dataset with several names is listed once."""
-    found: dict[int, Any] = {}
-    groups = [file.id]
-    while groups:
-        for _, address, one in iterate_children(groups.pop()):
-            if isinstance(one, _module_guard.h5d.DatasetID):
-                found.setdefault(address, one)
-            else:
-                groups.append(one)
-    return [_module_guard.Dataset(one) for one in found.values()]
+_PLAIN = "numbers and texts of fixed length"
+_OTHER_KINDS = "others can lead out of the file, or HDF5 into an endless loop"
+_OLD_VERSION_REMEDY = "if an earlier flexcam wrote it, compute it again"
 
 
 def _faults(file: Any, size: int) -> Iterator[Fault]:  # noqa: ANN401
@@ -174,63 +293,57 @@ def _faults(file: Any, size: int) -> Iterator[Fault]:  # noqa: ANN401
     while groups:
         group = groups.pop()
         yield from (*_external_link_faults(group), *_attribute_faults(group))
-        for _, address, one in iterate_children(group):
-            if isinstance(one, _module_guard.h5d.DatasetID):
+        for path, address, one in _children(group):
+            if isinstance(one, _module.h5d.DatasetID):
                 yield from () if address in seen else _dataset_faults(one)
                 declared += 0 if address in seen else math.prod(one.shape or (0,)) * one.dtype.itemsize
-            elif isinstance(one, _module_guard.h5g.GroupID) and address not in seen:
+            elif isinstance(one, _module.h5g.GroupID) and address not in seen:
                 groups.append(one)
-            elif isinstance(one, _module_guard.h5g.GroupID):
-                yield Fault(_name(one), "a group that contains itself or stands twice", "a tree of groups", "", "")
+            elif isinstance(one, _module.h5g.GroupID):
+                yield Fault(path, "a group that contains itself or stands twice", "a tree of groups", "", "")
             seen.add(address)
     if declared > limit:
         given, why = f"{declared:.3g} bytes declared in a file of {size}", "so much of nothing fills the memory"
         yield Fault("/", given, f"up to {limit:.3g} bytes", why, "do not trust where it comes from")
 
 
-def _name(one: Any) -> str:  # noqa: ANN401
-    return _module_guard.h5i.get_name(one).decode()
-
-
 def _external_link_faults(group: Any) -> Iterator[Fault]:  # noqa: ANN401
-    kinds = {_module_guard.h5l.TYPE_SOFT: "a soft link", _module_guard.h5l.TYPE_EXTERNAL: "an external link"}
+    kinds = {_module.h5l.TYPE_SOFT: "a soft link", _module.h5l.TYPE_EXTERNAL: "an external link"}
     for name in group:
         kind = group.links.get_info(name).type
-        if kind != _module_guard.h5l.TYPE_HARD:
-            given = kinds.get(kind, "a link of an unknown kind")
-            where = f"{_name(group).rstrip('/')}/{name.decode()}"
+        if kind != _module.h5l.TYPE_HARD:
+            given, where = kinds.get(kind, "a link of an unknown kind"), f"{_path(group).rstrip('/')}/{name.decode()}"
             yield Fault(where, given, "what the file itself holds", "no link is followed", "")
 
 
 def _dataset_faults(one: Any) -> Iterator[Fault]:  # noqa: ANN401
-    made, kind = one.get_create_plist(), one.dtype
-    if made.get_layout() == _module_guard.h5d.VIRTUAL or made.get_external_count():
-        yield Fault(_name(one), "numbers of another file", "numbers in the file itself", "no other file is opened", "")
+    made, kind, path = one.get_create_plist(), one.dtype, _path(one)
+    if made.get_layout() == _module.h5d.VIRTUAL or made.get_external_count():
+        yield Fault(path, "numbers of another file", "numbers in the file itself", "no other file is opened", "")
     filters = {made.get_filter(i)[0] for i in range(made.get_nfilters())}
     if filters - _FILTERS:
         given = f"filter {min(filters - _FILTERS)}"
-        yield Fault(_name(one), given, "shuffle, gzip and fletcher32", "other filters are code that is loaded", "")
+        yield Fault(path, given, "shuffle, gzip and fletcher32", "other filters are code that is loaded", "")
     if kind.kind not in "fiubS":
-        given = "references" if _module_guard.check_ref_dtype(kind) else f"values of type {kind}"
-        yield Fault(_name(one), given, _PLAIN, _OTHER_KINDS, _OLD_VERSION_REMEDY)
+        given = "references" if _module.check_ref_dtype(kind) else f"values of type {kind}"
+        yield Fault(path, given, _PLAIN, _OTHER_KINDS, _OLD_VERSION_REMEDY)
+    if _module.h5z.FILTER_FLETCHER32 in filters and _smallest_chunk(one) < _CHECKSUM_BYTES:
+        yield Fault(path, "a chunk without numbers", "chunks with their checksum", "HDF5 crashes on others", _REMEDY)
     yield from _attribute_faults(one)
 
 
-_PLAIN = "numbers and texts of fixed length"
-_OTHER_KINDS = "others can lead out of the file, or HDF5 into an endless loop"
-_OLD_VERSION_REMEDY = "if an earlier flexcam wrote it, compute it again"
+_CHECKSUM_BYTES = 4
+
+
+def _smallest_chunk(one: Any) -> int:  # noqa: ANN401
+    """Return the size of the smallest stored chunk of a dataset, bytes."""
+    chunks: list[Any] = []
+    one.chunk_iter(chunks.append)
+    return min((chunk.size for chunk in chunks), default=_CHECKSUM_BYTES)
 
 
 def _attribute_faults(one: Any) -> Iterator[Fault]:  # noqa: ANN401
-    for name in attribute_names(one):
-        if name.decode() not in SCALES and _module_guard.h5a.open(one, name).dtype.kind not in "fiubS":
-            where = f"{_name(one).rstrip('/')}, attribute {name.decode()}"
-            given = "a text of variable length or a reference"
+    for name in _attribute_names(one):
+        if _module.h5a.open(one, name.encode()).dtype.kind not in "fiubS":
+            where, given = f"{_path(one).rstrip('/')}, attribute {name}", "a text of variable length or a reference"
             yield Fault(where, given, _PLAIN, _OTHER_KINDS, _OLD_VERSION_REMEDY)
-
-
-def attribute_names(one: Any) -> list[bytes]:  # noqa: ANN401
-    """Return the names of all attributes in order."""
-    names: list[bytes] = []
-    _module_guard.h5a.iterate(one, names.append)
-    return sorted(names)

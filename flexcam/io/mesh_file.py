@@ -1,22 +1,24 @@
-"""Gmsh mesh files: line groups become members (each must be one chain), point groups become named points.
+"""Gmsh meshes (formats 2.2 and 4.1, text and binary) in, and Gmsh and Abaqus meshes out.
 
-Error messages use the node and element tags of the file.
+Line groups become members (each must be one chain), point groups become named points. Error messages use the node and
+element tags of the file.
 """
 
 from __future__ import annotations
 
+import io
 import re
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from flexcam.core import IntArray
+from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import NAME, NAMES, Fault, InputError, refuse, suggest_name
 from flexcam.fem.mesh import Mesh
-from flexcam.io.exports import write_text
-from flexcam.io.gmsh import LINE, POINT, ElementGroup, GmshMesh, msh_text, read_msh
-from flexcam.io.text_files import format_inp
+from flexcam.io.files import write_text
 
 _MAX_FAULTS = 20
 """Maximum number of reported faults of one kind: a mesh with thousands has one cause."""
@@ -53,13 +55,13 @@ def read_mesh(path: Path) -> Mesh:
     if not path.is_file():
         near = suggest_name(path.name, [other.name for other in path.parent.glob("*.msh")])
         raise refuse("mesh", str(path), "an existing file", "the path is relative to the case file", near)
-    raw = read_msh(path)
+    raw = _read_msh(path)
     groups = _groups(raw)
     faults = [*_node_faults(raw), *_reference_faults(raw)]
     faults += [fault for group in groups for fault in _group_faults(group, raw)]
     if not faults:
         faults = [*_length_faults(raw)]
-    if not faults and not any(group.kind == LINE for group in groups):
+    if not faults and not any(group.kind == _LINE for group in groups):
         faults.append(Fault("mesh", "no lines", "at least one line group", "", "add a physical curve"))
     if faults:
         raise InputError(faults)
@@ -68,32 +70,29 @@ def read_mesh(path: Path) -> Mesh:
     def index(numbers: IntArray) -> IntArray:
         return place[np.searchsorted(raw.numbers, numbers, sorter=place)]
 
-    lines = {_name(group, raw): index(chain) for group in groups if (chain := _member(group)) is not None}
-    points = {_name(g, raw): np.unique(index(g.nodes)) for g in groups if g.kind == POINT and _name(g, raw)}
+    chains = ((_name(group, raw), _order_chain(group.nodes)) for group in groups if group.kind == _LINE)
+    lines = {name: index(chain) for name, chain in chains if chain is not None}
+    points = {_name(g, raw): np.unique(index(g.nodes)) for g in groups if g.kind == _POINT and _name(g, raw)}
     return Mesh(raw.points, lines, points)
 
 
-def _name(group: ElementGroup, raw: GmshMesh) -> str:
-    return raw.names.get((1 if group.kind == LINE else 0, group.group), "")
+def _name(group: _ElementGroup, raw: _GmshMesh) -> str:
+    return raw.names.get((1 if group.kind == _LINE else 0, group.group), "")
 
 
-def _member(group: ElementGroup) -> IntArray | None:
-    return _order_chain(group.nodes) if group.kind == LINE else None
-
-
-def _groups(raw: GmshMesh) -> list[ElementGroup]:
+def _groups(raw: _GmshMesh) -> list[_ElementGroup]:
     """Merge elements of one type and group; a group may consist of several curves."""
-    parts: dict[tuple[int, int], list[ElementGroup]] = {}
+    parts: dict[tuple[int, int], list[_ElementGroup]] = {}
     for one in raw.elements:
         if len(one.numbers):
             parts.setdefault((one.kind, one.group), []).append(one)
     return [
-        ElementGroup(kind, group, *(np.concatenate([getattr(one, key) for one in its]) for key in ("numbers", "nodes")))
-        for (kind, group), its in parts.items()
+        _ElementGroup(*key, np.concatenate([one.numbers for one in its]), np.concatenate([one.nodes for one in its]))
+        for key, its in parts.items()
     ]
 
 
-def _node_faults(raw: GmshMesh) -> Iterator[Fault]:
+def _node_faults(raw: _GmshMesh) -> Iterator[Fault]:
     for i in np.flatnonzero(~np.isfinite(raw.points).all(axis=1))[:_MAX_FAULTS].tolist():
         given = ", ".join(f"{x:g}" for x in raw.points[i].tolist())
         yield Fault(f"mesh node {raw.numbers[i]}", given, "finite coordinates", "", "export it again from Gmsh")
@@ -104,7 +103,7 @@ def _node_faults(raw: GmshMesh) -> Iterator[Fault]:
         )
 
 
-def _reference_faults(raw: GmshMesh) -> Iterator[Fault]:
+def _reference_faults(raw: _GmshMesh) -> Iterator[Fault]:
     for one in raw.elements:
         bad = np.flatnonzero(~np.isin(one.nodes, raw.numbers).all(axis=1))
         for i in bad[:_MAX_FAULTS].tolist():
@@ -113,25 +112,20 @@ def _reference_faults(raw: GmshMesh) -> Iterator[Fault]:
             yield Fault(where, given, "a node of the file", "there is no such node", "export it again from Gmsh")
 
 
-def _format_tags(numbers: IntArray) -> str:
-    """Return a shortened list of element tags."""
-    told = ", ".join(map(str, numbers[:3].tolist()))
-    return f"{told}, ..." if len(numbers) > 3 else told
-
-
-def _group_faults(group: ElementGroup, raw: GmshMesh) -> Iterator[Fault]:
-    what = f"{len(group.numbers)} cells (elements {_format_tags(group.numbers)})"
-    if group.kind not in (LINE, POINT):
-        shape = f"{len(group.numbers)} cells of {group.nodes.shape[1]} nodes (elements {_format_tags(group.numbers)})"
+def _group_faults(group: _ElementGroup, raw: _GmshMesh) -> Iterator[Fault]:
+    tags = ", ".join(map(str, group.numbers[:3].tolist())) + (", ..." if len(group.numbers) > 3 else "")
+    what = f"{len(group.numbers)} cells (elements {tags})"
+    if group.kind not in (_LINE, _POINT):
+        shape = f"{len(group.numbers)} cells of {group.nodes.shape[1]} nodes (elements {tags})"
         why, remedy = "members are beams", "mesh only curves, in order 1"
         yield Fault("mesh", shape, "lines of two nodes and points", why, remedy)
-    elif group.kind == LINE and not _name(group, raw):
+    elif group.kind == _LINE and not _name(group, raw):
         why, remedy = "the group names the member", "add a physical curve"
         yield Fault("mesh", f"{what} without a physical group", "named line groups", why, remedy)
     elif _name(group, raw) and not re.fullmatch(NAME, _name(group, raw)):
         where, why = f"mesh group {_name(group, raw)!r}", "cases and results name the group"
         yield Fault(where, repr(_name(group, raw)), NAMES, why, "rename the physical group in Gmsh")
-    elif group.kind == LINE and _member(group) is None:
+    elif group.kind == _LINE and _order_chain(group.nodes) is None:
         why = f"a member is a chain without branches, loops or gaps{_describe_breaks(group.nodes)}"
         where, remedy = f"mesh group {_name(group, raw)!r}", "give each chain its own group"
         yield Fault(where, what, "one open chain", why, remedy)
@@ -146,7 +140,7 @@ def _describe_breaks(pairs: IntArray) -> str:
     return f"; it ends at nodes {', '.join(map(str, ends[:6]))}" if len(ends) > 2 else "; it has a loop"
 
 
-def _length_faults(raw: GmshMesh) -> Iterator[Fault]:
+def _length_faults(raw: _GmshMesh) -> Iterator[Fault]:
     """Yield lines of zero length and coincident nodes."""
     size = float(np.ptp(raw.points, axis=0).max(initial=0.0)) or 1.0
     grid = np.round(raw.points / (_COINCIDENCE_TOLERANCE * size))
@@ -155,7 +149,7 @@ def _length_faults(raw: GmshMesh) -> Iterator[Fault]:
     flat = [
         (number, a, b)
         for one in raw.elements
-        if one.kind == LINE
+        if one.kind == _LINE
         for number, (a, b) in zip(one.numbers.tolist(), one.nodes.tolist(), strict=True)
         if at[a] == at[b]
     ]
@@ -209,11 +203,298 @@ def write_mesh(mesh: Mesh, path: Path, *, overwrite: bool = False) -> None:
 
     Examples
     --------
-    ``write_mesh(flexcam.fem.mesh.published_model(3), Path("tayeb-3.msh"))``
+    ``write_mesh(read_mesh(Path("train.msh")), Path("train.inp"))``
     """
     if path.suffix.lower() == ".inp":
-        write_text(path, format_inp(mesh), overwrite=overwrite)
+        write_text(path, _format_inp(mesh), overwrite=overwrite)
         return
-    groups = [(LINE, name, np.column_stack([line[:-1], line[1:]])) for name, line in mesh.lines.items()]
-    groups += [(POINT, name, index[:, None]) for name, index in mesh.points.items()]
-    write_text(path, msh_text(mesh.nodes, groups), overwrite=overwrite)
+    write_text(path, _format_msh(mesh), overwrite=overwrite)
+
+
+def _format_msh(mesh: Mesh) -> str:
+    """Return a mesh in Gmsh format 2.2, with numbers in full precision and the tag of the group as entity tag."""
+    groups = [(_LINE, name, np.column_stack([line[:-1], line[1:]])) for name, line in mesh.lines.items()]
+    groups += [(_POINT, name, index[:, None]) for name, index in mesh.points.items()]
+    names = [f'{int(kind == _LINE)} {tag} "{name}"' for tag, (kind, name, _) in enumerate(groups, start=1)]
+    nodes = [f"{i} {' '.join(map(repr, place))}" for i, place in enumerate(mesh.nodes.tolist(), start=1)]
+    elements = [
+        f"{kind} 2 {tag} {tag} {' '.join(map(str, row))}"
+        for tag, (kind, _, index) in enumerate(groups, start=1)
+        for row in (index + 1).tolist()
+    ]
+    elements = [f"{i} {one}" for i, one in enumerate(elements, start=1)]
+    text = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n"
+    for section, lines in (("PhysicalNames", names), ("Nodes", nodes), ("Elements", elements)):
+        text += "\n".join([f"${section}", str(len(lines)), *lines, f"$End{section}", ""])
+    return text
+
+
+def _format_inp(mesh: Mesh) -> str:
+    """Return nodes, elements, a set of elements per member and a set of nodes per named point."""
+    import meshio  # pyright: ignore[reportMissingTypeStubs]
+
+    blocks: Any = [("line", np.column_stack([line[:-1], line[1:]])) for line in mesh.lines.values()]
+    nothing = np.zeros(0, dtype=np.intp)
+    sets: Any = {
+        name: [np.arange(len(pairs)) if i == k else nothing for i, (_, pairs) in enumerate(blocks)]
+        for k, name in enumerate(mesh.lines)
+    }
+    points: Any = dict(mesh.points)
+    text = io.StringIO()
+    whole = meshio.Mesh(mesh.nodes, blocks, cell_sets=sets, point_sets=points)
+    meshio.abaqus.write(text, whole)  # pyright: ignore
+    return text.getvalue().replace("TYPE=B31H", "TYPE=B31")  # the two-node beam element that Abaqus and CalculiX share
+
+
+_ALLOWED = "a Gmsh file (.msh) of format 2.2 or 4.1"
+
+
+def _invalid(given: str, why: str = "") -> InputError:
+    """Return the error for an invalid Gmsh file."""
+    return refuse("mesh", given, _ALLOWED, why, "export it again from Gmsh")
+
+
+class _TextReader:
+    """Reader of the numbers of a text section."""
+
+    def __init__(self, name: str, text: bytes) -> None:
+        self._name, self._words, self._next = name, text.split(), 0
+
+    def read_count(self) -> int:
+        """Return the number on the first line of the section."""
+        return int(self.read("u", 1)[0])
+
+    def read(self, kind: str, count: int) -> Any:  # noqa: ANN401 - an array of that kind
+        """Return the next `count` numbers of kind ``i`` (integer), ``u`` (size) or ``f`` (float)."""
+        words = self._words[self._next : self._next + count]
+        if count < 0 or len(words) < count:
+            raise _invalid(f"{len(self._words)} numbers in ${self._name}", "it ends before what it announces")
+        self._next += count
+        try:
+            return np.array(words, dtype="S").astype(float if kind == "f" else np.int64)
+        except (ValueError, OverflowError):
+            text = b" ".join(words[:6]).decode("ascii", "replace")
+            raise _invalid(f"{text!r} in ${self._name}", "numbers stand there") from None
+
+    def end(self) -> None:
+        """Raise an error if the section contains more numbers."""
+        if self._next != len(self._words):
+            raise _invalid(f"more in ${self._name} than it announces", "a line has too many numbers or too few")
+
+
+class _BinaryReader:
+    """Reader of the numbers of a binary section; `size` is that of Gmsh's ``size_t``, 4 or 8 bytes."""
+
+    def __init__(self, name: str, data: bytes, size: int) -> None:
+        self._name, self._data, self._next = name, data, 0
+        self._kinds = {"i": "<i4", "u": f"<u{size}", "f": "<f8"}
+
+    def read_count(self) -> int:
+        """Return the number on the first line of the section, which is text in format 2.2."""
+        found = re.compile(rb"\s*(\d{1,12})[ \t\r]*\n").match(self._data, self._next)
+        if found is None:
+            raise _invalid(f"no number at the head of ${self._name}")
+        self._next = found.end()
+        return int(found[1])
+
+    def read(self, kind: str, count: int) -> Any:  # noqa: ANN401
+        """Return the next numbers."""
+        item = np.dtype(self._kinds[kind])
+        if count < 0 or self._next + count * item.itemsize > len(self._data):
+            raise _invalid(f"{len(self._data)} bytes from ${self._name} on", "it ends before what it announces")
+        values = np.frombuffer(self._data, item, count, self._next)
+        self._next += count * item.itemsize
+        return values if kind == "f" else values.astype(np.int64)
+
+    def end(self) -> None:
+        """Raise an error if the end mark of the section does not follow."""
+        if not self._data[self._next :].lstrip().startswith(f"$End{self._name}".encode()):
+            raise _invalid(f"no $End{self._name} after ${self._name}", "it holds more than it announces")
+
+
+_Reader = _TextReader | _BinaryReader
+
+
+_LINE, _POINT = 1, 15
+"""Gmsh element types of members and named points."""
+
+_NODES = {
+    1: 2, 2: 3, 3: 4, 4: 4, 5: 8, 6: 6, 7: 5, 8: 3, 9: 6, 10: 9, 11: 10, 12: 27, 13: 18, 14: 14, 15: 1, 16: 8, 17: 20,
+    18: 15, 19: 13, 20: 9, 21: 10, 22: 12, 23: 15, 24: 15, 25: 21, 26: 4, 27: 5, 28: 6,
+}  # fmt: skip
+"""Number of nodes by Gmsh element type."""
+
+
+@dataclass(frozen=True, eq=False)
+class _ElementGroup:
+    """Elements of one Gmsh type in one physical group (0 for none): tags, shape (k,), and node tags, shape (k, m)."""
+
+    kind: int
+    group: int
+    numbers: IntArray
+    nodes: IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class _GmshMesh:
+    """Content of a Gmsh file: node tags, coordinates, elements, and names by dimension and tag of the group."""
+
+    numbers: IntArray
+    points: FloatArray
+    elements: list[_ElementGroup]
+    names: dict[tuple[int, int], str]
+
+
+def _read_msh(path: Path) -> _GmshMesh:
+    """Read a Gmsh file."""
+    try:
+        data = path.read_bytes()
+    except OSError as fault:
+        raise _invalid(str(path), str(fault)) from None
+    head = _HEAD.match(data)
+    if head is None:
+        raise _invalid(path.name, "it does not begin with $MeshFormat")
+    version, binary, size = head[1].decode("ascii", "replace"), head[2] == b"1", int(head[3])
+    newer = version in ("4", "4.1")
+    if not (newer or version in ("2", "2.1", "2.2")) or size not in (4, 8):
+        raise _invalid(f"format {version}", "save it as version 4.1")
+    if binary and data[head.end() : head.end() + 4] != b"\x01\x00\x00\x00":
+        raise _invalid(path.name, "its bytes are in the order of another machine")
+    sections = _Sections(data, head.end(), size if binary else 0)
+    read = _read_4 if newer else _read_2
+    numbers, points, elements = read(sections, binary)
+    section = data.partition(b"$PhysicalNames")[2].partition(b"$EndPhysicalNames")[0].decode("utf-8", "replace")
+    names = {(int(dimension), int(tag)): name for dimension, tag, name in _PHYSICAL_NAME.findall(section)}
+    return _GmshMesh(numbers, points, elements, names)
+
+
+_HEAD = re.compile(rb"\s*(?:\$Comments\b.*?\$EndComments\s*)*\$MeshFormat\s+(\S{1,8})\s+([01])\s+(\d)\s*?\n", re.S)
+_PHYSICAL_NAME = re.compile(r'^\s*(\d{1,9})\s+(\d{1,9})\s+"(.*)"\s*$', re.M)
+
+
+class _Sections:
+    """Sequential reader of the sections of a file."""
+
+    def __init__(self, data: bytes, first: int, size: int) -> None:
+        self._data, self._first, self._size = data, first, size
+
+    def numbers(self, name: str) -> _Reader:
+        """Return the reader of a section."""
+        start = self._data.find(b"\n$%s" % name.encode(), self._first - 1)
+        if start < 0:
+            raise _invalid(f"no ${name}", f"of {_ALLOWED}")
+        first = self._data.find(b"\n", start + 1) + 1
+        if self._size:
+            return _BinaryReader(name, self._data[first:] if first else b"", self._size)
+        end = self._data.find(b"$End%s" % name.encode(), first)
+        if end < 0 or not first:
+            raise _invalid(f"no $End{name}", "the file is cut off")
+        return _TextReader(name, self._data[first:end])
+
+
+Parts = tuple[IntArray, FloatArray, list[_ElementGroup]]
+
+
+def _read_2(sections: _Sections, binary: bool) -> Parts:
+    nodes = sections.numbers("Nodes")
+    count = nodes.read_count()
+    numbers, points = _nodes_2(nodes, count, binary)
+    nodes.end()
+    elements = sections.numbers("Elements")
+    parts: dict[tuple[int, int], list[Row]] = {}
+    for row in _elements_2(elements, elements.read_count(), binary):
+        parts.setdefault(row[:2], []).append(row)
+    elements.end()
+    groups = [
+        _ElementGroup(*key, np.array([row[2] for row in its]), np.array([row[3] for row in its]))
+        for key, its in parts.items()
+    ]
+    return numbers, points, groups
+
+
+def _nodes_2(nodes: _Reader, count: int, binary: bool) -> tuple[IntArray, FloatArray]:
+    if binary:
+        rows = nodes.read("i", 7 * count).astype("<i4").reshape(count, 7)
+        return rows[:, 0].astype(np.intp), np.ascontiguousarray(rows[:, 1:]).view("<f8").astype(float)
+    rows: FloatArray = nodes.read("f", 4 * count).reshape(count, 4)
+    if not (rows[:, 0] == np.round(rows[:, 0])).all() or (np.abs(rows[:, 0]) > 2.0**53).any():
+        raise _invalid("a node whose number is not whole")
+    return rows[:, 0].astype(np.intp), rows[:, 1:]
+
+
+Row = tuple[int, int, int, tuple[int, ...]]
+"""Type, physical group, tag and nodes of one element."""
+
+
+def _elements_2(elements: _Reader, count: int, binary: bool) -> Iterator[Row]:
+    done = 0
+    while done < count:
+        if binary:
+            kind, several, tags = elements.read("i", 3).tolist()
+            numbers = None
+        else:
+            number, kind, tags = elements.read("i", 3).tolist()
+            numbers, several = [number], 1
+        if kind not in _NODES or tags < 0 or several < 1:
+            raise _invalid(f"an element of type {kind} with {tags} tags", "Gmsh has no such element")
+        width = tags + _NODES[kind] + (numbers is None)
+        for row in elements.read("i", several * width).reshape(several, width).tolist():
+            number, *rest = row if numbers is None else [*numbers, *row]
+            yield kind, rest[0] if tags else 0, number, tuple(rest[tags:])
+        done += several
+
+
+def _read_4(sections: _Sections, binary: bool) -> Parts:
+    del binary  # both forms have the same layout
+    groups = _entities(sections.numbers("Entities"))
+    numbers, points = _nodes_4(sections.numbers("Nodes"))
+    return numbers, points, list(_elements_4(sections.numbers("Elements"), groups))
+
+
+def _entities(entities: _Reader) -> dict[tuple[int, int], list[int]]:
+    """Return the physical groups by dimension and tag of the entity."""
+    groups: dict[tuple[int, int], list[int]] = {}
+    for dimension, count in enumerate(entities.read("u", 4).tolist()):
+        for _ in range(count):
+            (number,) = entities.read("i", 1).tolist()
+            entities.read("f", 6 if dimension else 3)
+            groups[dimension, number] = entities.read("i", *entities.read("u", 1).tolist()).tolist()
+            if dimension:
+                entities.read("i", *entities.read("u", 1).tolist())
+    entities.end()
+    return groups
+
+
+def _nodes_4(nodes: _Reader) -> tuple[IntArray, FloatArray]:
+    blocks, total, _, _ = nodes.read("u", 4).tolist()
+    numbers: list[Any] = []
+    points: list[Any] = []
+    for _ in range(blocks):
+        dimension, _, parametric = nodes.read("i", 3).tolist()
+        (count,) = nodes.read("u", 1).tolist()
+        width = 3 + (dimension if parametric else 0)
+        numbers.append(nodes.read("u", count))
+        points.append(nodes.read("f", count * width).reshape(count, width)[:, :3])
+    nodes.end()
+    if sum(map(len, numbers)) != total:
+        raise _invalid(f"{sum(map(len, numbers))} nodes, {total} announced")
+    if not total:
+        return np.zeros(0, np.intp), np.zeros((0, 3))
+    return np.concatenate(numbers), np.concatenate(points)
+
+
+def _elements_4(elements: _Reader, groups: dict[tuple[int, int], list[int]]) -> Iterator[_ElementGroup]:
+    blocks, total, _, _ = elements.read("u", 4).tolist()
+    done = 0
+    for _ in range(blocks):
+        dimension, entity, kind = elements.read("i", 3).tolist()
+        (count,) = elements.read("u", 1).tolist()
+        if kind not in _NODES:
+            raise _invalid(f"elements of type {kind}", "Gmsh has no such element")
+        rows = elements.read("u", count * (1 + _NODES[kind])).reshape(count, 1 + _NODES[kind])
+        done += count
+        for group in groups.get((dimension, entity), []) or [0]:
+            yield _ElementGroup(kind, group, rows[:, 0], rows[:, 1:])
+    elements.end()
+    if done != total:
+        raise _invalid(f"{done} elements, {total} announced")

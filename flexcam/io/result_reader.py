@@ -1,8 +1,8 @@
-"""Read and verify result files."""
+"""Read and verify result files, and resume an incomplete run from its partial result."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,17 +10,24 @@ from typing import Any
 import numpy as np
 
 from flexcam.core import FloatArray, IntArray
-from flexcam.core.errors import Fault, InputError, refuse, suggest_name
-from flexcam.dynamics import Cause, Outline, Response, Series, Stats, Status
+from flexcam.core.errors import InputError, refuse, suggest_name
+from flexcam.dynamics import Block, Cause, Outline, Response, SaveAt, Series, Stats, Status
+from flexcam.dynamics.checkpoint import Checkpoint
 from flexcam.fem.frames import COMPONENTS
 from flexcam.fem.mesh import Mesh
-from flexcam.io.hdf5 import READ_ERRORS, datasets, open_checked
-from flexcam.io.integrity import CHECKSUM, damage_fault, dataset_fault, digest_fault, read_rows
-from flexcam.io.result_writer import FORMAT, SERIES, VECTORS, partial_path
-from flexcam.io.text_files import read_string_attribute, read_string_attributes, read_strings
-from flexcam.io.vtk_groups import RECOVERED_FIELDS
-
-_RESULT, _PARTIAL, _WRITING = ".vtkhdf", ".partial.vtkhdf", (".writing", ".copying")
+from flexcam.io import result_schema as schema
+from flexcam.io.hdf5 import (
+    datasets,
+    digest_fault,
+    open_hdf5,
+    read_rows,
+    read_text_attribute,
+    read_text_list,
+    read_texts,
+)
+from flexcam.io.result_schema import PARTIAL_SUFFIX, RESULT_SUFFIX, SERIES, VECTORS
+from flexcam.io.result_writer import partial_path, read_checkpoint
+from flexcam.io.vtk_groups import Geometry
 
 
 def suggest_alternative(path: Path) -> str:
@@ -34,24 +41,20 @@ def suggest_alternative(path: Path) -> str:
 
 
 def _find_alternative(path: Path) -> str:
-    final = path.with_name(path.name.removesuffix(_PARTIAL) + _RESULT) if path.name.endswith(_PARTIAL) else path
-    final = final.with_suffix(_RESULT) if final.suffix in _WRITING else final
-    partial, writing = partial_path(final), final.with_suffix(_WRITING[0])
-    if path.exists() and path.suffix not in _WRITING:
+    temporary = (schema.WRITING_SUFFIX, schema.COPYING_SUFFIX)
+    name = path.name.removesuffix(PARTIAL_SUFFIX) + RESULT_SUFFIX if path.name.endswith(PARTIAL_SUFFIX) else path.name
+    final = path.with_suffix(RESULT_SUFFIX) if path.suffix in temporary else path.with_name(name)
+    partial, writing = partial_path(final), final.with_suffix(schema.WRITING_SUFFIX)
+    if path.exists() and path.suffix not in temporary:
         return ""
     if final != path and final.exists():
         return f"its run is complete: {final}"
     if partial != path and partial.exists():
         return f"{partial} is there: what a run that is going on or broke off has finished"
     if writing.exists():
-        return (
-            f"{writing} is there: a run is going on, or was killed before its first copy; ask again once it has ended"
-        )
-    return suggest_name(path.name, [one.name for one in path.parent.glob(f"*{_RESULT}")])
-
-
-CONSTANT_DATA = ("radius", "node", "axis_x", "axis_y", "axis_z")
-"""Constant point data."""
+        why = "a run is going on, or was killed before its first copy; ask again once it has ended"
+        return f"{writing} is there: {why}"
+    return suggest_name(path.name, [one.name for one in path.parent.glob(f"*{RESULT_SUFFIX}")])
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,112 +140,129 @@ def read_result(path: str | Path) -> Result:
     ``read_result("results/model-3-shm.vtkhdf").response["valve"].velocity`` is the velocity of the valve.
     """
     source = Path(path)
-    with open_checked(source, "result", "a result file of flexcam (.vtkhdf)", suggest_alternative(source)) as file:
-        check_integrity(file, source)
+    with open_hdf5(source, "result", "a result file of flexcam (.vtkhdf)", suggest_alternative(source)) as file:
+        _check_integrity(file, source)
         return _result(file)
 
 
-def check_integrity(file: Any, source: Path) -> None:  # noqa: ANN401 - h5py has no types
-    """Raise an error for a newer format, or if names, texts or index do not match the digest."""
-    if "VTKHDF" not in file and {"inputs", "scalars"} <= set(file):
+def _check_format(file: Any, source: Path) -> None:  # noqa: ANN401 - h5py has no types
+    """Raise an error for a sweep table or a result of another format."""
+    if schema.VTK not in file and {"inputs", "scalars"} <= set(file):
         remedy = "flexcam.studies.tables.read_table reads it, and flexcam info --verify says whether it is sound"
         raise refuse("result", source, "a result file of flexcam (.vtkhdf)", "it is the table of a sweep", remedy)
-    form = int(bytes(file["about/format"][()]))
-    if form > FORMAT:
+    form = int(bytes(file[schema.ABOUT][schema.ABOUT_FORMAT][()]))
+    if form > schema.FORMAT:
         given = f"{source} of format {form}"
-        raise refuse("result", given, f"up to format {FORMAT}", "it is newer", "update flexcam")
+        raise refuse("result", given, f"up to format {schema.FORMAT}", "it is newer", "update flexcam")
+    if form < schema.FORMAT:
+        given = f"{source} of format {form}"
+        raise refuse("result", given, f"format {schema.FORMAT}", "an earlier flexcam wrote it", "compute it again")
+
+
+def _check_integrity(file: Any, source: Path) -> None:  # noqa: ANN401
+    """Raise an error for another format, or if the content does not match the digest."""
+    _check_format(file, source)
     if fault := digest_fault(file):
         raise InputError([fault])
 
 
 def _result(file: Any) -> Result:  # noqa: ANN401
-    about = read_strings(file["about"])
-    vtk = file["VTKHDF"]
-    data, mesh = vtk["PointData"], _mesh(file)
-    count, points = min(int(vtk["Steps"].attrs["NSteps"]), len(vtk["Steps/Values"])), int(vtk["NumberOfPoints"][0])
-    recovered = {name: read_rows(data[name], count * points) for name in RECOVERED_FIELDS}
+    times, data = file[schema.FIELD_TIME], file[schema.POINT_DATA]
+    count = min(int(file[schema.FIELD_STEPS].attrs[schema.VTK_STEPS]), len(times))
+    points, mesh = int(file[schema.POINT_COUNT][0]), _mesh(file)
+    recovered = {name: read_rows(data[name], count * points) for name in schema.RECOVERED_FIELDS}
     return Result(
         mesh=mesh,
         response=_response(file, count, len(mesh.nodes)),
-        still={name: read_rows(data[name]) for name in CONSTANT_DATA},
+        still={name: data[name][()] for name in schema.CONSTANT_DATA},
         recovered={name: values.reshape(count, points, *values.shape[1:]) for name, values in recovered.items()},
-        about=about,
-        warnings=_warnings(file),
+        about=read_texts(file[schema.ABOUT]),
+        warnings=tuple(_status_texts(file).get(schema.WARNINGS, "").splitlines()),
     )
 
 
-def _warnings(file: Any) -> tuple[str, ...]:  # noqa: ANN401
-    told = file.get("status/warnings")
-    return () if told is None else tuple(str(told.asstr()[()]).splitlines())
-
-
 def _mesh(file: Any) -> Mesh:  # noqa: ANN401
-    vtk, group = file["VTKHDF"], file["mesh"]
-    node, ends = read_rows(vtk["PointData/node"]), read_rows(vtk["Lines/Offsets"]).tolist()
-    names = read_string_attributes(vtk["CellData/member"], "names")
+    node, ends = file[schema.POINT_DATA][schema.NODE][()], file[schema.LINE_OFFSETS][()].tolist()
+    names = read_text_list(file[schema.MEMBER], schema.MEMBER_NAMES)
     lines = {name: node[a:b] for name, a, b in zip(names, ends[:-1], ends[1:], strict=True)}
-    return Mesh(read_rows(group["nodes"]), lines, {name: read_rows(index) for name, index in group["points"].items()})
+    return Mesh(file[schema.MESH_NODES][()], lines, {name: one[()] for name, one in file[schema.MESH_POINTS].items()})
 
 
 def _response(file: Any, count: int, nodes: int) -> Response:  # noqa: ANN401
-    vtk, history = file["VTKHDF"], file["history"]
-    steps = int(history.attrs["steps"])
-    probes = tuple((name, read_string_attributes(one, "components")) for name, one in history["probes"].items())
-    channels, data = history["channels"].items(), vtk["PointData"]
-    node = read_rows(data["node"])
-
-    def fields(name: str) -> FloatArray:
-        return read_rows(data[name], count * len(node))
-
+    steps = int(file[schema.HISTORY].attrs[schema.STEPS])
+    probes, channels = file[schema.PROBES], dict(file[schema.CHANNELS].items())
+    outline = Outline(
+        tuple(f"node {n}.{c}" for n in range(nodes) for c in COMPONENTS),
+        tuple((name, read_text_list(one, schema.COMPONENTS)) for name, one in probes.items()),
+        tuple((name, read_text_attribute(one, schema.UNITS)) for name, one in channels.items()),
+    )
+    node = file[schema.POINT_DATA][schema.NODE][()]
     return Response(
-        outline=Outline(
-            tuple(f"node {n}.{c}" for n in range(nodes) for c in COMPONENTS),
-            probes,
-            tuple((name, read_string_attribute(data, "units")) for name, data in channels),
-        ),
-        time=read_rows(history["time"], steps),
-        angle=read_rows(history["cam_angle"], steps),
-        probes=Series(*(_join_probes(history, probes, series, steps) for series in SERIES)),
-        channels={name: read_rows(data, steps) for name, data in channels},
-        field_time=read_rows(vtk["Steps/Values"], count),
-        field_angle=read_rows(file["fields/cam_angle"], count),
-        fields=Series(*(nodal_values(fields, series, node, nodes) for series in SERIES)),
+        outline=outline,
+        time=read_rows(file[schema.TIME], steps),
+        angle=read_rows(file[schema.CAM_ANGLE], steps),
+        probes=_read_probes(file, outline, slice(0, steps)),
+        channels={name: read_rows(one, steps) for name, one in channels.items()},
+        field_time=read_rows(file[schema.FIELD_TIME], count),
+        field_angle=read_rows(file[schema.FIELD_CAM_ANGLE], count),
+        fields=Series(*(_nodal_values(file, series, node, nodes, slice(0, count)) for series in SERIES)),
         status=read_status(file),
         stats=_stats(file),
     )
 
 
-def _join_probes(history: Any, probes: tuple[tuple[str, tuple[str, ...]], ...], series: str, steps: int) -> FloatArray:  # noqa: ANN401
-    columns = [read_rows(history["probes"][name][series], steps) for name, _ in probes]
-    return np.concatenate(columns, axis=1) if columns else np.zeros((steps, 0))
+def _read_probes(file: Any, outline: Outline, rows: slice) -> Series:  # noqa: ANN401
+    """Return rows of the histories of all probes."""
+    empty = np.zeros((rows.stop - rows.start, 0))
+
+    def columns(series: str) -> FloatArray:
+        parts = [_rows(file[schema.PROBES][name][series], rows) for name, _ in outline.probes]
+        return np.concatenate([empty, *parts], axis=1)
+
+    return Series(*map(columns, SERIES))
 
 
-def nodal_values(read: Callable[[str], FloatArray], series: str, node: IntArray, nodes: int) -> FloatArray:
+def _nodal_values(file: Any, series: str, node: IntArray, nodes: int, fields: slice) -> FloatArray:  # noqa: ANN401
     """Return one series of saved fields at the nodes; coincident points of a joint have the same values."""
-    parts = {first: read(name).reshape(-1, len(node), 3) for name, (of, first, _) in VECTORS.items() if of == series}
-    spread = np.zeros((len(parts[0]), nodes, 6))
-    for first, values in parts.items():
-        spread[:, node, first : first + 3] = values
-    return spread.reshape(-1, 6 * nodes)
+    values = np.zeros((fields.stop - fields.start, nodes, 6))
+    rows = slice(fields.start * len(node), fields.stop * len(node))
+    for name, (source, first, _) in VECTORS.items():
+        if source == series:
+            points = _rows(file[schema.POINT_DATA][name], rows)
+            values[:, node, first : first + 3] = points.reshape(len(values), len(node), 3)
+    return values.reshape(-1, 6 * nodes)
+
+
+def _rows(dataset: Any, rows: slice) -> FloatArray:  # noqa: ANN401
+    found = np.asarray(dataset[rows], dtype=float)
+    if len(found) != rows.stop - rows.start:
+        raise ValueError(f"{dataset.name} ends after {rows.start + len(found)} rows")
+    return found
+
+
+def _status_texts(file: Any) -> dict[str, str]:  # noqa: ANN401
+    """Return the texts of the status; empty if the run was cut off."""
+    return read_texts(file[schema.STATUS]) if schema.STATUS in file else {}
 
 
 def read_status(file: Any) -> Status:  # noqa: ANN401
     """Return the status of the run in an open result file."""
-    if "status" not in file:
+    texts = _status_texts(file)
+    if not texts:
         return Status(Cause.INTERRUPTED, "the run was cut off before it could say why", "flexcam run --resume goes on")
-    texts = read_strings(file["status"])
-    return Status(Cause(texts["cause"]), texts["text"], texts["remedy"])
+    return Status(Cause(texts[schema.CAUSE]), texts[schema.TEXT], texts[schema.REMEDY])
 
 
 def _stats(file: Any) -> Stats:  # noqa: ANN401
-    if "status" not in file:  # the run was killed: engine and time are unknown
-        told = file["history"].attrs
-        return Stats(engine="", steps=max(int(told["steps"]) - 1, 0), size=int(told.get("size", 0)), seconds=-1.0)
-    group = file["status"]
-    known = {name: default for name, default in Stats().__dict__.items() if name in group.attrs}
+    if schema.STATUS not in file:  # the run was killed: engine and time are unknown
+        known = file[schema.HISTORY].attrs
+        steps, size = int(known[schema.STEPS]), int(known.get(schema.SIZE, 0))
+        return Stats(engine="", steps=max(steps - 1, 0), size=size, seconds=-1.0)
+    group = file[schema.STATUS]
     kept: dict[str, Any] = {
-        name: read_string_attribute(group, name) if isinstance(default, str) else type(default)(group.attrs[name])
-        for name, default in known.items()
+        name: read_text_attribute(group, name) if isinstance(default, str) else type(default)(group.attrs[name])
+        for name, default in Stats().__dict__.items()
+        if name in group.attrs
     }
     return Stats(**kept)
 
@@ -256,7 +276,7 @@ class VerificationSummary:
     datasets
         Number of datasets.
     checked
-        Number of datasets with a checksum of their rows; the digest covers the others.
+        Number of datasets of numbers; the others are texts.
     bytes
         Size of all numbers and texts.
     complete
@@ -273,17 +293,90 @@ def verify_file(path: str | Path) -> VerificationSummary:
     """Read and verify every dataset of a result or of a sweep table."""
     source = Path(path)
     allowed = "a result file of flexcam (.vtkhdf) or the table of a sweep (.h5)"
-    with open_checked(source, "result", allowed, suggest_alternative(source)) as file:
+    with open_hdf5(source, "result", allowed, suggest_alternative(source)) as file:
+        if schema.HISTORY in file:
+            _check_format(file, source)
+        if fault := digest_fault(file):
+            raise InputError([fault])
         found = datasets(file)
-        if faults := [fault for fault in (digest_fault(file), *map(_fault, found)) if fault]:
-            raise InputError(faults)
-        complete = "history" not in file or read_status(file).ok
-        checked = sum(CHECKSUM in one.attrs for one in found)
-        return VerificationSummary(len(found), checked, sum(int(one.nbytes) for one in found), complete)
+        numbers = sum(one.dtype.kind != "S" for one in found)
+        complete = schema.HISTORY not in file or read_status(file).ok
+        return VerificationSummary(len(found), numbers, sum(int(one.nbytes) for one in found), complete)
 
 
-def _fault(one: Any) -> Fault | None:  # noqa: ANN401 - h5py has no types
-    try:
-        return dataset_fault(one)
-    except READ_ERRORS as fault:
-        return damage_fault(one, str(fault))
+_RESUME_REMEDY = "run the case again, with --overwrite"
+_FAILED = (Cause.NOT_FINITE, Cause.NO_CONVERGENCE, Cause.SINGULAR, Cause.STEP_TOO_SMALL, Cause.ROUNDING)
+"""Causes that would end a resumed run in the same way."""
+
+_OPEN_MESSAGES = ("--resume", "a partial result of flexcam", _RESUME_REMEDY)
+
+
+class PartialResult:
+    """Partial result of an incomplete run.
+
+    Parameters
+    ----------
+    path
+        ``NAME.partial.vtkhdf``.
+    geometry, outline, save
+        As passed to the result file of the run.
+
+    Attributes
+    ----------
+    about
+        Texts stored with the result.
+    status
+        Status of the incomplete run.
+    checkpoint
+        Checkpoint at which the run continues.
+    """
+
+    def __init__(self, path: Path, geometry: Geometry, outline: Outline, save: SaveAt) -> None:
+        self._path, self._geometry, self._outline, self._save = path, geometry, outline, save
+        self._free = geometry.dofs.numbers >= 0
+        with open_hdf5(path, *_OPEN_MESSAGES) as file:
+            _check_integrity(file, path)
+            self.about: Mapping[str, str] = read_texts(file[schema.ABOUT])
+            self.status: Status = read_status(file)
+            found = read_checkpoint(file)
+        if self.status.cause in _FAILED:
+            given, why = f"{path}: {self.status.cause}", "it would end the same way again"
+            raise refuse("--resume", given, "a run that was stopped or cut off", why, self.status.remedy)
+        if found is None:
+            why = "it broke off before the first block of its steps was saved"
+            raise refuse("--resume", str(path), "a result with a checkpoint", why, _RESUME_REMEDY)
+        self.checkpoint: Checkpoint = found
+
+    def blocks(self) -> Iterator[Block]:
+        """Yield the blocks up to the checkpoint."""
+        size, field = self._save.block, 0
+        with open_hdf5(self._path, *_OPEN_MESSAGES) as file:
+            for first in range(0, self.checkpoint.steps, size):
+                steps = np.arange(first, min(first + size, self.checkpoint.steps))
+                saved = np.flatnonzero(steps % self._save.field_every == 0)  # does not include the last step of the run
+                fields = slice(field, field + len(saved))
+                yield self._block(file, slice(first, first + len(steps)), saved, fields)
+                field += len(saved)
+
+    def _block(self, file: Any, rows: slice, saved: IntArray, fields: slice) -> Block:  # noqa: ANN401
+        time, angle = _rows(file[schema.TIME], rows), _rows(file[schema.CAM_ANGLE], rows)
+        probes = _read_probes(file, self._outline, rows)
+        channels = [_rows(file[schema.CHANNELS][name], rows) for name, _ in self._outline.channels]
+        return Block(
+            time=time, angle=angle, probes=probes, channels=np.column_stack([np.zeros((len(time), 0)), *channels]),
+            field_time=time[saved], field_angle=angle[saved],
+            fields=Series(*(self._unknowns(file, series, fields, getattr(probes, series)[saved]) for series in SERIES)),
+        )  # fmt: skip
+
+    def _unknowns(self, file: Any, series: str, fields: slice, probes: FloatArray) -> FloatArray:  # noqa: ANN401
+        """Return saved fields in the degrees of freedom of the run: nodal ones, then those recorded as probes."""
+        node, nodes = self._geometry.node, len(self._geometry.mesh.nodes)
+        nodal = _nodal_values(file, series, node, nodes, fields).reshape(-1, nodes, 6)
+        beside = self._outline.unknowns[int(self._free.sum()) :]
+        return np.concatenate([nodal[:, self._free], *(self._internal_dofs(name, probes) for name in beside)], axis=1)
+
+    def _internal_dofs(self, name: str, probes: FloatArray) -> FloatArray:
+        try:
+            return probes[:, self._outline.columns(name)]
+        except InputError:  # internal nodes of a spring do not move in the rigid model and are not stored
+            return np.zeros((len(probes), 1))

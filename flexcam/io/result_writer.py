@@ -7,7 +7,6 @@ import os
 import re
 import shutil
 import time
-import zlib
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from io import BytesIO
@@ -23,12 +22,21 @@ from flexcam.dynamics import Block, Outline, SaveAt, Stats, Status
 from flexcam.dynamics.checkpoint import Checkpoint
 from flexcam.fem.frames import ROTATIONS
 from flexcam.fem.mesh import Mesh
-from flexcam.io.atomic_write import lock_file
-from flexcam.io.integrity import read_rows, write_checksum, write_digest
-from flexcam.io.paths import check_writable
-from flexcam.io.result_datasets import GrowingDataset, chunk_rows, create_fixed_dataset, create_ordered_group
-from flexcam.io.text_files import write_string_attribute, write_strings
-from flexcam.io.vtk_groups import RECOVERED_FIELDS, Geometry, VtkGroup, constant_data
+from flexcam.io import result_schema as schema
+from flexcam.io.files import check_writable, lock_file
+from flexcam.io.hdf5 import (
+    GrowingDataset,
+    chunk_rows,
+    create_fixed_dataset,
+    create_ordered_group,
+    write_digest,
+    write_text_attribute,
+    write_texts,
+)
+from flexcam.io.result_schema import RECOVERED_FIELDS, SERIES, VECTORS
+from flexcam.io.vtk_groups import Geometry, VtkGroup, constant_data
+
+_module: Any = h5py
 
 _MAX_COPY_TIME = 0.02
 """Maximum fraction of the run time spent on copies."""
@@ -40,6 +48,11 @@ _LAYOUT_BYTES = 1 << 19
 """Bytes of a file before its first step, with a margin for a few hundred nodes."""
 
 
+def partial_path(path: Path) -> Path:
+    """Return the path of the partial result of a run."""
+    return path.with_name(f"{path.stem}{schema.PARTIAL_SUFFIX}")
+
+
 class TemporaryResult:
     """Temporary result file, locked by one process.
 
@@ -49,34 +62,30 @@ class TemporaryResult:
         Path of the temporary file.
     shown
         Path of the published copies.
+    size
+        Size of the file before its first step, bytes. A full disk shows before HDF5 lays out the file, because HDF5
+        without space can abort the process.
     """
 
-    def __init__(self, path: Path, shown: Path) -> None:
-        self.path, self._shown, self._copy = path, shown, path.with_suffix(".copying")
+    def __init__(self, path: Path, shown: Path, size: int = 0) -> None:
+        self.path, self._shown, self._copy = path, shown, path.with_suffix(schema.COPYING_SUFFIX)
         if path.is_symlink():
             allowed, why = "a file of its own", "a symbolic link stands there: what it leads to would be written over"
             raise refuse("result", str(path), allowed, why, "remove the link, or name another folder")
         try:
-            self._held = _lock_file(path)
-            self._check_space()
+            self._lock = _lock_file(path)
         except BlockingIOError:
             allowed, why = "a result that nobody else is writing", "another run is writing it now"
             raise refuse("result", str(shown), allowed, why, "wait for its end, or name another folder") from None
         except OSError as fault:
-            allowed, remedy = "a file that can be written", "free space or name another folder"
-            raise refuse("result", str(path), allowed, system_message(fault), remedy) from None
-        self._last, self._cost = time.perf_counter(), 0.0
-
-    def _check_space(self) -> None:
-        """Detect a full disk before HDF5 lays out the file, because HDF5 does not handle that error safely."""
+            raise _unwritable(path, fault) from None
         try:
-            done = 0
-            while done < _LAYOUT_BYTES:  # a short write gives no error; the next one does
-                done += os.pwrite(self._held, bytes(_LAYOUT_BYTES - done), done)
-            os.truncate(self._held, 0)
-        except OSError:
+            with path.open("wb") as file:
+                file.write(bytes(max(size, _LAYOUT_BYTES)))
+        except OSError as fault:
             self.discard()
-            raise
+            raise _unwritable(path, fault) from None
+        self._last, self._cost = time.perf_counter(), 0.0
 
     def begin(self) -> None:
         """Start the timer after the layout; the first copy is assumed to take as long as the layout."""
@@ -105,7 +114,7 @@ class TemporaryResult:
     def rename(self, path: Path) -> None:
         """Synchronize the file to disk and rename it to its final name; no further writes are possible."""
         try:
-            os.fsync(self._held)
+            os.fsync(self._lock)
             os.replace(self.path, path)
             _sync_folder(path.parent)
         finally:
@@ -120,7 +129,12 @@ class TemporaryResult:
     def _release(self) -> None:
         with suppress(OSError):
             self._copy.unlink(missing_ok=True)
-        os.close(self._held)
+        os.close(self._lock)
+
+
+def _unwritable(path: Path, fault: OSError) -> Exception:
+    allowed, remedy = "a file that can be written", "free space or name another folder"
+    return refuse("result", str(path), allowed, system_message(fault), remedy)
 
 
 def _sync_folder(folder: Path) -> None:
@@ -162,61 +176,33 @@ _ERRNO_PATTERN = re.compile(r"errno = (\d+)")
 """Operating system error number in an HDF5 message."""
 
 
-CHECKPOINT = "checkpoint"
-"""Name of the dataset."""
-
-_STEPS, _PROBLEM = "steps", "problem"
-_CHUNK_KEPT_STATE = 4096
+_CHECKPOINT_CHUNK = 4096
 
 
-def create_checkpoint(file: Any) -> None:  # noqa: ANN401 - h5py has no types
-    """Create the empty checkpoint dataset in a new result file."""
-    file.create_dataset(CHECKPOINT, (0,), "u1", maxshape=(None,), chunks=(_CHUNK_KEPT_STATE,), fletcher32=True)
-    write_checksum(file[CHECKPOINT], zlib.crc32(b""))
-
-
-def write_checkpoint(file: Any, checkpoint: Checkpoint) -> None:  # noqa: ANN401
+def write_checkpoint(file: Any, checkpoint: Checkpoint) -> None:  # noqa: ANN401 - h5py has no types
     """Write a checkpoint into an open result file; an earlier one is replaced."""
     packed = BytesIO()
-    own = {_STEPS: np.array(checkpoint.steps), _PROBLEM: np.array(checkpoint.problem)}
+    own = {
+        schema.CHECKPOINT_STEPS: np.array(checkpoint.steps), schema.CHECKPOINT_PROBLEM: np.array(checkpoint.problem),
+    }  # fmt: skip
     arrays: dict[str, Any] = {**checkpoint.arrays, **own}
     np.savez(packed, **arrays)
     content = np.frombuffer(packed.getvalue(), dtype=np.uint8)
-    file[CHECKPOINT].resize((len(content),))
-    file[CHECKPOINT][:] = content
-    write_checksum(file[CHECKPOINT], zlib.crc32(content.data))
+    if schema.CHECKPOINT not in file:
+        growing = {"maxshape": (None,), "chunks": (_CHECKPOINT_CHUNK,), "fletcher32": True}
+        file.create_dataset(schema.CHECKPOINT, (0,), "u1", **growing)
+    file[schema.CHECKPOINT].resize((len(content),))
+    file[schema.CHECKPOINT][:] = content
 
 
 def read_checkpoint(file: Any) -> Checkpoint | None:  # noqa: ANN401
     """Return the checkpoint of an open result file."""
-    if CHECKPOINT not in file or not len(file[CHECKPOINT]):
+    if schema.CHECKPOINT not in file:
         return None
-    with np.load(BytesIO(read_rows(file[CHECKPOINT]).tobytes()), allow_pickle=False) as packed:
+    with np.load(BytesIO(file[schema.CHECKPOINT][()].tobytes()), allow_pickle=False) as packed:
         arrays: dict[str, Any] = dict(packed.items())
-    return Checkpoint(int(arrays.pop(_STEPS)), str(arrays.pop(_PROBLEM)), arrays)
-
-
-def remove_checkpoint(file: Any) -> None:  # noqa: ANN401
-    """Remove the checkpoint of an open result file: a complete run needs none."""
-    del file[CHECKPOINT]
-
-
-_module: Any = h5py
-
-FORMAT = 2
-"""Version of flexcam's groups; a reader rejects a higher one. Since version 2 a file has a digest."""
-
-VECTORS = {
-    "displacement": ("displacement", 0, "m"),
-    "rotation": ("displacement", 3, "rad"),
-    "velocity": ("velocity", 0, "m/s"),
-    "angular_velocity": ("velocity", 3, "rad/s"),
-    "acceleration": ("acceleration", 0, "m/s^2"),
-    "angular_acceleration": ("acceleration", 3, "rad/s^2"),
-}
-"""Point vectors: name to source series, first component and unit."""
-
-SERIES = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
+    steps, problem = int(arrays.pop(schema.CHECKPOINT_STEPS)), str(arrays.pop(schema.CHECKPOINT_PROBLEM))
+    return Checkpoint(steps, problem, arrays)
 
 
 class ResultFile:
@@ -257,7 +243,8 @@ class ResultFile:
         self._warnings = warnings
         self._waiting: list[Block] = []
         self._taken, self._all, self._bytes = 0, steps + 1, 0
-        self._draft = TemporaryResult(path.with_suffix(".writing"), self.partial)
+        size = _layout_bytes(geometry, outline, about)
+        self._draft = TemporaryResult(path.with_suffix(schema.WRITING_SUFFIX), self.partial, size)
         try:
             check_writable(
                 "partial result", self.partial, overwrite=overwrite or resume is not None,
@@ -267,45 +254,45 @@ class ResultFile:
                 self._create(geometry, save, about)
         except OSError as fault:
             self._discard()
-            allowed, remedy = "a file that can be written", "free space or name another folder"
-            raise refuse("result", str(self.path), allowed, str(fault), remedy) from None
+            raise _unwritable(self.path, fault) from None
         except BaseException:
             self._draft.discard()
             raise
         self._draft.begin()
 
     def _create(self, geometry: Geometry, save: SaveAt, about: Mapping[str, str]) -> None:
-        _check_space(self._draft.path, geometry, self._outline, about)
         # Every chunk is written once and in full: a cache would keep all chunks and search them at every flush.
         self._file: Any = h5py.File(self._draft.path, "w", locking=False, rdcc_nbytes=0)
         _limit_index_cache(self._file)
         moving = {**{name: (unit, 3) for name, (_, _, unit) in VECTORS.items()}, **RECOVERED_FIELDS}
         fields = max(save.block // save.field_every, 1)
         self._vtk = VtkGroup(self._file, geometry, moving, constant_data(geometry), fields)
-        self._field_angle = GrowingDataset(self._file.create_group("fields"), "cam_angle", fields, "rad")
+        self._field_angle = GrowingDataset(self._file, schema.FIELD_CAM_ANGLE, fields, "rad")
         self._create_history(save.block)
-        _write_mesh(self._file, geometry)
-        write_strings(self._file.create_group("about"), {"format": str(FORMAT), **about})
-        create_checkpoint(self._file)
+        create_fixed_dataset(self._file, schema.MESH_NODES, geometry.mesh.nodes, "m")
+        points = create_ordered_group(self._file, schema.MESH_POINTS)
+        for name, index in geometry.mesh.points.items():
+            create_fixed_dataset(points, name, index)
+        write_texts(self._file.create_group(schema.ABOUT), {schema.ABOUT_FORMAT: str(schema.FORMAT), **about})
 
     def _create_history(self, rows: int) -> None:
-        history = self._file.create_group("history")
-        history.attrs["steps"] = 0
-        history.attrs["size"] = len(self._outline.unknowns)
-        self._time = GrowingDataset(history, "time", rows, "s")
-        self._time.dataset.make_scale("time")
-        self._angle = GrowingDataset(history, "cam_angle", rows, "rad")
-        probes = create_ordered_group(history, "probes")
+        history = self._file.create_group(schema.HISTORY)
+        history.attrs[schema.STEPS] = 0
+        history.attrs[schema.SIZE] = len(self._outline.unknowns)
+        self._time = GrowingDataset(self._file, schema.TIME, rows, "s")
+        self._time.dataset.make_scale(schema.TIME_SCALE)
+        self._angle = GrowingDataset(self._file, schema.CAM_ANGLE, rows, "rad")
+        probes = create_ordered_group(self._file, schema.PROBES)
         self._probes: list[tuple[str, slice, GrowingDataset]] = []
         for name, components in self._outline.probes:
             group = create_ordered_group(probes, name)
-            write_string_attribute(group, "components", components)
+            write_text_attribute(group, schema.COMPONENTS, components)
             turns = any(one in ROTATIONS for one in components)
             for series, unit in SERIES.items():
-                told = f"{unit}; rotations {unit.replace('m', 'rad', 1)}" if turns else unit
-                made = GrowingDataset(group, series, rows, told, width=len(components))
+                units = f"{unit}; rotations {unit.replace('m', 'rad', 1)}" if turns else unit
+                made = GrowingDataset(group, series, rows, units, width=len(components))
                 self._probes.append((series, self._outline.columns(name), made))
-        channels = create_ordered_group(history, "channels")
+        channels = create_ordered_group(self._file, schema.CHANNELS)
         self._channels = [GrowingDataset(channels, name, rows, unit) for name, unit in self._outline.channels]
         for one in (self._angle, *(made for _, _, made in self._probes), *self._channels):
             _module.h5ds.attach_scale(one.dataset.id, self._time.dataset.id, 0)
@@ -325,11 +312,16 @@ class ResultFile:
             return
         block = Block.concatenate(self._waiting)
         self._waiting, self._bytes = [], 0
-        self._append_history(block)
+        self._time.append(block.time)
+        self._angle.append(block.angle)
+        for series, columns, history in self._probes:
+            history.append(getattr(block.probes, series)[:, columns])
+        for values, history in zip(block.channels.T, self._channels, strict=True):
+            history.append(values)
         self._vtk.append(self._point_data(block), len(block.field_time))
         self._field_angle.append(block.field_angle)
         self._vtk.count(len(block.field_time))
-        self._file["history"].attrs.modify("steps", len(self._time))
+        self._file[schema.HISTORY].attrs.modify(schema.STEPS, len(self._time))
         self._vtk.write_times(block.field_time)
 
     def write_checkpoint(self, checkpoint: Checkpoint) -> None:
@@ -340,7 +332,7 @@ class ResultFile:
             with convert_write_errors():
                 self._append()
                 write_checkpoint(self._file, checkpoint)
-                self._write_digest()
+                write_digest(self._file)
                 self._file.flush()
             self._draft.show(began)
 
@@ -351,21 +343,6 @@ class ResultFile:
             name: nodal[series][:, geometry.node, first : first + 3] for name, (series, first, _) in VECTORS.items()
         }
         return {**vectors, **geometry.recover_fields(*(nodal[series] for series in SERIES))}
-
-    def _write_digest(self) -> None:
-        """Write the checksums and the digest."""
-        grown = [self._time, self._angle, self._field_angle, *self._channels, *(one for _, _, one in self._probes)]
-        for one in (*grown, *self._vtk.growing_datasets):
-            one.write_checksum()
-        write_digest(self._file)
-
-    def _append_history(self, block: Block) -> None:
-        self._time.append(block.time)
-        self._angle.append(block.angle)
-        for series, columns, history in self._probes:
-            history.append(getattr(block.probes, series)[:, columns])
-        for values, history in zip(block.channels.T, self._channels, strict=True):
-            history.append(values)
 
     def close(self, status: Status, stats: Stats) -> None:
         """Write the status of the run and rename the file: to its final name if complete, else to the partial one."""
@@ -390,21 +367,21 @@ class ResultFile:
 
     def _write_status(self, status: Status, stats: Stats) -> None:
         self._append()
-        group = self._file.create_group("status")
-        doubtful = self._warnings(stats) if self._warnings else ()
-        told = {"cause": str(status.cause), "text": status.text, "remedy": status.remedy}
-        write_strings(group, {**told, "warnings": "\n".join(doubtful)})
+        group = self._file.create_group(schema.STATUS)
+        warnings = "\n".join(self._warnings(stats) if self._warnings else ())
+        texts = {schema.CAUSE: str(status.cause), schema.TEXT: status.text, schema.REMEDY: status.remedy}
+        write_texts(group, {**texts, schema.WARNINGS: warnings})
         for name in stats.__dataclass_fields__:
             value = getattr(stats, name)
             if isinstance(value, str):
-                write_string_attribute(group, name, value)
+                write_text_attribute(group, name, value)
             else:
                 group.attrs[name] = value
-        if status.ok:
-            remove_checkpoint(self._file)
-        elif self._checkpoint is not None:
+        if status.ok and schema.CHECKPOINT in self._file:  # a complete run needs none
+            del self._file[schema.CHECKPOINT]
+        elif not status.ok and self._checkpoint is not None:
             write_checkpoint(self._file, self._checkpoint)
-        self._write_digest()
+        write_digest(self._file)
         self._file.close()
 
 
@@ -418,21 +395,14 @@ def _block_bytes(block: Block) -> int:
     return sum(one.nbytes for one in arrays)
 
 
-def partial_path(path: Path) -> Path:
-    """Return the path of the partial result of a run."""
-    return path.with_name(f"{path.stem}.partial.vtkhdf")
-
-
-def _check_space(path: Path, geometry: Geometry, outline: Outline, about: Mapping[str, str]) -> None:
-    """Test the free space with a file of the size of an empty result: HDF5 without space can abort the process."""
+def _layout_bytes(geometry: Geometry, outline: Outline, about: Mapping[str, str]) -> int:
+    """Return the estimated size of an empty result, bytes."""
     datasets = _DATASETS + len(SERIES) * len(outline.probes) + len(outline.channels) + len(geometry.mesh.points)
-    size = _HEAD * datasets + sum(map(len, about.values())) + _STILL_VTKHDF * len(geometry.node)
-    with path.open("wb") as file:
-        file.write(bytes(size))
+    return _HEAD * datasets + sum(map(len, about.values())) + _NUMBER * _CONSTANT_VALUES * len(geometry.node)
 
 
-_DATASETS, _HEAD, _STILL_VTKHDF = 45, 1650, 8 * 24
-"""Number of datasets of any result; bytes of a dataset's header and first index; bytes of constant data per point."""
+_DATASETS, _HEAD = 45, 1650
+"""Number of datasets of any result; bytes of a dataset's header and first index."""
 
 
 def _limit_index_cache(file: Any) -> None:  # noqa: ANN401
@@ -445,14 +415,6 @@ def _limit_index_cache(file: Any) -> None:  # noqa: ANN401
 
 _INDEX_CACHE_BYTES = 2**18
 """Size of the cached index, bytes, in the format on disk; enough for the blocks being written."""
-
-
-def _write_mesh(file: Any, geometry: Geometry) -> None:  # noqa: ANN401 - h5py has no types
-    group = file.create_group("mesh")
-    create_fixed_dataset(group, "nodes", geometry.mesh.nodes, "m")
-    points = create_ordered_group(group, "points")
-    for name, index in geometry.mesh.points.items():
-        create_fixed_dataset(points, name, index)
 
 
 _NUMBER, _CHUNK, _DATASET = 8, 80, 2900

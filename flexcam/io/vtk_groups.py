@@ -19,18 +19,8 @@ from flexcam.fem.elements.beam import Beams
 from flexcam.fem.mesh import Mesh
 from flexcam.fem.recovery import Fibres, fibres, section_forces
 from flexcam.fem.sections import Section
-from flexcam.io.result_datasets import GrowingDataset, create_fixed_dataset
-from flexcam.io.text_files import write_string_attribute
-
-RECOVERED_FIELDS = {
-    "section_force": ("N", 3),
-    "section_moment": ("N m", 3),
-    "stress_axial": ("Pa", 1),
-    "stress_bending": ("Pa", 1),
-    "stress_torsion": ("Pa", 1),
-    "stress_von_mises": ("Pa", 1),
-}
-"""Point data computed from displacements: unit and width. Forces are N, Vy, Vz and T, My, Mz in local axes."""
+from flexcam.io import result_schema as schema
+from flexcam.io.hdf5 import GrowingDataset, create_fixed_dataset, write_text_attribute
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,14 +97,12 @@ class Geometry:
             self.beams, nodal, velocity=velocity, acceleration=acceleration, damping=self.damping, spread=self.spread
         )
         fibre = self.fibres
-        return {
-            "section_force": self._point_values(forces[..., :3]),
-            "section_moment": self._point_values(forces[..., 3:]),
-            "stress_axial": self._point_values(fibre.axial(forces)),
-            "stress_bending": self._point_values(fibre.bending(forces)),
-            "stress_torsion": self._point_values(fibre.shear(forces)),
-            "stress_von_mises": self._point_values(fibre.von_mises(forces)),
-        }
+        values = (
+            forces[..., :3], forces[..., 3:], fibre.axial(forces), fibre.bending(forces), fibre.shear(forces),
+            fibre.von_mises(forces),
+        )  # fmt: skip
+        names = schema.RECOVERED_FIELDS
+        return {name: self._point_values(one) for name, one in zip(names, values, strict=True)}
 
     def _point_values(self, values: FloatArray) -> FloatArray:
         """Return the larger of the adjacent element end values at every point, from shape (times, e, 2, ...)."""
@@ -134,8 +122,8 @@ ConstantData = Mapping[str, tuple[FloatArray | IntArray, str]]
 
 def constant_data(geometry: Geometry) -> ConstantData:
     """Return the constant point data: radius, mesh node, local axes."""
-    axes = {f"axis_{name}": (axis, "") for name, axis in zip("xyz", geometry.axes().swapaxes(0, 1), strict=True)}
-    return {"radius": (geometry.radius(), "m"), "node": (geometry.node, ""), **axes}
+    axes = {name: (axis, "") for name, axis in zip(schema.AXES, geometry.axes().swapaxes(0, 1), strict=True)}
+    return {schema.RADIUS: (geometry.radius(), "m"), schema.NODE: (geometry.node, ""), **axes}
 
 
 class VtkGroup:
@@ -156,86 +144,69 @@ class VtkGroup:
     """
 
     def __init__(
-        self,
-        file: Any,  # noqa: ANN401 - h5py has no types
-        geometry: Geometry,
-        moving: Mapping[str, tuple[str, int]],
-        still: ConstantData,
-        rows: int,
-    ) -> None:
+        self, file: Any, geometry: Geometry, moving: Mapping[str, tuple[str, int]], still: ConstantData, rows: int,  # noqa: ANN401
+    ) -> None:  # fmt: skip
         self._points, self._steps = len(geometry.node), 0
-        self._group: Any = file.create_group("VTKHDF")
-        self._group.attrs["Version"] = (2, 0)
-        self._group.attrs.create("Type", b"PolyData", dtype="S8")
-        _write_lines(self._group, geometry)
-        data = self._group.create_group("PointData")
+        vtk = file.create_group(schema.VTK)
+        vtk.attrs[schema.VTK_VERSION] = (2, 0)
+        vtk.attrs.create(schema.VTK_TYPE, schema.VTK_TYPE_NAME, dtype="S8")
+        _write_lines(file, geometry)
+        data = file.create_group(schema.POINT_DATA)
         for name, (values, unit) in still.items():
             create_fixed_dataset(data, name, values, unit)
         self._data = {
             name: GrowingDataset(data, name, rows * self._points, unit, width=width if width > 1 else 0)
             for name, (unit, width) in moving.items()
         }
-        self._create_steps(rows, still)
-
-    def _create_steps(self, rows: int, still: ConstantData) -> None:
-        steps = self._group.create_group("Steps")
-        steps.attrs["NSteps"] = 0
-
-        def shared(names: Sequence[str], width: int = 0) -> GrowingDataset:
-            made = GrowingDataset(steps, names[0], rows, "", width=width, kind="i8")
-            for name in names[1:]:
-                steps[name] = made.dataset
-            return made
-
-        of_still = [f"PointDataOffsets/{name}" for name in still]
+        self._group: Any = file.create_group(schema.FIELD_STEPS)
+        self._group.attrs[schema.VTK_STEPS] = 0
+        of_still = [f"{schema.POINT_DATA_OFFSETS}/{name}" for name in still]
         self._zeros = (
-            shared(["PartOffsets", "PointOffsets", "CellDataOffsets/member", *of_still]),
-            shared(["CellOffsets", "ConnectivityIdOffsets"], width=4),  # one column per VTK cell type
+            self._shared([schema.PART_OFFSETS, schema.POINT_OFFSETS, schema.MEMBER_OFFSETS, *of_still], rows),
+            self._shared([schema.CELL_OFFSETS, schema.CONNECTIVITY_OFFSETS], rows, len(schema.TOPOLOGIES)),
         )
-        self._parts = shared(["NumberOfParts"])
-        self._offsets = shared([f"PointDataOffsets/{name}" for name in self._data])
-        self._times = GrowingDataset(steps, "Values", rows, "s")
+        self._parts = self._shared([schema.PART_COUNT], rows)
+        self._offsets = self._shared([f"{schema.POINT_DATA_OFFSETS}/{name}" for name in self._data], rows)
+        self._times = GrowingDataset(file, schema.FIELD_TIME, rows, "s")
+
+    def _shared(self, names: Sequence[str], rows: int, width: int = 0) -> GrowingDataset:
+        """Return a new dataset of integers that has several names."""
+        made = GrowingDataset(self._group, names[0], rows, "", width=width, kind="i8")
+        for name in names[1:]:
+            self._group[name] = made.dataset
+        return made
 
     def append(self, values: Mapping[str, FloatArray], count: int) -> None:
         """Append the point data of steps, shape (count, points) or (count, points, width), without counting them."""
         for name, rows in values.items():
             self._data[name].append(rows.reshape(-1, *rows.shape[2:]))
         for zeros in self._zeros:
-            zeros.append_zeros(count)
+            zeros.append_empty(count)
         self._parts.append(np.ones(count, int))
         self._offsets.append((self._steps + np.arange(count)) * self._points)
 
-    @property
-    def growing_datasets(self) -> list[GrowingDataset]:
-        """Growing datasets of the group."""
-        return [*self._data.values(), *self._zeros, self._parts, self._offsets, self._times]
-
     def count(self, more: int) -> None:
-        """Increase the number of steps; flush before `stamp`, because VTK expects data for every time."""
+        """Increase the number of steps; VTK expects data for every time, so times are written last."""
         self._steps += more
-        self._group["Steps"].attrs.modify("NSteps", self._steps)
+        self._group.attrs.modify(schema.VTK_STEPS, self._steps)
 
     def write_times(self, times: FloatArray) -> None:
         """Write the times of the counted steps, s."""
         self._times.append(times)
 
 
-def _write_lines(vtk: Any, geometry: Geometry) -> None:  # noqa: ANN401 - h5py has no types
+def _write_lines(file: Any, geometry: Geometry) -> None:  # noqa: ANN401 - h5py has no types
     mesh, points, ends = geometry.mesh, len(geometry.node), geometry.ends
-    create_fixed_dataset(vtk, "NumberOfPoints", np.array([points]))
-    create_fixed_dataset(vtk, "Points", mesh.nodes[geometry.node], "m")
+    create_fixed_dataset(file, schema.POINT_COUNT, np.array([points]))
+    create_fixed_dataset(file, schema.POINTS, mesh.nodes[geometry.node], "m")
     single, nothing = len(geometry.free_nodes), np.zeros(0, int)
-    cells = {
-        "Vertices": (np.arange(points - single, points), np.arange(single + 1)),
-        "Lines": (np.arange(points - single), ends),
-        "Polygons": (nothing, np.zeros(1, int)),
-        "Strips": (nothing, np.zeros(1, int)),
-    }
-    for topology, (connectivity, offsets) in cells.items():
-        group = vtk.create_group(topology)
-        create_fixed_dataset(group, "NumberOfCells", np.array([len(offsets) - 1]))
-        create_fixed_dataset(group, "NumberOfConnectivityIds", np.array([len(connectivity)]))
-        create_fixed_dataset(group, "Connectivity", connectivity)
-        create_fixed_dataset(group, "Offsets", offsets)
-    member = create_fixed_dataset(vtk.create_group("CellData"), "member", geometry.cells())
-    write_string_attribute(member, "names", list(mesh.lines))
+    vertices = (np.arange(points - single, points), np.arange(single + 1))
+    lines, none = (np.arange(points - single), ends), (nothing, np.zeros(1, int))
+    for topology, (connectivity, offsets) in zip(schema.TOPOLOGIES, (vertices, lines, none, none), strict=True):
+        group = file.create_group(f"{schema.VTK}/{topology}")
+        create_fixed_dataset(group, schema.CELL_COUNT, np.array([len(offsets) - 1]))
+        create_fixed_dataset(group, schema.CONNECTIVITY_COUNT, np.array([len(connectivity)]))
+        create_fixed_dataset(group, schema.CONNECTIVITY, connectivity)
+        create_fixed_dataset(group, schema.OFFSETS, offsets)
+    member = create_fixed_dataset(file, schema.MEMBER, geometry.cells())
+    write_text_attribute(member, schema.MEMBER_NAMES, list(mesh.lines))

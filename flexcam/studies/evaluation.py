@@ -39,9 +39,8 @@ from flexcam.dynamics import (
     prescribed_probes,
     solve,
 )
-from flexcam.io import temporary_folder
+from flexcam.io import SERIES, temporary_folder
 from flexcam.io.exports import component_unit
-from flexcam.io.result_writer import SERIES
 from flexcam.studies.plan import Bundle, Plan, open_case
 from flexcam.valvetrain import ANY_SPEED, Metric, Model, build_rigid, train_metric_names
 

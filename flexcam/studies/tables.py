@@ -16,9 +16,8 @@ import numpy as np
 from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name
 from flexcam.dynamics import Cause, Response, Status
-from flexcam.io import atomic_write_path, check_writable, create_folder, digest_fault, open_checked, write_digest
+from flexcam.io import SERIES, atomic_write_path, check_writable, create_folder, digest_fault, open_hdf5, write_digest
 from flexcam.io.exports import component_unit
-from flexcam.io.result_writer import SERIES
 from flexcam.studies.evaluation import Row
 from flexcam.studies.plan import Plan
 
@@ -274,7 +273,7 @@ def _texts(group: Any, name: str, texts: Sequence[str]) -> None:  # noqa: ANN401
 def read_table(path: str | Path) -> SweepTable:
     """Read the table of a sweep."""
     source = Path(path)
-    with open_checked(source, "table", "the HDF5 table of a sweep (.sweep.h5)") as file:
+    with open_hdf5(source, "table", "the HDF5 table of a sweep (.sweep.h5)") as file:
         return _table(file, source)
 
 

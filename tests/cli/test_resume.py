@@ -203,7 +203,7 @@ def test_a_damaged_partial_result(flexcam, broken, whole, tried, tmp_path):
             assert_same(tmp_path / "out/case.vtkhdf", whole)
             (tmp_path / "out/case.vtkhdf").unlink()
     assert set(codes) <= {0, 2}
-    assert codes.count(2) >= 4
+    assert codes.count(2) >= 3
     tried(
         "damaged", "--resume from a partial result with 64 bytes flipped", len(places), "refused, or the right result"
     )

@@ -45,7 +45,7 @@ def test_a_wrong_element_is_found(monkeypatch):
     """A stiffness that is one part in a million too large."""
 
     def stiff(beams, dofs):
-        return fem_stiffness(beams, dofs).scaled(1.0 + 1e-6)
+        return fem_stiffness(beams, dofs).scale(1.0 + 1e-6)
 
     monkeypatch.setattr("flexcam.analysis.selftest.stiffness", stiff)
     first = next(iter(all_checks()))

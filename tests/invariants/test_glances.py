@@ -57,7 +57,7 @@ def test_what_leaves_the_range_is_cut_at_the_same_step():
     one = Triplets.from_dense([[1.0]])
     push = Load("push", np.ones(1), lambda motion: np.ones_like(motion.angle))
     watch = Probe("x", ("x",), np.eye(1), (None,))
-    system = System(one, Triplets.zeros(1), one.scaled(1e4), ("x",), (push,), probes=(watch,))
+    system = System(one, Triplets.zeros(1), one.scale(1e4), ("x",), (push,), probes=(watch,))
     problem = Problem(system, ConstantSpeed(1.0), step=0.03, steps=4000, engine="modal")
     scheme = newmark(beta=1.0 / 12.0)
     whole, few = (solve(problem, scheme, save=SaveAt(50, channels=kept)) for kept in (True, False))

@@ -225,7 +225,7 @@ def shaft(axis, *, tilt=0.0):
         dof_map(mesh, [(e, ("ux", "uy", "uz")) for e in "ab"]),
     )
     mass, stiffness = fem_mass(beams, dofs), fem_stiffness(beams, dofs)
-    system = System(mass, stiffness.scaled(1e-6), stiffness, dofs.names)
+    system = System(mass, stiffness.scale(1e-6), stiffness, dofs.names)
     return system, dofs, mesh
 
 

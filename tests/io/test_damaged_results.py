@@ -99,8 +99,7 @@ def test_a_chunk_that_is_lost_is_not_read_as_zeros(made, tmp_path, tried):
         del new["history/time"]
         chunked = {"maxshape": (None,), "chunks": time.chunks, "fletcher32": True}
         again = new.create_dataset("history/time", time.shape, "f8", **chunked)
-        for key in ("crc32", "units"):
-            again.attrs[key] = kept[key]
+        again.attrs["units"] = kept["units"]
     with pytest.raises(InputError):
         read_result(path)
     with pytest.raises(InputError, match=r"history/time|seal"):

@@ -12,7 +12,7 @@ import pytest
 
 from flexcam import ConstantSpeed, InputError, Problem, RunFailedError, newmark, read_result, solve
 from flexcam.dynamics import Cause
-from flexcam.io.result_datasets import GrowingDataset
+from flexcam.io.hdf5 import GrowingDataset
 from tests.sinks import Cut
 
 CALLS = 50
@@ -103,7 +103,7 @@ from pathlib import Path
 from flexcam import read_case
 from flexcam.dynamics import solve
 from flexcam.io import result_writer
-from flexcam.io.result_datasets import GrowingDataset
+from flexcam.io.hdf5 import GrowingDataset
 from flexcam.analysis.preparation import prepare
 from flexcam.analysis.run import open_result_file
 result_writer._MAX_COPY_TIME = float("inf")  # a copy after every block

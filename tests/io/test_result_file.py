@@ -232,7 +232,7 @@ def test_refuses_foreign_and_newer_files(done, tmp_path):
     newer = tmp_path / "newer.vtkhdf"
     newer.write_bytes(done.path.read_bytes())
     with h5py.File(newer, "r+") as file:
-        file["about/format"][()] = "3"
+        file["about/format"][()] = "4"
     for path in (tmp_path / "foreign.h5", newer):
         with pytest.raises(InputError, match=path.stem):
             read_result(path)

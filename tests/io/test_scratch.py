@@ -92,7 +92,7 @@ def test_the_folder_of_another_user_stays(home, monkeypatch):
 
 def test_without_locks_nothing_is_taken_for_left(home, monkeypatch):
     monkeypatch.setattr(
-        import_module("flexcam.io.atomic_write"), "lock_file", lambda file: False
+        import_module("flexcam.io.files"), "lock_file", lambda file: False
     )  # its function has the same name
     with temporary_folder() as one, temporary_folder():
         assert one.exists()

@@ -12,7 +12,6 @@ import pytest
 from flexcam import prepare, read_case, read_result
 from flexcam.dynamics import Cause
 from flexcam.io import result_writer
-from flexcam.io.hdf5 import write_attribute
 from tests.sinks import Cut
 
 
@@ -66,11 +65,3 @@ def test_a_run_that_is_killed_at_once_leaves_no_copy(ready, tmp_path):
     done = subprocess.run([sys.executable, "-c", KILL, str(ready.case.path), str(tmp_path)], timeout=60, check=False)
     assert done.returncode == 9
     assert [path.name for path in tmp_path.iterdir()] == ["inline.writing"]
-
-
-def test_an_attribute_is_written_in_place(tmp_path):
-    with h5py.File(tmp_path / "a.h5", "w") as file:
-        for value in (1, 2):
-            write_attribute(file, "count", np.array(value, np.uint32))
-        assert int(file.attrs["count"]) == 2
-        assert list(file.attrs) == ["count"]

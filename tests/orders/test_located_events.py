@@ -45,7 +45,7 @@ def falling(law, restitution=None, *, mass=1.0):
     )  # fmt: skip
     weight = Load("weight", np.array([-G]), lambda motion: np.ones_like(motion.angle))
     return System(
-        one.scaled(mass), Triplets.zeros(1), Triplets.zeros(1), ("y",), (weight,), (force,),
+        one.scale(mass), Triplets.zeros(1), Triplets.zeros(1), ("y",), (weight,), (force,),
         (Probe("y", ("y",), np.eye(1), (None,)),),
     )  # fmt: skip
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexcam.fem.elements import axial, bending
+from flexcam.fem.elements import bending
 
 L, EI, RHO_A, RHO_I, N = 0.37, 2.3e3, 5.1, 0.013, -41.0
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(8)
@@ -97,8 +97,8 @@ def test_constant_curvature_is_reproduced(phi):
 def test_bar(lumped):
     shapes = np.column_stack([1 - XI, XI])
     strain = np.tile([-1 / L, 1 / L], (len(XI), 1))
-    assert close(axial.stiffness(np.array([EI]), np.array([L]))[0], EI * integral(strain, strain))
-    mass = axial.mass(np.array([RHO_A]), np.array([L]), np.array([lumped]))[0]
+    assert close(bending.bar_stiffness(np.array([EI]), np.array([L]))[0], EI * integral(strain, strain))
+    mass = bending.bar_mass(np.array([RHO_A]), np.array([L]), np.array([lumped]))[0]
     expected = RHO_A * integral(shapes, shapes)
     assert close(mass, np.diag(expected.sum(axis=1)) if lumped else expected)
 

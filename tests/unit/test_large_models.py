@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flexcam import prepare, read_case
-from flexcam.core import DENSE_LIMIT, Triplets, component_members, factorize, factorize_constrained
+from flexcam.core import DENSE_LIMIT, Triplets, component_members, factorize, factorize_with_update
 from flexcam.core.factorization import BandFactor
 from flexcam.dynamics import solve
 from flexcam.fem.assembly import mass, stiffness
@@ -30,7 +30,7 @@ def made(nodes, lines, supports=("root",)):
     shuffled = Mesh(mesh.nodes[order], {n: place[line] for n, line in mesh.lines.items()}, {"root": place[[0]]})
     dofs = dof_map(shuffled, [(point, ("ux", "uy", "uz", "rx", "ry", "rz")) for point in supports])
     parts = beams(shuffled, dict.fromkeys(lines, STEEL))
-    return mass(parts, dofs) + stiffness(parts, dofs).scaled(1e-9)
+    return mass(parts, dofs) + stiffness(parts, dofs).scale(1e-9)
 
 
 SHAFT = made([[0, 0, 0], [1, 0.3, 0.2]], {"shaft": [0, 1]})
@@ -89,7 +89,7 @@ def test_held_motions_cost_no_full_matrix(n, stiffness):
     motions = np.zeros((n, 2))
     motions[:half, 0] = motions[half:, 1] = half**-0.5
     right = np.random.default_rng(0).standard_normal((n, 2))
-    found = factorize_constrained(Triplets.from_dense(dense), motions, stiffness).solve(right)
+    found = factorize_with_update(Triplets.from_dense(dense), motions, stiffness).solve(right)
     exact = np.linalg.solve(dense + stiffness * motions @ motions.T, right)
     np.testing.assert_allclose(found, exact, atol=1e-9 * np.abs(exact).max())  # the condition is n^2
 

@@ -42,7 +42,7 @@ def test_triplets_are_the_matrix(triplets):
     np.testing.assert_allclose(triplets.csr().toarray(), full, atol=1e-15)
     np.testing.assert_allclose(triplets.times(x), full @ x, atol=1e-14)
     np.testing.assert_allclose(triplets.diagonal(), np.diag(full), atol=1e-15)
-    np.testing.assert_allclose((triplets + triplets.scaled(-0.5)).dense(), 0.5 * full, atol=1e-15)
+    np.testing.assert_allclose((triplets + triplets.scale(-0.5)).dense(), 0.5 * full, atol=1e-15)
     index = np.array([5, 0, 3])
     np.testing.assert_allclose(triplets.part(index).dense(), full[np.ix_(index, index)], atol=1e-15)
     np.testing.assert_allclose(Triplets.from_dense(full).dense(), full, atol=0)
@@ -110,7 +110,7 @@ def test_free_body_has_six_motions(parts, unit, size):
     mesh, elements = frame(parts, size=size)
     dofs = dof_map(mesh, [])
     assert (dofs.size > 2 * DENSE_LIMIT) == (parts == 52)
-    free = null_space(stiffness(elements, dofs).scaled(unit))
+    free = null_space(stiffness(elements, dofs).scale(unit))
     assert free.shape == (dofs.size, 6)
     rigid = np.column_stack([dofs.rigid_motion(mesh, e) for e in np.eye(6)])
     weight = np.sqrt(stiffness(elements, dofs).diagonal())[:, None]  # makes translations and rotations comparable

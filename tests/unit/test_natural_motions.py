@@ -128,10 +128,10 @@ def test_slices_have_the_digits_of_extended_precision(monkeypatch):
     one, other = (rng.normal(size=(150, 150)).astype(np.longdouble) * 10.0 ** rng.uniform(-9, 9, 150) for _ in "ab")
     one += one * np.longdouble(2.0) ** -60  # digits below double precision
     other = other.T
-    sliced = eigen.multiply_extended(one, other)
+    sliced = eigen.long_product(one, other)
     monkeypatch.setattr(eigen, "_SMALL_SIZE", 200)
     sizes = np.abs(one).max(axis=1)[:, None] * np.abs(other).max(axis=0)
-    off = np.abs(sliced - eigen.multiply_extended(one, other)) / sizes
+    off = np.abs(sliced - eigen.long_product(one, other)) / sizes
     assert off.max() <= 8.0 * np.finfo(np.longdouble).eps
     assert np.abs(one.astype(float) @ other.astype(float) - sliced).max() > 100.0 * np.abs(sizes * off).max()
 

@@ -60,7 +60,7 @@ def test_and_in_modes(cantilever):
 @pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
 def test_the_bound_has_no_units(cantilever, unit):
     _, stiffness, dofs, push = cantilever(20)
-    assert deflection(stiffness.scaled(unit), dofs, push) == pytest.approx(
+    assert deflection(stiffness.scale(unit), dofs, push) == pytest.approx(
         deflection(stiffness, dofs, push) / unit, rel=1e-9
     )
 

@@ -67,7 +67,7 @@ def free_angle(steel, parts, unit):
     load[:3] = unit * np.random.default_rng(6).standard_normal((3, 6))
     load[2, :3] -= load[:, :3].sum(axis=0)
     load[2, 3:] -= (load[:, 3:] + np.cross(mesh.nodes, load[:, :3])).sum(axis=0)
-    K = stiffness(beams(mesh, {"a": member, "b": member}), dofs).scaled(unit)
+    K = stiffness(beams(mesh, {"a": member, "b": member}), dofs).scale(unit)
     u = dofs.nodal(static_displacement(K, load.ravel(), dofs.names))[:3].ravel()
     rigid = np.column_stack([dofs.nodal(dofs.rigid_motion(mesh, e))[:3].ravel() for e in np.eye(6)])
     return u - rigid @ np.linalg.lstsq(rigid, u, rcond=None)[0]

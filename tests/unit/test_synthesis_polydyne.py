@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from flexcam.cams import LAWS, HarmonicLift, LiftEvent, SingleMass, harmonics, motion_at, off_design_deviation, polydyne
+from flexcam.cams import LAWS, LiftEvent, SingleMass, harmonics, off_design_deviation, polydyne
 from flexcam.core.errors import InputError
 
 WANTED = LiftEvent(LAWS["5-6-7-8-9"], lift=0.008, rise=1.5, fall=1.3, dwell=0.5, phase=0.2)
@@ -70,14 +70,6 @@ def test_the_mass_moves_as_wanted(damping):
     assert np.abs(steady(made.wanted, FREQUENCY, damping, SPEED) - made.wanted(GRID)).max() > 1e-5
 
 
-@pytest.mark.parametrize("speed", [90.0, 150.0, 310.0])
-def test_motion_at_any_speed(speed):
-    """Ten harmonics against the integrated motion; sense and size of the phase are in it."""
-    cam = HarmonicLift(0.003, (-0.002, 0.0005, -0.0003), (0.001, -0.0008, 0.0002))
-    found = motion_at(cam, SingleMass(FREQUENCY, 0.05), speed, count=10)
-    np.testing.assert_allclose(found(GRID), steady(cam, FREQUENCY, 0.05, speed), atol=1e-9, rtol=0)
-
-
 @pytest.mark.parametrize("damping", [0.0, 0.1])
 def test_single_mass(damping):
     """The answer to s = exp(i w t), put into y'' + 2 D w0 (y' - s') + w0^2 (y - s) = 0."""
@@ -123,8 +115,6 @@ def test_a_harmonic_in_resonance_is_not_in_the_cam():
     n = np.arange(1, 61)
     cam = wanted[1:] * (1 - (n / 5.0) ** 2)  # Stoddart's factor, zero for the fifth
     np.testing.assert_allclose(np.array(made.event.cosine) - 1j * np.array(made.event.sine), cam, atol=1e-16)
-    with pytest.raises(InputError, match="harmonic 5 is in resonance"):
-        motion_at(WANTED, train, SPEED)
     # What this cam leaves out is all that is missing at its speed; on a cam that holds it, the motion has no bound.
     assert off_design_deviation(made, train, [SPEED]) == pytest.approx(abs(wanted[5]), rel=1e-3)
     assert off_design_deviation(made, train, [5 * SPEED / 3]).tolist() == [math.inf]
@@ -136,8 +126,6 @@ def test_refused():
         polydyne(WANTED, SingleMass(FREQUENCY), 0.0)
     with pytest.raises(InputError, match="count"):
         polydyne(WANTED, SingleMass(FREQUENCY), SPEED, count=0)
-    with pytest.raises(InputError, match="speed"):
-        motion_at(WANTED, SingleMass(FREQUENCY), -1.0)
     with pytest.raises(InputError, match="frequency"):
         SingleMass(0.0)
     with pytest.raises(InputError, match="damping"):

@@ -55,7 +55,7 @@ def mathieu(a, q, damping=0.0):
     force = LocalForce(
         "pulse", (AngleVector.constant(row),), (AngleVector.constant(-row),), Pulsating(q), (constant(0.0),)
     )
-    return System(one, one.scaled(damping), one.scaled(a), ("x",), (), (force,))
+    return System(one, one.scale(damping), one.scale(a), ("x",), (), (force,))
 
 
 def multipliers(a, q, damping=0.0, steps=2000):

@@ -127,7 +127,7 @@ def test_a_damped_joint_does_not_ring_either(way):
 def test_damping_by_stiffness_on_the_modal_way():
     """Rayleigh's damping couples no natural motions, so that each is taken by itself, the joint's among them."""
     made = system(sine)
-    made = System(made.mass, made.stiffness.scaled(1e-5), made.stiffness, made.names, made.loads, probes=made.probes)
+    made = System(made.mass, made.stiffness.scale(1e-5), made.stiffness, made.names, made.loads, probes=made.probes)
     (_, one), (_, other) = (run(made, "average acceleration", way) for way in ("modal", "direct"))
     size = np.abs(other.acceleration).max()
     np.testing.assert_allclose(one.acceleration, other.acceleration, rtol=0.0, atol=1e-8 * size)

@@ -21,12 +21,13 @@ from flexcam.fem.dofs import dof_map
 from flexcam.fem.frames import COMPONENTS
 from flexcam.fem.members import Member, beams
 from flexcam.fem.mesh import chain
-from flexcam.fem.recovery import FORCES, fibres, section_forces
+from flexcam.fem.recovery import fibres, section_forces
 from flexcam.fem.rigid_bodies import PointMass
 from flexcam.fem.sections import Material, Section
 from flexcam.report.result_tables import strength_table
 from flexcam.valvetrain import GivenLoad, MassAt, Model, StrengthSink, build_structure, build_system
 
+FORCES = ("N", "Vy", "Vz", "T", "My", "Mz")
 STATICS = "Statics of the part beyond a cut"
 UNEQUAL = Section(A=4e-4, Iy=2e-8, Iz=7e-9, J=1e-8)
 LENGTH = 0.8

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexcam.core import FloatArray, IntArray
-from flexcam.fem.elements import axial, bending
+from flexcam.fem.elements import bending
 
 AXIAL = np.array([0, 6])
 TORSION = np.array([3, 9])
@@ -98,8 +98,8 @@ def stiffness(beams: Beams) -> FloatArray:
         Shape (e, 12, 12), local axes, SI.
     """
     return _place(
-        axial.stiffness(beams.EA, beams.length),
-        axial.stiffness(beams.GJ, beams.length),
+        bending.bar_stiffness(beams.EA, beams.length),
+        bending.bar_stiffness(beams.GJ, beams.length),
         bending.stiffness(beams.EIz, beams.length, beams.phi_y),
         bending.stiffness(beams.EIy, beams.length, beams.phi_z),
     )
@@ -119,8 +119,8 @@ def mass(beams: Beams) -> FloatArray:
         Shape (e, 12, 12), local axes, SI.
     """
     return _place(
-        axial.mass(beams.rho_A, beams.length, beams.lumped),
-        axial.mass(beams.rho_Ip, beams.length, beams.lumped),
+        bending.bar_mass(beams.rho_A, beams.length, beams.lumped),
+        bending.bar_mass(beams.rho_Ip, beams.length, beams.lumped),
         _bending_mass(beams, beams.rho_Iz, beams.phi_y),
         _bending_mass(beams, beams.rho_Iy, beams.phi_z),
     )

@@ -1,8 +1,11 @@
-"""Bending of a two-node beam in one principal plane, with optional shear deformation.
+"""Matrices of a two-node beam: a bar for axial motion and torsion, and bending in one principal plane.
 
-Unknowns v1, r1, v2, r2: deflection and rotation of the section, r = dv/dx for a slender beam. The shear parameter is
-``phi = 12 E I/(kappa A G L^2)``; phi = 0 is the Euler-Bernoulli beam. The interpolation satisfies the homogeneous
-static equations, so static nodal values are exact for both theories.
+The bar has linear interpolation. Its unknowns are u1, u2 along the bar or the twists of its ends (Saint-Venant
+torsion): J. S. Przemieniecki, Theory of Matrix Structural Analysis (1968), eq. 5.82 (stiffness) and 11.27 (mass).
+
+Bending has optional shear deformation. Unknowns v1, r1, v2, r2: deflection and rotation of the section, r = dv/dx for a
+slender beam. The shear parameter is ``phi = 12 E I/(kappa A G L^2)``; phi = 0 is the Euler-Bernoulli beam. The
+interpolation satisfies the homogeneous static equations, so static nodal values are exact for both theories.
 
 Sources: stiffness: J. S. Przemieniecki, Theory of Matrix Structural Analysis (1968), eq. 5.116; masses: Z. Friedman and
 J. B. Kosmatka, An improved two-node Timoshenko beam finite element, Comput. Struct. 47 (1993), eqs. 28-30; geometric
@@ -15,6 +18,61 @@ from __future__ import annotations
 import numpy as np
 
 from flexcam.core import FloatArray
+
+_SPRING = np.array([[1.0, -1.0], [-1.0, 1.0]])
+_CONSISTENT = np.array([[2.0, 1.0], [1.0, 2.0]]) / 6.0
+_LUMPED = np.array([[1.0, 0.0], [0.0, 1.0]]) / 2.0
+
+
+def bar_stiffness(rigidity: FloatArray, length: FloatArray) -> FloatArray:
+    """Return EA/L [[1, -1], [-1, 1]] per element.
+
+    Parameters
+    ----------
+    rigidity
+        EA (N) for a bar, GJ (N m^2) for torsion, shape (e,).
+    length
+        Element lengths, m, shape (e,).
+
+    Returns
+    -------
+    ndarray
+        Shape (e, 2, 2), N/m (torsion: N m).
+
+    Examples
+    --------
+    >>> bar_stiffness(np.array([6.0]), np.array([2.0]))[0]
+    array([[ 3., -3.],
+           [-3.,  3.]])
+    """
+    return (rigidity / length)[:, None, None] * _SPRING
+
+
+def bar_mass(inertia: FloatArray, length: FloatArray, lumped: FloatArray) -> FloatArray:
+    """Return the consistent mass rho A L/6 [[2, 1], [1, 2]], or half the mass at each end if lumped.
+
+    Parameters
+    ----------
+    inertia
+        rho A (kg/m) for a bar, rho (Iy + Iz) (kg m) for torsion, shape (e,).
+    length
+        Element lengths, m, shape (e,).
+    lumped
+        1 where the mass is lumped, else 0, shape (e,).
+
+    Returns
+    -------
+    ndarray
+        Shape (e, 2, 2), kg (torsion: kg m^2).
+
+    Examples
+    --------
+    >>> bar_mass(np.array([3.0]), np.array([2.0]), np.array([0.0]))[0]
+    array([[2., 1.],
+           [1., 2.]])
+    """
+    shape = _CONSISTENT + lumped[:, None, None] * (_LUMPED - _CONSISTENT)
+    return (inertia * length)[:, None, None] * shape
 
 
 def _symmetric(

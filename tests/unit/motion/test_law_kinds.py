@@ -23,7 +23,7 @@ from flexcam.cams import (
     quinquinomial,
     through_points,
 )
-from flexcam.cams.ramps import RampTransition
+from flexcam.cams.motion_law import RampTransition
 from flexcam.core.errors import InputError
 
 PART = st.floats(0.02, 0.98)

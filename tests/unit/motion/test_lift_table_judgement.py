@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexcam.cams import LAWS, LiftEvent, lift_table
-from flexcam.cams.lift_checks import scatter
+from flexcam.cams.lift_table import scatter
 from flexcam.core.errors import InputError
 
 TURN, DEGREE = 2 * math.pi, math.radians(1.0)

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flexcam.cams import LAWS, LiftEvent, Ramp, ReversedLaw, joints
-from flexcam.cams.ramps import RampTransition
+from flexcam.cams.motion_law import RampTransition
 from flexcam.core.errors import InputError
 
 TURN = 2 * math.pi

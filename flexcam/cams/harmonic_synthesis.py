@@ -1,18 +1,24 @@
-"""Fit of a finite-harmonic lift by constrained least squares."""
+"""Synthesis of lifts with few harmonics: fit to a lift by constrained least squares, and polydyne cams.
+
+A polydyne cam gives a prescribed motion of an elastic train at one speed: each harmonic of that motion is divided by
+the train's frequency response. Reference: D. A. Stoddart, Polydyne Cam Design, Machine Design 25 (1953), for one mass,
+where it gives s = y + (w/w0)^2 y''; here for any linear train.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexcam.cams.lift_event import Event
-from flexcam.cams.periodic_lift import HarmonicLift
-from flexcam.core import FloatArray
+from flexcam.cams.periodic_lift import HarmonicLift, harmonics
+from flexcam.core import ComplexArray, FloatArray, IntArray
 from flexcam.core.errors import InputError, positive, refuse
+from flexcam.core.units import RPM
 
 _FEASIBLE = 1e-10
 """Residual of the dual problem below which the inequalities are contradictory."""
@@ -45,7 +51,7 @@ def constrained_least_squares(E: FloatArray, f: FloatArray, G: FloatArray, h: Fl
 
 
 _REVOLUTION = 2.0 * math.pi
-_MOST = 200
+_MOST_FITTED = 200
 _POINTS_PER_HARMONIC, _LEAST_POINTS = 24, 720
 
 
@@ -78,13 +84,9 @@ def harmonic_fit(
     C. Li, Cam motion simulation and optimization (2014), eqs. 5-6, with its dwells as constraints instead of weights.
     """
     positive("tolerance", tolerance, "m")
-    if not 1 <= count <= _MOST:
+    if not 1 <= count <= _MOST_FITTED:
         raise refuse(
-            "count",
-            count,
-            f"a whole number from 1 to {_MOST}",
-            "",
-            "a lower speed leaves room for more",
+            "count", count, f"a whole number from 1 to {_MOST_FITTED}", "", "a lower speed leaves room for more"
         )
     points = max(_LEAST_POINTS, _POINTS_PER_HARMONIC * count)
     ends = [end for section in strict or () for end in section] if strict is not None else list(wanted.joints)
@@ -155,12 +157,110 @@ def _minimize_deviation(
     from scipy.optimize import linprog
 
     one, none = np.ones((len(rows), 1)), np.zeros((len(kept), 1))
-    A = np.vstack(
-        [np.hstack([rows, -one]), np.hstack([-rows, -one]), np.hstack([kept, none]), np.hstack([-kept, none])]
-    )
+    A = np.block([[rows, -one], [-rows, -one], [kept, none], [-kept, none]])
     b = np.concatenate([target, -target, goal + tolerance, tolerance - goal])
     if not len(A):
         return None
     cost = np.append(np.zeros(rows.shape[1]), 1.0)
     found = linprog(cost, A, b, bounds=[*[(None, None)] * rows.shape[1], (0.0, None)], method="highs")
     return None if found.x is None else float(np.asarray(found.x, dtype=float)[-1])
+
+
+Transfer = Callable[[FloatArray], ComplexArray]
+"""Frequency response: motion of the follower's end per lift of the cam, by circular frequency (rad/s, zero included).
+"""
+
+_MIN_RESPONSE = 1e-9
+"""Frequency response, relative to the static one, below which a harmonic cannot be prescribed."""
+
+_ROUNDING = 1e-12
+_MOST = 1000
+_GRID = np.linspace(0.0, 2.0 * math.pi, 1441)
+
+
+@dataclass(frozen=True)
+class SingleMass:
+    """Mass on a spring driven by the cam's lift: y'' + 2 D w0 (y' - s') + w0^2 (y - s) = 0.
+
+    Parameters
+    ----------
+    frequency
+        w0, rad/s.
+    damping
+        D, part of the critical damping.
+    """
+
+    frequency: float
+    damping: float = 0.0
+
+    def __post_init__(self) -> None:
+        positive("frequency", self.frequency, "rad/s")
+        positive("damping", self.damping, "", zero=True)
+
+    def __call__(self, omega: FloatArray) -> ComplexArray:
+        """Return the frequency response."""
+        r = omega / self.frequency
+        drive = 1.0 + 2j * self.damping * r
+        with np.errstate(divide="ignore", invalid="ignore"):
+            answer = drive / (drive - r**2)
+        return np.where(np.abs(drive - r**2) <= _ROUNDING * (1.0 + r**2), np.inf, answer)
+
+
+@dataclass(frozen=True, eq=False)
+class Polydyne:
+    """A polydyne cam.
+
+    Parameters
+    ----------
+    event
+        Lift of the cam.
+    wanted
+        Target motion, as harmonics.
+    left_out
+        Largest deviation of the target motion from its harmonics, m.
+    """
+
+    event: HarmonicLift
+    wanted: HarmonicLift
+    left_out: float
+
+
+def polydyne(wanted: Event, transfer: Transfer, speed: float, *, count: int = 60) -> Polydyne:
+    """Return the cam that gives the end of a train a target motion at a design speed."""
+    positive("speed", speed, "rad/s")
+    if not 1 <= count <= _MOST:
+        raise refuse("count", count, f"a whole number from 1 to {_MOST}")
+    amplitude = harmonics(wanted, count)
+    answer = transfer(speed * np.arange(count + 1.0))
+    silent = ~np.isfinite(answer[:1]) if not np.isfinite(answer[0]) else np.abs(answer) < _MIN_RESPONSE * abs(answer[0])
+    if silent.any():
+        given = f"a train that does not answer to harmonic {int(np.argmax(silent))} at {speed / RPM:g} rpm"
+        raise refuse("speed", given, "one that answers to every harmonic", "", "another speed, or some damping")
+    goal = _lift(amplitude)
+    # A harmonic in resonance must be absent from the cam.
+    resonant = ~np.isfinite(answer)
+    cam = np.where(resonant, 0.0, amplitude / np.where(resonant, 1.0, answer))
+    return Polydyne(_lift(cam), goal, float(np.abs(goal(_GRID) - wanted(_GRID)).max()))
+
+
+def _response_harmonics(cam: Event, transfer: Transfer, speed: float, count: int) -> tuple[ComplexArray, IntArray]:
+    """Return the harmonics of the motion on a cam, and which of the cam's harmonics are in resonance."""
+    amplitude, answer = harmonics(cam, count), transfer(speed * np.arange(count + 1.0))
+    held = np.abs(amplitude) > _ROUNDING * np.abs(amplitude).max()
+    return amplitude * np.where(np.isfinite(answer), answer, 0.0), np.flatnonzero(held & ~np.isfinite(answer))
+
+
+def off_design_deviation(design: Polydyne, transfer: Transfer, speeds: Sequence[float]) -> FloatArray:
+    """Return the largest deviation from the target motion at other speeds."""
+    count, wanted = len(design.event.cosine), design.wanted(_GRID)
+
+    def away(speed: float) -> float:
+        amplitude, resonant = _response_harmonics(design.event, transfer, speed, count)
+        return math.inf if resonant.size else float(np.abs(_lift(amplitude)(_GRID) - wanted).max())
+
+    return np.array([away(positive("speed", float(speed), "rad/s")) for speed in speeds])
+
+
+def _lift(amplitude: ComplexArray) -> HarmonicLift:
+    cosine, sine = amplitude[1:].real.tolist(), (-amplitude[1:].imag).tolist()
+    return HarmonicLift(float(amplitude[0].real), tuple(cosine), tuple(sine))

@@ -1,14 +1,21 @@
-"""Checks of input and output paths: regular files of a plausible size, files named in a case, and output folders."""
+"""Files: paths in a case, outputs that must not overwrite others, atomic writes, locks, and TOML text.
+
+An atomic write puts the content under a temporary name and renames it once it is complete.
+"""
 
 from __future__ import annotations
 
 import os
+import re
+import shutil
 import tempfile
-from contextlib import suppress
+from collections.abc import Generator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from stat import S_ISREG
 
 from flexcam.core.errors import refuse, system_message
+from flexcam.dynamics import Cause, RunFailedError, Status
 
 _MAX_TEXT_SIZE = 1 << 28
 """Maximum size of a text file read into memory, bytes."""
@@ -30,15 +37,6 @@ def read_text(path: Path, encoding: str = "utf-8-sig") -> str:
     return path.read_text(encoding=encoding)
 
 
-def read_lines(path: Path) -> list[str]:
-    """Return the lines of a file as counted by a text editor.
-
-    Only the line endings of Unix, Windows and old Macs count: `str.splitlines` also splits at characters such as
-    U+0085 and U+2028, which would shift the reported line numbers.
-    """
-    return read_text(path).split("\n")  # universal newlines convert all three endings
-
-
 _MAX_PARENTS = 2
 """Number of parent folders of a case in which files may lie: ``cases/engine/a.toml`` finds ``meshes/a.msh``."""
 
@@ -58,15 +56,15 @@ def find_referenced_file(case: Path, name: str) -> Path | None:
         return None
 
 
-def _base_folder(case: Path, name: str) -> Path:
-    """Return the folder to which a name in a case is relative."""
-    folders = _search_folders(case)
-    return next((one for one in folders if (one / name).exists()), folders[0])
-
-
 def _search_folders(case: Path) -> list[Path]:
     """Return the folders searched for names in a case, in order."""
     return [case.parent, case.resolve().parent] if case.is_symlink() else [case.parent]
+
+
+def _base_folder(case: Path, name: str) -> Path:
+    """Return the folder to which a name in a case is relative."""
+    folders = _search_folders(case)
+    return next((folder for folder in folders if (folder / name).exists()), folders[0])
 
 
 def resolve_file(case: Path, name: str, where: str) -> Path:
@@ -80,9 +78,8 @@ def resolve_file(case: Path, name: str, where: str) -> Path:
     except (OSError, ValueError, RuntimeError) as fault:
         raise refuse(where, repr(name), "the path of a file", system_message(fault)) from None
     besides = [Path(one).resolve() for one in os.environ.get(ALLOWED_FOLDERS_VARIABLE, "").split(os.pathsep) if one]
-    if not any(
-        target.is_relative_to(one) for one in [home.parents[:_MAX_PARENTS][-1] if home.parents else home, *besides]
-    ):
+    above = home.parents[:_MAX_PARENTS][-1] if home.parents else home
+    if not any(target.is_relative_to(one) for one in [above, *besides]):
         allowed = "a file in the case's folder, up to two folders above it, or below these"
         why = "a case from elsewhere must not open any file"
         raise refuse(where, repr(name), allowed, why, f"move it, or name its folder in {ALLOWED_FOLDERS_VARIABLE}")
@@ -97,13 +94,14 @@ def resolve_file(case: Path, name: str, where: str) -> Path:
 
 
 _REMEDY = "overwrite it by --overwrite or overwrite=True"
+_CREATABLE, _WRITABLE = "a folder that can be made", "a folder that takes files"
 
 
 def check_writable(where: str, path: Path, *, overwrite: bool, remedy: str = _REMEDY) -> None:
     """Raise an error if an output file exists and may not be overwritten."""
     if path.is_symlink() and not path.exists():  # a dangling link: writing would create an unknown target
-        remedy = "remove the link, or name another file"
-        raise refuse(where, str(path), "a file that does not exist yet", _DANGLING_LINK, remedy)
+        allowed, why = "a file that does not exist yet", "a symbolic link stands there that leads nowhere"
+        raise refuse(where, str(path), allowed, why, "remove the link, or name another file")
     if path.is_dir():
         raise refuse(where, str(path), "a file", "a folder stands there", "move it, or name another folder")
     if path.exists() and not overwrite:
@@ -114,14 +112,10 @@ def check_writable(where: str, path: Path, *, overwrite: bool, remedy: str = _RE
         raise refuse("folder", str(path.parent), _WRITABLE, "it may not be written", "name another")
 
 
-_CREATABLE, _WRITABLE = "a folder that can be made", "a folder that takes files"
-_DANGLING_LINK = "a symbolic link stands there that leads nowhere"
-
-
 def _nearest_existing(folder: Path) -> Path:
     """Return the nearest existing folder: the given one or a parent."""
-    whole = folder.absolute()
-    return next(one for one in (whole, *whole.parents) if os.path.lexists(one))
+    full = folder.absolute()
+    return next(one for one in (full, *full.parents) if os.path.lexists(one))
 
 
 def _describe_obstacle(folder: Path) -> str:
@@ -163,9 +157,120 @@ def check_folder_writable(folder: Path) -> None:
         with tempfile.TemporaryFile(dir=create_folder(folder)):
             pass
     except OSError as fault:
-        why = system_message(fault)
-        raise refuse("folder", str(folder), _WRITABLE, why, "name another with -o") from None
+        raise refuse("folder", str(folder), _WRITABLE, system_message(fault), "name another with -o") from None
     finally:
         for one in missing:
             with suppress(OSError):
                 one.rmdir()
+
+
+@contextmanager
+def atomic_write_path(path: Path) -> Generator[Path]:
+    """Yield a temporary path, which replaces the target file once the block completes without error."""
+    draft = path.with_name(f".flexcam-{os.getpid()}{path.suffix}") if path.is_file() or not path.exists() else path
+    try:
+        yield draft
+        if draft != path:
+            draft.replace(path)
+    except OSError as fault:
+        text = f"{path} could not be written: {fault.strerror or fault}"
+        raise RunFailedError(Status(Cause.NOT_SAVED, text, "free space, or name another file or folder")) from None
+    finally:
+        if draft != path:
+            with suppress(OSError):
+                draft.unlink(missing_ok=True)
+
+
+def write_text(path: Path, text: str, *, overwrite: bool = False) -> Path:
+    """Write a text file, such as a table."""
+    check_writable("output", path, overwrite=overwrite)
+    create_folder(path.parent)
+    with atomic_write_path(path) as draft:
+        draft.write_text(text, encoding="utf-8")
+    return path
+
+
+_ARRAY = re.compile(r"^(?P<head>.*)\[\n(?P<body>(?: +[^ \[\]{}].*,\n)+) *\](?P<tail>,?)$", re.MULTILINE)
+"""Array in the output of tomli_w, one element per line; nested arrays and tables do not match."""
+
+_LINE_LENGTH = 100
+"""Maximum line length, characters."""
+
+
+def format_toml(content: Mapping[str, object]) -> str:
+    """Return tables as TOML text, short arrays on one line."""
+    import tomli_w
+
+    return _ARRAY.sub(_join_array, tomli_w.dumps(content))
+
+
+def _join_array(found: re.Match[str]) -> str:
+    lines = found["body"].removesuffix("\n").split("\n")  # `splitlines` would also split inside strings
+    elements = [line.strip(" ").removesuffix(",") for line in lines]
+    line = f"{found['head']}[{', '.join(elements)}]{found['tail']}"
+    return line if len(line) <= _LINE_LENGTH else found[0]
+
+
+def lock_file(file: int) -> bool:
+    """Lock an open file until the process ends or the descriptor is closed; raise BlockingIOError if it is locked.
+
+    Without file locks (Windows, some network drives) return False; concurrent access is not prevented then.
+    """
+    try:
+        import fcntl
+
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise
+    except (ImportError, OSError):
+        return False
+    return True
+
+
+_PREFIX = "flexcam-scratch-"
+_FLAGS = os.O_RDONLY | getattr(os, "O_DIRECTORY", 0) | getattr(os, "O_NOFOLLOW", 0)
+
+
+@contextmanager
+def temporary_folder() -> Generator[Path]:
+    """Yield a new temporary folder, removed at the end; first remove folders left by earlier processes of this user.
+
+    Without file locks (Windows, some network drives) only the new folder is removed.
+    """
+    for left in Path(tempfile.gettempdir()).glob(f"{_PREFIX}*"):
+        with suppress(OSError):  # locked or removed by another process
+            _remove_stale(left)
+    folder, lock = _locked_folder()
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+        if lock is not None:
+            os.close(lock)
+
+
+def _remove_stale(folder: Path) -> None:
+    """Remove a folder of this user that no process has locked."""
+    lock = os.open(folder, _FLAGS)
+    try:
+        if os.fstat(lock).st_uid == os.getuid() and lock_file(lock):
+            shutil.rmtree(folder, ignore_errors=True)
+    finally:
+        os.close(lock)
+
+
+def _locked_folder() -> tuple[Path, int | None]:
+    """Return a new folder and the descriptor of its lock; None without file locks."""
+    while True:  # another process may remove the new folder before it is locked
+        folder = Path(tempfile.mkdtemp(prefix=_PREFIX))
+        try:
+            lock = os.open(folder, _FLAGS)
+        except FileNotFoundError:
+            continue
+        except OSError:  # this system cannot open folders
+            return folder, None
+        with suppress(BlockingIOError):
+            lock_file(lock)
+            if folder.exists():
+                return folder, lock
+        os.close(lock)

@@ -1,0 +1,88 @@
+"""Schema of a result file: the name of every group, dataset and attribute, shared by writer and reader.
+
+Names are paths from the root; docs/result-format.md describes the contents.
+"""
+
+from __future__ import annotations
+
+FORMAT = 3
+"""Version of the file; since version 3 one digest covers names, attributes, texts and numbers."""
+
+RESULT_SUFFIX, PARTIAL_SUFFIX = ".vtkhdf", ".partial.vtkhdf"
+WRITING_SUFFIX, COPYING_SUFFIX = ".writing", ".copying"
+"""Suffixes of a complete and of a partial result, of the file that a run writes, and of a copy that is not complete."""
+
+# Attributes.
+DIGEST = "seal"
+UNITS = "units"
+STEPS = "steps"
+SIZE = "size"
+COMPONENTS = "components"
+MEMBER_NAMES = "names"
+VTK_VERSION, VTK_TYPE, VTK_STEPS = "Version", "Type", "NSteps"
+
+# Histories: a row per step.
+HISTORY = "history"
+TIME = "history/time"
+CAM_ANGLE = "history/cam_angle"
+PROBES = "history/probes"
+CHANNELS = "history/channels"
+TIME_SCALE = "time"
+SERIES = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
+"""Datasets of every probe and their units."""
+
+# Texts, status, mesh and checkpoint.
+ABOUT = "about"
+ABOUT_FORMAT = "format"
+STATUS = "status"
+CAUSE, TEXT, REMEDY, WARNINGS = "cause", "text", "remedy", "warnings"
+MESH_NODES = "mesh/nodes"
+MESH_POINTS = "mesh/points"
+CHECKPOINT = "checkpoint"
+CHECKPOINT_STEPS, CHECKPOINT_PROBLEM = "steps", "problem"
+"""Arrays in the checkpoint beside those of the engine."""
+
+FIELD_CAM_ANGLE = "fields/cam_angle"
+
+# Fields, as VTK's file format names them.
+VTK = "VTKHDF"
+VTK_TYPE_NAME = b"PolyData"
+POINT_COUNT = "VTKHDF/NumberOfPoints"
+POINTS = "VTKHDF/Points"
+TOPOLOGIES = ("Vertices", "Lines", "Polygons", "Strips")
+CELL_COUNT, CONNECTIVITY_COUNT, CONNECTIVITY, OFFSETS = (
+    "NumberOfCells", "NumberOfConnectivityIds", "Connectivity", "Offsets",
+)  # fmt: skip
+LINE_OFFSETS = "VTKHDF/Lines/Offsets"
+MEMBER = "VTKHDF/CellData/member"
+POINT_DATA = "VTKHDF/PointData"
+FIELD_STEPS = "VTKHDF/Steps"
+FIELD_TIME = "VTKHDF/Steps/Values"
+PART_COUNT = "NumberOfParts"
+PART_OFFSETS, POINT_OFFSETS, MEMBER_OFFSETS = "PartOffsets", "PointOffsets", "CellDataOffsets/member"
+CELL_OFFSETS, CONNECTIVITY_OFFSETS = "CellOffsets", "ConnectivityIdOffsets"
+POINT_DATA_OFFSETS = "PointDataOffsets"
+
+VECTORS = {
+    "displacement": ("displacement", 0, "m"),
+    "rotation": ("displacement", 3, "rad"),
+    "velocity": ("velocity", 0, "m/s"),
+    "angular_velocity": ("velocity", 3, "rad/s"),
+    "acceleration": ("acceleration", 0, "m/s^2"),
+    "angular_acceleration": ("acceleration", 3, "rad/s^2"),
+}
+"""Point vectors: name to source series, first component and unit."""
+
+RECOVERED_FIELDS = {
+    "section_force": ("N", 3),
+    "section_moment": ("N m", 3),
+    "stress_axial": ("Pa", 1),
+    "stress_bending": ("Pa", 1),
+    "stress_torsion": ("Pa", 1),
+    "stress_von_mises": ("Pa", 1),
+}
+"""Point data computed from displacements: unit and width. Forces are N, Vy, Vz and T, My, Mz in local axes."""
+
+RADIUS, NODE, AXES = "radius", "node", ("axis_x", "axis_y", "axis_z")
+CONSTANT_DATA = (RADIUS, NODE, *AXES)
+"""Constant point data."""
