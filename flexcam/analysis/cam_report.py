@@ -117,7 +117,7 @@ def load_cams(path: str | Path, overrides: Sequence[str] = ()) -> CamSet:
         record, cams, speed = case.record, model.cams, case.speed
     else:
         record = read_cams(path, overrides)
-        cams = {name: cam.build() for name, cam in record.cams.items()}
+        cams = {name: cam.part for name, cam in record.cams.items()}
         ratios, speed = dict.fromkeys(cams, 1.0), record.speed
     if not cams:
         raise refuse("cams", f"none in {path.name}", "one or more tables [cams.NAME]")

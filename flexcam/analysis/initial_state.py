@@ -119,7 +119,7 @@ def _periodic_state(case: Case, problem: Problem, until: float | None) -> Proble
     if not problem.system.size:
         return replace(problem, start=replace(State.rest(0), periodicity=0.0))
     one = replace(problem, steps=steps_per_revolution(case, problem))
-    return replace(problem, start=solve_periodic(one, case.record.run.integrator.build(), until=until))
+    return replace(problem, start=solve_periodic(one, case.record.run.integrator.part, until=until))
 
 
 def _unknown_dof_faults(case: Case, system: System, values: Mapping[str, float], kind: str) -> list[Fault]:

@@ -107,7 +107,7 @@ def prepare(
     """
     model, system, few = _build_problem(case, model, _model_name(case, rigid=rigid), allow_large=allow_large)
     save = SaveAt(field_every=case.record.output.field_every)
-    scheme = case.record.run.integrator.build()
+    scheme = case.record.run.integrator.part
     try:
         plain = replace(_make_problem(case, model, system), runs=runs)
         if rigid:  # the rigid companion of a flexible run; the engine was requested for the flexible one
@@ -219,7 +219,7 @@ def _make_problem(case: Case, model: Model, system: System) -> Problem:
     if steps < 1:
         given = f"{run.revolutions:g} revolutions with a step of {step:g} s"
         raise refuse("run", given, "at least one step", "", "more revolutions or a smaller step")
-    adaptive = run.adaptive.build() if run.adaptive else None
+    adaptive = run.adaptive.part if run.adaptive else None
     prune = case.record.fidelity.prune
     return Problem(system, drive, step, steps, adaptive=adaptive, prune=prune, engine=run.engine)
 

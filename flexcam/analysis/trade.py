@@ -154,7 +154,7 @@ def total_work(case: Case, rungs: Sequence[ModelLevel], repeats: int = 1) -> int
 
 def _with_stable_method(case: Case) -> Case:
     """Return a case with an unconditionally stable method: itself, or with average acceleration."""
-    limited = case.record.run.integrator.build().stability_limit() < math.inf
+    limited = case.record.run.integrator.part.stability_limit() < math.inf
     return case.with_average_acceleration() if limited else case
 
 

@@ -11,13 +11,12 @@ from pydantic import ValidationError
 
 from flexcam import valvetrain
 from flexcam.cams import Follower, Turn
-from flexcam.case import quantities as q
 from flexcam.case.case import Case
 from flexcam.case.fault_report import convert_errors
 from flexcam.case.geometry_checks import shaft_faults, support_faults
 from flexcam.case.records import CaseRecord
-from flexcam.case.schema import cams, contacts, members, parts
-from flexcam.case.schema.base import Record
+from flexcam.case.schema import cams, contacts, parts
+from flexcam.case.schema.base import Length, Record
 from flexcam.case.schema.cams import FollowerRecord
 from flexcam.case.schema.contacts import LashRecord
 from flexcam.case.toml_lines import KeyLocations, parse_toml
@@ -56,7 +55,7 @@ def _lash_sides(play: LashRecord, case: CaseRecord) -> tuple[tuple[str, ...], fl
 def _axial(name: str, case: CaseRecord, mesh: Mesh) -> float:
     member = case.members[name]
     length = np.linalg.norm(np.diff(mesh.nodes[mesh.lines[name]], axis=0), axis=1).sum()
-    return case.materials[member.material].build().E * case.sections[member.section].build().A / float(length)
+    return case.materials[member.material].part.E * case.sections[member.section].part.A / float(length)
 
 
 def with_spring_parts(case: Case) -> Case:
@@ -66,8 +65,8 @@ def with_spring_parts(case: Case) -> Case:
     }
     if not untold:
         return case
-    lifts = [cam.build().event for cam in case.record.cams.values()]
-    parts = {name: count_spring_parts(one.build(), lifts, case.speed) for name, one in untold.items()}
+    lifts = [cam.part.event for cam in case.record.cams.values()]
+    parts = {name: count_spring_parts(one.part, lifts, case.speed) for name, one in untold.items()}
     divided = {name: one.model_copy(update={"elements": parts[name]}) for name, one in untold.items()}
     springs = case.record.springs | divided
     return replace(case, record=case.record.model_copy(update={"springs": springs}))
@@ -77,7 +76,7 @@ class _FollowerRecord(Record):
     """Follower and the base circle of its cam."""
 
     follower: FollowerRecord
-    base_radius: q.Length | None = None
+    base_radius: Length | None = None
 
 
 def parse_follower(follower: str, base_radius: str | None = None, *, clockwise: bool = False) -> tuple[Follower, Turn]:
@@ -142,14 +141,14 @@ def build_model(case: Case) -> valvetrain.Model:
         mesh=mesh,
         members={name: _member(member, record) for name, member in record.members.items()},
         supports={point: tuple(held) for point, held in record.supports.items()},
-        masses={name: one.build() for name, one in record.masses.items()},
-        springs={**{name: one.build() for name, one in record.springs.items()}, **_bearings(pairs)},
+        masses={name: one.part for name, one in record.masses.items()},
+        springs={**{name: one.part for name, one in record.springs.items()}, **_bearings(pairs)},
         rockers=each("rockers", record.rockers, lambda one: _rocker(one, record, mesh)),
-        cams={name: one.build() for name, one in record.cams.items()},
+        cams={name: one.part for name, one in record.cams.items()},
         contacts=each("contacts", record.contacts, lambda one: _contact(one, record, mesh)),
-        loads={name: one.build() for name, one in record.loads.items()},
+        loads={name: one.part for name, one in record.loads.items()},
         gravity=record.run.gravity,
-        damping=record.run.damping.build(),
+        damping=record.run.damping.part,
         probes=tuple(record.output.probes),
     )
     faults.extend([*shaft_faults(case, model), *support_faults(case, model)])
@@ -178,9 +177,9 @@ def _inline_mesh(case: Case) -> Mesh:
     return Mesh(np.array(list(case.record.nodes.values())), lines, index)
 
 
-def _member(member: members.MemberRecord, case: CaseRecord) -> Member:
+def _member(member: parts.MemberRecord, case: CaseRecord) -> Member:
     return Member(
-        case.materials[member.material].build(), case.sections[member.section].build(), member.orientation,
+        case.materials[member.material].part, case.sections[member.section].part, member.orientation,
         member.shear, member.rotary_inertia, member.mass, member.geometric_stiffness, member.bow,
     )  # fmt: skip
 
@@ -204,8 +203,7 @@ def _bearing(bearing: parts.BearingRecord, mesh: Mesh) -> tuple[valvetrain.Sprin
     axis = _tangent(mesh, mesh.node(bearing.at))
     first = _direction_to_follower(default_orientation(axis), axis)
     return tuple(
-        valvetrain.Spring(bearing.at, _six_components(along), *bearing.build())
-        for along in (first, np.cross(axis, first))
+        valvetrain.Spring(bearing.at, _six_components(along), *bearing.part) for along in (first, np.cross(axis, first))
     )
 
 

@@ -16,8 +16,8 @@ from typing import Any, cast, get_args
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from flexcam.case.quantities import Unit, describe_expected
 from flexcam.case.records import CaseRecord
+from flexcam.case.schema.base import Unit, describe_expected
 from flexcam.case.toml_lines import KeyLocations, Path
 from flexcam.core.errors import NAMES, Fault, InputError, format_value, suggest_name
 from flexcam.core.units import DIMENSIONS

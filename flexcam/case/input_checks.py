@@ -171,7 +171,7 @@ def _check_materials(case: Case) -> Iterator[str]:
 def _check_sections(case: Case) -> Iterator[str]:
     """Yield sections with impossible properties: bounds that hold for every plane figure."""
     for name, record in case.record.sections.items():
-        made, place = record.build(), case.place(("sections", name))
+        made, place = record.part, case.place(("sections", name))
         polar = made.Iy + made.Iz
         if _ROUNDING_MARGIN * polar < made.J:
             yield f"Warning: {place}: J = {made.J:g} m^4 is above Iy + Iz = {polar:g} m^4, which no shape has"
@@ -272,7 +272,7 @@ def _format_warning(case: Case, path: tuple[str, ...], value: float, usual: Typi
 def _check_spring_stiffness(case: Case) -> Iterator[str]:
     """Yield springs with implausibly low or high stiffness; the limits depend on whether they are torsional."""
     tables = resolve_record(case.record)
-    twist = {name for name, one in case.record.springs.items() if one.build().turns}
+    twist = {name for name, one in case.record.springs.items() if one.part.turns}
     for usual, turning in ((SPRING_RANGE, False), (TORSION_SPRING_RANGE, True)):
         for path, value in _values_out_of_range(tables, usual):
             if (path[1] in twist) == turning:
@@ -318,7 +318,7 @@ def _check_fixed_spring_nodes(case: Case) -> Iterator[str]:
 def _check_proportions(case: Case) -> Iterator[str]:
     """Yield members with an implausible ratio of length to thickness."""
     for name, member in case.record.members.items():
-        size = 2.0 * case.record.sections[member.section].build().radius
+        size = 2.0 * case.record.sections[member.section].part.radius
         length = _length(case.mesh, name) if case.mesh is not None else _length_of_nodes(case, member.nodes or [])
         ratio = length / size
         if not _MIN_SLENDERNESS <= ratio <= _MAX_SLENDERNESS:

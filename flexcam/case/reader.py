@@ -16,10 +16,9 @@ from flexcam.case.case import Case
 from flexcam.case.fault_report import convert_errors
 from flexcam.case.geometry_checks import coincident_node_faults
 from flexcam.case.overrides import apply_overrides, parse_tables, read_tables
-from flexcam.case.records import CamsRecord, CaseRecord
+from flexcam.case.records import CamsRecord, CaseRecord, SweepFileRecord, SweepRecord
 from flexcam.case.references import References
 from flexcam.case.schema.base import Record
-from flexcam.case.schema.studies import SweepFileRecord, SweepRecord
 from flexcam.case.toml_lines import KeyLocations, sort_faults
 from flexcam.core.errors import Fault, InputError, refuse
 from flexcam.fem.mesh import Mesh

@@ -5,24 +5,77 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from flexcam.case import quantities as q
-from flexcam.case.schema.base import Name, Point, Record
+from flexcam.case.schema.base import (
+    CamshaftSpeed,
+    Component,
+    CrankshaftSpeed,
+    Length,
+    Name,
+    Point,
+    PositiveStiffness,
+    Record,
+    value_error,
+)
 from flexcam.case.schema.cams import CamDesignRecord, CamRecord
 from flexcam.case.schema.contacts import ContactRecord
-from flexcam.case.schema.members import MaterialRecord, MemberRecord, SectionRecord
-from flexcam.case.schema.parts import BearingRecord, LoadRecord, MassRecord, RockerRecord, SpringRecord
+from flexcam.case.schema.parts import (
+    BearingRecord,
+    LoadRecord,
+    MassRecord,
+    MaterialRecord,
+    MemberRecord,
+    RockerRecord,
+    SectionRecord,
+    SpringRecord,
+)
 from flexcam.case.schema.run import FidelityRecord, OutputRecord, RunRecord
-from flexcam.case.schema.studies import SettingRecord, SweepRecord
+
+_Format = Annotated[int, Field(ge=1, le=1, strict=True, description="version of the case format: 1")]
+
+
+class SettingRecord(Record):
+    """Speed and valve spring for `flexcam settings`; missing values are those of the case."""
+
+    speed: CamshaftSpeed = None
+    crank_speed: CrankshaftSpeed = None
+    stiffness: PositiveStiffness | None = Field(None, description="of the spring")
+    installed_compression: Length | None = Field(None, description="of the spring")
+
+    @model_validator(mode="after")
+    def _check_speed(self) -> Self:
+        if self.speed is not None and self.crank_speed is not None:
+            raise value_error("either speed or crank_speed", "one follows from the other")
+        return self
+
+    @property
+    def camshaft_speed(self) -> float | None:
+        """Camshaft speed, rad/s; None for the speed of the case."""
+        return self.speed if self.crank_speed is None else 0.5 * self.crank_speed
+
+
+class SweepRecord(Record):
+    """Variants of the case for `flexcam sweep`; keys on the command line override it."""
+
+    set_: dict[str, Annotated[str, Field(min_length=1)]] = Field(
+        default={},
+        alias="set",
+        description='key to its values: "run.speed" = "1000:4000:50rpm", a list "30,40 kN/m", an interval to sample',
+    )
+    sample: str | None = Field(
+        None, description="lhs:N or sobol:N instead of every combination", examples=["sobol:512"]
+    )
+    seed: int = Field(0, ge=0, strict=True, description="of the samples: the same seed gives the same points")
+    scalars: list[str] = Field(default=[], description="which to keep, by name or beginning of a name; all by default")
 
 
 class CaseRecord(Record):
     """Case file."""
 
-    format: int = Field(ge=1, le=1, strict=True, description="version of the case format: 1")
+    format: _Format
     title: str = ""
     paper: Literal["tayeb-sliman"] | None = Field(None, description="published system whose claims `compare` checks")
     mesh: str | None = Field(None, description="Gmsh file, relative to the case file")
@@ -30,7 +83,7 @@ class CaseRecord(Record):
     materials: dict[Name, MaterialRecord] = Field(default={})
     sections: dict[Name, SectionRecord] = Field(default={})
     members: dict[Name, MemberRecord] = Field(default={}, description="beams; a lumped train has none")
-    supports: dict[Name, list[q.Component]] = Field(default={}, description="components held at a point")
+    supports: dict[Name, list[Component]] = Field(default={}, description="components held at a point")
     masses: dict[Name, MassRecord] = Field(default={})
     springs: dict[Name, SpringRecord] = Field(default={})
     bearings: dict[Name, BearingRecord] = Field(default={})
@@ -50,7 +103,13 @@ class CaseRecord(Record):
 class CamsRecord(Record):
     """File that contains only cams, for cam design without a mechanism."""
 
-    format: int = Field(ge=1, le=1, strict=True, description="version of the case format: 1")
+    format: _Format
     title: str = ""
     cams: dict[Name, CamDesignRecord]
-    speed: q.Speed | None = Field(None, description="camshaft speed")
+    speed: CamshaftSpeed = None
+
+
+class SweepFileRecord(Record):
+    """Case of which only the table ``[sweep]`` is read."""
+
+    sweep: SweepRecord
