@@ -12,8 +12,8 @@ from pydantic import ValidationError
 from flexcam import valvetrain
 from flexcam.cams import Follower, Turn
 from flexcam.case.case import Case
+from flexcam.case.cross_checks import mesh_faults, model_faults
 from flexcam.case.fault_report import convert_errors
-from flexcam.case.geometry_checks import shaft_faults, support_faults
 from flexcam.case.records import CaseRecord
 from flexcam.case.schema import cams, contacts, parts
 from flexcam.case.schema.base import Length, Record
@@ -22,7 +22,7 @@ from flexcam.case.schema.contacts import LashRecord
 from flexcam.case.toml_lines import KeyLocations, parse_toml
 from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name
-from flexcam.fem.frames import default_orientation, direction, triads
+from flexcam.fem.frames import default_orientation, direction
 from flexcam.fem.members import Member
 from flexcam.fem.mesh import Mesh, refine
 from flexcam.valvetrain.surge import count_spring_parts
@@ -135,7 +135,7 @@ def build_model(case: Case) -> valvetrain.Model:
         return made
 
     mesh = _mesh(case)
-    faults.extend([*_shared_train_faults(case, mesh), *_shared_point_faults(case), *_orientation_faults(case, mesh)])
+    faults.extend(mesh_faults(case, mesh))
     pairs = each("bearings", record.bearings, lambda one: _bearing(one, mesh))
     model = valvetrain.Model(
         mesh=mesh,
@@ -151,7 +151,7 @@ def build_model(case: Case) -> valvetrain.Model:
         damping=record.run.damping.part,
         probes=tuple(record.output.probes),
     )
-    faults.extend([*shaft_faults(case, model), *support_faults(case, model)])
+    faults.extend(model_faults(case, model))
     if faults:
         raise InputError(faults)
     return model
@@ -184,20 +184,6 @@ def _member(member: parts.MemberRecord, case: CaseRecord) -> Member:
     )  # fmt: skip
 
 
-def _orientation_faults(case: Case, mesh: Mesh) -> list[Fault]:
-    """Return the faults of orientation vectors that are zero or parallel to their member."""
-    faults: list[Fault] = []
-    for name, member in case.record.members.items():
-        span = np.diff(mesh.nodes[mesh.lines[name]], axis=0)
-        axes = span / np.linalg.norm(span, axis=1, keepdims=True)
-        try:
-            triads(axes, np.broadcast_to(member.orientation or default_orientation(axes), axes.shape))
-        except InputError as refusal:
-            where = case.place(("members", name, "orientation"))
-            faults.extend(replace(fault, where=where) for fault in refusal.faults)
-    return faults
-
-
 def _bearing(bearing: parts.BearingRecord, mesh: Mesh) -> tuple[valvetrain.Spring, ...]:
     """Return two springs, perpendicular to the shaft and to each other."""
     axis = _tangent(mesh, mesh.node(bearing.at))
@@ -213,57 +199,6 @@ def _bearings(pairs: Mapping[str, tuple[valvetrain.Spring, ...]]) -> dict[str, v
         for name, pair in pairs.items()
         for which, spring in zip(("first", "second"), pair, strict=True)
     }
-
-
-def _shared_train_faults(case: Case, mesh: Mesh) -> list[Fault]:
-    """Return the faults of contacts with a follower in the train of another contact: each would use all its springs."""
-    faults: list[Fault] = []
-    seen: dict[int, str] = {}
-    for name, contact in case.record.contacts.items():
-        if not isinstance(contact, contacts.PublishedLoadRecord):
-            continue
-        if contact.follower not in mesh.points:
-            continue
-        part = int(mesh.connected_nodes(mesh.node(contact.follower, "follower"))[0])
-        if part in seen:
-            where, given = (
-                case.place(("contacts", name, "follower")),
-                f"{contact.follower!r}, on the train of {seen[part]!r}",
-            )
-            why = "the preload of a published load belongs to one follower"
-            faults.append(
-                Fault(where, given, "a follower with a train of its own", why, "give each cam its own pushrod")
-            )
-        seen.setdefault(part, name)
-    return faults
-
-
-def _shared_point_faults(case: Case) -> list[Fault]:
-    """Return the faults of lashes and fingers at the position of another one."""
-    faults: list[Fault] = []
-    seen: dict[str, str] = {}
-    plays = {
-        n: one
-        for n, one in case.record.contacts.items()
-        if isinstance(one, contacts.LashRecord | contacts.AdjusterRecord)
-    }
-    for name, play in plays.items():
-        if play.at is not None and play.at in seen:
-            given, why = f"{play.at!r}, as contact {seen[play.at]!r}", "a rocker has one play or adjuster"
-            faults.append(Fault(case.place(("contacts", name, "at")), given, "one at a rocker", why, "remove one"))
-        if play.ends is not None and play.ends[0] == play.ends[1]:
-            why = "a play lies between two bodies"
-            faults.append(
-                Fault(case.place(("contacts", name, "to")), repr(play.ends[1]), "another node", why, "name two")
-            )
-        seen.setdefault(play.at or "", name)
-    starts = [one.start for one in case.record.rockers.values()]
-    for name, rocker in case.record.rockers.items():
-        if starts.count(rocker.start) > 1 and isinstance(rocker, parts.LeverRecord):
-            why, remedy = "each lever has a driven end of its own", "name another node, or a new name for a finger"
-            where = case.place(("rockers", name, "from"))
-            faults.append(Fault(where, repr(rocker.start), "another point", why, remedy))
-    return faults
 
 
 def _rocker(record: parts.LumpedRecord | parts.LeverRecord, case: CaseRecord, mesh: Mesh) -> valvetrain.Rocker:
