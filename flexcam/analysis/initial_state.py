@@ -1,7 +1,4 @@
-"""Initial state of a run and the camshaft's drive.
-
-May import `case` and everything below it; `analysis` uses it to prepare runs.
-"""
+"""Initial state of a run and the camshaft's drive."""
 
 from __future__ import annotations
 

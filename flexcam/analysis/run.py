@@ -1,28 +1,33 @@
-"""Run a case, write its result file, and resume an incomplete run."""
+"""Run a case, write its result file, resume an incomplete run, and reload a result."""
 
 from __future__ import annotations
 
 import json
 import platform
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, distribution, version
+from itertools import islice, zip_longest
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal, cast
 
-from flexcam.analysis.case_diff import difference_fault, find_differences
+import numpy as np
+
 from flexcam.analysis.preparation import PreparedRun, prepare
 from flexcam.analysis.resources import ResourceEstimate, check_resources, estimate_resources
 from flexcam.case.case import Case
 from flexcam.case.input_checks import check_values
-from flexcam.core.errors import InputError, refuse
-from flexcam.dynamics import Response, Sink, Stats, fingerprint, outline, solve
+from flexcam.case.schema.run import ResultStartRecord
+from flexcam.core import FloatArray, IntArray
+from flexcam.core.errors import Fault, InputError, refuse
+from flexcam.dynamics import Block, Response, Series, Sink, Stats, fingerprint, outline, solve
 from flexcam.dynamics.checkpoint import CompletedPart
 from flexcam.dynamics.memory import RecentSink
-from flexcam.io import Geometry, PartialResult, ResultFile, create_folder, partial_path
-from flexcam.valvetrain import Model, build_structure, element_loads
+from flexcam.io import Geometry, PartialResult, Result, ResultFile, create_folder, partial_path
+from flexcam.valvetrain import MemberStrength, Model, StrengthSink, build_structure, element_loads
 
 
 def output_geometry(model: Model) -> Geometry:
@@ -164,3 +169,125 @@ def run(
 
 
 _STORED_TEXTS = ("all", "revolution")
+
+
+def reload_result(case: Case, result: Result) -> tuple[PreparedRun, Response]:
+    """Return the prepared case of a result and its response as originally computed."""
+    start = case.record.run.start
+    standing = (
+        case.with_run({"start": "equilibrium"}) if start == "periodic" or isinstance(start, ResultStartRecord) else case
+    )
+    ready = replace(prepare(standing), case=case)
+    names = outline(ready.problem.system)
+    response = result.response
+    free = build_structure(ready.model).dofs.numbers >= 0
+    if response.fields.displacement.shape[1] != free.size:
+        raise refuse("result", "another number of nodes", "a result of its case")
+    beside = names.unknowns[int(free.sum()) :]
+    at = np.searchsorted(response.time, response.field_time - 1e-12 * np.abs(response.field_time))
+    series = [
+        np.concatenate([values.reshape(-1, *free.shape)[:, free], *_internal_dofs(response, beside, kind, at)], axis=1)
+        for kind, values in vars(response.fields).items()
+    ]
+    return ready, replace(response, outline=names, fields=Series(*series))
+
+
+def _internal_dofs(response: Response, names: tuple[str, ...], kind: str, at: IntArray) -> list[FloatArray]:
+    """Return internal degrees of freedom, stored at every step, at selected steps."""
+    try:
+        return [np.asarray(getattr(response[name], kind))[at, None] for name in names]
+    except InputError as refusal:
+        if response.stats.unknowns == 0:  # internal nodes of a spring do not move in the rigid model and are not stored
+            return [np.zeros((len(at), len(names)))]
+        why = f"it does not hold {refusal.faults[0].given}"
+        raise refuse("result", "a result without an unknown of its case", "a result of its case", why) from None
+
+
+def member_strength(ready: PreparedRun, response: Response) -> dict[str, MemberStrength]:
+    """Return the stresses of the members over a run, from its saved fields."""
+    if ready.case.record.fidelity.model != "beams":
+        return {}
+    sink = StrengthSink(build_structure(ready.model))
+    channels = np.zeros((len(response.time), 0))
+    sink.write(
+        Block(response.time, response.angle, response.probes, channels,
+              response.field_time, response.field_angle, response.fields)
+    )  # fmt: skip
+    return sink.members()
+
+
+_WHY = "a run goes on only as it began"
+_REMEDY = "restore it, or run the case again with --overwrite"
+
+_MAX_CHARACTERS, _MAX_VALUES = 60, 4
+"""Maximum length of a reported value, characters, and maximum number of values."""
+
+_NONE = "nothing"
+
+
+def find_differences(now: Mapping[str, str], then: Mapping[str, str]) -> list[Fault]:
+    """Return the differences between a run and an earlier run that it resumes."""
+    return [
+        difference_fault(f"{what}{place}", given, allowed)
+        for key, (what, parts) in _COMPARED_TEXTS.items()
+        if now.get(key, "") != then.get(key, "")
+        for place, given, allowed in islice(parts(now.get(key, ""), then.get(key, "")), _MAX_VALUES)
+    ]
+
+
+def difference_fault(what: str, given: str = "another one", allowed: str = "the one it began with") -> Fault:
+    """Return a difference as a fault."""
+    return Fault(f"--resume: {what}", _shorten(given), _shorten(allowed), _WHY, _REMEDY)
+
+
+Part = tuple[str, str, str]
+"""Position within a text, current value and previous value."""
+
+
+def _compare_lines(now: str, then: str) -> Iterator[Part]:
+    """Yield the first line in which two texts differ; a missing line is reported as the end of the text."""
+    pairs = zip_longest(now.split("\n"), then.split("\n"), fillvalue="its end")
+    first = next(((i, *pair) for i, pair in enumerate(pairs, start=1) if pair[0] != pair[1]), None)
+    number, *both = first or (1, now, then)
+    yield f", line {number}", both[0].strip() or "an empty line", both[1].strip() or "an empty line"
+
+
+def _compare_texts(now: str, then: str) -> Iterator[Part]:
+    yield "", now or _NONE, then or _NONE
+
+
+def _compare_overrides(now: str, then: str) -> Iterator[Part]:
+    """Yield the overrides that only one of two runs has; for the same overrides, their order."""
+    one, other = (list[str](json.loads(text or "[]")) for text in (now, then))
+    own = [[x for x in a if x not in b] for a, b in ((one, other), (other, one))]
+    given, allowed = own if any(own) else (one, other)
+    yield "", ", ".join(given) or _NONE, ", ".join(allowed) or _NONE
+
+
+def _compare_values(now: str, then: str) -> Iterator[Part]:
+    """Yield the keys that differ between two cases."""
+    one, other = ({} if not text else dict(_iterate_values(json.loads(text))) for text in (now, then))
+    for key in dict.fromkeys([*one, *other]):
+        if one.get(key, _NONE) != other.get(key, _NONE):
+            yield f", {key}", one.get(key, _NONE), other.get(key, _NONE)
+
+
+def _iterate_values(value: object, path: str = "") -> Iterator[tuple[str, str]]:
+    """Yield dotted key and text of every value in nested tables."""
+    if not isinstance(value, dict):
+        yield path, json.dumps(value)
+        return
+    for name, inner in cast("dict[str, Any]", value).items():
+        yield from _iterate_values(inner, f"{path}.{name}".removeprefix("."))
+
+
+def _shorten(text: str) -> str:
+    return text if len(text) <= _MAX_CHARACTERS else f"{text[: _MAX_CHARACTERS - 3]}..."
+
+
+_COMPARED_TEXTS: dict[str, tuple[str, Callable[[str, str], Iterator[Part]]]] = {
+    "case": ("the text of the case", _compare_lines), "overrides": ("--set", _compare_overrides),
+    "resolved": ("values of the case", _compare_values),
+    **{name: (name, _compare_texts) for name in ("flexcam", "python", "numpy", "scipy", "numba")},
+}  # fmt: skip
+"""Texts of a result that must be equal for identical numbers, their description and comparison function."""

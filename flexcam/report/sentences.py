@@ -13,7 +13,7 @@ from flexcam.analysis.comparison import Comparison
 from flexcam.analysis.limits import Margins
 from flexcam.analysis.natural_modes import modes
 from flexcam.analysis.preparation import PreparedRun, prepare
-from flexcam.analysis.stored_model import reload_result
+from flexcam.analysis.run import reload_result
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.case.reader import case_from_result
