@@ -23,7 +23,7 @@ from pydantic import (
 from pydantic_core import CoreSchema, ErrorDetails, core_schema
 
 from flexcam.cams import LAWS, Event, HarmonicLift, Law, LawKind, LiftReport, kind_names, law_kind, lift_table
-from flexcam.case.schema.base import Unit, convert_error, describe_expected, value_error
+from flexcam.case.schema.base import Unit, convert_error, describe_type_error, value_error
 from flexcam.case.toml_lines import parse_toml
 from flexcam.core.errors import InputError, format_value, positive, refuse, suggest_name, system_message
 from flexcam.io import read_lift, read_text, resolve_file
@@ -187,7 +187,7 @@ def _allowed_values(record: type[BaseModel], error: ErrorDetails) -> str:
     field = record.model_fields.get(str(error["loc"][0])) if error["loc"] else None
     if field is not None and field.annotation == tuple[tuple[int, float], ...]:
         return "it is a list of pairs, a whole number and a number each: [[1, 0.9], [3, 0.1]]"
-    return f"{describe_expected(error)} is needed there"
+    return f"{describe_type_error(error)} is needed there"
 
 
 @cache

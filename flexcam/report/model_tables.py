@@ -13,7 +13,7 @@ from flexcam.analysis.comparison import Claim, Comparison
 from flexcam.analysis.preparation import PreparedRun
 from flexcam.analysis.resources import ResourceEstimate, format_size
 from flexcam.case.case import Case
-from flexcam.case.fault_report import resolve_record
+from flexcam.case.records import resolve_record
 from flexcam.core import FloatArray
 from flexcam.core.units import RPM, shaft_speed
 from flexcam.dynamics import active_dofs_of

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, Any, Generic, Self, TypeVar
+from typing import Annotated, Any, Generic, Self, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, GetJsonSchemaHandler, model_validator
+from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, ErrorDetails, PydanticCustomError, core_schema
 
 from flexcam.core.errors import NAME, InputError
@@ -22,7 +23,7 @@ _TYPE_NAMES = {
 """Names of pydantic's types in messages: string, boolean, list, tuple, dictionary, number."""
 
 
-def describe_expected(error: ErrorDetails) -> str:
+def describe_type_error(error: ErrorDetails) -> str:
     """Return a description of the allowed values."""
     return _TYPE_NAMES.get(error["type"]) or error["msg"].replace("Input should be ", "")
 
@@ -226,3 +227,42 @@ class PartRecord(Record, Generic[Part]):
         except InputError as refusal:
             raise convert_error(refusal, inside=True) from None
         return self
+
+
+def records_at(path: tuple[str, ...], root: type[BaseModel]) -> list[type[BaseModel]]:
+    """Return the tables allowed at a key path: several for a table with variants."""
+    records = [root]
+    for step in path:
+        found = [
+            inner
+            for record in records
+            for name, field in record.model_fields.items()
+            if (field.alias or name) == step
+            for inner in _records_in(field.annotation)
+        ]
+        # A step that is not a field is a user-defined name in a table of names.
+        records = found or records
+    return records
+
+
+def _records_in(annotation: object) -> list[type[BaseModel]]:
+    """Return the tables contained in a type: in unions, tables of names and annotated types."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    parts: list[object] = [*get_args(annotation)]
+    return [record for part in parts for record in _records_in(part)]
+
+
+def fields_at(path: tuple[str, ...], root: type[BaseModel]) -> Iterator[tuple[str, FieldInfo]]:
+    """Yield the keys of the tables at a path with their fields."""
+    for record in records_at(path, root):
+        for name, field in record.model_fields.items():
+            yield field.alias or name, field
+
+
+def units_in(annotation: object) -> list[Unit]:
+    """Return the units contained in a type, without those of its tables."""
+    if isinstance(annotation, Unit):
+        return [annotation]
+    parts: list[object] = [*get_args(annotation)]
+    return [unit for part in parts for unit in units_in(part)]
