@@ -286,16 +286,12 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
         )  # fmt: skip
 
 
-class BearingRecord(PartRecord[tuple[float, float]]):
+class BearingRecord(Record):
     """Elastic bearing with isotropic stiffness and damping perpendicular to the shaft."""
 
     at: Name
     stiffness: Stiffness
     damping: DampingValue = 0.0
-
-    def build(self) -> tuple[float, float]:
-        """Return stiffness and damping; the directions follow from the mesh."""
-        return self.stiffness, self.damping
 
 
 class LoadRecord(PartRecord[valvetrain.GivenLoad]):
