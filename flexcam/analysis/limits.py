@@ -103,15 +103,11 @@ class Limit:
 
 
 @dataclass(frozen=True)
-class Limits:
-    """Speed limits of a train.
+class Margins:
+    """Margins of a train at its speed, from the rigid train and statics.
 
     Parameters
     ----------
-    limits
-        Limits by name: ``loss_of_contact``, ``bounce``, ``coil_clash``, ``buckling``.
-    lowest_rpm, highest_rpm
-        Camshaft speeds of the search range.
     rigid_rpm
         Camshaft speed at which a rigid train loses contact, as its inertia equals its spring forces; None if never.
     spring_margin
@@ -121,12 +117,26 @@ class Limits:
         Ratio of buckling load to compression at full lift at rest, by member.
     """
 
-    limits: Mapping[str, Limit]
-    lowest_rpm: float
-    highest_rpm: float
     rigid_rpm: float | None
     spring_margin: float | None
     buckling_margins: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Limits(Margins):
+    """Speed limits and margins of a train.
+
+    Parameters
+    ----------
+    limits
+        Limits by name: ``loss_of_contact``, ``bounce``, ``coil_clash``, ``buckling``.
+    lowest_rpm, highest_rpm
+        Camshaft speeds of the search range.
+    """
+
+    limits: Mapping[str, Limit]
+    lowest_rpm: float
+    highest_rpm: float
 
     @property
     def first(self) -> str | None:
@@ -148,8 +158,7 @@ def find_limits(
     """Find the speeds of loss of contact, valve bounce, coil clash and pushrod buckling."""
     search = Search(lowest, highest, tolerance, bounce_height, count)
     found = search_limits(case, search, advance=advance)
-    left = compute_margins(case)
-    return Limits(found, lowest / RPM, highest / RPM, left.rigid_rpm, left.spring, left.buckling)
+    return Limits(**vars(compute_margins(case)), limits=found, lowest_rpm=lowest / RPM, highest_rpm=highest / RPM)
 
 
 def search_limits(
@@ -193,25 +202,6 @@ def _unilateral_model(case: Case) -> Model:
         why, allowed = "only a follower that may leave its cam can lose it", 'a contact with model = "unilateral"'
         raise refuse("contacts", "no unilateral contact", allowed, why, "change the model")
     return model
-
-
-@dataclass(frozen=True)
-class Margins:
-    """Margins of a train at its speed, from the rigid train and statics.
-
-    Parameters
-    ----------
-    rigid_rpm
-        As in `Limits`.
-    spring
-        As ``spring_margin`` in `Limits`.
-    buckling
-        As ``buckling_margins`` in `Limits`.
-    """
-
-    rigid_rpm: float | None
-    spring: float | None
-    buckling: Mapping[str, float]
 
 
 def compute_margins(case: Case) -> Margins:
@@ -263,29 +253,31 @@ def _bisect_limit(
     return Limit(high / RPM, (high - low) / RPM, f"{words} ({', '.join(parts)})")
 
 
-def _bounce_height(model: Model) -> float:
-    """Return the height from which a valve counts as bouncing, m: flexcam's choice, smaller for small lifts."""
-    lifts = [valve_ratio(model, name) * cam.event.height for name, cam in model.cams.items()]
-    return min(BOUNCE_HEIGHT, _RELATIVE_BOUNCE_HEIGHT * max(lifts, default=math.inf))
-
-
 _RELATIVE_BOUNCE_HEIGHT = 0.02
 """Bounce height relative to the lift, which is the smaller limit for lifts up to 5 mm."""
 
 
-def _conditions(model: Model, given: float | None) -> dict[str, tuple[Condition, str]]:
-    questions: dict[str, tuple[Condition, str]] = {
+def _conditions(model: Model, bounce_height: float | None) -> dict[str, tuple[Condition, str]]:
+    """Return the conditions that apply to a model, with their descriptions."""
+    found: dict[str, tuple[Condition, str]] = {
         "loss_of_contact": (_open_contacts, "the follower leaves its cam on the lift")
     }
     if any(isinstance(one, Seat) for one in model.contacts.values()):
-        bounce_height = _bounce_height(model) if given is None else given
-        words = f"the valve leaves its seat again by more than {1e3 * bounce_height:g} mm"
-        questions["bounce"] = (lambda response, ready: _bouncing_seats(response, ready, bounce_height), words)
+        lifts = [valve_ratio(model, name) * cam.event.height for name, cam in model.cams.items()]
+        default = min(BOUNCE_HEIGHT, _RELATIVE_BOUNCE_HEIGHT * max(lifts, default=math.inf))
+        height = default if bounce_height is None else bounce_height
+        words = f"the valve leaves its seat again by more than {1e3 * height:g} mm"
+        found["bounce"] = (lambda response, ready: _bouncing_seats(response, ready, height), words)
     if any(spring.clash_travel is not None for spring in model.springs.values()):
-        questions["coil_clash"] = (_clashing_springs, "coils of a spring touch")
-    words = "a member's compression passes its buckling load"
-    questions["buckling"] = (_buckling_members, words)
-    return questions
+        found["coil_clash"] = (
+            lambda response, ready: _parts_above(response, ready, ".clash", 0.0),
+            "coils of a spring touch",
+        )
+    found["buckling"] = (
+        lambda response, ready: _parts_above(response, ready, ".buckling_use", 1.0),
+        "a member's compression passes its buckling load",
+    )
+    return found
 
 
 def _open_contacts(response: Response, ready: PreparedRun) -> list[str]:
@@ -306,14 +298,6 @@ def _bouncing_seats(response: Response, ready: PreparedRun, height: float) -> li
             if came.height > height if came else float(gap.max()) > height:  # or the valve never closes
                 found.append(name)
     return found
-
-
-def _clashing_springs(response: Response, ready: PreparedRun) -> list[str]:
-    return _parts_above(response, ready, ".clash", 0.0)
-
-
-def _buckling_members(response: Response, ready: PreparedRun) -> list[str]:
-    return _parts_above(response, ready, ".buckling_use", 1.0)
 
 
 def _parts_above(response: Response, ready: PreparedRun, end: str, least: float) -> list[str]:
@@ -338,15 +322,13 @@ def _rigid_limit_speed(case: Case) -> float | None:
 
 def _force_coefficients(case: Case, contact: str) -> FloatArray:
     """Return the coefficients of the rigid contact force: constant, per rad/s and per (rad/s)^2, shape (3, angles)."""
-    speeds = case.speed * np.array([0.5, 1.0, 2.0])
-    forces = [_rigid_force(case, contact, float(speed), _ANGLES) for speed in speeds]
+    speeds = [factor * case.speed for factor in (0.5, 1.0, 2.0)]
+    forces: list[FloatArray] = []
+    for speed in speeds:
+        ready = prepare(case.at_speed(speed), rigid=True)
+        steps = replace(ready.problem, step=(_ANGLES[1] - _ANGLES[0]) / speed, steps=len(_ANGLES) - 1)
+        forces.append(solve(steps, ready.scheme).channels[f"contacts.{contact}.force"])
     return np.asarray(np.linalg.solve(np.vander(speeds, increasing=True), forces), dtype=np.float64)
-
-
-def _rigid_force(case: Case, contact: str, speed: float, angle: FloatArray) -> FloatArray:
-    ready = prepare(case.at_speed(speed), rigid=True)
-    steps = replace(ready.problem, step=(angle[1] - angle[0]) / speed, steps=len(angle) - 1)
-    return solve(steps, ready.scheme).channels[f"contacts.{contact}.force"]
 
 
 MODELS = ("rigid", "bilateral", "unilateral")

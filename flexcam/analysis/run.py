@@ -10,7 +10,6 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, distribution, version
-from itertools import islice, zip_longest
 from pathlib import Path
 from typing import Any, Literal, cast
 
@@ -73,7 +72,7 @@ def _check_same_case(ready: PreparedRun, earlier: PartialResult) -> None:
     """Raise an error if a run with another case, other package versions or another problem is resumed."""
     found = find_differences(_metadata(ready.case), earlier.about)
     if not found and earlier.checkpoint.problem != fingerprint(ready.problem, ready.scheme, ready.save):
-        found = [difference_fault("a mesh or a table beside the case")]
+        found = [_difference("a mesh or a table beside the case", "another one", "the one it began with")]
     if found:
         raise InputError(found)
 
@@ -216,78 +215,60 @@ def member_strength(ready: PreparedRun, response: Response) -> dict[str, MemberS
     return sink.members()
 
 
-_WHY = "a run goes on only as it began"
-_REMEDY = "restore it, or run the case again with --overwrite"
-
 _MAX_CHARACTERS, _MAX_VALUES = 60, 4
 """Maximum length of a reported value, characters, and maximum number of values."""
 
-_NONE = "nothing"
-
 
 def find_differences(now: Mapping[str, str], then: Mapping[str, str]) -> list[Fault]:
-    """Return the differences between a run and an earlier run that it resumes."""
-    return [
-        difference_fault(f"{what}{place}", given, allowed)
-        for key, (what, parts) in _COMPARED_TEXTS.items()
-        if now.get(key, "") != then.get(key, "")
-        for place, given, allowed in islice(parts(now.get(key, ""), then.get(key, "")), _MAX_VALUES)
-    ]
+    """Return the differences between a run and an earlier run that it resumes: keys, the first line, versions."""
+    found: list[Fault] = []
+    for name, (what, split) in _COMPARED_TEXTS.items():
+        one, other = split(now.get(name, "")), split(then.get(name, ""))
+        places = [place for place in dict.fromkeys([*one, *other]) if one.get(place) != other.get(place)]
+        shown = places[: 1 if name == "case" else _MAX_VALUES]
+        found += [_difference(f"{what}{place}", one.get(place, ""), other.get(place, "")) for place in shown]
+    return found
 
 
-def difference_fault(what: str, given: str = "another one", allowed: str = "the one it began with") -> Fault:
-    """Return a difference as a fault."""
-    return Fault(f"--resume: {what}", _shorten(given), _shorten(allowed), _WHY, _REMEDY)
-
-
-Part = tuple[str, str, str]
-"""Position within a text, current value and previous value."""
-
-
-def _compare_lines(now: str, then: str) -> Iterator[Part]:
-    """Yield the first line in which two texts differ; a missing line is reported as the end of the text."""
-    pairs = zip_longest(now.split("\n"), then.split("\n"), fillvalue="its end")
-    first = next(((i, *pair) for i, pair in enumerate(pairs, start=1) if pair[0] != pair[1]), None)
-    number, *both = first or (1, now, then)
-    yield f", line {number}", both[0].strip() or "an empty line", both[1].strip() or "an empty line"
-
-
-def _compare_texts(now: str, then: str) -> Iterator[Part]:
-    yield "", now or _NONE, then or _NONE
-
-
-def _compare_overrides(now: str, then: str) -> Iterator[Part]:
-    """Yield the overrides that only one of two runs has; for the same overrides, their order."""
-    one, other = (list[str](json.loads(text or "[]")) for text in (now, then))
-    own = [[x for x in a if x not in b] for a, b in ((one, other), (other, one))]
-    given, allowed = own if any(own) else (one, other)
-    yield "", ", ".join(given) or _NONE, ", ".join(allowed) or _NONE
-
-
-def _compare_values(now: str, then: str) -> Iterator[Part]:
-    """Yield the keys that differ between two cases."""
-    one, other = ({} if not text else dict(_iterate_values(json.loads(text))) for text in (now, then))
-    for key in dict.fromkeys([*one, *other]):
-        if one.get(key, _NONE) != other.get(key, _NONE):
-            yield f", {key}", one.get(key, _NONE), other.get(key, _NONE)
-
-
-def _iterate_values(value: object, path: str = "") -> Iterator[tuple[str, str]]:
-    """Yield dotted key and text of every value in nested tables."""
-    if not isinstance(value, dict):
-        yield path, json.dumps(value)
-        return
-    for name, inner in cast("dict[str, Any]", value).items():
-        yield from _iterate_values(inner, f"{path}.{name}".removeprefix("."))
+def _difference(what: str, given: str, allowed: str) -> Fault:
+    why, remedy = "a run can only be resumed unchanged", "restore it, or run the case again with --overwrite"
+    return Fault(f"--resume: {what}", _shorten(given), _shorten(allowed), why, remedy)
 
 
 def _shorten(text: str) -> str:
-    return text if len(text) <= _MAX_CHARACTERS else f"{text[: _MAX_CHARACTERS - 3]}..."
+    shown = text.strip() or "nothing"
+    return shown if len(shown) <= _MAX_CHARACTERS else f"{shown[: _MAX_CHARACTERS - 3]}..."
 
 
-_COMPARED_TEXTS: dict[str, tuple[str, Callable[[str, str], Iterator[Part]]]] = {
-    "case": ("the text of the case", _compare_lines), "overrides": ("--set", _compare_overrides),
-    "resolved": ("values of the case", _compare_values),
-    **{name: (name, _compare_texts) for name in ("flexcam", "python", "numpy", "scipy", "numba")},
-}  # fmt: skip
-"""Texts of a result that must be equal for identical numbers, their description and comparison function."""
+def _whole_text(text: str) -> dict[str, str]:
+    return {"": text}
+
+
+def _text_lines(text: str) -> dict[str, str]:
+    return {f", line {number}": line for number, line in enumerate(text.split("\n"), start=1)}
+
+
+def _text_overrides(text: str) -> dict[str, str]:
+    return {"": ", ".join(json.loads(text or "[]"))}
+
+
+def _text_values(text: str) -> dict[str, str]:
+    """Return the text of every value in nested tables by its dotted key."""
+
+    def flatten(value: object, path: str) -> Iterator[tuple[str, str]]:
+        if isinstance(value, dict):
+            for name, inner in cast("dict[str, Any]", value).items():
+                yield from flatten(inner, f"{path}.{name}".removeprefix("."))
+        else:
+            yield f", {path}", json.dumps(value)
+
+    return dict(flatten(json.loads(text or "{}"), ""))
+
+
+_COMPARED_TEXTS: dict[str, tuple[str, Callable[[str], dict[str, str]]]] = {
+    "case": ("the text of the case", _text_lines),
+    "overrides": ("--set", _text_overrides),
+    "resolved": ("values of the case", _text_values),
+    **{name: (name, _whole_text) for name in ("flexcam", "python", "numpy", "scipy", "numba")},
+}
+"""Texts of a result that must be equal for identical numbers, their description, and their parts by place."""

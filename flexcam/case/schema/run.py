@@ -258,10 +258,6 @@ class FluctuationRecord(Record):
             raise value_error("amplitudes that together are below 1", "the shaft must keep turning")
         return self
 
-    def build(self) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
-        """Return orders, amplitudes and phases."""
-        return tuple(self.orders), tuple(self.amplitudes), tuple(self.phases or [0.0] * len(self.orders))
-
 
 class FreeRunningRecord(Record):
     """Speed of a freely rotating cam, as its reduced inertia changes with the lift."""
@@ -269,10 +265,6 @@ class FreeRunningRecord(Record):
     cam: Name
     cam_mass: Annotated[float, Unit("mass", above=True)] = Field(description="of the cam, as a disc")
     follower_mass: MassValue = Field(description="of the follower")
-
-    def build(self) -> tuple[str, float, float]:
-        """Return the name of the cam and both masses."""
-        return self.cam, self.cam_mass, self.follower_mass
 
 
 class AdaptiveRecord(PartRecord[dynamics.Adaptive]):
