@@ -94,6 +94,15 @@ class Comparison:
         return self.deviations[2].flexible_peak / still if still > 0.0 else 0.0
 
 
+_MIN_INSTANTS = 2
+
+_SAME_ANGLE = 1e-6
+"""Tolerance for equal cam angles, rad."""
+
+_INSTANT_TOLERANCE = 1e-6
+"""Tolerance for equal instants relative to a step."""
+
+
 def compare(flexible: Response, rigid: Response, probe: str, speed_rpm: float) -> Comparison:
     """Compare a flexible with a rigid response at a scalar probe.
 
@@ -122,12 +131,9 @@ def compare(flexible: Response, rigid: Response, probe: str, speed_rpm: float) -
     """
     count = len(flexible.time)
     if not np.array_equal(flexible.time, rigid.time[:count]):
-        raise refuse(
-            "responses", "responses at different instants", "the same instants", "they are compared one by one"
-        )
-    moved, still = flexible[probe], rigid[probe]
-    if moved.displacement.ndim != 1:
-        raise refuse("probe", repr(probe), "one scalar: " + ", ".join(f"{probe}.{c}" for c in moved.components))
+        why = "they are compared one by one"
+        raise refuse("responses", "responses at different instants", "the same instants", why)
+    moved, still = _scalar_history(flexible, probe), rigid[probe]
     lift = value_range(rigid.time, still.displacement, still.velocity)
     if lift == 0.0:
         why, remedy = "nothing moves it in what is compared with", "add a follower's point to output.probes"
@@ -148,11 +154,6 @@ def compare_responses(
     if np.abs(both[0].angle - both[1].angle).max() > _SAME_ANGLE:
         raise refuse("responses", "the cam at different angles", "runs at one speed", "they are compared at one time")
     return replace(compare(*both, probe, speed_rpm), names=names)
-
-
-_MIN_INSTANTS = 2
-_SAME_ANGLE = 1e-6
-"""Tolerance for equal cam angles, rad."""
 
 
 def _compute_deviation(quantity: str, moved: History, still: History, flexible: Response) -> Deviation:
@@ -213,11 +214,16 @@ class Histories:
         return moved or peak(*history)[0]
 
 
-def extract_histories(response: Response, probe: str) -> Histories:
-    """Return the compared histories of a run."""
+def _scalar_history(response: Response, probe: str) -> History:
     history = response[probe]
     if history.displacement.ndim != 1:
         raise refuse("probe", repr(probe), "one scalar: " + ", ".join(f"{probe}.{c}" for c in history.components))
+    return history
+
+
+def extract_histories(response: Response, probe: str) -> Histories:
+    """Return the compared histories of a run."""
+    history = _scalar_history(response, probe)
     motions: dict[str, FloatArray] = {name: getattr(history, series) for name, series in _MOTIONS.items()}
     slopes = {name: getattr(history, SLOPES[series]) for name, series in _MOTIONS.items() if series in SLOPES}
     forces = {
@@ -243,25 +249,24 @@ def distance(one: Histories, other: Histories, *, norm: Norm | None = "max") -> 
     the finer run; they are not less than the difference of the maxima of both runs.
     """
     fine, coarse = (one, other) if len(one.time) >= len(other.time) else (other, one)
-    step, shorter = _step(coarse), _step(fine)
+    step, shorter = (float(np.ptp(part.time)) / max(len(part.time) - 1, 1) for part in (coarse, fine))
     every = max(round(step / shorter), 1) if shorter > 0.0 else 1
     count = min(len(coarse.time), (len(fine.time) - 1) // every + 1)
     if np.abs(fine.time[::every][:count] - coarse.time[:count]).max(initial=0.0) > _INSTANT_TOLERANCE * step:
         raise refuse("responses", "instants that do not meet", "steps that divide each other")
     found: dict[str, float] = {}
     for name in (name for name in coarse.values if name in fine.values):
-        apart = fine.values[name][::every][:count] - coarse.values[name][:count]
-        found[name] = (
-            _root_mean_square(apart)
-            if select_norm(name, norm) == "rms"
-            else _maximum_difference(fine, coarse, name, apart)
-        )
+        difference = fine.values[name][::every][:count] - coarse.values[name][:count]
+        if select_norm(name, norm) == "max":
+            found[name] = _maximum_difference(fine, coarse, name, difference)
+        else:
+            found[name] = float(np.sqrt(np.mean(difference**2))) if count else 0.0
     return found
 
 
-def _maximum_difference(fine: Histories, coarse: Histories, name: str, apart: FloatArray) -> float:
+def _maximum_difference(fine: Histories, coarse: Histories, name: str, difference: FloatArray) -> float:
     """Return the maximum difference of a quantity, given the difference at common instants."""
-    found = max(float(np.abs(apart).max(initial=0.0)), abs(fine.size(name) - coarse.size(name)))
+    found = max(float(np.abs(difference).max(initial=0.0)), abs(fine.size(name) - coarse.size(name)))
     slopes = coarse.slopes.get(name)
     if slopes is None or len(coarse.time) < _MIN_INSTANTS:
         return found
@@ -269,22 +274,6 @@ def _maximum_difference(fine: Histories, coarse: Histories, name: str, apart: Fl
     values, rates = coarse.values[name][:, None], slopes[:, None]
     between = Series(values, rates, np.zeros_like(rates)).interpolate(coarse.time, fine.time[both]).displacement[:, 0]
     return max(found, float(np.abs(fine.values[name][both] - between).max(initial=0.0)))
-
-
-def _step(one: Histories) -> float:
-    return float(one.time[-1] - one.time[0]) / (len(one.time) - 1) if len(one.time) > 1 else 0.0
-
-
-def _root_mean_square(values: FloatArray) -> float:
-    """Return the root mean square."""
-    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
-
-
-_MIN_INSTANTS = 2
-"""Minimum number of instants."""
-
-_INSTANT_TOLERANCE = 1e-6
-"""Tolerance for equal instants relative to a step."""
 
 
 _CLOSE_DEVIATION = 0.05
@@ -325,10 +314,12 @@ def check_claims(case: Case, probe: str, here: Comparison) -> list[Claim]:
     slow = deviation(case.at_speed(2000.0 * RPM), probe)
     laws = {name: deviation(_replace_law(case, name), probe) for name in _PUBLISHED_LAWS}
     largest = max(laws, key=lambda name: laws[name].peak_deviation)
-    told = ", ".join(f"{name} {one.peak_deviation:.3f}" for name, one in laws.items())
+    deviations = ", ".join(f"{name} {one.peak_deviation:.3f}" for name, one in laws.items())
     others = _peak_deviations(case, probe)
+    models = ", ".join(f"{name} {value:.4f}" for name, value in others.items())
     spread = max(others.values()) - min(others.values())
-    off = (here.deviations[0].angle_deg + 90.0) % 180.0 - 90.0
+    angle = here.deviations[0].angle_deg
+    off = (angle + 90.0) % 180.0 - 90.0
     return [
         _check_instability(case, probe),
         Claim(
@@ -336,19 +327,13 @@ def check_claims(case: Case, probe: str, here: Comparison) -> list[Claim]:
             slow.peak_deviation < _CLOSE_DEVIATION,
             f"the deviation at 2000 rpm is {slow.peak_deviation:.3f} of the lift (close: below {_CLOSE_DEVIATION})",
         ),
-        Claim("SHM has the largest displacement", largest == "shm", f"peak deviation of the lift: {told}"),
+        Claim("SHM has the largest displacement", largest == "shm", f"peak deviation of the lift: {deviations}"),
         Claim(
             "the response depends on the model's number of unknowns",
             spread > 0.01 * max(others.values()),
-            "peak deviation "
-            + ", ".join(f"{name} {value:.4f}" for name, value in others.items())
-            + ": the pushrod is far stiffer than the spring",
+            f"peak deviation {models}: the pushrod is far stiffer than the spring",
         ),
-        Claim(
-            "the deviation is largest at multiples of 180 deg",
-            abs(off) < 1.0,
-            f"it is largest at {here.deviations[0].angle_deg:.1f} deg",
-        ),
+        Claim("the deviation is largest at multiples of 180 deg", abs(off) < 1.0, f"it is largest at {angle:.1f} deg"),
     ]
 
 

@@ -120,22 +120,20 @@ def reference_run(case: Case, probe: str, until: float | None = None, *, work: i
     _refuse_result(case)
     steps, norm = steps_per_revolution_of(case), case.record.fidelity.norm
     work = max(work, total_work(case, ()))
-    beams = _with_stable_method(
-        with_beam_model(case).with_run({"engine": "auto"})
-    )  # which its size decides; the ways agree to rounding
+    # The engine that was requested for the case may not suit the size of the reference; all engines agree to rounding.
+    beams = _with_stable_method(with_beam_model(case).with_run({"engine": "auto"}))
+    models = [
+        ModelLevel("reference", "", with_elements(beams, factor=elements)).with_steps(n * steps)
+        for elements, n in _REFERENCES
+    ]
     try:
-        finest, coarser = (
-            run_histories(
-                ModelLevel("reference", "", with_elements(beams, factor=elements)).with_steps(n * steps),
-                probe,
-                until,
-                work,
-            )
-            for elements, n in _REFERENCES
-        )
+        finest, coarser = (run_histories(model, probe, until, work) for model in models)
     except RunFailedError as failure:
         reraise_interrupt(failure.status)
-        raise RunFailedError(_reference_status(failure.status)) from None
+        status = failure.status
+        if status.cause is not Cause.TIME_LIMIT:
+            status = replace(status, text=f"{_REFERENCE_NAME}: {status.text}")
+        raise RunFailedError(status) from None
     except InputError as refusal:
         raise InputError(_reference_fault(fault) for fault in refusal.faults) from None
     errors = {name: _SAFETY_FACTOR * value for name, value in distance(finest, coarser, norm=norm).items()}
@@ -161,19 +159,14 @@ def _with_stable_method(case: Case) -> Case:
     return case.with_average_acceleration() if limited else case
 
 
-_NAMED = f"the reference, of {_FINER} times the elements and {_REFERENCE_STEPS_RATIO} times the steps"
-
-
-def _reference_status(status: Status) -> Status:
-    """Return a status with a note that it is that of the reference, not of the case."""
-    return status if status.cause is Cause.TIME_LIMIT else replace(status, text=f"{_NAMED}: {status.text}")
+_REFERENCE_NAME = f"the reference, of {_FINER} times the elements and {_REFERENCE_STEPS_RATIO} times the steps"
 
 
 def _reference_fault(fault: Fault) -> Fault:
     """Return a fault with a note that it concerns the reference; faults of the case itself are reported before."""
     if not fault.where.startswith("run."):
         return fault
-    return replace(fault, why="; ".join(filter(None, (f"asked of {_NAMED}", fault.why))))
+    return replace(fault, why="; ".join(filter(None, (f"asked of {_REFERENCE_NAME}", fault.why))))
 
 
 def candidate_models(case: Case) -> list[ModelLevel]:
@@ -181,17 +174,13 @@ def candidate_models(case: Case) -> list[ModelLevel]:
     _refuse_result(case)
     steps = steps_per_revolution_of(case)
     counts = [steps // n for n in (8, 4, 2, 1) if steps % n == 0 and (steps // n >= _MIN_STEPS or n == 1)]
-    return sorted(
-        (rung.with_steps(n) for rung in model_ladder(case) for n in counts),
-        key=lambda rung: (
-            _work(prepare_without_periodic_search(_with_stable_method(rung.case))),
-            steps_per_revolution_of(rung.case),
-        ),
-    )
+    return sorted((rung.with_steps(n) for rung in model_ladder(case) for n in counts), key=_work)
 
 
-def _work(ready: PreparedRun) -> int:
-    return integrated_size(ready.problem) * ready.problem.steps
+def _work(rung: ModelLevel) -> tuple[int, int]:
+    """Return degrees of freedom times steps of a run, and its steps per revolution."""
+    problem = prepare_without_periodic_search(_with_stable_method(rung.case)).problem
+    return integrated_size(problem) * problem.steps, steps_per_revolution_of(rung.case)
 
 
 def evaluate_model(
@@ -334,9 +323,7 @@ def select_case(case: Case, until: float | None = None) -> tuple[Case, Choice | 
     asked = case.record.fidelity
     if not asked.tolerances:
         return case, None
-    if isinstance(case.record.run.start, ResultStartRecord):
-        why, remedy = "a result fits one mesh, and others are tried", "leave one of them out"
-        raise refuse(case.place(("fidelity", "tolerance")), "a start from a result", "another start", why, remedy)
+    _refuse_result(case)
     try:
         choice = choose_model(case, scalar_probe(prepare_without_periodic_search(case)), asked.tolerances, until)
     except RunFailedError as failure:
