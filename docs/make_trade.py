@@ -10,7 +10,7 @@ import platform
 from pathlib import Path
 
 from flexcam import read_case
-from flexcam.analysis.trade import ModelEvaluation, Reference, evaluate_ladder
+from flexcam.analysis.model_choice import ModelEvaluation, Reference, evaluate_ladder
 from flexcam.case.case import Case
 
 ROOT = Path(__file__).parents[1]

@@ -38,8 +38,8 @@ OWN = frozenset({"cli"})
 
 INTERNAL = frozenset(
     {
-        "case.fault_report", "case.geometry_checks", "case.overrides", "case.quantities", "case.records",
-        "case.references", "case.toml_lines", "report.fidelity_tables", "report.figures", "report.formatting",
+        "case.cross_checks", "case.fault_report", "case.records",
+        "case.toml_lines", "report.fidelity_tables", "report.figures", "report.formatting",
         "report.limits_table", "report.model_tables", "report.result_tables", "report.terminal",
     }
 )  # fmt: skip

@@ -80,7 +80,7 @@ def li() -> Figure:
 
 def li_cam() -> Figure:
     """Draw the cam of the swinging roller follower, half way up the rise."""
-    cam = read_cams(ROOT / "cases/cams/li-swing.toml").cams["swing"].build()
+    cam = read_cams(ROOT / "cases/cams/li-swing.toml").cams["swing"].part
     return profile_figure(cam_profile(cam.event, cam.follower, turn=cam.turn), angle=np.pi / 3.0)
 
 

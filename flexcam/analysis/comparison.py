@@ -1,14 +1,24 @@
-"""Comparison of a flexible with a rigid response: maximum deviation of a probe and its cam angle."""
+"""Comparison of responses: histories and their distance, flexible against rigid, claims of a paper."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 
+from flexcam.analysis.natural_modes import excited_mode
+from flexcam.analysis.preparation import prepare
+from flexcam.analysis.run import run
+from flexcam.case.case import Case
+from flexcam.case.lift import parse_law
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
-from flexcam.dynamics import SLOPES, History, Response, Status, peak, value_range
+from flexcam.core.units import RPM
+from flexcam.dynamics import SLOPES, History, Response, Series, Status, floquet, peak, reraise_interrupt, value_range
+from flexcam.io import find_referenced_file, read_mesh
 
 
 @dataclass(frozen=True)
@@ -84,6 +94,15 @@ class Comparison:
         return self.deviations[2].flexible_peak / still if still > 0.0 else 0.0
 
 
+_MIN_INSTANTS = 2
+
+_SAME_ANGLE = 1e-6
+"""Tolerance for equal cam angles, rad."""
+
+_INSTANT_TOLERANCE = 1e-6
+"""Tolerance for equal instants relative to a step."""
+
+
 def compare(flexible: Response, rigid: Response, probe: str, speed_rpm: float) -> Comparison:
     """Compare a flexible with a rigid response at a scalar probe.
 
@@ -112,12 +131,9 @@ def compare(flexible: Response, rigid: Response, probe: str, speed_rpm: float) -
     """
     count = len(flexible.time)
     if not np.array_equal(flexible.time, rigid.time[:count]):
-        raise refuse(
-            "responses", "responses at different instants", "the same instants", "they are compared one by one"
-        )
-    moved, still = flexible[probe], rigid[probe]
-    if moved.displacement.ndim != 1:
-        raise refuse("probe", repr(probe), "one scalar: " + ", ".join(f"{probe}.{c}" for c in moved.components))
+        why = "they are compared one by one"
+        raise refuse("responses", "responses at different instants", "the same instants", why)
+    moved, still = _scalar_history(flexible, probe), rigid[probe]
     lift = value_range(rigid.time, still.displacement, still.velocity)
     if lift == 0.0:
         why, remedy = "nothing moves it in what is compared with", "add a follower's point to output.probes"
@@ -140,11 +156,6 @@ def compare_responses(
     return replace(compare(*both, probe, speed_rpm), names=names)
 
 
-_MIN_INSTANTS = 2
-_SAME_ANGLE = 1e-6
-"""Tolerance for equal cam angles, rad."""
-
-
 def _compute_deviation(quantity: str, moved: History, still: History, flexible: Response) -> Deviation:
     time = flexible.time
     (flexed, flexing), (rigid, turning) = (_values_and_slopes(one, quantity, len(time)) for one in (moved, still))
@@ -164,3 +175,202 @@ def _values_and_slopes(history: History, quantity: str, count: int) -> tuple[Flo
     """Return the first `count` values of a quantity, and their slopes if the dense output has them."""
     slopes: FloatArray | None = getattr(history, SLOPES[quantity]) if quantity in SLOPES else None
     return getattr(history, quantity)[:count], None if slopes is None else slopes[:count]
+
+
+Norm = Literal["max", "rms"]
+"""Norm of the difference of two histories: maximum or root mean square."""
+
+_MOTIONS = {"lift": "displacement", "velocity": "velocity", "acceleration": "acceleration"}
+_UNITS = {"lift": "m", "velocity": "m/s", "acceleration": "m/s^2"}
+
+
+@dataclass(frozen=True, eq=False)
+class Histories:
+    """Histories of a run by quantity, at common instants.
+
+    Parameters
+    ----------
+    time
+        Instants, s, shape (m,).
+    values
+        History by quantity, SI, shape (m,): ``lift``, ``velocity`` and ``acceleration`` of the probe, ``force NAME`` of
+        every contact.
+    slopes
+        Rate of a quantity that is cubic between two instants, by name, shape (m,); other quantities are linear there.
+    """
+
+    time: FloatArray
+    values: Mapping[str, FloatArray]
+    slopes: Mapping[str, FloatArray] = field(default_factory=dict[str, FloatArray])
+
+    def unit(self, quantity: str) -> str:
+        """Return the SI unit of a quantity."""
+        return _UNITS.get(quantity, "N")
+
+    def size(self, quantity: str) -> float:
+        """Return the maximum absolute value of a quantity; for the lift its range, unless it is constant."""
+        history = self.time, self.values[quantity], self.slopes.get(quantity)
+        moved = value_range(*history) if quantity == "lift" else 0.0
+        return moved or peak(*history)[0]
+
+
+def _scalar_history(response: Response, probe: str) -> History:
+    history = response[probe]
+    if history.displacement.ndim != 1:
+        raise refuse("probe", repr(probe), "one scalar: " + ", ".join(f"{probe}.{c}" for c in history.components))
+    return history
+
+
+def extract_histories(response: Response, probe: str) -> Histories:
+    """Return the compared histories of a run."""
+    history = _scalar_history(response, probe)
+    motions: dict[str, FloatArray] = {name: getattr(history, series) for name, series in _MOTIONS.items()}
+    slopes = {name: getattr(history, SLOPES[series]) for name, series in _MOTIONS.items() if series in SLOPES}
+    forces = {
+        f"force {name.split('.')[1]}": values
+        for name, values in response.channels.items()
+        if name.startswith("contacts.") and name.endswith(".force")
+    }
+    return Histories(response.time, {**motions, **forces}, slopes)
+
+
+def select_norm(quantity: str, asked: Norm | None) -> Norm:
+    """Return the norm for the error of a quantity: the requested one, else the maximum for a force.
+
+    The maximum is the relevant measure of a force; an impact of a few steps hardly affects its root mean square.
+    """
+    return asked or ("max" if quantity.startswith("force") else "rms")
+
+
+def distance(one: Histories, other: Histories, *, norm: Norm | None = "max") -> dict[str, float]:
+    """Return the difference of two runs by quantity, SI; without a norm each in the norm of `select_norm`.
+
+    Root mean squares use the common instants. Maxima do too, except for motions with slopes, which use all instants of
+    the finer run; they are not less than the difference of the maxima of both runs.
+    """
+    fine, coarse = (one, other) if len(one.time) >= len(other.time) else (other, one)
+    step, shorter = (float(np.ptp(part.time)) / max(len(part.time) - 1, 1) for part in (coarse, fine))
+    every = max(round(step / shorter), 1) if shorter > 0.0 else 1
+    count = min(len(coarse.time), (len(fine.time) - 1) // every + 1)
+    if np.abs(fine.time[::every][:count] - coarse.time[:count]).max(initial=0.0) > _INSTANT_TOLERANCE * step:
+        raise refuse("responses", "instants that do not meet", "steps that divide each other")
+    found: dict[str, float] = {}
+    for name in (name for name in coarse.values if name in fine.values):
+        difference = fine.values[name][::every][:count] - coarse.values[name][:count]
+        if select_norm(name, norm) == "max":
+            found[name] = _maximum_difference(fine, coarse, name, difference)
+        else:
+            found[name] = float(np.sqrt(np.mean(difference**2))) if count else 0.0
+    return found
+
+
+def _maximum_difference(fine: Histories, coarse: Histories, name: str, difference: FloatArray) -> float:
+    """Return the maximum difference of a quantity, given the difference at common instants."""
+    found = max(float(np.abs(difference).max(initial=0.0)), abs(fine.size(name) - coarse.size(name)))
+    slopes = coarse.slopes.get(name)
+    if slopes is None or len(coarse.time) < _MIN_INSTANTS:
+        return found
+    both = fine.time <= coarse.time[-1]
+    values, rates = coarse.values[name][:, None], slopes[:, None]
+    between = Series(values, rates, np.zeros_like(rates)).interpolate(coarse.time, fine.time[both]).displacement[:, 0]
+    return max(found, float(np.abs(fine.values[name][both] - between).max(initial=0.0)))
+
+
+_CLOSE_DEVIATION = 0.05
+"""Deviation, relative to the lift, up to which a response counts as "very close" to the rigid one."""
+
+
+_PUBLISHED_LAWS = ("shm", "parabolic", "cycloidal")
+
+
+@dataclass(frozen=True)
+class Claim:
+    """Claim of the paper and the computed result.
+
+    Parameters
+    ----------
+    statement
+        Claim as published.
+    reproduced
+        Whether the computation reproduces it.
+    finding
+        Computed result in words.
+    """
+
+    statement: str
+    reproduced: bool
+    finding: str
+
+
+def deviation(case: Case, probe: str) -> Comparison:
+    """Run a case flexible and rigid and compare the responses."""
+    flexible = run(case)
+    reraise_interrupt(flexible.status)
+    return compare(flexible, run(case, rigid=True), probe, case.speed / RPM)
+
+
+def check_claims(case: Case, probe: str, here: Comparison) -> list[Claim]:
+    """Return the claims of the paper with the results of the case."""
+    slow = deviation(case.at_speed(2000.0 * RPM), probe)
+    laws = {name: deviation(_replace_law(case, name), probe) for name in _PUBLISHED_LAWS}
+    largest = max(laws, key=lambda name: laws[name].peak_deviation)
+    deviations = ", ".join(f"{name} {one.peak_deviation:.3f}" for name, one in laws.items())
+    others = _peak_deviations(case, probe)
+    models = ", ".join(f"{name} {value:.4f}" for name, value in others.items())
+    spread = max(others.values()) - min(others.values())
+    angle = here.deviations[0].angle_deg
+    off = (angle + 90.0) % 180.0 - 90.0
+    return [
+        _check_instability(case, probe),
+        Claim(
+            "at 2000 rpm and below very close to the rigid system",
+            slow.peak_deviation < _CLOSE_DEVIATION,
+            f"the deviation at 2000 rpm is {slow.peak_deviation:.3f} of the lift (close: below {_CLOSE_DEVIATION})",
+        ),
+        Claim("SHM has the largest displacement", largest == "shm", f"peak deviation of the lift: {deviations}"),
+        Claim(
+            "the response depends on the model's number of unknowns",
+            spread > 0.01 * max(others.values()),
+            f"peak deviation {models}: the pushrod is far stiffer than the spring",
+        ),
+        Claim("the deviation is largest at multiples of 180 deg", abs(off) < 1.0, f"it is largest at {angle:.1f} deg"),
+    ]
+
+
+def _check_instability(case: Case, probe: str) -> Claim:
+    """Distinguish an instability from growth over revolutions, which a beat also shows at first."""
+    rpm, (_, mode) = 4000.0, excited_mode(case.at_speed(4000.0 * RPM))
+    early, late = (deviation(case.at_speed(rpm * RPM, revolutions=n), probe).peak_deviation for n in (2.0, 4.0))
+    multipliers = floquet(prepare(case.at_speed(rpm * RPM, revolutions=1.0)).problem)
+    revolutions, bound = beat_period(rpm, mode)
+    return Claim("unstable at 4000 rpm (SHM, parabolic)", not multipliers.stable(),
+                 f"from 2 to 4 revolutions the deviation grows {late / early:.2f} times, but disturbances do not: "
+                 f"their largest multiplier is {abs(multipliers.multipliers[0]):.5g}; the follower's mass on its "
+                 f"spring resonates at {mode:.0f} rpm, and beside it an undamped motion beats: within "
+                 f"{revolutions:.0f} revolutions up to {bound:.0f} of the lift (SHM) and back")  # fmt: skip
+
+
+def _replace_law(case: Case, law: str) -> Case:
+    cams = {name: cam.model_copy(update={"law": parse_law(law)}) for name, cam in case.record.cams.items()}
+    return replace(case, record=case.record.model_copy(update={"cams": cams}))
+
+
+def _peak_deviations(case: Case, probe: str) -> dict[str, float]:
+    """Return the peak deviation on the meshes of all three models found in the folder of the case's mesh."""
+    folder = (find_referenced_file(case.path, case.record.mesh or "") or case.path).parent
+    meshes = {f"model {k}": folder / f"tayeb-{k}.msh" for k in (1, 2, 3)}
+    found = {name: replace(case, mesh=read_mesh(path)) for name, path in meshes.items() if path.is_file()}
+    return {name: deviation(other, probe).peak_deviation for name, other in (found or {"this model": case}).items()}
+
+
+def beat_period(speed: float, mode: float) -> tuple[float, float]:
+    """Return the beat period of an undamped oscillator, and its maximum deviation from the excitation.
+
+    The load form moves the valve as ``x'' + w^2 x = w^2 (1 - cos W t)/2`` from rest, under simple harmonic motion of
+    lift 1. With ``r = W/w`` it deviates from the lift by ``r^2/(1 - r^2) (cos w t - cos W t)/2``: the difference of two
+    cosines of nearly equal frequency is a beat, bounded if r is not 1.
+    """
+    share = (speed / mode) ** 2
+    if share == 1.0:
+        return math.inf, math.inf
+    return speed / abs(mode - speed), share / abs(1.0 - share)

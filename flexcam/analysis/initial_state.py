@@ -1,7 +1,4 @@
-"""Initial state of a run and the camshaft's drive.
-
-May import `case` and everything below it; `analysis` uses it to prepare runs.
-"""
+"""Initial state of a run and the camshaft's drive."""
 
 from __future__ import annotations
 
@@ -12,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from flexcam.case.case import Case
-from flexcam.case.schema.run import GivenStartRecord, ResultStartRecord
+from flexcam.case.schema.run import FreeRunningRecord, GivenStartRecord, ResultStartRecord
 from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name
 from flexcam.dynamics import (
@@ -40,10 +37,18 @@ def camshaft_drive(case: Case, model: Model, start: float = 0.0) -> Drive:
     """Return the drive of the camshaft."""
     run = case.record.run
     if run.fluctuation is not None:
-        return FluctuatingSpeed(case.speed, *run.fluctuation.build(), start)
+        swing = run.fluctuation
+        phases = swing.phases or [0.0] * len(swing.orders)
+        return FluctuatingSpeed(case.speed, tuple(swing.orders), tuple(swing.amplitudes), tuple(phases), start)
     if run.free_running is not None:
-        return free_running(model, case.speed, *run.free_running.build(), start)
+        return _free_running_drive(case, model, run.free_running, start)
     return ConstantSpeed(case.speed, start)
+
+
+def _free_running_drive(
+    case: Case, model: Model, free: FreeRunningRecord, angle: float, time: float = 0.0
+) -> SpeedByAngle:  # fmt: skip
+    return free_running(model, case.speed, free.cam, free.cam_mass, free.follower_mass, angle, time)
 
 
 def _drive_at_angle(case: Case, model: Model, drive: Drive, angle: float, time: float) -> Drive:
@@ -52,9 +57,7 @@ def _drive_at_angle(case: Case, model: Model, drive: Drive, angle: float, time: 
     if abs(missing) <= _SAME_ANGLE:
         return drive
     free = case.record.run.free_running
-    if free is not None:
-        return free_running(model, case.speed, *free.build(), angle, time)
-    return camshaft_drive(case, model, missing)
+    return camshaft_drive(case, model, missing) if free is None else _free_running_drive(case, model, free, angle, time)
 
 
 def revolution_time(case: Case, drive: Drive) -> float:
@@ -69,9 +72,9 @@ def set_initial_state(case: Case, model: Model, problem: Problem, *, until: floa
         case "rest":
             return replace(problem, start=installed_state(system, problem.drive))
         case "equilibrium":
-            return replace(problem, start=_map_given_state(problem))
+            return replace(problem, start=_equilibrium_state(problem))
         case "periodic":
-            return _periodic_state(case, replace(problem, start=_map_given_state(problem)), until)
+            return _periodic_state(case, replace(problem, start=_equilibrium_state(problem)), until)
         case ResultStartRecord(result=name):
             state, angle = _last_state(case, model, system, name)
             taken = round(state.time / problem.step)
@@ -80,14 +83,13 @@ def set_initial_state(case: Case, model: Model, problem: Problem, *, until: floa
             return replace(problem, drive=drive, start=state)
         case GivenStartRecord(displacement=displacement, velocity=velocity):
             given = {"displacement": displacement, "velocity": velocity}
-            if faults := [
-                fault for kind, values in given.items() for fault in _unknown_dof_faults(case, system, values, kind)
-            ]:
+            faults = [f for kind, values in given.items() for f in _unknown_dof_faults(case, system, values, kind)]
+            if faults:
                 raise InputError(faults)
             return replace(problem, start=State(_given_state(system, displacement), _given_state(system, velocity)))
 
 
-def _map_given_state(problem: Problem) -> State:
+def _equilibrium_state(problem: Problem) -> State:
     return moving_equilibrium(problem.system, problem.drive) if problem.system.size else State.rest(0)
 
 
@@ -119,7 +121,7 @@ def _periodic_state(case: Case, problem: Problem, until: float | None) -> Proble
     if not problem.system.size:
         return replace(problem, start=replace(State.rest(0), periodicity=0.0))
     one = replace(problem, steps=steps_per_revolution(case, problem))
-    return replace(problem, start=solve_periodic(one, case.record.run.integrator.build(), until=until))
+    return replace(problem, start=solve_periodic(one, case.record.run.integrator.part, until=until))
 
 
 def _unknown_dof_faults(case: Case, system: System, values: Mapping[str, float], kind: str) -> list[Fault]:
@@ -150,7 +152,7 @@ def _last_state(case: Case, model: Model, system: System, name: str) -> tuple[St
     fields = response.fields
     nodal = [one[-1].reshape(-1, 6) for one in (fields.displacement, fields.velocity, fields.acceleration)]
     if any(values[~free].any() for values in nodal):
-        raise refuse(where, name, "a result of the same supports", "it moves where this model is held")
+        raise refuse(where, name, "a result of the same supports", "it moves where this model is fixed")
     beside = _internal_state(response, system.names[int(free.sum()) :], where, name)
     moved, moving, pushed = (np.concatenate([one[free], more]) for one, more in zip(nodal, beside, strict=True))
     inner, states = response.inner, sum(force.states for force in system.local_forces)

@@ -1,13 +1,12 @@
-"""Speed limits of a train: loss of contact, valve bounce, coil clash and buckling.
+"""Speed limits of a train (loss of contact, valve bounce, coil clash, buckling) and speeds where its models diverge.
 
-May import `analysis` and everything below it; `flexcam limits` prints the results.
-Each limit is a condition on a run at one speed; the lowest speed that meets it is bracketed and bisected.
+A limit is a condition on a run at one speed; the lowest speed that meets it is bracketed and bisected.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,8 +17,31 @@ from flexcam.case.case import Case
 from flexcam.core import FloatArray
 from flexcam.core.errors import positive, refuse
 from flexcam.core.units import RPM, shaft_speed
-from flexcam.dynamics import ConstantSpeed, Problem, ProgressCallback, Response, equilibrium, reraise_interrupt, solve
-from flexcam.valvetrain import BOUNCE_HEIGHT, OPEN, CamContact, Model, Seat, main_lift, seating, separation, valve_ratio
+from flexcam.dynamics import (
+    ConstantSpeed,
+    Problem,
+    ProgressCallback,
+    Response,
+    equilibrium,
+    reraise_interrupt,
+    solve,
+    track_progress,
+)
+from flexcam.dynamics.force_laws import line_load
+from flexcam.valvetrain import (
+    BOUNCE_HEIGHT,
+    OPEN,
+    CamContact,
+    Model,
+    Seat,
+    build_structure,
+    build_system,
+    hertz_line,
+    main_lift,
+    seating,
+    separation,
+    valve_ratio,
+)
 
 _REVOLUTIONS = 3.0
 
@@ -81,15 +103,11 @@ class Limit:
 
 
 @dataclass(frozen=True)
-class Limits:
-    """Speed limits of a train.
+class Margins:
+    """Margins of a train at its speed, from the rigid train and statics.
 
     Parameters
     ----------
-    limits
-        Limits by name: ``loss_of_contact``, ``bounce``, ``coil_clash``, ``buckling``.
-    lowest_rpm, highest_rpm
-        Camshaft speeds of the search range.
     rigid_rpm
         Camshaft speed at which a rigid train loses contact, as its inertia equals its spring forces; None if never.
     spring_margin
@@ -99,12 +117,26 @@ class Limits:
         Ratio of buckling load to compression at full lift at rest, by member.
     """
 
-    limits: Mapping[str, Limit]
-    lowest_rpm: float
-    highest_rpm: float
     rigid_rpm: float | None
     spring_margin: float | None
     buckling_margins: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Limits(Margins):
+    """Speed limits and margins of a train.
+
+    Parameters
+    ----------
+    limits
+        Limits by name: ``loss_of_contact``, ``bounce``, ``coil_clash``, ``buckling``.
+    lowest_rpm, highest_rpm
+        Camshaft speeds of the search range.
+    """
+
+    limits: Mapping[str, Limit]
+    lowest_rpm: float
+    highest_rpm: float
 
     @property
     def first(self) -> str | None:
@@ -126,8 +158,7 @@ def find_limits(
     """Find the speeds of loss of contact, valve bounce, coil clash and pushrod buckling."""
     search = Search(lowest, highest, tolerance, bounce_height, count)
     found = search_limits(case, search, advance=advance)
-    left = compute_margins(case)
-    return Limits(found, lowest / RPM, highest / RPM, left.rigid_rpm, left.spring, left.buckling)
+    return Limits(**vars(compute_margins(case)), limits=found, lowest_rpm=lowest / RPM, highest_rpm=highest / RPM)
 
 
 def search_limits(
@@ -171,25 +202,6 @@ def _unilateral_model(case: Case) -> Model:
         why, allowed = "only a follower that may leave its cam can lose it", 'a contact with model = "unilateral"'
         raise refuse("contacts", "no unilateral contact", allowed, why, "change the model")
     return model
-
-
-@dataclass(frozen=True)
-class Margins:
-    """Margins of a train at its speed, from the rigid train and statics.
-
-    Parameters
-    ----------
-    rigid_rpm
-        As in `Limits`.
-    spring
-        As ``spring_margin`` in `Limits`.
-    buckling
-        As ``buckling_margins`` in `Limits`.
-    """
-
-    rigid_rpm: float | None
-    spring: float | None
-    buckling: Mapping[str, float]
 
 
 def compute_margins(case: Case) -> Margins:
@@ -241,29 +253,31 @@ def _bisect_limit(
     return Limit(high / RPM, (high - low) / RPM, f"{words} ({', '.join(parts)})")
 
 
-def _bounce_height(model: Model) -> float:
-    """Return the height from which a valve counts as bouncing, m: flexcam's choice, smaller for small lifts."""
-    lifts = [valve_ratio(model, name) * cam.event.height for name, cam in model.cams.items()]
-    return min(BOUNCE_HEIGHT, _RELATIVE_BOUNCE_HEIGHT * max(lifts, default=math.inf))
-
-
 _RELATIVE_BOUNCE_HEIGHT = 0.02
 """Bounce height relative to the lift, which is the smaller limit for lifts up to 5 mm."""
 
 
-def _conditions(model: Model, given: float | None) -> dict[str, tuple[Condition, str]]:
-    questions: dict[str, tuple[Condition, str]] = {
+def _conditions(model: Model, bounce_height: float | None) -> dict[str, tuple[Condition, str]]:
+    """Return the conditions that apply to a model, with their descriptions."""
+    found: dict[str, tuple[Condition, str]] = {
         "loss_of_contact": (_open_contacts, "the follower leaves its cam on the lift")
     }
     if any(isinstance(one, Seat) for one in model.contacts.values()):
-        bounce_height = _bounce_height(model) if given is None else given
-        words = f"the valve leaves its seat again by more than {1e3 * bounce_height:g} mm"
-        questions["bounce"] = (lambda response, ready: _bouncing_seats(response, ready, bounce_height), words)
+        lifts = [valve_ratio(model, name) * cam.event.height for name, cam in model.cams.items()]
+        default = min(BOUNCE_HEIGHT, _RELATIVE_BOUNCE_HEIGHT * max(lifts, default=math.inf))
+        height = default if bounce_height is None else bounce_height
+        words = f"the valve leaves its seat again by more than {1e3 * height:g} mm"
+        found["bounce"] = (lambda response, ready: _bouncing_seats(response, ready, height), words)
     if any(spring.clash_travel is not None for spring in model.springs.values()):
-        questions["coil_clash"] = (_clashing_springs, "coils of a spring touch")
-    words = "a member's compression passes its buckling load"
-    questions["buckling"] = (_buckling_members, words)
-    return questions
+        found["coil_clash"] = (
+            lambda response, ready: _parts_above(response, ready, ".clash", 0.0),
+            "coils of a spring touch",
+        )
+    found["buckling"] = (
+        lambda response, ready: _parts_above(response, ready, ".buckling_use", 1.0),
+        "a member's compression passes its buckling load",
+    )
+    return found
 
 
 def _open_contacts(response: Response, ready: PreparedRun) -> list[str]:
@@ -284,14 +298,6 @@ def _bouncing_seats(response: Response, ready: PreparedRun, height: float) -> li
             if came.height > height if came else float(gap.max()) > height:  # or the valve never closes
                 found.append(name)
     return found
-
-
-def _clashing_springs(response: Response, ready: PreparedRun) -> list[str]:
-    return _parts_above(response, ready, ".clash", 0.0)
-
-
-def _buckling_members(response: Response, ready: PreparedRun) -> list[str]:
-    return _parts_above(response, ready, ".buckling_use", 1.0)
 
 
 def _parts_above(response: Response, ready: PreparedRun, end: str, least: float) -> list[str]:
@@ -316,12 +322,120 @@ def _rigid_limit_speed(case: Case) -> float | None:
 
 def _force_coefficients(case: Case, contact: str) -> FloatArray:
     """Return the coefficients of the rigid contact force: constant, per rad/s and per (rad/s)^2, shape (3, angles)."""
-    speeds = case.speed * np.array([0.5, 1.0, 2.0])
-    forces = [_rigid_force(case, contact, float(speed), _ANGLES) for speed in speeds]
+    speeds = [factor * case.speed for factor in (0.5, 1.0, 2.0)]
+    forces: list[FloatArray] = []
+    for speed in speeds:
+        ready = prepare(case.at_speed(speed), rigid=True)
+        steps = replace(ready.problem, step=(_ANGLES[1] - _ANGLES[0]) / speed, steps=len(_ANGLES) - 1)
+        forces.append(solve(steps, ready.scheme).channels[f"contacts.{contact}.force"])
     return np.asarray(np.linalg.solve(np.vander(speeds, increasing=True), forces), dtype=np.float64)
 
 
-def _rigid_force(case: Case, contact: str, speed: float, angle: FloatArray) -> FloatArray:
-    ready = prepare(case.at_speed(speed), rigid=True)
-    steps = replace(ready.problem, step=(angle[1] - angle[0]) / speed, steps=len(angle) - 1)
-    return solve(steps, ready.scheme).channels[f"contacts.{contact}.force"]
+MODELS = ("rigid", "bilateral", "unilateral")
+
+
+@dataclass(frozen=True)
+class ForceRange:
+    """Contact force of one model at one speed, on the main lift in the last revolution.
+
+    Parameters
+    ----------
+    least, largest
+        Minimum and maximum, N.
+    """
+
+    least: float
+    largest: float
+
+
+@dataclass(frozen=True)
+class SpeedResult:
+    """Contact forces of the models at one speed.
+
+    Parameters
+    ----------
+    rpm
+        Camshaft speed, rpm.
+    forces
+        Forces by model: ``rigid``, ``bilateral``, ``unilateral``; None if the run did not reach its end.
+    """
+
+    rpm: float
+    forces: Mapping[str, ForceRange | None]
+
+    def models_differ(self, first: str, second: str, tolerance: float) -> bool:
+        """Return whether the extremes of two models differ by more than a fraction of the larger maximum."""
+        one, other = self.forces[first], self.forces[second]
+        if one is None or other is None:
+            return True
+        size = max(one.largest, other.largest)
+        return max(abs(one.largest - other.largest), abs(one.least - other.least)) > tolerance * size
+
+
+def compare_models_over_speed(
+    case: Case, speeds: Sequence[float], *, contact: str | None = None, advance: ProgressCallback | None = None
+) -> list[SpeedResult]:
+    """Run a case over speeds with a rigid train, a bilateral contact and a unilateral contact."""
+    model = prepare(case).model
+    known = [name for name, one in model.contacts.items() if isinstance(one, CamContact) and one.unilateral]
+    if not known or (contact is not None and contact not in known):
+        given = "no unilateral contact" if contact is None else repr(contact)
+        raise refuse("contacts", given, f"one of {', '.join(known)}" if known else "a unilateral contact")
+    return [_evaluate_speed(case, speed, contact or known[0], len(speeds)) for speed in track_progress(speeds, advance)]
+
+
+def divergence_speed(found: Sequence[SpeedResult], first: str, second: str, tolerance: float = 0.05) -> float | None:
+    """Return the lowest speed, rpm, at which two models differ by more than a fraction of the force; None if never."""
+    return next((one.rpm for one in found if one.models_differ(first, second, tolerance)), None)
+
+
+def _evaluate_speed(case: Case, speed: float, contact: str, runs: int) -> SpeedResult:
+    one = case.at_speed(speed)
+    rigid, free = prepare(one, rigid=True), prepare(one)
+    still = _force_range(_solve_run(rigid, runs), free, contact)
+    held = _with_bilateral_contact(free, contact, still.largest if still else 0.0)
+    responses = {name: _solve_run(ready, runs) for name, ready in (("bilateral", held), ("unilateral", free))}
+    forces = {name: _force_range(response, free, contact) for name, response in responses.items()}
+    return SpeedResult(speed / RPM, {"rigid": still, **forces})
+
+
+def _solve_run(ready: PreparedRun, runs: int) -> Response:
+    """Return one of several runs; an interruption stops all of them."""
+    response = solve(replace(ready.problem, runs=runs), ready.scheme)
+    reraise_interrupt(response.status)
+    return response
+
+
+def _force_range(response: Response, ready: PreparedRun, contact: str) -> ForceRange | None:
+    if not response.status.ok:
+        return None
+    model = ready.model
+    cam = model.cam_contacts[contact].cam
+    lifted = response.latest(ready.revolution) & (model.cams[cam].event(response.angle) > main_lift(model, cam))
+    force: FloatArray = response.channels[f"contacts.{contact}.force"][lifted]
+    return ForceRange(float(force.min()), float(force.max()))
+
+
+def _with_bilateral_contact(ready: PreparedRun, contact: str, force: float) -> PreparedRun:
+    """Return the same train with a bilateral contact."""
+    part = ready.model.contacts[contact]
+    if not isinstance(part, CamContact):
+        raise refuse("contacts", repr(contact), "a contact with a stiffness")
+    stiffness = part.stiffness or _secant_stiffness(ready.model, contact, part, force)
+    held = replace(part, unilateral=False, stiffness=stiffness, restitution=None)
+    model = replace(ready.model, contacts={**ready.model.contacts, contact: held})
+    system = build_system(model, ready.case.speed)
+    start = equilibrium(system, ready.problem.drive)
+    return replace(ready, model=model, problem=replace(ready.problem, system=system, start=start))
+
+
+def _secant_stiffness(model: Model, name: str, part: CamContact, force: float) -> float:
+    """Return the secant stiffness of a Hertz contact at full lift, N/m."""
+    structure = build_structure(model)
+    cam = model.cams[part.cam]
+    line = hertz_line(structure, name, part, cam)
+    width, give, rest, reference, _, limit = line.law().constants
+    limit *= float(line.radius(np.array([event_extremes(cam.event)[1].at]), 0)[0])
+    depth = np.geomspace(1e-8, 1e-4, 400)
+    there = [width * line_load(x, limit, give, rest, reference)[0] for x in depth.tolist()]
+    return force / float(np.interp(force, there, depth))

@@ -1,25 +1,250 @@
-"""Choice of the cheapest sufficient model: models are compared with a converged run in ascending order of work."""
+"""Cost and error of the models of a case, and choice of the cheapest one within a tolerance.
+
+Models are compared with a converged reference run, in ascending order of work.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+import statistics
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
-from flexcam.analysis.model_ladder import ModelLevel
-from flexcam.analysis.preparation import prepare_without_periodic_search, scalar_probe
-from flexcam.analysis.trade import (
-    ModelEvaluation,
-    Reference,
-    candidate_models,
-    evaluate_model,
-    reference_run,
-    total_work,
+from flexcam.analysis.comparison import Histories, Norm, distance, extract_histories
+from flexcam.analysis.model_ladder import (
+    ModelLevel,
+    model_ladder,
+    run_histories,
+    steps_per_revolution_of,
+    with_beam_model,
+    with_elements,
 )
+from flexcam.analysis.preparation import PreparedRun, prepare, prepare_without_periodic_search, scalar_probe
 from flexcam.case.case import Case
 from flexcam.case.schema.run import ResultStartRecord
-from flexcam.core.errors import refuse
-from flexcam.dynamics import Cause, RunFailedError, Status
+from flexcam.core.errors import Fault, InputError, refuse
+from flexcam.dynamics import (
+    Cause,
+    ProgressCallback,
+    Response,
+    RunFailedError,
+    Status,
+    integrated_size,
+    reraise_interrupt,
+    solve,
+    track_progress,
+)
+
+_REFERENCE_STEPS_RATIO = 4
+"""Ratio of the steps of the reference to those of the case; it has three times as many elements."""
+
+_FINER = 3
+
+_REFERENCES = (_FINER, _REFERENCE_STEPS_RATIO), (_FINER - 1, _REFERENCE_STEPS_RATIO // 2)
+"""Elements and steps, relative to the case, of the reference and of the run that estimates its error."""
+
+_SAFETY_FACTOR = 2.0
+_MIN_STEPS = 60
+"""Minimum steps per revolution of an evaluated model."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """Converged reference run.
+
+    Parameters
+    ----------
+    measured
+        Histories of the run.
+    errors
+        Its estimated error by quantity, SI: twice the distance from a coarser run.
+    size
+        Maximum absolute value by quantity, SI; for the lift its range.
+    steps
+        Steps per camshaft revolution.
+    norm
+        Norm of all errors; None for that of `flexcam.analysis.comparison.select_norm` for each quantity.
+    """
+
+    measured: Histories
+    errors: dict[str, float]
+    size: dict[str, float]
+    steps: int
+    norm: Norm | None = None
+
+
+@dataclass(frozen=True)
+class ModelEvaluation:
+    """Cost and error of a model with a number of steps.
+
+    Parameters
+    ----------
+    rung, words
+        Name and description of the model.
+    steps
+        Steps per camshaft revolution.
+    unknowns
+        Number of integrated degrees of freedom.
+    work
+        Degrees of freedom times steps of the run.
+    seconds
+        Processor time of the run, s, median of the repeats.
+    errors
+        Error by quantity in the norm of the reference, relative to its maximum (for the lift, its range).
+    status
+        Status of the run.
+    best
+        Whether no other model is both cheaper (by `work`, then by steps) and closer in its worst quantity; a model that
+        computes more quantities counts as closer, regardless of its errors.
+    """
+
+    rung: str
+    words: str
+    steps: int
+    unknowns: int
+    work: int
+    seconds: float
+    errors: dict[str, float]
+    status: Status
+    best: bool = False
+
+    @property
+    def maximum_error(self) -> float:
+        """Maximum error; infinite for an incomplete run."""
+        return max(self.errors.values(), default=math.inf)
+
+
+def reference_run(case: Case, probe: str, until: float | None = None, *, work: int = 0) -> Reference:
+    """Return a converged run of a case with its error; `work` is the steps per revolution of all planned runs."""
+    _refuse_result(case)
+    steps, norm = steps_per_revolution_of(case), case.record.fidelity.norm
+    work = max(work, total_work(case, ()))
+    # The engine that was requested for the case may not suit the size of the reference; all engines agree to rounding.
+    beams = _with_stable_method(with_beam_model(case).with_run({"engine": "auto"}))
+    models = [
+        ModelLevel("reference", "", with_elements(beams, factor=elements)).with_steps(n * steps)
+        for elements, n in _REFERENCES
+    ]
+    try:
+        finest, coarser = (run_histories(model, probe, until, work) for model in models)
+    except RunFailedError as failure:
+        reraise_interrupt(failure.status)
+        status = failure.status
+        if status.cause is not Cause.TIME_LIMIT:
+            status = replace(status, text=f"{_REFERENCE_NAME}: {status.text}")
+        raise RunFailedError(status) from None
+    except InputError as refusal:
+        raise InputError(_reference_fault(fault) for fault in refusal.faults) from None
+    errors = {name: _SAFETY_FACTOR * value for name, value in distance(finest, coarser, norm=norm).items()}
+    return Reference(finest, errors, {name: finest.size(name) for name in errors}, _REFERENCE_STEPS_RATIO * steps, norm)
+
+
+def _refuse_result(case: Case) -> None:
+    if isinstance(case.record.run.start, ResultStartRecord):
+        where, why = case.place(("run", "start")), "a result fits one mesh, and others are tried"
+        raise refuse(where, "a start from a result", "another start", why, "give rest, equilibrium, periodic or values")
+
+
+def total_work(case: Case, rungs: Sequence[ModelLevel], repeats: int = 1) -> int:
+    """Return the steps per revolution of all runs that compare models with the reference of a case."""
+    return sum(n for _, n in _REFERENCES) * steps_per_revolution_of(case) + repeats * sum(
+        steps_per_revolution_of(rung.case) for rung in rungs
+    )
+
+
+def _with_stable_method(case: Case) -> Case:
+    """Return a case with an unconditionally stable method: itself, or with average acceleration."""
+    limited = case.record.run.integrator.part.stability_limit() < math.inf
+    return case.with_average_acceleration() if limited else case
+
+
+_REFERENCE_NAME = f"the reference, of {_FINER} times the elements and {_REFERENCE_STEPS_RATIO} times the steps"
+
+
+def _reference_fault(fault: Fault) -> Fault:
+    """Return a fault with a note that it concerns the reference; faults of the case itself are reported before."""
+    if not fault.where.startswith("run."):
+        return fault
+    return replace(fault, why="; ".join(filter(None, (f"asked of {_REFERENCE_NAME}", fault.why))))
+
+
+def candidate_models(case: Case) -> list[ModelLevel]:
+    """Return the models of a case with its own steps and fewer, in ascending order of work."""
+    _refuse_result(case)
+    steps = steps_per_revolution_of(case)
+    counts = [steps // n for n in (8, 4, 2, 1) if steps % n == 0 and (steps // n >= _MIN_STEPS or n == 1)]
+    return sorted((rung.with_steps(n) for rung in model_ladder(case) for n in counts), key=_work)
+
+
+def _work(rung: ModelLevel) -> tuple[int, int]:
+    """Return degrees of freedom times steps of a run, and its steps per revolution."""
+    problem = prepare_without_periodic_search(_with_stable_method(rung.case)).problem
+    return integrated_size(problem) * problem.steps, steps_per_revolution_of(rung.case)
+
+
+def evaluate_model(
+    rung: ModelLevel, probe: str, against: Reference, *, repeats: int = 1, until: float | None = None, work: int = 0
+) -> ModelEvaluation:  # fmt: skip
+    """Return cost and error of a model; `work` is the steps per revolution of all planned runs."""
+    try:
+        ready = rung.prepare(until, work)
+    except InputError as refusal:
+        return _rejected_model(rung, refusal)
+    response, first = _timed_run(ready, until)
+    seconds = [first, *(_timed_run(ready, until)[1] for _ in range(repeats - 1))]
+    errors: dict[str, float] = {}
+    if response.status.ok:
+        apart = distance(extract_histories(response, probe), against.measured, norm=against.norm)
+        errors = {name: value / against.size[name] for name, value in apart.items() if against.size[name] > 0.0}
+    return ModelEvaluation(
+        rung.name, rung.words, steps_per_revolution_of(rung.case), response.stats.unknowns,
+        response.stats.unknowns * ready.problem.steps, statistics.median(seconds), errors, response.status,
+    )  # fmt: skip
+
+
+def _rejected_model(rung: ModelLevel, refusal: InputError) -> ModelEvaluation:
+    """Return a model whose method does not accept its steps; other errors are raised."""
+    if not all(fault.where.startswith("run.") for fault in refusal.faults):
+        raise refusal
+    problem = prepare(_with_stable_method(rung.case)).problem
+    unknowns, status = integrated_size(problem), Status(Cause.REFUSED, "; ".join(map(str, refusal.faults)))
+    return ModelEvaluation(
+        rung.name, rung.words, steps_per_revolution_of(rung.case), unknowns, unknowns * problem.steps, 0.0, {}, status
+    )
+
+
+def _timed_run(ready: PreparedRun, until: float | None) -> tuple[Response, float]:
+    """Return a run and its processor time, s."""
+    begun = time.process_time()
+    response = solve(ready.problem, ready.scheme, save=ready.save, until=until)
+    reraise_interrupt(response.status)
+    return response, time.process_time() - begun
+
+
+def evaluate_ladder(
+    case: Case, probe: str, *, repeats: int = 3, advance: ProgressCallback | None = None
+) -> tuple[Reference, list[ModelEvaluation]]:
+    """Return cost and error of every model on a case's ladder."""
+    rungs = candidate_models(case)
+    work = total_work(case, rungs, repeats)
+    against = reference_run(case, probe, work=work)
+    found = [
+        evaluate_model(rung, probe, against, repeats=repeats, work=work) for rung in track_progress(rungs, advance)
+    ]
+    return against, mark_pareto_front(found)
+
+
+def mark_pareto_front(found: Sequence[ModelEvaluation]) -> list[ModelEvaluation]:
+    """Return the models with the Pareto front in work and error marked."""
+    every = len({name for one in found for name in one.errors})
+    least = every, math.inf
+    marked: list[ModelEvaluation] = []
+    for one in sorted(found, key=lambda one: (one.work, one.steps, one.maximum_error)):
+        error = every - len(one.errors), one.maximum_error  # a model without a quantity has an infinite error in it
+        marked.append(replace(one, best=error < least))
+        least = min(least, error)
+    return marked
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,9 +323,7 @@ def select_case(case: Case, until: float | None = None) -> tuple[Case, Choice | 
     asked = case.record.fidelity
     if not asked.tolerances:
         return case, None
-    if isinstance(case.record.run.start, ResultStartRecord):
-        why, remedy = "a result fits one mesh, and others are tried", "leave one of them out"
-        raise refuse(case.place(("fidelity", "tolerance")), "a start from a result", "another start", why, remedy)
+    _refuse_result(case)
     try:
         choice = choose_model(case, scalar_probe(prepare_without_periodic_search(case)), asked.tolerances, until)
     except RunFailedError as failure:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flexcam.analysis.initial_state import set_initial_state
-from flexcam.analysis.measures import Histories, extract_histories
+from flexcam.analysis.comparison import Histories, extract_histories
 from flexcam.analysis.preparation import (
     DEFAULT_STEPS_PER_REVOLUTION,
     PreparedRun,
@@ -21,23 +19,10 @@ from flexcam.case.case import Case
 from flexcam.case.schema.run import GivenStartRecord
 from flexcam.core import FloatArray
 from flexcam.core.errors import InputError
-from flexcam.dynamics import Problem, Response, RunFailedError, State, solve
+from flexcam.dynamics import Response, RunFailedError, solve
 from flexcam.fem.recovery import deflection
-from flexcam.valvetrain import Chain, Structure, build_chain, build_structure
+from flexcam.valvetrain import Structure, build_structure
 from flexcam.valvetrain.structure import inner_name, spring_parts
-
-
-def beat_period(speed: float, mode: float) -> tuple[float, float]:
-    """Return the beat period of an undamped oscillator, and its maximum deviation from the excitation.
-
-    The load form moves the valve as ``x'' + w^2 x = w^2 (1 - cos W t)/2`` from rest, under simple harmonic motion of
-    lift 1. With ``r = W/w`` it deviates from the lift by ``r^2/(1 - r^2) (cos w t - cos W t)/2``: the difference of two
-    cosines of nearly equal frequency is a beat, bounded if r is not 1.
-    """
-    share = (speed / mode) ** 2
-    if share == 1.0:
-        return math.inf, math.inf
-    return speed / abs(mode - speed), share / abs(1.0 - share)
 
 
 def map_initial_state(case: Case, other: Case) -> Case:
@@ -103,33 +88,6 @@ def _interpolate_member(structure: Structure, nodal: FloatArray, elements: slice
     whole = np.concatenate(turned, axis=-1)
     line = np.concatenate([whole[:, :-1].reshape(-1, 6), whole[-1:, -1]])
     return line[::parts]
-
-
-_RECOMPUTED_STARTS = ("rest", "equilibrium", "periodic")
-"""Initial states computed anew for the chain; others are projected from the beam model."""
-
-
-def mass_chain(case: Case, count: int, *, contact: str | None = None, lumped: bool = False) -> Chain:
-    """Return the train of a case as a chain of masses."""
-    return build_chain(build_model(case), case.speed, count, contact=contact, lumped=lumped)
-
-
-def prepare_mass_chain(case: Case, count: int, *, contact: str | None = None, lumped: bool = False) -> PreparedRun:
-    """Return a prepared run of a case with its train as a chain of masses."""
-    ready, found = prepare(case), mass_chain(case, count, contact=contact, lumped=lumped)
-    problem = replace(ready.problem, system=found.system, start=None)
-    if case.record.run.start in _RECOMPUTED_STARTS:
-        return replace(ready, problem=set_initial_state(case, ready.model, problem))
-    return replace(ready, problem=replace(problem, start=_project_start(ready.problem, found)))
-
-
-def _project_start(whole: Problem, found: Chain) -> State | None:
-    """Return the initial state of the beam model in the chain's degrees of freedom, by least squares."""
-    if whole.start is None:
-        return None
-    moved = np.column_stack([whole.start.displacement, whole.start.velocity])
-    near = np.linalg.lstsq(found.shapes, moved, rcond=None)[0]
-    return replace(whole.start, displacement=near[:, 0], velocity=near[:, 1])
 
 
 _ELEMENTS = (1, 2)

@@ -1,7 +1,4 @@
-"""Orders of a response: harmonics of the camshaft rotation in the last revolution of a run, over speed.
-
-May import `analysis` and everything below it; `flexcam orders` prints and plots the results.
-"""
+"""Orders of a response: harmonics of the camshaft rotation in the last revolution of a run, over speed."""
 
 from __future__ import annotations
 

@@ -105,9 +105,10 @@ def prepare(
     --------
     ``prepare(case).problem.system`` is the `System` of a case, for custom studies.
     """
-    model, system, few = _build_problem(case, model, _model_name(case, rigid=rigid), allow_large=allow_large)
+    kind = "rigid" if rigid else case.record.fidelity.model
+    model, system, chain = _build_equations(case, model, kind, allow_large=allow_large)
     save = SaveAt(field_every=case.record.output.field_every)
-    scheme = case.record.run.integrator.build()
+    scheme = case.record.run.integrator.part
     try:
         plain = replace(_make_problem(case, model, system), runs=runs)
         if rigid:  # the rigid companion of a flexible run; the engine was requested for the flexible one
@@ -115,7 +116,7 @@ def prepare(
         problem = set_initial_state(case, model, plain, until=until)
     except InputError as refusal:
         raise _add_lines(case, refusal) from None
-    problem = replace(problem, basis=_reduced_basis(case, problem, few))
+    problem = replace(problem, basis=_reduced_basis(case, problem, chain))
     if refusal := method_refusal(problem, scheme):
         raise _add_lines(case, refusal)
     return PreparedRun(case, model, problem, scheme, save)
@@ -137,10 +138,18 @@ def build_problem(
     case: Case, *, rigid: bool = False, model: Model | None = None, allow_large: bool = False
 ) -> tuple[Model, System]:  # fmt: skip
     """Return the model of a case and its equations without an initial state."""
-    return _build_problem(case, model, _model_name(case, rigid=rigid), allow_large=allow_large)[:2]
+    kind = "rigid" if rigid else case.record.fidelity.model
+    return _build_equations(case, model, kind, allow_large=allow_large)[:2]
 
 
-def _build_problem(
+_CHAINS = {"sdof": 1, "chain": None}
+"""Models of few masses, which represent the camshaft only by its compliance; number of masses if it is fixed."""
+
+_CHAIN_KEYS = {"count": "fidelity.masses", "contact": "fidelity.model"}
+"""Arguments of a chain, and the keys of a case that set them."""
+
+
+def _build_equations(
     case: Case, model: Model | None, kind: str, *, allow_large: bool
 ) -> tuple[Model, System, Chain | None]:  # fmt: skip
     """Return model and equations, and the chain of masses if the case uses one."""
@@ -148,44 +157,22 @@ def _build_problem(
     if not allow_large:
         check_mesh_memory(model.mesh)
     model = straighten(model) if kind in _CHAINS else model
-    make = build_rigid if kind == "rigid" else build_system
     try:
-        system = make(model, case.speed)
+        system = (build_rigid if kind == "rigid" else build_system)(model, case.speed)
+        if kind not in _CHAINS or not system.size:
+            return model, system, None
+        chain = build_chain(model, case.speed, _CHAINS[kind] or case.record.fidelity.masses)
     except InputError as refusal:
-        raise _add_lines(case, refusal) from None
-    if kind not in _CHAINS or not system.size:
-        return model, system, None
-    few = _mass_chain(case, model, _CHAINS[kind] or case.record.fidelity.masses)
-    return model, without_compression(system, few.unfelt), few
+        faults = (replace(fault, where=_CHAIN_KEYS.get(fault.where, fault.where)) for fault in refusal.faults)
+        raise _add_lines(case, InputError(faults)) from None
+    return model, without_compression(system, chain.unfelt), chain
 
 
-def _model_name(case: Case, *, rigid: bool) -> str:
-    """Return the name of the model of a case."""
-    return "rigid" if rigid else case.record.fidelity.model
-
-
-_CHAINS = {"sdof": 1, "chain": None}
-"""Models of few masses, and the number of masses if it is fixed."""
-
-
-_CHAIN_KEYS = {"count": "fidelity.masses", "contact": "fidelity.model"}
-"""Arguments of a chain, and the keys of a case that set them."""
-
-
-def _mass_chain(case: Case, model: Model, count: int) -> Chain:
-    """Return the train of a case as a chain of masses."""
-    try:
-        return build_chain(model, case.speed, count)
-    except InputError as refusal:
-        named = InputError(replace(one, where=_CHAIN_KEYS.get(one.where, one.where)) for one in refusal.faults)
-        raise _add_lines(case, named) from None
-
-
-def _reduced_basis(case: Case, problem: Problem, few: Chain | None) -> Basis | None:
+def _reduced_basis(case: Case, problem: Problem, chain: Chain | None) -> Basis | None:
     """Return the basis of a reduced model; None for the full degrees of freedom."""
     fidelity = case.record.fidelity
-    if few is not None:
-        return ModeBasis(few.shapes, few.system.names, _residual_start(case, problem, few.shapes))
+    if chain is not None:
+        return ModeBasis(chain.shapes, chain.system.names, _residual_start(case, problem, chain.shapes))
     if fidelity.modes is None or not problem.system.size:
         return None
     return modal_basis(problem, fidelity.modes, by_parts=fidelity.reduction == "craig-bampton")
@@ -205,9 +192,10 @@ def _residual_start(case: Case, problem: Problem, shapes: FloatArray) -> FloatAr
 
 def _add_lines(case: Case, refusal: InputError) -> InputError:
     """Return an error with the lines of its keys in the case file added."""
-    told = (fault if " (" in fault.where else replace(fault, where=case.place(tuple(fault.where.split("."))))
-            for fault in refusal.faults)  # fmt: skip
-    return InputError(told)
+    return InputError(
+        fault if " (" in fault.where else replace(fault, where=case.place(tuple(fault.where.split("."))))
+        for fault in refusal.faults
+    )
 
 
 def _make_problem(case: Case, model: Model, system: System) -> Problem:
@@ -219,8 +207,7 @@ def _make_problem(case: Case, model: Model, system: System) -> Problem:
     if steps < 1:
         given = f"{run.revolutions:g} revolutions with a step of {step:g} s"
         raise refuse("run", given, "at least one step", "", "more revolutions or a smaller step")
-    adaptive = run.adaptive.build() if run.adaptive else None
-    prune = case.record.fidelity.prune
+    adaptive, prune = run.adaptive.part if run.adaptive else None, case.record.fidelity.prune
     return Problem(system, drive, step, steps, adaptive=adaptive, prune=prune, engine=run.engine)
 
 
@@ -266,24 +253,18 @@ def _component_name(probe: Probe, component: int) -> str:
     return probe.name if len(probe.components) == 1 else f"{probe.name}.{probe.components[component]}"
 
 
-_LUMPED_MODELS = ("sdof", "chain")
-"""Models that represent the camshaft only by its compliance at the contacts, or not at all under a published load."""
-
-_CAMSHAFT = ("cams.", "supports.")
+_ROUNDING = 1e-9
+"""Relative size of rounding errors."""
 
 
 def compute_metrics(ready: PreparedRun, response: Response) -> list[Metric]:
     """Return the metrics of the last revolution of a run, without those that its model cannot compute."""
     found = train_metrics(ready.model, response, ready.revolution)
-    if ready.case.record.fidelity.model not in _LUMPED_MODELS:
+    if ready.case.record.fidelity.model not in _CHAINS:
         return found
-    return [one for one in found if not one.name.startswith(_CAMSHAFT) or _is_moving(response, one)]
 
+    def changes(metric: Metric) -> bool:
+        values = response.channels[metric.name.rpartition(".")[0]]
+        return bool(np.ptp(values) > _ROUNDING * np.abs(values).max())
 
-def _is_moving(response: Response, one: Metric) -> bool:
-    values = response.channels[one.name.rpartition(".")[0]]
-    return bool(np.ptp(values) > _ROUNDING * np.abs(values).max())
-
-
-_ROUNDING = 1e-9
-"""Relative size of rounding errors."""
+    return [one for one in found if not one.name.startswith(("cams.", "supports.")) or changes(one)]

@@ -1,28 +1,32 @@
-"""Run a case, write its result file, and resume an incomplete run."""
+"""Run a case, write its result file, resume an incomplete run, and reload a result."""
 
 from __future__ import annotations
 
 import json
 import platform
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal, cast
 
-from flexcam.analysis.case_diff import difference_fault, find_differences
+import numpy as np
+
 from flexcam.analysis.preparation import PreparedRun, prepare
 from flexcam.analysis.resources import ResourceEstimate, check_resources, estimate_resources
 from flexcam.case.case import Case
 from flexcam.case.input_checks import check_values
-from flexcam.core.errors import InputError, refuse
-from flexcam.dynamics import Response, Sink, Stats, fingerprint, outline, solve
+from flexcam.case.schema.run import ResultStartRecord
+from flexcam.core import FloatArray, IntArray
+from flexcam.core.errors import Fault, InputError, refuse
+from flexcam.dynamics import Block, Response, Series, Sink, Stats, fingerprint, outline, solve
 from flexcam.dynamics.checkpoint import CompletedPart
 from flexcam.dynamics.memory import RecentSink
-from flexcam.io import Geometry, PartialResult, ResultFile, create_folder, partial_path
-from flexcam.valvetrain import Model, build_structure, element_loads
+from flexcam.io import Geometry, PartialResult, Result, ResultFile, create_folder, partial_path
+from flexcam.valvetrain import MemberStrength, Model, StrengthSink, build_structure, element_loads
 
 
 def output_geometry(model: Model) -> Geometry:
@@ -67,7 +71,7 @@ def _check_same_case(ready: PreparedRun, earlier: PartialResult) -> None:
     """Raise an error if a run with another case, other package versions or another problem is resumed."""
     found = find_differences(_metadata(ready.case), earlier.about)
     if not found and earlier.checkpoint.problem != fingerprint(ready.problem, ready.scheme, ready.save):
-        found = [difference_fault("a mesh or a table beside the case")]
+        found = [_difference("a mesh or a table beside the case", "another one", "the one it began with")]
     if found:
         raise InputError(found)
 
@@ -163,3 +167,107 @@ def run(
 
 
 _STORED_TEXTS = ("all", "revolution")
+
+
+def reload_result(case: Case, result: Result) -> tuple[PreparedRun, Response]:
+    """Return the prepared case of a result and its response as originally computed."""
+    start = case.record.run.start
+    standing = (
+        case.with_run({"start": "equilibrium"}) if start == "periodic" or isinstance(start, ResultStartRecord) else case
+    )
+    ready = replace(prepare(standing), case=case)
+    names = outline(ready.problem.system)
+    response = result.response
+    free = build_structure(ready.model).dofs.numbers >= 0
+    if response.fields.displacement.shape[1] != free.size:
+        raise refuse("result", "another number of nodes", "a result of its case")
+    beside = names.unknowns[int(free.sum()) :]
+    at = np.searchsorted(response.time, response.field_time - 1e-12 * np.abs(response.field_time))
+    series = [
+        np.concatenate([values.reshape(-1, *free.shape)[:, free], *_internal_dofs(response, beside, kind, at)], axis=1)
+        for kind, values in vars(response.fields).items()
+    ]
+    return ready, replace(response, outline=names, fields=Series(*series))
+
+
+def _internal_dofs(response: Response, names: tuple[str, ...], kind: str, at: IntArray) -> list[FloatArray]:
+    """Return internal degrees of freedom, stored at every step, at selected steps."""
+    try:
+        return [np.asarray(getattr(response[name], kind))[at, None] for name in names]
+    except InputError as refusal:
+        if response.stats.unknowns == 0:  # internal nodes of a spring do not move in the rigid model and are not stored
+            return [np.zeros((len(at), len(names)))]
+        why = f"it does not hold {refusal.faults[0].given}"
+        raise refuse("result", "a result without an unknown of its case", "a result of its case", why) from None
+
+
+def member_strength(ready: PreparedRun, response: Response) -> dict[str, MemberStrength]:
+    """Return the stresses of the members over a run, from its saved fields."""
+    if ready.case.record.fidelity.model != "beams":
+        return {}
+    sink = StrengthSink(build_structure(ready.model))
+    channels = np.zeros((len(response.time), 0))
+    sink.write(
+        Block(response.time, response.angle, response.probes, channels,
+              response.field_time, response.field_angle, response.fields)
+    )  # fmt: skip
+    return sink.members()
+
+
+_MAX_CHARACTERS, _MAX_VALUES = 60, 4
+"""Maximum length of a reported value, characters, and maximum number of values."""
+
+
+def find_differences(now: Mapping[str, str], then: Mapping[str, str]) -> list[Fault]:
+    """Return the differences between a run and an earlier run that it resumes: keys, the first line, versions."""
+    found: list[Fault] = []
+    for name, (what, split) in _COMPARED_TEXTS.items():
+        one, other = split(now.get(name, "")), split(then.get(name, ""))
+        places = [place for place in dict.fromkeys([*one, *other]) if one.get(place) != other.get(place)]
+        shown = places[: 1 if name == "case" else _MAX_VALUES]
+        found += [_difference(f"{what}{place}", one.get(place, ""), other.get(place, "")) for place in shown]
+    return found
+
+
+def _difference(what: str, given: str, allowed: str) -> Fault:
+    why, remedy = "a run can only be resumed unchanged", "restore it, or run the case again with --overwrite"
+    return Fault(f"--resume: {what}", _shorten(given), _shorten(allowed), why, remedy)
+
+
+def _shorten(text: str) -> str:
+    shown = text.strip() or "nothing"
+    return shown if len(shown) <= _MAX_CHARACTERS else f"{shown[: _MAX_CHARACTERS - 3]}..."
+
+
+def _whole_text(text: str) -> dict[str, str]:
+    return {"": text}
+
+
+def _text_lines(text: str) -> dict[str, str]:
+    return {f", line {number}": line for number, line in enumerate(text.split("\n"), start=1)}
+
+
+def _text_overrides(text: str) -> dict[str, str]:
+    return {"": ", ".join(json.loads(text or "[]"))}
+
+
+def _text_values(text: str) -> dict[str, str]:
+    """Return the text of every value in nested tables by its dotted key."""
+
+    def flatten(value: object, path: str) -> Iterator[tuple[str, str]]:
+        if isinstance(value, dict):
+            for name, inner in cast("dict[str, Any]", value).items():
+                yield from flatten(inner, f"{path}.{name}".removeprefix("."))
+        else:
+            yield f", {path}", json.dumps(value)
+
+    return dict(flatten(json.loads(text or "{}"), ""))
+
+
+_COMPARED_TEXTS: dict[str, tuple[str, Callable[[str], dict[str, str]]]] = {
+    "case": ("the text of the case", _text_lines),
+    "overrides": ("--set", _text_overrides),
+    "resolved": ("values of the case", _text_values),
+    **{name: (name, _whole_text) for name in ("flexcam", "python", "numpy", "scipy", "numba")},
+}
+"""Texts of a result that must be equal for identical numbers, their description, and their parts by place."""

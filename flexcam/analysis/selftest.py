@@ -11,7 +11,7 @@ from importlib.util import find_spec
 
 import numpy as np
 
-from flexcam.analysis.error_estimate import excited_mode
+from flexcam.analysis.natural_modes import excited_mode
 from flexcam.analysis.preparation import PreparedRun, prepare
 from flexcam.analysis.run import open_result_file
 from flexcam.cams import LAWS, criteria

@@ -340,7 +340,7 @@ class Stability:
 
 def assess_stability(case: Case) -> Stability:
     """Return the stability of a case at its speed."""
-    method = case.record.run.integrator.build()
+    method = case.record.run.integrator.part
     limited = method.stability_limit() < math.inf
     ready = prepare(case.with_average_acceleration() if limited else case)
     whole = math.ceil(ready.revolution / ready.problem.step)

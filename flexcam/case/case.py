@@ -91,11 +91,9 @@ class Case:
         Case
             Case with unchanged text and overrides; its speed refers to the same shaft.
         """
-        crank = self.turns == 2.0
-        changed: dict[str, object] = {
-            "speed": None if crank else speed,
-            "crank_speed": 2.0 * speed if crank else None,
-        }
+        changed: dict[str, object] = {"speed": speed, "crank_speed": None}
+        if self.turns == 2.0:
+            changed = {"speed": None, "crank_speed": 2.0 * speed}
         if revolutions is not None:
             changed["revolutions"] = revolutions
         return self.with_run(changed)
@@ -105,50 +103,16 @@ class Case:
         return self.with_run({"integrator": NewmarkRecord()})
 
     def with_run(self, changed: Mapping[str, object]) -> Case:
-        """Return the same case with changed keys of ``[run]``.
-
-        Parameters
-        ----------
-        changed
-            Checked values by key.
-
-        Returns
-        -------
-        Case
-            Case with unchanged text and overrides.
-        """
+        """Return the same case with changed keys of ``[run]``, given as checked values."""
         return self._with("run", self.record.run, changed)
 
     def with_fidelity(self, changed: Mapping[str, object]) -> Case:
-        """Return the same case with changed keys of ``[fidelity]``.
-
-        Parameters
-        ----------
-        changed
-            Checked values by key.
-
-        Returns
-        -------
-        Case
-            Case with unchanged text and overrides.
-        """
+        """Return the same case with changed keys of ``[fidelity]``, given as checked values."""
         return self._with("fidelity", self.record.fidelity, changed)
 
     def _with(self, name: str, table: Record, changed: Mapping[str, object]) -> Case:
-        made = table.model_copy(update=dict(changed))
-        return replace(self, record=self.record.model_copy(update={name: made}))
+        return replace(self, record=self.record.model_copy(update={name: table.model_copy(update=dict(changed))}))
 
     def place(self, path: KeyPath) -> str:
-        """Return a key path with its line or override.
-
-        Parameters
-        ----------
-        path
-            Keys and indices from the root of the file.
-
-        Returns
-        -------
-        str
-            Such as ``run.speed (line 62)``.
-        """
+        """Return a key path with its line or override, such as ``run.speed (line 62)``."""
         return self.places.place(path)

@@ -1,20 +1,35 @@
-"""Checks of input values: typical ranges of keys, with margins, contradictory keys, missing units and unused parts."""
+"""Warnings before a run: implausible values, keys and parts without effect, contacts and loads of the model.
+
+Each check is a function; docs/long-runs.md has a row for each. A warning does not stop a run.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any, cast
 
 import numpy as np
 
 from flexcam.case.case import Case
-from flexcam.case.fault_report import resolve_record, si_unit
+from flexcam.case.records import resolve_record, si_unit
 from flexcam.case.toml_lines import parse_toml
+from flexcam.core.errors import FlexcamError
 from flexcam.core.units import RPM
-from flexcam.fem.mesh import Mesh
+from flexcam.dynamics import (
+    ConstantSpeed,
+    Method,
+    Problem,
+    RunFailedError,
+    SaveAt,
+    Scheme,
+    equilibrium,
+    newmark,
+    solve,
+)
+from flexcam.valvetrain import Adjuster, CamContact, Lash, Model, Seat, build_system, shared_forces, touching_coils
 
 
 @dataclass(frozen=True)
@@ -118,134 +133,36 @@ TORSION_SPRING_RANGE = TypicalRange(
 """Range for torsional springs."""
 
 
-_IMPLAUSIBLE_SPEED = 300.0
-"""Speed, rad/s, from which a bare integer is unlikely to be meant in rad/s: it is 2865 rpm."""
-
-
-def check_keys(case: Case) -> Iterator[str]:
-    """Yield descriptions of keys that contradict each other, lack a unit or have no effect."""
-    yield from _check_speed_unit(case)
-    yield from _check_materials(case)
-    yield from _check_sections(case)
-    yield from _check_fidelity(case)
-    yield from _check_unused_parts(case)
-
-
-def _check_speed_unit(case: Case) -> Iterator[str]:
-    """Yield a warning for an integer speed without unit that was probably meant in rpm."""
-    for key in ("speed", "crank_speed"):
-        taken = getattr(case.record.run, key)
-        if (
-            taken is not None
-            and taken >= _IMPLAUSIBLE_SPEED
-            and _raw_value(case, key) == taken
-            and taken == round(taken)
-        ):
-            place, turned = case.place(("run", key)), taken / RPM
-            yield (
-                f"Warning: {place}: {taken:g} without a unit is in rad/s, {turned:.6g} rpm: did you mean {taken:g} rpm?"
-                f" Write the unit"
-            )
-
-
-def _raw_value(case: Case, key: str) -> object:
-    """Return the raw value of a key of ``[run]``."""
-    pairs = [one.partition("=") for one in case.overrides]
-    laid = [text for name, _, text in pairs if name.strip() == f"run.{key}"]
-    try:
-        if laid:
-            return float(laid[-1])
-        run = cast("dict[str, Any]", parse_toml(case.text).get("run", {}))
-        return run.get(key)
-    except ValueError:  # a text with a unit
-        return None
-
-
-def _check_materials(case: Case) -> Iterator[str]:
-    for name, one in case.record.materials.items():
-        if one.nu < 0.0:
-            place = case.place(("materials", name, "nu"))
-            yield f"Warning: {place}: {one.nu:g} is below zero: such a solid grows thicker when it is pulled"
-
-
-def _check_sections(case: Case) -> Iterator[str]:
-    """Yield sections with impossible properties: bounds that hold for every plane figure."""
-    for name, record in case.record.sections.items():
-        made, place = record.build(), case.place(("sections", name))
-        polar = made.Iy + made.Iz
-        if _ROUNDING_MARGIN * polar < made.J:
-            yield f"Warning: {place}: J = {made.J:g} m^4 is above Iy + Iz = {polar:g} m^4, which no shape has"
-        if _ROUNDING_MARGIN * 2.0 * math.pi * polar < made.A**2:
-            least = made.A**2 / (2.0 * math.pi)
-            yield f"Warning: {place}: Iy + Iz = {polar:g} m^4 is below that of a circle of its area, {least:g} m^4"
-        for key in ("kappa_y", "kappa_z"):
-            if getattr(made, key) > _ROUNDING_MARGIN:
-                yield f"Warning: {place}: {key} = {getattr(made, key):g} is above 1: no more than A bears shear"
-
-
-def _check_fidelity(case: Case) -> Iterator[str]:
-    """Yield keys of a model that is not run, and tolerances that every model meets."""
-    asked, whole = case.record.fidelity, [name for name, one in case.record.fidelity.tolerances.items() if one >= 1.0]
-    place = {key: case.place(("fidelity", key)) for key in ("masses", "modes", "tolerance")}
-    if "masses" in asked.model_fields_set and asked.model != "chain":
-        yield f"Warning: {place['masses']}: it counts the masses of a chain, and the model is {asked.model}"
-    if asked.modes is not None and asked.tolerances:
-        yield f"Warning: {place['modes']}: it asks for nothing, for fidelity.tolerance chooses the model"
-    if whole:
-        yield f"Warning: {place['tolerance']}: any model is within 100 % of {', '.join(whole)}: did you mean percent?"
-
-
-def _check_unused_parts(case: Case) -> Iterator[str]:
-    """Yield parts that nothing refers to, which suggests a misspelled name."""
-    record = case.record
-    users = {
-        "materials": ({one.material for one in record.members.values()}, "no member is made of it"),
-        "sections": ({one.section for one in record.members.values()}, "no member has it"),
-        "cams": (
-            {getattr(one, "cam", None) for one in record.contacts.values()},
-            "no contact names it: it moves nothing",
-        ),
-    }
-    for table, (used, why) in users.items():
-        for name in getattr(record, table):
-            if name not in used:
-                yield f"Warning: {case.place((table, name))}: {why}"
-
-
-_ROUNDING_MARGIN = 1.02
-"""Margin for published properties, which are rounded to a percent."""
-
-
-_MAX_SLENDERNESS = 2000.0
-_MIN_SLENDERNESS = 0.2
-"""Limits of the ratio of length to section size outside of which a member's units are probably inconsistent."""
-
-
 def check_values(case: Case) -> list[str]:
-    """Return descriptions of implausible values of a case."""
+    """Return warnings about implausible values of a case, and about keys and parts without effect."""
     tables = resolve_record(case.record)
-    found = [
-        _format_warning(case, path, value, one)
-        for one in TYPICAL_RANGES
-        for path, value in _values_out_of_range(tables, one)
-    ]
-    others = (
-        check_keys,
-        _check_spring_stiffness,
-        _check_double_supports,
-        _check_fixed_spring_nodes,
-        _check_proportions,
-    )
-    return list(dict.fromkeys([*found, *(said for one in others for said in one(case))]))
+    torsional = {name for name, record in case.record.springs.items() if record.part.turns}
+    found = [warning for usual in TYPICAL_RANGES for warning in _range_warnings(case, tables, usual)]
+    found += _speed_unit_warnings(case)
+    found += _section_warnings(case)
+    found += _fidelity_warnings(case)
+    found += _unused_part_warnings(case)
+    for usual, is_torsional in ((SPRING_RANGE, False), (TORSION_SPRING_RANGE, True)):
+        springs = {n: one for n, one in tables["springs"].items() if (n in torsional) == is_torsional}
+        found += _range_warnings(case, {"springs": springs}, usual)
+    found += _support_warnings(case)
+    found += _slenderness_warnings(case)
+    return list(dict.fromkeys(f"Warning: {warning}" for warning in found))
 
 
-def _values_out_of_range(tables: Mapping[str, Any], usual: TypicalRange) -> Iterator[tuple[tuple[str, ...], float]]:
-    """Yield path and number of the values outside a typical range, one per key."""
+def _range_warnings(case: Case, tables: Mapping[str, Any], usual: TypicalRange) -> Iterator[str]:
+    """Yield the values outside a typical range, one per key."""
     for path, value in _matching_values(tables, tuple(usual.key.split(".")), ()):
         several = cast("list[object]", value) if isinstance(value, list) else [value]
         numbers = [abs(float(x)) for x in several if isinstance(x, int | float) and not isinstance(x, bool)]
-        if beyond := [x for x in numbers if (x or usual.zero) and not usual.least <= x <= usual.most]:
-            yield path, beyond[0]
+        outside = [x for x in numbers if (x or usual.zero) and not usual.least <= x <= usual.most]
+        if outside:
+            unit, x = si_unit(path) or usual.si, outside[0]
+            bounds = f"{usual.least:g} to {usual.most:g}" if usual.least else f"up to {usual.most:g}"
+            near = [f"{x:g} {name}" for name, size in usual.meant.items() if usual.least <= x * size <= usual.most]
+            hint = f": did you mean {near[0]}?" if near else ""
+            given = f"{x:g} {unit}".rstrip()
+            yield f"{case.place(path)}: {given} is no usual {usual.what} ({f'{bounds} {unit}'.rstrip()}){hint}"
 
 
 def _matching_values(
@@ -260,36 +177,94 @@ def _matching_values(
             yield from _matching_values(inner[name], steps[1:], (*path, name))
 
 
-def _format_warning(case: Case, path: tuple[str, ...], value: float, usual: TypicalRange) -> str:
-    unit = si_unit(path) or usual.si
-    bounds = f"{usual.least:g} to {usual.most:g}" if usual.least else f"up to {usual.most:g}"
-    near = [f"{value:g} {name}" for name, size in usual.meant.items() if usual.least <= value * size <= usual.most]
-    meant = f": did you mean {near[0]}?" if near else ""
-    given, outside = f"{value:g} {unit}".rstrip(), f"{bounds} {unit}".rstrip()
-    return f"Warning: {case.place(path)}: {given} is no usual {usual.what} ({outside}){meant}"
+_IMPLAUSIBLE_SPEED = 300.0
+"""Speed, rad/s, from which a bare integer is unlikely to be meant in rad/s: it is 2865 rpm."""
 
 
-def _check_spring_stiffness(case: Case) -> Iterator[str]:
-    """Yield springs with implausibly low or high stiffness; the limits depend on whether they are torsional."""
-    tables = resolve_record(case.record)
-    twist = {name for name, one in case.record.springs.items() if one.build().turns}
-    for usual, turning in ((SPRING_RANGE, False), (TORSION_SPRING_RANGE, True)):
-        for path, value in _values_out_of_range(tables, usual):
-            if (path[1] in twist) == turning:
-                yield _format_warning(case, path, value, usual)
+def _speed_unit_warnings(case: Case) -> Iterator[str]:
+    """Yield an integer speed without unit that was probably meant in rpm."""
+    for key in ("speed", "crank_speed"):
+        speed = getattr(case.record.run, key)
+        if speed is None or speed < _IMPLAUSIBLE_SPEED or speed != round(speed) or _raw_value(case, key) != speed:
+            continue
+        place, hint = case.place(("run", key)), f"did you mean {speed:g} rpm? Write the unit"
+        yield f"{place}: {speed:g} without a unit is in rad/s, {speed / RPM:.6g} rpm: {hint}"
 
 
-def _check_double_supports(case: Case) -> Iterator[str]:
-    """Yield components fixed twice at one node, by two supports or by one."""
-    seen: dict[tuple[int, str], str] = {}
-    for point, held in case.record.supports.items():
-        place = case.place(("supports", point))
-        for component in sorted({one for one in held if held.count(one) > 1}):
-            yield f"Warning: {place}: {component} is listed {held.count(component)} times"
-        for node, component in product(_nodes(case, point), dict.fromkeys(held)):
-            other = seen.setdefault((node, component), point)
+def _raw_value(case: Case, key: str) -> object:
+    """Return the value of a key of ``[run]`` as written; None for a text with a unit."""
+    pairs = [override.partition("=") for override in case.overrides]
+    given = [text for name, _, text in pairs if name.strip() == f"run.{key}"]
+    try:
+        return float(given[-1]) if given else cast("dict[str, Any]", parse_toml(case.text).get("run", {})).get(key)
+    except ValueError:
+        return None
+
+
+_ROUNDING_MARGIN = 1.02
+"""Margin for published properties, which are rounded to a percent."""
+
+
+def _section_warnings(case: Case) -> Iterator[str]:
+    """Yield sections with impossible properties: bounds that hold for every plane figure."""
+    for name, record in case.record.sections.items():
+        section, place = record.part, case.place(("sections", name))
+        polar = section.Iy + section.Iz
+        if _ROUNDING_MARGIN * polar < section.J:
+            yield f"{place}: J = {section.J:g} m^4 is above Iy + Iz = {polar:g} m^4, which no shape has"
+        if _ROUNDING_MARGIN * 2.0 * math.pi * polar < section.A**2:
+            circle = section.A**2 / (2.0 * math.pi)
+            yield f"{place}: Iy + Iz = {polar:g} m^4 is below that of a circle of its area, {circle:g} m^4"
+        for key in ("kappa_y", "kappa_z"):
+            if getattr(section, key) > _ROUNDING_MARGIN:
+                yield f"{place}: {key} = {getattr(section, key):g} is above 1: no more than A bears shear"
+
+
+def _fidelity_warnings(case: Case) -> Iterator[str]:
+    """Yield keys of a model that is not run, and tolerances that every model meets."""
+    asked = case.record.fidelity
+    loose = [name for name, tolerance in asked.tolerances.items() if tolerance >= 1.0]
+    place = {key: case.place(("fidelity", key)) for key in ("masses", "modes", "tolerance")}
+    if "masses" in asked.model_fields_set and asked.model != "chain":
+        yield f"{place['masses']}: it counts the masses of a chain, and the model is {asked.model}"
+    if asked.modes is not None and asked.tolerances:
+        yield f"{place['modes']}: it has no effect, because fidelity.tolerance chooses the model"
+    if loose:
+        yield f"{place['tolerance']}: any model is within 100 % of {', '.join(loose)}: did you mean percent?"
+
+
+def _unused_part_warnings(case: Case) -> Iterator[str]:
+    """Yield parts that nothing refers to, which suggests a misspelled name."""
+    record = case.record
+    users = {
+        "materials": ({member.material for member in record.members.values()}, "no member is made of it"),
+        "sections": ({member.section for member in record.members.values()}, "no member has it"),
+        "cams": (
+            {getattr(contact, "cam", None) for contact in record.contacts.values()},
+            "no contact names it: it moves nothing",
+        ),
+    }
+    for table, (used, why) in users.items():
+        for name in getattr(record, table):
+            if name not in used:
+                yield f"{case.place((table, name))}: {why}"
+
+
+def _support_warnings(case: Case) -> Iterator[str]:
+    """Yield components fixed by two supports, and springs to ground at fixed nodes."""
+    supports: dict[tuple[int, str], str] = {}
+    for point, components in case.record.supports.items():
+        for node, component in product(_nodes(case, point), dict.fromkeys(components)):
+            other = supports.setdefault((node, component), point)
             if other != point:
-                yield f"Warning: {place}: {component} is held by support {other!r} already, at a node of both"
+                place = case.place(("supports", point))
+                yield f"{place}: {component} is fixed by support {other!r} already, at a node of both"
+    for name, spring in case.record.springs.items():
+        along = spring.direction.lstrip("+-") if isinstance(spring.direction, str) else ""
+        nodes = _nodes(case, spring.at)
+        if spring.to is None and along and nodes and all((node, along) in supports for node in nodes):
+            place = case.place(("springs", name))
+            yield f"{place}: a support fixes {along} of {spring.at!r}, so that the spring acts on nothing"
 
 
 def _nodes(case: Case, point: str) -> list[int]:
@@ -299,41 +274,168 @@ def _nodes(case: Case, point: str) -> list[int]:
     return case.mesh.points[point].tolist() if point in case.mesh.points else []
 
 
-def _check_fixed_spring_nodes(case: Case) -> Iterator[str]:
-    """Yield springs to ground that have no effect because a support fixes their node."""
-    held = {
-        (node, one)
-        for point, several in case.record.supports.items()
-        for node in _nodes(case, point)
-        for one in several
-    }
-    for name, spring in case.record.springs.items():
-        along = spring.direction.lstrip("+-") if isinstance(spring.direction, str) else ""
-        nodes = _nodes(case, spring.at)
-        if spring.to is None and along and nodes and all((node, along) in held for node in nodes):
-            place = case.place(("springs", name))
-            yield f"Warning: {place}: a support holds {along} of {spring.at!r}, so that the spring acts on nothing"
+_MIN_SLENDERNESS, _MAX_SLENDERNESS = 0.2, 2000.0
+"""Limits of the ratio of length to section size outside of which a member's units are probably inconsistent."""
 
 
-def _check_proportions(case: Case) -> Iterator[str]:
-    """Yield members with an implausible ratio of length to thickness."""
+def _slenderness_warnings(case: Case) -> Iterator[str]:
     for name, member in case.record.members.items():
-        size = 2.0 * case.record.sections[member.section].build().radius
-        length = _length(case.mesh, name) if case.mesh is not None else _length_of_nodes(case, member.nodes or [])
-        ratio = length / size
-        if not _MIN_SLENDERNESS <= ratio <= _MAX_SLENDERNESS:
-            sizes = f"{length:g} m long and {size:g} m thick, {ratio:.2g} to one"
-            question = "do lengths and sections have the same unit?"
-            yield f"Warning: {case.place(('members', name))}: {sizes}: {question}"
+        if case.mesh is not None:
+            points = case.mesh.nodes[case.mesh.lines[name]]
+        else:
+            points = np.array([case.record.nodes[node] for node in member.nodes or []])
+        length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+        size = 2.0 * case.record.sections[member.section].part.radius
+        if not _MIN_SLENDERNESS <= length / size <= _MAX_SLENDERNESS:
+            sizes = f"{length:g} m long and {size:g} m thick, {length / size:.2g} to one"
+            yield f"{case.place(('members', name))}: {sizes}: do lengths and sections have the same unit?"
 
 
-def _length(mesh: Mesh, name: str) -> float:
-    return _along(mesh.nodes[mesh.lines[name]])
+_MAX_DOFS = 3000
+"""Maximum number of degrees of freedom for which the start of a run is computed to check its contacts."""
+
+_LIFT_TOLERANCE = 1e-9
+"""Lift relative to its maximum from which a cam counts as off its base circle."""
+
+_OVERSHOOT_TOLERANCE = 0.01
+"""Overshoot relative to the initial motion from which it is reported: flexcam's choice."""
+
+_IMPACT_LIFT = 1e-3
+"""Lift relative to its maximum from which a start causes an impact; measured lifts may have noise below it."""
+
+_ANGLES = np.linspace(0.0, 2.0 * math.pi, 721)
+"""Cam angles, rad, at which the base circle is searched."""
 
 
-def _length_of_nodes(case: Case, names: Sequence[str]) -> float:
-    return _along([case.record.nodes[name] for name in names])
+def check_open_contacts(model: Model, problem: Problem, scheme: Method) -> list[str]:
+    """Return warnings about cam contacts that are open on the base circle at the start."""
+    contacts = {name: one for name, one in model.contacts.items() if isinstance(one, CamContact) and one.unilateral}
+    if not contacts or not 0 < problem.system.size <= _MAX_DOFS:
+        return []
+    try:
+        first = solve(replace(problem, steps=1, engine="direct", adaptive=None), scheme)
+    except RunFailedError:
+        return []  # the run reports it
+    found: list[str] = []
+    for name, contact in contacts.items() if len(first.time) else ():
+        event = model.cams[contact.cam].event
+        on_base_circle = abs(float(event(first.angle[:1])[0])) <= _LIFT_TOLERANCE * event.height
+        if on_base_circle and float(first.channels[f"contacts.{name}.force"][0]) <= 0.0:
+            why = "no spring presses the follower to its cam before it turns"
+            found.append(f"Warning: contacts.{name}: {why}; give a spring an installed_force")
+    return found
 
 
-def _along(points: Any) -> float:  # noqa: ANN401 - any array-like
-    return float(np.linalg.norm(np.diff(np.asarray(points, dtype=float), axis=0), axis=1).sum())
+def check_overshoot(problem: Problem, scheme: Method) -> list[str]:
+    """Return warnings about an initial velocity that decays within the first step and overshoots."""
+    start = problem.start
+    if not isinstance(scheme, Scheme) or start is None or not 0 < problem.system.size <= _MAX_DOFS:
+        return []
+    if not scheme.overshoot or not start.velocity.any():
+        return []
+    scale = max(float(np.abs(motion).max()) for motion in (start.displacement, problem.step * start.velocity))
+    try:
+        first = solve(replace(problem, steps=1, engine="direct", adaptive=None), scheme, save=SaveAt(field_every=1))
+    except RunFailedError:
+        return []  # the run reports it
+    beyond = scheme.overshoot * problem.step**2 * np.abs(first.fields.acceleration[0])
+    if float(beyond.max()) <= _OVERSHOOT_TOLERANCE * scale:
+        return []
+    size, name = f"{100.0 * float(beyond.max()) / scale:.3g} %", problem.system.names[int(np.argmax(beyond))]
+    what = f"the first step overshoots at {name} by {size} of the largest motion of the start"
+    return [f"Warning: {what}: the step does not resolve its damping; take newmark, bathe or smaller steps"]
+
+
+def check_start_impact(case: Case, model: Model, problem: Problem) -> list[str]:
+    """Return warnings about cams that already lift when a run starts from rest, which causes an impact."""
+    if case.record.run.start != "rest" or not problem.system.size:
+        return []
+    start = problem.drive.at(np.zeros(1))
+    found: list[str] = []
+    for name in dict.fromkeys(contact.cam for contact in model.cam_contacts.values()):
+        event = model.cams[name].event
+        lift, slope = (float(event(start.angle, order)[0]) for order in (0, 1))
+        if abs(lift) > _IMPACT_LIFT * event.height:
+            motion = f"{1e3 * lift:.3g} mm and {slope * float(start.speed[0]):.3g} m/s"
+            found.append(
+                f"Warning: cams.{name}: the run starts in the middle of its lift, at {motion}, and strikes a train at "
+                f'rest; turn it onto its base circle (phase), or take start = "equilibrium" or "periodic"'
+            )
+    return found
+
+
+def check_loads(model: Model, problem: Problem) -> list[str]:
+    """Return warnings about loads without a movable degree of freedom."""
+    vectors = {load.name: load.vector for load in problem.system.loads} if problem.system.size else {}
+    why = "it has no effect: a support fixes the point it acts at, or no member and no mass is there"
+    return [
+        f"Warning: loads.{name}: {why}"
+        for name, load in model.loads.items()
+        if load.size and not vectors.get(f"loads.{name}", np.ones(1)).any()
+    ]
+
+
+def check_connectivity(model: Model) -> list[str]:
+    """Return warnings about members not connected to any support, spring, rocker, cam or contact."""
+    mesh = model.mesh
+    connected = {int(node) for name in _connection_points(model) for node in mesh.points.get(name, ())}
+    parts = [set(part.tolist()) for part in mesh.parts]
+    return [
+        f"Warning: members {', '.join(name for name, line in mesh.lines.items() if int(line[0]) in part)}: no support, "
+        "spring, rocker, cam or contact touches them"
+        for part in parts
+        if not part & connected
+    ]
+
+
+def _connection_points(model: Model) -> Iterator[str]:
+    """Yield the points that connect members to other parts."""
+    yield from model.supports
+    for spring in model.springs.values():
+        yield from (spring.at, spring.to or "")
+    for rocker in model.rockers.values():
+        yield from (rocker.start, rocker.point)
+    for cam in model.cams.values():
+        yield cam.at
+    for contact in model.contacts.values():
+        match contact:
+            case Seat():
+                yield contact.at
+            case Lash() | Adjuster():
+                yield from contact.ends or ()
+            case _:
+                yield contact.follower
+
+
+def check_shared_seat_load(model: Model, speed: float) -> list[str]:
+    """Return warnings about cams that share the spring force with a closed seat: rigid, this is indeterminate."""
+    return [
+        f"Warning: contacts.{name}: no lash separates the cam from a closed seat, and both share the {force:.4g} N of "
+        "the springs by their stiffness: on the base circle the rigid train leaves all to the seat"
+        + _describe_base_circle_force(model, name, speed)
+        for name, force in shared_forces(model, speed).items()
+    ]
+
+
+def _describe_base_circle_force(model: Model, contact: str, speed: float) -> str:
+    """Describe the force on a cam on its base circle in the flexible train; empty if not known."""
+    event = model.cams[model.cam_contacts[contact].cam].event
+    low = _ANGLES[np.abs(event(_ANGLES, 0)) <= _LIFT_TOLERANCE * event.height]
+    if not len(low):
+        return ""
+    drive = ConstantSpeed(speed, float(low[0]))
+    try:
+        system = build_system(model, speed)
+        if system.size > _MAX_DOFS:
+            return ""
+        standstill = Problem(system, drive, 1e-6 / speed, 1, equilibrium(system, drive), engine="direct")
+        force = float(solve(standstill, newmark()).channels[f"contacts.{contact}.force"][0])
+    except FlexcamError:  # data not needed by a rigid train may be missing
+        return ""
+    return f", the flexible one leaves {force:.4g} N to the cam"
+
+
+def check_coil_bind(model: Model, speed: float) -> list[str]:
+    """Return warnings about springs that a rigid train compresses to solid length."""
+    touching = touching_coils(model, speed).items()
+    return [f"Warning: coils of {name!r} touch: {1e3 * beyond:.3g} mm beyond closed" for name, beyond in touching]

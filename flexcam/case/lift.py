@@ -23,8 +23,7 @@ from pydantic import (
 from pydantic_core import CoreSchema, ErrorDetails, core_schema
 
 from flexcam.cams import LAWS, Event, HarmonicLift, Law, LawKind, LiftReport, kind_names, law_kind, lift_table
-from flexcam.case import quantities as q
-from flexcam.case.quantities import describe_expected
+from flexcam.case.schema.base import Unit, convert_error, describe_type_error, value_error
 from flexcam.case.toml_lines import parse_toml
 from flexcam.core.errors import InputError, format_value, positive, refuse, suggest_name, system_message
 from flexcam.io import read_lift, read_text, resolve_file
@@ -94,7 +93,7 @@ class _LiftFile(BaseModel):
     file: str = Field(description="CSV with angle and lift, or TOML with harmonics; relative to the case file")
     angle: Literal["cam", "crank"] | None = Field(None, description="of which shaft the angles are")
     unit: Literal["mm", "um", "m", "in"] | None = Field(None, description="of the lift")
-    tolerance: Annotated[float, q.Unit("length")] | None = Field(
+    tolerance: Annotated[float, Unit("length")] | None = Field(
         None,
         description="rms of what smoothing may change, 0 for nothing; by default as the noise is",
     )
@@ -109,7 +108,7 @@ def _from_file_or_value(make: Callable[[object, Path], object]) -> CoreSchema:
             return make(value, case)
         except InputError as refusal:
             # A fault of the value itself has no path inside it.
-            raise q.convert_error(refusal, inside=refusal.faults[0].where not in ("law", "lift_table")) from None
+            raise convert_error(refusal, inside=refusal.faults[0].where not in ("law", "lift_table")) from None
 
     written = core_schema.plain_serializer_function_ser_schema(lambda made: made.given)
     return core_schema.with_info_plain_validator_function(validate, serialization=written)
@@ -168,7 +167,7 @@ def _validate(record: type[BaseModel], table: object, what: str, example: str) -
     except ValidationError as refusal:
         error = refusal.errors(include_url=False)[0]
         if error["type"] == "flexcam":
-            raise q.value_error(**error.get("ctx", {})) from None
+            raise value_error(**error.get("ctx", {})) from None
         key = ".".join(map(str, error["loc"])) or example
         allowed = f"{what}: {', '.join(record.model_fields)}"
         if error["type"] == "missing":
@@ -188,7 +187,7 @@ def _allowed_values(record: type[BaseModel], error: ErrorDetails) -> str:
     field = record.model_fields.get(str(error["loc"][0])) if error["loc"] else None
     if field is not None and field.annotation == tuple[tuple[int, float], ...]:
         return "it is a list of pairs, a whole number and a number each: [[1, 0.9], [3, 0.1]]"
-    return f"{describe_expected(error)} is needed there"
+    return f"{describe_type_error(error)} is needed there"
 
 
 @cache

@@ -13,17 +13,15 @@ from pydantic import ValidationError
 
 from flexcam.case.builder import with_spring_parts
 from flexcam.case.case import Case
+from flexcam.case.cross_checks import RawTables
 from flexcam.case.fault_report import convert_errors
-from flexcam.case.geometry_checks import coincident_node_faults
-from flexcam.case.overrides import apply_overrides, parse_tables, read_tables
-from flexcam.case.records import CamsRecord, CaseRecord
-from flexcam.case.references import References
+from flexcam.case.records import CamsRecord, CaseRecord, SweepFileRecord, SweepRecord
 from flexcam.case.schema.base import Record
-from flexcam.case.schema.studies import SweepFileRecord, SweepRecord
-from flexcam.case.toml_lines import KeyLocations, sort_faults
-from flexcam.core.errors import Fault, InputError, refuse
+from flexcam.case.toml_lines import KeyLocations, parse_toml, sort_faults
+from flexcam.case.toml_lines import Path as KeyPath
+from flexcam.core.errors import Fault, InputError, refuse, suggest_name, system_message
 from flexcam.fem.mesh import Mesh
-from flexcam.io import Result, read_mesh, resolve_file
+from flexcam.io import Result, read_mesh, read_text, resolve_file
 
 
 def read_case(path: str | Path, overrides: Sequence[str] = ()) -> Case:
@@ -63,7 +61,7 @@ def case_from_result(result: Result) -> Case:
     if missing := [name for name in _REQUIRED_TEXTS if name not in about]:
         raise refuse("result", f"nothing about {missing[0]!r}", "a result that keeps its case", "flexcam run keeps it")
     source, text = Path(about["case_file"]), about["case"]
-    case = CaseFile(source, text, parse_tables(source, text)).read(json.loads(about["overrides"]), mesh=result.mesh)
+    case = CaseFile(source, text, _parse_case(source, text)).read(json.loads(about["overrides"]), mesh=result.mesh)
     members = {name: one.model_copy(update={"elements": 1}) for name, one in case.record.members.items()}
     return replace(case, record=case.record.model_copy(update={"members": members}), mesh=result.mesh)
 
@@ -93,24 +91,22 @@ class CaseFile:
     def open(cls, path: str | Path) -> CaseFile:
         """Open a case file."""
         source = Path(path)
-        return cls(source, *read_tables(source))
+        return cls(source, *_read_tables(source))
 
     def read(self, overrides: Sequence[str] = (), *, mesh: Mesh | None = None) -> Case:
         """Return the checked case with overrides."""
         raw = deepcopy(dict(self.raw))
-        places, found = apply_overrides(raw, self.text, overrides)
-        own, mesh_faults = self._mesh(raw, places) if mesh is None or "mesh" not in raw else (mesh, [])
+        places, found = _apply_overrides(raw, self.text, overrides)
+        if mesh is None or "mesh" not in raw:
+            mesh, mesh_faults = self._mesh(raw, places)
+            found += mesh_faults
         record, record_faults = _record(CaseRecord, raw, places, self.path)
-        found += [
-            *record_faults,
-            *mesh_faults,
-            *References(raw, own, places).faults(),
-            *_exclusive_key_faults(raw, places),
-        ]
-        found += coincident_node_faults(raw if record is None else {**raw, "nodes": record.nodes}, places)
+        tables = RawTables(raw, mesh, places)
+        found += [*record_faults, *tables.reference_faults(), *tables.exclusive_key_faults()]
+        found += tables.coincident_node_faults()
         if found or record is None:
             raise InputError(sort_faults(found))
-        return with_spring_parts(Case(self.path, self.text, tuple(overrides), record, own, places))
+        return with_spring_parts(Case(self.path, self.text, tuple(overrides), record, mesh, places))
 
     @property
     def sweep(self) -> SweepRecord | None:
@@ -150,38 +146,95 @@ def _record(
 
 def has_mechanism(path: Path) -> bool:
     """Return whether a file describes a mechanism or only cams."""
-    return not {"members", "masses", "run"}.isdisjoint(read_tables(path)[1])
+    return not {"members", "masses", "run"}.isdisjoint(_read_tables(path)[1])
 
 
 def read_cams(path: str | Path, overrides: Sequence[str] = ()) -> CamsRecord:
     """Read and check a file that contains only cams."""
     source = Path(path)
-    text, raw = read_tables(source)
-    places, found = apply_overrides(raw, text, overrides)
+    text, raw = _read_tables(source)
+    places, found = _apply_overrides(raw, text, overrides)
     record, record_faults = _record(CamsRecord, raw, places, source)
-    found += [*record_faults, *References(raw, None, places).faults()]
+    found += [*record_faults, *RawTables(raw, None, places).reference_faults()]
     if found or record is None:
         raise InputError(found)
     return record
 
 
-def _exclusive_key_faults(raw: Mapping[str, Any], places: KeyLocations) -> list[Fault]:
-    """Return the faults of mutually exclusive keys."""
-    found = [*_exclusive_keys(raw, ("mesh", "nodes"), 1, "case file", "the geometry comes from one place")]
-    if "members" not in raw and "masses" not in raw:
-        why = "a mechanism is made of beams, of masses at points, or of both"
-        found.append(Fault("case file", "no members and no masses", "[members] or [masses]", why, "add [members]"))
-    run = raw.get("run")
-    if isinstance(run, Mapping):
-        given, where = cast("Mapping[str, Any]", run), places.place(("run",))
-        for pair, least in ((("speed", "crank_speed"), 1), (("steps_per_revolution", "step"), 0)):
-            found += _exclusive_keys(given, pair, least, where, "one follows from the other")
-    return found
+def _read_tables(path: Path) -> tuple[str, dict[str, Any]]:
+    """Return the text and the raw tables of a file."""
+    try:
+        text = read_text(path)
+    except FileNotFoundError:
+        near = suggest_name(path.name, [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else [])
+        raise refuse("case file", str(path), "an existing file", "", near) from None
+    except (OSError, UnicodeDecodeError) as fault:
+        why, remedy = system_message(fault), ""
+        if path.suffix == ".vtkhdf":
+            why, remedy = "it is a result", "give the case; flexcam info, plot, report, view and export take results"
+        raise refuse("case file", str(path), "a readable UTF-8 text file", why, remedy) from None
+    return text, _parse_case(path, text)
 
 
-def _exclusive_keys(table: Mapping[str, Any], pair: tuple[str, str], least: int, where: str, why: str) -> list[Fault]:
-    given = [key for key in pair if key in table]
-    if least <= len(given) <= 1:
-        return []
-    said = " and ".join(given) or f"neither {pair[0]} nor {pair[1]}"
-    return [Fault(where, said, f"either {pair[0]} or {pair[1]}", why, "")]
+def _parse_case(path: Path, text: str) -> dict[str, Any]:
+    try:
+        return parse_toml(text)
+    except ValueError as fault:
+        remedy = "strings need quotes, tables need [brackets]"
+        raise refuse(str(path), str(fault), "a TOML document", "", remedy) from None
+
+
+_REPLACED_KEYS = {
+    "speed": "crank_speed",
+    "crank_speed": "speed",
+    "steps_per_revolution": "step",
+    "step": "steps_per_revolution",
+}
+"""Keys of ``[run]`` and the keys they replace."""
+
+_OPTIONAL_TABLES = {"adaptive", "damping", "fluctuation", "free_running", "integrator"}
+"""Optional nested tables."""
+
+
+def _apply_overrides(raw: dict[str, Any], text: str, overrides: Sequence[str]) -> tuple[KeyLocations, list[Fault]]:
+    """Apply overrides ``a.b.c=value`` to raw tables; return the sources of all keys and the faults."""
+    places, found = KeyLocations.of_text(text), list[Fault]()
+    keys = [tuple(step.strip() for step in override.partition("=")[0].split(".")) for override in overrides]
+    for key, override in zip(keys, overrides, strict=True):
+        found += _apply_override(raw, key, override)
+        places = places.with_override(key, override)
+    for key, other in _REPLACED_KEYS.items():  # two overrides that exclude each other remain
+        if ("run", key) in keys and ("run", other) not in keys and isinstance(raw.get("run"), dict):
+            raw["run"].pop(other, None)
+    return places, found
+
+
+def _apply_override(raw: dict[str, Any], path: KeyPath, override: str) -> list[Fault]:
+    """Apply one override to the tables; return its faults."""
+    where, (_, equals, text) = f"--set {override}", override.partition("=")
+    if not equals or not all(path):
+        return [Fault(where, repr(override), "key=value, such as run.speed=4000rpm", "", "")]
+    value, table = _toml_value(text.strip()), raw
+    for depth, step in enumerate(path[:-1]):
+        new = depth == 1 and path[0] != "run" and not suggest_name(step, table)
+        known = list(CaseRecord.model_fields) if depth == 0 else [*table, *_OPTIONAL_TABLES]
+        inner = table.setdefault(step, {}) if step in known or new else None
+        if isinstance(inner, list) and depth == len(path) - 2:
+            elements, position = cast("list[Any]", inner), path[-1]
+            if not position.isdecimal() or int(position) >= len(elements):
+                return [Fault(where, repr(position), f"a position in the list, 0 to {len(elements) - 1}", "", "")]
+            elements[int(position)] = value
+            return []
+        if not isinstance(inner, dict):
+            return [Fault(where, repr(step), f"a table: {', '.join(table)}", "", suggest_name(step, known))]
+        table = cast("dict[str, Any]", inner)
+    table[path[-1]] = value
+    return []
+
+
+def _toml_value(text: str) -> object:
+    try:
+        tables = parse_toml(f"value = {text}")
+    except ValueError:
+        return text
+    return tables["value"] if len(tables) == 1 else text  # text with further lines is invalid

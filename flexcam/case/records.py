@@ -5,24 +5,82 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from collections.abc import Sequence
+from typing import Annotated, Any, Literal, Self, cast
 
-from pydantic import Field
+from pydantic import BaseModel, Field, ValidationError, model_validator
 
-from flexcam.case import quantities as q
-from flexcam.case.schema.base import Name, Point, Record
+from flexcam.case.schema.base import (
+    CamshaftSpeed,
+    Component,
+    CrankshaftSpeed,
+    Length,
+    Name,
+    Point,
+    PositiveStiffness,
+    Record,
+    fields_at,
+    units_in,
+    value_error,
+)
 from flexcam.case.schema.cams import CamDesignRecord, CamRecord
 from flexcam.case.schema.contacts import ContactRecord
-from flexcam.case.schema.members import MaterialRecord, MemberRecord, SectionRecord
-from flexcam.case.schema.parts import BearingRecord, LoadRecord, MassRecord, RockerRecord, SpringRecord
+from flexcam.case.schema.parts import (
+    BearingRecord,
+    LoadRecord,
+    MassRecord,
+    MaterialRecord,
+    MemberRecord,
+    RockerRecord,
+    SectionRecord,
+    SpringRecord,
+)
 from flexcam.case.schema.run import FidelityRecord, OutputRecord, RunRecord
-from flexcam.case.schema.studies import SettingRecord, SweepRecord
+from flexcam.core.errors import InputError
+from flexcam.core.units import DIMENSIONS
+
+_Format = Annotated[int, Field(ge=1, le=1, strict=True, description="version of the case format: 1")]
+
+
+class SettingRecord(Record):
+    """Speed and valve spring for `flexcam settings`; missing values are those of the case."""
+
+    speed: CamshaftSpeed = None
+    crank_speed: CrankshaftSpeed = None
+    stiffness: PositiveStiffness | None = Field(None, description="of the spring")
+    installed_compression: Length | None = Field(None, description="of the spring")
+
+    @model_validator(mode="after")
+    def _check_speed(self) -> Self:
+        if self.speed is not None and self.crank_speed is not None:
+            raise value_error("either speed or crank_speed", "one follows from the other")
+        return self
+
+    @property
+    def camshaft_speed(self) -> float | None:
+        """Camshaft speed, rad/s; None for the speed of the case."""
+        return self.speed if self.crank_speed is None else 0.5 * self.crank_speed
+
+
+class SweepRecord(Record):
+    """Variants of the case for `flexcam sweep`; keys on the command line override it."""
+
+    set_: dict[str, Annotated[str, Field(min_length=1)]] = Field(
+        default={},
+        alias="set",
+        description='key to its values: "run.speed" = "1000:4000:50rpm", a list "30,40 kN/m", an interval to sample',
+    )
+    sample: str | None = Field(
+        None, description="lhs:N or sobol:N instead of every combination", examples=["sobol:512"]
+    )
+    seed: int = Field(0, ge=0, strict=True, description="of the samples: the same seed gives the same points")
+    scalars: list[str] = Field(default=[], description="which to keep, by name or beginning of a name; all by default")
 
 
 class CaseRecord(Record):
     """Case file."""
 
-    format: int = Field(ge=1, le=1, strict=True, description="version of the case format: 1")
+    format: _Format
     title: str = ""
     paper: Literal["tayeb-sliman"] | None = Field(None, description="published system whose claims `compare` checks")
     mesh: str | None = Field(None, description="Gmsh file, relative to the case file")
@@ -30,7 +88,7 @@ class CaseRecord(Record):
     materials: dict[Name, MaterialRecord] = Field(default={})
     sections: dict[Name, SectionRecord] = Field(default={})
     members: dict[Name, MemberRecord] = Field(default={}, description="beams; a lumped train has none")
-    supports: dict[Name, list[q.Component]] = Field(default={}, description="components held at a point")
+    supports: dict[Name, list[Component]] = Field(default={}, description="components held at a point")
     masses: dict[Name, MassRecord] = Field(default={})
     springs: dict[Name, SpringRecord] = Field(default={})
     bearings: dict[Name, BearingRecord] = Field(default={})
@@ -50,7 +108,83 @@ class CaseRecord(Record):
 class CamsRecord(Record):
     """File that contains only cams, for cam design without a mechanism."""
 
-    format: int = Field(ge=1, le=1, strict=True, description="version of the case format: 1")
+    format: _Format
     title: str = ""
     cams: dict[Name, CamDesignRecord]
-    speed: q.Speed | None = Field(None, description="camshaft speed")
+    speed: CamshaftSpeed = None
+
+
+class SweepFileRecord(Record):
+    """Case of which only the table ``[sweep]`` is read."""
+
+    sweep: SweepRecord
+
+
+def si_unit(path: tuple[str, ...]) -> str | None:
+    """Return the SI unit of a key; None if it has none, or if it depends on other keys."""
+    while path and path[-1].isdigit():
+        path = path[:-1]
+    fields = [field for name, field in fields_at(path[:-1], CaseRecord) if name == path[-1]]
+    if not fields and len(path) > 1:  # a name in a table of names, such as nodes
+        fields = [field for name, field in fields_at(path[:-2], CaseRecord) if name == path[-2]]
+    units = [unit for field in fields[:1] for part in (*field.metadata, field.annotation) for unit in units_in(part)]
+    return DIMENSIONS[units[0].dimension].si if units else None
+
+
+def resolve_record(record: CaseRecord) -> dict[str, Any]:
+    """Return a case with all defaults as tables that can be read again."""
+    tables = record.model_dump(mode="json", by_alias=True, exclude_none=True)
+    if record.mesh is not None:
+        del tables["nodes"]
+    return tables
+
+
+def find_unit(record: CaseRecord, path: Sequence[str]) -> str | None:
+    """Return the SI unit of a number of a case.
+
+    Some units depend on other keys of the table: a spring stiffness is N/m along a line and N m/rad about an axis. The
+    table is then validated with the number in each possible unit: it accepts only the right one.
+    """
+    known = si_unit(tuple(path))
+    if known is not None:
+        return known
+    table, rest = _enclosing_table(record, path)
+    # Moments may omit the radian, so rotational stiffness is tried first.
+    kinds = sorted(DIMENSIONS.values(), key=lambda kind: path[-1] not in kind.name)
+    units = [*(kind.si for kind in kinds if kind.si), ""]
+    return next((unit for unit in units if _accepts_unit(table, rest, unit)), None)
+
+
+def _enclosing_table(record: BaseModel, path: Sequence[str]) -> tuple[BaseModel, Sequence[str]]:
+    """Return the innermost table of a key and the remaining path."""
+    found, value = (record, path), cast("object", record)
+    for i, step in enumerate(path):
+        if isinstance(value, BaseModel):
+            found = value, path[i:]
+            names = {field.alias or name: name for name, field in type(value).model_fields.items()}
+            value = getattr(value, names.get(step, step), None)
+        elif isinstance(value, dict):
+            value = cast("dict[str, object]", value).get(step)
+    return found
+
+
+def _accepts_unit(table: BaseModel, path: Sequence[str], unit: str) -> bool:
+    """Return whether a table keeps its values with a number in a given unit."""
+    try:
+        given = _set_unit(table.model_dump(mode="json", by_alias=True), path, unit)
+        return type(table).model_validate(given) == table
+    except (ValidationError, InputError, KeyError, IndexError):
+        return False
+
+
+def _set_unit(value: object, path: Sequence[str], unit: str) -> object:
+    """Return the raw value with a unit appended to the number at a path."""
+    if not path:
+        return f"{value!r} {unit}" if unit else value
+    step, *rest = path
+    if isinstance(value, list):
+        row = [*cast("list[object]", value)]
+        row[int(step)] = _set_unit(row[int(step)], rest, unit)
+        return row
+    named = cast("dict[str, object]", value)
+    return {**named, step: _set_unit(named[step], rest, unit)}

@@ -55,15 +55,12 @@ class KeyLocations:
         return ".".join(path) or "case file"
 
 
-_LINE = re.compile(r" \(line (\d+)\)")
-
-
 def sort_faults(faults: Iterable[Fault]) -> list[Fault]:
     """Return faults sorted by line; faults without a line come last."""
 
     def line(fault: Fault) -> float:
-        told = _LINE.search(fault.where)
-        return int(told[1]) if told else math.inf
+        found = re.search(r" \(line (\d+)\)", fault.where)
+        return int(found[1]) if found else math.inf
 
     return sorted(faults, key=line)
 
@@ -75,48 +72,41 @@ def _parts(dotted: str) -> Path:
 _MAX_DEPTH = 30
 """Maximum nesting depth of tables and lists; a case has five."""
 
+_MAX_KEY_PARTS = 1000
+"""Maximum parts of a dotted key: the memory of `tomllib` is quadratic in their number."""
+
 _MAX_LENGTH = 1 << 26
 """Maximum length of a text, characters."""
+
+_TOO_DEEP = f"tables or lists nested more than {_MAX_DEPTH} deep"
+
+_TUPLE = re.compile(r"\(('[^']*',? ?)+\)")
+"""Key in an error message of `tomllib`, such as ``('run', 'speed')``."""
 
 
 def parse_toml(text: str) -> dict[str, Any]:
     """Parse a TOML text."""
     if len(text) > _MAX_LENGTH:
         raise ValueError(f"{len(text)} characters, more than {_MAX_LENGTH}")
-    if any(map(_has_too_many_parts, text.split("\n"))):
+    keys = (line.partition("=")[0] for line in text.split("\n"))
+    if any(key.count(".") > _MAX_KEY_PARTS and "," not in key for key in keys):
         raise ValueError(_TOO_DEEP)
     try:
         tables = tomllib.loads(text)
     except RecursionError:
         raise ValueError(_TOO_DEEP) from None
     except tomllib.TOMLDecodeError as fault:
-        raise tomllib.TOMLDecodeError(
-            _TUPLE.sub(lambda found: ".".join(_PART_TOML.findall(found[0])), str(fault))
-        ) from None
+        message = _TUPLE.sub(lambda found: ".".join(re.findall(r"'([^']*)'", found[0])), str(fault))
+        raise tomllib.TOMLDecodeError(message) from None
     level: list[object] = [tables]
     for _ in range(_MAX_DEPTH):
-        level = [inner for one in level for inner in _child_values(one)]
+        level = [inner for value in level for inner in _inner_values(value)]
         if not level:
             return tables
     raise ValueError(_TOO_DEEP)
 
 
-_TUPLE, _PART_TOML = re.compile(r"\(('[^']*',? ?)+\)"), re.compile(r"'([^']*)'")
-"""Key in an error message of `tomllib`, such as ``('run', 'speed')``, and its parts."""
-
-_TOO_DEEP = f"tables or lists nested more than {_MAX_DEPTH} deep"
-
-
-def _has_too_many_parts(line: str) -> bool:
-    """Return whether a line has a key of thousands of parts: the memory of `tomllib` is quadratic in their number."""
-    key = line.partition("=")[0]
-    return key.count(".") > _PARTS and "," not in key
-
-
-_PARTS = 1000
-
-
-def _child_values(one: object) -> list[object]:
-    if isinstance(one, dict):
-        return [*cast("dict[str, object]", one).values()]
-    return cast("list[object]", one) if isinstance(one, list) else []
+def _inner_values(value: object) -> list[object]:
+    if isinstance(value, dict):
+        return [*cast("dict[str, object]", value).values()]
+    return cast("list[object]", value) if isinstance(value, list) else []

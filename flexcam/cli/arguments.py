@@ -11,9 +11,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flexcam.analysis.cam_report import CamSet, load_cams
+from flexcam.analysis.cam_analysis import CamSet, load_cams
 from flexcam.analysis.preparation import PreparedRun, prepare
-from flexcam.analysis.stored_model import reload_result
+from flexcam.analysis.run import reload_result
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.case.reader import case_from_result, has_mechanism

@@ -12,7 +12,7 @@ import numpy as np
 from cyclopts import Parameter
 from rich.table import Table
 
-from flexcam.analysis.cam_report import CamFacts, cam_facts, load_cams, profile_table, valve_overlaps
+from flexcam.analysis.cam_analysis import CamFacts, cam_facts, load_cams, profile_table, valve_overlaps
 from flexcam.cams import (
     PRESSURE_ANGLE,
     THRESHOLDS,

@@ -12,9 +12,8 @@ from cyclopts import Parameter
 from numpy.typing import NDArray
 from rich.table import Table
 
-from flexcam.analysis.limits import Search, find_limits
-from flexcam.analysis.model_divergence import MODELS, ForceRange, SpeedResult, divergence_speed
-from flexcam.analysis.model_divergence import compare_models_over_speed as compare_models
+from flexcam.analysis.limits import MODELS, ForceRange, Search, SpeedResult, divergence_speed, find_limits
+from flexcam.analysis.limits import compare_models_over_speed as compare_models
 from flexcam.analysis.stability import Resonance, Stability, StepAmplification, stability_over_speeds
 from flexcam.analysis.stability import assess_stability as find_causes
 from flexcam.cli.app import (

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from cyclopts import Parameter
 
-from flexcam.analysis.model_checks import check_shared_seat_load
+from flexcam.analysis.model_choice import evaluate_ladder
 from flexcam.analysis.natural_modes import modes
 from flexcam.analysis.preparation import scalar_probe
-from flexcam.analysis.trade import evaluate_ladder
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
+from flexcam.case.input_checks import check_shared_seat_load
 from flexcam.cli.app import Json, Overrides, Overwrite, app, parse_quantity, speed_range
 from flexcam.cli.arguments import Source, name_sources, open_sources
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name

@@ -11,8 +11,15 @@ from cyclopts import App, Parameter
 from rich.table import Table
 
 from flexcam import __version__
-from flexcam.analysis.cam_design import HarmonicCam, PolydyneCam, design_polydyne, harmonic_cam, polydyne_cam
-from flexcam.analysis.cam_report import CamSet, load_cams
+from flexcam.analysis.cam_analysis import (
+    CamSet,
+    HarmonicCam,
+    PolydyneCam,
+    design_polydyne,
+    harmonic_cam,
+    load_cams,
+    polydyne_cam,
+)
 from flexcam.cams import Family, HarmonicFamily, SingleMass, SplineFamily, Synthesis, event_extremes, minimax, pareto
 from flexcam.case.reader import has_mechanism
 from flexcam.cli.app import Json, Overrides, Overwrite, Picture, app, check_figure_path, load_case, parse_quantity

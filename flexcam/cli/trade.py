@@ -7,8 +7,8 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from flexcam.analysis.model_choice import evaluate_ladder as fidelity_trade
 from flexcam.analysis.preparation import prepare, scalar_probe
-from flexcam.analysis.trade import evaluate_ladder as fidelity_trade
 from flexcam.cli.app import CaseFile, Json, Overrides, Overwrite, app, check_positive, load_case
 from flexcam.cli.arguments import check_targets
 from flexcam.core.errors import collect_errors

@@ -10,7 +10,7 @@ from itertools import groupby
 import numpy as np
 from matplotlib.figure import Figure
 
-from flexcam.analysis.trade import ModelEvaluation
+from flexcam.analysis.model_choice import ModelEvaluation
 from flexcam.core import FloatArray
 from flexcam.plotting.figures import COLOURS, add_legend, create_stacked_axes, line_styles
 

@@ -11,8 +11,8 @@ from rich.table import Table
 from flexcam.analysis.comparison import Comparison
 from flexcam.analysis.error_estimate import estimate_errors
 from flexcam.analysis.limits import Limits, find_limits
-from flexcam.analysis.stored_model import member_strength
-from flexcam.analysis.trade import evaluate_ladder
+from flexcam.analysis.model_choice import evaluate_ladder
+from flexcam.analysis.run import member_strength
 from flexcam.case.case import Case
 from flexcam.core import FloatArray
 from flexcam.core.errors import InputError

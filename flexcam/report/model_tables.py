@@ -9,12 +9,11 @@ from dataclasses import asdict
 import numpy as np
 from rich.table import Table
 
-from flexcam.analysis.comparison import Comparison
-from flexcam.analysis.error_estimate import Claim
+from flexcam.analysis.comparison import Claim, Comparison
 from flexcam.analysis.preparation import PreparedRun
 from flexcam.analysis.resources import ResourceEstimate, format_size
 from flexcam.case.case import Case
-from flexcam.case.fault_report import resolve_record
+from flexcam.case.records import resolve_record
 from flexcam.core import FloatArray
 from flexcam.core.units import RPM, shaft_speed
 from flexcam.dynamics import active_dofs_of

@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from flexcam import __version__
 from flexcam.analysis.comparison import Comparison, compare_responses
 from flexcam.analysis.limits import compute_margins
-from flexcam.analysis.model_checks import check_shared_seat_load
 from flexcam.analysis.preparation import compute_metrics, scalar_probe
 from flexcam.case.case import Case
+from flexcam.case.input_checks import check_shared_seat_load
 from flexcam.core.errors import FlexcamError, InputError, refuse
 from flexcam.core.units import RPM
 from flexcam.report import sentences

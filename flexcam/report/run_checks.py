@@ -9,7 +9,9 @@ from typing import Self
 
 import numpy as np
 
-from flexcam.analysis.model_checks import (
+from flexcam.analysis.preparation import PreparedRun
+from flexcam.cams import Follower, profile_at, undercut
+from flexcam.case.input_checks import (
     check_coil_bind,
     check_connectivity,
     check_loads,
@@ -17,10 +19,8 @@ from flexcam.analysis.model_checks import (
     check_overshoot,
     check_shared_seat_load,
     check_start_impact,
+    check_values,
 )
-from flexcam.analysis.preparation import PreparedRun
-from flexcam.cams import Follower, profile_at, undercut
-from flexcam.case.input_checks import check_values
 from flexcam.core import FloatArray, rounding_fraction
 from flexcam.core.errors import InputError
 from flexcam.dynamics import Block, Response, Sink, Stats, newmark, outline

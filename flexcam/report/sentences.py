@@ -13,7 +13,7 @@ from flexcam.analysis.comparison import Comparison
 from flexcam.analysis.limits import Margins
 from flexcam.analysis.natural_modes import modes
 from flexcam.analysis.preparation import PreparedRun, prepare
-from flexcam.analysis.stored_model import reload_result
+from flexcam.analysis.run import reload_result
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.case.reader import case_from_result
@@ -175,13 +175,13 @@ def describe_verdict(compared: Comparison) -> list[str]:
 def describe_margins(margins: Margins, turns: float) -> list[str]:
     """Return sentences about the margins of the train at its speed."""
     said: list[str] = []
-    if margins.rigid_rpm is not None and margins.spring is not None:
+    if margins.rigid_rpm is not None and margins.spring_margin is not None:
         said.append(
             f"A rigid train would leave its cam at {shaft_speed(margins.rigid_rpm * RPM, turns)}; at this speed its "
-            f"springs push {1.0 + margins.spring:.3g} times what its inertia asks for."
+            f"springs push {1.0 + margins.spring_margin:.3g} times what its inertia asks for."
         )
     said += [
         f"The buckling load of {name} is {margin:.3g} times its compression at full lift, at rest."
-        for name, margin in margins.buckling.items()
+        for name, margin in margins.buckling_margins.items()
     ]
     return said

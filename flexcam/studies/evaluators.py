@@ -16,8 +16,8 @@ import numpy as np
 
 from flexcam.analysis.limits import Search
 from flexcam.case.case import Case
-from flexcam.case.fault_report import resolve_record
 from flexcam.case.reader import CaseFile, read_case
+from flexcam.case.records import resolve_record
 from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, parse_all, refuse
 from flexcam.dynamics import Cause, ProgressCallback, RunFailedError, Status, track_progress

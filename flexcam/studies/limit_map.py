@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from flexcam.case.case import Case
-from flexcam.case.fault_report import find_unit
+from flexcam.case.records import find_unit
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
 from flexcam.dynamics import Cause, Status

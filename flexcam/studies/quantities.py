@@ -14,7 +14,7 @@ from flexcam.analysis.limits import LIMITS, Search, applicable_limits, search_li
 from flexcam.cams import Event, event_extremes, harmonics, joints
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
-from flexcam.case.fault_report import find_unit
+from flexcam.case.records import find_unit
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name
 from flexcam.core.units import RPM, shaft_name
 from flexcam.dynamics import Cause, RunFailedError, Status, reraise_interrupt

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from flexcam import prepare, read_case
-from flexcam.analysis.cam_report import cam_facts, load_cams
-from flexcam.analysis.error_estimate import deviation
+from flexcam.analysis.cam_analysis import cam_facts, load_cams
+from flexcam.analysis.comparison import deviation
 
 ROOT = Path(__file__).parents[2]
 CASES = sorted(str(path.relative_to(ROOT)) for path in (ROOT / "cases").rglob("*.toml"))

@@ -14,7 +14,7 @@ from pydantic import BaseModel
 from flexcam import read_case, run
 from flexcam.case import schema
 from flexcam.case.reader import read_cams
-from flexcam.case.schema import base, contacts, members, parts
+from flexcam.case.schema import base, contacts, parts
 from flexcam.case.schema import run as of_run
 
 CHECKS = Path(__file__).parents[2] / "cases" / "checks"
@@ -190,7 +190,7 @@ def test_every_key_of_engines_is_in_the_case(rewritten):
     }  # fmt: skip
     wanted |= {("MemberRecord", "geometric_stiffness"), ("MemberRecord", "bow"), ("SpringRecord", "wire")}
     wanted -= {("AdjusterRecord", key) for key in ("start", "to", "direction")}  # as those of a play
-    assert members.MemberRecord in subclasses(base.Record)
+    assert parts.MemberRecord in subclasses(base.Record)
     assert wanted - {("UnilateralRecord", "direction")} - given == set()
 
 
@@ -247,7 +247,7 @@ def test_every_key_of_the_format_stands_in_some_case(rewritten, tmp_path):
         *(keys_in(read_case(path, over).record) for path, over in [*cases, (tmp_path / "step.toml", [])])
     )
     given |= keys_in(read_cams(DATA / "every-cam.toml"))
-    modules = [getattr(schema, name) for name in ("cams", "contacts", "members", "parts", "run")]
+    modules = [getattr(schema, name) for name in ("cams", "contacts", "parts", "run")]
     between = {("AdjusterRecord", key) for key in ("start", "to", "direction")}  # as those of a play
     free = {key for key in all_keys(modules) if key[0] == "CamDesignRecord"}  # as those of a cam
     assert len(all_keys(modules)) > 150

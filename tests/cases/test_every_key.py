@@ -9,7 +9,7 @@ import pytest
 from pydantic import BaseModel
 
 from flexcam import read_case, run
-from flexcam.analysis.cam_report import cam_facts, load_cams
+from flexcam.analysis.cam_analysis import cam_facts, load_cams
 
 ROOT = Path(__file__).parents[2]
 EVERY = ROOT / "tests/data/every-key.toml"

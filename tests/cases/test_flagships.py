@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flexcam import prepare, read_case
-from flexcam.analysis.cam_report import cam_facts
+from flexcam.analysis.cam_analysis import cam_facts
 
 ROOT = Path(__file__).parents[2]
 CYLINDERS = (1, 3, 4, 2)

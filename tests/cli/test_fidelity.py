@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from flexcam import read_case, read_result, run
-from flexcam.analysis.measures import Histories
-from flexcam.analysis.trade import ModelEvaluation, Reference
+from flexcam.analysis.comparison import Histories
+from flexcam.analysis.model_choice import ModelEvaluation, Reference
 from flexcam.core.errors import refuse
 from flexcam.dynamics import Cause, RunFailedError, Status
 from flexcam.report.fidelity_tables import trade_table
@@ -20,7 +20,7 @@ from flexcam.report.terminal import result_console
 
 ROOT = Path(__file__).parents[2]
 FEW = ("run.revolutions=1", "run.steps_per_revolution=360")
-TRADE = import_module("flexcam.analysis.trade")  # its function has the same name
+TRADE = import_module("flexcam.analysis.model_choice")  # its function has the same name
 FEW_SET = [word for one in FEW for word in ("--set", one)]
 
 

@@ -28,11 +28,11 @@ def test_there_and_back(told, tmp_path):
     assert told("cam", FB2, "-o", ".", "--format", "csv").code == 0
     done = told("lift", "li-fb2-exhaust.csv", *ROLLER, "-o", "back.csv", "--json")
     assert (done.code, done.err) == (0, "")
-    found, event = json.loads(done.out), read_cams(FB2).cams["exhaust"].build().event
+    found, event = json.loads(done.out), read_cams(FB2).cams["exhaust"].part.event
     np.testing.assert_allclose(found["lift"], event(np.array(found["angle"])), rtol=0, atol=1e-7)
     assert (found["points"], found["bridged"], found["files"]) == (720, None, ["back.csv"])
     (tmp_path / "case.toml").write_text('format = 1\n[cams.c]\nlift_table = "back.csv"\n')
-    again = read_cams(tmp_path / "case.toml").cams["c"].build().event
+    again = read_cams(tmp_path / "case.toml").cams["c"].part.event
     assert again.height == pytest.approx(0.0055, abs=1e-6)
     words = told("lift", "li-fb2-exhaust.csv", *ROLLER)
     assert "attention" not in words.out

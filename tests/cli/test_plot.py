@@ -12,8 +12,7 @@ import pytest
 from PIL import Image
 
 from flexcam import prepare, read_case, read_result, solve
-from flexcam.analysis.run import open_result_file
-from flexcam.analysis.stored_model import member_strength, reload_result
+from flexcam.analysis.run import member_strength, open_result_file, reload_result
 from flexcam.case.reader import case_from_result
 from flexcam.io import write_text
 from flexcam.valvetrain import StrengthSink, build_structure

@@ -40,7 +40,6 @@ DOUBTFUL = {
     "damping in per cent": (CASE, "run.damping={modal=2}", "2 is no usual damping ratio", "did you mean 2 %?"),
     "damping in us": (CASE, "run.damping={beta=20}", "20 s is no usual Rayleigh factor", "did you mean 20 ms?"),
     "a bow in mm": (PUSHROD, "members.pushrod.bow=0.3", "0.3 m is no usual bow", "did you mean 0.3 mm?"),
-    "a solid that grows thicker": (CASE, "materials.steel.nu=-0.3", "-0.3 is below zero", "when it is pulled"),
     "a torsion constant beyond the section": (CASE, "sections.shaft.J=1", "J = 1 m^4 is above Iy + Iz", "no shape"),
     "a section thinner than a circle": (CASE, OWN, "Iy + Iz = 2e-15 m^4 is below", "circle of its area"),
     "a shear factor above 1": (CASE, "sections.shaft.kappa_y=5", "kappa_y = 5 is above 1", "shear"),
@@ -52,7 +51,6 @@ DOUBTFUL = {
     "gravity in mm/s^2": (CASE, "run.gravity=[0,-9810,0]", "9810 m/s^2", "did you mean 9810 mm/s^2?"),
     "play in mm": (ENGINE, "contacts.play.gap=0.3", "play", "did you mean 0.3 mm?"),
     "a member thicker than long": (CASE, "sections.shaft.diameter=1", "1 m thick", "same unit?"),
-    "a component listed twice": (CASE, "supports.front=['uy','uz','uy']", "supports.front", "uy is listed 2 times"),
 }  # fmt: skip
 
 
@@ -113,7 +111,7 @@ def test_two_supports_that_hold_one_component(tmp_path, tried):
         text.replace("[supports]", '[supports]\npushrod-top = ["ux"]'), encoding="utf-8"
     )
     (told,) = check_values(read_case(tmp_path / "case.toml"))
-    assert "ux is held by support 'pushrod-top' already" in told
+    assert "ux is fixed by support 'pushrod-top' already" in told
     assert "supports.guide (line" in told
     tried("planted", "two supports on one component", 1, "told")
 
@@ -130,7 +128,7 @@ def test_loads_that_push_nothing():
     loads = [f'loads.{name}={{ at = "{at}", direction = "uy", force = {size} }}' for name, at, size in (
         ("lost", "lost", 3), ("borne", "front", -3), ("meant", "cam", 3), ("none", "front", 0))]  # fmt: skip
     ready = prepare(read_case(CASE, ["nodes.lost=[0, 0, 1]", *loads]))
-    told = [sentence for sentence in check_input(ready) if "pushes nothing" in sentence]
+    told = [sentence for sentence in check_input(ready) if "loads." in sentence]
     assert [sentence.split(":")[1].strip() for sentence in told] == ["loads.lost", "loads.borne"]
 
 

@@ -6,8 +6,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from flexcam import InputError, prepare, read_case, solve
-from flexcam.analysis.case_diff import find_differences
-from flexcam.analysis.run import open_result_file
+from flexcam.analysis.run import find_differences, open_result_file
 from flexcam.cli.main import main
 from flexcam.plotting.figures import save_figure
 

@@ -62,7 +62,7 @@ FAULTS = {  # the cam, the key it must be reported at, a part of `given`, a part
     "no lift": (cam('lift = "6 mm"\n', ""), "lift", "nothing", "'6 mm'"),
     "no return": (cam('return = "100 deg"\n', ""), "return", "nothing", "add 'return'"),
     "law beside a lift table": (cam(LAW, f'{LAW}\nlift_table = "good.csv"'), "law", "law", "remove one"),
-    "ramps beside a lift table": (measured('"good.csv"\nramps = { height = "1 mm", duration = "9 deg" }'), "ramps", "ramps", "the lift table says"),
+    "ramps beside a lift table": (measured('"good.csv"\nramps = { height = "1 mm", duration = "9 deg" }'), "ramps", "ramps", "the lift table defines"),
     "unknown id": (cam(LAW, 'law = { id = "sccaa", b = 1 }'), "law", "sccaa", "did you mean 'scca'"),
     "no id": (cam(LAW, "law = { b = 1 }"), "law", "", "the kind of law is required"),
     "parameter that is missing": (cam(LAW, 'law = { id = "scca", b = 0.2 }'), "law.c", "nothing", "b, c, d"),

@@ -40,7 +40,8 @@ def flexcam(folder, *words, file_size=None, program=("-m", "flexcam")):
 
     shutil.copy(CASE, folder / "case.toml")
     command = [sys.executable, *program, *words]
-    limit = {} if file_size is None else {"preexec_fn": bounded}
+    whole = os.environ | {"PYTHONDONTWRITEBYTECODE": "1"}  # a module compiled under the limit would stay cut off
+    limit = {} if file_size is None else {"preexec_fn": bounded, "env": whole}
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=60, **limit)
 
 

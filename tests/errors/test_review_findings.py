@@ -65,7 +65,7 @@ def test_modal_damping_of_a_small_model(text, changed, read):
 
 def test_custom_section_without_fibres(text, changed, read):
     """Twice the radius of gyration: exact for a solid circle, on the safe side for a rectangle."""
-    section = read(changed(text, (CIRCLE, CUSTOM))).record.sections["shaft"].build()
+    section = read(changed(text, (CIRCLE, CUSTOM))).record.sections["shaft"].part
     assert section.fibre_y == pytest.approx(2.0 * math.sqrt(12000e-12 / 490e-6), rel=1e-12)
     assert section.fibre_z == pytest.approx(2.0 * math.sqrt(19000e-12 / 490e-6), rel=1e-12)
     for same in (Section.circle(0.03), Section.rectangle(0.03, 0.02)):
@@ -76,7 +76,7 @@ def test_custom_section_without_fibres(text, changed, read):
 
 def test_custom_section_with_fibres(text, changed, read):
     more = CUSTOM.replace(" }", ', fibre_y = "9 mm", fibre_z = "11 mm", torsion_arm = "8 mm" }')
-    section = read(changed(text, (CIRCLE, more))).record.sections["shaft"].build()
+    section = read(changed(text, (CIRCLE, more))).record.sections["shaft"].part
     assert (section.fibre_y, section.fibre_z, section.torsion_arm) == pytest.approx((0.009, 0.011, 0.008))
 
 

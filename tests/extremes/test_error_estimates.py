@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from flexcam import read_case
+from flexcam.analysis.comparison import distance, extract_histories
 from flexcam.analysis.error_estimate import estimate_errors
-from flexcam.analysis.measures import distance, extract_histories
 from flexcam.analysis.model_ladder import ModelLevel, steps_per_revolution_of, with_elements
 
 TRAIN = """\

@@ -15,8 +15,8 @@ import re
 import numpy as np
 import pytest
 
-from flexcam.analysis.model_checks import check_overshoot
 from flexcam.cams import LAWS, LiftEvent
+from flexcam.case.input_checks import check_overshoot
 from flexcam.dynamics import ConstantSpeed, Problem, State, newmark, solve
 from tests.integrators import WITH_CONTACTS
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from ezdxf import units
 
-from flexcam.analysis.cam_report import profile_table
+from flexcam.analysis.cam_analysis import profile_table
 from flexcam.cams import LAWS, FlatFollower, LiftEvent, RollerFollower, SwingRollerFollower, cam_profile
 from flexcam.core.errors import InputError
 from flexcam.io import ProfileTable, read_profile, write_profile

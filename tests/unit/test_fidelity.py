@@ -10,12 +10,10 @@ import numpy as np
 import pytest
 
 from flexcam import InputError, prepare, read_case, solve
+from flexcam.analysis.comparison import Histories, distance, extract_histories
 from flexcam.analysis.error_estimate import Error, estimate_errors
-from flexcam.analysis.measures import Histories, distance, extract_histories
-from flexcam.analysis.model_choice import Choice
-from flexcam.analysis.model_ladder import ModelLevel, model_ladder, steps_per_revolution_of, with_elements
-from flexcam.analysis.preparation import scalar_probe
-from flexcam.analysis.trade import (
+from flexcam.analysis.model_choice import (
+    Choice,
     ModelEvaluation,
     Reference,
     candidate_models,
@@ -24,6 +22,8 @@ from flexcam.analysis.trade import (
     reference_run,
     total_work,
 )
+from flexcam.analysis.model_ladder import ModelLevel, model_ladder, steps_per_revolution_of, with_elements
+from flexcam.analysis.preparation import scalar_probe
 from flexcam.dynamics import Cause, Status, integrated_size, outline
 from flexcam.report.fidelity_tables import describe_choice, format_with_error
 from flexcam.report.run_checks import describe_model_limits

@@ -10,11 +10,10 @@ import pytest
 
 from flexcam import read_case
 from flexcam.analysis.campbell import campbell
-from flexcam.analysis.limits import Search, search_limits
-from flexcam.analysis.model_divergence import compare_models_over_speed
+from flexcam.analysis.limits import Search, compare_models_over_speed, search_limits
+from flexcam.analysis.model_choice import evaluate_ladder
 from flexcam.analysis.orders import Signal, waterfall
 from flexcam.analysis.stability import stability_over_speeds
-from flexcam.analysis.trade import evaluate_ladder
 from flexcam.dynamics import Cause, Status, solve
 from flexcam.studies.quantities import quantity_row
 
@@ -27,25 +26,26 @@ BROAD = Search(200.0, 300.0, tolerance=1e3, count=2)
 FORCE = Signal("contacts.intake.force")
 
 STUDIES = {
-    "flexcam.analysis.limits": (ENGINE, lambda case, **o: search_limits(case, BROAD, ["buckling"], **o)),
-    "flexcam.analysis.campbell": (ENGINE, lambda case, **o: campbell(case, SPEEDS, orders=[1], **o)),
-    "flexcam.analysis.orders": (ENGINE, lambda case, **o: waterfall(case, SPEEDS, [FORCE], 4, **o)),
-    "flexcam.analysis.model_divergence": (ENGINE, lambda case, **o: compare_models_over_speed(case, SPEEDS, **o)),
-    "flexcam.analysis.stability": (TAYEB, lambda case, **o: stability_over_speeds(case, SPEEDS, **o)),
-    "flexcam.analysis.trade": (TAYEB, lambda case, **o: evaluate_ladder(case, "valve", repeats=1, **o)),
+    "limits": ("limits", ENGINE, lambda case, **o: search_limits(case, BROAD, ["buckling"], **o)),
+    "campbell": ("campbell", ENGINE, lambda case, **o: campbell(case, SPEEDS, orders=[1], **o)),
+    "orders": ("orders", ENGINE, lambda case, **o: waterfall(case, SPEEDS, [FORCE], 4, **o)),
+    "models": ("limits", ENGINE, lambda case, **o: compare_models_over_speed(case, SPEEDS, **o)),
+    "stability": ("stability", TAYEB, lambda case, **o: stability_over_speeds(case, SPEEDS, **o)),
+    "trade": ("model_choice", TAYEB, lambda case, **o: evaluate_ladder(case, "valve", repeats=1, **o)),
 }
+"""Module of `flexcam.analysis`, case and call by study."""
 
 
-@pytest.mark.parametrize("where", STUDIES)
-def test_a_stopped_run_stops_what_asked_for_it(where, monkeypatch):
+@pytest.mark.parametrize("study", STUDIES)
+def test_a_stopped_run_stops_what_asked_for_it(study, monkeypatch):
     calls = []
 
     def stopped(*given, **options):
         calls.append(1)
         return replace(solve(*given, **options), status=Status(Cause.INTERRUPTED, "stopped by the user"))
 
-    monkeypatch.setattr(sys.modules[where], "solve", stopped)
-    path, ask = STUDIES[where]
+    module, path, ask = STUDIES[study]
+    monkeypatch.setattr(sys.modules[f"flexcam.analysis.{module}"], "solve", stopped)
     with pytest.raises(KeyboardInterrupt):
         ask(read_case(path, SHORT))
     assert len(calls) == 1
@@ -70,24 +70,16 @@ def test_a_run_behind_another_is_heeded_too(where, ask, monkeypatch):
 
 
 @pytest.mark.usefixtures("machine_code")
-@pytest.mark.parametrize("where", STUDIES)
-def test_each_is_told_of(where):
-    path, ask = STUDIES[where]
+@pytest.mark.parametrize("study", STUDIES)
+def test_each_is_told_of(study):
+    _, path, ask = STUDIES[study]
     told = []
     found = ask(read_case(path, [*SHORT, "run.steps_per_revolution=360"]), advance=told.append)
-    assert told == [1] * (len(found[1]) if where == "flexcam.analysis.trade" else 2)
+    assert told == [1] * (len(found[1]) if study == "trade" else 2)
 
 
-@pytest.mark.parametrize(
-    "where",
-    [
-        "flexcam.analysis.limits",
-        "flexcam.analysis.orders",
-        "flexcam.analysis.model_divergence",
-        "flexcam.analysis.campbell",
-    ],
-)
-def test_the_runs_to_come_count(where, monkeypatch):
+@pytest.mark.parametrize("study", ["limits", "orders", "models", "campbell"])
+def test_the_runs_to_come_count(study, monkeypatch):
     """Machine code pays for many short runs where it would not for one."""
     runs = []
 
@@ -95,8 +87,8 @@ def test_the_runs_to_come_count(where, monkeypatch):
         runs.append(problem.runs)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(sys.modules[where], "solve", counted)
-    path, ask = STUDIES[where]
+    module, path, ask = STUDIES[study]
+    monkeypatch.setattr(sys.modules[f"flexcam.analysis.{module}"], "solve", counted)
     with pytest.raises(KeyboardInterrupt):
         ask(read_case(path, SHORT))
     assert runs == [2]

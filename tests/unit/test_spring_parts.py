@@ -10,8 +10,8 @@ import pytest
 from scipy.linalg import eigh
 
 from flexcam import build_model, prepare, read_case
+from flexcam.analysis.comparison import distance
 from flexcam.analysis.error_estimate import estimate_errors
-from flexcam.analysis.measures import distance
 from flexcam.analysis.model_ladder import ModelLevel, run_histories, with_elements
 from flexcam.cams import HarmonicLift
 from flexcam.valvetrain import Spring, build_structure

@@ -7,8 +7,7 @@ import math
 import pytest
 
 import flexcam
-from flexcam.analysis.limits import find_limits
-from flexcam.analysis.model_divergence import compare_models_over_speed, divergence_speed
+from flexcam.analysis.limits import compare_models_over_speed, divergence_speed, find_limits
 from flexcam.valvetrain import separation
 
 RPM = math.pi / 30.0

@@ -1,45 +1,268 @@
-"""Base classes of the tables of a case file."""
+"""Types of values in a case file (quantities with units, components, directions) and base classes of its tables."""
 
 from __future__ import annotations
 
-from typing import Annotated, Generic, Self, TypeVar
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Annotated, Any, Generic, Self, TypeVar, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, GetJsonSchemaHandler, model_validator
+from pydantic.fields import FieldInfo
+from pydantic_core import CoreSchema, ErrorDetails, PydanticCustomError, core_schema
 
-from flexcam.case import quantities as q
 from flexcam.core.errors import NAME, InputError
+from flexcam.core.units import DIMENSIONS, parse
+from flexcam.fem.frames import COMPONENTS, component, direction
+
+_TYPE_NAMES = {
+    "string_type": "a text", "bool_type": "true or false", "bool_parsing": "true or false", "list_type": "a list",
+    "tuple_type": "a list", "dict_type": "a table", "float_type": "a number", "float_parsing": "a number",
+    "int_type": "a whole number", "int_parsing": "a whole number", "int_from_float": "a whole number",
+}  # fmt: skip
+"""Names of pydantic's types in messages: string, boolean, list, tuple, dictionary, number."""
+
+
+def describe_type_error(error: ErrorDetails) -> str:
+    """Return a description of the allowed values."""
+    return _TYPE_NAMES.get(error["type"]) or error["msg"].replace("Input should be ", "")
+
+
+def value_error(
+    allowed: str, why: str = "", remedy: str = "", *, inside: str = "", given: str = ""
+) -> PydanticCustomError:
+    """Return an error in the form that pydantic collects."""
+    facts = {"allowed": allowed, "why": why, "remedy": remedy, "inside": inside, "given": given}
+    return PydanticCustomError("flexcam", "{allowed}", facts)
+
+
+def convert_error(refusal: InputError, *, inside: bool = False) -> PydanticCustomError:
+    """Convert an `InputError` to the form that pydantic collects."""
+    fault = refusal.faults[0]
+    if inside:
+        return value_error(fault.allowed, fault.why, fault.remedy, inside=fault.where, given=fault.given)
+    return value_error(fault.allowed, fault.why, fault.remedy)
+
+
+@dataclass(frozen=True)
+class Unit:
+    """Annotation of a float that is given as a quantity and stored in SI.
+
+    Parameters
+    ----------
+    dimension
+        A key of `flexcam.core.units.DIMENSIONS`.
+    above
+        Require a positive value.
+    signed
+        Allow negative values.
+    most
+        Upper limit, SI; None for no limit.
+    noise
+        Treat numbers too small for their kind as zero, which always applies if negative values are allowed.
+    """
+
+    dimension: str
+    above: bool = False
+    signed: bool = False
+    most: float | None = None
+    noise: bool = False
+
+    def validate(self, value: Any) -> float:  # noqa: ANN401 - any TOML value
+        """Return the number in SI."""
+        try:
+            number = parse(value, self.dimension, noise=self.signed or self.noise)
+        except InputError as refusal:
+            raise convert_error(refusal) from None
+        if number < 0.0 and not self.signed:
+            raise value_error(f"{self._kind} {'above zero' if self.above else 'of zero or more'}")
+        if number == 0.0 and self.above:
+            raise value_error(f"{self._kind} above zero")
+        if self.most is not None and number > self.most:
+            raise value_error(f"{self._kind} up to {self.most:g}")
+        return number
+
+    @property
+    def _kind(self) -> str:
+        kind = DIMENSIONS[self.dimension]
+        return f"{'an' if kind.name[0] in 'aeiou' else 'a'} {kind.name} (such as {kind.example!r})"
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
+        return core_schema.no_info_plain_validator_function(self.validate)
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        kind = DIMENSIONS[self.dimension]
+        example = {
+            "description": f"{kind.name}, SI number ({kind.si or '-'}) or text with a unit",
+            "examples": [kind.example],
+        }
+        return {"anyOf": [{"type": "number"}, {"type": "string"}], **example}
+
+
+def _component(value: Any) -> str:  # noqa: ANN401 - any TOML value
+    try:
+        component(str(value))
+    except InputError as refusal:
+        raise convert_error(refusal) from None
+    return str(value)
+
+
+def _direction(value: Any) -> Any:  # noqa: ANN401
+    try:
+        direction(value)
+    except InputError as refusal:
+        raise convert_error(refusal) from None
+    return value
+
+
+def _line(value: Any) -> Any:  # noqa: ANN401
+    if direction(_direction(value))[3:].any():
+        why = "it is a motion along a line, in m"
+        raise value_error(
+            "a component such as 'uy' or '-uy', or three numbers", why, "take the direction of the motion"
+        )
+    return value
+
+
+@dataclass(frozen=True)
+class Check:
+    """Annotation that validates a value with a function of flexcam instead of pydantic.
+
+    Parameters
+    ----------
+    check
+        Function that returns the value or raises.
+    schema
+        JSON Schema of the value.
+    """
+
+    check: Any
+    schema: str
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
+        return core_schema.no_info_plain_validator_function(self.check)
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        if self.schema == "component":
+            return {"enum": list(COMPONENTS)}
+        line = self.schema == "line"
+        array = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3 if line else 6}
+        return {"anyOf": [{"type": "string", "pattern": f"^[+-]?{'u' if line else '[ur]'}[xyz]$"}, array]}
+
+
+Component = Annotated[str, Check(_component, "component")]
+"""Component: one of ux uy uz rx ry rz."""
+
+DirectionValue = Annotated[Any, Check(_direction, "direction")]
+"""Component with an optional sign, or three (or six) numbers in global axes."""
+
+LineValue = Annotated[Any, Check(_line, "line")]
+"""Direction without rotations, for motions and forces in contacts and rockers."""
+
+Length = Annotated[float, Unit("length", above=True)]
+Position = Annotated[float, Unit("length", signed=True)]
+MassValue = Annotated[float, Unit("mass")]
+Inertia = Annotated[float, Unit("inertia")]
+Stress = Annotated[float, Unit("stress", above=True)]
+Stiffness = Annotated[float, Unit("stiffness")]
+PositiveStiffness = Annotated[float, Unit("stiffness", above=True)]
+SecondMoment = Annotated[float, Unit("second moment", above=True)]
+DampingValue = Annotated[float, Unit("damping")]
+Force = Annotated[float, Unit("force")]
+Angle = Annotated[float, Unit("angle")]
+PositiveAngle = Annotated[float, Unit("angle", above=True)]
+SignedAngle = Annotated[float, Unit("angle", signed=True)]
+Speed = Annotated[float, Unit("speed", above=True)]
+Velocity = Annotated[float, Unit("velocity", above=True)]
+Time = Annotated[float, Unit("time", above=True)]
+Ratio = Annotated[float, Unit("number")]
+Tolerance = Annotated[float, Unit("number", noise=True)]
+PositiveNumber = Annotated[float, Unit("number", above=True)]
+SignedNumber = Annotated[float, Unit("number", signed=True)]
+
+CamshaftSpeed = Annotated[Speed | None, Field(description="camshaft speed")]
+CrankshaftSpeed = Annotated[Speed | None, Field(description="crankshaft speed, twice the camshaft's")]
 
 Part = TypeVar("Part")
 Name = Annotated[str, Field(min_length=1, pattern=NAME)]
-Vector = tuple[q.SignedNumber, q.SignedNumber, q.SignedNumber]
-Point = tuple[q.Position, q.Position, q.Position]
-_Acceleration = Annotated[float, q.Unit("acceleration", signed=True)]
+Vector = tuple[SignedNumber, SignedNumber, SignedNumber]
+Point = tuple[Position, Position, Position]
+_Acceleration = Annotated[float, Unit("acceleration", signed=True)]
 Gravity = tuple[_Acceleration, _Acceleration, _Acceleration]
 
 
 class Record(BaseModel):
     """Base class of all tables: unknown keys are rejected, and values cannot be changed."""
 
-    model_config = ConfigDict(
-        extra="forbid", frozen=True, defer_build=True
-    )  # built once, together with the enclosing table
+    # defer_build: the validator of a table is built once, together with the enclosing table
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
 
 class PartRecord(Record, Generic[Part]):
-    """Base class of tables that describe one part; validation builds the part, so that its faults are reported too."""
+    """Base class of tables that describe one part of the model: validation builds it and reports its faults."""
 
     def build(self) -> Part:
         """Build the part, SI."""
         raise NotImplementedError
 
+    @cached_property
+    def part(self) -> Part:
+        """Part of the model, SI, built once."""
+        return self.build()
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """Return a copy with other values, which describes another part."""
+        copied = super().model_copy(update=update, deep=deep)
+        vars(copied).pop("part", None)
+        return copied
+
     def _check(self) -> None:
         """Check that the part can be built."""
-        self.build()
+        _ = self.part
 
     @model_validator(mode="after")
     def _check_part(self) -> Self:
         try:
             self._check()
         except InputError as refusal:
-            raise q.convert_error(refusal, inside=True) from None
+            raise convert_error(refusal, inside=True) from None
         return self
+
+
+def records_at(path: tuple[str, ...], root: type[BaseModel]) -> list[type[BaseModel]]:
+    """Return the tables allowed at a key path: several for a table with variants."""
+    records = [root]
+    for step in path:
+        found = [
+            inner
+            for record in records
+            for name, field in record.model_fields.items()
+            if (field.alias or name) == step
+            for inner in _records_in(field.annotation)
+        ]
+        # A step that is not a field is a user-defined name in a table of names.
+        records = found or records
+    return records
+
+
+def _records_in(annotation: object) -> list[type[BaseModel]]:
+    """Return the tables contained in a type: in unions, tables of names and annotated types."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    parts: list[object] = [*get_args(annotation)]
+    return [record for part in parts for record in _records_in(part)]
+
+
+def fields_at(path: tuple[str, ...], root: type[BaseModel]) -> Iterator[tuple[str, FieldInfo]]:
+    """Yield the keys of the tables at a path with their fields."""
+    for record in records_at(path, root):
+        for name, field in record.model_fields.items():
+            yield field.alias or name, field
+
+
+def units_in(annotation: object) -> list[Unit]:
+    """Return the units contained in a type, without those of its tables."""
+    if isinstance(annotation, Unit):
+        return [annotation]
+    parts: list[object] = [*get_args(annotation)]
+    return [unit for part in parts for unit in units_in(part)]

@@ -18,9 +18,19 @@ from flexcam.cams import (
     SwingFlatFollower,
     SwingRollerFollower,
 )
-from flexcam.case import quantities as q
 from flexcam.case.lift import LawDefinition, LiftDefinition
-from flexcam.case.schema.base import Name, PartRecord, Record, Vector
+from flexcam.case.schema.base import (
+    Angle,
+    Length,
+    Name,
+    PartRecord,
+    Position,
+    PositiveAngle,
+    Record,
+    SignedAngle,
+    Unit,
+    Vector,
+)
 from flexcam.core.errors import InputError, refuse
 from flexcam.core.units import parse
 
@@ -34,13 +44,13 @@ LAW_KEYS = {
 class RampsRecord(Record):
     """Ramps before the rise and after the return."""
 
-    height: q.Length
-    duration: q.PositiveAngle
-    take_off: Annotated[float, q.Unit("number", most=1.0)] = Field(
+    height: Length
+    duration: PositiveAngle
+    take_off: Annotated[float, Unit("number", most=1.0)] = Field(
         0.25, description="part of the duration over which the velocity rises"
     )
-    closing_height: q.Length | None = Field(None, description="as height by default")
-    closing_duration: q.PositiveAngle | None = Field(None, description="as duration by default")
+    closing_height: Length | None = Field(None, description="as height by default")
+    closing_duration: PositiveAngle | None = Field(None, description="as duration by default")
 
     def build(self) -> tuple[Ramp, Ramp]:
         """Build the opening and the closing ramp."""
@@ -62,8 +72,8 @@ class RollerRecord(Record):
     """Translating follower with a roller."""
 
     type: Literal["roller"]
-    radius: q.Length
-    offset: q.Position = Field(0.0, description="of the follower's axis from the cam's")
+    radius: Length
+    offset: Position = Field(0.0, description="of the follower's axis from the cam's")
 
     def build(self, base_radius: float | None) -> Follower | None:
         """Build the follower."""
@@ -74,13 +84,13 @@ class SwingingFollowerRecord(Record):
     """Swinging follower, with a roller if `radius` is given, otherwise with a flat face."""
 
     type: Literal["swing"]
-    arm: q.Length = Field(description="pivot to roller centre, or where the lift of a flat face is measured")
-    distance: q.Length = Field(description="pivot to the cam's centre")
-    radius: q.Length | None = Field(None, description="of the roller")
-    angle: q.PositiveAngle | None = Field(
+    arm: Length = Field(description="pivot to roller centre, or where the lift of a flat face is measured")
+    distance: Length = Field(description="pivot to the cam's centre")
+    radius: Length | None = Field(None, description="of the roller")
+    angle: PositiveAngle | None = Field(
         None, description="arm to line of centres on the base circle, instead of base_radius"
     )
-    face: q.Position = Field(0.0, description="distance of the flat face from the pivot, positive away from the cam")
+    face: Position = Field(0.0, description="distance of the flat face from the pivot, positive away from the cam")
     rotation: Literal["clockwise", "counterclockwise"] = Field("clockwise", description="of the follower on the rise")
 
     def build(self, base_radius: float | None) -> Follower | None:
@@ -117,16 +127,16 @@ class CamDesignRecord(PartRecord[valvetrain.Cam]):
         None, gt=0.0, description='above the ramps; a text such as "10 deg" where the follower swings'
     )
     lift_table: LiftDefinition | None = Field(None, description="file of the whole lift, instead of a law")
-    rise: q.PositiveAngle | None = None
-    dwell: q.Angle = Field(0.0, description="upper dwell")
-    fall: q.PositiveAngle | None = Field(None, alias="return")
-    phase: q.SignedAngle = Field(0.0, description="cam angle at which the rise (or the table's zero) lies")
+    rise: PositiveAngle | None = None
+    dwell: Angle = Field(0.0, description="upper dwell")
+    fall: PositiveAngle | None = Field(None, alias="return")
+    phase: SignedAngle = Field(0.0, description="cam angle at which the rise (or the table's zero) lies")
     ramps: RampsRecord | None = None
     single_dwell: Literal["high", "low"] | None = Field(
         None, description="where the only dwell lies, for laws that begin under acceleration"
     )
-    base_radius: q.Length | None = Field(None, description="of the base circle")
-    width: q.Length | None = Field(None, description="of the cam along its shaft")
+    base_radius: Length | None = Field(None, description="of the base circle")
+    width: Length | None = Field(None, description="of the cam along its shaft")
     rotation: Literal["clockwise", "counterclockwise"] = Field(
         "counterclockwise", description="of the cam in its drawing; the sense in space is that of axis"
     )
@@ -144,8 +154,8 @@ class CamDesignRecord(PartRecord[valvetrain.Cam]):
             except InputError:
                 pass  # a length
             else:
-                return follower.arm * q.Unit("angle", above=True).validate(angle)
-        return q.Unit("length", above=True).validate(value)
+                return follower.arm * Unit("angle", above=True).validate(angle)
+        return Unit("length", above=True).validate(value)
 
     @property
     def missing_keys(self) -> list[str]:
@@ -156,7 +166,7 @@ class CamDesignRecord(PartRecord[valvetrain.Cam]):
     def _check(self) -> None:
         """Check the cam; missing keys are reported with the references of all tables."""
         if not self.missing_keys:
-            self.build()
+            super()._check()
         elif self.follower is not None:
             self.follower.build(self.base_radius)
 

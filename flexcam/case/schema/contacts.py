@@ -6,9 +6,28 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from flexcam.case import quantities as q
-from flexcam.case.schema.base import Name, Record
+from flexcam.case.schema.base import (
+    DampingValue,
+    Force,
+    Length,
+    LineValue,
+    Name,
+    PositiveStiffness,
+    Ratio,
+    Record,
+    Unit,
+    Velocity,
+    value_error,
+)
 from flexcam.valvetrain import DAMPING_DEPTH
+
+_LiftDirection = Annotated[LineValue | None, Field(description="of the lift; from cam to follower by default")]
+_Restitution = Annotated[
+    Ratio | None, Field(le=1.0, description="rate of parting per rate of approach, at the moment they meet")
+]
+_DampingDepth = Annotated[
+    Length, Field(description="over which the damper takes hold; less for small parts, whose contacts yield less")
+]
 
 
 class PublishedLoadRecord(Record):
@@ -17,8 +36,8 @@ class PublishedLoadRecord(Record):
     model: Literal["published-load"]
     cam: Name
     follower: Name
-    direction: q.LineValue | None = Field(None, description="of the lift; from cam to follower by default")
-    preload_factor: q.Ratio = Field(2.5, description="preload by the force that the rigid train needs for contact")
+    direction: _LiftDirection = None
+    preload_factor: Ratio = Field(2.5, description="preload by the force that the rigid train needs for contact")
     cam_deflection: bool = Field(False, strict=True, description="the force feels the shaft's deflection, U_c of (21)")
     cam_torque: bool = Field(True, strict=True, description="the force twists the shaft, T_CF of (24)")
 
@@ -29,8 +48,8 @@ class BilateralRecord(Record):
     model: Literal["bilateral"]
     cam: Name
     follower: Name
-    direction: q.LineValue | None = Field(None, description="of the lift; from cam to follower by default")
-    stiffness: Annotated[float, q.Unit("stiffness", above=True)]
+    direction: _LiftDirection = None
+    stiffness: PositiveStiffness
 
 
 class UnilateralRecord(Record):
@@ -39,35 +58,28 @@ class UnilateralRecord(Record):
     model: Literal["unilateral"]
     cam: Name
     follower: Name
-    direction: q.LineValue | None = Field(None, description="of the lift; from cam to follower by default")
-    stiffness: Literal["hertz"] | Annotated[float, q.Unit("stiffness", above=True)] = Field(
+    direction: _LiftDirection = None
+    stiffness: Literal["hertz"] | PositiveStiffness = Field(
         description="a number, or hertz for line contact with the cam's own curvature", union_mode="left_to_right"
     )
-    dissipation: Annotated[float, q.Unit("inverse velocity")] = Field(
+    dissipation: Annotated[float, Unit("inverse velocity")] = Field(
         0.0, description="chi of Hunt and Crossley: force times 1 + chi times the rate of approach"
     )
-    restitution: q.Ratio | None = Field(
-        None, le=1.0, description="rate of parting per rate of approach, at the moment they meet"
-    )
-    friction: Annotated[float, q.Unit("number", most=2.0)] = Field(
+    restitution: _Restitution = None
+    friction: Annotated[float, Unit("number", most=2.0)] = Field(
         0.0, description="Coulomb's coefficient along a flat face"
     )
-    friction_speed: q.Velocity = Field(0.01, description="velocity of sliding over which friction turns over, m/s")
+    friction_speed: Velocity = Field(0.01, description="velocity of sliding over which friction turns over, m/s")
 
     @model_validator(mode="after")
     def _check_friction_speed(self) -> Self:
         if "friction_speed" in self.model_fields_set and "friction" not in self.model_fields_set:
             given, why = f"{self.friction_speed:g} m/s", "without friction it acts on nothing"
-            raise q.value_error("friction beside it", why, "add friction", inside="friction_speed", given=given)
+            raise value_error("friction beside it", why, "add friction", inside="friction_speed", given=given)
         return self
 
 
 CamContactRecord = PublishedLoadRecord | BilateralRecord | UnilateralRecord
-
-
-_DampingDepth = Annotated[
-    q.Length, Field(description="over which the damper takes hold; less for small parts, whose contacts yield less")
-]
 
 
 class SeatRecord(Record):
@@ -75,13 +87,11 @@ class SeatRecord(Record):
 
     model: Literal["seat"]
     at: Name
-    direction: q.LineValue | None = Field(None, description="the way off it; a rocker's point has its own")
-    stiffness: Annotated[float, q.Unit("stiffness", above=True)]
-    damping: q.DampingValue = 0.0
+    direction: LineValue | None = Field(None, description="the way off it; a rocker's point has its own")
+    stiffness: PositiveStiffness
+    damping: DampingValue = 0.0
     damping_depth: _DampingDepth = DAMPING_DEPTH
-    restitution: q.Ratio | None = Field(
-        None, le=1.0, description="rate of parting per rate of approach, at the moment they meet"
-    )
+    restitution: _Restitution = None
 
 
 class _GapRecord(Record):
@@ -90,7 +100,7 @@ class _GapRecord(Record):
     at: Name | None = Field(None, description="name of a rocker: the play is at its point")
     start: Name | None = Field(None, alias="from", description="node that pushes, where it is not at a rocker")
     to: Name | None = Field(None, description="node that is pushed")
-    direction: q.LineValue | None = Field(None, description="in which it pushes, between nodes")
+    direction: LineValue | None = Field(None, description="in which it pushes, between nodes")
 
     @model_validator(mode="after")
     def _check_place(self) -> Self:
@@ -98,7 +108,7 @@ class _GapRecord(Record):
         nothing = self.start is None and self.to is None and self.direction is None
         if not ((self.at is None and between) or (self.at is not None and nothing)):
             why = "it stands at a rocker's point or between two nodes"
-            raise q.value_error("either at = a rocker, or from, to and direction", why)
+            raise value_error("either at = a rocker, or from, to and direction", why)
         return self
 
     @property
@@ -111,11 +121,11 @@ class LashRecord(_GapRecord):
     """Lash between a rocker and the point it drives, or between two nodes."""
 
     model: Literal["lash"]
-    gap: Annotated[float, q.Unit("length")] = Field(description="at the rocker's point")
-    stiffness: Annotated[float, q.Unit("stiffness", above=True)] | None = Field(
+    gap: Annotated[float, Unit("length")] = Field(description="at the rocker's point")
+    stiffness: PositiveStiffness | None = Field(
         None, description="of both sides when they touch; ten times EA/L of the softest member that ends there"
     )
-    damping: q.DampingValue = 0.0
+    damping: DampingValue = 0.0
     damping_depth: _DampingDepth = DAMPING_DEPTH
 
 
@@ -123,17 +133,17 @@ class AdjusterRecord(_GapRecord):
     """Hydraulic lash adjuster, in the place of a lash."""
 
     model: Literal["lash-adjuster"]
-    stiffness: Annotated[float, q.Unit("stiffness", above=True)] = Field(description="of the oil column")
-    leak: Annotated[float, q.Unit("damping", above=True)] = Field(description="force per velocity of leak-down")
-    refill: Annotated[float, q.Unit("damping", above=True)] = Field(
+    stiffness: PositiveStiffness = Field(description="of the oil column")
+    leak: Annotated[float, Unit("damping", above=True)] = Field(description="force per velocity of leak-down")
+    refill: Annotated[float, Unit("damping", above=True)] = Field(
         description="force per velocity while the check valve is open"
     )
-    plunger_force: q.Force = Field(description="of the spring that keeps it extended")
+    plunger_force: Force = Field(description="of the spring that keeps it extended")
 
     @model_validator(mode="after")
     def _check_leakage(self) -> Self:
         if not self.leak > self.refill:
-            raise q.value_error("leak above refill", "the check valve is wider than the gap around the plunger")
+            raise value_error("leak above refill", "the check valve is wider than the gap around the plunger")
         return self
 
 

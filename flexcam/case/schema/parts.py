@@ -1,26 +1,168 @@
-"""Tables of parts attached to the structure: masses, springs, bearings, loads, rockers."""
+"""Tables of materials, sections, members, masses, springs, bearings, loads and rockers."""
 
 from __future__ import annotations
 
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
 
 from flexcam import valvetrain
-from flexcam.case import quantities as q
-from flexcam.case.schema.base import Name, PartRecord, Point, Record
+from flexcam.case.schema.base import (
+    DampingValue,
+    DirectionValue,
+    Force,
+    Inertia,
+    Length,
+    LineValue,
+    MassValue,
+    Name,
+    PartRecord,
+    Point,
+    Position,
+    PositiveNumber,
+    PositiveStiffness,
+    Ratio,
+    Record,
+    SecondMoment,
+    SignedAngle,
+    SignedNumber,
+    Stiffness,
+    Stress,
+    Unit,
+    Vector,
+    value_error,
+)
 from flexcam.fem.frames import direction
 from flexcam.fem.rigid_bodies import PointMass
+from flexcam.fem.sections import Material, Section
+
+
+def _check_poisson_ratio(nu: float) -> float:
+    if not -1.0 < nu <= 0.5:
+        raise value_error("above -1 and up to 0.5", "the shear modulus E/(2(1+nu)) must be positive")
+    return nu
+
+
+class MaterialRecord(PartRecord[Material]):
+    """Isotropic material."""
+
+    E: Stress = Field(description="Young's modulus")
+    nu: Annotated[SignedNumber, AfterValidator(_check_poisson_ratio)] = Field(description="Poisson's ratio")
+    density: Annotated[float, Unit("density")] = Field(description="mass per volume")
+    ultimate_strength: Stress | None = Field(None, description="for the margin against fatigue")
+    endurance_limit: Stress | None = Field(None, description="amplitude borne for ever, for the margin against fatigue")
+
+    def build(self) -> Material:
+        """Build the material."""
+        return Material(self.E, self.nu, self.density, self.ultimate_strength, self.endurance_limit)
+
+
+class _SectionRecord(PartRecord[Section]):
+    J: SecondMoment | None = Field(None, description="torsion constant")
+    kappa_y: PositiveNumber | None = Field(None, description="shear factor along local y")
+    kappa_z: PositiveNumber | None = Field(None, description="shear factor along local z")
+
+    def default_section(self) -> Section:
+        """Return the section with the defaults of its shape."""
+        raise NotImplementedError
+
+    def build(self) -> Section:
+        """Build the section, with the given torsion constant and shear factors."""
+        return self.default_section().given(J=self.J, kappa_y=self.kappa_y, kappa_z=self.kappa_z)
+
+
+class CircleRecord(_SectionRecord):
+    """Solid round section."""
+
+    shape: Literal["circle"]
+    diameter: Length
+
+    def default_section(self) -> Section:
+        """Return the section with the defaults of its shape."""
+        return Section.circle(self.diameter)
+
+
+class TubeRecord(_SectionRecord):
+    """Round tube."""
+
+    shape: Literal["tube"]
+    outer_diameter: Length
+    inner_diameter: Annotated[float, Unit("length")]
+
+    def default_section(self) -> Section:
+        """Return the section with the defaults of its shape."""
+        return Section.tube(self.outer_diameter, self.inner_diameter)
+
+
+class RectangleRecord(_SectionRecord):
+    """Rectangle with sides along local y and z."""
+
+    shape: Literal["rectangle"]
+    width_y: Length
+    width_z: Length
+
+    def default_section(self) -> Section:
+        """Return the section with the defaults of its shape."""
+        return Section.rectangle(self.width_y, self.width_z)
+
+
+class CustomRecord(_SectionRecord):
+    """Section given by its properties."""
+
+    shape: Literal["custom"]
+    A: Annotated[float, Unit("area", above=True)]
+    Iy: SecondMoment
+    Iz: SecondMoment
+    J: SecondMoment  # pyright: ignore[reportIncompatibleVariableOverride, reportGeneralTypeIssues]
+    fibre_y: Length | None = Field(
+        None,
+        description="extreme fibre along local y; twice the radius of gyration by default, too small for open profiles",
+    )
+    fibre_z: Length | None = Field(None, description="extreme fibre along local z; as fibre_y")
+    torsion_arm: Length | None = Field(
+        None, description="c of the torsional shear stress T c/J; twice the smaller fibre distance by default"
+    )
+
+    def default_section(self) -> Section:
+        """Return the section with the defaults of its shape."""
+        fibres = (self.fibre_y or 0.0, self.fibre_z or 0.0, self.torsion_arm or 0.0)
+        return Section(self.A, self.Iy, self.Iz, self.J, 1.0, 1.0, *fibres)
+
+
+SectionRecord = Annotated[CircleRecord | TubeRecord | RectangleRecord | CustomRecord, Field(discriminator="shape")]
+
+
+class MemberRecord(Record):
+    """Material, section and elements of a line group of the mesh or of a chain of named nodes."""
+
+    material: Name
+    section: Name
+    nodes: list[Name] | None = Field(
+        None, min_length=2, description="named nodes along the member (without a mesh file)"
+    )
+    elements: int = Field(1, ge=1, le=1_000_000, strict=True, description="equal parts of each of its segments")
+    orientation: Vector | None = Field(None, description="vector in the local x-y plane, global axes")
+    shear: bool = Field(False, strict=True, description="shear deformation (Timoshenko)")
+    rotary_inertia: bool = Field(True, strict=True, description="rotary inertia of the sections in bending")
+    mass: Literal["consistent", "lumped"] = "consistent"
+    geometric_stiffness: bool = Field(
+        False, strict=True, description="axial force and bending act on each other within a run"
+    )
+    bow: Position = Field(0.0, description="initial half wave in the local x-y plane, at mid-length")
+
+    @model_validator(mode="after")
+    def _check_bow(self) -> Self:
+        if self.bow and not self.geometric_stiffness:
+            raise value_error("bow with geometric_stiffness = true", "without it a bow acts on nothing")
+        return self
 
 
 class MassRecord(PartRecord[valvetrain.MassAt]):
     """Rigid body at a point."""
 
     at: Name
-    mass: q.MassValue
-    inertia: tuple[q.Inertia, q.Inertia, q.Inertia] = Field(
-        (0.0, 0.0, 0.0), description="about its centre, global axes"
-    )
+    mass: MassValue
+    inertia: tuple[Inertia, Inertia, Inertia] = Field((0.0, 0.0, 0.0), description="about its centre, global axes")
     offset: Point = Field((0.0, 0.0, 0.0), description="from the node to its centre, global axes")
 
     def build(self) -> valvetrain.MassAt:
@@ -35,17 +177,17 @@ _COIL_CONTACT_RATIO = 50.0
 class WireRecord(PartRecord[valvetrain.Wire]):
     """Wire of a coil spring, for its stress and its default stiffness."""
 
-    diameter: q.Length
-    coil_diameter: q.Length = Field(description="of the coil's mean circle")
-    active_coils: q.PositiveNumber | None = Field(None, description="with shear_modulus: the spring's stiffness")
-    shear_modulus: q.Stress | None = None
+    diameter: Length
+    coil_diameter: Length = Field(description="of the coil's mean circle")
+    active_coils: PositiveNumber | None = Field(None, description="with shear_modulus: the spring's stiffness")
+    shear_modulus: Stress | None = None
 
     @model_validator(mode="after")
     def _check_coil(self) -> Self:
         if self.coil_diameter < 2.0 * self.diameter:
-            raise q.value_error("a coil_diameter of twice the wire's or more", "Wahl's factor has no meaning for less")
+            raise value_error("a coil_diameter of twice the wire's or more", "Wahl's factor has no meaning for less")
         if (self.active_coils is None) != (self.shear_modulus is None):
-            raise q.value_error("active_coils and shear_modulus together, or neither", "the stiffness takes both")
+            raise value_error("active_coils and shear_modulus together, or neither", "the stiffness takes both")
         return self
 
     def build(self) -> valvetrain.Wire:
@@ -57,20 +199,20 @@ class WireRecord(PartRecord[valvetrain.Wire]):
         """Stiffness of the spring, N/m; None without a number of coils."""
         if self.active_coils is None or self.shear_modulus is None:
             return None
-        return self.build().rate(self.shear_modulus, self.active_coils)
+        return self.part.rate(self.shear_modulus, self.active_coils)
 
 
 class PulsationRecord(PartRecord[valvetrain.Pulsation]):
     """Variation of a stiffness with the cam angle."""
 
-    order: q.PositiveNumber = Field(description="swings per camshaft revolution")
-    amplitude: q.Ratio = Field(description='part of the mean stiffness, such as "10 %"; below 1')
-    phase: q.SignedAngle = 0.0
+    order: PositiveNumber = Field(description="swings per camshaft revolution")
+    amplitude: Ratio = Field(description='part of the mean stiffness, such as "10 %"; below 1')
+    phase: SignedAngle = 0.0
 
     @model_validator(mode="after")
     def _check_amplitude(self) -> Self:
         if self.amplitude >= 1.0:
-            raise q.value_error("an amplitude below 1", "the stiffness must not change its sign")
+            raise value_error("an amplitude below 1", "the stiffness must not change its sign")
         return self
 
     def build(self) -> valvetrain.Pulsation:
@@ -83,21 +225,21 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
 
     at: Name
     to: Name | None = Field(None, description="the other end; ground where absent")
-    direction: q.DirectionValue
+    direction: DirectionValue
     stiffness: float = Field(0.0, description="N/m, or N m/rad about an axis")
     damping: float = Field(0.0, description="N s/m, or N m s/rad about an axis")
     link: bool = Field(
         False, strict=True, description="stands for a part of the train, which is rigid in the rigid mechanism"
     )
-    installed_force: q.Force | None = Field(None, description="force it is installed with, against direction")
-    installed_compression: q.Length | None = Field(None, description="instead of the force: times the stiffness")
-    mass: q.MassValue = Field(0.0, description="spread over its length")
+    installed_force: Force | None = Field(None, description="force it is installed with, against direction")
+    installed_compression: Length | None = Field(None, description="instead of the force: times the stiffness")
+    mass: MassValue = Field(0.0, description="spread over its length")
     elements: int = Field(
         1, ge=1, le=1000, strict=True,
         description="equal parts; more than one lets it surge; with mass 4 to 16 by default, as its waves need",
     )  # fmt: skip
-    clash_travel: q.Length | None = Field(None, description="along direction from installed until all coils touch")
-    clash_stiffness: Annotated[float, q.Unit("stiffness", above=True)] | None = Field(
+    clash_travel: Length | None = Field(None, description="along direction from installed until all coils touch")
+    clash_stiffness: PositiveStiffness | None = Field(
         None, description="of a contact between neighbouring parts; 50 times a part's own by default"
     )
     pulsation: PulsationRecord | None = Field(None, description="swing of its stiffness; the mean alone by default")
@@ -106,19 +248,19 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
     @model_validator(mode="after")
     def _check_parts(self) -> Self:
         if self.wire is not None and not direction(self.direction)[:3].any():
-            raise q.value_error(
+            raise value_error(
                 "a wire on a spring along a line", "its stress and stiffness are those of a coil in compression"
             )
         if self.wire is not None and self.wire.rate is not None and self.stiffness:
-            raise q.value_error("either stiffness, or active_coils and shear_modulus of the wire", "both say the same")
+            raise value_error("either stiffness, or active_coils and shear_modulus of the wire", "both say the same")
         if self.installed_force is not None and self.installed_compression is not None:
-            raise q.value_error("either installed_force or installed_compression", "one follows from the other")
+            raise value_error("either installed_force or installed_compression", "one follows from the other")
         if self.link and (self.to is None or self.installed_force or self.installed_compression):
-            raise q.value_error(
+            raise value_error(
                 "a link with an end `to` and no preload", "it joins two points as a part of the train does"
             )
-        if self.clash_travel is not None and not self.build().stiffness:
-            raise q.value_error("a stiffness where coils can touch", "a spring without one has no coils")
+        if self.clash_travel is not None and not self.part.stiffness:
+            raise value_error("a stiffness where coils can touch", "a spring without one has no coils")
         return self
 
     @field_validator("stiffness", "damping", mode="before")
@@ -127,43 +269,39 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
         """Return SI; units depend on whether the spring is translational or rotational."""
         along = info.data.get("direction", "uy")
         turns = not direction(along)[:3].any()
-        return q.Unit(f"rotational {info.field_name}" if turns else str(info.field_name)).validate(value)
+        return Unit(f"rotational {info.field_name}" if turns else str(info.field_name)).validate(value)
 
     def build(self) -> valvetrain.Spring:
         """Build the spring."""
         along = direction(self.direction)
         stiffness = self.stiffness or (self.wire.rate if self.wire else None) or 0.0
         clash = self.clash_stiffness or _COIL_CONTACT_RATIO * self.elements * stiffness
-        wire = self.wire.build() if self.wire else None
+        wire = self.wire.part if self.wire else None
         force = self.installed_force
         if self.installed_compression is not None:
             force = stiffness * self.installed_compression
         return valvetrain.Spring(
             self.at, along, stiffness, self.damping, self.to, force, self.mass, self.elements,
-            self.clash_travel, clash, wire, self.pulsation.build() if self.pulsation else None, self.link,
+            self.clash_travel, clash, wire, self.pulsation.part if self.pulsation else None, self.link,
         )  # fmt: skip
 
 
-class BearingRecord(PartRecord[tuple[float, float]]):
+class BearingRecord(Record):
     """Elastic bearing with isotropic stiffness and damping perpendicular to the shaft."""
 
     at: Name
-    stiffness: q.Stiffness
-    damping: q.DampingValue = 0.0
-
-    def build(self) -> tuple[float, float]:
-        """Return stiffness and damping; the directions follow from the mesh."""
-        return self.stiffness, self.damping
+    stiffness: Stiffness
+    damping: DampingValue = 0.0
 
 
-class LoadRecord(Record):
+class LoadRecord(PartRecord[valvetrain.GivenLoad]):
     """Constant force at a point or distributed over a member."""
 
     at: Name | None = Field(None, description="point it acts at")
     member: Name | None = Field(None, description="member it is spread over")
-    direction: q.DirectionValue
+    direction: DirectionValue
     force: float | None = Field(None, description="N at a point, N m about an axis")
-    force_per_length: Annotated[float, q.Unit("stiffness", signed=True)] | None = Field(
+    force_per_length: Annotated[float, Unit("stiffness", signed=True)] | None = Field(
         None, description="N/m over a member"
     )
 
@@ -174,7 +312,7 @@ class LoadRecord(Record):
         if value is None:
             return None
         turns = not direction(info.data.get("direction", "uy"))[:3].any()
-        return q.Unit("moment" if turns else "force", signed=True).validate(value)
+        return Unit("moment" if turns else "force", signed=True).validate(value)
 
     @model_validator(mode="after")
     def _check_target(self) -> Self:
@@ -183,7 +321,7 @@ class LoadRecord(Record):
             self.member is not None and self.force_per_length is not None,
         )
         if point == spread or (self.at is not None) == (self.member is not None):
-            raise q.value_error("either at with force, or member with force_per_length", "a load acts in one way")
+            raise value_error("either at with force, or member with force_per_length", "a load acts in one way")
         return self
 
     def build(self) -> valvetrain.GivenLoad:
@@ -192,15 +330,20 @@ class LoadRecord(Record):
         return valvetrain.GivenLoad(size or 0.0, direction(self.direction), self.at, self.member)
 
 
+_DefinedPoint = Annotated[Name, Field(description="point it defines")]
+_Arms = Annotated[tuple[Length, Length], Field(description="arm at `from` and at `to`")]
+_DrivenDirection = Annotated[LineValue | None, Field(description="motion at `from`; along the member there by default")]
+
+
 class LumpedRecord(Record):
     """Rocker without bending: the point `to` moves by the ratio of the arms."""
 
     model: Literal["lumped"]
     start: Name = Field(alias="from", description="named node it is driven at")
-    to: Name = Field(description="point it defines")
-    arms: tuple[q.Length, q.Length] = Field(description="arm at `from` and at `to`")
-    inertia: q.Inertia = Field(0.0, description="about the rocker's shaft")
-    direction: q.LineValue | None = Field(None, description="motion at `from`; along the member there by default")
+    to: _DefinedPoint
+    arms: _Arms
+    inertia: Inertia = Field(0.0, description="about the rocker's shaft")
+    direction: _DrivenDirection = None
 
 
 class LeverRecord(Record):
@@ -210,19 +353,19 @@ class LeverRecord(Record):
     start: Name = Field(
         alias="from", description="named node it is driven at; a new name for a finger that the cam touches"
     )
-    to: Name = Field(description="point it defines")
-    arms: tuple[q.Length, q.Length] = Field(description="arm at `from` and at `to`")
-    angles: tuple[q.SignedAngle, q.SignedAngle] = Field(
+    to: _DefinedPoint
+    arms: _Arms
+    angles: tuple[SignedAngle, SignedAngle] = Field(
         (0.0, 0.0), description="of both arms as installed; 0 where an arm is square to the motion of its end"
     )
-    inertia: Annotated[float, q.Unit("inertia", above=True)] = Field(description="about the lever's axis")
-    stiffness: Annotated[float, q.Unit("stiffness", above=True)] = Field(description="of the arm at `to`")
-    damping: q.DampingValue = Field(0.0, description="of the arm at `to`")
-    drive_stiffness: Annotated[float, q.Unit("stiffness", above=True)] | None = Field(
+    inertia: Annotated[float, Unit("inertia", above=True)] = Field(description="about the lever's axis")
+    stiffness: PositiveStiffness = Field(description="of the arm at `to`")
+    damping: DampingValue = Field(0.0, description="of the arm at `to`")
+    drive_stiffness: PositiveStiffness | None = Field(
         None, description="of the arm at a driven node; as stiffness by default"
     )
-    drive_damping: q.DampingValue = Field(0.0, description="of the arm at a driven node")
-    direction: q.LineValue | None = Field(None, description="motion at `from`; along the member there by default")
+    drive_damping: DampingValue = Field(0.0, description="of the arm at a driven node")
+    direction: _DrivenDirection = None
 
 
 RockerRecord = Annotated[LumpedRecord | LeverRecord, Field(discriminator="model")]

@@ -7,23 +7,38 @@ from typing import Annotated, Literal, Self, cast
 from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
 from flexcam import dynamics
-from flexcam.case import quantities as q
-from flexcam.case.schema.base import Gravity, Name, PartRecord, Record
+from flexcam.case.schema.base import (
+    CamshaftSpeed,
+    CrankshaftSpeed,
+    Gravity,
+    MassValue,
+    Name,
+    PartRecord,
+    PositiveNumber,
+    Ratio,
+    Record,
+    SignedAngle,
+    SignedNumber,
+    Time,
+    Tolerance,
+    Unit,
+    value_error,
+)
 from flexcam.fem.assembly import Damping
 
 
 class ToleranceRecord(Record):
     """Allowed error by quantity in the norm, relative to its maximum; quantities without an entry are not limited."""
 
-    lift: q.Tolerance | None = None
-    velocity: q.Tolerance | None = None
-    acceleration: q.Tolerance | None = None
-    force: q.Tolerance | None = Field(None, description="of every contact")
+    lift: Tolerance | None = None
+    velocity: Tolerance | None = None
+    acceleration: Tolerance | None = None
+    force: Tolerance | None = Field(None, description="of every contact")
 
     @model_validator(mode="after")
     def _check_not_empty(self) -> Self:
         if not self.by_quantity():
-            raise q.value_error("at least one of lift, velocity, acceleration, force", "it asks for nothing")
+            raise value_error("at least one of lift, velocity, acceleration, force", "it asks for nothing")
         return self
 
     def by_quantity(self) -> dict[str, float]:
@@ -39,7 +54,7 @@ class FidelityRecord(Record):
         "beams", description="flexible members, rigid ones, one mass for the train, or a chain of masses"
     )
     masses: int = Field(3, ge=1, le=1000, strict=True, description="of a chain, at nodes along its train")
-    tolerance: q.Tolerance | ToleranceRecord | None = Field(
+    tolerance: Tolerance | ToleranceRecord | None = Field(
         None,
         description='run the cheapest model whose lift is within it, such as "1 %", or a table by quantity',
         union_mode="left_to_right",
@@ -70,11 +85,11 @@ class FidelityRecord(Record):
     @model_validator(mode="after")
     def _check_choice(self) -> Self:
         if self.tolerance is not None and self.model != "beams":
-            raise q.value_error("either model or tolerance", "a tolerance chooses the model")
+            raise value_error("either model or tolerance", "a tolerance chooses the model")
         if self.reduction != "modes" and self.modes is None:
-            raise q.value_error("modes with a reduction", "it says how many")
+            raise value_error("modes with a reduction", "it says how many")
         if self.modes is not None and self.model != "beams":
-            raise q.value_error("modes with model = beams", "they are modes of the beams")
+            raise value_error("modes with model = beams", "they are modes of the beams")
         return self
 
     @property
@@ -88,9 +103,9 @@ class FidelityRecord(Record):
 class DampingRecord(PartRecord[Damping]):
     """Damping of the whole structure."""
 
-    alpha: Annotated[float, q.Unit("rate")] = Field(0.0, description="Rayleigh factor of the mass")
-    beta: Annotated[float, q.Unit("time")] = Field(0.0, description="Rayleigh factor of the stiffness")
-    modal: q.Ratio = Field(0.0, description="damping ratio of every mode")
+    alpha: Annotated[float, Unit("rate")] = Field(0.0, description="Rayleigh factor of the mass")
+    beta: Annotated[float, Unit("time")] = Field(0.0, description="Rayleigh factor of the stiffness")
+    modal: Ratio = Field(0.0, description="damping ratio of every mode")
 
     def build(self) -> Damping:
         """Build the damping."""
@@ -101,8 +116,8 @@ class NewmarkRecord(PartRecord[dynamics.Scheme]):
     """Newmark method; the default is the average acceleration."""
 
     method: Literal["newmark"] = "newmark"
-    beta: q.PositiveNumber = 0.25
-    gamma: q.PositiveNumber = 0.5
+    beta: PositiveNumber = 0.25
+    gamma: PositiveNumber = 0.5
 
     def build(self) -> dynamics.Scheme:
         """Build the scheme."""
@@ -113,7 +128,7 @@ class HhtRecord(PartRecord[dynamics.Scheme]):
     """Hilber-Hughes-Taylor method."""
 
     method: Literal["hht"]
-    alpha: q.SignedNumber = -0.05
+    alpha: SignedNumber = -0.05
 
     def build(self) -> dynamics.Scheme:
         """Build the scheme."""
@@ -124,7 +139,7 @@ class GeneralizedAlphaRecord(PartRecord[dynamics.Scheme]):
     """Generalized-alpha method."""
 
     method: Literal["generalized-alpha"]
-    rho_inf: q.Ratio = 0.9
+    rho_inf: Ratio = 0.9
 
     def build(self) -> dynamics.Scheme:
         """Build the scheme."""
@@ -206,7 +221,7 @@ class GivenStartRecord(Record):
         table = cast("dict[str, object]", value)
         units = {"displacement": ("length", "angle"), "velocity": ("velocity", "speed")}[info.field_name or ""]
         return {
-            name: q.Unit(units[name.rpartition(".")[2] in ("rx", "ry", "rz")], signed=True).validate(one)
+            name: Unit(units[name.rpartition(".")[2] in ("rx", "ry", "rz")], signed=True).validate(one)
             for name, one in table.items()
         }
 
@@ -231,40 +246,32 @@ StartRecord = Annotated[
 class FluctuationRecord(Record):
     """Fluctuation of the camshaft speed about its mean, in orders of its rotation."""
 
-    orders: list[q.PositiveNumber] = Field(min_length=1, description="swings per camshaft revolution")
-    amplitudes: list[q.Ratio] = Field(description='parts of the mean speed, such as "2 %"; together below 1')
-    phases: list[q.SignedAngle] = Field(default=[], description="of the swings; zero by default")
+    orders: list[PositiveNumber] = Field(min_length=1, description="swings per camshaft revolution")
+    amplitudes: list[Ratio] = Field(description='parts of the mean speed, such as "2 %"; together below 1')
+    phases: list[SignedAngle] = Field(default=[], description="of the swings; zero by default")
 
     @model_validator(mode="after")
     def _check_lengths(self) -> Self:
         if len(self.amplitudes) != len(self.orders) or len(self.phases) not in (0, len(self.orders)):
-            raise q.value_error("an amplitude (and a phase, or none) for every order", "they belong together")
+            raise value_error("an amplitude (and a phase, or none) for every order", "they belong together")
         if sum(self.amplitudes) >= 1.0:
-            raise q.value_error("amplitudes that together are below 1", "the shaft must keep turning")
+            raise value_error("amplitudes that together are below 1", "the shaft must keep turning")
         return self
-
-    def build(self) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
-        """Return orders, amplitudes and phases."""
-        return tuple(self.orders), tuple(self.amplitudes), tuple(self.phases or [0.0] * len(self.orders))
 
 
 class FreeRunningRecord(Record):
     """Speed of a freely rotating cam, as its reduced inertia changes with the lift."""
 
     cam: Name
-    cam_mass: Annotated[float, q.Unit("mass", above=True)] = Field(description="of the cam, as a disc")
-    follower_mass: q.MassValue = Field(description="of the follower")
-
-    def build(self) -> tuple[str, float, float]:
-        """Return the name of the cam and both masses."""
-        return self.cam, self.cam_mass, self.follower_mass
+    cam_mass: Annotated[float, Unit("mass", above=True)] = Field(description="of the cam, as a disc")
+    follower_mass: MassValue = Field(description="of the follower")
 
 
 class AdaptiveRecord(PartRecord[dynamics.Adaptive]):
     """Adaptive steps with an error below a tolerance; results are saved at the given steps."""
 
-    tolerance: q.PositiveNumber = Field(1e-6, description="largest error of a step, as a part of the motion (energy)")
-    smallest: q.Time | None = Field(None, description="smallest step; 2^-16 of the one given by default")
+    tolerance: PositiveNumber = Field(1e-6, description="largest error of a step, as a part of the motion (energy)")
+    smallest: Time | None = Field(None, description="smallest step; 2^-16 of the one given by default")
 
     def build(self) -> dynamics.Adaptive:
         """Build the step control: tolerance and minimum step."""
@@ -274,13 +281,13 @@ class AdaptiveRecord(PartRecord[dynamics.Adaptive]):
 class RunRecord(Record):
     """Speed, duration, steps, initial state and integrator of a run."""
 
-    speed: q.Speed | None = Field(None, description="camshaft speed")
-    crank_speed: q.Speed | None = Field(None, description="crankshaft speed, twice the camshaft's")
-    revolutions: q.PositiveNumber = Field(2.0, description="of the camshaft")
+    speed: CamshaftSpeed = None
+    crank_speed: CrankshaftSpeed = None
+    revolutions: PositiveNumber = Field(2.0, description="of the camshaft")
     steps_per_revolution: int | None = Field(
         None, ge=1, le=100_000_000, strict=True, description="3600 where no step is given"
     )
-    step: q.Time | None = Field(None, description="instead of steps_per_revolution")
+    step: Time | None = Field(None, description="instead of steps_per_revolution")
     engine: dynamics.Engine = Field(
         "auto", description="solver engine: auto chooses the fastest that fits; all give the same numbers"
     )
@@ -300,17 +307,17 @@ class RunRecord(Record):
     @model_validator(mode="after")
     def _check_drive(self) -> Self:
         if self.fluctuation is not None and self.free_running is not None:
-            raise q.value_error("either fluctuation or free_running", "the shaft turns in one way")
+            raise value_error("either fluctuation or free_running", "the shaft turns in one way")
         orders = self.fluctuation.orders if self.fluctuation else []
         if self.start == "periodic" and any(order != round(order) for order in orders):
-            raise q.value_error("whole orders with start = periodic", "the state repeats with the camshaft")
+            raise value_error("whole orders with start = periodic", "the state repeats with the camshaft")
         return self
 
 
 def _check_duplicates(names: list[str]) -> list[str]:
     twice = [name for name in names if names.count(name) > 1]
     if twice:
-        raise q.value_error("every point once", f"{twice[0]!r} is listed {names.count(twice[0])} times", "remove it")
+        raise value_error("every point once", f"{twice[0]!r} is listed {names.count(twice[0])} times", "remove it")
     return names
 
 

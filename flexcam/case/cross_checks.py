@@ -1,0 +1,371 @@
+"""Checks across the tables of a case: exclusive keys, references, nodes, shafts, rockers and lashes.
+
+Checks of raw tables join the report of invalid values; checks of mesh and model follow when all values are valid.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, cast
+
+import numpy as np
+
+from flexcam.case.case import Case
+from flexcam.case.schema.cams import LAW_KEYS
+from flexcam.case.schema.contacts import AdjusterRecord, LashRecord, PublishedLoadRecord
+from flexcam.case.schema.parts import LeverRecord
+from flexcam.case.toml_lines import KeyLocations, Path
+from flexcam.core import FloatArray
+from flexcam.core.errors import Fault, InputError, suggest_name
+from flexcam.core.units import parse
+from flexcam.fem.frames import component, default_orientation, triads
+from flexcam.fem.mesh import Mesh
+from flexcam.valvetrain import Adjuster, Lash, Model
+
+Table = Mapping[str, Any]
+
+_PART_REFERENCES = (
+    ("members", "material", "materials", "a material"),
+    ("members", "section", "sections", "a section"),
+    ("contacts", "cam", "cams", "a cam"),
+    ("loads", "member", "members", "a member"),
+)
+"""Table, key, referenced table and description of the value."""
+
+_POINT_REFERENCES = (
+    ("masses", "at", True),
+    ("springs", "at", True),
+    ("springs", "to", True),
+    ("bearings", "at", False),
+    ("loads", "at", True),
+    ("rockers", "from", False),
+    ("cams", "at", False),
+    ("contacts", "follower", True),
+    ("contacts", "at", True),
+    ("contacts", "from", False),
+    ("contacts", "to", False),
+)
+"""Table, key and whether the output point of a rocker is allowed."""
+
+
+@dataclass(frozen=True)
+class RawTables:
+    """Raw tables of a case, to be checked before all values are known to be valid.
+
+    Parameters
+    ----------
+    raw
+        Parsed TOML before validation; values of the wrong type are skipped.
+    mesh
+        Mesh of the mesh file; None for a case with its own nodes, or if the file could not be read.
+    places
+        Source of every key.
+    """
+
+    raw: Table
+    mesh: Mesh | None
+    places: KeyLocations
+
+    def reference_faults(self) -> Iterator[Fault]:
+        """Yield names without a target, or with several nodes where one is required."""
+        yield from self._part_faults()
+        yield from self._lift_faults()
+        yield from self._member_node_faults()
+        yield from self._spring_end_faults()
+        if self.mesh is not None:
+            yield from self._mesh_group_faults(self.mesh)
+        if self.mesh is not None or "nodes" in self.raw:
+            yield from self._point_faults()
+
+    def exclusive_key_faults(self) -> Iterator[Fault]:
+        """Yield missing tables and keys that exclude each other."""
+        yield from _exclusive_keys(self.raw, ("mesh", "nodes"), 1, "case file", "the geometry comes from one place")
+        if "members" not in self.raw and "masses" not in self.raw:
+            why = "a mechanism consists of beams, of masses at points, or of both"
+            yield Fault("case file", "no members and no masses", "[members] or [masses]", why, "add [members]")
+        if isinstance(self.raw.get("run"), Mapping):
+            run, where = self._table("run"), self.places.place(("run",))
+            for pair, minimum in ((("speed", "crank_speed"), 1), (("steps_per_revolution", "step"), 0)):
+                yield from _exclusive_keys(run, pair, minimum, where, "one follows from the other")
+
+    def coincident_node_faults(self) -> Iterator[Fault]:
+        """Yield coincident nodes, and members that contain a node twice."""
+        first: dict[tuple[float, ...], str] = {}
+        for name, place in self._table("nodes").items():
+            at = _node_coordinates(place)
+            if at is not None and (other := first.setdefault(at, name)) != name:
+                remedy = f"name {other!r} wherever {name!r} is meant"
+                yield self._fault(
+                    ("nodes", name), f"the place of {other!r}", "a place of its own", _SHARED_NODE, remedy
+                )
+        for name, table in self._each("members"):
+            nodes = [node for node in _as_list(table.get("nodes")) if isinstance(node, str)]
+            for node in dict.fromkeys(node for node in nodes if nodes.count(node) > 1):
+                allowed, why = "a chain that contains each node once", "a closed member has no end to start from"
+                yield self._fault(("members", name, "nodes"), repr(node), allowed, why, "make two members of it")
+
+    def _fault(self, path: Path, given: str, allowed: str, why: str = "", remedy: str = "") -> Fault:
+        return Fault(self.places.place(path), given, allowed, why, remedy)
+
+    def _table(self, kind: str) -> Table:
+        table = self.raw.get(kind)
+        return cast("Table", table) if isinstance(table, Mapping) else {}
+
+    def _each(self, kind: str) -> Iterator[tuple[str, Table]]:
+        for name, table in self._table(kind).items():
+            if isinstance(table, Mapping):
+                yield name, cast("Table", table)
+
+    def _check_name(self, path: Path, name: object, known: Sequence[str], what: str) -> Iterator[Fault]:
+        if isinstance(name, str) and name not in known:
+            allowed = f"{what}: {', '.join(known) or '(there is none)'}"
+            yield self._fault(path, repr(name), allowed, "", suggest_name(name, known))
+
+    def _check_point(self, path: Path, name: object, counts: Mapping[str, int]) -> Iterator[Fault]:
+        yield from self._check_name(path, name, list(counts), "a point")
+        if isinstance(name, str) and counts.get(name, 1) != 1:
+            why, remedy = f"it names {counts[name]} nodes", "give the node a group of its own"
+            yield self._fault(path, repr(name), "a point of one node", why, remedy)
+
+    def _part_faults(self) -> Iterator[Fault]:
+        for name, table in self._each("contacts"):
+            if table.get("model") in ("lash", "lash-adjuster"):
+                rockers = list(self._table("rockers"))
+                yield from self._check_name(("contacts", name, "at"), table.get("at"), rockers, "a rocker")
+        free = self._table("run").get("free_running")
+        if isinstance(free, Mapping):
+            cam = cast("Table", free).get("cam")
+            yield from self._check_name(("run", "free_running", "cam"), cam, list(self._table("cams")), "a cam")
+        for kind, key, target, what in _PART_REFERENCES:
+            for name, table in self._each(kind):
+                yield from self._check_name((kind, name, key), table.get(key), list(self._table(target)), what)
+
+    def _lift_faults(self) -> Iterator[Fault]:
+        """Yield missing keys of cams, and keys that conflict with a lift file."""
+        for name, table in self._each("cams"):
+            if "lift_table" not in table:
+                for key in [key for key in LAW_KEYS if key not in table]:
+                    why = "the key is required without a lift_table"
+                    yield self._fault(("cams", name, key), "nothing", LAW_KEYS[key], why, f"add {key!r}")
+                continue
+            for key in (*LAW_KEYS, "dwell", "return_law", "ramps", "single_dwell"):
+                if key in table and not (key == "law" and table[key] == "table"):
+                    why = "the lift table defines the whole lift"
+                    yield self._fault(("cams", name, key), key, "nothing", why, "remove one of them")
+
+    def _member_node_faults(self) -> Iterator[Fault]:
+        named = list(self._table("nodes"))
+        for name, table in self._each("members") if "mesh" not in self.raw else ():
+            if "nodes" not in table:
+                why, remedy = "the case has no mesh file", 'add nodes = ["...", "..."]'
+                yield self._fault(("members", name), "no nodes", "the named nodes along it", why, remedy)
+            for node in _as_list(table.get("nodes")):
+                yield from self._check_name(("members", name, "nodes"), node, named, "a named node")
+
+    def _spring_end_faults(self) -> Iterator[Fault]:
+        """Yield springs with both ends at one point, which have no elongation."""
+        for name, table in self._each("springs"):
+            if "at" in table and table.get("to") == table["at"]:
+                why, remedy = "a spring from a point to itself has no effect", "leave it out for a spring to ground"
+                yield self._fault(("springs", name, "to"), repr(table["to"]), "another point", why, remedy)
+
+    def _mesh_group_faults(self, mesh: Mesh) -> Iterator[Fault]:
+        for name, table in self._each("members"):
+            yield from self._check_name(("members", name), name, list(mesh.lines), "a line group of the mesh")
+            if "nodes" in table:
+                why = "the mesh file defines its nodes"
+                yield self._fault(("members", name, "nodes"), "nodes", "nothing", why, "remove the key")
+        for name in mesh.lines:
+            if name not in self._table("members"):
+                yield Fault(f"mesh group {name!r}", "no member", "a table under [members]", "", f"add [members.{name}]")
+
+    def _point_faults(self) -> Iterator[Fault]:
+        counts = dict.fromkeys(self._table("nodes"), 1)
+        if self.mesh is not None:
+            counts = {name: len(index) for name, index in self.mesh.points.items()}
+        outputs = [rocker.get("to") for _, rocker in self._each("rockers")]
+        fingers = [str(rocker.get("from")) for _, rocker in self._each("rockers") if _is_finger(rocker, counts)]
+        rocker_points = [name for name in outputs if isinstance(name, str)] + fingers
+        with_rockers = {**counts, **dict.fromkeys(rocker_points, 1)}
+        for name, rocker in self._each("rockers"):
+            to = rocker.get("to")
+            if isinstance(to, str) and (to in counts or rocker_points.count(to) > 1):
+                why = "a rocker defines a point of its own"
+                yield self._fault(("rockers", name, "to"), repr(to), "a new name", why, "choose another name")
+        for kind, key, rocker_point_allowed in _POINT_REFERENCES:
+            for name, table in self._each(kind):
+                of_lash = kind == "contacts" and key == "at" and table.get("model") != "seat"
+                if not of_lash and not (kind == "rockers" and _is_finger(table, counts)):
+                    allowed = with_rockers if rocker_point_allowed else counts
+                    yield from self._check_point((kind, name, key), table.get(key), allowed)
+        for name in self._table("supports"):
+            yield from self._check_name(("supports", name), name, list(counts), "a point")
+        for probe in _as_list(self._table("output").get("probes")):
+            yield from self._check_point(("output", "probes"), probe, with_rockers)
+
+
+_SHARED_NODE = "members are connected only at a shared node"
+
+
+def _exclusive_keys(table: Table, pair: tuple[str, str], minimum: int, where: str, why: str) -> Iterator[Fault]:
+    given = [key for key in pair if key in table]
+    if not minimum <= len(given) <= 1:
+        found = " and ".join(given) or f"neither {pair[0]} nor {pair[1]}"
+        yield Fault(where, found, f"either {pair[0]} or {pair[1]}", why, "")
+
+
+def _node_coordinates(place: object) -> tuple[float, ...] | None:
+    """Return the coordinates of a node, m; None if they are invalid."""
+    if not isinstance(place, list):
+        return None
+    try:
+        return tuple(parse(value, "length", noise=True) for value in cast("list[Any]", place))
+    except InputError:
+        return None
+
+
+def _as_list(value: object) -> list[object]:
+    return cast("list[object]", value) if isinstance(value, list) else []
+
+
+def _is_finger(rocker: Table, nodes: Mapping[str, int]) -> bool:
+    """Return whether a rocker is driven at a point of its own."""
+    return rocker.get("model") == "lever" and isinstance(rocker.get("from"), str) and rocker["from"] not in nodes
+
+
+def mesh_faults(case: Case, mesh: Mesh) -> Iterator[Fault]:
+    """Yield the faults of followers, lashes, levers and orientations on a mesh."""
+    yield from _shared_train_faults(case, mesh)
+    yield from _lash_place_faults(case)
+    yield from _lever_place_faults(case)
+    yield from _orientation_faults(case, mesh)
+
+
+def _shared_train_faults(case: Case, mesh: Mesh) -> Iterator[Fault]:
+    """Yield published loads whose followers share a train: each would use all its springs."""
+    seen: dict[int, str] = {}
+    for name, contact in case.record.contacts.items():
+        if not isinstance(contact, PublishedLoadRecord) or contact.follower not in mesh.points:
+            continue
+        train = int(mesh.connected_nodes(mesh.node(contact.follower, "follower"))[0])
+        if train in seen:
+            where = case.place(("contacts", name, "follower"))
+            given, allowed = f"{contact.follower!r}, on the train of {seen[train]!r}", "a follower with its own train"
+            why = "the preload of a published load belongs to one follower"
+            yield Fault(where, given, allowed, why, "give each cam its own pushrod")
+        seen.setdefault(train, name)
+
+
+def _lash_place_faults(case: Case) -> Iterator[Fault]:
+    """Yield lashes at the rocker of another one, and lashes between a node and itself."""
+    seen: dict[str, str] = {}
+    for name, lash in case.record.contacts.items():
+        if not isinstance(lash, LashRecord | AdjusterRecord):
+            continue
+        if lash.at is not None and lash.at in seen:
+            given, why = f"{lash.at!r}, as contact {seen[lash.at]!r}", "a rocker has one lash or adjuster"
+            yield Fault(case.place(("contacts", name, "at")), given, "one at a rocker", why, "remove one")
+        if lash.ends is not None and lash.ends[0] == lash.ends[1]:
+            where, why = case.place(("contacts", name, "to")), "a lash lies between two bodies"
+            yield Fault(where, repr(lash.ends[1]), "another node", why, "name two")
+        seen.setdefault(lash.at or "", name)
+
+
+def _lever_place_faults(case: Case) -> Iterator[Fault]:
+    starts = [rocker.start for rocker in case.record.rockers.values()]
+    for name, rocker in case.record.rockers.items():
+        if starts.count(rocker.start) > 1 and isinstance(rocker, LeverRecord):
+            where, why = case.place(("rockers", name, "from")), "each lever has a driven end of its own"
+            yield Fault(
+                where, repr(rocker.start), "another point", why, "name another node, or a new name for a finger"
+            )
+
+
+def _orientation_faults(case: Case, mesh: Mesh) -> Iterator[Fault]:
+    """Yield orientation vectors that are zero or parallel to their member."""
+    for name, member in case.record.members.items():
+        span = np.diff(mesh.nodes[mesh.lines[name]], axis=0)
+        axes = span / np.linalg.norm(span, axis=1, keepdims=True)
+        try:
+            triads(axes, np.broadcast_to(member.orientation or default_orientation(axes), axes.shape))
+        except InputError as refusal:
+            where = case.place(("members", name, "orientation"))
+            yield from (replace(fault, where=where) for fault in refusal.faults)
+
+
+_ROUNDNESS_TOLERANCE = 0.01
+"""Allowed relative difference of the stiffnesses in two directions; chosen, as published properties are rounded."""
+
+
+def model_faults(case: Case, model: Model) -> Iterator[Fault]:
+    """Yield the faults of shafts that are not round, opposite cams on a shaft, and immovable rockers and lashes."""
+    yield from _unsymmetric_shaft_faults(case, model)
+    yield from _rotation_faults(case, model)
+    yield from _undriven_rocker_faults(case, model)
+    yield from _immovable_lash_faults(case, model)
+
+
+def _unsymmetric_shaft_faults(case: Case, model: Model) -> Iterator[Fault]:
+    """Yield members that rotate with a cam and are not equally stiff in all directions."""
+    shafts: dict[str, str] = {}
+    for cam, part in model.cams.items():
+        nodes = model.mesh.connected_nodes(model.mesh.node(part.at))
+        for member, line in model.mesh.lines.items():
+            if np.isin(line, nodes).any():
+                shafts.setdefault(member, cam)
+    for name, cam in shafts.items():
+        member = model.members[name]
+        section = member.section
+        pairs = [(section.Iy, section.Iz, "Iy = {:.4g} m^4 and Iz = {:.4g} m^4")]
+        if member.shear:
+            pairs.append((section.kappa_y, section.kappa_z, "kappa_y = {:.4g} and kappa_z = {:.4g}"))
+        given = [text.format(a, b) for a, b, text in pairs if abs(a - b) > _ROUNDNESS_TOLERANCE * max(a, b)]
+        if given:
+            why = f"it turns with cam {cam!r}, so that its stiffness would swing twice per turn, which is not computed"
+            allowed = f"a section that is as stiff along y as along z, within {100.0 * _ROUNDNESS_TOLERANCE:g} %"
+            remedy = "take a circle, a tube, or a custom section with the mean of both"
+            yield Fault(case.place(("members", name, "section")), "; ".join(given), allowed, why, remedy)
+
+
+def _rotation_faults(case: Case, model: Model) -> Iterator[Fault]:
+    """Yield cams that rotate against another cam on their shaft."""
+    first: dict[int, str] = {}
+    axes = {contact.cam: contact.shaft_axis for contact in model.cam_contacts.values()}
+    for name, axis in axes.items():
+        shaft = int(model.mesh.connected_nodes(model.mesh.node(model.cams[name].at))[0])
+        other = first.setdefault(shaft, name)
+        if float(axis @ axes[other]) < 0.0:
+            given = f"{_format_axis(axis)}, against cam {other!r} about {_format_axis(axes[other])}"
+            where, why = case.place(("cams", name, "axis")), f"{name!r} and {other!r} sit on one shaft"
+            yield Fault(where, given, "one sense of rotation", why, "turn the sign of one axis")
+
+
+def _format_axis(axis: FloatArray) -> str:
+    return f"[{', '.join(f'{x:g}' for x in (axis + 0.0).tolist())}]"
+
+
+def _undriven_rocker_faults(case: Case, model: Model) -> Iterator[Fault]:
+    for name, rocker in model.rockers.items():
+        if not rocker.finger and _supports_block(model, rocker.start, rocker.direction):
+            given, why = f"{rocker.start!r}, fixed along the rocker's direction", "nothing could drive the rocker"
+            allowed, remedy = "a node that can move along it", "give the direction in which the node moves, or free it"
+            yield Fault(case.place(("rockers", name, "from")), given, allowed, why, remedy)
+
+
+def _immovable_lash_faults(case: Case, model: Model) -> Iterator[Fault]:
+    """Yield lashes between two fixed nodes; with one fixed node a lash is a valid stop."""
+    for name, lash in model.contacts.items():
+        if not isinstance(lash, Lash | Adjuster) or lash.ends is None or lash.direction is None:
+            continue
+        if all(_supports_block(model, end, lash.direction) for end in lash.ends):
+            where, given = case.place(("contacts", name, "direction")), " and ".join(map(repr, lash.ends))
+            allowed, why = "a direction in which one of them can move", "the lash would have no effect"
+            yield Fault(where, f"{given}, both fixed along it", allowed, why, "turn it, or free a node")
+
+
+def _supports_block(model: Model, point: str, direction: FloatArray) -> bool:
+    """Return whether supports prevent every motion of a node along a direction."""
+    node = model.mesh.node(point)
+    blocked = [held for name, held in model.supports.items() if node in model.mesh.points[name]]
+    return not np.delete(direction, [component(name) for held in blocked for name in held]).any()

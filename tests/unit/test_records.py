@@ -1,0 +1,57 @@
+"""A table of the case builds its part of the model once, and every copy with other values its own."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from flexcam import build_model, prepare, read_case
+from flexcam.case.input_checks import check_values
+from flexcam.case.schema import cams, contacts, parts, run
+from flexcam.case.schema.base import PartRecord
+
+CASE = Path(__file__).parents[1] / "data" / "every-key.toml"
+
+
+def kinds():
+    found = {
+        kind for module in (cams, contacts, parts, run) for kind in vars(module).values() if isinstance(kind, type)
+    }
+    return [kind for kind in found if isinstance(kind, type) and issubclass(kind, PartRecord) and "build" in vars(kind)]
+
+
+@pytest.fixture
+def built(monkeypatch):
+    """Return how often each table has built its part, by kind and place in memory."""
+    count, kept = Counter(), []
+
+    def counting(kind, build):
+        def counted(self):
+            kept.append(self)  # no other table takes its place in memory
+            count[kind.__name__, id(self)] += 1
+            return build(self)
+
+        return counted
+
+    for kind in kinds():
+        monkeypatch.setattr(kind, "build", counting(kind, kind.build))
+    return count
+
+
+def test_every_table_builds_its_part_once(built):
+    case = read_case(CASE)
+    check_values(case)
+    prepare(case)
+    build_model(case)
+    assert {name for name, _ in built} >= {"CamDesignRecord", "MaterialRecord", "SpringRecord", "MassRecord"}
+    assert set(built.values()) == {1}
+
+
+def test_a_copy_with_other_values_builds_its_own_part():
+    spring = next(iter(read_case(CASE).record.springs.values()))
+    longer = spring.model_copy(update={"elements": 3})
+    assert longer.part.elements == 3
+    assert spring.part.elements == spring.elements
+    assert spring == spring.model_copy()
