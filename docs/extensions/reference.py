@@ -39,7 +39,8 @@ OWN = frozenset({"cli"})
 INTERNAL = frozenset(
     {
         "case.fault_report", "case.geometry_checks", "case.overrides", "case.quantities", "case.records",
-        "case.references", "case.toml_lines", "report.fidelity_tables", "report.figures", "report.formatting",
+        "case.references", "case.toml_lines", "plotting.rendering", "plotting.scene.mechanism", "plotting.scene.motion",
+        "plotting.scene.parts", "plotting.scene.solids", "plotting.solid_view", "report.fidelity_tables", "report.figures", "report.formatting",
         "report.limits_table", "report.model_tables", "report.result_tables", "report.terminal",
     }
 )  # fmt: skip

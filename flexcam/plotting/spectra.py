@@ -1,6 +1,7 @@
 """Figures of spectra: Campbell diagrams, orders, growth rates, contact forces and modes over speed."""
 
 # pyright: reportUnknownMemberType=false
+# matplotlib does not type its keyword arguments.
 
 from __future__ import annotations
 
@@ -22,9 +23,6 @@ from flexcam.fem.recovery import deflection
 from flexcam.plotting.figures import add_legend, create_stacked_axes, line_styles, wrap_title
 from flexcam.plotting.histories import axis_label, short_name
 from flexcam.valvetrain import ModelModes, Structure
-
-# matplotlib does not type its keyword arguments.
-
 
 _MAX_CIRCLE_AREA = 160.0
 """Area of the largest circle, points squared."""
@@ -98,9 +96,6 @@ def _circles(axes: Axes, found: Campbell, scale: float) -> None:
     )  # fmt: skip
 
 
-# matplotlib does not type its keyword arguments.
-
-
 _DECADES = 3.0
 """Decades below the largest amplitude covered by the colour scale."""
 
@@ -130,9 +125,6 @@ def _draw(figure: Figure, axes: Axes, found: Waterfall, scale: float) -> None:
     )  # fmt: skip
     name = f"acceleration of {found.signal.name}" if found.signal.probe else short_name(found.signal.name)
     figure.colorbar(drawn, ax=axes, label=axis_label(name, found.unit))
-
-
-# matplotlib does not type its keyword arguments.
 
 
 _LINEAR_GROWTH = 1.0
@@ -165,9 +157,6 @@ def growth_figure(rpm: FloatArray, growth: FloatArray, dangers: Mapping[str, NDA
     lower.set_ylim(len(dangers) - 0.5, -0.5)
     lower.set_xlim(*upper.get_xlim())
     return figure
-
-
-# matplotlib does not type its keyword arguments.
 
 
 _PARTS = 8

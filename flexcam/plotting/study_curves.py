@@ -1,6 +1,7 @@
 """Figures of studies: sensitivities, scatter, progress of an optimization, Pareto fronts, maps of limits."""
 
 # pyright: reportUnknownMemberType=false
+# matplotlib does not type its keyword arguments.
 
 from __future__ import annotations
 
@@ -13,9 +14,6 @@ from matplotlib.figure import Figure
 from flexcam.analysis.trade import ModelEvaluation
 from flexcam.core import FloatArray
 from flexcam.plotting.figures import COLOURS, add_legend, create_stacked_axes, line_styles
-
-# matplotlib does not type its keyword arguments.
-
 
 _LEVELS = 10
 
@@ -111,9 +109,6 @@ def map_figure(
         axis.set_ylabel(labels[1])
     axes[-1].set_xlabel(labels[0])
     return figure
-
-
-# matplotlib does not type its keyword arguments.
 
 
 _KINDS = ("lift", "acceleration")
