@@ -11,9 +11,8 @@ import pytest
 
 from flexcam import InputError, read_case, run
 from flexcam.dynamics import Cause, Status
-from flexcam.studies.axes import parse_axes
 from flexcam.studies.evaluation import Row
-from flexcam.studies.plan import Plan, make_plan, parse_sample
+from flexcam.studies.plan import Plan, make_plan, parse_axes, parse_sample
 from flexcam.studies.tables import (
     format_csv,
     history_dataset,
