@@ -29,8 +29,9 @@ from flexcam.core.errors import InputError, collect_errors
 from flexcam.dynamics import Cause, Response, RunFailedError, Stats, Status, solve
 from flexcam.io import check_folder_name, check_folder_writable, check_writable
 from flexcam.report.fidelity_tables import choice_json, describe_choice, error_table
-from flexcam.report.model_tables import describe_contacts
-from flexcam.report.result_tables import (
+from flexcam.report.run_checks import RunMonitor, check_run, describe_balance, energy_residual, numerical_dissipation
+from flexcam.report.tables import (
+    describe_contacts,
     describe_dofs,
     equilibrium_residual,
     metrics_table,
@@ -38,7 +39,6 @@ from flexcam.report.result_tables import (
     run_table,
     strength_table,
 )
-from flexcam.report.run_checks import RunMonitor, check_run, describe_balance, energy_residual, numerical_dissipation
 from flexcam.report.terminal import print_json, result_console, show_progress
 from flexcam.valvetrain import MemberStrength, Metric, StrengthSink, build_structure
 

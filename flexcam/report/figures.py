@@ -16,8 +16,7 @@ from flexcam.fem.elements.beam import Beams
 from flexcam.fem.frames import ROTATIONS
 from flexcam.fem.mesh import Mesh
 from flexcam.fem.recovery import deflection
-from flexcam.report.content import Chart, ChartGroup, Curve, Panel, Scene, Shape
-from flexcam.report.sentences import ReportSubject
+from flexcam.report.content import Chart, ChartGroup, Curve, Panel, ReportSubject, Scene, Shape
 from flexcam.valvetrain import Structure
 
 _SERIES = {"displacement": "", "velocity": "/s", "acceleration": "/s^2"}

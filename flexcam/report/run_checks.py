@@ -46,18 +46,10 @@ from flexcam.valvetrain import (
 
 @dataclass(frozen=True, eq=False)
 class RunMonitor:
-    """Sinks that collect the data for checks of a run.
+    """Sinks that collect the data for checks of a run."""
 
-    Parameters
-    ----------
-    extremes
-        Minimum and maximum of all quantities.
-    fineness
-        Resolution of the motion by steps and elements.
-    """
-
-    extremes: ExtremesSink
-    fineness: ResolutionSink
+    extremes: ExtremesSink  # minimum and maximum of all quantities
+    fineness: ResolutionSink  # resolution of the motion by steps and elements
 
     @classmethod
     def of(cls, ready: PreparedRun) -> Self:

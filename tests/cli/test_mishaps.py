@@ -9,8 +9,8 @@ import pytest
 
 from flexcam import read_case, read_result
 from flexcam.case.starters import new_case
-from flexcam.report.model_tables import describe_contacts
 from flexcam.report.run_checks import check_events
+from flexcam.report.tables import describe_contacts
 from flexcam.valvetrain import Metric
 
 FIGURES = (

@@ -15,8 +15,8 @@ from flexcam.analysis.preparation import prepare
 from flexcam.analysis.run import open_result_file
 from flexcam.dynamics import Block, ConstantSpeed, Problem, State, Stats, hht, newmark, solve
 from flexcam.dynamics.energy import EquilibriumResidual
-from flexcam.report.result_tables import equilibrium_residual
 from flexcam.report.run_checks import RunMonitor, check_run, describe_balance, energy_residual, numerical_dissipation
+from flexcam.report.tables import equilibrium_residual
 from flexcam.valvetrain import Resolution
 from flexcam.valvetrain.resolution import _ImpactSteps
 

@@ -32,7 +32,7 @@ from flexcam.report.content import (
 )
 from flexcam.report.figures import build_albums, describe_omitted_curves, reduce_points, scalar_probe_names
 from flexcam.report.page import embed_json, render_page
-from flexcam.report.result_tables import metrics_table
+from flexcam.report.tables import metrics_table
 from flexcam.report.terminal import facts_table, plain_table
 from flexcam.valvetrain import Metric
 
