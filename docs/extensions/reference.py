@@ -41,7 +41,7 @@ INTERNAL = frozenset(
         "case.fault_report", "case.geometry_checks", "case.overrides", "case.quantities", "case.records",
         "case.references", "case.toml_lines", "plotting.rendering", "plotting.scene.mechanism", "plotting.scene.motion",
         "plotting.scene.parts", "plotting.scene.solids", "plotting.solid_view", "report.content", "report.fidelity_tables",
-        "report.figures", "report.formatting", "report.run_checks", "report.tables", "report.terminal",
+        "report.figures", "report.formatting", "report.tables", "report.terminal",
     }
 )  # fmt: skip
 """Modules without a page: they serve their own package and the commands."""

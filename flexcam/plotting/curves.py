@@ -181,7 +181,7 @@ def _line(axes: Axes, curve: ComplexArray, label: str, *, color: str, linewidth:
     axes.plot(x, y, label=label, color=color, linewidth=linewidth, linestyle=linestyle)
 
 
-_WORDS = {"Cv": "C_v, largest velocity", "Ca": "C_a, largest acceleration", "Cj": "C_j, largest jerk"}
+_WORDS = {"Cv": "C_v, max velocity", "Ca": "C_a, max acceleration", "Cj": "C_j, max jerk"}
 _COLUMNS = 10
 _DIGITS = 4
 """Digits to which coincident laws agree; they share a label."""

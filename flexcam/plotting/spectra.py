@@ -27,7 +27,7 @@ from flexcam.valvetrain import ModelModes, Structure
 _MAX_CIRCLE_AREA = 160.0
 """Area of the largest circle, points squared."""
 
-_CROSSING_LABEL = "an order meets a mode; area: its part of the force"
+_CROSSING_LABEL = "order meets mode; area: share of the force"
 
 
 def campbell_figure(found: Campbell, scale: float, shaft: str) -> Figure:
@@ -45,7 +45,7 @@ def campbell_figure(found: Campbell, scale: float, shaft: str) -> Figure:
                       label=_mode_label(found, i, top))  # fmt: skip
         else:
             first = not told and bool((column <= top).any())
-            axes.plot(rpm, column, color="0.5", linewidth=1.2, label="not felt at the contact" * first)
+            axes.plot(rpm, column, color="0.5", linewidth=1.2, label="without force at the contact" * first)
             told = told or first
     _circles(axes, found, scale)
     axes.set_xlim(rpm[0], rpm[-1])
@@ -133,7 +133,7 @@ _LINEAR_GROWTH = 1.0
 
 def force_figure(rpm: FloatArray, forces: Mapping[str, tuple[FloatArray, FloatArray]], shaft: str) -> Figure:
     """Return a figure with maximum and minimum contact force over speed."""
-    figure, (upper, lower) = create_stacked_axes(("largest force, N", "least force, N"), f"{shaft} speed, rpm")
+    figure, (upper, lower) = create_stacked_axes(("max force, N", "min force, N"), f"{shaft} speed, rpm")
     for (name, (least, largest)), (colour, dashes) in zip(forces.items(), line_styles(), strict=False):
         upper.plot(rpm, largest, label=name, color=colour, linestyle=dashes, marker="o", markersize=3)
         lower.plot(rpm, least, color=colour, linestyle=dashes, marker="o", markersize=3)
@@ -144,7 +144,7 @@ def force_figure(rpm: FloatArray, forces: Mapping[str, tuple[FloatArray, FloatAr
 
 def growth_figure(rpm: FloatArray, growth: FloatArray, dangers: Mapping[str, NDArray[np.bool_]], shaft: str) -> Figure:
     """Return a figure with the growth rate of disturbances over speed and the causes of instability at each speed."""
-    figure, (upper, lower) = create_stacked_axes(("growth, 1/s", "endangered by"), f"{shaft} speed, rpm")
+    figure, (upper, lower) = create_stacked_axes(("growth, 1/s", "cause"), f"{shaft} speed, rpm")
     upper.plot(rpm, growth, color="black", marker="o", markersize=3)
     upper.set_yscale("symlog", linthresh=_LINEAR_GROWTH)
     upper.axhline(0.0, color="black", linewidth=0.8)

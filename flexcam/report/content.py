@@ -22,7 +22,7 @@ from flexcam.case.case import Case
 from flexcam.case.reader import case_from_result
 from flexcam.core import FloatArray
 from flexcam.core.errors import FlexcamError, InputError
-from flexcam.core.units import RPM, shaft_speed
+from flexcam.core.units import RPM, shaft_name, shaft_speed
 from flexcam.dynamics import Response, RunFailedError, solve
 from flexcam.dynamics.memory import ExtremesSink
 from flexcam.io import Result, read_result
@@ -81,7 +81,7 @@ def load_subject(path: Path) -> ReportSubject:
         case = case_from_result(result)
         known = RestoredCase(case, *reload_result(case, result), build_structure(build_model(case)))
     except FlexcamError as refusal:
-        what = "the comparison with a rigid train, modes, stresses with their safety, and what was left out of the run"
+        what = "the comparison with a rigid train, modes, stresses with their safety, and inactive unknowns"
         return ReportSubject(
             path, result, None, None, None, (f"Not in this report: {what}; {_describe_error(refusal)}",)
         )
@@ -144,7 +144,7 @@ def describe_model(about: ReportSubject, known: RestoredCase, figures: Sequence[
     ]
     said += describe_contacts(case, figures)
     left = describe_inactive(ready)
-    return [*said, f"Left out of the run, as nothing moves it: {'; '.join(left)}."] if left else said
+    return [*said, f"Inactive, as nothing excites it: {'; '.join(left)}."] if left else said
 
 
 def _count(number: int, word: str) -> str:
@@ -157,9 +157,9 @@ def describe_verdict(compared: Comparison) -> list[str]:
     """Return sentences that compare the flexible result with the rigid one."""
     off, ratio = compared.peak_deviation, compared.peak_acceleration_ratio
     same = off <= _SAME_LIFT and abs(ratio - 1.0) <= _SAME_ACCELERATION
-    bounds = f"{100 * _SAME_LIFT:g} % of the lift, {100 * _SAME_ACCELERATION:g} % of the largest acceleration"
-    said = "A rigid train would tell nearly the same" if same else "A rigid train would not tell the same"
-    return [f"{said} (held against {bounds}).", *describe_comparison(compared, None)]
+    bounds = f"{100 * _SAME_LIFT:g} % of the lift, {100 * _SAME_ACCELERATION:g} % of the maximum acceleration"
+    verdict = "agrees with" if same else "differs significantly from"
+    return [f"The flexible result {verdict} the rigid one (criteria: {bounds}).", *describe_comparison(compared, None)]
 
 
 def describe_margins(margins: Margins, turns: float) -> list[str]:
@@ -167,11 +167,11 @@ def describe_margins(margins: Margins, turns: float) -> list[str]:
     said: list[str] = []
     if margins.rigid_rpm is not None and margins.spring is not None:
         said.append(
-            f"A rigid train would leave its cam at {shaft_speed(margins.rigid_rpm * RPM, turns)}; at this speed its "
-            f"springs push {1.0 + margins.spring:.3g} times what its inertia asks for."
+            f"The rigid train loses contact at {shaft_speed(margins.rigid_rpm * RPM, turns)}; at this speed its "
+            f"spring force is {1.0 + margins.spring:.3g} times its inertia force."
         )
     said += [
-        f"The buckling load of {name} is {margin:.3g} times its compression at full lift, at rest."
+        f"The buckling load of {name} is {margin:.3g} times its static compression at full lift."
         for name, margin in margins.buckling.items()
     ]
     return said
@@ -324,7 +324,7 @@ def energy_table(response: Response) -> ReportTable:
         for name, values in parts.items()
         if np.any(values)
     ]
-    return ReportTable("Energy over the run", ("J", "least", "largest", "at the end"), tuple(rows))
+    return ReportTable("Energy over the run", ("J", "min", "max", "at the end"), tuple(rows))
 
 
 def origin_table(about: ReportSubject) -> ReportTable:
@@ -372,9 +372,9 @@ def _errors(case: Case, probe: str) -> AdditionalContent:
     errors = estimate_errors(case, probe)
     told = "; ".join(f"{one.quantity} {format_with_error(one)}" for one in errors if one.holds)
     unknown = ", ".join(one.quantity for one in errors if not one.holds)
-    said = [f"Largest values of {probe} and the contacts with their errors: {told}."] if told else []
+    said = [f"Maximum values of {probe} and the contacts with their estimated errors: {told}."] if told else []
     if unknown:
-        said.append(f"No estimate of the error holds for {unknown}: shorter steps do not bring the runs together.")
+        said.append(f"No error estimate for {unknown}: the results do not converge with shorter steps.")
     return AdditionalContent(tuple(said), (report_table(error_table(errors)),))
 
 
@@ -385,18 +385,16 @@ def _limits(case: Case) -> AdditionalContent:
             case, lowest=0.5 * case.speed, highest=2.0 * case.speed, tolerance=_LIMIT_TOLERANCE * case.speed
         )
     except InputError as refusal:  # the rest of the page is still valid
-        return AdditionalContent(
-            tuple(f"Limits were not looked for: {fault.why or fault.given}." for fault in refusal.faults), ()
-        )
+        return AdditionalContent(tuple(f"No speed limits: {fault.why or fault.given}." for fault in refusal.faults), ())
     return AdditionalContent((_first(limits, scale),), (report_table(limits_table(limits, scale)),))
 
 
 def _first(limits: Limits, scale: float) -> str:
     if limits.first is None:
-        return "Nothing gives way up to twice the speed."
+        return "No speed limit up to twice the speed."
     one = limits.limits[limits.first]
-    speed = f"{scale * (one.rpm or 0.0):.4g} rpm of the {'crankshaft' if scale == 2.0 else 'camshaft'}"
-    return f"What gives way first is {limits.first.replace('_', ' ')}, from {speed}: {one.words}."
+    speed = f"{scale * (one.rpm or 0.0):.4g} rpm of the {shaft_name(scale)}"
+    return f"The first speed limit is {limits.first.replace('_', ' ')}, from {speed}: {one.words}."
 
 
 def _trade(case: Case, probe: str) -> AdditionalContent:
@@ -407,10 +405,9 @@ def _trade(case: Case, probe: str) -> AdditionalContent:
     table = report_table(trade_table(against, rungs))
     best = ", ".join(f"{one.rung} at {one.steps} steps" for one in rungs if one.best)
     words = (
-        f"Error over work, both logarithmic. No other model beats, in both: {best}. "
-        f"The table has the numbers ({TRADE_LEGEND})."
+        f"Error over work, both logarithmic. Best models in both: {best}. The table has the numbers ({TRADE_LEGEND})."
     )
-    title = "What a cheaper model costs in error"
+    title = "Error and cost of models"
     return AdditionalContent(
         tuple(trade_warnings(against, rungs)),
         (table,),

@@ -313,7 +313,7 @@ def _modes(about: ReportSubject, lines: _LinePoints) -> list[Shape]:
 def _describe_undrawn_part(structure: Structure, shares: Mapping[str, float]) -> str:
     """Return a note if the part with the largest motion in a mode is not a member and not drawn; otherwise empty."""
     most = max(shares, key=lambda part: shares[part], default="")
-    return f". What moves most, {most}, is no member: the lines show only what moves with it" * (
+    return f". The part with the largest motion, {most}, is no member and not drawn" * (
         most in _undrawn_parts(structure)
     )
 

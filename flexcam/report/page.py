@@ -22,6 +22,7 @@ from flexcam.analysis.comparison import Comparison, compare_responses
 from flexcam.analysis.limits import compute_margins
 from flexcam.analysis.model_checks import check_shared_seat_load
 from flexcam.analysis.preparation import compute_metrics, scalar_probe
+from flexcam.analysis.run_checks import RunMonitor, check_run
 from flexcam.case.case import Case
 from flexcam.core.errors import FlexcamError, InputError, refuse
 from flexcam.core.units import RPM
@@ -44,7 +45,6 @@ from flexcam.report.content import (
 )
 from flexcam.report.figures import Runs, build_albums, describe_omitted_curves, scalar_probe_names, scene
 from flexcam.report.formatting import make_unique
-from flexcam.report.run_checks import RunMonitor, check_run
 from flexcam.valvetrain import Metric
 
 _PAGE = Path(__file__).parent / "template"
@@ -281,5 +281,5 @@ def _motion_image(runs: Runs, main: str) -> Picture | None:
         name for name in contact_forces(next(iter(own.values()))) if all(name in one.channels for one in own.values())
     ]
     figure = motion_figure(own, main, common[:1], rigid=rigid)
-    words = f"Displacement, velocity and acceleration of {main} over the cam angle; the page says it in words below."
+    words = f"Displacement, velocity and acceleration of {main} over the cam angle; the text below describes it."
     return Picture(f"Motion of {main}", render_png(figure), words)

@@ -16,6 +16,7 @@ from flexcam.analysis.comparison import Comparison
 from flexcam.analysis.error_estimate import Claim
 from flexcam.analysis.preparation import PreparedRun
 from flexcam.analysis.resources import ResourceEstimate, format_size
+from flexcam.analysis.run_checks import describe_balance, describe_contact_loss
 from flexcam.case.case import Case
 from flexcam.case.fault_report import resolve_record
 from flexcam.core import FloatArray
@@ -25,7 +26,6 @@ from flexcam.dynamics.memory import ExtremesSink
 from flexcam.fem.frames import ROTATIONS
 from flexcam.io import Result, VerificationSummary, format_toml
 from flexcam.report.formatting import count_decimals, format_fixed, remove_noise
-from flexcam.report.run_checks import describe_balance, describe_contact_loss
 from flexcam.report.terminal import create_table, facts_table, plain_table
 from flexcam.valvetrain import (
     Adjuster,
@@ -46,14 +46,13 @@ if TYPE_CHECKING:
 
 CONTACT_DESCRIPTIONS = {
     "published-load": (
-        "This result comes from the published load: the cam drives the follower by a force, so the follower is a mass "
-        "on the retaining spring. A train held in contact does not behave like this near that resonance."
+        "Contact model: published load. The cam drives the follower by a force, so that the follower is a mass on the "
+        "retaining spring; a train in contact has no such resonance."
     ),
     "bilateral": (
-        "This result comes from a bilateral contact: the follower can neither leave its cam nor press deeper than the "
-        "contact's stiffness lets it. Where its force is negative a real train would part."
+        "Contact model: bilateral. The follower cannot lose contact; where its force is negative, a real one would."
     ),
-    "unilateral": "This result comes from true contact: springs press the follower to its cam, and it may leave it.",
+    "unilateral": "Contact model: unilateral. Springs press the follower to its cam, and it can lose contact.",
 }
 """Descriptions of the contact formulations."""
 
@@ -81,7 +80,7 @@ def model_table(ready: PreparedRun, modes: ModelModes, takes: ResourceEstimate |
         ("members", ", ".join(f"{name} {mass:.4g} kg" for name, mass in member_masses(model).items()) or "none"),
         ("elements", str(len(model.mesh.elements()))),
         ("degrees of freedom", str(problem.system.size)),
-        ("left out of the run", "; ".join(describe_inactive(ready)) or "nothing"),
+        ("inactive", "; ".join(describe_inactive(ready)) or "nothing"),
         ("masses", ", ".join(f"{name} {part.body.mass:g} kg" for name, part in model.masses.items()) or "none"),
         ("springs", ", ".join(f"{name} {_stiffness(s)}" for name, s in model.springs.items()) or "none"),
         ("supports", ", ".join(f"{point}: {' '.join(held)}" for point, held in model.supports.items()) or "none"),
@@ -122,7 +121,7 @@ def _contact(contact: Contact) -> str:
         case Seat():
             return f"stop of {contact.stiffness:g} N/m at {contact.at}"
         case Lash():
-            return f"play of {1e3 * contact.gap:g} mm {_place(contact)}, {contact.stiffness:g} N/m"
+            return f"lash of {1e3 * contact.gap:g} mm {_place(contact)}, {contact.stiffness:g} N/m"
         case Adjuster():
             return f"hydraulic adjuster {_place(contact)}, oil {contact.stiffness:g} N/m, leak {contact.leak:g} N s/m"
         case _:
@@ -160,7 +159,7 @@ def mac_table(likeness: FloatArray) -> Table:
 def describe_mac(likeness: FloatArray, nodes: int) -> str:
     """Return a sentence with the number of nodes used to compare shapes."""
     few = nodes < max(likeness.shape)
-    doubt = "; fewer than modes: different shapes may look alike, refine both in the same places" if few else ""
+    doubt = "; that is fewer than modes: refine both meshes in the same places" if few else ""
     return f"Compared at {nodes} moving node{'s' * (nodes != 1)} that both models have{doubt}."
 
 
@@ -228,8 +227,8 @@ def describe_comparison(comparison: Comparison, mode_hz: float | None) -> list[s
 
 def claim_table(claims: Iterable[Claim]) -> Table:
     """Return the table of the paper's claims and the computed results."""
-    made = create_table("What the paper says, and this computation")
-    for head in ("the paper", "reproduced", "computed"):
+    made = create_table("Claims of the paper and this computation")
+    for head in ("claim", "reproduced", "computed"):
         made.add_column(head, justify="left")
     for claim in claims:
         made.add_row(claim.statement, "yes" if claim.reproduced else "no", claim.finding)
@@ -248,7 +247,7 @@ def run_table(case: Case, extremes: ExtremesSink) -> Table:
     rows = [(name, *_bounds(bounds, "mrad" if turns else "mm")) for name, turns, bounds in moved
             if float(np.abs(bounds).max()) > least]  # fmt: skip
     title = f"{case.title}, {case.speed_text}"
-    return plain_table(title, ("probe", "least", "largest"), rows or [("no probe moves", "", "")])
+    return plain_table(title, ("probe", "min", "max"), rows or [("no probe moves", "", "")])
 
 
 def metrics_table(figures: Sequence[Metric]) -> Table:
@@ -260,7 +259,7 @@ def metrics_table(figures: Sequence[Metric]) -> Table:
         rows.append(
             (words, f"{factor * figure.value + 0.0:.4g} {unit}".rstrip())
         )  # + 0.0 removes the sign of a negative zero
-    return facts_table("The train in the last revolution", rows)
+    return facts_table("Metrics of the last revolution", rows)
 
 
 def periodicity_error(response: Response) -> float | None:
@@ -277,7 +276,7 @@ def strength_table(members: Mapping[str, MemberStrength]) -> Table:
     """Return the table of the maximum stresses of every member."""
     rows = [
         (name, f"{one.von_mises / 1e6:.4g}", f"{one.mean / 1e6:.4g}", f"{one.alternating / 1e6:.4g}",
-         f"{one.safety:.3g}" if one.safety else "unlimited" if one.rated else "not stated", one.place)
+         f"{one.safety:.3g}" if one.safety else "unlimited" if one.rated else "no strength given", one.place)
         for name, one in members.items()
     ]  # fmt: skip
     head = ("stress, MPa", "von Mises", "mean", "alternating", "fatigue safety", "at")
@@ -299,7 +298,7 @@ _ENGINES = {"modal": ", modal engine", "kernel": ", kernel engine"}
 
 def describe_verification(path: Path, found: VerificationSummary) -> str:
     """Return a sentence that a file is sound, with the verified checksums."""
-    partial = "" if found.complete else ". The run that wrote it did not come to its end; what it holds is whole"
+    partial = "" if found.complete else "; its run did not reach its end"
     return f"{path} is sound: {found.datasets} datasets, {found.bytes} bytes, as they were written{partial}"
 
 
@@ -382,18 +381,18 @@ def limits_table(found: Limits, scale: float) -> Table:
     high = scale * found.highest_rpm
     ordered = sorted(found.limits.items(), key=lambda item: item[1].rpm or float("inf"))
     rows = [
-        (name.replace("_", " "), f"not up to {high:.6g}" if one.rpm is None else f"{scale * one.rpm:.6g}",
+        (name.replace("_", " "), f"above {high:.6g}" if one.rpm is None else f"{scale * one.rpm:.6g}",
          "" if one.rpm is None or math.isinf(one.tolerance_rpm) else f"{scale * one.tolerance_rpm:.3g}", one.words)
         for name, one in ordered
     ]  # fmt: skip
     if found.rigid_rpm is not None:
-        words = "a rigid train would leave its cam: its inertia equals its springs"
+        words = "loss of contact of the rigid train: its inertia force equals its spring force"
         rows.append(("(rigid train)", f"{scale * found.rigid_rpm:.6g}", "", words))
     if found.spring_margin is not None:
-        rows.append(("spring margin", f"{found.spring_margin:.1%}", "", "of the rigid train at the case's speed"))
+        rows.append(("spring margin", f"{found.spring_margin:.1%}", "", "of the rigid train at the speed of the case"))
     rows += [
-        (f"{name}, margin", f"{margin:.3g}", "", "buckling load by the compression at full lift, at rest")
+        (f"{name}, margin", f"{margin:.3g}", "", "buckling load over the compression at full lift, static")
         for name, margin in found.buckling_margins.items()
     ]
     shaft = shaft_name(scale)
-    return plain_table("What gives way, and when", ("limit", f"{shaft} rpm", "within", "what happens"), rows)
+    return plain_table("Speed limits", ("limit", f"{shaft} rpm", "within", "event"), rows)

@@ -30,25 +30,13 @@ _DIGITS = 15
 
 @dataclass(frozen=True)
 class Variable:
-    """Number of a case varied by a study.
+    """Number of a case varied by a study."""
 
-    Parameters
-    ----------
-    key
-        Key of the case.
-    low, high
-        Limits in its unit.
-    unit
-        Unit as given, else the SI unit; empty for a dimensionless number.
-    stands
-        Value of the case as a fraction of the interval; None if not known.
-    """
-
-    key: str
-    low: float
+    key: str  #: key of the case
+    low: float  #: limits in its unit
     high: float
-    unit: str = ""
-    stands: float | None = None
+    unit: str = ""  #: unit as given, else the SI unit; empty for a dimensionless number
+    stands: float | None = None  #: value of the case as a fraction of the interval; None if not known
 
     def text(self, value: float) -> str:
         """Return a value as text for an override."""
@@ -101,21 +89,11 @@ the variants as soon as they are finished, so that an interrupted study keeps th
 
 @dataclass(frozen=True, eq=False)
 class PointEvaluator:
-    """Evaluated points of the variables of a study, without repetitions.
+    """Evaluated points of the variables of a study, without repetitions."""
 
-    Parameters
-    ----------
-    case
-        Unchanged case.
-    variables
-        Variables of the study.
-    runs
-        Function that evaluates variants.
-    """
-
-    case: Case
-    variables: tuple[Variable, ...]
-    runs: Runs
+    case: Case  #: unchanged case
+    variables: tuple[Variable, ...]  #: variables of the study
+    runs: Runs  #: function that evaluates variants
     _known: dict[tuple[str, ...], Row] = field(default_factory=dict[tuple[str, ...], Row], init=False)
 
     def overrides(self, point: FloatArray) -> tuple[str, ...]:
@@ -237,22 +215,13 @@ class InterruptibleRuns:
 
 @dataclass(frozen=True, eq=False)
 class LimitMap:
-    """Speed limits over two numbers.
+    """Speed limits over two numbers."""
 
-    Parameters
-    ----------
-    axes
-        Axes of the rows and of the columns.
-    rpm
-        Speed by limit, such as ``loss_of_contact``, shape (rows, columns), of the crankshaft if the case gives
-        ``crank_speed``, else of the camshaft; NaN if the limit is not met in the search range, or a run failed.
-    statuses
-        Status of every variant, row by row.
-    """
-
-    axes: tuple[Axis, Axis]
+    axes: tuple[Axis, Axis]  #: axes of the rows and of the columns
+    #: speed by limit, such as ``loss_of_contact``, shape (rows, columns), of the crankshaft if the case gives
+    #: ``crank_speed``, else of the camshaft; NaN if the limit is not met in the search range, or a run failed
     rpm: Mapping[str, FloatArray]
-    statuses: tuple[Status, ...]
+    statuses: tuple[Status, ...]  #: status of every variant, row by row
 
     def with_units(self, case: Case) -> LimitMap:
         """Return the same map with units for numbers given without one: those of the case."""

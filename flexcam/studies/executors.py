@@ -41,21 +41,11 @@ Evaluate = Callable[[Bundle | Path, Variants], list[Row]]
 
 @dataclass(frozen=True)
 class Chunk:
-    """Consecutive variants of a plan.
+    """Consecutive variants of a plan."""
 
-    Parameters
-    ----------
-    index
-        Index of the chunk, from 0.
-    first
-        Index of its first variant.
-    variants
-        Overrides by variant.
-    """
-
-    index: int
-    first: int
-    variants: tuple[tuple[str, ...], ...]
+    index: int  #: index of the chunk, from 0
+    first: int  #: index of its first variant
+    variants: tuple[tuple[str, ...], ...]  #: overrides by variant
 
 
 def divide_variants(variants: Sequence[tuple[str, ...]], size: int) -> tuple[Chunk, ...]:
@@ -66,21 +56,11 @@ def divide_variants(variants: Sequence[tuple[str, ...]], size: int) -> tuple[Chu
 
 @dataclass(frozen=True, eq=False)
 class Pool:
-    """Started workers.
+    """Started workers."""
 
-    Parameters
-    ----------
-    submit
-        Function that submits variants; its future returns their rows.
-    window
-        Number of chunks submitted at a time; more would only wait.
-    lost
-        Exceptions of a future whose worker died.
-    """
-
-    submit: Callable[[Variants], Future[list[Row]]]
-    window: int
-    lost: tuple[type[BaseException], ...]
+    submit: Callable[[Variants], Future[list[Row]]]  #: function that submits variants; its future returns their rows
+    window: int  #: number of chunks submitted at a time; more would only wait
+    lost: tuple[type[BaseException], ...]  #: exceptions of a future whose worker died
 
 
 class Workers(Protocol):

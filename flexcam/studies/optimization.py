@@ -37,42 +37,24 @@ _ACTIVE_TOLERANCE = 0.01
 
 @dataclass(frozen=True)
 class Goal:
-    """Quantity to be minimized or maximized.
+    """Quantity to be minimized or maximized."""
 
-    Parameters
-    ----------
-    name
-        Name of the quantity (`flexcam.studies.quantities`), or a key of the case.
-    most
-        Whether to maximize it.
-    """
-
-    name: str
-    most: bool = False
+    name: str  #: name of the quantity (`flexcam.studies.quantities`), or a key of the case
+    most: bool = False  #: whether to maximize it
 
     @property
     def words(self) -> str:
-        """Description, such as ``least springs.valve.force.largest``."""
-        return f"{'most' if self.most else 'least'} {self.name}"
+        """Description, such as ``min springs.valve.force.largest``."""
+        return f"{'max' if self.most else 'min'} {self.name}"
 
 
 @dataclass(frozen=True)
 class Constraint:
-    """Bound of a quantity.
+    """Bound of a quantity."""
 
-    Parameters
-    ----------
-    name
-        Name of the quantity.
-    relation
-        Whether the bound is an upper or a lower limit.
-    text
-        Bound as given; a number without unit is in the unit of the quantity.
-    """
-
-    name: str
-    relation: Literal["<=", ">="]
-    text: str
+    name: str  #: name of the quantity
+    relation: Literal["<=", ">="]  #: whether the bound is an upper or a lower limit
+    text: str  #: bound as given; a number without unit is in the unit of the quantity
 
     @property
     def words(self) -> str:

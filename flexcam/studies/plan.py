@@ -65,27 +65,13 @@ class Value(NamedTuple):
 
 @dataclass(frozen=True)
 class Axis:
-    """Values of one key of a case in a sweep.
+    """Values of one key of a case in a sweep."""
 
-    Parameters
-    ----------
-    key
-        Key, such as ``run.crank_speed``.
-    where
-        Source for messages: ``--set run.crank_speed=1000:8000:50rpm``, or a line of the case.
-    values
-        Values; for an interval, its two ends.
-    unit
-        Unit of the numbers as given; empty for SI or for words.
-    interval
-        Whether values between the two ends are allowed.
-    """
-
-    key: str
-    where: str
-    values: tuple[Value, ...]
-    unit: str = ""
-    interval: bool = False
+    key: str  #: key, such as ``run.crank_speed``
+    where: str  #: source for messages: ``--set run.crank_speed=1000:8000:50rpm``, or a line of the case
+    values: tuple[Value, ...]  #: values; for an interval, its two ends
+    unit: str = ""  #: unit of the numbers as given; empty for SI or for words
+    interval: bool = False  #: whether values between the two ends are allowed
 
     @property
     def is_varied(self) -> bool:
@@ -235,21 +221,11 @@ _SAMPLE = re.compile(r"([a-z]+):(\d{1,15})$")
 
 @dataclass(frozen=True)
 class Sample:
-    """Sampling method.
+    """Sampling method."""
 
-    Parameters
-    ----------
-    kind
-        Latin hypercube or Sobol sequence of `scipy.stats.qmc`, scrambled.
-    count
-        Number of points; a power of two for a Sobol sequence, which is balanced then.
-    seed
-        Seed of the random generator.
-    """
-
-    kind: Literal["lhs", "sobol"]
-    count: int
-    seed: int = 0
+    kind: Literal["lhs", "sobol"]  #: Latin hypercube or Sobol sequence of `scipy.stats.qmc`, scrambled
+    count: int  #: number of points; a power of two for a Sobol sequence, which is balanced then
+    seed: int = 0  #: seed of the random generator
 
     def points(self, dimensions: int) -> list[list[float]]:
         """Return `count` points of the unit cube, with coordinates from 0 to less than 1."""
@@ -285,18 +261,10 @@ def check_seed(seed: int) -> int:
 
 @dataclass(frozen=True)
 class Plan:
-    """Variants of a case: axes and the combination of their values.
+    """Variants of a case: axes and the combination of their values."""
 
-    Parameters
-    ----------
-    axes
-        One axis per key; axes of one value apply to every variant.
-    sample
-        Sampling method; None for all combinations, with the last axis varying fastest.
-    """
-
-    axes: tuple[Axis, ...]
-    sample: Sample | None = None
+    axes: tuple[Axis, ...]  #: one axis per key; axes of one value apply to every variant
+    sample: Sample | None = None  #: sampling method; None for all combinations, with the last axis varying fastest
 
     @property
     def varied_axes(self) -> tuple[Axis, ...]:
@@ -357,20 +325,11 @@ _MAX_NAME_LENGTH = 255
 
 @dataclass(frozen=True)
 class Bundle:
-    """Case file and all files it refers to.
+    """Case file and all files it refers to."""
 
-    Parameters
-    ----------
-    name
-        Name of the case file.
-    digest
-        Hash of the content.
-    files
-        Content by path relative to the folder of the case file, with ``/``; includes the case itself.
-    """
-
-    name: str
-    digest: str
+    name: str  #: name of the case file
+    digest: str  #: hash of the content
+    #: content by path relative to the folder of the case file, with ``/``; includes the case itself
     files: Mapping[str, bytes] = field(compare=False)
 
     def unpack(self, folder: Path) -> Path:

@@ -41,21 +41,11 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class Derivative:
-    """Derivative of a function of one variable.
+    """Derivative of a function of one variable."""
 
-    Parameters
-    ----------
-    value
-        Richardson extrapolation of two central differences: fourth order in the step.
-    error
-        Change by the extrapolation.
-    smooth
-        Whether the function appears smooth; otherwise the derivative is unreliable regardless of the error.
-    """
-
-    value: float
-    error: float
-    smooth: bool
+    value: float  #: Richardson extrapolation of two central differences: fourth order in the step
+    error: float  #: change by the extrapolation
+    smooth: bool  #: whether the function appears smooth; otherwise the derivative is unreliable regardless of the error
 
 
 def central_derivative(middle: float, beside: FloatArray, step: float) -> Derivative:
@@ -91,21 +81,12 @@ MatrixPair = tuple[Triplets, Triplets]
 
 @dataclass(frozen=True, eq=False)
 class FrequencyDerivative:
-    """Derivatives of natural frequencies.
+    """Derivatives of natural frequencies."""
 
-    Parameters
-    ----------
-    frequencies
-        Natural frequencies, Hz, shape (k,).
-    values
-        Derivatives, Hz per unit of the parameter, shape (k,).
-    repeated
-        Whether each frequency is repeated: repeated frequencies split, and the derivatives of a group are those of its
-        branches in ascending order.
-    """
-
-    frequencies: FloatArray
-    values: FloatArray
+    frequencies: FloatArray  #: natural frequencies, Hz, shape (k,)
+    values: FloatArray  #: derivatives, Hz per unit of the parameter, shape (k,)
+    #: whether each frequency is repeated: repeated frequencies split, and the derivatives of a group are those of its
+    #: branches in ascending order
     repeated: tuple[bool, ...]
 
 

@@ -314,25 +314,13 @@ def check_case_resources(case: Case, folder: Path | None = None, *, runs: int = 
 
 @dataclass(frozen=True)
 class OutputTarget:
-    """Output folder of a sweep and the treatment of existing files.
+    """Output folder of a sweep and the treatment of existing files."""
 
-    Parameters
-    ----------
-    folder
-        Folder, created if necessary.
-    resume, overwrite
-        Whether to resume or replace an existing sweep.
-    histories
-        Whether to keep the result file of every variant.
-    parquet
-        Whether to write a Parquet table too.
-    """
-
-    folder: Path
-    resume: bool = False
+    folder: Path  #: folder, created if necessary
+    resume: bool = False  #: whether to resume or replace an existing sweep
     overwrite: bool = False
-    histories: bool = False
-    parquet: bool = False
+    histories: bool = False  #: whether to keep the result file of every variant
+    parquet: bool = False  #: whether to write a Parquet table too
 
     def tables(self, name: str) -> list[Path]:
         """Return the paths of the tables of a sweep."""

@@ -12,7 +12,7 @@ import io
 import json
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -44,21 +44,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Column:
-    """Values of one varied key by variant.
+    """Values of one varied key by variant."""
 
-    Parameters
-    ----------
-    name
-        Key.
-    unit
-        Unit of the numbers as given in the plan; empty for SI and for words.
-    values
-        Values, shape (variants,): numbers, or texts if any value is not numeric.
-    """
-
-    name: str
-    unit: str
-    values: FloatArray | tuple[str, ...]
+    name: str  #: key
+    unit: str  #: unit of the numbers as given in the plan; empty for SI and for words
+    values: FloatArray | tuple[str, ...]  #: values, shape (variants,): numbers, or texts if any value is not numeric
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,21 +92,12 @@ class SweepTable:
         """Indices of the variants with incomplete runs."""
         return tuple(i for i, status in enumerate(self.statuses) if not status.ok)
 
-    def on_grid(self, name: str) -> FloatArray:
-        """Return a scalar over the axes of a grid."""
-        if not self.shape:
-            raise refuse("table", "a sampled plan", "a grid", "its points lie on no axes")
-        return self[name].reshape(self.shape)
-
     def select(self, names: Sequence[str]) -> SweepTable:
         """Return the table with only the given scalars."""
-        kept: dict[str, FloatArray] = {}
         if self.scalars and (unknown := [name for name in names if not is_scalar_prefix(name, self.scalars)]):
             raise InputError(unknown_scalar_fault(name, self.scalars) for name in unknown)
-        for name in names:
-            kept |= {one: values for one, values in self.scalars.items() if _is_prefix(one, name)}
-        units = {name: self.units[name] for name in kept}
-        return SweepTable(self.inputs, kept, units, self.statuses, self.shape, self.about)
+        kept = {one: values for name in names for one, values in self.scalars.items() if _is_prefix(one, name)}
+        return replace(self, scalars=kept, units={name: self.units[name] for name in kept})
 
 
 def make_table(plan: Plan, rows: Sequence[Row], about: Mapping[str, str] | None = None) -> SweepTable:
@@ -290,10 +271,10 @@ def read_table(path: str | Path) -> SweepTable:
     """Read the table of a sweep."""
     source = Path(path)
     with open_checked(source, "table", "the HDF5 table of a sweep (.sweep.h5)") as file:
-        return _table(file, source)
+        return _read_hdf5(file, source)
 
 
-def _table(file: Any, source: Path) -> SweepTable:  # noqa: ANN401
+def _read_hdf5(file: Any, source: Path) -> SweepTable:  # noqa: ANN401
     about = {name: _read_texts(item)[0] for name, item in file["about"].items()}
     form = about.pop("format")
     if form not in ("1", FORMAT):
@@ -338,7 +319,13 @@ def write_table(table: SweepTable, path: Path, *, overwrite: bool = False) -> Pa
     check_writable("table", path, overwrite=overwrite)
     create_folder(path.parent)
     with atomic_write_path(path) as draft:
-        {".h5": write_hdf5, ".csv": _write_csv, ".parquet": _write_parquet}[path.suffix](table, draft)
+        match path.suffix:
+            case ".h5":
+                write_hdf5(table, draft)
+            case ".csv":
+                draft.write_text(format_csv(table), encoding="utf-8", newline="")
+            case _:
+                table_frame(table).to_parquet(draft)
     return path
 
 
@@ -354,31 +341,13 @@ def format_csv(table: SweepTable) -> str:
     """Return a table as CSV: a header with units, and an empty cell for a missing number."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    head = [_column_header(one.name, one.unit) for one in table.inputs]
-    head += [_column_header(name, table.units[name]) for name in table.scalars]
-    writer.writerow(["variant", *head, "status", "message"])
-    columns = [*(one.values for one in table.inputs), *table.scalars.values()]
+    names = [*((one.name, one.unit) for one in table.inputs), *((name, table.units[name]) for name in table.scalars)]
+    writer.writerow(["variant", *(f"{name} [{unit}]" if unit else name for name, unit in names), "status", "message"])
+    columns = [one.values if isinstance(one.values, tuple) else one.values.tolist() for one in table.inputs]
+    columns += [[x if np.isfinite(x) else None for x in values.tolist()] for values in table.scalars.values()]
     for i, status in enumerate(table.statuses):
-        writer.writerow([i + 1, *(_cell(values[i]) for values in columns), str(status.cause), status.message])
+        writer.writerow([i + 1, *(values[i] for values in columns), status.cause, status.message])
     return text.getvalue()
-
-
-def _column_header(name: str, unit: str) -> str:
-    return f"{name} [{unit}]" if unit else name
-
-
-def _cell(value: float | str) -> str:
-    if isinstance(value, str):
-        return value
-    return repr(float(value)) if np.isfinite(value) else ""
-
-
-def _write_csv(table: SweepTable, path: Path) -> None:
-    path.write_text(format_csv(table), encoding="utf-8", newline="")
-
-
-def _write_parquet(table: SweepTable, path: Path) -> None:
-    table_frame(table).to_parquet(path)
 
 
 _WORDS = {
@@ -425,8 +394,12 @@ class Journal:
         except OSError as fault:
             raise refuse("journal", str(path), "a file that can be written", system_message(fault)) from None
         try:
-            _lock(self._file, path)
+            lock_file(self._file)  # the lock ends with the process
             self.rows, self._end = _read_journal(path, belongs) if resume else (dict[int, list[Row]](), 0)
+        except BlockingIOError:
+            self.close()
+            allowed, why = "one that nobody writes", "another sweep is running here"
+            raise refuse("journal", str(path), allowed, why, "wait for it") from None
         except InputError:
             self.close()
             raise
@@ -464,16 +437,6 @@ def journal_contains(path: Path, fact: str) -> bool:
         return False
 
 
-def _lock(file: int, path: Path) -> None:
-    """Lock the journal; raise an error if another sweep has locked it. The lock ends with the process."""
-    try:
-        lock_file(file)
-    except BlockingIOError:
-        raise refuse(
-            "journal", str(path), "one that nobody writes", "another sweep is running here", "wait for it"
-        ) from None
-
-
 def _read_journal(path: Path, belongs: Mapping[str, Any]) -> tuple[dict[int, list[Row]], int]:
     """Return the rows of a journal, and the length of its complete lines in bytes."""
     content = path.read_bytes()
@@ -483,7 +446,11 @@ def _read_journal(path: Path, belongs: Mapping[str, Any]) -> tuple[dict[int, lis
         return {}, 0
     try:
         head, *chunks = [json.loads(line) for line in lines]
-        _check_identification(path, head, belongs)
+        other = [words for name, words in _WORDS.items() if head.get(name) != belongs.get(name)]
+        if other:
+            given, why = f"{path}, of another sweep", f"what differs: {'; '.join(other)}"
+            remedy = "--overwrite begins anew, -o names another folder"
+            raise refuse("journal", given, "the journal of this sweep", why, remedy)
         return {int(one["chunk"]): [_parse_row(row, one["units"]) for row in one["rows"]] for one in chunks}, end
     except (ValueError, KeyError, TypeError, AttributeError) as fault:
         if isinstance(fault, InputError):
@@ -493,22 +460,14 @@ def _read_journal(path: Path, belongs: Mapping[str, Any]) -> tuple[dict[int, lis
         ) from None
 
 
-def _check_identification(path: Path, head: Mapping[str, Any], belongs: Mapping[str, Any]) -> None:
-    other = [words for name, words in _WORDS.items() if head.get(name) != belongs.get(name)]
-    if other:
-        given = f"{path}, of another sweep"
-        why = f"what differs: {'; '.join(other)}"
-        raise refuse(
-            "journal", given, "the journal of this sweep", why, "--overwrite begins anew, -o names another folder"
-        )
-
-
 def _format_row(row: Row) -> dict[str, Any]:
     status = row.status
-    told: dict[str, Any] = {"cause": str(status.cause), "text": status.text, "remedy": status.remedy}
-    return {**told, "scalars": dict(row.scalars), "seconds": round(row.seconds, 3)}
+    return {
+        "cause": str(status.cause), "text": status.text, "remedy": status.remedy,
+        "scalars": dict(row.scalars), "seconds": round(row.seconds, 3),
+    }  # fmt: skip
 
 
-def _parse_row(told: Mapping[str, Any], units: Mapping[str, str]) -> Row:
-    status, scalars = Status(Cause(told["cause"]), told["text"], told["remedy"]), told["scalars"]
-    return Row(status, scalars, {name: units[name] for name in scalars}, told["seconds"])
+def _parse_row(raw: Mapping[str, Any], units: Mapping[str, str]) -> Row:
+    status, scalars = Status(Cause(raw["cause"]), raw["text"], raw["remedy"]), raw["scalars"]
+    return Row(status, scalars, {name: units[name] for name in scalars}, raw["seconds"])

@@ -204,7 +204,7 @@ def mode_motion(structure: Structure, shape: FloatArray, *, coloured: bool = Fal
     if not coloured:
         return motion
     values = np.abs(swing) * _lengths(_member_translations(structure, shape[None] / largest))
-    return replace(motion, values=values, label="displacement\n(largest = 1)")
+    return replace(motion, values=values, label="displacement\n(max = 1)")
 
 
 def rigid_motion(structure: Structure, angle: FloatArray, speed: float) -> tuple[FloatArray, FloatArray, FloatArray]:
