@@ -9,8 +9,8 @@ from pathlib import Path
 
 from flexcam import prepare, read_case, solve
 from flexcam.analysis.run import open_result_file
+from flexcam.report.content import load_subject
 from flexcam.report.page import build_report, render_page
-from flexcam.report.sentences import load_subject
 
 ROOT = Path(__file__).parents[1]
 SIZE = {"width": 1100, "height": 1330}

@@ -11,13 +11,14 @@ from flexcam.analysis.natural_modes import modal_assurance
 from flexcam.analysis.natural_modes import modes as case_modes
 from flexcam.analysis.preparation import prepare_without_periodic_search
 from flexcam.analysis.run import estimate_case_resources, output_geometry
+from flexcam.analysis.run_checks import check_input, check_modes
 from flexcam.case.builder import build_model
 from flexcam.case.reader import read_case
 from flexcam.cli.app import CaseFile, Json, Overrides, Overwrite, app, check_positive, load_case
 from flexcam.core.errors import collect_errors
 from flexcam.dynamics import integrated_size
 from flexcam.io import check_folder_name, create_folder, write_modes
-from flexcam.report.model_tables import (
+from flexcam.report.tables import (
     describe_inactive,
     describe_mac,
     mac_table,
@@ -25,7 +26,6 @@ from flexcam.report.model_tables import (
     model_table,
     resolved_toml,
 )
-from flexcam.report.run_checks import check_input, check_modes
 from flexcam.report.terminal import print_json, result_console
 from flexcam.valvetrain import member_masses
 

@@ -20,7 +20,7 @@ from flexcam.core.errors import refuse, suggest_name
 from flexcam.core.units import RPM
 from flexcam.dynamics import Response, Status, reraise_interrupt
 from flexcam.io import read_result
-from flexcam.report.model_tables import (
+from flexcam.report.tables import (
     claim_table,
     comparison_json,
     comparison_table,

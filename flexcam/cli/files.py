@@ -29,7 +29,7 @@ from flexcam.io import (
     write_mesh,
     write_pvd,
 )
-from flexcam.report.result_tables import describe_verification, info_table, stats_json
+from flexcam.report.tables import describe_verification, info_table, stats_json
 from flexcam.report.terminal import print_json, result_console
 
 

@@ -34,7 +34,7 @@ from flexcam.core.errors import positive, refuse
 from flexcam.core.units import RPM, parse, shaft_name, shaft_speed
 from flexcam.dynamics import Status
 from flexcam.report.formatting import format_fixed
-from flexcam.report.limits_table import limits_json, limits_table
+from flexcam.report.tables import limits_json, limits_table
 from flexcam.report.terminal import facts_table, plain_table, print_json, result_console, show_count
 
 _SHOWN = 5

@@ -32,9 +32,8 @@ def report(
     overwrite: Overwrite = False, as_json: Json = False,
 ) -> None:  # fmt: skip
     """Write a page about results: what was modelled, verdict, curves, modes, tables, case. It needs no network."""
-    from flexcam.report.content import ReportOptions
+    from flexcam.report.content import ReportOptions, load_subject
     from flexcam.report.page import build_report, render_page
-    from flexcam.report.sentences import load_subject
 
     target = output or results[0].parent / f"{results[0].stem}.html"
     if target.suffix != ".html":

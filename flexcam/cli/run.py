@@ -22,6 +22,7 @@ from flexcam.analysis.preparation import (
 )
 from flexcam.analysis.resources import check_resources
 from flexcam.analysis.run import estimate_case_resources, open_partial_result, open_result_file, summary_sink
+from flexcam.analysis.run_checks import RunMonitor, check_run, describe_balance, energy_residual, numerical_dissipation
 from flexcam.case.case import Case
 from flexcam.cli.app import AllowLarge, CaseFile, Folder, Json, Overrides, Overwrite, app, load_case, run_state
 from flexcam.cli.arguments import parse_duration
@@ -29,8 +30,8 @@ from flexcam.core.errors import InputError, collect_errors
 from flexcam.dynamics import Cause, Response, RunFailedError, Stats, Status, solve
 from flexcam.io import check_folder_name, check_folder_writable, check_writable
 from flexcam.report.fidelity_tables import choice_json, describe_choice, error_table
-from flexcam.report.model_tables import describe_contacts
-from flexcam.report.result_tables import (
+from flexcam.report.tables import (
+    describe_contacts,
     describe_dofs,
     equilibrium_residual,
     metrics_table,
@@ -38,7 +39,6 @@ from flexcam.report.result_tables import (
     run_table,
     strength_table,
 )
-from flexcam.report.run_checks import RunMonitor, check_run, describe_balance, energy_residual, numerical_dissipation
 from flexcam.report.terminal import print_json, result_console, show_progress
 from flexcam.valvetrain import MemberStrength, Metric, StrengthSink, build_structure
 

@@ -37,23 +37,34 @@ from flexcam.dynamics import Cause, RunFailedError, Status, reraise_interrupt
 from flexcam.io import check_writable, write_text
 from flexcam.report.formatting import StudyOutput, finite_or_none, format_csv, format_fixed, format_number
 from flexcam.report.terminal import facts_table, plain_table, show_count
-from flexcam.studies.axes import Axis, parse_axis
 from flexcam.studies.evaluation import Row
 from flexcam.studies.evaluators import (
     InterruptibleRuns,
+    LimitMap,
     PointEvaluator,
     Runs,
     Variable,
     column,
     create_evaluator,
+    grid_plan,
+    limit_map,
     resolved_case_text,
     variables_of,
 )
 from flexcam.studies.evaluators import create_evaluator as study_evaluators
-from flexcam.studies.limit_map import LimitMap, grid_plan, limit_map
-from flexcam.studies.objective import Goal, is_active, is_feasible, parse_constraints, row_value
-from flexcam.studies.optimization import Evaluations, OptimizationProblem, find_pareto_front, pareto_indices
+from flexcam.studies.optimization import (
+    Evaluations,
+    Goal,
+    OptimizationProblem,
+    find_pareto_front,
+    is_active,
+    is_feasible,
+    pareto_indices,
+    parse_constraints,
+    row_value,
+)
 from flexcam.studies.optimization import optimize as study_optimize
+from flexcam.studies.plan import Axis, parse_axis
 from flexcam.studies.quantities import Quantity, check_names, compute_quantities, frequency_number
 from flexcam.studies.sensitivity import (
     STEP_OFFSETS,

@@ -17,8 +17,8 @@ from flexcam.core.errors import collect_errors, refuse
 from flexcam.dynamics import Cause, Status
 from flexcam.io import check_folder_name
 from flexcam.report.terminal import plain_table, print_json, result_console, show_count
-from flexcam.studies.axes import MAX_VARIANTS
 from flexcam.studies.executors import LOCAL, ClusterWorkers, ProcessWorkers, SerialWorkers, Workers
+from flexcam.studies.plan import MAX_VARIANTS
 from flexcam.studies.sweep import OutputTarget, check_sweep_resources, make_sweep, run_sweep_to_files
 from flexcam.studies.tables import SweepTable
 

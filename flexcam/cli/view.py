@@ -48,9 +48,8 @@ def view(
     overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
 ) -> None:  # fmt: skip
     """Show the mechanism as solids: in a window with a slider over the cam angle, or off-screen in a file."""
-    from flexcam.plotting.figures import FRAMES, check_output_path, save_view
-    from flexcam.plotting.rendering import select_renderer
-    from flexcam.plotting.scene.assembly import build_mechanism
+    from flexcam.plotting.rendering import FRAMES, check_output_path, save_view, select_renderer
+    from flexcam.plotting.scene.mechanism import build_mechanism
 
     if not abs(scale) <= _LARGEST_SCALE:
         raise refuse("--scale", scale, f"a finite number, up to {_LARGEST_SCALE:g} by size", "a picture shows no more")
@@ -82,7 +81,7 @@ def view(
 
 def _image_instant(case: Case, result: Result | None, motion: Motion, angle: float | None, mode: int | None) -> int:
     """Return the index of the instant of an image: the requested one, else full lift of a result, else the first."""
-    from flexcam.plotting.scene.assembly import full_lift
+    from flexcam.plotting.scene.motion import full_lift
 
     if angle is not None:
         return motion.nearest(angle)

@@ -1,6 +1,7 @@
-"""Figures of laws, lifts, cams and time integration methods."""
+"""Figures of laws, lifts and cams."""
 
 # pyright: reportUnknownMemberType=false
+# matplotlib does not type its keyword arguments.
 
 from __future__ import annotations
 
@@ -24,11 +25,7 @@ from flexcam.cams import (
     residual_spectrum,
 )
 from flexcam.core import ComplexArray, FloatArray
-from flexcam.dynamics import Method
 from flexcam.plotting.figures import COLOURS, add_legend, add_stacked_axes, add_title, create_stacked_axes, line_styles
-
-# matplotlib does not type its keyword arguments.
-
 
 LAW_LABELS = ("s", "s'", "s''", "s'''")
 """Axis labels of laws, from top to bottom."""
@@ -184,10 +181,7 @@ def _line(axes: Axes, curve: ComplexArray, label: str, *, color: str, linewidth:
     axes.plot(x, y, label=label, color=color, linewidth=linewidth, linestyle=linestyle)
 
 
-# matplotlib does not type its keyword arguments.
-
-
-_WORDS = {"Cv": "C_v, largest velocity", "Ca": "C_a, largest acceleration", "Cj": "C_j, largest jerk"}
+_WORDS = {"Cv": "C_v, max velocity", "Ca": "C_a, max acceleration", "Cj": "C_j, max jerk"}
 _COLUMNS = 10
 _DIGITS = 4
 """Digits to which coincident laws agree; they share a label."""
@@ -232,35 +226,3 @@ def draw_front(axes: Axes, values: FloatArray, converged: Sequence[bool]) -> Non
 def _value(criteria: Criteria, name: str) -> float:
     value: float | None = getattr(criteria, name)
     return math.nan if value is None else value
-
-
-# matplotlib does not type its keyword arguments.
-
-
-_STEPS = np.geomspace(1e-2, 1e3, 301)
-
-
-def method_figure(methods: Mapping[str, Method], damping: float = 0.0) -> Figure:
-    """Return a figure with spectral radius, period error and damping of integrators."""
-    labels = ("spectral radius", "period error, %", "damping ratio, %")
-    figure, (radius, period, ratio) = create_stacked_axes(labels, "angular frequency times step")
-    for (name, method), (colour, dashes) in zip(methods.items(), line_styles(), strict=False):
-        inside = _STEPS[min(method.stability_limit(damping), _STEPS[-1]) >= _STEPS]
-        low = inside[inside <= math.pi]
-        curves = (
-            (radius, inside, _to_array([method.spectral_radius(x, damping) for x in inside.tolist()])),
-            (period, low, 100.0 * _to_array([method.period_error(x, damping) for x in low.tolist()])),
-            (ratio, low, 100.0 * _to_array([method.damping_ratio(x, damping) for x in low.tolist()])),
-        )
-        for axis, at, values in curves:
-            axis.semilogx(at, values, label=name, color=colour, linestyle=dashes)
-    period.set_ylim(-20.0, 60.0)
-    ratio.set_ylim(-0.5, 6.0)
-    add_legend(figure, radius, len(methods))
-    return figure
-
-
-def _to_array(values: list[float]) -> FloatArray:
-    """Return values as an array with NaN for missing values."""
-    found = np.array(values, dtype=float)
-    return np.where(np.isfinite(found), found, math.nan)

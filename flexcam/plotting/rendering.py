@@ -1,15 +1,34 @@
-"""Check of rendering. This module imports no renderer: if a library is missing, VTK aborts its process."""
+"""Check of the renderer, and output files of views.
+
+This module imports no renderer: VTK aborts its process if a library is missing.
+"""
+
+# pyright: reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false, reportMissingImports=false
+# pyvista, imageio and trame-vtk do not type most of their interface.
 
 from __future__ import annotations
 
+import html
+import io
+import json
 import os
 import re
 import subprocess
 import sys
+import zipfile
+from collections.abc import Sequence
 from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from flexcam.core.errors import refuse, system_message
 from flexcam.dynamics import Cause, RunFailedError, Status
+from flexcam.io import atomic_write_path, check_writable, create_folder
+
+if TYPE_CHECKING:
+    from flexcam.plotting.solid_view import MechanismView
 
 _WINDOW = "VTK_DEFAULT_OPENGL_WINDOW"
 """Environment variable of VTK with the class of its window."""
@@ -82,3 +101,121 @@ def _test_renderer(window: str, *, off_screen: bool) -> str:
 
 _COLOUR, _HEAD = re.compile(r"\x1b\[[0-9;]*m"), re.compile(r"^.*\b(?:WARN|ERR)\| ")
 """Prefixes and colour codes in lines of VTK's log."""
+
+
+REQUIREMENTS = {
+    ".png": ("", ()),
+    ".gif": ("movie", ("imageio",)),
+    ".mp4": ("movie", ("imageio", "imageio_ffmpeg")),
+    ".html": ("html", ("trame_vtk",)),
+}
+"""Requirements by file type: the extra of flexcam and its modules."""
+
+FRAMES = 72
+"""Frames per revolution."""
+
+_PER_SECOND = 24
+
+
+def check_output_path(path: Path, size: tuple[int, int], *, overwrite: bool = False) -> None:
+    """Raise an error if an output file cannot be written, before rendering."""
+    if path.suffix not in REQUIREMENTS:
+        raise refuse("--save", str(path), f"a name that ends in {', '.join(REQUIREMENTS)}")
+    extra, modules = REQUIREMENTS[path.suffix]
+    lacking = [name for name in modules if find_spec(name) is None]
+    if lacking:
+        why = f"{' and '.join(lacking)} cannot be imported"
+        raise refuse("--save", str(path), "a kind of file whose packages are installed", why,
+                     f"pip install 'flexcam[{extra}]'")  # fmt: skip
+    if path.suffix == ".mp4" and (size[0] % 2 or size[1] % 2):
+        raise refuse("--size", f"{size[0]}x{size[1]}", "even numbers", "the colours of a movie are kept by fours")
+    check_writable("picture", path, overwrite=overwrite)
+
+
+def save_view(stage: MechanismView, path: Path, frames: Sequence[int], still: int) -> None:
+    """Write an image or page of one instant, or a movie of several."""
+    create_folder(path.parent)
+    with atomic_write_path(path) as draft:
+        _save(stage, draft, frames, still)
+
+
+def _save(stage: MechanismView, path: Path, frames: Sequence[int], still: int) -> None:
+    match path.suffix:
+        case ".gif":
+            path.write_bytes(_gif(stage, frames))
+        case ".mp4":
+            _movie(stage, path, frames)
+        case ".png":
+            stage.show(still)
+            stage.plotter.screenshot(path)
+        case _:
+            stage.show(still)
+            stage.plotter.render()
+            _write_page(stage.plotter.render_window, path, stage.title)
+    stage.plotter.close()
+
+
+def _gif(stage: MechanismView, frames: Sequence[int]) -> bytes:
+    """Return a movie as bytes: the file writer would print system errors and continue."""
+    from imageio.v2 import get_writer
+
+    made = io.BytesIO()
+    duration = 1000.0 / _PER_SECOND  # ms
+    stage.plotter.mwriter = get_writer(made, format=".gif", mode="I", duration=duration, loop=0)
+    for i in frames:
+        stage.show(i)
+        stage.plotter.write_frame()
+    stage.plotter.mwriter.close()
+    return made.getvalue()
+
+
+def _movie(stage: MechanismView, path: Path, frames: Sequence[int]) -> None:
+    quiet = {"ffmpeg_log_level": "quiet"}  # the error is reported below
+    stage.plotter.open_movie(str(path), framerate=_PER_SECOND, macro_block_size=2, **quiet)
+    for i in frames:
+        stage.show(i)
+        stage.plotter.write_frame()
+    stage.plotter.close()
+    if b"moov" not in path.read_bytes():  # the writer does not report a full disk
+        raise OSError("its end is missing: no space left, perhaps")
+
+
+def _write_page(window: Any, path: Path, title: str) -> None:  # noqa: ANN401 - a window of VTK
+    """Write the content of a window as an HTML page."""
+    from trame_vtk.tools.vtksz2html import write_html
+
+    packed, page = io.BytesIO(), io.StringIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("index.json", json.dumps(_serialize_window(window)))
+    write_html(packed.getvalue(), page)
+    alone = _ICONS.sub("`data:,`", page.getvalue())
+    path.write_text(alone.replace("<head>", f"<head><title>{html.escape(title)}</title>", 1), encoding="utf-8")
+
+
+_ICONS = re.compile(r"`https?://[^`]*/favicon[^`]*`")
+"""Icons that the viewer would download."""
+
+
+def _serialize_window(window: Any) -> dict[str, Any]:  # noqa: ANN401
+    """Return a window in the format of vtk.js: its objects, and their arrays by hash."""
+    from trame_vtk.modules.vtk.serializers import (
+        SynchronizationContext,
+        extract_array_hash,
+        initialize_serializers,
+        reference_id,
+        serialize,
+    )
+
+    initialize_serializers()
+    context = SynchronizationContext()
+    context.set_ignore_last_dependencies(True)
+    scene: Any = serialize(None, window, reference_id(window), context, 1)
+    camera = window.GetRenderers().GetFirstRenderer().GetActiveCamera()
+    scene["extra"] = {
+        "vtkRefId": reference_id(window), "centerOfRotation": camera.GetFocalPoint(), "camera": reference_id(camera),
+    }  # fmt: skip
+    hashes = {
+        one["hash"]: {**one, "content": context.get_cached_data_array(one["hash"], False)}
+        for one in extract_array_hash(scene)
+    }
+    return {"hashes": hashes, "scene": scene}

@@ -1,6 +1,6 @@
 """Solid mechanisms on screen, in images, movies and HTML pages. Only this module imports pyvista.
 
-Call `flexcam.plotting.rendering.select_renderer` first: if a library is missing, VTK aborts its process.
+Call `flexcam.plotting.rendering.select_renderer` first: VTK aborts its process if a library is missing.
 """
 
 # pyright: reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
@@ -16,9 +16,9 @@ import numpy as np
 import pyvista
 
 from flexcam.core import FloatArray
-from flexcam.plotting.scene.assembly import Mechanism
+from flexcam.plotting.scene.mechanism import Mechanism
 from flexcam.plotting.scene.motion import Motion
-from flexcam.plotting.scene.solids import Solid, merge_solids
+from flexcam.plotting.scene.solids import Solid
 
 COLOURS = {
     "shaft": "#7a8fa6", "member": "#c9ced4", "lobe": "#D55E00", "follower": "#E69F00", "roller": "#F0C25A",
@@ -49,21 +49,11 @@ _FRAME_TIME = 40
 
 @dataclass(frozen=True)
 class ViewSettings:
-    """View settings of a scene.
+    """View settings of a scene."""
 
-    Parameters
-    ----------
-    scale
-        Scale of the elastic part of the motion.
-    size
-        Size of the window, pixels.
-    title
-        Title above the image.
-    """
-
-    scale: float = 1.0
-    size: tuple[int, int] = (1024, 768)
-    title: str = ""
+    scale: float = 1.0  # scale of the elastic part of the motion
+    size: tuple[int, int] = (1024, 768)  # size of the window, pixels
+    title: str = ""  # title above the image
 
 
 class MechanismView:
@@ -110,10 +100,10 @@ class MechanismView:
     def _meshes(self, i: int) -> dict[str, pyvista.PolyData]:
         """Return a mesh per kind of part; coloured members are separate from parts without values."""
         solids = self._mechanism.solids(self._motion.instant(i, self._looks.scale))
-        kinds: dict[str, list[Solid]] = {}
+        kinds: dict[str, list[Any]] = {}
         for solid in solids:
-            kinds.setdefault(solid.kind, []).append(solid)
-        return {kind: _mesh(merge_solids(parts)) for kind, parts in kinds.items()}
+            kinds.setdefault(solid.kind, []).append(_mesh(solid))
+        return {kind: _shade(parts[0].append_polydata(*parts[1:])) for kind, parts in kinds.items()}
 
     def show(self, i: int) -> None:
         """Show instant i."""
@@ -128,11 +118,11 @@ class MechanismView:
         """Add a slider over the cam angle."""
         degrees = np.degrees(self._motion.angle)
 
-        def moved(value: float) -> None:
+        def show_angle(value: float) -> None:
             self.show(int(np.argmin(np.abs(degrees - value))))
 
         self.plotter.add_slider_widget(
-            moved, (float(degrees[0]), float(degrees[-1])), value=float(degrees[start]), title="cam angle, deg",
+            show_angle, (float(degrees[0]), float(degrees[-1])), value=float(degrees[start]), title="cam angle, deg",
             pointa=(0.03, 0.12), pointb=(0.33, 0.12), color="black", fmt="%.1f", interaction_event="always",
         )  # fmt: skip
 
@@ -187,6 +177,11 @@ def _mesh(solid: Solid) -> pyvista.PolyData:
     mesh = pyvista.PolyData.from_regular_faces(solid.points, solid.faces)
     if solid.values is not None:
         mesh.point_data["value"] = solid.values
+    return mesh
+
+
+def _shade(mesh: pyvista.PolyData) -> pyvista.PolyData:
+    """Return a mesh with normals, and with sharp edges where its triangles meet at a large angle."""
     shaded: Any = mesh.compute_normals(split_vertices=True, feature_angle=_SHARP_ANGLE, consistent_normals=False)
     return shaded
 

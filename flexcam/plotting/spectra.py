@@ -1,6 +1,7 @@
 """Figures of spectra: Campbell diagrams, orders, growth rates, contact forces and modes over speed."""
 
 # pyright: reportUnknownMemberType=false
+# matplotlib does not type its keyword arguments.
 
 from __future__ import annotations
 
@@ -23,13 +24,10 @@ from flexcam.plotting.figures import add_legend, create_stacked_axes, line_style
 from flexcam.plotting.histories import axis_label, short_name
 from flexcam.valvetrain import ModelModes, Structure
 
-# matplotlib does not type its keyword arguments.
-
-
 _MAX_CIRCLE_AREA = 160.0
 """Area of the largest circle, points squared."""
 
-_CROSSING_LABEL = "an order meets a mode; area: its part of the force"
+_CROSSING_LABEL = "order meets mode; area: share of the force"
 
 
 def campbell_figure(found: Campbell, scale: float, shaft: str) -> Figure:
@@ -47,7 +45,7 @@ def campbell_figure(found: Campbell, scale: float, shaft: str) -> Figure:
                       label=_mode_label(found, i, top))  # fmt: skip
         else:
             first = not told and bool((column <= top).any())
-            axes.plot(rpm, column, color="0.5", linewidth=1.2, label="not felt at the contact" * first)
+            axes.plot(rpm, column, color="0.5", linewidth=1.2, label="without force at the contact" * first)
             told = told or first
     _circles(axes, found, scale)
     axes.set_xlim(rpm[0], rpm[-1])
@@ -98,9 +96,6 @@ def _circles(axes: Axes, found: Campbell, scale: float) -> None:
     )  # fmt: skip
 
 
-# matplotlib does not type its keyword arguments.
-
-
 _DECADES = 3.0
 """Decades below the largest amplitude covered by the colour scale."""
 
@@ -132,16 +127,13 @@ def _draw(figure: Figure, axes: Axes, found: Waterfall, scale: float) -> None:
     figure.colorbar(drawn, ax=axes, label=axis_label(name, found.unit))
 
 
-# matplotlib does not type its keyword arguments.
-
-
 _LINEAR_GROWTH = 1.0
 """Growth rate, 1/s, below which the axis is linear; it always covers this range, so that rounding appears as zero."""
 
 
 def force_figure(rpm: FloatArray, forces: Mapping[str, tuple[FloatArray, FloatArray]], shaft: str) -> Figure:
     """Return a figure with maximum and minimum contact force over speed."""
-    figure, (upper, lower) = create_stacked_axes(("largest force, N", "least force, N"), f"{shaft} speed, rpm")
+    figure, (upper, lower) = create_stacked_axes(("max force, N", "min force, N"), f"{shaft} speed, rpm")
     for (name, (least, largest)), (colour, dashes) in zip(forces.items(), line_styles(), strict=False):
         upper.plot(rpm, largest, label=name, color=colour, linestyle=dashes, marker="o", markersize=3)
         lower.plot(rpm, least, color=colour, linestyle=dashes, marker="o", markersize=3)
@@ -152,7 +144,7 @@ def force_figure(rpm: FloatArray, forces: Mapping[str, tuple[FloatArray, FloatAr
 
 def growth_figure(rpm: FloatArray, growth: FloatArray, dangers: Mapping[str, NDArray[np.bool_]], shaft: str) -> Figure:
     """Return a figure with the growth rate of disturbances over speed and the causes of instability at each speed."""
-    figure, (upper, lower) = create_stacked_axes(("growth, 1/s", "endangered by"), f"{shaft} speed, rpm")
+    figure, (upper, lower) = create_stacked_axes(("growth, 1/s", "cause"), f"{shaft} speed, rpm")
     upper.plot(rpm, growth, color="black", marker="o", markersize=3)
     upper.set_yscale("symlog", linthresh=_LINEAR_GROWTH)
     upper.axhline(0.0, color="black", linewidth=0.8)
@@ -165,9 +157,6 @@ def growth_figure(rpm: FloatArray, growth: FloatArray, dangers: Mapping[str, NDA
     lower.set_ylim(len(dangers) - 0.5, -0.5)
     lower.set_xlim(*upper.get_xlim())
     return figure
-
-
-# matplotlib does not type its keyword arguments.
 
 
 _PARTS = 8

@@ -1,6 +1,7 @@
 """Figures of studies: sensitivities, scatter, progress of an optimization, Pareto fronts, maps of limits."""
 
 # pyright: reportUnknownMemberType=false
+# matplotlib does not type its keyword arguments.
 
 from __future__ import annotations
 
@@ -13,9 +14,6 @@ from matplotlib.figure import Figure
 from flexcam.analysis.model_choice import ModelEvaluation
 from flexcam.core import FloatArray
 from flexcam.plotting.figures import COLOURS, add_legend, create_stacked_axes, line_styles
-
-# matplotlib does not type its keyword arguments.
-
 
 _LEVELS = 10
 
@@ -46,9 +44,9 @@ def scatter_figure(values: Mapping[str, FloatArray], units: Mapping[str, str], m
     for axis, (name, of) in zip(axes, values.items(), strict=True):
         axis.hist(of, bins="auto" if np.ptp(of) > 0.0 else 3, color=COLOURS[5], edgecolor="black", linewidth=0.6)
         for part in np.quantile(of, [0.05, 0.95]).tolist() if len(of) else ():
-            axis.axvline(part, color="black", linestyle="--", linewidth=1.0, label="5 % and 95 % of the sets")
+            axis.axvline(part, color="black", linestyle="--", linewidth=1.0, label="5 % and 95 % quantiles")
         if name in middle:
-            axis.axvline(middle[name], color=COLOURS[1], linewidth=1.8, label="the case as it stands")
+            axis.axvline(middle[name], color=COLOURS[1], linewidth=1.8, label="nominal case")
         unit = units.get(name, "")
         axis.set_xlabel(name if unit in ("", "1") else f"{name}, {unit}")
         axis.set_ylabel("sets of parts")
@@ -63,7 +61,7 @@ def progress_figure(costs: FloatArray, inside: np.ndarray, best: FloatArray, lab
     axes = figure.add_subplot()
     at = np.arange(1, len(costs) + 1)
     known = np.isfinite(costs)
-    for chosen, fill, name in ((inside & known, COLOURS[0], "within all bounds"), (~inside & known, "none", "outside")):
+    for chosen, fill, name in ((inside & known, COLOURS[0], "feasible"), (~inside & known, "none", "infeasible")):
         axes.scatter(
             at[chosen], costs[chosen], s=16, facecolors=fill, edgecolors=COLOURS[0], linewidths=0.8, label=name
         )
@@ -80,7 +78,7 @@ def front_figure(values: FloatArray, inside: np.ndarray, front: Sequence[int], l
     figure = Figure(figsize=(7.0, 5.0), layout="constrained")
     axes = figure.add_subplot()
     known = np.isfinite(values).all(axis=1) & inside
-    axes.scatter(*values[known].T, s=8, color="0.65", label="within all bounds")
+    axes.scatter(*values[known].T, s=8, color="0.65", label="feasible")
     axes.plot(*values[list(front)].T, color=COLOURS[1], marker="o", markersize=5, linewidth=1.2, label="front")
     axes.set_xlabel(labels[0])
     axes.set_ylabel(labels[1])
@@ -111,9 +109,6 @@ def map_figure(
         axis.set_ylabel(labels[1])
     axes[-1].set_xlabel(labels[0])
     return figure
-
-
-# matplotlib does not type its keyword arguments.
 
 
 _KINDS = ("lift", "acceleration")

@@ -1,253 +1,283 @@
-"""Content of a report as plain values: tables, charts, scenes and chapters."""
+"""Content of a report as plain values: the results with their cases, and their chapters, tables, charts and scenes."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from rich.table import Table
 
 from flexcam.analysis.comparison import Comparison
 from flexcam.analysis.error_estimate import estimate_errors
-from flexcam.analysis.limits import Limits, find_limits
+from flexcam.analysis.limits import Limits, Margins, find_limits
 from flexcam.analysis.model_choice import evaluate_ladder
-from flexcam.analysis.run import member_strength
+from flexcam.analysis.natural_modes import modes
+from flexcam.analysis.preparation import PreparedRun, prepare
+from flexcam.analysis.run import member_strength, reload_result
+from flexcam.case.builder import build_model
 from flexcam.case.case import Case
+from flexcam.case.reader import case_from_result
 from flexcam.core import FloatArray
-from flexcam.core.errors import InputError
-from flexcam.dynamics import Response
+from flexcam.core.errors import FlexcamError, InputError
+from flexcam.core.units import RPM, shaft_name, shaft_speed
+from flexcam.dynamics import Response, RunFailedError, solve
 from flexcam.dynamics.memory import ExtremesSink
+from flexcam.io import Result, read_result
 from flexcam.report.fidelity_tables import TRADE_LEGEND, error_table, format_with_error, trade_table, trade_warnings
-from flexcam.report.limits_table import limits_table
-from flexcam.report.model_tables import comparison_table, mode_table, model_table
-from flexcam.report.result_tables import info_table, metrics_table, run_table, strength_table
-from flexcam.report.sentences import ReportSubject
-from flexcam.valvetrain import Metric
+from flexcam.report.tables import (
+    comparison_table,
+    describe_comparison,
+    describe_contacts,
+    describe_dofs,
+    describe_inactive,
+    info_table,
+    limits_table,
+    metrics_table,
+    mode_table,
+    model_table,
+    run_table,
+    strength_table,
+)
+from flexcam.valvetrain import Metric, ModelModes, Structure, build_structure
+
+MODES = 12
+"""Number of modes, as in `flexcam modes`."""
+
+
+@dataclass(frozen=True, eq=False)
+class RestoredCase:
+    """Case of a result and the objects built from it."""
+
+    case: Case
+    ready: PreparedRun  # prepared run of the case
+    response: Response  # response of the result, with fields in the degrees of freedom of the equations
+    structure: Structure  # passive part of the model
+
+
+@dataclass(frozen=True, eq=False)
+class ReportSubject:
+    """Result and the data derived from it."""
+
+    path: Path  # path of the file
+    result: Result  # content of the file
+    known: RestoredCase | None  # objects built from its case; None if the case cannot be restored
+    rigid: Response | None  # the same run with rigid members; None if there is none
+    modes: ModelModes | None  # modes of its structure; None if there are none
+    lacking: tuple[str, ...]  # sentences about missing data and the reasons
+
+    @property
+    def stem(self) -> str:
+        """Name of the file without suffixes."""
+        return self.path.name.partition(".")[0]
+
+
+def load_subject(path: Path) -> ReportSubject:
+    """Return a result with all data derived from its case."""
+    result = read_result(path)
+    try:
+        case = case_from_result(result)
+        known = RestoredCase(case, *reload_result(case, result), build_structure(build_model(case)))
+    except FlexcamError as refusal:
+        what = "the comparison with a rigid train, modes, stresses with their safety, and inactive unknowns"
+        return ReportSubject(
+            path, result, None, None, None, (f"Not in this report: {what}; {_describe_error(refusal)}",)
+        )
+    lacking: list[str] = []
+    rigid = found = None
+    if case.record.fidelity.model != "rigid" and known.ready.model.cam_contacts:
+        try:
+            ready = prepare(case, rigid=True)
+            rigid = solve(ready.problem, ready.scheme, save=ready.save)
+        except FlexcamError as refusal:
+            lacking.append(f"Not in this report: the comparison with a rigid train; {_describe_error(refusal)}")
+    try:
+        found = modes(case, MODES)
+    except FlexcamError as refusal:
+        lacking.append(f"Not in this report: modes; {_describe_error(refusal)}")
+    return ReportSubject(path, result, known, rigid, found, tuple(lacking))
+
+
+def _describe_error(refusal: FlexcamError) -> str:
+    match refusal:
+        case InputError():
+            return "; ".join(map(str, refusal.faults))
+        case RunFailedError():
+            return refusal.status.text
+        case _:
+            return str(refusal)
+
+
+_SAME_LIFT = 0.01
+_SAME_ACCELERATION = 0.1
+"""Relative difference in acceleration up to which the rigid train counts as equivalent."""
+
+_MODELS = {
+    "beams": "flexible beams", "rigid": "rigid members", "sdof": "one mass", "chain": "a chain of masses",
+}  # fmt: skip
+
+
+def describe_model(about: ReportSubject, known: RestoredCase, figures: Sequence[Metric] = ()) -> list[str]:
+    """Return sentences about the model and the parts omitted from the run."""
+    case, ready, response = known.case, known.ready, about.result.response
+    record = case.record
+    kind = _MODELS.get(record.fidelity.model, record.fidelity.model)
+    if record.fidelity.modes is not None:
+        kind += f" in {record.fidelity.modes} shapes"
+    per = 2.0 * math.pi / (case.speed * ready.problem.step)
+    turned = f"{float(np.ptp(response.angle)) / (2.0 * math.pi):.4g}" if len(response.angle) else "0"
+    covers = f"{turned} revolution{'' if turned == '1' else 's'}"
+    parts = ", ".join(
+        _count(len(table), word)
+        for word, table in (("member", record.members), ("mass", record.masses), ("spring", record.springs),
+                            ("rocker", record.rockers), ("cam", record.cams), ("contact", record.contacts))
+        if table
+    )  # fmt: skip
+    said = [
+        f"Modelled with {kind}: {parts}.",
+        (
+            f"Run at {case.speed_text} for {covers} of the camshaft, in {response.stats.steps} steps "
+            f"({per:.6g} per revolution) of {describe_dofs(known.response)}."
+        ),
+    ]
+    said += describe_contacts(case, figures)
+    left = describe_inactive(ready)
+    return [*said, f"Inactive, as nothing excites it: {'; '.join(left)}."] if left else said
+
+
+def _count(number: int, word: str) -> str:
+    if number == 1:
+        return f"1 {word}"
+    return f"{number} {word}es" if word.endswith("s") else f"{number} {word}s"
+
+
+def describe_verdict(compared: Comparison) -> list[str]:
+    """Return sentences that compare the flexible result with the rigid one."""
+    off, ratio = compared.peak_deviation, compared.peak_acceleration_ratio
+    same = off <= _SAME_LIFT and abs(ratio - 1.0) <= _SAME_ACCELERATION
+    bounds = f"{100 * _SAME_LIFT:g} % of the lift, {100 * _SAME_ACCELERATION:g} % of the maximum acceleration"
+    verdict = "agrees with" if same else "differs significantly from"
+    return [f"The flexible result {verdict} the rigid one (criteria: {bounds}).", *describe_comparison(compared, None)]
+
+
+def describe_margins(margins: Margins, turns: float) -> list[str]:
+    """Return sentences about the margins of the train at its speed."""
+    said: list[str] = []
+    if margins.rigid_rpm is not None and margins.spring_margin is not None:
+        said.append(
+            f"The rigid train loses contact at {shaft_speed(margins.rigid_rpm * RPM, turns)}; at this speed its "
+            f"spring force is {1.0 + margins.spring_margin:.3g} times its inertia force."
+        )
+    said += [
+        f"The buckling load of {name} is {margin:.3g} times its static compression at full lift."
+        for name, margin in margins.buckling_margins.items()
+    ]
+    return said
 
 
 @dataclass(frozen=True)
 class ReportTable:
-    """Table.
+    """Table."""
 
-    Parameters
-    ----------
-    title
-        Title above the table.
-    heads
-        Column headers; empty if the first column describes the rows.
-    rows
-        Cells as text.
-    words
-        Indices of the columns that contain words; the others contain numbers.
-    """
-
-    title: str
-    heads: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    words: tuple[int, ...] = (0,)
+    title: str  # title above the table
+    heads: tuple[str, ...]  # column headers; empty if the first column describes the rows
+    rows: tuple[tuple[str, ...], ...]  # cells as text
+    words: tuple[int, ...] = (0,)  # indices of the columns that contain words; the others contain numbers
 
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """Curve.
+    """Curve."""
 
-    Parameters
-    ----------
-    name
-        Name in the legend.
-    group
-        Index of its run, which determines its colour.
-    rigid
-        Whether it belongs to the rigid train.
-    x, y
-        Values in the units of the axes, shape (m,).
-    """
-
-    name: str
-    group: int
-    rigid: bool
-    x: FloatArray
+    name: str  # name in the legend
+    group: int  # index of its run, which determines its colour
+    rigid: bool  # whether it belongs to the rigid train
+    x: FloatArray  # values in the units of the axes, shape (m,)
     y: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """Curves on one axis.
+    """Curves on one axis."""
 
-    Parameters
-    ----------
-    label
-        Label of the vertical axis with unit.
-    curves
-        Curves.
-    """
-
-    label: str
+    label: str  # label of the vertical axis with unit
     curves: tuple[Curve, ...]
 
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """Panels stacked vertically over the cam angle in degrees.
+    """Panels stacked vertically over the cam angle in degrees."""
 
-    Parameters
-    ----------
-    name
-        Name of the content, such as a probe.
-    words
-        Text alternative of the chart.
-    panels
-        Panels from top to bottom.
-    """
-
-    name: str
-    words: tuple[str, ...]
-    panels: tuple[Panel, ...]
+    name: str  # name of the content, such as a probe
+    words: tuple[str, ...]  # text alternative of the chart
+    panels: tuple[Panel, ...]  # panels from top to bottom
 
 
 @dataclass(frozen=True, eq=False)
 class ChartGroup:
-    """Group of charts of which the reader selects one.
+    """Group of charts of which the reader selects one."""
 
-    Parameters
-    ----------
-    title
-        Title above the group.
-    what
-        Kind of item selected, such as ``probe``.
-    charts
-        One or more charts.
-    """
-
-    title: str
-    what: str
-    charts: tuple[Chart, ...]
+    title: str  # title above the group
+    what: str  # kind of item selected, such as ``probe``
+    charts: tuple[Chart, ...]  # one or more charts
 
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """Motion of the lines of a scene.
+    """Motion of the lines of a scene."""
 
-    Parameters
-    ----------
-    name
-        Name, such as ``mode 2, 67.11 Hz``.
-    words
-        Description of the motion.
-    frames
-        Displacements, m, shape (frames, points, 3); a single frame oscillates, several are played in sequence.
-    """
-
-    name: str
-    words: str
+    name: str  # name, such as ``mode 2, 67.11 Hz``
+    words: str  # description of the motion
+    # displacements, m, shape (frames, points, 3); a single frame oscillates, several are played in sequence
     frames: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Members as lines in space and their motion.
+    """Members as lines in space and their motion."""
 
-    Parameters
-    ----------
-    points
-        Points, m, shape (points, 3), global axes.
-    lines
-        Range of points by member.
-    names
-        Index of the point by name.
-    shapes
-        Selectable motions.
-    """
-
-    points: FloatArray
-    lines: Mapping[str, tuple[int, int]]
-    names: Mapping[str, int]
-    shapes: tuple[Shape, ...]
+    points: FloatArray  # points, m, shape (points, 3), global axes
+    lines: Mapping[str, tuple[int, int]]  # range of points by member
+    names: Mapping[str, int]  # index of the point by name
+    shapes: tuple[Shape, ...]  # selectable motions
 
 
 @dataclass(frozen=True)
 class Picture:
-    """Static image, also for printing.
+    """Static image, also for printing."""
 
-    Parameters
-    ----------
-    title
-        Title above the image.
-    png
-        Content of the PNG file.
-    words
-        Text alternative of the image.
-    """
-
-    title: str
-    png: bytes
-    words: str
+    title: str  # title above the image
+    png: bytes  # content of the PNG file
+    words: str  # text alternative of the image
 
 
 @dataclass(frozen=True, eq=False)
 class Chapter:
-    """Report on one result.
+    """Report on one result."""
 
-    Parameters
-    ----------
-    name
-        Name that distinguishes it from the other chapters.
-    title
-        Title of its case, with the speed.
-    verdict
-        Sentences that compare flexible and rigid models; empty without a comparison.
-    summary
-        Sentences about the model and its results.
-    warnings
-        Warnings, and sentences about content omitted from the report.
-    sheets
-        Tables.
-    pictures
-        Images of additionally requested results.
-    scene
-        Members and their motions; None if there is nothing to draw.
-    case
-        Text of the case file.
-    origin
-        Origin of the result: files, versions, date.
-    """
-
-    name: str
-    title: str
-    verdict: tuple[str, ...]
-    summary: tuple[str, ...]
-    warnings: tuple[str, ...]
-    sheets: tuple[ReportTable, ...]
-    pictures: tuple[Picture, ...]
-    scene: Scene | None
-    case: str
-    origin: ReportTable
+    name: str  # name that distinguishes it from the other chapters
+    title: str  # title of its case, with the speed
+    verdict: tuple[str, ...]  # sentences that compare flexible and rigid models; empty without a comparison
+    summary: tuple[str, ...]  # sentences about the model and its results
+    warnings: tuple[str, ...]  # warnings, and sentences about content omitted from the report
+    sheets: tuple[ReportTable, ...]  # tables
+    pictures: tuple[Picture, ...]  # images of additionally requested results
+    scene: Scene | None  # members and their motions; None if there is nothing to draw
+    case: str  # text of the case file
+    origin: ReportTable  # origin of the result: files, versions, date
 
 
 @dataclass(frozen=True, eq=False)
 class Report:
-    """Report on one or more results.
+    """Report on one or more results."""
 
-    Parameters
-    ----------
-    title
-        Title of the page.
-    chapters
-        One chapter per result.
-    albums
-        Charts with the curves of all results.
-    notes
-        Sentences about omitted curves.
-    still
-        Image of the most important curves for printing; None without motion.
-    """
-
-    title: str
-    chapters: tuple[Chapter, ...]
-    albums: tuple[ChartGroup, ...]
-    notes: tuple[str, ...]
-    still: Picture | None
+    title: str  # title of the page
+    chapters: tuple[Chapter, ...]  # one chapter per result
+    albums: tuple[ChartGroup, ...]  # charts with the curves of all results
+    notes: tuple[str, ...]  # sentences about omitted curves
+    still: Picture | None  # image of the most important curves for printing; None without motion
 
 
 _MAX_NUMBER_LENGTH = 24
@@ -294,7 +324,7 @@ def energy_table(response: Response) -> ReportTable:
         for name, values in parts.items()
         if np.any(values)
     ]
-    return ReportTable("Energy over the run", ("J", "least", "largest", "at the end"), tuple(rows))
+    return ReportTable("Energy over the run", ("J", "min", "max", "at the end"), tuple(rows))
 
 
 def origin_table(about: ReportSubject) -> ReportTable:
@@ -309,33 +339,18 @@ _LIMIT_TOLERANCE = 0.01
 
 @dataclass(frozen=True)
 class ReportOptions:
-    """Additional content of a report, which requires runs of the case.
+    """Additional content of a report, which requires runs of the case."""
 
-    Parameters
-    ----------
-    errors
-        Whether to estimate errors.
-    limits
-        Whether to find the speed limits of the train.
-    trade
-        Whether to evaluate error versus cost of models.
-    """
-
-    errors: bool = False
-    limits: bool = False
-    trade: bool = False
+    errors: bool = False  # whether to estimate errors
+    limits: bool = False  # whether to find the speed limits of the train
+    trade: bool = False  # whether to evaluate error versus cost of models
 
 
 @dataclass(frozen=True)
 class AdditionalContent:
-    """Additional content of a chapter.
+    """Additional content of a chapter."""
 
-    Parameters
-    ----------
-    sentences, sheets, pictures
-        Content to be added to the chapter.
-    """
-
+    # sentences, sheets, pictures: content to be added to the chapter
     sentences: tuple[str, ...] = ()
     sheets: tuple[ReportTable, ...] = ()
     pictures: tuple[Picture, ...] = ()
@@ -357,9 +372,9 @@ def _errors(case: Case, probe: str) -> AdditionalContent:
     errors = estimate_errors(case, probe)
     told = "; ".join(f"{one.quantity} {format_with_error(one)}" for one in errors if one.holds)
     unknown = ", ".join(one.quantity for one in errors if not one.holds)
-    said = [f"Largest values of {probe} and the contacts with their errors: {told}."] if told else []
+    said = [f"Maximum values of {probe} and the contacts with their estimated errors: {told}."] if told else []
     if unknown:
-        said.append(f"No estimate of the error holds for {unknown}: shorter steps do not bring the runs together.")
+        said.append(f"No error estimate for {unknown}: the results do not converge with shorter steps.")
     return AdditionalContent(tuple(said), (report_table(error_table(errors)),))
 
 
@@ -370,18 +385,16 @@ def _limits(case: Case) -> AdditionalContent:
             case, lowest=0.5 * case.speed, highest=2.0 * case.speed, tolerance=_LIMIT_TOLERANCE * case.speed
         )
     except InputError as refusal:  # the rest of the page is still valid
-        return AdditionalContent(
-            tuple(f"Limits were not looked for: {fault.why or fault.given}." for fault in refusal.faults), ()
-        )
+        return AdditionalContent(tuple(f"No speed limits: {fault.why or fault.given}." for fault in refusal.faults), ())
     return AdditionalContent((_first(limits, scale),), (report_table(limits_table(limits, scale)),))
 
 
 def _first(limits: Limits, scale: float) -> str:
     if limits.first is None:
-        return "Nothing gives way up to twice the speed."
+        return "No speed limit up to twice the speed."
     one = limits.limits[limits.first]
-    speed = f"{scale * (one.rpm or 0.0):.4g} rpm of the {'crankshaft' if scale == 2.0 else 'camshaft'}"
-    return f"What gives way first is {limits.first.replace('_', ' ')}, from {speed}: {one.words}."
+    speed = f"{scale * (one.rpm or 0.0):.4g} rpm of the {shaft_name(scale)}"
+    return f"The first speed limit is {limits.first.replace('_', ' ')}, from {speed}: {one.words}."
 
 
 def _trade(case: Case, probe: str) -> AdditionalContent:
@@ -392,10 +405,9 @@ def _trade(case: Case, probe: str) -> AdditionalContent:
     table = report_table(trade_table(against, rungs))
     best = ", ".join(f"{one.rung} at {one.steps} steps" for one in rungs if one.best)
     words = (
-        f"Error over work, both logarithmic. No other model beats, in both: {best}. "
-        f"The table has the numbers ({TRADE_LEGEND})."
+        f"Error over work, both logarithmic. Best models in both: {best}. The table has the numbers ({TRADE_LEGEND})."
     )
-    title = "What a cheaper model costs in error"
+    title = "Error and cost of models"
     return AdditionalContent(
         tuple(trade_warnings(against, rungs)),
         (table,),

@@ -24,7 +24,7 @@ _DIGITS = 12
 _KINDS = ("lift", "velocity", "acceleration")
 
 
-TRADE_LEGEND = "* no other model beats it in both work and error; work is unknowns times steps of the run"
+TRADE_LEGEND = "* no other model has both less work and less error; work is unknowns times steps of the run"
 """Legend of `trade_table`."""
 
 
@@ -39,8 +39,8 @@ def trade_table(against: Reference, found: Sequence[ModelEvaluation]) -> Table:
     own = (_percent(against.errors[kind] / against.size[kind] if against.size[kind] > 0.0 else 0.0) for kind in kinds)
     rows.append(("", "reference", str(against.steps), "", "", "", *own, "its own error"))
     heads = ("", "model", "steps/rev", "unknowns", "work", "cpu s", *(f"{kind}, %" for kind in kinds), "")
-    norm = {"max": "largest", "rms": "rms", None: "rms, of forces the largest"}[against.norm]
-    return plain_table(f"What a cheaper model costs in error ({norm}; as a part of the largest value)", heads, rows)
+    norm = {"max": "max", "rms": "rms", None: "rms, max of forces"}[against.norm]
+    return plain_table(f"Error and cost of models ({norm}, relative to the maximum)", heads, rows)
 
 
 def _quantities(against: Reference) -> list[str]:
@@ -63,7 +63,9 @@ def _describe_rejected_models(found: Sequence[ModelEvaluation]) -> list[str]:
         return []
     models = {one.rung: [str(other.steps) for other in refused if other.rung == one.rung] for one in refused}
     told = "; ".join(f"{name} at {', '.join(steps)}" for name, steps in models.items())
-    return [f"Not run, as the method of the case refuses such steps: {told}. The first: {refused[0].status.text}"]
+    return [
+        f"Not run, as the method of the case does not allow such steps: {told}. The first: {refused[0].status.text}"
+    ]
 
 
 def _reference_warnings(against: Reference) -> list[str]:
@@ -71,8 +73,8 @@ def _reference_warnings(against: Reference) -> list[str]:
     rough = [f"{name} ({_percent(share)} %)" for name, share in shares.items() if share > _REFERENCE_ERROR_TOLERANCE]
     if not rough:
         return []
-    unsure = f"Warning: the reference itself is not sure of {', '.join(rough)}"
-    return [f"{unsure}: bounces, or motions that its steps do not see; errors of that size say nothing, nor do marks"]
+    unsure = f"Warning: the reference itself has a large error in {', '.join(rough)}"
+    return [f"{unsure}: bounces, or motions that its steps do not resolve; errors of that size are not significant"]
 
 
 _REFERENCE_ERROR_TOLERANCE = 0.05
@@ -121,8 +123,8 @@ def error_table(errors: Sequence[Error]) -> Table:
         )
         for one in errors
     ]
-    heads = ("quantity", "largest", "by the steps", "by the elements", "by the model", "")
-    return plain_table("How far the numbers may be off", heads, rows)
+    heads = ("quantity", "max", "by the steps", "by the elements", "by the model", "")
+    return plain_table("Estimated errors", heads, rows)
 
 
 def format_with_error(one: Error) -> str:
@@ -142,7 +144,7 @@ def _share(one: Error, error: float) -> str:
 
 
 def _met_tolerances(one: Error) -> str:
-    return "" if one.holds else "no estimate holds: shorter steps do not bring the runs together"
+    return "" if one.holds else "no estimate: no convergence with shorter steps"
 
 
 def describe_choice(choice: Choice) -> list[str]:
@@ -151,13 +153,15 @@ def describe_choice(choice: Choice) -> list[str]:
     named = f"{one.rung} ({one.words}), {one.steps} steps per revolution, {one.unknowns} unknowns"
     errors = ", ".join(f"{kind} {_percent(error)} %" for kind, error in one.errors.items())
     if not choice.met:
-        return [f"The tolerance is not met: {choice.why}. What was run is the closest: {named}; errors: {errors}"]
+        return [f"The tolerance is not met: {choice.why}. The run uses the closest model: {named}; errors: {errors}"]
     words = [f"Chosen of {choice.tried} models tried: {named}; errors: {errors}"]
     if choice.cheaper is not None:
         less = choice.cheaper
         saved = f"{100.0 * less.work / one.work:.0f} % of the work" if one.work else "as much work"
         errs = ", ".join(f"{kind} {_percent(error)} %" for kind, error in less.errors.items())
-        words.append(f"Cheaper and not good enough: {less.rung}, {less.steps} steps per revolution, {saved}; {errs}")
+        words.append(
+            f"Next cheaper, outside the tolerance: {less.rung}, {less.steps} steps per revolution, {saved}; {errs}"
+        )
     return words
 
 

@@ -16,8 +16,7 @@ from flexcam.fem.elements.beam import Beams
 from flexcam.fem.frames import ROTATIONS
 from flexcam.fem.mesh import Mesh
 from flexcam.fem.recovery import deflection
-from flexcam.report.content import Chart, ChartGroup, Curve, Panel, Scene, Shape
-from flexcam.report.sentences import ReportSubject
+from flexcam.report.content import Chart, ChartGroup, Curve, Panel, ReportSubject, Scene, Shape
 from flexcam.valvetrain import Structure
 
 _SERIES = {"displacement": "", "velocity": "/s", "acceleration": "/s^2"}
@@ -314,7 +313,7 @@ def _modes(about: ReportSubject, lines: _LinePoints) -> list[Shape]:
 def _describe_undrawn_part(structure: Structure, shares: Mapping[str, float]) -> str:
     """Return a note if the part with the largest motion in a mode is not a member and not drawn; otherwise empty."""
     most = max(shares, key=lambda part: shares[part], default="")
-    return f". What moves most, {most}, is no member: the lines show only what moves with it" * (
+    return f". The part with the largest motion, {most}, is no member and not drawn" * (
         most in _undrawn_parts(structure)
     )
 

@@ -54,24 +54,12 @@ def make_unique(names: Sequence[str], beside: Sequence[str]) -> list[str]:
 
 @dataclass(frozen=True)
 class StudyOutput:
-    """Output of a study command.
+    """Output of a study command."""
 
-    Parameters
-    ----------
-    tables
-        Tables for rich.
-    words
-        Sentences below the tables.
-    json
-        Content as one JSON object; null for missing numbers.
-    csv
-        Content as CSV text.
-    """
-
-    tables: Sequence[Table]
-    words: Sequence[str]
-    json: Mapping[str, object]
-    csv: str
+    tables: Sequence[Table]  # tables for rich
+    words: Sequence[str]  # sentences below the tables
+    json: Mapping[str, object]  # content as one JSON object; null for missing numbers
+    csv: str  # content as CSV text
 
 
 def format_csv(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:

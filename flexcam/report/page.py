@@ -21,11 +21,11 @@ from flexcam import __version__
 from flexcam.analysis.comparison import Comparison, compare_responses
 from flexcam.analysis.limits import compute_margins
 from flexcam.analysis.preparation import compute_metrics, scalar_probe
+from flexcam.analysis.run_checks import RunMonitor, check_run
 from flexcam.case.case import Case
 from flexcam.case.input_checks import check_shared_seat_load
 from flexcam.core.errors import FlexcamError, InputError, refuse
 from flexcam.core.units import RPM
-from flexcam.report import sentences
 from flexcam.report.content import (
     Chapter,
     Chart,
@@ -33,15 +33,18 @@ from flexcam.report.content import (
     Picture,
     Report,
     ReportOptions,
+    ReportSubject,
+    RestoredCase,
     Scene,
     additional_content,
+    describe_margins,
+    describe_model,
+    describe_verdict,
     origin_table,
     result_tables,
 )
 from flexcam.report.figures import Runs, build_albums, describe_omitted_curves, scalar_probe_names, scene
 from flexcam.report.formatting import make_unique
-from flexcam.report.run_checks import RunMonitor, check_run
-from flexcam.report.sentences import ReportSubject, RestoredCase
 from flexcam.valvetrain import Metric
 
 _PAGE = Path(__file__).parent / "template"
@@ -216,12 +219,12 @@ def _chapter(about: ReportSubject, name: str, main: str, asked: ReportOptions, s
     figures = compute_metrics(known.ready, known.response)
     compared, lacking = _compare_rigid(about, known, main)
     more = additional_content(known.case, main, asked) if status.ok and main else []
-    summary = [*sentences.describe_model(about, known, figures), *_describe_margins(known.case)]
+    summary = [*describe_model(about, known, figures), *_margins(known.case)]
     doubts = _warnings(known, figures, drawn_rigid=about.rigid is not None) if len(known.response.time) else []
     return Chapter(
         name=name,
         title=f"{title}, {known.case.speed_text}",
-        verdict=tuple(sentences.describe_verdict(compared)) if compared and status.ok else (),
+        verdict=tuple(describe_verdict(compared)) if compared and status.ok else (),
         summary=(*summary, *chain.from_iterable(one.sentences for one in more)),
         warnings=(*ended, *doubts, *about.lacking, *lacking),
         sheets=(*chain.from_iterable(one.sheets for one in more), *result_tables(about, compared, figures)),
@@ -255,9 +258,9 @@ def _compare_rigid(about: ReportSubject, known: RestoredCase, main: str) -> tupl
         return None, [f"Not in this report: the comparison with a rigid train; {refusal}"]
 
 
-def _describe_margins(case: Case) -> list[str]:
+def _margins(case: Case) -> list[str]:
     try:
-        return sentences.describe_margins(compute_margins(case), case.turns)
+        return describe_margins(compute_margins(case), case.turns)
     except FlexcamError:  # without static equilibrium at full lift there are no margins; the run reports the reason
         return []
 
@@ -278,5 +281,5 @@ def _motion_image(runs: Runs, main: str) -> Picture | None:
         name for name in contact_forces(next(iter(own.values()))) if all(name in one.channels for one in own.values())
     ]
     figure = motion_figure(own, main, common[:1], rigid=rigid)
-    words = f"Displacement, velocity and acceleration of {main} over the cam angle; the page says it in words below."
+    words = f"Displacement, velocity and acceleration of {main} over the cam angle; the text below describes it."
     return Picture(f"Motion of {main}", render_png(figure), words)

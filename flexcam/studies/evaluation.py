@@ -11,9 +11,8 @@ from __future__ import annotations
 
 import time
 import traceback
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +23,6 @@ from flexcam.analysis.preparation import PreparedRun, build_problem, compute_met
 from flexcam.analysis.run import open_result_file
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
-from flexcam.case.reader import CaseFile
 from flexcam.core.errors import InputError
 from flexcam.core.units import RPM
 from flexcam.dynamics import (
@@ -41,7 +39,7 @@ from flexcam.dynamics import (
 )
 from flexcam.io import SERIES, temporary_folder
 from flexcam.io.exports import component_unit
-from flexcam.studies.plan import Bundle, Plan, open_case
+from flexcam.studies.plan import Bundle, open_case
 from flexcam.valvetrain import ANY_SPEED, Metric, Model, build_rigid, train_metric_names
 
 
@@ -131,12 +129,15 @@ class Row:
         SI unit by scalar.
     seconds
         Run time; not written to tables, which are the same on every machine.
+    history
+        Suffix and content of its result file, if result files are kept.
     """
 
     status: Status
     scalars: Mapping[str, float] = field(default_factory=dict[str, float])
     units: Mapping[str, str] = field(default_factory=dict[str, str])
     seconds: float = 0.0
+    history: tuple[str, bytes] | None = None
 
 
 def evaluate(
@@ -144,45 +145,39 @@ def evaluate(
 ) -> Row:
     """Run a case and return its row."""
     begun = time.perf_counter()
-    row = _row(case, folder, model, runs, channels)
-    return Row(row.status, row.scalars, row.units, time.perf_counter() - begun)
+    try:
+        row = _run(case, folder, model, runs, channels)
+    except InputError as refusal:
+        row = rejected_row(refusal)
+    except RunFailedError as failure:
+        row = Row(failure.status)
+    except Exception as fault:  # noqa: BLE001 - a fault in one variant must not cost the others
+        row = Row(_internal_error_status(fault))
+    return replace(row, seconds=time.perf_counter() - begun)
 
 
 _SPARSE_OUTPUT = SaveAt(field_every=4096)
 """Output of one of many linear runs without saved fields: blocks are long; rows agree with a single run to rounding."""
 
 
-def _row(case: Case, folder: Path | None, model: Model | None, runs: int, channels: bool) -> Row:
-    try:
-        read, choice = select_case(case)
-        ready = prepare(read, model=model)
-        sinks = [] if folder is None else [open_result_file(ready, folder)]
-        alone = sinks or runs == 1 or ready.problem.system.local_forces
-        save = ready.save if alone else _SPARSE_OUTPUT
-        save = save if channels or sinks else replace(save, channels=False)
-        response = solve(replace(ready.problem, runs=runs), ready.scheme, save=save, sinks=sinks)
-        row = make_row(ready, response)
-    except InputError as refusal:
-        return rejected_row(refusal)
-    except RunFailedError as failure:
-        return Row(failure.status)
-    except Exception as fault:  # noqa: BLE001 - a fault in one variant must not cost the others
-        return Row(_internal_error_status(fault))
-    if choice is None or not row.status.ok:
-        return row
-    named = f"{choice.found.rung}, {choice.found.steps} steps per revolution"
-    met = Status(text=f"chosen within the tolerance: {named}")
-    missed = Status(Cause.TOLERANCE, f"the tolerance is not met: {choice.why}; that is {named}")
-    return Row(met if choice.met else missed, row.scalars, row.units)
-
-
-def make_row(ready: PreparedRun, response: Response) -> Row:
-    """Return the row of a completed run."""
+def _run(case: Case, folder: Path | None, model: Model | None, runs: int, channels: bool) -> Row:
+    read, choice = select_case(case)
+    ready = prepare(read, model=model)
+    sinks = [] if folder is None else [open_result_file(ready, folder)]
+    alone = sinks or runs == 1 or ready.problem.system.local_forces
+    save = ready.save if alone else _SPARSE_OUTPUT
+    save = save if channels or sinks else replace(save, channels=False)
+    response = solve(replace(ready.problem, runs=runs), ready.scheme, save=save, sinks=sinks)
     if not response.status.ok:
         return Row(response.status)
     figures = compute_scalars(ready, response)
     values, units = {one.name: one.value for one in figures}, {one.name: one.unit for one in figures}
-    return Row(response.status, values, units, response.stats.seconds)
+    if choice is None:
+        return Row(response.status, values, units)
+    named = f"{choice.found.rung}, {choice.found.steps} steps per revolution"
+    met = Status(text=f"chosen within the tolerance: {named}")
+    missed = Status(Cause.TOLERANCE, f"the tolerance is not met: {choice.why}; that is {named}")
+    return Row(met if choice.met else missed, values, units)
 
 
 def rejected_row(refusal: InputError) -> Row:
@@ -197,103 +192,36 @@ def _internal_error_status(fault: Exception) -> Status:
     return Status(Cause.FAULT, text, "please report it; flexcam run with the same keys shows more")
 
 
-_MAX_CHUNK_SIZE = 16
-"""Maximum number of variants per chunk, which limits the loss in a crash."""
-
-_CHUNK_COUNT = 64
-"""Desired number of chunks of a plan, enough for many workers."""
-
-_MAX_CHUNK_STEPS = 120_000
-"""Maximum number of steps per chunk; a longer run is a separate chunk."""
-
-
-@dataclass(frozen=True)
-class Chunk:
-    """Consecutive variants of a plan.
-
-    Parameters
-    ----------
-    index
-        Index of the chunk, from 0.
-    first
-        Index of its first variant.
-    variants
-        Overrides by variant.
-    """
-
-    index: int
-    first: int
-    variants: tuple[tuple[str, ...], ...]
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """Result of a variant.
-
-    Parameters
-    ----------
-    row
-        Row of the variant.
-    history
-        Content of its result file, if histories are kept, and the suffix of the file name.
-    """
-
-    row: Row
-    history: tuple[str, bytes] | None = None
-
-
-def chunk_size(plan: Plan, case: Case) -> int:
-    """Return the number of variants per chunk, independent of the number of workers."""
-    run = case.record.run
-    steps = int(run.revolutions * (run.steps_per_revolution or 3600))
-    return max(1, min(_MAX_CHUNK_SIZE, len(plan) // _CHUNK_COUNT, _MAX_CHUNK_STEPS // max(steps, 1)))
-
-
-def divide_plan(plan: Plan, size: int) -> tuple[Chunk, ...]:
-    """Divide a plan into chunks."""
-    variants = plan.variants
-    starts = range(0, len(variants), size)
-    return tuple(Chunk(i, first, variants[first : first + size]) for i, first in enumerate(starts))
-
-
 def evaluate_chunk(
     source: Bundle | Path, variants: Sequence[tuple[str, ...]], *, histories: bool = False, runs: int = 1,
     channels: bool = True,
-) -> list[Outcome]:  # fmt: skip
-    """Run the variants of a chunk in a worker."""
-    file = open_case(source)
-    cases = [_read_variant(file, overrides) for overrides in variants]
-    run = partial(_run_with_history, runs=runs) if histories else partial(_run_case, runs=runs, channels=channels)
-    ran = iter(_evaluate_cases([case for case in cases if isinstance(case, Case)], run))
-    found = [next(ran) if isinstance(case, Case) else Outcome(case) for case in cases]
-    if any(one.row.status.cause is Cause.INTERRUPTED for one in found):
-        raise KeyboardInterrupt
-    return [_restore_file_names(one, file.path.parent) for one in found]
+) -> list[Row]:  # fmt: skip
+    """Run consecutive variants of a sweep, in a worker; variants that differ only in speed share their model."""
+    file, rows = open_case(source), list[Row]()
+    before: Case | None = None
+    model: Model | None = None
+    for overrides in variants:
+        try:
+            case = file.read(overrides)
+        except InputError as refusal:
+            rows.append(rejected_row(refusal))
+            continue
+        if before is None or not _same_mechanism(before, case):
+            model = _build_model(case)
+        before = case
+        rows.append(
+            _evaluate_with_history(case, model, runs)
+            if histories
+            else evaluate(case, model=model, runs=runs, channels=channels)
+        )
+        if rows[-1].status.cause is Cause.INTERRUPTED:
+            raise KeyboardInterrupt
+    return [_restore_file_names(row, file.path.parent) for row in rows]
 
 
-def _read_variant(file: CaseFile, overrides: Sequence[str]) -> Case | Row:
-    """Return the case of a variant, or its row if it cannot be read on this machine."""
-    try:
-        return file.read(overrides)
-    except InputError as refusal:
-        return rejected_row(refusal)
-
-
-def _evaluate_cases(cases: Sequence[Case], run: Callable[[Case, Model | None], Outcome]) -> list[Outcome]:
-    """Run the cases of a chunk and return their outcomes."""
-    return [run(case, model) for case, model in zip(cases, _shared_models(cases), strict=True)]
-
-
-def _shared_models(cases: Sequence[Case]) -> list[Model | None]:
-    """Return the model of each case that differs from its predecessor only in speed; None if it has to be built."""
-    models: list[Model | None] = []
-    for i, case in enumerate(cases):
-        if i and _same_mechanism(cases[i - 1], case):
-            models[-1] = models[-1] or _build_model(cases[i - 1])
-            models.append(models[-1])
-        else:
-            models.append(None)
-    return models
+def _same_mechanism(one: Case, other: Case) -> bool:
+    speeds = {"speed": None, "crank_speed": None}
+    return one.with_run(speeds).record == other.with_run(speeds).record
 
 
 def _build_model(case: Case) -> Model | None:
@@ -304,27 +232,17 @@ def _build_model(case: Case) -> Model | None:
         return None
 
 
-def _same_mechanism(one: Case, other: Case) -> bool:
-    speeds = {"speed": None, "crank_speed": None}
-    return one.with_run(speeds).record == other.with_run(speeds).record
-
-
-def _run_case(case: Case, model: Model | None, *, runs: int, channels: bool) -> Outcome:
-    return Outcome(evaluate(case, model=model, runs=runs, channels=channels))
-
-
-def _run_with_history(case: Case, model: Model | None, *, runs: int) -> Outcome:
-    """Run a case and return its outcome with the result file."""
+def _evaluate_with_history(case: Case, model: Model | None, runs: int) -> Row:
     with temporary_folder() as folder:
         row = evaluate(case, folder=folder, model=model, runs=runs)
         written = next(folder.iterdir(), None)
-        if written is None:
-            return Outcome(row)
-        return Outcome(row, (written.name.removeprefix(case.name), written.read_bytes()))
+        return (
+            row
+            if written is None
+            else replace(row, history=(written.name.removeprefix(case.name), written.read_bytes()))
+        )
 
 
-def _restore_file_names(outcome: Outcome, folder: Path) -> Outcome:
-    """Return an outcome with file names in messages as in the case, not in the temporary folder."""
-    status = outcome.row.status
-    text = status.text.replace(f"{folder}/", "")
-    return replace(outcome, row=replace(outcome.row, status=replace(status, text=text)))
+def _restore_file_names(row: Row, folder: Path) -> Row:
+    """Return a row with file names in messages as in the case, not in the temporary folder."""
+    return replace(row, status=replace(row.status, text=row.status.text.replace(f"{folder}/", "")))

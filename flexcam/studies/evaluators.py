@@ -1,14 +1,12 @@
-"""Evaluation of the variants of a study, in this process or in a pool of worker processes."""
+"""Evaluation of the variants of a study: its variables, its points, and maps of limits over two numbers."""
 
 from __future__ import annotations
 
-import multiprocessing
 import os
-from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, cast
 
@@ -17,46 +15,28 @@ import numpy as np
 from flexcam.analysis.limits import Search
 from flexcam.case.case import Case
 from flexcam.case.reader import CaseFile, read_case
-from flexcam.case.records import resolve_record
+from flexcam.case.records import find_unit, resolve_record
 from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, parse_all, refuse
-from flexcam.dynamics import Cause, ProgressCallback, RunFailedError, Status, track_progress
+from flexcam.dynamics import Cause, ProgressCallback, Status, track_progress
 from flexcam.io import find_referenced_file, format_toml
-from flexcam.studies.axes import parse_axis
 from flexcam.studies.evaluation import Row, rejected_row
-from flexcam.studies.executors import (
-    block_interrupts,
-    limit_threads,
-    restore_sigpipe,
-    terminate_executor,
-    terminate_with_parent,
-)
-from flexcam.studies.quantities import get_number, make_overrides, quantity_row
+from flexcam.studies.executors import ProcessWorkers, SerialWorkers, Variants, divide_variants, open_runner
+from flexcam.studies.plan import Axis, Bundle, Plan, Value, make_plan, open_case, parse_axis
+from flexcam.studies.quantities import get_number, make_overrides, quantity_row, require_complete
 
 _DIGITS = 15
 
 
 @dataclass(frozen=True)
 class Variable:
-    """Number of a case varied by a study.
+    """Number of a case varied by a study."""
 
-    Parameters
-    ----------
-    key
-        Key of the case.
-    low, high
-        Limits in its unit.
-    unit
-        Unit as given, else the SI unit; empty for a dimensionless number.
-    stands
-        Value of the case as a fraction of the interval; None if not known.
-    """
-
-    key: str
-    low: float
+    key: str  #: key of the case
+    low: float  #: limits in its unit
     high: float
-    unit: str = ""
-    stands: float | None = None
+    unit: str = ""  #: unit as given, else the SI unit; empty for a dimensionless number
+    stands: float | None = None  #: value of the case as a fraction of the interval; None if not known
 
     def text(self, value: float) -> str:
         """Return a value as text for an override."""
@@ -109,21 +89,11 @@ the variants as soon as they are finished, so that an interrupted study keeps th
 
 @dataclass(frozen=True, eq=False)
 class PointEvaluator:
-    """Evaluated points of the variables of a study, without repetitions.
+    """Evaluated points of the variables of a study, without repetitions."""
 
-    Parameters
-    ----------
-    case
-        Unchanged case.
-    variables
-        Variables of the study.
-    runs
-        Function that evaluates variants.
-    """
-
-    case: Case
-    variables: tuple[Variable, ...]
-    runs: Runs
+    case: Case  #: unchanged case
+    variables: tuple[Variable, ...]  #: variables of the study
+    runs: Runs  #: function that evaluates variants
     _known: dict[tuple[str, ...], Row] = field(default_factory=dict[tuple[str, ...], Row], init=False)
 
     def overrides(self, point: FloatArray) -> tuple[str, ...]:
@@ -139,27 +109,9 @@ class PointEvaluator:
             self._known[one] = row
         return [self._known[one] for one in asked]
 
-    def is_evaluated(self, point: FloatArray) -> bool:
-        """Return whether a point, shape (k,), has been evaluated."""
+    def has_row(self, point: FloatArray) -> bool:
+        """Return whether a point, shape (k,), has a row."""
         return self.overrides(point) in self._known
-
-    @property
-    def count(self) -> int:
-        """Number of points evaluated so far."""
-        return len(self._known)
-
-
-def serial_evaluator(
-    file: CaseFile, fixed: Sequence[str], names: Sequence[str], search: Search | None = None,
-    *, runs: int = 1, advance: ProgressCallback | None = None,
-) -> Runs:  # fmt: skip
-    """Return a function that evaluates variants serially."""
-
-    def run(variants: Sequence[tuple[str, ...]]) -> Iterator[Row]:
-        for one in track_progress(variants, advance):
-            yield evaluate_variant(file, (*fixed, *one), names, search, runs)
-
-    return run
 
 
 def evaluate_variant(
@@ -178,15 +130,13 @@ def column(rows: Sequence[Row], name: str) -> FloatArray:
     return np.array([row.scalars.get(name, np.nan) for row in rows], dtype=float)
 
 
-WorkerTask = tuple[CaseFile, tuple[str, ...], tuple[str, ...], Search | None, int]
-"""Case file, common overrides, names of quantities, search range of limits, and number of variants."""
-
-_worker_task: list[WorkerTask] = []
-"""Task of a worker process, set once."""
-
-_WORKER_LOST = Status(
-    Cause.WORKER_LOST, "a process that evaluates variants was killed", "memory is the usual cause: take fewer --workers"
-)
+def evaluate_variants(
+    source: Bundle | Path, variants: Variants, *, fixed: tuple[str, ...], names: tuple[str, ...],
+    search: Search | None, runs: int,
+) -> list[Row]:  # fmt: skip
+    """Return the rows of variants with the requested quantities, in a worker."""
+    file = open_case(source)
+    return [evaluate_variant(file, (*fixed, *overrides), names, search, runs) for overrides in variants]
 
 
 @contextmanager
@@ -195,42 +145,18 @@ def create_evaluator(
     *, workers: int = 1, runs: int = 1, advance: ProgressCallback | None = None,
 ) -> Generator[Runs]:  # fmt: skip
     """Yield a function that evaluates variants, with workers that end with the context."""
-    if workers < 1:
-        raise refuse("--workers", workers, "a whole number from 1")
-    if workers == 1:
-        yield serial_evaluator(file, fixed, names, search, runs=runs, advance=advance)
-        return
-    bare = CaseFile(file.path, file.text, file.raw)  # meshes are not transferred; every process reads them
-    asked = bare, tuple(fixed), tuple(names), search, runs
-    # spawn: workers do not inherit threads and locks of this process, on all systems
-    context = multiprocessing.get_context("spawn")
-    before = {process.pid for process in multiprocessing.active_children()}
-    with limit_threads(), restore_sigpipe():
-        pool = ProcessPoolExecutor(workers, context, initializer=_start_worker, initargs=(asked,))
+    evaluate = partial(evaluate_variants, fixed=tuple(fixed), names=tuple(names), search=search, runs=runs)
+    with open_runner(SerialWorkers() if workers == 1 else ProcessWorkers(workers), file.path, evaluate) as run_chunks:
 
-        def evaluated(variants: Sequence[tuple[str, ...]]) -> Iterator[Row]:
-            try:
-                with block_interrupts():
-                    rows = [pool.submit(_row, one) for one in variants]
-                for row in track_progress(rows, advance):
-                    yield row.result()
-            except BrokenProcessPool:
-                raise RunFailedError(_WORKER_LOST) from None
+        def run(variants: Variants) -> Iterator[Row]:
+            finished, count = dict[int, Row](), 0
+            for chunk, rows in track_progress(run_chunks(divide_variants(variants, 1)), advance):
+                finished[chunk.index] = rows[0]
+                while count in finished:
+                    yield finished.pop(count)
+                    count += 1
 
-        try:
-            yield evaluated
-        finally:
-            terminate_executor(pool, before)
-
-
-def _start_worker(asked: WorkerTask) -> None:
-    terminate_with_parent()
-    _worker_task.append(asked)
-
-
-def _row(overrides: tuple[str, ...]) -> Row:
-    file, fixed, names, search, runs = _worker_task[-1]
-    return evaluate_variant(file, (*fixed, *overrides), names, search, runs)
+        yield run
 
 
 _NOT_RUN = Row(Status(Cause.INTERRUPTED, "the study was stopped before its turn", "run the study again"))
@@ -283,15 +209,54 @@ class InterruptibleRuns:
         """Status of the study."""
         if not self.is_interrupted:
             return Status()
-        text = f"stopped by the user after {self.done} of {self.asked} variants; what is told is of these alone"
+        text = f"stopped by the user after {self.done} of {self.asked} variants; the results are of these alone"
         return Status(Cause.INTERRUPTED, text, "the same command evaluates all of them")
 
 
-def resolved_case_text(case: Case, target: Path, told: Sequence[str] = ()) -> str:
+@dataclass(frozen=True, eq=False)
+class LimitMap:
+    """Speed limits over two numbers."""
+
+    axes: tuple[Axis, Axis]  #: axes of the rows and of the columns
+    #: speed by limit, such as ``loss_of_contact``, shape (rows, columns), of the crankshaft if the case gives
+    #: ``crank_speed``, else of the camshaft; NaN if the limit is not met in the search range, or a run failed
+    rpm: Mapping[str, FloatArray]
+    statuses: tuple[Status, ...]  #: status of every variant, row by row
+
+    def with_units(self, case: Case) -> LimitMap:
+        """Return the same map with units for numbers given without one: those of the case."""
+        units = [one.unit or find_unit(case.record, one.key.split(".")) or "" for one in self.axes]
+        first, second = (replace(one, unit=unit) for one, unit in zip(self.axes, units, strict=True))
+        return replace(self, axes=(first, second))
+
+
+def grid_plan(first: Axis, second: Axis, fixed: Sequence[str] = ()) -> Plan:
+    """Return the grid plan of two axes."""
+    for one in (first, second):
+        if not one.is_varied or not one.is_numeric:
+            raise refuse(one.where, f"{len(one.values)} values", "several numbers", "a map is drawn over them")
+    if first.key == second.key:
+        raise refuse("--and", second.key, "another key than that of --over", "a map is over two")
+    pairs = [one.partition("=") for one in fixed]
+    laid = [Axis(key.strip(), f"--set {key}={text}", (Value(text.strip(), None),)) for key, _, text in pairs]
+    return make_plan([*laid, first, second])
+
+
+def limit_map(plan: Plan, names: Sequence[str], runs: Runs) -> LimitMap:
+    """Return the map of limits over a grid."""
+    rows = list(runs(plan.variants))
+    if all(row.status.cause is Cause.REFUSED for row in rows):
+        require_complete(rows[0])
+    first, second = plan.varied_axes
+    rpm = {name: column(rows, f"limits.{name}").reshape(plan.shape) for name in names}
+    return LimitMap((first, second), rpm, tuple(row.status for row in rows))
+
+
+def resolved_case_text(case: Case, target: Path, comments: Sequence[str] = ()) -> str:
     """Return a case with all defaults as TOML for another folder."""
-    moved = _relocate_file_names(resolve_record(case.record), case.path, target.parent)
-    head = "".join(f"# {line}\n" for line in told)
-    return head + format_toml(cast("dict[str, Any]", moved))
+    record = _relocate_file_names(resolve_record(case.record), case.path, target.parent)
+    head = "".join(f"# {line}\n" for line in comments)
+    return head + format_toml(cast("dict[str, Any]", record))
 
 
 def _relocate_file_names(value: object, case: Path, new: Path) -> object:

@@ -1,4 +1,7 @@
-"""Distribution of chunks to workers, with recovery from killed workers."""
+"""Distribution of chunks of variants to workers: this process, worker processes or a Dask cluster.
+
+All of them are executors of `concurrent.futures`. A killed worker costs only the variant that kills it every time.
+"""
 
 from __future__ import annotations
 
@@ -10,11 +13,12 @@ import socket
 import threading
 import warnings
 from collections import deque
-from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from importlib.util import find_spec
 from multiprocessing import resource_tracker
 from pathlib import Path
@@ -25,37 +29,45 @@ from flexcam import __version__
 from flexcam.core.errors import InputError, refuse, system_message
 from flexcam.dynamics import Cause, RunFailedError, Status
 from flexcam.io import temporary_folder
-from flexcam.studies.evaluation import Chunk, Outcome, Row, evaluate_chunk
+from flexcam.studies.evaluation import Row
 from flexcam.studies.plan import Bundle
 
 Variants = Sequence[tuple[str, ...]]
-_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+"""Overrides by variant."""
+
+Evaluate = Callable[[Bundle | Path, Variants], list[Row]]
+"""Function that evaluates variants of a case in a worker; it and its rows can be pickled."""
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Consecutive variants of a plan."""
+
+    index: int  #: index of the chunk, from 0
+    first: int  #: index of its first variant
+    variants: tuple[tuple[str, ...], ...]  #: overrides by variant
+
+
+def divide_variants(variants: Sequence[tuple[str, ...]], size: int) -> tuple[Chunk, ...]:
+    """Divide variants into chunks."""
+    starts = range(0, len(variants), size)
+    return tuple(Chunk(i, first, tuple(variants[first : first + size])) for i, first in enumerate(starts))
 
 
 @dataclass(frozen=True, eq=False)
 class Pool:
-    """Ready workers.
+    """Started workers."""
 
-    Parameters
-    ----------
-    submit
-        Function that submits variants; its future returns the outcomes.
-    window
-        Number of chunks submitted at a time; more would only wait.
-    lost
-        Exception of a future whose worker died.
-    """
-
-    submit: Callable[[Variants], Future[list[Outcome]]]
-    window: int
-    lost: tuple[type[BaseException], ...]
+    submit: Callable[[Variants], Future[list[Row]]]  #: function that submits variants; its future returns their rows
+    window: int  #: number of chunks submitted at a time; more would only wait
+    lost: tuple[type[BaseException], ...]  #: exceptions of a future whose worker died
 
 
 class Workers(Protocol):
     """Interface of workers."""
 
-    def ready(self, bundle: Bundle, *, histories: bool) -> AbstractContextManager[Pool]:
-        """Yield workers that have the case; they end with the context."""
+    def open_pool(self, source: Bundle | Path, evaluate: Evaluate) -> AbstractContextManager[Pool]:
+        """Yield workers that evaluate variants of a case; they end with the context."""
         ...
 
 
@@ -63,9 +75,17 @@ class Workers(Protocol):
 class SerialWorkers:
     """Serial execution in the calling process, for few variants and for debugging."""
 
-    def ready(self, bundle: Bundle, *, histories: bool) -> AbstractContextManager[Pool]:
+    @contextmanager
+    def open_pool(self, source: Bundle | Path, evaluate: Evaluate) -> Generator[Pool]:
         """Yield a pool of this process."""
-        return _serial_pool(bundle, histories)
+        with _unpack(source) as case:
+
+            def submit(variants: Variants) -> Future[list[Row]]:
+                future: Future[list[Row]] = Future()
+                future.set_result(evaluate(case, variants))
+                return future
+
+            yield Pool(submit, 1, ())
 
 
 @dataclass(frozen=True)
@@ -84,51 +104,40 @@ class ProcessWorkers:
         if self.count < 1:
             raise refuse("--workers", self.count, "a whole number from 1")
 
-    def ready(self, bundle: Bundle, *, histories: bool) -> AbstractContextManager[Pool]:
+    @contextmanager
+    def open_pool(self, source: Bundle | Path, evaluate: Evaluate) -> Generator[Pool]:
         """Yield a pool of new processes, started on demand."""
-        return _process_pool(bundle, self.count, histories)
+        with _unpack(source) as case, _limit_threads(), _restore_sigpipe():
+            before = {process.pid for process in multiprocessing.active_children()}
+            # spawn: workers do not inherit threads and locks of this process, on all systems
+            spawn = multiprocessing.get_context("spawn")
+            executor = ProcessPoolExecutor(self.count, spawn, initializer=_terminate_with_parent)
+
+            def submit(variants: Variants) -> Future[list[Row]]:
+                with _block_interrupts():
+                    return executor.submit(evaluate, case, variants)
+
+            with _block_interrupts():
+                awake = executor.submit(_get_version)
+            try:
+                yield Pool(submit, self.count + 1, (BrokenProcessPool,))
+                if awake.done() and awake.exception() is not None:
+                    raise RunFailedError(_NOT_STARTED_STATUS)
+            finally:
+                for process in multiprocessing.active_children():
+                    if process.pid not in before:
+                        process.terminate()
+                # Once, and with wait: a second call would not cancel, and a remaining thread fails at interpreter exit.
+                executor.shutdown(wait=True, cancel_futures=True)
 
 
 @contextmanager
-def _unpack_bundle(bundle: Bundle) -> Generator[Path]:
+def _unpack(source: Bundle | Path) -> Generator[Path]:
+    if isinstance(source, Path):
+        yield source
+        return
     with temporary_folder() as folder:
-        yield bundle.unpack(folder)
-
-
-@contextmanager
-def _serial_pool(bundle: Bundle, histories: bool) -> Generator[Pool]:
-    def submit(variants: Variants) -> Future[list[Outcome]]:
-        future: Future[list[Outcome]] = Future()
-        future.set_result(
-            evaluate_chunk(case, variants, histories=histories, runs=bundle.runs, channels=bundle.channels)
-        )
-        return future
-
-    with _unpack_bundle(bundle) as case:
-        yield Pool(submit, 1, ())
-
-
-@contextmanager
-def _process_pool(bundle: Bundle, count: int, histories: bool) -> Generator[Pool]:
-    with _unpack_bundle(bundle) as case, limit_threads(), restore_sigpipe():
-        before = {process.pid for process in multiprocessing.active_children()}
-        # spawn: workers do not inherit threads and locks of this process, on all systems
-        executor = ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), initializer=terminate_with_parent)
-
-        def submit(variants: Variants) -> Future[list[Outcome]]:
-            with block_interrupts():
-                return executor.submit(
-                    evaluate_chunk, case, variants, histories=histories, runs=bundle.runs, channels=bundle.channels
-                )
-
-        with block_interrupts():
-            awake = executor.submit(_version)
-        try:
-            yield Pool(submit, count + 1, (BrokenProcessPool,))
-            if awake.done() and awake.exception() is not None:
-                raise RunFailedError(_NOT_STARTED_STATUS)
-        finally:
-            terminate_executor(executor, before)
+        yield source.unpack(folder)
 
 
 _NOT_STARTED_STATUS = Status(
@@ -138,33 +147,27 @@ _NOT_STARTED_STATUS = Status(
 )
 
 
-def _version() -> str:
+def _get_version() -> str:
     return __version__
 
 
-def terminate_executor(executor: Executor, before: set[int | None]) -> None:
-    """Terminate the processes of an executor, also during a run."""
-    for process in multiprocessing.active_children():
-        if process.pid not in before:
-            process.terminate()
-    # Once, and with wait: a second call would not cancel, and a remaining thread fails at interpreter exit.
-    executor.shutdown(wait=True, cancel_futures=True)
-
-
-def terminate_with_parent() -> None:
+def _terminate_with_parent() -> None:
     """Terminate a worker process when its parent has ended for any reason."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         threading.Thread(target=_exit_after, args=(parent.join,), daemon=True).start()
 
 
-def _exit_after(joined: Callable[[], None]) -> None:
-    joined()
+def _exit_after(join: Callable[[], None]) -> None:
+    join()
     os._exit(1)
 
 
+_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+
+
 @contextmanager
-def limit_threads() -> Generator[None]:
+def _limit_threads() -> Generator[None]:
     """Limit processes started in the context to one linear algebra thread each."""
     before = {name: os.environ.get(name) for name in _THREADS}
     os.environ.update(dict.fromkeys(_THREADS, "1"))
@@ -176,7 +179,7 @@ def limit_threads() -> Generator[None]:
 
 
 @contextmanager
-def restore_sigpipe() -> Generator[None]:
+def _restore_sigpipe() -> Generator[None]:
     """Restore Python's handling of SIGPIPE, so that a broken pipe raises an exception instead of ending this process.
 
     Libraries such as Gmsh reset the signal to its default action.
@@ -192,7 +195,7 @@ def restore_sigpipe() -> Generator[None]:
 
 
 @contextmanager
-def block_interrupts() -> Generator[None]:
+def _block_interrupts() -> Generator[None]:
     """Block Ctrl-C in processes and threads started in the context: this process decides how a sweep ends."""
     if not hasattr(signal, "pthread_sigmask"):  # not available on all systems
         yield
@@ -205,8 +208,6 @@ def block_interrupts() -> Generator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-Outcomes = list[Outcome]
-
 _KILLED_STATUS = Status(
     Cause.WORKER_LOST,
     "the process that ran this variant alone was killed, as the ones before it",
@@ -214,31 +215,52 @@ _KILLED_STATUS = Status(
 )
 _CLUSTER_LOST_STATUS = Status(Cause.WORKER_LOST, "the connection to the scheduler was lost", "--resume does the rest")
 
+ChunkRunner = Callable[[Iterable[Chunk]], Iterator[tuple[Chunk, list[Row]]]]
+"""Function that runs chunks and yields each with its rows as soon as it is finished."""
 
-def run_chunks(
-    bundle: Bundle, chunks: Sequence[Chunk], workers: Workers, *, histories: bool = False
-) -> Generator[tuple[Chunk, Outcomes]]:
-    """Run chunks and yield each with its outcomes as they finish.
+
+@contextmanager
+def open_runner(workers: Workers, source: Bundle | Path, evaluate: Evaluate) -> Generator[ChunkRunner]:
+    """Yield a function that runs chunks on workers, which remain between its calls.
 
     A chunk whose worker was killed is repeated alone, and then its variants one by one: a variant that kills its worker
     again gets a row with that status.
     """
-    waiting, suspects = deque(chunks), deque[Chunk]()
-    while waiting:
-        with workers.ready(bundle, histories=histories) as pool:
-            for chunk, future in _submit_chunks(pool, waiting):
-                if _is_worker_lost(pool, future):
-                    suspects.append(chunk)
-                else:
-                    yield chunk, future.result()
-        while suspects:
-            chunk = suspects.popleft()
-            yield chunk, _repeat_chunk(bundle, chunk, workers, histories)
+    start = partial(workers.open_pool, source, evaluate)
+    with ExitStack() as stack:
+        pools: list[Pool] = []
+
+        def run(chunks: Iterable[Chunk]) -> Iterator[tuple[Chunk, list[Row]]]:
+            waiting, suspects = deque(chunks), deque[Chunk]()
+            while waiting:
+                if not pools:
+                    pools.append(stack.enter_context(start()))
+                for chunk, future in _submit_chunks(pools[0], waiting):
+                    if _is_worker_lost(pools[0], future):
+                        suspects.append(chunk)
+                    else:
+                        yield chunk, future.result()
+                if suspects or waiting:  # the pool is broken
+                    pools.clear()
+                    stack.close()
+                while suspects:
+                    chunk = suspects.popleft()
+                    yield chunk, _repeat_chunk(start, chunk)
+
+        yield run
 
 
-def _submit_chunks(pool: Pool, waiting: deque[Chunk]) -> Iterator[tuple[Chunk, Future[Outcomes]]]:
+def run_chunks(
+    source: Bundle | Path, evaluate: Evaluate, chunks: Iterable[Chunk], workers: Workers
+) -> Iterator[tuple[Chunk, list[Row]]]:
+    """Run chunks on workers and yield each with its rows as soon as it is finished."""
+    with open_runner(workers, source, evaluate) as run:
+        yield from run(chunks)
+
+
+def _submit_chunks(pool: Pool, waiting: deque[Chunk]) -> Iterator[tuple[Chunk, Future[list[Row]]]]:
     """Yield chunks and their finished futures; chunks rejected by a broken pool remain in the queue."""
-    running: dict[Future[Outcomes], Chunk] = {}
+    running: dict[Future[list[Row]], Chunk] = {}
     broken = False
     while running or (waiting and not broken):
         while waiting and not broken and len(running) < pool.window:
@@ -251,27 +273,24 @@ def _submit_chunks(pool: Pool, waiting: deque[Chunk]) -> Iterator[tuple[Chunk, F
             yield running.pop(future), future
 
 
-def _is_worker_lost(pool: Pool, future: Future[Outcomes]) -> bool:
+def _is_worker_lost(pool: Pool, future: Future[list[Row]]) -> bool:
     if future.cancelled():
         raise RunFailedError(_CLUSTER_LOST_STATUS)
-    fault = future.exception()
-    return isinstance(fault, pool.lost)
+    return isinstance(future.exception(), pool.lost)
 
 
-def _repeat_chunk(bundle: Bundle, chunk: Chunk, workers: Workers, histories: bool) -> Outcomes:
-    """Return the outcomes of a chunk whose worker was killed."""
-    whole = _try_variants(bundle, chunk.variants, workers, histories)
-    if whole is not None:
-        return whole
-    single = [_try_variants(bundle, (variant,), workers, histories) for variant in chunk.variants]
-    return [outcome for one in single for outcome in one or [Outcome(Row(_KILLED_STATUS))]]
+def _repeat_chunk(start: Callable[[], AbstractContextManager[Pool]], chunk: Chunk) -> list[Row]:
+    """Return the rows of a chunk whose worker was killed."""
+    rows = _run_alone(start, chunk.variants)
+    if rows is not None:
+        return rows
+    single = [_run_alone(start, (variant,)) for variant in chunk.variants]
+    return [row for one in single for row in one or [Row(_KILLED_STATUS)]]
 
 
-def _try_variants(
-    bundle: Bundle, variants: Sequence[tuple[str, ...]], workers: Workers, histories: bool
-) -> Outcomes | None:
-    """Return the outcomes of variants run alone; None if their worker was killed again."""
-    with workers.ready(bundle, histories=histories) as pool:
+def _run_alone(start: Callable[[], AbstractContextManager[Pool]], variants: Variants) -> list[Row] | None:
+    """Return the rows of variants run in a pool of their own; None if their worker was killed again."""
+    with start() as pool:
         try:
             return pool.submit(variants).result()
         except pool.lost:
@@ -304,32 +323,22 @@ class ClusterWorkers:
         if self.count < 1:
             raise refuse("--workers", self.count, "a whole number from 1", "somebody must run the variants")
 
-    def ready(self, bundle: Bundle, *, histories: bool) -> AbstractContextManager[Pool]:
+    @contextmanager
+    def open_pool(self, source: Bundle | Path, evaluate: Evaluate) -> Generator[Pool]:
         """Yield the workers of the cluster."""
-        return _cluster_pool(self, bundle, histories)
+        if find_spec("distributed") is None:
+            why, remedy = "Dask is not installed", "pip install 'flexcam[cluster]'"
+            raise refuse("--scheduler", self.address, "processes of this machine (--workers)", why, remedy)
+        from distributed import KilledWorker
 
-
-@contextmanager
-def _cluster_pool(asked: ClusterWorkers, bundle: Bundle, histories: bool) -> Generator[Pool]:
-    if find_spec("distributed") is None:
-        why, remedy = "Dask is not installed", "pip install 'flexcam[cluster]'"
-        raise refuse("--scheduler", asked.address, "processes of this machine (--workers)", why, remedy)
-    from distributed import KilledWorker
-
-    with _suppress_dask_log(), warnings.catch_warnings(), ExitStack() as stack:
-        warnings.filterwarnings("ignore", module="distributed")  # large cases, different versions of other packages
-        client = stack.enter_context(_client(asked))
-        _check_workers(client, asked)
-        # A task that loads the case instead of the case itself: Dask repeats it if a worker is lost.
-        case = client.submit(_identity, bundle, key=f"flexcam-{bundle.digest}-{id(bundle)}")
-        executor = client.get_executor(pure=False)
-
-        def submit(variants: Variants) -> Future[list[Outcome]]:
-            return executor.submit(
-                evaluate_chunk, case, variants, histories=histories, runs=bundle.runs, channels=bundle.channels
-            )
-
-        yield Pool(submit, _LOG_LEVEL, (KilledWorker,))
+        with _suppress_dask_log(), warnings.catch_warnings(), ExitStack() as stack:
+            warnings.filterwarnings("ignore", module="distributed")  # large cases, different versions of other packages
+            client = stack.enter_context(_client(self))
+            _check_workers(client, self)
+            # A task that loads the case instead of the case itself: Dask repeats it if a worker is lost.
+            case = client.submit(_identity, source, pure=False)
+            executor = client.get_executor(pure=False)
+            yield Pool(lambda variants: executor.submit(evaluate, case, variants), _UNLIMITED, (KilledWorker,))
 
 
 @contextmanager
@@ -346,7 +355,8 @@ def _suppress_dask_log() -> Generator[None]:
             logging.getLogger(name).setLevel(level)
 
 
-_LOG_LEVEL = 1_000_000
+_UNLIMITED = 1_000_000
+"""Window of a cluster, whose scheduler holds all tasks."""
 
 
 @contextmanager
@@ -355,7 +365,7 @@ def _client(asked: ClusterWorkers) -> Generator[Any]:
 
     if asked.address == LOCAL:
         quiet: dict[str, Any] = {"dashboard_address": None, "silence_logs": logging.CRITICAL}
-        with block_interrupts():
+        with _block_interrupts():
             local = LocalCluster(n_workers=asked.count, threads_per_worker=1, processes=True, **quiet)
         with local, Client(local, timeout=_TIMEOUT) as client:
             yield client
@@ -374,7 +384,7 @@ def _check_address(asked: ClusterWorkers) -> None:
 
     security: Any = Security()
 
-    async def greeted() -> None:
+    async def greet() -> None:
         async with asyncio.timeout(_TIMEOUT):
             made: Any = rpc(asked.address, connection_args=security.get_connection_args("client"))
             async with made as scheduler:
@@ -382,7 +392,7 @@ def _check_address(asked: ClusterWorkers) -> None:
 
     try:
         _ = urlsplit(asked.address).port  # Dask maps a port above 65535 to another one
-        asyncio.run(greeted())
+        asyncio.run(greet())
     except OSError as fault:  # includes the timeout
         raise _no_scheduler_error(asked, *_describe_timeout(fault)) from None
     except (ValueError, TypeError) as fault:
@@ -407,9 +417,9 @@ def _describe_timeout(fault: BaseException) -> tuple[str, str]:
 
 
 def _no_scheduler_error(asked: ClusterWorkers, why: str, remedy: str) -> InputError:
-    told = f"none answers there within {_TIMEOUT:g} s: {why}"
+    why = f"none answers there within {_TIMEOUT:g} s: {why}"
     given = asked.address or "nothing"
-    return refuse("--scheduler", given, "the address of a Dask scheduler", told, f"{remedy}; or use --workers N")
+    return refuse("--scheduler", given, "the address of a Dask scheduler", why, f"{remedy}; or use --workers N")
 
 
 def _check_workers(client: Any, asked: ClusterWorkers) -> None:  # noqa: ANN401 - distributed has no types
@@ -420,7 +430,7 @@ def _check_workers(client: Any, asked: ClusterWorkers) -> None:  # noqa: ANN401 
         why, remedy = "the scheduler has no workers", f"start some: dask worker {asked.address}"
         raise refuse("--scheduler", asked.address, "a cluster with workers", why, remedy) from None
     try:
-        found = {str(version) for version in client.run(_version_cluster).values()}
+        found = {str(version) for version in client.run(_get_version).values()}
     except ModuleNotFoundError as fault:
         raise _version_error(asked, str(fault)) from None
     if found != {__version__}:
@@ -431,9 +441,5 @@ def _version_error(asked: ClusterWorkers, why: str) -> InputError:
     return refuse("--scheduler", asked.address, f"workers with flexcam {__version__}", why, "install it there")
 
 
-def _version_cluster() -> str:
-    return __version__
-
-
-def _identity(bundle: Bundle) -> Bundle:
-    return bundle
+def _identity(source: Bundle | Path) -> Bundle | Path:
+    return source

@@ -4,19 +4,152 @@
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexcam.core import FloatArray
-from flexcam.core.errors import refuse
+from flexcam.core.errors import InputError, parse_all, refuse
+from flexcam.core.units import DIMENSIONS, RPM, parse
 from flexcam.studies.evaluation import Row
 from flexcam.studies.evaluators import PointEvaluator
-from flexcam.studies.objective import Constraint, Goal, compute_costs, compute_violations, is_feasible
 from flexcam.studies.plan import check_seed
+
+_CONSTRAINT = re.compile(r"\s*([^<>=]+?)\s*(<=|>=)\s*([^<>=]+?)\s*$")
+_FAILED_VIOLATION = 1e6
+"""Violation of every constraint if a variant has no value: larger than any regular one."""
+
+_UNIT_NAMES = {"1": "", "Hz": "1/s"}
+"""Units of scalars and the corresponding units of dimensions."""
+
+_ROUNDING = 1e-9
+"""Tolerance of a bound for rounding, relative to the bound."""
+
+_ACTIVE_TOLERANCE = 0.01
+"""Distance from a bound, relative to the bound, within which a constraint is active."""
+
+
+@dataclass(frozen=True)
+class Goal:
+    """Quantity to be minimized or maximized."""
+
+    name: str  #: name of the quantity (`flexcam.studies.quantities`), or a key of the case
+    most: bool = False  #: whether to maximize it
+
+    @property
+    def words(self) -> str:
+        """Description, such as ``min springs.valve.force.largest``."""
+        return f"{'max' if self.most else 'min'} {self.name}"
+
+
+@dataclass(frozen=True)
+class Constraint:
+    """Bound of a quantity."""
+
+    name: str  #: name of the quantity
+    relation: Literal["<=", ">="]  #: whether the bound is an upper or a lower limit
+    text: str  #: bound as given; a number without unit is in the unit of the quantity
+
+    @property
+    def words(self) -> str:
+        """Text of the constraint as given."""
+        return f"{self.name} {self.relation} {self.text}"
+
+    def bound(self, unit: str) -> float:
+        """Return the bound in the unit of its quantity."""
+        values = _bound_by_unit(self.text)
+        if unit.endswith("rpm") and "rad/s" in values:
+            return values["rad/s"] / RPM
+        if "bare" in values:
+            return values["bare"]
+        wanted = _UNIT_NAMES.get(unit, unit)
+        if wanted not in values:
+            raise refuse("--subject", self.words, f"a bound in {unit or 'no unit'}, or a bare number", "units differ")
+        return values[wanted]
+
+    def violation(self, value: float, unit: str) -> float:
+        """Return the violation of the bound by a value, relative to the bound; negative if it is satisfied."""
+        bound = self.bound(unit)
+        size = abs(bound) or 1.0
+        return (value - bound if self.relation == "<=" else bound - value) / size
+
+
+def parse_constraint(text: str) -> Constraint:
+    """Parse a constraint."""
+    found = _CONSTRAINT.match(text)
+    if found is None:
+        raise refuse(
+            "--subject", repr(text), "NAME <= VALUE or NAME >= VALUE, in quotes", "", "such as 'frequency.1 >= 900 Hz'"
+        )
+    _bound_by_unit(found[3], text)
+    return Constraint(found[1], "<=" if found[2] == "<=" else ">=", found[3])
+
+
+def parse_constraints(texts: Sequence[str]) -> tuple[Constraint, ...]:
+    """Parse several constraints."""
+    found, faults = parse_all(parse_constraint, texts)
+    if faults:
+        raise InputError(faults)
+    return tuple(found)
+
+
+def _bound_by_unit(text: str, where: str = "") -> dict[str, float]:
+    """Return the bound in every possible SI unit; ``bare`` for a number without unit."""
+    try:
+        return {"bare": float(text)}
+    except ValueError:
+        pass
+    found: dict[str, float] = {}
+    for name, kind in DIMENSIONS.items():
+        try:
+            found[kind.si] = parse(text, name)
+        except InputError:
+            continue
+    if not found:
+        raise refuse("--subject", repr(where or text), "NAME <= a number with a unit", "this is no quantity")
+    return found
+
+
+def row_value(row: Row, name: str) -> float:
+    """Return a quantity of a row; infinite for a limit that is not met, otherwise NaN if missing."""
+    missing = math.inf if name.startswith("limits.") and row.status.ok else math.nan
+    return row.scalars.get(name, missing)
+
+
+def compute_costs(rows: Sequence[Row], goals: Sequence[Goal]) -> FloatArray:
+    """Return the quantities to be minimized, shape (variants, goals)."""
+    values = np.array([[row_value(row, goal.name) for goal in goals] for row in rows], dtype=float)
+    signed = values * np.array([-1.0 if goal.most else 1.0 for goal in goals])
+    return np.where(np.isnan(signed), math.inf, signed)
+
+
+def compute_violations(rows: Sequence[Row], bounds: Sequence[Constraint], goals: Sequence[Goal]) -> FloatArray:
+    """Return the relative violations of the constraints, shape (variants, bounds + 1)."""
+    found = np.full((len(rows), len(bounds) + 1), _FAILED_VIOLATION)
+    for i, row in enumerate(rows):
+        values = [row_value(row, one.name) for one in bounds]
+        if row.status.ok and not any(math.isnan(x) for x in [*values, *(row_value(row, one.name) for one in goals)]):
+            units = [row.units.get(one.name, "rpm") for one in bounds]
+            pairs = zip(bounds, values, units, strict=True)
+            found[i] = [*(min(one.violation(value, unit), _FAILED_VIOLATION) for one, value, unit in pairs), 0.0]
+    return np.maximum(found, -_FAILED_VIOLATION)
+
+
+def is_feasible(violations: FloatArray) -> NDArray[np.bool_]:
+    """Return which variants satisfy all constraints."""
+    return np.asarray((violations <= _ROUNDING).all(axis=1))
+
+
+def is_active(violation: float) -> bool:
+    """Return whether a constraint is active: the value is within a hundredth of the bound."""
+    return violation >= -_ACTIVE_TOLERANCE
+
 
 _POINTS_PER_VARIABLE, _MIN_POINTS, _MAX_POINTS = 6, 12, 64
 """Points of a generation: number per variable, minimum and maximum."""
@@ -50,7 +183,7 @@ class OptimizationProblem:
     goals: tuple[Goal, ...]
     bounds: tuple[Constraint, ...] = ()
 
-    def scaled(self, parts: FloatArray) -> FloatArray:
+    def points_at(self, parts: FloatArray) -> FloatArray:
         """Return points in the units of their variables from fractions of the intervals, shape (m, k)."""
         low, high = (np.array([getattr(one, end) for one in self.points.variables]) for end in ("low", "high"))
         return low + np.clip(parts, 0.0, 1.0) * (high - low)
@@ -144,13 +277,13 @@ class ProblemEvaluator:
     def evaluate(self, parts: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return costs, (m, goals), and violations, (m, bounds + 1), at fractions of the intervals, shape (m, k)."""
         design = self._design
-        at = design.scaled(np.asarray(parts, dtype=float))
+        at = design.points_at(np.asarray(parts, dtype=float))
         keys = [tuple(point) for point in at.tolist()]
         new = list(dict.fromkeys(key for key in keys if key not in self._seen))
         try:
             self._record(new)
         except KeyboardInterrupt:
-            self._record([key for key in new if design.points.is_evaluated(np.array(key))])
+            self._record([key for key in new if design.points.has_row(np.array(key))])
             raise
         found = [self._seen[key] for key in keys]
         shape = len(found), len(design.goals)
@@ -223,10 +356,10 @@ def _differential_evolution(
     def cost(x: FloatArray) -> FloatArray:
         return np.minimum(judge.evaluate(x.T)[0][:, 0], _LARGE_COST)
 
-    def passed(x: FloatArray) -> FloatArray:
+    def violations(x: FloatArray) -> FloatArray:
         return judge.evaluate(np.atleast_2d(x.T))[1].T
 
-    cube, inside = Bounds(np.zeros(variables), np.ones(variables)), NonlinearConstraint(passed, -np.inf, 0.0)
+    cube, inside = Bounds(np.zeros(variables), np.ones(variables)), NonlinearConstraint(violations, -np.inf, 0.0)
     differential_evolution(
         cost,  # pyright: ignore[reportArgumentType] - vectorized
         cube, constraints=inside, init=start, maxiter=max(most // generation - 1, 1), polish=False,
@@ -246,18 +379,15 @@ def _refine(judge: ProblemEvaluator, known: Evaluations, design: OptimizationPro
         found = float(judge.evaluate(x[None, :])[0][0, 0])
         return min(found, worst + size) / (size or 1.0)
 
-    def passed(x: FloatArray) -> FloatArray:
+    def violations(x: FloatArray) -> FloatArray:
         return np.minimum(judge.evaluate(x[None, :])[1][0, :-1], _MAX_VIOLATION)
 
     count = len(start)
     minimize(
         cost, start, method="COBYQA", bounds=Bounds(np.zeros(count), np.ones(count)),
-        constraints=NonlinearConstraint(passed, -np.inf, 0.0) if design.bounds else (),
+        constraints=NonlinearConstraint(violations, -np.inf, 0.0) if design.bounds else (),
         options={"maxfev": most, "initial_tr_radius": _TRUST_RADIUS, "final_tr_radius": 1e-5},
     )  # fmt: skip
-
-
-# pymoo has no stubs and does not type its keyword arguments.
 
 
 def find_pareto_front(design: OptimizationProblem, *, evaluations: int = 400, seed: int = 0) -> Evaluations:

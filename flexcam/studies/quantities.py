@@ -25,21 +25,11 @@ from flexcam.valvetrain import build_structure, model_modes
 
 @dataclass(frozen=True)
 class Number:
-    """Number of a case.
+    """Number of a case."""
 
-    Parameters
-    ----------
-    key
-        Key, such as ``springs.valve.stiffness``; an element of a list has its index: ``rockers.rocker.arms.1``.
-    value
-        Value, SI.
-    unit
-        SI unit; empty for a dimensionless number, ``SI`` if it cannot be determined.
-    """
-
-    key: str
-    value: float
-    unit: str
+    key: str  #: key, such as ``springs.valve.stiffness``; an element of a list has its index: ``rockers.rocker.arms.1``
+    value: float  #: value, SI
+    unit: str  #: SI unit; empty for a dimensionless number, ``SI`` if it cannot be determined
 
 
 def get_number(case: Case, key: str, where: str) -> Number:
@@ -116,18 +106,10 @@ _CAM_UNITS = {
 
 @dataclass(frozen=True)
 class Quantity:
-    """Value of a requested quantity.
+    """Value of a requested quantity."""
 
-    Parameters
-    ----------
-    value
-        Value in its unit.
-    unit
-        SI unit, but rpm for a speed limit.
-    """
-
-    value: float
-    unit: str
+    value: float  #: value in its unit
+    unit: str  #: SI unit, but rpm for a speed limit
 
 
 def frequency_number(name: str) -> int | None:

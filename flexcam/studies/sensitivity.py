@@ -1,4 +1,8 @@
-"""Sensitivity: derivatives by central differences of two step sizes with an error estimate, and Sobol indices."""
+"""Sensitivity: derivatives of quantities with respect to numbers of a case, and Sobol indices.
+
+Derivatives of natural frequencies follow from derivatives of the matrices, all others from central differences of two
+step sizes with an error estimate.
+"""
 
 from __future__ import annotations
 
@@ -13,11 +17,11 @@ from numpy.typing import ArrayLike
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.case.reader import CaseFile
-from flexcam.core import FloatArray
+from flexcam.core import FloatArray, Triplets
 from flexcam.core.errors import InputError, parse_all, refuse
+from flexcam.dynamics import modes
 from flexcam.studies.evaluation import Row
 from flexcam.studies.evaluators import Runs, column
-from flexcam.studies.frequencies import MatrixPair, frequency_derivatives
 from flexcam.studies.plan import check_seed
 from flexcam.studies.quantities import Number, frequency_number, get_number, make_overrides, require_complete
 from flexcam.valvetrain import Structure, build_structure
@@ -37,21 +41,11 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class Derivative:
-    """Derivative of a function of one variable.
+    """Derivative of a function of one variable."""
 
-    Parameters
-    ----------
-    value
-        Richardson extrapolation of two central differences: fourth order in the step.
-    error
-        Change by the extrapolation.
-    smooth
-        Whether the function appears smooth; otherwise the derivative is unreliable regardless of the error.
-    """
-
-    value: float
-    error: float
-    smooth: bool
+    value: float  #: Richardson extrapolation of two central differences: fourth order in the step
+    error: float  #: change by the extrapolation
+    smooth: bool  #: whether the function appears smooth; otherwise the derivative is unreliable regardless of the error
 
 
 def central_derivative(middle: float, beside: FloatArray, step: float) -> Derivative:
@@ -73,6 +67,70 @@ def central_derivative(middle: float, beside: FloatArray, step: float) -> Deriva
 def logarithmic_derivative(derivative: float, parameter: float, value: float) -> float:
     """Return the change of a value in percent per percent change of a parameter."""
     return parameter * derivative / value if value != 0.0 else math.nan
+
+
+_REPEATED_TOLERANCE = 1e-6
+"""Relative difference below which frequencies count as repeated."""
+
+_EXTRA_MODES = 6
+"""Additional modes beyond the highest requested one, which contain its repeated frequencies."""
+
+MatrixPair = tuple[Triplets, Triplets]
+"""Mass and stiffness matrices."""
+
+
+@dataclass(frozen=True, eq=False)
+class FrequencyDerivative:
+    """Derivatives of natural frequencies."""
+
+    frequencies: FloatArray  #: natural frequencies, Hz, shape (k,)
+    values: FloatArray  #: derivatives, Hz per unit of the parameter, shape (k,)
+    #: whether each frequency is repeated: repeated frequencies split, and the derivatives of a group are those of its
+    #: branches in ascending order
+    repeated: tuple[bool, ...]
+
+
+def frequency_derivatives(
+    middle: MatrixPair, beside: Sequence[MatrixPair], step: float, count: int, free: FloatArray | None = None
+) -> FrequencyDerivative:
+    """Return the derivatives of the lowest natural frequencies, without rigid-body modes.
+
+    With mass-orthonormal shapes, ``d(omega^2)/dp = x^T (dK/dp - omega^2 dM/dp) x``: R. L. Fox and M. P. Kapoor, AIAA
+    J. 6 (1968) 2426. For repeated frequencies, the derivatives are the eigenvalues of that matrix projected on their
+    shapes. The derivatives of the matrices are finite differences, exact if the entries are polynomials of up to the
+    fourth degree in the parameter, as most are.
+    """
+    found = modes(*middle, None if free is None else free.shape[1] + count + _EXTRA_MODES, free=free)
+    omegas, shapes = found.omegas[found.rigid :], found.shapes[:, found.rigid :]
+    dM, dK = (_finite_difference([pair[i] for pair in beside], step) for i in (0, 1))
+    values = np.zeros(len(omegas))
+    repeated = np.zeros(len(omegas), dtype=bool)
+    for group in _repeated_groups(omegas):
+        x, square = shapes[:, group], float(np.mean(omegas[group])) ** 2
+        projected = x.T @ dK.multiply(x) - square * (x.T @ dM.multiply(x))
+        slopes = np.linalg.eigvalsh(0.5 * (projected + projected.T))
+        values[group] = slopes / (2.0 * math.sqrt(square))
+        repeated[group] = len(group) > 1
+    turn = 2.0 * math.pi
+    return FrequencyDerivative(omegas[:count] / turn, values[:count] / turn, tuple(repeated[:count].tolist()))
+
+
+def _finite_difference(matrices: Sequence[Triplets], step: float) -> Triplets:
+    """Return the finite difference derivative of a matrix; constant entries cancel exactly."""
+    far_below, below, above, far_above = (one.dense() for one in matrices)
+    whole, half = (far_above - far_below) / (2.0 * step), (above - below) / step
+    return Triplets.from_dense((4.0 * half - whole) / 3.0)
+
+
+def _repeated_groups(omegas: FloatArray) -> list[list[int]]:
+    """Return the groups of repeated frequencies as lists of indices."""
+    found: list[list[int]] = []
+    for i, omega in enumerate(omegas.tolist()):
+        if found and omega - omegas[found[-1][-1]] <= _REPEATED_TOLERANCE * omega:
+            found[-1].append(i)
+        else:
+            found.append([i])
+    return found
 
 
 _MATRIX_STEP = 1e-3

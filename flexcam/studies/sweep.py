@@ -8,6 +8,7 @@ import os
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 
@@ -21,14 +22,25 @@ from flexcam.case.toml_lines import KeyLocations
 from flexcam.core.errors import Fault, InputError, refuse
 from flexcam.dynamics import Cause, RunFailedError, Status
 from flexcam.io import check_writable, create_folder
-from flexcam.studies.axes import MAX_VARIANTS, Axis, parse_axes, parse_axis
-from flexcam.studies.evaluation import Chunk, Outcome, Row, are_probe_scalars, chunk_size, divide_plan, scalar_names
-from flexcam.studies.executors import SerialWorkers, Workers, run_chunks
-from flexcam.studies.journal import Journal, journal_contains
-from flexcam.studies.plan import Bundle, Plan, make_bundle, make_plan, open_case, parse_sample
+from flexcam.studies.evaluation import Row, are_probe_scalars, evaluate_chunk, scalar_names
+from flexcam.studies.executors import Chunk, Evaluate, SerialWorkers, Workers, divide_variants, run_chunks
+from flexcam.studies.plan import (
+    MAX_VARIANTS,
+    Axis,
+    Bundle,
+    Plan,
+    make_bundle,
+    make_plan,
+    open_case,
+    parse_axes,
+    parse_axis,
+    parse_sample,
+)
 from flexcam.studies.tables import (
+    Journal,
     SweepTable,
     is_scalar_prefix,
+    journal_contains,
     make_table,
     require_parquet,
     unknown_scalar_fault,
@@ -54,20 +66,26 @@ class _FaultGroup:
 def validate_plan(file: CaseFile, plan: Plan) -> Case:
     """Check every variant of a plan."""
     variants = plan.variants
-    if (
-        len(variants) > _QUICK_CHECK_LIMIT
-    ):  # an unknown key or a wrong unit is reported before thousands of variants repeat it
-        _check_variant(file, plan, end_variants(plan))
-    _check_variant(file, plan, range(len(variants)))
+    if len(variants) > _QUICK_CHECK_LIMIT:  # thousands of variants need not repeat an unknown key or a wrong unit
+        _check_variants(file, plan, end_variants(plan))
+    _check_variants(file, plan, range(len(variants)))
     return file.read(variants[0])
 
 
-def _check_variant(file: CaseFile, plan: Plan, some: Sequence[int]) -> None:
+def _check_variants(file: CaseFile, plan: Plan, indices: Sequence[int]) -> None:
+    """Raise an error that reports faults of the same reason at the same key once."""
     variants, groups = plan.variants, dict[tuple[str, str, str], _FaultGroup]()
-    for i in some:
-        _group_faults(file, plan, variants[i], i, groups)
+    for i in indices:
+        try:
+            file.read(variants[i])
+        except InputError as refusal:
+            for fault in refusal.faults:
+                placed = _locate_fault(fault, plan.axes)
+                group = groups.setdefault((placed.where, fault.allowed, fault.why), _FaultGroup(placed))
+                group.variants.append(i)
+                group.given[fault.given] = None
     if groups:
-        raise InputError(_summarize_faults(group, len(some)) for group in groups.values())
+        raise InputError(_summarize_faults(group, len(indices)) for group in groups.values())
 
 
 def end_variants(plan: Plan) -> list[int]:
@@ -79,19 +97,6 @@ def end_variants(plan: Plan) -> list[int]:
         stride //= count
         found.add((count - 1) * stride)
     return sorted(found)
-
-
-def _group_faults(
-    file: CaseFile, plan: Plan, overrides: Sequence[str], i: int, groups: dict[tuple[str, str, str], _FaultGroup]
-) -> None:
-    try:
-        file.read(overrides)
-    except InputError as refusal:
-        for fault in refusal.faults:
-            placed = _locate_fault(fault, plan.axes)
-            group = groups.setdefault((placed.where, fault.allowed, fault.why), _FaultGroup(placed))
-            group.variants.append(i)
-            group.given[fault.given] = None
 
 
 def _locate_fault(fault: Fault, axes: Sequence[Axis]) -> Fault:
@@ -169,7 +174,9 @@ class Sweep:
     size
         Number of variants per chunk.
     scalars
-        Names or prefixes of the scalars to keep; empty for all. With probe scalars only, nothing else is computed.
+        Names or prefixes of the scalars to keep; empty for all.
+    channels
+        Whether contacts, members and energies are computed; otherwise only the motion of the probes.
     """
 
     name: str
@@ -178,11 +185,16 @@ class Sweep:
     bundle: Bundle
     size: int
     scalars: tuple[str, ...] = ()
+    channels: bool = True
 
     @property
     def chunks(self) -> tuple[Chunk, ...]:
         """Chunks of the plan."""
-        return divide_plan(self.plan, self.size)
+        return divide_variants(self.plan.variants, self.size)
+
+    def evaluate(self, *, histories: bool = False) -> Evaluate:
+        """Return the function that evaluates a chunk."""
+        return partial(evaluate_chunk, histories=histories, runs=len(self.plan), channels=self.channels)
 
     def about(self) -> dict[str, str]:
         """Return the metadata of the table: case, plan and versions."""
@@ -207,7 +219,7 @@ class Sweep:
         plan = hashlib.sha256(json.dumps([self.size, self.plan.variants]).encode()).hexdigest()
         return {
             "format": 1, "flexcam": __version__, "case": self.bundle.digest, "plan": plan, "histories": histories,
-            "variants": len(self.plan), "channels": self.bundle.channels,
+            "variants": len(self.plan), "channels": self.channels,
         }  # fmt: skip
 
 
@@ -233,8 +245,25 @@ def make_sweep(
         raise refuse(where, "true", "false", why, "--set fidelity.estimate=false")
     kept = tuple(scalars or (own.scalars if own else ()))
     check_names(file, plan, kept)
-    bundle = replace(make_bundle(file, plan), channels=not are_probe_scalars(kept))
-    return Sweep(first.name, first.record.title, plan, bundle, chunk_size(plan, first), kept)
+    bundle, size = make_bundle(file, plan), chunk_size(plan, first)
+    return Sweep(first.name, first.record.title, plan, bundle, size, kept, channels=not are_probe_scalars(kept))
+
+
+def chunk_size(plan: Plan, case: Case) -> int:
+    """Return the number of variants per chunk, independent of the number of workers."""
+    run = case.record.run
+    steps = int(run.revolutions * (run.steps_per_revolution or 3600))
+    return max(1, min(_MAX_CHUNK_SIZE, len(plan) // _CHUNK_COUNT, _MAX_CHUNK_STEPS // max(steps, 1)))
+
+
+_MAX_CHUNK_SIZE = 16
+"""Maximum number of variants per chunk, which limits the loss in a crash."""
+
+_CHUNK_COUNT = 64
+"""Desired number of chunks of a plan, enough for many workers."""
+
+_MAX_CHUNK_STEPS = 120_000
+"""Maximum number of steps per chunk; a longer run is a separate chunk."""
 
 
 def _axes(file: CaseFile, settings: Sequence[str], limit: int) -> tuple[Axis, ...]:
@@ -285,25 +314,13 @@ def check_case_resources(case: Case, folder: Path | None = None, *, runs: int = 
 
 @dataclass(frozen=True)
 class OutputTarget:
-    """Output folder of a sweep and the treatment of existing files.
+    """Output folder of a sweep and the treatment of existing files."""
 
-    Parameters
-    ----------
-    folder
-        Folder, created if necessary.
-    resume, overwrite
-        Whether to resume or replace an existing sweep.
-    histories
-        Whether to keep the result file of every variant.
-    parquet
-        Whether to write a Parquet table too.
-    """
-
-    folder: Path
-    resume: bool = False
+    folder: Path  #: folder, created if necessary
+    resume: bool = False  #: whether to resume or replace an existing sweep
     overwrite: bool = False
-    histories: bool = False
-    parquet: bool = False
+    histories: bool = False  #: whether to keep the result file of every variant
+    parquet: bool = False  #: whether to write a Parquet table too
 
     def tables(self, name: str) -> list[Path]:
         """Return the paths of the tables of a sweep."""
@@ -327,10 +344,10 @@ def run_sweep(
 ) -> SweepTable:
     """Run a sweep and return its table without writing files."""
     rows: dict[int, list[Row]] = {}
-    for chunk, outcomes in run_chunks(asked.bundle, asked.chunks, workers or SerialWorkers()):
-        rows[chunk.index] = [one.row for one in outcomes]
+    for chunk, found in run_chunks(asked.bundle, asked.evaluate(), asked.chunks, workers or SerialWorkers()):
+        rows[chunk.index] = found
         if advance:
-            advance(len(outcomes))
+            advance(len(found))
     return _make_table(asked, rows)
 
 
@@ -344,7 +361,7 @@ def run_sweep_to_files(
     try:
         with _open_journal(asked, target) as journal:
             table = _select_scalars(
-                _run_missing_chunks(asked, target, journal, workers or SerialWorkers(), advance or _ignore_progress),
+                _run_missing_chunks(asked, target, journal, workers or SerialWorkers(), advance),
                 asked.scalars,
             )
             return table, [write_table(table, path, overwrite=True) for path in target.tables(asked.name)]
@@ -355,24 +372,26 @@ def run_sweep_to_files(
 def _with_all_scalars(asked: Sweep, target: OutputTarget) -> Sweep:
     """Return a sweep that computes all scalars if its journal has them or result files are kept."""
     begun = target.resume and journal_contains(target.journal(asked.name), "channels")
-    return replace(asked, bundle=replace(asked.bundle, channels=True)) if begun or target.histories else asked
+    return replace(asked, channels=True) if begun or target.histories else asked
 
 
 def _run_missing_chunks(
-    asked: Sweep, target: OutputTarget, journal: Journal, workers: Workers, tell: Callable[[int], None]
+    asked: Sweep, target: OutputTarget, journal: Journal, workers: Workers, advance: Callable[[int], None] | None
 ) -> SweepTable:
     """Run the chunks missing in the journal, and return the complete table."""
     rows = dict(journal.rows)
-    tell(sum(len(some) for some in rows.values()))
+    if advance:
+        advance(sum(len(some) for some in rows.values()))
     left = [chunk for chunk in asked.chunks if chunk.index not in rows]
     stale = target.existing_histories(asked.name) if target.histories and not rows else []
-    for chunk, outcomes in run_chunks(asked.bundle, left, workers, histories=target.histories):
+    for chunk, found in run_chunks(asked.bundle, asked.evaluate(histories=target.histories), left, workers):
         while stale:  # result files of an earlier sweep would not match the table
             stale.pop().unlink()
-        _write_histories(asked, target, chunk, outcomes)
-        rows[chunk.index] = [one.row for one in outcomes]
-        journal.add(chunk.index, rows[chunk.index])
-        tell(len(outcomes))
+        _write_histories(asked, target, chunk, found)
+        rows[chunk.index] = [replace(row, history=None) for row in found]
+        journal.add(chunk.index, found)
+        if advance:
+            advance(len(found))
     return _make_table(asked, rows)
 
 
@@ -396,10 +415,6 @@ def _select_scalars(table: SweepTable, names: Sequence[str]) -> SweepTable:
         raise InputError(mended) from None
 
 
-def _ignore_progress(count: int) -> None:
-    del count
-
-
 @contextmanager
 def _open_journal(asked: Sweep, target: OutputTarget) -> Generator[Journal]:
     """Open the journal of a sweep after checking that its tables may be written."""
@@ -417,16 +432,16 @@ def _open_journal(asked: Sweep, target: OutputTarget) -> Generator[Journal]:
         journal.close()
 
 
-def _write_histories(asked: Sweep, target: OutputTarget, chunk: Chunk, outcomes: Sequence[Outcome]) -> None:
+def _write_histories(asked: Sweep, target: OutputTarget, chunk: Chunk, rows: Sequence[Row]) -> None:
     """Write the result files of a chunk atomically."""
-    for i, outcome in enumerate(outcomes):
-        if outcome.history is not None:
-            ending, content = outcome.history
-            path = target.history(asked.name, chunk.first + i + 1, ending)
+    for i, row in enumerate(rows, start=chunk.first + 1):
+        if row.history is not None:
+            ending, content = row.history
+            path = target.history(asked.name, i, ending)
             create_folder(path.parent)
-            partial = path.with_name(f"{path.name}.part")
-            partial.write_bytes(content)
-            os.replace(partial, path)
+            partial_file = path.with_name(f"{path.name}.part")
+            partial_file.write_bytes(content)
+            os.replace(partial_file, path)
 
 
 def _make_table(asked: Sweep, rows: dict[int, list[Row]]) -> SweepTable:

@@ -1,11 +1,18 @@
-"""Tables of sweeps: a row per variant with its inputs, scalars and status; HDF5, CSV, Parquet, pandas and xarray."""
+"""Files of sweeps: the table with a row per variant, and the journal of finished rows.
+
+The table is written as HDF5, CSV or Parquet, and becomes a pandas or xarray object. The journal has a line of JSON per
+chunk, so that an interrupted sweep can be resumed; its first line identifies the plan. An incomplete last line after a
+crash is removed. Numbers are written so that reading them is exact.
+"""
 
 from __future__ import annotations
 
 import csv
 import io
+import json
+import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,9 +21,18 @@ import h5py  # pyright: ignore[reportMissingTypeStubs]
 import numpy as np
 
 from flexcam.core import FloatArray
-from flexcam.core.errors import Fault, InputError, refuse, suggest_name
+from flexcam.core.errors import Fault, InputError, refuse, suggest_name, system_message
 from flexcam.dynamics import Cause, Response, Status
-from flexcam.io import SERIES, atomic_write_path, check_writable, create_folder, digest_fault, open_hdf5, write_digest
+from flexcam.io import (
+    SERIES,
+    atomic_write_path,
+    check_writable,
+    create_folder,
+    digest_fault,
+    lock_file,
+    open_hdf5,
+    write_digest,
+)
 from flexcam.io.exports import component_unit
 from flexcam.studies.evaluation import Row
 from flexcam.studies.plan import Plan
@@ -28,21 +44,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Column:
-    """Values of one varied key by variant.
+    """Values of one varied key by variant."""
 
-    Parameters
-    ----------
-    name
-        Key.
-    unit
-        Unit of the numbers as given in the plan; empty for SI and for words.
-    values
-        Values, shape (variants,): numbers, or texts if any value is not numeric.
-    """
-
-    name: str
-    unit: str
-    values: FloatArray | tuple[str, ...]
+    name: str  #: key
+    unit: str  #: unit of the numbers as given in the plan; empty for SI and for words
+    values: FloatArray | tuple[str, ...]  #: values, shape (variants,): numbers, or texts if any value is not numeric
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,21 +92,12 @@ class SweepTable:
         """Indices of the variants with incomplete runs."""
         return tuple(i for i, status in enumerate(self.statuses) if not status.ok)
 
-    def on_grid(self, name: str) -> FloatArray:
-        """Return a scalar over the axes of a grid."""
-        if not self.shape:
-            raise refuse("table", "a sampled plan", "a grid", "its points lie on no axes")
-        return self[name].reshape(self.shape)
-
     def select(self, names: Sequence[str]) -> SweepTable:
         """Return the table with only the given scalars."""
-        kept: dict[str, FloatArray] = {}
         if self.scalars and (unknown := [name for name in names if not is_scalar_prefix(name, self.scalars)]):
             raise InputError(unknown_scalar_fault(name, self.scalars) for name in unknown)
-        for name in names:
-            kept |= {one: values for one, values in self.scalars.items() if _is_prefix(one, name)}
-        units = {name: self.units[name] for name in kept}
-        return SweepTable(self.inputs, kept, units, self.statuses, self.shape, self.about)
+        kept = {one: values for name in names for one, values in self.scalars.items() if _is_prefix(one, name)}
+        return replace(self, scalars=kept, units={name: self.units[name] for name in kept})
 
 
 def make_table(plan: Plan, rows: Sequence[Row], about: Mapping[str, str] | None = None) -> SweepTable:
@@ -274,10 +271,10 @@ def read_table(path: str | Path) -> SweepTable:
     """Read the table of a sweep."""
     source = Path(path)
     with open_hdf5(source, "table", "the HDF5 table of a sweep (.sweep.h5)") as file:
-        return _table(file, source)
+        return _read_hdf5(file, source)
 
 
-def _table(file: Any, source: Path) -> SweepTable:  # noqa: ANN401
+def _read_hdf5(file: Any, source: Path) -> SweepTable:  # noqa: ANN401
     about = {name: _read_texts(item)[0] for name, item in file["about"].items()}
     form = about.pop("format")
     if form not in ("1", FORMAT):
@@ -322,7 +319,13 @@ def write_table(table: SweepTable, path: Path, *, overwrite: bool = False) -> Pa
     check_writable("table", path, overwrite=overwrite)
     create_folder(path.parent)
     with atomic_write_path(path) as draft:
-        {".h5": write_hdf5, ".csv": _write_csv, ".parquet": _write_parquet}[path.suffix](table, draft)
+        match path.suffix:
+            case ".h5":
+                write_hdf5(table, draft)
+            case ".csv":
+                draft.write_text(format_csv(table), encoding="utf-8", newline="")
+            case _:
+                table_frame(table).to_parquet(draft)
     return path
 
 
@@ -338,29 +341,133 @@ def format_csv(table: SweepTable) -> str:
     """Return a table as CSV: a header with units, and an empty cell for a missing number."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    head = [_column_header(one.name, one.unit) for one in table.inputs]
-    head += [_column_header(name, table.units[name]) for name in table.scalars]
-    writer.writerow(["variant", *head, "status", "message"])
-    columns = [*(one.values for one in table.inputs), *table.scalars.values()]
+    names = [*((one.name, one.unit) for one in table.inputs), *((name, table.units[name]) for name in table.scalars)]
+    writer.writerow(["variant", *(f"{name} [{unit}]" if unit else name for name, unit in names), "status", "message"])
+    columns = [one.values if isinstance(one.values, tuple) else one.values.tolist() for one in table.inputs]
+    columns += [[x if np.isfinite(x) else None for x in values.tolist()] for values in table.scalars.values()]
     for i, status in enumerate(table.statuses):
-        writer.writerow([i + 1, *(_cell(values[i]) for values in columns), str(status.cause), status.message])
+        writer.writerow([i + 1, *(values[i] for values in columns), status.cause, status.message])
     return text.getvalue()
 
 
-def _column_header(name: str, unit: str) -> str:
-    return f"{name} [{unit}]" if unit else name
+_WORDS = {
+    "format": "the format of the journal",
+    "flexcam": "the version of flexcam",
+    "case": "the case, or a file it names",
+    "plan": "the keys, their values, or how they are sampled",
+    "histories": "whether histories are kept",
+    "channels": "whether scalars beside those of the probes are computed",
+}
+"""Descriptions of the facts that identify a journal."""
 
 
-def _cell(value: float | str) -> str:
-    if isinstance(value, str):
-        return value
-    return repr(float(value)) if np.isfinite(value) else ""
+class Journal:
+    """Journal of a sweep, open for further rows.
+
+    Parameters
+    ----------
+    path
+        ``.jsonl`` file; its folder is created if necessary.
+    belongs
+        Identification of the sweep: values by name.
+    resume
+        Whether to resume an existing journal.
+    overwrite
+        Whether to replace an existing journal.
+
+    Attributes
+    ----------
+    rows
+        Rows read from an existing journal, by chunk index.
+    """
+
+    def __init__(
+        self, path: Path, belongs: Mapping[str, Any], *, resume: bool = False, overwrite: bool = False
+    ) -> None:
+        if path.exists() and not (resume or overwrite):
+            why, remedy = "a sweep was begun here", "--resume finishes it, --overwrite begins anew"
+            raise refuse("journal", str(path), "none, or --resume", why, remedy)
+        create_folder(path.parent)
+        self._path, self._head, self._fresh = path, dict(belongs), True
+        try:
+            self._file = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+        except OSError as fault:
+            raise refuse("journal", str(path), "a file that can be written", system_message(fault)) from None
+        try:
+            lock_file(self._file)  # the lock ends with the process
+            self.rows, self._end = _read_journal(path, belongs) if resume else (dict[int, list[Row]](), 0)
+        except BlockingIOError:
+            self.close()
+            allowed, why = "one that nobody writes", "another sweep is running here"
+            raise refuse("journal", str(path), allowed, why, "wait for it") from None
+        except InputError:
+            self.close()
+            raise
+
+    def add(self, index: int, rows: Sequence[Row]) -> None:
+        """Append the rows of a chunk and flush them to disk."""
+        if self._fresh:  # an existing file is kept until there are new rows
+            os.ftruncate(self._file, self._end)
+            os.lseek(self._file, self._end, os.SEEK_SET)
+            self._fresh = False
+            if not self._end:
+                self._line(self._head)
+        units = {name: unit for row in rows for name, unit in row.units.items()}
+        self._line({"chunk": index, "units": units, "rows": [_format_row(row) for row in rows]})
+
+    def close(self) -> None:
+        """Close the file; an empty journal is removed."""
+        if not os.fstat(self._file).st_size:
+            self._path.unlink(missing_ok=True)
+        os.close(self._file)
+
+    def _line(self, content: Mapping[str, Any]) -> None:
+        left = (json.dumps(content, allow_nan=False) + "\n").encode()
+        while left:
+            left = left[os.write(self._file, left) :]
+        os.fsync(self._file)
 
 
-def _write_csv(table: SweepTable, path: Path) -> None:
-    path.write_text(format_csv(table), encoding="utf-8", newline="")
+def journal_contains(path: Path, fact: str) -> bool:
+    """Return whether an existing journal contains a given fact in its identification."""
+    try:
+        with path.open("rb") as file:
+            return json.loads(file.readline())[fact] is True
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
 
 
-def _write_parquet(table: SweepTable, path: Path) -> None:
+def _read_journal(path: Path, belongs: Mapping[str, Any]) -> tuple[dict[int, list[Row]], int]:
+    """Return the rows of a journal, and the length of its complete lines in bytes."""
+    content = path.read_bytes()
+    end = content.rfind(b"\n") + 1
+    lines = content[:end].splitlines()
+    if not lines:
+        return {}, 0
+    try:
+        head, *chunks = [json.loads(line) for line in lines]
+        other = [words for name, words in _WORDS.items() if head.get(name) != belongs.get(name)]
+        if other:
+            given, why = f"{path}, of another sweep", f"what differs: {'; '.join(other)}"
+            remedy = "--overwrite begins anew, -o names another folder"
+            raise refuse("journal", given, "the journal of this sweep", why, remedy)
+        return {int(one["chunk"]): [_parse_row(row, one["units"]) for row in one["rows"]] for one in chunks}, end
+    except (ValueError, KeyError, TypeError, AttributeError) as fault:
+        if isinstance(fault, InputError):
+            raise
+        raise refuse(
+            "journal", str(path), "the journal of a sweep", f"it is damaged: {fault}", "--overwrite begins anew"
+        ) from None
 
-    table_frame(table).to_parquet(path)
+
+def _format_row(row: Row) -> dict[str, Any]:
+    status = row.status
+    return {
+        "cause": str(status.cause), "text": status.text, "remedy": status.remedy,
+        "scalars": dict(row.scalars), "seconds": round(row.seconds, 3),
+    }  # fmt: skip
+
+
+def _parse_row(raw: Mapping[str, Any], units: Mapping[str, str]) -> Row:
+    status, scalars = Status(Cause(raw["cause"]), raw["text"], raw["remedy"]), raw["scalars"]
+    return Row(status, scalars, {name: units[name] for name in scalars}, raw["seconds"])

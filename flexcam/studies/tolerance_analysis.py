@@ -32,21 +32,12 @@ FORMS = "±2%, ±0.05mm, or normal:±2%"
 
 @dataclass(frozen=True)
 class PartScatter:
-    """Scatter of a number of a case from part to part.
+    """Scatter of a number of a case from part to part."""
 
-    Parameters
-    ----------
-    key
-        Key of the case.
-    middle, half
-        Centre and half width, SI.
-    kind
-        Distribution: uniform between both ends, or normal with the ends at three standard deviations.
-    """
-
-    key: str
-    middle: float
+    key: str  #: key of the case
+    middle: float  #: centre and half width, SI
     half: float
+    #: distribution: uniform between both ends, or normal with the ends at three standard deviations
     kind: Literal["uniform", "normal"]
 
     def value(self, part: float) -> float:

@@ -36,8 +36,8 @@ def couple_coils(structure: Structure) -> Coupling:
     -------
     Coupling
         A local force per spring with a clash travel. Channels, where applicable: ``force`` of the part at the moving
-        end with that of its coils that touch, ``surge`` (largest deviation of a coil from uniform deformation), ``stress`` of the wire, ``clearance``
-        (travel left until all coils touch, counted by the most compressed part) and ``clash``.
+        end with its touching coils, ``surge`` (largest deviation of a coil from uniform deformation), ``stress`` of
+        the wire, ``clearance`` (travel left until all coils touch, counted by the most compressed part) and ``clash``.
     """
     forces: list[LocalForce] = []
     channels: list[Channel] = []

@@ -46,7 +46,7 @@ def test_what_was_drawn_is_named_and_its_legend_names_what_is_seen(flexcam, tmp_
     found = campbell(case, [0.5 * case.speed, 2.0 * case.speed], orders=[1])
     (legend,) = campbell_figure(found, 1.0, "camshaft").legends
     mode, circle = (text.get_text() for text in legend.get_texts())
-    assert (mode[:14], circle[:20]) == ("1: mass valve ", "an order meets a mod")
+    assert (mode[:14], circle[:20]) == ("1: mass valve ", "order meets mode; ar")
 
 
 def test_force_between_speeds_is_that_of_the_runs(flexcam):

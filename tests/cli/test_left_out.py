@@ -27,7 +27,7 @@ def test_check_says_what_is_left_out_and_why(flexcam, tayeb):
         "camshaft: bending in x-z (uz, ry): nothing loads it",
     ]
     table = re.sub(r"\s+", " ", flexcam("check", tayeb(3)).out)
-    assert "left out of the run camshaft: axial motion (ux): free and unloaded; camshaft: bending in x-z" in table
+    assert "inactive camshaft: axial motion (ux): free and unloaded; camshaft: bending in x-z" in table
 
 
 def test_a_load_brings_its_unknowns_back(flexcam, tayeb):

@@ -12,8 +12,8 @@ import pytest
 
 from flexcam import prepare, read_case, solve
 from flexcam.analysis.run import open_result_file
+from flexcam.report.content import load_subject
 from flexcam.report.page import build_report, render_page
-from flexcam.report.sentences import load_subject
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from flexcam.analysis.natural_modes import modes
-from flexcam.case.reader import CaseFile, read_case
+from flexcam.case.reader import read_case
 from flexcam.dynamics import Status
 from flexcam.studies.evaluation import Row
 from flexcam.studies.evaluators import evaluate_variant
@@ -489,17 +489,6 @@ def test_a_variant_is_run_as_one_of_as_many_as_are_asked_for(flexcam, monkeypatc
     told = ("--tolerance", "springs.valve.stiffness=±5%", "--of", "deviation.peak", "--count", "9")
     assert flexcam("sensitivity", PUBLISHED, *told, *QUICK).code == 0
     assert asked == [9] * 10
-
-
-def test_worker_processes_run_a_variant_as_one_of_many_too(monkeypatch):
-    processes = sys.modules["flexcam.studies.evaluators"]
-    given = []
-    monkeypatch.setattr(processes, "evaluate_variant", lambda *words: words[-1])
-    monkeypatch.setattr(processes, "_worker_task", given)
-    monkeypatch.setattr(processes, "ProcessPoolExecutor", lambda *_, initargs, **__: given.extend(initargs))
-    monkeypatch.setattr(processes, "terminate_executor", lambda *_: None)
-    with processes.create_evaluator(CaseFile.open(PUBLISHED), (), ["deviation.peak"], workers=2, runs=9):
-        assert processes._row(()) == 9
 
 
 def test_limits_are_looked_for_as_one_of_many_variants(flexcam, monkeypatch):

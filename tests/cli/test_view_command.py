@@ -138,7 +138,7 @@ def colours(path, *, members):
 
 @pytest.mark.usefixtures("drawing")
 def test_a_movie_turns_the_cam(flexcam, result, monkeypatch):
-    monkeypatch.setattr("flexcam.plotting.figures.FRAMES", 5)
+    monkeypatch.setattr("flexcam.plotting.rendering.FRAMES", 5)
     for name in ("train.gif", "train.mp4"):
         ended = flexcam("view", result, "--size", "320x240", "--save", name)
         assert ended.code == 0, ended.err
@@ -213,7 +213,7 @@ EXTRAS = [("a.gif", "imageio", "movie"), ("a.mp4", "imageio_ffmpeg", "movie"), (
 def test_a_missing_extra_is_named(name, module, extra, flexcam, monkeypatch):
     from importlib.util import find_spec
 
-    monkeypatch.setattr("flexcam.plotting.figures.find_spec", lambda one: None if one == module else find_spec(one))
+    monkeypatch.setattr("flexcam.plotting.rendering.find_spec", lambda one: None if one == module else find_spec(one))
     refused = flexcam("view", FINGER, "--save", name)
     assert refused.code == 2
     assert f"{module} cannot be imported" in refused.err
@@ -249,7 +249,7 @@ import sys
 from flexcam import read_case
 from flexcam.case.builder import build_model
 from flexcam.plotting.scene.motion import case_motion
-from flexcam.plotting.scene.assembly import build_mechanism
+from flexcam.plotting.scene.mechanism import build_mechanism
 from flexcam.valvetrain import build_structure
 from flexcam.plotting.rendering import select_renderer
 select_renderer(off_screen=False)

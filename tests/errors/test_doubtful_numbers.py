@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from flexcam import InputError, prepare, read_case, read_result
+from flexcam.analysis.run_checks import check_input, check_lobes
 from flexcam.case.builder import build_model
 from flexcam.case.input_checks import SPRING_RANGE, TORSION_SPRING_RANGE, TYPICAL_RANGES, check_values
 from flexcam.cli.main import main
-from flexcam.report.run_checks import check_input, check_lobes
 
 ROOT = Path(__file__).parents[2]
 CASE = ROOT / "tests/data/inline.toml"
@@ -192,7 +192,7 @@ def test_run_tells_it_and_the_result_keeps_it(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(("override", "said"), [
-    ("cams.intake.base_radius=17.4mm", "its profile would cross itself (undercut)"),
+    ("cams.intake.base_radius=17.4mm", "its profile crosses itself (undercut)"),
     ("sections.shaft.diameter=50mm", "its base circle has a radius of 24 mm, its shaft one of 25 mm"),
 ])  # fmt: skip
 def test_a_lobe_that_cannot_be_made(override, said):
@@ -231,7 +231,10 @@ def test_a_lobe_is_not_on_two_sides_at_once(tmp_path, side, axis, later):
     """Turning about x it goes from y to z."""
     (tmp_path / "both.toml").write_text(BOTH.format(side=side, axis=axis), encoding="utf-8")
     (told,) = check_lobes(build_model(read_case(tmp_path / "both.toml")))
-    assert f"cams.one: it lifts up and beside at one cam angle, and a lobe reaches the second {later} deg later" in told
+    assert (
+        f"cams.one: it lifts up and beside at the same cam angle, but its lobe reaches the second {later} deg later"
+        in told
+    )
 
 
 def test_a_lobe_as_thick_as_its_shaft_is_no_fault():

@@ -7,8 +7,7 @@ import time
 import pytest
 
 from flexcam import InputError
-from flexcam.studies.axes import parse_axes
-from flexcam.studies.plan import make_plan, parse_sample
+from flexcam.studies.plan import make_plan, parse_axes, parse_sample
 from flexcam.studies.sweep import make_sweep
 
 

@@ -7,8 +7,8 @@ import re
 import pytest
 
 from flexcam import InputError, read_case
+from flexcam.analysis.run_checks import check_lobes
 from flexcam.case.builder import build_model
-from flexcam.report.run_checks import check_lobes
 
 SHAFT = 'shaft = { shape = "circle", diameter = "25 mm" }'
 CUSTOM = 'shaft = {{ shape = "custom", A = 4.9e-4, Iy = 1.9e-8, Iz = {}, J = 3.8e-8 }}'

@@ -16,7 +16,7 @@ from flexcam import prepare, read_case, solve
 from flexcam.analysis.run import open_result_file
 from flexcam.cli.main import main
 from flexcam.dynamics import RunFailedError
-from flexcam.plotting.figures import save_view
+from flexcam.plotting.rendering import save_view
 
 ASKED = {
     "motion.svg": ("plot", "RESULT", "-o"),

@@ -13,10 +13,10 @@ import pytest
 import flexcam
 from flexcam.analysis.preparation import prepare
 from flexcam.analysis.run import open_result_file
+from flexcam.analysis.run_checks import RunMonitor, check_run, describe_balance, energy_residual, numerical_dissipation
 from flexcam.dynamics import Block, ConstantSpeed, Problem, State, Stats, hht, newmark, solve
 from flexcam.dynamics.energy import EquilibriumResidual
-from flexcam.report.result_tables import equilibrium_residual
-from flexcam.report.run_checks import RunMonitor, check_run, describe_balance, energy_residual, numerical_dissipation
+from flexcam.report.tables import equilibrium_residual
 from flexcam.valvetrain import Resolution
 from flexcam.valvetrain.resolution import _ImpactSteps
 
@@ -39,7 +39,7 @@ def test_the_frequency_is_that_of_the_accelerations():
     """Of harmonic motion it is the motion's own; all unknowns follow one sine here."""
     ready = prepare(flexcam.read_case(CASE))
     seen = RunMonitor.of(ready)
-    sink, w, n = seen.fineness, 700.0, ready.problem.system.size
+    sink, w, n = seen.resolution, 700.0, ready.problem.system.size
     t = np.linspace(0.0, 2.0 * math.pi / w, 400, endpoint=False)[:, None]
     block = solve(ready.problem, ready.scheme).fields
     moved = replace(block, displacement=np.sin(w * t) * np.ones(n), velocity=w * np.cos(w * t) * np.ones(n),
@@ -54,7 +54,7 @@ def test_the_frequency_is_that_of_the_accelerations():
 def test_elements_per_wave_are_those_of_the_beam():
     """Of a shaft that bends: 2 pi/l (EI/(rho A w^2))^(1/4)."""
     _, seen, _ = watched(CASE)
-    found = seen.fineness.found()
+    found = seen.resolution.found()
     radius, longest = 0.0125, 0.060
     rigidity, mass = 207e9 * math.pi / 4.0 * radius**4, 7800.0 * math.pi * radius**2
     wave = 2.0 * math.pi * (rigidity / (mass * (2.0 * math.pi * found.frequency) ** 2)) ** 0.25
@@ -73,7 +73,7 @@ def test_impacts_are_counted_around_the_largest_force():
 
 def test_nothing_that_moves_is_fine_enough():
     ready = prepare(flexcam.read_case(CASE))
-    assert RunMonitor.of(ready).fineness.found() == Resolution(0.0, math.inf, {}, {})
+    assert RunMonitor.of(ready).resolution.found() == Resolution(0.0, math.inf, {}, {})
 
 
 def test_a_fine_run_is_not_doubted():
@@ -98,9 +98,9 @@ class Found:
 def test_what_is_coarse_is_told():
     ready, seen, response = watched(CASE)
     coarse = Resolution(400.0, 10.0, {"shaft": 30.0, "pushrod": 1.9}, {"seat": 4, "tip": 5, "play": 1})
-    told = check_run(ready, replace(seen, fineness=Found(coarse)), [], response.stats)
+    told = check_run(ready, replace(seen, resolution=Found(coarse)), [], response.stats)
     longer = "take more steps per revolution, or a softer contact"
-    bend = "a wave of bending of member pushrod has 1.9 of its elements at the 400 Hz of the accelerations"
+    bend = "a bending wave of member pushrod has 1.9 elements at the 400 Hz of the accelerations"
     assert told == [
         "Warning: a period has 10 steps at the 400 Hz of the accelerations; take 2 times as many",
         f"Warning: {bend}; take 3 times as many",
@@ -113,14 +113,14 @@ def test_what_is_coarse_is_told():
 def test_enough_steps_are_named(steps, more):
     """As many as that are enough, and more than there are."""
     ready, seen, response = watched(CASE)
-    (told,) = check_run(ready, replace(seen, fineness=Found(Resolution(400.0, steps, {}, {}))), [], response.stats)
+    (told,) = check_run(ready, replace(seen, resolution=Found(Resolution(400.0, steps, {}, {}))), [], response.stats)
     assert told.endswith(f"take {more} times as many")
 
 
 def test_the_same_is_told_of_a_result():
     ready, seen, response = watched(CASE)
     again = RunMonitor.from_response(ready, response)
-    assert again.fineness.found().frequency == pytest.approx(seen.fineness.found().frequency, rel=1e-12)
+    assert again.resolution.found().frequency == pytest.approx(seen.resolution.found().frequency, rel=1e-12)
     assert energy_residual(again.extremes) == energy_residual(seen.extremes)
 
 
@@ -213,7 +213,7 @@ def test_what_is_out_of_balance_is_told():
         )
     ]
     assert "forces within" in describe_balance(seen.extremes, response.stats)
-    assert describe_balance(seen.extremes, Stats()).endswith("forces not looked at")
+    assert describe_balance(seen.extremes, Stats()).endswith("forces not checked")
 
 
 @pytest.mark.parametrize("path", ["direct", "modal", "kernel"])
@@ -241,7 +241,7 @@ def test_what_was_not_looked_at_is_not_told_as_zero(tmp_path):
     response = solve(ready.problem, ready.scheme, save=ready.save, sinks=sinks, stop=lambda: next(asked) > 3)
     assert response.stats.imbalance < 0.0
     assert equilibrium_residual(response) is None
-    assert describe_balance(seen.extremes, response.stats).endswith("forces not looked at")
+    assert describe_balance(seen.extremes, response.stats).endswith("forces not checked")
     assert check_run(ready, seen, [], response.stats) == []
     (left,) = tmp_path.glob("*.vtkhdf")
     assert equilibrium_residual(flexcam.read_result(left).response) is None

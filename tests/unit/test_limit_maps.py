@@ -7,8 +7,8 @@ import numpy as np
 from flexcam import read_case
 from flexcam.cli.studies import limit_map_output
 from flexcam.dynamics import Status
-from flexcam.studies.axes import parse_axis
-from flexcam.studies.limit_map import LimitMap, grid_plan
+from flexcam.studies.evaluators import LimitMap, grid_plan
+from flexcam.studies.plan import parse_axis
 
 CASE = read_case(Path(__file__).parents[1] / "data/inline.toml")
 

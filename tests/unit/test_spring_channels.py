@@ -6,7 +6,7 @@ import pytest
 from flexcam import prepare, read_case, run
 from flexcam.analysis.natural_modes import modes
 from flexcam.case.input_checks import check_values
-from flexcam.report.model_tables import model_table
+from flexcam.report.tables import model_table
 
 SURGING = """
 format = 1

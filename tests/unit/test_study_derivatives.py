@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from flexcam.core import Triplets
-from flexcam.studies.frequencies import frequency_derivatives
-from flexcam.studies.sensitivity import STEP_OFFSETS, central_derivative, logarithmic_derivative
+from flexcam.studies.sensitivity import STEP_OFFSETS, central_derivative, frequency_derivatives, logarithmic_derivative
 
 AT = np.array(STEP_OFFSETS)
 

@@ -11,8 +11,16 @@ from flexcam.core.errors import InputError
 from flexcam.dynamics import Cause, Status
 from flexcam.studies.evaluation import Row
 from flexcam.studies.evaluators import Variable
-from flexcam.studies.objective import Goal, is_active, parse_constraint, parse_constraints
-from flexcam.studies.optimization import OptimizationProblem, find_pareto_front, optimize, pareto_indices
+from flexcam.studies.optimization import (
+    Goal,
+    OptimizationProblem,
+    find_pareto_front,
+    is_active,
+    optimize,
+    pareto_indices,
+    parse_constraint,
+    parse_constraints,
+)
 
 
 @dataclass

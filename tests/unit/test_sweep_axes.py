@@ -10,8 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flexcam import InputError
-from flexcam.studies.axes import parse_axes, parse_axis
-from flexcam.studies.plan import Plan, make_plan, parse_sample
+from flexcam.studies.plan import Plan, make_plan, parse_axes, parse_axis, parse_sample
 
 NUMBERS = st.decimals(min_value=-1000, max_value=1000, places=3)
 STEPS = st.decimals(min_value="0.001", max_value=100, places=3)

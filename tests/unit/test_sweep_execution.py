@@ -20,13 +20,11 @@ from flexcam import InputError, read_case
 from flexcam.case.reader import CaseFile
 from flexcam.dynamics import Cause, Status
 from flexcam.studies import executors as workers_of
-from flexcam.studies.axes import parse_axes
-from flexcam.studies.evaluation import Outcome, Row, chunk_size, divide_plan, evaluate, evaluate_chunk
-from flexcam.studies.executors import ClusterWorkers, ProcessWorkers, SerialWorkers, run_chunks
-from flexcam.studies.journal import Journal
-from flexcam.studies.plan import Bundle, Plan, make_bundle
-from flexcam.studies.sweep import make_sweep, run_sweep
-from flexcam.studies.tables import write_hdf5
+from flexcam.studies.evaluation import Row, evaluate, evaluate_chunk
+from flexcam.studies.executors import ClusterWorkers, ProcessWorkers, SerialWorkers, divide_variants, run_chunks
+from flexcam.studies.plan import Bundle, Plan, make_bundle, parse_axes
+from flexcam.studies.sweep import chunk_size, make_sweep, run_sweep
+from flexcam.studies.tables import Journal, write_hdf5
 
 ROOT = Path(__file__).parents[2]
 TAYEB = ROOT / "cases/tayeb/model-1-shm.toml"
@@ -92,7 +90,7 @@ class Scripted:
         self.ran = []
 
     @contextmanager
-    def ready(self, bundle, *, histories):
+    def open_pool(self, source, evaluate):
         broken = []
 
         def submit(variants):
@@ -104,7 +102,7 @@ class Scripted:
                 broken.append(True)
                 future.set_exception(BrokenProcessPool())
             else:
-                future.set_result([Outcome(Row(Status(text=variant[0]))) for variant in variants])
+                future.set_result([Row(Status(text=variant[0])) for variant in variants])
             return future
 
         yield workers_of.Pool(submit, 3, (BrokenProcessPool,))
@@ -112,9 +110,9 @@ class Scripted:
 
 def test_a_variant_that_kills_its_worker_is_a_row_and_costs_no_other():
     plan = Plan(parse_axes(["key=a,b,poison,d,e,f,g,h"]))
-    chunks, workers = divide_plan(plan, 3), Scripted()
-    rows = {chunk.index: outcomes for chunk, outcomes in run_chunks(Bundle("", "", {}), chunks, workers)}
-    found = [one.row.status for _, outcomes in sorted(rows.items()) for one in outcomes]
+    chunks, workers = divide_variants(plan.variants, 3), Scripted()
+    rows = {chunk.index: some for chunk, some in run_chunks(Bundle("", "", {}), evaluate_chunk, chunks, workers)}
+    found = [row.status for _, some in sorted(rows.items()) for row in some]
     assert [status.cause for status in found] == [Cause.WORKER_LOST if i == 2 else Cause.DONE for i in range(8)]
     assert [status.text for status in found if status.ok] == [f"key={letter}" for letter in "abdefgh"]
     assert workers.ran.count((("key=poison",),)) == 1
@@ -160,19 +158,19 @@ def test_files_of_a_case_come_along(tmp_path):
     unpacked = bundle.unpack(tmp_path / "far/away")
     assert unpacked.is_relative_to(tmp_path / "far/away")
     assert (tmp_path / "far/away").resolve() in (unpacked.parent / "../case.msh").resolve().parents
-    here = evaluate_chunk(home / "case.toml", [tuple(QUICK)])[0].row
+    here = evaluate_chunk(home / "case.toml", [tuple(QUICK)])[0]
     (tmp_path / "home").rename(tmp_path / "gone")
     there = evaluate_chunk(bundle, [tuple(QUICK), ("mesh=../none.msh",)])
-    assert there[0].row.scalars == here.scalars
-    assert there[1].row.status.cause is Cause.REFUSED
-    assert str(tmp_path) not in there[1].row.status.text
-    assert "flexcam-" not in there[1].row.status.text
+    assert there[0].scalars == here.scalars
+    assert there[1].status.cause is Cause.REFUSED
+    assert str(tmp_path) not in there[1].status.text
+    assert "flexcam-" not in there[1].status.text
 
 
 def test_worker_processes_have_one_thread_of_linear_algebra(asked, monkeypatch):
     monkeypatch.setenv("OPENBLAS_NUM_THREADS", "3")
     monkeypatch.delenv("MKL_NUM_THREADS", raising=False)
-    with ProcessWorkers(1).ready(asked.bundle, histories=False):
+    with ProcessWorkers(1).open_pool(asked.bundle, asked.evaluate()):
         assert os.environ["OPENBLAS_NUM_THREADS"] == os.environ["MKL_NUM_THREADS"] == "1"
     assert os.environ["OPENBLAS_NUM_THREADS"] == "3"
     assert "MKL_NUM_THREADS" not in os.environ
@@ -183,7 +181,7 @@ def test_a_dead_worker_cannot_end_this_process(asked):
     """Gmsh gives SIGPIPE its default back, and a write to a worker that died would then kill the parent."""
     before = signal.signal(signal.SIGPIPE, signal.SIG_DFL)
     try:
-        with ProcessWorkers(1).ready(asked.bundle, histories=False) as pool:
+        with ProcessWorkers(1).open_pool(asked.bundle, asked.evaluate()) as pool:
             assert signal.getsignal(signal.SIGPIPE) is signal.SIG_IGN
             assert pool.submit(asked.chunks[0].variants).result()
         assert signal.getsignal(signal.SIGPIPE) is signal.SIG_DFL
@@ -207,7 +205,7 @@ def test_chunks_do_not_depend_on_who_runs_them():
     many, few = Plan(parse_axes(["run.speed=1:5000:1rpm"])), Plan(parse_axes(["run.speed=1:50:1rpm"]))
     assert (chunk_size(many, case), chunk_size(few, case)) == (16, 1)
     assert chunk_size(many, case.with_run({"revolutions": 100.0})) == 1  # a long run is a chunk of its own
-    assert [one for chunk in divide_plan(many, 16) for one in chunk.variants] == list(many.variants)
+    assert [one for chunk in divide_variants(many.variants, 16) for one in chunk.variants] == list(many.variants)
 
 
 HEAD = {"format": 1, "flexcam": "1", "case": "c", "plan": "p", "histories": False}

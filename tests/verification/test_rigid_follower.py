@@ -17,8 +17,8 @@ from scipy.optimize import brentq
 
 from flexcam import build_model, prepare, read_case, run
 from flexcam.analysis.limits import compute_margins, find_limits
+from flexcam.analysis.run_checks import check_input
 from flexcam.case.input_checks import check_shared_seat_load
-from flexcam.report.run_checks import check_input
 
 SOURCE = "Rigid follower"
 MASS, SPRING, INSTALLED = 0.5, 20e3, 300.0

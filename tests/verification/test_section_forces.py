@@ -24,7 +24,7 @@ from flexcam.fem.mesh import chain
 from flexcam.fem.recovery import fibres, section_forces
 from flexcam.fem.rigid_bodies import PointMass
 from flexcam.fem.sections import Material, Section
-from flexcam.report.result_tables import strength_table
+from flexcam.report.tables import strength_table
 from flexcam.valvetrain import GivenLoad, MassAt, Model, StrengthSink, build_structure, build_system
 
 FORCES = ("N", "Vy", "Vz", "T", "My", "Mz")

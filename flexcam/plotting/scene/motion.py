@@ -1,22 +1,55 @@
-"""Motion of a structure for animation, and deformed centre lines of members with section axes."""
+"""Motion of a structure for animation, its state at one instant, and the deformed centre lines of its members."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
+from flexcam.case.case import Case
 from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import refuse, suggest_name
 from flexcam.dynamics import CamMotion, Response
 from flexcam.fem.elements.beam import Beams
+from flexcam.fem.frames import ROTATIONS
 from flexcam.fem.recovery import deflection
 from flexcam.io import RECOVERED_FIELDS, VECTORS, Result
-from flexcam.plotting.scene.instant import SceneState
-from flexcam.plotting.scene.sizes import model_size
-from flexcam.valvetrain import Structure, build_rigid
+from flexcam.valvetrain import Model, Structure, build_rigid
+
+
+def model_size(model: Model) -> float:
+    """Return the diagonal of the bounding box of all nodes, m."""
+    return model.mesh.extent or 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class SceneState:
+    """State of a scene at one instant."""
+
+    structure: Structure  # structure of the model
+    angle: float  # cam angle, rad
+    unknowns: FloatArray  # displacements of the degrees of freedom of the structure as drawn, m and rad, shape (n,)
+    # colour values of members at the points of their polylines, member by member, shape (points,); None for no colours
+    values: FloatArray | None = None
+
+    @cached_property
+    def nodal(self) -> FloatArray:
+        """Displacements of all nodes, m and rad, shape (nodes, 6)."""
+        return self.structure.dofs.nodal(self.unknowns)
+
+    def along(self, row: FloatArray) -> float:
+        """Return the motion selected by a row over the degrees of freedom, m."""
+        return float(row @ self.unknowns)
+
+    def at(self, point: str, away: FloatArray) -> FloatArray:
+        """Return the displacement of a named point, m, shape (3,); the point of a rocker moves along `away`."""
+        if self.structure.is_node(point):
+            return self.nodal[self.structure.model.mesh.node(point), :3]
+        return self.along(self.structure.row(point, np.zeros(6))) * away
+
 
 SEGMENTS_PER_ELEMENT = 8
 """Drawn segments per element."""
@@ -24,20 +57,11 @@ SEGMENTS_PER_ELEMENT = 8
 
 @dataclass(frozen=True, eq=False)
 class CentreLine:
-    """Stations along a member.
+    """Stations along a member."""
 
-    Parameters
-    ----------
-    points
-        Positions, m, global axes, shape (m, 3).
-    triads
-        Axes of the section as rows, x along the member, shape (m, 3, 3).
-    part
-        Position in elements from the first node of the member, shape (m,): 1.5 is the middle of the second element.
-    """
-
-    points: FloatArray
-    triads: FloatArray
+    points: FloatArray  # positions, m, global axes, shape (m, 3)
+    triads: FloatArray  # axes of the section as rows, x along the member, shape (m, 3, 3)
+    # position in elements from the first node of the member, shape (m,): 1.5 is the middle of the second element
     part: FloatArray
 
 
@@ -81,30 +105,15 @@ MODE_AMPLITUDE = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Motion of a structure.
-
-    Parameters
-    ----------
-    structure
-        Structure.
-    angle
-        Cam angles, rad, shape (f,).
-    rigid
-        Displacements of the degrees of freedom by the rigid mechanism, m and rad, shape (f, n).
-    elastic
-        Additional elastic displacements, shape (f, n): only these are exaggerated.
-    values
-        Colour values at the points of the members' polylines, shape (f, points); None for no colours.
-    label
-        Name of the colour values with unit.
-    """
+    """Motion of a structure."""
 
     structure: Structure
-    angle: FloatArray
-    rigid: FloatArray
-    elastic: FloatArray
+    angle: FloatArray  # cam angles, rad, shape (f,)
+    rigid: FloatArray  # displacements of the degrees of freedom by the rigid mechanism, m and rad, shape (f, n)
+    elastic: FloatArray  # additional elastic displacements, shape (f, n): only these are exaggerated
+    # colour values at the points of the members' polylines, shape (f, points); None for no colours
     values: FloatArray | None = None
-    label: str = ""
+    label: str = ""  # name of the colour values with unit
 
     def __len__(self) -> int:
         return len(self.angle)
@@ -133,6 +142,29 @@ class Motion:
         """Return the index of the instant nearest to a cam angle (rad, modulo a revolution), the last of equal ones."""
         away = np.abs(np.angle(np.exp(1j * (self.angle - angle))))
         return len(away) - 1 - int(np.argmin(away[::-1].round(9)))
+
+
+def full_lift(case: Case, response: Response, angle: FloatArray) -> int:
+    """Return the index of the instant at which the valve is farthest from its installed position."""
+    at = np.minimum(np.searchsorted(response.angle, angle - 1e-9), len(response.angle) - 1)
+    points = {rocker.to for rocker in case.record.rockers.values()}
+    names = [name for name, _ in response.outline.probes]
+    for chosen in ([name for name in names if name in points], [name for name in names if "." not in name]):
+        paths = [np.abs(path[at]) for name in chosen for path in _probe_displacements(response, name)]
+        farthest = max(paths, key=lambda path: float(np.ptp(path)), default=np.zeros(1))
+        if np.ptp(farthest) > 0.0:
+            return int(np.argmax(farthest))
+    return len(angle) - 1
+
+
+def _probe_displacements(response: Response, probe: str) -> list[FloatArray]:
+    """Return the translational displacements of a probe, shape (m,) each."""
+    history = response[probe]
+    if history.displacement.ndim == 1:
+        return [history.displacement]
+    return [
+        path for name, path in zip(history.components, history.displacement.T, strict=True) if name not in ROTATIONS
+    ]
 
 
 def result_motion(structure: Structure, result: Result, speed: float, colour: str | None = None) -> Motion:
@@ -172,7 +204,7 @@ def mode_motion(structure: Structure, shape: FloatArray, *, coloured: bool = Fal
     if not coloured:
         return motion
     values = np.abs(swing) * _lengths(_member_translations(structure, shape[None] / largest))
-    return replace(motion, values=values, label="displacement\n(largest = 1)")
+    return replace(motion, values=values, label="displacement\n(max = 1)")
 
 
 def rigid_motion(structure: Structure, angle: FloatArray, speed: float) -> tuple[FloatArray, FloatArray, FloatArray]:

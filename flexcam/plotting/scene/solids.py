@@ -16,37 +16,12 @@ from flexcam.fem.sections import Section
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """Closed surface of triangles with outward normals.
+    """Closed surface of triangles with outward normals."""
 
-    Parameters
-    ----------
-    kind
-        Kind of part, such as ``"lobe"``: parts of a kind share their colour.
-    points
-        Points, m, global axes, shape (n, 3).
-    faces
-        Point indices of the triangles, counterclockwise seen from outside, shape (t, 3).
-    values
-        Colour values by point, shape (n,); None if there are none.
-    """
-
-    kind: str
-    points: FloatArray
-    faces: IntArray
-    values: FloatArray | None = None
-
-    @property
-    def volume(self) -> float:
-        """Enclosed volume, m^3, by the divergence theorem; negative with inward normals."""
-        a, b, c = np.moveaxis(self.points[self.faces], 1, 0)
-        return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6.0
-
-    @property
-    def is_closed(self) -> bool:
-        """Return whether every edge belongs to two triangles with opposite directions."""
-        edges = np.concatenate([self.faces[:, [i, (i + 1) % 3]] for i in range(3)]).tolist()
-        seen = {(a, b) for a, b in edges}
-        return len(seen) == len(edges) and all((b, a) in seen for a, b in seen)
+    kind: str  # kind of part, such as ``"lobe"``: parts of a kind share their colour
+    points: FloatArray  # points, m, global axes, shape (n, 3)
+    faces: IntArray  # point indices of the triangles, counterclockwise seen from outside, shape (t, 3)
+    values: FloatArray | None = None  # colour values by point, shape (n,); None if there are none
 
 
 def loft(kind: str, rings: FloatArray, *, cyclic: bool = False, values: FloatArray | None = None) -> Solid:
@@ -74,18 +49,6 @@ def _loft_faces(count: int, around: int, cyclic: bool) -> IntArray:
     skin = np.concatenate(faces)
     skin.setflags(write=False)
     return skin
-
-
-def merge_solids(solids: Sequence[Solid]) -> Solid:
-    """Merge several solids into one surface."""
-    starts = np.cumsum([0, *(len(one.points) for one in solids)])[:-1].tolist()
-    values = [one.values for one in solids if one.values is not None]
-    return Solid(
-        solids[0].kind,
-        np.concatenate([one.points for one in solids]),
-        np.concatenate([one.faces + start for one, start in zip(solids, starts, strict=True)]),
-        np.concatenate(values) if len(values) == len(solids) else None,
-    )
 
 
 CIRCLE_POINTS = 32
@@ -119,6 +82,11 @@ def capsule(start: complex, end: complex, radii: tuple[float, float]) -> FloatAr
     far = end + radii[1] * about * np.exp(1j * np.linspace(-open_by, open_by, half))
     outline = np.concatenate([near, far])
     return np.column_stack([outline.real, outline.imag])
+
+
+def unit_vector(vector: FloatArray) -> FloatArray:
+    """Return the unit vector along a vector."""
+    return vector[:3] / np.linalg.norm(vector[:3])
 
 
 def perpendicular_axes(axis: FloatArray) -> tuple[FloatArray, FloatArray]:

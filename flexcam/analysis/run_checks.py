@@ -1,0 +1,400 @@
+"""Checks of a case before its run, and of the run: lobes, contacts, events, energy balance, resolution.
+
+Every check returns warnings: what is wrong, where, by how much, and what to change. ``docs/long-runs.md`` has the table
+of the checks of a run.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from flexcam.analysis.preparation import PreparedRun
+from flexcam.cams import Follower, profile_at, undercut
+from flexcam.case.input_checks import (
+    check_coil_bind,
+    check_connectivity,
+    check_loads,
+    check_open_contacts,
+    check_overshoot,
+    check_shared_seat_load,
+    check_start_impact,
+    check_values,
+)
+from flexcam.core import FloatArray, rounding_fraction
+from flexcam.core.errors import InputError
+from flexcam.dynamics import Block, Response, Sink, Stats, newmark, outline
+from flexcam.dynamics.memory import ExtremesSink
+from flexcam.valvetrain import (
+    BOUNCE_HEIGHT,
+    OPEN,
+    Cam,
+    CamContact,
+    Metric,
+    Model,
+    ModelModes,
+    PublishedLoad,
+    ResolutionSink,
+    build_structure,
+    coarse_cams,
+    compressed_members,
+    member_masses,
+    stiff_struts,
+)
+
+_ANGLES = np.linspace(0.0, 2.0 * math.pi, 720, endpoint=False)
+"""Cam angles at which a profile is evaluated."""
+
+_SAME_LOBE_ANGLE = 1.0
+"""Angle between two lifts, deg, up to which they may be the same lobe."""
+
+_SHAFT_RADIUS_RATIO = 1.0 + 1e-9
+"""Ratio of shaft radius to base radius from which the shaft is thicker; equal radii are valid."""
+
+_MIN_ENERGY_SHARE = 0.01
+"""Energy share in the shaft's bending from which an unsymmetric inertia is reported: flexcam's choice."""
+
+_MIN_DEFLECTION_ERROR = 1e-4
+"""Relative size of a deflection from which its rounding is reported: tables show four digits."""
+
+_MIN_STEPS = 20
+"""Minimum steps per period: with fewer, common integrators have a period error of more than a percent."""
+
+_MIN_ELEMENTS = 4
+"""Minimum elements per bending wave: with fewer, cubic elements have a frequency error of more than half a percent."""
+
+_MIN_IMPACT_STEPS = 5
+"""Minimum steps per impact: with fewer, the true maximum force may exceed the computed one by a twentieth."""
+
+_MAX_RESIDUAL = 0.01
+"""Allowed residual relative to the largest force: some integrators satisfy equilibrium between the instants."""
+
+_MAX_ENERGY_RESIDUAL = 0.01
+"""Allowed residual of the energy balance and numerical dissipation, relative to the work."""
+
+
+# Before a run
+
+
+def check_modes(modes: ModelModes) -> list[str]:
+    """Return warnings about modes."""
+    return [sentence for sentence in (modes.modes.describe_rounding(),) if sentence]
+
+
+def check_input(ready: PreparedRun) -> list[str]:
+    """Return warnings about a case: implausible numbers, impossible lobes, parts without effect, open contacts."""
+    case, model, problem = ready.case, ready.model, ready.problem
+    rigid = () if problem.system.size else (check_shared_seat_load, check_coil_bind)
+    return [
+        *check_values(case),
+        *check_lobes(model),
+        *check_connectivity(model),
+        *check_loads(model, problem),
+        *check_open_contacts(model, problem, ready.scheme),
+        *check_start_impact(case, model, problem),
+        *check_overshoot(problem, ready.scheme),
+        *(sentence for check in rigid for sentence in check(model, case.speed)),
+        *_check_cam_steps(ready),
+        *_check_geometric_stiffness(ready),
+    ]
+
+
+def _check_cam_steps(ready: PreparedRun) -> list[str]:
+    """Return warnings about cams that the steps of a run do not resolve."""
+    turn = ready.case.speed * ready.problem.step
+    return [
+        f"Warning: too few steps per revolution, {2.0 * math.pi / turn:.4g}: between two of them the lift of cam "
+        f"{one.cam} departs from a straight line by up to {100.0 * one.missed:.3g} % of it; take {one.enough} or more"
+        for one in coarse_cams(ready.model, turn)
+    ]
+
+
+def _check_geometric_stiffness(ready: PreparedRun) -> Iterator[str]:
+    """Yield warnings about members with too few elements for their geometric stiffness."""
+    for one in stiff_struts(ready.model) if _has_member_dofs(ready) else ():
+        why = (
+            "no node between its supports can move sideways"
+            if math.isinf(one.excess)
+            else f"its computed buckling load is {100.0 * one.excess:.2g} % too high"
+        )
+        where = f"too few elements in member {one.member} for its geometric stiffness"
+        yield f"Warning: {where}: {why}; take {one.elements}"
+
+
+def check_lobes(model: Model) -> list[str]:
+    """Return warnings about impossible lobes, and about rotating bodies modelled without rotation."""
+    known = [(name, cam, cam.follower) for name, cam in model.cams.items() if cam.follower is not None]
+    lobes = [one for name, cam, follower in known for one in _check_lobe(model, name, cam, follower)]
+    return [*lobes, *_check_shared_lobes(model), *dict.fromkeys(_check_body_inertia(model))]
+
+
+def _check_lobe(model: Model, name: str, cam: Cam, follower: Follower) -> Iterator[str]:
+    if _is_undercut(cam, follower):
+        why = "its profile crosses itself (undercut), so that no cam can make the lift of this run"
+        yield f"Warning: cams.{name}: {why}; flexcam cam gives the base circle that is large enough"
+    node = model.mesh.points.get(cam.at, np.empty(0, dtype=int))
+    sections = [
+        one.section for one_name, one in model.members.items() if np.isin(node, model.mesh.lines[one_name]).any()
+    ]
+    shaft = max((one.radius for one in sections if one.round), default=0.0)
+    if shaft > _SHAFT_RADIUS_RATIO * follower.base_radius:
+        sizes = f"its base circle has a radius of {1e3 * follower.base_radius:.4g} mm, its shaft one of"
+        yield f"Warning: cams.{name}: {sizes} {1e3 * shaft:.4g} mm: the follower would run on the shaft"
+
+
+def _is_undercut(cam: Cam, follower: Follower) -> bool:
+    try:
+        radius = profile_at(cam.event, follower, _ANGLES, cam.turn).radius
+    except InputError:  # no profile exists: code that needs it raises the error
+        return False
+    return bool(undercut(radius, follower).any())
+
+
+def _check_shared_lobes(model: Model) -> Iterator[str]:
+    """Yield the cams with followers on different sides of the shaft that lift at the same cam angle."""
+    first: dict[str, PublishedLoad | CamContact] = {}
+    for one in model.cam_contacts.values():
+        other = first.setdefault(one.cam, one)
+        a, b = other.direction[:3], one.direction[:3]
+        later = math.degrees(math.atan2(float(np.cross(a, b) @ one.shaft_axis), float(a @ b))) % 360.0
+        if min(later, 360.0 - later) > _SAME_LOBE_ANGLE:
+            why = f"it lifts {other.follower} and {one.follower} at the same cam angle, but its lobe reaches the second"
+            remedy = f"give {one.follower} a cam of its own with a phase greater by that"
+            yield f"Warning: cams.{one.cam}: {why} {later:.4g} deg later; {remedy}"
+
+
+def _check_body_inertia(model: Model) -> Iterator[str]:
+    """Yield the bodies that rotate with a shaft and have different moments of inertia about its transverse axes.
+
+    In a half wave of bending over a shaft of length L and mass m, the difference of both has ``2 (pi/L)^2 dJ/m`` of the
+    kinetic energy: slopes are pi/L times the deflection, and the mean of the squared half wave is 1/2.
+    """
+    own = member_masses(model)
+    for contact in model.cam_contacts.values():
+        nodes = model.mesh.connected_nodes(model.mesh.node(model.cams[contact.cam].at))
+        length = float(np.ptp(model.mesh.nodes[nodes] @ contact.shaft_axis))
+        mass = sum(own[name] for name, line in model.mesh.lines.items() if np.isin(line, nodes).any())
+        for name, part in model.masses.items():
+            at = model.mesh.points.get(part.at, np.empty(0, dtype=int))
+            if not np.isin(at, nodes).any():
+                continue
+            apart = _transverse_inertia_difference(part.body.matrix()[3:, 3:], contact.shaft_axis)
+            if 2.0 * math.pi**2 * apart > _MIN_ENERGY_SHARE * mass * length**2:
+                given = f"its moments of inertia across the shaft differ by {apart:.3g} kg m^2 and rotate with it"
+                yield f"Warning: masses.{name}: {given}; the model does not rotate them: give the mean of both"
+
+
+def _transverse_inertia_difference(inertia: FloatArray, axis: FloatArray) -> float:
+    """Return the difference of the maximum and minimum moment of inertia about axes perpendicular to a given one."""
+    square = np.eye(3) - np.outer(axis, axis)
+    values = np.linalg.eigvalsh(square @ inertia @ square + 2.0 * np.trace(inertia) * np.outer(axis, axis))
+    return float(values[1] - values[0])
+
+
+# During and after a run
+
+
+@dataclass(frozen=True, eq=False)
+class RunMonitor:
+    """Sinks that collect the data for checks of a run.
+
+    Parameters
+    ----------
+    extremes
+        Minimum and maximum of all quantities.
+    resolution
+        Resolution of the motion by steps and elements.
+    """
+
+    extremes: ExtremesSink
+    resolution: ResolutionSink
+
+    @classmethod
+    def of(cls, ready: PreparedRun) -> Self:
+        """Return the sinks for a future run."""
+        names = outline(ready.problem.system, channels=ready.save.channels)
+        structure = build_structure(ready.model)
+        return cls(ExtremesSink(names), ResolutionSink(structure, ready.problem.system, names, ready.problem.step))
+
+    @classmethod
+    def from_response(cls, ready: PreparedRun, response: Response) -> Self:
+        """Return the sinks for a finished run, from its histories."""
+        monitor = cls.of(ready)
+        rows = [response.channels[name] for name, _ in response.outline.channels]
+        channels = np.column_stack(rows) if rows else np.zeros((len(response.time), 0))
+        saved = response.field_time, response.field_angle, response.fields
+        block = Block(response.time, response.angle, response.probes, channels, *saved)
+        for sink in monitor.sinks:
+            sink.write(block)
+        return monitor
+
+    @property
+    def sinks(self) -> tuple[Sink, Sink]:
+        """Sinks for `flexcam.solve`."""
+        return self.extremes, self.resolution
+
+
+def check_run(ready: PreparedRun, monitor: RunMonitor, metrics: list[Metric], stats: Stats) -> list[str]:
+    """Return warnings about a run."""
+    return [
+        *check_input(ready),
+        *describe_model_limits(ready),
+        *check_events(metrics),
+        *_check_energy_balance(monitor.extremes),
+        *_check_numerical_dissipation(ready, monitor.extremes),
+        *_check_equilibrium(stats),
+        *_check_rounding(ready, monitor.extremes),
+        *(_check_resolution(monitor.resolution) if _has_member_dofs(ready) else ()),
+    ]
+
+
+def _has_member_dofs(ready: PreparedRun) -> bool:
+    """Return whether a run has the degrees of freedom of its members."""
+    return ready.case.record.fidelity.model == "beams" and ready.problem.system.size > 0
+
+
+def describe_model_limits(ready: PreparedRun) -> list[str]:
+    """Return warnings about results that a rigid or lumped model does not give."""
+    model = ready.case.record.fidelity.model
+    if model == "beams":
+        return []
+    if model == "rigid":
+        return ["Warning: the rigid model computes no member forces: it gives no stresses and section forces"]
+    channels = {channel.name for channel in ready.problem.system.channels}
+    missing = [name for name in compressed_members(ready.model) if f"members.{name}.compression" not in channels]
+    why = "it has no bending, no spring surge and no twist along the camshaft"
+    warnings = [f"Warning: the lumped model gives no twist, torque and stresses of members: {why}"]
+    if missing:
+        why = "the model has no mass behind them, and so no inertia force that compresses them"
+        remedy = 'take fidelity.model = "chain" with two masses or more'
+        warnings.append(f"Warning: no compression and buckling of {', '.join(missing)}: {why}; {remedy}")
+    return warnings
+
+
+def check_events(metrics: Iterable[Metric]) -> list[str]:
+    """Return warnings about events of the last revolution: contact loss, valve bounce, coil clash, buckling."""
+    known = list(metrics)
+    bounces = dict(_metrics_with_suffix(known, ".bounces"))
+    return [
+        *(
+            f"Warning: the follower of {name!r} loses contact with its cam for {math.degrees(angle):.3g} deg of the "
+            f"lift: the motion after that is no valve event to design by"
+            for name, angle in _metrics_with_suffix(known, ".open_on_the_lift")
+            if angle > OPEN
+        ),
+        *(
+            f"Warning: the valve bounces {'once' if bounces[name] == 1.0 else f'{bounces[name]:.0f} times'} at "
+            f"{name!r}, up to {1e3 * height:.3g} mm above its seat"
+            for name, height in _metrics_with_suffix(known, ".bounce_height")
+            if height > BOUNCE_HEIGHT
+        ),
+        *(
+            f"Warning: coils of {name!r} touch: {-1e3 * clearance:.3g} mm beyond coil bind"
+            for name, clearance in _metrics_with_suffix(known, ".clearance.least")
+            if clearance < 0.0
+        ),
+        *(
+            f"Warning: the compression of member {name!r} exceeds its buckling load, margin {margin:.4g}"
+            for name, margin in _metrics_with_suffix(known, ".buckling_margin")
+            if margin < 1.0
+        ),
+    ]
+
+
+def describe_contact_loss(metrics: Iterable[Metric]) -> str:
+    """Describe which followers lost contact with their cams, and for how long; empty if none did."""
+    lost = [(name, angle) for name, angle in _metrics_with_suffix(metrics, ".open_on_the_lift") if angle > OPEN]
+    return ", ".join(f"{name!r} lost contact for {math.degrees(angle):.2g} deg" for name, angle in lost)
+
+
+def _metrics_with_suffix(metrics: Iterable[Metric], suffix: str) -> Iterator[tuple[str, float]]:
+    """Yield name of the part and value of the metrics with a given suffix."""
+    for metric in metrics:
+        if metric.name.endswith(suffix):
+            yield metric.name.removesuffix(suffix).partition(".")[2], metric.value
+
+
+def energy_residual(extremes: ExtremesSink) -> float:
+    """Return the residual of the energy balance, relative to its terms."""
+    return abs(_largest_share(extremes, "residual"))
+
+
+def numerical_dissipation(extremes: ExtremesSink) -> float:
+    """Return the relative numerical dissipation of the time integration; negative if it adds energy."""
+    return _largest_share(extremes, "numerical")
+
+
+def _largest_share(extremes: ExtremesSink, part: str) -> float:
+    """Return the maximum of a term of the energy balance relative to the largest range of work and stored energies."""
+    bounds = (extremes.channel(f"energy.{name}") for name in ("work", "kinetic", "strain"))
+    largest_range = max(largest - least for least, largest in bounds)
+    return max(extremes.channel(f"energy.{part}"), key=abs) / largest_range if largest_range > 0.0 else 0.0
+
+
+def describe_balance(extremes: ExtremesSink, stats: Stats) -> str:
+    """Return a sentence about the energy balance and the equilibrium residual of a run."""
+    if not extremes.energies:
+        return ""
+    forces = f"forces within {stats.imbalance:.1e} of the largest" if stats.imbalance >= 0.0 else "forces not checked"
+    residual, numerical = energy_residual(extremes), numerical_dissipation(extremes)
+    return f"residual {residual:.1e}, numerical dissipation {numerical:.2g} of the external work; {forces}"
+
+
+def _check_energy_balance(extremes: ExtremesSink) -> list[str]:
+    share = energy_residual(extremes)
+    if share <= _MAX_ENERGY_RESIDUAL:
+        return []
+    why = "the steps are too long for the motion within them, or a contact is too stiff for them"
+    return [
+        f"Warning: the energy balance has a residual of {100.0 * share:.2g} %: {why}; take more steps per revolution"
+    ]
+
+
+def _check_numerical_dissipation(ready: PreparedRun, extremes: ExtremesSink) -> list[str]:
+    share = numerical_dissipation(extremes)
+    if abs(share) <= _MAX_ENERGY_RESIDUAL:
+        return []
+    verb = "dissipates" if share > 0.0 else "adds"
+    other = "" if ready.scheme == newmark() else ', or integrator = { method = "newmark" }'
+    why = f"{100.0 * abs(share):.2g} % of the external work: the steps are too long for the motion within them"
+    return [f"Warning: the time integration {verb} {why}; take more steps per revolution{other}"]
+
+
+def _check_equilibrium(stats: Stats) -> list[str]:
+    if stats.imbalance <= _MAX_RESIDUAL:
+        return []
+    why = "the steps are too long for the motion; take more steps per revolution"
+    return [f"Warning: forces are out of balance by up to {100.0 * stats.imbalance:.2g} % of the largest: {why}"]
+
+
+def _check_rounding(ready: PreparedRun, extremes: ExtremesSink) -> list[str]:
+    if not extremes.most_bent.any() or not ready.problem.system.size:
+        return []
+    share = rounding_fraction(ready.problem.system.stiffness, extremes.most_bent)
+    if share <= _MIN_DEFLECTION_ERROR:
+        return []
+    return [f"Warning: rounding in the stiffness may have taken up to {100.0 * share:.1g} % of the deflection"]
+
+
+def _check_resolution(sink: ResolutionSink) -> Iterator[str]:
+    """Yield warnings about insufficient resolution by steps and elements."""
+    found = sink.found()
+    at = f"at the {found.frequency:.4g} Hz of the accelerations"
+    if found.steps < _MIN_STEPS:
+        more = math.ceil(10.0 * _MIN_STEPS / found.steps) / 10.0
+        yield f"Warning: a period has {found.steps:.3g} steps {at}; take {more:.2g} times as many"
+    for name, count in found.elements.items():
+        if count < _MIN_ELEMENTS:
+            more = math.ceil(_MIN_ELEMENTS / count)
+            yield f"Warning: a bending wave of member {name} has {count:.2g} elements {at}; take {more} times as many"
+    for name, count in found.impacts.items():
+        if count < _MIN_IMPACT_STEPS:
+            steps = f"{count} step{'s' if count > 1 else ''}"
+            yield (
+                f"Warning: the largest force of contact {name} is that of an impact of {steps}: "
+                f"take more steps per revolution, or a softer contact"
+            )

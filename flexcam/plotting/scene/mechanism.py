@@ -1,0 +1,372 @@
+"""Drawable mechanism: positions and default sizes of its parts, and all its solids at an instant."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from flexcam.cams import FlatFollower, Follower, cam_profile
+from flexcam.core import FloatArray
+from flexcam.plotting.scene.motion import SceneState, centre_line, model_size, sweep_outline
+from flexcam.plotting.scene.parts import (
+    STEM,
+    CamPlacement,
+    CoilPlacement,
+    CoilSizes,
+    LeverFrame,
+    ValvePlacement,
+    cam_frame,
+    follower_solids,
+    is_bearing,
+    lever_frame,
+    lever_solids,
+    lobe_solid,
+    shaft_names,
+    spring_solids,
+    support_solids,
+    valve_solids,
+)
+from flexcam.plotting.scene.solids import (
+    Solid,
+    ball,
+    cylinder,
+    loft,
+    perpendicular_axes,
+    section_outlines,
+    unit_vector,
+)
+from flexcam.valvetrain import Cam, Lash, Model, Rocker, Seat, Spring, Structure, valve_ratio
+from flexcam.valvetrain.structure import spring_parts
+from flexcam.valvetrain.train_topology import moved_nodes, rocker_of
+
+SHEAR_MODULUS = 79.3e9
+"""Shear modulus of spring steel, Pa, used to find the number of coils from rate and wire."""
+
+_COILS = 6.0
+"""Number of coils of a spring without wire data."""
+
+
+@dataclass(eq=False)
+class Notes:
+    """Notes on parts drawn with a default size."""
+
+    _said: dict[str, list[str]] = field(default_factory=dict[str, list[str]])
+
+    def record(self, what: str, name: str, size: float, why: str) -> float:
+        """Return a size, m, and record a note: the kind of part, its name, and the reason."""
+        self._said.setdefault(f"{what} {{}}: {1e3 * size:.3g} mm, {why}", []).append(name)
+        return size
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """Sentences for the notes; parts of equal size share one."""
+        return tuple(text.format(", ".join(dict.fromkeys(names))) for text, names in self._said.items())
+
+
+def valve_lift(model: Model) -> float:
+    """Return the maximum valve lift of the rigid train, m; a tenth of the model size without a driven valve."""
+    lifts = [abs(cam.event.height * valve_ratio(model, name)) for name, cam in model.cams.items()]
+    return max(lifts, default=0.0) or 0.1 * model_size(model)
+
+
+def default_follower(name: str, cam: Cam, distance: float, notes: Notes) -> Follower:
+    """Return the follower with which a cam is drawn."""
+    if cam.follower is not None:
+        return cam.follower
+    base = distance if distance > 0.0 else 3.0 * cam.event.height
+    return FlatFollower(notes.record("base circle of cam", name, base, "to its follower's node, under a flat face"))
+
+
+def lobe_width(name: str, cam: Cam, follower: Follower, notes: Notes) -> float:
+    """Return the width of a lobe, m."""
+    if cam.width is not None:
+        return cam.width
+    return notes.record("width of cam", name, 0.7 * follower.base_radius, "0.7 of its base radius")
+
+
+def face_radius(cam: Cam, follower: Follower, width: float) -> float:
+    """Return the radius of a flat face that covers the whole contact with a margin of a tenth, m."""
+    away = float(np.abs(cam_profile(cam.event, follower, turn=cam.turn).offset).max())
+    return max(1.1 * math.hypot(away, 0.5 * width), 0.5 * follower.base_radius)
+
+
+def coil_sizes(name: str, spring: Spring, diameter: float, travel: float, notes: Notes) -> CoilSizes:
+    """Return the sizes of a drawn spring."""
+    if spring.wire is not None:
+        D, d = spring.wire.coil_diameter, spring.wire.diameter
+        coils = SHEAR_MODULUS * d**4 / (8.0 * D**3 * spring.stiffness) if spring.stiffness > 0.0 else _COILS
+    else:
+        D, coils = notes.record("coil of spring", name, diameter, "wire from its rate, six coils of steel"), _COILS
+        d = min((8.0 * D**3 * coils * spring.stiffness / SHEAR_MODULUS) ** 0.25, D / 5.0)
+    d, coils = max(d, D / 40.0), min(max(coils, 2.0), 20.0)
+    room = spring.clash_travel or 1.4 * travel
+    return CoilSizes(
+        D, d, notes.record("length of spring", name, (coils + 2.0) * d + room, "its coils and their travel"), coils
+    )
+
+
+def find_seat(model: Model, point: str) -> Seat | None:
+    """Return the seat at a point; None if there is none."""
+    return next((one for one in model.contacts.values() if isinstance(one, Seat) and one.at == point), None)
+
+
+def closing_spring(model: Model, nodes: set[int]) -> Spring | None:
+    """Return the stiffest spring from given nodes to ground that is not a bearing; None if there is none."""
+    own = [
+        one
+        for one in model.springs.values()
+        if one.at in model.mesh.points and one.to is None and model.mesh.node(one.at) in nodes and is_coil(model, one)
+    ]
+    return max(own, key=lambda one: one.stiffness, default=None)
+
+
+def is_coil(model: Model, spring: Spring) -> bool:
+    """Return whether a spring is drawn as a coil: translational and not a bearing of a shaft."""
+    return bool(spring.direction[:3].any()) and not is_bearing(model, spring)
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Positions and sizes of parts."""
+
+    # cams, levers, valves, springs: parts; levers by the name of their rocker
+    cams: tuple[CamPlacement, ...]
+    levers: dict[str, LeverFrame]
+    valves: tuple[ValvePlacement, ...]
+    springs: tuple[CoilPlacement, ...]
+    head: float  # diameter of valve heads, m
+    thick: float  # thickness of rockers, m
+    notes: tuple[str, ...]  # sentences about sizes that the case does not give
+
+
+def build_layout(structure: Structure) -> Layout:
+    """Return the layout of a model."""
+    model, notes = structure.model, Notes()
+    head = 4.0 * valve_lift(model)  # makes the curtain area equal to the port area
+    cams = tuple(_cams(model, notes))
+    levers = {name: _lever(model, one, cams) for name, one in model.rockers.items()}
+    valves = tuple(_valves(model, levers))
+    for one in valves:
+        notes.record("valve head at", one.point, head, "four lifts across")
+        if one.stem:
+            notes.record("valve stem at", one.point, STEM * head, "a sixth of its head across and three heads long")
+    reach = min((arm for one in model.rockers.values() for arm in one.arms), default=0.0)
+    thick = 0.42 * reach
+    for name in levers:
+        notes.record("rocker", name, thick, "thick: 0.42 of the shortest arm")
+    springs = tuple(_springs(structure, cams, levers, head, notes))
+    return Layout(cams, levers, valves, springs, head, thick, notes.lines)
+
+
+def _cams(model: Model, notes: Notes) -> Iterator[CamPlacement]:
+    for contact in model.cam_contacts.values():
+        cam, lift = model.cams[contact.cam], unit_vector(contact.direction)
+        node, points = model.mesh.node(cam.at), model.mesh.points
+        centre, ahead = model.mesh.nodes[node], 0.0
+        if contact.follower in points:
+            ahead = float((model.mesh.nodes[model.mesh.node(contact.follower)] - centre) @ lift)
+        follower = default_follower(contact.cam, cam, ahead, notes)
+        width = lobe_width(contact.cam, cam, follower, notes)
+        frame = cam_frame(cam, follower, centre, lift, contact.shaft_axis, width)
+        face = 0.0
+        if np.isinf(follower.roller_radius):
+            face = face_radius(cam, follower, width)
+            notes.record("face of follower", contact.follower, face, "radius on which the whole contact lies")
+        yield CamPlacement(frame, node, contact, lift, ahead, face)
+
+
+def _lever(model: Model, rocker: Rocker, cams: tuple[CamPlacement, ...]) -> LeverFrame:
+    own = next((one for one in cams if rocker_of(model, one.contact) is rocker), None)
+    lift = unit_vector(rocker.direction)
+    if rocker.finger and own is not None:
+        tip = own.frame.contact_end(0.0)
+        end = own.frame.centre + np.array([tip.real, tip.imag]) @ own.frame.plane
+        return lever_frame(rocker, end, own.frame.plane, -own.frame.side)
+    right = np.cross(own.frame.axis, lift) if own is not None else perpendicular_axes(lift)[0]
+    if float(np.linalg.norm(right)) < 0.5:  # driven along the shaft
+        right = perpendicular_axes(lift)[0]
+    return lever_frame(
+        rocker, model.mesh.nodes[model.mesh.node(rocker.start)], np.array([unit_vector(right), lift]), -1
+    )
+
+
+def _valves(model: Model, levers: dict[str, LeverFrame]) -> Iterator[ValvePlacement]:
+    """Yield the valves: at the points of rockers, at seats, and at the stiffest spring of other trains."""
+    for name, frame in levers.items():
+        point, play = frame.rocker.point, model.lash_of(name)
+        gap = play.gap if isinstance(play, Lash) else 0.0
+        tip = frame.space(frame.ends(0.0)[1]) + gap * frame.opening_direction
+        yield ValvePlacement(point, tip, frame.opening_direction, True, find_seat(model, point) is not None)
+    for contact in model.cam_contacts.values():
+        if rocker_of(model, contact) is not None:
+            continue
+        nodes = set(moved_nodes(model, contact))
+        seated = [p for p in model.mesh.points if (s := find_seat(model, p)) and model.mesh.node(s.at) in nodes]
+        for point in seated:
+            seat = find_seat(model, point)
+            if seat is not None:
+                on_member = bool(model.mesh.on_members()[model.mesh.node(point)])
+                yield _valve_at(model, point, unit_vector(seat.direction), stem=not on_member, seat=True)
+        spring = closing_spring(model, nodes)
+        if not seated and spring is not None:
+            yield _valve_at(model, spring.at, unit_vector(contact.direction), stem=True, seat=False)
+
+
+def _valve_at(model: Model, point: str, away: FloatArray, *, stem: bool, seat: bool) -> ValvePlacement:
+    return ValvePlacement(point, model.mesh.nodes[model.mesh.node(point)], away, stem, seat)
+
+
+def _springs(
+    structure: Structure, cams: tuple[CamPlacement, ...], levers: dict[str, LeverFrame], head: float, notes: Notes
+) -> Iterator[CoilPlacement]:
+    model = structure.model
+    travel = valve_lift(model)
+    for name, spring in model.springs.items():
+        if not is_coil(model, spring):
+            continue
+        parts = spring_parts(structure, name, spring)
+        borders = np.array([parts[0][0], *(high for _, high in parts)])
+        across_face = next((1.7 * one.face for one in cams if one.contact.follower == spring.at and one.face), 0.0)
+        if spring.to is not None and spring.to in model.mesh.points and spring.at in model.mesh.points:
+            yield _spring_between_nodes(model, name, spring, borders, head, notes)
+        else:
+            start, away = _moving_end(model, spring, levers, head)
+            coil = coil_sizes(name, spring, across_face or 0.75 * head, travel, notes)
+            yield CoilPlacement(start + coil.length * away, -away, coil, borders, -1.0, True, not across_face)
+
+
+def _moving_end(
+    model: Model, spring: Spring, levers: dict[str, LeverFrame], head: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return the moving end of a spring to ground, and the direction from there to its fixed end."""
+    if spring.at in model.mesh.points:
+        return model.mesh.nodes[model.mesh.node(spring.at)], unit_vector(spring.direction)
+    frame = next(one for one in levers.values() if spring.at in (one.rocker.point, one.rocker.start))
+    same = float(spring.direction @ frame.rocker.direction) >= 0.0
+    if spring.at == frame.rocker.point:
+        away = frame.opening_direction if same else -frame.opening_direction
+        return frame.space(frame.ends(0.0)[1]) + 0.2 * head * away, away
+    away = frame.plane[1] if same else -frame.plane[1]
+    return frame.space(frame.ends(0.0)[0]), away
+
+
+def _spring_between_nodes(
+    model: Model, name: str, spring: Spring, borders: FloatArray, head: float, notes: Notes
+) -> CoilPlacement:
+    """Return the position of a spring between two nodes, starting at its end `to`."""
+    start, end = (model.mesh.nodes[model.mesh.node(str(one))] for one in (spring.to, spring.at))
+    span = end - start
+    length = float(np.linalg.norm(span))
+    coil = coil_sizes(name, spring, min(0.5 * head, 0.4 * length), 0.0, notes)
+    fits = min(1.0, 0.7 * length / ((coil.coils + 2.0) * coil.wire))
+    made = CoilSizes(coil.diameter, fits * coil.wire, length, coil.coils)
+    return CoilPlacement(
+        start, span / length, made, borders, float(np.sign(spring.direction[:3] @ span)) or 1.0, False, False
+    )
+
+
+_STEEL = 7800.0
+"""Density of the sphere drawn for a mass at a node, kg/m^3; its size is limited to a tenth of the model's size."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mechanism:
+    """Drawable model."""
+
+    structure: Structure  # structure of the model
+    layout: Layout  # positions and sizes of parts outside of the mesh
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences about sizes that the case does not give."""
+        return self.layout.notes
+
+    @property
+    def upwards(self) -> FloatArray:
+        """Unit vector that points up in figures, shape (3,): along the lift, toward increasing coordinates."""
+        lift = self.layout.cams[0].lift if self.layout.cams else np.array([0.0, 1.0, 0.0])
+        return lift * (np.sign(lift[np.argmax(np.abs(lift))]) or 1.0)
+
+    @property
+    def axis(self) -> FloatArray:
+        """Unit vector of the camshaft, or one perpendicular to `upwards` without a camshaft, shape (3,)."""
+        return self.layout.cams[0].frame.axis if self.layout.cams else perpendicular_axes(self.upwards)[1]
+
+    def solids(self, instant: SceneState) -> list[Solid]:
+        """Return all parts at an instant."""
+        layout = self.layout
+        return [
+            *self._members(instant),
+            *(lobe_solid(one.frame, instant.angle, instant.nodal[one.node]) for one in layout.cams),
+            *(part for one in layout.cams for part in follower_solids(one, instant)),
+            *(
+                part
+                for name, one in layout.levers.items()
+                for part in lever_solids(one, self._path(name, instant), layout.thick)
+            ),
+            *(
+                part
+                for one in layout.valves
+                for part in valve_solids(one, instant.at(one.point, one.away), layout.head)
+            ),
+            *(part for one in layout.springs for part in spring_solids(one, instant)),
+            *(axle for one in layout.cams for axle in self._axle(one, instant)),
+            *support_solids(self.structure.model, layout.cams, instant),
+            *self._balls(instant),
+        ]
+
+    def _members(self, instant: SceneState) -> Iterator[Solid]:
+        model, first = self.structure.model, 0
+        turning = shaft_names(model)
+        for name, elements in model.mesh.element_ranges().items():
+            line = centre_line(self.structure.beams, elements, model.mesh.nodes, instant.nodal)
+            rings = [sweep_outline(outline, line) for outline in section_outlines(model.members[name].section)]
+            count = len(model.mesh.lines[name])
+            values = None
+            if instant.values is not None:
+                values = np.interp(line.part, np.arange(count), instant.values[first : first + count])
+            yield _section_solid("shaft" if name in turning else "member", rings, values)
+            first += count
+
+    def _path(self, name: str, instant: SceneState) -> float:
+        return instant.along(self.structure.path(self.structure.model.rockers[name]))
+
+    def _axle(self, place: CamPlacement, instant: SceneState) -> list[Solid]:
+        """Return the stub shaft through a cam without a member."""
+        if self.structure.model.mesh.on_members()[place.node]:
+            return []
+        frame = place.frame
+        middle = frame.centre + instant.nodal[place.node, :3]
+        reach, radius = 1.1 * frame.width * frame.axis, 0.4 * frame.follower.base_radius
+        return [cylinder("shaft", middle - reach, middle + reach, radius)]
+
+    def _balls(self, instant: SceneState) -> Iterator[Solid]:
+        """Yield the masses at nodes without other parts."""
+        model = self.structure.model
+        shown = {one.point for one in self.layout.valves} | {one.contact.follower for one in self.layout.cams}
+        for part in model.masses.values():
+            if part.at in shown or part.at not in model.mesh.points:
+                continue
+            node = model.mesh.node(part.at)
+            if not model.mesh.on_members()[node]:
+                radius = (0.75 * part.body.mass / (np.pi * _STEEL)) ** (1.0 / 3.0)
+                largest = 0.1 * model_size(model)
+                yield ball("mass", model.mesh.nodes[node] + instant.nodal[node, :3], min(float(radius), largest))
+
+
+def _section_solid(kind: str, rings: list[FloatArray], values: FloatArray | None) -> Solid:
+    """Return the solid of a swept section; a hole is connected in the reverse direction."""
+    if len(rings) == 1:
+        return loft(kind, rings[0], values=values)
+    there_and_back = np.concatenate([rings[0], rings[1][::-1]])
+    return loft(
+        kind, there_and_back, cyclic=True, values=None if values is None else np.concatenate([values, values[::-1]])
+    )
+
+
+def build_mechanism(structure: Structure) -> Mechanism:
+    """Create the drawable model of a structure."""
+    return Mechanism(structure, build_layout(structure))

@@ -1,0 +1,384 @@
+"""Solids of the parts at an instant: lobes, followers, rockers, valves, coil springs, supports."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexcam.cams import CamProfile, Follower, SwingFlatFollower, SwingRollerFollower, cam_profile
+from flexcam.core import ComplexArray, FloatArray, IntArray
+from flexcam.fem.frames import COMPONENTS
+from flexcam.plotting.scene.motion import SceneState, rotation_matrices
+from flexcam.plotting.scene.solids import (
+    Solid,
+    capsule,
+    circle,
+    cylinder,
+    loft,
+    perpendicular_axes,
+    prism,
+    revolve,
+    ring,
+)
+from flexcam.valvetrain import Cam, Lever, Model, Rocker, Spring
+from flexcam.valvetrain.train_topology import Driven
+
+PROFILE_POINTS = 360
+"""Number of points of a drawn profile."""
+
+
+@dataclass(frozen=True, eq=False)
+class CamFrame:
+    """Plane of a cam in space, in which cam and follower are drawn."""
+
+    profile: CamProfile  # cam profile in its own coordinates
+    centre: FloatArray  # centre of the cam at rest, m, shape (3,)
+    # unit vectors in space of the drawing axes, shape (2, 3); the follower initially moves along the second
+    plane: FloatArray
+    axis: FloatArray  # unit vector of rotation, shape (3,)
+    width: float
+
+    @property
+    def follower(self) -> Follower:
+        """Follower of the profile."""
+        return self.profile.follower
+
+    @property
+    def side(self) -> int:
+        """1 if the pivot of a swinging follower lies along the first axis from its contact end, else -1."""
+        follower = self.follower
+        return follower.side if isinstance(follower, SwingRollerFollower | SwingFlatFollower) else 1
+
+    def contact_end(self, lift: float) -> complex:
+        """Return the contact end of the follower (a roller's centre) at a lift, in the plane, m."""
+        touch = self.follower.contact(np.array([lift]), np.zeros(1), np.zeros(1), self.profile.turn)
+        return complex(touch.trace[0]) * self._upright_rotation
+
+    @property
+    def _upright_rotation(self) -> complex:
+        """Rotation of the drawing after which the initial follower motion is along the imaginary axis."""
+        nothing = np.zeros(1)
+        return 1j / complex(self.follower.contact(nothing, nothing, nothing, self.profile.turn).motion[0])
+
+    def contour(self, angle: float) -> ComplexArray:
+        """Return the profile at a cam angle, rad, in the rotated drawing, m, shape (n,), counterclockwise."""
+        own = self.profile.points @ np.array([1.0, 1j])
+        points = own * np.exp(1j * self.profile.turn * angle) * self._upright_rotation
+        area = float(np.sum((np.conj(points) * np.roll(points, -1)).imag))
+        return points if area > 0.0 else points[::-1]
+
+
+def cam_frame(
+    cam: Cam, follower: Follower, centre: FloatArray, lift: FloatArray, axis: FloatArray, width: float
+) -> CamFrame:
+    """Return the plane of a cam."""
+    right = cam.turn * np.cross(lift, axis)
+    made = cam_profile(cam.event, follower, count=PROFILE_POINTS, turn=cam.turn)
+    return CamFrame(made, centre, np.array([right, lift]), axis, width)
+
+
+def lobe_solid(frame: CamFrame, angle: float, moved: FloatArray) -> Solid:
+    """Return the solid of a lobe."""
+    outline = frame.contour(angle)
+    plane = frame.plane @ rotation_matrices(moved[None, 3:])[0]
+    return prism("lobe", np.column_stack([outline.real, outline.imag]), plane, frame.centre + moved[:3], frame.width)
+
+
+@dataclass(frozen=True, eq=False)
+class CamPlacement:
+    """Cam and follower with their positions."""
+
+    frame: CamFrame  # plane of the cam
+    node: int  # index of its node
+    contact: Driven  # contact with the follower
+    lift: FloatArray  # unit vector of the lift, shape (3,)
+    ahead: float  # distance along the lift from the cam centre to the follower node, m; zero for a finger follower
+    face: float  # radius of a flat face, m
+
+
+def follower_solids(place: CamPlacement, instant: SceneState) -> list[Solid]:
+    """Return the solids of a follower: a flat face or a roller, and its connection to the moving node."""
+    moved = instant.at(place.contact.follower, place.lift)
+    if np.isinf(place.frame.follower.roller_radius):
+        return _face(place, moved)
+    return _roller(place, moved, instant)
+
+
+def _face(place: CamPlacement, moved: np.ndarray) -> list[Solid]:
+    """Return a disc with its face on the cam, and the neck to the node if that is farther away."""
+    base, radius = place.frame.follower.base_radius, place.face
+    face = place.frame.centre + base * place.lift + moved
+    thick = 0.3 * radius
+    profile = [(0.0, 0.96 * radius), (0.04 * radius, radius), (thick, radius)]
+    parts = [revolve("follower", face, place.lift, profile)]
+    if place.ahead - base > thick:
+        parts.append(
+            cylinder("follower", face + thick * place.lift, face + (place.ahead - base) * place.lift, 0.3 * radius)
+        )
+    return parts
+
+
+def _roller(place: CamPlacement, moved: np.ndarray, instant: SceneState) -> list[Solid]:
+    frame = place.frame
+    along = float(moved @ place.lift)
+    finger = not instant.structure.is_node(place.contact.follower)
+    swings = finger or frame.side != 1
+    centre = frame.contact_end(along if swings else 0.0)
+    middle = frame.centre + np.array([centre.real, centre.imag]) @ frame.plane + (0.0 if swings else 1.0) * moved
+    half, radius = 0.55 * frame.width * frame.axis, frame.follower.roller_radius
+    parts = [cylinder("roller", middle - half, middle + half, radius)]
+    node = place.ahead - centre.imag
+    if not finger and node > 1.2 * radius:
+        parts.append(cylinder("follower", middle, middle + node * place.lift, 0.4 * radius))
+    return parts
+
+
+@dataclass(frozen=True, eq=False)
+class LeverFrame:
+    """Plane of a rocker in space."""
+
+    rocker: Rocker
+    pivot: FloatArray  # pivot, m, shape (3,)
+    plane: FloatArray  # unit vectors perpendicular to and along the motion of the driven end, shape (2, 3)
+    side: int = -1  # side of the pivot with the driven end along the first axis of the plane, 1 or -1
+
+    def ends(self, path: float) -> tuple[complex, complex]:
+        """Return both ends relative to the pivot, in the plane, m, for a displacement of the driven end (m)."""
+        rocker, far = self.rocker, self.side if self.rocker.finger else -self.side
+        if isinstance(rocker, Lever):
+            angles = rocker.angles[0] + path / rocker.arms[0], rocker.angles[1] + path / rocker.arms[0]
+        else:  # constant ratio: the sine of the rotation is proportional to the displacement
+            share = max(-0.9, min(0.9, path / rocker.arms[0]))
+            angles = math.asin(share), math.asin(share)
+        driven = rocker.arms[0] * complex(self.side * math.cos(angles[0]), math.sin(angles[0]))
+        up = 1.0 if rocker.finger else -1.0
+        return driven, rocker.arms[1] * complex(far * math.cos(angles[1]), up * math.sin(angles[1]))
+
+    def space(self, point: complex) -> FloatArray:
+        """Return a point of the plane in space, m, shape (3,)."""
+        return self.pivot + np.array([point.real, point.imag]) @ self.plane
+
+    @property
+    def opening_direction(self) -> FloatArray:
+        """Unit vector of the output motion during lift, shape (3,)."""
+        return self.plane[1] if self.rocker.finger else -self.plane[1]
+
+
+def lever_frame(rocker: Rocker, end: FloatArray, plane: FloatArray, side: int) -> LeverFrame:
+    """Return the plane of a rocker with a given position of its driven end."""
+    driven = LeverFrame(rocker, np.zeros(3), plane, side).ends(0.0)[0]
+    return LeverFrame(rocker, end - np.array([driven.real, driven.imag]) @ plane, plane, side)
+
+
+def lever_solids(frame: LeverFrame, path: float, thick: float) -> list[Solid]:
+    """Return the solids of a rocker and its pivot."""
+    bend, radii, pivot = _outline(frame, path, thick)
+    links = zip(bend[:-1], bend[1:], radii[:-1], radii[1:], strict=True)
+    body = [prism("rocker", capsule(a, b, (r, s)), frame.plane, frame.pivot, thick) for a, b, r, s in links]
+    reach, middle = 0.9 * thick * np.cross(frame.plane[0], frame.plane[1]), frame.space(bend[pivot])
+    post = [
+        cylinder("pivot", middle + 0.3 * thick * frame.plane[1], middle + 3.0 * thick * frame.plane[1], 0.6 * thick)
+    ]
+    shaft = cylinder("pivot", middle - reach, middle + reach, 0.45 * thick)
+    return [*body, shaft, *(post if frame.rocker.finger else [])]
+
+
+def _outline(frame: LeverFrame, path: float, thick: float) -> tuple[list[complex], list[float], int]:
+    """Return the joints of the body from end to end in the plane, their radii, and the index of the pivot.
+
+    The lower side of a rocker touches its pushrod and its valve; a finger touches its valve.
+    """
+    (driven, point), thin = frame.ends(path), 0.5 * thick
+    if frame.rocker.finger:
+        return [0j, driven, point - 1j * thin], [0.7 * thick, 0.7 * thick, thin], 0
+    return [driven + 1j * thin, 1j * thin, point + 1j * thin], [thin, 0.85 * thick, thin], 1
+
+
+STEM = 1.0 / 6.0
+"""Ratio of stem diameter to head diameter."""
+
+VALVE_LENGTH = 3.0
+"""Ratio of valve length to head diameter."""
+
+_HALF = 0.5 * STEM
+_HEAD_PROFILE = [(-0.45, _HALF), (-0.2, 1.3 * _HALF), (-0.1, 2.1 * _HALF), (-0.04, 0.47), (0.0, 0.5), (0.03, 0.5)]
+"""Axial positions from the valve end and radii there, relative to the head diameter."""
+
+
+@dataclass(frozen=True, eq=False)
+class ValvePlacement:
+    """Position of a valve."""
+
+    point: str  # name of the point with which it moves
+    # installed position, m, shape (3,): end of the stem, or centre of the head if the stem is a member of the model
+    tip: FloatArray
+    away: FloatArray  # unit vector of the opening direction, shape (3,)
+    stem: bool  # whether the stem is drawn
+    seat: bool  # whether the model has a seat for the valve
+
+
+def valve_solids(place: ValvePlacement, moved: FloatArray, head: float) -> list[Solid]:
+    """Return the solids of a valve, and of its seat if the model has one."""
+    length, away = (VALVE_LENGTH * head if place.stem else 0.0), place.away
+    tip, stem = place.tip + moved, 0.5 * STEM * head
+    profile = [(length + x * head, radius * head) for x, radius in _HEAD_PROFILE]
+    parts = [revolve("valve", tip, away, [*([(0.0, stem)] if place.stem else []), *profile])]
+    if place.seat:
+        closed = place.tip + (length - 0.08 * head) * away
+        parts.append(ring("seat", closed, away, (0.47 * head, 0.62 * head), 0.14 * head))
+    return parts
+
+
+@dataclass(frozen=True)
+class CoilSizes:
+    """Sizes of a drawn spring: mean coil diameter, wire diameter and installed length, m, and number of coils."""
+
+    diameter: float
+    wire: float
+    length: float
+    coils: float
+
+
+_PER_COIL = 20
+_WIRE = 10
+_END_COILS = 1.0
+"""Number of closed coils at each end."""
+
+
+def coil_solid(sizes: CoilSizes, start: FloatArray, axis: FloatArray, moved: FloatArray, length: float) -> Solid:
+    """Return the solid of a coil spring."""
+    turns = sizes.coils + 2.0 * _END_COILS
+    angle = np.linspace(0.0, 2.0 * math.pi * turns, round(_PER_COIL * turns) + 1)
+    place = _coil_height(angle / (2.0 * math.pi), turns, sizes, length)
+    closed = (0.5 + _END_COILS) * sizes.wire  # end coils move with the ends
+    along = place + np.interp(place, np.linspace(closed, max(length - closed, closed), len(moved)), moved)
+    first, second = perpendicular_axes(axis)
+    out = np.cos(angle)[:, None] * first + np.sin(angle)[:, None] * second
+    centres = start + along[:, None] * axis + 0.5 * sizes.diameter * out
+    tangent = np.gradient(centres, axis=0)
+    tangent /= np.linalg.norm(tangent, axis=1)[:, None]
+    up = np.cross(tangent, out)
+    wire = circle(0.5 * sizes.wire, _WIRE)
+    return loft("spring", centres[:, None] + wire[:, :1] * out[:, None] + wire[:, 1:] * up[:, None])
+
+
+def _coil_height(turn: FloatArray, turns: float, sizes: CoilSizes, length: float) -> FloatArray:
+    """Return the height of the wire centre over the turns: closed end coils, evenly spaced active coils."""
+    inner = max(length - (1.0 + 2.0 * _END_COILS) * sizes.wire, 0.0)
+    half = 0.5 * sizes.wire
+    knots = [0.0, _END_COILS, turns - _END_COILS, turns]
+    return np.interp(
+        turn, knots, [half, half + _END_COILS * sizes.wire, half + _END_COILS * sizes.wire + inner, length - half]
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class CoilPlacement:
+    """Position of a coil spring."""
+
+    start: FloatArray  # installed position of its fixed end (that at `to`), m, shape (3,)
+    axis: FloatArray  # unit vector from there to its moving end, shape (3,)
+    sizes: CoilSizes  # sizes of the coil
+    # rows over the degrees of freedom for the displacements of the boundaries of its parts along the spring direction,
+    # from the fixed end to the moving end, shape (parts + 1, n)
+    borders: FloatArray
+    sense: float  # 1 if the direction of the spring is along `axis`, else -1
+    ground: bool  # whether it stands on a washer at ground, and whether it has a retainer
+    retainer: bool
+
+
+def spring_solids(place: CoilPlacement, instant: SceneState) -> list[Solid]:
+    """Return the solids of a spring."""
+    moved = place.sense * (place.borders @ instant.unknowns)
+    size, axis = place.sizes, place.axis
+    made = [coil_solid(size, place.start, axis, moved, size.length)]
+    inner, outer, thick = 0.5 * (size.diameter - 1.6 * size.wire), 0.5 * size.diameter + size.wire, 0.7 * size.wire
+    if place.retainer:
+        top = place.start + (size.length + moved[-1] + 0.5 * thick) * axis
+        made.append(ring("retainer", top, axis, (0.25 * inner, outer), thick))
+    if place.ground:
+        made.append(ring("ground", place.start - 0.5 * thick * axis, axis, (0.6 * inner, 1.1 * outer), thick))
+    return made
+
+
+def shaft_names(model: Model) -> list[str]:
+    """Return the names of the members with cams."""
+    cams = {model.mesh.node(cam.at) for cam in model.cams.values()}
+    return [name for name, line in model.mesh.lines.items() if cams.intersection(line.tolist())]
+
+
+def is_bearing(model: Model, spring: Spring) -> bool:
+    """Return whether a spring is drawn as a bearing: from a node of a camshaft to ground."""
+    if spring.to is not None or spring.at not in model.mesh.points:
+        return False
+    node = model.mesh.node(spring.at)
+    return any(node in model.mesh.lines[name] for name in shaft_names(model))
+
+
+_TEETH = 20
+
+
+def support_solids(model: Model, cams: Sequence[CamPlacement], instant: SceneState) -> Iterator[Solid]:
+    """Yield the symbols of supports."""
+    bearings = {model.mesh.node(one.at) for one in model.springs.values() if is_bearing(model, one)}
+    held = _fixed_components(model)
+    turning = shaft_names(model)
+    faces = {model.mesh.node(c.contact.follower) for c in cams if c.ahead}
+    for name, line in model.mesh.lines.items():
+        radius = model.members[name].section.radius
+        for place, node in enumerate(line.tolist()):
+            axis = _tangent(model, line, place)
+            where = model.mesh.nodes[node]
+            kept = held.get(node, np.zeros(6, dtype=bool))
+            driven = name in turning and float(np.abs(kept[3:] * axis).max()) > 0.5
+            if driven:
+                yield _wheel(where, axis, 2.4 * radius, instant.angle, _sense(cams, axis))
+            if kept.all():
+                yield _wall(where, axis, 2.0 * radius)
+            elif (node in bearings or _fixes_transverse(kept, axis)) and node not in faces and not driven:
+                yield ring("bearing", where, axis, (1.02 * radius, 1.6 * radius), 1.1 * radius)
+
+
+def _fixed_components(model: Model) -> dict[int, FloatArray]:
+    """Return the fixed components of every supported node, shape (6,) each."""
+    held: dict[int, FloatArray] = {}
+    for point, names in model.supports.items():
+        for node in model.mesh.points[point].tolist():
+            own = np.array([name in names for name in COMPONENTS])
+            held[node] = held.get(node, np.zeros(6, dtype=bool)) | own
+    return held
+
+
+def _fixes_transverse(kept: FloatArray, axis: FloatArray) -> bool:
+    """Return whether both translations perpendicular to an axis are fixed."""
+    first, second = perpendicular_axes(axis)
+    free = ~kept[:3].astype(bool)
+    return not (np.abs(first[free]).max(initial=0.0) > 0.3 or np.abs(second[free]).max(initial=0.0) > 0.3)
+
+
+def _tangent(model: Model, line: IntArray, place: int) -> FloatArray:
+    before, after = max(place - 1, 0), min(place + 1, len(line) - 1)
+    span = model.mesh.nodes[line[after]] - model.mesh.nodes[line[before]]
+    return span / np.linalg.norm(span)
+
+
+def _sense(cams: Sequence[CamPlacement], axis: FloatArray) -> float:
+    """Return 1 if the cams rotate about an axis in the positive sense, else -1."""
+    return next((float(np.sign(one.frame.axis @ axis)) for one in cams), 1.0)
+
+
+def _wall(where: FloatArray, axis: FloatArray, half: float) -> Solid:
+    """Return a plate for a clamped member."""
+    corners = half * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
+    return prism("ground", corners, np.array(perpendicular_axes(axis)), where, 0.4 * half)
+
+
+def _wheel(where: FloatArray, axis: FloatArray, radius: float, angle: float, sense: float) -> Solid:
+    """Return a toothed wheel that rotates with the shaft."""
+    first, second = perpendicular_axes(axis)
+    teeth = np.where(np.arange(4 * _TEETH) % 4 < 2, 1.0, 0.9)[:, None] * circle(radius, 4 * _TEETH)
+    c, s = np.cos(sense * angle), np.sin(sense * angle)
+    return prism("drive", teeth, np.array([c * first + s * second, c * second - s * first]), where, 0.35 * radius)

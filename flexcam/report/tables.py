@@ -1,0 +1,397 @@
+"""Tables and sentences about a case, its model, its result and its speed limits."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich.table import Table
+
+from flexcam.analysis.comparison import Claim, Comparison
+from flexcam.analysis.preparation import PreparedRun
+from flexcam.analysis.resources import ResourceEstimate, format_size
+from flexcam.analysis.run_checks import describe_balance, describe_contact_loss
+from flexcam.case.case import Case
+from flexcam.case.records import resolve_record
+from flexcam.core import FloatArray
+from flexcam.core.units import RPM, shaft_name, shaft_speed, to_display_unit
+from flexcam.dynamics import Response, Stats, active_dofs_of
+from flexcam.dynamics.memory import ExtremesSink
+from flexcam.fem.frames import ROTATIONS
+from flexcam.io import Result, VerificationSummary, format_toml
+from flexcam.report.formatting import count_decimals, format_fixed, remove_noise
+from flexcam.report.terminal import create_table, facts_table, plain_table
+from flexcam.valvetrain import (
+    Adjuster,
+    Contact,
+    Lash,
+    MemberStrength,
+    Metric,
+    ModelModes,
+    Seat,
+    Spring,
+    build_structure,
+    member_masses,
+)
+from flexcam.valvetrain import describe_inactive as words_of
+
+if TYPE_CHECKING:
+    from flexcam.analysis.limits import Limits
+
+CONTACT_DESCRIPTIONS = {
+    "published-load": (
+        "Contact model: published load. The cam drives the follower by a force, so that the follower is a mass on the "
+        "retaining spring; a train in contact has no such resonance."
+    ),
+    "bilateral": (
+        "Contact model: bilateral. The follower cannot lose contact; where its force is negative, a real one would."
+    ),
+    "unilateral": "Contact model: unilateral. Springs press the follower to its cam, and it can lose contact.",
+}
+"""Descriptions of the contact formulations."""
+
+
+def resolved_toml(case: Case) -> str:
+    """Return the case with all defaults as TOML in SI."""
+    return format_toml(resolve_record(case.record))
+
+
+def describe_contacts(case: Case, figures: Sequence[Metric] = ()) -> list[str]:
+    """Return sentences about the contact formulation of a result."""
+    models = dict.fromkeys(contact.model for contact in case.record.contacts.values())
+    said = {model: CONTACT_DESCRIPTIONS[model] for model in models if model in CONTACT_DESCRIPTIONS}
+    if left := describe_contact_loss(figures):  # only unilateral contacts have this metric
+        said["unilateral"] = f"{said['unilateral'].removesuffix('.')}: {left}."
+    return list(said.values())
+
+
+def model_table(ready: PreparedRun, modes: ModelModes, takes: ResourceEstimate | None = None) -> Table:
+    """Return the table of a model's contents."""
+    model, problem = ready.model, ready.problem
+    lowest = [f"{f:.4g}" for f in modes.modes.frequencies[modes.modes.rigid :][:5]]
+    per_revolution = 2.0 * math.pi / (ready.case.speed * problem.step)
+    rows = [
+        ("members", ", ".join(f"{name} {mass:.4g} kg" for name, mass in member_masses(model).items()) or "none"),
+        ("elements", str(len(model.mesh.elements()))),
+        ("degrees of freedom", str(problem.system.size)),
+        ("inactive", "; ".join(describe_inactive(ready)) or "nothing"),
+        ("masses", ", ".join(f"{name} {part.body.mass:g} kg" for name, part in model.masses.items()) or "none"),
+        ("springs", ", ".join(f"{name} {_stiffness(s)}" for name, s in model.springs.items()) or "none"),
+        ("supports", ", ".join(f"{point}: {' '.join(held)}" for point, held in model.supports.items()) or "none"),
+        *(
+            (f"rocker {n}", f"{r.start} to {r.point}, ratio {r.ratio:g}, along {_vector(r.direction)}")
+            for n, r in model.rockers.items()
+        ),
+        *((f"cam {n}", f"at {c.at}, lift {1e3 * c.event.height:g} mm") for n, c in model.cams.items()),
+        *((f"contact {n}", _contact(c)) for n, c in model.contacts.items()),
+        *_weight(ready),
+        ("speed", ready.case.speed_text),
+        ("steps", f"{problem.steps} of {problem.step:.4g} s ({per_revolution:.6g} per revolution)"),
+        ("free motions", _free_motions(modes)),
+        ("lowest frequencies", ", ".join(lowest) + " Hz" if lowest else "none"),
+        *(
+            [("a run takes", f"{format_size(takes.memory)} of memory, a result of {format_size(takes.file)}")]
+            if takes
+            else []
+        ),
+    ]
+    return facts_table(ready.case.title, rows)
+
+
+def _stiffness(spring: Spring) -> str:
+    return f"{spring.stiffness:g} {'N m/rad' if spring.turns else 'N/m'}"
+
+
+def describe_inactive(ready: PreparedRun) -> list[str]:
+    """Return sentences about inactive degrees of freedom that a run omits."""
+    problem = ready.problem
+    if not problem.prune or not problem.system.size:
+        return []
+    return words_of(build_structure(ready.model), active_dofs_of(problem))
+
+
+def _contact(contact: Contact) -> str:
+    match contact:
+        case Seat():
+            return f"stop of {contact.stiffness:g} N/m at {contact.at}"
+        case Lash():
+            return f"lash of {1e3 * contact.gap:g} mm {_place(contact)}, {contact.stiffness:g} N/m"
+        case Adjuster():
+            return f"hydraulic adjuster {_place(contact)}, oil {contact.stiffness:g} N/m, leak {contact.leak:g} N s/m"
+        case _:
+            return f"{contact.cam} lifts {contact.follower} along {_vector(contact.direction)}"
+
+
+def _place(contact: Lash | Adjuster) -> str:
+    return f"from {contact.ends[0]} to {contact.ends[1]}" if contact.ends else f"at rocker {contact.rocker}"
+
+
+def _weight(ready: PreparedRun) -> list[tuple[str, str]]:
+    model = ready.model
+    if not any(model.gravity):
+        return []
+    left_out = [name for name, part in model.masses.items() if model.rocker_at(part.at) is not None]
+    told = f"; not counted, at a rocker's point: {', '.join(left_out)}" if left_out else ""
+    return [("gravity", f"{_vector(np.array(model.gravity))} m/s^2{told}")]
+
+
+def _vector(direction: FloatArray) -> str:
+    return "(" + ", ".join(f"{x:.3g}" for x in direction[:3] + 0.0) + ")"
+
+
+def _free_motions(modes: ModelModes) -> str:
+    free = [modes.words(i).removeprefix("free motion: ") for i in range(modes.modes.rigid)]
+    return "; ".join(free) if free else "none"
+
+
+def mac_table(likeness: FloatArray) -> Table:
+    """Return a table of the modal assurance criterion."""
+    rows = [(str(i + 1), *(f"{value:.2f}" for value in row)) for i, row in enumerate(likeness)]
+    return plain_table("Modal assurance criterion", ("here / there", *map(str, range(1, likeness.shape[1] + 1))), rows)
+
+
+def describe_mac(likeness: FloatArray, nodes: int) -> str:
+    """Return a sentence with the number of nodes used to compare shapes."""
+    few = nodes < max(likeness.shape)
+    doubt = "; that is fewer than modes: refine both meshes in the same places" if few else ""
+    return f"Compared at {nodes} moving node{'s' * (nodes != 1)} that both models have{doubt}."
+
+
+def mode_table(modes: ModelModes, of: str = "") -> Table:
+    """Return the table of frequencies, effective masses and descriptions of modes."""
+    places = count_decimals(float(np.abs(modes.effective[:, :3]).max(initial=0.0)), 4)
+    made = plain_table(f"{of}: modes" if of else "Modes", ("no.", "Hz", "camshaft rpm", "ux kg", "uy kg", "uz kg"), ())
+    made.add_column("what moves (share of the kinetic energy)", justify="left")
+    for i, frequency in enumerate(modes.modes.frequencies):
+        masses = [format_fixed(m, places) for m in modes.effective[i, :3]]
+        made.add_row(str(i + 1), f"{frequency:.2f}", f"{60.0 * frequency:.0f}", *masses, modes.words(i))
+    return made
+
+
+def comparison_table(comparison: Comparison, turns: float = 1.0) -> Table:
+    """Return the table of the comparison of flexible and rigid models."""
+    units = {"displacement": ("mm", 1e3), "velocity": ("m/s", 1.0), "acceleration": ("m/s^2", 1.0)}
+    rows: list[tuple[str, ...]] = []
+    for one in comparison.deviations:
+        unit, scale = units[one.quantity]
+        figures = [f"{scale * v:.4g}" for v in (one.rigid_peak, one.flexible_peak, one.peak, one.rms)]
+        rows.append((f"{one.quantity}, {unit}", *figures, _format_fraction(one.relative_peak), f"{one.angle_deg:.1f}"))
+    one, other = comparison.names
+    head = ("", f"{other} peak", f"{one} peak", "peak deviation", "rms deviation", f"of {other} peak", "at cam deg")
+    speed = shaft_speed(comparison.speed_rpm * RPM, turns)
+    return plain_table(f"{one[:1].upper()}{one[1:]} against {other} at {comparison.probe}, {speed}", head, rows)
+
+
+def comparison_json(comparison: Comparison) -> dict[str, object]:
+    """Return a comparison for ``--json``."""
+    return {
+        "status": str(comparison.status.cause), "probe": comparison.probe, "speed_rpm": comparison.speed_rpm,
+        "peak_deviation": comparison.peak_deviation, "rms_deviation": comparison.rms_deviation,
+        "peak_acceleration_ratio": comparison.peak_acceleration_ratio,
+        "deviations": [{**asdict(one), "of_rigid": one.relative_peak} for one in comparison.deviations],
+    }  # fmt: skip
+
+
+def _format_fraction(value: float) -> str:
+    """Format a fraction with enough decimals for values of about a thousandth."""
+    return format_fixed(value, 3) if value >= _MIN_FRACTION else f"{remove_noise(value, 1.0):.2g}"
+
+
+_MIN_FRACTION = 5e-4
+"""Fraction from which three decimals are sufficient."""
+
+
+def describe_comparison(comparison: Comparison, mode_hz: float | None) -> list[str]:
+    """Return sentences about a comparison."""
+    deviation = (
+        f"The {comparison.probe} deviates by up to {_format_fraction(comparison.peak_deviation)} of its lift "
+        f"(rms {_format_fraction(comparison.rms_deviation)}); its peak acceleration is "
+        f"{format_fixed(comparison.peak_acceleration_ratio, 2)} "
+        f"times the {comparison.names[1]} one."
+    )
+    if mode_hz is None:
+        return [deviation]
+    share = comparison.speed_rpm / (60.0 * mode_hz)
+    mode = (
+        f"The loaded mode nearest the cam speed is {mode_hz:.2f} Hz = {60.0 * mode_hz:.0f} camshaft rpm; "
+        f"the cam turns at {share:.2f} of that."
+    )
+    return [deviation, mode]
+
+
+def claim_table(claims: Iterable[Claim]) -> Table:
+    """Return the table of the paper's claims and the computed results."""
+    made = create_table("Claims of the paper and this computation")
+    for head in ("claim", "reproduced", "computed"):
+        made.add_column(head, justify="left")
+    for claim in claims:
+        made.add_row(claim.statement, "yes" if claim.reproduced else "no", claim.finding)
+    return made
+
+
+def run_table(case: Case, extremes: ExtremesSink) -> Table:
+    """Return the table of the extremes of every probe."""
+    moved = [
+        (name if len(components) == 1 else f"{name}.{component}", component in ROTATIONS, 1e3 * np.array(bounds))
+        for name, components in extremes.outline.probes
+        for component, *bounds in zip(components, *extremes.probe(name), strict=True)
+    ]
+    largest = max((float(np.abs(bounds).max()) for _, turns, bounds in moved if not turns), default=0.0)
+    least = min(_REST_AMPLITUDE, _RELATIVE_REST_AMPLITUDE * largest)
+    rows = [(name, *_bounds(bounds, "mrad" if turns else "mm")) for name, turns, bounds in moved
+            if float(np.abs(bounds).max()) > least]  # fmt: skip
+    title = f"{case.title}, {case.speed_text}"
+    return plain_table(title, ("probe", "min", "max"), rows or [("no probe moves", "", "")])
+
+
+def metrics_table(figures: Sequence[Metric]) -> Table:
+    """Return the table of the metrics of the last revolution."""
+    rows: list[tuple[str, str]] = []
+    for figure in figures:
+        factor, unit = to_display_unit(figure.unit)
+        words = figure.name.replace(".", " ").replace("_", " ")
+        rows.append(
+            (words, f"{factor * figure.value + 0.0:.4g} {unit}".rstrip())
+        )  # + 0.0 removes the sign of a negative zero
+    return facts_table("Metrics of the last revolution", rows)
+
+
+def periodicity_error(response: Response) -> float | None:
+    """Return the relative deviation of a periodic run from its initial state; None if it was not periodic."""
+    return response.stats.periodicity if response.stats.periodicity >= 0.0 else None
+
+
+def equilibrium_residual(response: Response) -> float | None:
+    """Return the largest equilibrium residual relative to the largest force; None if it was not computed."""
+    return response.stats.imbalance if response.stats.imbalance >= 0.0 else None
+
+
+def strength_table(members: Mapping[str, MemberStrength]) -> Table:
+    """Return the table of the maximum stresses of every member."""
+    rows = [
+        (name, f"{one.von_mises / 1e6:.4g}", f"{one.mean / 1e6:.4g}", f"{one.alternating / 1e6:.4g}",
+         f"{one.safety:.3g}" if one.safety else "unlimited" if one.rated else "no strength given", one.place)
+        for name, one in members.items()
+    ]  # fmt: skip
+    head = ("stress, MPa", "von Mises", "mean", "alternating", "fatigue safety", "at")
+    return plain_table("Stresses at the saved instants", head, rows)
+
+
+def describe_dofs(response: Response) -> str:
+    """Return the number of degrees of freedom of a result and how many were integrated, as far as known."""
+    every, integrated = response.stats.size or len(response.outline.unknowns), response.stats.unknowns
+    if not response.stats.is_complete:
+        return f"{response.stats.size} unknowns" if response.stats.size else "unknowns not counted"
+    count = f"{every} unknowns" + (f", {integrated} integrated" if integrated != every else "")
+    return count + _ENGINES.get(response.stats.engine, "")
+
+
+_ENGINES = {"modal": ", modal engine", "kernel": ", kernel engine"}
+"""Names of solver engines."""
+
+
+def describe_verification(path: Path, found: VerificationSummary) -> str:
+    """Return a sentence that a file is sound, with the verified checksums."""
+    partial = "" if found.complete else "; its run did not reach its end"
+    return f"{path} is sound: {found.datasets} datasets, {found.bytes} bytes, as they were written{partial}"
+
+
+def stats_json(stats: Stats) -> dict[str, object]:
+    """Return the known statistics of a run for JSON."""
+    return (
+        asdict(stats) if stats.is_complete else {"steps": stats.steps, **({"size": stats.size} if stats.size else {})}
+    )
+
+
+def _warning_rows(result: Result) -> list[tuple[str, str]]:
+    """Return the warnings of the run and of its case."""
+    told = dict.fromkeys([*result.warnings, *result.about.get("warnings", "").splitlines()])
+    return [("warning", one.removeprefix("Warning: ")) for one in told] or [("warnings", "none")]
+
+
+def _seconds(stats: Stats) -> str:
+    return f", {stats.seconds:.3g} s" if stats.is_complete else ""
+
+
+def _bounds(bounds: FloatArray, unit: str) -> list[str]:
+    largest = float(np.abs(bounds).max())
+    places = 4 if largest >= _FOUR_DECIMAL_AMPLITUDE else count_decimals(largest, 4)
+    return [f"{format_fixed(float(one), places)} {unit}" for one in bounds]
+
+
+_REST_AMPLITUDE, _RELATIVE_REST_AMPLITUDE = 5e-5, 1e-5
+"""A probe is at rest if it moves less than this, mm or mrad, and less than this fraction of the largest motion."""
+
+_FOUR_DECIMAL_AMPLITUDE = 1e-3
+"""Motion, mm or mrad, for which four decimals are sufficient."""
+
+_OMITTED_TEXTS = ("case", "resolved", "overrides", "warnings")
+"""Texts of a result shown in other rows or not at all."""
+
+
+def info_table(result: Result) -> Table:
+    """Return the table of a result file's contents."""
+    response = result.response
+    about = [(name, text) for name, text in result.about.items() if name not in _OMITTED_TEXTS]
+    rows = [
+        ("run", str(response.status)),
+        ("steps", f"{response.stats.steps} of {describe_dofs(response)}{_seconds(response.stats)}"),
+        *(
+            [("periodic within", f"{response.stats.periodicity:.3g} of the motion")]
+            if response.stats.periodicity >= 0.0
+            else []
+        ),
+        *([("energy balance", told)] if (told := describe_balance(ExtremesSink.of(response), response.stats)) else []),
+        ("saved", f"{len(response.time)} instants of the probes, {len(response.field_time)} of the fields"),
+        ("probes", ", ".join(name for name, _ in response.outline.probes) or "none"),
+        ("channels", ", ".join(f"{name} [{unit}]" for name, unit in response.outline.channels) or "none"),
+        ("fields", ", ".join([*result.field_names, *result.recovered])),
+        ("members", ", ".join(f"{name} ({len(line) - 1})" for name, line in result.mesh.lines.items()) or "none"),
+        *about,
+        *_warning_rows(result),
+        ("overrides", ", ".join(json.loads(result.about["overrides"])) or "none"),
+    ]
+    return facts_table("Result", rows)
+
+
+def limits_json(found: Limits, scale: float) -> dict[str, object]:
+    """Return the speed limits of a train for ``--json``."""
+    from flexcam.analysis.limits import LIMITS
+
+    width = max(one.tolerance_rpm for one in found.limits.values())
+    rpm = {name: one.rpm for name, one in found.limits.items()}
+    met = {f"{name}_rpm": None if (at := rpm.get(name)) is None else scale * at for name in LIMITS}
+    return {
+        **met, "first": found.first, "shaft": shaft_name(scale),
+        "tolerance_rpm": None if math.isinf(width) else scale * width,
+        "rigid_loss_of_contact_rpm": None if found.rigid_rpm is None else scale * found.rigid_rpm,
+        "spring_margin": found.spring_margin, "buckling_margins": dict(found.buckling_margins),
+        "lowest_rpm": scale * found.lowest_rpm, "highest_rpm": scale * found.highest_rpm,
+    }  # fmt: skip
+
+
+def limits_table(found: Limits, scale: float) -> Table:
+    """Return the table of the speed limits of a train."""
+    high = scale * found.highest_rpm
+    ordered = sorted(found.limits.items(), key=lambda item: item[1].rpm or float("inf"))
+    rows = [
+        (name.replace("_", " "), f"above {high:.6g}" if one.rpm is None else f"{scale * one.rpm:.6g}",
+         "" if one.rpm is None or math.isinf(one.tolerance_rpm) else f"{scale * one.tolerance_rpm:.3g}", one.words)
+        for name, one in ordered
+    ]  # fmt: skip
+    if found.rigid_rpm is not None:
+        words = "loss of contact of the rigid train: its inertia force equals its spring force"
+        rows.append(("(rigid train)", f"{scale * found.rigid_rpm:.6g}", "", words))
+    if found.spring_margin is not None:
+        rows.append(("spring margin", f"{found.spring_margin:.1%}", "", "of the rigid train at the speed of the case"))
+    rows += [
+        (f"{name}, margin", f"{margin:.3g}", "", "buckling load over the compression at full lift, static")
+        for name, margin in found.buckling_margins.items()
+    ]
+    shaft = shaft_name(scale)
+    return plain_table("Speed limits", ("limit", f"{shaft} rpm", "within", "event"), rows)
