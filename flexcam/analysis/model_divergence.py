@@ -1,6 +1,6 @@
 """Speeds at which models of a train diverge: rigid, bilateral contact and unilateral contact.
 
-May import `analysis` and everything below it; `flexcam parting` prints and plots the results.
+May import `analysis` and everything below it; `flexcam compare --lowest ...` prints and plots the results.
 """
 
 from __future__ import annotations

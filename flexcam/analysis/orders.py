@@ -1,6 +1,6 @@
 """Orders of a response: harmonics of the camshaft rotation in the last revolution of a run, over speed.
 
-May import `analysis` and everything below it; `flexcam orders` prints and plots the results.
+May import `analysis` and everything below it; `flexcam campbell --response` prints and plots the results.
 """
 
 from __future__ import annotations

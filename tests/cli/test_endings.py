@@ -120,7 +120,7 @@ def in_process(monkeypatch, capsys, words, fault):
     def broken(*_, **__):
         raise fault
 
-    monkeypatch.setattr("flexcam.cli.cases.prepare_without_periodic_search", broken)
+    monkeypatch.setattr("flexcam.cli.case_files.prepare_without_periodic_search", broken)
     monkeypatch.setattr(signal, "signal", lambda *_: None)
     with pytest.raises(SystemExit) as end:
         main.main(words)

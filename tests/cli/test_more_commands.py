@@ -227,26 +227,27 @@ def test_no_bar_where_nobody_looks(flexcam, case):
 
 
 COUNTED = {
-    "orders": ("--count", "2"),
-    "campbell": ("--count", "2"),
-    "sensitivity": ("--of", "deviation.peak", "--to", "masses.valve.mass"),
-    "optimize": ("--vary", "masses.valve.mass=80:90g", "--least", "frequency.1", "--evaluations", "24"),
+    "response": ("campbell", "--response", "--count", "2"),
+    "campbell": ("campbell", "--count", "2"),
+    "sensitivity": ("sensitivity", "--of", "deviation.peak", "--to", "masses.valve.mass"),
+    "optimize": ("optimize", "--vary", "masses.valve.mass=80:90g", "--least", "frequency.1", "--evaluations", "24"),
 }
 
 
 @pytest.mark.parametrize("verb", COUNTED)
 def test_many_runs_are_counted_where_somebody_looks(verb, flexcam, case, monkeypatch):
     monkeypatch.setattr(sys.stderr.__class__, "isatty", lambda _: True)
-    done = flexcam(verb, case, *COUNTED[verb], "--set", "run.steps_per_revolution=360")
+    command, *options = COUNTED[verb]
+    done = flexcam(command, case, *options, "--set", "run.steps_per_revolution=360")
     assert done.code == 0
     assert re.search(r"(speeds|variants) .*\d+/\d+", done.err)
 
 
 def test_laws_side_by_side(flexcam):
-    found = flexcam("laws", "--json").json["laws"]
+    found = flexcam("law", "--list", "--json").json["laws"]
     assert found["4-5-6-7"]["Cv"] == pytest.approx(35 / 16, rel=1e-12)
     assert found["parabolic"]["Cj"] is None
-    assert "modified-trapezoid" in flexcam("laws").out
+    assert "modified-trapezoid" in flexcam("law", "--list").out
 
 
 def test_one_law(flexcam):

@@ -1,4 +1,4 @@
-"""Commands over speed: limits and parting."""
+"""Commands over speed: limits, and compare over speed."""
 
 from __future__ import annotations
 
@@ -80,17 +80,17 @@ def test_a_small_valve_bounces_from_less(lift, told, tmp_path):
     assert found["bounce"].words.startswith(f"the valve leaves its seat again by more than {told}")
 
 
-def test_parting_draws_and_tells(flexcam, tmp_path):
-    picture = tmp_path / "parting.svg"
+def test_models_over_speed_with_a_picture(flexcam, tmp_path):
+    picture = tmp_path / "forces.svg"
     told = ("--lowest", "2000rpm", "--highest", "7000rpm", "--count", "2", "--plot", picture, *QUICK)
-    answer = flexcam("parting", CASE, *told, "--json").json
+    answer = flexcam("compare", CASE, *told, "--json").json
     assert answer["rpm"] == [2000.0, 7000.0]
     assert answer["bilateral_unilateral_part_rpm"] == 7000.0
     assert answer["forces_n"]["bilateral"][1][0] < 0.0
     assert picture.read_text(encoding="utf-8").count("<path") > 10
-    assert flexcam("parting", CASE, *told).code == 2  # the picture is there
+    assert flexcam("compare", CASE, *told).code == 2  # the picture is there
 
 
-def test_parting_refuses(flexcam):
+def test_models_over_speed_refuse(flexcam):
     for told in (("--count", "1"), ("--contact", "nosuch"), ("--highest", "100rpm")):
-        assert flexcam("parting", CASE, *told).code == 2
+        assert flexcam("compare", CASE, "--lowest", "2000rpm", *told).code == 2

@@ -71,7 +71,7 @@ def test_an_ordinary_link_to_a_folder_is_followed(tmp_path):
 
 
 @pytest.mark.parametrize("words", [
-    ("trade", "--csv"), ("trade", "--plot"), ("orders", "--csv"),
+    ("trade", "--csv"), ("trade", "--plot"), ("campbell", "--response", "--csv"),
     ("optimize", "--vary", "springs.valve.stiffness=30:60kN/m", "--least", "frequency.1", "-o"),
 ])  # fmt: skip
 def test_a_folder_that_may_not_be_written_is_told_before_anything_is_computed(

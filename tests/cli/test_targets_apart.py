@@ -10,7 +10,7 @@ INLINE = Path(__file__).parents[1] / "data/inline.toml"
 STIFF = "springs.valve.stiffness"
 WORDS = {
     "trade": (),
-    "orders": (),
+    "campbell": ("--response",),
     "sensitivity": ("--of", "frequency.1", "--to", STIFF),
     "optimize": ("--vary", f"{STIFF}=30:60kN/m", "--least", "frequency.1"),
 }
@@ -27,7 +27,7 @@ def case(tmp_path):
 def test_two_files_of_one_name(flexcam, case, command):
     done = flexcam(command, case, *WORDS[command], "--csv", "one.svg", "--plot", "./one.svg")
     assert done.code == 2
-    assert "--plot: given one.svg; allowed: another file than --csv; the one would replace the other" in done.err
+    assert "--plot: given one.svg; allowed: a file other than --csv; one would replace the other" in done.err
     assert not Path("one.svg").exists()
 
 
@@ -37,7 +37,7 @@ def test_the_case_itself_is_never_written_over(flexcam, case, command):
     Path("link.toml").symlink_to(case)
     done = flexcam(command, case, *WORDS[command], "--csv", "link.toml", "--overwrite")
     assert done.code == 2
-    assert "--csv: given link.toml; allowed: another file than what is read; it would be lost" in done.err
+    assert "--csv: given link.toml; allowed: a file other than the input; it would be lost" in done.err
     assert case.read_bytes() == INLINE.read_bytes()
 
 
@@ -45,7 +45,7 @@ def test_the_case_itself_is_never_written_over(flexcam, case, command):
 def test_a_lift_is_not_written_over_its_case(flexcam, case, words):
     done = flexcam("synthesize", *words, case, "-o", case, "--overwrite")
     assert done.code == 2
-    assert "another file than what is read" in done.err
+    assert "a file other than the input" in done.err
     assert case.read_bytes() == INLINE.read_bytes()
 
 
@@ -57,7 +57,7 @@ def test_the_best_variant_is_another_file(flexcam, case):
     assert "--output: given" in done.err
     done = flexcam("optimize", case, *WORDS["optimize"], "-o", "best.toml", "--csv", "best.toml")
     assert done.code == 2
-    assert "--csv: given best.toml; allowed: another file than --output" in done.err
+    assert "--csv: given best.toml; allowed: a file other than --output" in done.err
     assert not Path("best.toml").exists()
 
 
@@ -65,9 +65,9 @@ def test_a_profile_is_not_written_over_by_its_lift(flexcam, tmp_path):
     profile = tmp_path / "profile.csv"
     profile.write_text("x,y\n", encoding="utf-8")
     words = ("--follower", '{ type = "flat" }', "--base-radius", "18 mm", "-o", profile, "--overwrite")
-    done = flexcam("lift", profile, *words)
+    done = flexcam("cam", "--from-profile", profile, *words)
     assert done.code == 2
-    assert "another file than what is read" in done.err
+    assert "a file other than the input" in done.err
 
 
 def test_pictures_of_a_law(flexcam):
