@@ -174,3 +174,15 @@ def test_help_and_version(words, flexcam):
 
 def test_help_shows_examples(flexcam):
     assert "flexcam run engine.toml" in flexcam("--help").out
+
+
+def test_units_and_titles_in_brackets(flexcam, tmp_path):
+    case = tmp_path / "train.toml"
+    assert flexcam("new", "lumped-train", "-o", case).code == 0
+    text = case.read_text(encoding="utf-8").replace("Lumped valve train", "[red]A[/red] [m] [/x]", 1)
+    case.write_text(text.replace("3600", "360"), encoding="utf-8")
+    title = "[red]A[/red] [m] [/x]"
+    for command in (("check", case), ("run", case, "-o", tmp_path), ("info", tmp_path / "train.vtkhdf")):
+        done = flexcam(*command)
+        assert done.code == 0, done.err
+        assert title in done.out

@@ -1,4 +1,4 @@
-"""law and laws: criteria as JSON and in words, kinds with parameters, law files, what is refused and how."""
+"""law and law --list: criteria as JSON and in words, kinds with parameters, law files, what is refused and how."""
 
 # ruff: noqa: E501 - tables, a row to a line
 

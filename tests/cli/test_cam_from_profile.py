@@ -1,4 +1,4 @@
-"""lift: from the points of a profile back to the lift, hollows that are bridged, files that cannot be read."""
+"""cam --from-profile: the lift of a profile given by points, bridged hollows, unreadable files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Exit codes 3, 130, 143 and 70: a run that fails, is stopped, or meets a fault of flexcam itself."""
+"""Exit codes 3, 130, 143 and 70: a failed run, a stopped run, and an internal error of flexcam."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""No key that a user gave is passed over in silence: it takes effect, or is told to have no part in the command."""
+"""Every key that a user gives has an effect, or the command reports that it ignores it."""
 
 from __future__ import annotations
 

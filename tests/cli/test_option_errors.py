@@ -1,4 +1,4 @@
-"""Options that contradict, repeat, lack their other half or are far too large: refused, or told, never passed over."""
+"""Options that contradict each other, repeat, miss another option or are too large are refused or reported."""
 
 from __future__ import annotations
 
