@@ -16,7 +16,7 @@ from flexcam.case.schema.contacts import ContactRecord
 from flexcam.case.schema.members import MaterialRecord, MemberRecord, SectionRecord
 from flexcam.case.schema.parts import BearingRecord, LoadRecord, MassRecord, RockerRecord, SpringRecord
 from flexcam.case.schema.run import FidelityRecord, OutputRecord, RunRecord
-from flexcam.case.schema.studies import SettingRecord, SweepRecord
+from flexcam.case.schema.studies import SweepRecord
 
 
 class CaseRecord(Record):
@@ -38,9 +38,6 @@ class CaseRecord(Record):
     rockers: dict[Name, RockerRecord] = Field(default={})
     cams: dict[Name, CamRecord] = Field(default={})
     contacts: dict[Name, ContactRecord] = Field(default={})
-    settings: dict[Name, SettingRecord] = Field(
-        default={}, description="speeds and springs that `settings` tells beside the case's own"
-    )
     run: RunRecord
     fidelity: FidelityRecord = Field(default_factory=lambda: FidelityRecord.model_validate({}))
     sweep: SweepRecord | None = Field(None, description="variants that `sweep` runs")
