@@ -17,8 +17,8 @@ from sphinx.application import Sphinx
 from sphinx.pycode import ModuleAnalyzer
 
 import flexcam
-from flexcam.cli.app import app
-from flexcam.cli.registry import COMMAND_FILES, load_commands
+from flexcam.cli.app import COMMAND_FILES, COMMANDS, app
+from flexcam.cli.main import load_commands
 
 GROUPS = {
     "Start here": ("flexcam",),
@@ -176,14 +176,16 @@ def command_page(name: str, app: App) -> str:
 
 def command_pages() -> dict[str, str]:
     load_commands([])
-    known = sorted(name for names in COMMAND_FILES.values() for name in names)
-    return {name: command_page(name, app[name]) for name in known}
+    return {name: command_page(name, app[name]) for name in COMMAND_FILES}
 
 
 def command_list() -> str:
     """Return all commands with what they do, as ``flexcam --help`` lists them, in Markdown."""
-    rows = [f"| {{doc}}`{name} <commands/{name}>` | {purpose(app[name])} |" for name in command_pages()]
-    return "\n".join(["| command | |", "|---|---|", *rows, ""])
+    lines = ["| command | |", "|---|---|"]
+    for panel, commands in COMMANDS.items():
+        lines.append(f"| **{panel}** | |")
+        lines += [f"| {{doc}}`{name} <commands/{name}>` | {purpose(app[name])} |" for name in commands]
+    return "\n".join([*lines, ""])
 
 
 def purpose(command: App) -> str:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import re
+import runpy
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,16 +14,12 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from flexcam import read_case, run
-from flexcam.analysis.petrescu import SingleMassModel
 from flexcam.cams import LAWS, LiftEvent, cam_profile, quinquinomial
 from flexcam.case.case import Case
 from flexcam.case.reader import read_cams
-from flexcam.core.units import RPM
 from flexcam.dynamics import Response
 from flexcam.plotting.curves import law_figure, lift_figure, profile_figure
-from flexcam.plotting.figures import add_legend, create_stacked_axes, line_styles
 from flexcam.plotting.histories import motion_figure
-from flexcam.valvetrain import free_speed
 
 ROOT = Path(__file__).resolve().parents[2]
 STYLE = {"svg.hashsalt": "flexcam", "svg.fonttype": "none", "path.simplify": True, "path.simplify_threshold": 0.05}
@@ -31,9 +29,6 @@ NAMED = re.compile(r'(?<=id=")[a-zA-Z][0-9a-f]{10}(?=["_])')
 
 INSTANTS = 240
 """Of a revolution, as drawn."""
-
-SETTINGS = {"figure 2": (5000, 40e3, 0.09), "figure 4": (20000, 200e3, 0.2), "figure 7": (50000, 900e3, 0.6)}
-"""Crank speed, rpm, k, N/m, and x0, m, of Petrescu and Petrescu."""
 
 
 def case(name: str, *over: str) -> Case:
@@ -85,19 +80,9 @@ def li_cam() -> Figure:
 
 
 def petrescu() -> Figure:
-    """Draw lift and acceleration of the closed form over the rise."""
-    figure, (lift, pull) = create_stacked_axes(("opening\nmm", "acceleration\nkm/s²"), "cam angle, deg", height=2.4)
-    angle, event = (
-        np.linspace(0.0, 0.5 * np.pi * (1.0 - 1e-7), 361),
-        LiftEvent(LAWS["cos"], 0.006, np.pi / 2, np.pi / 2),
-    )
-    for (name, (rpm, k, x0)), (colour, dashes) in zip(SETTINGS.items(), line_styles(), strict=False):
-        one, omega = SingleMassModel(event, 0.1, 5e6, k, x0), free_speed(event, 0.013, 0.5 * rpm * RPM, 0.2, 0.1)
-        opening, pulled = one.motion(angle, omega(angle, 0)), one.dynamic_acceleration(angle, omega)
-        lift.plot(np.degrees(angle), 1e3 * opening, label=name, color=colour, linestyle=dashes)
-        pull.plot(np.degrees(angle), 1e-3 * pulled, color=colour, linestyle=dashes)
-    add_legend(figure, lift, len(SETTINGS))
-    return figure
+    """Return the figure of the example: lift and acceleration of the closed form over the rise."""
+    with contextlib.chdir(ROOT / "examples"), contextlib.redirect_stdout(io.StringIO()):
+        return runpy.run_path("valve_spring_settings.py")["figure"]
 
 
 def pavlovic_lutovac() -> Figure:

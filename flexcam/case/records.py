@@ -6,22 +6,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any, Literal, Self, cast
+from typing import Annotated, Any, Literal, cast
 
-from pydantic import BaseModel, Field, ValidationError, model_validator
+from pydantic import BaseModel, Field, ValidationError
 
 from flexcam.case.schema.base import (
     CamshaftSpeed,
     Component,
-    CrankshaftSpeed,
-    Length,
     Name,
     Point,
-    PositiveStiffness,
     Record,
     fields_at,
     units_in,
-    value_error,
 )
 from flexcam.case.schema.cams import CamDesignRecord, CamRecord
 from flexcam.case.schema.contacts import ContactRecord
@@ -40,26 +36,6 @@ from flexcam.core.errors import InputError
 from flexcam.core.units import DIMENSIONS
 
 _Format = Annotated[int, Field(ge=1, le=1, strict=True, description="version of the case format: 1")]
-
-
-class SettingRecord(Record):
-    """Speed and valve spring for `flexcam settings`; missing values are those of the case."""
-
-    speed: CamshaftSpeed = None
-    crank_speed: CrankshaftSpeed = None
-    stiffness: PositiveStiffness | None = Field(None, description="of the spring")
-    installed_compression: Length | None = Field(None, description="of the spring")
-
-    @model_validator(mode="after")
-    def _check_speed(self) -> Self:
-        if self.speed is not None and self.crank_speed is not None:
-            raise value_error("either speed or crank_speed", "one follows from the other")
-        return self
-
-    @property
-    def camshaft_speed(self) -> float | None:
-        """Camshaft speed, rad/s; None for the speed of the case."""
-        return self.speed if self.crank_speed is None else 0.5 * self.crank_speed
 
 
 class SweepRecord(Record):
@@ -96,9 +72,6 @@ class CaseRecord(Record):
     rockers: dict[Name, RockerRecord] = Field(default={})
     cams: dict[Name, CamRecord] = Field(default={})
     contacts: dict[Name, ContactRecord] = Field(default={})
-    settings: dict[Name, SettingRecord] = Field(
-        default={}, description="speeds and springs that `settings` tells beside the case's own"
-    )
     run: RunRecord
     fidelity: FidelityRecord = Field(default_factory=lambda: FidelityRecord.model_validate({}))
     sweep: SweepRecord | None = Field(None, description="variants that `sweep` runs")

@@ -1,17 +1,19 @@
-"""Shared parts of the commands: application, signals, reading of cases, and keys that a command ignores.
+"""Shared parts of the commands: application, options, reading of cases, checks of files, ignored keys.
 
-`IGNORED_KEYS` lists the ignored keys; a new command, or a key that not every command uses, needs a row in it.
+`COMMANDS` lists the commands, `IGNORED_KEYS` the keys of a case that some of them ignore; a new command needs a row in
+the first, and in the second if it does not use every key.
 """
 
 from __future__ import annotations
 
+import os
 import platform
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, cast
 
 from cyclopts import App, Parameter
 
@@ -19,9 +21,30 @@ from flexcam import __version__
 from flexcam.case.case import Case
 from flexcam.case.reader import read_case
 from flexcam.case.schema.base import Record
-from flexcam.core.errors import refuse
+from flexcam.core.errors import Fault, InputError, collect_errors, refuse
 from flexcam.core.units import RPM, parse
-from flexcam.report.terminal import print_message
+from flexcam.dynamics import Status
+from flexcam.io import check_writable, write_text
+from flexcam.report.formatting import StudyOutput
+from flexcam.report.terminal import print_json, print_message, result_console
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+COMMANDS: Mapping[str, Mapping[str, str]] = {
+    "Cases and runs": {
+        "new": "case_files", "check": "case_files", "run": "run", "info": "result_files", "compare": "compare",
+    },
+    "Pictures and files": {"plot": "plot", "view": "view", "report": "result_files", "export": "result_files"},
+    "Dynamics": {"modes": "modes", "stability": "stability", "limits": "limits", "campbell": "campbell"},
+    "Cams": {"law": "law", "cam": "cam", "synthesize": "synthesize"},
+    "Studies": {"sweep": "sweep", "optimize": "optimize", "sensitivity": "sensitivity", "trade": "compare"},
+    "Reference": {"selftest": "selftest", "schema": "case_files"},
+}  # fmt: skip
+"""Commands by panel of the help, each with its file in this package."""
+
+COMMAND_FILES = {command: file for panel in COMMANDS.values() for command, file in panel.items()}
+"""File of every command."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +61,7 @@ class IgnoredKeys:
         Behaviour of the commands instead.
     remedy
         Suggested action.
-    laid
+    overrides_only
         Whether only keys set by ``--set`` are reported. A file is written for all commands, so its unused keys are not
         reported; an override is intended for the current command.
     but
@@ -49,7 +72,7 @@ class IgnoredKeys:
     keys: tuple[str, ...]
     why: str
     remedy: str
-    laid: bool = False
+    overrides_only: bool = False
     but: tuple[str, ...] = ()
 
 
@@ -57,87 +80,85 @@ _ACCURACY = ("fidelity.tolerance", "fidelity.estimate")
 _MODEL = ("fidelity.model", "fidelity.masses", "fidelity.modes", "fidelity.reduction")
 _NORM = ("fidelity.norm",)
 _SPEEDS = ("run.speed", "run.crank_speed")
-_OMIT_REMEDY = "leave it out"
+_OMIT = "leave it out"
 
 IGNORED_KEYS = (
     IgnoredKeys(
-        ("campbell", "compare", "limits", "orders", "parting", "plot", "stability", "view"),
+        ("campbell", "compare", "limits", "plot", "stability", "view"),
         (*_ACCURACY, *_NORM),
-        "it takes the model as the case names it",
-        "flexcam run chooses a model and estimates errors; name its choice by fidelity.model",
+        "it uses the model that the case names",
+        "only flexcam run chooses a model and estimates errors; name the model by fidelity.model",
     ),
-    IgnoredKeys(
-        ("sensitivity", "optimize"), ("fidelity.estimate",), "it asks many runs for numbers alone", _OMIT_REMEDY
-    ),
+    IgnoredKeys(("sensitivity", "optimize"), ("fidelity.estimate",), "it estimates no errors of its runs", _OMIT),
     IgnoredKeys(
         ("trade",),
         (*_MODEL, *_ACCURACY),
-        "it runs every model of the ladder against a converged one",
-        "flexcam run acts on it",
+        "it compares every model of the ladder with a converged one",
+        "flexcam run uses it",
     ),
     IgnoredKeys(
         ("modes", "synthesize"),
         (*_MODEL, *_ACCURACY, *_NORM),
-        "natural modes are those of all unknowns of the members",
-        _OMIT_REMEDY,
+        "natural modes are those of all degrees of freedom of the members",
+        _OMIT,
     ),
-    IgnoredKeys(
-        ("cam", "settings"), (*_MODEL, *_ACCURACY, *_NORM), "closed forms need no model of the train", _OMIT_REMEDY
-    ),
+    IgnoredKeys(("cam",), (*_MODEL, *_ACCURACY, *_NORM), "a cam needs no model of the train", _OMIT),
     IgnoredKeys(
         ("modes",),
         ("run", "output"),
         "natural modes need no run",
-        _OMIT_REMEDY,
-        laid=True,
+        _OMIT,
+        overrides_only=True,
         but=(*_SPEEDS, "run.gravity", "run.fluctuation", "run.free_running"),
     ),
     IgnoredKeys(
-        ("cam", "settings"),
+        ("cam",),
         ("run", "output"),
-        "closed forms need no run",
-        _OMIT_REMEDY,
-        laid=True,
-        but=(*_SPEEDS, "run.free_running"),
+        "a cam needs no run",
+        _OMIT,
+        overrides_only=True,
+        but=_SPEEDS,
     ),
     IgnoredKeys(
         ("cam",),
         ("springs", "masses", "loads", "materials", "sections", "bearings"),
-        "it looks at the cams alone",
-        _OMIT_REMEDY,
-        laid=True,
+        "it evaluates the cams only",
+        _OMIT,
+        overrides_only=True,
     ),
-    IgnoredKeys(("limits",), ("run.revolutions",), "it runs a few revolutions at each speed", _OMIT_REMEDY, laid=True),
+    IgnoredKeys(("limits",), ("run.revolutions",), "it runs a few revolutions at each speed", _OMIT, True),
 )
 """Ignored keys by command."""
 
 _REPORTING_COMMANDS = ("check", "run")
 """Commands that report ignored keys with their other warnings."""
 
-_COMMAND_TABLES = {"paper": "compare", "settings": "settings", "sweep": "sweep"}
+_COMMAND_TABLES = {"paper": "compare", "sweep": "sweep"}
 """Tables used by a single command."""
 
 
 def ignored_key_warnings(command: str, overrides: Sequence[str], case: Case | None = None) -> list[str]:
     """Return messages about the given keys that a command ignores."""
-    laid = [one.partition("=")[0].strip() for one in overrides]
-    twice = [
-        f"Note: --set {one} has no part: --set {overrides[last]} is laid over it; leave one out"
+    keys = [one.partition("=")[0].strip() for one in overrides]
+    repeated = [
+        f"Note: --set {one} has no effect: --set {overrides[last]} replaces it; leave one out"
         for i, one in enumerate(overrides)
-        if (last := len(laid) - 1 - laid[::-1].index(laid[i])) != i
+        if (last := len(keys) - 1 - keys[::-1].index(keys[i])) != i
     ]
     found: dict[tuple[str, str], list[str]] = {}
     for row in IGNORED_KEYS:
         if command in row.commands:
-            told = [f"{key} (--set)" for key in laid if _is_below(key, row.keys) and not _is_below(key, row.but)]
-            told = told if row.laid or case is None else [case.place(key) for key in _changed_keys(case, row.keys)]
-            found.setdefault((row.why, row.remedy), []).extend(told)
-    sentences = [_sentence(keys, command, *reason) for reason, keys in found.items() if keys]
-    return [*twice, *sentences, *_other_command_overrides(command, laid), *_ineffective_keys(command, case)]
+            if row.overrides_only or case is None:
+                ignored = [f"{key} (--set)" for key in keys if _is_below(key, row.keys) and not _is_below(key, row.but)]
+            else:
+                ignored = [case.place(key) for key in _changed_keys(case, row.keys)]
+            found.setdefault((row.why, row.remedy), []).extend(ignored)
+    sentences = [_sentence(ignored, command, *reason) for reason, ignored in found.items() if ignored]
+    return [*repeated, *sentences, *_other_command_overrides(command, keys), *_ineffective_keys(command, case)]
 
 
 def _sentence(keys: Sequence[str], command: str, why: str, remedy: str) -> str:
-    return f"Note: {', '.join(keys)} {'has' if len(keys) == 1 else 'have'} no part in {command}: {why}; {remedy}"
+    return f"Note: {', '.join(keys)} {'has' if len(keys) == 1 else 'have'} no effect in {command}: {why}; {remedy}"
 
 
 def _is_below(key: str, above: Sequence[str]) -> bool:
@@ -154,16 +175,16 @@ def _changed_keys(case: Case, keys: Sequence[str]) -> Iterator[tuple[str, str]]:
             yield table, name
 
 
-def _other_command_overrides(command: str, laid: Sequence[str]) -> Iterator[str]:
-    """Yield the overrides of tables of other commands."""
-    for key in laid:
+def _other_command_overrides(command: str, keys: Sequence[str]) -> Iterator[str]:
+    """Yield messages about overrides of tables of other commands."""
+    for key in keys:
         its = _COMMAND_TABLES.get(key.partition(".")[0])
         if its not in (None, command) and command != "check":
-            yield _sentence([f"{key} (--set)"], command, f"that table is for flexcam {its}", _OMIT_REMEDY)
+            yield _sentence([f"{key} (--set)"], command, f"that table is for flexcam {its}", _OMIT)
 
 
 def _ineffective_keys(command: str, case: Case | None) -> Iterator[str]:
-    """Yield the keys without effect because of another key of the case."""
+    """Yield messages about keys without effect because of another key of the case."""
     if (
         case is None
         or command in _REPORTING_COMMANDS
@@ -171,7 +192,7 @@ def _ineffective_keys(command: str, case: Case | None) -> Iterator[str]:
     ):
         return
     if case.record.fidelity.model != "chain" and (given := list(_changed_keys(case, ["fidelity.masses"]))):
-        why = f"they are those of a chain, and the model is {case.record.fidelity.model}"
+        why = f"it is a number of masses of a chain, and the model is {case.record.fidelity.model}"
         yield _sentence([case.place(key) for key in given], "this case", why, 'give fidelity.model = "chain"')
 
 
@@ -190,19 +211,23 @@ class RunState:
 
 run_state = RunState()
 
-CaseFile = Annotated[Path, Parameter(help="Case file (TOML).")]
+CaseFile = Annotated[Path, Parameter(help="Case file (.toml).")]
 ResultPath = Annotated[Path, Parameter(help="Result file (.vtkhdf).")]
 Overrides = Annotated[
     list[str] | None,
-    Parameter("--set", negative=(), help="Lay a value over the case's: run.speed=4000rpm. May be repeated."),
+    Parameter("--set", negative=(), help="Override a value of the case, such as run.speed=4000rpm. Repeatable."),
 ]
-Json = Annotated[bool, Parameter("--json", negative=(), help="Print one JSON object.")]
-Picture = Annotated[Path | None, Parameter("--plot", help="Also draw it (.svg, .png or .pdf).")]
+Json = Annotated[bool, Parameter("--json", negative=(), help="Print one JSON object instead of tables.")]
+Picture = Annotated[Path | None, Parameter("--plot", help="Also draw a figure to this file (.svg, .png or .pdf).")]
+Csv = Annotated[Path | None, Parameter("--csv", help="Also write a table to this file (.csv).")]
 Folder = Annotated[Path, Parameter(["-o", "--output"], help="Folder of the results.")]
-Overwrite = Annotated[bool, Parameter("--overwrite", negative=(), help="Replace existing results.")]
+Overwrite = Annotated[bool, Parameter("--overwrite", negative=(), help="Replace existing files.")]
 AllowLarge = Annotated[
-    bool, Parameter("--allow-large", negative=(), help="Run even if memory or disk seem too small for it.")
+    bool, Parameter("--allow-large", negative=(), help="Run even if memory or disk space seem too small.")
 ]
+Lowest = Annotated[str | None, Parameter("--lowest", help="Lowest speed, such as 1000rpm; half the case's by default.")]
+Highest = Annotated[str | None, Parameter("--highest", help="Highest speed; 1.5 times the case's by default.")]
+Count = Annotated[int, Parameter("--count", help="Number of speeds, evenly spaced.")]
 
 
 def _versions() -> str:
@@ -216,12 +241,13 @@ app = App(
     name="flexcam",
     version=_versions,
     help_format="plaintext",
-    help="Flexible valve trains and cam mechanisms by finite elements.",
+    help="Simulate flexible valve trains and cam mechanisms by finite elements.",
     help_prologue="""\
-flexcam check cases/tayeb/model-3-shm.toml
-flexcam compare cases/tayeb/model-3-shm.toml --set run.speed=4000rpm
-flexcam run cases/tayeb/model-3-shm.toml -o results
-flexcam export results/model-3-shm.vtkhdf --format pvd
+flexcam new pushrod-engine -o engine.toml
+flexcam check engine.toml
+flexcam run engine.toml -o results --set run.crank_speed=4000rpm
+flexcam plot results/engine.vtkhdf
+flexcam compare engine.toml
 """,
     suppress_keyboard_interrupt=False,
 )
@@ -235,7 +261,7 @@ def parse_quantity(where: str, text: str, dimension: str, unit: str) -> float:
     """Return the SI number of an option; a number without a unit is rejected, because it could be mistaken for SI."""
     if _BARE.match(text) and float(text) != 0.0:
         allowed = f"a number with its unit, such as '{text.strip()} {unit}'"
-        raise refuse(where, text, allowed, "a bare number could be anything", f"write '{text.strip()} {unit}'")
+        raise refuse(where, text, allowed, "the unit is missing", f"write '{text.strip()} {unit}'")
     return parse(text, dimension, where)
 
 
@@ -258,8 +284,8 @@ def load_beams(path: Path, overrides: Sequence[str] | None) -> Case:
     asked = case.record.fidelity
     for key, given, allowed in (("model", asked.model, "beams"), ("modes", asked.modes, None)):
         if given != allowed:
-            why, remedy = "this is asked of all unknowns of the members", f"leave fidelity.{key} out"
-            raise refuse(case.place(("fidelity", key)), str(given), "beams with every unknown", why, remedy)
+            why, remedy = "this command needs all degrees of freedom of the members", f"leave fidelity.{key} out"
+            raise refuse(case.place(("fidelity", key)), str(given), "beams with all degrees of freedom", why, remedy)
     return case
 
 
@@ -269,15 +295,28 @@ def check_positive(option: str, number: int) -> None:
         raise refuse(option, number, "a whole number from 1")
 
 
-_MOST_SPEEDS = 10_000
+def refuse_without(option: str, given: object, required: str, *, present: bool) -> None:
+    """Raise an error for an option that has no effect without another one."""
+    if given is not None and given is not False and not present:
+        raise refuse(
+            option, describe_option(given), f"{option} with {required} only", "it has no effect", "leave it out"
+        )
+
+
+def describe_option(given: object) -> str:
+    """Return the value of an option as it was given; several values are separated by commas."""
+    return ", ".join(str(one) for one in cast("list[object]", given)) if isinstance(given, list) else str(given)
+
+
+_MAX_SPEEDS = 10_000
 
 
 def speed_range(
     lowest: str | None, highest: str | None, count: int, speed: float, scale: float, most: float = 1.5
 ) -> tuple[float, float]:
     """Return the range of camshaft speeds of a command, rad/s; by default half to `most` times the case's speed."""
-    if not 2 <= count <= _MOST_SPEEDS:
-        raise refuse("--count", count, f"a whole number from 2 to {_MOST_SPEEDS}", "each speed is a run")
+    if not 2 <= count <= _MAX_SPEEDS:
+        raise refuse("--count", count, f"a whole number from 2 to {_MAX_SPEEDS}", "each speed is a run")
     low = 0.5 * speed if lowest is None else parse_quantity("--lowest", lowest, "speed", "rpm") / scale
     high = most * speed if highest is None else parse_quantity("--highest", highest, "speed", "rpm") / scale
     if not high > low:
@@ -292,7 +331,7 @@ def parse_speed_tolerance(option: str, text: str, scale: float) -> float:
     """Return the tolerance of a speed search, of the camshaft in rad/s."""
     width = parse_quantity(option, text, "speed", "rpm") / scale
     if not width > 0.0:
-        raise refuse(option, text, "a speed above zero", "a bracket is halved until it is as narrow")
+        raise refuse(option, text, "a speed above zero", "the search halves the interval until it is this narrow")
     return width
 
 
@@ -302,3 +341,58 @@ def check_figure_path(plot: Path | None, overwrite: bool) -> None:
         from flexcam.plotting.figures import check_figure_path
 
         check_figure_path(plot, overwrite=overwrite)
+
+
+def check_distinct_files(written: Mapping[str, Path | None], read: Sequence[Path] = ()) -> None:
+    """Raise an error if output files coincide with each other or with an input file, regardless of overwriting."""
+    taken = {os.path.realpath(path): "the input" for path in read}
+    faults: list[Fault] = []
+    for option, path in written.items():
+        if path is not None and (other := taken.setdefault(os.path.realpath(path), option)) != option:
+            why = "it would be lost" if other == "the input" else "one would replace the other"
+            faults.append(Fault(option, str(path), f"a file other than {other}", why, "name another file"))
+    if faults:
+        raise InputError(faults)
+
+
+def check_targets(csv: Path | None, plot: Path | None, read: Path, *, overwrite: bool) -> None:
+    """Raise an error if a table or a figure cannot be written, before a computation."""
+    collect_errors(
+        lambda: check_distinct_files({"--csv": csv, "--plot": plot}, [read]),
+        lambda: None if csv is None else check_writable("output", csv, overwrite=overwrite),
+        lambda: check_figure_path(plot, overwrite),
+    )
+
+
+def print_files(files: Sequence[Path]) -> None:
+    """Print the names of written files."""
+    for path in files:
+        result_console().print(str(path))
+
+
+StudyAnswer = tuple[StudyOutput, Callable[[], "Figure"]]
+"""Output of a study, and the function that draws it."""
+
+
+def write_answer(
+    answer: StudyAnswer, csv: Path | None, plot: Path | None, ended: Status, *, overwrite: bool, as_json: bool,
+    written: Sequence[Path] = (),
+) -> None:  # fmt: skip
+    """Print the output of a study and write its table and figure, also after an interruption; name every file."""
+    output, draw = answer
+    if csv is not None:
+        write_text(csv, output.csv, overwrite=overwrite)
+    if plot is not None:
+        from flexcam.plotting.figures import save_figure
+
+        save_figure(draw(), plot, overwrite=overwrite)
+    files = [path for path in (csv, plot, *written) if path is not None]
+    if as_json:
+        status = "ok" if ended.ok else str(ended.cause)
+        print_json({"status": status, **output.json, "files": [str(path) for path in files]})
+        return
+    for i, table in enumerate(output.tables):
+        result_console().print(*([""] if i else []), table, sep="\n")
+    for sentence in output.words:
+        result_console().print("\n" + sentence)
+    print_files(files)

@@ -1,25 +1,56 @@
-"""Command that compares two models, cases or results: compare."""
+"""Commands that compare models: compare, trade."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import Parameter
+import numpy as np
+from cyclopts import Group, Parameter
+from rich.table import Table
 
-from flexcam.analysis.comparison import check_claims as fidelity_claims
-from flexcam.analysis.comparison import compare_responses, deviation
+from flexcam.analysis.comparison import check_claims, compare_responses, deviation
+from flexcam.analysis.limits import (
+    MODELS,
+    ForceRange,
+    SpeedResult,
+    compare_models_over_speed,
+    divergence_speed,
+)
+from flexcam.analysis.model_choice import evaluate_ladder
 from flexcam.analysis.model_ladder import model_ladder
 from flexcam.analysis.natural_modes import excited_mode
 from flexcam.analysis.preparation import prepare, scalar_probe
-from flexcam.analysis.run import run as solve_case
+from flexcam.analysis.run import reload_result
+from flexcam.analysis.run import run as run_case
 from flexcam.case.case import Case
-from flexcam.cli.app import Json, Overrides, app, load_beams, load_case
-from flexcam.core.errors import refuse, suggest_name
-from flexcam.core.units import RPM
+from flexcam.case.reader import case_from_result
+from flexcam.cli.app import (
+    CaseFile,
+    Csv,
+    Json,
+    Overrides,
+    Overwrite,
+    Picture,
+    app,
+    check_figure_path,
+    check_positive,
+    check_targets,
+    load_beams,
+    load_case,
+    print_files,
+    refuse_without,
+    speed_range,
+)
+from flexcam.core import FloatArray
+from flexcam.core.errors import collect_errors, positive, refuse, suggest_name
+from flexcam.core.units import RPM, parse, shaft_name
 from flexcam.dynamics import Response, Status, reraise_interrupt
-from flexcam.io import read_result
+from flexcam.io import read_result, write_text
+from flexcam.report.fidelity_tables import TRADE_LEGEND, trade_csv, trade_json, trade_table, trade_warnings
+from flexcam.report.formatting import format_fixed
 from flexcam.report.tables import (
     claim_table,
     comparison_json,
@@ -27,30 +58,68 @@ from flexcam.report.tables import (
     describe_comparison,
     describe_contacts,
 )
-from flexcam.report.terminal import print_json, result_console
+from flexcam.report.terminal import plain_table, print_json, result_console, show_count
+
+_RESULT = ".vtkhdf"
+_SPEEDS = Group("Contact forces over speed", sort_key=1)
 
 
 @app.command(
     help_prologue="""\
 flexcam compare case.toml
 flexcam compare case.toml --probe valve --set run.speed=4000rpm
+flexcam compare case.toml --against sdof
+flexcam compare one.vtkhdf --against other.vtkhdf
+flexcam compare case.toml --lowest 2000rpm --highest 7000rpm --count 6 --plot forces.svg
 """
 )
 def compare(
-    case: Annotated[Path, Parameter(help="Case file (TOML), or a result with --against another.")], *,
-    probe: str | None = None,
-    against: Annotated[
-        str | None, Parameter(help="Model of the ladder, other case, or result; rigid if absent.")
+    case: Annotated[Path, Parameter(help="Case file (.toml), or result file (.vtkhdf) with --against.")], *,
+    probe: Annotated[
+        str | None,
+        Parameter(help="Point or component to compare; by default that of a rocker, or the first driven by a cam."),
     ] = None,
-    overrides: Overrides = None, as_json: Json = False,
+    against: Annotated[
+        str | None, Parameter(help="Simpler model of the case, other case or result; the rigid model by default.")
+    ] = None,
+    lowest: Annotated[
+        str | None, Parameter(group=_SPEEDS, help="Lowest speed; half the case's by default.")
+    ] = None,
+    highest: Annotated[
+        str | None, Parameter(group=_SPEEDS, help="Highest speed; 1.5 times the case's by default.")
+    ] = None,
+    count: Annotated[
+        int | None, Parameter(group=_SPEEDS, help="Number of speeds, evenly spaced; 8 by default.")
+    ] = None,
+    tolerance: Annotated[
+        str | None, Parameter(group=_SPEEDS, help="Difference of forces from which models diverge; 5 % by default.")
+    ] = None,
+    contact: Annotated[str | None, Parameter(group=_SPEEDS, help="Cam contact, if a case has several.")] = None,
+    plot: Annotated[
+        Path | None, Parameter(group=_SPEEDS, help="Also draw the forces over speed (.svg, .png or .pdf).")
+    ] = None,
+    overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
 ) -> Status:  # fmt: skip
-    """Compare the flexible mechanism with the rigid one at a probe, or any two models, cases or results.
+    """Compare the flexible model with the rigid one, or any two models, cases or results.
 
-    Parameters
-    ----------
-    probe
-        Point or component to compare at; by default a rocker's point, else the first probe that a cam moves.
+    With a range of speeds (--lowest, --highest or --plot) it compares the contact forces of the rigid model, the
+    flexible one with bilateral contact and with unilateral contact, and finds the speeds at which they diverge.
+    Speeds are those of the crankshaft if the case gives crank_speed, otherwise those of the camshaft.
     """
+    over_speed = any(one is not None for one in (lowest, highest, plot))
+    for option, given in (("--count", count), ("--tolerance", tolerance), ("--contact", contact)):
+        refuse_without(option, given, "--lowest, --highest or --plot", present=over_speed)
+    if over_speed:
+        for option, given in (("--probe", probe), ("--against", against)):
+            if given is not None:
+                why = "over speed the contact forces of three models are compared"
+                raise refuse(option, given, "nothing with --lowest, --highest or --plot", why, "leave it out")
+        number = 8 if count is None else count
+        part = positive("--tolerance", parse(tolerance or "5 %", "number", "--tolerance"), "1", zero=True)
+        return _compare_over_speed(
+            load_beams(case, overrides), lowest, highest, number, part, contact, plot,
+            overwrite=overwrite, as_json=as_json,
+        )  # fmt: skip
     if against is not None:
         return _compare_pair(case, against, probe, overrides, as_json)
     read = load_beams(case, overrides)
@@ -58,7 +127,7 @@ def compare(
     found = deviation(read, at)
     published = any(contact.model == "published-load" for contact in read.record.contacts.values())
     mode_hz = excited_mode(read)[0] if published else None
-    claims = fidelity_claims(read, at, found) if read.record.paper and found.status.ok else []
+    claims = check_claims(read, at, found) if read.record.paper and found.status.ok else []
     if as_json:
         print_json({
             **comparison_json(found), "loaded_mode_hz": mode_hz,
@@ -66,8 +135,7 @@ def compare(
         })  # fmt: skip
         return found.status
     result_console().print(comparison_table(found, read.turns))
-    words = describe_comparison(found, mode_hz)
-    for sentence in words + describe_contacts(read):
+    for sentence in describe_comparison(found, mode_hz) + describe_contacts(read):
         result_console().print("\n" + sentence)
     if claims:
         result_console().print()
@@ -78,16 +146,15 @@ def compare(
 def _compare_pair(case: Path, against: str, probe: str | None, overrides: Overrides, as_json: bool) -> Status:
     """Compare two models of a case, two cases or two results."""
     if case.suffix == _RESULT:
-        from flexcam.cli.arguments import Source
-
         if overrides and Path(against).suffix == _RESULT:
-            why = "both have been computed"
-            raise refuse("--set", overrides[0], "a case among what is compared", why, "give the case, or leave it out")
-        one, read = read_result(case).response, None
-        at = probe or scalar_probe(Source(case).ready)
+            why = "results cannot be changed"
+            raise refuse("--set", overrides[0], "--set with a case only", why, "give the case, or leave it out")
+        result, read = read_result(case), None
+        one = result.response
+        at = probe or scalar_probe(reload_result(case_from_result(result), result)[0])
     else:
         read = load_case(case, overrides)
-        one, at = _require_complete(solve_case(read)), probe or scalar_probe(prepare(read))
+        one, at = _require_complete(run_case(read)), probe or scalar_probe(prepare(read))
     other = _second_response(against, read, overrides)
     found = compare_responses(one, other, at, _speed_rpm(one), (case.stem, Path(against).stem))
     if as_json:
@@ -105,12 +172,12 @@ def _second_response(against: str, read: Case | None, overrides: Overrides) -> R
     if path.suffix == _RESULT:
         return read_result(path).response
     if path.suffix == ".toml":
-        return _require_complete(solve_case(load_case(path, overrides)))
-    rungs = {} if read is None else {rung.name: rung for rung in model_ladder(read)}
-    if against not in rungs:
-        allowed = f"a case, a result, or one of {', '.join(rungs)}" if rungs else "a case or a result"
-        raise refuse("--against", repr(against), allowed, "", suggest_name(against, list(rungs)))
-    return _require_complete(rungs[against].run())
+        return _require_complete(run_case(load_case(path, overrides)))
+    models = {} if read is None else {model.name: model for model in model_ladder(read)}
+    if against not in models:
+        allowed = f"a case, a result, or one of {', '.join(models)}" if models else "a case or a result"
+        raise refuse("--against", repr(against), allowed, "", suggest_name(against, list(models)))
+    return _require_complete(models[against].run())
 
 
 def _require_complete(response: Response) -> Response:
@@ -121,8 +188,129 @@ def _require_complete(response: Response) -> Response:
 
 def _speed_rpm(response: Response) -> float:
     """Return the mean camshaft speed of a run, rpm."""
-    turned, passed = (float(one[-1] - one[0]) for one in (response.angle, response.time))
-    return turned / passed / RPM if passed > 0.0 else 0.0
+    angle, duration = (float(one[-1] - one[0]) for one in (response.angle, response.time))
+    return angle / duration / RPM if duration > 0.0 else 0.0
 
 
-_RESULT = ".vtkhdf"
+def _compare_over_speed(
+    case: Case, lowest: str | None, highest: str | None, count: int, tolerance: float, contact: str | None,
+    plot: Path | None, *, overwrite: bool, as_json: bool,
+) -> Status:  # fmt: skip
+    """Compare the contact forces of the rigid, bilateral and unilateral model over speed."""
+    scale, shaft = case.turns, shaft_name(case.turns)
+    low, high = speed_range(lowest, highest, count, case.speed, scale)
+    check_figure_path(plot, overwrite)
+    with show_count(count, "speeds") as shown:
+        found = compare_models_over_speed(case, np.linspace(low, high, count).tolist(), contact=contact, advance=shown)
+    if plot is not None:
+        from flexcam.plotting.figures import add_title, save_figure
+        from flexcam.plotting.spectra import force_figure
+
+        rpm = np.array([scale * one.rpm for one in found])
+        save_figure(add_title(force_figure(rpm, force_ranges(found), shaft), case.title), plot, overwrite=overwrite)
+    if as_json:
+        files = [] if plot is None else [str(plot)]
+        print_json({"status": "ok", **divergence_json(found, scale, tolerance), "shaft": shaft, "files": files})
+    else:
+        result_console().print(divergence_table(found, scale, tolerance))
+        print_files([] if plot is None else [plot])
+    return Status()
+
+
+_PAIRS = (("rigid", "bilateral"), ("bilateral", "unilateral"))
+
+
+def divergence_table(found: Sequence[SpeedResult], scale: float, tolerance: float) -> Table:
+    """Return the table of minimum and maximum contact force on the main lift by model."""
+    rows = [(f"{scale * one.rpm:.6g}", *(_format_forces(one.forces[name]) for name in MODELS)) for one in found]
+    head = (f"{shaft_name(scale)} rpm", *(f"{name}, N" for name in MODELS))
+    return plain_table(
+        f"Contact force on the main lift, min to max; {_describe_divergence(found, scale, tolerance)}", head, rows
+    )
+
+
+def _format_forces(forces: ForceRange | None) -> str:
+    return (
+        "did not finish" if forces is None else f"{format_fixed(forces.least, 0)} to {format_fixed(forces.largest, 0)}"
+    )
+
+
+def _describe_divergence(found: Sequence[SpeedResult], scale: float, tolerance: float) -> str:
+    words: list[str] = []
+    for first, second in _PAIRS:
+        rpm = divergence_speed(found, first, second, tolerance)
+        there = "do not diverge" if rpm is None else f"diverge at {scale * rpm:.6g} {shaft_name(scale)} rpm"
+        words.append(f"{first} and {second} {there}")
+    return ", ".join(words) + f" ({tolerance:.0%})"
+
+
+def divergence_json(found: Sequence[SpeedResult], scale: float, tolerance: float) -> dict[str, object]:
+    """Return the contact forces by model for ``--json``."""
+    part: dict[str, object] = {}
+    for first, second in _PAIRS:
+        rpm = divergence_speed(found, first, second, tolerance)
+        part[f"{first}_{second}_part_rpm"] = None if rpm is None else scale * rpm
+    forces = {
+        name: [None if (one := speed.forces[name]) is None else [one.least, one.largest] for speed in found]
+        for name in MODELS
+    }
+    return {
+        "shaft": shaft_name(scale),
+        "rpm": [scale * one.rpm for one in found],
+        "forces_n": forces,
+        **part,
+        "tolerance": tolerance,
+    }
+
+
+def force_ranges(found: Sequence[SpeedResult]) -> dict[str, tuple[FloatArray, FloatArray]]:
+    """Return minimum and maximum forces by model for a figure."""
+    nothing = ForceRange(float("nan"), float("nan"))
+    each = {name: [speed.forces[name] or nothing for speed in found] for name in MODELS}
+    return {
+        name: (np.array([one.least for one in forces]), np.array([one.largest for one in forces]))
+        for name, forces in each.items()
+    }
+
+
+@app.command(
+    help_prologue="""\
+flexcam trade cases/tayeb/model-3-shm.toml
+flexcam trade case.toml --csv trade.csv --plot trade.svg --repeats 5
+"""
+)
+def trade(
+    case: CaseFile, *,
+    probe: Annotated[str | None, Parameter(help="Probe whose motion is compared; the valve by default.")] = None,
+    repeats: Annotated[int, Parameter(help="Runs of every model; their median time is shown.")] = 3,
+    csv: Csv = None, plot: Picture = None,
+    overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
+) -> None:  # fmt: skip
+    """Compare error and run time of all models of a case, from rigid to flexible.
+
+    Use it to choose a model by hand (fidelity.model). The reference is a converged run of the flexible model.
+    """
+    read = collect_errors(
+        lambda: load_case(case, overrides),
+        lambda: check_positive("--repeats", repeats),
+        lambda: check_targets(csv, plot, case, overwrite=overwrite),
+    )
+    at = probe or scalar_probe(prepare(read))
+    with show_count(None, "models") as shown:
+        against, found = evaluate_ladder(read, at, repeats=repeats, advance=shown)
+    if csv is not None:
+        write_text(csv, trade_csv(against, found), overwrite=overwrite)
+    if plot is not None:
+        from flexcam.plotting.figures import add_title, save_figure
+        from flexcam.plotting.study_curves import work_precision_figure
+
+        save_figure(add_title(work_precision_figure(found), read.title), plot, overwrite=overwrite)
+    files = [path for path in (csv, plot) if path is not None]
+    if as_json:
+        print_json({"status": "ok", **trade_json(against, found), "files": [str(path) for path in files]})
+        return
+    result_console().print(trade_table(against, found))
+    result_console().print(TRADE_LEGEND)
+    for sentence in trade_warnings(against, found):
+        result_console().print("\n" + sentence)
+    print_files(files)

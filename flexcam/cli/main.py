@@ -13,20 +13,46 @@ import sys
 import tempfile
 import traceback
 from collections.abc import Sequence
+from importlib import import_module
+from inspect import cleandoc
 from itertools import pairwise
 from pathlib import Path
 from types import FrameType
 
-from cyclopts import CycloptsError
+from cyclopts import CycloptsError, Group
 
 from flexcam import __version__
-from flexcam.cli.app import app, run_state
-from flexcam.cli.registry import COMMAND_FILES, load_commands
+from flexcam.cli.app import COMMAND_FILES, COMMANDS, app, run_state
 from flexcam.core.errors import Fault, InputError
 from flexcam.dynamics import Cause, RunFailedError, Status
 from flexcam.report.terminal import print_json, print_message
 
 DONE, REFUSED, FAILED, FAULT, INTERRUPTED, TERMINATED = 0, 2, 3, 70, 130, 143
+
+_SYNONYMS = {
+    "campbell": ("orders", "waterfall"), "cam": ("lift", "profile"), "law": ("laws",),
+    "compare": ("divergence", "parting"), "new": ("init", "template"), "view": ("show",),
+}  # fmt: skip
+"""Words that a command is suggested for."""
+
+
+def load_commands(words: Sequence[str]) -> None:
+    """Import the file of the given command; for an unknown one or the help, all files, and sort them into panels."""
+    run_state.command = words[0] if words else ""
+    if run_state.command in COMMAND_FILES:
+        import_module(f"flexcam.cli.{COMMAND_FILES[run_state.command]}")
+        if "--help" in words or "-h" in words:  # the lines of a docstring are joined, to fit any terminal
+            app[run_state.command].help = re.sub(r"(?<!\n)\n(?!\n)", " ", cleandoc(app[run_state.command].help))
+        return
+    for number, (title, commands) in enumerate(COMMANDS.items()):
+        panel = Group(title, sort_key=number)
+        for place, (command, file) in enumerate(commands.items()):
+            import_module(f"flexcam.cli.{file}")
+            app[command].group, app[command].sort_key = panel, place
+            app[command].synonym = _SYNONYMS.get(command, ())
+    options = Group("Options", sort_key=len(COMMANDS))
+    for option in ("--help", "--version", "--install-completion"):
+        app[option].group = options
 
 
 def _print_status(status: Status) -> int:
@@ -56,7 +82,7 @@ def _report_crash(words: Sequence[str], as_json: bool) -> int:
         "w", prefix="flexcam-crash-", suffix=".txt", delete=False, encoding="utf-8"
     ) as file:
         file.write(f"flexcam {__version__}\n{' '.join(words)}\n\n{traceback.format_exc()}")
-    message = f"a fault of flexcam itself; please report it with {file.name}"
+    message = f"internal error of flexcam; please report it with {file.name}"
     if as_json:
         print_json({"status": "fault", "message": message, "crash_file": file.name})
     print_message(message)
@@ -65,9 +91,11 @@ def _report_crash(words: Sequence[str], as_json: bool) -> int:
 
 def _command_line_fault(words: Sequence[str], fault: CycloptsError) -> Fault:
     """Return the fault of an invalid command line."""
-    command = [word for word in words[:1] if any(word in commands for commands in COMMAND_FILES.values())]
+    command = [word for word in words[:1] if word in COMMAND_FILES]
     why, remedy = str(fault), ""
-    if found := re.match(r'Command "[^"]+" parameter (--\S+) requires an argument', why):
+    if why.startswith("Unknown command"):
+        why, remedy = why.partition(" Available commands: ")[0], f"the commands are {', '.join(COMMAND_FILES)}"
+    elif found := re.match(r'Command "[^"]+" parameter (--\S+) requires an argument', why):
         option = found[1]
         why = f"{option[2:].upper()} ({option}) is missing"
         if option in words:
@@ -75,13 +103,13 @@ def _command_line_fault(words: Sequence[str], fault: CycloptsError) -> Fault:
             why = f"{option} is followed by {followed[0] if followed else 'nothing'}"
             remedy = f"a value that begins with - is written {option}={followed[0]}" if followed else ""
     elif found := re.match(r"Unused Tokens: \[(.*)\]", why):
-        why = f"nothing takes {found[1]}"
+        why = f"no argument or option accepts {found[1]}"
     return Fault(
         "command line", " ".join(words) or "nothing", f"see {' '.join(['flexcam', *command])} --help", why, remedy
     )
 
 
-_INTERRUPTED = Status(Cause.INTERRUPTED, "stopped by the user before it was finished: nothing is kept")
+_INTERRUPTED = Status(Cause.INTERRUPTED, "stopped by the user before it was finished; nothing is kept")
 
 
 def _handle_signal(signum: int, frame: FrameType | None) -> None:
@@ -99,13 +127,16 @@ def _signal_code() -> int:
 def _empty_path_faults(words: Sequence[str]) -> list[Fault]:
     """Return a fault for every file option with an empty value, which Python would interpret as the current folder."""
     pairs = [*pairwise(words), *(tuple(word.partition("=")[::2]) for word in words if word.endswith("="))]
-    why, remedy = "such as by a variable of the shell that is not set", "name one, or leave the option out"
+    why, remedy = (
+        "the value is empty, perhaps from a shell variable that is not set",
+        "name one, or leave the option out",
+    )
     return [
         Fault(one, "nothing", "a file or a folder", why, remedy) for one, other in pairs if one in _FILES and not other
     ]
 
 
-_FILES = ("-o", "--output", "--csv", "--plot", "--spectrum", "--save", "--mac")
+_FILES = ("-o", "--output", "--csv", "--plot", "--spectrum", "--save", "--mac", "--from-profile")
 """Options with a file name."""
 
 

@@ -5,30 +5,136 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from cyclopts import Parameter
 
+from flexcam.analysis.cam_analysis import CamSet, load_cams
 from flexcam.analysis.model_choice import evaluate_ladder
 from flexcam.analysis.natural_modes import modes
-from flexcam.analysis.preparation import scalar_probe
+from flexcam.analysis.preparation import PreparedRun, prepare, scalar_probe
+from flexcam.analysis.run import reload_result
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.case.input_checks import check_shared_seat_load
-from flexcam.cli.app import Json, Overrides, Overwrite, app, parse_quantity, speed_range
-from flexcam.cli.arguments import Source, name_sources, open_sources
+from flexcam.case.reader import case_from_result, has_mechanism
+from flexcam.cli.app import Json, Overrides, Overwrite, app, load_case, parse_quantity, speed_range
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name
 from flexcam.core.units import shaft_name
-from flexcam.dynamics import Response, Status
-from flexcam.report.terminal import print_json, result_console, show_count
+from flexcam.dynamics import Response, Status, reraise_interrupt, solve
+from flexcam.io import Result, read_result
+from flexcam.report.formatting import make_unique
+from flexcam.report.terminal import print_json, result_console, show_count, show_progress
 from flexcam.valvetrain import Cam, build_structure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from flexcam.plotting.histories import Abscissa
+
+_RESULT = ".vtkhdf"
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """Result file, or a case that is run when its response is first used.
+
+    Parameters
+    ----------
+    path
+        Path of the file.
+    overrides
+        Overrides of the case.
+    """
+
+    path: Path
+    overrides: tuple[str, ...] = ()
+
+    @cached_property
+    def result(self) -> Result | None:
+        """Result file; None for a case."""
+        return read_result(self.path) if self.path.suffix == _RESULT else None
+
+    @cached_property
+    def case(self) -> Case:
+        """Case; of a result, the case stored in it."""
+        return load_case(self.path, self.overrides) if self.result is None else case_from_result(self.result)
+
+    @cached_property
+    def ready(self) -> PreparedRun:
+        """Prepared run of the case."""
+        return prepare(self.case) if self.result is None else reload_result(self.case, self.result)[0]
+
+    @cached_property
+    def response(self) -> Response:
+        """Response of the result, or of a run of the case."""
+        return _solve_source(self.ready) if self.result is None else self.result.response
+
+    @cached_property
+    def rigid(self) -> Response:
+        """Response with rigid members."""
+        return _solve_source(prepare(self.case, rigid=True))
+
+    @cached_property
+    def cams_only(self) -> CamSet | None:
+        """Cams of a file without a mechanism; None for a result or a complete case."""
+        if self.path.suffix == _RESULT or has_mechanism(self.path):
+            return None
+        return load_cams(self.path, self.overrides)
+
+    @property
+    def cams(self) -> Mapping[str, Cam]:
+        """Cams by name."""
+        return build_model(self.case).cams if self.cams_only is None else self.cams_only.cams
+
+    @property
+    def subject(self) -> str:
+        """Title of the case or of the file of cams."""
+        return self.case.title if self.cams_only is None else self.cams_only.title or self.stem
+
+    @property
+    def stem(self) -> str:
+        """Name of the file without suffixes."""
+        return self.path.name.partition(".")[0]
+
+    @property
+    def title(self) -> str:
+        """Title of the case with its speed."""
+        return f"{self.case.record.title or self.stem}, {self.case.speed_text}"
+
+
+def _solve_source(ready: PreparedRun) -> Response:
+    with show_progress(ready.problem.steps) as bar:
+        response = solve(ready.problem, ready.scheme, save=ready.save, sinks=bar)
+    reraise_interrupt(response.status)
+    return response
+
+
+def open_sources(paths: Sequence[Path], overrides: Sequence[str] | None, *, cams: bool = False) -> list[Source]:
+    """Return the sources of several files; unreadable files are rejected before a computation.
+
+    With `cams`, files that contain only cams are accepted.
+    """
+    if not paths:
+        raise refuse("command line", "no file", "one or more results (.vtkhdf) or cases (.toml)")
+    if overrides and any(path.suffix == _RESULT for path in paths):
+        raise refuse("--set", overrides[0], "--set with a case only", "a result cannot be changed", "give the case")
+    found = [Source(path, tuple(overrides or ())) for path in paths]
+    for one in found:
+        _ = one.result or (cams and one.cams_only) or one.case
+    return found
+
+
+def name_sources(sources: Sequence[Source]) -> dict[str, Source]:
+    """Return sources by a distinguishing name: empty for a single one, else file name, speed or number."""
+    if len(sources) == 1:
+        return {"": sources[0]}
+    speeds = ["" if one.cams_only else one.case.speed_text for one in sources]
+    return dict(zip(make_unique([one.stem for one in sources], speeds), sources, strict=True))
+
 
 FigureKind = Literal["motion", "force", "energy", "svaj", "profile", "modes", "campbell", "waterfall", "work-precision"]
 
@@ -76,7 +182,9 @@ class FigureOptions:
         """Return sentences about the limits of a drawn rigid train."""
         ones = self.sources.values() if self.rigid else ()
         return list(
-            dict.fromkeys(told for one in ones for told in check_shared_seat_load(one.ready.model, one.case.speed))
+            dict.fromkeys(
+                warning for one in ones for warning in check_shared_seat_load(one.ready.model, one.case.speed)
+            )
         )
 
 
@@ -88,25 +196,33 @@ flexcam plot case.toml --what profile --angle 90deg
 """
 )
 def plot(
-    files: Annotated[list[Path], Parameter(help="Results (.vtkhdf), or cases (.toml), which are run.")], *,
-    what: Annotated[FigureKind, Parameter(help="What is drawn.")] = "motion",
-    probe: Annotated[str | None, Parameter(help="Whose motion; the valve by default.")] = None,
+    files: Annotated[list[Path], Parameter(help="Result files (.vtkhdf), or case files (.toml), which are run.")], *,
+    what: Annotated[FigureKind, Parameter(help="Kind of figure; svaj: lift and its derivatives.")] = "motion",
+    probe: Annotated[
+        str | None, Parameter(help="motion, waterfall, work-precision: point or component; the valve by default.")
+    ] = None,
     channels: Annotated[
-        list[str] | None, Parameter("--channel", negative=(), help="Force or other channel; may be repeated.")
+        list[str] | None,
+        Parameter("--channel", negative=(), help="motion, force, waterfall: force or other channel. Repeatable."),
     ] = None,
-    over: Annotated[Literal["angle", "time"] | None, Parameter(help="Cam angle by default.")] = None,
-    rigid: Annotated[bool, Parameter(negative=(), help="Also the same mechanism with rigid members.")] = False,
-    cam: Annotated[str | None, Parameter(help="svaj, profile: this cam alone.")] = None,
-    angle: Annotated[str | None, Parameter(help="profile: cam angle at which it stands, such as '90 deg'.")] = None,
+    over: Annotated[
+        Literal["angle", "time"] | None, Parameter(help="motion, force, energy: abscissa; cam angle by default.")
+    ] = None,
+    rigid: Annotated[bool, Parameter(negative=(), help="motion, force: also draw the rigid model.")] = False,
+    cam: Annotated[str | None, Parameter(help="svaj, profile: draw this cam only.")] = None,
+    angle: Annotated[str | None, Parameter(help="profile: cam angle at which it is drawn, such as '90 deg'.")] = None,
     count: Annotated[
-        int | None, Parameter(help="modes: how many, 6 by default; campbell, waterfall: speeds, 9 by default.")
+        int | None,
+        Parameter(help="modes: number of modes, 6 by default; campbell, waterfall: number of speeds, 9 by default."),
     ] = None,
-    output: Annotated[Path | None, Parameter(["-o", "--output"], help="The picture: .svg, .png or .pdf.")] = None,
+    output: Annotated[
+        Path | None, Parameter(["-o", "--output"], help="File of the figure (.svg, .png or .pdf).")
+    ] = None,
     overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
 ) -> Status | None:  # fmt: skip
-    """Draw runs, cams, modes or what cheaper models cost: motion and contact force over the cam angle by default.
+    """Draw a figure of results or cases: motion, forces, energy, cams, modes, orders, or error over run time.
 
-    A run that ended early is drawn as far as it came.
+    By default it draws motion and contact force over the cam angle. A run that ended early is drawn up to its end.
     """
     from flexcam.plotting.figures import check_figure_path, save_figure
 
@@ -179,7 +295,7 @@ def _energy(asked: FigureOptions) -> Figure:
 
     responses = asked.responses()
     if not any(name.startswith("energy.") for one in responses.values() for name in one.channels):
-        raise refuse("--what", "energy", "a run of flexible members", "a rigid model keeps no account of energy")
+        raise refuse("--what", "energy", "a run of flexible members", "a rigid model has no energy balance")
     return energy_figure(responses, over=asked.over or "angle", title=asked.title)
 
 
@@ -239,7 +355,7 @@ def _campbell(asked: FigureOptions) -> Figure:
 def _waterfall(asked: FigureOptions) -> Figure:
     """Draw the orders of a motion and a force from 0.5 to 1.5 times the case's speed."""
     from flexcam.analysis.orders import waterfall
-    from flexcam.cli.speeds import select_signals
+    from flexcam.cli.campbell import select_signals
     from flexcam.plotting.figures import add_title
     from flexcam.plotting.spectra import waterfall_figure
 

@@ -1,7 +1,9 @@
-"""Command that runs a case: run, with its tables, sentences and JSON."""
+"""Command that runs a case: run."""
 
 from __future__ import annotations
 
+import math
+import re
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -25,8 +27,7 @@ from flexcam.analysis.run import estimate_case_resources, open_partial_result, o
 from flexcam.analysis.run_checks import RunMonitor, check_run, describe_balance, energy_residual, numerical_dissipation
 from flexcam.case.case import Case
 from flexcam.cli.app import AllowLarge, CaseFile, Folder, Json, Overrides, Overwrite, app, load_case, run_state
-from flexcam.cli.arguments import parse_duration
-from flexcam.core.errors import InputError, collect_errors
+from flexcam.core.errors import InputError, collect_errors, refuse
 from flexcam.dynamics import Cause, Response, RunFailedError, Stats, Status, solve
 from flexcam.io import check_folder_name, check_folder_writable, check_writable
 from flexcam.report.fidelity_tables import choice_json, describe_choice, error_table
@@ -115,11 +116,11 @@ def run_output(ran: FinishedRun) -> Iterator[Table | str]:
     )
     stats = ran.response.stats
     if stats.periodicity >= 0.0:
-        yield f"\nThe start returns after a revolution within {stats.periodicity:.3g} of the motion"
-    if told := describe_balance(ran.watched.extremes, stats):
-        yield f"\nEnergy balance: {told}"
+        yield f"\nPeriodic start: after a revolution the state differs by {stats.periodicity:.3g} of the motion"
+    if balance := describe_balance(ran.watched.extremes, stats):
+        yield f"\nEnergy balance: {balance}"
     yield f"\n{stats.steps} steps of {describe_dofs(ran.response)}; result: {ran.result}"
-    yield f"Open it in ParaView 5.12 or newer; for older ones: flexcam export {ran.result} --format pvd"
+    yield f"Open it in ParaView 5.12 or newer; for older versions: flexcam export {ran.result} --format pvd"
 
 
 def _tables(ran: FinishedRun) -> Iterator[Table]:
@@ -131,15 +132,36 @@ def _tables(ran: FinishedRun) -> Iterator[Table]:
         yield error_table(ran.errors)
 
 
-Resume = Annotated[
-    bool, Parameter("--resume", negative=(), help="Go on with the run that left a partial result in the folder.")
-]
-TimeLimit = Annotated[
-    str | None,
-    Parameter(
-        "--time-limit", help="End the command after so long, such as 30s, 5min30s or 2h; what is done of the run stays."
-    ),
-]
+_TIME_UNITS = {"h": 3600.0, "min": 60.0, "s": 1.0, "ms": 1e-3}
+_DURATION = re.compile(r"\s*(\d+\.?\d*|\.\d+)\s*([A-Za-z]+)\s*")
+_BARE = re.compile(r"\s*(\d+\.?\d*|\.\d+)\s*$")
+_ALLOWED = "a time above zero with its unit, such as 90s, 5min30s or 2h"
+
+
+def parse_duration(where: str, text: str) -> float:
+    """Parse a duration."""
+    seconds = 0.0
+    position = 0
+    while found := _DURATION.match(text, position):
+        if found[2] not in _TIME_UNITS:
+            raise _refuse_duration(where, text, f"{found[2]!r} is not one of {', '.join(_TIME_UNITS)}")
+        seconds += float(found[1]) * _TIME_UNITS[found[2]]
+        position = found.end()
+    if position < len(text) or not position:
+        rest = text[position:]
+        why = f"{rest.strip()} has no unit" if _BARE.match(rest) else f"{rest!r} is not a number with a unit"
+        raise _refuse_duration(where, text, why)
+    if not 0.0 < seconds < math.inf:
+        raise _refuse_duration(where, text, "it is zero" if seconds == 0.0 else "it is not finite")
+    return seconds
+
+
+def _refuse_duration(where: str, text: str, why: str) -> InputError:
+    bare = _BARE.match(text)
+    remedy = (
+        f"write {bare[1]}s or {bare[1]}min" if bare else "write a number and h, min or s; leave it out for no limit"
+    )
+    return refuse(where, text or "nothing", _ALLOWED, why, remedy)
 
 
 @app.command(
@@ -151,10 +173,21 @@ flexcam run case.toml --time-limit 5min
 """
 )
 def run(
-    case: CaseFile, *, folder: Folder = Path("results"), overrides: Overrides = None, overwrite: Overwrite = False,
-    time_limit: TimeLimit = None, resume: Resume = False, allow_large: AllowLarge = False, as_json: Json = False,
+    case: CaseFile, *, folder: Folder = Path("results"), overrides: Overrides = None,
+    time_limit: Annotated[
+        str | None,
+        Parameter(help="End the command after this time, such as 30s, 5min30s or 2h; a partial result stays."),
+    ] = None,
+    resume: Annotated[
+        bool, Parameter(negative=(), help="Continue the run that left a partial result in the folder.")
+    ] = False,
+    allow_large: AllowLarge = False, overwrite: Overwrite = False, as_json: Json = False,
 ) -> Status:  # fmt: skip
-    """Solve a case in time and write its result file."""
+    """Run a case and write its result file: motion, forces, stresses and energy over time.
+
+    It prints the metrics of the valve train and warnings; ParaView 5.12 or newer opens the result. Ctrl-C ends the run
+    at its next step and keeps a partial result, which --resume continues.
+    """
     begun = time.monotonic()
     given = collect_errors(
         lambda: load_case(case, overrides),
@@ -208,10 +241,12 @@ def _estimate_errors(
         return tuple(estimate_errors(case, probe, until)), ()
     except RunFailedError as failure:
         late = failure.status.cause is Cause.TIME_LIMIT
-        why = failure.status.text if not late else "the time given to the command was over"
-        return (), (f"Warning: no error is estimated, as a run with other steps or elements ended: {why}",)
+        why = failure.status.text if not late else "the time limit was reached"
+        return (), (f"Warning: no errors are estimated, because a run with other steps or elements ended: {why}",)
     except InputError as refusal:  # a method, engine or initial state that does not accept other steps or elements
-        told = "; ".join(str(fault) for fault in refusal.faults)
-        return (), (f"Warning: no error is estimated, as a run with other steps or elements is refused: {told}",)
+        faults = "; ".join(str(fault) for fault in refusal.faults)
+        return (), (
+            f"Warning: no errors are estimated, because a run with other steps or elements is refused: {faults}",
+        )
     except KeyboardInterrupt:
-        return (), ("Warning: no error is estimated, as that was interrupted",)
+        return (), ("Warning: no errors are estimated, because the estimate was interrupted",)

@@ -17,7 +17,7 @@ from flexcam.report.terminal import create_table, facts_table, print_json, resul
 
 def check_table(found: Sequence[Check]) -> Table:
     """Return the table of the checks."""
-    made = create_table("What is computed, and what it must be")
+    made = create_table("Checks")
     for head, side in _HEADS:
         made.add_column(head, justify=side)
     for one in found:
@@ -30,11 +30,6 @@ _HEADS: tuple[tuple[str, JustifyMethod], ...] = (
     ("quantity", "left"), ("reference", "right"), ("computed", "right"), ("error", "right"), ("tolerance", "right"),
     ("verdict", "left"), ("source of the reference", "left"),
 )  # fmt: skip
-
-
-def installation_table(parts: Mapping[str, str]) -> Table:
-    """Return the table of installed packages."""
-    return facts_table("What is installed", parts.items())
 
 
 def selftest_json(found: Sequence[Check], parts: Mapping[str, str], status: Status) -> dict[str, object]:
@@ -61,25 +56,25 @@ flexcam selftest --json
 """
 )
 def selftest(*, as_json: Json = False) -> Status:
-    """Check that this installation computes what it must: closed forms, published digits, and itself.
+    """Check this installation against closed forms, published values and its own engines.
 
-    It takes some seconds, and half a minute where machine code is compiled for the first time. Exit code 3 if a check
+    It takes some seconds, or half a minute when code is compiled for the first time. The exit code is 3 if a check
     fails.
     """
     found = list(all_checks())
     failed = [one.quantity for one in found if not one.passed]
     status = Status()
     if failed:
-        text = f"{len(failed)} of {len(found)} checks are beyond their tolerance: {'; '.join(failed)}"
+        text = f"{len(failed)} of {len(found)} checks exceed their tolerance: {'; '.join(failed)}"
         status = Status(
-            Cause.FAULT, text, "install again, in a new environment; if that does not help, please report it"
+            Cause.FAULT, text, "install flexcam again in a new environment; if that does not help, please report it"
         )
     if as_json:
         print_json(selftest_json(found, installation_info(), status))
         return status
     result_console().print(check_table(found))
     result_console().print()
-    result_console().print(installation_table(installation_info()))
+    result_console().print(facts_table("Installed packages", installation_info().items()))
     if status.ok:
         result_console().print(f"\nAll {len(found)} checks passed")
     return status

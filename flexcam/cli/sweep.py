@@ -1,4 +1,4 @@
-"""Command that runs a sweep: sweep, with a table of ranges and sentences."""
+"""Command that runs many variants of a case: sweep."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from cyclopts import Parameter
+from cyclopts import Group, Parameter
 from rich.table import Table as RichTable
 
-from flexcam.cli.app import AllowLarge, CaseFile, Folder, Json, Overwrite, app
+from flexcam.cli.app import AllowLarge, CaseFile, Folder, Json, Overwrite, app, print_files
 from flexcam.core import FloatArray
 from flexcam.core.errors import collect_errors, refuse
 from flexcam.dynamics import Cause, Status
@@ -22,6 +22,7 @@ from flexcam.studies.plan import MAX_VARIANTS
 from flexcam.studies.sweep import OutputTarget, check_sweep_resources, make_sweep, run_sweep_to_files
 from flexcam.studies.tables import SweepTable
 
+_WORKERS = Group("Workers and limits", sort_key=1)
 _MAX_LISTED = 3
 """Number of variants named in a sentence."""
 
@@ -31,16 +32,16 @@ def sweep_table(found: SweepTable) -> RichTable:
     rows: list[tuple[str, ...]] = []
     for name, values in found.scalars.items():
         if _is_varying(values):
-            least, largest = int(np.nanargmin(values)), int(np.nanargmax(values))
+            low, high = int(np.nanargmin(values)), int(np.nanargmax(values))
             ends = (
-                f"{values[least]:.5g}",
-                _format_inputs(found, least),
-                f"{values[largest]:.5g}",
-                _format_inputs(found, largest),
+                f"{values[low]:.5g}",
+                _format_inputs(found, low),
+                f"{values[high]:.5g}",
+                _format_inputs(found, high),
             )
             rows.append((name, found.units[name], *ends))
     title = f"{len(found)} variants over {', '.join(one.name for one in found.inputs)}"
-    return plain_table(title, ("scalar", "SI unit", "least", "at", "largest", "at"), rows)
+    return plain_table(title, ("scalar", "SI unit", "min", "at", "max", "at"), rows)
 
 
 def _is_varying(values: FloatArray) -> bool:
@@ -52,14 +53,14 @@ def _is_varying(values: FloatArray) -> bool:
 def _format_inputs(found: SweepTable, i: int) -> str:
     """Return the inputs of a variant."""
     values = [one.values[i] for one in found.inputs]
-    told = [value if isinstance(value, str) else f"{value:.6g}" for value in values]
-    return ", ".join(f"{value} {one.unit}".rstrip() for value, one in zip(told, found.inputs, strict=True))
+    texts = [value if isinstance(value, str) else f"{value:.6g}" for value in values]
+    return ", ".join(f"{value} {one.unit}".rstrip() for value, one in zip(texts, found.inputs, strict=True))
 
 
 def describe_sweep(found: SweepTable) -> list[str]:
     """Return sentences about failed variants and about an empty table."""
     alike = found.scalars and not any(_is_varying(values) for values in found.scalars.values())
-    words = ["every scalar is the same in all variants; the files have them"] if alike else list[str]()
+    words = ["every scalar has the same value in all variants; the files list them"] if alike else list[str]()
     for cause, rows in _failures(found).items():
         named = ", ".join(str(i + 1) for i in rows[:_MAX_LISTED])
         more = f" and {len(rows) - _MAX_LISTED} more" if len(rows) > _MAX_LISTED else ""
@@ -102,16 +103,6 @@ def _range(found: SweepTable, name: str) -> dict[str, object]:
     return {"unit": found.units[name], "least": float(np.nanmin(values)), "largest": float(np.nanmax(values))}
 
 
-Axes = Annotated[
-    list[str] | None,
-    Parameter(
-        "--set",
-        negative=(),
-        help="run.speed=1000:4000:50rpm, =1000:4000#61rpm, =3,4 kN/m, =3:6 kN/m (to sample), or one value.",
-    ),
-]
-
-
 @app.command(
     help_prologue="""\
 flexcam sweep case.toml --set run.crank_speed=1000:8000:50rpm
@@ -122,28 +113,40 @@ flexcam sweep case.toml --resume
 )
 def sweep(
     case: CaseFile, *,
-    settings: Axes = None,
-    sample: Annotated[
-        str | None, Parameter(help="lhs:N or sobol:N points instead of every combination (grid).")
+    settings: Annotated[
+        list[str] | None,
+        Parameter(
+            "--set",
+            negative=(),
+            help="Value, list or range: KEY=4kN/m, KEY=3,4kN/m, KEY=3:6:0.5kN/m (step), KEY=3:6#7kN/m (count), "
+            "KEY=3:6kN/m (with --sample). Repeatable.",
+        ),
     ] = None,
-    seed: Annotated[int | None, Parameter(help="Of the samples; 0 by default.")] = None,
+    sample: Annotated[
+        str | None, Parameter(help="Sample ranges with lhs:N or sobol:N points instead of a full grid.")
+    ] = None,
+    seed: Annotated[int | None, Parameter(help="Random seed of the samples; 0 by default.")] = None,
     scalars: Annotated[
-        list[str] | None, Parameter(negative=(), help="Keep only these, by name or beginning: deviation,contacts.seat.")
+        list[str] | None,
+        Parameter(negative=(), help="Write only these scalars, by name or first part: deviation,contacts.seat."),
     ] = None,
     folder: Folder = Path("results"),
-    workers: Annotated[
-        int | None, Parameter(help="Processes, one per core by default; 0 runs all in this one.")
-    ] = None,
-    scheduler: Annotated[str | None, Parameter(help="Dask: tcp://HOST:PORT, or local for one of --workers.")] = None,
-    resume: Annotated[bool, Parameter(negative=(), help="Do the rest of a sweep that was stopped.")] = False,
-    histories: Annotated[bool, Parameter(negative=(), help="Also keep every variant's result file.")] = False,
+    histories: Annotated[bool, Parameter(negative=(), help="Also keep the result file of every variant.")] = False,
     parquet: Annotated[bool, Parameter(negative=(), help="Also write a Parquet table.")] = False,
-    limit: Annotated[int, Parameter(help="Most variants.")] = MAX_VARIANTS,
+    resume: Annotated[bool, Parameter(negative=(), help="Continue a sweep that was stopped.")] = False,
+    workers: Annotated[
+        int | None, Parameter(group=_WORKERS, help="Number of processes; one per core by default, 0 for this one.")
+    ] = None,
+    scheduler: Annotated[
+        str | None, Parameter(group=_WORKERS, help="Dask scheduler tcp://HOST:PORT, or local with --workers processes.")
+    ] = None,
+    limit: Annotated[int, Parameter(group=_WORKERS, help="Max number of variants.")] = MAX_VARIANTS,
     allow_large: AllowLarge = False, overwrite: Overwrite = False, as_json: Json = False,
 ) -> Status | None:  # fmt: skip
-    """Run many variants of a case and write one table: a row per variant, with its scalars and how it ended.
+    """Run many variants of a case and write one table with a row per variant.
 
-    What the case's table [sweep] says counts too; --set lays over it. See docs/sweeps.md.
+    Ranges come from the case's [sweep] table and from --set, which replaces them. The table has the scalars of every
+    run and its status.
     """
     kept = [name.strip() for words in scalars or [] for name in words.split(",")]
     asked = collect_errors(
@@ -165,8 +168,7 @@ def sweep(
     result_console().print(sweep_table(table))
     for sentence in describe_sweep(table):
         result_console().print("\n" + sentence)
-    for path in files:
-        result_console().print(str(path))
+    print_files(files)
     return ended
 
 
@@ -174,14 +176,14 @@ def _create_workers(scheduler: str | None, count: int | None) -> Workers:
     """Return the workers that run the variants."""
     if scheduler is not None and scheduler != LOCAL:
         if count is not None:
-            why = "a cluster has the workers it has"
-            raise refuse("--workers", count, "nothing with --scheduler, but local", why, "remove one of them")
+            why = "a cluster sets its own number of workers"
+            raise refuse("--workers", count, "--workers with --scheduler local only", why, "leave one out")
         return ClusterWorkers(scheduler)
     number = _count_cores() if count is None else count
     if scheduler == LOCAL:
         return ClusterWorkers(LOCAL, number)
     if number < 0:
-        raise refuse("--workers", number, "a whole number from 0", "0 runs all in the process of the command")
+        raise refuse("--workers", number, "a whole number from 0", "0 runs all variants in this process")
     return ProcessWorkers(number) if number else SerialWorkers()
 
 

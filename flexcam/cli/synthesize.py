@@ -1,4 +1,4 @@
-"""Commands and tables of synthesized laws and lifts."""
+"""Command that designs motion laws and lifts: synthesize law, synthesize harmonic, synthesize polydyne."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
-from cyclopts import App, Parameter
+from cyclopts import App, Group, Parameter
 from rich.table import Table
 
 from flexcam import __version__
@@ -22,9 +22,20 @@ from flexcam.analysis.cam_analysis import (
 )
 from flexcam.cams import Family, HarmonicFamily, SingleMass, SplineFamily, Synthesis, event_extremes, minimax, pareto
 from flexcam.case.reader import has_mechanism
-from flexcam.cli.app import Json, Overrides, Overwrite, Picture, app, check_figure_path, load_case, parse_quantity
-from flexcam.cli.arguments import check_distinct_files
-from flexcam.cli.cams import CamName
+from flexcam.cli.app import (
+    CaseFile,
+    Json,
+    Overrides,
+    Overwrite,
+    Picture,
+    app,
+    check_distinct_files,
+    check_figure_path,
+    load_case,
+    parse_quantity,
+    refuse_without,
+)
+from flexcam.cli.cam import CamName
 from flexcam.core import FloatArray
 from flexcam.core.errors import positive, refuse
 from flexcam.core.units import RPM, parse
@@ -43,30 +54,29 @@ def synthesis_json(found: Synthesis) -> dict[str, object]:
     }  # fmt: skip
 
 
-LEGEND = (
-    "C_v, C_a, C_j: largest velocity, acceleration and jerk of the law, lift 1 over angle 1; "
-    "C_m: largest product of velocity and acceleration, which the torque of inertia follows"
+_LEGEND = (
+    "C_v, C_a, C_j: max velocity, acceleration and jerk of the law, lift 1 over angle 1; "
+    "C_m: max product of velocity and acceleration, which is proportional to the inertia torque"
 )
-"""Legend of the tables of laws."""
 
 
 def synthesis_table(found: Synthesis) -> Table:
     """Return the table of a synthesized law and its criteria."""
     c = found.criteria
-    bound = "none: this objective is not convex, the law is the best nearby"
+    bound = "none: this objective is not convex; the law is a local optimum"
     if found.bound is not None and found.gap is not None:
         bound = f"{found.bound:.9g}; the law is at most {found.gap:.1e} above it (duality gap)"
-    every = "not known"
+    every = "unknown"
     if found.bound_all:
         above = 100.0 * (found.objective / found.bound_all - 1.0)
         every = f"{found.bound_all:.6g}; the law is {above:.2f} % above it"
     rows = [
         ("objective", f"{found.objective:.9g}"),
         *(("not converged", said) for said in found.open),
-        ("no law of the family has less than", bound),
-        ("no law at all has less than", every),
+        ("lower bound of the family", bound),
+        ("lower bound of all laws", every),
         ("C_v, C_a, C_j, C_m", ", ".join("infinite" if x is None else f"{x:.6g}" for x in (c.Cv, c.Ca, c.Cj, c.Cm))),
-        *(("not met", said) for said in c.violations),
+        *(("violated", said) for said in c.violations),
     ]
     return facts_table(f"Best of {found.family}", rows)
 
@@ -91,11 +101,11 @@ def harmonic_table(found: HarmonicCam) -> Table:
             "harmonics",
             f"{found.count}; {found.limit} lie below the first mode, {found.frequency / (2.0 * math.pi):.4g} Hz",
         ),
-        ("distance in the dwells", f"{1e6 * fit.strict_deviation:.4g} um"),
-        ("distance elsewhere", f"{1e6 * fit.deviation:.4g} um, {1e6 * fit.rms_deviation:.4g} um rms"),
+        ("max deviation in the dwells", f"{1e6 * fit.strict_deviation:.4g} um"),
+        ("max deviation elsewhere", f"{1e6 * fit.deviation:.4g} um, {1e6 * fit.rms_deviation:.4g} um rms"),
         ("lift", " to ".join(format_mm(end.value) for end in event_extremes(fit.event)) + " mm"),
     ]
-    return facts_table("Lift of few harmonics", rows)
+    return facts_table("Lift of harmonics", rows)
 
 
 def polydyne_table(found: PolydyneCam) -> Table:
@@ -107,7 +117,7 @@ def polydyne_table(found: PolydyneCam) -> Table:
         )
     ]
     head = ("camshaft rpm", "plain cam, um", "polydyne cam, um")
-    title = "Distance of the train's end from the wanted motion"
+    title = "Max deviation of the valve from the wanted motion"
     return plain_table(f"{title}; design speed: camshaft {found.speed / RPM:.6g} rpm", head, rows)
 
 
@@ -122,11 +132,11 @@ def polydyne_properties_table(found: PolydyneCam) -> Table:
     rows = [
         ("lift", f"{format_mm(lift[0].value)} to {format_mm(lift[1].value)} mm"),
         ("acceleration", f"{format_mm(bend[0].value, 5)} to {format_mm(bend[1].value, 5)} mm/rad^2"),
-        ("left out", f"{1e6 * design.left_out:.3g} um of the wanted motion, at the cam, by {count} harmonics"),
+        ("truncation", f"max {1e6 * design.left_out:.3g} um at the cam, with {count} harmonics"),
     ]  # fmt: skip
     if lift[0].value < -NOISE * lift[1].value:
-        below = f"the cam is cut {format_mm(-lift[0].value, 4)} mm into its base circle"
-        rows.append(("attention", f"{below}; put as much on the base circle's radius, or ask for a smoother motion"))
+        below = f"the profile lies {format_mm(-lift[0].value, 4)} mm inside its base circle"
+        rows.append(("warning", f"{below}; increase the base radius by as much, or use a smoother motion"))
     return facts_table("Polydyne cam", rows)
 
 
@@ -135,26 +145,24 @@ def finite_or_null(values: FloatArray) -> list[float | None]:
     return [value if math.isfinite(value) else None for value in values.tolist()]
 
 
-_ABOUT = "Find a better law or lift, and say how good it can be at all."
 _EXAMPLES = """\
 flexcam synthesize law --minimize Ca --bound Cj=52.5 -o best.toml
 flexcam synthesize harmonic case.toml --tolerance "20 um" -o lift.toml
 flexcam synthesize polydyne case.toml --speed 3000rpm -o lift.toml
 """
-synthesize = App(name="synthesize", help=_ABOUT, help_prologue=_EXAMPLES, help_format="plaintext")
+synthesize = App(
+    name="synthesize",
+    help="Design a motion law with minimum peak values, or a lift that excites the train less.",
+    help_prologue=_EXAMPLES,
+    help_format="plaintext",
+)
 app.command(synthesize)
 
-Output = Annotated[Path | None, Parameter(["-o", "--output"], help="File (.toml) that a case can name.")]
-CasePath = Annotated[Path, Parameter(help="Case file (TOML).")]
-CamsPath = Annotated[Path, Parameter(help="Case file; with --frequency also a file with [cams.NAME] alone.")]
-Minimize = Annotated[
-    list[str], Parameter("--minimize", negative=(), help="Cv, Ca, Cj, Cm or rms, or CRITERION=WEIGHT. May be repeated.")
+Output = Annotated[
+    Path | None, Parameter(["-o", "--output"], help="Also write it to this file (.toml), which a case can name.")
 ]
-Bounds = Annotated[list[str] | None, Parameter("--bound", negative=(), help="CRITERION=VALUE. May be repeated.")]
-Conditions = Annotated[
-    list[str] | None, Parameter("--condition", negative=(), help="Z,ORDER,VALUE: what the law must be there.")
-]
-Against = Annotated[str | None, Parameter("--pareto", help="A second criterion: a front instead of one law.")]
+CamsPath = Annotated[Path, Parameter(help="Case file; with --frequency also a file that has [cams.NAME] only.")]
+_FAMILY = Group("Family of laws", sort_key=1)
 
 
 @synthesize.command(
@@ -166,70 +174,74 @@ flexcam synthesize law --family harmonic --orders 1 --orders 3 --orders 5 --mini
 """,
 )
 def synthesize_law(
-    *, minimize: Minimize,
-    bound: Bounds = None,
-    family: Annotated[Literal["spline", "polynomial", "harmonic"], Parameter(help="Where to look.")] = "spline",
-    degree: Annotated[int | None, Parameter(help="Of splines (5) or polynomials (11).")] = None,
-    pieces: Annotated[int | None, Parameter(help="Of splines; 24 by default.")] = None,
-    orders: Annotated[list[int] | None, Parameter(negative=(), help="Of harmonic laws; 1 to 5 by default.")] = None,
-    rest: Annotated[int | None, Parameter(help="Derivatives that vanish at both ends; 2 by default.")] = None,
-    condition: Conditions = None,
-    asymmetric: Annotated[bool, Parameter(negative=(), help="Do not ask for symmetry.")] = False,
-    turning_back: Annotated[bool, Parameter(negative=(), help="Allow a negative velocity.")] = False,
-    against: Against = None,
-    count: Annotated[int | None, Parameter(help="Laws of the front; 9 by default.")] = None,
+    *,
+    minimize: Annotated[
+        list[str],
+        Parameter("--minimize", negative=(), help="Cv, Ca, Cj, Cm or rms; CRITERION=WEIGHT for a sum. Repeatable."),
+    ],
+    bound: Annotated[
+        list[str] | None, Parameter("--bound", negative=(), help="Upper bound: CRITERION=VALUE. Repeatable.")
+    ] = None,
+    against: Annotated[
+        str | None, Parameter("--pareto", help="Second criterion: find a Pareto front instead of one law.")
+    ] = None,
+    count: Annotated[int | None, Parameter(help="Number of laws of the front; 9 by default.")] = None,
+    condition: Annotated[
+        list[str] | None,
+        Parameter("--condition", negative=(), help="Prescribed derivative: POSITION,ORDER,VALUE. Repeatable."),
+    ] = None,
+    turning_back: Annotated[bool, Parameter(negative=(), help="Allow negative velocity.")] = False,
+    family: Annotated[
+        Literal["spline", "polynomial", "harmonic"], Parameter(group=_FAMILY, help="Family of the law.")
+    ] = "spline",
+    degree: Annotated[
+        int | None, Parameter(group=_FAMILY, help="Degree of a spline (5 by default) or polynomial (11).")
+    ] = None,
+    pieces: Annotated[int | None, Parameter(group=_FAMILY, help="Pieces of a spline; 24 by default.")] = None,
+    orders: Annotated[
+        list[int] | None, Parameter(negative=(), group=_FAMILY, help="Orders of a harmonic law; 1 to 5 by default.")
+    ] = None,
+    rest: Annotated[
+        int | None, Parameter(group=_FAMILY, help="Number of derivatives that are zero at both ends; 2 by default.")
+    ] = None,
+    asymmetric: Annotated[bool, Parameter(negative=(), group=_FAMILY, help="Allow asymmetric laws.")] = False,
     output: Output = None, plot: Picture = None, overwrite: Overwrite = False, as_json: Json = False,
 ) -> None:  # fmt: skip
-    """Find the law of a family with the least peak values under conditions, and prove how good it is."""
-    _check_dependent_option("--count", count, "--pareto", against is not None)
+    """Find the motion law of a family with minimum peak values, with a proven lower bound."""
+    refuse_without("--count", count, "--pareto", present=against is not None)
     check_figure_path(plot, overwrite)
     where = _family(family, degree, pieces, orders, rest, symmetric=not asymmetric)
     weights, limits = _numbers("--minimize", minimize, 1.0), _numbers("--bound", bound or [], None)
     fixed = [_condition(one) for one in condition or []]
     if against is not None:
         if len(weights) != 1 or limits:
-            raise refuse("--pareto", "with --bound or several --minimize", "one criterion against another")
-        front = pareto(
-            where,
-            next(iter(weights)),
-            against,
-            count=9 if count is None else count,
-            conditions=fixed,
-            monotone=not turning_back,
-        )
+            raise refuse(
+                "--pareto", "with --bound or several --minimize", "one criterion of --minimize, and no --bound"
+            )
+        number, first = 9 if count is None else count, next(iter(weights))
+        front = pareto(where, first, against, count=number, conditions=fixed, monotone=not turning_back)
     else:
         front = [minimax(where, weights, bounds=limits, conditions=fixed, monotone=not turning_back)]
     goals = None if against is None else (next(iter(weights)), against)
     files = _write_law_files(front, goals, output, plot, overwrite=overwrite)
     if as_json:
-        print_json(
-            {
-                "status": "ok",
-                "laws": [synthesis_json(one) for one in front],
-                "files": [str(path) for path in files],
-            }
-        )
+        laws = [synthesis_json(one) for one in front]
+        print_json({"status": "ok", "laws": laws, "files": [str(path) for path in files]})
         return
     result_console().print(pareto_table(front) if against else synthesis_table(front[0]))
-    result_console().print(LEGEND)
+    result_console().print(_LEGEND)
     for path in files:
         result_console().print(f'{path}  (in a case: law = "{path.name}")' if path.suffix == ".toml" else str(path))
-
-
-def _check_dependent_option(option: str, given: object, other: str, there: bool) -> None:
-    """Raise an error for an option that has no effect without another one."""
-    if given is not None and given is not False and not there:
-        raise refuse(option, str(given), f"nothing without {other}", f"only {other} asks for it", f"leave out {option}")
 
 
 def _family(
     kind: str, degree: int | None, pieces: int | None, orders: list[int] | None, rest: int | None, *, symmetric: bool
 ) -> Family:
     harmonic = kind == "harmonic"
-    _check_dependent_option("--orders", orders, "--family harmonic", harmonic)
-    _check_dependent_option("--pieces", pieces, "--family spline", kind == "spline")
+    refuse_without("--orders", orders, "--family harmonic", present=harmonic)
+    refuse_without("--pieces", pieces, "--family spline", present=kind == "spline")
     for option, given in (("--degree", degree), ("--rest", rest), ("--asymmetric", not symmetric)):
-        _check_dependent_option(option, given, "--family spline or polynomial", not harmonic)
+        refuse_without(option, given, "--family spline or polynomial", present=not harmonic)
     if harmonic:
         return HarmonicFamily(tuple(orders)) if orders else HarmonicFamily()
     order = 2 if rest is None else rest
@@ -260,7 +272,7 @@ def _condition(text: str) -> tuple[float, int, float]:
 
 
 def _output_paths(output: Path | None, count: int) -> list[Path]:
-    """Return the file names of several laws, numbered if there is more than one; none without an output option."""
+    """Return the file names of laws, numbered if there are several; none without an output option."""
     if output is None:
         return []
     if count == 1:
@@ -296,13 +308,13 @@ flexcam synthesize harmonic case.toml --cam intake --count 12 --bound "0.2 mm"
 """,
 )
 def synthesize_harmonic(
-    case: CasePath, *, name: CamName = None,
-    tolerance: Annotated[str, Parameter(help="Largest distance from the cam's lift in its dwells.")] = "20 um",
-    bound: Annotated[str | None, Parameter(help="Largest distance elsewhere.")] = None,
-    count: Annotated[int | None, Parameter(help="Harmonics; by default those below the train's first mode.")] = None,
+    case: CaseFile, *, name: CamName = None,
+    tolerance: Annotated[str, Parameter(help="Max deviation from the cam's lift in its dwells.")] = "20 um",
+    bound: Annotated[str | None, Parameter(help="Max deviation elsewhere.")] = None,
+    count: Annotated[int | None, Parameter(help="Number of harmonics; by default those below the first mode.")] = None,
     output: Output = None, overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
 ) -> None:  # fmt: skip
-    """Replace a cam's lift by harmonics that its train cannot resonate with, dwells kept strictly."""
+    """Replace the lift of a cam by its low harmonics, which do not excite the first mode; the dwells stay."""
     check_distinct_files({"--output": output}, [case])
     strict, wide = (
         parse_quantity("--tolerance", tolerance, "length", "um"),
@@ -335,16 +347,18 @@ flexcam synthesize polydyne cams.toml --frequency "400 Hz" --damping 0.02 --spee
 def synthesize_polydyne(
     case: CamsPath, *, name: CamName = None,
     speed: Annotated[str | None, Parameter(help="Design speed of the camshaft; the case's by default.")] = None,
-    frequency: Annotated[str | None, Parameter(help="Of one mass on a spring, instead of the case's train.")] = None,
-    damping: Annotated[float, Parameter(help="Of that mass, part of the critical.")] = 0.0,
-    count: Annotated[int, Parameter(help="Harmonics.")] = 60,
+    frequency: Annotated[
+        str | None, Parameter(help="Natural frequency of one mass on a spring, instead of the case's train.")
+    ] = None,
+    damping: Annotated[float, Parameter(help="Damping ratio of that mass.")] = 0.0,
+    count: Annotated[int, Parameter(help="Number of harmonics.")] = 60,
     output: Output = None, overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
 ) -> None:  # fmt: skip
-    """Find the cam that makes the valve move as the case's cam would move it if everything were rigid."""
+    """Design a polydyne cam: at the design speed the flexible train moves the valve like a rigid one would."""
     check_distinct_files({"--output": output}, [case])
     at = None if speed is None else positive("--speed", parse_quantity("--speed", speed, "speed", "rpm"), "rad/s")
     if damping and frequency is None:
-        raise refuse("--damping", damping, "nothing without --frequency", "the case's train has its own")
+        raise refuse("--damping", damping, "--damping with --frequency only", "the train of the case has its own")
     if frequency is not None:
         omega = 2.0 * math.pi * parse_quantity("--frequency", frequency, "rate", "Hz")
         cams = load_cams(case, overrides or ())
@@ -352,7 +366,7 @@ def synthesize_polydyne(
     elif has_mechanism(case):
         found = polydyne_cam(load_case(case, overrides), name, speed=at, count=count)
     else:
-        given, remedy = f"{case.name}, which has cams alone", "add --frequency for one mass on a spring"
+        given, remedy = f"{case.name}, which has cams only", "add --frequency for one mass on a spring"
         raise refuse("case", given, "a case with the train that the cam drives", "", remedy)
     about = {"flexcam": __version__, "made_for": str(case), "design_speed_rpm": found.speed / RPM}
     files = [] if output is None else [write_lift(found.design.event, output, about=about, overwrite=overwrite)]
@@ -376,5 +390,5 @@ def _design_speed(cams: CamSet, given: float | None) -> float:
     """Return the design speed: the given one or that of the file."""
     speed = given if given is not None else cams.speed
     if speed is None:
-        raise refuse("--speed", "nothing", "the design speed, such as 3000rpm", f"{cams.name} has cams alone, no speed")
+        raise refuse("--speed", "nothing", "the design speed, such as 3000rpm", f"{cams.name} has no speed")
     return speed

@@ -13,7 +13,6 @@ from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.case.reader import case_from_result
 from flexcam.cli.app import Json, Overrides, Overwrite, app, load_case, parse_quantity
-from flexcam.cli.cams import describe_sizes
 from flexcam.core.errors import refuse
 from flexcam.io import Result, read_result
 from flexcam.report.terminal import print_json, result_console
@@ -21,12 +20,6 @@ from flexcam.valvetrain import Structure, build_structure
 
 if TYPE_CHECKING:
     from flexcam.plotting.scene.motion import Motion
-
-
-At = Annotated[
-    str | None,
-    Parameter("--at", help="Cam angle of a picture, or to begin with: 120deg. A result begins at full lift."),
-]
 
 
 @app.command(
@@ -38,21 +31,41 @@ flexcam view case.toml --mode 2 --save mode.mp4
 """
 )
 def view(
-    source: Annotated[Path, Parameter(help="Result file, or a case file: then its rigid mechanism moves.")], *,
-    picture: Annotated[Path | None, Parameter("--save", help="Write it (.png, .gif, .mp4, .html), no window.")] = None,
-    color: Annotated[str | None, Parameter(help="Colour members by a saved field or recovered stress.")] = None,
-    scale: Annotated[float, Parameter(help="Of what the members give way; the lift is shown as it is.")] = 1.0,
-    at: At = None,
-    mode: Annotated[int | None, Parameter(help="Swing a natural mode, counted as by flexcam modes.")] = None,
-    size: Annotated[str, Parameter(help="Of the window, pixels.")] = "1024x768",
+    source: Annotated[
+        Path, Parameter(help="Result file (.vtkhdf), or case file (.toml), of which the rigid motion is shown.")
+    ], *,
+    picture: Annotated[
+        Path | None, Parameter("--save", help="Write a file (.png, .gif, .mp4 or .html) instead of opening a window.")
+    ] = None,
+    color: Annotated[
+        str | None, Parameter(help="Color the members by a saved field or a stress, such as stress_von_mises.")
+    ] = None,
+    scale: Annotated[
+        float, Parameter(help="Magnification of the elastic deformation; the rigid motion is not scaled.")
+    ] = 1.0,
+    at: Annotated[
+        str | None, Parameter("--at", help="Cam angle of a still picture or of the start, such as 120deg.")
+    ] = None,
+    mode: Annotated[
+        int | None, Parameter(help="Animate a natural mode, by its number in flexcam modes.")
+    ] = None,
+    size: Annotated[str, Parameter(help="Size of the window or picture in pixels.")] = "1024x768",
     overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
 ) -> None:  # fmt: skip
-    """Show the mechanism as solids: in a window with a slider over the cam angle, or off-screen in a file."""
+    """Show the moving mechanism in 3D, or write a picture or an animation of it.
+
+    The window has a slider over the cam angle. A picture of a result shows full lift unless --at says otherwise.
+    """
     from flexcam.plotting.rendering import FRAMES, check_output_path, save_view, select_renderer
     from flexcam.plotting.scene.mechanism import build_mechanism
 
-    if not abs(scale) <= _LARGEST_SCALE:
-        raise refuse("--scale", scale, f"a finite number, up to {_LARGEST_SCALE:g} by size", "a picture shows no more")
+    if not abs(scale) <= _MAX_SCALE:
+        raise refuse(
+            "--scale",
+            scale,
+            f"a finite number, at most {_MAX_SCALE:g} in size",
+            "the deformation would leave the picture",
+        )
     angle = None if at is None else parse_quantity("--at", at, "angle", "deg")
     pixels = _pixels(size)
     if picture is not None:
@@ -73,8 +86,8 @@ def view(
         files = [] if picture is None else [str(picture)]
         print_json({"status": "ok", "files": files, "instants": len(motion), "drawn": list(drawn.notes)})
         return
-    for sentence in describe_sizes(drawn.notes):
-        result_console().print(sentence)
+    if drawn.notes:
+        result_console().print("\n".join(["Sizes chosen for the drawing:", *(f"  {note}" for note in drawn.notes)]))
     if picture is not None:
         result_console().print(str(picture))
 
@@ -91,13 +104,13 @@ def _image_instant(case: Case, result: Result | None, motion: Motion, angle: flo
 def _pixels(text: str) -> tuple[int, int]:
     found = re.fullmatch(r"(\d+)x(\d+)", text)
     sides = (int(found[1]), int(found[2])) if found else (0, 0)
-    if not all(_LEAST <= side <= _MOST for side in sides):
-        raise refuse("--size", repr(text), f"WIDTHxHEIGHT of {_LEAST} to {_MOST} pixels each, such as 1024x768")
+    if not all(_MIN_SIZE <= side <= _MAX_SIZE for side in sides):
+        raise refuse("--size", repr(text), f"WIDTHxHEIGHT of {_MIN_SIZE} to {_MAX_SIZE} pixels each, such as 1024x768")
     return sides
 
 
-_LEAST, _MOST = 64, 8192
-_LARGEST_SCALE = 1e6
+_MIN_SIZE, _MAX_SIZE = 64, 8192
+_MAX_SCALE = 1e6
 
 
 def _read_source(source: Path, overrides: Overrides) -> tuple[Case, Result | None]:
@@ -105,7 +118,7 @@ def _read_source(source: Path, overrides: Overrides) -> tuple[Case, Result | Non
     if source.suffix != ".vtkhdf":
         return load_case(source, overrides), None
     if overrides:
-        raise refuse("--set", overrides[0], "cases alone", "a result has been computed", "give the case, or run it")
+        raise refuse("--set", overrides[0], "--set with a case only", "a result cannot be changed", "give the case")
     result = read_result(source)
     return case_from_result(result), result
 
@@ -124,7 +137,9 @@ def _displayed_motion(
         if mode > found.shapes.shape[1]:
             raise refuse("--mode", mode, f"1 to {found.shapes.shape[1]}, as flexcam modes counts them")
         if color not in (None, "displacement"):
-            raise refuse("--color", repr(color), "displacement", "a mode has no size, and so no stress")
+            raise refuse(
+                "--color", repr(color), "displacement", "the amplitude of a mode is arbitrary, so it has no stress"
+            )
         shown = mode_motion(structure, found.shapes[:, mode - 1], coloured=color is not None)
         return shown, f"{title}: mode {mode}, {found.frequencies[mode - 1]:.4g} Hz"
     if result is not None:

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from flexcam.cli.app import app
-from flexcam.cli.registry import COMMAND_FILES, load_commands
+from flexcam.cli.app import COMMAND_FILES, app
+from flexcam.cli.main import load_commands
 
 HEAVY = {
     "scipy",
@@ -105,7 +105,7 @@ def test_a_command_keeps_to_its_budget(words, packages, modules_not_asked, befor
 def test_the_file_of_every_command_is_known():
     """One that is not listed works, but loads the files of all commands."""
     load_commands(["--help"])
-    listed = {name: f"flexcam.cli.{file}" for file, names in COMMAND_FILES.items() for name in names}
+    listed = {name: f"flexcam.cli.{file}" for name, file in COMMAND_FILES.items()}
     defined = {name: app[name].default_command for name in app if not name.startswith("-")}
     assert set(listed) == set(defined)
     assert {name: listed[name] for name, one in defined.items() if one} == {

@@ -145,7 +145,7 @@ def test_lift_below_the_base_circle(told, tmp_path):
     assert [finding["value"], finding["angle"]] == pytest.approx([least, 30 * DEG], rel=1e-6)
     said = told("cam.toml").out
     assert "-0.0980762 to 5.09808 mm" in said
-    assert "valve open beyond 1 mm" in said
+    assert "valve open above 1 mm" in said
     assert "never" not in said
 
 

@@ -62,9 +62,9 @@ def test_the_case_is_named_first(verb, flexcam, case):
         assert flexcam(verb, "case.toml", "--json").json["title"] == "Nodes in the file"
 
 
-@pytest.mark.parametrize("verb", ["compare", "orders", "campbell", "modes"])
-def test_no_number_is_cut_in_a_narrow_terminal(verb, flexcam, case, monkeypatch):
-    few = ("--count", "2") if verb in ("orders", "campbell") else ()
+@pytest.mark.parametrize("words", ["compare", "campbell --count 2 --response", "campbell --count 2", "modes"])
+def test_no_number_is_cut_in_a_narrow_terminal(words, flexcam, case, monkeypatch):
+    verb, *few = words.split()
     wide = flexcam(verb, case, *few, "--set", "run.steps_per_revolution=360").out
     monkeypatch.setenv("COLUMNS", "80")
     narrow = flexcam(verb, case, *few, "--set", "run.steps_per_revolution=360").out
@@ -78,7 +78,7 @@ def test_no_number_is_cut_in_a_narrow_terminal(verb, flexcam, case, monkeypatch)
     ("words", "told"),
     [
         (("check",), "see flexcam check --help; CASE (--case) is missing"),
-        (("run", "case.toml", "other.toml"), "see flexcam run --help; nothing takes 'other.toml'"),
+        (("run", "case.toml", "other.toml"), "see flexcam run --help; no argument or option accepts 'other.toml'"),
         (("run", "case.toml", "--set"), "--set is followed by nothing"),
         (("chek",), 'Did you mean "check"?'),
     ],
@@ -173,4 +173,16 @@ def test_help_and_version(words, flexcam):
 
 
 def test_help_shows_examples(flexcam):
-    assert "flexcam run cases/" in flexcam("--help").out
+    assert "flexcam run engine.toml" in flexcam("--help").out
+
+
+def test_units_and_titles_in_brackets(flexcam, tmp_path):
+    case = tmp_path / "train.toml"
+    assert flexcam("new", "lumped-train", "-o", case).code == 0
+    text = case.read_text(encoding="utf-8").replace("Lumped valve train", "[red]A[/red] [m] [/x]", 1)
+    case.write_text(text.replace("3600", "360"), encoding="utf-8")
+    title = "[red]A[/red] [m] [/x]"
+    for command in (("check", case), ("run", case, "-o", tmp_path), ("info", tmp_path / "train.vtkhdf")):
+        done = flexcam(*command)
+        assert done.code == 0, done.err
+        assert title in done.out

@@ -413,7 +413,7 @@ def test_a_run_whose_errors_cannot_be_estimated_is_told_all_the_same(flexcam, ta
     done = flexcam("run", tayeb(1), *laid, "--json")
     assert done.code == 0
     assert done.json["errors"] == []
-    said = next(one for one in done.json["warnings"] if "no error is estimated" in one)
+    said = next(one for one in done.json["warnings"] if "no errors are estimated" in one)
     assert "is refused: run.step" in said
     assert "central-difference" in said
     assert len(read_result(done.json["result"]).response.time) == 201

@@ -1,4 +1,4 @@
-"""law and laws: criteria as JSON and in words, kinds with parameters, law files, what is refused and how."""
+"""law and law --list: criteria as JSON and in words, kinds with parameters, law files, what is refused and how."""
 
 # ruff: noqa: E501 - tables, a row to a line
 
@@ -90,12 +90,12 @@ def test_closed_forms(name, told):
 
 
 def test_all_laws_side_by_side(told, tmp_path):
-    found = facts(told, "laws", "--residual", "1.5")
+    found = facts(told, "law", "--list", "--residual", "1.5")
     assert (list(found["laws"]), found["kinds"], found["ratios"]) == (list(LAWS), list(KINDS), [1.5])
     for name, law in LAWS.items():
         assert found["laws"][name].keys() == KEYS - {"status", "law"}
         assert found["laws"][name]["residual"] == residual_spectrum(law, [1.5]).tolist()
-    words = told("laws", "--plot", "all.svg").out
+    words = told("law", "--list", "--plot", "all.svg").out
     assert [name for name in (*LAWS, *KINDS) if name not in words.replace(",", " ").split()] == []
     assert [line.split()[0] for line in words.splitlines() if "infinite" in line] == ["parabolic"]
     assert len([line for line in words.splitlines() if line.startswith("shm, cos ")]) == 2, "one law, one row"

@@ -131,7 +131,7 @@ def test_what_a_run_that_ended_early_left(flexcam, case, tmp_path):
     ("what", "said"), [("campbell", "natural frequency, Hz"), ("waterfall", "order of the camshaft")]
 )
 def test_orders_over_speed(what, said, flexcam, case, tmp_path):
-    """The pictures of `flexcam campbell` and `flexcam orders`, from half to one and a half of the case's speed."""
+    """The figures of `flexcam campbell` without and with --response, from half to 1.5 times the case's speed."""
     assert flexcam("plot", "case.toml", "--what", what, "--count", "2", "-o", "orders.svg").code == 0
     assert said in words_of(tmp_path / "orders.svg")
 
@@ -147,7 +147,7 @@ def test_orders_over_speed(what, said, flexcam, case, tmp_path):
         (["out/case.vtkhdf", "-o", "a.jpg"], ".svg, .png, .pdf"),
         (["out/case.vtkhdf", "-o", "case.toml/a.svg"], "a folder that can be made"),
         (["out/case.vtkhdf", "-o", "taken.svg"], "--overwrite"),
-        (["out/case.vtkhdf", "--set", "run.speed=1000rpm"], "a result has been computed"),
+        (["out/case.vtkhdf", "--set", "run.speed=1000rpm"], "a result cannot be changed"),
         (
             ["out/case.vtkhdf", "--what", "energy", "--probe", "valve", "--rigid"],
             "--what motion or waterfall or work-precision",

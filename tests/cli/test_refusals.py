@@ -37,7 +37,7 @@ COMMANDS = {
     "a profile for its folder": ["cam", "case.toml", "-o", "cam.CSV"],
     "result exists": ["run", "case.toml", "-o", "out"],
     "a picture for the folder of a cam's": ["cam", "case.toml", "--plot", "cam.png"],
-    "no orders": ["orders", "case.toml", "--orders", "0"],
+    "no orders": ["campbell", "case.toml", "--response", "--orders", "0"],
 }
 
 

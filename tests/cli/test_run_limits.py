@@ -13,7 +13,7 @@ from flexcam.analysis import resources
 from flexcam.analysis.error_estimate import estimate_errors
 from flexcam.analysis.preparation import prepare
 from flexcam.analysis.run import estimate_case_resources
-from flexcam.cli.arguments import parse_duration
+from flexcam.cli.run import parse_duration
 from flexcam.dynamics import Cause
 
 HUGE = ("--set", "run.revolutions=1e9")
@@ -103,10 +103,10 @@ def test_a_short_run_has_time(flexcam, case):
 
 
 TIMES = {
-    "5": "write 5s or 5min", "5 mm": "'mm' is none of h, min, s, ms", "soon": "'soon' is no number with a unit",
-    "-1 s": "time does not run backwards", "0 s": "nothing is done in no time", "1h30": "30 without a unit",
-    "5min -3s": "backwards", "": "no number", "1e400s": "none of h", "9" * 400 + "h": "not finite",
-    "nan": "no number",
+    "5": "write 5s or 5min", "5 mm": "'mm' is not one of h, min, s, ms", "soon": "'soon' is not a number with a unit",
+    "-1 s": "is not a number with a unit", "0 s": "it is zero", "1h30": "30 has no unit",
+    "5min -3s": "'-3s' is not a number", "": "not a number", "1e400s": "not one of h", "9" * 400 + "h": "not finite",
+    "nan": "not a number",
 }  # fmt: skip
 
 
@@ -156,5 +156,5 @@ def test_the_estimate_of_errors_ends_too(fault, flexcam, case, monkeypatch):
     ended = flexcam("run", case, "--set", "fidelity.estimate=true", "--time-limit", "1 h", "--json")
     assert ended.code == 0
     assert ended.json["status"] == "done"
-    assert [one for one in ended.json["warnings"] if "no error is estimated" in one]
+    assert [one for one in ended.json["warnings"] if "no errors are estimated" in one]
     assert read_result(ended.json["result"]).response.status.ok

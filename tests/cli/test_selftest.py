@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from flexcam.analysis.selftest import Check, all_checks, installation_info
-from flexcam.cli.registry import load_commands
+from flexcam.cli.main import load_commands
 from flexcam.fem.assembly import stiffness as fem_stiffness
 
 load_commands(["selftest"])
@@ -33,7 +33,7 @@ def test_a_check_that_fails_is_named(flexcam, monkeypatch):
     ended = flexcam("selftest")
     assert ended.code == 3
     assert ended.out.count("FAILED") == 2
-    assert "2 of 3 checks are beyond their tolerance: pi; e" in ended.err
+    assert "2 of 3 checks exceed their tolerance: pi; e" in ended.err
     told = flexcam("selftest", "--json")
     assert told.code == 3
     assert told.json["status"] == "fault"

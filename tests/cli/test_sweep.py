@@ -57,7 +57,7 @@ def test_variants_that_are_all_alike_are_told_so(flexcam, case, tmp_path):
     done = flexcam("sweep", case, "--set", "title=one,other", "--set", "run.revolutions=0.1", "--workers", "0",
                    "-o", tmp_path / "out")  # fmt: skip
     assert done.code == 0
-    assert "every scalar is the same in all variants" in done.out
+    assert "every scalar has the same value in all variants" in done.out
 
 
 def test_the_table_of_the_case_counts_and_the_command_lays_over_it(flexcam, case, tmp_path):

@@ -97,7 +97,7 @@ def test_a_speed_in_resonance_is_one_row(told):
     assert "resonance" in said
     low, high = found["lift"]
     assert f"{1e3 * high:.6g} mm" in said
-    assert ("attention" in said) == (low < 0.0)
+    assert ("warning" in said) == (low < 0.0)
 
 
 def test_polydyne_of_the_train(told):
@@ -214,7 +214,7 @@ def test_a_law_of_least_acceleration(told, tmp_path, monkeypatch):
     assert law["Cj"] <= 52.5
     assert 0.0 <= law["gap"] == law["objective"] - law["family_bound"] < 1e-6
     assert law["bound_over_all_laws"] == pytest.approx(8 / (1 + math.sqrt(1 - 32 / 52.5)), rel=1e-12)
-    assert "C_m: largest product of velocity and acceleration" in " ".join(told(*LEAST).out.split())
+    assert "C_m: max product of velocity and acceleration" in " ".join(told(*LEAST).out.split())
     said = facts(told, "law", "new/best.toml")
     assert [said[key] for key in LAW[5:9]] == [law[key] for key in LAW[5:9]]
     monkeypatch.setenv("FLEXCAM_FILES", str(tmp_path))
@@ -270,13 +270,13 @@ def test_output(words, told, tmp_path):
 
 
 def test_a_bound_over_all_laws_with_free_ends(told):
-    """12 of the 2-3 polynomial; a bound of zero, such as of no jerk at all, is told as not known."""
+    """12 of the 2-3 polynomial; a bound of zero, such as of no jerk at all, is shown as unknown."""
     (law,) = facts(told, *LEAST[:-1], "Cj", "--rest", "1")["laws"]
     assert (law["bound_over_all_laws"], law["Cj"]) == (12.0, pytest.approx(12.0, rel=1e-9))
     assert "12; the law is" in told(*LEAST[:-1], "Cj", "--rest", "1").out
     found = minimax(SplineFamily(7, 1), {"Ca": 1.0})
     for nothing in (None, 0.0):
-        assert "not known" in rendered(synthesis_table(replace(found, bound_all=nothing)))
+        assert "unknown" in rendered(synthesis_table(replace(found, bound_all=nothing)))
 
 
 def test_a_search_that_does_not_converge_says_so(told, monkeypatch):

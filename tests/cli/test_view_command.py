@@ -72,7 +72,7 @@ def seen(path):
 def test_a_picture_looks_like_its_reference(name, flexcam):
     ended = flexcam("view", *PICTURES[name], *SIZE, "--save", "made.png")
     assert ended.code == 0, ended.err
-    assert "Drawn with sizes that the case does not give:" in ended.out
+    assert "Sizes chosen for the drawing:" in ended.out
     assert opened("made.png").size == (400, 300)
     assert seen("made.png") - seen(ROOT / f"tests/data/pictures/{name}.png") <= ALIKE
 
@@ -187,7 +187,7 @@ REFUSED = {
     ("--save", "a.png", "--mode", "0"): "as flexcam modes counts them",
     ("--save", "a.png", "--mode", "100000"): "as flexcam modes counts them",
     ("--save", "a.png", "--color", "stress_von_mises"): "solve it with flexcam run",
-    ("--save", "a.png", "--color", "velocity", "--mode", "1"): "a mode has no size",
+    ("--save", "a.png", "--color", "velocity", "--mode", "1"): "the amplitude of a mode is arbitrary",
 }
 
 

@@ -213,7 +213,7 @@ def test_two_processes_and_one_result(ready, tried, tmp_path):
     tried("together", "two processes write one result", 3, "the second is refused; a dead one locks nobody out")
 
 
-@pytest.mark.parametrize("words", [("check", "case.toml"), ("laws",)])
+@pytest.mark.parametrize("words", [("check", "case.toml"), ("law", "--list")])
 def test_standard_output_is_full(words, tmp_path):
     shutil.copy(CASE, tmp_path / "case.toml")
     command = [sys.executable, "-m", "flexcam", *words]
@@ -225,7 +225,7 @@ def test_standard_output_is_full(words, tmp_path):
 
 def test_no_standard_streams(tmp_path):
     """As under a daemon that closes them."""
-    command = f"exec {sys.executable} -m flexcam laws >&- 2>&-"
+    command = f"exec {sys.executable} -m flexcam law --list >&- 2>&-"
     assert subprocess.run(["/bin/sh", "-c", command], cwd=tmp_path, timeout=60).returncode == 0
 
 

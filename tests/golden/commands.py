@@ -79,7 +79,8 @@ def _checks() -> list[Command]:
 def _cams() -> list[Command]:
     made = [Command("commands-cam", path.stem, ("cam", str(path), "--points", "180")) for path in CAMS]
     profile = ("cam", str(CASES / "cams/li-fb2.toml"), "-o", "out", "--format", "csv")
-    lift = ("lift", "out/li-fb2-exhaust.csv", "--follower", FLAT, "--base-radius", "20 mm", "--points", "180")
+    follower = ("--follower", FLAT, "--base-radius", "20 mm")
+    lift = ("cam", "--from-profile", "out/li-fb2-exhaust.csv", *follower, "--points", "180")
     return [
         *made,
         Command("commands-cam", "profile", (*profile, "--cutter", "40 mm"), take=_table),
@@ -92,7 +93,7 @@ def _laws() -> list[Command]:
     family = ("synthesize", "law", "--minimize", "Ca", "--bound", "Cj=60")
     swept = ("--speed", "1500rpm", "--count", "20")
     return [
-        Command("commands-laws", "laws", ("laws", "--residual", "2.5")),
+        Command("commands-laws", "laws", ("law", "--list", "--residual", "2.5")),
         Command("commands-laws", "law 4-5-6-7", ("law", "4-5-6-7")),
         Command("commands-laws", "law scca", scca),
         Command("commands-laws", "law unknown", ("law", "unknown")),
@@ -132,15 +133,15 @@ def _results() -> list[Command]:
 
 def _speeds() -> list[Command]:
     around = ("--lowest", "2000rpm", "--highest", "4000rpm")
+    response = ("--response", *around, "--count", "2", "--orders", "1:8")
     return [
         Command("commands-speeds", "limits", ("limits", LEVER, *around, "--tolerance", "100rpm", *COARSE)),
-        Command("commands-speeds", "parting", ("parting", LEVER, *around, "--count", "2", *COARSE)),
+        Command("commands-speeds", "parting", ("compare", LEVER, *around, "--count", "2", *COARSE)),
         Command("commands-speeds", "campbell", ("campbell", TAYEB, *around, "--count", "3", "--orders", "1:6")),
-        Command("commands-speeds", "orders", ("orders", LINEAR, *around, "--count", "2", "--orders", "8", *COARSE)),
+        Command("commands-speeds", "orders", ("campbell", LINEAR, *response, *COARSE)),
         Command("commands-speeds", "stability", ("stability", TAYEB, "--set", "run.speed=4000rpm", *COARSE)),
         Command("commands-speeds", "stability mathieu", ("stability", MATHIEU, "--set", "run.revolutions=1")),
         Command("commands-speeds", "stability map", ("stability", LINEAR, *around, "--count", "2", *COARSE)),
-        Command("commands-speeds", "settings", ("settings", str(CASES / "petrescu/valve-spring.toml"))),
     ]
 
 

@@ -15,7 +15,7 @@ QUICK_RUNS = {"beams/direct", "beams/kernel", "beams/modal", "rigid/auto", "chai
 """Runs of small models in the normal suite."""
 
 QUICK_COMMANDS = {
-    "law 4-5-6-7", "law scca", "li-fb2", "lift", "info", "export instants", "stability", "campbell", "settings",
+    "law 4-5-6-7", "law scca", "li-fb2", "lift", "info", "export instants", "stability", "campbell",
     "compare contact", "modes", "modes equilibrium", "schema", "sweep", "sensitivity", "data/every-engine",
 }  # fmt: skip
 

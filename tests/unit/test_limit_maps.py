@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from flexcam import read_case
-from flexcam.cli.studies import limit_map_output
+from flexcam.cli.limits import limit_map_output
 from flexcam.dynamics import Status
 from flexcam.studies.evaluators import LimitMap, grid_plan
 from flexcam.studies.plan import parse_axis
@@ -25,7 +25,7 @@ def test_units_of_keys():
     told = limit_map_output(found, "crank")
     assert told.csv.startswith('"springs.valve.stiffness, N/m","springs.valve.installed_force, N"')
     assert "[crank rpm]" in told.csv
-    assert "along: springs.valve.installed_force, N" in str(told.tables[0].title)
+    assert "columns: springs.valve.installed_force, N" in str(told.tables[0].title)
     assert told.json["over"]["unit"] == "N/m"
 
 

@@ -12,7 +12,7 @@ import pytest
 from flexcam import cams
 from flexcam.cams import KINDS, LAWS, kind_names, law_kind, law_registry
 from flexcam.case.lift import LawDefinition, parse_law
-from flexcam.cli.laws import find_law
+from flexcam.cli.law import find_law
 from flexcam.core.errors import InputError
 
 Z = np.linspace(0.0, 1.0, 11)

@@ -1,4 +1,4 @@
-"""A run in which a train comes apart says so: where, and by how much."""
+"""Warnings of a run: contact loss, bounce, coil clash and buckling, with place and value."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Commands over speeds: campbell, orders."""
+"""Command that computes natural frequencies and orders over speed: campbell."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from cyclopts import Parameter
+from cyclopts import Group, Parameter
 from rich.table import Table
 
 from flexcam.analysis.campbell import Campbell
@@ -20,24 +20,29 @@ from flexcam.analysis.preparation import prepare, scalar_probe
 from flexcam.case.case import Case
 from flexcam.cli.app import (
     CaseFile,
+    Count,
+    Csv,
+    Highest,
     Json,
+    Lowest,
     Overrides,
     Overwrite,
     Picture,
     app,
-    check_figure_path,
     check_positive,
+    check_targets,
     load_beams,
     load_case,
+    print_files,
+    refuse_without,
     speed_range,
 )
-from flexcam.cli.arguments import check_targets
 from flexcam.core import FloatArray
 from flexcam.core.errors import collect_errors, refuse
 from flexcam.core.units import shaft_name
 from flexcam.dynamics import Status
 from flexcam.io import write_text
-from flexcam.report.formatting import NOISE, format_mm
+from flexcam.report.formatting import NOISE, finite_or_none, format_mm
 from flexcam.report.terminal import plain_table, print_json, result_console, show_count
 
 
@@ -49,7 +54,7 @@ def campbell_table(found: Campbell, scale: float) -> Table:
         for i, (column, reached, words) in enumerate(zip(found.frequencies.T, found.reached, found.words, strict=True))
     ]
     title = f"Modes at full lift of {found.contact} over {shaft_name(scale)} rpm"
-    return plain_table(title, ("mode", low, high, "felt", "what moves"), rows)
+    return plain_table(title, ("mode", low, high, "excited", "what moves"), rows)
 
 
 def _hz(value: float) -> str:
@@ -70,9 +75,9 @@ def crossing_table(found: Campbell, scale: float) -> Table:
         )
         for one in found.crossings
     ]
-    title = "Where orders of the camshaft meet modes that are felt at the contact"
-    head = (f"{shaft_name(scale)} rpm", "order", "mode", "Hz", "in the lift, mm", "in the force, N", "what moves")
-    return plain_table(title if rows else f"{title}: nowhere between these speeds", head, rows)
+    title = "Resonances: orders of the camshaft that excite modes at the contact"
+    head = (f"{shaft_name(scale)} rpm", "order", "mode", "Hz", "lift, mm", "force, N", "what moves")
+    return plain_table(title if rows else f"{title}: none between these speeds", head, rows)
 
 
 def _force(value: float) -> str:
@@ -82,25 +87,21 @@ def _force(value: float) -> str:
 def campbell_json(found: Campbell, scale: float) -> dict[str, object]:
     """Return a Campbell diagram for ``--json``."""
     modes = [
-        {"frequencies_hz": [_or_none(x) for x in column.tolist()], "reached": reached, "moves": words}
+        {"frequencies_hz": _json_numbers(column), "reached": reached, "moves": words}
         for column, reached, words in zip(found.frequencies.T, found.reached, found.words, strict=True)
     ]
     met = [
-        {**asdict(one), "rpm": scale * one.rpm, "mode": one.mode + 1, "load": _or_none(one.load)}
+        {**asdict(one), "rpm": scale * one.rpm, "mode": one.mode + 1, "load": finite_or_none(one.load)}
         for one in found.crossings
     ]
     return {
         "shaft": shaft_name(scale), "contact": found.contact, "rpm": (scale * found.rpm).tolist(), "modes": modes,
         "lift_amplitudes_m": {str(n): size for n, size in found.lifts.items()},
         "force_amplitudes_n": {
-            str(n): [_or_none(x) for x in column.tolist()] for n, column in zip(found.lifts, found.loads.T, strict=True)
+            str(n): _json_numbers(column) for n, column in zip(found.lifts, found.loads.T, strict=True)
         },
         "crossings": met, "ended": [str(one.cause) for one in found.statuses],
     }  # fmt: skip
-
-
-def _or_none(value: float) -> float | None:
-    return None if math.isnan(value) else value
 
 
 def failed_status(statuses: Sequence[Status]) -> Status | None:
@@ -114,7 +115,7 @@ def failed_status(statuses: Sequence[Status]) -> Status | None:
 def describe_incomplete_runs(statuses: Sequence[Status], rpm: FloatArray, scale: float) -> list[str]:
     """Return sentences about incomplete runs."""
     return [
-        f"Warning: nothing is known at {scale * speed:.6g} {shaft_name(scale)} rpm: {status}"
+        f"Warning: no result at {scale * speed:.6g} {shaft_name(scale)} rpm: {status}"
         for status, speed in zip(statuses, rpm.tolist(), strict=True)
         if not status.ok
     ]
@@ -133,7 +134,7 @@ def orders_table(found: Waterfall, scale: float) -> Table:
         for i, rpm in enumerate(found.rpm.tolist())
     ]
     what = f"acceleration of {found.signal.name}" if found.signal.probe else found.signal.name
-    title = f"Orders of {what}, {found.unit}, in the last revolution: the largest of {found.amplitudes.shape[1] - 1}"
+    title = f"Orders of {what}, {found.unit}, in the last revolution: largest of {found.amplitudes.shape[1] - 1}"
     head = (f"{shaft_name(scale)} rpm", "mean", *(f"order {n}" for n in shown), "not periodic by")
     return plain_table(title, head, rows)
 
@@ -163,7 +164,9 @@ def orders_json(found: Sequence[Waterfall], scale: float) -> dict[str, object]:
     """Return the orders for ``--json``."""
     histories = {
         one.signal.name: {
-            "unit": one.unit, "amplitudes": [_or_null(row) for row in one.amplitudes], "open_by": _or_null(one.gaps),
+            "unit": one.unit,
+            "amplitudes": [_json_numbers(row) for row in one.amplitudes],
+            "open_by": _json_numbers(one.gaps),
         }
         for one in found
     }  # fmt: skip
@@ -177,43 +180,85 @@ def orders_json(found: Sequence[Waterfall], scale: float) -> dict[str, object]:
     }
 
 
-def _or_null(values: FloatArray) -> list[float | None]:
-    return [None if math.isnan(one) else one for one in np.asarray(values).tolist()]
+def _json_numbers(values: FloatArray) -> list[float | None]:
+    return [finite_or_none(one) for one in values.tolist()]
 
 
-Lowest = Annotated[str | None, Parameter("--lowest", help="Lowest speed; half the case's by default.")]
-Highest = Annotated[str | None, Parameter("--highest", help="Highest speed; one and a half of the case's by default.")]
-Count = Annotated[int, Parameter("--count", help="Speeds, evenly between both.")]
+_MODES, _RESPONSE = Group("Natural modes", sort_key=1), Group("Orders of the response", sort_key=2)
 
 
 @app.command(
     help_prologue="""\
 flexcam campbell cases/tayeb/model-3-shm.toml --lowest 1000rpm --highest 6000rpm --plot campbell.svg
 flexcam campbell case.toml --orders 1:12 --modes 4 --count 21 --json
+flexcam campbell case.toml --response --lowest 3000rpm --highest 7000rpm --plot orders.svg --csv orders.csv
+flexcam campbell case.toml --response --channel contacts.intake.force --probe valve --orders 1:40
 """
 )
 def campbell(
     case: CaseFile, *,
     lowest: Lowest = None, highest: Highest = None, count: Count = 9,
-    orders: Annotated[str, Parameter(help="Orders of the camshaft: 1:24, or 1,2,4.")] = "1:24",
-    modes: Annotated[int, Parameter(help="How many of the lowest modes.")] = 8,
-    contact: Annotated[str | None, Parameter(help="Whose cam, where a case has several.")] = None,
+    orders: Annotated[str, Parameter(help="Orders of the camshaft: 1:24, or 1,2,4; with --response 1:N.")] = "1:24",
+    modes: Annotated[
+        int | None, Parameter(group=_MODES, help="Number of modes, from the lowest; 8 by default.")
+    ] = None,
+    contact: Annotated[
+        str | None, Parameter(group=_MODES, help="Contact whose cam excites the modes, if there are several.")
+    ] = None,
+    response: Annotated[
+        bool, Parameter(negative=(), group=_RESPONSE, help="Run each speed and show the orders of its last revolution.")
+    ] = False,
+    channels: Annotated[
+        list[str] | None,
+        Parameter(
+            "--channel",
+            negative=(),
+            group=_RESPONSE,
+            help="Channel such as a contact force; that of the first cam by default. Repeatable.",
+        ),
+    ] = None,
+    probes: Annotated[
+        list[str] | None,
+        Parameter(
+            "--probe",
+            negative=(),
+            group=_RESPONSE,
+            help="Probe whose acceleration is shown; the valve by default. Repeatable.",
+        ),
+    ] = None,
+    csv: Annotated[Csv, Parameter(group=_RESPONSE)] = None,
     plot: Picture = None, overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
 ) -> Status | None:  # fmt: skip
-    """Draw natural frequencies over speed with the orders of a cam, and list where they meet.
+    """Compute natural frequencies over speed and where orders of the cam excite them, or the orders of the response.
 
-    Speeds are those of the crankshaft where the case gives crank_speed, else those of the camshaft.
+    Use it to find resonances (Campbell diagram). With --response it runs the case at every speed and shows the
+    harmonics of acceleration and contact force instead (waterfall diagram). Speeds are those of the crankshaft if the
+    case gives crank_speed, otherwise those of the camshaft.
     """
+    if response:
+        for option, given in (("--modes", modes), ("--contact", contact)):
+            if given is not None:
+                why = "the orders of the response need no modes"
+                raise refuse(option, given, "nothing with --response", why, "leave one out")
+    for option, given in (("--channel", channels), ("--probe", probes), ("--csv", csv)):
+        refuse_without(option, given, "--response", present=response)
     read = collect_errors(
-        lambda: load_beams(case, overrides),
-        lambda: _parse_integers("--orders", orders),
-        lambda: check_figure_path(plot, overwrite),
+        lambda: load_case(case, overrides) if response else load_beams(case, overrides),
+        lambda: _parse_orders(orders, response),
+        lambda: check_positive("--modes", 8 if modes is None else modes),
+        lambda: check_targets(csv, plot, case, overwrite=overwrite),
     )
-    scale, numbers = read.turns, _parse_integers("--orders", orders)
-    low, high = speed_range(lowest, highest, count, read.speed, scale)
-    speeds = np.linspace(low, high, count).tolist()
+    numbers, scale = _parse_orders(orders, response), read.turns
+    speeds = np.linspace(*speed_range(lowest, highest, count, read.speed, scale), count).tolist()
+    if response:
+        return _orders_of_response(
+            read, speeds, select_signals(read, channels, probes), numbers[-1], csv, plot,
+            overwrite=overwrite, as_json=as_json,
+        )  # fmt: skip
     with show_count(count, "speeds") as shown:
-        found = find_crossings(read, speeds, orders=numbers, modes=modes, contact=contact, advance=shown)
+        found = find_crossings(
+            read, speeds, orders=numbers, modes=8 if modes is None else modes, contact=contact, advance=shown
+        )
     if plot is not None:
         from flexcam.plotting.figures import add_title, save_figure
         from flexcam.plotting.spectra import campbell_figure
@@ -235,41 +280,14 @@ def campbell(
     return ended
 
 
-@app.command(
-    help_prologue="""\
-flexcam orders cases/pushrod-engine/intake.toml --lowest 3000rpm --highest 7000rpm --count 21 --plot orders.svg
-flexcam orders case.toml --channel contacts.intake.force --probe valve --orders 24 --csv orders.csv
-"""
-)
-def orders(
-    case: CaseFile, *,
-    lowest: Lowest = None, highest: Highest = None, count: Count = 9,
-    channels: Annotated[
-        list[str] | None,
-        Parameter("--channel", negative=(), help="Channel; the force of the first cam by default. May be repeated."),
-    ] = None,
-    probes: Annotated[
-        list[str] | None,
-        Parameter("--probe", negative=(), help="Probe whose acceleration counts; the valve by default."),
-    ] = None,
-    highest_order: Annotated[int, Parameter("--orders", help="Highest order.")] = 24,
-    csv: Annotated[Path | None, Parameter("--csv", help="Also write the amplitudes here.")] = None,
-    plot: Picture = None, overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
+def _orders_of_response(
+    case: Case, speeds: list[float], signals: list[Signal], highest_order: int, csv: Path | None, plot: Path | None, *,
+    overwrite: bool, as_json: bool,
 ) -> Status | None:  # fmt: skip
-    """Tell the orders of acceleration and contact force over speed: harmonics of the last revolution.
-
-    Speeds are those of the crankshaft where the case gives crank_speed, else those of the camshaft.
-    """
-    read = collect_errors(
-        lambda: load_case(case, overrides),
-        lambda: check_positive("--orders", highest_order),
-        lambda: check_targets(csv, plot, case, overwrite=overwrite),
-    )
-    scale = read.turns
-    low, high = speed_range(lowest, highest, count, read.speed, scale)
-    speeds = np.linspace(low, high, count).tolist()
-    with show_count(count, "speeds") as shown:
-        found = waterfall(read, speeds, select_signals(read, channels, probes), highest_order, advance=shown)
+    """Run every speed, and print and write the orders of the last revolution."""
+    scale = case.turns
+    with show_count(len(speeds), "speeds") as shown:
+        found = waterfall(case, speeds, signals, highest_order, advance=shown)
     if csv is not None:
         write_text(csv, orders_csv(found, scale), overwrite=overwrite)
     if plot is not None:
@@ -277,19 +295,19 @@ def orders(
         from flexcam.plotting.spectra import waterfall_figure
 
         figure = waterfall_figure(found, scale, shaft_name(scale))
-        save_figure(add_title(figure, read.title), plot, overwrite=overwrite)
-    files = [str(path) for path in (csv, plot) if path is not None]
+        save_figure(add_title(figure, case.title), plot, overwrite=overwrite)
+    files = [path for path in (csv, plot) if path is not None]
     ended = failed_status(found[0].statuses)
     if as_json:
-        print_json({"status": _word(ended), **orders_json(found, scale), "files": files})
+        files_json = [str(path) for path in files]
+        print_json({"status": _word(ended), **orders_json(found, scale), "files": files_json})
         return ended
     for one in found:
         result_console().print(orders_table(one, scale))
         result_console().print()
     for sentence in describe_incomplete_runs(found[0].statuses, found[0].rpm, scale):
         result_console().print(sentence)
-    for path in files:
-        result_console().print(path)
+    print_files(files)
     return ended
 
 
@@ -306,18 +324,20 @@ def select_signals(case: Case, channels: list[str] | None, probes: list[str] | N
     return [*(Signal(name, probe=True) for name in probes or []), *(Signal(name) for name in channels or [])]
 
 
-def _parse_integers(where: str, text: str) -> list[int]:
-    """Parse the integers of an option: ``1:12``, ``1,2,4`` or one."""
+def _parse_orders(text: str, response: bool) -> list[int]:
+    """Parse orders: ``1:12``, ``1,2,4`` or one; those of a response begin with 1 and have no gaps."""
+    numbers: list[int] = []
     if found := re.fullmatch(r"\s*(\d{1,4})\s*:\s*(\d{1,4})\s*", text):
-        first, last = int(found[1]), int(found[2])
-        if 1 <= first <= last <= _MAX_ORDER:
-            return list(range(first, last + 1))
+        numbers = list(range(int(found[1]), int(found[2]) + 1))
     elif re.fullmatch(r"\s*\d{1,4}\s*(,\s*\d{1,4}\s*)*", text):
-        numbers = [int(one) for one in text.split(",")]
-        if min(numbers) >= 1 and max(numbers) <= _MAX_ORDER:
-            return sorted(set(numbers))
-    raise refuse(where, repr(text), f"whole numbers from 1 to {_MAX_ORDER}: 1:12, or 1,2,4")
+        numbers = sorted({int(one) for one in text.split(",")})
+    if not numbers or numbers[0] < 1 or numbers[-1] > _MAX_ORDER:
+        raise refuse("--orders", repr(text), f"whole numbers from 1 to {_MAX_ORDER}: 1:12, or 1,2,4")
+    if response and len(numbers) != numbers[-1]:
+        why = "the response has all orders from 1"
+        raise refuse("--orders", repr(text), "1:N with --response", why, f"write 1:{numbers[-1]}")
+    return numbers
 
 
 _MAX_ORDER = 1000
-"""Maximum order: harmonics of a lift are below a thousandth of the largest long before."""
+"""Maximum order: the harmonics of a lift are below a thousandth of the maximum long before."""

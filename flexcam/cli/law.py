@@ -1,4 +1,4 @@
-"""Commands and tables about motion laws: law, laws."""
+"""Command that evaluates motion laws: law."""
 
 from __future__ import annotations
 
@@ -13,8 +13,7 @@ from rich.table import Table
 from flexcam.cams import LAWS, Criteria, Extreme, Law, criteria, kind_names, residual_spectrum
 from flexcam.case.lift import parse_law, read_law
 from flexcam.case.toml_lines import parse_toml
-from flexcam.cli.app import Json, Overwrite, Picture, app, check_figure_path
-from flexcam.cli.arguments import check_distinct_files
+from flexcam.cli.app import Json, Overwrite, Picture, app, check_distinct_files, check_figure_path
 from flexcam.core.errors import refuse, suggest_name
 from flexcam.report.formatting import remove_noise
 from flexcam.report.terminal import facts_table, plain_table, print_json, result_console
@@ -48,13 +47,13 @@ def law_facts(name: str, found: Criteria) -> Table:
     ends = [", ".join(f"{remove_noise(v, peak):.6g}" for v, peak in zip(end, peaks, strict=True)) for end in found.ends]
     largest = max(found.harmonics, default=0.0)
     rows += [
-        ("steps inside", steps or "none"),
+        ("discontinuities inside", steps or "none"),
         ("s, s', s'', s''' at z = 0", ends[0]),
         ("s, s', s'', s''' at z = 1", ends[1]),
         ("symmetric", "yes" if found.symmetric else "no"),
         ("rms of s', s'', s'''", ", ".join(f"{value:.6g}" for value in found.rms)),
         ("harmonics of s''", ", ".join(f"{remove_noise(value, largest):.3g}" for value in found.harmonics)),
-        *(("not met between dwells", said) for said in found.violations),
+        *(("violated between dwells", said) for said in found.violations),
     ]
     return facts_table(f"Motion law {name}", rows)
 
@@ -64,7 +63,7 @@ def _format_position(extreme: Extreme) -> str:
 
 
 def laws_table(found: Mapping[str, Criteria]) -> Table:
-    """Return a table that compares all laws."""
+    """Return a table that compares laws."""
     rest = ("none", "s'", "s' s''", "s' s'' s'''")
     rows = [
         (name, *(f"{x:.4f}" for x in (c.Cv, c.Ca)), "infinite" if c.Cj is None else f"{c.Cj:.3f}", f"{c.Cm:.4f}",
@@ -79,30 +78,17 @@ def laws_table(found: Mapping[str, Criteria]) -> Table:
 def spectrum_table(spectra: Mapping[str, Sequence[float]], ratios: Sequence[float]) -> Table:
     """Return a table that compares residual vibrations."""
     rows = [(name, *(f"{value:.6f}" for value in values)) for name, values in spectra.items()]
-    return plain_table(
-        "Residual vibration over lift, by rise time over period", ("law", *(f"{r:g}" for r in ratios)), rows
-    )
+    return plain_table("Residual vibration / lift, by rise time / period", ("law", *(f"{r:g}" for r in ratios)), rows)
 
 
 _RATIOS = (1.0, 1.5, 2.0, 3.0, 5.0)
-
-Ratios = Annotated[
-    list[float] | None,
-    Parameter("--residual", negative=(), help="Rise time over the period of an oscillator. May be repeated."),
-]
-
-
-Spectrum = Annotated[
-    Path | None,
-    Parameter("--spectrum", help="Also draw the residual vibration over the rise time (.svg, .png or .pdf)."),
-]
 
 
 def find_law(name: str, parameters: list[str] | None = None) -> Law:
     """Return a law given by name and parameters, or by a file."""
     if name.endswith(".toml"):
         if parameters:
-            raise refuse("--with", ", ".join(parameters), "nothing beside a law file", "the file says all of it")
+            raise refuse("--with", ", ".join(parameters), "nothing with a law file", "the file has all parameters")
         return read_law(Path(name)).law
     if not parameters and name not in LAWS and name not in kind_names():
         known = list(dict.fromkeys([*LAWS, *kind_names()]))
@@ -125,32 +111,82 @@ def find_law(name: str, parameters: list[str] | None = None) -> Law:
 
 @app.command(
     help_prologue="""\
+flexcam law --list
 flexcam law 4-5-6-7
 flexcam law scca --with b=0.25 --with c=0.5 --with d=0.25 --json
 flexcam law best.toml --residual 1.5 --plot best.svg
 """
 )
 def law(
-    name: Annotated[str, Parameter(help="Name of a motion law, or a law file (.toml).")], *,
-    parameters: Annotated[list[str] | None, Parameter("--with", negative=(), help="A parameter of the law.")] = None,
-    residual: Ratios = None, plot: Picture = None, spectrum: Spectrum = None, overwrite: Overwrite = False,
-    as_json: Json = False,
+    name: Annotated[str | None, Parameter(help="Name of a motion law, or a law file (.toml).")] = None, *,
+    every: Annotated[bool, Parameter("--list", negative=(), help="List all motion laws with their criteria.")] = False,
+    parameters: Annotated[
+        list[str] | None, Parameter("--with", negative=(), help="Parameter of the law: KEY=VALUE. Repeatable.")
+    ] = None,
+    residual: Annotated[
+        list[float] | None,
+        Parameter(
+            "--residual",
+            negative=(),
+            help="Rise time divided by the period of an oscillator, for the residual vibration. Repeatable.",
+        ),
+    ] = None,
+    plot: Picture = None,
+    spectrum: Annotated[
+        Path | None,
+        Parameter("--spectrum", help="Also draw the residual vibration over the rise time (.svg, .png or .pdf)."),
+    ] = None,
+    overwrite: Overwrite = False, as_json: Json = False,
 ) -> None:  # fmt: skip
-    """Say what a motion law does: its criteria, extremes, ends and symmetry, normalized to lift 1 over angle 1."""
+    """Show the criteria of a motion law, or compare all laws: max velocity, acceleration, jerk, residual vibration.
+
+    All values are normalized to lift 1 over angle 1.
+    """
+    ratios = tuple(residual or _RATIOS)
+    if every:
+        if name is not None or parameters is not None:
+            given = name if name is not None else f"--with {', '.join(parameters or ())}"
+            raise refuse("--list", given, "--list alone", "it lists every law", "leave one out")
+        _print_laws(ratios, plot, spectrum, overwrite=overwrite, as_json=as_json)
+        return
+    if name is None:
+        raise refuse("law", "nothing", "the name of a motion law, a law file (.toml), or --list")
     one = find_law(name, parameters)
-    found, ratios = criteria(one), tuple(residual or _RATIOS)
-    left = residual_spectrum(one, ratios).tolist()
+    found, vibration = criteria(one), residual_spectrum(one, ratios).tolist()
     _draw_laws({name: one}, plot, spectrum, overwrite=overwrite)
     if as_json:
-        pairs = [{"ratio": ratio, "amplitude": value} for ratio, value in zip(ratios, left, strict=True)]
+        pairs = [{"ratio": ratio, "amplitude": value} for ratio, value in zip(ratios, vibration, strict=True)]
         print_json({"status": "ok", "law": name, **law_json(found), "residual": pairs})
         return
     result_console().print(law_facts(name, found))
     result_console().print()
-    result_console().print(spectrum_table({name: left}, ratios))
+    result_console().print(spectrum_table({name: vibration}, ratios))
 
 
-def _draw_laws(found: Mapping[str, Law], plot: Path | None, spectrum: Path | None, *, overwrite: bool) -> None:
+def _print_laws(
+    ratios: Sequence[float], plot: Path | None, spectrum: Path | None, *, overwrite: bool, as_json: bool
+) -> None:
+    """Print the criteria of all laws that need no parameters, and draw the laws, if requested."""
+    found = {name: criteria(one) for name, one in LAWS.items()}
+    spectra = {name: residual_spectrum(one, ratios).tolist() for name, one in LAWS.items()}
+    _draw_laws(LAWS, plot, spectrum, overwrite=overwrite)
+    if as_json:
+        print_json({
+            "status": "ok", "ratios": list(ratios), "kinds": list(kind_names()),
+            "laws": {name: {**law_json(one), "residual": spectra[name]} for name, one in found.items()},
+        })  # fmt: skip
+        return
+    rows: dict[str, str] = {}  # first name of every law, with all its names
+    for name, one in LAWS.items():
+        first = next((other for other in rows if LAWS[other] == one), name)
+        rows[first] = f"{rows[first]}, {name}" if first in rows else name
+    result_console().print(laws_table({names: found[first] for first, names in rows.items()}))
+    result_console().print()
+    result_console().print(spectrum_table({names: spectra[first] for first, names in rows.items()}, ratios))
+    result_console().print(f"\nLaws with parameters (flexcam law NAME --with KEY=VALUE): {', '.join(kind_names())}")
+
+
+def _draw_laws(laws: Mapping[str, Law], plot: Path | None, spectrum: Path | None, *, overwrite: bool) -> None:
     """Draw laws and their residual vibration, if requested."""
     if plot is None and spectrum is None:
         return
@@ -162,36 +198,4 @@ def _draw_laws(found: Mapping[str, Law], plot: Path | None, spectrum: Path | Non
 
     for path, figure in ((plot, law_figure), (spectrum, spectrum_figure)):
         if path is not None:
-            save_figure(figure(found), path, overwrite=overwrite)
-
-
-def _names_by_law(given: Mapping[str, Law]) -> dict[str, str]:
-    """Return the first name of every law, with all its names."""
-    rows: dict[str, str] = {}
-    for name, one in given.items():
-        first = next((other for other in rows if given[other] == one), name)
-        rows[first] = f"{rows[first]}, {name}" if first in rows else name
-    return rows
-
-
-@app.command(help_prologue="flexcam laws\nflexcam laws --plot laws.svg\n")
-def laws(
-    *, residual: Ratios = None, plot: Picture = None, spectrum: Spectrum = None, overwrite: Overwrite = False,
-    as_json: Json = False,
-) -> None:  # fmt: skip
-    """List all motion laws that are complete by their name, with their criteria side by side."""
-    found = {name: criteria(one) for name, one in LAWS.items()}
-    ratios = tuple(residual or _RATIOS)
-    spectra = {name: residual_spectrum(one, ratios).tolist() for name, one in LAWS.items()}
-    _draw_laws(LAWS, plot, spectrum, overwrite=overwrite)
-    if as_json:
-        print_json({
-            "status": "ok", "ratios": list(ratios), "kinds": list(kind_names()),
-            "laws": {name: {**law_json(one), "residual": spectra[name]} for name, one in found.items()},
-        })  # fmt: skip
-        return
-    rows = _names_by_law(LAWS)
-    result_console().print(laws_table({said: found[name] for name, said in rows.items()}))
-    result_console().print()
-    result_console().print(spectrum_table({said: spectra[name] for name, said in rows.items()}, ratios))
-    result_console().print(f"\nKinds with parameters (flexcam law KIND --with key=value): {', '.join(kind_names())}")
+            save_figure(figure(laws), path, overwrite=overwrite)

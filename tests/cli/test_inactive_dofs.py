@@ -1,4 +1,4 @@
-"""What of a case nothing can move is said by `check`, counted by `run`, and left out of no result."""
+"""Inactive degrees of freedom: `check` names them, `run` counts them, and results contain them."""
 
 from __future__ import annotations
 

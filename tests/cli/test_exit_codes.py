@@ -1,4 +1,4 @@
-"""Exit codes 3, 130, 143 and 70: a run that fails, is stopped, or meets a fault of flexcam itself."""
+"""Exit codes 3, 130, 143 and 70: a failed run, a stopped run, and an internal error of flexcam."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ def in_process(monkeypatch, capsys, words, fault):
     def broken(*_, **__):
         raise fault
 
-    monkeypatch.setattr("flexcam.cli.cases.prepare_without_periodic_search", broken)
+    monkeypatch.setattr("flexcam.cli.case_files.prepare_without_periodic_search", broken)
     monkeypatch.setattr(signal, "signal", lambda *_: None)
     with pytest.raises(SystemExit) as end:
         main.main(words)

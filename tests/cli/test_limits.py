@@ -1,4 +1,4 @@
-"""Commands over speed: limits and parting."""
+"""The command limits: speeds of contact loss, bounce, coil clash and buckling."""
 
 from __future__ import annotations
 
@@ -78,19 +78,3 @@ def test_a_small_valve_bounces_from_less(lift, told, tmp_path):
     search = Search(100.0, 101.0, tolerance=10.0, count=2)
     found = search_limits(read_case(tmp_path / "one.toml", QUICK[1:2]), search, among=("bounce",))
     assert found["bounce"].words.startswith(f"the valve leaves its seat again by more than {told}")
-
-
-def test_parting_draws_and_tells(flexcam, tmp_path):
-    picture = tmp_path / "parting.svg"
-    told = ("--lowest", "2000rpm", "--highest", "7000rpm", "--count", "2", "--plot", picture, *QUICK)
-    answer = flexcam("parting", CASE, *told, "--json").json
-    assert answer["rpm"] == [2000.0, 7000.0]
-    assert answer["bilateral_unilateral_part_rpm"] == 7000.0
-    assert answer["forces_n"]["bilateral"][1][0] < 0.0
-    assert picture.read_text(encoding="utf-8").count("<path") > 10
-    assert flexcam("parting", CASE, *told).code == 2  # the picture is there
-
-
-def test_parting_refuses(flexcam):
-    for told in (("--count", "1"), ("--contact", "nosuch"), ("--highest", "100rpm")):
-        assert flexcam("parting", CASE, *told).code == 2

@@ -1,4 +1,4 @@
-"""Commands and tables about cams: cam, lift."""
+"""Command that evaluates cams: cam."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from cyclopts import Parameter
+from cyclopts import Group, Parameter
 from rich.table import Table
 
 from flexcam.analysis.cam_analysis import CamFacts, cam_facts, load_cams, profile_table, valve_overlaps
@@ -26,20 +26,24 @@ from flexcam.cams import (
     lift_from_profile,
 )
 from flexcam.case.builder import parse_follower
-from flexcam.cli.app import Json, Overrides, Overwrite, app, parse_quantity, warn_ignored_keys
-from flexcam.cli.arguments import check_distinct_files
+from flexcam.cli.app import (
+    Json,
+    Overrides,
+    Overwrite,
+    app,
+    check_distinct_files,
+    describe_option,
+    parse_quantity,
+    print_files,
+    refuse_without,
+    warn_ignored_keys,
+)
 from flexcam.core import FloatArray
 from flexcam.core.errors import positive, refuse, suggest_name
 from flexcam.core.units import RPM
 from flexcam.io import check_folder_name, check_writable, create_folder, read_profile, write_lift_table, write_profile
 from flexcam.report.formatting import NOISE, format_degrees, format_mm
 from flexcam.report.terminal import facts_table, plain_table, print_json, result_console
-
-
-def describe_sizes(notes: Sequence[str]) -> list[str]:
-    """Return sentences about drawn sizes that a case does not give."""
-    return ["Drawn with sizes that the case does not give:", *(f"  {note}" for note in notes)] if notes else []
-
 
 _NEGATIVE_LIFT_TOLERANCE = 1e-4
 """Allowed depth of a profile within its base circle, relative to the maximum lift: less than the grinding tolerance."""
@@ -87,15 +91,15 @@ def cam_table(name: str, found: CamFacts, speed: float | None, ratio: float) -> 
     """Return the table of the facts about a cam."""
     rows = [
         ("lift", _lift(found, ratio)),
-        ("largest velocity", _at_speed(found.velocity, "mm/rad", "m/s", 1, speed)),
-        ("largest acceleration", _at_speed(found.acceleration, "mm/rad^2", "m/s^2", 2, speed)),
-        ("largest jerk", _jerk(found.jerk)),
+        ("max velocity", _at_speed(found.velocity, "mm/rad", "m/s", 1, speed)),
+        ("max acceleration", _at_speed(found.acceleration, "mm/rad^2", "m/s^2", 2, speed)),
+        ("max jerk", _jerk(found.jerk)),
         ("harmonics 1 to 10", ", ".join(format_mm(one, 3) for one in found.harmonics) + " mm"),
-        *((f"valve open beyond {lift}", _event(event, ratio * found.lift[0].value > THRESHOLDS[lift]))
+        *((f"valve open above {lift}", _event(event, ratio * found.lift[0].value > THRESHOLDS[lift]))
           for lift, event in found.events.items()),
         *_joints(found.joints),
         *_profile(found, speed),
-        *(("attention", _finding(one)) for one in found.findings),
+        *(("warning", _finding(one)) for one in found.findings),
     ]  # fmt: skip
     return facts_table(f"Cam {name}", rows)
 
@@ -107,7 +111,7 @@ def _lift(found: CamFacts, ratio: float) -> str:
 
 
 def _jerk(jerk: float | None) -> str:
-    return "infinite: the acceleration steps" if jerk is None else f"{1e3 * jerk:.5g} mm/rad^3"
+    return "infinite: the acceleration is discontinuous" if jerk is None else f"{1e3 * jerk:.5g} mm/rad^3"
 
 
 def _at_speed(value: float, unit: str, at_speed: str, order: int, speed: float | None) -> str:
@@ -134,23 +138,23 @@ def _joints(joints: Sequence[Joint]) -> list[tuple[str, str]]:
 def _profile(found: CamFacts, speed: float | None) -> list[tuple[str, str]]:
     profile = found.profile
     if profile is None:
-        return [("profile", "give base_radius and follower for one")]
+        return [("profile", "none: give the cam base_radius and follower")]
     seen = profile.extremes
     rows = [
         ("base circle", f"{format_mm(profile.follower.base_radius)} mm; {_least(found.least_base_radius)}"),
-        ("tightest convex radius", _convex(seen.convex)),
-        ("tightest hollow", f"radius {format_mm(seen.hollow.value)} mm {_at(seen.hollow)}" if seen.hollow else "none"),
-        ("largest pressure angle", f"{format_degrees(abs(seen.pressure_angle.value))} deg {_at(seen.pressure_angle)}"),
+        ("min convex radius", _convex(seen.convex)),
+        ("min concave radius", f"{format_mm(seen.hollow.value)} mm {_at(seen.hollow)}" if seen.hollow else "none"),
+        ("max pressure angle", f"{format_degrees(abs(seen.pressure_angle.value))} deg {_at(seen.pressure_angle)}"),
         ("contact offset", f"{format_mm(seen.offset[0].value, 5)} to {format_mm(seen.offset[1].value, 5)} mm"),
-        ("largest sliding velocity", _at_speed(abs(seen.sliding.value), "mm/rad", "m/s", 1, speed)),
+        ("max sliding velocity", _at_speed(abs(seen.sliding.value), "mm/rad", "m/s", 1, speed)),
     ]  # fmt: skip
     return rows
 
 
-def _convex(tightest: Extreme) -> str:
-    if tightest.value <= 0.0:
-        return f"none: the profile is undercut {_at(tightest)}"
-    return f"{format_mm(tightest.value)} mm {_at(tightest)}"
+def _convex(sharpest: Extreme) -> str:
+    if sharpest.value <= 0.0:
+        return f"none: the profile is undercut {_at(sharpest)}"
+    return f"{format_mm(sharpest.value)} mm {_at(sharpest)}"
 
 
 def _at(place: Extreme) -> str:
@@ -159,13 +163,13 @@ def _at(place: Extreme) -> str:
 
 def _least(radius: float | None) -> str:
     if radius is None:
-        return "no other keeps this event within the limits"
-    return f"least within the limits {format_mm(radius)} mm" if radius else "any smaller one is within the limits too"
+        return "no radius meets the limits with this lift"
+    return f"min within the limits {format_mm(radius)} mm" if radius else "smaller radii meet the limits too"
 
 
 def _finding(one: ProfileFault) -> str:
     if one.kind == "angle":
-        measure = f"{format_degrees(one.value)} deg, allowed at most {format_degrees(one.limit)} deg"
+        measure = f"{format_degrees(one.value)} deg, allowed up to {format_degrees(one.limit)} deg"
     else:
         side = f"at least {format_mm(one.limit, 4)} mm" if one.limit else "above 0"
         measure = f"{format_mm(one.value, 4)} mm, allowed {side}"
@@ -174,7 +178,7 @@ def _finding(one: ProfileFault) -> str:
 
 
 def overlap_table(overlaps: Sequence[tuple[str, str, str, float]]) -> Table:
-    """Return the table of the valve overlap of two cams."""
+    """Return the table of the valve overlap of pairs of cams."""
     rows = [(f"{one} and {other}", lift, f"{math.degrees(angle):.2f}") for one, other, lift, angle in overlaps]
     return plain_table("Overlap", ("cams", "at a lift of", "crank deg"), rows)
 
@@ -185,13 +189,13 @@ def smoothing_table(name: str, report: LiftReport) -> Table:
         f"{1e3 * low:.4g} to {1e3 * high:.4g} mm/rad^2"
         for low, high in (report.acceleration_before, report.acceleration_after)
     )
-    changed = f"{1e6 * report.rms_change:.3g} um rms, {1e6 * report.largest_change:.3g} um at most"
+    changed = f"{1e6 * report.rms_change:.3g} um rms, max {1e6 * report.largest_change:.3g} um"
     rows = [
         ("points", str(report.points)),
-        ("changed by", f"{changed}, at {math.degrees(report.at):.4g} deg"),
+        ("change", f"{changed} at {math.degrees(report.at):.4g} deg"),
         ("acceleration of the points", before),
         ("acceleration of the spline", after),
-        *(("attention", said) for said in report.remarks),
+        *(("warning", said) for said in report.remarks),
     ]
     return facts_table(f"Lift table of {name}", rows)
 
@@ -203,73 +207,131 @@ def lift_from_profile_table(
     low, high = (Extreme(float(lift[i]), float(angle[i])) for i in (int(np.argmin(lift)), int(np.argmax(lift))))
     rows = [
         ("points", str(points)),
-        ("largest lift", f"{format_mm(high.value)} mm {_at(high)}"),
-        ("least lift", f"{format_mm(low.value)} mm {_at(low)}"),
+        ("max lift", f"{format_mm(high.value)} mm {_at(high)}"),
+        ("min lift", f"{format_mm(low.value)} mm {_at(low)}"),
     ]
     if low.value < -_NEGATIVE_LIFT_TOLERANCE * high.value:
-        rows.append(("attention", "the profile lies within the base circle; check its radius and the unit"))
+        rows.append(("warning", "the profile lies inside the base circle; check its radius and the unit"))
     if hollow is not None:
         place = f"{format_mm(hollow.point[0], 4)}, {format_mm(hollow.point[1], 4)} mm"
-        said = f"the follower bridges a hollow of the profile: {format_mm(hollow.depth, 3)} mm are left at {place}"
-        rows.append(("attention", f"{said}; a smaller roller follows it"))
+        said = f"the follower bridges a hollow of the profile, with a gap of {format_mm(hollow.depth, 3)} mm at {place}"
+        rows.append(("warning", f"{said}; a smaller roller follows the profile"))
     return facts_table(f"Lift of {name}", rows)
 
 
-_LEAST_POINTS, _MOST_POINTS = 12, 100_000
-
-CamName = Annotated[str | None, Parameter("--cam", help="Name of the cam; not needed if there is one.")]
-Forms = Annotated[list[Literal["csv", "dxf", "vtp"]] | None, Parameter("--format", negative=(), help="All by default.")]
+CamName = Annotated[str | None, Parameter("--cam", help="Name of the cam; not needed if there is one only.")]
+_CASE, _PROFILE = Group("Cams of a case file", sort_key=1), Group("Cam from a measured profile", sort_key=2)
+_MIN_POINTS, _MAX_POINTS = 12, 100_000
 
 
 @app.command(
     help_prologue="""\
 flexcam cam case.toml
 flexcam cam cams.toml --cam intake -o profiles --format dxf --cutter "40 mm"
-flexcam cam cams.toml --plot profiles
-"""
+flexcam cam cams.toml --plot pictures
+flexcam cam --from-profile points.csv --follower '{ type = "roller", radius = "9 mm" }' --base-radius "18 mm" -o lift.csv
+flexcam cam --from-profile points.csv --unit mm --follower '{ type = "flat" }' --base-radius "18 mm" --clockwise
+"""  # noqa: E501 - a command to a line
 )
 def cam(
-    case: Annotated[Path, Parameter(help="Case file, or a file with [cams.NAME] alone.")], *, name: CamName = None,
-    folder: Annotated[Path | None, Parameter(["-o", "--output"], help="Folder for the profiles' files.")] = None,
-    forms: Forms = None,
-    cutter: Annotated[str | None, Parameter(help="Radius of the cutter or grinding wheel, such as '40 mm'.")] = None,
-    pressure_angle: Annotated[str, Parameter(help="Largest allowed.")] = f"{math.degrees(PRESSURE_ANGLE):g} deg",
-    points: Annotated[int, Parameter(help="Of the profile, per revolution.")] = 720,
-    plot: Annotated[Path | None, Parameter(help="Folder for pictures.")] = None,
-    plot_format: Annotated[
-        Literal["svg", "png", "pdf"] | None, Parameter(help="Of the pictures; svg by default.")
+    case: Annotated[
+        Path | None, Parameter(group=_CASE, help="Case file, or a file that has [cams.NAME] tables only.")
+    ] = None, *,
+    name: Annotated[CamName, Parameter(group=_CASE)] = None,
+    forms: Annotated[
+        list[Literal["csv", "dxf", "vtp"]] | None,
+        Parameter("--format", negative=(), group=_CASE, help="Format of the profile files with -o; all by default."),
     ] = None,
-    overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
+    cutter: Annotated[
+        str | None, Parameter(group=_CASE, help="Radius of the cutter or grinding wheel, such as '40 mm'.")
+    ] = None,
+    pressure_angle: Annotated[
+        str | None,
+        Parameter(group=_CASE, help=f"Allowed pressure angle; {math.degrees(PRESSURE_ANGLE):g} deg by default."),
+    ] = None,
+    plot: Annotated[
+        Path | None, Parameter(group=_CASE, help="Also draw lift, profile and pressure angle to this folder.")
+    ] = None,
+    plot_format: Annotated[
+        Literal["svg", "png", "pdf"] | None, Parameter(group=_CASE, help="Format of the figures; svg by default.")
+    ] = None,
+    overrides: Annotated[Overrides, Parameter(group=_CASE)] = None,
+    profile: Annotated[
+        Path | None,
+        Parameter("--from-profile", group=_PROFILE, help="Points of a cam profile (.csv), in the frame of the cam."),
+    ] = None,
+    follower: Annotated[
+        str | None, Parameter(group=_PROFILE, help="Follower as in a case, such as '{ type = \"flat\" }'.")
+    ] = None,
+    base_radius: Annotated[
+        str | None, Parameter(group=_PROFILE, help="Radius of the base circle, where the lift is zero.")
+    ] = None,
+    unit: Annotated[
+        Literal["um", "mm", "cm", "m", "in"] | None,
+        Parameter(group=_PROFILE, help="Unit of the points, if the header of the file names none."),
+    ] = None,
+    clockwise: Annotated[bool, Parameter(negative=(), group=_PROFILE, help="The cam turns clockwise.")] = False,
+    points: Annotated[int, Parameter(help="Points of the profile or of the lift table per revolution.")] = 720,
+    output: Annotated[
+        Path | None,
+        Parameter(["-o", "--output"], help="Folder of the profile files; with --from-profile: lift table (.csv)."),
+    ] = None,
+    overwrite: Overwrite = False, as_json: Json = False,
 ) -> None:  # fmt: skip
-    """Say what the cams of a file do: lift, joints, valve events, profile and its limits; write profiles to files."""
-    _check_forms(folder, forms, plot, plot_format)
-    if folder is not None:
-        check_folder_name(folder)
+    """Show lift, valve events, profile and limits of the cams in a file, or compute the lift of a measured profile.
+
+    With -o it writes the profiles for manufacture (CSV, DXF, VTP). With --from-profile it reads points of a profile
+    instead of a case, and -o writes the lift of its follower as a table for a case.
+    """
+    of_case = {
+        "CASE": case, "--cam": name, "--format": forms, "--cutter": cutter, "--pressure-angle": pressure_angle,
+        "--plot": plot, "--plot-format": plot_format, "--set": overrides,
+    }  # fmt: skip
+    of_profile = {"--follower": follower, "--base-radius": base_radius, "--unit": unit, "--clockwise": clockwise}
+    if profile is not None:
+        for option, given in of_case.items():
+            if given is not None:
+                allowed, why = "nothing with --from-profile", "it belongs to the cams of a case file"
+                raise refuse(option, describe_option(given), allowed, why, "leave it out")
+        _print_lift(
+            profile, follower, base_radius, unit, clockwise, points, output, overwrite=overwrite, as_json=as_json
+        )
+        return
+    for option, given in of_profile.items():
+        refuse_without(option, given, "--from-profile", present=False)
+    if case is None:
+        raise refuse("cam", "nothing", "a case file, a file of cams, or --from-profile FILE")
+    refuse_without("--format", forms, "-o", present=output is not None)
+    refuse_without("--plot-format", plot_format, "--plot", present=plot is not None)
+    if output is not None:
+        check_folder_name(output)
     kind = plot_format or "svg"
     cams = load_cams(case, overrides or ())
     warn_ignored_keys(overrides)
     if name is not None and name not in cams.cams:
         raise refuse("--cam", repr(name), ", ".join(cams.cams), "", suggest_name(name, cams.cams))
     wheel = parse_quantity("--cutter", cutter, "length", "mm") if cutter is not None else None
-    limit = _pressure_limit(pressure_angle)
+    limit = PRESSURE_ANGLE if pressure_angle is None else _pressure_limit(pressure_angle)
     found = {
         one: cam_facts(part, ratio=cams.ratios[one], count=points, pressure_angle=limit, cutter=wheel)
         for one, part in cams.cams.items()
         if name in (None, one)
     }
-    _check_profile_options(found, folder, cutter)
-    _check_figure_folder(plot)
+    _check_profile_options(found, output, cutter)
+    if plot is not None and plot.suffix in (".svg", ".png", ".pdf"):
+        remedy = f"name a folder; --plot-format {plot.suffix[1:]} selects the format"
+        raise refuse("--plot", str(plot), "a folder", "a cam has several figures", remedy)
     files: list[Path] = []
     for one in found:  # before files are written
-        for path in _picture_names(plot / f"{cams.name}-{one}", kind).values() if plot is not None else ():
+        for path in _figure_paths(plot / f"{cams.name}-{one}", kind).values() if plot is not None else ():
             check_writable("picture", path, overwrite=overwrite)
-    for one, lobe in found.items():
-        if folder is not None and lobe.profile is not None:
-            stem = create_folder(folder) / f"{cams.name}-{one}"
-            table = profile_table(lobe.profile, wheel)
+    for one, facts in found.items():
+        if output is not None and facts.profile is not None:
+            stem = create_folder(output) / f"{cams.name}-{one}"
+            table = profile_table(facts.profile, wheel)
             files += write_profile(table, stem, forms or ["csv", "dxf", "vtp"], overwrite=overwrite)
         if plot is not None:
-            files += _pictures(create_folder(plot) / f"{cams.name}-{one}", kind, lobe, overwrite=overwrite)
+            files += _save_figures(create_folder(plot) / f"{cams.name}-{one}", kind, facts, overwrite=overwrite)
     pairs = valve_overlaps(found)
     if as_json:
         print_json({
@@ -279,27 +341,15 @@ def cam(
             "files": [str(path) for path in files],
         })  # fmt: skip
         return
-    for one, lobe in found.items():
-        result_console().print(cam_table(one, lobe, cams.speed, cams.ratios[one]))
+    for one, facts in found.items():
+        result_console().print(cam_table(one, facts, cams.speed, cams.ratios[one]))
         result_console().print()
         if one in cams.reports:
             result_console().print(smoothing_table(one, cams.reports[one]))
             result_console().print()
     if pairs:
         result_console().print(overlap_table(pairs))
-    for path in files:
-        result_console().print(str(path))
-
-
-def _check_forms(folder: Path | None, forms: Sequence[str] | None, plot: Path | None, plot_format: str | None) -> None:
-    """Raise an error for a file format without an output folder."""
-    for option, given, other, asked in (
-        ("--format", forms, "-o", folder),
-        ("--plot-format", plot_format, "--plot", plot),
-    ):
-        if given and asked is None:
-            told, why = given if isinstance(given, str) else ", ".join(given), "no such file is asked for"
-            raise refuse(option, told, f"{option} with {other} only", why, f"add {other} FOLDER")
+    print_files(files)
 
 
 def _check_profile_options(found: Mapping[str, CamFacts], folder: Path | None, cutter: str | None) -> None:
@@ -310,69 +360,50 @@ def _check_profile_options(found: Mapping[str, CamFacts], folder: Path | None, c
             raise refuse(option, str(given), "nothing without a profile", why, remedy)
 
 
-def _check_figure_folder(plot: Path | None) -> None:
-    """Raise an error for a file name in the place of a folder of figures."""
-    if plot is not None and plot.suffix in (".svg", ".png", ".pdf"):
-        remedy = f"name a folder; --plot-format {plot.suffix[1:]} says the kind"
-        raise refuse("--plot", str(plot), "a folder", "a cam has several pictures", remedy)
-
-
 def _pressure_limit(text: str) -> float:
     limit = positive("--pressure-angle", parse_quantity("--pressure-angle", text, "angle", "deg"), "rad")
     if limit >= 0.5 * math.pi:
-        raise refuse(
-            "--pressure-angle", text, "an angle below 90 deg", "at 90 deg nothing moves it", "30 deg is common"
-        )
+        raise refuse("--pressure-angle", text, "an angle below 90 deg", "at 90 deg the cam jams", "30 deg is common")
     return limit
 
 
-def _picture_names(stem: Path, form: str) -> dict[str, Path]:
+def _figure_paths(stem: Path, form: str) -> dict[str, Path]:
     return {kind: stem.with_name(f"{stem.name}-{kind}.{form}") for kind in ("lift", "profile", "pressure")}
 
 
-def _pictures(stem: Path, form: str, facts: CamFacts, *, overwrite: bool) -> list[Path]:
+def _save_figures(stem: Path, form: str, facts: CamFacts, *, overwrite: bool) -> list[Path]:
     from flexcam.plotting.curves import lift_figure, pressure_figure, profile_figure
     from flexcam.plotting.figures import save_figure
 
     figures = {"lift": lift_figure({stem.name: facts.cam.event})}
     if facts.profile is not None:
         figures |= {"profile": profile_figure(facts.profile), "pressure": pressure_figure(facts.profile)}
-    named = _picture_names(stem, form)
-    return [save_figure(figure, named[kind], overwrite=overwrite) for kind, figure in figures.items()]
+    paths = _figure_paths(stem, form)
+    return [save_figure(figure, paths[kind], overwrite=overwrite) for kind, figure in figures.items()]
 
 
-@app.command(
-    help_prologue="""\
-flexcam lift profile.csv --follower '{ type = "roller", radius = "9 mm" }' --base-radius "18 mm" -o lift.csv
-flexcam lift points.csv --unit mm --follower '{ type = "flat" }' --base-radius "18 mm" --clockwise
-"""
-)
-def lift(
-    profile: Annotated[Path, Parameter(help="Points of the profile (.csv), in the frame of the cam.")], *,
-    follower: Annotated[str, Parameter(help="As a case writes it, such as '{ type = \"flat\" }'.")],
-    base_radius: Annotated[str | None, Parameter(help="Of the base circle, from which the lift counts.")] = None,
-    unit: Annotated[Literal["um", "mm", "cm", "m", "in"] | None, Parameter(help="Where the head is silent.")] = None,
-    clockwise: Annotated[bool, Parameter(negative=(), help="The cam turns so.")] = False,
-    points: Annotated[int, Parameter(help="Of the lift, per revolution.")] = 720,
-    output: Annotated[Path | None, Parameter(["-o", "--output"], help="Lift table (.csv) for a case.")] = None,
-    overwrite: Overwrite = False, as_json: Json = False,
+def _print_lift(
+    profile: Path, follower: str | None, base_radius: str | None, unit: Literal["um", "mm", "cm", "m", "in"] | None,
+    clockwise: bool, points: int, output: Path | None, *, overwrite: bool, as_json: bool,
 ) -> None:  # fmt: skip
-    """Say what a cam given by points of its profile does to a follower, and write the lift as a table."""
+    """Print the lift of a follower on a profile given by points, and write it as a table, if requested."""
     check_distinct_files({"--output": output}, [profile])
+    if follower is None:
+        raise refuse("--follower", "nothing", "the follower as in a case, such as '{ type = \"flat\" }'")
     if base_radius is not None:
         positive("--base-radius", parse_quantity("--base-radius", base_radius, "length", "mm"), "m")
-    if not _LEAST_POINTS <= points <= _MOST_POINTS:
-        raise refuse("--points", points, f"a whole number from {_LEAST_POINTS} to {_MOST_POINTS}")
+    if not _MIN_POINTS <= points <= _MAX_POINTS:
+        raise refuse("--points", points, f"a whole number from {_MIN_POINTS} to {_MAX_POINTS}")
     made, turn = parse_follower(follower, base_radius, clockwise=clockwise)
-    around, xy = np.linspace(0.0, 2.0 * math.pi, points, endpoint=False), read_profile(profile, unit=unit)
-    found, hollow = lift_from_profile(xy, made, around, turn=turn), find_bridges(xy, made, turn=turn)
-    files = [] if output is None else [write_lift_table(output, around, found, overwrite=overwrite)]
+    angle, xy = np.linspace(0.0, 2.0 * math.pi, points, endpoint=False), read_profile(profile, unit=unit)
+    lift, bridge = lift_from_profile(xy, made, angle, turn=turn), find_bridges(xy, made, turn=turn)
+    files = [] if output is None else [write_lift_table(output, angle, lift, overwrite=overwrite)]
     if as_json:
         print_json({
-            "status": "ok", "points": len(xy), "angle": around.tolist(), "lift": found.tolist(),
-            "bridged": None if hollow is None else asdict(hollow), "files": [str(path) for path in files],
+            "status": "ok", "points": len(xy), "angle": angle.tolist(), "lift": lift.tolist(),
+            "bridged": None if bridge is None else asdict(bridge), "files": [str(path) for path in files],
         })  # fmt: skip
         return
-    result_console().print(lift_from_profile_table(profile.name, len(xy), around, found, hollow))
+    result_console().print(lift_from_profile_table(profile.name, len(xy), angle, lift, bridge))
     for path in files:
         result_console().print(f'{path}  (in a case: lift_table = "{path.name}" instead of law, lift, rise and return)')

@@ -1,4 +1,4 @@
-"""Commands over speed: campbell and orders."""
+"""The command campbell: modes over speed, and orders of the response."""
 
 from __future__ import annotations
 
@@ -105,11 +105,11 @@ def test_a_speed_at_which_no_run_can_start_leaves_the_others(monkeypatch):
     assert np.isnan(found.frequencies).tolist() == [[True] * 8, [False] * 8]
 
 
-@pytest.mark.parametrize("command", ["campbell", "orders"])
+@pytest.mark.parametrize("command", [("campbell",), ("campbell", "--response")])
 def test_speeds_of_which_none_is_known_are_a_failure(command, flexcam):
     """An explicit beta with steps far beyond its bound: every run leaves the range of numbers."""
     bad = ("--set", "run.integrator={method='newmark',beta=0.001}", "--set", "run.revolutions=20", "--count", "2")
-    done = flexcam(command, PUBLISHED, *QUICK, *bad, "--json")
+    done = flexcam(*command, PUBLISHED, *QUICK, *bad, "--json")
     assert (done.code, done.json["status"]) == (3, "not-finite")
     assert "none of 2 speeds was completed" in done.err
 
@@ -119,7 +119,7 @@ def test_orders_of_a_simple_harmonic_lift(flexcam, tmp_path):
     csv, picture = tmp_path / "orders.csv", tmp_path / "orders.svg"
     rigid = ("--set", "fidelity.model=rigid")
     told = (*RANGE, *QUICK, *rigid, "--probe", "valve", "--channel", "contacts.intake.force", "--csv", csv)
-    found = flexcam("orders", PUBLISHED, *told, "--plot", picture, "--json").json
+    found = flexcam("campbell", "--response", PUBLISHED, *told, "--plot", picture, "--json").json
     assert found["rpm"] == pytest.approx([1000.0, 3500.0, 6000.0])
     for rpm, row in zip(found["rpm"], found["histories"]["valve"]["amplitudes"], strict=True):
         omega = 2.0 * math.pi * rpm / 60.0
@@ -131,7 +131,7 @@ def test_orders_of_a_simple_harmonic_lift(flexcam, tmp_path):
 
 
 def test_orders_as_a_table(flexcam):
-    done = flexcam("orders", ONE_MASS, "--count", "2", *QUICK, "--orders", "6")
+    done = flexcam("campbell", "--response", ONE_MASS, "--count", "2", *QUICK, "--orders", "1:6")
     assert done.code == 0
     assert "contacts.train.force" in done.out
     assert "acceleration of valve.uy" in done.out
@@ -144,8 +144,13 @@ def test_orders_as_a_table(flexcam):
         ("campbell", "--orders", "0:3"), ("campbell", "--orders", "3:1"), ("campbell", "--orders", "one"),
         ("campbell", "--modes", "0"), ("campbell", "--contact", "nosuch"), ("campbell", "--count", "1"),
         ("campbell", "--highest", "100rpm"), ("campbell", "--plot", "picture.txt"), ("campbell", "--lowest", "0rpm"),
-        ("orders", "--channel", "nosuch"), ("orders", "--probe", "nosuch"), ("orders", "--orders", "0"),
-        ("orders", "--orders", "5000"), ("orders", "--lowest", "3000"), ("orders", "--set", "run.revolutions=0.5"),
+        *(
+            ("campbell", "--response", *more)
+            for more in (
+                ("--channel", "nosuch"), ("--probe", "nosuch"), ("--orders", "0:3"), ("--orders", "1:5000"),
+                ("--orders", "2:3"), ("--lowest", "3000"), ("--set", "run.revolutions=0.5"),
+            )
+        ),
     ],
 )  # fmt: skip
 def test_refusals(flexcam, told):
@@ -157,7 +162,7 @@ def test_refusals(flexcam, told):
 def test_refuses_before_it_runs(flexcam, tmp_path):
     there = tmp_path / "orders.csv"
     there.write_text("mine", encoding="utf-8")
-    assert flexcam("orders", PUBLISHED, *QUICK, "--csv", there).code == 2
+    assert flexcam("campbell", "--response", PUBLISHED, *QUICK, "--csv", there).code == 2
     assert there.read_text(encoding="utf-8") == "mine"
 
 
@@ -174,9 +179,10 @@ def test_refuses_before_it_runs(flexcam, tmp_path):
 )  # fmt: skip
 def test_too_few_steps_for_the_orders_are_named(flexcam, steps, said):
     """Refused is the key that gives the steps, before any run where it tells their number."""
-    orders = ("--orders", "60") if "0.001s" in steps[0] else ()
+    orders = ("--orders", "1:60") if "0.001s" in steps[0] else ()
     more = [one for step in steps for one in ("--set", step)]
-    done = flexcam("orders", PUBLISHED, "--lowest", "500rpm", "--highest", "1000rpm", "--count", "2", *more, *orders)
+    told = ("--response", "--lowest", "500rpm", "--highest", "1000rpm", "--count", "2")
+    done = flexcam("campbell", PUBLISHED, *told, *more, *orders)
     assert done.code == 2
     for part in said:
         assert part in done.err
@@ -185,7 +191,5 @@ def test_too_few_steps_for_the_orders_are_named(flexcam, steps, said):
 
 @pytest.mark.parametrize("steps", [48, 49])
 def test_as_many_steps_as_the_orders_need(flexcam, steps):
-    done = flexcam(
-        "orders", PUBLISHED, "--lowest", "500rpm", "--count", "2", "--set", f"run.steps_per_revolution={steps}"
-    )
-    assert done.code == (0 if steps == 49 else 2)
+    told = ("--response", "--lowest", "500rpm", "--count", "2", "--set", f"run.steps_per_revolution={steps}")
+    assert flexcam("campbell", PUBLISHED, *told).code == (0 if steps == 49 else 2)

@@ -1,4 +1,4 @@
-"""lift: from the points of a profile back to the lift, hollows that are bridged, files that cannot be read."""
+"""cam --from-profile: the lift of a profile given by points, bridged hollows, unreadable files."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def written(tmp_path, event, follower, head="x [mm], y [mm]"):
 def test_there_and_back(told, tmp_path):
     """The profile that `cam` writes, through `lift`, is the lift it was made of; the table is one for a case."""
     assert told("cam", FB2, "-o", ".", "--format", "csv").code == 0
-    done = told("lift", "li-fb2-exhaust.csv", *ROLLER, "-o", "back.csv", "--json")
+    done = told("cam", "--from-profile", "li-fb2-exhaust.csv", *ROLLER, "-o", "back.csv", "--json")
     assert (done.code, done.err) == (0, "")
     found, event = json.loads(done.out), read_cams(FB2).cams["exhaust"].part.event
     np.testing.assert_allclose(found["lift"], event(np.array(found["angle"])), rtol=0, atol=1e-7)
@@ -34,7 +34,7 @@ def test_there_and_back(told, tmp_path):
     (tmp_path / "case.toml").write_text('format = 1\n[cams.c]\nlift_table = "back.csv"\n')
     again = read_cams(tmp_path / "case.toml").cams["c"].part.event
     assert again.height == pytest.approx(0.0055, abs=1e-6)
-    words = told("lift", "li-fb2-exhaust.csv", *ROLLER)
+    words = told("cam", "--from-profile", "li-fb2-exhaust.csv", *ROLLER)
     assert "attention" not in words.out
     assert "at 150 deg" in words.out
 
@@ -42,21 +42,21 @@ def test_there_and_back(told, tmp_path):
 def test_a_hollow_that_is_bridged(told, tmp_path):
     """Under a roller of 4 mm the cam is hollow at its waist; a flat face cannot enter."""
     written(tmp_path, HarmonicLift(0.006, (0.0, -0.006), (0.0, 0.0)), RollerFollower(0.014, 0.004))
-    found = json.loads(told("lift", "p.csv", *FLAT, "--json").out)["bridged"]
+    found = json.loads(told("cam", "--from-profile", "p.csv", *FLAT, "--json").out)["bridged"]
     assert found["depth"] > 1e-4
     assert abs(math.remainder(math.atan2(*found["point"][::-1]) - math.pi / 2, math.pi)) < math.radians(2.0)
-    assert "bridges a hollow" in told("lift", "p.csv", *FLAT).out
+    assert "bridges a hollow" in told("cam", "--from-profile", "p.csv", *FLAT).out
     small = ("--follower", '{ type = "roller", radius = "4 mm" }', "--base-radius", "14 mm")
-    assert json.loads(told("lift", "p.csv", *small, "--json").out)["bridged"] is None
+    assert json.loads(told("cam", "--from-profile", "p.csv", *small, "--json").out)["bridged"] is None
 
 
 def test_a_circle_within_its_base_circle(told, tmp_path):
     eccentric = HarmonicLift(0.003, (-0.003,), (0.0,))
     written(tmp_path, eccentric, FlatFollower(0.017), "")
-    assert "check its radius" in told("lift", "p.csv", "--unit", "mm", *FLAT).out
-    assert told("lift", "p.csv", *FLAT).code == 2
+    assert "check its radius" in told("cam", "--from-profile", "p.csv", "--unit", "mm", *FLAT).out
+    assert told("cam", "--from-profile", "p.csv", *FLAT).code == 2
     written(tmp_path, eccentric, FlatFollower(0.017), "x_mm, y_mm")  # as the heads of lift tables
-    assert "check its radius" in told("lift", "p.csv", *FLAT).out
+    assert "check its radius" in told("cam", "--from-profile", "p.csv", *FLAT).out
 
 
 @pytest.mark.parametrize(("text", "words", "said"), [
@@ -77,7 +77,7 @@ def test_a_circle_within_its_base_circle(told, tmp_path):
 def test_refused(text, words, said, told, tmp_path):
     if text is not None:
         (tmp_path / "p.csv").write_text(text)
-    done = told("lift", "p.csv", *words)
+    done = told("cam", "--from-profile", "p.csv", *words)
     assert (done.code, done.out) == (2, "")
     assert [part for part in said if part not in done.err] == []
 
@@ -85,6 +85,6 @@ def test_refused(text, words, said, told, tmp_path):
 def test_nothing_is_written_over(told, tmp_path):
     written(tmp_path, HarmonicLift(0.003, (-0.003,), (0.0,)), FlatFollower(0.018))
     (tmp_path / "a.csv").write_text("mine")
-    assert "--overwrite" in told("lift", "p.csv", *FLAT, "-o", "a.csv").err
-    assert "ends in .csv" in told("lift", "p.csv", *FLAT, "-o", "a.txt").err
+    assert "--overwrite" in told("cam", "--from-profile", "p.csv", *FLAT, "-o", "a.csv").err
+    assert "ends in .csv" in told("cam", "--from-profile", "p.csv", *FLAT, "-o", "a.txt").err
     assert (tmp_path / "a.csv").read_text() == "mine"

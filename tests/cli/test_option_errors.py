@@ -1,4 +1,4 @@
-"""Options that contradict, repeat, lack their other half or are far too large: refused, or told, never passed over."""
+"""Options that contradict each other, repeat, miss another option or are too large are refused or reported."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ STIFF = "springs.valve.stiffness"
 
 REFUSED = {
     "too many speeds of a map": (("stability", INLINE, "--lowest", "1000rpm", "--count", HUGE), "2 to 10000"),
-    "too many speeds to part": (("parting", ENGINE, "--count", HUGE), "2 to 10000"),
-    "too many speeds for orders": (("orders", INLINE, "--count", HUGE), "2 to 10000"),
+    "too many speeds to compare": (("compare", ENGINE, "--lowest", "1000rpm", "--count", HUGE), "2 to 10000"),
+    "too many speeds for orders": (("campbell", "--response", INLINE, "--count", HUGE), "2 to 10000"),
     "too many speeds for modes": (("campbell", INLINE, "--count", HUGE), "2 to 10000"),
     "too many speeds of a picture": (("plot", INLINE, "--what", "campbell", "--count", HUGE), "2 to 10000"),
     "too many orders": (("campbell", INLINE, "--orders", "1:9999"), "1 to 1000"),
     "speeds of no map": (("stability", INLINE, "--count", "5"), "--lowest, --highest or --plot only"),
     "a negative height": (("limits", ENGINE, "--bounce-height=-1mm"), "zero or more"),
-    "a negative part": (("parting", ENGINE, "--tolerance=-5%"), "--tolerance: given -0.05"),
-    "a part in mm": (("parting", ENGINE, "--tolerance", "5mm"), "--tolerance: given '5mm'"),
-    "no picture of that kind": (("parting", ENGINE, "--plot", "x.bmp"), ".svg"),
+    "a negative part": (("compare", ENGINE, "--lowest", "1000rpm", "--tolerance=-5%"), "--tolerance: given -0.05"),
+    "a part in mm": (("compare", ENGINE, "--lowest", "1000rpm", "--tolerance", "5mm"), "--tolerance: given '5mm'"),
+    "no picture of that kind": (("compare", ENGINE, "--plot", "x.bmp"), ".svg"),
     "a limit over speed": (
         ("limits", ENGINE, "--over", "run.crank_speed=1000:2000:500rpm", "--and", "masses.valve.mass=80:90:10g"),
-        "--over: given run.crank_speed; allowed: another number",
+        "--over: given run.crank_speed; allowed: another value",
     ),
     "an interval without its option": (
         ("optimize", INLINE, "--vary", STIFF, "--least", "frequency.1"), f"no interval; allowed: {STIFF}=LOW:HIGH",
@@ -39,7 +39,21 @@ REFUSED = {
     "forms without a folder": (("cam", CAM, "--format", "csv"), "--format with -o only"),
     "a kind without pictures": (("cam", CAM, "--plot-format", "png"), "--plot-format with --plot only"),
     "a mesh at instants": (("export", INLINE, "--format", "msh", "--every", "2"), "a mesh has no instants"),
-    "a huge scale": (("view", INLINE, "--scale", "1e300", "--save", "x.png"), "up to 1e+06"),
+    "speeds of no comparison": (("compare", ENGINE, "--count", "5"), "--count with --lowest, --highest or --plot only"),
+    "a probe over speed": (("compare", ENGINE, "--lowest", "1000rpm", "--probe", "valve"), "contact forces"),
+    "a channel without a response": (
+        ("campbell", INLINE, "--channel", "contacts.intake.force"), "--channel with --response only",
+    ),
+    "modes of a response": (("campbell", "--response", INLINE, "--modes", "3"), "--modes: given 3"),
+    "some orders of a response": (("campbell", "--response", INLINE, "--orders", "2,4"), "write 1:4"),
+    "a law beside the list": (("law", "--list", "shm"), "--list alone"),
+    "no law": (("law",), "or --list"),
+    "a cam beside a profile": (("cam", CAM, "--from-profile", "p.csv"), "nothing with --from-profile"),
+    "a cutter for a profile": (("cam", "--from-profile", "p.csv", "--cutter", "9 mm"), "nothing with --from-profile"),
+    "a follower without a profile": (("cam", CAM, "--follower", "{}"), "--follower with --from-profile only"),
+    "no cam": (("cam",), "or --from-profile FILE"),
+    "a profile without a follower": (("cam", "--from-profile", "p.csv"), "--follower: given nothing"),
+    "a huge scale": (("view", INLINE, "--scale", "1e300", "--save", "x.png"), "at most 1e+06"),
     "no folder": (("run", INLINE, "-o", ""), "-o: given nothing; allowed: a file or a folder"),
     "no folder at all": (("run", INLINE, "--output="), "--output: given nothing"),
     "no table": (("trade", INLINE, "--csv", ""), "--csv: given nothing"),
@@ -63,7 +77,7 @@ TWO = {
     "run": (("run", "none.toml", "-o", "x.h5", "--time-limit", "5"), ["case file", "folder", "--time-limit"]),
     "trade": (("trade", INLINE, "--set", "run.speed=-1", "--repeats", "0", "--plot", "x.bmp"),
               ["run.speed", "--repeats", "picture"]),
-    "orders": (("orders", "none.toml", "--orders", "0", "--csv", "a.svg", "--plot", "a.svg"),
+    "response": (("campbell", "--response", "none.toml", "--orders", "0", "--csv", "a.svg", "--plot", "a.svg"),
                ["case file", "--orders", "--plot"]),
     "campbell": (("campbell", "none.toml", "--orders", "0", "--plot", "x.bmp"), ["case file", "--orders", "picture"]),
     "modes": (("modes", "none.toml", "--count", "0", "-o", "x.h5"), ["case file", "--count", "folder"]),
@@ -91,7 +105,7 @@ def result(flexcam):
 def test_what_is_laid_over_results_is_refused(flexcam, result):
     done = flexcam("compare", result, "--against", result, "--set", "run.speed=1rpm")
     assert done.code == 2
-    assert "--set: given run.speed=1rpm; allowed: a case among what is compared" in done.err
+    assert "--set: given run.speed=1rpm; allowed: --set with a case only" in done.err
     few = ("--set", "run.steps_per_revolution=360")
     assert flexcam("compare", result, "--against", INLINE, *few).code == 0
 
@@ -117,6 +131,4 @@ def test_a_key_laid_over_twice_is_told(flexcam):
         "check", INLINE, "--set", "run.speed=1000rpm", "--set", "run.revolutions=1", "--set", "run.speed=2rpm"
     )
     assert done.code == 0
-    assert (
-        done.err == "Note: --set run.speed=1000rpm has no part: --set run.speed=2rpm is laid over it; leave one out\n"
-    )
+    assert done.err == "Note: --set run.speed=1000rpm has no effect: --set run.speed=2rpm replaces it; leave one out\n"

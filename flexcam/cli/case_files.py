@@ -1,0 +1,119 @@
+"""Commands for case files: new, check, schema."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from flexcam.analysis.natural_modes import modes
+from flexcam.analysis.preparation import prepare_without_periodic_search
+from flexcam.analysis.run import estimate_case_resources
+from flexcam.analysis.run_checks import check_input, check_modes
+from flexcam.case.records import CaseRecord
+from flexcam.case.starters import new_case, templates
+from flexcam.cli.app import CaseFile, Json, Overrides, Overwrite, app, load_case, print_files
+from flexcam.dynamics import integrated_size
+from flexcam.report.tables import describe_inactive, model_table, resolved_toml
+from flexcam.report.terminal import plain_table, print_json, result_console
+from flexcam.valvetrain import member_masses
+
+
+@app.command(
+    help_prologue="""\
+flexcam new
+flexcam new pushrod-engine
+flexcam new measured-lift -o engine/intake.toml
+"""
+)
+def new(
+    template: Annotated[str | None, Parameter(help="Name of the starter case; without it, all are listed.")] = None, *,
+    target: Annotated[Path | None, Parameter(["-o", "--output"], help="Case file; TEMPLATE.toml by default.")] = None,
+    overwrite: Overwrite = False, as_json: Json = False,
+) -> None:  # fmt: skip
+    """Write a commented starter case to edit.
+
+    Without a name it lists the starter cases. Start here, then check and run the file.
+    """
+    if template is None:
+        known = templates()
+        if as_json:
+            print_json({"status": "ok", "templates": known})
+            return
+        table = plain_table("Starter cases", ("flexcam new",), ())
+        table.add_column("content", justify="left")
+        for name, words in known.items():
+            table.add_row(name, words)
+        result_console().print(table)
+        return
+    files = new_case(template, target, overwrite=overwrite)
+    if as_json:
+        print_json({"status": "ok", "files": [str(path) for path in files]})
+        return
+    print_files(files)
+    result_console().print(f"\nNext: flexcam check {files[0]}, flexcam run {files[0]}, flexcam view {files[0]}")
+
+
+@app.command(
+    help_prologue="""\
+flexcam check case.toml
+flexcam check case.toml --set run.speed=4000rpm --json
+flexcam check case.toml --echo
+"""
+)
+def check(
+    case: CaseFile, *,
+    echo: Annotated[
+        bool, Parameter("--echo", negative=(), help="Also print the case in SI with all default values.")
+    ] = False,
+    overrides: Overrides = None, as_json: Json = False,
+) -> None:  # fmt: skip
+    """Check a case file and summarize its model: size, masses, natural frequencies, warnings.
+
+    It reports all errors of the file at once and estimates the memory and disk space of a run, but does not run the
+    case.
+    """
+    read = load_case(case, overrides)
+    ready = prepare_without_periodic_search(read)
+    found, resources = modes(read), estimate_case_resources(ready, "revolution")
+    warnings = check_modes(found) + check_input(ready)
+    if as_json:
+        mesh, system = ready.model.mesh, ready.problem.system
+        print_json({
+            "status": "ok", "title": ready.case.record.title,
+            "elements": len(mesh.elements()), "dof": system.size,
+            "integrated": integrated_size(ready.problem),
+            "left_out": describe_inactive(ready), "nodes": len(mesh.nodes),
+            "members": {name: len(line) - 1 for name, line in mesh.lines.items()},
+            "masses": {name: part.body.mass for name, part in ready.model.masses.items()},
+            "springs": {name: spring.stiffness for name, spring in ready.model.springs.items()},
+            "supports": {point: list(held) for point, held in ready.model.supports.items()},
+            "member_masses": member_masses(ready.model),
+            "free_motions": found.modes.rigid, "steps": ready.problem.steps, "step_s": ready.problem.step,
+            "memory_bytes": resources.memory, "result_bytes": resources.file,
+            "frequencies_hz": found.modes.frequencies[found.modes.rigid :][:10].tolist(),
+            "warnings": warnings,
+            "loads": {load.name: [system.names[i] for i in load.vector.nonzero()[0]] for load in system.loads},
+            "case": ready.case.record.model_dump(mode="json", by_alias=True),
+        })  # fmt: skip
+        return
+    result_console().print(model_table(ready, found, resources))
+    for sentence in warnings:
+        result_console().print("\n" + sentence)
+    if echo:
+        result_console().print("\n# the case with all default values, SI\n" + resolved_toml(ready.case))
+    else:
+        result_console().print("\n--echo prints the case with all default values.")
+
+
+@app.command(help_prologue="flexcam schema > case.schema.json\n")
+def schema(*, as_json: Json = False) -> None:
+    """Print the JSON Schema of case files, which editors use for completion and checks.
+
+    The output is JSON with and without --json.
+    """
+    del as_json
+    print_json(
+        {"$schema": "https://json-schema.org/draft/2020-12/schema", **CaseRecord.model_json_schema(by_alias=True)}
+    )

@@ -1,0 +1,83 @@
+"""Command that computes natural modes: modes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+from flexcam.analysis.natural_modes import modal_assurance
+from flexcam.analysis.natural_modes import modes as case_modes
+from flexcam.analysis.run import output_geometry
+from flexcam.analysis.run_checks import check_modes
+from flexcam.case.builder import build_model
+from flexcam.case.reader import read_case
+from flexcam.cli.app import CaseFile, Json, Overrides, Overwrite, app, check_positive, load_case
+from flexcam.core.errors import collect_errors
+from flexcam.io import check_folder_name, create_folder, write_modes
+from flexcam.report.tables import describe_mac, mac_table, mode_table
+from flexcam.report.terminal import print_json, result_console
+
+
+@app.command(
+    help_prologue="""\
+flexcam modes case.toml
+flexcam modes case.toml --count 20 --prestress rest
+flexcam modes case.toml -o results
+flexcam modes case.toml --mac finer.toml
+"""
+)
+def modes(
+    case: CaseFile, *,
+    count: Annotated[int, Parameter(help="Number of modes, from the lowest.")] = 12,
+    prestress: Annotated[
+        Literal["rest", "equilibrium"] | None,
+        Parameter(help="Include axial forces: as installed (rest), or under all loads (equilibrium)."),
+    ] = None,
+    mac: Annotated[
+        Path | None, Parameter(help="Second case file, whose modes are compared by the modal assurance criterion.")
+    ] = None,
+    folder: Annotated[
+        Path | None, Parameter(["-o", "--output"], help="Also write the mode shapes for ParaView to this folder.")
+    ] = None,
+    overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
+) -> None:  # fmt: skip
+    """Compute natural frequencies and mode shapes, and name the parts that move in each mode."""
+    read = collect_errors(
+        lambda: load_case(case, overrides),
+        lambda: check_positive("--count", count),
+        lambda: None if folder is None else check_folder_name(folder),
+    )
+    found = case_modes(read, count, prestress=prestress)
+    criterion, compared = None, 0
+    if mac is not None:
+        other = read_case(mac)
+        criterion, compared = modal_assurance(read, found, other, case_modes(other, count, prestress=prestress))
+    files: list[Path] = []
+    if folder is not None:
+        path = create_folder(folder) / f"{read.name}-modes.vtkhdf"
+        drawn = output_geometry(build_model(read))
+        files = write_modes(path, drawn, found.modes.frequencies, found.modes.shapes, overwrite=overwrite)
+    if as_json:
+        print_json({
+            "status": "ok", "title": read.record.title,
+            "frequencies_hz": found.modes.frequencies.tolist(), "free_motions": found.modes.rigid,
+            "effective_masses": found.effective.tolist(), "lost": found.modes.lost,
+            "rounding": found.modes.rounding.tolist(), "warnings": check_modes(found),
+            "moves": [found.words(i) for i in range(len(found.shares))],
+            "mac": None if criterion is None else criterion.tolist(), "mac_nodes": compared,
+            "files": [str(path) for path in files],
+        })  # fmt: skip
+        return
+    result_console().print(mode_table(found, read.title))
+    for sentence in check_modes(found):
+        result_console().print("\n" + sentence)
+    if criterion is not None:
+        result_console().print()
+        result_console().print(mac_table(criterion))
+        result_console().print("\n" + describe_mac(criterion, compared))
+    if files:
+        result_console().print(
+            f"\n{files[0]}: choose a mode in Warp By Vector and press play; {files[1]} has the static shapes"
+        )

@@ -1,0 +1,261 @@
+"""Command that finds the best variant of a case: optimize."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+from cyclopts import Parameter
+from rich.table import Table
+
+from flexcam.cli.app import (
+    AllowLarge,
+    CaseFile,
+    Csv,
+    Json,
+    Overrides,
+    Overwrite,
+    Picture,
+    app,
+    check_distinct_files,
+    check_figure_path,
+    write_answer,
+)
+from flexcam.cli.sensitivity import Highest, Lowest, StudyOptions, Within, WorkerCount
+from flexcam.core.errors import refuse
+from flexcam.dynamics import Cause, RunFailedError, Status
+from flexcam.io import check_writable, write_text
+from flexcam.report.formatting import StudyOutput, finite_or_none, format_csv, format_fixed, format_number
+from flexcam.report.terminal import facts_table, plain_table
+from flexcam.studies.evaluators import PointEvaluator, resolved_case_text, variables_of
+from flexcam.studies.optimization import (
+    Evaluations,
+    Goal,
+    OptimizationProblem,
+    find_pareto_front,
+    is_active,
+    is_feasible,
+    pareto_indices,
+    parse_constraints,
+    row_value,
+)
+from flexcam.studies.optimization import optimize as minimize
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@app.command(
+    help_prologue="""\
+flexcam optimize case.toml --vary springs.valve.stiffness=30:90kN/m --vary springs.valve.installed_force=300:900N \\
+    --least springs.valve.force.largest --subject 'contacts.intake.open_on_the_lift <= 0' --set run.crank_speed=6500rpm
+flexcam optimize case.toml --vary cams.intake.rise=60:90deg --least cams.intake.deceleration --most cams.intake.area
+"""
+)
+def optimize(
+    case: CaseFile, *,
+    vary: Annotated[
+        list[str],
+        Parameter("--vary", negative=(), help="Value of the case and its interval: KEY=LOW:HIGHunit. Repeatable."),
+    ],
+    least: Annotated[
+        list[str] | None, Parameter("--least", negative=(), help="Result to minimize: a scalar of a run.")
+    ] = None,
+    most: Annotated[list[str] | None, Parameter("--most", negative=(), help="Result to maximize.")] = None,
+    subject: Annotated[
+        list[str] | None,
+        Parameter("--subject", negative=(), help="Constraint: 'NAME <= VALUE' or 'NAME >= VALUE'. Repeatable."),
+    ] = None,
+    evaluations: Annotated[int, Parameter(help="Approximate number of variants to run.")] = 200,
+    seed: Annotated[int, Parameter(help="Random seed; the same seed gives the same search.")] = 0,
+    workers: WorkerCount = 1, lowest: Lowest = None, highest: Highest = None, within: Within = "10 rpm",
+    target: Annotated[
+        Path | None, Parameter(["-o", "--output"], help="Also write the best variant to this case file (.toml).")
+    ] = None,
+    csv: Csv = None, plot: Picture = None,
+    overrides: Overrides = None, allow_large: AllowLarge = False, overwrite: Overwrite = False, as_json: Json = False,
+) -> Status:  # fmt: skip
+    """Find the best variant of a case under constraints, or the Pareto front of two goals."""
+    check_distinct_files({"--output": target, "--csv": csv, "--plot": plot}, [case])
+    check_figure_path(plot, overwrite)
+    for path in (csv, target):
+        if path is not None:
+            check_writable("output", path, overwrite=overwrite)
+    if target is not None and target.suffix != ".toml":
+        raise refuse("--output", str(target), "a name that ends in .toml", "it is a case file")
+    goals = (*(Goal(name) for name in least or ()), *(Goal(name, most=True) for name in most or ()))
+    if len(goals) not in (1, 2):
+        raise refuse("goals", f"{len(goals)} of --least and --most", "one, or two for a Pareto front")
+    if len({goal.name for goal in goals}) < len(goals):
+        why = "a Pareto front needs two quantities"
+        raise refuse("--least, --most", f"{goals[0].name} twice", "two different quantities", why, "leave one out")
+    bounds = parse_constraints(subject or ())
+    names = [*(goal.name for goal in goals), *(bound.name for bound in bounds)]
+    options = "--least, --most or --subject"
+    asked = StudyOptions(
+        case, overrides, names, lowest, highest, within, option=options, workers=workers, allow_large=allow_large
+    )
+    variables = variables_of(asked.case, vary, "--vary")
+    with suppress(RunFailedError):  # a case that fails may have better variants
+        asked.initial_quantities(evaluations)
+    with asked.evaluators(evaluations) as runs:
+        design = OptimizationProblem(PointEvaluator(asked.case, variables, runs), goals, bounds)
+        search = minimize if len(goals) == 1 else find_pareto_front
+        found = search(design, evaluations=evaluations, seed=seed)
+    written: list[Path] = []
+    if target is not None and found.best is not None:
+        best = (*asked.fixed, *design.points.overrides(found.points[found.best]))
+        title = (f"The best variant of {asked.file.path.name}:", *(f"  --set {one}" for one in best))
+        write_text(target, resolved_case_text(asked.file.read(best), target, title), overwrite=overwrite)
+        written.append(target)
+    ended = Status()
+    if found.stopped:
+        done = f"stopped by the user after {len(found.rows)} of about {evaluations} variants; the result is their best"
+        ended = Status(Cause.INTERRUPTED, done, "run the same command with the same --seed again for the whole search")
+    output = optimum_output(design, found) if len(goals) == 1 else front_output(design, found)
+    answer = output, lambda: _search_figure(design, found)
+    write_answer(answer, csv, plot, ended, overwrite=overwrite, as_json=as_json, written=written)
+    if ended.ok and found.best is None:
+        return Status(Cause.TOLERANCE, "no variant meets all constraints", "widen the intervals, or relax a constraint")
+    return ended
+
+
+def _search_figure(design: OptimizationProblem, found: Evaluations) -> Figure:
+    """Return the figure of a search: progress of one goal, or the Pareto front of two."""
+    from flexcam.plotting.study_curves import front_figure, progress_figure
+
+    inside = is_feasible(found.violations)
+    signs = np.array([-1.0 if goal.most else 1.0 for goal in design.goals])
+    labels = [f"{goal.name}, {design.unit(goal.name, found.rows)}".rstrip(", ") for goal in design.goals]
+    if len(design.goals) > 1:
+        return front_figure(found.costs * signs, inside, pareto_indices(found), (labels[0], labels[1]))
+    costs = found.costs[:, 0]
+    best = np.minimum.accumulate(np.where(inside & np.isfinite(costs), costs, np.inf))
+    best[np.isinf(best)] = np.nan
+    return progress_figure(signs[0] * costs, inside, signs[0] * best, labels[0])
+
+
+_ROUNDING = 1e-9
+"""Tolerance of a constraint for rounding, relative to its bound."""
+
+_ACTIVE_DISTANCE = 0.01
+"""Distance to a variant that violates a constraint, relative to the intervals, below which the constraint is active."""
+
+
+def optimum_output(design: OptimizationProblem, found: Evaluations) -> StudyOutput:
+    """Return the output of an optimization with one goal."""
+    at = found.nearest if found.best is None else found.best
+    title = f"Best of {len(found.rows)} variants" if found.best is not None else "Smallest violation of constraints"
+    point = zip(design.points.variables, found.points[at].tolist(), strict=True)
+    rows = [
+        (design.goals[0].words, _value(found, at, design.goals[0].name)),
+        *((f"--set {one.key}", f"{format_number(x)}{one.unit}") for one, x in point),
+    ]
+    tables = [facts_table(title, rows)]
+    if design.bounds:
+        tables.append(_constraint_table(design, found, at))
+    ends = [
+        one.key
+        for one, value in zip(design.points.variables, found.points[at].tolist(), strict=True)
+        if min(value - one.low, one.high - value) <= 0.01 * (one.high - one.low)
+    ]
+    words = _describe_failures(found)
+    if ends:
+        words.insert(0, f"At an end of its interval: {', '.join(ends)}; a wider interval may have a better variant.")
+    json = {"best": None if found.best is None else _variant_json(design, found, found.best),
+            "nearest": _variant_json(design, found, at),
+            "evaluations": len(found.rows), "failed": _count_failures(found)}  # fmt: skip
+    return StudyOutput(tables, words, json, _csv(design, found))
+
+
+def front_output(design: OptimizationProblem, found: Evaluations) -> StudyOutput:
+    """Return the output of a Pareto front."""
+    best = pareto_indices(found)
+    names = [goal.name for goal in design.goals]
+    head = (*(f"{goal.words}, {design.unit(goal.name, found.rows)}".rstrip(", ") for goal in design.goals),
+            *(_key(one.key, one.unit) for one in design.points.variables))  # fmt: skip
+    rows = [
+        (
+            *(format_number(row_value(found.rows[i], name)) for name in names),
+            *(format_number(x) for x in found.points[i].tolist()),
+        )
+        for i in best
+    ]
+    title = f"Pareto front of {len(found.rows)} variants" if rows else "No variant meets all constraints"
+    json = {"front": [_variant_json(design, found, i) for i in best], "evaluations": len(found.rows),
+            "failed": _count_failures(found)}  # fmt: skip
+    return StudyOutput([plain_table(title, head, rows)], _describe_failures(found), json, _csv(design, found))
+
+
+def _key(key: str, unit: str) -> str:
+    return f"{key}, {unit}" if unit else key
+
+
+def _value(found: Evaluations, at: int, name: str) -> str:
+    """Return a value of a variant with its unit."""
+    row = found.rows[at]
+    unit = row.units.get(name, "")
+    return f"{format_number(row_value(row, name))} {'' if unit == '1' else unit}".strip()
+
+
+def _constraint_table(design: OptimizationProblem, found: Evaluations, at: int) -> Table:
+    rows = [
+        (one.words, _value(found, at, one.name), *_margin(float(violation), found.distance_to_violation(at, i)))
+        for i, (one, violation) in enumerate(zip(design.bounds, found.violations[at].tolist(), strict=False))
+    ]
+    head = ("subject to", "value", "margin", "distance to a violation, of the intervals")
+    return plain_table("Constraints", head, rows)
+
+
+def _margin(violation: float, distance: float) -> tuple[str, str]:
+    """Return the margin of a constraint, and the distance to the nearest variant that violates it."""
+    away = "none found" if math.isinf(distance) else f"{distance:.2%}"
+    if violation > _ROUNDING:
+        return f"violated by {format_fixed(100.0 * violation, 2)} %", away
+    active = is_active(violation) or distance <= _ACTIVE_DISTANCE
+    return (f"active: {-violation:.2%}" if active else f"{-violation:.1%}"), away
+
+
+def _count_failures(found: Evaluations) -> int:
+    return sum(not row.status.ok for row in found.rows)
+
+
+def _describe_failures(found: Evaluations) -> list[str]:
+    failed = [row.status for row in found.rows if not row.status.ok]
+    words = f"{len(failed)} variants failed and count as violating every constraint"
+    return [f"{words}; the first: {failed[0]}"] if failed else []
+
+
+def _variant_json(design: OptimizationProblem, found: Evaluations, i: int) -> dict[str, object]:
+    row = found.rows[i]
+    names = [*(goal.name for goal in design.goals), *(one.name for one in design.bounds)]
+    return {
+        "overrides": list(design.points.overrides(found.points[i])),
+        "values": {name: finite_or_none(row_value(row, name)) for name in names},
+        "units": {name: row.units.get(name, "") for name in names},
+        "bounds": [
+            {
+                "bound": one.words,
+                "slack": finite_or_none(-float(x)),
+                "outside": finite_or_none(found.distance_to_violation(i, k)),
+                "active": is_active(float(x)) or found.distance_to_violation(i, k) <= _ACTIVE_DISTANCE,
+            }
+            for k, (one, x) in enumerate(zip(design.bounds, found.violations[i].tolist(), strict=False))
+        ],
+    }
+
+
+def _csv(design: OptimizationProblem, found: Evaluations) -> str:
+    """Return all evaluations in their order as CSV text."""
+    names = list(dict.fromkeys([*(goal.name for goal in design.goals), *(one.name for one in design.bounds)]))
+    head = [*(_key(one.key, one.unit) for one in design.points.variables), *names, "within all bounds", "status"]
+    inside = is_feasible(found.violations).tolist()
+    rows: list[Sequence[object]] = [
+        (*point, *(row_value(row, name) for name in names), "yes" if good else "no", str(row.status.cause))
+        for point, row, good in zip(found.points.tolist(), found.rows, inside, strict=True)
+    ]
+    return format_csv(head, rows)

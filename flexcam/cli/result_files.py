@@ -1,0 +1,201 @@
+"""Commands for result files: info, export, report."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from cyclopts import Parameter
+
+from flexcam.case.builder import build_model
+from flexcam.case.reader import read_case
+from flexcam.cli.app import Json, Overwrite, ResultPath, app
+from flexcam.core.errors import refuse
+from flexcam.dynamics import Response
+from flexcam.io import (
+    Result,
+    check_folder_name,
+    check_writable,
+    create_folder,
+    macro_path,
+    read_result,
+    verify_file,
+    write_csv,
+    write_macro,
+    write_mesh,
+    write_pvd,
+    write_text,
+)
+from flexcam.report.tables import describe_verification, info_table, stats_json
+from flexcam.report.terminal import print_json, result_console
+
+
+@app.command(
+    help_prologue="""\
+flexcam info results/case.vtkhdf
+flexcam info results/case.vtkhdf --verify
+"""
+)
+def info(
+    result: ResultPath, *,
+    verify: Annotated[
+        bool, Parameter("--verify", negative=(), help="Read the whole file and compare its checksums.")
+    ] = False,
+    as_json: Json = False,
+) -> None:  # fmt: skip
+    """Show the contents of a result file: how its run ended, versions, solver statistics, saved data."""
+    if verify:
+        found = verify_file(result)
+        if as_json:
+            print_json({"status": "ok", "file": str(result), **asdict(found)})
+        else:
+            result_console().print(describe_verification(result, found))
+        return
+    read = read_result(result)
+    response = read.response
+    if as_json:
+        print_json({
+            "status": "ok", "run": str(response.status.cause), "message": response.status.text,
+            "stats": stats_json(response.stats),
+            "saved_steps": len(response.time), "saved_fields": len(response.field_time),
+            "probes": {name: list(components) for name, components in response.outline.probes},
+            "channels": dict(response.outline.channels), "fields": [*read.field_names, *read.recovered],
+            "about": {name: text for name, text in read.about.items() if name not in ("case", "resolved")},
+            "case": json.loads(read.about["resolved"]),
+        })  # fmt: skip
+    else:
+        result_console().print(info_table(read))
+
+
+@app.command(
+    help_prologue="""\
+flexcam export results/case.vtkhdf --format csv --probe valve
+flexcam export results/case.vtkhdf --format csv --instants 720
+flexcam export results/case.vtkhdf --format pvd --every 5 --field displacement
+flexcam export results/case.vtkhdf --paraview
+flexcam export case.toml --format msh -o meshes
+flexcam export case.toml --format inp
+"""
+)
+def export(
+    source: Annotated[Path, Parameter(help="Result file (.vtkhdf); a case file (.toml) for msh and inp.")], *,
+    form: Annotated[
+        Literal["pvd", "csv", "msh", "inp"],
+        Parameter(
+            "--format", help="pvd: for ParaView; csv: table; msh: mesh for Gmsh (2.2); inp: for Abaqus and CalculiX."
+        ),
+    ] = "pvd",
+    folder: Annotated[Path | None, Parameter(["-o", "--output"], help="Folder; that of the source by default.")] = None,
+    every: Annotated[int, Parameter("--every", help="pvd, csv: write every n-th saved instant only.")] = 1,
+    fields: Annotated[
+        list[str] | None, Parameter("--field", negative=(), help="pvd: write this point data only. Repeatable.")
+    ] = None,
+    probes: Annotated[
+        list[str] | None, Parameter("--probe", negative=(), help="csv: write this probe only. Repeatable.")
+    ] = None,
+    instants: Annotated[
+        int | None, Parameter("--instants", help="csv: number of evenly spaced instants, interpolated between steps.")
+    ] = None,
+    macro: Annotated[
+        bool, Parameter("--paraview", negative=(), help="pvd: also write NAME.paraview.py, which opens it in ParaView.")
+    ] = False,
+    overwrite: Overwrite = False, as_json: Json = False,
+) -> None:  # fmt: skip
+    """Convert a result to CSV or ParaView files, or the mesh of a case to Gmsh, Abaqus or CalculiX format."""
+    for option, needed, given, why in (
+        ("--paraview", "pvd", macro, "the macro opens that collection"),
+        ("--field", "pvd", fields is not None, "only the collection has fields"),
+        ("--probe", "csv", probes is not None, "only the table has probes"),
+        ("--every", form if form in ("pvd", "csv") else "pvd or csv", every != 1, "a mesh has no instants"),
+        ("--instants", "csv", instants is not None, "only the table is interpolated"),
+    ):
+        if given and form != needed:
+            raise refuse(option, f"--format {form}", f"--format {needed}", why)
+    target = create_folder(source.parent if folder is None else check_folder_name(folder)) / f"{source.stem}.{form}"
+    if form in ("msh", "inp"):
+        write_mesh(build_model(read_case(source)).mesh, target, overwrite=overwrite)
+        files = [target]
+    elif form == "csv":
+        response = _interpolate(read_result(source).response, instants)
+        files = [write_csv(response, target, probes=probes, every=every, overwrite=overwrite)]
+    else:
+        files = _write_collection(read_result(source), target, every, fields, macro=macro, overwrite=overwrite)
+    if as_json:
+        print_json({"status": "ok", "files": [str(path) for path in files]})
+        return
+    result_console().print(f"{files[0]} ({len(files)} files)" if len(files) > 1 else str(files[0]))
+    if macro:
+        result_console().print(f"paraview --script={files[1]}")
+
+
+def _write_collection(
+    result: Result, target: Path, every: int, fields: list[str] | None, *, macro: bool, overwrite: bool
+) -> list[Path]:
+    """Write a collection and its macro after checking that both may be written."""
+    if not macro:
+        return write_pvd(result, target, every=every, fields=fields, overwrite=overwrite)
+    if fields is not None and "displacement" not in fields:
+        raise refuse("--field", ", ".join(fields), "displacement among them", "the macro warps by it")
+    check_writable("export", macro_path(target), overwrite=overwrite)
+    first, *rest = write_pvd(result, target, every=every, fields=fields, overwrite=overwrite)
+    shown = (*result.field_names, *result.recovered) if fields is None else tuple(fields)
+    degrees = np.degrees(result.response.field_angle[::every]).tolist()
+    return [first, write_macro(first, shown, degrees, overwrite=overwrite), *rest]
+
+
+_MAX_INSTANTS = 10_000_000
+
+
+def _interpolate(response: Response, count: int | None) -> Response:
+    """Return a response at evenly spaced instants; None for its own instants."""
+    if count is None:
+        return response
+    if not 2 <= count <= _MAX_INSTANTS or len(response.time) < 2:
+        given = f"{count} of a run of {len(response.time)} instants"
+        raise refuse("--instants", given, f"2 to {_MAX_INSTANTS}, of a run of 2 or more")
+    return response.at(np.linspace(float(response.time[0]), float(response.time[-1]), count))
+
+
+@app.command(
+    help_prologue="""\
+flexcam report results/case.vtkhdf
+flexcam report slow.vtkhdf fast.vtkhdf --probe valve -o both.html
+flexcam report results/case.vtkhdf --errors --limits --trade --overwrite
+"""
+)
+def report(
+    results: Annotated[list[Path], Parameter(help="Result files (.vtkhdf), also of runs that ended early.")], *,
+    output: Annotated[
+        Path | None, Parameter(["-o", "--output"], help="HTML file; beside the first result by default.")
+    ] = None,
+    probe: Annotated[str | None, Parameter(help="Probe whose motion is shown first; the valve by default.")] = None,
+    errors: Annotated[bool, Parameter(negative=(), help="Also estimate the errors; this runs the case again.")] = False,
+    limits: Annotated[bool, Parameter(negative=(), help="Also find the speed limits; this takes many runs.")] = False,
+    trade: Annotated[
+        bool, Parameter(negative=(), help="Also compare simpler models; this runs each of them.")
+    ] = False,
+    overwrite: Overwrite = False, as_json: Json = False,
+) -> None:  # fmt: skip
+    """Write an HTML report on results: model, warnings, curves, modes, tables and the case.
+
+    The page is a single file and needs no network.
+    """
+    from flexcam.report.content import ReportOptions, load_subject
+    from flexcam.report.page import build_report, render_page
+
+    target = output or results[0].parent / f"{results[0].stem}.html"
+    if target.suffix != ".html":
+        raise refuse("-o", str(target), "a name that ends in .html")
+    check_writable("report", target, overwrite=overwrite)
+    found = build_report(
+        [load_subject(one) for one in results], probe=probe, asked=ReportOptions(errors, limits, trade)
+    )
+    write_text(target, render_page(found), overwrite=overwrite)
+    if as_json:
+        warnings = {str(path): list(chapter.warnings) for path, chapter in zip(results, found.chapters, strict=True)}
+        print_json({"status": "ok", "file": str(target), "title": found.title, "warnings": warnings})
+    else:
+        result_console().print(str(target))

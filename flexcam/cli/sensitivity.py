@@ -1,0 +1,434 @@
+"""Command that relates results to the values of a case: sensitivity, with derivatives, Sobol indices and tolerances."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import contextmanager
+from itertools import compress
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+from cyclopts import Group, Parameter
+from rich.table import Table
+
+from flexcam.analysis.limits import Search
+from flexcam.case.reader import CaseFile as OpenCase
+from flexcam.cli.app import (
+    AllowLarge,
+    CaseFile,
+    Csv,
+    Json,
+    Overrides,
+    Overwrite,
+    Picture,
+    StudyAnswer,
+    app,
+    check_targets,
+    parse_speed_tolerance,
+    refuse_without,
+    speed_range,
+    warn_ignored_keys,
+    write_answer,
+)
+from flexcam.core import FloatArray
+from flexcam.core.errors import refuse
+from flexcam.dynamics import Cause, RunFailedError, Status, reraise_interrupt
+from flexcam.report.formatting import StudyOutput, finite_or_none, format_csv, format_number
+from flexcam.report.terminal import plain_table, show_count
+from flexcam.studies.evaluation import Row
+from flexcam.studies.evaluators import (
+    InterruptibleRuns,
+    PointEvaluator,
+    Runs,
+    Variable,
+    column,
+    create_evaluator,
+    variables_of,
+)
+from flexcam.studies.quantities import Quantity, check_names, compute_quantities, frequency_number
+from flexcam.studies.sensitivity import (
+    STEP_OFFSETS,
+    Sensitivity,
+    SobolIndices,
+    check_count,
+    get_numbers,
+    sensitivities,
+    sobol_indices,
+)
+from flexcam.studies.sweep import check_case_resources
+from flexcam.studies.tolerance_analysis import QUANTILES, PartScatter, parse_scatters, sample_parts, scalar_distribution
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_LIMITS = Group("Search of limits.NAME", sort_key=2)
+
+WorkerCount = Annotated[int, Parameter("--workers", help="Number of processes that evaluate variants.")]
+Lowest = Annotated[str | None, Parameter("--lowest", group=_LIMITS, help="Lowest speed; half the case's by default.")]
+Highest = Annotated[
+    str | None, Parameter("--highest", group=_LIMITS, help="Highest speed; twice the case's by default.")
+]
+Within = Annotated[str, Parameter("--within", group=_LIMITS, help="Accuracy of the speeds.")]
+
+
+class StudyOptions:
+    """Case and options of a study."""
+
+    def __init__(
+        self, path: Path, overrides: Sequence[str] | None, names: Sequence[str],
+        lowest: str | None, highest: str | None, within: str, *, option: str, workers: int, allow_large: bool,
+    ) -> None:  # fmt: skip
+        self.file, self.fixed = OpenCase.open(path), tuple(overrides or ())
+        self.case = self.file.read(self.fixed)
+        warn_ignored_keys(self.fixed, self.case)
+        self.names, self.workers = tuple(dict.fromkeys(names)), workers
+        of_limits = any(name.startswith("limits.") for name in names)
+        for end, given in (("--lowest", lowest), ("--highest", highest)):
+            refuse_without(end, given, "limits.NAME", present=of_limits)
+        low, high = speed_range(lowest, highest, 2, self.case.speed, self.case.turns, most=2.0)
+        self.search = Search(low, high, parse_speed_tolerance("--within", within, self.case.turns))
+        check_names(self.case, self.names, option)
+        if not allow_large and any(frequency_number(name) is None for name in names):
+            check_case_resources(self.case, together=workers)
+
+    def initial_quantities(self, count: int) -> dict[str, Quantity]:
+        """Return the requested quantities of the unchanged case; unknown names raise an error."""
+        try:
+            return compute_quantities(self.case, self.names, self.search, count)
+        except RunFailedError as failure:
+            reraise_interrupt(failure.status)
+            raise
+
+    @contextmanager
+    def evaluators(self, count: int, names: Sequence[str] | None = None) -> Generator[Runs]:
+        """Yield the function that evaluates variants, with a progress display."""
+        asked = self.names if names is None else names
+        with (
+            show_count(count if asked else 0, "variants") as shown,
+            create_evaluator(
+                self.file, self.fixed, asked, self.search, workers=self.workers, runs=count, advance=shown
+            ) as runs,
+        ):
+            yield runs
+
+
+_DERIVATIVES = Group("Derivatives or Sobol indices", sort_key=1)
+_TOLERANCES = Group("Tolerances of parts", sort_key=1)
+
+
+@app.command(
+    help_prologue="""\
+flexcam sensitivity case.toml --of frequency.1 --to springs.valve.stiffness --to masses.valve.mass
+flexcam sensitivity case.toml --of contacts.intake.force.largest --to springs.valve.stiffness --relative-step 0.02
+flexcam sensitivity case.toml --of frequency.1 --to springs.valve.stiffness=30:60kN/m --to masses.valve.mass=80:100g --sobol 256
+flexcam sensitivity case.toml --of limits.loss_of_contact --tolerance springs.valve.stiffness=±5% --count 100 --plot scatter.svg
+"""  # noqa: E501 - a command to a line
+)
+def sensitivity(
+    case: CaseFile, *,
+    names: Annotated[
+        list[str],
+        Parameter(
+            "--of",
+            negative=(),
+            help="Result: a scalar of a run, a natural frequency (frequency.1) or a speed limit "
+            "(limits.loss_of_contact). Repeatable.",
+        ),
+    ],
+    keys: Annotated[
+        list[str] | None,
+        Parameter(
+            "--to",
+            negative=(),
+            group=_DERIVATIVES,
+            help="Value of the case: KEY; with --sobol KEY=LOW:HIGHunit. Repeatable.",
+        ),
+    ] = None,
+    relative_step: Annotated[
+        float | None,
+        Parameter(group=_DERIVATIVES, help="Step of finite differences, relative to the value; 0.01 by default."),
+    ] = None,
+    sobol: Annotated[
+        int | None,
+        Parameter("--sobol", group=_DERIVATIVES, help="Sobol indices from this many base points, a power of 2."),
+    ] = None,
+    tolerances: Annotated[
+        list[str] | None,
+        Parameter(
+            "--tolerance",
+            negative=(),
+            group=_TOLERANCES,
+            help="Tolerance of a part: KEY=±2%, KEY=±0.05mm, or KEY=normal:±2%. Repeatable.",
+        ),
+    ] = None,
+    count: Annotated[
+        int | None, Parameter("--count", group=_TOLERANCES, help="Number of sets of parts; 100 by default.")
+    ] = None,
+    seed: Annotated[int | None, Parameter(help="Random seed of --sobol and --tolerance; 0 by default.")] = None,
+    workers: WorkerCount = 1, lowest: Lowest = None, highest: Highest = None, within: Within = "10 rpm",
+    csv: Csv = None, plot: Picture = None,
+    overrides: Overrides = None, allow_large: AllowLarge = False, overwrite: Overwrite = False, as_json: Json = False,
+) -> Status:  # fmt: skip
+    """Compute how results depend on values of the case: derivatives, Sobol indices, or the effect of tolerances.
+
+    Use --to to see which value matters most, --sobol for large ranges and interactions, --tolerance for the scatter of
+    manufactured parts.
+    """
+    check_targets(csv, plot, case, overwrite=overwrite)
+    if sobol is not None and tolerances is not None:
+        raise refuse("--sobol", "--sobol and --tolerance", "one of them", "they are different studies")
+    if (tolerances is not None) == (keys is not None):
+        given = "both --to and --tolerance" if keys else "neither --to nor --tolerance"
+        raise refuse("sensitivity", given, "--to KEY, or --tolerance KEY=±SPEC")
+    refuse_without("--count", count, "--tolerance", present=tolerances is not None)
+    refuse_without("--seed", seed, "--sobol or --tolerance", present=tolerances is not None or sobol is not None)
+    refuse_without("--relative-step", relative_step, "derivatives", present=tolerances is None and sobol is None)
+    asked = StudyOptions(
+        case, overrides, names, lowest, highest, within, option="--of", workers=workers, allow_large=allow_large
+    )
+    if tolerances is not None:
+        answer, ended = _tolerance_analysis(asked, tolerances, 100 if count is None else count, seed or 0)
+    elif sobol is not None:
+        answer, ended = _sobol_indices(asked, keys or [], sobol, seed or 0)
+    else:
+        answer, ended = _derivatives(asked, keys or [], 0.01 if relative_step is None else relative_step)
+    write_answer(answer, csv, plot, ended, overwrite=overwrite, as_json=as_json)
+    return ended
+
+
+def _derivatives(asked: StudyOptions, keys: list[str], relative_step: float) -> tuple[StudyAnswer, Status]:
+    responses = [name for name in asked.names if not frequency_number(name)]
+    get_numbers(asked.case, keys)
+    count = 1 + len(STEP_OFFSETS) * len(keys)
+    asked.initial_quantities(count)
+    with asked.evaluators(count, responses) as runs:
+        kept = InterruptibleRuns(runs)
+        found = sensitivities(asked.file, asked.fixed, asked.names, keys, kept, relative_step=relative_step)
+
+    def draw() -> Figure:
+        from flexcam.plotting.study_curves import bars_figure
+
+        known = [one for one in found if not math.isnan(one.logarithmic)]
+        groups = {name: {one.by.key: one.logarithmic for one in known if one.scalar == name} for name in asked.names}
+        return bars_figure(groups, "percent per percent")
+
+    return (derivative_output(found), draw), kept.status
+
+
+def derivative_output(found: Sequence[Sensitivity]) -> StudyOutput:
+    """Return the output of derivatives."""
+    names = list(dict.fromkeys(one.scalar for one in found))
+    tables = [_derivative_table(name, [one for one in found if one.scalar == name]) for name in names]
+    words = [f"{one.scalar} by {one.by.key}: {one.note}" for one in found if one.note]
+    rows = [
+        {
+            "scalar": one.scalar, "unit": one.unit, "value": one.value,
+            "key": one.by.key, "key_unit": one.by.unit, "key_value": one.by.value,
+            "derivative": one.derivative, "error": one.error, "logarithmic": one.logarithmic,
+            "analytic": _is_analytic(one), "smooth": one.smooth, "note": one.note,
+        }
+        for one in found
+    ]  # fmt: skip
+    head = ("scalar", "unit", "value", "key", "key_unit", "key_value", "derivative", "error", "logarithmic", "smooth")
+    table = [[math.nan if row[name] is None else row[name] for name in head] for row in rows]
+    json = [
+        {name: finite_or_none(x) if isinstance(x, float) and name != "key_value" else x for name, x in row.items()}
+        for row in rows
+    ]
+    return StudyOutput(
+        tables, words, {"derivatives": json}, format_csv([name.replace("_", " ") for name in head], table)
+    )
+
+
+def _is_analytic(one: Sensitivity) -> bool:
+    return one.error is None and not math.isnan(one.derivative)
+
+
+def _derivative_table(name: str, found: Sequence[Sensitivity]) -> Table:
+    ordered = sorted(found, key=lambda one: -abs(one.logarithmic) if not math.isnan(one.logarithmic) else math.inf)
+    unit = "" if found[0].unit == "1" else found[0].unit
+    rows = [
+        (
+            one.by.key,
+            f"{format_number(one.by.value)} {one.by.unit}".strip(),
+            f"{format_number(one.derivative)} {unit}{f' per {one.by.unit}' if one.by.unit else ''}".strip(),
+            "analytic" if _is_analytic(one) else format_number(math.nan if one.error is None else one.error, 2),
+            "-" if math.isnan(one.logarithmic) else f"{one.logarithmic:+.4f}",
+            _describe_doubt(one),
+        )
+        for one in ordered
+    ]
+    title = f"{name} = {format_number(found[0].value)} {unit}".rstrip()
+    return plain_table(title, ("by", "at", "derivative", "error", "% per %", ""), rows)
+
+
+def _describe_doubt(one: Sensitivity) -> str:
+    if one.smooth:
+        return ""
+    if math.isnan(one.derivative):
+        return "unknown"
+    return "equal frequencies" if one.error is None else "not smooth"
+
+
+def _sobol_indices(asked: StudyOptions, keys: list[str], count: int, seed: int) -> tuple[StudyAnswer, Status]:
+    variables = variables_of(asked.case, keys, "--to")
+    check_count(count)
+    asked.initial_quantities(count)
+    low, high = (np.array([getattr(one, end) for one in variables]) for end in ("low", "high"))
+    with asked.evaluators(count * (len(variables) + 2)) as runs:
+        kept = InterruptibleRuns(runs)
+        points = PointEvaluator(asked.case, variables, kept)
+
+        def values(parts: FloatArray) -> FloatArray:
+            rows = points.rows(low + parts * (high - low))
+            if kept.is_interrupted and kept.done < _MIN_BASE_POINTS * (len(variables) + 2):
+                raise KeyboardInterrupt  # a single base point gives no indices
+            return np.column_stack([column(rows, name) for name in asked.names])
+
+        found = sobol_indices(values, len(variables), count, seed=seed)
+
+    def draw() -> Figure:
+        from flexcam.plotting.study_curves import bars_figure
+
+        pairs = list(zip(asked.names, found, strict=True))
+        groups = {
+            name: {one.key: total for one, total in zip(variables, indices.total.tolist(), strict=True)}
+            for name, indices in pairs
+        }
+        intervals = {name: indices.total_interval for name, indices in pairs}
+        return bars_figure(groups, "share of the variance, total", intervals)
+
+    return (sobol_output(asked.names, variables, found), draw), kept.status
+
+
+_MIN_BASE_POINTS = 2
+"""Minimum number of base points for shares of a variance."""
+
+
+def sobol_output(names: Sequence[str], variables: Sequence[Variable], found: Sequence[SobolIndices]) -> StudyOutput:
+    """Return the output of Sobol indices."""
+    keys = [one.key for one in variables]
+    tables = [
+        plain_table(
+            f"Sobol indices of {name} (standard deviation {format_number(math.sqrt(one.variance))})",
+            ("by", "interval", "first order", "95 %", "total", "95 %"),
+            [
+                (key, f"{variable.low:g} to {variable.high:g} {variable.unit}", f"{one.first[i]:.3f}",
+                 _interval(one.first_interval[:, i]), f"{one.total[i]:.3f}", _interval(one.total_interval[:, i]))
+                for i, (key, variable) in enumerate(zip(keys, variables, strict=True))
+            ],
+        )
+        for name, one in zip(names, found, strict=True)
+    ]  # fmt: skip
+    words = [
+        f"{name}: {one.used} of {one.asked} base points are used; others failed, or exceed a power of 2"
+        for name, one in zip(names, found, strict=True)
+        if one.used < one.asked
+    ]
+    rows = [
+        (name, key, float(one.first[i]), *one.first_interval[:, i].tolist(), float(one.total[i]),
+         *one.total_interval[:, i].tolist())
+        for name, one in zip(names, found, strict=True)
+        for i, key in enumerate(keys)
+    ]  # fmt: skip
+    head = ("scalar", "key", "first", "first_low", "first_high", "total", "total_low", "total_high")
+    json = {
+        name: {
+            "variance": one.variance, "used": one.used, "asked": one.asked,
+            "indices": [dict(zip(head[1:], row[1:], strict=True)) for row in rows if row[0] == name],
+        }
+        for name, one in zip(names, found, strict=True)
+    }  # fmt: skip
+    return StudyOutput(tables, words, {"sobol": json}, format_csv(head, rows))
+
+
+def _interval(ends: FloatArray) -> str:
+    return f"{ends[0]:.3f} to {ends[1]:.3f}"
+
+
+def _tolerance_analysis(
+    asked: StudyOptions, tolerances: list[str], count: int, seed: int
+) -> tuple[StudyAnswer, Status]:
+    scatters = parse_scatters(asked.case, tolerances)
+    parts = sample_parts(scatters, count, seed)
+    initial = asked.initial_quantities(count)
+    variables = tuple(Variable(one.key, one.middle - one.half, one.middle + one.half) for one in scatters)
+    with asked.evaluators(count) as runs:
+        kept = InterruptibleRuns(runs)
+        every = PointEvaluator(asked.case, variables, kept).rows(parts)
+    run = [row.status.cause is not Cause.INTERRUPTED for row in every]
+    rows, parts = list(compress(every, run)), parts[run]
+
+    def draw() -> Figure:
+        from flexcam.plotting.study_curves import scatter_figure
+
+        values = {name: column(rows, name) for name in asked.names}
+        units = {name: row.units[name] for row in rows for name in row.units}
+        known = {name: one[~np.isnan(one)] for name, one in values.items()}
+        return scatter_figure(known, units, {name: one.value for name, one in initial.items()})
+
+    return (scatter_output(asked.names, scatters, parts, rows, initial), draw), kept.status
+
+
+def scatter_output(
+    names: Sequence[str],
+    scatters: Sequence[PartScatter],
+    parts: FloatArray,
+    rows: Sequence[Row],
+    initial: Mapping[str, Quantity],
+) -> StudyOutput:
+    """Return the output of a tolerance analysis."""
+    values = np.column_stack([column(rows, name) for name in names])
+    units = {name: one.unit for name, one in initial.items()}
+    units |= {
+        name: next((row.units[name] for row in rows if name in row.units), "") for name in names if name not in units
+    }
+    nominal = {name: initial[name].value if name in initial else math.nan for name in names}
+    found = {name: scalar_distribution(parts, values[:, i]) for i, name in enumerate(names)}
+    summary = [
+        (
+            name,
+            units[name],
+            format_number(nominal[name]),
+            format_number(one.mean),
+            format_number(one.deviation, 4),
+            *(format_number(one.quantiles[part]) for part in QUANTILES),
+            str(one.missing),
+        )
+        for name, one in found.items()
+    ]
+    head = ("scalar", "unit", "nominal", "mean", "std", *(f"{part:.0%}" for part in QUANTILES), "missing")
+    ranks = [
+        (one.key, *(format_number(float(found[name].ranks[i]), 3) for name in names)) for i, one in enumerate(scatters)
+    ]
+    tables = [
+        plain_table(f"Distribution over {len(parts)} sets of parts", head, summary),
+        plain_table("Rank correlation with each part", ("part", *names), ranks),
+    ]
+    words = [
+        f"{name}: {one.missing} sets have no value: the run failed, or the range of the search has no limit"
+        for name, one in found.items()
+        if one.missing
+    ]
+    keys = [one.key for one in scatters]
+    columns = (*keys, *names, "status")
+    body = [
+        (*point, *value, str(row.status.cause))
+        for point, value, row in zip(parts.tolist(), values.tolist(), rows, strict=True)
+    ]
+    json = {
+        name: {
+            "unit": units[name],
+            "value": finite_or_none(nominal[name]),
+            "mean": finite_or_none(one.mean),
+            "std": finite_or_none(one.deviation),
+            "missing": one.missing,
+            "count": len(parts),
+            "quantiles": {f"{part:g}": finite_or_none(value) for part, value in one.quantiles.items()},
+            "rank_correlation": {key: finite_or_none(x) for key, x in zip(keys, one.ranks.tolist(), strict=True)},
+        }
+        for name, one in found.items()
+    }
+    return StudyOutput(tables, words, {"scatter": json}, format_csv(columns, body))

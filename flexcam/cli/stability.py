@@ -1,0 +1,211 @@
+"""Command that assesses the stability of a case: stability."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from cyclopts import Parameter
+from numpy.typing import NDArray
+from rich.table import Table
+
+from flexcam.analysis.stability import (
+    Resonance,
+    Stability,
+    StepAmplification,
+    assess_stability,
+    stability_over_speeds,
+)
+from flexcam.cli.app import CaseFile, Json, Overrides, Overwrite, app, check_figure_path, load_beams, speed_range
+from flexcam.core import FloatArray
+from flexcam.core.errors import refuse
+from flexcam.core.units import RPM, shaft_name, shaft_speed
+from flexcam.report.terminal import facts_table, plain_table, print_json, result_console, show_count
+
+_SHOWN = 5
+
+_WORDS = {
+    "broken off": "the run at this speed ended early; its contacts are assessed up to there",
+    "numerical": "the time integration is unstable: use a smaller step or an unconditionally stable integrator",
+    "parametric": "disturbances of the periodic motion grow from revolution to revolution",
+    "resonance": "a harmonic of the cam excites a mode",
+    "contact loss": "the follower leaves its cam during the lift, or the contact would have to pull it",
+}
+
+
+def stability_table(found: Stability, scale: float) -> Table:
+    """Return the table of the stability at a speed."""
+    rows = [
+        ("integrator", _describe_amplification(found.discrete)),
+        ("periodic motion", _describe_growth(found)),
+        ("contact loss", f"{math.degrees(found.open_on_the_lift):.3g} deg of the lift"),
+        ("resonances", _count_resonances(found, scale)),
+        *((_format_order(found, one), _format_resonance(one, scale)) for one in found.within[:_SHOWN]),
+        ("verdict", "; ".join(f"{one}: {_WORDS[one]}" for one in found.causes) or _describe_stable(found)),
+    ]  # fmt: skip
+    return facts_table(f"Stability at {shaft_speed(found.rpm * RPM, scale)}", rows)
+
+
+def _describe_stable(found: Stability) -> str:
+    skipped = [] if found.discrete.is_available else ["the integrator"]
+    skipped += ["the growth of disturbances"] if found.floquet is None else []
+    return "no cause of instability found" + (f"; not assessed: {' and '.join(skipped)}" if skipped else "")
+
+
+def _describe_amplification(found: StepAmplification) -> str:
+    if not found.is_available:
+        return "not assessed"
+    words = f"spectral radius {found.radius:.9g}, at {found.frequency:.5g} Hz ({', '.join(found.moving)})"
+    return words + (f"; max stable step {found.critical_step:.4g} s" if math.isfinite(found.critical_step) else "")
+
+
+def _format_order(found: Stability, one: Resonance) -> str:
+    """Return the order of a resonance, with the contact if there are several cams."""
+    several = len({other.contact for other in found.resonances}) > 1
+    return f"harmonic {one.harmonic}" + (f", {one.contact}" if several else "")
+
+
+def _format_resonance(one: Resonance, scale: float) -> str:
+    sizes = f"{1e3 * one.amplitude:.3g} mm, {one.load:.3g} N"
+    return f"{scale * one.rpm:.5g} {shaft_name(scale)} rpm, {one.frequency:.5g} Hz, {sizes}: {one.words}"
+
+
+def _count_resonances(found: Stability, scale: float) -> str:
+    """Return the number of resonances below and above the highest listed speed."""
+    count = len(found.within)
+    rpm = f"{shaft_name(scale)} rpm"
+    words = f"{count or 'none'} up to {scale * found.highest_listed_rpm:.5g} {rpm}"
+    if count > _SHOWN:
+        words += f", of which the nearest {_SHOWN} are listed"
+    if not found.higher_resonances:
+        return words
+    lowest = found.higher_resonances[0].rpm
+    return f"{words}; {len(found.higher_resonances)} above, the lowest at {scale * lowest:.6g} {rpm}"
+
+
+def _describe_growth(found: Stability) -> str:
+    if found.floquet is None:
+        return f"not assessed: {found.why_not}"
+    largest, moving = abs(complex(found.floquet.multipliers[0])), ", ".join(found.floquet.moving())
+    if found.is_chattering:
+        events = found.floquet.events
+        return f"chatters: over {events} contact events small differences grow by {largest:.3g} ({moving})"
+    return f"max multiplier {largest:.6g}, growth {found.floquet.growth:.4g} 1/s ({moving})"
+
+
+def stability_json(found: Stability, scale: float) -> dict[str, object]:
+    """Return the stability for ``--json``."""
+    multipliers = [] if found.floquet is None else [[one.real, one.imag] for one in found.floquet.multipliers.tolist()]
+    return {
+        "shaft": shaft_name(scale),
+        "rpm": scale * found.rpm,
+        "run": str(found.status.cause),
+        "spectral_radius": found.discrete.radius,
+        "endangered_mode_hz": found.discrete.frequency,
+        "endangered_moves": list(found.discrete.moving),
+        "critical_step_s": found.discrete.critical_step if math.isfinite(found.discrete.critical_step) else None,
+        "multipliers": multipliers,
+        "growth": None if found.floquet is None else found.floquet.growth,
+        "chatters": found.is_chattering,
+        "note": found.why_not,
+        "open_on_the_lift_deg": math.degrees(found.open_on_the_lift),
+        "resonances": [
+            {
+                "contact": one.contact,
+                "rpm": scale * one.rpm,
+                "harmonic": one.harmonic,
+                "amplitude_m": one.amplitude,
+                "load_n": one.load,
+                "frequency_hz": one.frequency,
+                "moves": one.words,
+            }
+            for one in found.within[: 4 * _SHOWN]
+        ],
+        "resonances_up_to_rpm": scale * found.highest_listed_rpm,
+        "resonances_within": len(found.within),
+        "resonances_above": len(found.higher_resonances),
+        "next_resonance_rpm": scale * found.higher_resonances[0].rpm if found.higher_resonances else None,
+        "verdict": list(found.causes),
+    }
+
+
+def growth_table(found: Sequence[Stability], scale: float) -> Table:
+    """Return the table of the stability at several speeds."""
+    heads = (f"{shaft_name(scale)} rpm", "spectral radius", "multiplier", "growth, 1/s", "contact loss, deg", "verdict")
+    return plain_table("Stability over speed", heads, (_row(one, scale) for one in found))
+
+
+def _row(one: Stability, scale: float) -> list[str]:
+    largest = "" if one.floquet is None else f"{abs(complex(one.floquet.multipliers[0])):.6g}"
+    growth = "" if one.floquet is None else f"{one.floquet.growth:.4g}"
+    opened = f"{math.degrees(one.open_on_the_lift):.3g}"
+    words = ", ".join([*one.causes, *(["chatter"] if one.is_chattering else [])]) or "-"
+    return [f"{scale * one.rpm:.6g}", f"{one.discrete.radius:.9g}", largest, growth, opened, words]
+
+
+def growth_rates(found: Sequence[Stability]) -> FloatArray:
+    """Return the growth rates at several speeds."""
+    return np.array([math.nan if one.floquet is None else one.floquet.growth for one in found])
+
+
+def causes_by_speed(found: Sequence[Stability]) -> dict[str, NDArray[np.bool_]]:
+    """Return the speeds at which each cause of instability occurs."""
+    named = {cause: np.array([cause in one.causes for one in found]) for cause in _WORDS}
+    return {**named, "chatter": np.array([one.is_chattering for one in found])}
+
+
+@app.command(
+    help_prologue="""\
+flexcam stability cases/tayeb/model-3-shm.toml --set run.speed=4000rpm
+flexcam stability case.toml --lowest 1000rpm --highest 6000rpm --count 11 --plot growth.svg
+"""
+)
+def stability(
+    case: CaseFile, *,
+    lowest: Annotated[
+        str | None, Parameter(help="Lowest speed; without a range, the case's speed only is assessed.")
+    ] = None,
+    highest: Annotated[str | None, Parameter(help="Highest speed; 1.5 times the case's by default.")] = None,
+    count: Annotated[int | None, Parameter(help="Number of speeds, evenly spaced; 11 by default.")] = None,
+    plot: Annotated[
+        Path | None, Parameter(help="Also draw the growth rate over speed to this file (.svg, .png or .pdf).")
+    ] = None,
+    overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
+) -> None:  # fmt: skip
+    """Assess stability at one speed or over a range: time step, parametric growth, resonance, contact loss.
+
+    Use it to see whether disturbances of the periodic motion grow (Floquet multipliers), and why. Speeds are those of
+    the crankshaft if the case gives crank_speed, otherwise those of the camshaft.
+    """
+    read = load_beams(case, overrides)
+    scale = read.turns
+    if lowest is None and highest is None and plot is None:
+        if count is not None:
+            why, remedy = "without a range, the case's speed only is assessed", "add a range, or leave it out"
+            raise refuse("--count", count, "--count with --lowest, --highest or --plot only", why, remedy)
+        found = assess_stability(read)
+        if as_json:
+            print_json({"status": "ok", **stability_json(found, scale)})
+        else:
+            result_console().print(stability_table(found, scale))
+        return
+    number = 11 if count is None else count
+    low, high = speed_range(lowest, highest, number, read.speed, scale)
+    check_figure_path(plot, overwrite)
+    with show_count(number, "speeds") as shown:
+        every = stability_over_speeds(read, np.linspace(low, high, number).tolist(), advance=shown)
+    if plot is not None:
+        from flexcam.plotting.figures import add_title, save_figure
+        from flexcam.plotting.spectra import growth_figure
+
+        rpm = np.array([scale * one.rpm for one in every])
+        figure = growth_figure(rpm, growth_rates(every), causes_by_speed(every), shaft_name(scale))
+        save_figure(add_title(figure, read.title), plot, overwrite=overwrite)
+    if as_json:
+        files = [] if plot is None else [str(plot)]
+        print_json({"status": "ok", "speeds": [stability_json(one, scale) for one in every], "files": files})
+    else:
+        result_console().print(growth_table(every, scale))

@@ -1,0 +1,36 @@
+"""The command compare: a train of masses, and models over speed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+CASE = Path(__file__).resolve().parents[2] / "cases/pushrod-engine/intake.toml"
+QUICK = ("--set", "run.steps_per_revolution=360", "--set", "run.revolutions=1")
+
+
+def test_compare_takes_the_lift_of_a_train_of_masses(flexcam, tmp_path):
+    """A probe of six components is compared along the follower's direction, as by all other commands."""
+    case = tmp_path / "train.toml"
+    assert flexcam("new", "lumped-train", "-o", case).code == 0
+    done = flexcam("compare", case, "--set", "run.steps_per_revolution=360")
+    assert done.code == 0, done.err
+    assert "at valve.uy" in done.out
+
+
+@pytest.mark.usefixtures("machine_code")
+def test_models_over_speed_with_a_picture(flexcam, tmp_path):
+    picture = tmp_path / "forces.svg"
+    told = ("--lowest", "2000rpm", "--highest", "7000rpm", "--count", "2", "--plot", picture, *QUICK)
+    answer = flexcam("compare", CASE, *told, "--json").json
+    assert answer["rpm"] == [2000.0, 7000.0]
+    assert answer["bilateral_unilateral_part_rpm"] == 7000.0
+    assert answer["forces_n"]["bilateral"][1][0] < 0.0
+    assert picture.read_text(encoding="utf-8").count("<path") > 10
+    assert flexcam("compare", CASE, *told).code == 2  # the picture is there
+
+
+def test_models_over_speed_refuse(flexcam):
+    for told in (("--count", "1"), ("--contact", "nosuch"), ("--highest", "100rpm")):
+        assert flexcam("compare", CASE, "--lowest", "2000rpm", *told).code == 2

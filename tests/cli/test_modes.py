@@ -1,0 +1,110 @@
+"""The command modes: files for ParaView, prestress, modal assurance criterion."""
+
+from __future__ import annotations
+
+import math
+import re
+
+import numpy as np
+import pytest
+
+
+def test_modes_for_paraview(flexcam, case, tmp_path):
+    reading = pytest.importorskip("vtkmodules.vtkIOHDF")
+    files = flexcam("modes", "case.toml", "--count", "4", "-o", "out", "--json").json["files"]
+    assert files[:3] == [f"out/case-modes.{kind}" for kind in ("vtkhdf", "vtp", "pvd")]
+    assert len(files) == 3 + 24
+    reader = reading.vtkHDFReader()
+    reader.SetFileName(str(tmp_path / files[0]))
+    reader.UpdateInformation()
+    assert reader.GetNumberOfSteps() == 24
+    reader.SetStep(12)
+    reader.Update()
+    data = reader.GetOutput().GetPointData()
+    names = [data.GetArrayName(i) for i in range(data.GetNumberOfArrays())]
+    shapes = sorted(name for name in names if name.startswith("mode_"))
+    assert [name[:8] for name in shapes] == ["mode_01_", "mode_02_", "mode_03_", "mode_04_"]
+    assert shapes[1] == "mode_02_67.1Hz"
+    assert all(data.GetArray(name).GetNumberOfComponents() == 3 for name in shapes)
+
+
+def test_modes_are_not_overwritten(flexcam, case):
+    assert flexcam("modes", "case.toml", "-o", "out").code == 0
+    assert flexcam("modes", "case.toml", "-o", "out").code == 2
+    assert flexcam("modes", "case.toml", "-o", "out", "--overwrite").code == 0
+
+
+COLUMN = """
+format = 1
+[nodes]
+foot = [0, 0, 0]
+top = [0, "400 mm", 0]
+[materials.steel]
+E = "200 GPa"
+nu = 0.3
+density = "7800 kg/m^3"
+[sections]
+rod = { shape = "rectangle", width_y = "9 mm", width_z = "6 mm" }
+[members]
+pushrod = { nodes = ["foot", "top"], material = "steel", section = "rod", elements = 16, rotary_inertia = false }
+[supports]
+foot = ["ux", "uy", "uz", "ry"]
+top = ["ux", "uz"]
+[loads.push]
+at = "top"
+direction = "-uy"
+force = "PUSH N"
+[run]
+speed = "60 rpm"
+"""
+L, IZ, IY = 0.4, 6e-3 * 9e-3**3 / 12.0, 9e-3 * 6e-3**3 / 12.0
+EULER = math.pi**2 * 200e9 * IY / L**2
+BENDING = [(k * math.pi / L) ** 2 * math.sqrt(200e9 * IY / (7800.0 * 54e-6)) / (2 * math.pi) for k in (1, 2)]
+
+
+@pytest.fixture
+def column(tmp_path):
+    def write(push, name="column.toml"):
+        (tmp_path / name).write_text(COLUMN.replace("PUSH", f"{push:.17g}"), encoding="utf-8")
+        return name
+
+    return write
+
+
+@pytest.mark.parametrize(("share", "factor"), [(0.5, 0.5), (0.9, 0.1), (-1.0, 2.0)])
+def test_prestress_of_a_pinned_pushrod(flexcam, column, share, factor):
+    """F sqrt(1 - P/P_cr); at 16 elements their own error, (pi/16)^4/720 = 2e-6 of P_cr, is 2e-5 of 1 - 0.9."""
+    name = column(share * EULER)
+    plain, rest, loaded = (
+        flexcam("modes", name, "--json", *more).json["frequencies_hz"][0]
+        for more in ((), ("--prestress", "rest"), ("--prestress", "equilibrium"))
+    )
+    assert plain == pytest.approx(BENDING[0], rel=2e-6)
+    assert rest == pytest.approx(plain, rel=1e-9)  # the push acts from the start of the run, not as installed
+    assert loaded == pytest.approx(BENDING[0] * math.sqrt(factor), rel=2e-5)
+
+
+def test_prestress_beyond_buckling_fails(flexcam, column):
+    done = flexcam("modes", column(1.05 * EULER), "--prestress", "equilibrium")
+    assert done.code == 3
+    assert "what gives way is members.pushrod, along" in done.err
+
+
+def test_mac_with_itself(flexcam, column):
+    """Unequal Iy and Iz part all frequencies, and a uniform mesh makes the shapes of a plane orthogonal by points."""
+    name = column(0.0001)
+    told = flexcam("modes", name, "--count", "4", "--mac", name, "--json").json
+    found = np.array(told["mac"])
+    assert np.diff(told["frequencies_hz"]).min() > 1.0
+    assert np.abs(np.diag(found) - 1.0).max() <= 1e-12
+    assert np.abs(found - np.eye(4)).max() <= 1e-9  # sums of sines over equal parts, rounding of the shapes
+
+
+def test_mac_says_at_how_many_nodes_it_compares(flexcam, column, tmp_path):
+    """Elements of other lengths share few nodes; there, shapes of one plane look alike."""
+    text = (tmp_path / (name := column(0.0001))).read_text(encoding="utf-8")
+    finer = re.sub(r"elements = (\d+)", lambda found: f"elements = {int(found[1]) + 1}", text)
+    assert finer != text
+    (tmp_path / "finer.toml").write_text(finer, encoding="utf-8")
+    assert "fewer than modes" in flexcam("modes", name, "--count", "4", "--mac", "finer.toml").out
+    assert "fewer than modes" not in flexcam("modes", name, "--count", "4", "--mac", name).out
