@@ -23,7 +23,7 @@ from flexcam.case.schema.run import ResultStartRecord
 from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import Fault, InputError, refuse
 from flexcam.dynamics import Block, Response, Series, Sink, Stats, fingerprint, outline, solve
-from flexcam.dynamics.checkpoint import CompletedPart
+from flexcam.dynamics.blocks import CompletedPart
 from flexcam.dynamics.memory import RecentSink
 from flexcam.io import Geometry, PartialResult, Result, ResultFile, create_folder, partial_path
 from flexcam.valvetrain import MemberStrength, Model, StrengthSink, build_structure, element_loads

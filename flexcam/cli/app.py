@@ -204,7 +204,7 @@ class RunState:
     signals: list[int] = field(default_factory=list[int])
     solving: bool = False
 
-    def is_stopped(self) -> bool:
+    def should_stop(self) -> bool:
         """Return whether a signal requested the end of the run."""
         return bool(self.signals)
 

@@ -213,7 +213,7 @@ def run(
     with show_progress(ready.problem.steps) as bar:
         response = solve(
             ready.problem, ready.scheme, save=ready.save, sinks=[strength, *watched.sinks, sink, *bar],
-            stop=run_state.is_stopped, until=until, memory=kept, resume=earlier,
+            stop=run_state.should_stop, until=until, memory=kept, resume=earlier,
         )  # fmt: skip
     run_state.solving = False
     estimated = _estimate_errors(read, probe, until) if probe and response.status.ok else ((), ())

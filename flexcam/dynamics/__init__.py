@@ -4,35 +4,53 @@ May import `core`; knows neither beams nor cams nor valve trains. A new force la
 in `force_laws`; a new integrator is a file beside `central_difference`.
 """
 
-from flexcam.dynamics.active_dofs import ActiveDofs, InactiveGroup, find_active_dofs
-from flexcam.dynamics.angle_functions import (
-    ONE,
-    AngleFunction,
-    AngleVector,
-    CamFunctionCache,
-    Constant,
-    DerivedCamFunction,
-    constant,
-    derivative,
+from flexcam.dynamics.active_dofs import (
+    ActiveDofs,
+    InactiveGroup,
+    active_dofs_of,
+    basis_of,
+    find_active_dofs,
+    integrated_size,
+    method_refusal,
 )
 from flexcam.dynamics.basis import Basis, DofSubset, ModeBasis, project_system
 from flexcam.dynamics.bathe import Bathe, bathe
 from flexcam.dynamics.blocks import SLOPES, Block, Item, ProgressCallback, SaveAt, Series, Sink, track_progress
-from flexcam.dynamics.cam_motion import CamMotion, ConstantSpeed, Drive, FluctuatingSpeed, SpeedByAngle
+from flexcam.dynamics.cam_motion import (
+    ONE,
+    AngleFunction,
+    AngleVector,
+    CamFunctionCache,
+    CamMotion,
+    Constant,
+    ConstantSpeed,
+    DerivedCamFunction,
+    Drive,
+    FluctuatingSpeed,
+    SpeedByAngle,
+    constant,
+    derivative,
+)
 from flexcam.dynamics.central_difference import CentralDifference, central_difference, highest_frequency
-from flexcam.dynamics.exact_modes import Exact, exact
 from flexcam.dynamics.floquet import Floquet, floquet
 from flexcam.dynamics.force_laws import ForceLaw, elastic_stop, hunt_crossley_contact, oil_column_law, spring_damper
 from flexcam.dynamics.generalized_alpha import Scheme, generalized_alpha, hht, newmark
 from flexcam.dynamics.integrator import Method
 from flexcam.dynamics.linearization import Tangents
-from flexcam.dynamics.modal_reduction import corrected_modes, craig_bampton, effective_masses, mac
-from flexcam.dynamics.modes import Modes, frequency_response, modes, normalized_response
+from flexcam.dynamics.modes import (
+    Modes,
+    corrected_modes,
+    craig_bampton,
+    effective_masses,
+    frequency_response,
+    mac,
+    modes,
+    normalized_response,
+)
 from flexcam.dynamics.periodic import solve_periodic
 from flexcam.dynamics.problem import Adaptive, Engine, Problem, State
-from flexcam.dynamics.reduced_problem import active_dofs_of, basis_of, integrated_size, method_refusal
+from flexcam.dynamics.reference_integrators import Exact, ScipyIntegrator, dop853, exact, radau
 from flexcam.dynamics.response import STATE, History, Outline, Response, peak, turning_points, value_range
-from flexcam.dynamics.scipy_reference import ScipyIntegrator, dop853, radau
 from flexcam.dynamics.solve import fingerprint, outline, prescribed_probes, solve
 from flexcam.dynamics.statics import equilibrium, installed_state, moving_equilibrium, static_displacement
 from flexcam.dynamics.status import (

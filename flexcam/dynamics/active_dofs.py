@@ -1,26 +1,23 @@
-"""Active degrees of freedom: unknowns that can move. The others are excluded from the integration.
-
-M, C, K and the local forces couple unknowns. A group of coupled unknowns moves if a time-dependent load or a local
-force that depends on the cam angle acts on it, if it has an initial velocity, or if it is initially not in equilibrium.
-Every other group stays at its initial displacement, also under its weight. Idle scalars of a local force, such as the
-bending of a straight strut, couple nothing unless another force moves them.
-
-An entry couples unless it is exactly zero, even if it is of the size of rounding: a soft spring between stiff parts has
-entries as small. Too many active unknowns cost time only, not accuracy.
-"""
+"""Active unknowns of a problem, and the problem reduced to them or to a basis."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexcam.core import FloatArray, IntArray, component_members, connected_components, diagonal_scale
-from flexcam.dynamics.angle_functions import Constant
-from flexcam.dynamics.cam_motion import CamMotion
+from flexcam.core import FloatArray, IntArray, Triplets, component_members, connected_components, diagonal_scale
+from flexcam.core.errors import InputError
+from flexcam.dynamics.basis import Basis, DofSubset, project_system
+from flexcam.dynamics.blocks import Block, Series
+from flexcam.dynamics.cam_motion import CamMotion, Constant
 from flexcam.dynamics.force_laws import ForceLaw
+from flexcam.dynamics.initial_acceleration import massless_impact_error
+from flexcam.dynamics.integrator import Method
 from flexcam.dynamics.local_forces import LocalForces
+from flexcam.dynamics.massless import MasslessMotions
+from flexcam.dynamics.problem import Problem, State
 from flexcam.dynamics.system import LocalForce, System
 
 _VELOCITY_TOLERANCE = 1e-13
@@ -88,7 +85,7 @@ def find_active_dofs(
     while True:
         labels = _coupling_groups(system, idle)
         steady, moving = _constant_forces(system, d, inner, _spread_to_groups(begun, labels), labels)
-        moving |= _spread_to_groups(_find_unbalanced(system, d, steady, labels), labels)
+        moving |= _spread_to_groups(_find_imbalance(system, d, steady, labels), labels)
         asleep = [one for one in idle if not moving[one.unknowns].any()]
         if len(asleep) == len(idle):
             break
@@ -182,7 +179,7 @@ def _depends_on_angle(force: LocalForce, penetration: FloatArray) -> bool:
     return bool((not isinstance(force.law, ForceLaw) or force.law.functions) and penetration.any())
 
 
-def _find_unbalanced(system: System, d: FloatArray, steady: FloatArray, labels: IntArray) -> NDArray[np.bool_]:
+def _find_imbalance(system: System, d: FloatArray, steady: FloatArray, labels: IntArray) -> NDArray[np.bool_]:
     """Return the unknowns on which constant forces and stiffness are not in equilibrium within rounding."""
     K, scale = system.stiffness, diagonal_scale(system.stiffness)
     strained = np.bincount(K.rows, weights=np.abs(K.values * d[K.cols]), minlength=system.size)
@@ -203,3 +200,63 @@ def _spread_to_groups(one: NDArray[np.bool_], labels: IntArray) -> NDArray[np.bo
     found = np.zeros(len(labels), dtype=bool)
     found[labels[one]] = True
     return found[labels]
+
+
+def active_dofs_of(problem: Problem) -> ActiveDofs:
+    """Return the active unknowns of a problem."""
+    start = problem.start or State.rest(problem.system.size)
+    return find_active_dofs(problem.system, start.displacement, start.velocity, start.inner)
+
+
+def basis_of(problem: Problem) -> Basis | None:
+    """Return the basis of the integration; None for the system's unknowns."""
+    if problem.basis is not None or not problem.prune:
+        return problem.basis
+    found = active_dofs_of(problem)
+    return None if found.moving.all() else DofSubset(np.flatnonzero(found.moving), found.held)
+
+
+def reduce_problem(problem: Problem, basis: Basis) -> Problem:
+    """Return a problem in the coordinates of a basis."""
+    system = problem.system
+    start = problem.start or State.rest(system.size)
+    weight = _weight(system)
+    moved, moving = (basis.within(one, weight) for one in (start.displacement - basis.held, start.velocity))
+    pushed = None if start.acceleration is None else basis.within(start.acceleration, weight)
+    inside = replace(start, displacement=moved, velocity=moving, acceleration=pushed)
+    return replace(problem, system=project_system(system, basis), start=inside, basis=None, prune=False)
+
+
+def integrated_size(problem: Problem) -> int:
+    """Return the number of integrated unknowns of a problem."""
+    basis = basis_of(problem)
+    return problem.system.size if basis is None else basis.size
+
+
+def method_refusal(problem: Problem, method: Method) -> InputError | None:
+    """Return why a method cannot integrate the reduced problem; None if it can."""
+    struck = any(force.restitution is not None for force in problem.system.local_forces)
+    if type(method).refusal is Method.refusal and not struck:
+        return None  # it integrates any system in any unknowns
+    basis = basis_of(problem)
+    system = problem.system if basis is None else project_system(problem.system, basis)
+    light = massless_impact_error(LocalForces(system), MasslessMotions(system)) if struck else None
+    return light or method.refusal(system, problem.step)
+
+
+def _weight(system: System) -> Triplets:
+    """Return the mass plus a small part of the stiffness that determines massless unknowns."""
+    mass, stiff = system.mass.diagonal(), system.stiffness.diagonal()
+    heavy = mass > 0.0
+    highest = float((stiff[heavy] / mass[heavy]).max(initial=0.0))
+    return system.mass + system.stiffness.scale(1.0 / highest if highest > 0.0 else 1.0)
+
+
+def expand_block(block: Block, basis: Basis) -> Block:
+    """Return a block with fields expanded to all unknowns."""
+    fields = block.fields
+    moved = basis.expand_output(fields.displacement)
+    if basis.held.any():
+        moved = moved + basis.held
+    spread: list[FloatArray] = [basis.expand_output(one) for one in (fields.velocity, fields.acceleration)]
+    return replace(block, fields=Series(moved, *spread))

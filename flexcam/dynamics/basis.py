@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from flexcam.core import FloatArray, IntArray, Triplets
-from flexcam.dynamics.angle_functions import AngleFunction, AngleVector, Constant
+from flexcam.dynamics.cam_motion import AngleFunction, AngleVector, Constant
 from flexcam.dynamics.system import Channel, Load, LocalForce, MotionView, Observation, Probe, System
 
 
@@ -42,7 +42,7 @@ class Basis(Protocol):
         """Return ``T q`` of motions as rows, shape (..., m) to (..., n)."""
         ...
 
-    def expand_saved(self, motions: FloatArray) -> FloatArray:
+    def expand_output(self, motions: FloatArray) -> FloatArray:
         """Return ``T q`` of saved motions, shape (f, m) to (f, n): a run can be resumed from any of them."""
         ...
 
@@ -94,7 +94,7 @@ class DofSubset:
         full[..., self.kept] = motion
         return full
 
-    def expand_saved(self, motions: FloatArray) -> FloatArray:
+    def expand_output(self, motions: FloatArray) -> FloatArray:
         """Return the motions expanded to all unknowns."""
         return self.spread(motions)
 
@@ -163,7 +163,7 @@ class ModeBasis:
         """Return the sum of the shapes times the coordinates."""
         return motion @ self.vectors.T
 
-    def expand_saved(self, motions: FloatArray) -> FloatArray:
+    def expand_output(self, motions: FloatArray) -> FloatArray:
         """Return the sums of the shapes."""
         return self.spread(motions)
 

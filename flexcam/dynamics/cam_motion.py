@@ -1,16 +1,131 @@
-"""Motion of the camshaft: angle, speed and angular acceleration over time."""
+"""Cam motion over time, functions of the cam angle, and the inputs of the local forces that follow from them."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import Protocol, TypeVar, cast
 
 import numpy as np
 
-from flexcam.core import FloatArray
+from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import positive, refuse
-from flexcam.dynamics.angle_functions import AngleFunction, CamFunctionCache
+
+AngleFunction = Callable[[FloatArray, int], FloatArray]
+"""A scalar function of the cam angle (rad) and of the order of its derivative."""
+
+
+@dataclass(frozen=True)
+class Constant:
+    """Constant function of the cam angle, distinguishable from other functions."""
+
+    value: float
+
+    def __call__(self, angle: FloatArray, order: int) -> FloatArray:
+        """Return the value at every angle; derivatives are zero."""
+        return np.full_like(angle, self.value if order == 0 else 0.0)
+
+
+@dataclass(frozen=True)
+class Derivative:
+    """The derivative of a function of the cam angle."""
+
+    function: AngleFunction
+
+    def __call__(self, angle: FloatArray, order: int) -> FloatArray:
+        """Return it, or a derivative of it."""
+        return self.function(angle, order + 1)
+
+
+@dataclass(frozen=True, eq=False)
+class AngleVector:
+    """Vector that depends on the cam angle: constant vectors times scalar functions.
+
+    Parameters
+    ----------
+    vectors
+        Shape (k, n).
+    functions
+        One function of the angle per vector; none for a single vector that does not depend on it.
+    """
+
+    vectors: FloatArray
+    functions: tuple[AngleFunction, ...]
+
+    @classmethod
+    def constant(cls, vector: FloatArray) -> AngleVector:
+        """Return a vector that does not depend on the angle, shape (n,)."""
+        return cls(vector[None, :], ())
+
+    def weights(self, angle: FloatArray, order: int = 0) -> FloatArray:
+        """Return the weights of the vectors, shape (len(angle), k), or their derivatives by the angle."""
+        if not self.functions:
+            return np.full((*angle.shape, 1), 0.0 if order else 1.0)
+        return np.stack([function(angle, order) for function in self.functions], axis=-1)
+
+
+def constant(value: float) -> AngleFunction:
+    """Return the function of the cam angle that is `value` everywhere."""
+    return Constant(value)
+
+
+def derivative(function: AngleFunction) -> AngleFunction:
+    """Return the derivative of a function of the cam angle."""
+    return Derivative(function)
+
+
+ONE = Constant(1.0)
+"""Constant function 1, such as the cosine of a contact without inclination."""
+
+
+T = TypeVar("T")
+
+
+class DerivedCamFunction(ABC):
+    """Function of the cam angle derived from others, evaluated once for all derived functions."""
+
+    def __call__(self, angle: FloatArray, order: int) -> FloatArray:
+        """Return the function or its derivative."""
+        return self.of(CamFunctionCache(angle), order)
+
+    @abstractmethod
+    def of(self, cam: CamFunctionCache, order: int) -> FloatArray:
+        """Return the function at angles where other functions are cached."""
+
+
+class CamFunctionCache:
+    """Cache of functions of the cam angle at given angles.
+
+    Parameters
+    ----------
+    angle
+        rad, any shape.
+    """
+
+    def __init__(self, angle: FloatArray) -> None:
+        self.angle = angle
+        self._known: dict[tuple[int, int], tuple[AngleFunction, FloatArray]] = {}  # keeps the ids valid
+        self._made: dict[object, object] = {}
+
+    def __call__(self, function: AngleFunction, order: int) -> FloatArray:
+        """Return a function or its derivative."""
+        while isinstance(function, Derivative):
+            function, order = function.function, order + 1
+        found = self._known.get((id(function), order))
+        if found is None:
+            value = (
+                function.of(self, order) if isinstance(function, DerivedCamFunction) else function(self.angle, order)
+            )
+            found = self._known[id(function), order] = function, value
+        return found[1]
+
+    def lookup(self, key: object, make: Callable[[], T]) -> T:
+        """Return the cached value of a key at these angles, computed if missing."""
+        if key not in self._made:
+            self._made[key] = make()
+        return cast("T", self._made[key])
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,3 +287,86 @@ class SpeedByAngle:
         x, w = np.polynomial.legendre.leggauss(4)
         at = angle[:, None] + 0.5 * width[:, None] * (1.0 + x)
         return 0.5 * width * (w / self._speed(at.ravel(), 0).reshape(at.shape)).sum(axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class PrescribedInputs:
+    """Prescribed inputs of the local forces at m instants.
+
+    Parameters
+    ----------
+    angle
+        Cam angle, rad, shape (m,).
+    rows
+        Side by side: weights of the k sensing vectors, their time derivatives, weights of the a acting vectors, the
+        prescribed parts of the c sensed scalars, their time derivatives, and functions of the laws.
+    senses, acts
+        1 where a sensing vector belongs to a scalar, an acting vector to a force, shape (c, k) and (c, a).
+    cam
+        Functions of the cam angle at these instants.
+    """
+
+    angle: FloatArray
+    rows: FloatArray
+    senses: FloatArray
+    acts: FloatArray
+    cam: CamFunctionCache
+
+    @cached_property
+    def _cuts(self) -> list[int]:
+        (c, k), a = self.senses.shape, self.acts.shape[1]
+        return np.cumsum([0, k, k, a, c, c]).tolist()
+
+    def _part(self, i: int) -> FloatArray:
+        return self.rows[:, self._cuts[i] : self._cuts[i + 1]]
+
+    @property
+    def sensing_weights(self) -> FloatArray:
+        """Weights of the sensing vectors, shape (m, k)."""
+        return self._part(0)
+
+    @property
+    def sensing_rates(self) -> FloatArray:
+        """Their time derivatives, shape (m, k)."""
+        return self._part(1)
+
+    @property
+    def acting_weights(self) -> FloatArray:
+        """Weights of the acting vectors, shape (m, a)."""
+        return self._part(2)
+
+    @property
+    def offset(self) -> FloatArray:
+        """Prescribed parts of the sensed scalars, shape (m, c)."""
+        return self._part(3)
+
+    @property
+    def offset_rate(self) -> FloatArray:
+        """Their time derivatives, shape (m, c)."""
+        return self._part(4)
+
+    @property
+    def functions(self) -> int:
+        """Column of the first function of the laws."""
+        return self._cuts[5]
+
+    def at(self, instants: IntArray | slice) -> PrescribedInputs:
+        """Return some of the instants."""
+        angle = self.angle[instants]
+        return PrescribedInputs(angle, self.rows[instants], self.senses, self.acts, CamFunctionCache(angle))
+
+    def row(self, i: int) -> PrescribedInputs:
+        """Return one of the instants."""
+        return self.at(slice(i, i + 1))
+
+    def sensing_matrix(self, i: int) -> FloatArray:
+        """Return the weights of the sensing vectors in every scalar at an instant, shape (c, k)."""
+        return self.senses * self.sensing_weights[i]
+
+    def sensing_rate_matrix(self, i: int) -> FloatArray:
+        """Return their time derivatives, shape (c, k)."""
+        return self.senses * self.sensing_rates[i]
+
+    def acting_matrix(self, i: int) -> FloatArray:
+        """Return the weights of the acting vectors in every force at an instant, shape (c, a)."""
+        return self.acts * self.acting_weights[i]

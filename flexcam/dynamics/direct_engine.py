@@ -9,15 +9,14 @@ import numpy as np
 
 from flexcam.core import FloatArray, IntArray
 from flexcam.dynamics.adaptive import EnergyNorm, StepController, StepFloorError
-from flexcam.dynamics.blocks import SaveAt, Series
-from flexcam.dynamics.checkpoint import Arrays, flatten
+from flexcam.dynamics.blocks import Arrays, SaveAt, Series, flatten
+from flexcam.dynamics.cam_motion import PrescribedInputs
 from flexcam.dynamics.contact_events import EventStepper
 from flexcam.dynamics.engine import STOPPED, convergence_failure, in_range, instant, stack_instant
 from flexcam.dynamics.implicit_step import NoConvergenceError
 from flexcam.dynamics.initial_acceleration import InitialAcceleration
 from flexcam.dynamics.integrator import Method, Stepper
 from flexcam.dynamics.local_forces import LocalForces
-from flexcam.dynamics.prescribed_inputs import PrescribedInputs
 from flexcam.dynamics.problem import Problem, State
 from flexcam.dynamics.status import Cause, Stats, Status
 from flexcam.dynamics.step_state import StepInputs, StepState, Trajectory

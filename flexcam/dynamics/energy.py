@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexcam.core import FloatArray, IntArray, Triplets, select_storage
-from flexcam.dynamics.checkpoint import Arrays, flatten, select_prefix
+from flexcam.dynamics.blocks import Arrays, flatten, select_prefix
+from flexcam.dynamics.cam_motion import PrescribedInputs
 from flexcam.dynamics.local_forces import LocalForces
-from flexcam.dynamics.prescribed_inputs import PrescribedInputs
 from flexcam.dynamics.step_state import Trajectory
 from flexcam.dynamics.system import Observation, System
 

@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from flexcam.core import FloatArray, IntArray
-from flexcam.dynamics.checkpoint import Arrays
+from flexcam.dynamics.blocks import Arrays
 from flexcam.dynamics.initial_acceleration import InitialAcceleration
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.problem import Problem, State

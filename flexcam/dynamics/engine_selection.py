@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from flexcam.core.errors import refuse
+from flexcam.dynamics.active_dofs import basis_of, reduce_problem
 from flexcam.dynamics.basis import Basis
 from flexcam.dynamics.blocks import SaveAt
 from flexcam.dynamics.direct_engine import DirectEngine, KinematicEngine, Pilot
@@ -25,7 +26,6 @@ from flexcam.dynamics.modal_coordinates import ModalCoordinates, diagonal, find_
 from flexcam.dynamics.modal_engine import ModalEngine, ProbeEngine, probe_rows
 from flexcam.dynamics.problem import Engine as EngineName
 from flexcam.dynamics.problem import Problem
-from flexcam.dynamics.reduced_problem import basis_of, reduce_problem
 from flexcam.dynamics.system import System
 
 MAX_MODES = 500

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from flexcam.core import ComplexArray, FloatArray, IntArray, SingularMatrixError
 from flexcam.core.errors import refuse
 from flexcam.dynamics.blocks import SaveAt
+from flexcam.dynamics.cam_motion import PrescribedInputs
 from flexcam.dynamics.engine_selection import SelectedEngine, create_engine, forces_of, select_engine
 from flexcam.dynamics.generalized_alpha import newmark
 from flexcam.dynamics.initial_acceleration import InitialAcceleration
@@ -34,7 +35,6 @@ from flexcam.dynamics.linearization import (
     split_state,
 )
 from flexcam.dynamics.local_forces import LocalForces
-from flexcam.dynamics.prescribed_inputs import PrescribedInputs
 from flexcam.dynamics.problem import Problem
 from flexcam.dynamics.solve import pilot, singular_status
 from flexcam.dynamics.status import RunFailedError, Stats

@@ -17,7 +17,7 @@ import math
 from dataclasses import dataclass
 
 from flexcam.core import FloatArray, IntArray
-from flexcam.dynamics.angle_functions import AngleFunction
+from flexcam.dynamics.cam_motion import AngleFunction
 
 LawResponse = tuple[float, float, float, float]
 """Force, its derivatives by penetration and by rate, and the stored energy."""

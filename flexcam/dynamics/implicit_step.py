@@ -129,11 +129,11 @@ class ImplicitStage:
             self._to_v, local, work.tangent, work.states, work.moved, work.active, work.compliance, work.matrix,
         )  # fmt: skip
         if iterations == 0:
-            raise NoConvergenceError(find_unconverged(forces.names, local))
+            raise NoConvergenceError(unconverged_forces(forces.names, local))
         return int(iterations)
 
 
-def find_unconverged(names: list[str], local: FloatArray) -> list[str]:
+def unconverged_forces(names: list[str], local: FloatArray) -> list[str]:
     """Return the names of the local forces with the largest difference from their laws."""
     missing = np.abs(local[TRIAL] - local[ANSWER])
     return [name for name, one in zip(names, missing, strict=True) if one >= 0.1 * missing.max()]

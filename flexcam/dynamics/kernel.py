@@ -141,7 +141,7 @@ def correct_modes(scheme: FloatArray, operator: FloatArray, loads: FloatArray, s
         state[Q, i], state[V, i], state[A, i], state[LOAD, i] = q, v, a, loads[i]
 
 
-def has_switched(local: FloatArray, switching: IntArray) -> bool:
+def crosses_zero(local: FloatArray, switching: IntArray) -> bool:
     """Return whether a switching scalar (row 0) is on another side of zero than before (row 1)."""
     for at in range(switching.shape[1]):
         if (local[PENETRATION, switching[0, at]] > 0.0) != (switching[1, at] == 1):
@@ -197,7 +197,7 @@ def march(
         if iterations == 0:
             return UNSETTLED
         count[1] += iterations
-        if has_switched(local, switching):
+        if crosses_zero(local, switching):
             return SWITCHED
         accept(k, scheme, operator, vectors, given, places, state, forces, states, local, found[k])
     count[0] = end
@@ -206,6 +206,6 @@ def march(
 
 FUNCTIONS_OF_KERNEL = (
     predict, massless_rates, *FUNCTIONS_OF_LAWS, *FUNCTIONS_OF_NEWTON, predict_modes, find_forces, add_forces,
-    correct_modes, has_switched, accept, march,
+    correct_modes, crosses_zero, accept, march,
 )  # fmt: skip
 """Functions for the compiler, in the order of their calls."""

@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexcam.core import FloatArray, IntArray
-from flexcam.dynamics.angle_functions import CamFunctionCache
-from flexcam.dynamics.checkpoint import Arrays, flatten
+from flexcam.dynamics.blocks import Arrays, flatten
+from flexcam.dynamics.cam_motion import CamFunctionCache, PrescribedInputs
 from flexcam.dynamics.contact_events import EventStepper
 from flexcam.dynamics.engine import STOPPED, convergence_failure, in_range, stack_instant
 from flexcam.dynamics.force_laws import OWN, STATE, STATE_ROWS
 from flexcam.dynamics.generalized_alpha import Scheme
-from flexcam.dynamics.implicit_step import NoConvergenceError, find_unconverged
+from flexcam.dynamics.implicit_step import NoConvergenceError, unconverged_forces
 from flexcam.dynamics.initial_acceleration import InitialAcceleration
 from flexcam.dynamics.jit import Functions, compile_functions
 from flexcam.dynamics.kernel import (
@@ -33,7 +33,6 @@ from flexcam.dynamics.kernel import (
     UNSETTLED,
 )
 from flexcam.dynamics.local_forces import LocalForces, Workspace
-from flexcam.dynamics.prescribed_inputs import PrescribedInputs
 from flexcam.dynamics.problem import Problem, State
 from flexcam.dynamics.status import Stats, Status
 from flexcam.dynamics.step_state import StepInputs, StepState, Trajectory
@@ -184,9 +183,9 @@ class Kernel:
         row, iterations = count.tolist()
         return int(how), row, iterations
 
-    def find_unconverged(self) -> list[str]:
+    def unconverged_forces(self) -> list[str]:
         """Return the names of the forces that did not converge in the last call."""
-        return find_unconverged(self.forces.names, self._work.local)
+        return unconverged_forces(self.forces.names, self._work.local)
 
 
 class KernelStepper:
@@ -201,7 +200,7 @@ class KernelStepper:
         given = kernel.given(to.load[None], to.schedule.row(to.row))
         how, _, iterations = kernel.advance(self._operator, state, (0, 1), given, np.empty((1, kernel.columns)))
         if how == UNSETTLED:
-            raise NoConvergenceError(kernel.find_unconverged())
+            raise NoConvergenceError(kernel.unconverged_forces())
         return replace(state.moment(to.time), iterations=iterations)
 
 

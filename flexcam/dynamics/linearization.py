@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexcam.core import FloatArray
-from flexcam.dynamics.cam_motion import CamMotion
+from flexcam.dynamics.cam_motion import CamMotion, PrescribedInputs
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.massless import MasslessMotions, find_massless_rates
-from flexcam.dynamics.prescribed_inputs import PrescribedInputs
 from flexcam.dynamics.system import Reaction, System
 
 SAME_LENGTH = 1e-9

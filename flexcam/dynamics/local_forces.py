@@ -10,8 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexcam.core import FloatArray, IntArray
-from flexcam.dynamics.angle_functions import ONE, AngleFunction, AngleVector, CamFunctionCache, Constant
-from flexcam.dynamics.cam_motion import CamMotion
+from flexcam.dynamics.cam_motion import (
+    ONE,
+    AngleFunction,
+    AngleVector,
+    CamFunctionCache,
+    CamMotion,
+    Constant,
+    PrescribedInputs,
+)
 from flexcam.dynamics.force_laws import (
     ANSWER,
     ARCH,
@@ -37,7 +44,6 @@ from flexcam.dynamics.force_laws import (
 )
 from flexcam.dynamics.jit import Functions, bind
 from flexcam.dynamics.local_newton import FUNCTIONS_OF_NEWTON, NUMPY
-from flexcam.dynamics.prescribed_inputs import PrescribedInputs
 from flexcam.dynamics.system import CustomLaw, LocalForce, Reaction, System
 
 
@@ -262,7 +268,7 @@ class LocalForces:
         self.storing = np.zeros(self.count)
         for force, part, _ in self.parts:
             self.storing[part] = force.conservative
-        self.opposed = self._is_opposed()
+        self.opposed = self._opposition()
 
     def _overrides(self) -> Functions:
         custom, laws = self.table.custom, self.table.laws
@@ -286,7 +292,7 @@ class LocalForces:
         """Scalars whose sensing or acting vectors change with the cam angle, shape (v,)."""
         return np.unique(np.array([*self.sense.varying_scalars, *self.act.varying_scalars], dtype=np.intp))
 
-    def _is_opposed(self) -> NDArray[np.bool_]:
+    def _opposition(self) -> NDArray[np.bool_]:
         """Return which forces act exactly against their sensed motion at all cam angles, shape (c,)."""
         found = self.storing > 0.0
         found[[*self.sense.varying_scalars, *self.act.varying_scalars, *(i for i, _ in self._offsets[1])]] = False

@@ -12,10 +12,10 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from flexcam.core import FloatArray, SingularMatrixError, Triplets, solve_eigenproblem
+from flexcam.dynamics.active_dofs import reduce_problem
 from flexcam.dynamics.basis import ModeBasis
 from flexcam.dynamics.massless import MasslessMotions, normalize_stiffness, relaxation_times
 from flexcam.dynamics.problem import Problem
-from flexcam.dynamics.reduced_problem import reduce_problem
 from flexcam.dynamics.system import System
 
 _COUPLED = 1e-9
@@ -80,7 +80,7 @@ class ModalCoordinates:
         """Return the motion of all unknowns."""
         return motion @ self.vectors.T
 
-    def expand_saved(self, motions: FloatArray) -> FloatArray:
+    def expand_output(self, motions: FloatArray) -> FloatArray:
         """Return the saved motions of all unknowns."""
         if not self.exactly:
             return self.spread(motions)
@@ -88,7 +88,7 @@ class ModalCoordinates:
 
     def recompute(self, motions: FloatArray) -> FloatArray:
         """Return modal coordinates, shape (m, n), recomputed from the saved unknowns."""
-        return np.matmul(self.back, self.expand_saved(motions)[:, :, None])[:, :, 0]
+        return np.matmul(self.back, self.expand_output(motions)[:, :, None])[:, :, 0]
 
     def within(self, motion: FloatArray, weight: Triplets) -> FloatArray:
         """Return the modal coordinates of a motion."""
@@ -179,11 +179,11 @@ def modal_problem(problem: Problem, motions: ModalCoordinates) -> Problem:
     none = Triplets.zeros(problem.system.size)  # mass and stiffness are known already
     inside = reduce_problem(replace(problem, system=replace(problem.system, mass=none, stiffness=none)), motions)
     mass, stiffness = (Triplets.from_dense(np.diag(one)) for one in (motions.mass, motions.stiffness))
-    damping = _drop_coupling(_clear_undamped(inside.system.damping, problem.system.damping, motions))
+    damping = _drop_coupling(_clear_rounding(inside.system.damping, problem.system.damping, motions))
     return replace(inside, system=replace(inside.system, mass=mass, stiffness=stiffness, damping=damping))
 
 
-def _clear_undamped(inside: Triplets, damping: Triplets, motions: ModalCoordinates) -> Triplets:
+def _clear_rounding(inside: Triplets, damping: Triplets, motions: ModalCoordinates) -> Triplets:
     """Return a modal damping with exact zeros for undamped massless motions."""
     light = np.flatnonzero(motions.mass == 0.0)
     free = light[relaxation_times(motions.vectors[:, light], damping)[0] == 0.0]

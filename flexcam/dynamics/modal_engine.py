@@ -11,8 +11,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from flexcam.core import FloatArray, IntArray
-from flexcam.dynamics.blocks import SaveAt, Series
-from flexcam.dynamics.checkpoint import Arrays
+from flexcam.dynamics.blocks import Arrays, SaveAt, Series
 from flexcam.dynamics.engine import STOPPED, all_within, first_track, in_range, stack_motion
 from flexcam.dynamics.generalized_alpha import Scheme
 from flexcam.dynamics.local_forces import LocalForces

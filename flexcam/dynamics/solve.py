@@ -17,9 +17,9 @@ import numpy as np
 
 from flexcam.core import FloatArray, IntArray, SingularMatrixError
 from flexcam.core.errors import refuse
-from flexcam.dynamics.blocks import Block, SaveAt, Series, Sink
-from flexcam.dynamics.cam_motion import CamMotion
-from flexcam.dynamics.checkpoint import Arrays, Checkpoint, CheckpointSink, CompletedPart
+from flexcam.dynamics.active_dofs import expand_block
+from flexcam.dynamics.blocks import Arrays, Block, Checkpoint, CheckpointSink, CompletedPart, SaveAt, Series, Sink
+from flexcam.dynamics.cam_motion import CamMotion, PrescribedInputs
 from flexcam.dynamics.energy import PARTS, EnergyBalance, EquilibriumResidual
 from flexcam.dynamics.engine import STOPPED, Engine
 from flexcam.dynamics.engine_selection import MAX_MODES, SelectedEngine, create_engine, forces_of, select_engine
@@ -28,9 +28,7 @@ from flexcam.dynamics.integrator import Method
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.memory import MemorySink, ResponseSink
 from flexcam.dynamics.modal_engine import ProbeEngine
-from flexcam.dynamics.prescribed_inputs import PrescribedInputs
 from flexcam.dynamics.problem import Problem
-from flexcam.dynamics.reduced_problem import expand_block
 from flexcam.dynamics.response import STATE, Outline, Response
 from flexcam.dynamics.status import Cause, RunFailedError, Stats, Status
 from flexcam.dynamics.step_state import ProbeTrajectory, Trajectory
@@ -155,7 +153,7 @@ def solve(
     status = Status()
     try:
         forces = forces_of(way)
-        engine = create_engine(way, scheme, forces, keep, clock.is_stopped, pilot)
+        engine = create_engine(way, scheme, forces, keep, clock.should_stop, pilot)
         run = _Run(inside, engine, forces, keep)
         if resume is not None:
             for block in resume.blocks():
@@ -372,7 +370,7 @@ class _Clock:
         self._stop, self._until = stop, until
         self.late = False
 
-    def is_stopped(self) -> bool:
+    def should_stop(self) -> bool:
         self.late = self._until is not None and time.monotonic() >= self._until
         return self.late or self._stop()
 

@@ -27,9 +27,8 @@ from flexcam.core import (
     rounding_fraction,
     select_constraints,
 )
-from flexcam.dynamics.cam_motion import CamMotion, Drive
+from flexcam.dynamics.cam_motion import CamMotion, Drive, PrescribedInputs
 from flexcam.dynamics.local_forces import LocalForces
-from flexcam.dynamics.prescribed_inputs import PrescribedInputs
 from flexcam.dynamics.problem import State
 from flexcam.dynamics.status import ROUNDING_STATUS, Cause, RunFailedError, Status, instability_status
 from flexcam.dynamics.system import Load, Reaction, System
@@ -235,7 +234,7 @@ def static_displacement(
     """
     free = null_space(stiffness) if free is None else free
     if not free.shape[1]:
-        return _check_rounding(stiffness, load, _solve_constrained(stiffness, load))
+        return _check_rounding(stiffness, load, _solve_with_constraints(stiffness, load))
     # Weighting by the diagonal of the stiffness makes translations and rotations comparable.
     scale = diagonal_scale(stiffness)
     motions = np.linalg.qr(free / scale[:, None])[0]
@@ -243,13 +242,13 @@ def static_displacement(
     # As the load does no work on the free motions, fixing one unknown of each changes only their part.
     kept = np.setdiff1d(np.arange(stiffness.size), select_constraints(motions))
     x = np.zeros(stiffness.size)
-    x[kept] = _solve_constrained(stiffness.part(kept), load[kept])
+    x[kept] = _solve_with_constraints(stiffness.part(kept), load[kept])
     # Unweighted least squares of the components is independent of the axes.
     drift = np.linalg.qr(free)[0]
     return _check_rounding(stiffness, load, x) - drift @ (drift.T @ x)
 
 
-def _solve_constrained(stiffness: Triplets, load: FloatArray) -> FloatArray:
+def _solve_with_constraints(stiffness: Triplets, load: FloatArray) -> FloatArray:
     """Return the displacement of a constrained structure; a singular matrix is then due to rounding."""
     try:
         return factorize(stiffness).solve(load)

@@ -10,11 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexcam.core import FloatArray, IntArray
-from flexcam.dynamics.angle_functions import CamFunctionCache
-from flexcam.dynamics.blocks import Series
-from flexcam.dynamics.checkpoint import Arrays, select_prefix
+from flexcam.dynamics.blocks import Arrays, Series, select_prefix
+from flexcam.dynamics.cam_motion import CamFunctionCache, PrescribedInputs
 from flexcam.dynamics.local_forces import LocalForces
-from flexcam.dynamics.prescribed_inputs import PrescribedInputs
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,8 +11,7 @@ import numpy as np
 
 from flexcam.core import FloatArray, Triplets
 from flexcam.core.errors import refuse
-from flexcam.dynamics.angle_functions import AngleFunction, AngleVector, CamFunctionCache, Constant
-from flexcam.dynamics.cam_motion import CamMotion
+from flexcam.dynamics.cam_motion import AngleFunction, AngleVector, CamFunctionCache, CamMotion, Constant
 from flexcam.dynamics.force_laws import LAWS, ForceLaw
 
 _NO_STATE = np.zeros(0)

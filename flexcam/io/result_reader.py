@@ -12,7 +12,7 @@ import numpy as np
 from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import InputError, refuse, suggest_name
 from flexcam.dynamics import Block, Cause, Outline, Response, SaveAt, Series, Stats, Status
-from flexcam.dynamics.checkpoint import Checkpoint
+from flexcam.dynamics.blocks import Checkpoint
 from flexcam.fem.frames import COMPONENTS
 from flexcam.fem.mesh import Mesh
 from flexcam.io import result_schema as schema

@@ -19,7 +19,7 @@ import numpy as np
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse, system_message
 from flexcam.dynamics import Block, Outline, SaveAt, Stats, Status
-from flexcam.dynamics.checkpoint import Checkpoint
+from flexcam.dynamics.blocks import Checkpoint
 from flexcam.fem.frames import ROTATIONS
 from flexcam.fem.mesh import Mesh
 from flexcam.io import result_schema as schema

@@ -4,12 +4,9 @@ May import `dynamics`, `fem`, `cams` and `core`. A new part is a dataclass in `p
 contact is a function in `contacts`.
 """
 
-from flexcam.valvetrain.buckling import StiffStrut, buckling_load, stiff_struts
 from flexcam.valvetrain.cam_contact import hertz_line
 from flexcam.valvetrain.camshaft import free_running, free_speed
-from flexcam.valvetrain.compression import compressed_members
-from flexcam.valvetrain.frequency_response import lift_transfer, valve_ratio
-from flexcam.valvetrain.loads import element_loads
+from flexcam.valvetrain.loads import element_loads, follower_train
 from flexcam.valvetrain.mass_chain import Chain, build_chain, straighten, without_compression
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.modes import (
@@ -18,9 +15,11 @@ from flexcam.valvetrain.modes import (
     contact_modes,
     contact_stiffness,
     describe_inactive,
+    lift_transfer,
     modal_basis,
     model_modes,
     modes_on_the_lift,
+    valve_ratio,
 )
 from flexcam.valvetrain.parts import (
     DAMPING_DEPTH,
@@ -39,10 +38,16 @@ from flexcam.valvetrain.parts import (
     Spring,
     Wire,
 )
-from flexcam.valvetrain.published_load import follower_train
 from flexcam.valvetrain.resolution import CoarseCam, Resolution, ResolutionSink, coarse_cams
 from flexcam.valvetrain.rigid_model import ANY_SPEED, build_rigid, shared_forces, touching_coils
-from flexcam.valvetrain.strength import MemberStrength, StrengthSink
+from flexcam.valvetrain.strength import (
+    MemberStrength,
+    StiffStrut,
+    StrengthSink,
+    buckling_load,
+    compressed_members,
+    stiff_struts,
+)
 from flexcam.valvetrain.structure import Structure, build_structure, member_masses
 from flexcam.valvetrain.system_builder import build_system
 from flexcam.valvetrain.train_metrics import (

@@ -1,8 +1,9 @@
-"""Contact of cam and follower: directions in the plane of the cam, penetration, friction and Hertz law."""
+"""Hertz's line contact of cam and follower: constants of its force law, and its pressure."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+import math
+from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
@@ -11,6 +12,7 @@ from flexcam.cams import FlatFollower, SwingFlatFollower, SwingRollerFollower, u
 from flexcam.core import FloatArray
 from flexcam.core.errors import InputError, refuse
 from flexcam.dynamics import (
+    ONE,
     AngleFunction,
     AngleVector,
     Channel,
@@ -25,6 +27,7 @@ from flexcam.dynamics import (
     observable_sum,
     spring_damper,
 )
+from flexcam.dynamics.force_laws import LINE_CONTACT
 from flexcam.valvetrain.cam_functions import (
     cached_profile,
     cam_sliding,
@@ -39,9 +42,93 @@ from flexcam.valvetrain.cam_functions import (
     transverse_lift_ratio,
 )
 from flexcam.valvetrain.contacts import Coupling, conservative_force
-from flexcam.valvetrain.hertz_contact import STRAIGHT, HertzLine
 from flexcam.valvetrain.parts import Cam, CamContact
 from flexcam.valvetrain.structure import Structure, find_node
+
+STRAIGHT = 10.0
+"""Maximum ratio of relative radius to depth: the logarithm is invalid for conformal contact of cam and roller."""
+
+
+@dataclass(frozen=True, eq=False)
+class HertzLine:
+    """Line contact of cam and follower with a relative radius of curvature that depends on the cam angle.
+
+    A cylinder of radius R pressed by p per length approaches its middle by ``(1 - nu^2) p/(pi E) (2 ln(4 R/a) - 1)``
+    and sinks into a flat body of depth d by ``(1 - nu^2) p/(pi E) (2 ln(2 d/a) - nu/(1 - nu))``, with the half width
+    ``a^2 = 4 p R/(pi E*)`` of the relative radius: K. L. Johnson, Contact Mechanics (1985), eqs. 4.43, 5.57 and 5.58.
+    In the sum the radius cancels: with ``q = (1 - nu^2) p/(pi E)`` the approach is ``q (2 ln(d/q) - 1 - nu/(1 - nu))``,
+    and of two cylinders ``q (2 ln(2 (R1 + R2)/q) - 2)``: only the distance of their axes remains. The curvature of the
+    cam enters the pressure, but the stiffness at most by a logarithm, which is evaluated for the base circle.
+
+    Parameters
+    ----------
+    width
+        Length of the line, m.
+    modulus, poisson
+        E and nu of both bodies.
+    radius
+        Relative radius of curvature over the cam angle, m, above zero; `STRAIGHT` depths at most.
+    depth
+        Depth of the flat body, or twice the distance of the axes of two cylinders on the base circle, m.
+    dissipation
+        chi of Hunt and Crossley, s/m.
+    rolls
+        Whether both bodies are cylinders.
+    """
+
+    width: float
+    modulus: float
+    poisson: float
+    radius: AngleFunction
+    depth: float
+    dissipation: float = 0.0
+    rolls: bool = False
+
+    @property
+    def plane_strain(self) -> float:
+        """E/(1 - nu^2) of one body, Pa."""
+        return self.modulus / (1.0 - self.poisson**2)
+
+    def law(self, cosine: AngleFunction = ONE) -> ForceLaw:
+        """Return the force law along a direction inclined to the contact normal.
+
+        The law is linear above the load at which the half width is half the radius, ``pi E/(128 (1 - nu^2)) R``.
+
+        Parameters
+        ----------
+        cosine
+            Of the angle between direction and normal, over the cam angle; on a swinging flat face the distance of
+            the contact from the pivot by the arm.
+
+        Returns
+        -------
+        ForceLaw
+            `flexcam.dynamics.force_laws.line_contact`.
+        """
+        give = 1.0 / (math.pi * self.plane_strain)
+        rest = 2.0 if self.rolls else 1.0 + self.poisson / (1.0 - self.poisson)
+        limit = math.pi * self.plane_strain / 128.0
+        shape = (self.width, give, rest, self.depth, self.dissipation, limit)
+        return ForceLaw(LINE_CONTACT, shape, (self.radius, cosine))
+
+    def pressure(self, force: FloatArray, radius: FloatArray) -> FloatArray:
+        """Return the largest Hertz pressure, ``sqrt(p E*/(pi R))``.
+
+        Parameters
+        ----------
+        force
+            Along the normal, N, shape (n,).
+        radius
+            Relative radius of curvature, m, shape (n,).
+
+        Returns
+        -------
+        ndarray
+            Pa, shape (n,).
+        """
+        p = np.maximum(force, 0.0) / self.width
+        return np.sqrt(p * 0.5 * self.plane_strain / (math.pi * radius))
+
 
 _SAME = 1e-6
 """Tolerance of lengths for rounding of input digits."""
@@ -190,7 +277,7 @@ def _penetration_rows(structure: Structure, contact: CamContact, cam: Cam, where
     lift, axis = contact.direction, rotation_direction(contact.shaft_axis)
     follower = structure.row(contact.follower, lift, f"{where}.follower")
     if not follower.any():
-        raise _is_fixed(structure, contact.follower, f"{where}.follower")
+        raise _fixed_follower_error(structure, contact.follower, f"{where}.follower")
     check_arm_length(structure, contact, cam, where)
     twist = structure.row(cam.at, axis)
     rolls = cam.follower is not None and np.isfinite(cam.follower.roller_radius)
@@ -234,7 +321,7 @@ def _swing_rows(structure: Structure, contact: CamContact, cam: Cam) -> list[tup
     return [(stiff, constant(1.0)), (away - stiff, normal_force_ratio(cam))]
 
 
-def _is_fixed(structure: Structure, follower: str, where: str) -> InputError:
+def _fixed_follower_error(structure: Structure, follower: str, where: str) -> InputError:
     mesh = structure.model.mesh
     if structure.is_node(follower) and not (structure.dofs.numbers[mesh.node(follower)] >= 0).any():
         given, why = f"{follower!r}, a node with nothing that moves", "members, masses and springs give a node unknowns"

@@ -50,7 +50,7 @@ def cached_profile(cam: Cam, at: CamFunctionCache) -> CamProfile:
         event = cam.event
         return _profile(cam, at.angle, (at(event, 0), at(event, 1), at(event, 2)))
 
-    return at.cached((cached_profile, id(cam)), made)
+    return at.lookup((cached_profile, id(cam)), made)
 
 
 @lru_cache(maxsize=8)

@@ -11,8 +11,8 @@ import numpy as np
 from flexcam.dynamics import ForceLaw, LocalForce
 from flexcam.dynamics.force_laws import LEVER
 from flexcam.valvetrain.contacts import Coupling, opposed_force
+from flexcam.valvetrain.loads import follower_train
 from flexcam.valvetrain.parts import Lever
-from flexcam.valvetrain.published_load import follower_train
 from flexcam.valvetrain.structure import Structure, lever_ends
 
 

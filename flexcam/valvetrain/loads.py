@@ -2,14 +2,173 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
 import numpy as np
 
+from flexcam.cams import event_extremes
 from flexcam.core import FloatArray
-from flexcam.dynamics import ConstantSpeed, Load
+from flexcam.core.errors import refuse
+from flexcam.dynamics import (
+    AngleFunction,
+    AngleVector,
+    CamMotion,
+    Cause,
+    Channel,
+    ConstantSpeed,
+    Load,
+    LocalForce,
+    Observable,
+    RunFailedError,
+    constant,
+    derivative,
+    force_sum,
+    load_sum,
+    observable_sum,
+    spring_damper,
+    static_displacement,
+)
 from flexcam.fem.assembly import assemble_loads, distributed_load, element_weight
-from flexcam.valvetrain.parts import PublishedLoad
-from flexcam.valvetrain.published_load import constant_history, follower_train
+from flexcam.valvetrain.contacts import Coupling
+from flexcam.valvetrain.parts import Cam, CamContact, PublishedLoad
 from flexcam.valvetrain.structure import Structure, find_node, spring_parts, spring_row
+from flexcam.valvetrain.train_topology import complete_motion, follower_motion
+
+
+@dataclass(frozen=True, eq=False)
+class FollowerTrain:
+    """Parts moving with a follower as one rigid body along the lift.
+
+    Parameters
+    ----------
+    motion
+        Unit motion of its unknowns along the lift, shape (n,).
+    mass, stiffness
+        kg and N/m of that motion, at the follower.
+    """
+
+    motion: FloatArray
+    mass: float
+    stiffness: float
+
+
+def follower_train(structure: Structure, contact: PublishedLoad | CamContact, where: str) -> FollowerTrain:
+    """Return the rigid body of a follower and its attached parts: it translates, or rotates about a pivot.
+
+    Without a pivot, the motion has minimum spring energy.
+    """
+    if structure.is_node(contact.follower):
+        node = find_node(structure.model, contact.follower, where)
+        motion = follower_motion(structure, contact, node)
+    else:
+        motion = structure.row(contact.follower, contact.direction, where)
+    motion = complete_motion(structure, motion)
+    mass, stiffness = structure.mass, structure.stiffness
+    return FollowerTrain(motion, float(motion @ mass.times(motion)), float(motion @ stiffness.times(motion)))
+
+
+def series_stiffness(structure: Structure, contact: PublishedLoad, where: str) -> float:
+    """Return K_KE of (22): the static stiffness at the follower along the lift, N/m."""
+    push = structure.dofs.vector(find_node(structure.model, contact.follower, where), contact.direction)
+    if not push.any():
+        given, why = f"{contact.follower!r}, held along the lift", "a follower that cannot move feels no cam"
+        raise refuse(where, given, "a point that is free along the lift", why, "remove that component from [supports]")
+    try:
+        give = float(push @ static_displacement(structure.stiffness, push, structure.dofs.names, structure.free))
+    except RunFailedError as failure:
+        if failure.status.cause is not Cause.SINGULAR:
+            raise
+        given, why = "a follower that nothing holds against the lift", str(failure.status.text)
+        raise refuse(where, given, "a spring on the follower's train", why, "add it under [springs]") from None
+    return 1.0 / give
+
+
+def preload(structure: Structure, contact: PublishedLoad, train: FollowerTrain, cam: Cam, speed: float) -> float:
+    """Return the preload at the follower, N."""
+    if given_forces(structure, train):
+        force = given_force(structure, train)
+        if force <= 0.0:
+            given, why = f"springs that pull the follower with {-force:g} N", "contact needs a push against the lift"
+            raise refuse("springs", given, "installed forces that close the contact", why, "turn a spring's direction")
+        return force
+    deceleration = -event_extremes(cam.event, 2)[0].value * speed**2
+    return contact.preload_factor * train.mass * deceleration
+
+
+def given_force(structure: Structure, train: FollowerTrain) -> float:
+    """Return the given installed forces of springs reduced to the follower, N; zero without any."""
+    return sum(float(train.motion @ row) * size for size, row in given_forces(structure, train))
+
+
+def given_forces(structure: Structure, train: FollowerTrain) -> list[tuple[float, FloatArray]]:
+    """Return installed force and row of the springs on a follower's train with a given installed force."""
+    rows = [(s.installed_force, spring_row(structure, n, s)) for n, s in structure.model.springs.items()]
+    return [(size, row) for size, row in rows if size is not None and float(train.motion @ row) != 0.0]
+
+
+def constant_history(value: float) -> Callable[[CamMotion], FloatArray]:
+    """Return a constant load history."""
+    return lambda motion: np.full_like(motion.angle, value)
+
+
+@lru_cache(maxsize=16)
+def _at_any_speed(structure: Structure, name: str, contact: PublishedLoad) -> tuple[FollowerTrain, float]:
+    """Return the quantities independent of speed: the follower's train and the stiffness K_KE."""
+    where = f"contacts.{name}.follower"
+    return follower_train(structure, contact, where), series_stiffness(structure, contact, where)
+
+
+def couple_published_load(structure: Structure, name: str, contact: PublishedLoad, speed: float) -> Coupling:
+    """Return the coupling of the published load of one cam and its follower."""
+    cam = structure.model.cams[contact.cam]
+    train, K = _at_any_speed(structure, name, contact)
+    force = preload(structure, contact, train, cam, speed)
+    lift, axis = contact.direction, np.concatenate([np.zeros(3), contact.shaft_axis])
+    push = structure.row(contact.follower, lift) - structure.row(cam.at, lift)
+    twist = -structure.row(cam.at, axis)
+    arm = derivative(cam.event)
+
+    def torque(motion: CamMotion) -> FloatArray:
+        return (force + K * motion.cam(cam.event, 0)) * motion.cam(cam.event, 1)
+
+    loads = [
+        Load(f"contacts.{name}.lift", push, lambda motion: K * motion.cam(cam.event, 0)),
+    ]
+    preloaded = push - _spring_share(structure, train)
+    loads.append(Load(f"contacts.{name}.preload", preloaded, constant_history(force), installed=True, steady=True))
+    if contact.cam_torque:
+        loads.append(Load(f"contacts.{name}.torque", twist, torque))
+    local: tuple[LocalForce, ...] = ()
+    if contact.cam_deflection:
+        felt = AngleVector.constant(push)
+        if contact.cam_torque:
+            felt = AngleVector(np.array([push, twist]), (constant(1.0), arm))
+        sensed = AngleVector.constant(structure.row(cam.at, lift))
+        local = (LocalForce(f"contacts.{name}", (sensed,), (felt,), spring_damper(K), (constant(0.0),)),)
+
+    def seen(factor: AngleFunction | None = None) -> Observable:
+        return observable_sum(load_sum(0, 1, factor=factor), *[force_sum(0, factor=factor)] if local else [])
+
+    return Coupling(tuple(loads), local, (
+        Channel(f"contacts.{name}.force", "N", seen()),
+        Channel(f"contacts.{name}.torque", "N m", seen(arm)),
+    ))  # fmt: skip
+
+
+def _spring_share(structure: Structure, train: FollowerTrain) -> FloatArray:
+    """Return the vector of the springs' installed forces that balances a unit force at the follower.
+
+    The force is distributed like the given installed forces, or like the stiffnesses without any.
+    """
+    shares = given_forces(structure, train)
+    if not shares:
+        rows = [(s.stiffness, spring_row(structure, n, s)) for n, s in structure.model.springs.items()]
+        shares = [(k * float(train.motion @ row), row) for k, row in rows]
+    total = sum(size * float(train.motion @ row) for size, row in shares)
+    share = sum((size * row for size, row in shares), np.zeros(structure.dofs.size))
+    return share / total if total > 0.0 else share
 
 
 def constant_loads(structure: Structure) -> list[Load]:

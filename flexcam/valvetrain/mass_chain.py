@@ -10,10 +10,10 @@ import numpy as np
 from flexcam.core import DENSE_LIMIT, FloatArray, Triplets
 from flexcam.core.errors import refuse
 from flexcam.dynamics import ModeBasis, System, project_system
-from flexcam.valvetrain.compression import Bars, compressed_members, elements_of
+from flexcam.valvetrain.loads import follower_train
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import CamContact, PublishedLoad
-from flexcam.valvetrain.published_load import follower_train
+from flexcam.valvetrain.strength import Bars, compressed_members, elements_of
 from flexcam.valvetrain.structure import Structure, build_structure
 from flexcam.valvetrain.system_builder import build_system
 from flexcam.valvetrain.train_topology import moved_nodes

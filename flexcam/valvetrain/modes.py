@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from flexcam import dynamics
 from flexcam.cams import event_extremes
 from flexcam.core import (
+    ComplexArray,
     FloatArray,
     IntArray,
     Triplets,
@@ -19,6 +20,7 @@ from flexcam.core import (
     null_space,
     select_constraints,
 )
+from flexcam.core.errors import refuse
 from flexcam.dynamics import (
     ActiveDofs,
     CamMotion,
@@ -36,13 +38,18 @@ from flexcam.dynamics import (
     equilibrium,
     instability_status,
     project_system,
+    static_displacement,
 )
 from flexcam.fem.assembly import geometric as fem_geometric
 from flexcam.fem.elements import beam
 from flexcam.fem.frames import COMPONENTS
 from flexcam.fem.recovery import section_forces
+from flexcam.fem.rigid_bodies import scalar_matrix
+from flexcam.valvetrain.contacts import lash_row
+from flexcam.valvetrain.loads import series_stiffness
 from flexcam.valvetrain.model import Model
-from flexcam.valvetrain.structure import Structure, build_structure, spring_parts
+from flexcam.valvetrain.parts import Adjuster, Lash, PublishedLoad
+from flexcam.valvetrain.structure import Structure, build_structure, find_node, spring_parts
 from flexcam.valvetrain.system_builder import build_system
 
 _KINDS = {"axial": beam.AXIAL, "torsion": beam.TORSION, "bending x-y": beam.PLANE_XY, "bending x-z": beam.PLANE_XZ}
@@ -199,7 +206,7 @@ def _places(system: System) -> FloatArray:
 _COMPLIANCE_FRACTION = 1e-4
 """Fraction of the static contact compliance above which a mode is relevant for the contact."""
 
-_MOST = 3000
+_MAX_CONTACT_UNKNOWNS = 3000
 """Number of unknowns up to which contact matrices are reasonable."""
 
 
@@ -251,7 +258,7 @@ def contact_stiffness(
 def modes_on_the_lift(model: Model, contact: str, speed: float) -> ContactModes:
     """Return the modes about the static equilibrium at full lift of a cam."""
     structure, system = build_structure(model), build_system(model, speed)
-    if not system.local_forces or system.size > _MOST:
+    if not system.local_forces or system.size > _MAX_CONTACT_UNKNOWNS:
         return contact_modes(structure, contact, ())
     highest = event_extremes(model.cams[model.cam_contacts[contact].cam].event)[1]
     drive = ConstantSpeed(speed, start=highest.at)
@@ -309,3 +316,63 @@ def _kind(axis: int, component: int) -> str:
         return "torsion" if turns else "axial motion"
     across = 3 - axis - direction if turns else direction
     return f"bending in {'xyz'[axis]}-{'xyz'[across]}"
+
+
+_MAX_RESPONSE_UNKNOWNS = 3000
+"""Number of unknowns up to which a dense solution per harmonic is reasonable."""
+
+
+def lift_transfer(model: Model, contact: str, probe: str, speed: float) -> Callable[[FloatArray], ComplexArray]:
+    """Return the motion of a point per lift of a cam, as a function of the circular frequency."""
+    system = build_system(model, speed)
+    if contact not in model.cam_contacts:
+        raise refuse("contact", repr(contact), f"one of {', '.join(model.cam_contacts)}")
+    if system.size > _MAX_RESPONSE_UNKNOWNS:
+        raise refuse(
+            "model",
+            f"{system.size} unknowns",
+            f"up to {_MAX_RESPONSE_UNKNOWNS} for a polydyne cam",
+            "",
+            "fewer elements",
+        )
+    structure, part = build_structure(model), model.cam_contacts[contact]
+    where = f"contacts.{contact}.follower"
+    lift = part.direction
+    push = structure.row(part.follower, lift) - structure.row(model.cams[part.cam].at, lift)
+    stiffness, free = system.stiffness, system.free
+    if isinstance(part, PublishedLoad):
+        force = series_stiffness(structure, part, where) * push
+    else:
+        if part.stiffness is None:
+            raise refuse(f"contacts.{contact}.stiffness", "hertz", "a number", "the answer to a lift must be linear")
+        force = part.stiffness * push
+        stiffness, free = stiffness + scalar_matrix(push, part.stiffness), None
+    for name, play in model.contacts.items():  # lash is closed while the train is under compression
+        if isinstance(play, Lash | Adjuster):
+            closed = scalar_matrix(lash_row(structure, play, f"contacts.{name}"), play.stiffness)
+            stiffness, free = stiffness + closed, None
+    row = structure.row(probe, np.zeros(6) if model.rocker_at(probe) else lift, "probe")
+    M, C, K = (np.asarray(matrix.dense()) for matrix in (system.mass, system.damping, stiffness))
+    still = float(row @ static_displacement(stiffness, force, system.names, free))
+
+    def answer(omega: FloatArray) -> ComplexArray:
+        found: ComplexArray = np.full(omega.shape, still, dtype=np.complex128)
+        for i in np.flatnonzero(omega > 0.0).tolist():
+            w = float(omega[i])
+            found[i] = row @ np.linalg.solve(K + 1j * w * C - w**2 * M, force)
+        return found
+
+    return answer
+
+
+def valve_ratio(model: Model, cam: str) -> float:
+    """Return the valve motion per cam lift, from the rocker of the follower's train."""
+    for contact in model.cam_contacts.values():
+        if contact.cam == cam:
+            finger = model.rocker_at(contact.follower)
+            if finger is not None:
+                return finger.ratio
+            train = model.connected_nodes(find_node(model, contact.follower, "follower"))
+            ratios = [r.ratio for r in model.rockers.values() if not r.finger and model.mesh.node(r.start) in train]
+            return ratios[0] if ratios else 1.0
+    return 1.0

@@ -84,7 +84,7 @@ class Body:
     extends: bool = False
     seated: bool = False
 
-    def is_closed(self, place: float, before: float) -> bool:
+    def touches(self, place: float, before: float) -> bool:
         """Return whether its lash is closed at given positions of it and the driving body, m."""
         return self.extends or place - before <= _PENETRATION_TOLERANCE - self.gap
 
@@ -228,18 +228,18 @@ class TrainParts:
             found.append(path)
         return tuple(found)
 
-    def is_cam_supported(self, rests: FloatArray) -> Bools:
+    def rests_on_cam(self, rests: FloatArray) -> Bools:
         """Return which bodies are supported at rest by the cam without oil, shape (g,): their lash is closed."""
         found = [True]
         for body, rest in list(zip(self.bodies, rests, strict=True))[1:]:
-            closed = not body.extends and body.is_closed(float(rest), float(rests[body.before]))
+            closed = not body.extends and body.touches(float(rest), float(rests[body.before]))
             found.append(closed and found[body.before])
         return np.array(found)
 
     def _lash_path(self, part: Part, path: Coordinate, rests: FloatArray) -> Coordinate:
         """Return a path after a lash; that of an adjuster, or one closed at rest, has no gap."""
         body, rest = self.bodies[part.body], float(rests[part.body])
-        closed = body.is_closed(rest, float(rests[body.before]))
+        closed = body.touches(rest, float(rests[body.before]))
         if body.extends or (closed and body.seated):
             return path_behind_lash(path, float(path(np.zeros(1))[0][0]) - part.slope * rest, None)
         return path_behind_lash(path, part.slope * body.gap, None if closed else part.slope * rest)

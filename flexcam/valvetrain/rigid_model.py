@@ -36,10 +36,9 @@ from flexcam.valvetrain.cam_contact import sliding_path
 from flexcam.valvetrain.cam_functions import cam_sliding, normal_force_ratio, sliding_distance
 from flexcam.valvetrain.contacts import opposed_force
 from flexcam.valvetrain.levers import check_lever_rotation
-from flexcam.valvetrain.loads import steady_load
+from flexcam.valvetrain.loads import follower_train, preload, steady_load
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import CamContact, PublishedLoad
-from flexcam.valvetrain.published_load import follower_train, preload
 from flexcam.valvetrain.rigid_kinematics import Body, Coordinate, divide_train, find_rest
 from flexcam.valvetrain.springs import couple_coils
 from flexcam.valvetrain.structure import Structure, build_structure, spring_parts
@@ -257,7 +256,7 @@ def rigid_train(structure: Structure, contact: PublishedLoad | CamContact, where
     begun = find_rest(parted.bodies, held, pushed)
     needed, seated = held @ begun.places + pushed, np.array([one.seated for one in parted.bodies])
     standing = _rest_forces(parted.bodies, needed - begun.seats)
-    between = seated & parted.is_cam_supported(begun.places)
+    between = seated & parted.rests_on_cam(begun.places)
     return RigidTrain(
         motions, parted.coordinates(begun.places), mass, damping, stiffness, force, bodies, standing, springs,
         float(np.maximum(needed, 0.0)[between].sum()),
@@ -386,7 +385,7 @@ class _ScaledCoordinate(DerivedCamFunction):
 
     def of(self, cam: CamFunctionCache, order: int) -> FloatArray:
         key = id(self.coordinate), id(self.event)  # trains of several cams may share a coordinate
-        h, h1, h2 = cam.cached(key, lambda: self.coordinate(cam(self.event, 0)))
+        h, h1, h2 = cam.lookup(key, lambda: self.coordinate(cam(self.event, 0)))
         if order == 0:
             return self.share * h
         slope = cam(self.event, 1)

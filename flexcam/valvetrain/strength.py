@@ -1,18 +1,295 @@
-"""Stresses over a run, member by member, and the margin against fatigue."""
+"""Strength of members: compression and geometric stiffness, buckling, stresses and fatigue safety."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
-from flexcam.core import FloatArray
-from flexcam.dynamics import Block, Stats, Status
+from flexcam.core import DENSE_LIMIT, FloatArray, IntArray, null_space, select_constraints
+from flexcam.dynamics import Block, Channel, ForceLaw, LocalForce, Observable, Observation, Stats, Status
+from flexcam.dynamics.force_laws import ARCH
+from flexcam.fem.assembly import geometric, stiffness
+from flexcam.fem.dofs import DofMap, dof_map
+from flexcam.fem.elements.arch import SCALARS, Arch, deformation_matrix
+from flexcam.fem.elements.beam import Beams
+from flexcam.fem.members import beams
+from flexcam.fem.mesh import Mesh, refine
 from flexcam.fem.recovery import fibres, section_forces
+from flexcam.valvetrain.contacts import Coupling, opposed_force
 from flexcam.valvetrain.loads import element_loads
 from flexcam.valvetrain.model import Model
-from flexcam.valvetrain.structure import Structure
+from flexcam.valvetrain.structure import Structure, build_structure
+
+
+def buckling_load(structure: Structure, member: str) -> float:
+    """Return the buckling load of a single member in its supports.
+
+    The lowest P of ``K + P Kg(-1)`` over the member's own elements, with the supports of its nodes. Other members and
+    springs are neglected, so that a pushrod between guides has Euler's load. Ends that the supports leave free are
+    hinged. Elements are divided if fewer than four lie between supports, as a single one is up to 50 % too stiff.
+    """
+    own = structure.beams.part(structure.model.mesh.element_ranges()[member])
+    if math.isinf(load := _lowest_load(own, structure.dofs)) or (parts := _parts(structure.model, member)) == 1:
+        return load
+    return _lowest_load(*_divide(structure.model, member, parts))
+
+
+@dataclass(frozen=True)
+class StiffStrut:
+    """Member with too few elements for its geometric stiffness.
+
+    Parameters
+    ----------
+    member
+        Its name.
+    excess
+        Relative excess of the buckling load of the discretized member; infinite if no node is free to bend.
+    elements
+        Sufficient number of elements.
+    """
+
+    member: str
+    excess: float
+    elements: int
+
+
+def stiff_struts(model: Model) -> list[StiffStrut]:
+    """Return the members with too few elements for their geometric stiffness, whose buckling load is too high."""
+    asked = [name for name, member in model.members.items() if member.geometric_stiffness]
+    return list(_stiff(build_structure(model), asked)) if asked else []
+
+
+def _stiff(structure: Structure, members: list[str]) -> Iterator[StiffStrut]:
+    model, ranges = structure.model, structure.model.mesh.element_ranges()
+    for name in members:
+        count = len(model.mesh.lines[name]) - 1
+        if 6 * count > DENSE_LIMIT or (parts := _parts(model, name)) == 1:
+            continue
+        borne, right = (
+            _lowest_load(structure.beams.part(ranges[name]), structure.dofs),
+            _lowest_load(*_divide(model, name, parts)),
+        )
+        if borne > (1.0 + _EXCESS_LIMIT) * right:
+            yield StiffStrut(name, borne / right - 1.0, parts * count)
+
+
+_EXCESS_LIMIT = 0.05
+"""Relative excess of the buckling load to report: two elements between supports stay below it."""
+
+
+def _lowest_load(alone: Beams, dofs: DofMap) -> float:
+    """Return the lowest buckling load of elements, N."""
+    K, G = stiffness(alone, dofs), geometric(alone, np.full(len(alone), -1.0), dofs)
+    numbers = dofs.numbers[np.unique(alone.nodes)]
+    used = np.unique(numbers[numbers >= 0])
+    K, squeezed = K.part(used), -G.part(used).dense()
+    free = np.linalg.qr(null_space(K))[0]
+    kept = np.setdiff1d(np.arange(len(used)), select_constraints(free) if free.shape[1] else [])
+    if not len(kept):
+        return math.inf
+    ends = np.isin(used, dofs.numbers[[alone.nodes[0, 0], alone.nodes[-1, 1]], :3])
+    pressed = _hinge_free_ends(squeezed, free, ends)[np.ix_(kept, kept)]
+    root = np.linalg.cholesky(K.part(kept).dense())
+    scaled = np.linalg.solve(root, np.linalg.solve(root, pressed).T)
+    largest = float(np.linalg.eigvalsh(0.5 * (scaled + scaled.T)).max())
+    return 1.0 / largest if largest > 1e-12 * float(np.abs(scaled).max(initial=1.0)) else math.inf
+
+
+_SUFFICIENT_ELEMENTS = 4
+"""Elements between supports for which the buckling load is accurate to 1 % with any supports."""
+
+_MANY = 100
+"""Number of elements of a member up to which they are divided: their matrices are dense."""
+
+
+def _parts(model: Model, member: str) -> int:
+    """Return the number of parts of each element for sufficient resolution."""
+    line, points = model.mesh.lines[member], model.mesh.points
+    held = {node for point in model.supports for node in points[point].tolist()}
+    inner = [i for i in range(1, len(line) - 1) if int(line[i]) in held]
+    wanted = math.ceil(_SUFFICIENT_ELEMENTS / int(np.diff([0, *inner, len(line) - 1]).min()))
+    return min(wanted, max(2, _MANY // len(line)))
+
+
+def _divide(model: Model, member: str, parts: int) -> tuple[Beams, DofMap]:
+    """Return the divided elements of a member and their numbering with supports."""
+    nodes, line = np.unique(model.mesh.lines[member], return_inverse=True)
+    points = {point: np.flatnonzero(np.isin(nodes, model.mesh.points[point])) for point in model.supports}
+    mesh = refine(Mesh(model.mesh.nodes[nodes], {member: line}, points), {member: parts})
+    return beams(mesh, model.members), dof_map(mesh, model.supports.items())
+
+
+def _hinge_free_ends(pressed: FloatArray, free: FloatArray, ends: NDArray[np.bool_]) -> FloatArray:
+    """Return a geometric stiffness in which free motions are added such that the ends stay in place.
+
+    A free motion has no strain energy, so it can be chosen to minimize the motion of the ends. Twist does not move the
+    ends; the pseudo-inverse omits it.
+    """
+    seen = free * ends[:, None]
+    still = np.eye(len(free)) - free @ np.linalg.pinv(free.T @ seen, rcond=_MOTION_TOLERANCE, hermitian=True) @ seen.T
+    return still.T @ pressed @ still
+
+
+_MOTION_TOLERANCE = 1e-14
+"""Relative square of the ends' motion that counts as zero."""
+
+
+def compressed_members(model: Model) -> list[str]:
+    """Return the members with a compression channel: all without a cam, and those with geometric stiffness."""
+    shafts = {
+        node for cam in model.cams.values() for node in model.mesh.connected_nodes(model.mesh.node(cam.at)).tolist()
+    }
+    return [
+        name for name, member in model.members.items()
+        if member.geometric_stiffness or shafts.isdisjoint(model.mesh.lines[name].tolist())
+    ]  # fmt: skip
+
+
+def elements_of(structure: Structure, member: str) -> IntArray:
+    """Return the positions of a member's elements, shape (e,)."""
+    return np.arange(len(structure.beams))[structure.model.mesh.element_ranges()[member]]
+
+
+@dataclass(frozen=True, eq=False)
+class Bars:
+    """Some elements as straight bars.
+
+    Parameters
+    ----------
+    structure
+        The structure.
+    elements
+        Indices of the elements, shape (e,).
+    """
+
+    structure: Structure
+    elements: IntArray
+
+    @property
+    def stiffness(self) -> FloatArray:
+        """EA/L, N/m, shape (e,)."""
+        beams = self.structure.beams.part(self.elements)
+        return beams.EA / beams.length
+
+    def tension(self, moved: FloatArray) -> FloatArray:
+        """Return the axial force, N, tension positive, shape (m, e), of displacements of all unknowns, shape (m, n)."""
+        found = np.zeros((len(moved), len(self.elements)))
+        for at, force in self._ends:
+            found += moved[:, at] * force
+        return found
+
+    def rows(self) -> FloatArray:
+        """Return the tension by all unknowns, shape (e, n)."""
+        rows = np.zeros((len(self.elements), self.structure.dofs.size))
+        for at, force in self._ends:
+            rows[np.arange(len(self.elements)), at] += force
+        return rows
+
+    @cached_property
+    def _ends(self) -> list[tuple[IntArray, FloatArray]]:
+        """Unknowns with an effect on the tension, shape (e,), and the tension per unit of each, shape (e,)."""
+        beams, dofs = self.structure.beams.part(self.elements), self.structure.dofs
+        numbers, along = dofs.numbers[beams.nodes, :3], beams.triads[:, 0]
+        pulled = self.stiffness[:, None, None] * np.where(numbers >= 0, np.stack([-along, along], axis=1), 0.0)
+        return [(numbers[:, i, j], pulled[:, i, j]) for i, j in np.argwhere(pulled.any(axis=0)).tolist()]
+
+
+def linear_compression(bars: Bars) -> Observable:
+    """Return the largest compression of some elements, N, from the motion of their ends along them."""
+    if bars.structure.dofs.size > DENSE_LIMIT:
+        return lambda seen: -bars.tension(seen.displacement).min(axis=1)
+    rows = bars.rows()
+    return lambda seen: -seen.moved.extract(rows).min(axis=1)
+
+
+def arch_laws(arch: Arch) -> list[ForceLaw]:
+    """Return the laws of some shallow arches beyond their straight bars and beams, element by element.
+
+    Parameters
+    ----------
+    arch
+        The elements.
+
+    Returns
+    -------
+    list
+        `flexcam.dynamics.force_laws.arch`, with the seven deformation parameters of an element.
+    """
+    pulled = np.einsum("eij,ej->ei", arch.shortening, arch.bow)
+    parts = zip(arch.axial, arch.shortening, arch.bow, pulled, strict=True)
+    return [ForceLaw(ARCH, (float(axial), *g.ravel().tolist(), *bow.tolist(), *pull.tolist()))
+            for axial, g, bow, pull in parts]  # fmt: skip
+
+
+def geometric_stiffness_forces(structure: Structure) -> Coupling:
+    """Return the geometric stiffness forces and the compression channels of members.
+
+    Parameters
+    ----------
+    structure
+        The structure.
+
+    Returns
+    -------
+    Coupling
+        A local force per member with geometric stiffness. Channels: ``members.NAME.compression``, the largest of its
+        elements, and where the member can buckle ``members.NAME.buckling_use``, the same by its buckling load.
+    """
+    forces: list[LocalForce] = []
+    channels: list[Channel] = []
+    model = structure.model
+    first = 0
+    for name in compressed_members(model):
+        elements = elements_of(structure, name)
+        where = f"members.{name}"
+        if model.members[name].geometric_stiffness:
+            rows, arch = _deformation_rows(structure, elements), Arch.of(structure.beams, elements)
+            pairs = zip(np.split(rows, len(elements)), arch_laws(arch), strict=True)
+            forces += [opposed_force(f"{where}.bending", part, law) for part, law in pairs]
+            pressed = _compression(arch, slice(first, first + len(rows)))
+            first += len(rows)
+        else:
+            pressed = linear_compression(Bars(structure, elements))
+        channels.append(Channel(f"{where}.compression", "N", pressed))
+        if 6 * len(elements) <= DENSE_LIMIT and math.isfinite(bearable := buckling_load(structure, name)):
+            channels.append(Channel(f"{where}.buckling_use", "1", _part(pressed, bearable)))
+    return Coupling((), tuple(forces), tuple(channels))
+
+
+def _part(value: Observable, whole: float) -> Observable:
+    return lambda seen: value(seen) / whole
+
+
+def _compression(arch: Arch, part: slice) -> Observable:
+    stretches = slice(part.start, part.stop, SCALARS)
+
+    def largest(seen: Observation) -> FloatArray:
+        # The force on the elongation is the axial force beyond that of the linear bar.
+        return -(arch.axial * seen.penetrations[:, stretches] + seen.forces[:, stretches]).min(axis=-1)
+
+    return largest
+
+
+def _deformation_rows(structure: Structure, elements: IntArray) -> FloatArray:
+    """Return the rows of all scalars, shape (7 e, n)."""
+    each = zip(deformation_matrix(structure.beams, elements), elements.tolist(), strict=True)
+    return np.concatenate([D @ _ends(structure, e) for D, e in each])
+
+
+def _ends(structure: Structure, e: int) -> FloatArray:
+    """Return the rows of an element's twelve local components, shape (12, n)."""
+    beams, dofs = structure.beams, structure.dofs
+    local = np.zeros((12, dofs.size))
+    for end, node in zip((0, 6), beams.nodes[e].tolist(), strict=True):
+        for k, axis in enumerate(beams.triads[e]):
+            local[end + k] = dofs.vector(node, np.concatenate([axis, np.zeros(3)]))
+            local[end + 3 + k] = dofs.vector(node, np.concatenate([np.zeros(3), axis]))
+    return local
 
 
 @dataclass(frozen=True)

@@ -63,7 +63,7 @@ def seating(gap: FloatArray, velocity: FloatArray, angle: FloatArray) -> Seating
     top = int(np.argmax(gap))
     height, speed, at = (np.roll(one, -top) for one in (gap, velocity, angle))
     shut = np.flatnonzero(height <= 0.0)
-    if not len(shut) or gap[top] <= _REOPENING_LIFT or _is_open_ended(gap, angle):
+    if not len(shut) or gap[top] <= _REOPENING_LIFT or _has_open_end(gap, angle):
         return None
     first, last = int(shut[0]), int(shut[-1])
     between = height[first : last + 1]
@@ -86,7 +86,7 @@ def _touch_velocity(gap: FloatArray, velocity: FloatArray) -> float:
     return math.sqrt(max(speed**2 + gain * float(gap[-1]), 0.0))
 
 
-def _is_open_ended(gap: FloatArray, angle: FloatArray) -> bool:
+def _has_open_end(gap: FloatArray, angle: FloatArray) -> bool:
     """Return whether a record ends during a lift that is not continued at its beginning."""
     if gap[-1] <= _REOPENING_LIFT:
         return False

@@ -10,7 +10,7 @@ import pytest
 
 from flexcam import prepare, read_case
 from flexcam.dynamics import SaveAt, fingerprint, newmark, solve
-from flexcam.dynamics.checkpoint import flatten
+from flexcam.dynamics.blocks import flatten
 from flexcam.dynamics.step_state import StepState
 
 CASE = Path(__file__).parents[1] / "data/inline.toml"

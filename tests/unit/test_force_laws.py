@@ -39,10 +39,10 @@ from flexcam.dynamics.kernel_engine import compiled_functions
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.fem.elements.arch import Arch
 from flexcam.valvetrain import Lever, Pulsation
-from flexcam.valvetrain.compression import arch_laws
-from flexcam.valvetrain.hertz_contact import HertzLine
+from flexcam.valvetrain.cam_contact import HertzLine
 from flexcam.valvetrain.levers import lever_end
 from flexcam.valvetrain.springs import pulsating_spring
+from flexcam.valvetrain.strength import arch_laws
 
 
 def radius(angle, order):

@@ -20,7 +20,7 @@ from flexcam.dynamics import (
     newmark,
     solve,
 )
-from flexcam.dynamics.impact import solve_complementarity
+from flexcam.dynamics.initial_acceleration import solve_complementarity
 
 
 def contact(name, row, restitution, gap=0.0):

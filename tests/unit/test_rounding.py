@@ -71,7 +71,7 @@ def test_a_contact_passes_the_cause_on(published, monkeypatch):
     def spoilt(*_):
         raise RunFailedError(ROUNDING_STATUS)
 
-    monkeypatch.setattr("flexcam.valvetrain.published_load.static_displacement", spoilt)
+    monkeypatch.setattr("flexcam.valvetrain.loads.static_displacement", spoilt)
     with pytest.raises(RunFailedError) as refusal:
         build_system(published(1), 314.0)
     assert refusal.value.status.cause is Cause.ROUNDING

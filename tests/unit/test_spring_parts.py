@@ -15,7 +15,7 @@ from flexcam.analysis.error_estimate import estimate_errors
 from flexcam.analysis.model_ladder import ModelLevel, run_histories, with_elements
 from flexcam.cams import HarmonicLift
 from flexcam.valvetrain import Spring, build_structure
-from flexcam.valvetrain.surge import count_spring_parts, surge_frequency
+from flexcam.valvetrain.springs import count_spring_parts, surge_frequency
 
 FINGER = Path("cases/direct-acting/finger.toml")
 UP = np.eye(6)[1]

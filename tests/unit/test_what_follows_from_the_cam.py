@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexcam.dynamics import CamFunctionCache, elastic_stop, hunt_crossley_contact, oil_column_law
-from flexcam.dynamics.angle_functions import Derivative
+from flexcam.dynamics.cam_motion import Derivative
 
 
 class Counted:
@@ -32,7 +32,7 @@ def test_a_function_is_computed_once():
 
 def test_what_is_made_once_stays():
     known = CamFunctionCache(np.zeros(1))
-    assert known.cached("key", lambda: [1]) is known.cached("key", lambda: [2])
+    assert known.lookup("key", lambda: [1]) is known.lookup("key", lambda: [2])
 
 
 @pytest.mark.parametrize(

@@ -35,7 +35,7 @@ from flexcam.dynamics import (
     solve,
 )
 from flexcam.dynamics.force_laws import line_load
-from flexcam.valvetrain.hertz_contact import HertzLine
+from flexcam.valvetrain.cam_contact import HertzLine
 
 SOURCE = "Contact and springs, closed forms"
 G, W, V0 = 9.81, 2000.0, 1.2
@@ -213,7 +213,7 @@ def test_two_cylinders_after_young():
 
 def test_a_roller_that_nests_in_its_cam_is_pressed_back():
     """A flank hollow with nearly the roller's radius has a relative radius without end: the load still grows."""
-    from flexcam.valvetrain.hertz_contact import STRAIGHT
+    from flexcam.valvetrain.cam_contact import STRAIGHT
 
     for rolls, depth in ((True, 0.05), (False, 0.018)):
         law = HertzLine(0.01, 207e9, 0.3, constant(STRAIGHT * depth), depth, rolls=rolls)

@@ -16,7 +16,7 @@ from scipy.linalg import eigh
 from flexcam.dynamics import ConstantSpeed, Problem, installed_state, modes, newmark, solve
 from flexcam.fem.elements import bending
 from flexcam.valvetrain import build_rigid, build_structure, build_system, follower_train
-from flexcam.valvetrain.published_load import preload, series_stiffness
+from flexcam.valvetrain.loads import preload, series_stiffness
 
 SOURCE = "Tayeb and Sliman, Flexibility analysis of a cam mechanism"
 TWO_SCRIPTS = "half a unit of the last digit of two independent scripts, and their rounding (0.39453 given as 0.394)"
