@@ -319,7 +319,7 @@ def _dataset_faults(one: Any) -> Iterator[Fault]:  # noqa: ANN401
         given = "references" if _module.check_ref_dtype(kind) else f"values of type {kind}"
         yield Fault(path, given, _PLAIN, _OTHER_KINDS, _OLD_VERSION_REMEDY)
     if _module.h5z.FILTER_FLETCHER32 in filters and _smallest_chunk(one) < _CHECKSUM_BYTES:
-        yield Fault(path, "a chunk without numbers", "chunks with their checksum", "HDF5 crashes on others", _REMEDY)
+        yield Fault(path, "a chunk shorter than its checksum", "chunks of numbers", "HDF5 crashes on it", _REMEDY)
     yield from _attribute_faults(one)
 
 
