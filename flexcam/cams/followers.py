@@ -13,8 +13,8 @@ Handbook, 2nd ed. (2009), ch. 7. The equations for the swinging follower with a 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any, Literal, Protocol
+from dataclasses import dataclass, replace
+from typing import Any, Literal, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,7 +107,18 @@ class Follower(Protocol):
 
 
 @dataclass(frozen=True)
-class FlatFollower:
+class _OnBaseCircle:
+    """Base class of followers."""
+
+    base_radius: float
+
+    def with_base(self, base_radius: float) -> Self:
+        """Return the same follower on another base circle."""
+        return replace(self, base_radius=base_radius)
+
+
+@dataclass(frozen=True)
+class FlatFollower(_OnBaseCircle):
     """Translating follower with a flat face normal to its motion.
 
     Parameters
@@ -115,8 +126,6 @@ class FlatFollower:
     base_radius
         m.
     """
-
-    base_radius: float
 
     def __post_init__(self) -> None:
         positive("base_radius", self.base_radius, "m")
@@ -143,10 +152,6 @@ class FlatFollower:
     def lift_at(self, point: ComplexArray) -> FloatArray:
         """Return the height of the face above the base circle."""
         return point.imag - self.base_radius
-
-    def with_base(self, base_radius: float) -> FlatFollower:
-        """Return the same follower on another base circle."""
-        return FlatFollower(base_radius)
 
 
 def _complex(values: NDArray[Any]) -> ComplexArray:
@@ -181,7 +186,7 @@ def _roller_contact(
 
 
 @dataclass(frozen=True)
-class RollerFollower:
+class RollerFollower(_OnBaseCircle):
     """Translating follower with a roller.
 
     Parameters
@@ -194,7 +199,6 @@ class RollerFollower:
         Distance of the follower's axis from the cam's, m; positive to the right of the upward motion.
     """
 
-    base_radius: float
     roller_radius: float
     offset: float = 0.0
 
@@ -230,10 +234,6 @@ class RollerFollower:
         height = point.imag + np.sqrt(np.where(beside >= 0.0, beside, 0.0))
         return np.where(beside >= 0.0, height - self._start, -math.inf)
 
-    def with_base(self, base_radius: float) -> RollerFollower:
-        """Return the same follower on another base circle."""
-        return RollerFollower(base_radius, self.roller_radius, self.offset)
-
 
 def _normal_direction(angle: float, side: Turn) -> complex:
     """Return the direction of the rise of an arm at an angle (rad) to the line of centres."""
@@ -241,7 +241,7 @@ def _normal_direction(angle: float, side: Turn) -> complex:
 
 
 @dataclass(frozen=True)
-class SwingRollerFollower:
+class SwingRollerFollower(_OnBaseCircle):
     """Swinging follower with a roller at the end of its arm.
 
     Parameters
@@ -255,7 +255,6 @@ class SwingRollerFollower:
         counterclockwise (below).
     """
 
-    base_radius: float
     roller_radius: float
     arm: float
     distance: float
@@ -313,13 +312,9 @@ class SwingRollerFollower:
         angle = away + np.arccos(np.clip(cosine, -1.0, 1.0))
         return np.where(np.abs(cosine) <= 1.0, self.arm * (angle - self.start_angle), -math.inf)
 
-    def with_base(self, base_radius: float) -> SwingRollerFollower:
-        """Return the same follower on another base circle."""
-        return SwingRollerFollower(base_radius, self.roller_radius, self.arm, self.distance, self.side)
-
 
 @dataclass(frozen=True)
-class SwingFlatFollower:
+class SwingFlatFollower(_OnBaseCircle):
     """Swinging follower with a flat face.
 
     Parameters
@@ -334,7 +329,6 @@ class SwingFlatFollower:
         1 where it turns clockwise on the rise, -1 where counterclockwise.
     """
 
-    base_radius: float
     arm: float
     distance: float
     face: float = 0.0
@@ -399,7 +393,3 @@ class SwingFlatFollower:
         sine = self.face / np.maximum(span, 1e-300)
         angle = away - np.arcsin(np.clip(sine, -1.0, 1.0))
         return np.where(np.abs(sine) <= 1.0, self.arm * (angle - self.start_angle), -math.inf)
-
-    def with_base(self, base_radius: float) -> SwingFlatFollower:
-        """Return the same follower on another base circle."""
-        return SwingFlatFollower(base_radius, self.arm, self.distance, self.face, self.side)

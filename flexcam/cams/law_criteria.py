@@ -220,12 +220,10 @@ def _jumps(curve: Curve, breaks: tuple[float, ...]) -> bool:
     return bool((step > 1e-6 * (1.0 + np.abs(curve(joints)))).any())
 
 
-SmoothFunction = Callable[[FloatArray], FloatArray]
-
 _REVOLUTION = 2.0 * math.pi
 _SPACING = math.radians(0.05)
 _LEAST_POINTS = 33
-_LIMIT_OFFSET = 1e-8
+LIMIT_OFFSET = 1e-8
 """Distance from a joint for the left limit, rad: a closer angle counts as the joint."""
 
 _SAME = 1e-12
@@ -238,10 +236,13 @@ _GRID_REFINEMENTS = 9
 """Number of refinements of the grid by four: 1e-8 rad, where a minimum is flat to rounding."""
 
 
-def curve_minimum(curve: SmoothFunction, joints: Sequence[float] = ()) -> Extreme:
+def curve_minimum(curve: Curve, joints: Sequence[float] = ()) -> Extreme:
     """Return the minimum of a curve over a revolution."""
-    edges = [0.0, *(at for at in joints if _LIMIT_OFFSET < at < _REVOLUTION - _LIMIT_OFFSET), _REVOLUTION]
-    pieces = [_piece(start, end) for start, end in pairwise(edges)]
+    edges = [0.0, *(at for at in joints if LIMIT_OFFSET < at < _REVOLUTION - LIMIT_OFFSET), _REVOLUTION]
+    pieces = [  # each ends just before its joint
+        np.linspace(start, end - LIMIT_OFFSET, max(_LEAST_POINTS, math.ceil((end - start) / _SPACING)))
+        for start, end in pairwise(edges)
+    ]
     angles = np.concatenate(pieces)
     values = _finite_values(curve(angles))
     sizes = np.cumsum([len(piece) for piece in pieces])
@@ -249,15 +250,10 @@ def curve_minimum(curve: SmoothFunction, joints: Sequence[float] = ()) -> Extrem
     low, high = (angles[np.clip(valleys + step, *_limits(valleys, sizes))] for step in (-1, 1))
     floors, at = _minima(curve, low, high)
     before = np.array(edges[1:])
-    carried = _finite_values(2.0 * curve(before - _LIMIT_OFFSET) - curve(before - 2.0 * _LIMIT_OFFSET))
+    carried = _finite_values(2.0 * curve(before - LIMIT_OFFSET) - curve(before - 2.0 * LIMIT_OFFSET))
     all_values, places = np.concatenate([values, floors, carried]), np.concatenate([angles, at, before])
     least = float(all_values.min())
     return Extreme(least, float(places[all_values <= least + _SAME * abs(least)].min()))
-
-
-def _piece(start: float, end: float) -> FloatArray:
-    """Return the grid of a smooth piece, which ends just before its joint."""
-    return np.linspace(start, end - _LIMIT_OFFSET, max(_LEAST_POINTS, math.ceil((end - start) / _SPACING)))
 
 
 def _finite_values(values: FloatArray) -> FloatArray:
@@ -283,7 +279,7 @@ def _sampled_minima(values: FloatArray, sizes: IntArray) -> IntArray:
     return found[np.argsort(values[found], kind="stable")[:_VALLEYS]]
 
 
-def _minima(curve: SmoothFunction, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _minima(curve: Curve, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the minima between pairs of angles, and their positions."""
     rows, parts = np.arange(len(low)), np.linspace(0.0, 1.0, 9)
     at, values = low, np.full(len(low), np.inf)

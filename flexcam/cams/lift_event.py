@@ -10,7 +10,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from flexcam.cams.law_criteria import Extreme, curve_minimum
+from flexcam.cams.law_criteria import LIMIT_OFFSET, Extreme, curve_minimum
 from flexcam.cams.motion_law import Law, Ramp, RampTransition, ReversedLaw
 from flexcam.core import FloatArray
 from flexcam.core.errors import positive, refuse
@@ -213,20 +213,7 @@ class LiftEvent:
         return unique_angles(np.array(found))
 
     def __call__(self, angle: FloatArray, order: int = 0) -> FloatArray:
-        """Return the derivative of the lift by the cam angle.
-
-        Parameters
-        ----------
-        angle
-            Cam angle, rad, any shape.
-        order
-            0 (the lift, m) to 4 (m/rad^4).
-
-        Returns
-        -------
-        ndarray
-            Shape as `angle`.
-        """
+        """Return the derivative of the given order (0 to 4) by the cam angle (rad), m/rad^order, shape as `angle`."""
         local = np.mod(np.asarray(angle, dtype=float) - self.start + _SNAP, _REVOLUTION) - _SNAP
         value = np.zeros_like(local)
         if not local.size:
@@ -306,9 +293,6 @@ _cached_extremes = lru_cache(maxsize=64)(_extremes)
 """Cache of extremes, as the same cam is evaluated at every speed."""
 
 
-_LIMIT_OFFSET = 1e-8
-"""Distance from a joint for the limit on the other side, rad: a closer angle counts as on the joint."""
-
 _STEP_TOLERANCE = 1e-6
 """Relative size of a step, to the largest value of its curve, below which it is zero."""
 
@@ -341,9 +325,9 @@ def joints(event: Event) -> list[Joint]:
     angles = np.array(event.joints)
     steps = np.zeros((len(angles), 4))
     for order in range(4):
-        step = event(angles, order) - event(angles - _LIMIT_OFFSET, order)
+        step = event(angles, order) - event(angles - LIMIT_OFFSET, order)
         # Subtract the change of the smooth curve between both places.
-        step -= _LIMIT_OFFSET * event(angles - _LIMIT_OFFSET, order + 1)
+        step -= LIMIT_OFFSET * event(angles - LIMIT_OFFSET, order + 1)
         size = float(np.abs(event(_GRID[::2], order)).max(initial=0.0))
         steps[:, order] = np.where(np.abs(step) > _STEP_TOLERANCE * size, step, 0.0)
     return [Joint(a, (s[0], s[1], s[2], s[3])) for a, s in zip(angles.tolist(), steps.tolist(), strict=True)]

@@ -45,20 +45,9 @@ TangentPlane = tuple[FloatArray, float]
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """Minimization problem over a family of laws.
+    """Minimization of weighted criteria over a family of laws.
 
-    Parameters
-    ----------
-    family
-        Family of laws.
-    weights
-        Weights of the criteria in the objective.
-    limits
-        Bounds on linear criteria.
-    conditions
-        Prescribed values of the law.
-    monotone
-        Whether the velocity must not be negative.
+    Linear criteria may have limits, the law prescribed values, and the velocity must not be negative if monotone.
     """
 
     family: Family

@@ -167,14 +167,7 @@ class Ramp:
 class RampTransition:
     """Law with an initial velocity and continuous velocity and acceleration.
 
-    s = (1 - 0.4 k) law + k g, where g' = (1 - z)^3 (1 + 3 z).
-
-    Parameters
-    ----------
-    law
-        The law of a rise from rest.
-    slope
-        k, the velocity at z = 0, normalized.
+    s = (1 - 0.4 k) law + k g, where g' = (1 - z)^3 (1 + 3 z), k is the velocity at z = 0 and the law rises from rest.
     """
 
     law: Law

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexcam.cams.followers import Follower, FollowerContact, RollerFollower, Turn
-from flexcam.cams.law_criteria import Extreme, curve_minimum
+from flexcam.cams.law_criteria import LIMIT_OFFSET, Extreme, curve_minimum
 from flexcam.cams.lift_event import Event
 from flexcam.core import ComplexArray, FloatArray, IntArray
 from flexcam.core.errors import InputError, finite_array, positive, refuse
@@ -231,8 +231,6 @@ PRESSURE_ANGLE = math.radians(30.0)
 
 _HALVINGS = 60
 _ROUNDING = 1e-9
-_LIMIT_OFFSET = 1e-8
-"""Distance from a joint for the left limit, rad."""
 
 
 @dataclass(frozen=True)
@@ -270,16 +268,16 @@ def find_profile_faults(
     cut = seen.convex.value <= 0.0
     if cut:
         what = "undercut: the profile would cross itself"
-        others = ["a smaller roller"] if math.isfinite(follower.roller_radius) else []
-        remedy = _remedy([*others, "a longer event"], base_helps=base_helps)
+        remedy = _remedy(["a smaller roller"] if math.isfinite(follower.roller_radius) else [], base_helps=base_helps)
         found.append(ProfileFault(what, remedy, seen.convex.at, seen.convex.value, 0.0))
     steep = seen.pressure_angle
     if abs(steep.value) > pressure_angle * (1.0 + _ROUNDING):
-        others = ["an offset"] if isinstance(follower, RollerFollower) else ["another pivot or arm"]
-        remedy = _remedy([*others, "a longer event"], base_helps=base_helps)
-        found.append(
-            ProfileFault("pressure angle too large", remedy, steep.at, abs(steep.value), pressure_angle, "angle")
+        what, other = (
+            "pressure angle too large",
+            "an offset" if isinstance(follower, RollerFollower) else "another pivot or arm",
         )
+        remedy = _remedy([other], base_helps=base_helps)
+        found.append(ProfileFault(what, remedy, steep.at, abs(steep.value), pressure_angle, "angle"))
     if cutter is not None and not cut and seen.hollow is not None and seen.hollow.value < cutter:
         what = "the cutter is larger than the hollow it would have to cut"
         found.append(ProfileFault(what, "take a smaller one", seen.hollow.at, seen.hollow.value, cutter))
@@ -288,7 +286,7 @@ def find_profile_faults(
 
 def _remedy(others: list[str], *, base_helps: bool) -> str:
     """Return remedies as a sentence, a larger base circle first if it helps."""
-    *first, last = [*(["a larger base circle"] if base_helps else []), *others]
+    *first, last = [*(["a larger base circle"] if base_helps else []), *others, "a longer event"]
     return f"take {', '.join(first)} or {last}" if first else f"take {last}"
 
 
@@ -341,7 +339,7 @@ def _satisfies_limits(made: CamProfile, pressure_angle: float, radius: float) ->
 
 def _one_sided_angles(joints: Sequence[float]) -> list[float]:
     """Return angles on both sides of joints, rad."""
-    return [at - step for at in joints for step in (0.0, _LIMIT_OFFSET)]
+    return [at - step for at in joints for step in (0.0, LIMIT_OFFSET)]
 
 
 def _bisect(fits: Callable[[float], bool], low: float, high: float) -> float:

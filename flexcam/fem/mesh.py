@@ -212,38 +212,27 @@ def _range_faults(mesh: Mesh) -> list[Fault]:
 
 
 def _length_faults(mesh: Mesh) -> list[Fault]:
-    ends = mesh.nodes[mesh.elements()]
-    length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    pairs = mesh.elements()
+    length = np.linalg.norm(mesh.nodes[pairs[:, 1]] - mesh.nodes[pairs[:, 0]], axis=1)
+    why, remedy = "an element has a length", "merge the nodes or move one"
     return [
         Fault(
-            f"element {e}",
-            f"nodes {a} and {b} at the same place",
-            "two nodes apart",
-            "an element has a length",
-            "merge the nodes or move one",
+            f"element {e}", f"nodes {pairs[e, 0]} and {pairs[e, 1]} at the same place", "two nodes apart", why, remedy
         )
-        for e, (a, b) in [
-            (e, mesh.elements()[e].tolist()) for e in np.flatnonzero(length == 0.0)[:_MAX_FAULTS].tolist()
-        ]
+        for e in np.flatnonzero(length == 0.0)[:_MAX_FAULTS].tolist()
     ]
 
 
 def _duplicate_faults(mesh: Mesh) -> list[Fault]:
     """Return the faults of coincident nodes, which usually are a missing joint."""
     order = np.lexsort(mesh.nodes.T)
-    sorted_nodes = mesh.nodes[order]
-    same = np.flatnonzero((sorted_nodes[1:] == sorted_nodes[:-1]).all(axis=1))
-    why = "members meet only at a shared node"
-    pairs = [(int(order[i]), int(order[i + 1])) for i in same[:_MAX_FAULTS].tolist()]
+    nodes = mesh.nodes[order]
+    same = np.flatnonzero((nodes[1:] == nodes[:-1]).all(axis=1))[:_MAX_FAULTS]
+    allowed, why = "one node at one place", "members meet only at a shared node"
+    names = [(mesh.node_name(int(order[i])), mesh.node_name(int(order[i + 1]))) for i in same]
     return [
-        Fault(
-            f"nodes {mesh.node_name(a)!r} and {mesh.node_name(b)!r}",
-            str(mesh.nodes[a].tolist()),
-            "one node at one place",
-            why,
-            "merge them",
-        )
-        for a, b in pairs
+        Fault(f"nodes {one!r} and {other!r}", str(nodes[i].tolist()), allowed, why, "merge them")
+        for i, (one, other) in zip(same, names, strict=True)
     ]
 
 
@@ -253,10 +242,7 @@ def chain(
     """Return a straight member of equal elements with ends named ``start`` and ``end``."""
     if elements < 1:
         raise refuse("elements", elements, "a whole number from 1")
+    line = np.arange(elements + 1)
     nodes = np.linspace(np.asarray(start, float), np.asarray(end, float), elements + 1)
-    points: Mapping[str, Sequence[int]] = {"start": [0], "end": [elements], "inner": range(1, elements)}
-    return Mesh(
-        nodes,
-        {name: np.arange(elements + 1)},
-        {key: np.array(value, np.intp) for key, value in points.items() if len(value)},
-    )
+    points = {"start": line[:1], "end": line[-1:], "inner": line[1:-1]}
+    return Mesh(nodes, {name: line}, {key: index for key, index in points.items() if len(index)})

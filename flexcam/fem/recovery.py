@@ -22,14 +22,9 @@ _UNDAMPED = Damping()
 
 
 def section_forces(
-    beams: Beams,
-    nodal: FloatArray,
-    *,
-    velocity: FloatArray | None = None,
-    acceleration: FloatArray | None = None,
-    damping: Damping = _UNDAMPED,
-    spread: FloatArray | None = None,
-) -> FloatArray:
+    beams: Beams, nodal: FloatArray, *, velocity: FloatArray | None = None, acceleration: FloatArray | None = None,
+    damping: Damping = _UNDAMPED, spread: FloatArray | None = None,
+) -> FloatArray:  # fmt: skip
     """Return the section forces at both ends of every element.
 
     They are the end forces ``k u + c v + m a - f`` of the element as a free body with Rayleigh's ``c = alpha m + beta
@@ -52,6 +47,7 @@ def section_forces(
 
 
 def _local(beams: Beams, nodal: FloatArray) -> FloatArray:
+    """Return the nodal values at both ends of every element in local axes, shape (..., e, 12)."""
     ends = nodal[..., beams.nodes, :].reshape(*nodal.shape[:-2], len(beams), 4, 3)
     return np.einsum("eij,...ekj->...eki", beams.triads, ends).reshape(*nodal.shape[:-2], len(beams), 12)
 
@@ -118,12 +114,9 @@ _CORNERS = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]])
 
 def fibres(sections: Sequence[Section]) -> Fibres:
     """Return the stress factors of elements."""
-    outline = [
-        (np.sin(_OUTLINE_POINTS), np.cos(_OUTLINE_POINTS))
-        if s.round
-        else (np.resize(_CORNERS[:, 1], 36), np.resize(_CORNERS[:, 0], 36))
-        for s in sections
-    ]
+    circle = np.sin(_OUTLINE_POINTS), np.cos(_OUTLINE_POINTS)
+    corners = np.resize(_CORNERS[:, 1], 36), np.resize(_CORNERS[:, 0], 36)
+    outline = [circle if s.round else corners for s in sections]
     return Fibres(
         area=np.array([s.A for s in sections]),
         modulus_y=np.array([s.Iy / s.fibre_z if s.fibre_z else np.inf for s in sections]),
@@ -140,17 +133,15 @@ _ALL = slice(None)
 
 def deflection(beams: Beams, nodal: FloatArray, parts: int, elements: slice = _ALL) -> FloatArray:
     """Return the displacement of the element axes at points between the nodes."""
-    nodes, length = beams.nodes[elements], beams.length[elements, None]
-    ends = nodal[..., nodes, :].reshape(*nodal.shape[:-2], len(nodes), 4, 3)
-    local = np.einsum("eij,...ekj->...eki", beams.triads[elements], ends)
+    part = beams.part(elements)
+    length = part.length[:, None]
+    local = _local(part, nodal).reshape(*nodal.shape[:-2], len(part), 4, 3)
     (u1, t1), (u2, t2) = ((local[..., i, :], local[..., i + 1, :]) for i in (0, 2))
     x = np.linspace(0.0, 1.0, parts + 1)
     u, rx = ((1.0 - x) * first[..., :1] + x * second[..., :1] for first, second in ((u1, u2), (t1, t2)))
-    v, rz = _interpolate_bending(
-        length, beams.phi_y[elements, None], x, (u1[..., 1:2], t1[..., 2:], u2[..., 1:2], t2[..., 2:])
-    )
+    v, rz = _interpolate_bending(length, part.phi_y[:, None], x, (u1[..., 1:2], t1[..., 2:], u2[..., 1:2], t2[..., 2:]))
     w, ry = _interpolate_bending(
-        length, beams.phi_z[elements, None], x, (u1[..., 2:], -t1[..., 1:2], u2[..., 2:], -t2[..., 1:2])
+        length, part.phi_z[:, None], x, (u1[..., 2:], -t1[..., 1:2], u2[..., 2:], -t2[..., 1:2])
     )
     return np.stack([u, v, w, rx, -ry, rz], axis=-1)
 

@@ -5,7 +5,6 @@ a result are named in `result_schema`.
 """
 
 from flexcam.io.cam_files import (
-    LiftColumns,
     ProfileTable,
     read_lift,
     read_profile,
@@ -41,7 +40,6 @@ __all__ = [
     "SERIES",
     "VECTORS",
     "Geometry",
-    "LiftColumns",
     "PartialResult",
     "ProfileTable",
     "Result",

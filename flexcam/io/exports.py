@@ -20,7 +20,16 @@ from flexcam.fem.mesh import Mesh
 from flexcam.io.files import atomic_write_path, check_writable, create_folder
 from flexcam.io.hdf5 import write_digest, write_texts
 from flexcam.io.result_reader import Result
-from flexcam.io.result_schema import ABOUT, NODE, RADIUS, RECOVERED_FIELDS, SERIES, VECTORS
+from flexcam.io.result_schema import (
+    ABOUT,
+    MODES_FREQUENCIES,
+    MODES_KIND,
+    NODE,
+    RADIUS,
+    RECOVERED_FIELDS,
+    SERIES,
+    VECTORS,
+)
 from flexcam.io.vtk_groups import Geometry, VtkGroup, constant_data
 
 _TYPES = {"float64": "Float64", "int64": "Int64"}
@@ -290,7 +299,7 @@ def write_modes(
         group.append({name: swing[:, None, None] * shape for name, shape in drawn.items()}, FRAMES_PER_PERIOD)
         group.count(FRAMES_PER_PERIOD)
         group.write_times(phase)
-        about = {"kind": "modes", "frequencies_hz": " ".join(f"{f:.9g}" for f in frequencies)}
+        about = {MODES_KIND: "modes", MODES_FREQUENCIES: " ".join(f"{f:.9g}" for f in frequencies)}
         write_texts(file.create_group(ABOUT), about)
         write_digest(file)
     with atomic_write_path(path) as draft:

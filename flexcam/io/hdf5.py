@@ -137,13 +137,25 @@ SCALES = frozenset({"DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME"})
 """Attributes that attach dimension scales to datasets, for other readers; flexcam ignores them."""
 
 
-def _children(group: Any) -> Iterator[tuple[str, int, Any]]:  # noqa: ANN401
-    """Yield path, address and object of every hard link of a group, in order of names."""
-    path = _path(group).rstrip("/")
-    for name in sorted(group):
-        link = group.links.get_info(name)
-        if link.type == _module.h5l.TYPE_HARD:
-            yield f"{path}/{name.decode()}", int(link.u), _module.h5o.open(group, name)
+def _walk(file: Any) -> Iterator[tuple[str, Any, bool]]:  # noqa: ANN401
+    """Yield path and object of every hard link, group by group in order of names, and whether the object is new."""
+    seen: set[int] = set()
+    groups = [file.id]
+    while groups:
+        group = groups.pop()
+        path = _path(group).rstrip("/")
+        for name in sorted(group):
+            link = group.links.get_info(name)
+            if link.type == _module.h5l.TYPE_HARD:
+                one, new = _module.h5o.open(group, name), int(link.u) not in seen
+                seen.add(int(link.u))
+                yield f"{path}/{name.decode()}", one, new
+                if new and not _is_dataset(one):
+                    groups.append(one)
+
+
+def _is_dataset(one: Any) -> bool:  # noqa: ANN401
+    return isinstance(one, _module.h5d.DatasetID)
 
 
 def _path(one: Any) -> str:  # noqa: ANN401
@@ -158,15 +170,7 @@ def _attribute_names(one: Any) -> list[str]:  # noqa: ANN401
 
 def datasets(file: Any) -> list[Any]:  # noqa: ANN401
     """Return all datasets of a file; a dataset with several names is listed once."""
-    found: dict[int, Any] = {}
-    groups = [file.id]
-    while groups:
-        for _, address, one in _children(groups.pop()):
-            if isinstance(one, _module.h5d.DatasetID):
-                found.setdefault(address, one)
-            else:
-                groups.append(one)
-    return [_module.Dataset(one) for one in found.values()]
+    return [_module.Dataset(one) for _, one, new in _walk(file) if new and _is_dataset(one)]
 
 
 _ROWS = 1 << 16
@@ -188,21 +192,13 @@ def digest(file: Any) -> str:  # noqa: ANN401
 
 def _digest_input(file: Any, faults: list[Fault]) -> Iterator[Any]:  # noqa: ANN401
     """Yield names, attributes and numbers; append the faults of damaged datasets."""
-    seen: set[int] = set()
-    groups = [file.id]
-    while groups:
-        group = groups.pop()
-        yield from _attributes(group)
-        for path, address, one in _children(group):
-            yield path.encode()
-            if address in seen:
-                continue
-            seen.add(address)
-            if not isinstance(one, _module.h5d.DatasetID):
-                groups.append(one)
-                continue
-            yield f"{one.dtype.str} {one.shape}".encode()
+    yield from _attributes(file.id)
+    for path, one, new in _walk(file):
+        yield path.encode()
+        if new:
             yield from _attributes(one)
+        if new and _is_dataset(one):
+            yield f"{one.dtype.str} {one.shape}".encode()
             try:
                 for values in _pieces(_module.Dataset(one)):
                     yield np.ascontiguousarray(values).reshape(-1).view(np.uint8).data
@@ -287,21 +283,16 @@ _OLD_VERSION_REMEDY = "if an earlier flexcam wrote it, compute it again"
 
 def _faults(file: Any, size: int) -> Iterator[Fault]:  # noqa: ANN401
     """Yield unsupported or unsafe content; a file with any is not read further."""
-    seen: set[int] = set()
     declared, limit = 0, max(_ALLOWED_BYTES, _ALLOWED_RATIO * size)
-    groups = [file.id]
-    while groups:
-        group = groups.pop()
-        yield from (*_external_link_faults(group), *_attribute_faults(group))
-        for path, address, one in _children(group):
-            if isinstance(one, _module.h5d.DatasetID):
-                yield from () if address in seen else _dataset_faults(one)
-                declared += 0 if address in seen else math.prod(one.shape or (0,)) * one.dtype.itemsize
-            elif isinstance(one, _module.h5g.GroupID) and address not in seen:
-                groups.append(one)
-            elif isinstance(one, _module.h5g.GroupID):
+    yield from (*_external_link_faults(file.id), *_attribute_faults(file.id))
+    for path, one, new in _walk(file):
+        if new and _is_dataset(one):
+            yield from _dataset_faults(one)
+            declared += math.prod(one.shape or (0,)) * one.dtype.itemsize
+        elif isinstance(one, _module.h5g.GroupID):
+            yield from (*_external_link_faults(one), *_attribute_faults(one))
+            if not new:
                 yield Fault(path, "a group that contains itself or stands twice", "a tree of groups", "", "")
-            seen.add(address)
     if declared > limit:
         given, why = f"{declared:.3g} bytes declared in a file of {size}", "so much of nothing fills the memory"
         yield Fault("/", given, f"up to {limit:.3g} bytes", why, "do not trust where it comes from")
@@ -328,7 +319,7 @@ def _dataset_faults(one: Any) -> Iterator[Fault]:  # noqa: ANN401
         given = "references" if _module.check_ref_dtype(kind) else f"values of type {kind}"
         yield Fault(path, given, _PLAIN, _OTHER_KINDS, _OLD_VERSION_REMEDY)
     if _module.h5z.FILTER_FLETCHER32 in filters and _smallest_chunk(one) < _CHECKSUM_BYTES:
-        yield Fault(path, "a chunk without numbers", "chunks with their checksum", "HDF5 crashes on others", _REMEDY)
+        yield Fault(path, "a chunk shorter than its checksum", "chunks of numbers", "HDF5 crashes on it", _REMEDY)
     yield from _attribute_faults(one)
 
 

@@ -34,6 +34,9 @@ SERIES = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
 # Texts, status, mesh and checkpoint.
 ABOUT = "about"
 ABOUT_FORMAT = "format"
+MODES_KIND, MODES_FREQUENCIES = "kind", "frequencies_hz"
+"""Texts about a file of modes."""
+
 STATUS = "status"
 CAUSE, TEXT, REMEDY, WARNINGS = "cause", "text", "remedy", "warnings"
 MESH_NODES = "mesh/nodes"

@@ -116,6 +116,17 @@ def test_hdf5_that_leads_out_or_swells(what, sound, tmp_path, tried):
     tried("hostile", f"HDF5 with {what}", 3, "refused, unread")
 
 
+def test_a_chunk_that_crashes_hdf5(tmp_path):
+    """HDF5 takes the length of the checksum off that of the chunk, and reads beyond the memory."""
+    path = tmp_path / "short.vtkhdf"
+    with h5py.File(path, "w") as file:
+        made = file.create_dataset("x", (4,), "f8", maxshape=(None,), chunks=(4,), fletcher32=True)
+        made.id.write_direct_chunk((0,), b"ab")
+    for read in (read_result, verify_file, read_table):
+        with pytest.raises(InputError, match="shorter than its checksum"):
+            read(path)
+
+
 def test_what_is_sound_passes_the_guard(sound):
     """Our own dimension scales are references that nothing follows."""
     with open_hdf5(sound, "result", "a result") as file:
