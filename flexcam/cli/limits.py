@@ -34,7 +34,7 @@ from flexcam.core import FloatArray
 from flexcam.core.errors import positive, refuse
 from flexcam.core.units import RPM, parse, shaft_name, shaft_speed
 from flexcam.dynamics import Status
-from flexcam.report.formatting import format_fixed
+from flexcam.report.formatting import format_decimals
 from flexcam.report.tables import limits_json, limits_table
 from flexcam.report.terminal import facts_table, plain_table, print_json, result_console, show_count
 
@@ -182,7 +182,9 @@ def divergence_table(found: Sequence[SpeedResult], scale: float, tolerance: floa
 
 def _format_forces(forces: ForceRange | None) -> str:
     return (
-        "did not finish" if forces is None else f"{format_fixed(forces.least, 0)} to {format_fixed(forces.largest, 0)}"
+        "did not finish"
+        if forces is None
+        else f"{format_decimals(forces.least, 0)} to {format_decimals(forces.largest, 0)}"
     )
 
 

@@ -35,7 +35,7 @@ from flexcam.core.errors import refuse
 from flexcam.core.units import shaft_name
 from flexcam.dynamics import Cause, RunFailedError, Status, reraise_interrupt
 from flexcam.io import check_writable, write_text
-from flexcam.report.formatting import StudyOutput, finite_or_none, format_csv, format_fixed, format_number
+from flexcam.report.formatting import StudyOutput, finite_or_none, format_csv, format_decimals, format_number
 from flexcam.report.terminal import facts_table, plain_table, show_count
 from flexcam.studies.evaluation import Row
 from flexcam.studies.evaluators import (
@@ -426,7 +426,7 @@ def _bounds(design: OptimizationProblem, found: Evaluations, at: int) -> Table:
 
 def _closeness(passed: float, outside: float) -> str:
     if passed > _ROUNDING:
-        return f"passed by {format_fixed(100.0 * passed, 2)} %"
+        return f"passed by {format_decimals(100.0 * passed, 2)} %"
     return f"decides: {-passed:.2%} away" if is_active(passed) or outside <= _ACTIVE_DISTANCE else f"{-passed:.1%} away"
 
 
