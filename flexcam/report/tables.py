@@ -137,8 +137,8 @@ def _weight(ready: PreparedRun) -> list[tuple[str, str]]:
     if not any(model.gravity):
         return []
     left_out = [name for name, part in model.masses.items() if model.rocker_at(part.at) is not None]
-    told = f"; not counted, at a rocker's point: {', '.join(left_out)}" if left_out else ""
-    return [("gravity", f"{_vector(np.array(model.gravity))} m/s^2{told}")]
+    omitted = f"; without masses at points of rockers: {', '.join(left_out)}" if left_out else ""
+    return [("gravity", f"{_vector(np.array(model.gravity))} m/s^2{omitted}")]
 
 
 def _vector(direction: FloatArray) -> str:
@@ -311,8 +311,8 @@ def stats_json(stats: Stats) -> dict[str, object]:
 
 def _warning_rows(result: Result) -> list[tuple[str, str]]:
     """Return the warnings of the run and of its case."""
-    told = dict.fromkeys([*result.warnings, *result.about.get("warnings", "").splitlines()])
-    return [("warning", one.removeprefix("Warning: ")) for one in told] or [("warnings", "none")]
+    warnings = dict.fromkeys([*result.warnings, *result.about.get("warnings", "").splitlines()])
+    return [("warning", one.removeprefix("Warning: ")) for one in warnings] or [("warnings", "none")]
 
 
 def _seconds(stats: Stats) -> str:
@@ -339,6 +339,7 @@ def info_table(result: Result) -> Table:
     """Return the table of a result file's contents."""
     response = result.response
     about = [(name, text) for name, text in result.about.items() if name not in _OMITTED_TEXTS]
+    balance = describe_balance(ExtremesSink.of(response), response.stats)
     rows = [
         ("run", str(response.status)),
         ("steps", f"{response.stats.steps} of {describe_dofs(response)}{_seconds(response.stats)}"),
@@ -347,7 +348,7 @@ def info_table(result: Result) -> Table:
             if response.stats.periodicity >= 0.0
             else []
         ),
-        *([("energy balance", told)] if (told := describe_balance(ExtremesSink.of(response), response.stats)) else []),
+        *([("energy balance", balance)] if balance else []),
         ("saved", f"{len(response.time)} instants of the probes, {len(response.field_time)} of the fields"),
         ("probes", ", ".join(name for name, _ in response.outline.probes) or "none"),
         ("channels", ", ".join(f"{name} [{unit}]" for name, unit in response.outline.channels) or "none"),

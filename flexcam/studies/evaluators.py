@@ -36,7 +36,7 @@ class Variable:
     low: float  #: limits in its unit
     high: float
     unit: str = ""  #: unit as given, else the SI unit; empty for a dimensionless number
-    stands: float | None = None  #: value of the case as a fraction of the interval; None if not known
+    start: float | None = None  #: value of the case as a fraction of the interval; None if not known
 
     def text(self, value: float) -> str:
         """Return a value as text for an override."""
@@ -68,8 +68,8 @@ def _variable(case: Case, setting: str, where: str) -> Variable:
     if not ends.interval or low.number is None or high.number is None:
         raise refuse(where, repr(spec), "an interval such as 30:60 kN/m", "anything between may be taken")
     first, last = (number_after_override(case, key, end.text, where) for end in (low, high))
-    stands = (number.value - first) / (last - first) if last != first else None
-    return Variable(key, low.number, high.number, ends.unit or number.unit.removeprefix("SI"), stands)
+    start = (number.value - first) / (last - first) if last != first else None
+    return Variable(key, low.number, high.number, ends.unit or number.unit.removeprefix("SI"), start)
 
 
 def number_after_override(case: Case, key: str, text: str, where: str) -> float:

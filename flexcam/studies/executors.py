@@ -322,7 +322,7 @@ class ClusterWorkers:
 
     def __post_init__(self) -> None:
         if self.count < 1:
-            raise refuse("--workers", self.count, "a whole number from 1", "somebody must run the variants")
+            raise refuse("--workers", self.count, "a whole number from 1")
 
     @contextmanager
     def open_pool(self, source: Bundle | Path, evaluate: Evaluate) -> Generator[Pool]:

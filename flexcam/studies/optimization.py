@@ -198,9 +198,9 @@ class OptimizationProblem:
         return np.array([(one.low, one.high) for one in self.points.variables]).T
 
     @property
-    def stands(self) -> FloatArray | None:
+    def start(self) -> FloatArray | None:
         """Point of the case as fractions of the intervals, shape (k,); None if it is outside of an interval."""
-        parts = [one.stands for one in self.points.variables]
+        parts = [one.start for one in self.points.variables]
         known = [part for part in parts if part is not None and 0.0 <= part <= 1.0]
         return np.array(known) if len(known) == len(parts) else None
 
@@ -344,8 +344,8 @@ def _differential_evolution(
 
     rng, variables = np.random.default_rng(seed), len(design.points.variables)
     start = qmc.LatinHypercube(variables, seed=rng).random(generation)
-    if design.stands is not None:
-        start[0] = design.stands  # the result is not worse than the given case
+    if design.start is not None:
+        start[0] = design.start  # the result is not worse than the given case
 
     def cost(x: FloatArray) -> FloatArray:
         return np.minimum(judge.evaluate(x.T)[0][:, 0], _LARGE_COST)
@@ -400,8 +400,8 @@ def find_pareto_front(design: OptimizationProblem, *, evaluations: int = 400, se
     judge = ProblemEvaluator(design)
 
     def search() -> None:
-        if design.stands is not None:
-            judge.evaluate(design.stands[None])  # the front is not worse than the given case
+        if design.start is not None:
+            judge.evaluate(design.start[None])  # the front is not worse than the given case
         _run_nsga2(judge, design, size, evaluations // size, seed)
 
     return judge.run_search(search)
