@@ -50,7 +50,7 @@ from flexcam.core.units import RPM, parse, shaft_name
 from flexcam.dynamics import Response, Status, reraise_interrupt
 from flexcam.io import read_result, write_text
 from flexcam.report.fidelity_tables import TRADE_LEGEND, trade_csv, trade_json, trade_table, trade_warnings
-from flexcam.report.formatting import format_fixed
+from flexcam.report.formatting import format_decimals
 from flexcam.report.tables import (
     claim_table,
     comparison_json,
@@ -231,7 +231,7 @@ def divergence_table(found: Sequence[SpeedResult], scale: float, tolerance: floa
 
 def _format_forces(forces: ForceRange | None) -> str:
     return (
-        "did not finish" if forces is None else f"{format_fixed(forces.least, 0)} to {format_fixed(forces.largest, 0)}"
+        "did not finish" if forces is None else f"{format_decimals(forces.least, 0)} to {format_decimals(forces.largest, 0)}"
     )
 
 

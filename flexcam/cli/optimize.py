@@ -29,7 +29,7 @@ from flexcam.cli.sensitivity import Highest, Lowest, StudyOptions, Within, Worke
 from flexcam.core.errors import refuse
 from flexcam.dynamics import Cause, RunFailedError, Status
 from flexcam.io import check_writable, write_text
-from flexcam.report.formatting import StudyOutput, finite_or_none, format_csv, format_fixed, format_number
+from flexcam.report.formatting import StudyOutput, finite_or_none, format_csv, format_decimals, format_number
 from flexcam.report.terminal import facts_table, plain_table
 from flexcam.studies.evaluators import PointEvaluator, resolved_case_text, variables_of
 from flexcam.studies.optimization import (
@@ -215,7 +215,7 @@ def _margin(violation: float, distance: float) -> tuple[str, str]:
     """Return the margin of a constraint, and the distance to the nearest variant that violates it."""
     away = "none found" if math.isinf(distance) else f"{distance:.2%}"
     if violation > _ROUNDING:
-        return f"violated by {format_fixed(100.0 * violation, 2)} %", away
+        return f"violated by {format_decimals(100.0 * violation, 2)} %", away
     active = is_active(violation) or distance <= _ACTIVE_DISTANCE
     return (f"active: {-violation:.2%}" if active else f"{-violation:.1%}"), away
 

@@ -18,13 +18,12 @@ from flexcam.core import FloatArray
 from flexcam.core.errors import refuse, suggest_name
 from flexcam.core.units import to_display_unit
 from flexcam.dynamics import Response
-from flexcam.fem.frames import ROTATIONS
+from flexcam.io.exports import component_unit
+from flexcam.io.result_writer import SERIES
 from flexcam.plotting.figures import COLOURS, add_legend, create_stacked_axes, line_styles, wrap_title
 
 Abscissa = Literal["angle", "time"]
 """Abscissa of the curves of a run: cam angle or time."""
-SERIES = {"displacement": "", "velocity": "/s", "acceleration": "/s^2"}
-"""Motions of a probe, and their units relative to that of the displacement."""
 
 _TICKS = (5, 10, 15, 30, 45, 90, 180, 360, 720)
 _MOST_TICKS = 9
@@ -52,11 +51,6 @@ class CurveStyle:
     width: float = 1.4
 
 
-def motion_unit(component: str, series: str) -> str:
-    """Return the SI unit of a probe's motion."""
-    return ("rad" if component.rpartition(".")[2] in ROTATIONS else "m") + SERIES[series]
-
-
 def draw_motion(
     axes: Sequence[Axes], response: Response, probe: str, *, over: Abscissa = "angle", look: CurveStyle | None = None
 ) -> None:
@@ -65,8 +59,8 @@ def draw_motion(
     if history.displacement.ndim != 1:
         allowed = "one scalar: " + ", ".join(f"{probe}.{c}" for c in history.components)
         raise refuse("probe", repr(probe), allowed, "a curve is one scalar over the cam angle")
-    for one, series in zip(axes, SERIES, strict=False):
-        factor, _ = to_display_unit(motion_unit(probe, series))
+    for one, (series, unit) in zip(axes, SERIES.items(), strict=False):
+        factor, _ = to_display_unit(component_unit(probe.rpartition(".")[2], unit))
         _draw(one, response, factor * getattr(history, series), over, look)
 
 
@@ -98,7 +92,8 @@ def motion_figure(
 ) -> Figure:  # fmt: skip
     """Return a figure with the motion of a probe in several runs, and channels below it."""
     first = next(iter(responses.values()))
-    motions = [axis_label(series, motion_unit(probe, series)) for series in SERIES]
+    component = probe.rpartition(".")[2]
+    motions = [axis_label(series, component_unit(component, unit)) for series, unit in SERIES.items()]
     called = [axis_label(short_name(name), channel_unit(first, name)) for name in channels]
     figure, axes = create_stacked_axes([*motions, *called], _BELOW[over])
     for response, look in _style_responses(responses, rigid or {}):

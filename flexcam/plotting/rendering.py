@@ -52,7 +52,7 @@ _TIMEOUT = 60.0
 """Timeout of a rendering test, s."""
 
 _REMEDY = (
-    "install what draws: on Debian and Ubuntu `apt-get install libgl1 libegl1 libegl-mesa0 libx11-6`, and for a window "
+    "install a renderer: on Debian and Ubuntu `apt-get install libgl1 libegl1 libegl-mesa0 libx11-6`, and for a window "
     "without a screen `xvfb`, then `xvfb-run flexcam view ...`; curves (flexcam plot) need none of it"
 )
 
@@ -66,14 +66,14 @@ def select_renderer(*, off_screen: bool) -> None:
     own = os.environ.get(_WINDOW)
     without = _OFF_SCREEN if off_screen and sys.platform == "linux" else ()
     windows = [own] if own else [*without[:1], *([""] if display else []), *without[1:]]
-    told = ""
+    why = ""
     for window in windows:
-        told = _test_renderer(window, off_screen=off_screen)
-        if not told:
+        why = _test_renderer(window, off_screen=off_screen)
+        if not why:
             if window:
                 os.environ[_WINDOW] = window
             return
-    raise RunFailedError(Status(Cause.NO_RENDERING, f"nothing can be drawn here: {told}", _REMEDY))
+    raise RunFailedError(Status(Cause.NO_RENDERING, f"rendering does not work on this system: {why}", _REMEDY))
 
 
 _OFF_SCREEN = ("vtkEGLRenderWindow", "vtkOSOpenGLRenderWindow")

@@ -189,8 +189,8 @@ def _shade(mesh: pyvista.PolyData) -> pyvista.PolyData:
 def _format_angle(angle: FloatArray, i: int) -> str:
     """Return the cam angle of an instant relative to the start of the displayed revolution."""
     turns = math.floor(float(angle[0]) / (2.0 * math.pi) + 1e-9)
-    told = f"cam angle {math.degrees(float(angle[i])) - 360.0 * turns:.1f} deg"
-    return f"{told} of the last revolution" if turns else told
+    text = f"cam angle {math.degrees(float(angle[i])) - 360.0 * turns:.1f} deg"
+    return f"{text} of the last revolution" if turns else text
 
 
 def show_window(stage: MechanismView, still: int, *, swings: bool) -> None:

@@ -37,16 +37,16 @@ def campbell_figure(found: Campbell, scale: float, shaft: str) -> Figure:
     rpm = scale * found.rpm
     top = _highest_drawn_frequency(found)
     _rays(axes, found, rpm, top)
-    styles, told = line_styles(), False
+    styles, labelled = line_styles(), False
     for i, (column, reached) in enumerate(zip(found.frequencies.T, found.reached, strict=True)):
         if reached:
             colour, dashes = next(styles)
             axes.plot(rpm, column, color=colour, linestyle=dashes, linewidth=1.8, marker="o", markersize=3,
                       label=_mode_label(found, i, top))  # fmt: skip
         else:
-            first = not told and bool((column <= top).any())
+            first = not labelled and bool((column <= top).any())
             axes.plot(rpm, column, color="0.5", linewidth=1.2, label="without force at the contact" * first)
-            told = told or first
+            labelled = labelled or first
     _circles(axes, found, scale)
     axes.set_xlim(rpm[0], rpm[-1])
     axes.set_ylim(0.0, top)

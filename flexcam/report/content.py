@@ -370,9 +370,9 @@ def additional_content(case: Case, probe: str, asked: ReportOptions) -> list[Add
 
 def _errors(case: Case, probe: str) -> AdditionalContent:
     errors = estimate_errors(case, probe)
-    told = "; ".join(f"{one.quantity} {format_with_error(one)}" for one in errors if one.holds)
+    known = "; ".join(f"{one.quantity} {format_with_error(one)}" for one in errors if one.holds)
     unknown = ", ".join(one.quantity for one in errors if not one.holds)
-    said = [f"Maximum values of {probe} and the contacts with their estimated errors: {told}."] if told else []
+    said = [f"Maximum values of {probe} and the contacts with their estimated errors: {known}."] if known else []
     if unknown:
         said.append(f"No error estimate for {unknown}: the results do not converge with shorter steps.")
     return AdditionalContent(tuple(said), (report_table(error_table(errors)),))

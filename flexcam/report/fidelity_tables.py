@@ -62,9 +62,9 @@ def _describe_rejected_models(found: Sequence[ModelEvaluation]) -> list[str]:
     if not refused:
         return []
     models = {one.rung: [str(other.steps) for other in refused if other.rung == one.rung] for one in refused}
-    told = "; ".join(f"{name} at {', '.join(steps)}" for name, steps in models.items())
+    named = "; ".join(f"{name} at {', '.join(steps)}" for name, steps in models.items())
     return [
-        f"Not run, as the method of the case does not allow such steps: {told}. The first: {refused[0].status.text}"
+        f"Not run, as the method of the case does not allow such steps: {named}. The first: {refused[0].status.text}"
     ]
 
 

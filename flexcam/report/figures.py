@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -13,13 +14,13 @@ from flexcam.core import FloatArray, IntArray
 from flexcam.core.units import to_display_unit
 from flexcam.dynamics import STATE, Outline, Response
 from flexcam.fem.elements.beam import Beams
-from flexcam.fem.frames import ROTATIONS
 from flexcam.fem.mesh import Mesh
 from flexcam.fem.recovery import deflection
+from flexcam.io.exports import component_unit
+from flexcam.io.result_writer import SERIES
 from flexcam.report.content import Chart, ChartGroup, Curve, Panel, ReportSubject, Scene, Shape
 from flexcam.valvetrain import Structure
 
-_SERIES = {"displacement": "", "velocity": "/s", "acceleration": "/s^2"}
 _CURVE_TOLERANCE = 1e-4
 """Allowed deviation of a drawn curve relative to its range: less than a pixel of a large screen."""
 
@@ -108,26 +109,26 @@ def build_albums(runs: Runs, main: str) -> list[ChartGroup]:
 def _fit_albums(made: list[ChartGroup], room: int) -> list[ChartGroup]:
     """Return albums reduced to the size of a page: the curves with the most points are reduced further."""
     most = _MAX_POINTS
-    while most > _MIN_POINTS and sum(len(curve.x) for album in made for curve in _of(album)) > room:
+    while most > _MIN_POINTS and sum(len(curve.x) for album in made for curve in _curves(album)) > room:
         most = 3 * most // 4
-        made = [replace(one, charts=_reduce_album(one.charts, most)) for one in made]
+        made = [replace(album, charts=_reduce_charts(album.charts, most)) for album in made]
     return made
 
 
-def _reduce_album(charts: tuple[Chart, ...], most: int) -> tuple[Chart, ...]:
-    return tuple(_coarser(chart, most * (1 if i else _FIRST_CHART_RATIO)) for i, chart in enumerate(charts))
+def _reduce_charts(charts: tuple[Chart, ...], most: int) -> tuple[Chart, ...]:
+    return tuple(_reduce_chart(chart, most * (1 if i else _FIRST_CHART_RATIO)) for i, chart in enumerate(charts))
 
 
-def _of(album: ChartGroup) -> list[Curve]:
+def _curves(album: ChartGroup) -> list[Curve]:
     return [curve for chart in album.charts for panel in chart.panels for curve in panel.curves]
 
 
-def _coarser(chart: Chart, most: int) -> Chart:
-    panels = tuple(replace(panel, curves=tuple(_fewer(c, most) for c in panel.curves)) for panel in chart.panels)
+def _reduce_chart(chart: Chart, most: int) -> Chart:
+    panels = tuple(replace(panel, curves=tuple(_reduce_curve(c, most) for c in panel.curves)) for panel in chart.panels)
     return replace(chart, panels=panels)
 
 
-def _fewer(curve: Curve, most: int) -> Curve:
+def _reduce_curve(curve: Curve, most: int) -> Curve:
     if len(curve.x) <= most:
         return curve
     x, y = reduce_points(curve.x, curve.y, most)
@@ -158,16 +159,15 @@ def _moves(responses: Sequence[Response], name: str) -> bool:
 
 
 def _motion(runs: Runs, name: str) -> Chart:
-    unit = "rad" if name.rpartition(".")[2] in ROTATIONS else "m"
-    panels = tuple(_motion_panel(runs, name, series, unit + per) for series, per in _SERIES.items())
+    def values(response: Response, series: str) -> FloatArray | None:
+        return getattr(response[name], series) if name in scalar_probe_names(response.outline) else None
+
+    component = name.rpartition(".")[2]
+    panels = tuple(
+        _panel(runs, series, component_unit(component, unit), partial(values, series=series))
+        for series, unit in SERIES.items()
+    )
     return Chart(name, _text_alternative(panels), panels)
-
-
-def _motion_panel(runs: Runs, name: str, series: str, unit: str) -> Panel:
-    def values(one: Response) -> FloatArray | None:
-        return getattr(one[name], series) if name in scalar_probe_names(one.outline) else None
-
-    return _panel(runs, series, unit, values)
 
 
 def _channel(runs: Runs, name: str) -> Chart:

@@ -25,7 +25,7 @@ def remove_noise(value: float, scale: float) -> float:
     return 0.0 if abs(value) < _ROUNDING * scale else value
 
 
-def format_fixed(value: float, decimals: int) -> str:
+def format_decimals(value: float, decimals: int) -> str:
     """Format a number with the decimals of its column; a huge one, of a diverged run, with few digits."""
     return f"{round(value, decimals) + 0.0:.{decimals}f}" if abs(value) < _HUGE else f"{value:.4g}"
 

@@ -240,8 +240,8 @@ def _warnings(known: RestoredCase, figures: list[Metric], *, drawn_rigid: bool) 
     watched = RunMonitor.from_response(known.ready, known.response)
     found = check_run(known.ready, watched, figures, known.response.stats)
     found += check_shared_seat_load(known.ready.model, known.case.speed) if drawn_rigid else []
-    told = [one.removeprefix("Warning: ") for one in found]
-    return [f"{one[:1].upper()}{one[1:]}." for one in told]
+    sentences = [one.removeprefix("Warning: ") for one in found]
+    return [f"{one[:1].upper()}{one[1:]}." for one in sentences]
 
 
 def _compare_rigid(about: ReportSubject, known: RestoredCase, main: str) -> tuple[Comparison | None, list[str]]:

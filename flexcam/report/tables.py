@@ -24,7 +24,7 @@ from flexcam.dynamics import Response, Stats, active_dofs_of
 from flexcam.dynamics.memory import ExtremesSink
 from flexcam.fem.frames import ROTATIONS
 from flexcam.io import Result, VerificationSummary, format_toml
-from flexcam.report.formatting import count_decimals, format_fixed, remove_noise
+from flexcam.report.formatting import count_decimals, format_decimals, remove_noise
 from flexcam.report.terminal import create_table, facts_table, plain_table
 from flexcam.valvetrain import (
     Adjuster,
@@ -136,8 +136,8 @@ def _weight(ready: PreparedRun) -> list[tuple[str, str]]:
     if not any(model.gravity):
         return []
     left_out = [name for name, part in model.masses.items() if model.rocker_at(part.at) is not None]
-    told = f"; not counted, at a rocker's point: {', '.join(left_out)}" if left_out else ""
-    return [("gravity", f"{_vector(np.array(model.gravity))} m/s^2{told}")]
+    omitted = f"; without masses at points of rockers: {', '.join(left_out)}" if left_out else ""
+    return [("gravity", f"{_vector(np.array(model.gravity))} m/s^2{omitted}")]
 
 
 def _vector(direction: FloatArray) -> str:
@@ -168,7 +168,7 @@ def mode_table(modes: ModelModes, of: str = "") -> Table:
     made = plain_table(f"{of}: modes" if of else "Modes", ("no.", "Hz", "camshaft rpm", "ux kg", "uy kg", "uz kg"), ())
     made.add_column("what moves (share of the kinetic energy)", justify="left")
     for i, frequency in enumerate(modes.modes.frequencies):
-        masses = [format_fixed(m, places) for m in modes.effective[i, :3]]
+        masses = [format_decimals(m, places) for m in modes.effective[i, :3]]
         made.add_row(str(i + 1), f"{frequency:.2f}", f"{60.0 * frequency:.0f}", *masses, modes.words(i))
     return made
 
@@ -199,7 +199,7 @@ def comparison_json(comparison: Comparison) -> dict[str, object]:
 
 def _format_fraction(value: float) -> str:
     """Format a fraction with enough decimals for values of about a thousandth."""
-    return format_fixed(value, 3) if value >= _MIN_FRACTION else f"{remove_noise(value, 1.0):.2g}"
+    return format_decimals(value, 3) if value >= _MIN_FRACTION else f"{remove_noise(value, 1.0):.2g}"
 
 
 _MIN_FRACTION = 5e-4
@@ -211,7 +211,7 @@ def describe_comparison(comparison: Comparison, mode_hz: float | None) -> list[s
     deviation = (
         f"The {comparison.probe} deviates by up to {_format_fraction(comparison.peak_deviation)} of its lift "
         f"(rms {_format_fraction(comparison.rms_deviation)}); its peak acceleration is "
-        f"{format_fixed(comparison.peak_acceleration_ratio, 2)} "
+        f"{format_decimals(comparison.peak_acceleration_ratio, 2)} "
         f"times the {comparison.names[1]} one."
     )
     if mode_hz is None:
@@ -310,8 +310,8 @@ def stats_json(stats: Stats) -> dict[str, object]:
 
 def _warning_rows(result: Result) -> list[tuple[str, str]]:
     """Return the warnings of the run and of its case."""
-    told = dict.fromkeys([*result.warnings, *result.about.get("warnings", "").splitlines()])
-    return [("warning", one.removeprefix("Warning: ")) for one in told] or [("warnings", "none")]
+    warnings = dict.fromkeys([*result.warnings, *result.about.get("warnings", "").splitlines()])
+    return [("warning", one.removeprefix("Warning: ")) for one in warnings] or [("warnings", "none")]
 
 
 def _seconds(stats: Stats) -> str:
@@ -321,7 +321,7 @@ def _seconds(stats: Stats) -> str:
 def _bounds(bounds: FloatArray, unit: str) -> list[str]:
     largest = float(np.abs(bounds).max())
     places = 4 if largest >= _FOUR_DECIMAL_AMPLITUDE else count_decimals(largest, 4)
-    return [f"{format_fixed(float(one), places)} {unit}" for one in bounds]
+    return [f"{format_decimals(float(one), places)} {unit}" for one in bounds]
 
 
 _REST_AMPLITUDE, _RELATIVE_REST_AMPLITUDE = 5e-5, 1e-5
@@ -338,6 +338,7 @@ def info_table(result: Result) -> Table:
     """Return the table of a result file's contents."""
     response = result.response
     about = [(name, text) for name, text in result.about.items() if name not in _OMITTED_TEXTS]
+    balance = describe_balance(ExtremesSink.of(response), response.stats)
     rows = [
         ("run", str(response.status)),
         ("steps", f"{response.stats.steps} of {describe_dofs(response)}{_seconds(response.stats)}"),
@@ -346,7 +347,7 @@ def info_table(result: Result) -> Table:
             if response.stats.periodicity >= 0.0
             else []
         ),
-        *([("energy balance", told)] if (told := describe_balance(ExtremesSink.of(response), response.stats)) else []),
+        *([("energy balance", balance)] if balance else []),
         ("saved", f"{len(response.time)} instants of the probes, {len(response.field_time)} of the fields"),
         ("probes", ", ".join(name for name, _ in response.outline.probes) or "none"),
         ("channels", ", ".join(f"{name} [{unit}]" for name, unit in response.outline.channels) or "none"),

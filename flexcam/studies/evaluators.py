@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, cast
@@ -36,7 +36,7 @@ class Variable:
     low: float  #: limits in its unit
     high: float
     unit: str = ""  #: unit as given, else the SI unit; empty for a dimensionless number
-    stands: float | None = None  #: value of the case as a fraction of the interval; None if not known
+    start: float | None = None  #: value of the case as a fraction of the interval; None if not known
 
     def text(self, value: float) -> str:
         """Return a value as text for an override."""
@@ -68,8 +68,8 @@ def _variable(case: Case, setting: str, where: str) -> Variable:
     if not ends.interval or low.number is None or high.number is None:
         raise refuse(where, repr(spec), "an interval such as 30:60 kN/m", "anything between may be taken")
     first, last = (number_after_override(case, key, end.text, where) for end in (low, high))
-    stands = (number.value - first) / (last - first) if last != first else None
-    return Variable(key, low.number, high.number, ends.unit or number.unit.removeprefix("SI"), stands)
+    start = (number.value - first) / (last - first) if last != first else None
+    return Variable(key, low.number, high.number, ends.unit or number.unit.removeprefix("SI"), start)
 
 
 def number_after_override(case: Case, key: str, text: str, where: str) -> float:
@@ -89,29 +89,30 @@ the variants as soon as they are finished, so that an interrupted study keeps th
 
 @dataclass(frozen=True, eq=False)
 class PointEvaluator:
-    """Evaluated points of the variables of a study, without repetitions."""
+    """Evaluates points of the variables of a study."""
 
     case: Case  #: unchanged case
     variables: tuple[Variable, ...]  #: variables of the study
     runs: Runs  #: function that evaluates variants
-    _known: dict[tuple[str, ...], Row] = field(default_factory=dict[tuple[str, ...], Row], init=False)
 
     def overrides(self, point: FloatArray) -> tuple[str, ...]:
         """Return the overrides at a point, shape (k,), with values in the units of the variables."""
         pairs = zip(self.variables, np.asarray(point).tolist(), strict=True)
         return make_overrides(self.case, {one.key: one.text(value) for one, value in pairs})
 
+    def iterate_rows(self, points: FloatArray) -> Iterator[Row]:
+        """Yield the rows of points of shape (m, k) as soon as they are finished; equal points are evaluated once."""
+        variants = [self.overrides(point) for point in np.asarray(points)]
+        known: dict[tuple[str, ...], Row] = {}
+        new = iter(self.runs(list(dict.fromkeys(variants))))
+        for variant in variants:
+            if variant not in known:
+                known[variant] = next(new)
+            yield known[variant]
+
     def rows(self, points: FloatArray) -> list[Row]:
         """Return the rows of points of shape (m, k)."""
-        asked = [self.overrides(point) for point in np.asarray(points)]
-        new = list(dict.fromkeys(one for one in asked if one not in self._known))
-        for one, row in zip(new, self.runs(new) if new else (), strict=True):
-            self._known[one] = row
-        return [self._known[one] for one in asked]
-
-    def has_row(self, point: FloatArray) -> bool:
-        """Return whether a point, shape (k,), has a row."""
-        return self.overrides(point) in self._known
+        return list(self.iterate_rows(points))
 
 
 def evaluate_variant(

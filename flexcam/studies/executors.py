@@ -30,7 +30,7 @@ from flexcam.core.errors import InputError, refuse, system_message
 from flexcam.dynamics import Cause, RunFailedError, Status
 from flexcam.io import temporary_folder
 from flexcam.studies.evaluation import Row
-from flexcam.studies.plan import Bundle
+from flexcam.studies.plan import Bundle, open_case
 
 Variants = Sequence[tuple[str, ...]]
 """Overrides by variant."""
@@ -78,6 +78,7 @@ class SerialWorkers:
     @contextmanager
     def open_pool(self, source: Bundle | Path, evaluate: Evaluate) -> Generator[Pool]:
         """Yield a pool of this process."""
+        open_case.cache_clear()  # files may have changed since an earlier pool of this process
         with _unpack(source) as case:
 
             def submit(variants: Variants) -> Future[list[Row]]:
@@ -321,7 +322,7 @@ class ClusterWorkers:
 
     def __post_init__(self) -> None:
         if self.count < 1:
-            raise refuse("--workers", self.count, "a whole number from 1", "somebody must run the variants")
+            raise refuse("--workers", self.count, "a whole number from 1")
 
     @contextmanager
     def open_pool(self, source: Bundle | Path, evaluate: Evaluate) -> Generator[Pool]:

@@ -125,7 +125,7 @@ def row_value(row: Row, name: str) -> float:
 def compute_costs(rows: Sequence[Row], goals: Sequence[Goal]) -> FloatArray:
     """Return the quantities to be minimized, shape (variants, goals)."""
     values = np.array([[row_value(row, goal.name) for goal in goals] for row in rows], dtype=float)
-    signed = values * np.array([-1.0 if goal.most else 1.0 for goal in goals])
+    signed = values.reshape(len(rows), len(goals)) * np.array([-1.0 if goal.most else 1.0 for goal in goals])
     return np.where(np.isnan(signed), math.inf, signed)
 
 
@@ -185,18 +185,22 @@ class OptimizationProblem:
 
     def points_at(self, parts: FloatArray) -> FloatArray:
         """Return points in the units of their variables from fractions of the intervals, shape (m, k)."""
-        low, high = (np.array([getattr(one, end) for one in self.points.variables]) for end in ("low", "high"))
+        low, high = self._ends()
         return low + np.clip(parts, 0.0, 1.0) * (high - low)
 
     def parts(self, points: FloatArray) -> FloatArray:
         """Return points as fractions of the intervals, shape (m, k)."""
-        low, high = (np.array([getattr(one, end) for one in self.points.variables]) for end in ("low", "high"))
+        low, high = self._ends()
         return (points - low) / (high - low)
 
+    def _ends(self) -> FloatArray:
+        """Return lower and upper ends of the intervals, shape (2, k)."""
+        return np.array([(one.low, one.high) for one in self.points.variables]).T
+
     @property
-    def stands(self) -> FloatArray | None:
+    def start(self) -> FloatArray | None:
         """Point of the case as fractions of the intervals, shape (k,); None if it is outside of an interval."""
-        parts = [one.stands for one in self.points.variables]
+        parts = [one.start for one in self.points.variables]
         known = [part for part in parts if part is not None and 0.0 <= part <= 1.0]
         return np.array(known) if len(known) == len(parts) else None
 
@@ -257,7 +261,7 @@ class Evaluations:
 
 
 class ProblemEvaluator:
-    """Evaluates points of an optimization problem and stores all results.
+    """Evaluates points of an optimization problem and keeps their rows in order.
 
     Parameters
     ----------
@@ -267,40 +271,30 @@ class ProblemEvaluator:
 
     def __init__(self, design: OptimizationProblem) -> None:
         self._design = design
-        self._seen: dict[tuple[float, ...], tuple[Row, FloatArray, FloatArray]] = {}
+        self._rows: dict[tuple[float, ...], Row] = {}
 
     @property
     def count(self) -> int:
         """Number of points evaluated so far."""
-        return len(self._seen)
+        return len(self._rows)
 
     def evaluate(self, parts: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return costs, (m, goals), and violations, (m, bounds + 1), at fractions of the intervals, shape (m, k)."""
-        design = self._design
-        at = design.points_at(np.asarray(parts, dtype=float))
-        keys = [tuple(point) for point in at.tolist()]
-        new = list(dict.fromkeys(key for key in keys if key not in self._seen))
-        try:
-            self._record(new)
-        except KeyboardInterrupt:
-            self._record([key for key in new if design.points.has_row(np.array(key))])
-            raise
-        found = [self._seen[key] for key in keys]
-        shape = len(found), len(design.goals)
-        cost = np.array([one[1] for one in found]).reshape(shape)
-        return cost, np.array([one[2] for one in found]).reshape(len(found), len(design.bounds) + 1)
+        points = [tuple(point) for point in self._design.points_at(np.asarray(parts, dtype=float)).tolist()]
+        new = [point for point in dict.fromkeys(points) if point not in self._rows]
+        if new:
+            for point, row in zip(new, self._design.points.iterate_rows(np.array(new)), strict=True):
+                self._rows[point] = row
+        return self._judge([self._rows[point] for point in points])
 
-    def _record(self, points: Sequence[tuple[float, ...]]) -> None:
-        if points:
-            rows, design = self._design.points.rows(np.array(points)), self._design
-            cost, passed = compute_costs(rows, design.goals), compute_violations(rows, design.bounds, design.goals)
-            self._seen.update(zip(points, zip(rows, cost, passed, strict=True), strict=True))
+    def _judge(self, rows: Sequence[Row]) -> tuple[FloatArray, FloatArray]:
+        design = self._design
+        return compute_costs(rows, design.goals), compute_violations(rows, design.bounds, design.goals)
 
     def evaluations(self) -> Evaluations:
         """Return all evaluations so far."""
-        rows, cost, passed = zip(*self._seen.values(), strict=True)
-        points = np.array(list(self._seen))
-        return Evaluations(points, self._design.parts(points), rows, np.array(cost), np.array(passed))
+        points, rows = np.array(list(self._rows)), tuple(self._rows.values())
+        return Evaluations(points, self._design.parts(points), rows, *self._judge(rows))
 
     def run_search(self, search: Callable[[], None]) -> Evaluations:
         """Run a search and return all evaluations, also after Ctrl-C."""
@@ -350,8 +344,8 @@ def _differential_evolution(
 
     rng, variables = np.random.default_rng(seed), len(design.points.variables)
     start = qmc.LatinHypercube(variables, seed=rng).random(generation)
-    if design.stands is not None:
-        start[0] = design.stands  # the result is not worse than the given case
+    if design.start is not None:
+        start[0] = design.start  # the result is not worse than the given case
 
     def cost(x: FloatArray) -> FloatArray:
         return np.minimum(judge.evaluate(x.T)[0][:, 0], _LARGE_COST)
@@ -406,8 +400,8 @@ def find_pareto_front(design: OptimizationProblem, *, evaluations: int = 400, se
     judge = ProblemEvaluator(design)
 
     def search() -> None:
-        if design.stands is not None:
-            judge.evaluate(design.stands[None])  # the front is not worse than the given case
+        if design.start is not None:
+            judge.evaluate(design.start[None])  # the front is not worse than the given case
         _run_nsga2(judge, design, size, evaluations // size, seed)
 
     return judge.run_search(search)

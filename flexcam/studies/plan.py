@@ -126,10 +126,10 @@ def parse_axes(settings: Sequence[str], *, limit: int = MAX_VARIANTS) -> tuple[A
 def _range(key: str, where: str, match: re.Match[str], limit: int) -> Axis:
     start, stop, step = (Decimal(match[i] or 0) for i in (1, 3, 5))
     if any(abs(number.adjusted()) > _MAX_EXPONENT for number in (start, stop, step)):
-        raise refuse(where, match[0].strip(), FORMS, "no mechanism has such numbers")
+        raise refuse(where, match[0].strip(), FORMS, "its exponent is too large")
     units = {unit for unit in match.group(2, 4, 6, 8) if unit}
     if len(units) > 1:
-        raise refuse(where, " and ".join(sorted(units)), "one unit, at the end", "numbers of a range belong together")
+        raise refuse(where, " and ".join(sorted(units)), "one unit, at the end", "a range has one unit")
     unit = "".join(units)
     if match[7]:
         numbers = _divide_range(where, start, stop, int(match[7]), limit)
@@ -152,7 +152,7 @@ def _divide_range(where: str, start: Decimal, stop: Decimal, count: int, limit: 
 
 def _range_values(where: str, start: Decimal, stop: Decimal, step: Decimal, limit: int) -> list[Decimal]:
     if step == 0:
-        raise refuse(where, "a step of zero", "a step that leads from start to stop", "the range never ends")
+        raise refuse(where, "a step of zero", "a step that leads from start to stop", "the range has no end")
     steps = (stop - start) / step
     if steps < 0:
         given = f"a step of {step} to a stop {'below' if step > 0 else 'above'} the start"

@@ -150,7 +150,9 @@ def compute_quantities(
 
 def check_names(case: Case, names: Sequence[str], where: str = "scalar") -> None:
     """Raise an error for names that a case cannot have, before a run."""
-    limits, runs = _split(name for name in names if not _is_known_name(case, name))
+    others = [name for name in names if not _is_known_name(case, name)]
+    limits = [name for name in others if name.startswith(_LIMIT)]
+    runs = [name for name in others if not name.startswith(_LIMIT)]
     known = scalar_names(case) if runs else []
     faults = [_unknown_name_fault(name, known, case.record.cams) for name in runs if name not in known]
     met = [_LIMIT + one for one in applicable_limits(case)] if limits else []
@@ -168,12 +170,6 @@ def _is_known_name(case: Case, name: str) -> bool:
     """Return whether a name is that of a frequency, a cam property or a number of the case."""
     cam = _CAM.match(name)
     return bool(frequency_number(name) or (cam and cam[1] in case.record.cams) or _number(case, name))
-
-
-def _split(names: Iterable[str]) -> tuple[list[str], list[str]]:
-    """Split names into limits and scalars of a run."""
-    every = list(names)
-    return [n for n in every if n.startswith(_LIMIT)], [n for n in every if not n.startswith(_LIMIT)]
 
 
 def _unknown_name_fault(name: str, known: Iterable[str], cams: Iterable[str]) -> Fault:

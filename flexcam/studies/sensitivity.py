@@ -267,10 +267,14 @@ def _response(name: str, middle: Row, beside: Sequence[Row], number: Number, ste
     values = column(beside, name)
     if math.isnan(value) or np.isnan(values).any():
         failed = next((row.status for row in (middle, *beside) if not row.status.ok), None)
-        note = "not known on both sides: " + (str(failed) if failed else "it is not met in the range looked at")
+        note = "no value on both sides: " + (str(failed) if failed else "the limit is outside the search range")
         return Sensitivity(name, unit, value, number, math.nan, None, math.nan, False, note)
     found: Derivative = central_derivative(value, values, step)
-    note = "" if found.smooth else "not smooth here: contacts that open or close, or noise; a derivative means little"
+    note = (
+        ""
+        if found.smooth
+        else "not smooth here: contacts open or close, or the values have noise; the derivative is unreliable"
+    )
     relative = logarithmic_derivative(found.value, number.value, value)
     return Sensitivity(name, unit, value, number, found.value, found.error, relative, found.smooth, note)
 

@@ -108,21 +108,16 @@ def _locate_fault(fault: Fault, axes: Sequence[Axis]) -> Fault:
 
 
 def _summarize_faults(group: _FaultGroup, count: int) -> Fault:
-    given = list(group.given)
-    more = f" and {len(given) - _MAX_LISTED} more" if len(given) > _MAX_LISTED else ""
-    fault = replace(group.fault, given=", ".join(given[:_MAX_LISTED]) + more)
-    return replace(
-        fault, why="; ".join(part for part in (fault.why, _describe_variants(group.variants, count)) if part)
-    )
+    """Return the fault of a group, with the affected variants if these are not all of the checked ones."""
+    fault, indices = group.fault, group.variants
+    where = f"in variant{'s' * (len(indices) > 1)} {_list_some([str(i + 1) for i in indices])}"
+    why = "; ".join(filter(None, (fault.why, where if len(indices) < count else "")))
+    return replace(fault, given=_list_some(list(group.given)), why=why)
 
 
-def _describe_variants(variants: Sequence[int], count: int) -> str:
-    """Describe which of the checked variants are affected; empty for all of them."""
-    if len(variants) == count:
-        return ""
-    named = ", ".join(str(i + 1) for i in variants[:_MAX_LISTED])
-    more = f" and {len(variants) - _MAX_LISTED} more" if len(variants) > _MAX_LISTED else ""
-    return f"in variant{'s' if len(variants) > 1 else ''} {named}{more}"
+def _list_some(items: Sequence[str]) -> str:
+    more = f" and {len(items) - _MAX_LISTED} more" if len(items) > _MAX_LISTED else ""
+    return ", ".join(items[:_MAX_LISTED]) + more
 
 
 def check_names(file: CaseFile, plan: Plan, names: Sequence[str]) -> None:

@@ -114,8 +114,8 @@ def _inputs(plan: Plan) -> tuple[Column, ...]:
     columns: list[Column] = []
     for axis, values in zip(plan.varied_axes, zip(*plan.points, strict=True), strict=True):
         numbers = [value.number for value in values if value.number is not None]
-        told = np.array(numbers, dtype=float) if axis.is_numeric else tuple(value.text for value in values)
-        columns.append(Column(axis.key, axis.unit if axis.is_numeric else "", told))
+        column = np.array(numbers, dtype=float) if axis.is_numeric else tuple(value.text for value in values)
+        columns.append(Column(axis.key, axis.unit if axis.is_numeric else "", column))
     return tuple(columns)
 
 
@@ -398,7 +398,7 @@ class Journal:
             self.rows, self._end = _read_journal(path, belongs) if resume else (dict[int, list[Row]](), 0)
         except BlockingIOError:
             self.close()
-            allowed, why = "one that nobody writes", "another sweep is running here"
+            allowed, why = "one that no other process writes", "another sweep is running here"
             raise refuse("journal", str(path), allowed, why, "wait for it") from None
         except InputError:
             self.close()

@@ -85,16 +85,14 @@ def _half_width(text: str, middle: float, unit: str, where: str) -> float:
         return abs(middle) * parse(text, "number", where)
     kinds = [name for name, one in DIMENSIONS.items() if one.si == unit]
     if not kinds:
-        raise refuse(
-            where, repr(text), "a part such as ±2%", "the unit of this number depends on what else stands there"
-        )
+        raise refuse(where, repr(text), "a part such as ±2%", "the unit of this number depends on other keys")
     return parse(text, kinds[0], where)
 
 
 def sample_parts(scatters: Sequence[PartScatter], count: int, seed: int = 0) -> FloatArray:
     """Return sampled numbers of parts, shape (count, scatters)."""
     if count < 8:
-        raise refuse("--count", count, "a whole number from 8", "mean and spread mean nothing with fewer")
+        raise refuse("--count", count, "a whole number from 8", "fewer give no useful mean and spread")
     from scipy.stats import qmc
 
     parts = qmc.LatinHypercube(len(scatters), seed=np.random.default_rng(check_seed(seed))).random(count)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import math
+import multiprocessing
+import os
 import re
 import signal
 import subprocess
@@ -15,10 +17,10 @@ from pathlib import Path
 import pytest
 
 from flexcam.analysis.natural_modes import modes
-from flexcam.case.reader import read_case
+from flexcam.case.reader import CaseFile, read_case
 from flexcam.dynamics import Status
 from flexcam.studies.evaluation import Row
-from flexcam.studies.evaluators import evaluate_variant
+from flexcam.studies.evaluators import create_evaluator, evaluate_variant
 from flexcam.studies.quantities import get_number
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -253,6 +255,36 @@ def test_what_a_stopped_search_has_evaluated_is_kept(last, flexcam, oscillator, 
     assert done.json["evaluations"] == last
     assert len((tmp_path / "all.csv").read_text().splitlines()) == 1 + last
     assert (tmp_path / "best.toml").exists()
+
+
+def test_a_study_reads_a_case_that_changed(oscillator):
+    def frequency():
+        with create_evaluator(CaseFile.open(oscillator), (), ["frequency.1"]) as run:
+            return next(iter(run([()]))).scalars["frequency.1"]
+
+    before = frequency()
+    oscillator.write_text(OSCILLATOR.replace('"0.1 kg"', '"0.4 kg"'), encoding="utf-8")
+    assert frequency() == pytest.approx(0.5 * before)
+
+
+def test_a_worker_that_is_killed_costs_a_study_nothing(oscillator):
+    """The variants that it had begun are evaluated again."""
+    killed = []
+
+    def kill(count):
+        if not killed:
+            process = next(p for p in multiprocessing.active_children() if p.name.startswith("SpawnProcess"))
+            killed.append(process.pid)
+            os.kill(process.pid, signal.SIGKILL)
+
+    variants = [(f"springs.one.stiffness={k} kN/m",) for k in range(20, 60)]
+    file = CaseFile.open(oscillator)
+    with create_evaluator(file, (), ["frequency.1"], workers=2, advance=kill) as run:
+        found = [*run(variants), *run(variants[:2])]  # workers remain between calls, or new ones take their place
+    with create_evaluator(file, (), ["frequency.1"]) as run:
+        alone = list(run(variants))
+    assert killed
+    assert [row.scalars for row in found] == [row.scalars for row in [*alone, *alone[:2]]]
 
 
 STUDIES = {

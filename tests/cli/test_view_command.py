@@ -239,7 +239,7 @@ def test_a_renderer_that_ends_its_process_ends_only_that(words, flexcam, monkeyp
     failed = flexcam("view", FINGER, *words)
     rendering._test_renderer.cache_clear()
     assert failed.code == 3
-    assert "no-rendering: nothing can be drawn here: no GL" in failed.err
+    assert "no-rendering: rendering does not work on this system: no GL" in failed.err
     assert "apt-get install libgl1 libegl1" in failed.err
     assert not list(tmp_path.iterdir())
 

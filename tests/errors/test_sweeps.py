@@ -26,7 +26,7 @@ def faults(make):
 
 SPECS = {
     "": "the range is empty",
-    "1:2:0": "the range never ends",
+    "1:2:0": "the range has no end",
     "1:2:-1": "the range is empty",
     "2:1:1": "the range is empty",
     "1:1#5": "the range is empty",
@@ -34,10 +34,10 @@ SPECS = {
     "2:1 m": "the interval is empty",
     "1:2:3:4": "",
     "1,,2": "a value between the commas is missing",
-    "1mm:2m:1": "numbers of a range belong together",
+    "1mm:2m:1": "a range has one unit",
     "1:1e9:1": "each is a run",
     "1:2#100000000000000": "each is a run",
-    "1:1e400:1": "no mechanism has such numbers",
+    "1:1e400:1": "its exponent is too large",
     "1 mm,2": "some numbers have a unit and the last one has none",
 }
 

@@ -31,7 +31,7 @@ class Known:
     variables: tuple = (Variable("x", 0.0, 4.0), Variable("y", 0.0, 4.0))
     calls: list = field(default_factory=list)
 
-    def rows(self, points):
+    def iterate_rows(self, points):
         self.calls.append(len(points))
         return [self._row(point) for point in points]
 
