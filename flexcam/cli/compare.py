@@ -8,11 +8,11 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from flexcam.analysis.comparison import check_claims as fidelity_claims
-from flexcam.analysis.comparison import compare_responses, deviation
+from flexcam.analysis.comparison import compare_responses
 from flexcam.analysis.model_ladder import model_ladder
-from flexcam.analysis.natural_modes import excited_mode
 from flexcam.analysis.preparation import prepare, scalar_probe
+from flexcam.analysis.published_claims import check_claims as fidelity_claims
+from flexcam.analysis.published_claims import deviation, excited_mode
 from flexcam.analysis.run import run as solve_case
 from flexcam.case.case import Case
 from flexcam.cli.app import Json, Overrides, app, load_beams, load_case

@@ -9,8 +9,9 @@ from dataclasses import asdict
 import numpy as np
 from rich.table import Table
 
-from flexcam.analysis.comparison import Claim, Comparison
+from flexcam.analysis.comparison import Comparison
 from flexcam.analysis.preparation import PreparedRun
+from flexcam.analysis.published_claims import Claim
 from flexcam.analysis.resources import ResourceEstimate, format_size
 from flexcam.case.case import Case
 from flexcam.case.records import resolve_record
