@@ -169,10 +169,11 @@ def _main_motions(shape: FloatArray, names: tuple[str, ...]) -> tuple[str, ...]:
 
 def force_harmonics(response: Response, contact: str, count: int) -> FloatArray:
     """Return the amplitudes of the harmonics of a contact force in the last revolution of a run."""
-    force, told = response.channels.get(f"contacts.{contact}.force"), min(count, highest_order(response))
-    if force is None or not told:
+    force, resolved = response.channels.get(f"contacts.{contact}.force"), min(count, highest_order(response))
+    if force is None or not resolved:
         return np.full(count, np.nan)
-    return np.append(last_revolution_orders(response, force, told).amplitudes[1:], np.full(count - told, np.nan))
+    amplitudes = last_revolution_orders(response, force, resolved).amplitudes[1:]
+    return np.append(amplitudes, np.full(count - resolved, np.nan))
 
 
 _HARMONICS = 24
