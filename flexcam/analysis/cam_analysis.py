@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations, product
 from pathlib import Path
 
 import numpy as np
@@ -38,7 +39,7 @@ from flexcam.cams import (
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.case.reader import has_mechanism, read_cams, read_case
-from flexcam.core import ComplexArray, FloatArray
+from flexcam.core import FloatArray
 from flexcam.core.errors import InputError, refuse, suggest_name
 from flexcam.core.units import RPM
 from flexcam.io import ProfileTable
@@ -174,14 +175,11 @@ def _minimum_base_radius(cam: Cam, event: Event, pressure_angle: float) -> float
 
 def valve_overlaps(facts: Mapping[str, CamFacts]) -> list[tuple[str, str, str, float]]:
     """Return the valve overlap of every pair of cams."""
-    names = list(facts)
     found: list[tuple[str, str, str, float]] = []
-    for i, one in enumerate(names):
-        for other in names[i + 1 :]:
-            for lift in THRESHOLDS:
-                first, second = facts[one].events[lift], facts[other].events[lift]
-                if first and second:
-                    found.append((one, other, lift, overlap(first, second)))
+    for (one, other), lift in product(combinations(facts, 2), THRESHOLDS):
+        first, second = facts[one].events[lift], facts[other].events[lift]
+        if first and second:
+            found.append((one, other, lift, overlap(first, second)))
     return found
 
 
@@ -265,7 +263,12 @@ def harmonic_cam(
     """
     model = build_model(case)
     name = _select_cam(model.cams, cam)
-    frequency = _first_contact_frequency(model, _contact_name(model, name), case.speed)
+    contact = _contact_name(model, name)
+    excited = modes_on_the_lift(model, contact, case.speed)
+    if not excited.relevant_modes:
+        why = "the train on this contact has no mode of its own"
+        raise refuse(f"contacts.{contact}", "no spring that it moves", "a train on a spring", why, "add a spring")
+    frequency = float(excited.found.modes.omegas[excited.relevant_modes[0]])
     limit = harmonics_below(frequency, case.speed)
     if count is None and limit < 1:
         given = f"{frequency / (2.0 * math.pi):.4g} Hz at {case.speed / RPM:.6g} rpm"
@@ -276,22 +279,12 @@ def harmonic_cam(
     return HarmonicCam(fit, number, frequency, limit)
 
 
-def _first_contact_frequency(model: Model, contact: str, speed: float) -> float:
-    """Return the lowest natural frequency that a contact excites, rad/s."""
-    reached = modes_on_the_lift(model, contact, speed)
-    if not reached.relevant_modes:
-        why = "what is driven has no mode of its own"
-        raise refuse(f"contacts.{contact}", "no spring that it moves", "a train on a spring", why, "add a spring")
-    return float(reached.found.modes.omegas[reached.relevant_modes[0]])
-
-
 def polydyne_cam(case: Case, cam: str | None, *, speed: float | None = None, count: int = 60) -> PolydyneCam:
     """Return the cam with which the flexible valve follows the rigid valve lift of the case's cam."""
     model = build_model(case)
     name, at = _select_cam(model.cams, cam), case.speed if speed is None else speed
-    return _evaluate_design(
-        model.cams[name].event, _valve_transfer(model, name, at), at, valve_ratio(model, name), count
-    )
+    ratio = valve_ratio(model, name)
+    return _evaluate_design(model.cams[name].event, _valve_transfer(model, name, at, ratio), at, ratio, count)
 
 
 def design_polydyne(
@@ -301,15 +294,15 @@ def design_polydyne(
     return _evaluate_design(cams[_select_cam(cams, cam)].event, transfer, speed, 1.0, count)
 
 
-def _evaluate_design(wanted: Event, answer: Transfer, speed: float, ratio: float, count: int) -> PolydyneCam:
-    design = polydyne(wanted, answer, speed, count=count)
+def _evaluate_design(wanted: Event, transfer: Transfer, speed: float, ratio: float, count: int) -> PolydyneCam:
+    design = polydyne(wanted, transfer, speed, count=count)
     plain = Polydyne(design.wanted, design.wanted, 0.0)
     speeds = speed * np.array(SPEED_RATIOS)
-    before, after = (ratio * off_design_deviation(cam, answer, speeds.tolist()) for cam in (plain, design))
+    before, after = (ratio * off_design_deviation(cam, transfer, speeds.tolist()) for cam in (plain, design))
     return PolydyneCam(design, speed, speeds, before, after, ratio)
 
 
-def _valve_transfer(model: Model, cam: str, speed: float) -> Transfer:
+def _valve_transfer(model: Model, cam: str, speed: float, ratio: float) -> Transfer:
     """Return the transfer function of the valve: its motion relative to that of the rigid train."""
     contact = _contact_name(model, cam)
     start = model.cam_contacts[contact].follower
@@ -319,13 +312,8 @@ def _valve_transfer(model: Model, cam: str, speed: float) -> Transfer:
     else:
         follower = model.mesh.connected_nodes(model.mesh.node(start))
         points = [r.point for r in model.rockers.values() if not r.finger and model.mesh.node(r.start) in follower]
-    answer = lift_transfer(model, contact, points[0] if points else start, speed)
-    ratio = valve_ratio(model, cam)
-
-    def relative(omega: FloatArray) -> ComplexArray:
-        return answer(omega) / ratio
-
-    return relative
+    transfer = lift_transfer(model, contact, points[0] if points else start, speed)
+    return lambda omega: transfer(omega) / ratio
 
 
 def _contact_name(model: Model, cam: str) -> str:

@@ -32,7 +32,7 @@ from flexcam.dynamics import (
     solve,
     track_progress,
 )
-from flexcam.valvetrain import ContactModes, Structure, build_structure, contact_modes, contact_stiffness
+from flexcam.valvetrain import ContactModes, build_structure, contact_modes, contact_stiffness
 
 _EXTRA_MODES = 8
 """Additional modes, among which a mode is found again after others have crossed it."""
@@ -124,7 +124,8 @@ def campbell(
         loads[i] = force_harmonics(response, name, max(orders))[wanted - 1]
         structure = build_structure(ready.model)
         try:
-            here = _reached_modes(ready, response, name, structure)
+            event = ready.model.cams[cam].event
+            here = contact_modes(structure, name, _stiffness_at_full_lift(ready, response, event))
         except RunFailedError as failure:
             statuses[-1] = failure.status
         else:
@@ -136,13 +137,7 @@ def campbell(
     return Campbell(name, rpm, frequencies, reached, words, lifts, loads, met, tuple(statuses))
 
 
-def _reached_modes(ready: PreparedRun, response: Response, contact: str, structure: Structure) -> ContactModes:
-    """Return the modes of a train on the lift of a cam."""
-    cam = ready.model.cams[ready.model.cam_contacts[contact].cam]
-    return contact_modes(structure, contact, _held(ready, response, cam.event))
-
-
-def _held(ready: PreparedRun, response: Response, event: Event) -> list[tuple[str, Triplets]]:
+def _stiffness_at_full_lift(ready: PreparedRun, response: Response, event: Event) -> list[tuple[str, Triplets]]:
     """Return the stiffness of each local force at the saved instant of the largest lift."""
     system = ready.problem.system
     late = response.field_time > response.field_time[-1:] - ready.revolution

@@ -1,24 +1,16 @@
-"""Comparison of responses: histories and their distance, flexible against rigid, claims of a paper."""
+"""Comparison of responses: flexible against rigid at a probe, and the distance of two runs by quantity."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 
-from flexcam.analysis.natural_modes import excited_mode
-from flexcam.analysis.preparation import prepare
-from flexcam.analysis.run import run
-from flexcam.case.case import Case
-from flexcam.case.lift import parse_law
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
-from flexcam.core.units import RPM
-from flexcam.dynamics import SLOPES, History, Response, Series, Status, floquet, peak, reraise_interrupt, value_range
-from flexcam.io import find_referenced_file, read_mesh
+from flexcam.dynamics import SLOPES, History, Response, Series, Status, peak, value_range
 
 
 @dataclass(frozen=True)
@@ -274,103 +266,3 @@ def _maximum_difference(fine: Histories, coarse: Histories, name: str, differenc
     values, rates = coarse.values[name][:, None], slopes[:, None]
     between = Series(values, rates, np.zeros_like(rates)).interpolate(coarse.time, fine.time[both]).displacement[:, 0]
     return max(found, float(np.abs(fine.values[name][both] - between).max(initial=0.0)))
-
-
-_CLOSE_DEVIATION = 0.05
-"""Deviation, relative to the lift, up to which a response counts as "very close" to the rigid one."""
-
-
-_PUBLISHED_LAWS = ("shm", "parabolic", "cycloidal")
-
-
-@dataclass(frozen=True)
-class Claim:
-    """Claim of the paper and the computed result.
-
-    Parameters
-    ----------
-    statement
-        Claim as published.
-    reproduced
-        Whether the computation reproduces it.
-    finding
-        Computed result in words.
-    """
-
-    statement: str
-    reproduced: bool
-    finding: str
-
-
-def deviation(case: Case, probe: str) -> Comparison:
-    """Run a case flexible and rigid and compare the responses."""
-    flexible = run(case)
-    reraise_interrupt(flexible.status)
-    return compare(flexible, run(case, rigid=True), probe, case.speed / RPM)
-
-
-def check_claims(case: Case, probe: str, here: Comparison) -> list[Claim]:
-    """Return the claims of the paper with the results of the case."""
-    slow = deviation(case.at_speed(2000.0 * RPM), probe)
-    laws = {name: deviation(_replace_law(case, name), probe) for name in _PUBLISHED_LAWS}
-    largest = max(laws, key=lambda name: laws[name].peak_deviation)
-    deviations = ", ".join(f"{name} {one.peak_deviation:.3f}" for name, one in laws.items())
-    others = _peak_deviations(case, probe)
-    models = ", ".join(f"{name} {value:.4f}" for name, value in others.items())
-    spread = max(others.values()) - min(others.values())
-    angle = here.deviations[0].angle_deg
-    off = (angle + 90.0) % 180.0 - 90.0
-    return [
-        _check_instability(case, probe),
-        Claim(
-            "at 2000 rpm and below very close to the rigid system",
-            slow.peak_deviation < _CLOSE_DEVIATION,
-            f"the deviation at 2000 rpm is {slow.peak_deviation:.3f} of the lift (close: below {_CLOSE_DEVIATION})",
-        ),
-        Claim("SHM has the largest displacement", largest == "shm", f"peak deviation of the lift: {deviations}"),
-        Claim(
-            "the response depends on the model's number of unknowns",
-            spread > 0.01 * max(others.values()),
-            f"peak deviation {models}: the pushrod is far stiffer than the spring",
-        ),
-        Claim("the deviation is largest at multiples of 180 deg", abs(off) < 1.0, f"it is largest at {angle:.1f} deg"),
-    ]
-
-
-def _check_instability(case: Case, probe: str) -> Claim:
-    """Distinguish an instability from growth over revolutions, which a beat also shows at first."""
-    rpm, (_, mode) = 4000.0, excited_mode(case.at_speed(4000.0 * RPM))
-    early, late = (deviation(case.at_speed(rpm * RPM, revolutions=n), probe).peak_deviation for n in (2.0, 4.0))
-    multipliers = floquet(prepare(case.at_speed(rpm * RPM, revolutions=1.0)).problem)
-    revolutions, bound = beat_period(rpm, mode)
-    return Claim("unstable at 4000 rpm (SHM, parabolic)", not multipliers.stable(),
-                 f"from 2 to 4 revolutions the deviation grows {late / early:.2f} times, but disturbances do not: "
-                 f"their largest multiplier is {abs(multipliers.multipliers[0]):.5g}; the follower's mass on its "
-                 f"spring resonates at {mode:.0f} rpm, and beside it an undamped motion beats: within "
-                 f"{revolutions:.0f} revolutions up to {bound:.0f} of the lift (SHM) and back")  # fmt: skip
-
-
-def _replace_law(case: Case, law: str) -> Case:
-    cams = {name: cam.model_copy(update={"law": parse_law(law)}) for name, cam in case.record.cams.items()}
-    return replace(case, record=case.record.model_copy(update={"cams": cams}))
-
-
-def _peak_deviations(case: Case, probe: str) -> dict[str, float]:
-    """Return the peak deviation on the meshes of all three models found in the folder of the case's mesh."""
-    folder = (find_referenced_file(case.path, case.record.mesh or "") or case.path).parent
-    meshes = {f"model {k}": folder / f"tayeb-{k}.msh" for k in (1, 2, 3)}
-    found = {name: replace(case, mesh=read_mesh(path)) for name, path in meshes.items() if path.is_file()}
-    return {name: deviation(other, probe).peak_deviation for name, other in (found or {"this model": case}).items()}
-
-
-def beat_period(speed: float, mode: float) -> tuple[float, float]:
-    """Return the beat period of an undamped oscillator, and its maximum deviation from the excitation.
-
-    The load form moves the valve as ``x'' + w^2 x = w^2 (1 - cos W t)/2`` from rest, under simple harmonic motion of
-    lift 1. With ``r = W/w`` it deviates from the lift by ``r^2/(1 - r^2) (cos w t - cos W t)/2``: the difference of two
-    cosines of nearly equal frequency is a beat, bounded if r is not 1.
-    """
-    share = (speed / mode) ** 2
-    if share == 1.0:
-        return math.inf, math.inf
-    return speed / abs(mode - speed), share / abs(1.0 - share)

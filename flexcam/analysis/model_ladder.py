@@ -121,9 +121,8 @@ class ModelLevel:
         `work` is the number of steps per revolution of all planned runs including this one: setup that speeds up many
         short runs may not pay for a single run.
         """
-        return prepare(
-            self.case, until=until, runs=max(round(work / steps_per_revolution_of(self.case)), 1) if work else 1
-        )
+        runs = max(round(work / steps_per_revolution_of(self.case)), 1) if work else 1
+        return prepare(self.case, until=until, runs=runs)
 
     def run(self, until: float | None = None, work: int = 0) -> Response:
         """Return the response; the run ends at `until` at the latest."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Literal
 
 import numpy as np
@@ -69,15 +68,3 @@ def modal_assurance(case: Case, found: ModelModes, other: Case, others: ModelMod
     moving = sum(bool(shapes[0][place].any()) for place in common)
     columns = [np.concatenate([one[place] for place in common], axis=1).T for one in shapes]
     return mac(columns[0], columns[1]), moving
-
-
-def excited_mode(case: Case) -> tuple[float, float]:
-    """Return the mode nearest to the cam speed among those excited by the contact force."""
-    structure = build_structure(build_model(case))
-    found = model_modes(structure).modes
-    contact = next(iter(structure.model.cam_contacts.values()))
-    push = structure.row(contact.follower, contact.direction)
-    driven = abs(push @ found.shapes)
-    loaded = [f for f, part in zip(found.frequencies, driven, strict=True) if f > 0.0 and part > 1e-3 * driven.max()]
-    nearest = min(loaded, key=lambda f: abs(math.log(f * 2.0 * math.pi / case.speed)))
-    return float(nearest), float(nearest) * 60.0

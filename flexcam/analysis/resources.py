@@ -202,17 +202,11 @@ def check_mesh_memory(mesh: Mesh) -> None:
         return
     given = f"{count} elements, whose matrices take {format_size(_ELEMENT * count)}"
     remedy = "fewer elements, or flexcam run --allow-large to try it all the same"
-    raise InputError(
-        [
-            Fault(
-                "memory",
-                given,
-                f"up to {format_size(int(_USABLE_FRACTION * free))}",
-                f"{format_size(free)} are free",
-                remedy,
-            )
-        ]
-    )
+    raise InputError([_lack("memory", given, free, f"{format_size(free)} are free", remedy)])
+
+
+def _lack(where: str, given: str, free: int, why: str, remedy: str) -> Fault:
+    return Fault(where, given, f"up to {format_size(int(_USABLE_FRACTION * free))}", why, remedy)
 
 
 def _check_memory(needs: ResourceEstimate, together: int) -> Fault | None:
@@ -225,12 +219,10 @@ def _check_memory(needs: ResourceEstimate, together: int) -> Fault | None:
         "blocks of steps": needs.blocks,
         "histories": needs.histories,
     }
-    told = ", ".join(f"{format_size(one)} of {name}" for name, one in parts.items())
-    given = f"a run of {format_size(needs.memory)}: {told}" + (f"; {together} side by side" if together > 1 else "")
+    shares = ", ".join(f"{format_size(size)} of {name}" for name, size in parts.items())
+    given = f"a run of {format_size(needs.memory)}: {shares}" + (f"; {together} side by side" if together > 1 else "")
     remedy = f"fewer elements, steps or probes, fields saved more seldom (output.field_every), {_LARGE}"
-    return Fault(
-        "memory", given, f"up to {format_size(int(_USABLE_FRACTION * free))}", f"{format_size(free)} are free", remedy
-    )
+    return _lack("memory", given, free, f"{format_size(free)} are free", remedy)
 
 
 def _check_disk(needs: ResourceEstimate, folder: Path) -> Fault | None:
@@ -238,8 +230,8 @@ def _check_disk(needs: ResourceEstimate, folder: Path) -> Fault | None:
     if free is None or needs.file <= _USABLE_FRACTION * free:
         return None
     remedy = f"fewer steps or probes, fields saved more seldom (output.field_every), another disk (-o), {_LARGE}"
-    given, allowed = f"a result file of {format_size(needs.file)}", f"up to {format_size(int(_USABLE_FRACTION * free))}"
-    return Fault("disk", given, allowed, f"{format_size(free)} are free at {folder}", remedy)
+    given = f"a result file of {format_size(needs.file)}"
+    return _lack("disk", given, free, f"{format_size(free)} are free at {folder}", remedy)
 
 
 def format_size(count: float) -> str:

@@ -19,7 +19,6 @@ from flexcam.core.units import RPM
 from flexcam.dynamics import (
     Floquet,
     Method,
-    Problem,
     ProgressCallback,
     Response,
     RunFailedError,
@@ -170,10 +169,11 @@ def _main_motions(shape: FloatArray, names: tuple[str, ...]) -> tuple[str, ...]:
 
 def force_harmonics(response: Response, contact: str, count: int) -> FloatArray:
     """Return the amplitudes of the harmonics of a contact force in the last revolution of a run."""
-    force, told = response.channels.get(f"contacts.{contact}.force"), min(count, highest_order(response))
-    if force is None or not told:
+    force, resolved = response.channels.get(f"contacts.{contact}.force"), min(count, highest_order(response))
+    if force is None or not resolved:
         return np.full(count, np.nan)
-    return np.append(last_revolution_orders(response, force, told).amplitudes[1:], np.full(count - told, np.nan))
+    amplitudes = last_revolution_orders(response, force, resolved).amplitudes[1:]
+    return np.append(amplitudes, np.full(count - resolved, np.nan))
 
 
 _HARMONICS = 24
@@ -347,9 +347,13 @@ def assess_stability(case: Case) -> Stability:
     problem = replace(ready.problem, steps=max(ready.problem.steps, whole))  # the evaluation needs whole revolutions
     response = solve(problem, ready.scheme, save=ready.save)
     reraise_interrupt(response.status)
-    opened = _open_angle(ready, response)
-    why_not = "the follower leaves its cam, and what impacts follow need not repeat"
-    multipliers, why_not = _floquet_multipliers(ready) if opened == 0.0 else (None, why_not)
+    opened = 0.0
+    if len(response.time):
+        last = response.latest(ready.revolution)
+        opened = max((separation(ready.model, response, name, last) for name in ready.model.cam_contacts), default=0.0)
+    multipliers, why_not = None, "the follower leaves its cam, and the impacts that follow need not repeat"
+    if opened == 0.0:
+        multipliers, why_not = _floquet_multipliers(ready)
     return Stability(
         rpm=case.speed / RPM,
         discrete=step_amplification(ready, method, response),
@@ -363,8 +367,12 @@ def assess_stability(case: Case) -> Stability:
 
 def _floquet_multipliers(ready: PreparedRun) -> tuple[Floquet | None, str]:
     for key, order in non_integer_orders(ready.case).items():
-        return None, f"what swings at order {order:g} ({key}) does not return with the camshaft"
-    one = _one_revolution(ready)
+        return None, f"the excitation of order {order:g} ({key}) does not repeat with the camshaft"
+    # The steps of the case, if an integer number of them fits into a revolution and is within the limits.
+    given = round(ready.revolution / ready.problem.step)
+    steps = min(max(given, _MIN_STEPS), _MAX_STEPS)
+    adaptive = ready.problem.adaptive if steps == given else None
+    one = replace(ready.problem, step=ready.revolution / steps, steps=steps, adaptive=adaptive)
     try:
         state = solve_periodic(one, ready.scheme, tolerance=1e-7)
         if (missed := state.periodicity or 0.0) > _PERIODICITY_TOLERANCE:
@@ -375,21 +383,6 @@ def _floquet_multipliers(ready: PreparedRun) -> tuple[Floquet | None, str]:
     except RunFailedError as failure:
         reraise_interrupt(failure.status)
         return None, failure.status.text
-
-
-def _one_revolution(ready: PreparedRun) -> Problem:
-    """Return one revolution, with the steps of the case if an integer number of them fits and is within the limits."""
-    given = round(ready.revolution / ready.problem.step)
-    steps = min(max(given, _MIN_STEPS), _MAX_STEPS)
-    adaptive = ready.problem.adaptive if steps == given else None
-    return replace(ready.problem, step=ready.revolution / steps, steps=steps, adaptive=adaptive)
-
-
-def _open_angle(ready: PreparedRun, response: Response) -> float:
-    if not len(response.time):
-        return 0.0
-    last = response.latest(ready.revolution)
-    return max((separation(ready.model, response, name, last) for name in ready.model.cam_contacts), default=0.0)
 
 
 def stability_over_speeds(

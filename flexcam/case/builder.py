@@ -164,6 +164,7 @@ class _Geometry:
     mesh: Mesh
 
     def member(self, record: parts.MemberRecord) -> Member:
+        """Return a member with its material and section."""
         return Member(
             self.case.materials[record.material].part, self.case.sections[record.section].part, record.orientation,
             record.shear, record.rotary_inertia, record.mass, record.geometric_stiffness, record.bow,
@@ -179,6 +180,7 @@ class _Geometry:
         )
 
     def rocker(self, record: parts.LumpedRecord | parts.LeverRecord) -> valvetrain.Rocker:
+        """Return a rocker with the direction in which it is driven."""
         finger = isinstance(record, parts.LeverRecord) and record.start not in self.mesh.points
         followers = [contact.follower for contact in self._cam_contacts()]
         if finger and record.start not in followers:
@@ -210,6 +212,7 @@ class _Geometry:
         return _six_components(-tangent if against else tangent)
 
     def contact(self, record: contacts.ContactRecord) -> valvetrain.Contact:
+        """Return a contact with its directions and default stiffness."""
         match record:
             case contacts.SeatRecord():
                 along = np.zeros(6) if record.direction is None else direction(record.direction)

@@ -109,7 +109,7 @@ TYPICAL_RANGES = (
     TypicalRange("cams.*.follower.arm", "arm of a follower", 1e-4, 5.0, _LENGTH),
     TypicalRange("cams.*.follower.distance", "distance of a pivot", 1e-4, 5.0, _LENGTH),
     TypicalRange("contacts.*.stiffness", "stiffness of a contact", 10.0, 1e13, _STIFF),
-    TypicalRange("contacts.*.gap", "play", 1e-8, 0.02, _LENGTH),
+    TypicalRange("contacts.*.gap", "lash", 1e-8, 0.02, _LENGTH),
     TypicalRange("contacts.*.friction", "coefficient of friction", 0.0, 1.0, {"%": 0.01}),
     TypicalRange("contacts.*.dissipation", "dissipation of a contact", 0.0, 1e4, {}),
     TypicalRange("contacts.*.preload_factor", "factor of a preload", 0.0, 100.0, {}),

@@ -95,7 +95,7 @@ class _LiftFile(BaseModel):
     unit: Literal["mm", "um", "m", "in"] | None = Field(None, description="of the lift")
     tolerance: Annotated[float, Unit("length")] | None = Field(
         None,
-        description="rms of what smoothing may change, 0 for nothing; by default as the noise is",
+        description="allowed rms change by smoothing, 0 for none; that of the noise by default",
     )
 
 
@@ -124,17 +124,12 @@ def _parse_law_value(value: object, case: Path) -> LawDefinition:
 
 def parse_law(value: str | Table) -> LawDefinition:
     """Return the law of a name or of a table of parameters."""
-    if isinstance(value, str):
-        if value in LAWS:
-            return LawDefinition(value, LAWS[value])
-        return LawDefinition(value, _make_law(value, {}))
-    table = dict(value)
+    table = {"id": value} if isinstance(value, str) else dict(value)
     name = table.pop("id", None)
     if not isinstance(name, str):
         raise refuse("id", format_value(name), ", ".join(kind_names()), "the kind of law is required")
-    if name in LAWS and not table:
-        return LawDefinition(dict(value), LAWS[name])
-    return LawDefinition(dict(value), _make_law(name, table))
+    law = LAWS[name] if name in LAWS and not table else _make_law(name, table)
+    return LawDefinition(value if isinstance(value, str) else dict(value), law)
 
 
 def _make_law(name: str, parameters: Table) -> Law:
@@ -145,11 +140,8 @@ def _make_law(name: str, parameters: Table) -> Law:
         raise refuse("law", repr(name), ", ".join(known), "", hint)
     for key, value in parameters.items():
         if not _is_numeric(value):
-            raise refuse(
-                key,
-                format_value(value),
-                f"numbers; the parameters of {name} are {', '.join(_parameter_record(kind).model_fields)}",
-            )
+            known = ", ".join(_parameter_record(kind).model_fields)
+            raise refuse(key, format_value(value), f"numbers; the parameters of {name} are {known}")
     parameters = _validate(_parameter_record(kind), parameters, f"a parameter of {name}", "law")
     return kind(**parameters)
 

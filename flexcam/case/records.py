@@ -50,7 +50,7 @@ class SweepRecord(Record):
         None, description="lhs:N or sobol:N instead of every combination", examples=["sobol:512"]
     )
     seed: int = Field(0, ge=0, strict=True, description="of the samples: the same seed gives the same points")
-    scalars: list[str] = Field(default=[], description="which to keep, by name or beginning of a name; all by default")
+    scalars: list[str] = Field(default=[], description="saved scalars, by name or beginning of a name; all by default")
 
 
 class CaseRecord(Record):
@@ -64,7 +64,7 @@ class CaseRecord(Record):
     materials: dict[Name, MaterialRecord] = Field(default={})
     sections: dict[Name, SectionRecord] = Field(default={})
     members: dict[Name, MemberRecord] = Field(default={}, description="beams; a lumped train has none")
-    supports: dict[Name, list[Component]] = Field(default={}, description="components held at a point")
+    supports: dict[Name, list[Component]] = Field(default={}, description="components fixed at a point")
     masses: dict[Name, MassRecord] = Field(default={})
     springs: dict[Name, SpringRecord] = Field(default={})
     bearings: dict[Name, BearingRecord] = Field(default={})

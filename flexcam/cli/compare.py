@@ -11,7 +11,7 @@ import numpy as np
 from cyclopts import Group, Parameter
 from rich.table import Table
 
-from flexcam.analysis.comparison import check_claims, compare_responses, deviation
+from flexcam.analysis.comparison import compare_responses
 from flexcam.analysis.limits import (
     MODELS,
     ForceRange,
@@ -21,8 +21,8 @@ from flexcam.analysis.limits import (
 )
 from flexcam.analysis.model_choice import evaluate_ladder
 from flexcam.analysis.model_ladder import model_ladder
-from flexcam.analysis.natural_modes import excited_mode
 from flexcam.analysis.preparation import prepare, scalar_probe
+from flexcam.analysis.published_claims import check_claims, deviation, excited_mode
 from flexcam.analysis.run import reload_result
 from flexcam.analysis.run import run as run_case
 from flexcam.case.case import Case
@@ -231,7 +231,9 @@ def divergence_table(found: Sequence[SpeedResult], scale: float, tolerance: floa
 
 def _format_forces(forces: ForceRange | None) -> str:
     return (
-        "did not finish" if forces is None else f"{format_decimals(forces.least, 0)} to {format_decimals(forces.largest, 0)}"
+        "did not finish"
+        if forces is None
+        else f"{format_decimals(forces.least, 0)} to {format_decimals(forces.largest, 0)}"
     )
 
 

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from rich.table import Table
 
-from flexcam.analysis.comparison import Claim, Comparison
+from flexcam.analysis.comparison import Comparison
 from flexcam.analysis.preparation import PreparedRun
+from flexcam.analysis.published_claims import Claim
 from flexcam.analysis.resources import ResourceEstimate, format_size
 from flexcam.analysis.run_checks import describe_balance, describe_contact_loss
 from flexcam.case.case import Case

@@ -73,7 +73,7 @@ def test_campbell_of_an_engine(flexcam):
 def test_a_speed_at_which_the_train_stands_unstable_leaves_the_others(monkeypatch):
     """No modes are known where the state at full lift is unstable: that speed says so, the others stay."""
     module = sys.modules["flexcam.analysis.campbell"]
-    real, calls = module._reached_modes, []
+    real, calls = module.contact_modes, []
 
     def reached(*given):
         calls.append(given)
@@ -81,7 +81,7 @@ def test_a_speed_at_which_the_train_stands_unstable_leaves_the_others(monkeypatc
             raise RunFailedError(NOT_POSITIVE)
         return real(*given)
 
-    monkeypatch.setattr(module, "_reached_modes", reached)
+    monkeypatch.setattr(module, "contact_modes", reached)
     case = read_case(PUBLISHED, ["run.steps_per_revolution=360"])
     found = campbell(case, [200.0, 300.0, 400.0], orders=[1])
     assert [one.ok for one in found.statuses] == [True, False, True]

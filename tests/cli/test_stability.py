@@ -139,7 +139,7 @@ def test_what_does_not_return_with_the_camshaft_has_no_multipliers(flexcam, odd)
     """A stiffness that swings 1.5 times per revolution repeats after two: those of one would be wrong."""
     found = flexcam("stability", MATHIEU, "--set", odd, "--json").json
     assert found["multipliers"] == []
-    assert "does not return with the camshaft" in found["note"]
+    assert "does not repeat with the camshaft" in found["note"]
     assert "not assessed" in flexcam("stability", MATHIEU, "--set", odd).out
     done = flexcam("run", MATHIEU, "--set", odd, "--set", "run.start=periodic")
     assert (done.code, "the state repeats with the camshaft" in done.err) == (2, True)

@@ -99,10 +99,10 @@ class SwingingFollowerRecord(Record):
         if self.angle is not None and self.radius is not None and base_radius is None:
             return SwingRollerFollower.from_angle(self.radius, self.arm, self.distance, self.angle, side)
         if self.angle is not None and self.radius is None:
-            why = "a flat face is placed by its base circle"
+            why = "the base circle defines the place of a flat face"
             raise refuse("follower.angle", "an angle", "base_radius of the cam in its place", why, "give base_radius")
         if self.angle is not None:
-            why = "for a roller, either this or base_radius says where the base circle is"
+            why = "for a roller, either this or base_radius defines the base circle"
             raise refuse("follower.angle", "an angle", "no angle", why, "leave one of them out")
         if base_radius is None:
             return None
@@ -118,10 +118,10 @@ class CamDesignRecord(PartRecord[valvetrain.Cam]):
     """Cam without a shaft: its lift over one revolution, and the follower that determines the profile."""
 
     at: Name | None = Field(None, description="named node of the camshaft")
-    follower: FollowerRecord | None = Field(None, description="what touches the cam")
+    follower: FollowerRecord | None = Field(None, description="follower that touches the cam")
     law: LawDefinition | None = Field(None, description="motion law: a name, { id = ..., ... }, or a law file (.toml)")
     return_law: LawDefinition | None = Field(
-        None, description="run backwards on the return; that of the rise by default"
+        None, description="law of the return, reversed; that of the rise by default"
     )
     lift: float | None = Field(
         None, gt=0.0, description='above the ramps; a text such as "10 deg" where the follower swings'
@@ -180,7 +180,7 @@ class CamDesignRecord(PartRecord[valvetrain.Cam]):
         if self.lift_table is not None:
             return DelayedEvent(self.lift_table.event, self.phase) if self.phase else self.lift_table.event
         if self.law is None or self.lift is None or self.rise is None or self.fall is None:
-            given, why = f"nothing for {', '.join(self.missing_keys)}", "they make the lift where no lift_table does"
+            given, why = f"nothing for {', '.join(self.missing_keys)}", "a cam without a lift_table needs them"
             raise refuse(
                 "lift", given, ", ".join(LAW_KEYS), why, f"add {', '.join(self.missing_keys)}, or a lift_table"
             )

@@ -23,10 +23,10 @@ from flexcam.valvetrain import DAMPING_DEPTH
 
 _LiftDirection = Annotated[LineValue | None, Field(description="of the lift; from cam to follower by default")]
 _Restitution = Annotated[
-    Ratio | None, Field(le=1.0, description="rate of parting per rate of approach, at the moment they meet")
+    Ratio | None, Field(le=1.0, description="coefficient of restitution: speed of separation per speed of approach")
 ]
 _DampingDepth = Annotated[
-    Length, Field(description="over which the damper takes hold; less for small parts, whose contacts yield less")
+    Length, Field(description="penetration over which the damper becomes active; smaller for small parts")
 ]
 
 
@@ -38,7 +38,9 @@ class PublishedLoadRecord(Record):
     follower: Name
     direction: _LiftDirection = None
     preload_factor: Ratio = Field(2.5, description="preload by the force that the rigid train needs for contact")
-    cam_deflection: bool = Field(False, strict=True, description="the force feels the shaft's deflection, U_c of (21)")
+    cam_deflection: bool = Field(
+        False, strict=True, description="the force depends on the shaft's deflection, U_c of (21)"
+    )
     cam_torque: bool = Field(True, strict=True, description="the force twists the shaft, T_CF of (24)")
 
 
@@ -69,12 +71,12 @@ class UnilateralRecord(Record):
     friction: Annotated[float, Unit("number", most=2.0)] = Field(
         0.0, description="Coulomb's coefficient along a flat face"
     )
-    friction_speed: Velocity = Field(0.01, description="velocity of sliding over which friction turns over, m/s")
+    friction_speed: Velocity = Field(0.01, description="sliding velocity over which friction changes its sign, m/s")
 
     @model_validator(mode="after")
     def _check_friction_speed(self) -> Self:
         if "friction_speed" in self.model_fields_set and "friction" not in self.model_fields_set:
-            given, why = f"{self.friction_speed:g} m/s", "without friction it acts on nothing"
+            given, why = f"{self.friction_speed:g} m/s", "it has no effect without friction"
             raise value_error("friction beside it", why, "add friction", inside="friction_speed", given=given)
         return self
 
@@ -87,7 +89,7 @@ class SeatRecord(Record):
 
     model: Literal["seat"]
     at: Name
-    direction: LineValue | None = Field(None, description="the way off it; a rocker's point has its own")
+    direction: LineValue | None = Field(None, description="away from the seat; a rocker's point has its own")
     stiffness: PositiveStiffness
     damping: DampingValue = 0.0
     damping_depth: _DampingDepth = DAMPING_DEPTH
@@ -97,7 +99,7 @@ class SeatRecord(Record):
 class _GapRecord(Record):
     """Connection between a rocker and its point, or between two nodes."""
 
-    at: Name | None = Field(None, description="name of a rocker: the play is at its point")
+    at: Name | None = Field(None, description="name of a rocker: the lash is at its point")
     start: Name | None = Field(None, alias="from", description="node that pushes, where it is not at a rocker")
     to: Name | None = Field(None, description="node that is pushed")
     direction: LineValue | None = Field(None, description="in which it pushes, between nodes")
@@ -107,7 +109,7 @@ class _GapRecord(Record):
         between = self.start is not None and self.to is not None and self.direction is not None
         nothing = self.start is None and self.to is None and self.direction is None
         if not ((self.at is None and between) or (self.at is not None and nothing)):
-            why = "it stands at a rocker's point or between two nodes"
+            why = "a lash lies at a rocker's point or between two nodes"
             raise value_error("either at = a rocker, or from, to and direction", why)
         return self
 

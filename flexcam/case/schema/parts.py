@@ -50,7 +50,9 @@ class MaterialRecord(PartRecord[Material]):
     nu: Annotated[SignedNumber, AfterValidator(_check_poisson_ratio)] = Field(description="Poisson's ratio")
     density: Annotated[float, Unit("density")] = Field(description="mass per volume")
     ultimate_strength: Stress | None = Field(None, description="for the margin against fatigue")
-    endurance_limit: Stress | None = Field(None, description="amplitude borne for ever, for the margin against fatigue")
+    endurance_limit: Stress | None = Field(
+        None, description="stress amplitude of unlimited life, for the margin against fatigue"
+    )
 
     def build(self) -> Material:
         """Build the material."""
@@ -153,7 +155,7 @@ class MemberRecord(Record):
     @model_validator(mode="after")
     def _check_bow(self) -> Self:
         if self.bow and not self.geometric_stiffness:
-            raise value_error("bow with geometric_stiffness = true", "without it a bow acts on nothing")
+            raise value_error("bow with geometric_stiffness = true", "a bow has no effect without it")
         return self
 
 
@@ -205,8 +207,8 @@ class WireRecord(PartRecord[valvetrain.Wire]):
 class PulsationRecord(PartRecord[valvetrain.Pulsation]):
     """Variation of a stiffness with the cam angle."""
 
-    order: PositiveNumber = Field(description="swings per camshaft revolution")
-    amplitude: Ratio = Field(description='part of the mean stiffness, such as "10 %"; below 1')
+    order: PositiveNumber = Field(description="periods per camshaft revolution")
+    amplitude: Ratio = Field(description='fraction of the mean stiffness, such as "10 %"; below 1')
     phase: SignedAngle = 0.0
 
     @model_validator(mode="after")
@@ -229,11 +231,11 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
     stiffness: float = Field(0.0, description="N/m, or N m/rad about an axis")
     damping: float = Field(0.0, description="N s/m, or N m s/rad about an axis")
     link: bool = Field(
-        False, strict=True, description="stands for a part of the train, which is rigid in the rigid mechanism"
+        False, strict=True, description="represents a part of the train, which is rigid in the rigid model"
     )
-    installed_force: Force | None = Field(None, description="force it is installed with, against direction")
-    installed_compression: Length | None = Field(None, description="instead of the force: times the stiffness")
-    mass: MassValue = Field(0.0, description="spread over its length")
+    installed_force: Force | None = Field(None, description="preload, against direction")
+    installed_compression: Length | None = Field(None, description="instead of installed_force: times the stiffness")
+    mass: MassValue = Field(0.0, description="distributed over its length")
     elements: int = Field(
         1, ge=1, le=1000, strict=True,
         description="equal parts; more than one lets it surge; with mass 4 to 16 by default, as its waves need",
@@ -242,7 +244,9 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
     clash_stiffness: PositiveStiffness | None = Field(
         None, description="of a contact between neighbouring parts; 50 times a part's own by default"
     )
-    pulsation: PulsationRecord | None = Field(None, description="swing of its stiffness; the mean alone by default")
+    pulsation: PulsationRecord | None = Field(
+        None, description="variation of its stiffness with the cam angle; none by default"
+    )
     wire: WireRecord | None = Field(None, description="for the shear stress, and the stiffness where none is given")
 
     @model_validator(mode="after")
@@ -252,7 +256,9 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
                 "a wire on a spring along a line", "its stress and stiffness are those of a coil in compression"
             )
         if self.wire is not None and self.wire.rate is not None and self.stiffness:
-            raise value_error("either stiffness, or active_coils and shear_modulus of the wire", "both say the same")
+            raise value_error(
+                "either stiffness, or active_coils and shear_modulus of the wire", "both define the stiffness"
+            )
         if self.installed_force is not None and self.installed_compression is not None:
             raise value_error("either installed_force or installed_compression", "one follows from the other")
         if self.link and (self.to is None or self.installed_force or self.installed_compression):
@@ -297,8 +303,8 @@ class BearingRecord(Record):
 class LoadRecord(PartRecord[valvetrain.GivenLoad]):
     """Constant force at a point or distributed over a member."""
 
-    at: Name | None = Field(None, description="point it acts at")
-    member: Name | None = Field(None, description="member it is spread over")
+    at: Name | None = Field(None, description="point of application")
+    member: Name | None = Field(None, description="member it is distributed over")
     direction: DirectionValue
     force: float | None = Field(None, description="N at a point, N m about an axis")
     force_per_length: Annotated[float, Unit("stiffness", signed=True)] | None = Field(
@@ -321,7 +327,9 @@ class LoadRecord(PartRecord[valvetrain.GivenLoad]):
             self.member is not None and self.force_per_length is not None,
         )
         if point == spread or (self.at is not None) == (self.member is not None):
-            raise value_error("either at with force, or member with force_per_length", "a load acts in one way")
+            raise value_error(
+                "either at with force, or member with force_per_length", "a load acts at a point or along a member"
+            )
         return self
 
     def build(self) -> valvetrain.GivenLoad:

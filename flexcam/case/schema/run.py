@@ -38,7 +38,7 @@ class ToleranceRecord(Record):
     @model_validator(mode="after")
     def _check_not_empty(self) -> Self:
         if not self.by_quantity():
-            raise value_error("at least one of lift, velocity, acceleration, force", "it asks for nothing")
+            raise value_error("at least one of lift, velocity, acceleration, force", "an empty table limits nothing")
         return self
 
     def by_quantity(self) -> dict[str, float]:
@@ -61,25 +61,25 @@ class FidelityRecord(Record):
     )
     norm: Literal["max", "rms"] | None = Field(
         None,
-        description="of the errors of `tolerance` and `trade`: the largest or the root mean square; by default the "
-        "largest of forces and the root mean square of motions",
+        description="of the errors of `tolerance` and `trade`: maximum or root mean square; by default the "
+        "maximum for forces and the root mean square for motions",
     )
     estimate: bool = Field(
-        False, strict=True, description="also run with other steps and elements, and say how far the numbers may be off"
+        False, strict=True, description="also run with other steps and elements, and estimate the errors"
     )
     prune: bool = Field(
         True,
         strict=True,
-        description="leave out of the integration what nothing can move; it changes no result, only the time it takes",
+        description="do not integrate what cannot move; it changes no result, only the computing time",
     )
     modes: int | None = Field(
         None,
         ge=1,
         strict=True,
-        description="integrate so many modes with the static answers they miss; every unknown by default",
+        description="number of modes to integrate, with static correction; every degree of freedom by default",
     )
     reduction: Literal["modes", "craig-bampton"] = Field(
-        "modes", description="modes of the whole train, or of each part between what is pushed, watched or touched"
+        "modes", description="modes of the whole train, or of each part between loads, probes and contacts"
     )
 
     @model_validator(mode="after")
@@ -87,7 +87,7 @@ class FidelityRecord(Record):
         if self.tolerance is not None and self.model != "beams":
             raise value_error("either model or tolerance", "a tolerance chooses the model")
         if self.reduction != "modes" and self.modes is None:
-            raise value_error("modes with a reduction", "it says how many")
+            raise value_error("modes beside a reduction", "the reduction needs their number")
         if self.modes is not None and self.model != "beams":
             raise value_error("modes with model = beams", "they are modes of the beams")
         return self
@@ -246,9 +246,9 @@ StartRecord = Annotated[
 class FluctuationRecord(Record):
     """Fluctuation of the camshaft speed about its mean, in orders of its rotation."""
 
-    orders: list[PositiveNumber] = Field(min_length=1, description="swings per camshaft revolution")
-    amplitudes: list[Ratio] = Field(description='parts of the mean speed, such as "2 %"; together below 1')
-    phases: list[SignedAngle] = Field(default=[], description="of the swings; zero by default")
+    orders: list[PositiveNumber] = Field(min_length=1, description="periods per camshaft revolution")
+    amplitudes: list[Ratio] = Field(description='fractions of the mean speed, such as "2 %"; together below 1')
+    phases: list[SignedAngle] = Field(default=[], description="of the harmonics; zero by default")
 
     @model_validator(mode="after")
     def _check_lengths(self) -> Self:
@@ -270,8 +270,8 @@ class FreeRunningRecord(Record):
 class AdaptiveRecord(PartRecord[dynamics.Adaptive]):
     """Adaptive steps with an error below a tolerance; results are saved at the given steps."""
 
-    tolerance: PositiveNumber = Field(1e-6, description="largest error of a step, as a part of the motion (energy)")
-    smallest: Time | None = Field(None, description="smallest step; 2^-16 of the one given by default")
+    tolerance: PositiveNumber = Field(1e-6, description="maximum error of a step relative to the motion (energy)")
+    smallest: Time | None = Field(None, description="minimum step; 2^-16 of the given one by default")
 
     def build(self) -> dynamics.Adaptive:
         """Build the step control: tolerance and minimum step."""
@@ -291,9 +291,9 @@ class RunRecord(Record):
     engine: dynamics.Engine = Field(
         "auto", description="solver engine: auto chooses the fastest that fits; all give the same numbers"
     )
-    adaptive: AdaptiveRecord | None = Field(None, description="dividing the steps by their error; fixed by default")
-    fluctuation: FluctuationRecord | None = Field(None, description="swing of the speed about its mean")
-    free_running: FreeRunningRecord | None = Field(None, description="speed as the cam's own inertia has it")
+    adaptive: AdaptiveRecord | None = Field(None, description="step size control; fixed steps by default")
+    fluctuation: FluctuationRecord | None = Field(None, description="fluctuation of the speed about its mean")
+    free_running: FreeRunningRecord | None = Field(None, description="speed of a freely rotating cam")
     start: StartRecord = Field(
         "rest",
         description="at rest as installed, in static equilibrium, in the periodic state, or from a given state",
@@ -307,7 +307,7 @@ class RunRecord(Record):
     @model_validator(mode="after")
     def _check_drive(self) -> Self:
         if self.fluctuation is not None and self.free_running is not None:
-            raise value_error("either fluctuation or free_running", "the shaft turns in one way")
+            raise value_error("either fluctuation or free_running", "both define the speed")
         orders = self.fluctuation.orders if self.fluctuation else []
         if self.start == "periodic" and any(order != round(order) for order in orders):
             raise value_error("whole orders with start = periodic", "the state repeats with the camshaft")
@@ -324,6 +324,6 @@ def _check_duplicates(names: list[str]) -> list[str]:
 class OutputRecord(Record):
     """Saved quantities and instants."""
 
-    probes: list[Name] = Field(default=[], description="points kept at every step")
+    probes: list[Name] = Field(default=[], description="points saved at every step")
     _listed_once = field_validator("probes")(_check_duplicates)
     field_every: int = Field(20, ge=1, le=1_000_000_000, strict=True, description="steps between saved fields")
