@@ -8,7 +8,7 @@ few modes, all beams, at several steps. Squares mark the models that no other be
 
 import flexcam
 from flexcam.analysis.model_choice import evaluate_ladder
-from flexcam.plotting.study_curves import work_precision_figure
+from flexcam.plotting.histories import work_precision_figure
 
 case = flexcam.read_case("../cases/tayeb/model-3-shm.toml", ["run.revolutions=1"])
 reference, models = evaluate_ladder(case, "valve", repeats=1)

@@ -13,12 +13,11 @@ from flexcam import valvetrain
 from flexcam.cams import Follower, Turn
 from flexcam.case.case import Case
 from flexcam.case.cross_checks import mesh_faults, model_faults
-from flexcam.case.fault_report import convert_errors
+from flexcam.case.fault_report import KeyLocations, convert_errors, parse_toml
 from flexcam.case.records import CaseRecord
 from flexcam.case.schema import contacts, parts
 from flexcam.case.schema.base import Length, Record
 from flexcam.case.schema.cams import FollowerRecord
-from flexcam.case.toml_lines import KeyLocations, parse_toml
 from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name
 from flexcam.fem.frames import default_orientation, direction

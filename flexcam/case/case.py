@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from flexcam.case.fault_report import KeyLocations
+from flexcam.case.fault_report import Path as KeyPath
 from flexcam.case.records import CaseRecord
 from flexcam.case.schema.base import Record
 from flexcam.case.schema.run import NewmarkRecord
-from flexcam.case.toml_lines import KeyLocations
-from flexcam.case.toml_lines import Path as KeyPath
 from flexcam.core.units import shaft_speed
 from flexcam.fem.mesh import Mesh
 

@@ -12,10 +12,10 @@ from typing import Any, cast
 import numpy as np
 
 from flexcam.case.case import Case
+from flexcam.case.fault_report import KeyLocations, Path
 from flexcam.case.schema.cams import LAW_KEYS
 from flexcam.case.schema.contacts import AdjusterRecord, LashRecord, PublishedLoadRecord
 from flexcam.case.schema.parts import LeverRecord
-from flexcam.case.toml_lines import KeyLocations, Path
 from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, suggest_name
 from flexcam.core.units import parse

@@ -14,8 +14,8 @@ from typing import Any, cast
 import numpy as np
 
 from flexcam.case.case import Case
+from flexcam.case.fault_report import parse_toml
 from flexcam.case.records import resolve_record, si_unit
-from flexcam.case.toml_lines import parse_toml
 from flexcam.core.errors import FlexcamError
 from flexcam.core.units import RPM
 from flexcam.dynamics import (

@@ -23,8 +23,8 @@ from pydantic import (
 from pydantic_core import CoreSchema, ErrorDetails, core_schema
 
 from flexcam.cams import LAWS, Event, HarmonicLift, Law, LawKind, LiftReport, kind_names, law_kind, lift_table
+from flexcam.case.fault_report import parse_toml
 from flexcam.case.schema.base import Unit, convert_error, describe_type_error, value_error
-from flexcam.case.toml_lines import parse_toml
 from flexcam.core.errors import InputError, format_value, positive, refuse, suggest_name, system_message
 from flexcam.io import read_lift, read_text, resolve_file
 

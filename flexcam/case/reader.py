@@ -14,11 +14,10 @@ from pydantic import ValidationError
 from flexcam.case.builder import with_spring_parts
 from flexcam.case.case import Case
 from flexcam.case.cross_checks import RawTables
-from flexcam.case.fault_report import convert_errors
+from flexcam.case.fault_report import KeyLocations, convert_errors, parse_toml, sort_faults
+from flexcam.case.fault_report import Path as KeyPath
 from flexcam.case.records import CamsRecord, CaseRecord, SweepFileRecord, SweepRecord
 from flexcam.case.schema.base import Record
-from flexcam.case.toml_lines import KeyLocations, parse_toml, sort_faults
-from flexcam.case.toml_lines import Path as KeyPath
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name, system_message
 from flexcam.fem.mesh import Mesh
 from flexcam.io import Result, read_mesh, read_text, resolve_file

@@ -25,8 +25,7 @@ from flexcam.core.errors import Fault, InputError, collect_errors, refuse
 from flexcam.core.units import RPM, parse
 from flexcam.dynamics import Status
 from flexcam.io import check_writable, write_text
-from flexcam.report.formatting import StudyOutput
-from flexcam.report.terminal import print_json, print_message, result_console
+from flexcam.report.terminal import StudyOutput, print_json, print_message, result_console
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -42,8 +42,15 @@ from flexcam.core import FloatArray
 from flexcam.core.errors import positive, refuse, suggest_name
 from flexcam.core.units import RPM
 from flexcam.io import check_folder_name, check_writable, create_folder, read_profile, write_lift_table, write_profile
-from flexcam.report.formatting import NOISE, format_degrees, format_mm
-from flexcam.report.terminal import facts_table, plain_table, print_json, result_console
+from flexcam.report.terminal import (
+    NOISE,
+    facts_table,
+    format_degrees,
+    format_mm,
+    plain_table,
+    print_json,
+    result_console,
+)
 
 _NEGATIVE_LIFT_TOLERANCE = 1e-4
 """Allowed depth of a profile within its base circle, relative to the maximum lift: less than the grinding tolerance."""

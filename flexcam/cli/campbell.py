@@ -42,8 +42,15 @@ from flexcam.core.errors import collect_errors, refuse
 from flexcam.core.units import shaft_name
 from flexcam.dynamics import Status
 from flexcam.io import write_text
-from flexcam.report.formatting import NOISE, finite_or_none, format_mm
-from flexcam.report.terminal import plain_table, print_json, result_console, show_count
+from flexcam.report.terminal import (
+    NOISE,
+    finite_or_none,
+    format_mm,
+    plain_table,
+    print_json,
+    result_console,
+    show_count,
+)
 
 
 def campbell_table(found: Campbell, scale: float) -> Table:

@@ -50,7 +50,6 @@ from flexcam.core.units import RPM, parse, shaft_name
 from flexcam.dynamics import Response, Status, reraise_interrupt
 from flexcam.io import read_result, write_text
 from flexcam.report.fidelity_tables import TRADE_LEGEND, trade_csv, trade_json, trade_table, trade_warnings
-from flexcam.report.formatting import format_decimals
 from flexcam.report.tables import (
     claim_table,
     comparison_json,
@@ -58,7 +57,7 @@ from flexcam.report.tables import (
     describe_comparison,
     describe_contacts,
 )
-from flexcam.report.terminal import plain_table, print_json, result_console, show_count
+from flexcam.report.terminal import format_decimals, plain_table, print_json, result_console, show_count
 
 _RESULT = ".vtkhdf"
 _SPEEDS = Group("Contact forces over speed", sort_key=1)
@@ -304,7 +303,7 @@ def trade(
         write_text(csv, trade_csv(against, found), overwrite=overwrite)
     if plot is not None:
         from flexcam.plotting.figures import add_title, save_figure
-        from flexcam.plotting.study_curves import work_precision_figure
+        from flexcam.plotting.histories import work_precision_figure
 
         save_figure(add_title(work_precision_figure(found), read.title), plot, overwrite=overwrite)
     files = [path for path in (csv, plot) if path is not None]

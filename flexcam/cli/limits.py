@@ -29,9 +29,17 @@ from flexcam.cli.app import (
 from flexcam.core.errors import positive, refuse
 from flexcam.core.units import shaft_name
 from flexcam.dynamics import Status
-from flexcam.report.formatting import StudyOutput, finite_or_none, format_csv, format_number
 from flexcam.report.tables import limits_json, limits_table
-from flexcam.report.terminal import plain_table, print_json, result_console, show_count
+from flexcam.report.terminal import (
+    StudyOutput,
+    finite_or_none,
+    format_csv,
+    format_number,
+    plain_table,
+    print_json,
+    result_console,
+    show_count,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -127,7 +135,7 @@ def _map_limits(
         found = limit_map(plan, names, kept).with_units(case)
 
     def draw() -> Figure:
-        from flexcam.plotting.study_curves import map_figure
+        from flexcam.plotting.histories import map_figure
 
         first, second = (np.array([value.number for value in one.values]) for one in found.axes)
         labels = [_describe_axis(one) for one in found.axes]

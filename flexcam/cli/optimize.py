@@ -29,8 +29,15 @@ from flexcam.cli.sensitivity import Highest, Lowest, StudyOptions, Within, Worke
 from flexcam.core.errors import refuse
 from flexcam.dynamics import Cause, RunFailedError, Status
 from flexcam.io import check_writable, write_text
-from flexcam.report.formatting import StudyOutput, finite_or_none, format_csv, format_decimals, format_number
-from flexcam.report.terminal import facts_table, plain_table
+from flexcam.report.terminal import (
+    StudyOutput,
+    facts_table,
+    finite_or_none,
+    format_csv,
+    format_decimals,
+    format_number,
+    plain_table,
+)
 from flexcam.studies.evaluators import PointEvaluator, resolved_case_text, variables_of
 from flexcam.studies.optimization import (
     Evaluations,
@@ -126,7 +133,7 @@ def optimize(
 
 def _search_figure(design: OptimizationProblem, found: Evaluations) -> Figure:
     """Return the figure of a search: progress of one goal, or the Pareto front of two."""
-    from flexcam.plotting.study_curves import front_figure, progress_figure
+    from flexcam.plotting.histories import front_figure, progress_figure
 
     inside = is_feasible(found.violations)
     signs = np.array([-1.0 if goal.most else 1.0 for goal in design.goals])

@@ -26,8 +26,7 @@ from flexcam.core.errors import Fault, InputError, refuse, suggest_name
 from flexcam.core.units import shaft_name
 from flexcam.dynamics import Response, Status, reraise_interrupt, solve
 from flexcam.io import Result, read_result
-from flexcam.report.formatting import make_unique
-from flexcam.report.terminal import print_json, result_console, show_count, show_progress
+from flexcam.report.terminal import make_unique, print_json, result_console, show_count, show_progress
 from flexcam.valvetrain import Cam, build_structure
 
 if TYPE_CHECKING:
@@ -379,7 +378,7 @@ def _speeds(asked: FigureOptions, case: Case) -> list[float]:
 
 def _work_precision(asked: FigureOptions) -> Figure:
     from flexcam.plotting.figures import add_title
-    from flexcam.plotting.study_curves import work_precision_figure
+    from flexcam.plotting.histories import work_precision_figure
 
     source = _single_source(asked, "work-precision")
     probe = asked.probe or scalar_probe(source.ready)

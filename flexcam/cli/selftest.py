@@ -11,8 +11,7 @@ from rich.table import Table
 from flexcam.analysis.selftest import Check, all_checks, installation_info
 from flexcam.cli.app import Json, app
 from flexcam.dynamics import Cause, Status
-from flexcam.report.formatting import finite_or_none
-from flexcam.report.terminal import create_table, facts_table, print_json, result_console
+from flexcam.report.terminal import create_table, facts_table, finite_or_none, print_json, result_console
 
 
 def check_table(found: Sequence[Check]) -> Table:

@@ -35,8 +35,7 @@ from flexcam.cli.app import (
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
 from flexcam.dynamics import Cause, RunFailedError, Status, reraise_interrupt
-from flexcam.report.formatting import StudyOutput, finite_or_none, format_csv, format_number
-from flexcam.report.terminal import plain_table, show_count
+from flexcam.report.terminal import StudyOutput, finite_or_none, format_csv, format_number, plain_table, show_count
 from flexcam.studies.evaluation import Row
 from flexcam.studies.evaluators import (
     InterruptibleRuns,
@@ -208,7 +207,7 @@ def _derivatives(asked: StudyOptions, keys: list[str], relative_step: float) -> 
         found = sensitivities(asked.file, asked.fixed, asked.names, keys, kept, relative_step=relative_step)
 
     def draw() -> Figure:
-        from flexcam.plotting.study_curves import bars_figure
+        from flexcam.plotting.histories import bars_figure
 
         known = [one for one in found if not math.isnan(one.logarithmic)]
         groups = {name: {one.by.key: one.logarithmic for one in known if one.scalar == name} for name in asked.names}
@@ -290,7 +289,7 @@ def _sobol_indices(asked: StudyOptions, keys: list[str], count: int, seed: int) 
         found = sobol_indices(values, len(variables), count, seed=seed)
 
     def draw() -> Figure:
-        from flexcam.plotting.study_curves import bars_figure
+        from flexcam.plotting.histories import bars_figure
 
         pairs = list(zip(asked.names, found, strict=True))
         groups = {
@@ -362,7 +361,7 @@ def _tolerance_analysis(
     rows, parts = list(compress(every, run)), parts[run]
 
     def draw() -> Figure:
-        from flexcam.plotting.study_curves import scatter_figure
+        from flexcam.plotting.histories import scatter_figure
 
         values = {name: column(rows, name) for name in asked.names}
         units = {name: row.units[name] for row in rows for name in row.units}

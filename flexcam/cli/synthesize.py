@@ -40,8 +40,7 @@ from flexcam.core import FloatArray
 from flexcam.core.errors import positive, refuse
 from flexcam.core.units import RPM, parse
 from flexcam.io import check_writable, create_folder, write_law, write_lift
-from flexcam.report.formatting import NOISE, format_mm
-from flexcam.report.terminal import facts_table, plain_table, print_json, result_console
+from flexcam.report.terminal import NOISE, facts_table, format_mm, plain_table, print_json, result_console
 
 
 def synthesis_json(found: Synthesis) -> dict[str, object]:

@@ -399,7 +399,7 @@ def _first(limits: Limits, scale: float) -> str:
 
 def _trade(case: Case, probe: str) -> AdditionalContent:
     from flexcam.plotting.figures import render_png
-    from flexcam.plotting.study_curves import work_precision_figure
+    from flexcam.plotting.histories import work_precision_figure
 
     against, rungs = evaluate_ladder(case, probe, repeats=1)
     table = report_table(trade_table(against, rungs))

@@ -44,7 +44,7 @@ from flexcam.report.content import (
     result_tables,
 )
 from flexcam.report.figures import Runs, build_albums, describe_omitted_curves, scalar_probe_names, scene
-from flexcam.report.formatting import make_unique
+from flexcam.report.terminal import make_unique
 from flexcam.valvetrain import Metric
 
 _PAGE = Path(__file__).parent / "template"

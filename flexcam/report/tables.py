@@ -25,8 +25,14 @@ from flexcam.dynamics import Response, Stats, active_dofs_of
 from flexcam.dynamics.memory import ExtremesSink
 from flexcam.fem.frames import ROTATIONS
 from flexcam.io import Result, VerificationSummary, format_toml
-from flexcam.report.formatting import count_decimals, format_decimals, remove_noise
-from flexcam.report.terminal import create_table, facts_table, plain_table
+from flexcam.report.terminal import (
+    count_decimals,
+    create_table,
+    facts_table,
+    format_decimals,
+    plain_table,
+    remove_noise,
+)
 from flexcam.valvetrain import (
     Adjuster,
     Contact,

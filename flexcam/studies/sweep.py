@@ -17,8 +17,8 @@ from flexcam.analysis.preparation import prepare
 from flexcam.analysis.resources import check_resources
 from flexcam.analysis.run import estimate_case_resources
 from flexcam.case.case import Case
+from flexcam.case.fault_report import KeyLocations
 from flexcam.case.reader import CaseFile
-from flexcam.case.toml_lines import KeyLocations
 from flexcam.core.errors import Fault, InputError, refuse
 from flexcam.dynamics import Cause, RunFailedError, Status
 from flexcam.io import check_writable, create_folder

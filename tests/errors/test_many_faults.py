@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from flexcam import InputError
+from flexcam.case.fault_report import parse_toml
 from flexcam.case.reader import CaseFile
-from flexcam.case.toml_lines import parse_toml
 
 # changes, and the key paths of which each must have its fault in the one report
 MANY = {
