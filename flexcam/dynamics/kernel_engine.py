@@ -42,10 +42,15 @@ _NONE = np.zeros((0, 0))
 _ORDERS = np.arange(10.0)
 _NODES = np.cos(np.pi * (_ORDERS + 0.5) / len(_ORDERS))
 _FIT: FloatArray = np.linalg.inv(np.cos(np.outer(np.arccos(_NODES), _ORDERS))).astype(np.float64)
-"""Orders and points of the Chebyshev polynomials within a step, and their coefficients by the values there.
+_BETWEEN = np.cos(np.pi * _ORDERS[1:] / len(_ORDERS))
+_CHECK = np.cos(np.outer(np.arccos(_BETWEEN), _ORDERS))
+"""Orders and points of the Chebyshev polynomials within a step, their coefficients by the values there, and the points
+between.
 
 L. N. Trefethen, Approximation Theory and Approximation Practice (2013), ch. 2 and 3.
 """
+_FITTED = 1e-12
+"""Largest error of the polynomials at the points between, as a fraction of the largest value."""
 _NO_SIDES = np.zeros((2, 0), dtype=np.intp)
 
 
@@ -228,7 +233,8 @@ class KernelEngine:
             problem.step, forces, self._starter, self._at, self._stepper, balances=scheme.is_collocated
         )
         self._last: StepState | None = None
-        self._span, self._nodes = (math.inf, math.inf), np.zeros((0, 0))
+        self._span = math.inf, math.inf
+        self._nodes: FloatArray | None = None
         self._iterations = 0
 
     def advance(self, steps: IntArray) -> tuple[Trajectory, Status]:
@@ -315,20 +321,31 @@ class KernelEngine:
     def _at(self, time: float) -> StepInputs:
         """Return the prescribed inputs of an instant, by the polynomial through the Chebyshev points of its step.
 
-        The functions of the cam angle are evaluated once per step with events instead of once per trial of its time.
+        The functions of the cam angle are then evaluated once per step with events instead of once per trial of a time.
+        In a step with a kink of a function no polynomial fits, and the functions themselves are evaluated.
         """
         begin, end = self._span
         if not begin <= time <= end:
             step, start = self._problem.step, float(self._problem.times(np.zeros(1, dtype=np.intp))[0])
             begin = start + step * math.floor((time - start) / step)
             end = max(begin + step, time)
-            loads, schedule = self._prescribed(begin + 0.5 * (end - begin) * (1.0 + _NODES))
-            self._span, self._nodes = (begin, end), _FIT @ np.column_stack([loads, schedule.angle, schedule.rows])
+            self._span, self._nodes = (begin, end), self._fit(begin, end)
+        if self._nodes is None:
+            loads, schedule = self._prescribed(np.array([time]))
+            return StepInputs(time, loads[0], schedule)
         phase = math.acos(min(max(2.0 * (time - begin) / (end - begin) - 1.0, -1.0), 1.0))
         row, n = np.cos(_ORDERS * phase) @ self._nodes, self._system.size
         angle, sense, act = row[n : n + 1], self._forces.sense.owner, self._forces.act.owner
         inputs = PrescribedInputs(angle, row[None, n + 1 :], sense, act, CamFunctionCache(angle))
         return StepInputs(time, row[:n], inputs)
+
+    def _fit(self, begin: float, end: float) -> FloatArray | None:
+        """Return the coefficients of the prescribed inputs within a step; None if no polynomial fits them."""
+        loads, schedule = self._prescribed(begin + 0.5 * (end - begin) * (1.0 + np.append(_NODES, _BETWEEN)))
+        rows = np.column_stack([loads, schedule.angle, schedule.rows])
+        found = _FIT @ rows[: len(_NODES)]
+        missed = np.abs(_CHECK @ found - rows[len(_NODES) :]).max(axis=0)
+        return found if (missed <= _FITTED * np.abs(rows).max(axis=0)).all() else None
 
     def _prescribed(self, times: FloatArray) -> tuple[FloatArray, PrescribedInputs]:
         motion = self._problem.drive.at(times)

@@ -251,7 +251,7 @@ def test_a_front_is_drawn(told, tmp_path):
     assert facts(told, *words)["files"] == ["front.svg"]
     drawn = (tmp_path / "front.svg").read_text(encoding="utf-8")
     titles = ("Pareto front of polynomials of degree 11", "Its laws, lift 1 over angle 1")
-    axes = ("C_a, largest acceleration, lift 1 over angle 1", "C_j, largest jerk, lift 1 over angle 1")
+    axes = ("C_a, max acceleration, lift 1 over angle 1", "C_j, max jerk, lift 1 over angle 1")
     assert all(f"<!-- {one} -->" in drawn for one in (*titles, *axes))
     assert told(*words, "-o", "law.toml").code == 2
     assert not list(tmp_path.glob("law-*.toml"))
