@@ -39,9 +39,9 @@ OWN = frozenset({"cli"})
 INTERNAL = frozenset(
     {
         "case.cross_checks", "case.fault_report", "case.records",
-        "case.toml_lines", "plotting.rendering", "plotting.scene.mechanism", "plotting.scene.motion",
+        "plotting.rendering", "plotting.scene.mechanism", "plotting.scene.motion",
         "plotting.scene.parts", "plotting.scene.solids", "plotting.solid_view", "report.content", "report.fidelity_tables",
-        "report.figures", "report.formatting", "report.tables", "report.terminal",
+        "report.figures", "report.tables", "report.terminal",
     }
 )  # fmt: skip
 """Modules without a page: they serve their own package and the commands."""

@@ -43,7 +43,7 @@ from flexcam.core import FloatArray
 from flexcam.core.errors import InputError, refuse, suggest_name
 from flexcam.core.units import RPM
 from flexcam.io import ProfileTable
-from flexcam.valvetrain import Cam, Model, lift_transfer, modes_on_the_lift, valve_ratio
+from flexcam.valvetrain import Cam, Model, largest_lash, lift_transfer, modes_on_the_lift, valve_ratio
 
 _HARMONICS = 10
 _NEGATIVE_LIFT_TOLERANCE = 1e-4
@@ -62,6 +62,8 @@ class CamSet:
         Cams by name.
     ratios
         Valve lift per cam lift, by cam; 1 without a rocker.
+    lashes
+        Lash that the lift takes up, reduced to the follower, m, by cam.
     reports
         Smoothing reports, by cam with a lift table.
     speed
@@ -72,6 +74,7 @@ class CamSet:
     title: str
     cams: Mapping[str, Cam]
     ratios: Mapping[str, float]
+    lashes: Mapping[str, float]
     reports: Mapping[str, LiftReport]
     speed: float | None
 
@@ -122,23 +125,24 @@ def load_cams(path: str | Path, overrides: Sequence[str] = ()) -> CamSet:
         case = read_case(path, overrides)
         model = build_model(case)
         ratios = {name: valve_ratio(model, name) for name in model.cams}
+        lashes = {name: largest_lash(model, name) for name in model.cams}
         record, cams, speed = case.record, model.cams, case.speed
     else:
         record = read_cams(path, overrides)
         cams = {name: cam.part for name, cam in record.cams.items()}
-        ratios, speed = dict.fromkeys(cams, 1.0), record.speed
+        ratios, lashes, speed = dict.fromkeys(cams, 1.0), dict.fromkeys(cams, 0.0), record.speed
     if not cams:
         raise refuse("cams", f"none in {path.name}", "one or more tables [cams.NAME]")
     tables = {name: cam.lift_table for name, cam in record.cams.items()}
     reports = {name: table.report for name, table in tables.items() if table and table.report}
-    return CamSet(path.stem, record.title, cams, ratios, reports, speed)
+    return CamSet(path.stem, record.title, cams, ratios, lashes, reports, speed)
 
 
 def cam_facts(
-    cam: Cam, *, ratio: float = 1.0, count: int = 720, pressure_angle: float = PRESSURE_ANGLE,
+    cam: Cam, *, ratio: float = 1.0, lash: float = 0.0, count: int = 720, pressure_angle: float = PRESSURE_ANGLE,
     cutter: float | None = None,
 ) -> CamFacts:  # fmt: skip
-    """Return the facts about a cam."""
+    """Return the facts about a cam; the lash at the follower, m, delays the valve."""
     event, profile = cam.event, None
     if cam.follower is not None:
         profile = cam_profile(event, cam.follower, count=count, turn=cam.turn)
@@ -148,7 +152,7 @@ def cam_facts(
     lift, least = event_extremes(event), _minimum_base_radius(cam, event, pressure_angle)
     return CamFacts(
         cam, lift, peaks[0], peaks[1], jerk, tuple(np.abs(harmonics(event, _HARMONICS))[1:].tolist()), met,
-        {name: valve_event(event, lift, ratio=ratio) for name, lift in THRESHOLDS.items()}, profile,
+        {name: valve_event(event, lift, ratio=ratio, lash=ratio * lash) for name, lift in THRESHOLDS.items()}, profile,
         [*_negative_lift_findings(lift), *(find_profile_faults(
             profile, pressure_angle=pressure_angle, cutter=cutter, base_helps=least is not None) if profile else ())],
         least,

@@ -308,21 +308,30 @@ _ANGLES = np.linspace(0.0, 2.0 * math.pi, 721)
 
 
 def check_open_contacts(model: Model, problem: Problem, scheme: Method) -> list[str]:
-    """Return warnings about cam contacts that are open on the base circle at the start."""
+    """Return warnings about cam contacts and seats that are open on the base circle at the start."""
     contacts = {name: one for name, one in model.contacts.items() if isinstance(one, CamContact) and one.unilateral}
-    if not contacts or not 0 < problem.system.size <= _MAX_DOFS:
+    seats = [name for name, one in model.contacts.items() if isinstance(one, Seat)]
+    if not (contacts or seats) or not 0 < problem.system.size <= _MAX_DOFS:
         return []
     try:
         first = solve(replace(problem, steps=1, engine="direct", adaptive=None), scheme)
     except RunFailedError:
         return []  # the run reports it
+    if not len(first.time):
+        return []
     found: list[str] = []
-    for name, contact in contacts.items() if len(first.time) else ():
-        event = model.cams[contact.cam].event
-        on_base_circle = abs(float(event(first.angle[:1])[0])) <= _LIFT_TOLERANCE * event.height
-        if on_base_circle and float(first.channels[f"contacts.{name}.force"][0]) <= 0.0:
+    closed = {
+        name: abs(float(cam.event(first.angle[:1])[0])) <= _LIFT_TOLERANCE * cam.event.height
+        for name, cam in model.cams.items()
+    }
+    for name, contact in contacts.items():
+        if closed[contact.cam] and float(first.channels[f"contacts.{name}.force"][0]) <= 0.0:
             why = "no spring presses the follower to its cam before it turns"
             found.append(f"Warning: contacts.{name}: {why}; give a spring an installed_force")
+    for name in seats if all(closed.values()) else ():
+        if float(first.channels[f"contacts.{name}.force"][0]) <= 0.0:
+            why = "no spring presses the valve to its seat before the cams turn"
+            found.append(f"Warning: contacts.{name}: {why}; check the direction and the installed_force of its spring")
     return found
 
 

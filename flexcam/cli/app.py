@@ -240,6 +240,7 @@ app = App(
     name="flexcam",
     version=_versions,
     help_format="plaintext",
+    default_parameter=Parameter(negative_iterable=()),
     help="Simulate flexible valve trains and cam mechanisms by finite elements.",
     help_prologue="""\
 flexcam new pushrod-engine -o engine.toml

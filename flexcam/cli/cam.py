@@ -94,7 +94,7 @@ def _profile_json(found: CamFacts) -> dict[str, object] | None:
     }  # fmt: skip
 
 
-def cam_table(name: str, found: CamFacts, speed: float | None, ratio: float) -> Table:
+def cam_table(name: str, found: CamFacts, speed: float | None, ratio: float, lash: float) -> Table:
     """Return the table of the facts about a cam."""
     rows = [
         ("lift", _lift(found, ratio)),
@@ -102,7 +102,8 @@ def cam_table(name: str, found: CamFacts, speed: float | None, ratio: float) -> 
         ("max acceleration", _at_speed(found.acceleration, "mm/rad^2", "m/s^2", 2, speed)),
         ("max jerk", _jerk(found.jerk)),
         ("harmonics 1 to 10", ", ".join(format_mm(one, 3) for one in found.harmonics) + " mm"),
-        *((f"valve open above {lift}", _event(event, ratio * found.lift[0].value > THRESHOLDS[lift]))
+        *([("lash at the follower", f"{format_mm(lash)} mm")] if lash else []),
+        *((f"valve open above {lift}", _event(event, ratio * (found.lift[0].value - lash) > THRESHOLDS[lift]))
           for lift, event in found.events.items()),
         *_joints(found.joints),
         *_profile(found, speed),
@@ -153,8 +154,9 @@ def _profile(found: CamFacts, speed: float | None) -> list[tuple[str, str]]:
         ("min concave radius", f"{format_mm(seen.hollow.value)} mm {_at(seen.hollow)}" if seen.hollow else "none"),
         ("max pressure angle", f"{format_degrees(abs(seen.pressure_angle.value))} deg {_at(seen.pressure_angle)}"),
         ("contact offset", f"{format_mm(seen.offset[0].value, 5)} to {format_mm(seen.offset[1].value, 5)} mm"),
-        ("max sliding velocity", _at_speed(abs(seen.sliding.value), "mm/rad", "m/s", 1, speed)),
     ]  # fmt: skip
+    if math.isinf(profile.follower.roller_radius):  # a roller turns instead
+        rows.append(("max sliding velocity", _at_speed(abs(seen.sliding.value), "mm/rad", "m/s", 1, speed)))
     return rows
 
 
@@ -320,7 +322,9 @@ def cam(
     wheel = parse_quantity("--cutter", cutter, "length", "mm") if cutter is not None else None
     limit = PRESSURE_ANGLE if pressure_angle is None else _pressure_limit(pressure_angle)
     found = {
-        one: cam_facts(part, ratio=cams.ratios[one], count=points, pressure_angle=limit, cutter=wheel)
+        one: cam_facts(
+            part, ratio=cams.ratios[one], lash=cams.lashes[one], count=points, pressure_angle=limit, cutter=wheel
+        )
         for one, part in cams.cams.items()
         if name in (None, one)
     }
@@ -349,7 +353,7 @@ def cam(
         })  # fmt: skip
         return
     for one, facts in found.items():
-        result_console().print(cam_table(one, facts, cams.speed, cams.ratios[one]))
+        result_console().print(cam_table(one, facts, cams.speed, cams.ratios[one], cams.lashes[one]))
         result_console().print()
         if one in cams.reports:
             result_console().print(smoothing_table(one, cams.reports[one]))

@@ -1,4 +1,15 @@
-"""Active unknowns of a problem, and the problem reduced to them or to a basis."""
+"""Active degrees of freedom: unknowns that can move. The others are excluded from the integration.
+
+M, C, K and the local forces couple unknowns. A group of coupled unknowns moves if a time-dependent load or a local
+force that depends on the cam angle acts on it, if it has an initial velocity, or if it is initially not in equilibrium.
+Every other group stays at its initial displacement, also under its weight. Idle scalars of a local force, such as the
+bending of a straight strut, couple nothing unless another force moves them.
+
+An entry couples unless it is exactly zero, even if it is of the size of rounding: a soft spring between stiff parts has
+entries as small. Too many active unknowns cost time only, not accuracy.
+
+The reduced problem is integrated in the active unknowns or in a basis, and its results are expanded.
+"""
 
 from __future__ import annotations
 

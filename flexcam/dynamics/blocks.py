@@ -1,4 +1,8 @@
-"""Blocks of results, their sinks, and checkpoints from which a run resumes."""
+"""Blocks of results, dense output between instants, sinks of results, and checkpoints.
+
+A checkpoint is the state of a run between two blocks, as plain arrays, from which an interrupted run resumes. It is
+created and restored here; `io` stores it in the partial result.
+"""
 
 from __future__ import annotations
 

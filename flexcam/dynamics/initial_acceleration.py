@@ -1,4 +1,12 @@
-"""Initial acceleration, and impacts with restitution as a linear complementarity problem of velocities."""
+"""Initial acceleration at the start and at restarts, and impacts by Newton's law of restitution.
+
+Impacts of several bodies at once are a linear complementarity problem. With the rate of approach u of every closed
+contact and its impulse p, the rate after the impact is ``u - W p``, where W = G M^-1 G^T is the Delassus matrix.
+Newton's law requires ``0 <= p``, ``W p >= (1 + e) u``, and no impulse if a contact separates faster. B. Brogliato,
+Nonsmooth Mechanics, 3rd ed. (2016), ch. 5; V. Acary and B. Brogliato, Numerical Methods for Nonsmooth Dynamical Systems
+(2008), ch. 3 and 12; O. Bruels, V. Acary, A. Cardona, Comput. Methods Appl. Mech. Eng. 281 (2014). The kinetic energy
+changes by ``sum p (e - 1) u/2``: it never grows for e up to 1.
+"""
 
 from __future__ import annotations
 

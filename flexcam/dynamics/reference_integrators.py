@@ -1,4 +1,13 @@
-"""Reference integrators: exact modal solution, and Radau and DOP853 of scipy."""
+"""Reference integrators: the exact modal solution, and Radau and DOP853 of scipy.
+
+Exact modal solution: loads are linear between the instants, and the modal response is computed with the matrix
+exponential: N. C. Nigam and P. C. Jennings, Bull. Seismol. Soc. Am. 59 (1969); C. F. Van Loan, IEEE Trans. Autom.
+Control 23 (1978), for the integrals of the load. The only error is the interpolation of the loads.
+
+scipy: the unknowns are written as a first-order system: displacement, velocity and the internal states of the local
+forces. E. Hairer and G. Wanner, Solving Ordinary Differential Equations II (1996), for Radau IIA; E. Hairer, S. P.
+Norsett and G. Wanner, Solving Ordinary Differential Equations I (1993), for the rule of Dormand and Prince.
+"""
 
 from __future__ import annotations
 

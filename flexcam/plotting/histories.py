@@ -1,4 +1,4 @@
-"""Figures of a run over time or cam angle: motion of a probe, forces and other channels, energies."""
+"""Figures over time, cam angle or a study: motion of a probe, forces, energies, results of studies."""
 
 # pyright: reportUnknownMemberType=false
 

@@ -167,8 +167,8 @@ def describe_margins(margins: Margins, turns: float) -> list[str]:
     said: list[str] = []
     if margins.rigid_rpm is not None and margins.spring_margin is not None:
         said.append(
-            f"The rigid train loses contact at {shaft_speed(margins.rigid_rpm * RPM, turns)}; at this speed its "
-            f"spring force is {1.0 + margins.spring_margin:.3g} times its inertia force."
+            f"The rigid train loses contact at {shaft_speed(margins.rigid_rpm * RPM, turns)}; at the speed of the "
+            f"run its spring force is {1.0 + margins.spring_margin:.3g} times its inertia force."
         )
     said += [
         f"The buckling load of {name} is {margin:.3g} times its static compression at full lift."

@@ -61,6 +61,7 @@ from flexcam.valvetrain.train_metrics import (
     train_metric_names,
     train_metrics,
 )
+from flexcam.valvetrain.train_topology import largest_lash
 
 __all__ = [
     "ANY_SPEED",
@@ -109,6 +110,7 @@ __all__ = [
     "free_running",
     "free_speed",
     "hertz_line",
+    "largest_lash",
     "lift_transfer",
     "main_lift",
     "member_masses",

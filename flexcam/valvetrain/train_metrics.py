@@ -29,6 +29,9 @@ _REVOLUTION_TOLERANCE = math.radians(355.0)
 _MAIN_LIFT_FRACTION = 0.05
 """Fraction of the lift, above ramps and lash, above which a cam is on its main lift: below it ringing dominates."""
 
+_LARGEST_MAIN_LIFT = 0.5
+"""Largest fraction of the lift for the same, for a lash that takes up most of the lift."""
+
 OPEN = math.radians(0.5)
 """Cam angle of an open contact that counts as contact loss, rad: a single step may be numerical."""
 
@@ -201,4 +204,5 @@ def main_lift(model: Model, cam: str) -> float:
     """Return the lift above which ramps and lash are taken up."""
     event = model.cams[cam].event
     ramp = getattr(event, "ramp", None)
-    return _MAIN_LIFT_FRACTION * event.height + max(largest_lash(model, cam), float(ramp.height) if ramp else 0.0)
+    above = _MAIN_LIFT_FRACTION * event.height + max(largest_lash(model, cam), float(ramp.height) if ramp else 0.0)
+    return min(above, _LARGEST_MAIN_LIFT * event.height)

@@ -12,7 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from flexcam import build_model, read_case
 from flexcam.cams import CompoundCycloid, LiftEvent, Ramp, RollerFollower, cam_profile
+from flexcam.case.starters import new_case
 
 ROOT, DEG = Path(__file__).parents[2], math.pi / 180
 FILES = {path.stem: path for part in ("cases/cams", "cases/tayeb") for path in sorted((ROOT / part).glob("*.toml"))}
@@ -228,3 +230,12 @@ def test_refused(words, told):
     assert (done.code, done.err) == (2, "")
     (fault,) = json.loads(done.out)["errors"]
     assert (where in fault["where"], given in fault["given"], said in " ".join(fault.values())) == (True, True, True)
+
+
+def test_lash_delays_the_valve(told, tmp_path):
+    """With a lash of 1 mm a valve is 1 mm open where the cam alone has lifted it by 2 mm."""
+    new_case("direct-acting", tmp_path / "train.toml")
+    cam = facts(told, "train.toml", "--set", "contacts.lash.gap=1mm")["cams"]["intake"]
+    event = build_model(read_case(tmp_path / "train.toml")).cams["intake"].event
+    opens, closes = cam["valve_events"]["1 mm"]["opens"] / 2.0, cam["valve_events"]["1 mm"]["closes"] / 2.0
+    assert event(np.array([opens, closes])) == pytest.approx([2e-3, 2e-3], rel=1e-9)

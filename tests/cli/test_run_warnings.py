@@ -64,3 +64,23 @@ def test_a_run_too_fast_keeps_it_with_its_result_and_its_report(flexcam, engine,
     assert "lost contact for" in page
     assert "The part with the largest motion, spring valve, is no member" in page
     assert "The part with the largest motion, camshaft" not in page
+
+
+@pytest.fixture
+def direct(tmp_path):
+    return new_case("direct-acting", tmp_path / "direct.toml")[0]
+
+
+def test_a_lash_that_takes_up_most_of_the_lift_hides_no_contact_loss(flexcam, direct, tmp_path):
+    """The valve spring presses the valve alone; the bucket flies as long as the lash is open."""
+    words = ("--set", "contacts.lash.gap=8.4mm", "--set", "run.crank_speed=6500rpm", "--set", "run.revolutions=1")
+    train = flexcam("run", direct, "-o", tmp_path, *words, "--json").json["train"]
+    assert math.degrees(train["contacts.intake.open_on_the_lift"]) > 50.0
+
+
+def test_a_spring_that_opens_the_valve_is_told(flexcam, direct):
+    text = direct.read_text(encoding="utf-8")
+    at = text.index('direction = "-uy"', text.index("[springs.valve]"))
+    direct.write_text(text[:at] + text[at:].replace('"-uy"', '"uy"', 1), encoding="utf-8")
+    (warning,) = (one for one in flexcam("check", direct, "--json").json["warnings"] if "contacts.seat" in one)
+    assert "no spring presses the valve to its seat" in warning

@@ -82,10 +82,10 @@ def test_an_unknown_table(case):
 
 
 def test_thousands_of_bad_variants_are_refused_at_once(case):
-    begun = time.perf_counter()
+    begun = time.process_time()
     found = faults(lambda: make_sweep(case, ["run.speed=1:9000:1kN"]))
     assert len(found) == 1
-    assert time.perf_counter() - begun < 1.0  # all of them take seconds
+    assert time.process_time() - begun < 1.0  # all of them take seconds
 
 
 def test_faults_of_the_table_of_a_case_name_its_line(case, text):
