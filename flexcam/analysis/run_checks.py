@@ -77,6 +77,10 @@ _MAX_ENERGY_RESIDUAL = 0.01
 """Allowed residual of the energy balance and numerical dissipation, relative to the work."""
 
 
+_MAX_PERIODICITY_ERROR = 1e-3
+"""Allowed change of the state over a revolution from a periodic start, relative to the motion."""
+
+
 # Before a run
 
 
@@ -247,9 +251,19 @@ def check_run(ready: PreparedRun, monitor: RunMonitor, metrics: list[Metric], st
         *_check_energy_balance(monitor.extremes),
         *_check_numerical_dissipation(ready, monitor.extremes),
         *_check_equilibrium(stats),
+        *_check_periodic_start(stats),
         *_check_rounding(ready, monitor.extremes),
         *(_check_resolution(monitor.resolution) if _has_member_dofs(ready) else ()),
     ]
+
+
+def _check_periodic_start(stats: Stats) -> list[str]:
+    """Return a warning about a periodic start that was not found."""
+    if stats.periodicity <= _MAX_PERIODICITY_ERROR:
+        return []
+    error = f"{100.0 * stats.periodicity:.2g} % of the motion"
+    why = f"after a revolution the state differs by {error}, as where contacts chatter"
+    return [f"Warning: no periodic start was found: {why}; run more revolutions"]
 
 
 def _has_member_dofs(ready: PreparedRun) -> bool:

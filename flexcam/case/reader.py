@@ -168,7 +168,7 @@ def _read_tables(path: Path) -> tuple[str, dict[str, Any]]:
         near = suggest_name(path.name, [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else [])
         raise refuse("case file", str(path), "an existing file", "", near) from None
     except (OSError, UnicodeDecodeError) as fault:
-        why, remedy = system_message(fault), ""
+        why, remedy = ("it is not a text file" if isinstance(fault, UnicodeDecodeError) else system_message(fault)), ""
         if path.suffix == ".vtkhdf":
             why, remedy = "it is a result", "give the case; flexcam info, plot, report, view and export take results"
         raise refuse("case file", str(path), "a readable UTF-8 text file", why, remedy) from None

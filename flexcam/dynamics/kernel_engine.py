@@ -42,7 +42,7 @@ _NONE = np.zeros((0, 0))
 _ORDERS = np.arange(10.0)
 _NODES = np.cos(np.pi * (_ORDERS + 0.5) / len(_ORDERS))
 _FIT: FloatArray = np.linalg.inv(np.cos(np.outer(np.arccos(_NODES), _ORDERS))).astype(np.float64)
-_BETWEEN = np.cos(np.pi * _ORDERS[1:] / len(_ORDERS))
+_BETWEEN = np.cos(np.pi * np.append(_ORDERS, len(_ORDERS)) / len(_ORDERS))
 _CHECK = np.cos(np.outer(np.arccos(_BETWEEN), _ORDERS))
 """Orders and points of the Chebyshev polynomials within a step, their coefficients by the values there, and the points
 between.
@@ -325,7 +325,7 @@ class KernelEngine:
         In a step with a kink of a function no polynomial fits, and the functions themselves are evaluated.
         """
         begin, end = self._span
-        if not begin <= time <= end:
+        if not begin <= time < end:
             step, start = self._problem.step, float(self._problem.times(np.zeros(1, dtype=np.intp))[0])
             begin = start + step * math.floor((time - start) / step)
             end = max(begin + step, time)

@@ -267,7 +267,9 @@ def open_hdf5(path: Path, where: str, allowed: str, remedy: str = "") -> Generat
     except FileNotFoundError:
         raise refuse(where, str(path), allowed, "there is no such file", remedy) from None
     except READ_ERRORS as fault:
-        why = f"it is damaged or none of flexcam's: {system_message(fault) or type(fault).__name__}"
+        why = f"it is damaged or not from flexcam: {system_message(fault) or type(fault).__name__}"
+        if isinstance(fault, OSError) and "signature" in str(fault):  # what HDF5 says of another kind of file
+            why = "it is not an HDF5 file"
         raise refuse(where, str(path), allowed, why, remedy) from None
 
 

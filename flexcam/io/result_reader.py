@@ -150,13 +150,21 @@ def _check_format(file: Any, source: Path) -> None:  # noqa: ANN401 - h5py has n
     if schema.VTK not in file and {"inputs", "scalars"} <= set(file):
         remedy = "flexcam.studies.tables.read_table reads it, and flexcam info --verify says whether it is sound"
         raise refuse("result", source, "a result file of flexcam (.vtkhdf)", "it is the table of a sweep", remedy)
-    form = int(bytes(file[schema.ABOUT][schema.ABOUT_FORMAT][()]))
-    if form > schema.FORMAT:
-        given = f"{source} of format {form}"
-        raise refuse("result", given, f"up to format {schema.FORMAT}", "it is newer", "update flexcam")
-    if form < schema.FORMAT:
-        given = f"{source} of format {form}"
-        raise refuse("result", given, f"format {schema.FORMAT}", "an earlier flexcam wrote it", "compute it again")
+    check_format("result", source, _text(file[schema.ABOUT][schema.ABOUT_FORMAT]), schema.FORMAT)
+
+
+def check_format(where: str, source: Path, form: str, expected: int) -> None:
+    """Raise an error for a file of another format."""
+    if form == str(expected):
+        return
+    why, remedy = "an earlier flexcam wrote it", "compute it again"
+    if form.isdigit() and int(form) > expected:
+        why, remedy = "it is newer", "update flexcam"
+    raise refuse(where, f"{source} of format {form}", f"format {expected}", why, remedy)
+
+
+def _text(item: Any) -> str:  # noqa: ANN401 - h5py has no types
+    return bytes(item[()].flat[0] if item.shape else item[()]).decode()
 
 
 def _check_integrity(file: Any, source: Path) -> None:  # noqa: ANN401
@@ -296,6 +304,8 @@ def verify_file(path: str | Path) -> VerificationSummary:
     with open_hdf5(source, "result", allowed, suggest_alternative(source)) as file:
         if schema.HISTORY in file:
             _check_format(file, source)
+        else:
+            check_format("table", source, _text(file[schema.ABOUT][schema.ABOUT_FORMAT]), schema.TABLE_FORMAT)
         if fault := digest_fault(file):
             raise InputError([fault])
         found = datasets(file)

@@ -6,6 +6,7 @@ Names are paths from the root; docs/result-format.md describes the contents.
 from __future__ import annotations
 
 FORMAT = 3
+TABLE_FORMAT = 3
 """Version of the file; since version 3 one digest covers names, attributes, texts and numbers."""
 
 RESULT_SUFFIX, PARTIAL_SUFFIX = ".vtkhdf", ".partial.vtkhdf"

@@ -216,7 +216,7 @@ _MIN_FRACTION = 5e-4
 def describe_comparison(comparison: Comparison, mode_hz: float | None) -> list[str]:
     """Return sentences about a comparison."""
     deviation = (
-        f"The {comparison.probe} deviates by up to {_format_fraction(comparison.peak_deviation)} of its lift "
+        f"{comparison.probe} deviates by up to {_format_fraction(comparison.peak_deviation)} of its lift "
         f"(rms {_format_fraction(comparison.rms_deviation)}); its peak acceleration is "
         f"{format_decimals(comparison.peak_acceleration_ratio, 2)} "
         f"times the {comparison.names[1]} one."
@@ -402,4 +402,4 @@ def limits_table(found: Limits, scale: float) -> Table:
         for name, margin in found.buckling_margins.items()
     ]
     shaft = shaft_name(scale)
-    return plain_table("Speed limits", ("limit", f"{shaft} rpm", "within", "event"), rows)
+    return plain_table("Speed limits", ("limit", f"{shaft} rpm", "bracket, rpm", "event"), rows)

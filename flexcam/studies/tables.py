@@ -33,7 +33,9 @@ from flexcam.io import (
     open_hdf5,
     write_digest,
 )
+from flexcam.io import result_schema as schema
 from flexcam.io.exports import component_unit
+from flexcam.io.result_reader import check_format
 from flexcam.studies.evaluation import Row
 from flexcam.studies.plan import Plan
 
@@ -226,7 +228,6 @@ def _require_package(package: str) -> None:
         )  # fmt: skip
 
 
-FORMAT = "2"
 """Format version; since version 2 a table has a digest."""
 
 
@@ -235,7 +236,7 @@ def write_hdf5(table: SweepTable, path: Path) -> None:
     opened: Any = h5py.File(path, "w", libver="latest", locking=False)
     with opened as file:
         about = file.create_group("about")
-        for name, text in {"format": FORMAT, **table.about}.items():
+        for name, text in {schema.ABOUT_FORMAT: str(schema.TABLE_FORMAT), **table.about}.items():
             _texts(about, name, [text])
         file.attrs["shape"] = np.array(table.shape, dtype=np.int64)
         inputs = file.create_group("inputs", track_order=True)
@@ -276,10 +277,8 @@ def read_table(path: str | Path) -> SweepTable:
 
 def _read_hdf5(file: Any, source: Path) -> SweepTable:  # noqa: ANN401
     about = {name: _read_texts(item)[0] for name, item in file["about"].items()}
-    form = about.pop("format")
-    if form not in ("1", FORMAT):
-        raise refuse("table", f"{source} of format {form}", f"up to format {FORMAT}", "it is newer", "update flexcam")
-    if form != "1" and (fault := digest_fault(file)):
+    check_format("table", source, about.pop(schema.ABOUT_FORMAT), schema.TABLE_FORMAT)
+    if fault := digest_fault(file):
         raise InputError([fault])
     status = zip(*(_read_texts(file["status"][name]) for name in ("cause", "text", "remedy")), strict=True)
     scalars = {name: np.where(file["valid"][name][()], item[()], np.nan) for name, item in file["scalars"].items()}

@@ -1,4 +1,4 @@
-"""Hertz's line contact of cam and follower: constants of its force law, and its pressure."""
+"""Contact of cam and follower: directions in the plane of the cam, penetration, friction, and Hertz's line contact."""
 
 from __future__ import annotations
 

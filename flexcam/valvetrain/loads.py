@@ -1,4 +1,4 @@
-"""Constant loads of a model: its weight, and forces given in the case."""
+"""Constant loads of a model, and the published load of a cam on its follower."""
 
 from __future__ import annotations
 

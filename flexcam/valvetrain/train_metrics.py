@@ -86,7 +86,8 @@ def _touch_velocity(gap: FloatArray, velocity: FloatArray) -> float:
     if len(gap) < 2 or not gap[-2] > gap[-1] or velocity[-2] > 0.0:
         return speed
     gain = (speed**2 - float(velocity[-2]) ** 2) / float(gap[-2] - gap[-1])
-    return math.sqrt(max(speed**2 + gain * float(gap[-1]), 0.0))
+    found = math.sqrt(max(speed**2 + gain * float(gap[-1]), 0.0))
+    return min(max(found, 0.5 * speed), 1.5 * speed)  # beyond that the last instants are no guide
 
 
 def _has_open_end(gap: FloatArray, angle: FloatArray) -> bool:

@@ -13,9 +13,11 @@ import time
 from contextlib import contextmanager
 from pathlib import Path
 
+import h5py
+import numpy as np
 import pytest
 
-from flexcam import read_result
+from flexcam import InputError, read_result
 from flexcam.studies.tables import read_table
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -345,3 +347,14 @@ def test_a_sweep_killed_and_resumed_is_the_one_nobody_disturbed(case, tmp_path, 
 @pytest.mark.slow
 def test_a_sweep_killed_twenty_times(case, tmp_path, untouched):
     killed_and_resumed(tmp_path, untouched, 20, seed=2)
+
+
+def test_a_table_of_another_format_is_refused(flexcam, case, tmp_path):
+    assert flexcam("sweep", case, *QUICK, *SPEEDS, "--workers", "0").code == 0
+    path = tmp_path / "results/case.sweep.h5"
+    with h5py.File(path, "r+") as file:
+        form = file["about/format"]
+        form[...] = np.full(form.shape, b"2", dtype=form.dtype)
+    with pytest.raises(InputError, match="an earlier flexcam wrote it"):
+        read_table(path)
+    assert "an earlier flexcam wrote it" in flexcam("info", "--verify", path).err
