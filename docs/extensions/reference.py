@@ -39,7 +39,7 @@ OWN = frozenset({"cli"})
 INTERNAL = frozenset(
     {
         "case.cross_checks", "case.fault_report", "case.records",
-        "case.toml_lines", "plotting.rendering", "plotting.scene.mechanism", "plotting.scene.motion",
+        "plotting.rendering", "plotting.scene.mechanism", "plotting.scene.motion",
         "plotting.scene.parts", "plotting.scene.solids", "plotting.solid_view", "report.content", "report.fidelity_tables",
         "report.figures", "report.formatting", "report.tables", "report.terminal",
     }
