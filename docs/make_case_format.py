@@ -14,23 +14,21 @@ PAGE = ROOT / "docs/case-format.md"
 
 HEAD = """# The case file
 
-TOML. Made from the records that check it by `make docs-pages`; `flexcam schema` prints the same as JSON Schema, which editors
-use for completion (for example `#:schema case.schema.json` on the first line). Numbers are SI, or texts with a unit:
-`"6 mm"`, `"40 kN/m"`, `"3000 rpm"`, `"180 deg"`. A number without a unit is SI: an angle in rad, a speed in rad/s. Every key can
-be laid over from the command line: `--set run.speed=4000rpm`. A number in a list is named by its position, from 0:
-`--set rockers.rocker.arms.1="42 mm"`. What is laid over a run stands instead of what excludes it: `crank_speed` of `speed`,
-`step` of `steps_per_revolution`, and the other way round.
+The case file is TOML. `make docs-pages` generates this page from the records that check a case; `flexcam schema` prints them as
+JSON Schema for editors (for example `#:schema case.schema.json` on the first line).
 
-Directions are a component with an optional sign (`"uy"`, `"-rx"`) or three numbers in global axes. Points are named nodes: of
-the mesh's point groups, or of `[nodes]`; a rocker defines one more. A node on no member moves where a mass at it has inertia, and
-along springs at it; a train of masses and springs alone needs no material, section or member (`cases/li`). The published cases lie in `cases/tayeb`.
+Numbers are SI, or texts with a unit: `"6 mm"`, `"40 kN/m"`, `"3000 rpm"`, `"180 deg"`. A number without a unit is SI: an angle in
+rad, a speed in rad/s. The command line can override every key: `--set run.speed=4000rpm`; the index of a number in a list counts
+from 0: `--set rockers.rocker.arms.1="42 mm"`. An override also replaces a key that excludes it: `crank_speed` and `speed`, `step` and
+`steps_per_revolution`.
 
-Files that a case names lie in its folder, up to two folders above it, or below these; [security.md](security.md) has the reasons
-and the way to allow others. A number that is possible but hardly meant, such as `E = 207` (207 Pa: did you mean 207 GPa?), is not
-refused: `check`, `run` and the report tell it, with what was likely meant, and the result keeps the sentence. So are components
-that two supports hold, springs on what a support holds, members that nothing touches, parts that nothing uses, loads on
-nothing, contacts that no spring closes before the cam turns, and lobes that cannot be made: undercut, thinner than their
-shaft, or lifting on two sides at once. A whole case without a mesh file:
+A direction is a component with an optional sign (`"uy"`, `"-rx"`) or three numbers in global axes. Points are named nodes: the
+mesh's point groups, or `[nodes]`; a rocker defines one more. A node without member moves if a mass at it has inertia, and along springs
+at it; a train of masses and springs needs no material, section or member (`cases/li`). The published cases are in `cases/tayeb`.
+
+Files that a case names must be in its folder, up to two folders above it, or below these; [security.md](security.md) gives the
+reasons and the way to allow others. flexcam accepts an implausible number such as `E = 207` (207 Pa instead of 207 GPa) and
+[warns of it](long-runs.md#checks-of-a-run). A complete case without a mesh file:
 
 ```toml
 """

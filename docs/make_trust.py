@@ -15,20 +15,21 @@ RECORDED = ROOT / "build/trust.json"
 KEPT = ROOT / "docs/trust.json"
 PAGE = ROOT / "docs/trust.md"
 
-HEAD = """# What was done to flexcam, and how it ended
+HEAD = """# Robustness tests
 
-Made by `make trust` from `docs/trust.json`, which tests record with the fixture `tried`; a row is kept only after the
-assertions of the test it names. A count is the number of inputs or faults of the last run of that test.
+This page lists the damaged, hostile and random input and the machine faults that tests try, with the outcome. `make trust`
+generates it from `docs/trust.json`. Tests record a row with the fixture `tried` after their assertions; the count is the number of
+inputs or faults in the last run of the test.
 """
 
 KINDS = {
-    "mutated": ("Mutated input", "Cases, meshes and results changed at random, from seeds that are kept. Each is accepted or refused in flexcam's own words, within ten seconds and a limit of memory."),
-    "planted": ("Bad input, by hand", "One fault each; the message names the place, what was given, what is allowed and what to do."),
-    "damaged": ("Damaged results", "Flipped, cut and foreign files. Either everything that is read is right, or the file is refused."),
-    "hostile": ("Hostile files", "Files made to run, fetch or swallow something."),
-    "killed": ("Killed and interrupted runs", "What is left on the disk is read back and compared with the run that was left alone."),
-    "machine": ("Disks, folders, memory, time", "What the machine may refuse, and what flexcam then says and leaves."),
-    "together": ("Several at once", "Processes that write beside each other."),
+    "mutated": ("Mutated input", "Random changes of cases, meshes and results, with fixed seeds. flexcam accepts or refuses each with a message of its own, within ten seconds and a memory limit."),
+    "planted": ("Invalid input", "One fault per input. The message names the place, the given value, the permitted values and the remedy."),
+    "damaged": ("Damaged results", "Results with flipped bits, cut-off files and files of other formats. flexcam refuses the file, or reads correct data."),
+    "hostile": ("Hostile files", "Files that try to execute code, read other files or exhaust memory."),
+    "killed": ("Killed and interrupted runs", "The test reads the remaining files and compares them with those of an uninterrupted run."),
+    "machine": ("Disks, folders, memory, time", "Failures of disk, folder, memory or time, with the message and the remaining files."),
+    "together": ("Concurrent processes", "Processes that write at the same time."),
 }  # fmt: skip
 """Parts of the page, in order: heading and words."""
 
@@ -62,7 +63,7 @@ def cell(text: str) -> str:
 
 def table(rows: list[dict], kind: str) -> list[str]:
     head, words = KINDS[kind]
-    lines = [f"## {head}", "", words, "", "| what | tried | outcome | test |", "|---|---|---|---|"]
+    lines = [f"## {head}", "", words, "", "| input or fault | count | outcome | test |", "|---|---|---|---|"]
     for row in rows:
         count = f"{row['count']:,}".replace(",", " ")
         test = function(row).removeprefix("tests/")

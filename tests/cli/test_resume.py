@@ -79,7 +79,7 @@ def test_after_kill_and_terminate(flexcam, case, tried, tmp_path):
     assert_same(tmp_path / "out/case.vtkhdf", tmp_path / "whole/case.vtkhdf")
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["case.vtkhdf"]
     assert flexcam("info", tmp_path / "out/case.vtkhdf", "--verify").code == 0
-    tried("killed", "kill -9, --resume, SIGTERM, --resume", 2, "the result and the summary of the run left alone")
+    tried("killed", "kill -9, --resume, SIGTERM, --resume", 2, "result and summary of the uninterrupted run")
 
 
 @pytest.fixture
@@ -205,7 +205,7 @@ def test_a_damaged_partial_result(flexcam, broken, whole, tried, tmp_path):
     assert set(codes) <= {0, 2}
     assert codes.count(2) >= 3
     tried(
-        "damaged", "--resume from a partial result with 64 bytes flipped", len(places), "refused, or the right result"
+        "damaged", "--resume from a partial result with 64 bytes flipped", len(places), "refused, or the correct result"
     )
 
 

@@ -61,7 +61,7 @@ def test_what_is_hardly_meant_is_told(what, tried):
     assert found, check_values(read_case(path, [override]))
     assert said[1] in found[0]
     assert f"(--set {override})" in found[0] or "line" in found[0], "with its place"
-    tried("planted", f"number: {what}", 1, "told, with what was likely meant")
+    tried("planted", f"number: {what}", 1, "warning with the likely unit or value")
 
 
 @pytest.mark.parametrize("override", ["run.speed=314.159", "run.speed=300 rad/s", "run.speed=100"])
@@ -113,7 +113,7 @@ def test_two_supports_that_hold_one_component(tmp_path, tried):
     (told,) = check_values(read_case(tmp_path / "case.toml"))
     assert "ux is fixed by support 'pushrod-top' already" in told
     assert "supports.guide (line" in told
-    tried("planted", "two supports on one component", 1, "told")
+    tried("planted", "two supports on one component", 1, "warning")
 
 
 def test_a_spring_on_what_a_support_holds(tried):
@@ -121,7 +121,7 @@ def test_a_spring_on_what_a_support_holds(tried):
     (told,) = check_values(read_case(CASE, overrides))
     assert "springs.side" in told
     assert "acts on nothing" in told
-    tried("planted", "a spring on a component that a support holds", 1, "told")
+    tried("planted", "a spring on a component that a support holds", 1, "warning")
 
 
 def test_loads_that_push_nothing():
@@ -140,7 +140,7 @@ def test_a_member_that_nothing_touches(tmp_path, tried):
     told = [one for one in check_input(prepare(read_case(tmp_path / "case.toml"))) if "touches them" in one]
     assert len(told) == 1
     assert "members alone" in told[0]
-    tried("planted", "a member that nothing touches", 1, "told")
+    tried("planted", "a member that nothing touches", 1, "warning")
 
 
 @pytest.mark.parametrize("start", ["rest", "equilibrium"])
@@ -152,7 +152,7 @@ def test_a_contact_that_no_spring_closes(start, tmp_path, tried):
     (tmp_path / "case.toml").write_text("\n".join(lines), encoding="utf-8")
     (told,) = check_input(prepare(read_case(tmp_path / "case.toml", [f"run.start={start}"])))
     assert "contacts.intake: no spring presses the follower to its cam" in told
-    tried("planted", f"springs that cannot hold contact, start {start}", 1, "told, with the remedy")
+    tried("planted", f"springs that cannot hold contact, start {start}", 1, "warning with the remedy")
 
 
 @pytest.mark.parametrize(

@@ -113,7 +113,7 @@ def test_hdf5_that_leads_out_or_swells(what, sound, tmp_path, tried):
         with pytest.raises(InputError, match=said) as refusal:
             read(path)
         assert str(path) in str(refusal.value)
-    tried("hostile", f"HDF5 with {what}", 3, "refused, unread")
+    tried("hostile", f"HDF5 with {what}", 3, "refused before reading")
 
 
 def test_a_chunk_that_crashes_hdf5(tmp_path):
@@ -217,7 +217,7 @@ def test_files_far_from_the_case(key, where, tmp_path, monkeypatch, tried):
     with pytest.raises(InputError) as refusal:  # allowed, and then it is none of that kind
         prepare(read_case(folder / "case.toml"))
     assert "two folders above" not in str(refusal.value)
-    tried("hostile", f"{key} of a case: {where}", 2, "refused, unopened; opened where FLEXCAM_FILES allows it")
+    tried("hostile", f"{key} of a case: {where}", 2, "refused before opening; opened if FLEXCAM_FILES allows it")
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no such files on Windows")
@@ -230,4 +230,4 @@ def test_a_pipe_is_no_file(tmp_path, tried):
     (tmp_path / "case.toml").write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match="regular file"):
         read_case(tmp_path / "case.toml")
-    tried("hostile", "a pipe in the place of a table", 1, "refused, unopened")
+    tried("hostile", "a pipe in the place of a table", 1, "refused before opening")

@@ -68,7 +68,7 @@ def test_a_disk_that_is_full(file_size, program, tried, tmp_path):
         copy = read_result(tmp_path / "out/case.partial.vtkhdf").response
         assert copy.status.cause is Cause.INTERRUPTED
         assert len(copy.time) >= 640
-    tried("machine", f"disk full after {file_size // 1000} kB", 1, "told; the result before is untouched")
+    tried("machine", f"disk full after {file_size // 1000} kB", 1, "error message; the earlier result is unchanged")
 
 
 @pytest.fixture
@@ -107,7 +107,7 @@ def test_a_folder_that_vanishes(ready, tried, tmp_path):
     assert response.status.cause is Cause.NOT_SAVED
     assert "No such file or directory" in response.status.text
     assert len(response.time) == ready.problem.steps + 1, "the numbers are in memory"
-    tried("machine", "the folder of the result is removed meanwhile", 1, "not-saved is told; nothing else is lost")
+    tried("machine", "the folder of the result is removed meanwhile", 1, "status not-saved; nothing else is lost")
 
 
 def test_a_folder_nobody_can_write_to(tried, tmp_path):
@@ -137,7 +137,12 @@ def test_results_that_are_open_elsewhere(ready, often, tried, tmp_path):
             assert 0 < partial["history"].attrs["steps"] < ready.problem.steps
         assert before["history"].attrs["steps"] == ready.problem.steps + 1
     assert names(tmp_path) == [file.path.name]
-    tried("machine", "the result before and the partial one are open elsewhere", 2, "replaced; readers keep the old")
+    tried(
+        "machine",
+        "the result before and the partial one are open elsewhere",
+        2,
+        "replaced; readers keep the earlier file",
+    )
 
 
 def test_no_room_for_a_copy(often, monkeypatch, tmp_path):
@@ -183,7 +188,7 @@ def test_eight_processes_in_one_folder(ready, tried, tmp_path):
     wanted = solve(ready.problem, ready.scheme, save=ready.save)
     for path in (tmp_path / "out").iterdir():
         assert (read_result(path).response.channels["energy.work"] == wanted.channels["energy.work"]).all()
-    tried("together", "eight processes write sixteen results into one folder", 16, "all are complete and right")
+    tried("together", "eight processes write sixteen results into one folder", 16, "all are complete and correct")
 
 
 HELD = """
@@ -210,7 +215,7 @@ def test_two_processes_and_one_result(ready, tried, tmp_path):
     left = str(tmp_path / "out/inline.writing")
     subprocess.run([sys.executable, "-c", HELD, left], timeout=60, check=False)
     assert solved(ready, open_result_file(ready, tmp_path / "out", overwrite=True)).status.ok
-    tried("together", "two processes write one result", 3, "the second is refused; a dead one locks nobody out")
+    tried("together", "two processes write one result", 3, "the second is refused; a dead process holds no lock")
 
 
 @pytest.mark.parametrize("words", [("check", "case.toml"), ("law", "--list")])

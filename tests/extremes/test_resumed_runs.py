@@ -136,7 +136,7 @@ def test_bit_by_bit(way, whole, tried, tmp_path):
         assert np.array_equal(getattr(again, name), getattr(response, name)), name
     for name in ("displacement", "velocity", "acceleration"):
         assert np.array_equal(getattr(again.probes, name), getattr(response.probes, name)), name
-    tried("killed", f"stopped twice and resumed: {way}", 2, "every dataset of the result is that of the run left alone")
+    tried("killed", f"stopped twice and resumed: {way}", 2, "every dataset equals that of the uninterrupted run")
 
 
 def test_time_over_before_the_first_new_block(whole, tmp_path):

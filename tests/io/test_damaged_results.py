@@ -51,7 +51,7 @@ def test_flipped_bits(name, read, differs, made, tmp_path, tried):
         else:
             assert not differs(read_anew, sound)
     assert refused > 0.2 * FLIPS
-    outcome = f"{refused} refused, {FLIPS - refused} read as they were written"
+    outcome = f"{refused} refused, {FLIPS - refused} read correctly"
     tried("damaged", f"a bit flipped, {'result' if 'vtk' in name else 'table of a sweep'}", FLIPS, outcome)
 
 
