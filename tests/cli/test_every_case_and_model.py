@@ -40,6 +40,7 @@ def test_run(flexcam, tmp_path, case, asked):
 @pytest.mark.parametrize("command", ["check", "modes", "stability"])
 @pytest.mark.parametrize("asked", ["model=beams", "model=rigid", "model=sdof"])
 @pytest.mark.parametrize("case", FEW, ids=lambda path: path.stem)
+@pytest.mark.usefixtures("machine_code")
 def test_commands(flexcam, case, command, asked):
     done = flexcam(command, case, *QUICK, "--set", f"fidelity.{asked}", "--json")
     assert done.code in (0, 2, 3), done.err
