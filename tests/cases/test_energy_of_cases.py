@@ -15,8 +15,13 @@ CASES = [path for path in sorted((ROOT / "cases").glob("*/*.toml")) if path.pare
 
 @pytest.mark.parametrize("steps", [100, 240])
 @pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
-def test_dissipated_energy_never_decreases(path, steps):
-    """A contact may close and open again within one of these steps; it gives nothing back all the same."""
+def test_dissipated_energy_never_decreases(path, steps, request):
+    """A contact may close and open again within one of these steps; it gives nothing back all the same.
+
+    The longer steps are those of the direct engine, the shorter ones those of the kernel.
+    """
+    if steps == 240:
+        request.getfixturevalue("machine_code")
     case = flexcam.read_case(path, ["run.revolutions=1", f"run.steps_per_revolution={steps}"])
     response = flexcam.run(case)
     energy = {name: response.channels[f"energy.{name}"] for name in ("work", "kinetic", "strain", "dissipated")}

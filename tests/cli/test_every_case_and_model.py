@@ -13,10 +13,10 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 CASES = sorted(path for path in (ROOT / "cases").glob("*/*.toml") if path.parent.name != "cams")
 OTHER_LAW = [case for case in CASES if case.stem.endswith(("-cycloidal", "-parabolic"))]
-"""Published models with another law of the lift, which `test_paths_of_cases` and `test_cases` run."""
+"""Published models with another law of the lift, which `test_engines_agree_on_cases` and `test_cases` run."""
 QUICK = ("--set", "run.steps_per_revolution=180", "--set", "run.revolutions=0.25")
 MODELS = ("model=beams", "model=rigid", "model=sdof", "model=chain", "modes=4")
-FEW = [case for case in CASES if case.stem in ("model-3-shm", "intake", "valve-train", "mathieu", "camshaft")]
+FEW = [case for case in CASES if case.stem in ("model-3-shm", "intake", "valve-train", "mathieu")]
 
 
 def strict(text):
@@ -40,6 +40,7 @@ def test_run(flexcam, tmp_path, case, asked):
 @pytest.mark.parametrize("command", ["check", "modes", "stability"])
 @pytest.mark.parametrize("asked", ["model=beams", "model=rigid", "model=sdof"])
 @pytest.mark.parametrize("case", FEW, ids=lambda path: path.stem)
+@pytest.mark.usefixtures("machine_code")
 def test_commands(flexcam, case, command, asked):
     done = flexcam(command, case, *QUICK, "--set", f"fidelity.{asked}", "--json")
     assert done.code in (0, 2, 3), done.err

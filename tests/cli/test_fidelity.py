@@ -116,6 +116,7 @@ def test_a_reference_that_fails_is_named(trade, monkeypatch):
     assert "the reference, of 3 times the elements and 4 times the steps: the forces do not settle" in done.err
 
 
+@pytest.mark.slow
 def test_steps_that_a_method_cannot_take_are_no_reason_to_refuse_the_others(trade):
     """The case's own steps are short enough; fewer, or those of twice the elements, are not."""
     explicit = ("--set", "run.integrator.method=central-difference", "--set", "run.steps_per_revolution=4000")
@@ -224,7 +225,7 @@ def test_a_tolerance_on_a_way_that_is_asked_for(ran):
     assert done.json["choice"]["model"]["model"] == "sdof"
 
 
-@pytest.mark.parametrize("asked", ["0", "1e-14"])
+@pytest.mark.parametrize("asked", ["0", pytest.param("1e-14", marks=pytest.mark.slow)])
 def test_a_tolerance_that_nothing_meets(ran, asked):
     done = ran(f"tolerance={asked}")
     assert done.code == 3

@@ -267,6 +267,7 @@ def test_a_study_reads_a_case_that_changed(oscillator):
     assert frequency() == pytest.approx(0.5 * before)
 
 
+@pytest.mark.slow
 def test_a_worker_that_is_killed_costs_a_study_nothing(oscillator):
     """The variants that it had begun are evaluated again."""
     killed = []

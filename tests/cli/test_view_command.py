@@ -268,6 +268,7 @@ stage.plotter.screenshot(sys.argv[2])
 """
 
 
+@pytest.mark.slow
 def test_the_slider_of_the_window_turns_the_cam(on_a_screen, tmp_path):
     """In a window of a virtual display, as a user drags it."""
     if shutil.which("xvfb-run") is None:

@@ -193,9 +193,10 @@ def test_refused_with_place_and_remedy(name, written):
     assert not [str(f) for f in faults if any(word in str(f) for word in PYTHONS_OWN)]
 
 
-@pytest.mark.parametrize("verb", ["check", "run"])
-@pytest.mark.parametrize("name", FAULTS)
-def test_exit_code_2_and_no_traceback(name, verb, written, monkeypatch, capsys, tmp_path):
+@pytest.mark.parametrize(
+    ("verb", "name"), [*(("check", name) for name in FAULTS), *(("run", name) for name in list(FAULTS)[::12])]
+)
+def test_exit_code_2_and_no_traceback(verb, name, written, monkeypatch, capsys, tmp_path):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(signal, "signal", lambda *_: None)
     written(FAULTS[name][0])

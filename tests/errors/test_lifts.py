@@ -122,7 +122,12 @@ FAULTS = {  # the cam, the key it must be reported at, a part of `given`, a part
 }  # fmt: skip
 
 
-@pytest.fixture(params=["cams alone", "whole case", "command"])
+WAYS = ["cams alone", "whole case", "command"]
+FEW = list(FAULTS)[::8]
+"""Faults that are also reported by the command: it prints what reading the cams alone reports."""
+
+
+@pytest.fixture(params=WAYS)
 def faults_of(request, tmp_path, text, monkeypatch, capsys):
     """Return the text of a file with this cam, and its faults as dicts, found in one of three ways."""
     whole, path = request.param == "whole case", tmp_path / "file.toml"
@@ -147,7 +152,11 @@ def faults_of(request, tmp_path, text, monkeypatch, capsys):
     return find
 
 
-@pytest.mark.parametrize("name", FAULTS)
+@pytest.mark.parametrize(
+    ("faults_of", "name"),
+    [(way, name) for way in WAYS for name in FAULTS if way != "command" or name in FEW],
+    indirect=["faults_of"],
+)
 def test_refused_with_place_and_remedy(name, faults_of):
     block, key, what, said = FAULTS[name]
     written, found = faults_of(block)

@@ -179,6 +179,7 @@ sys.exit(sum(os.wait()[1] != 0 for _ in range(8)))
 """
 
 
+@pytest.mark.slow
 def test_eight_processes_in_one_folder(ready, tried, tmp_path):
     """Different results; all begin when all are ready."""
     command = [sys.executable, "-c", BESIDE, str(CASE), str(tmp_path / "out")]

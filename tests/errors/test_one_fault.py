@@ -157,7 +157,7 @@ def about(faults, key):
 
 
 @pytest.mark.parametrize("name", FAULTS)
-def test_refused_with_place_and_remedy(name, text, faults_of):
+def test_refused_with_line_place_and_remedy(name, text, faults_of):
     old, new, key, given, said = FAULTS[name]
     bad = apply(text, old, new)
     faults = faults_of(bad)
@@ -169,6 +169,12 @@ def test_refused_with_place_and_remedy(name, text, faults_of):
     assert not [str(f) for f in faults if any(word in str(f) for word in PYTHONS_OWN)], (
         "flexcam's voice, not a library's"
     )
+    if name not in WITHOUT_LINE:
+        lines = [int(m[1]) for f in found if (m := re.search(r"\(line (\d+)\)", f.where))]
+        assert lines, f"no line: {[f.where for f in found]}"
+        assert not key or set(lines) & set(line_of(bad, key)), f"lines {lines} are not where {key} stands"
+    if "did you mean" in said:
+        assert any(said in f.remedy for f in found), "in the field that says what to do"
 
 
 def line_of(text, key):
@@ -184,24 +190,3 @@ def line_of(text, key):
 
 WITHOUT_LINE = {"neither mesh nor nodes", "no format", "no run"}
 """Nothing stands in the file that a line could point at."""
-
-
-@pytest.mark.parametrize("name", [n for n in FAULTS if n not in WITHOUT_LINE])
-def test_every_fault_has_a_line(name, text, faults_of):
-    old, new, key, _, _ = FAULTS[name]
-    bad = apply(text, old, new)
-    found = about(faults_of(bad), key)
-    lines = [int(m[1]) for f in found if (m := re.search(r"\(line (\d+)\)", f.where))]
-    assert lines, f"no line: {[f.where for f in found]}"
-    assert not key or set(lines) & set(line_of(bad, key)), f"lines {lines} are not where {key} stands"
-
-
-HINTED = [name for name, row in FAULTS.items() if "did you mean" in row[4]]
-
-
-@pytest.mark.parametrize("name", HINTED)
-def test_what_was_meant_is_the_remedy(name, text, faults_of):
-    old, new, key, _, said = FAULTS[name]
-    assert any(said in f.remedy for f in about(faults_of(apply(text, old, new)), key)), (
-        "in the field that says what to do"
-    )

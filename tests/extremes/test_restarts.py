@@ -69,7 +69,9 @@ def same(whole, rest, at):
     )
 
 
-@pytest.mark.parametrize(("name", "method"), [(name, "Newmark") for name in CASES] + [
+@pytest.mark.parametrize(("name", "method"), [
+    ("published load, no contact", "Newmark"), ("contacts and seat", "Newmark"),
+    pytest.param("hydraulic adjuster, its state", "Newmark", marks=pytest.mark.slow)] + [
     ("published load, no contact", method) for method in METHODS if method != "Newmark"] + [
     ("contacts and seat", method) for method in ("HHT", "Bathe")])  # fmt: skip
 def test_bit_by_bit(expect, legs, name, method):

@@ -226,7 +226,9 @@ def test_a_seat_that_moves_against_differences():
     )
 
 
-@pytest.mark.parametrize(("speed", "engine"), [("6000rpm", "direct"), ("8500rpm", "direct"), ("8500rpm", "kernel")])
+@pytest.mark.parametrize(("speed", "engine"), [
+    ("6000rpm", "direct"), pytest.param("8500rpm", "direct", marks=pytest.mark.slow), ("8500rpm", "kernel"),
+])  # fmt: skip
 def test_a_train_with_an_adjuster_against_differences(record, speed, engine):
     """Internal state, a lever without mass, contacts that open and close: a direction at random."""
     case = read_case(FINGER, [f"run.crank_speed={speed}", "run.revolutions=1", "run.steps_per_revolution=720"])

@@ -36,6 +36,8 @@ from flexcam.report.tables import metrics_table
 from flexcam.report.terminal import facts_table, plain_table
 from flexcam.valvetrain import Metric
 
+pytestmark = pytest.mark.usefixtures("machine_code")
+
 EVIL = """</script></title><script>alert("1")</script><img src=x onerror='alert(2)'> & "quoted" 'single' {{ 7 * 7 }}"""
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import product
 
 import numpy as np
 import pytest
@@ -97,27 +98,27 @@ def test_ends(laws):
     holds()
 
 
-@pytest.mark.parametrize("order", [1, 2, 3, 4])
 @pytest.mark.parametrize("laws", EVERY)
-def test_each_derivative_is_the_slope_of_the_one_below(laws, order, derivative_error):
+def test_each_derivative_is_the_slope_of_the_one_below(laws, derivative_error):
     @FEW
     @given(laws)
     def holds(law):
         inner = tuple(law.inner_knots) if isinstance(law, BSplineLaw) else law.breaks
         # Sums of powers and of splines on uneven knots cancel three digits of 1e-14.
-        assert derivative_error(law, order, [0.0, *inner, 1.0]) < 1e-10
+        for order in (1, 2, 3, 4):
+            assert derivative_error(law, order, [0.0, *inner, 1.0]) < 1e-10
 
     holds()
 
 
 @pytest.mark.parametrize("wrapped", [lambda law: law, ReversedLaw, lambda law: RampTransition(law, 0.7)],
                          ids=["plain", "turned", "from a ramp"])  # fmt: skip
-@pytest.mark.parametrize("order", [1, 2, 3, 4])
 @pytest.mark.parametrize("name", sorted(LAWS))
-def test_derivatives_of_every_law_by_name(name, wrapped, order, derivative_error):
+def test_derivatives_of_every_law_by_name(name, wrapped, derivative_error):
     law = wrapped(LAWS[name])
     # The sums of powers cancel two digits of 1e-14.
-    assert derivative_error(law, order, [0.0, *law.breaks, 1.0]) < 1e-11
+    for order in (1, 2, 3, 4):
+        assert derivative_error(law, order, [0.0, *law.breaks, 1.0]) < 1e-11
 
 
 ONE_OF_A_KIND = (
@@ -130,14 +131,14 @@ ONE_OF_A_KIND = (
 )
 
 
-@pytest.mark.parametrize("order", [1, 2, 3, 4])
 @pytest.mark.parametrize("law", ONE_OF_A_KIND, ids=lambda law: type(law).__name__)
-def test_derivatives_against_central_differences(law, order):
+def test_derivatives_against_central_differences(law):
     """A second, cruder look: the error is (h^2/6) s^(order + 2), and rounding over h."""
     h, z = 1e-5, np.linspace(0.001, 0.999, 500)
     at = np.array([place for place in z if all(abs(place - jump) > 2 * h for jump in law.breaks)])
-    difference = (law(at + h, order - 1) - law(at - h, order - 1)) / (2 * h)
-    assert np.abs(law(at, order) - difference).max() < 1e-6 * (1.0 + np.abs(law(at, order)).max())
+    for order in (1, 2, 3, 4):
+        difference = (law(at + h, order - 1) - law(at - h, order - 1)) / (2 * h)
+        assert np.abs(law(at, order) - difference).max() < 1e-6 * (1.0 + np.abs(law(at, order)).max())
 
 
 SIDES = {
@@ -151,14 +152,13 @@ SIDES = {
 }
 
 
-@pytest.mark.parametrize("order", [0, 1, 2, 3, 4])
 @pytest.mark.parametrize("name", SIDES)
-def test_a_jump_shows_the_right_side(name, order):
+def test_a_jump_shows_the_right_side(name):
     """At a break the value is the limit from the right, one bit before it that from the left."""
     law, beside = SIDES[name], 1e-9
     assert law.breaks
-    size = 1.0 + np.abs(law(np.linspace(0.0, 1.0, 101), order)).max()
-    for at in law.breaks:
+    for order, at in product(range(5), law.breaks):
+        size = 1.0 + np.abs(law(np.linspace(0.0, 1.0, 101), order)).max()
         here, left, right = law(np.array([at, np.nextafter(at, 0.0), at + beside]), order)
         before = law(np.array([at - beside]), order)[0]
         # What the curve itself does over 1e-9: the next derivative is below a hundred times this one.

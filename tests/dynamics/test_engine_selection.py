@@ -200,7 +200,7 @@ PROCESS = """
 import hashlib, sys
 sys.path.insert(0, {folder!r})
 import importlib
-tests = importlib.import_module("test_path_choice")
+tests = importlib.import_module("test_engine_selection")
 law = tests.elastic_stop(1e4, 1.0) if {path!r} == "kernel" else None
 run = tests.solve(tests.problem_of(tests.masses(6, law=law), {path!r}, 700), tests.hht())
 print(hashlib.sha256(run.probes.acceleration.tobytes()).hexdigest())

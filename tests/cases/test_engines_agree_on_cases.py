@@ -99,7 +99,9 @@ def test_every_case(case, path):
 
 
 @pytest.mark.parametrize(("name", "rpm", "steps"), [
-    ("pushrod-engine/intake", 2000, 720), ("pushrod-engine/intake", 100, 360), ("pushrod-engine/lever", 6500, 360),
+    pytest.param("pushrod-engine/intake", 2000, 720, marks=pytest.mark.slow),
+    pytest.param("pushrod-engine/intake", 100, 360, marks=pytest.mark.slow),
+    pytest.param("pushrod-engine/lever", 6500, 360, marks=pytest.mark.slow),
     ("direct-acting/bucket", 8000, 120), ("direct-acting/finger", 100, 120),
 ])  # fmt: skip
 def test_steps_that_hardly_settle(name, rpm, steps):
@@ -169,7 +171,9 @@ def test_a_published_load_that_follows_the_camshaft():
     assert_one_of(problem, scheme, found, CONTACTS)
 
 
-@pytest.mark.parametrize("name", ["direct-acting/bucket.toml", "pushrod-engine/intake.toml"])
+@pytest.mark.parametrize("name", [
+    "direct-acting/bucket.toml", pytest.param("pushrod-engine/intake.toml", marks=pytest.mark.slow),
+])  # fmt: skip
 def test_going_on_in_machine_code_from_a_general_run(name):
     """A state with contacts and internal states: half a run the general way, the other half compiled."""
     problem, scheme = shorter(ROOT / "cases" / name)

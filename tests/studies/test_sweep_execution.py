@@ -77,6 +77,7 @@ def dask_worker():
     return sorted(default_client().run(os.getpid).values())[0]
 
 
+@pytest.mark.slow
 def test_a_local_cluster_gives_the_same_table_with_one_worker_killed(asked, alone, tmp_path):
     advance, killed = killing(dask_worker)
     assert written(run_sweep(asked, ClusterWorkers("local", 2), advance=advance), tmp_path, "dask") == alone

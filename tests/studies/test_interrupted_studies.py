@@ -20,7 +20,7 @@ from flexcam.studies.quantities import quantity_row
 ROOT = Path(__file__).resolve().parents[2]
 ENGINE = ROOT / "cases/pushrod-engine/intake.toml"
 TAYEB = ROOT / "cases/tayeb/model-1-shm.toml"
-SHORT = ("run.revolutions=1",)
+SHORT = ("run.revolutions=1", "run.steps_per_revolution=360")
 SPEEDS = [200.0, 300.0]
 BROAD = Search(200.0, 300.0, tolerance=1e3, count=2)
 FORCE = Signal("contacts.intake.force")
@@ -36,6 +36,7 @@ STUDIES = {
 """Module of `flexcam.analysis`, case and call by study."""
 
 
+@pytest.mark.usefixtures("machine_code")
 @pytest.mark.parametrize("study", STUDIES)
 def test_a_stopped_run_stops_what_asked_for_it(study, monkeypatch):
     calls = []
@@ -74,7 +75,7 @@ def test_a_run_behind_another_is_heeded_too(where, ask, monkeypatch):
 def test_each_is_told_of(study):
     _, path, ask = STUDIES[study]
     told = []
-    found = ask(read_case(path, [*SHORT, "run.steps_per_revolution=360"]), advance=told.append)
+    found = ask(read_case(path, SHORT), advance=told.append)
     assert told == [1] * (len(found[1]) if study == "trade" else 2)
 
 

@@ -79,7 +79,7 @@ def error(system, scheme, steps, phase, after):
 )
 def test_order_through_touchdown_and_parting(scheme, fitted_order):
     """After contact the mass flies up with V0; the contact itself costs what the scheme's period error costs."""
-    counts = np.array([50, 100, 200, 400])
+    counts = np.array([50, 100, 200])
     rms = []
     for count in counts.tolist():
         errors = []
@@ -103,8 +103,8 @@ def test_order_through_impacts(fitted_order):
 def test_bounces_lose_what_restitution_says(e):
     """Heights fall by e^2 a bounce; the energy account calls it dissipated."""
     height, _ = flown(0.05)
-    state = State(np.array([height]), np.zeros(1))
-    response = solve(Problem(falling(elastic_stop(1e9), e), ConstantSpeed(1.0), 1e-3, 600, state), newmark())
+    state, steps = State(np.array([height]), np.zeros(1)), 600 if e > 0.5 else 250
+    response = solve(Problem(falling(elastic_stop(1e9), e), ConstantSpeed(1.0), 1e-3, steps, state), newmark())
     assert response.status.ok
     y = response["y"].displacement
     tops = [float(y[i]) for i in range(1, len(y) - 1) if y[i] > y[i - 1] and y[i] >= y[i + 1] and y[i] > 1e-5]

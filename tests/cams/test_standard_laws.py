@@ -73,11 +73,11 @@ def test_ends(name):
     np.testing.assert_allclose(LAWS[name](np.array([0.0, 1.0]), 1), UNREST.get(name, 0.0), rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize("order", [1, 2, 3])
-def test_peaks(name, order):
+def test_peaks(name):
     peaks, tolerance = PEAKS[name]
-    if peaks[order - 1] is not None:
-        assert np.abs(LAWS[name](FINE, order)).max() == pytest.approx(peaks[order - 1], rel=tolerance)
+    for order, peak in enumerate(peaks, start=1):
+        if peak is not None:
+            assert np.abs(LAWS[name](FINE, order)).max() == pytest.approx(peak, rel=tolerance)
 
 
 def test_every_law_has_its_peaks():
@@ -87,11 +87,11 @@ def test_every_law_has_its_peaks():
 FAMILY = {"shm": (0, 0, 1), "cycloidal": (0.5, 0, 0.5), "parabolic": (0, 1, 0)}
 
 
-@pytest.mark.parametrize("order", [0, 1, 2, 3, 4])
 @pytest.mark.parametrize("name", FAMILY)
-def test_one_family_holds_three_laws(name, order):
-    scale = (2 * math.pi) ** order
-    np.testing.assert_allclose(Scca(*FAMILY[name])(Z, order), LAWS[name](Z, order), rtol=0, atol=1e-13 * scale)
+def test_one_family_holds_three_laws(name):
+    for order in range(5):
+        scale = (2 * math.pi) ** order
+        np.testing.assert_allclose(Scca(*FAMILY[name])(Z, order), LAWS[name](Z, order), rtol=0, atol=1e-13 * scale)
 
 
 QUINQUINOMIAL = {
@@ -138,15 +138,15 @@ def test_refused_exponents(exponents):
         Polynomial(exponents)
 
 
-@pytest.mark.parametrize("order", [1, 2, 3, 4])
-def test_derivatives(name, order):
+def test_derivatives(name):
     # Central differences of the derivative below, h = 1e-5: error h^2/6 of the second derivative above, and eps/h.
     h = 1e-5
     law = LAWS[name]
     smooth = np.all([np.abs(Z - jump) > 2 * h for jump in (0.0, 1.0, *law.breaks)], axis=0)
     z = Z[smooth]
-    difference = (law(z + h, order - 1) - law(z - h, order - 1)) / (2 * h)
-    assert np.abs(law(z, order) - difference).max() <= 4e-6 * SPAN[name] ** order
+    for order in (1, 2, 3, 4):
+        difference = (law(z + h, order - 1) - law(z - h, order - 1)) / (2 * h)
+        assert np.abs(law(z, order) - difference).max() <= 4e-6 * SPAN[name] ** order
 
 
 @pytest.mark.parametrize("name", sorted(set(LAWS) - set(UNSYMMETRIC)))

@@ -13,7 +13,7 @@ from flexcam.dynamics.engine_selection import select_engine
 from flexcam.dynamics.local_forces import LocalForces
 from tests.pinned_rod import pinned_rod, push
 
-FASTER = 'speed = "3000 rpm"\nsteps_per_revolution = 400\nrevolutions = 1'
+FASTER = 'speed = "3000 rpm"\nsteps_per_revolution = 400\nrevolutions = 0.25'
 PLANES = {"y": {"uy", "rz"}, "z": {"uz", "ry"}, "along": {"ux"}}
 
 
@@ -56,10 +56,12 @@ def moving(problem):
 def test_only_planes_that_something_bends_move(rod, bow, across, planes):
     ready = rod(bow, *across)
     assert moving(ready.problem) == set().union(*(PLANES[one] for one in planes))
+    if len(planes) == 3:  # both runs would be the same
+        return
     whole, pruned = (
         solve(replace(ready.problem, prune=prune), ready.scheme, save=ready.save) for prune in (False, True)
     )
-    assert pruned.stats.unknowns < whole.stats.unknowns or len(planes) == 3
+    assert pruned.stats.unknowns < whole.stats.unknowns
     for kind in ("displacement", "velocity"):
         one, other = (getattr(run.probes, kind) for run in (whole, pruned))
         # rounding of a matrix whose axial entries are 1e4 times those of bending; a velocity has it by a step
