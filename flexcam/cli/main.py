@@ -13,6 +13,7 @@ import sys
 import tempfile
 import traceback
 from collections.abc import Sequence
+from dataclasses import replace
 from importlib import import_module
 from inspect import cleandoc
 from itertools import pairwise
@@ -69,6 +70,12 @@ def _print_faults(faults: Sequence[Fault], as_json: bool) -> int:
         for fault in faults:
             print_message(str(fault))
     return REFUSED
+
+
+def _name_option(fault: Fault, words: Sequence[str]) -> Fault:
+    """Return a fault of a parameter with the option that gave it as its place."""
+    option = f"--{fault.where.replace('_', '-')}"
+    return replace(fault, where=option) if any(word.partition("=")[0] == option for word in words) else fault
 
 
 def _print_failure(status: Status, as_json: bool) -> int:
@@ -151,7 +158,7 @@ def _dispatch(words: Sequence[str]) -> int:
     except CycloptsError as fault:
         code = _print_faults([_command_line_fault(words, fault)], as_json)
     except InputError as refusal:
-        code = _print_faults(refusal.faults, as_json)
+        code = _print_faults([_name_option(fault, words) for fault in refusal.faults], as_json)
     except RunFailedError as failure:
         code = _print_failure(failure.status, as_json)
     except KeyboardInterrupt:

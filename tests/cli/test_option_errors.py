@@ -132,3 +132,10 @@ def test_a_key_laid_over_twice_is_told(flexcam):
     )
     assert done.code == 0
     assert done.err == "Note: --set run.speed=1000rpm has no effect: --set run.speed=2rpm replaces it; leave one out\n"
+
+
+@pytest.mark.parametrize("words", [("--contact", "nope"), ("--contact=nope",), ("--response", "--probe", "nope")])
+def test_a_wrong_name_is_reported_at_its_option(flexcam, words):
+    refused = flexcam("campbell", ROOT / "cases/tayeb/model-3-shm.toml", *words)
+    assert refused.code == 2
+    assert refused.err.startswith(f"{words[-2] if words[-1] == 'nope' else words[0].partition('=')[0]}: given 'nope'")

@@ -91,7 +91,7 @@ def test_histories_of_an_earlier_sweep_are_not_written_over_and_not_mixed_in(fle
     other = ("sweep", case, "--set", "run.speed=2000,4000rpm", *told, "-o", out)
     refused = flexcam(*other)
     assert refused.code == 2
-    assert refused.err.startswith(f"histories: given 3 in {kept}; allowed: none from an earlier sweep")
+    assert refused.err.startswith(f"--histories: given 3 in {kept}; allowed: none from an earlier sweep")
     assert {path.name: path.read_bytes() for path in kept.iterdir()} == before
     assert flexcam(*other, "--overwrite").code == 0
     assert sorted(path.name for path in kept.iterdir()) == ["variant-00001.vtkhdf", "variant-00002.vtkhdf"]

@@ -302,10 +302,10 @@ def rendered(table):
 
 P = " ".join(POLYNOMIAL[1:])
 REFUSED = {  # words, where, a part of the message
-    "unknown criterion": ("law --minimize Cq", "minimize", "Cv, Ca, Cj, rms, Cm"),
+    "unknown criterion": ("law --minimize Cq", "--minimize", "Cv, Ca, Cj, rms, Cm"),
     "bound without a value": (f"{P} --bound Cj", "--bound", "CRITERION=VALUE"),
     "bound that no law meets": (f"{P} --bound Cj=10", "bounds", "a wider bound"),
-    "one harmonic": ("law --minimize Ca --family harmonic --orders 1", "orders", "two or more"),
+    "one harmonic": ("law --minimize Ca --family harmonic --orders 1", "--orders", "two or more"),
     "count without a front": (f"{P} --count 5", "--count", "--pareto"),
     "degree of harmonic laws": ("law --minimize Ca --family harmonic --degree 7", "--degree", "--family spline"),
     "asymmetric harmonic laws": ("law --minimize Ca --family harmonic --asymmetric", "--asymmetric", "--family spline"),
@@ -322,8 +322,8 @@ REFUSED = {  # words, where, a part of the message
     "tolerance without a unit": ("harmonic MODEL --tolerance 20", "--tolerance", "write '20 um'"),
     "bound without a unit": ("harmonic MODEL --bound .2", "--bound", "write '.2 mm'"),
     "speed below zero": ("polydyne MODEL --speed=-3rpm", "--speed", "above zero"),
-    "damping below zero": ("polydyne MODEL --frequency 400Hz --damping=-1", "damping", "zero or more"),
-    "harmonics of a polydyne cam": ("polydyne MODEL --count 0", "count", "from 1"),
+    "damping below zero": ("polydyne MODEL --frequency 400Hz --damping=-1", "--damping", "zero or more"),
+    "harmonics of a polydyne cam": ("polydyne MODEL --count 0", "--count", "from 1"),
 }  # fmt: skip
 
 
