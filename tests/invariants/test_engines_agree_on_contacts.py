@@ -166,8 +166,12 @@ def stronger(problem, share):
 
 
 def apart(one, other):
-    """Return by how much two runs differ up to each instant, as a part of the largest displacement, shape (m,)."""
-    off = np.abs(one.probes.displacement - other.probes.displacement).max(axis=1)
+    """Return by how much two runs differ up to each instant, as a part of the largest displacement, shape (m,).
+
+    Where the other run has ended early, such as at a lever that is thrown about, the difference is infinite.
+    """
+    off, count = np.full(len(one.time), np.inf), len(other.time)
+    off[:count] = np.abs(one.probes.displacement[:count] - other.probes.displacement).max(axis=1)
     return np.maximum.accumulate(off) / np.abs(one.probes.displacement).max()
 
 
