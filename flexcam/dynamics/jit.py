@@ -9,11 +9,13 @@ from __future__ import annotations
 import hashlib
 import os
 import pickle
+import signal
 import sys
 import tempfile
+import threading
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager
-from functools import lru_cache
+from functools import lru_cache, partial
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -56,29 +58,52 @@ def compile_functions(
         inner = numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **_OPTIONS)
         entry = numba.njit(cache=keep, **_OPTIONS)
         found = _bind(functions, {}, lambda function: (entry if function.__name__ in entries else inner)(function))
-    if keep:
-        for name in entries:
-            found[name] = _CachedEntry(
-                found[name], lambda name=name: compile_functions(functions, entries, cached=False)[name]
-            )
+    for name in entries:
+        uncached = partial(_uncached_entry, functions, entries, name) if keep else None
+        found[name] = _Entry(found[name], uncached)
     return found
 
 
-class _CachedEntry:
+def _uncached_entry(functions: tuple[FunctionType, ...], entries: tuple[str, ...], name: str) -> Callable[..., Any]:
+    return compile_functions(functions, entries, cached=False)[name]
+
+
+class _Entry:
     """An entry whose cached code may be damaged or impossible to write: then it is compiled without a cache."""
 
-    def __init__(self, entry: Any, uncached: Callable[[], Callable[..., Any]]) -> None:  # noqa: ANN401 - of numba
+    def __init__(self, entry: Any, uncached: Callable[[], Callable[..., Any]] | None = None) -> None:  # noqa: ANN401
         self._entry: Any = entry
         self._uncached, self._called = uncached, False
 
     def __call__(self, *arguments: object) -> Any:  # noqa: ANN401 - what the entry returns
         if not self._called:
             try:  # numba loads or compiles before it runs: a failure has changed nothing
-                self._entry.compile(tuple(map(_typeof(), arguments)))
+                with _delay_signals():
+                    self._entry.compile(tuple(map(_typeof(), arguments)))
             except (OSError, EOFError, ValueError, pickle.UnpicklingError):
+                if self._uncached is None:
+                    raise
                 self._entry = self._uncached()
             self._called = True
         return self._entry(*arguments)
+
+
+@contextmanager
+def _delay_signals() -> Generator[None]:
+    """Handle Ctrl-C and SIGTERM after the context: numba's callbacks would lose or misreport the exception."""
+    if threading.current_thread() is not threading.main_thread():  # other threads handle no signals
+        yield
+        return
+    received: list[int] = []
+    numbers = [number for number in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(number) is not None]
+    handlers = {number: signal.signal(number, lambda number, _: received.append(number)) for number in numbers}
+    try:
+        yield
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+        for number in received:
+            signal.raise_signal(number)
 
 
 def _typeof() -> Callable[[object], Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -54,3 +55,24 @@ def test_fresh_cached_spoiled_and_missing_code_give_the_same_numbers(tmp_path):
         path.write_bytes(path.read_bytes()[:100])
     assert output(start(tmp_path)) == fresh
     assert output(start(Path("/dev/null"))) == fresh
+
+
+class SwallowingCompiler:
+    """Stands for an entry of numba, which loses an exception raised in a callback of LLVM."""
+
+    compiled = False
+
+    def compile(self, types):
+        try:
+            signal.raise_signal(signal.SIGINT)
+        except KeyboardInterrupt:
+            return
+        self.compiled = True
+
+
+def test_an_interrupt_is_raised_after_compilation():
+    compiler = SwallowingCompiler()
+    with pytest.raises(KeyboardInterrupt):
+        jit._Entry(compiler)()
+    assert compiler.compiled
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
