@@ -10,12 +10,14 @@ Numer. Anal. 49 (2011).
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 
 from flexcam.core import FloatArray
+from flexcam.dynamics.basis import Basis
 from flexcam.dynamics.blocks import SaveAt
 from flexcam.dynamics.engine_selection import SelectedEngine, select_engine
 from flexcam.dynamics.floquet import MAX_UNKNOWNS, period_map
@@ -61,7 +63,7 @@ def solve_periodic(problem: Problem, scheme: Method, *, tolerance: float = 1e-9,
     scheme
         Integration method.
     tolerance
-        Relative residual of periodicity, in the energy norm.
+        Relative residual of periodicity, in the norm of `_EnergyNorm`.
     until
         Latest end of the search, s of `time.monotonic`; None for no limit.
 
@@ -79,8 +81,10 @@ def solve_periodic(problem: Problem, scheme: Method, *, tolerance: float = 1e-9,
     several = replace(problem, runs=problem.runs * _USUAL_REVOLUTIONS)
     selected = select_engine(several, scheme, SaveAt(field_every=problem.steps + 1))
     if not 0 < selected.problem.system.size <= MAX_UNKNOWNS:
-        return replace(_fixed_point(problem, _Anderson(several, scheme, until), tolerance), time=start.time)
-    found = _fixed_point(selected.problem, _Newton(selected, scheme, until), tolerance)
+        found = _fixed_point(problem, _Anderson(several, scheme, until), _EnergyNorm(problem, ()), tolerance)
+        return replace(found, time=start.time)
+    search, norm = _Newton(selected, scheme, until), _EnergyNorm(problem, selected.bases)
+    found = _fixed_point(selected.problem, search, norm, tolerance)
     for basis in selected.bases:
         moved = basis.spread(found.displacement) + basis.held
         found = replace(found, displacement=moved, velocity=basis.spread(found.velocity))
@@ -109,18 +113,40 @@ class _Search(Protocol):
         ...
 
 
-def _fixed_point(problem: Problem, search: _Search, tolerance: float) -> State:
+class _EnergyNorm:
+    """Norm of motions in the unknowns of a problem, the same on every engine: square roots of energies.
+
+    Parameters
+    ----------
+    problem
+        The problem.
+    bases
+        From the unknowns of the motions to those of the problem, innermost first.
+    """
+
+    def __init__(self, problem: Problem, bases: Sequence[Basis]) -> None:
+        self._weights, self._bases = _weights(problem), bases
+
+    def __call__(self, motions: FloatArray) -> FloatArray:
+        """Return the norms of changes of displacements and velocities in a row, shape (..., 2n) to (...)."""
+        parts = np.split(motions, 2, axis=-1)
+        for basis in self._bases:
+            parts = [basis.spread(part) for part in parts]
+        return np.linalg.norm(self._weights * np.concatenate(parts, axis=-1), axis=-1)
+
+
+def _fixed_point(problem: Problem, search: _Search, norm: _EnergyNorm, tolerance: float) -> State:
     """Return the state with the smallest residual, in the unknowns of the problem."""
-    weights = _weights(problem)
+    motion = slice(2 * problem.system.size)
     x: FloatArray | None = _pack(problem, problem.start or State.rest(problem.system.size))
     best, least, level, since, first = x, np.inf, np.inf, 0, 0.0
     for _ in range(_MOST_REVOLUTIONS):
         turn, error = search.turn(x), np.inf
         if turn is not None:
-            largest = float(np.linalg.norm(weights * (turn.fields - x[: len(weights)]), axis=1).max(initial=0.0))
+            largest = float(norm(turn.fields - x[motion]).max(initial=0.0))
             first = first or largest
             size = max(largest, _NOTHING * first)
-            error = float(np.linalg.norm(weights * (turn.end - x)[: len(weights)])) / size if size > 0.0 else 0.0
+            error = float(norm((turn.end - x)[motion])) / size if size > 0.0 else 0.0
         if error < least:
             least, best = error, x
         level, since = (error, 0) if error < 0.5 * level else (level, since + 1)
