@@ -7,7 +7,19 @@ import importlib.util
 import pytest
 
 from benchmarks import machine
-from benchmarks.measure import assembly, bounds, compiler, contact, linear, modes, peaks, process, saving, sweep
+from benchmarks.measure import (
+    accuracy,
+    assembly,
+    bounds,
+    compiler,
+    contact,
+    linear,
+    modes,
+    peaks,
+    process,
+    saving,
+    sweep,
+)
 from benchmarks.processes import ROOT
 
 
@@ -19,6 +31,9 @@ def smallest(monkeypatch):
     monkeypatch.setattr(linear, "STEPS", 1200)
     monkeypatch.setattr(contact, "CASES", (("petrescu/valve-spring", ()),))
     monkeypatch.setattr(contact, "REPEATS", 1)
+    monkeypatch.setattr(accuracy, "CASES", accuracy.CASES[-1:])
+    monkeypatch.setattr(accuracy, "STEPS", accuracy.STEPS[:1])
+    monkeypatch.setattr(accuracy, "REFERENCE", 1800)
     monkeypatch.setattr(sweep, "SPEEDS", 3)
     monkeypatch.setattr(assembly, "ELEMENTS", (10,))
     monkeypatch.setattr(modes, "SHAFTS", modes.SHAFTS[:1])
@@ -31,7 +46,7 @@ def smallest(monkeypatch):
 
 @pytest.mark.usefixtures("smallest")
 def test_the_page_is_made_of_what_is_measured():
-    rooms = (bounds, linear, contact, sweep, assembly, modes, peaks, saving, process, compiler)
+    rooms = (bounds, linear, contact, accuracy, sweep, assembly, modes, peaks, saving, process, compiler)
     tables = {room.__name__.rpartition(".")[2]: room.measured() for room in rooms}
     found = {"machine": machine.described(), "date": machine.today(), "versions": machine.versions("flexcam")}
     spec = importlib.util.spec_from_file_location("make_performance", ROOT / "docs/make_performance.py")

@@ -12,13 +12,26 @@ import sys
 from collections.abc import Callable
 
 from benchmarks import machine
-from benchmarks.measure import assembly, bounds, compiler, contact, linear, modes, peaks, process, saving, sweep
+from benchmarks.measure import (
+    accuracy,
+    assembly,
+    bounds,
+    compiler,
+    contact,
+    linear,
+    modes,
+    peaks,
+    process,
+    saving,
+    sweep,
+)
 from benchmarks.processes import ROOT
 
 KEPT = ROOT / "docs/performance.json"
 TABLES: dict[str, Callable[[], object]] = {
     "linear": linear.measured,
     "contact": contact.measured,
+    "accuracy": accuracy.measured,
     "sweep": sweep.measured,
     "assembly": assembly.measured,
     "modes": modes.measured,

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from flexcam.core import DENSE_LIMIT
 from flexcam.core.errors import Fault, InputError
-from flexcam.dynamics import Problem, SaveAt, integrated_size, outline
+from flexcam.dynamics import Method, Problem, SaveAt, integrated_size, outline
 from flexcam.dynamics.engine_selection import MAX_MODES, candidate_engines
 from flexcam.dynamics.solve import AT_ONCE, LEAST_AT_ONCE
 from flexcam.fem.mesh import Mesh
@@ -135,7 +135,9 @@ class ResourceEstimate:
         return self.machine + self.equations + self.blocks + self.histories
 
 
-def estimate_resources(problem: Problem, mesh: Mesh, save: SaveAt, *, kept: int | None = None) -> ResourceEstimate:
+def estimate_resources(
+    problem: Problem, method: Method, mesh: Mesh, save: SaveAt, *, kept: int | None = None
+) -> ResourceEstimate:
     """Return the resources required by a run."""
     names = outline(problem.system, channels=save.channels)
     row = 2 + 3 * sum(len(components) for _, components in names.probes) + len(names.channels)
@@ -143,7 +145,7 @@ def estimate_resources(problem: Problem, mesh: Mesh, save: SaveAt, *, kept: int 
     histories = (
         rows * row + 3 * unknowns * fields if kept is None else min(kept + save.block, rows) * row + 3 * unknowns
     )
-    inside, paths = integrated_size(problem), candidate_engines(problem)
+    inside, paths = integrated_size(problem), candidate_engines(problem, method)
     return ResourceEstimate(
         machine=_BASE_BYTES + (_COMPILER if "kernel" in paths else 0),
         equations=_equations(problem, inside, natural=paths[0] != "direct" and inside <= MAX_MODES),

@@ -112,7 +112,7 @@ def summary_sink(ready: PreparedRun) -> RecentSink:
 def estimate_case_resources(ready: PreparedRun, keep: Literal["all", "revolution"] = "all") -> ResourceEstimate:
     """Return the memory and disk space required by a run."""
     kept = None if keep == "all" else round(ready.revolution / ready.problem.step)
-    return estimate_resources(ready.problem, ready.model.mesh, ready.save, kept=kept)
+    return estimate_resources(ready.problem, ready.scheme, ready.model.mesh, ready.save, kept=kept)
 
 
 def run(

@@ -98,7 +98,7 @@ def check_input(ready: PreparedRun) -> list[str]:
         *check_lobes(model),
         *check_connectivity(model),
         *check_loads(model, problem),
-        *check_open_contacts(model, problem, ready.scheme),
+        *check_open_contacts(model, problem),
         *check_start_impact(case, model, problem),
         *check_overshoot(problem, ready.scheme),
         *(sentence for check in rigid for sentence in check(model, case.speed)),

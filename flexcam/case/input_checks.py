@@ -307,14 +307,14 @@ _ANGLES = np.linspace(0.0, 2.0 * math.pi, 721)
 """Cam angles, rad, at which the base circle is searched."""
 
 
-def check_open_contacts(model: Model, problem: Problem, scheme: Method) -> list[str]:
+def check_open_contacts(model: Model, problem: Problem) -> list[str]:
     """Return warnings about cam contacts and seats that are open on the base circle at the start."""
     contacts = {name: one for name, one in model.contacts.items() if isinstance(one, CamContact) and one.unilateral}
     seats = [name for name, one in model.contacts.items() if isinstance(one, Seat)]
     if not (contacts or seats) or not 0 < problem.system.size <= _MAX_DOFS:
         return []
     try:
-        first = solve(replace(problem, steps=1, engine="direct", adaptive=None), scheme)
+        first = solve(replace(problem, steps=1, engine="direct", adaptive=None), newmark())
     except RunFailedError:
         return []  # the run reports it
     if not len(first.time):

@@ -32,6 +32,7 @@ from flexcam.dynamics.cam_motion import (
     derivative,
 )
 from flexcam.dynamics.central_difference import CentralDifference, central_difference, highest_frequency
+from flexcam.dynamics.collocation import Collocation, collocation
 from flexcam.dynamics.floquet import Floquet, floquet
 from flexcam.dynamics.force_laws import ForceLaw, elastic_stop, hunt_crossley_contact, oil_column_law, spring_damper
 from flexcam.dynamics.generalized_alpha import Scheme, generalized_alpha, hht, newmark
@@ -101,6 +102,7 @@ __all__ = [
     "Cause",
     "CentralDifference",
     "Channel",
+    "Collocation",
     "Constant",
     "ConstantSpeed",
     "CustomLaw",
@@ -148,6 +150,7 @@ __all__ = [
     "basis_of",
     "bathe",
     "central_difference",
+    "collocation",
     "constant",
     "corrected_modes",
     "craig_bampton",

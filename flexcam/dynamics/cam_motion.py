@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol, TypeVar, cast
 
@@ -319,6 +319,16 @@ class PrescribedInputs:
 
     def _part(self, i: int) -> FloatArray:
         return self.rows[:, self._cuts[i] : self._cuts[i + 1]]
+
+    @property
+    def parts(self) -> list[FloatArray]:
+        """The parts of the rows."""
+        return np.split(self.rows, self._cuts[1:], axis=1)
+
+    def followed_by(self, later: PrescribedInputs) -> PrescribedInputs:
+        """Return the instants and later ones."""
+        angle = np.concatenate([self.angle, later.angle])
+        return replace(self, angle=angle, rows=np.vstack([self.rows, later.rows]), cam=CamFunctionCache(angle))
 
     @property
     def sensing_weights(self) -> FloatArray:

@@ -90,21 +90,24 @@ class _EnergyState:
     """Energies at m instants, J, shape (m,), and the quantities for the work between them.
 
     `elastic` is the strain energy including that of polynomial laws. `damped` is the damping force per unknown;
-    `pushes` are loads and forces and `paths` their displacements, except for opposed contacts (`LocalForces.opposed`);
-    `still` the contact forces without dissipation, `by_state` the derivatives of their energy by internal states,
-    `changing` its part that depends on the cam angle, `carried` the prescribed part of the sensed rates. Arrays of
-    absent quantities have no columns.
+    `pushes` are loads and forces, `paths` and `path_rates` their displacements and velocities, except for opposed
+    contacts (`LocalForces.opposed`); `still` the contact forces without dissipation, `by_state` the derivatives of
+    their energy by internal states, `changing` its part that depends on the cam angle, `carried` the prescribed part of
+    the sensed rates. Arrays of absent quantities have no columns.
     """
 
+    time: FloatArray
     angle: FloatArray
     kinetic: FloatArray
     strain: FloatArray
     elastic: FloatArray
     contact: FloatArray
     d: FloatArray
+    v: FloatArray
     damped: FloatArray
     pushes: FloatArray
     paths: FloatArray
+    path_rates: FloatArray
     force: FloatArray
     still: FloatArray
     penetration: FloatArray
@@ -129,10 +132,13 @@ class EnergyBalance:
         The system.
     forces
         Its local forces, stacked.
+    order
+        Order of the integration method. The work of the mean force along the path balances the energy in steps of the
+        average acceleration; a method of higher order needs the work between the instants with the same order.
     """
 
-    def __init__(self, system: System, forces: LocalForces) -> None:
-        self._system, self._forces = system, forces
+    def __init__(self, system: System, forces: LocalForces, order: int = 2) -> None:
+        self._system, self._forces, self._corrected = system, forces, order > 2
         self._M, self._C, self._K = (_QuadraticForm(m) for m in (system.mass, system.damping, system.stiffness))
         self._damped = bool(system.damping.values.any())
         smooth = forces.polynomial
@@ -177,30 +183,50 @@ class EnergyBalance:
     def _dissipation(self, new: _EnergyState, last: _EnergyState | None) -> FloatArray:
         """Return work, dissipation and numerical loss since the previous instant, shape (b, 3)."""
 
-        def added(name: str) -> FloatArray:
+        def sums(name: str) -> FloatArray:
             return _combine_successive(np.add, getattr(new, name), getattr(last, name, None))
 
-        def passed(name: str) -> FloatArray:
+        def changes(name: str) -> FloatArray:
             return _combine_successive(np.subtract, getattr(new, name), getattr(last, name, None))
 
-        # Work is the mean force along the path; the factor 1/2 is applied at the end.
-        damped, given = (0.5 * _dot(added(one), passed(path)) for one, path in (("damped", "d"), ("pushes", "paths")))
+        def path_work(force: str, path: str, rate: str) -> FloatArray:
+            """Return the work of the mean force along the path, if required with its error of second order removed.
+
+            That error is ``h^3/12 (F' v' - F'' v)`` in a step; the sum of the last term is minus that of the first one,
+            but for a part at both ends of the run that does not accumulate.
+            """
+            mean = 0.5 * _dot(sums(force), changes(path))
+            if not self._corrected:
+                return mean
+            return mean + changes("time") / 6.0 * _dot(changes(force), changes(rate))
+
+        damped, given = path_work("damped", "d", "v"), path_work("pushes", "paths", "path_rates")
         # The work of a contact along its penetration comes from the unknowns and, if not opposed, from the cam.
-        forces, still, deepened, others = added("force"), added("still"), passed("penetration"), self._others
+        forces, still, deepened, others = sums("force"), sums("still"), changes("penetration"), self._others
         moving = 0.5 * _dot(forces[:, others], deepened[:, others])
         taken = 0.5 * _dot(forces, deepened) - moving
         lossy = self._stores.lossy
         crushed = 0.5 * _dot(forces[:, lossy] - still[:, lossy], deepened[:, lossy])
-        crushed -= 0.5 * _dot(added("by_state"), passed("states"))
+        crushed -= 0.5 * _dot(sums("by_state"), changes("states"))
         # Difference of the work of the mean force and of the nonlinear force, by Simpson's rule.
-        half = 0.5 * added("penetration"), 0.5 * added("states"), 0.5 * added("angle")
-        curved = 2.0 / 3.0 * _dot(0.5 * still - self._stores.at(*half)[1], deepened)
+        half = 0.5 * sums("penetration"), 0.5 * sums("states"), 0.5 * sums("angle")
+        curves = 2.0 / 3.0 * (0.5 * still - self._stores.at(*half)[1]) * deepened
+        curved = curves.sum(axis=1)
+        if self._corrected:
+            more = (changes("time") / 6.0)[:, None] * (changes("force") - changes("still")) * changes("rate")
+            crushed += more[:, lossy].sum(axis=1)
+            taken += more.sum(axis=1) - more[:, others].sum(axis=1)
+            moving += more[:, others].sum(axis=1)
+            # The work of these forces on the unknowns is already that of the nonlinear force.
+            from_cam = curves[:, others].sum(axis=1)
+            moving, curved = moving - from_cam, curved - from_cam
         impulse = new.impulse if last else new.impulse[1:]
-        struck, impact_lost = (0.5 * _dot(impulse, added(one)) for one in ("carried", "rate"))
+        struck = 0.5 * _dot(impulse, sums("carried"))
+        impact_lost = 0.5 * _dot(impulse, sums("rate")) if self._strikes else 0.0 * struck
         # If a contact closes and reverses within one step, its damping force is that of opening while the path
         # still closes: the product is negative, which is an error of the step.
         lost = np.maximum(damped + crushed + impact_lost, 0.0)
-        numerical = given - taken - passed("kinetic") - passed("elastic") + struck + curved + (crushed - lost)
+        numerical = given - taken - changes("kinetic") - changes("elastic") + struck + curved + (crushed - lost)
         work = given + moving + struck + self._cam_energy(new, last)
         return np.column_stack([work, lost, numerical])
 
@@ -223,14 +249,16 @@ class EnergyBalance:
         if self._smooth is not None:
             smooth = self._smooth.at(seen.penetrations[:, self._smooth_scalars], seen.states, schedule.angle)[0]
         strain, nothing = 0.5 * self._K.twice(d) + self._system.stored, np.zeros((len(d), 0))
-        struck = (seen.rates[:, self._rough], carried[:, self._rough], track.impulse[:, self._rough])
+        moved = (d, track.v, self._C.times(track.v)) if self._damped else (nothing, nothing, nothing)
+        driven = (self._pushed @ track.v.T).T if self._corrected else nothing
+        rates = seen.rates[:, self._rough] if self._strikes or self._corrected else nothing
+        struck = (carried[:, self._rough], track.impulse[:, self._rough]) if self._strikes else (nothing, nothing)
         acted = seen.forces[:, self._acted] * schedule.acting_weights[:, self._acting]
         return _EnergyState(
-            schedule.angle, 0.5 * self._M.twice(track.v), strain, strain + smooth, stored + smooth,
-            *((d, self._C.times(track.v)) if self._damped else (nothing, nothing)),
-            np.hstack([seen.histories, acted]), (self._pushed @ d.T).T,
+            track.time, schedule.angle, 0.5 * self._M.twice(track.v), strain, strain + smooth, stored + smooth,
+            *moved, np.hstack([seen.histories, acted]), (self._pushed @ d.T).T, driven,
             forces if self._storing.all() else forces * self._storing, elastic, penetrations, seen.states, by_state,
-            changing, *(struck if self._strikes else (nothing,) * 3),
+            changing, rates, *struck,
         )  # fmt: skip
 
 

@@ -14,6 +14,7 @@ from flexcam.core.errors import refuse
 from flexcam.dynamics.active_dofs import basis_of, reduce_problem
 from flexcam.dynamics.basis import Basis
 from flexcam.dynamics.blocks import SaveAt
+from flexcam.dynamics.collocation import Collocation
 from flexcam.dynamics.direct_engine import DirectEngine, KinematicEngine, Pilot
 from flexcam.dynamics.engine import Engine
 from flexcam.dynamics.force_laws import ForceLaw
@@ -76,7 +77,7 @@ def select_engine(problem: Problem, method: Method, save: SaveAt) -> SelectedEng
         raise refusal
     outer = () if basis is None else (basis,)
     refusals: list[str] = []
-    for engine in candidate_engines(plain):
+    for engine in candidate_engines(plain, method):
         if engine == "direct":
             return SelectedEngine("direct", plain, outer)
         try:
@@ -86,15 +87,19 @@ def select_engine(problem: Problem, method: Method, save: SaveAt) -> SelectedEng
             refusals.append(str(unfit))
         else:
             return SelectedEngine(engine, inside, (natural, *outer), natural)
+    if isinstance(method, Collocation):
+        raise refuse("run.integrator.method", "collocation", "newmark, hht, generalized-alpha", refusals[-1])
     remedy = "leave run.engine out: flexcam then chooses the fastest engine that fits"
     raise refuse("run.engine", problem.engine, "another engine", refusals[-1], remedy)
 
 
-def candidate_engines(problem: Problem) -> tuple[EngineName, ...]:
+def candidate_engines(problem: Problem, method: Method) -> tuple[EngineName, ...]:
     """Return the requested engine, or those worthwhile for the length of the run, best first."""
     if problem.engine != "auto":
         return (problem.engine,)
     system = problem.system
+    if isinstance(method, Collocation):
+        return ("kernel",) if system.size else ("direct",)
     if system.local_forces:
         return ("kernel", "direct") if is_available() and direct_time(problem) > _COMPILER else ("direct",)
     if problem.steps < max(_MODAL_STEPS, system.size**2 // _SQUARED):
@@ -122,7 +127,7 @@ def _modal_problem(
 ) -> tuple[ModalCoordinates, Problem]:
     """Return the modes of a problem, and the problem in modal coordinates."""
     system = problem.system
-    if not isinstance(method, Scheme):
+    if not isinstance(method, Scheme) and not (engine == "kernel" and isinstance(method, Collocation)):
         raise _UnsuitableEngineError("it integrates with newmark, hht and generalized-alpha only")
     if problem.adaptive is not None:
         raise _UnsuitableEngineError("it has no adaptive steps")
@@ -151,17 +156,18 @@ def _require_compiler(system: System) -> None:
             raise _UnsuitableEngineError(f"the law of {force.name} is a Python object")
 
 
-def forces_of(way: SelectedEngine) -> LocalForces:
+def forces_of(way: SelectedEngine, method: Method) -> LocalForces:
     """Return the local forces of a problem, their energies evaluated by compiled code where the kernel engine runs."""
-    return LocalForces(way.problem.system, compiled_functions() if way.engine == "kernel" else None)
+    compiled = compiled_functions() if way.engine == "kernel" else None
+    return LocalForces(way.problem.system, compiled, impacts_only=not method.locates_contacts)
 
 
 def create_engine(
     way: SelectedEngine, method: Method, forces: LocalForces, save: SaveAt, stop: Callable[[], bool], pilot: Pilot
 ) -> Engine:
     """Return the engine, ready to start."""
-    if way.natural is not None and isinstance(method, Scheme):
-        if way.engine == "modal":
+    if way.natural is not None and isinstance(method, Scheme | Collocation):
+        if way.engine == "modal" and isinstance(method, Scheme):
             seldom = not save.channels and save.field_every >= _SPARSE
             few = seldom and 0 < len(probe_rows(way.problem)) <= _FEW
             return (ProbeEngine if few else ModalEngine)(way.problem, method, save, stop, way.natural)

@@ -102,7 +102,7 @@ def period_map(
 def _integrate_period(
     selected: SelectedEngine, method: Method, stop: Callable[[], bool], *, derived: bool
 ) -> PeriodMap:
-    problem, forces = selected.problem, forces_of(selected)
+    problem, forces = selected.problem, forces_of(selected, method)
     engine = create_engine(selected, method, forces, SaveAt(field_every=problem.steps + 1), stop, pilot)
     disturbances, fields = Disturbances(problem, forces) if derived else None, list[FloatArray]()
     end = np.zeros(0)

@@ -31,11 +31,12 @@ the forces, square root of the scalar's own compliance, the stored energy, and t
 """
 LOCAL_ROWS = 10
 
-STATE, BEGIN, NEW_STATE, STATE_RATE, FLOW, ENERGY_BY_STATE, BY_TRAVEL, BY_BEGIN = range(8)
+STATE, BEGIN, NEW_STATE, STATE_RATE, FLOW, ENERGY_BY_STATE, BY_TRAVEL, BY_BEGIN, SPAN = range(9)
 """Rows of the internal states: at the beginning of a step, the penetration there, at its end; the rate at the end, the
-rate per unit of (penetration - state), the derivative of the stored energy by the state, and two of what is left of
-(penetration - state) at the end: by the travel of the penetration and by its value at the beginning."""
-STATE_ROWS = 8
+rate per unit of (penetration - state), the derivative of the stored energy by the state, two of what is left of
+(penetration - state) at the end: by the travel of the penetration and by its value at the beginning; and the length of
+the step, s, zero for an instant."""
+STATE_ROWS = 9
 
 KIND, FIRST, SCALARS, CONSTANTS, FUNCTIONS, LAW_STATE, FRICTION = range(7)
 """Columns of the table of laws.
@@ -433,7 +434,7 @@ def custom(law: int, angle: float, local: FloatArray, tangent: FloatArray) -> No
 
 
 def evaluate_laws(
-    laws: IntArray, constants: FloatArray, cam: FloatArray, k: int, column: int, step: float, local: FloatArray,
+    laws: IntArray, constants: FloatArray, cam: FloatArray, k: int, column: int, local: FloatArray,
     tangent: FloatArray, states: FloatArray,
 ) -> None:  # fmt: skip
     """Write forces, tangents and energies of all laws at the given penetrations and rates.
@@ -446,15 +447,13 @@ def evaluate_laws(
         Functions of the cam angle, a row per instant.
     k, column
         Row of the instant, and column of the first function.
-    step
-        Length of the step over which internal states advance, s; zero for an instant.
     local
         Scalars by row, shape (10, c): reads `PENETRATION` and `RATE`, writes `ANSWER` and `ENERGY`.
     tangent
         Derivatives of the force of a scalar by penetration (0) and rate (1) of the scalars of its law, shape
         (2, c, width).
     states
-        Internal states by row, shape (8, s).
+        Internal states by row, shape (9, s).
     """
     for law in range(len(laws)):
         kind, i, b, f = laws[law, KIND], laws[law, FIRST], laws[law, CONSTANTS], column + laws[law, FUNCTIONS]
@@ -483,7 +482,9 @@ def evaluate_laws(
         elif kind == OIL_COLUMN:
             z = laws[law, LAW_STATE]
             stiffness, leak, refill = constants[b], constants[b + 1], constants[b + 2]
-            pressed, share, kept = oil_column(x, states[BEGIN, z], states[STATE, z], step, stiffness, leak, refill)
+            pressed, share, kept = oil_column(
+                x, states[BEGIN, z], states[STATE, z], states[SPAN, z], stiffness, leak, refill
+            )  # fmt: skip
             states[BY_TRAVEL, z], states[BY_BEGIN, z] = share, kept
             carried = stiffness if pressed > 0.0 else 0.0
             N, by_x = constants[b + 3] + carried * pressed, carried * share
@@ -533,8 +534,8 @@ def evaluate_rows(
             if laws[law, LAW_STATE] >= 0:
                 states[BEGIN, laws[law, LAW_STATE]] = local[PENETRATION, laws[law, FIRST]]
         for z in range(states.shape[1]):
-            states[STATE, z] = inner[k, z]
-        evaluate_laws(laws, constants, cam, k, column, 0.0, local, tangent, states)
+            states[STATE, z], states[SPAN, z] = inner[k, z], 0.0
+        evaluate_laws(laws, constants, cam, k, column, local, tangent, states)
         for i in range(local.shape[1]):
             force[k, i], energy[k, i] = local[ANSWER, i], local[ENERGY, i]
         for z in range(states.shape[1]):

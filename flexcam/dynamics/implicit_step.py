@@ -22,6 +22,7 @@ from flexcam.dynamics.force_laws import (
     OWN,
     PENETRATION,
     RATE,
+    SPAN,
     STATE,
     TRIAL,
 )
@@ -80,13 +81,15 @@ class ImplicitStage:
         weight_m: float = 1.0, weight_f: float = 1.0, inverse: Callable[[Triplets], Factor] = factorize,
     ) -> None:  # fmt: skip
         self._forces, self._to_d, self._to_v, self._step, self._new = forces, to_d, to_v, step, weight_f
+        self._slope = to_v / to_d if to_d else 0.0
         self._C, self._K = select_storage(system.damping), select_storage(system.stiffness)
         self._damped = bool(system.damping.values.any())
         S = system.mass.scale(weight_m) + system.damping.scale(weight_f * to_v)
         self._S = inverse(S + system.stiffness.scale(weight_f * to_d) if to_d else S)
         # Response of all unknowns to each acting vector, and its sensed part: the low-rank update.
         self._by_act = self._S.solve(forces.act.vectors.T) * weight_f
-        self._give = np.ascontiguousarray((forces.sense.vectors @ self._by_act).T)
+        give = (forces.sense.vectors @ self._by_act).T
+        self._give = np.array([to_d * give, to_v * give])
 
     def solve(self, predicted: Prediction, now: StepState, to: StepInputs) -> StepState:
         """Return the new instant."""
@@ -119,14 +122,13 @@ class ImplicitStage:
         local[FREE_RATE] = sensing @ on_v + turning @ on_d + schedule.offset_rate[i]
         local[TRIAL] = local[BASE] = now.local
         local[OWN] = -1.0
-        answer = self._give.T @ schedule.acting_matrix(i).T
-        moved = sensing @ answer
-        work.compliance[0] = self._to_d * moved
-        work.compliance[1] = self._to_v * moved + self._to_d * (turning @ answer)
+        by_d, by_v = (give.T @ schedule.acting_matrix(i).T for give in self._give)
+        work.compliance[0], work.compliance[1] = sensing @ by_d, sensing @ by_v + turning @ by_d
         work.states[STATE], work.states[BEGIN] = now.inner, now.penetration[table.owners]
+        work.states[SPAN] = self._step
         iterations = forces.functions["solve_local"](
-            table.laws, table.constants, forces.places, self._give, schedule.rows, i, 0, self._step, self._to_d,
-            self._to_v, local, work.tangent, work.states, work.moved, work.active, work.compliance, work.matrix,
+            table.laws, table.constants, forces.places, self._give, schedule.rows, i, 0, self._slope, local,
+            work.tangent, work.states, work.moved, work.active, work.compliance, work.matrix,
         )  # fmt: skip
         if iterations == 0:
             raise NoConvergenceError(unconverged_forces(forces.names, local))

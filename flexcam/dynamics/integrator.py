@@ -69,6 +69,11 @@ class Method(ABC):
         return True
 
     @property
+    def locates_contacts(self) -> bool:
+        """True if steps end where a contact opens or closes; they always end at impacts with restitution."""
+        return True
+
+    @property
     def velocity_error(self) -> float:
         """Error of a step not visible in its displacement, divided by h^2 times the change of the acceleration."""
         return 0.0

@@ -1,8 +1,11 @@
 """The kernel: many steps of a system in modal coordinates with local forces, in one call of compiled code.
 
+A step is one stage of the generalized-alpha family, or the two stages of the collocation, at its middle and its end; a
+local force then is one scalar per stage.
+
 Arrays, a row per quantity: `state` holds q, v, a, the forces on the modes and work rows; `operator` mass, damping,
-stiffness, the inverse of the effective mass, and the response to each acting vector; `vectors` the sensing vectors and
-then the acting ones; `given` a row per step of loads, prescribed inputs and time.
+stiffness and the coefficients of a step; `answers` the response to each acting vector; `vectors` the sensing vectors
+and then the acting ones; `given` a row per step of loads and prescribed inputs.
 """
 # Elements of arrays are numbers to the compiler and arrays to the type checker.
 # pyright: reportArgumentType=false, reportAssignmentType=false
@@ -33,16 +36,21 @@ DONE, SWITCHED, UNSETTLED = 0, 1, 2
 """Results of `march`."""
 
 Q, V, A, LOAD, Q_FREE, V_FREE, PUSH, ACCELERATION, Q_TRIAL, V_TRIAL = range(10)
-"""Rows of the state: the instant; the prediction; the forces; the acceleration without local forces."""
-STATE_SIZE = 10
+"""Rows of the state: the instant; the prediction; the forces; the acceleration and the motion without local forces."""
+BEGIN_FORCE, MIDDLE_FORCE, END_FORCE = 4, 5, 6
+"""Rows in the collocation in place of the prediction: forces on the modes; the motion at its end follows that at its
+middle."""
+STATE_SIZE = 12
 LAST_FORCE, LAST_PENETRATION, LAST_RATE, TREND, LAST_CHANGE = range(5)
 """Rows of the local forces of the last instant: force, penetration, rate, extrapolated and last change of the force."""
 FORCE_SIZE = 5
 STEP, BETA, GAMMA, ALPHA_M, ALPHA_F = range(5)
 """Entries of the scheme."""
 MASS, DAMPING, STIFFNESS, INVERSE = range(4)
-"""Rows of the operator before the responses to the acting vectors."""
-OPERATOR_SIZE = 4
+"""Rows of the operator: matrices of the modes and the inverse of the effective mass."""
+STAGE = 3
+"""Row of the operator where the coefficients of the first stage of the collocation begin: of displacement, velocity and
+acceleration by (q, v, force at begin, middle and end), those of the acceleration by q and v of the stage."""
 
 VANISHED = 1e-150
 """Motion below which a mode is at rest: denormal numbers are very slow."""
@@ -52,7 +60,7 @@ def predict_modes(
     scheme: FloatArray, operator: FloatArray, coupled: FloatArray, inverse: FloatArray, loads: FloatArray,
     state: FloatArray,
 ) -> None:  # fmt: skip
-    """Write the prediction of the step and the acceleration without local forces."""
+    """Write the prediction of the step, and the acceleration and motion at its end without local forces."""
     h, new, n = scheme[STEP], 1.0 - scheme[ALPHA_F], state.shape[1]
     for i in range(n):
         there, moving = predict(state[Q, i], state[V, i], state[A, i], h, scheme[BETA], scheme[GAMMA])
@@ -75,30 +83,32 @@ def predict_modes(
             for j in range(n):
                 total += inverse[i, j] * state[PUSH, j]
             state[ACCELERATION, i] = total
+    to_d, to_v = scheme[BETA] * h * h, scheme[GAMMA] * h
+    for i in range(n):
+        state[Q_TRIAL, i] = state[Q_FREE, i] + to_d * state[ACCELERATION, i]
+        state[V_TRIAL, i] = state[V_FREE, i] + to_v * state[ACCELERATION, i]
 
 
 def find_forces(
-    k: int, scheme: FloatArray, give: FloatArray, vectors: FloatArray, given: FloatArray, laws: IntArray,
+    k: int, stages: int, slope: float, give: FloatArray, vectors: FloatArray, given: FloatArray, laws: IntArray,
     constants: FloatArray, places: IntArray, varying: IntArray, state: FloatArray, forces: FloatArray,
     states: FloatArray, local: FloatArray, tangent: FloatArray, moved: FloatArray, active: IntArray, W: FloatArray,
     matrix: FloatArray,
 ) -> int:  # fmt: skip
-    """Find the local forces at the end of a step; return the iterations, 0 without convergence."""
-    to_d, to_v = scheme[BETA] * scheme[STEP] * scheme[STEP], scheme[GAMMA] * scheme[STEP]
-    n, c, senses = state.shape[1], local.shape[1], give.shape[1]
-    offset = n + 2 * senses + give.shape[0]
-    for i in range(n):
-        state[Q_TRIAL, i] = state[Q_FREE, i] + to_d * state[ACCELERATION, i]
-        state[V_TRIAL, i] = state[V_FREE, i] + to_v * state[ACCELERATION, i]
+    """Find the local forces at the stages of a step; return the iterations, 0 without convergence."""
+    n, c, senses = state.shape[1], local.shape[1], give.shape[2]
+    sense_at = stages * n
+    offset = sense_at + 2 * senses + give.shape[1]
     for i in range(c):
+        trial = Q_TRIAL + 2 * (stages * i // c)
         penetration, rate = given[k, offset + i], given[k, offset + c + i]
         for b in range(places[0, i], places[0, i + 1]):
             on_d, on_v = 0.0, 0.0
             for m in range(n):
-                on_d += vectors[b, m] * state[Q_TRIAL, m]
-                on_v += vectors[b, m] * state[V_TRIAL, m]
-            penetration += given[k, n + b] * on_d
-            rate += given[k, n + b] * on_v + given[k, n + senses + b] * on_d
+                on_d += vectors[b, m] * state[trial, m]
+                on_v += vectors[b, m] * state[trial + 1, m]
+            penetration += given[k, sense_at + b] * on_d
+            rate += given[k, sense_at + b] * on_v + given[k, sense_at + senses + b] * on_d
         local[FREE_PENETRATION, i], local[FREE_RATE, i] = penetration, rate
         local[TRIAL, i], local[BASE, i] = forces[LAST_FORCE, i] + forces[TREND, i], forces[LAST_FORCE, i]
     for at in range(len(varying)):
@@ -107,17 +117,16 @@ def find_forces(
         for j in range(c):
             W[0, i, j], W[0, j, i] = math.nan, math.nan
     return solve_local(
-        laws, constants, places, give, given, k, n, scheme[STEP], to_d, to_v, local, tangent, states, moved, active, W,
-        matrix,
+        laws, constants, places, give, given, k, sense_at, slope, local, tangent, states, moved, active, W, matrix,
     )  # fmt: skip
 
 
 def add_forces(
     k: int, act: int, places: IntArray, vectors: FloatArray, first: int, given: FloatArray, local: FloatArray,
-    state: FloatArray, row: int,
+    begin: int, state: FloatArray, row: int,
 ) -> None:  # fmt: skip
-    """Add the effect of the local forces along vectors, from the first of them on, to a row of the state."""
-    for j in range(local.shape[1]):
+    """Add the effect of the local forces from `begin` on along vectors, from the first of them on, to a row."""
+    for j in range(begin, local.shape[1]):
         if local[TRIAL, j] != 0.0:
             for b in range(places[1, j], places[1, j + 1]):
                 weight = local[TRIAL, j] * given[k, act + b]
@@ -149,63 +158,147 @@ def crosses_zero(local: FloatArray, switching: IntArray) -> bool:
     return False
 
 
-def accept(
-    k: int, scheme: FloatArray, operator: FloatArray, vectors: FloatArray, given: FloatArray, places: IntArray,
-    state: FloatArray, forces: FloatArray, states: FloatArray, local: FloatArray, row: FloatArray,
-) -> None:  # fmt: skip
-    """Advance everything to the end of the step and write a row of results."""
-    n, c, senses = state.shape[1], local.shape[1], len(vectors) + OPERATOR_SIZE - len(operator)
-    act = n + 2 * senses
-    add_forces(k, act, places, operator, OPERATOR_SIZE, given, local, state, ACCELERATION)
-    for j in range(c):
+def keep_forces(forces: FloatArray, local: FloatArray) -> None:
+    """Keep the local forces of a step as the last ones, and extrapolate them."""
+    for j in range(local.shape[1]):
         change = local[TRIAL, j] - forces[LAST_FORCE, j]
         forces[TREND, j] = change if forces[LAST_CHANGE, j] == 0.0 else 2.0 * change - forces[LAST_CHANGE, j]
         forces[LAST_CHANGE, j] = change
         forces[LAST_FORCE, j], forces[LAST_PENETRATION, j] = local[TRIAL, j], local[PENETRATION, j]
         forces[LAST_RATE, j] = local[RATE, j]
+
+
+def accept(
+    k: int, scheme: FloatArray, operator: FloatArray, answers: FloatArray, vectors: FloatArray, given: FloatArray,
+    places: IntArray, state: FloatArray, forces: FloatArray, states: FloatArray, local: FloatArray, row: FloatArray,
+) -> None:  # fmt: skip
+    """Advance everything to the end of the step and write a row of results."""
+    n, c, senses = state.shape[1], local.shape[1], len(vectors) - answers.shape[1]
+    act = n + 2 * senses
+    add_forces(k, act, places, answers[0], 0, given, local, 0, state, ACCELERATION)
+    keep_forces(forces, local)
+    for j in range(c):
         row[3 * n + j] = local[TRIAL, j]
     for z in range(states.shape[1]):
         states[STATE, z] = states[NEW_STATE, z]
         row[3 * n + c + z] = states[STATE, z]
     correct_modes(scheme, operator, given[k], state)
-    add_forces(k, act, places, vectors, senses, given, local, state, LOAD)
+    add_forces(k, act, places, vectors, senses, given, local, 0, state, LOAD)
     for i in range(n):
         row[i], row[n + i], row[2 * n + i] = state[Q, i], state[V, i], state[A, i]
 
 
+def stage_value(operator: FloatArray, row: int, i: int, q: float, v: float, state: FloatArray) -> float:
+    """Return the quantity of mode i whose coefficients begin at a row of the operator."""
+    return (
+        operator[row, i] * q + operator[row + 1, i] * v + operator[row + 2, i] * state[BEGIN_FORCE, i]
+        + operator[row + 3, i] * state[MIDDLE_FORCE, i] + operator[row + 4, i] * state[END_FORCE, i]
+    )  # fmt: skip
+
+
+def move_stages(operator: FloatArray, state: FloatArray) -> None:
+    """Write the motion at both stages under the forces on the modes."""
+    for i in range(state.shape[1]):
+        q, v = state[Q, i], state[V, i]
+        for stage in range(2):
+            row = STAGE + 15 * stage
+            state[Q_TRIAL + 2 * stage, i] = stage_value(operator, row, i, q, v, state)
+            state[V_TRIAL + 2 * stage, i] = stage_value(operator, row + 5, i, q, v, state)
+
+
+def predict_stages(
+    operator: FloatArray, coupled: FloatArray, inverse: FloatArray, loads: FloatArray, state: FloatArray
+) -> None:
+    """Write the forces on the modes and the motion at both stages without local forces."""
+    n = state.shape[1]
+    for i in range(n):
+        state[BEGIN_FORCE, i], state[MIDDLE_FORCE, i], state[END_FORCE, i] = state[LOAD, i], loads[i], loads[n + i]
+    if len(coupled) > 0:
+        for i in range(n):
+            for j in range(n):
+                state[BEGIN_FORCE, i] -= coupled[i, j] * state[V, j]
+    move_stages(operator, state)
+    if len(coupled) > 0:
+        for i in range(2 * n):
+            slowed = 0.0
+            for j in range(n):
+                slowed += inverse[i, j] * state[V_TRIAL, j] + inverse[i, n + j] * state[V_TRIAL + 2, j]
+            state[MIDDLE_FORCE + i // n, i % n] -= slowed
+        move_stages(operator, state)
+
+
+def accept_stages(
+    k: int, operator: FloatArray, answers: FloatArray, vectors: FloatArray, given: FloatArray, places: IntArray,
+    state: FloatArray, forces: FloatArray, states: FloatArray, local: FloatArray, rows: FloatArray,
+) -> None:  # fmt: skip
+    """Advance everything to the end of a collocation step and write the rows of results of both stages."""
+    n, senses, c, inner = state.shape[1], len(vectors) - answers.shape[1], local.shape[1] // 2, states.shape[1] // 2
+    act = 2 * n + 2 * senses
+    for stage in range(2):
+        add_forces(k, act, places, answers[stage], 0, given, local, 0, state, MIDDLE_FORCE + stage)
+        for j in range(c):
+            rows[stage, 3 * n + j] = local[TRIAL, stage * c + j]
+        for z in range(inner):
+            rows[stage, 3 * n + c + z] = states[NEW_STATE, stage * inner + z]
+    keep_forces(forces, local)
+    for j in range(c):
+        forces[LAST_PENETRATION, j] = forces[LAST_PENETRATION, c + j]  # both stages begin where the step begins
+    for z in range(inner):
+        states[STATE, z], states[STATE, inner + z] = states[NEW_STATE, inner + z], states[NEW_STATE, inner + z]
+    move_stages(operator, state)
+    for i in range(n):
+        q, v, a = 0.0, 0.0, 0.0
+        for stage in range(2):
+            q, v = state[Q_TRIAL + 2 * stage, i], state[V_TRIAL + 2 * stage, i]
+            a = stage_value(operator, STAGE + 15 * stage + 10, i, q, v, state)
+            if abs(q) < VANISHED and abs(v) < VANISHED and abs(a) < VANISHED:
+                q, v, a = 0.0, 0.0, 0.0
+            rows[stage, i], rows[stage, n + i], rows[stage, 2 * n + i] = q, v, a
+        state[Q, i], state[V, i], state[A, i], state[LOAD, i] = q, v, a, given[k, n + i]
+    add_forces(k, act, places, vectors, senses, given, local, c, state, LOAD)
+
+
 def march(
-    begin: int, end: int, scheme: FloatArray, operator: FloatArray, give: FloatArray, inverse: FloatArray,
-    coupled: FloatArray, vectors: FloatArray, given: FloatArray, laws: IntArray, constants: FloatArray,
-    places: IntArray, owners: IntArray, varying: IntArray, state: FloatArray, forces: FloatArray, states: FloatArray,
-    local: FloatArray, tangent: FloatArray, moved: FloatArray, active: IntArray, W: FloatArray, matrix: FloatArray,
-    switching: IntArray, found: FloatArray, count: IntArray,
+    begin: int, end: int, stages: int, slope: float, scheme: FloatArray, operator: FloatArray, answers: FloatArray,
+    give: FloatArray, inverse: FloatArray, coupled: FloatArray, vectors: FloatArray, given: FloatArray, laws: IntArray,
+    constants: FloatArray, places: IntArray, owners: IntArray, varying: IntArray, state: FloatArray,
+    forces: FloatArray, states: FloatArray, local: FloatArray, tangent: FloatArray, moved: FloatArray,
+    active: IntArray, W: FloatArray, matrix: FloatArray, switching: IntArray, found: FloatArray, count: IntArray,
 ) -> int:  # fmt: skip
     """Advance over rows of the prescribed inputs; return how it ended.
 
     The state, the local forces and the internal states advance; `count` receives the row reached and the iterations.
-    The march ends before a step in which a switching scalar changes sides or the local forces do not converge.
+    The march ends before a step in which a switching scalar changes sides or the local forces do not converge. Results
+    have a row per stage.
     """
     for k in range(begin, end):
         count[0] = k
-        predict_modes(scheme, operator, coupled, inverse, given[k], state)
+        if stages == 2:
+            predict_stages(operator, coupled, inverse, given[k], state)
+        else:
+            predict_modes(scheme, operator, coupled, inverse, given[k], state)
         for z in range(states.shape[1]):
             states[BEGIN, z] = forces[LAST_PENETRATION, owners[z]]
         iterations = find_forces(
-            k, scheme, give, vectors, given, laws, constants, places, varying, state, forces, states, local, tangent,
-            moved, active, W, matrix,
+            k, stages, slope, give, vectors, given, laws, constants, places, varying, state, forces, states, local,
+            tangent, moved, active, W, matrix,
         )  # fmt: skip
         if iterations == 0:
             return UNSETTLED
         count[1] += iterations
         if crosses_zero(local, switching):
             return SWITCHED
-        accept(k, scheme, operator, vectors, given, places, state, forces, states, local, found[k])
+        if stages == 2:
+            rows = found[2 * k : 2 * k + 2]
+            accept_stages(k, operator, answers, vectors, given, places, state, forces, states, local, rows)
+        else:
+            accept(k, scheme, operator, answers, vectors, given, places, state, forces, states, local, found[k])
     count[0] = end
     return DONE
 
 
 FUNCTIONS_OF_KERNEL = (
     predict, massless_rates, *FUNCTIONS_OF_LAWS, *FUNCTIONS_OF_NEWTON, predict_modes, find_forces, add_forces,
-    correct_modes, crosses_zero, accept, march,
+    correct_modes, crosses_zero, keep_forces, accept, stage_value, move_stages, predict_stages, accept_stages, march,
 )  # fmt: skip
 """Functions for the compiler, in the order of their calls."""

@@ -16,19 +16,18 @@ from numpy.typing import NDArray
 from flexcam.core import FloatArray, IntArray
 from flexcam.dynamics.blocks import Arrays, flatten
 from flexcam.dynamics.cam_motion import CamFunctionCache, PrescribedInputs
+from flexcam.dynamics.collocation import Collocation, stage_coefficients
 from flexcam.dynamics.contact_events import EventStepper
 from flexcam.dynamics.engine import STOPPED, convergence_failure, in_range, stack_instant
-from flexcam.dynamics.force_laws import OWN, STATE, STATE_ROWS
+from flexcam.dynamics.force_laws import OWN, PENETRATION, SPAN, STATE, STATE_ROWS
 from flexcam.dynamics.generalized_alpha import Scheme
 from flexcam.dynamics.implicit_step import NoConvergenceError, unconverged_forces
 from flexcam.dynamics.initial_acceleration import InitialAcceleration
+from flexcam.dynamics.integrator import At
 from flexcam.dynamics.jit import Functions, compile_functions
 from flexcam.dynamics.kernel import (
-    DONE,
     FORCE_SIZE,
     FUNCTIONS_OF_KERNEL,
-    INVERSE,
-    OPERATOR_SIZE,
     STATE_SIZE,
     UNSETTLED,
 )
@@ -51,6 +50,8 @@ L. N. Trefethen, Approximation Theory and Approximation Practice (2013), ch. 2 a
 """
 _FITTED = 1e-12
 """Largest error of the polynomials at the points between, as a fraction of the largest value."""
+_SHORTEST = 64.0
+"""Fraction of a step below which contacts that close and open again within it are not looked for."""
 _NO_SIDES = np.zeros((2, 0), dtype=np.intp)
 
 
@@ -61,10 +62,31 @@ def compiled_functions() -> Functions:
 
 @dataclass(frozen=True, eq=False)
 class StepOperator:
-    """A step of one length, as arrays of the kernel: scheme (5,), operator, response of the scalars, and inverse."""
+    """A step of one length, as arrays of the kernel.
 
+    Parameters
+    ----------
+    step
+        Length of a stage, s.
+    slope
+        Velocity per displacement by a force within the step, 1/s.
+    scheme
+        Parameters of the generalized-alpha family; without effect for the collocation.
+    operator
+        Matrices of the modes and coefficients of the step.
+    answers
+        Response of the modes to the acting vectors, shape (stages, acts, n).
+    give
+        Displacement and velocity along the sensing vectors by the acting ones, shape (2, acts, senses).
+    inverse
+        Treatment of the damping that couples modes; empty without it.
+    """
+
+    step: float
+    slope: float
     scheme: FloatArray
     operator: FloatArray
+    answers: FloatArray
     give: FloatArray
     inverse: FloatArray
 
@@ -79,16 +101,14 @@ class ModalSystem:
         Mass, damping and stiffness, shape (3, n).
     coupled
         Damping off its diagonal, shape (n, n); empty where there is none.
-    vectors
-        Sensing vectors and then acting ones, shape (senses + acts, n).
-    senses
-        Number of sensing vectors.
+    sensing, acting
+        Vectors of the local forces, shape (senses, n) and (acts, n).
     """
 
     modes: FloatArray
     coupled: FloatArray
-    vectors: FloatArray
-    senses: int
+    sensing: FloatArray
+    acting: FloatArray
 
     @classmethod
     def of(cls, system: System, forces: LocalForces) -> ModalSystem:
@@ -96,54 +116,63 @@ class ModalSystem:
         own = system.damping.diagonal()
         beside = system.damping.dense() - np.diag(own)
         modes = np.array([system.mass.diagonal(), own, system.stiffness.diagonal()])
-        vectors = np.vstack([forces.sense.vectors, forces.act.vectors])
-        return cls(modes, beside if beside.any() else _NONE, vectors, len(forces.sense.vectors))
+        return cls(modes, beside if beside.any() else _NONE, forces.sense.vectors, forces.act.vectors)
 
-    def operator(self, scheme: Scheme, step: float) -> StepOperator:
-        """Return the step of a scheme."""
+    def operator(self, scheme: Scheme | Collocation, step: float) -> StepOperator:
+        """Return the step of a method, s."""
+        return self._one_stage(scheme, step) if isinstance(scheme, Scheme) else self._two_stages(step)
+
+    def _one_stage(self, scheme: Scheme, step: float) -> StepOperator:
         new = 1.0 - scheme.alpha_f
         mass, damping, stiffness = self.modes
         whole = scheme.effective_mass(mass, damping, stiffness, step)
-        sensing, acting = self.vectors[: self.senses], self.vectors[self.senses :]
         single, inverse = np.zeros_like(whole), _NONE
         if len(self.coupled):
             inverse = np.linalg.inv(np.diag(whole) + new * scheme.gamma * step * self.coupled).astype(np.float64)
-            answering = new * acting @ inverse.T
+            answering = new * self.acting @ inverse.T
         else:
             single = 1.0 / whole
-            answering = new * acting * single
+            answering = new * self.acting * single
         weights = np.array([step, scheme.beta, scheme.gamma, scheme.alpha_m, scheme.alpha_f])
-        operator = np.empty((OPERATOR_SIZE + len(acting), len(single)))
-        operator[:INVERSE], operator[INVERSE], operator[OPERATOR_SIZE:] = self.modes, single, answering
-        return StepOperator(weights, operator, answering @ sensing.T, inverse)
+        to_d, to_v = scheme.beta * step**2, scheme.gamma * step
+        sensed = answering @ self.sensing.T
+        operator, give = np.array([*self.modes, single]), np.array([to_d * sensed, to_v * sensed])
+        return StepOperator(step, to_v / to_d, weights, operator, answering[None], give, inverse)
+
+    def _two_stages(self, step: float) -> StepOperator:
+        """Return the collocation over two stages of one length; a force acts on its stage alone."""
+        n, acts, length = self.modes.shape[1], len(self.acting), 2.0 * step
+        mass, damping, stiffness = self.modes
+        found = stage_coefficients(mass, damping, stiffness, length)
+        on_d, on_v = found[:, 0, 3:], found[:, 1, 3:]  # by the forces at middle and end, shape (stage, 2, n)
+        pushes = np.zeros((2, 2 * acts, n))  # by stage of the mode force; acting vectors of both stages
+        pushes[0, :acts] = pushes[1, acts:] = self.acting
+        inverse = _NONE
+        if len(self.coupled):
+            by_force: FloatArray = (on_v[..., None] * np.eye(n)).transpose(0, 2, 1, 3).reshape(2 * n, 2 * n)
+            slowing = np.kron(np.eye(2), self.coupled)
+            inverse = np.asarray(slowing @ np.linalg.inv(np.eye(2 * n) + by_force @ slowing), dtype=float)
+            flat = pushes.transpose(1, 0, 2).reshape(2 * acts, 2 * n)
+            pushes = (flat - flat @ (inverse @ by_force).T).reshape(2 * acts, 2, n).transpose(1, 0, 2).copy()
+        moved = np.einsum("tan,qstn->qasn", pushes, np.array([on_d, on_v]))
+        give = (moved @ self.sensing.T).reshape(2, 2 * acts, 2 * len(self.sensing))
+        operator = np.concatenate([self.modes, found.reshape(-1, n)])
+        return StepOperator(step, 1.0 / step, np.zeros(5), operator, pushes, give, inverse)
 
 
 @dataclass(frozen=True, eq=False)
 class KernelState:
-    """An instant as arrays that the kernel advances: modes (10, n), local forces (5, c) and internal states (6, s)."""
+    """An instant as arrays that the kernel advances: modes (12, n), local forces (5, c) and internal states (9, s)."""
 
     modes: FloatArray
     forces: FloatArray
     states: FloatArray
 
-    @classmethod
-    def of(cls, moment: StepState) -> KernelState:
-        """Return a copy of an instant."""
-        modes, forces = np.zeros((STATE_SIZE, len(moment.d))), np.zeros((FORCE_SIZE, len(moment.penetration)))
-        modes[:4] = moment.d, moment.v, moment.a, moment.applied
-        forces[:3] = moment.local, moment.penetration, moment.rate
-        states = np.zeros((STATE_ROWS, len(moment.inner)))
-        states[STATE] = moment.inner
-        return cls(modes, forces, states)
-
-    def moment(self, time: float, pressed: NDArray[np.bool_] | None = None) -> StepState:
-        """Return the instant; its arrays are its own."""
-        (d, v, a, applied), (local, penetration, rate) = self.modes[:4].copy(), self.forces[:3].copy()
-        return StepState(time, d, v, a, applied, local, penetration, rate, self.states[STATE].copy(), pressed)
-
 
 class Kernel:
     """The compiled step of one system.
+
+    The collocation takes a local force at each stage for a force of its own.
 
     Parameters
     ----------
@@ -155,58 +184,108 @@ class Kernel:
         The local forces, stacked.
     """
 
-    def __init__(self, problem: Problem, scheme: Scheme, forces: LocalForces) -> None:
+    def __init__(self, problem: Problem, scheme: Scheme | Collocation, forces: LocalForces) -> None:
         self._march, self._scheme, self.forces = compiled_functions()["march"], scheme, forces
-        self._system = ModalSystem.of(problem.system, forces)
+        self.stages = stages = 1 if isinstance(scheme, Scheme) else 2
+        self._system = system = ModalSystem.of(problem.system, forces)
         self.columns = 3 * problem.system.size + forces.count + len(forces.start_state)
-        self._work, self._varying = Workspace(forces.table, forces.count, self._system.senses), forces.varying
-        self._length = 0.0
+        self._table = forces.table.repeat(stages, forces.count)
+        self._places = _repeat_places(forces.places, stages)
+        self._vectors = np.concatenate([system.sensing] * stages + [system.acting] * stages)
+        self._varying = np.concatenate([forces.varying + stage * forces.count for stage in range(stages)])
+        self._work = Workspace(self._table, stages * forces.count, stages * len(system.sensing))
+        self._length, self.shortest = 0.0, problem.step / _SHORTEST
 
     def operator(self, step: float) -> StepOperator:
-        """Return a step of a length, s."""
+        """Return a step whose stages have a length, s."""
         return self._system.operator(self._scheme, step)
 
     def given(self, loads: FloatArray, schedule: PrescribedInputs) -> FloatArray:
-        """Return the prescribed inputs of some steps side by side: loads and those of the local forces."""
-        return np.hstack([loads, schedule.rows])
+        """Return the prescribed inputs of steps side by side: loads and those of the local forces, by stage."""
+        parts = [loads, *schedule.parts] if self.stages > 1 else [loads, schedule.rows]
+        steps = len(loads) // self.stages
+        return np.hstack([part[: steps * self.stages].reshape(steps, self.stages * part.shape[1]) for part in parts])
+
+    def state(self, moment: StepState) -> KernelState:
+        """Return a copy of an instant."""
+        modes, stages = np.zeros((STATE_SIZE, len(moment.d))), self.stages
+        modes[:4] = moment.d, moment.v, moment.a, moment.applied
+        forces = np.zeros((FORCE_SIZE, stages * self.forces.count))
+        forces[:3] = np.tile([moment.local, moment.penetration, moment.rate], stages)
+        states = np.zeros((STATE_ROWS, stages * len(moment.inner)))
+        states[STATE] = np.tile(moment.inner, stages)
+        return KernelState(modes, forces, states)
+
+    def moment(self, state: KernelState, time: float, pressed: NDArray[np.bool_] | None = None) -> StepState:
+        """Return an instant; its arrays are its own."""
+        c, z = self.forces.count, len(self.forces.start_state)
+        (d, v, a, applied), (local, penetration, rate) = state.modes[:4].copy(), state.forces[:3, -c or None :].copy()
+        inner = state.states[STATE, -z or None :].copy()
+        return StepState(time, d, v, a, applied, local, penetration, rate, inner, pressed)
 
     def advance(
-        self, operator: StepOperator, state: KernelState, rows: tuple[int, int], given: FloatArray, found: FloatArray,
+        self, operator: StepOperator, state: KernelState, steps: tuple[int, int], given: FloatArray, found: FloatArray,
         sides: IntArray = _NO_SIDES,
     ) -> tuple[int, int, int]:  # fmt: skip
-        """Step over some rows; return how it ended, the row reached and the iterations. The state advances."""
-        system, table, count = self._system, self.forces.table, np.zeros(2, dtype=np.intp)
-        work = self._work
-        if operator.scheme[0] != self._length:  # the compliance belongs to the length of a step
-            work.compliance[:], work.local[OWN], self._length = np.nan, -1.0, float(operator.scheme[0])
+        """Step over some rows of given; return how it ended, the row reached and the iterations. The state advances."""
+        system, table, work, count = self._system, self._table, self._work, np.zeros(2, dtype=np.intp)
+        if operator.step != self._length:  # the compliance belongs to the length of a step
+            work.compliance[:], work.local[OWN], self._length = np.nan, -1.0, operator.step
+        spans = operator.step * np.arange(1.0, self.stages + 1.0)
+        state.states[SPAN] = np.repeat(spans, len(self.forces.start_state))
         how = self._march(
-            *rows, operator.scheme, operator.operator, operator.give, operator.inverse, system.coupled, system.vectors,
-            given, table.laws, table.constants, self.forces.places, table.owners, self._varying, state.modes,
-            state.forces, state.states, work.local, work.tangent, work.moved, work.active, work.compliance,
-            work.matrix, sides, found, count,
+            *steps, self.stages, operator.slope, operator.scheme, operator.operator, operator.answers, operator.give,
+            operator.inverse, system.coupled, self._vectors, given, table.laws, table.constants, self._places,
+            table.owners, self._varying, state.modes, state.forces, state.states, work.local, work.tangent, work.moved,
+            work.active, work.compliance, work.matrix, self._stage_sides(sides), found, count,
         )  # fmt: skip
         row, iterations = count.tolist()
         return int(how), row, iterations
 
+    def _stage_sides(self, sides: IntArray) -> IntArray:
+        if self.stages == 1:
+            return sides
+        return np.hstack([sides + np.array([[stage * self.forces.count], [0]]) for stage in range(self.stages)])
+
+    def touches_between(self, now: StepState, new: StepState) -> bool:
+        """Return whether in the last call a switching scalar had another side at the middle than at both ends."""
+        before, after = (one.penetration[self.forces.switching] > 0.0 for one in (now, new))
+        middle = self._work.local[PENETRATION, self.forces.switching] > 0.0
+        before = before if now.pressed is None else now.pressed
+        return bool(((middle != before) & (middle != after)).any())
+
     def unconverged_forces(self) -> list[str]:
         """Return the names of the forces that did not converge in the last call."""
-        return unconverged_forces(self.forces.names, self._work.local)
+        return unconverged_forces(self.forces.names * self.stages, self._work.local)
+
+
+def _repeat_places(places: IntArray, stages: int) -> IntArray:
+    """Return where the vectors of each scalar begin, with those of further stages behind."""
+    later = [places[:, 1:] + stage * places[:, -1:] for stage in range(stages)]
+    return np.ascontiguousarray(np.hstack([places[:, :1], *later]))
 
 
 class KernelStepper:
     """A single step of the kernel of any length, for `flexcam.dynamics.contact_events`."""
 
-    def __init__(self, kernel: Kernel, step: float) -> None:
-        self._kernel, self._operator = kernel, kernel.operator(step)
+    def __init__(self, kernel: Kernel, step: float, at: At) -> None:
+        self._kernel, self._operator, self._at = kernel, kernel.operator(step / kernel.stages), at
 
     def advance(self, now: StepState, to: StepInputs) -> StepState:
         """Return the next instant."""
-        kernel, state = self._kernel, KernelState.of(now)
-        given = kernel.given(to.load[None], to.schedule.row(to.row))
-        how, _, iterations = kernel.advance(self._operator, state, (0, 1), given, np.empty((1, kernel.columns)))
+        kernel, state = self._kernel, self._kernel.state(now)
+        loads, schedule = to.load[None], to.schedule.row(to.row)
+        if kernel.stages > 1:
+            middle = self._at(0.5 * (now.time + to.time))
+            loads, schedule = np.vstack([middle.load, loads]), middle.schedule.row(middle.row).followed_by(schedule)
+        given, found = kernel.given(loads, schedule), np.empty((kernel.stages, kernel.columns))
+        how, _, iterations = kernel.advance(self._operator, state, (0, 1), given, found)
         if how == UNSETTLED:
             raise NoConvergenceError(kernel.unconverged_forces())
-        return replace(state.moment(to.time), iterations=iterations)
+        new = replace(kernel.moment(state, to.time), iterations=iterations)
+        if kernel.stages > 1 and self._operator.step > kernel.shortest and kernel.touches_between(now, new):
+            raise NoConvergenceError([])  # the step is halved: its end does not show the contact
+        return new
 
 
 class KernelEngine:
@@ -217,14 +296,16 @@ class KernelEngine:
     problem
         In modal coordinates.
     scheme
-        Of the generalized-alpha family.
+        Of the generalized-alpha family, or the collocation.
     forces
         Its local forces, stacked.
     stop
         Stop callback, called before every block of steps.
     """
 
-    def __init__(self, problem: Problem, scheme: Scheme, forces: LocalForces, stop: Callable[[], bool]) -> None:
+    def __init__(
+        self, problem: Problem, scheme: Scheme | Collocation, forces: LocalForces, stop: Callable[[], bool]
+    ) -> None:
         self._problem, self._system, self._forces, self._stop = problem, problem.system, forces, stop
         self._kernel = Kernel(problem, scheme, forces)
         self._whole = self._kernel.operator(problem.step)
@@ -235,12 +316,36 @@ class KernelEngine:
         self._last: StepState | None = None
         self._span = math.inf, math.inf
         self._nodes: FloatArray | None = None
-        self._iterations = 0
+        self._iterations, self._at_middle = 0, False
 
     def advance(self, steps: IntArray) -> tuple[Trajectory, Status]:
         """Return the instants of some successive steps, see `Engine`."""
         if self._stop():
             return Trajectory.empty(self._system.size, self._forces), STOPPED
+        rows = np.append(steps[0] - 1, steps) if self._at_middle else steps
+        odd = (len(rows) - (self._last is None)) % self._kernel.stages if steps[-1] < self._problem.steps else 0
+        parts, status = list[Trajectory](), Status()
+        if len(rows) > odd:
+            whole, status = self._advance_rows(rows[: len(rows) - odd])
+            parts.append(whole.after(int(self._at_middle)))
+            self._at_middle = False
+        if odd and status.ok:
+            middle, status = self._advance_to_middle(rows[-1:])
+            parts.append(middle)
+        return Trajectory.concatenate(parts) if len(parts) > 1 else parts[0], status
+
+    def _advance_to_middle(self, step: IntArray) -> tuple[Trajectory, Status]:
+        """Return the first of the two instants of a collocation step; the next call takes the step again.
+
+        The results then do not depend on the number of steps between two calls.
+        """
+        last, counts = self._last, (self._iterations, self._walker.events)
+        track, status = self._advance_rows(np.append(step, step + 1))
+        self._last, (self._iterations, self._walker.events) = last, counts
+        self._at_middle = len(track.ends) > 0
+        return track.until(min(len(track.ends), 1)), Status() if self._at_middle else status
+
+    def _advance_rows(self, steps: IntArray) -> tuple[Trajectory, Status]:
         at = self._problem.times(steps)
         loads, schedule = self._prescribed(at)
         before = None if self._last is None else stack_instant(self._last)
@@ -252,7 +357,7 @@ class KernelEngine:
 
     def _advance(self, at: FloatArray, loads: FloatArray, schedule: PrescribedInputs) -> tuple[Trajectory, Status]:
         """Advance by the kernel, and by single steps where it stops."""
-        found, given = np.empty((len(at), self._kernel.columns)), self._kernel.given(loads, schedule)
+        kernel, found = self._kernel, np.empty((len(at), self._kernel.columns))
         stepped: dict[int, list[StepState]] = {}
         pressed = np.empty((len(at), len(self._forces.switching)), dtype=bool)
         row, status = 0, Status()
@@ -260,27 +365,28 @@ class KernelEngine:
             to = StepInputs(float(at[0]), loads[0], schedule, 0)
             self._last, row = self._starter.first(self._problem.start or State.rest(self._system.size), to), 1
             found[0] = _row(self._last)
-        state, sides = KernelState.of(self._last), self._sides(self._last)
+        state, sides = kernel.state(self._last), self._sides(self._last)
         pressed[:] = sides[1]
-        while row < len(at):
-            how, row, iterations = self._kernel.advance(self._whole, state, (row, len(at)), given, found, sides)
-            self._iterations += iterations
-            if how == DONE:
-                break
-            to = StepInputs(float(at[row]), loads[row], schedule, row)
-            now = state.moment(float(at[row - 1]) if row else self._last.time, sides[1] > 0)
-            try:
-                moments = self._walker.walk(now, to)
-            except NoConvergenceError as fault:
-                status = convergence_failure(fault.forces, to.time, to.angle)
-                break
-            self._iterations += sum(moment.iterations for moment in moments)
-            stepped[row] = moments
-            found[row], row = _row(moments[-1]), row + 1
-            state, sides = KernelState.of(moments[-1]), self._sides(moments[-1])
-            pressed[row:] = sides[1]
+        first, given = row, kernel.given(loads[row:], schedule.at(slice(row, None)) if row else schedule)
+        while row < len(at) and status.ok:
+            done = (row - first) // kernel.stages
+            _, reached, iterations = kernel.advance(self._whole, state, (done, len(given)), given, found[first:], sides)
+            row, self._iterations = first + kernel.stages * reached, self._iterations + iterations
+            for _ in range(min(kernel.stages, len(at) - row)):
+                to = StepInputs(float(at[row]), loads[row], schedule, row)
+                now = kernel.moment(state, float(at[row - 1]) if row else self._last.time, sides[1] > 0)
+                try:
+                    moments = self._walker.walk(now, to)
+                except NoConvergenceError as fault:
+                    status = convergence_failure(fault.forces, to.time, to.angle)
+                    break
+                self._iterations += sum(moment.iterations for moment in moments)
+                stepped[row] = moments
+                found[row], row = _row(moments[-1]), row + 1
+                state, sides = kernel.state(moments[-1]), self._sides(moments[-1])
+                pressed[row:] = sides[1]
         if row:
-            self._last = state.moment(float(at[row - 1]), sides[1] > 0)
+            self._last = kernel.moment(state, float(at[row - 1]), sides[1] > 0)
         return self._track(at[:row], found[:row], pressed[:row], stepped, schedule), status
 
     def _track(
@@ -306,12 +412,16 @@ class KernelEngine:
 
     def state(self) -> Arrays:
         """Return the last instant and the counts, see `Engine`."""
-        return {**flatten("last", self._last), "counts": np.array([self._iterations, self._walker.events])}
+        return {
+            **flatten("last", self._last),
+            "counts": np.array([self._iterations, self._walker.events, self._at_middle]),
+        }
 
     def restore(self, state: Arrays) -> None:
         """Restore the state, see `Engine`."""
         self._last = StepState.from_checkpoint("last", state)
-        self._iterations, self._walker.events = state["counts"].tolist()
+        self._iterations, self._walker.events, at_middle = state["counts"].tolist()
+        self._at_middle = bool(at_middle)
 
     def _sides(self, moment: StepState) -> IntArray:
         """Return the switching scalars, and which of them count as pressed."""
@@ -352,7 +462,7 @@ class KernelEngine:
         return self._system.load_vector(motion), self._forces.prescribed_inputs(motion)
 
     def _stepper(self, step: float) -> KernelStepper:
-        return KernelStepper(self._kernel, step)
+        return KernelStepper(self._kernel, step, self._at)
 
 
 def _row(moment: StepState) -> FloatArray:

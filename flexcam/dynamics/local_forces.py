@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -28,6 +28,7 @@ from flexcam.dynamics.force_laws import (
     CUSTOM,
     FIRST,
     FLOW,
+    FUNCTIONS,
     FUNCTIONS_OF_LAWS,
     KIND,
     LAW_STATE,
@@ -37,6 +38,7 @@ from flexcam.dynamics.force_laws import (
     PENETRATION,
     RATE,
     SCALARS,
+    SPAN,
     STATE,
     STATE_RATE,
     STATE_ROWS,
@@ -212,6 +214,16 @@ class LawTable:
         table = np.array(rows, dtype=np.intp).reshape(-1, 7)
         return cls(table, np.array(constants), tuple(functions), np.array(owners, dtype=np.intp), custom)
 
+    def repeat(self, times: int, count: int) -> LawTable:
+        """Return the table of several instants in a row, each with its own scalars, functions and internal states."""
+        shift = np.zeros(self.laws.shape[1], dtype=np.intp)
+        shift[[FIRST, FUNCTIONS]] = count, len(self.functions)
+        rows = [self.laws + i * shift for i in range(times)]
+        for i, one in enumerate(rows):
+            one[one[:, LAW_STATE] >= 0, LAW_STATE] += i * len(self.owners)
+        owners = np.concatenate([self.owners + i * count for i in range(times)])
+        return replace(self, laws=np.concatenate(rows), functions=self.functions * times, owners=owners)
+
 
 def _count_arch_scalars(first: int, moved: Callable[[int], bool]) -> int:
     """Return the number of active scalars of an arch: planes without motion are omitted."""
@@ -228,7 +240,7 @@ class Workspace:
         self.local[OWN] = -1.0
         self.tangent = np.zeros((2, count, width))
         self.states = np.zeros((STATE_ROWS, len(table.owners)))
-        self.moved = np.zeros(senses)
+        self.moved = np.zeros((2, senses))
         self.active = np.zeros((2, count), dtype=np.intp)
         self.compliance = np.full((2, count, count), np.nan)
         self.matrix = np.zeros((count, count + 1))
@@ -243,9 +255,11 @@ class LocalForces:
         The system.
     compiled
         Compiled functions of the laws; None to evaluate them in Python.
+    impacts_only
+        Whether steps end at impacts with restitution only, and not wherever a contact opens or closes.
     """
 
-    def __init__(self, system: System, compiled: Functions | None = None) -> None:
+    def __init__(self, system: System, compiled: Functions | None = None, *, impacts_only: bool = False) -> None:
         forces = system.local_forces
         self.names = [force.name for force in forces for _ in force.sense]
         self.sense = VectorStack.of([term for force in forces for term in force.sense], system.size)
@@ -258,6 +272,7 @@ class LocalForces:
         scalars, states = _slices([len(force.sense) for force in forces]), _slices([force.states for force in forces])
         self.parts = list(zip(forces, scalars, states, strict=True))
         switches = [(part.start + i, force.restitution) for force, part, _ in self.parts for i in force.switching]
+        switches = [one for one in switches if one[1] is not None or not impacts_only]
         self.switching: IntArray = np.array([i for i, _ in switches], dtype=np.intp)
         self.restitution: FloatArray = np.array([np.nan if e is None else e for _, e in switches], dtype=float)
         self.functions = bind((*FUNCTIONS_OF_LAWS, *FUNCTIONS_OF_NEWTON), self._overrides())
@@ -371,8 +386,8 @@ class LocalForces:
         local, tangent, states = work.local, work.tangent, work.states
         local[PENETRATION], local[RATE], local[ANSWER] = penetration, rate, 0.0
         tangent[:] = 0.0
-        states[STATE], states[BEGIN] = state, penetration[table.owners]
-        self._evaluate(table.laws, table.constants, schedule.rows, i, schedule.functions, 0.0, local, tangent, states)
+        states[STATE], states[BEGIN], states[SPAN] = state, penetration[table.owners], 0.0
+        self._evaluate(table.laws, table.constants, schedule.rows, i, schedule.functions, local, tangent, states)
         return self._reaction()
 
     def state_rates(self, penetration: FloatArray, state: FloatArray) -> FloatArray:
@@ -385,9 +400,9 @@ class LocalForces:
         """Evaluate the laws with an internal state alone."""
         work, table = self.workspace, self.table
         rows = table.laws[table.laws[:, LAW_STATE] >= 0]
-        work.local[PENETRATION], work.states[STATE] = penetration, state
+        work.local[PENETRATION], work.states[STATE], work.states[SPAN] = penetration, state, step
         none = np.zeros((1, len(table.functions)))
-        self._evaluate(rows, table.constants, none, 0, 0, step, work.local, work.tangent, work.states)
+        self._evaluate(rows, table.constants, none, 0, 0, work.local, work.tangent, work.states)
 
     def state_steps(
         self, step: float, penetration: FloatArray, begin: FloatArray, state: FloatArray

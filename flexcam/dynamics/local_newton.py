@@ -85,42 +85,43 @@ def eliminate(matrix: FloatArray, n: int, end: int) -> bool:
 
 
 def fill_compliance(
-    i: int, j: int, places: IntArray, give: FloatArray, given: FloatArray, k: int, sense_at: int, to_d: float,
-    to_v: float, W: FloatArray,
+    i: int, j: int, places: IntArray, give: FloatArray, given: FloatArray, k: int, sense_at: int,
+    W: FloatArray,
 ) -> None:  # fmt: skip
     """Write the effect of a unit of force j on scalar i (0) and on its rate (1), unless it is known."""
     if W[0, i, j] == W[0, i, j]:
         return
-    rate_at, act_at = sense_at + give.shape[1], sense_at + 2 * give.shape[1]
-    moved, turned = 0.0, 0.0
+    rate_at, act_at = sense_at + give.shape[2], sense_at + 2 * give.shape[2]
+    by_d, by_v = 0.0, 0.0
     for b in range(places[1, j], places[1, j + 1]):
         for s in range(places[0, i], places[0, i + 1]):
-            answer = give[b, s] * given[k, act_at + b]
-            moved += given[k, sense_at + s] * answer
-            turned += given[k, rate_at + s] * answer
-    W[0, i, j], W[1, i, j] = to_d * moved, to_v * moved + to_d * turned
+            moved, moving = give[0, b, s] * given[k, act_at + b], give[1, b, s] * given[k, act_at + b]
+            by_d += given[k, sense_at + s] * moved
+            by_v += given[k, sense_at + s] * moving + given[k, rate_at + s] * moved
+    W[0, i, j], W[1, i, j] = by_d, by_v
 
 
 def sense(
-    places: IntArray, give: FloatArray, given: FloatArray, k: int, sense_at: int, to_d: float, to_v: float,
-    local: FloatArray, moved: FloatArray, W: FloatArray,
+    places: IntArray, give: FloatArray, given: FloatArray, k: int, sense_at: int, local: FloatArray,
+    moved: FloatArray, W: FloatArray,
 ) -> None:  # fmt: skip
     """Write the sensed scalars and their rates under the trial forces."""
-    senses = give.shape[1]
+    senses = give.shape[2]
     rate_at, act_at = sense_at + senses, sense_at + 2 * senses
     for s in range(senses):
-        moved[s] = 0.0
+        moved[0, s], moved[1, s] = 0.0, 0.0
     for j in range(local.shape[1]):
         if local[TRIAL, j] != 0.0:
             for b in range(places[1, j], places[1, j + 1]):
                 weight = local[TRIAL, j] * given[k, act_at + b]
                 for s in range(senses):
-                    moved[s] += give[b, s] * weight
+                    moved[0, s] += give[0, b, s] * weight
+                    moved[1, s] += give[1, b, s] * weight
     for i in range(local.shape[1]):
         by_d, by_v = 0.0, 0.0
         for s in range(places[0, i], places[0, i + 1]):
-            by_d += to_d * given[k, sense_at + s] * moved[s]
-            by_v += (to_v * given[k, sense_at + s] + to_d * given[k, rate_at + s]) * moved[s]
+            by_d += given[k, sense_at + s] * moved[0, s]
+            by_v += given[k, sense_at + s] * moved[1, s] + given[k, rate_at + s] * moved[0, s]
         local[PENETRATION, i] = local[FREE_PENETRATION, i] + by_d
         local[RATE, i] = local[FREE_RATE, i] + by_v
 
@@ -144,8 +145,8 @@ def residual(laws: IntArray, local: FloatArray, tangent: FloatArray, usual: floa
 
 
 def is_rounding(
-    laws: IntArray, places: IntArray, give: FloatArray, given: FloatArray, k: int, sense_at: int, to_d: float,
-    to_v: float, local: FloatArray, tangent: FloatArray, W: FloatArray, off: float,
+    laws: IntArray, places: IntArray, give: FloatArray, given: FloatArray, k: int, sense_at: int,
+    local: FloatArray, tangent: FloatArray, W: FloatArray, off: float,
 ) -> bool:  # fmt: skip
     """Return whether the residual changes the scalars by rounding only, or is the rounding of their sums."""
     still, rounding = True, 0.0
@@ -159,7 +160,7 @@ def is_rounding(
                 0.0,
             )
             for j in range(local.shape[1]):
-                fill_compliance(i, j, places, give, given, k, sense_at, to_d, to_v, W)
+                fill_compliance(i, j, places, give, given, k, sense_at, W)
                 on_penetration, on_rate = abs(W[0, i, j]), abs(W[1, i, j])
                 missing = abs(local[TRIAL, j] - local[ANSWER, j])
                 penetration += on_penetration * abs(local[TRIAL, j])
@@ -173,8 +174,8 @@ def is_rounding(
 
 
 def find_active(
-    laws: IntArray, places: IntArray, give: FloatArray, given: FloatArray, k: int, sense_at: int, to_d: float,
-    to_v: float, weak: float, local: FloatArray, tangent: FloatArray, active: IntArray, W: FloatArray,
+    laws: IntArray, places: IntArray, give: FloatArray, given: FloatArray, k: int, sense_at: int, slope: float,
+    weak: float, local: FloatArray, tangent: FloatArray, active: IntArray, W: FloatArray,
 ) -> int:  # fmt: skip
     """Write the scalars of laws that react to their own effect (row 0, their law in row 1) and return their number.
 
@@ -189,12 +190,12 @@ def find_active(
                 reacts = reacts or tangent[0, i, r] != 0.0 or tangent[1, i, r] != 0.0
         if reacts and local[OWN, first] < 0.0:
             for i in range(first, first + size):
-                fill_compliance(i, i, places, give, given, k, sense_at, to_d, to_v, W)
-                local[OWN, i] = math.sqrt(abs(W[0, i, i]) / to_d)
+                fill_compliance(i, i, places, give, given, k, sense_at, W)
+                local[OWN, i] = math.sqrt(abs(W[0, i, i]))
         for i in range(first, first + size):
             reaction = 0.0
             for r in range(size if reacts else 0):
-                reaction += (to_d * abs(tangent[0, i, r]) + to_v * abs(tangent[1, i, r])) * local[OWN, first + r]
+                reaction += (abs(tangent[0, i, r]) + slope * abs(tangent[1, i, r])) * local[OWN, first + r]
             strong = strong or reaction * local[OWN, i] > weak
         for i in range(first, first + size):
             if strong:
@@ -206,12 +207,12 @@ def find_active(
 
 
 def correct(
-    laws: IntArray, places: IntArray, give: FloatArray, given: FloatArray, k: int, sense_at: int, to_d: float,
-    to_v: float, weak: float, local: FloatArray, tangent: FloatArray, active: IntArray, W: FloatArray,
+    laws: IntArray, places: IntArray, give: FloatArray, given: FloatArray, k: int, sense_at: int, slope: float,
+    weak: float, local: FloatArray, tangent: FloatArray, active: IntArray, W: FloatArray,
     matrix: FloatArray,
 ) -> bool:  # fmt: skip
     """Correct the trial forces by a Newton step on the active scalars; return whether its matrix is regular."""
-    n = find_active(laws, places, give, given, k, sense_at, to_d, to_v, weak, local, tangent, active, W)
+    n = find_active(laws, places, give, given, k, sense_at, slope, weak, local, tangent, active, W)
     for row in range(n):
         i = active[0, row]
         first, size = laws[active[1, row], FIRST], laws[active[1, row], SCALARS]
@@ -224,7 +225,7 @@ def correct(
                 sensed = active[0, begin + r]
                 for column in range(n):
                     j = active[0, column]
-                    fill_compliance(sensed, j, places, give, given, k, sense_at, to_d, to_v, W)
+                    fill_compliance(sensed, j, places, give, given, k, sense_at, W)
                     matrix[row, column] -= by_penetration * W[0, sensed, j] + by_rate * W[1, sensed, j]
         matrix[row, row] += 1.0
         matrix[row, n] = local[TRIAL, i] - local[ANSWER, i]
@@ -237,8 +238,8 @@ def correct(
 
 def solve_local(
     laws: IntArray, constants: FloatArray, places: IntArray, give: FloatArray, given: FloatArray, k: int, sense_at: int,
-    step: float, to_d: float, to_v: float, local: FloatArray, tangent: FloatArray, states: FloatArray,
-    moved: FloatArray, active: IntArray, W: FloatArray, matrix: FloatArray,
+    slope: float, local: FloatArray, tangent: FloatArray, states: FloatArray, moved: FloatArray, active: IntArray,
+    W: FloatArray, matrix: FloatArray,
 ) -> int:  # fmt: skip
     """Find the local forces that agree with the motion they cause; return the iterations, 0 without convergence.
 
@@ -249,12 +250,13 @@ def solve_local(
     places
         Where the sensing (0) and acting (1) vectors of each scalar begin, shape (2, c + 1).
     give
-        Sensed motion per unit along each acting vector and unit of ``to_d``, shape (acting, sensing).
+        Displacement (0) and velocity (1) along each sensing vector per unit of force along each acting vector, shape
+        (2, acting, sensing).
     given, k, sense_at
         Prescribed inputs, a row per instant; the row; the column where the weights of the sensing vectors begin, before
         their rates, the weights of the acting vectors, offsets, their rates and the functions of the laws.
-    step, to_d, to_v
-        Step over which internal states advance, s; displacement, s^2, and velocity, s, per acceleration.
+    slope
+        Velocity per displacement by a force within a step, 1/s.
     local
         Shape (10, c): reads the trial forces, the free scalars and, in `BASE`, the forces of the last instant; the
         solution is in `TRIAL`, `PENETRATION`, `RATE`.
@@ -264,18 +266,16 @@ def solve_local(
     c, part, last, usual = local.shape[1], 1.0, math.inf, 0.0
     for i in range(c):
         usual = max(usual, abs(local[BASE, i]))
-    functions = sense_at + 2 * give.shape[1] + give.shape[0] + 2 * c
+    functions = sense_at + 2 * give.shape[2] + give.shape[1] + 2 * c
     for iteration in range(1, EXTRAPOLATED + MAX_ITERATIONS + 1):
         late = iteration > EXTRAPOLATED
         if iteration == EXTRAPOLATED + 1:
             for i in range(c):
                 local[TRIAL, i] = local[BASE, i]
-        sense(places, give, given, k, sense_at, to_d, to_v, local, moved, W)
-        evaluate_laws(laws, constants, given, k, functions, step, local, tangent, states)
+        sense(places, give, given, k, sense_at, local, moved, W)
+        evaluate_laws(laws, constants, given, k, functions, local, tangent, states)
         off = residual(laws, local, tangent, usual if late else 0.0)
-        if off == 0.0 or (
-            late and is_rounding(laws, places, give, given, k, sense_at, to_d, to_v, local, tangent, W, off)
-        ):
+        if off == 0.0 or (late and is_rounding(laws, places, give, given, k, sense_at, local, tangent, W, off)):
             for i in range(c):
                 if not math.isfinite(local[ANSWER, i]):
                     local[TRIAL, i] = local[ANSWER, i]  # is reported by the engine
@@ -291,7 +291,7 @@ def solve_local(
                 local[BASE, i] = local[TRIAL, i]
         weak = -1.0 if late else WEAK
         regular = correct(
-            laws, places, give, given, k, sense_at, to_d, to_v, weak, local, tangent, active, W, matrix
+            laws, places, give, given, k, sense_at, slope, weak, local, tangent, active, W, matrix
         )  # fmt: skip
         if late:
             if not regular:
@@ -317,8 +317,8 @@ def eliminate_numpy(matrix: FloatArray, n: int, end: int) -> bool:
 
 
 def sense_numpy(
-    places: IntArray, give: FloatArray, given: FloatArray, k: int, sense_at: int, to_d: float, to_v: float,
-    local: FloatArray, moved: FloatArray, W: FloatArray,
+    places: IntArray, give: FloatArray, given: FloatArray, k: int, sense_at: int, local: FloatArray,
+    moved: FloatArray, W: FloatArray,
 ) -> None:  # fmt: skip
     """Replace `sense` by numpy, for a complete compliance."""
     local[PENETRATION] = local[FREE_PENETRATION] + W[0] @ local[TRIAL]

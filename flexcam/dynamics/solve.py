@@ -152,9 +152,9 @@ def solve(
     stats = Stats(engine=way.engine, size=sizes[0], unknowns=sizes[1], periodicity=-1.0 if returns is None else returns)
     status = Status()
     try:
-        forces = forces_of(way)
+        forces = forces_of(way, scheme)
         engine = create_engine(way, scheme, forces, keep, clock.should_stop, pilot)
-        run = _Run(inside, engine, forces, keep)
+        run = _Run(inside, engine, forces, keep, scheme.order)
         if resume is not None:
             for block in resume.blocks():
                 _write_block(block, takers)
@@ -225,12 +225,12 @@ def singular_status(fault: SingularMatrixError, system: System) -> Status:
 class _Run:
     """A run: blocks of an engine with all observations."""
 
-    def __init__(self, problem: Problem, engine: Engine, forces: LocalForces, save: SaveAt) -> None:
+    def __init__(self, problem: Problem, engine: Engine, forces: LocalForces, save: SaveAt, order: int) -> None:
         self._problem, self._engine, self._system, self._save = problem, engine, problem.system, save
         self._forces = forces
         width = 1 if isinstance(engine, ProbeEngine) else max(problem.system.size, 1)
         self._at_once = max(AT_ONCE // width, LEAST_AT_ONCE)
-        self._account = EnergyBalance(problem.system, forces)
+        self._account = EnergyBalance(problem.system, forces, order)
         self._imbalance = EquilibriumResidual(problem.system, forces, problem.step)
         self.status = Status()
 

@@ -178,6 +178,13 @@ class Trajectory:
         end = int(self.ends[count - 1]) + 1 if count else 0
         return self._select(slice(0, end), self.ends[:count])
 
+    def after(self, count: int) -> Trajectory:
+        """Return the instants after the first steps."""
+        if not count or not len(self.ends):
+            return self
+        begin = int(self.ends[count - 1]) + 1
+        return self._select(slice(begin, None), self.ends[count:] - begin)
+
     def _select(self, part: slice, ends: IntArray) -> Trajectory:
         time, d, v, a, local, state, impulse, pressed = (rows[part] for rows in self.rows)
         return Trajectory(time, d, v, a, local, state, impulse, pressed, ends)

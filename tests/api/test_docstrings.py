@@ -111,7 +111,8 @@ def test_documented_fields_are_the_constructors():
 
 FULL = (
     "flexcam.fem.elements.", "flexcam.dynamics.force_laws", "flexcam.dynamics.generalized_alpha",
-    "flexcam.dynamics.bathe", "flexcam.dynamics.central_difference", "flexcam.dynamics.reference_integrators",
+    "flexcam.dynamics.bathe", "flexcam.dynamics.central_difference", "flexcam.dynamics.collocation",
+    "flexcam.dynamics.reference_integrators",
 )  # fmt: skip
 """Elements, integrators and force laws: every public function documents parameters and what it returns."""
 

@@ -228,6 +228,7 @@ def test_every_key_of_the_format_stands_in_some_case(rewritten, tmp_path):
         (DATA / "every-key.toml", ['run.integrator={ method = "radau", tolerance = 1e-6 }']),
         (DATA / "every-key.toml", ['run.adaptive={ tolerance = 1e-5, smallest = "1 ns" }']),
         (DATA / "every-key.toml", ['run.engine="direct"']),
+        (DATA / "every-key.toml", ['run.integrator={ method = "collocation" }']),
         (CHECKS / "mathieu.toml", []),
         (DATA / "every-key.toml", ['run.integrator={ method = "bathe" }', "fidelity.modes=20", "fidelity.reduction=craig-bampton"]),
         (DATA / "every-key.toml", ['fidelity={ model = "chain", masses = 2, estimate = true }']),

@@ -40,6 +40,7 @@ WAYS = {
     "compiled, linear": (LINEAR, "run.engine=kernel"),
     "compiled, contacts and seat": (BUCKET, "run.engine=kernel"),
     "compiled, hydraulic adjuster": (ADJUSTER, "run.engine=kernel"),
+    "collocation, contacts and seat": (BUCKET, "run.integrator.method=collocation"),
     "HHT, contacts": (BUCKET, "run.engine=direct", "run.integrator.method=hht"),
     "Bathe, contacts": (BUCKET, "run.integrator.method=bathe"),
     "central difference": (LINEAR, "run.integrator.method=central-difference", "run.steps_per_revolution=36000"),

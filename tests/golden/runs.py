@@ -77,13 +77,18 @@ VARIANTS: dict[str, dict[str, tuple[tuple[str, ...], dict[str, int]]]] = {
         "fluctuation": (("run.fluctuation={ orders = [2], amplitudes = [0.05] }",), LINEAR),
     },
     "models/lever-rocker": {
+        "collocation": (('run.integrator={ method = "collocation" }',), {"kernel": LIGHT}),
         **{name: (laid, BEAMS) for name, laid in METHODS.items()},
         "periodic": (('run.start="periodic"',), BEAMS),
         "rest": (('run.start="rest"',), BEAMS),
         "chain-2": (("fidelity.model=chain", "fidelity.masses=2"), {"direct": LIGHT}),
     },
     "models/massless": {"hht": (METHODS["hht"], BEAMS), "slow": (('run.speed="600 rpm"',), BEAMS)},
-    "models/swing": {"periodic": (('run.start="periodic"',), BEAMS), "adaptive": (METHODS["adaptive"], BEAMS)},
+    "models/swing": {
+        "collocation": (('run.integrator={ method = "collocation" }',), {"kernel": LIGHT}),
+        "periodic": (('run.start="periodic"',), BEAMS),
+        "adaptive": (METHODS["adaptive"], BEAMS),
+    },
     "models/hertz-train": {"rest": (('run.start="rest"',), BEAMS)},
     "models/two-cams": {"rest": (('run.start="rest"',), LINEAR), "hht": (METHODS["hht"], LINEAR)},
     "models/frame": {

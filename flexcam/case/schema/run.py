@@ -156,6 +156,16 @@ class BatheRecord(PartRecord[dynamics.Method]):
         return dynamics.bathe()
 
 
+class CollocationRecord(PartRecord[dynamics.Method]):
+    """Exponential collocation: exact but for the contacts, and there of fourth order; needs numba."""
+
+    method: Literal["collocation"]
+
+    def build(self) -> dynamics.Method:
+        """Build the method."""
+        return dynamics.collocation()
+
+
 class CentralDifferenceRecord(PartRecord[dynamics.Method]):
     """Explicit central difference method, for members with mass = "lumped"; the highest frequency limits the step."""
 
@@ -192,6 +202,7 @@ IntegratorRecord = Annotated[
     NewmarkRecord
     | HhtRecord
     | GeneralizedAlphaRecord
+    | CollocationRecord
     | BatheRecord
     | CentralDifferenceRecord
     | ExactRecord

@@ -1,0 +1,153 @@
+"""Exponential collocation: exact for the linear part of a system, of fourth order in its local forces.
+
+In modal coordinates each mode is integrated exactly under a force that is a parabola over the step. The parabola passes
+through the forces at the beginning, the middle and the end of the step (the points of Lobatto), which agree there with
+loads, damping between the modes and local forces. A step covers two output steps. M. Hochbruck and A. Ostermann,
+Exponential integrators, Acta Numerica 19 (2010), sec. 2.2, for exponential collocation; E. Hairer and G. Wanner,
+Solving Ordinary Differential Equations II (1996), sec. IV.5, for Lobatto's points.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexcam.core import FloatArray
+from flexcam.core.errors import refuse
+from flexcam.dynamics.generalized_alpha import newmark
+from flexcam.dynamics.integrator import At, Method, Stepper
+from flexcam.dynamics.local_forces import LocalForces
+from flexcam.dynamics.system import System
+
+_PARABOLA = np.array([[1.0, 0.0, 0.0], [-3.0, 4.0, -1.0], [4.0, -8.0, 4.0]])
+"""Value and the first two derivatives, by the length of the step, at the beginning of the parabola through the values
+at beginning, middle and end."""
+
+_POINTS = 0.5, 1.0
+
+
+@dataclass(frozen=True)
+class Collocation(Method):
+    """Exponential collocation in Lobatto's points, see `flexcam.dynamics.collocation`.
+
+    Examples
+    --------
+    >>> abs(Collocation().period_error(2.0)) < 1e-12
+    True
+    """
+
+    @property
+    def order(self) -> int:
+        """Order of accuracy of displacement and velocity while no contact opens or closes."""
+        return 4
+
+    @property
+    def locates_contacts(self) -> bool:
+        """True if steps end where a contact opens or closes; they always end at impacts with restitution."""
+        return False
+
+    def amplification(self, omega_dt: float, damping: float = 0.0) -> FloatArray:
+        """Return the matrix that takes (d, dt v, dt^2 a) of one mode over an output step, as `Method` says."""
+        x = 2.0 * damping * omega_dt
+        found = stage_coefficients(np.ones(1), np.array([x]), np.array([omega_dt**2]), 2.0)[0, :2, :2, 0]
+        moved = np.column_stack([found, np.zeros(2)])
+        return np.vstack([moved, -np.array([omega_dt**2, x]) @ moved])
+
+    def stepper(self, system: System, forces: LocalForces, step: float, at: At) -> Stepper:
+        """Return what advances a system without unknowns; for others the method needs modes and compiled code."""
+        if system.size:
+            raise refuse("run.integrator.method", "collocation", "newmark", "the direct engine has no modes")
+        return newmark().stepper(system, forces, step, at)
+
+
+def stage_coefficients(mass: FloatArray, damping: FloatArray, stiffness: FloatArray, length: float) -> FloatArray:
+    """Return the coefficients of a step for every mode.
+
+    Parameters
+    ----------
+    mass, damping, stiffness
+        Of n modes; a mode without mass follows its damper, and without both its spring.
+    length
+        Of the step, s.
+
+    Returns
+    -------
+    ndarray
+        Shape (2, 3, 5, n): at the middle and the end of the step (first axis) displacement, velocity and acceleration
+        (second axis) by displacement and velocity at the beginning and the forces at beginning, middle and end (third
+        axis); the acceleration is by displacement and velocity of its own instant.
+
+    Examples
+    --------
+    A free mass under a constant force of one:
+
+    >>> end = stage_coefficients(np.ones(1), np.zeros(1), np.zeros(1), 2.0)[1]
+    >>> bool(abs(end[0, 2:].sum() - 2.0) < 1e-14)
+    True
+    """
+    found = np.zeros((2, 3, 5, len(mass)))
+    heavy, slow = mass != 0.0, (mass == 0.0) & (damping != 0.0)
+    led = ~heavy & ~slow
+    m, c, k = (one[heavy] for one in (mass, damping, stiffness))
+    rates = np.zeros((len(m), 5, 5))  # of q, length v, and the force with its derivatives, by time over length
+    rates[:, 0, 1] = rates[:, 2, 3] = rates[:, 3, 4] = 1.0
+    rates[:, 1, :3] = np.stack([-(length**2) * k / m, -length * c / m, length**2 / m], axis=1)
+    motion = _over_step(rates)
+    found[:, 0, :, heavy] = motion[:, :, 0] * [1.0, length, 1.0, 1.0, 1.0]
+    found[:, 1, :, heavy] = motion[:, :, 1] * [1.0 / length, 1.0, *[1.0 / length] * 3]
+    c, k = damping[slow], stiffness[slow]
+    rates = np.zeros((len(c), 4, 4))
+    rates[:, 1, 2] = rates[:, 2, 3] = 1.0
+    rates[:, 0, :2] = np.stack([-length * k / c, length / c], axis=1)
+    motion = _over_step(rates)
+    for stage, (value, slope, bend) in enumerate(_parabola_weights(length)):
+        forces = slice(2, 5)
+        found[stage, 0, 0, slow], found[stage, 0, forces, slow] = motion[:, stage, 0, 0], motion[:, stage, 0, 1:]
+        found[stage, 1, :, slow] = -found[stage, 0, :, slow] * (k / c)[:, None]
+        found[stage, 1, forces, slow] += value / c[:, None]
+        found[stage, 2, 1, slow], found[stage, 2, forces, slow] = -k / c, slope / c[:, None]
+        for order, weight in enumerate((value, slope, bend)):
+            found[stage, order, forces, led] = weight / stiffness[led][:, None]
+        found[stage, 2, :2, heavy] = -np.stack([stiffness[heavy] / m, damping[heavy] / m], axis=1)
+        found[stage, 2, forces, heavy] = value / m[:, None]
+    return found
+
+
+def _over_step(rates: FloatArray) -> FloatArray:
+    """Return the motion at middle and end, shape (n, 2, rows, columns); the last columns are by the three forces."""
+    from scipy.linalg import expm
+
+    half = np.asarray(expm(0.5 * rates), dtype=float)
+    both = np.stack([half, half @ half], axis=1)
+    both[..., -3:] = both[..., -3:] @ _PARABOLA
+    return both[:, :, :-3]
+
+
+def _parabola_weights(length: float) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
+    """Return value, slope and second derivative of the parabola at middle and end by its values at three points."""
+    at_begin = _PARABOLA
+    return [
+        (
+            np.array([1.0, x, 0.5 * x * x]) @ at_begin,
+            np.array([0.0, 1.0, x]) @ at_begin / length,
+            at_begin[2] / length**2,
+        )
+        for x in _POINTS
+    ]
+
+
+def collocation() -> Collocation:
+    """Return the exponential collocation.
+
+    Returns
+    -------
+    Collocation
+        It has no parameter.
+
+    Examples
+    --------
+    >>> collocation().order
+    4
+    """
+    return Collocation()

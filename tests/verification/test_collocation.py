@@ -1,0 +1,147 @@
+"""The exponential collocation: exact without contacts, of fourth order with them, against closed forms and DOP853."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from flexcam import InputError, read_case, run
+from flexcam.core import Triplets
+from flexcam.dynamics import (
+    AngleVector,
+    ConstantSpeed,
+    Load,
+    LocalForce,
+    Probe,
+    Problem,
+    State,
+    System,
+    collocation,
+    constant,
+    dop853,
+    elastic_stop,
+    hunt_crossley_contact,
+    newmark,
+    solve,
+)
+
+SOURCE = "Hochbruck and Ostermann (2010), exponential collocation"
+STIFFNESS, PUSH = 2e4, np.array([20.0, 0.0, 100.0])
+BUCKET = "cases/direct-acting/bucket.toml"
+
+
+def pressed_chain():
+    """Three masses in equilibrium, dampers that couple the modes, the last one on a contact that stays closed."""
+    K, C = np.array([[5.0, -2, 0], [-2, 6, -4], [0, -4, 4]]) * 1e3, np.array([[3.0, -3, 0], [-3, 3, 0], [0, 0, 0.5]])
+    one = (AngleVector(np.eye(3)[2:], ()),)
+    law = hunt_crossley_contact(STIFFNESS, 0.4)
+    contact = LocalForce("contact", one, (AngleVector(-np.eye(3)[2:], ()),), law, (constant(0.0),))
+    load = Load("push", PUSH, lambda motion: 1.0 + 0.05 * np.sin(motion.angle))
+    probe = Probe("all", ("a", "b", "c"), np.eye(3), (None,) * 3)
+    matrices = (Triplets.from_dense(one) for one in (np.diag([1.0, 0.5, 0.2]), C, K))
+    rest = np.linalg.solve(K + np.diag([0.0, 0.0, STIFFNESS]), PUSH)
+    return System(*matrices, ("a", "b", "c"), (load,), (contact,), (probe,)), State(rest, np.zeros(3))
+
+
+def motion(system, method, steps, time=0.5, start=None):
+    response = solve(Problem(system, ConstantSpeed(30.0), time / steps, steps, start), method)
+    assert response.status.ok, str(response.status)
+    return response["all"].displacement
+
+
+def test_a_parabolic_load_is_integrated_exactly(record):
+    """Under p = 3 + 4 t + 5 t^2 the oscillator x'' + w^2 x = p has the particular solution p/w^2 - 10/w^4."""
+    w, steps = 7.0, 6
+    load = Load("push", np.ones(1), lambda motion: 3.0 + 4.0 * motion.angle + 5.0 * motion.angle**2)
+    probe = Probe("all", ("x",), np.eye(1), (None,))
+    matrices = (Triplets.from_dense(np.array([[one]])) for one in (1.0, 0.0, w**2))
+    system = System(*matrices, ("x",), (load,), (), (probe,))
+    response = solve(Problem(system, ConstantSpeed(1.0), 2.0 / steps, steps), collocation())
+    t = response.time
+    particular = (3.0 + 4.0 * t + 5.0 * t**2) / w**2 - 10.0 / w**4
+    exact = particular - (3.0 / w**2 - 10.0 / w**4) * np.cos(w * t) - 4.0 / w**3 * np.sin(w * t)
+    np.testing.assert_allclose(response["all"].displacement, exact, rtol=1e-13, atol=1e-15)
+    record(source=SOURCE, case="oscillator under a parabolic load, 2.3 rad per step", quantity="displacement, 2 s",
+           unit="m", reference=exact[-1], computed=response["all"].displacement[-1], tolerance=1e-13,
+           reason="exact for parabolic loads; rounding")  # fmt: skip
+
+
+def test_closed_contacts_have_fourth_order(record):
+    """With Hunt and Crossley's contact and coupled modes, against DOP853; half the step leaves a sixteenth."""
+    system, start = pressed_chain()
+    exact = motion(system, dop853(tolerance=1e-12), 20, start=start)
+    size = np.ptp(exact, axis=0).max()
+    errors = [
+        np.abs(motion(system, collocation(), steps, start=start)[:: steps // 20] - exact).max() / size
+        for steps in (320, 640)
+    ]
+    assert errors[1] < 1e-6
+    order = math.log2(errors[0] / errors[1])
+    record(source=SOURCE, case="three masses on a closed contact, coupled damping", quantity="order of convergence",
+           unit="1", reference=4.0, computed=order, tolerance=0.1, reason="the next term of the error")  # fmt: skip
+    second = np.abs(motion(system, newmark(), 640, start=start)[::32] - exact).max() / size
+    assert second > 1000.0 * errors[1]
+
+
+def test_flexible_train_with_contacts_has_fourth_order():
+    """Hertz contact, lash and seat of the bucket train, before the first closing moves the error to a kink."""
+    words = ("run.revolutions=0.4", "run.integrator.method=collocation")
+    force = {
+        steps: run(read_case(BUCKET, [*words, f"run.steps_per_revolution={steps}"])).channels["contacts.intake.force"]
+        for steps in (1440, 2880, 11520)
+    }
+    fine = force[11520]
+    coarse, middle = (
+        np.sqrt(np.mean((force[steps] - fine[:: 11520 // steps]) ** 2)) / np.sqrt(np.mean(fine**2))
+        for steps in (1440, 2880)
+    )
+    assert middle < 1e-4  # the average acceleration: 2e-3
+    assert coarse > 10.0 * middle
+
+
+def test_bounces_with_restitution(record):
+    """A ball under constant force bounces to e^2 of its height; flight is exact, and impacts are located."""
+    one = Triplets.from_dense(np.eye(1))
+    none = Triplets.zeros(1)
+    ground = LocalForce(
+        "ground",
+        (AngleVector(-np.eye(1), ()),),
+        (AngleVector(np.eye(1), ()),),
+        elastic_stop(1e9),
+        (constant(0.0),),
+        0.8,
+    )
+    load = Load("weight", -9.81 * np.ones(1), lambda motion: np.ones_like(motion.angle))
+    system = System(one, none, none, ("x",), (load,), (ground,), (Probe("all", ("x",), np.eye(1), (None,)),))
+    fall = math.sqrt(2.0 / 9.81)
+    end = fall * (1.0 + 0.8 * 2.0 + 0.8**2)  # at the top of the second bounce
+    height = motion(system, collocation(), 101, end, State(np.ones(1), np.zeros(1)))
+    record(source="closed form", case="ball, e = 0.8, collocation", quantity="height of the second bounce", unit="m",
+           reference=0.8**4, computed=height[-1], tolerance=1e-9, reason="location of the impacts")  # fmt: skip
+
+
+def test_energy_balance_of_short_contacts():
+    """The hopping tappet loses energy in contacts of some steps; the mean force would misplace 1.7 % of the work."""
+    words = ("run.revolutions=0.3", "run.steps_per_revolution=2880", "run.integrator.method=collocation")
+    channels = run(read_case("cases/pushrod-engine/intake.toml", words)).channels
+    work = channels["energy.work"][-1]
+    assert abs(channels["energy.numerical"][-1]) < 3e-3 * work
+    assert np.abs(channels["energy.residual"]).max() < 2e-3 * work
+
+
+def test_results_do_not_depend_on_what_is_saved():
+    words = ("run.revolutions=0.3", "run.steps_per_revolution=500", "run.integrator.method=collocation")
+    found = [
+        run(read_case(BUCKET, [*words, f"output.field_every={every}"])).channels["contacts.intake.force"]
+        for every in (1, 7, 50)
+    ]
+    for one in found[1:]:
+        np.testing.assert_allclose(one, found[0], rtol=1e-8, atol=1e-6)
+
+
+@pytest.mark.parametrize("engine", ["direct", "modal"])
+def test_other_engines_are_refused(engine):
+    with pytest.raises(InputError, match=r"collocation.*newmark"):
+        run(read_case(BUCKET, [f"run.engine={engine}", "run.integrator.method=collocation", "run.revolutions=0.01"]))
