@@ -6,6 +6,7 @@ Results go to standard output, messages to standard error. Exit codes: 0 success
 
 from __future__ import annotations
 
+import logging
 import os
 import re
 import signal
@@ -180,6 +181,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _handle_signal)
     _open_null_streams()
+    if sys.stderr.isatty():
+        logging.basicConfig(format="%(message)s")
+        logging.getLogger("flexcam").setLevel(logging.INFO)
     try:
         code = _dispatch(list(sys.argv[1:] if arguments is None else arguments))
         sys.stdout.flush()

@@ -7,6 +7,7 @@ numba's on-disk cache, in a folder of the user named after a digest of the sourc
 from __future__ import annotations
 
 import hashlib
+import logging
 import os
 import pickle
 import signal
@@ -33,6 +34,9 @@ _OPTIONS: dict[str, Any] = {
 }
 
 
+_LOGGER = logging.getLogger(__name__)
+
+
 @lru_cache
 def is_available() -> bool:
     """Return whether numba is installed."""
@@ -53,11 +57,14 @@ def compile_functions(
     Only entries may be called from Python and are cached; the other functions are compiled into them.
     """
     numba: Any = import_module("numba")
-    with _cache_folder(_digest(functions)) as writable:
+    digest = _digest(functions)
+    with _cache_folder(digest) as writable:
         keep = cached and writable
         inner = numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **_OPTIONS)
         entry = numba.njit(cache=keep, **_OPTIONS)
         found = _bind(functions, {}, lambda function: (entry if function.__name__ in entries else inner)(function))
+    if not (keep and any((cache_root() / digest).rglob("*.nbi"))):
+        _LOGGER.info("compiling the time integration, once per installation: about ten seconds")
     for name in entries:
         uncached = partial(_uncached_entry, functions, entries, name) if keep else None
         found[name] = _Entry(found[name], uncached)
