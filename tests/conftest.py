@@ -6,7 +6,7 @@ verification is made. A page can thus name no test that does not exist. The rows
 ``build/extremes.json`` (FLEXCAM_EXTREMES_JSON); those that `tried` keeps, of bad input and injected faults, to
 ``build/trust.json`` (FLEXCAM_TRUST_JSON).
 
-Machine code is kept for the session in a folder of its own, unless FLEXCAM_CACHE names one.
+Machine code is kept in ``build/flexcam``, by a digest of its source text, unless FLEXCAM_CACHE names another folder.
 """
 
 from __future__ import annotations
@@ -15,8 +15,7 @@ import gc
 import json
 import math
 import os
-import shutil
-import tempfile
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -51,12 +50,13 @@ ROOT = Path(__file__).parents[1]
 def pytest_configure(config):
     config.stash[ROWS] = {page: [] for page in ORDER}
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # else every process that is started compiles all of flexcam anew
+    sys.dont_write_bytecode = False  # else every worker rewrites the assertions of all tests anew
     os.environ.setdefault("FLEXCAM_FILES", str(ROOT))  # cases in temporary folders name the meshes of the repository
     if os.environ.get("FLEXCAM_PLANTED"):
         _without_shrinking()
-    if "FLEXCAM_CACHE" not in os.environ:  # workers and commands find it set, and compile nothing twice
-        os.environ["FLEXCAM_CACHE"] = tempfile.mkdtemp(prefix="flexcam-machine-code-")
-        config.add_cleanup(lambda: shutil.rmtree(os.environ.pop("FLEXCAM_CACHE"), ignore_errors=True))
+    os.environ.setdefault(
+        "FLEXCAM_CACHE", str(ROOT / "build")
+    )  # workers and commands find it set, and compile nothing twice
 
 
 @pytest.hookimpl(optionalhook=True)
