@@ -179,7 +179,7 @@ def test_every_wrong_option_is_told_at_once(flexcam, result):
 def engine(tmp_path_factory):
     """Run the pushrod engine in few steps."""
     folder = tmp_path_factory.mktemp("engine")
-    ready = prepare(read_case(ENGINE, ["run.steps_per_revolution=720", "run.revolutions=1"]))
+    ready = prepare(read_case(ENGINE, ["run.steps_per_revolution=720", "run.revolutions=1", "run.engine=kernel"]))
     sink = open_result_file(ready, folder)
     assert solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink]).status.ok
     return sink.path
@@ -230,7 +230,7 @@ def test_the_recalled_case_is_the_case(path, overrides, tmp_path):
 
 def test_a_reopened_result_is_the_run(tmp_path):
     """Its fields are the unknowns of the run, those that no node has among them, and so are its stresses."""
-    ready = prepare(read_case(ENGINE, ["run.steps_per_revolution=360", "run.revolutions=0.5"]))
+    ready = prepare(read_case(ENGINE, ["run.steps_per_revolution=360", "run.revolutions=0.2"]))
     sink, stressed = open_result_file(ready, tmp_path), StrengthSink(build_structure(ready.model))
     response = solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink, stressed])
     result = read_result(sink.path)
