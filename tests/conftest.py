@@ -15,6 +15,7 @@ import gc
 import json
 import math
 import os
+import signal
 import sys
 from pathlib import Path
 
@@ -22,6 +23,8 @@ import numpy as np
 import pytest
 
 from flexcam.cams import LAWS, LiftEvent
+from flexcam.cli.app import run_state
+from flexcam.cli.main import main
 from flexcam.core import Triplets
 from flexcam.dynamics import Load, LocalForce, Probe, System
 from flexcam.fem.dofs import dof_map
@@ -31,6 +34,7 @@ from flexcam.fem.rigid_bodies import PointMass
 from flexcam.fem.sections import Material, Section
 from flexcam.io import read_mesh
 from flexcam.valvetrain import Cam, MassAt, Model, PublishedLoad, Rocker, Spring
+from tests.command import Ended
 
 MESHES = Path(__file__).parents[1] / "meshes"
 
@@ -245,3 +249,21 @@ def machine_code(monkeypatch):
 def fitted_order():
     """Return the slope of log(error) over log(step), by least squares."""
     return lambda steps, errors: float(np.polyfit(np.log(steps), np.log(errors), 1)[0])
+
+
+@pytest.fixture
+def flexcam(tmp_path, monkeypatch, capsys):
+    """Run the command in this process, which a start of Python would take four times as long as most commands do."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("COLUMNS", raising=False)
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
+
+    def run(*words):
+        monkeypatch.setattr(run_state, "solving", False)
+        with pytest.raises(SystemExit) as ended:
+            main([str(word) for word in words])
+        out, err = capsys.readouterr()
+        assert "Traceback" not in out + err
+        return Ended(ended.value.code, out, err)
+
+    return run

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import signal
-import subprocess
-import sys
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +16,7 @@ from flexcam import run as flexcam_run
 from flexcam.analysis.preparation import prepare
 from flexcam.analysis.run import open_partial_result, open_result_file
 from flexcam.dynamics import Cause, Status, solve
+from tests.command import OFTEN, start
 from tests.sinks import Cut
 
 DATA = Path(__file__).parents[1] / "data"
@@ -35,19 +34,9 @@ def assert_same(path, other):
     assert all(np.array_equal(values, two.channels[name]) for name, values in one.channels.items())
 
 
-OFTEN = """
-from flexcam.cli.main import main
-from flexcam.io import result_writer
-result_writer._MAX_COPY_TIME = float("inf")
-main()
-"""
-"""The command, with a copy after every block, so that no busy machine makes the first one late."""
-
-
 def begun(folder, *words):
     """Start a run in a process of its own and return it once it has saved some of its steps."""
-    command = [sys.executable, "-c", OFTEN, "run", "case.toml", "-o", "out", *words]
-    process = subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = start(["run", "case.toml", "-o", "out", *words], folder, OFTEN)
     partial, sizes, until = folder / "out/case.partial.vtkhdf", set(), time.monotonic() + 30.0
     while len(sizes) < 2:
         assert process.poll() is None, process.communicate()
