@@ -1,4 +1,4 @@
-"""The command in a process of its own, where the process is what is tested; the fixture `flexcam` runs it in this one."""
+"""The command in a process of its own, where that is what is tested; the fixture `flexcam` runs it in this one."""
 
 from __future__ import annotations
 

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from flexcam import prepare, read_case, solve
+from flexcam.analysis.run import open_result_file
 from tests.command import OFTEN, Ended, start
 
 ROOT = Path(__file__).parents[2]
@@ -84,3 +86,13 @@ def result(flexcam, case, tmp_path):
 @pytest.fixture(scope="session")
 def tayeb():
     return lambda model, law="shm": ROOT / f"cases/tayeb/model-{model}-{law}.toml"
+
+
+@pytest.fixture(scope="session")
+def intake(tmp_path_factory):
+    """Return the result of a revolution of the pushrod engine in few steps."""
+    few = ["run.steps_per_revolution=720", "run.revolutions=1", "run.engine=kernel"]
+    ready = prepare(read_case(ROOT / "cases/pushrod-engine/intake.toml", few))
+    sink = open_result_file(ready, tmp_path_factory.mktemp("intake"))
+    assert solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink]).status.ok
+    return sink.path
