@@ -77,11 +77,10 @@ def test_speed_after_the_bounce(record):
 
 
 @pytest.mark.parametrize("law", [elastic_stop(W**2), hunt_crossley_contact(W**2, 0.0)])
-def test_energy_of_the_bounce(record, law, fitted_order):
-    counts = np.array([2500, 5000, 10_000, 20_000])
+def test_energy_of_the_bounce(record, law):
     residuals = []
-    for count in counts:
-        channels = bouncing(law, int(count))[0].channels
+    for count in (2500, 20_000):
+        channels = bouncing(law, count)[0].channels
         residuals.append(np.abs(channels["energy.residual"]).max() / channels["energy.kinetic"].max())
     record(source=SOURCE, case=f"bouncing mass, {type(law).__name__}", quantity="largest energy residual over kinetic",
            unit="1", reference=0.0, computed=max(residuals), tolerance=1e-8, absolute=True,
