@@ -46,3 +46,10 @@ def start(words, folder, program=PROGRAM):
     return subprocess.Popen(
         command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=default_signals
     )
+
+
+def facts(run, *words):
+    """Return the JSON of a command that succeeds."""
+    done = run(*words, "--json")
+    assert (done.code, done.err) == (0, "")
+    return done.json

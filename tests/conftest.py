@@ -27,7 +27,6 @@ from flexcam.cli.app import run_state
 from flexcam.cli.main import main
 from flexcam.core import Triplets
 from flexcam.dynamics import Load, LocalForce, Probe, System
-from flexcam.fem.dofs import dof_map
 from flexcam.fem.frames import direction
 from flexcam.fem.members import Member
 from flexcam.fem.rigid_bodies import PointMass
@@ -193,12 +192,6 @@ def published(steel):
         )  # fmt: skip
 
     return make
-
-
-@pytest.fixture(scope="session")
-def free_dofs():
-    """Return the numbering of a mesh that nothing holds."""
-    return lambda mesh: dof_map(mesh, [])
 
 
 @pytest.fixture(scope="session")

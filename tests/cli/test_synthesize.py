@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import io
-import json
 import math
 import re
 import sys
@@ -22,6 +21,7 @@ from flexcam.cams import SplineFamily, minimax
 from flexcam.case.builder import build_model
 from flexcam.case.lift import read_law
 from flexcam.cli.synthesize import synthesis_table
+from tests.command import facts
 
 module = sys.modules["flexcam.cams.minimax"]  # the function hides it
 ROOT = Path(__file__).parents[2]
@@ -47,12 +47,6 @@ LAW = [
     "not_converged",
 ]
 ANGLE = np.linspace(0.0, 2 * math.pi, 7201)
-
-
-def facts(told, *words):
-    done = told(*words, "--json")
-    assert (done.code, done.err) == (0, "")
-    return json.loads(done.out)
 
 
 def train(folder, lift, rpm):
@@ -327,6 +321,6 @@ def test_refused(name, told):
     words, where, said = REFUSED[name]
     done = told("synthesize", *words.replace("MODEL", str(MODEL)).split(), "--json")
     assert (done.code, done.err) == (2, "")
-    found = json.loads(done.out)["errors"]
+    found = done.json["errors"]
     assert found[0]["where"] == where
     assert said in " ".join(found[0].values())

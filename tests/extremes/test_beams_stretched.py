@@ -120,7 +120,6 @@ loads.push = { at = "tip", direction = "uy", force = "100 N" }
 run = { speed = "60 rpm", step = "10 us", revolutions = 3e-5, start = "equilibrium" }
 output.probes = ["tip"]
 """
-UNTOLD = "answered, the deflection 0.5 % off, without a word of the digits lost"
 
 
 @pytest.mark.parametrize("asked", ["check", "modes", "run"])

@@ -142,14 +142,6 @@ def test_impact_of_a_bar(record):
            computed=impulse, tolerance=0.02, reason="a little motion stays in the ripples")  # fmt: skip
 
 
-def chain(parts, k=40e3, m=0.06):
-    """Return stiffness and consistent mass of a spring of equal parts, held at both ends."""
-    n = parts - 1
-    K = parts * k * (2.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1))
-    M = m / parts / 6.0 * (4.0 * np.eye(n) + np.eye(n, k=1) + np.eye(n, k=-1))
-    return K, M
-
-
 @pytest.mark.parametrize("parts", [8, 16])
 def test_surge(record, parts):
     """The spring of a case, from its own matrices; a consistent mass comes from above, (pi/n)^2/24 too high."""
