@@ -12,6 +12,7 @@ import pytest
 from flexcam import prepare, read_case
 from flexcam.core.errors import InputError
 from flexcam.dynamics import SaveAt, State, integrated_size, solve
+from tests.rounding import stronger
 
 ROOT = Path(__file__).parents[2]
 CASES = [path for path in sorted((ROOT / "cases").glob("*/*.toml")) if path.parent.name != "cams"]
@@ -41,13 +42,6 @@ def unfit(problem, path):
     if not integrated_size(problem):
         return "0 unknowns"
     return "depends on the motion" if path == "modal" and problem.system.local_forces else ""
-
-
-def stronger(problem, share):
-    """Return a problem whose stiffness and loads are larger by a share."""
-    system = problem.system
-    loads = tuple(replace(load, vector=(1.0 + share) * load.vector) for load in system.loads)
-    return replace(problem, system=replace(system, stiffness=system.stiffness.scale(1.0 + share), loads=loads))
 
 
 def assert_one_of(problem, scheme, found, most):

@@ -38,6 +38,7 @@ from flexcam.valvetrain.levers import lever_end
 from flexcam.valvetrain.springs import pulsating_spring
 from flexcam.valvetrain.strength import arch_laws
 from tests import integrators as tried
+from tests.rounding import stronger
 
 SCHEMES = {name: one for name, one in tried.SCHEMES.items() if name in (*tried.METHODS, "newmark damped")}
 STEPS = 100
@@ -156,13 +157,6 @@ def reordered(problem, order):
     )  # fmt: skip
     begin = replace(start, displacement=start.displacement[order], velocity=start.velocity[order])
     return replace(problem, system=other, start=begin)
-
-
-def stronger(problem, share):
-    """Return a problem whose stiffness and loads are larger by a share."""
-    system = problem.system
-    loads = tuple(replace(load, vector=(1.0 + share) * load.vector) for load in system.loads)
-    return replace(problem, system=replace(system, stiffness=system.stiffness.scale(1.0 + share), loads=loads))
 
 
 def apart(one, other):
