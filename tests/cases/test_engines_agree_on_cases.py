@@ -86,7 +86,7 @@ def named(path):
 
 
 @pytest.mark.parametrize("path", ["modal", "kernel"])
-@pytest.mark.parametrize("case", map(named, CASES))
+@pytest.mark.parametrize("case", [named(path) for path in CASES])
 def test_every_case(case, path):
     problem, scheme = shorter(case)
     if why := unfit(problem, path):
