@@ -6,7 +6,7 @@ verification is made. A page can thus name no test that does not exist. The rows
 ``build/extremes.json`` (FLEXCAM_EXTREMES_JSON); those that `tried` keeps, of bad input and injected faults, to
 ``build/trust.json`` (FLEXCAM_TRUST_JSON).
 
-Machine code is kept for the session in a folder of its own, unless FLEXCAM_CACHE names one.
+Machine code is kept in ``build/flexcam``, by a digest of its source text, unless FLEXCAM_CACHE names another folder.
 """
 
 from __future__ import annotations
@@ -15,23 +15,25 @@ import gc
 import json
 import math
 import os
-import shutil
-import tempfile
+import signal
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from flexcam.cams import LAWS, LiftEvent
+from flexcam.cli.app import run_state
+from flexcam.cli.main import main
 from flexcam.core import Triplets
 from flexcam.dynamics import Load, LocalForce, Probe, System
-from flexcam.fem.dofs import dof_map
 from flexcam.fem.frames import direction
 from flexcam.fem.members import Member
 from flexcam.fem.rigid_bodies import PointMass
 from flexcam.fem.sections import Material, Section
 from flexcam.io import read_mesh
 from flexcam.valvetrain import Cam, MassAt, Model, PublishedLoad, Rocker, Spring
+from tests.command import Ended
 
 MESHES = Path(__file__).parents[1] / "meshes"
 
@@ -51,12 +53,13 @@ ROOT = Path(__file__).parents[1]
 def pytest_configure(config):
     config.stash[ROWS] = {page: [] for page in ORDER}
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # else every process that is started compiles all of flexcam anew
+    sys.dont_write_bytecode = False  # else every worker rewrites the assertions of all tests anew
     os.environ.setdefault("FLEXCAM_FILES", str(ROOT))  # cases in temporary folders name the meshes of the repository
     if os.environ.get("FLEXCAM_PLANTED"):
         _without_shrinking()
-    if "FLEXCAM_CACHE" not in os.environ:  # workers and commands find it set, and compile nothing twice
-        os.environ["FLEXCAM_CACHE"] = tempfile.mkdtemp(prefix="flexcam-machine-code-")
-        config.add_cleanup(lambda: shutil.rmtree(os.environ.pop("FLEXCAM_CACHE"), ignore_errors=True))
+    os.environ.setdefault(
+        "FLEXCAM_CACHE", str(ROOT / "build")
+    )  # workers and commands find it set, and compile nothing twice
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -192,12 +195,6 @@ def published(steel):
 
 
 @pytest.fixture(scope="session")
-def free_dofs():
-    """Return the numbering of a mesh that nothing holds."""
-    return lambda mesh: dof_map(mesh, [])
-
-
-@pytest.fixture(scope="session")
 def system_of():
     """Return a System from dense matrices, with a probe on every unknown."""
 
@@ -245,3 +242,21 @@ def machine_code(monkeypatch):
 def fitted_order():
     """Return the slope of log(error) over log(step), by least squares."""
     return lambda steps, errors: float(np.polyfit(np.log(steps), np.log(errors), 1)[0])
+
+
+@pytest.fixture
+def flexcam(tmp_path, monkeypatch, capsys):
+    """Run the command in this process, which a start of Python would take four times as long as most commands do."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("COLUMNS", raising=False)
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
+
+    def run(*words):
+        monkeypatch.setattr(run_state, "solving", False)
+        with pytest.raises(SystemExit) as ended:
+            main([str(word) for word in words])
+        out, err = capsys.readouterr()
+        assert "Traceback" not in out + err
+        return Ended(ended.value.code, out, err)
+
+    return run

@@ -29,7 +29,7 @@ SIZES = {
     "few fields": (CASE, ["run.revolutions=10", "output.field_every=10000"]),
     "many elements": (CASE, ["members.camshaft.elements=100", "run.revolutions=0.4"]),
     "a published train": (ROOT / "cases/tayeb/model-3-shm.toml", []),
-    "an engine": (ROOT / "tests/data/every-engine.toml", ["run.revolutions=0.2"]),
+    "an engine": (ROOT / "tests/data/every-engine.toml", ["run.revolutions=0.2", "run.engine=kernel"]),
 }
 
 

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 
 from flexcam.cams import LAWS, HarmonicLift, LiftEvent, PeriodicSpline, Ramp, joints
 
-TURN = 2 * math.pi
 RISE, DWELL, FALL, PHASE, LIFT = 1.1, 0.4, 1.7, 0.6, 0.008
 AT = PHASE + np.array([0.0, RISE, RISE + DWELL, RISE + DWELL + FALL])
 A, B = LIFT / RISE**2, LIFT / FALL**2

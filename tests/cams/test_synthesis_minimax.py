@@ -22,7 +22,6 @@ FAMILIES = {
     "splines with free acceleration at the ends": SplineFamily(degree=5, pieces=7, rest=1),
     "harmonics": HarmonicFamily((1, 2, 3, 5)),
 }
-SPLINES = [name for name in FAMILIES if "harmonics" not in name]
 
 
 @pytest.fixture(scope="module", params=FAMILIES.values(), ids=FAMILIES.keys())

@@ -13,14 +13,23 @@ ROOT = Path(__file__).parents[2]
 CASES = [path for path in sorted((ROOT / "cases").glob("*/*.toml")) if path.parent.name != "cams"]
 
 
-@pytest.mark.parametrize("steps", [100, 240])
-@pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
-def test_dissipated_energy_never_decreases(path, steps, request):
-    """A contact may close and open again within one of these steps; it gives nothing back all the same.
+SLOW = ("bucket", "intake", "lever")
+"""Cases that the direct engine takes seconds for."""
 
-    The longer steps are those of the direct engine, the shorter ones those of the kernel.
-    """
-    if steps == 240:
+
+@pytest.mark.parametrize(
+    ("path", "steps", "engine"),
+    [
+        pytest.param(
+            path, steps, engine, id=f"{path.stem}-{steps}-{engine}",
+            marks=[pytest.mark.slow] if engine == "direct" and path.stem in SLOW else [],
+        )
+        for path in CASES for steps, engine in ((100, "direct"), (100, "kernel"), (240, "kernel"))
+    ],
+)  # fmt: skip
+def test_dissipated_energy_never_decreases(path, steps, engine, request):
+    """A contact may close and open again within one of these steps; it gives nothing back all the same."""
+    if engine == "kernel":
         request.getfixturevalue("machine_code")
     case = flexcam.read_case(path, ["run.revolutions=1", f"run.steps_per_revolution={steps}"])
     response = flexcam.run(case)

@@ -6,7 +6,6 @@ import shutil
 from pathlib import Path
 
 import pytest
-from pydantic import BaseModel
 
 from flexcam import read_case, run
 from flexcam.analysis.cam_analysis import cam_facts, load_cams
@@ -26,15 +25,6 @@ WAYS = {
     "true contacts": (EVERY_CONTACT, []),
     "mesh file": (MESHED, ["run.revolutions=0.1"]),
 }
-
-
-def keys_in(value: object) -> set[tuple[str, str]]:
-    """Return (record, key) of everything that was given."""
-    if isinstance(value, BaseModel):
-        here = {(type(value).__name__, key) for key in value.model_fields_set}
-        return here.union(*(keys_in(getattr(value, key)) for key in value.model_fields_set))
-    inside = value.values() if isinstance(value, dict) else value if isinstance(value, (list, tuple)) else ()
-    return set().union(*(keys_in(one) for one in inside))
 
 
 @pytest.mark.parametrize("way", WAYS)

@@ -2,48 +2,19 @@
 
 from __future__ import annotations
 
-import json
 import shutil
-import signal
 import subprocess
-import sys
 import time
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from flexcam.cli.app import run_state
-from flexcam.cli.main import main
+from flexcam import prepare, read_case, solve
+from flexcam.analysis.run import open_result_file
+from tests.command import OFTEN, Ended, start
 
 ROOT = Path(__file__).parents[2]
 LONG = ("--set", "run.revolutions=100000", "--set", "run.steps_per_revolution=7200", "--allow-large")
-
-
-@dataclass(frozen=True)
-class Ended:
-    """A command that ended: exit code, both streams."""
-
-    code: int
-    out: str
-    err: str
-
-    @property
-    def json(self) -> Any:
-        return json.loads(self.out)
-
-
-def default_signals():
-    """Undo what a test run in the background inherits: interrupts ignored."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
-
-
-def start(words, folder):
-    command = [sys.executable, "-m", "flexcam", *map(str, words)]
-    return subprocess.Popen(
-        command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=default_signals
-    )
 
 
 def finish(process):
@@ -64,24 +35,6 @@ def spawned(tmp_path):
 
 
 @pytest.fixture
-def flexcam(tmp_path, monkeypatch, capsys):
-    """Run the command in this process, which a start of Python would take four times as long as most commands do."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.delenv("COLUMNS", raising=False)
-    monkeypatch.setattr(signal, "signal", lambda *_: None)
-
-    def run(*words):
-        monkeypatch.setattr(run_state, "solving", False)
-        with pytest.raises(SystemExit) as ended:
-            main([str(word) for word in words])
-        out, err = capsys.readouterr()
-        assert "Traceback" not in out + err
-        return Ended(ended.value.code, out, err)
-
-    return run
-
-
-@pytest.fixture
 def told(flexcam, monkeypatch):
     """Run the command in this process, on a wide screen."""
     monkeypatch.setenv("COLUMNS", "200")
@@ -93,7 +46,7 @@ def stopped(tmp_path):
     """Start a run that would take hours, send a signal once its file has grown, and return how it ended."""
 
     def run(number, *words):
-        process = start(["run", "case.toml", "-o", "out", *LONG, *words], tmp_path)
+        process = start(["run", "case.toml", "-o", "out", *LONG, *words], tmp_path, OFTEN)
         partial = tmp_path / "out/case.partial.vtkhdf"
         until = time.monotonic() + 30.0
         while not (partial.exists() and partial.stat().st_size > 300_000):
@@ -133,3 +86,13 @@ def result(flexcam, case, tmp_path):
 @pytest.fixture(scope="session")
 def tayeb():
     return lambda model, law="shm": ROOT / f"cases/tayeb/model-{model}-{law}.toml"
+
+
+@pytest.fixture(scope="session")
+def intake(tmp_path_factory):
+    """Return the result of a revolution of the pushrod engine in few steps."""
+    few = ["run.steps_per_revolution=720", "run.revolutions=1", "run.engine=kernel"]
+    ready = prepare(read_case(ROOT / "cases/pushrod-engine/intake.toml", few))
+    sink = open_result_file(ready, tmp_path_factory.mktemp("intake"))
+    assert solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink]).status.ok
+    return sink.path

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import xml.etree.ElementTree as ET  # the files are our own
 from pathlib import Path
@@ -15,6 +14,7 @@ import pytest
 from flexcam import build_model, read_case
 from flexcam.cams import CompoundCycloid, LiftEvent, Ramp, RollerFollower, cam_profile
 from flexcam.case.starters import new_case
+from tests.command import facts
 
 ROOT, DEG = Path(__file__).parents[2], math.pi / 180
 FILES = {path.stem: path for part in ("cases/cams", "cases/tayeb") for path in sorted((ROOT / part).glob("*.toml"))}
@@ -27,12 +27,6 @@ PROFILE = ["base_radius", "convex_radius", "convex_radius_at", "hollow_radius", 
 def told(told):
     """Run `flexcam cam` on one of the files, or on another."""
     return lambda name, *words: told("cam", FILES.get(name, name), *words)
-
-
-def facts(told, *words):
-    done = told(*words, "--json")
-    assert (done.code, done.err) == (0, "")
-    return json.loads(done.out)
 
 
 def one(told, *words):
@@ -228,7 +222,7 @@ def test_refused(words, told):
     where, given, said = REFUSED[words]
     done = told("li-fb2", words, "--json")
     assert (done.code, done.err) == (2, "")
-    (fault,) = json.loads(done.out)["errors"]
+    (fault,) = done.json["errors"]
     assert (where in fault["where"], given in fault["given"], said in " ".join(fault.values())) == (True, True, True)
 
 

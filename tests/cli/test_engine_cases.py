@@ -67,7 +67,7 @@ OPENING = (
 """A few steps on the opening flank, so that something moves."""
 
 
-QUICK = ("adjuster", "lever and adjuster", "swinging speed")
+QUICK = ("lever and adjuster", "swinging speed")
 
 
 @pytest.mark.parametrize("way", [pytest.param(way, marks=() if way in QUICK else pytest.mark.slow) for way in WAYS])

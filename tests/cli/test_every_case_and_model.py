@@ -28,6 +28,7 @@ def strict(text):
 
 @pytest.mark.parametrize("asked", MODELS)
 @pytest.mark.parametrize("case", [case for case in CASES if case not in OTHER_LAW], ids=lambda path: path.stem)
+@pytest.mark.usefixtures("machine_code")
 def test_run(flexcam, tmp_path, case, asked):
     done = flexcam("run", case, *QUICK, "--set", f"fidelity.{asked}", "-o", str(tmp_path), "--json")
     assert done.code in (0, 2, 3), done.err

@@ -5,13 +5,13 @@
 from __future__ import annotations
 
 import inspect
-import json
 import math
 import xml.etree.ElementTree as ET  # the files are our own
 
 import pytest
 
 from flexcam.cams import KINDS, LAWS, criteria, residual_spectrum
+from tests.command import facts
 
 PI, NEAR = math.pi, math.sin(1.25 * math.pi)
 KEYS = {
@@ -38,18 +38,11 @@ GOOD = {  # parameters of every kind, as --with takes them, and the law of a nam
 }
 
 
-def facts(told, *words):
-    """Return the JSON of a command that succeeds."""
-    done = told(*words, "--json")
-    assert (done.code, done.err) == (0, "")
-    return json.loads(done.out)
-
-
 def refused(told, *words):
     """Return the one fault of a command that must be refused, the same in words and as JSON."""
     done, plain = told(*words, "--json"), told(*words)
     assert (done.code, done.err, plain.code, plain.out) == (2, "", 2, "")
-    report = json.loads(done.out)
+    report = done.json
     assert (report["status"], len(report["errors"])) == ("refused", 1)
     (fault,) = report["errors"]
     assert list(fault) == ["where", "given", "allowed", "why", "remedy"]

@@ -17,7 +17,7 @@ pytestmark = pytest.mark.usefixtures("machine_code")
 
 
 def test_limits_as_json(flexcam):
-    told = ("--lowest", "6000rpm", "--highest", "8000rpm", "--tolerance", "2500rpm", *QUICK)
+    told = ("--lowest", "6450rpm", "--highest", "8000rpm", "--tolerance", "2500rpm", *QUICK)
     answer = flexcam("limits", CASE, *told, "--json").json
     assert {"loss_of_contact_rpm", "bounce_rpm", "buckling_rpm", "first", "spring_margin"} <= set(answer)
     assert answer["shaft"] == "crank"

@@ -175,21 +175,11 @@ def test_every_wrong_option_is_told_at_once(flexcam, result):
     assert [line.partition(":")[0] for line in told.err.splitlines()] == ["--probe", "--over", "--angle"]
 
 
-@pytest.fixture(scope="module")
-def engine(tmp_path_factory):
-    """Run the pushrod engine in few steps."""
-    folder = tmp_path_factory.mktemp("engine")
-    ready = prepare(read_case(ENGINE, ["run.steps_per_revolution=720", "run.revolutions=1"]))
-    sink = open_result_file(ready, folder)
-    assert solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink]).status.ok
-    return sink.path
-
-
 @pytest.mark.parametrize(
     "what", [pytest.param(one, marks=() if one in SEEN_ALWAYS else pytest.mark.slow) for one in LOOKS]
 )
-def test_looks(what, flexcam, engine, tmp_path):
-    shutil.copy(engine, tmp_path / "intake.vtkhdf")
+def test_looks(what, flexcam, intake, tmp_path):
+    shutil.copy(intake, tmp_path / "intake.vtkhdf")
     more = {"motion": ["--rigid"], "profile": ["--angle", "160 deg"], "modes": ["--count", "4"]}.get(what, [])
     assert flexcam("plot", "intake.vtkhdf", "--what", what, *more, "-o", "look.png").code == 0
     off = {other: look(tmp_path / "look.png") - imagehash.hex_to_hash(known) for other, known in LOOKS.items()}
@@ -230,7 +220,7 @@ def test_the_recalled_case_is_the_case(path, overrides, tmp_path):
 
 def test_a_reopened_result_is_the_run(tmp_path):
     """Its fields are the unknowns of the run, those that no node has among them, and so are its stresses."""
-    ready = prepare(read_case(ENGINE, ["run.steps_per_revolution=360", "run.revolutions=0.5"]))
+    ready = prepare(read_case(ENGINE, ["run.steps_per_revolution=360", "run.revolutions=0.2"]))
     sink, stressed = open_result_file(ready, tmp_path), StrengthSink(build_structure(ready.model))
     response = solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink, stressed])
     result = read_result(sink.path)

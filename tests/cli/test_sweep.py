@@ -6,8 +6,6 @@ import json
 import random
 import signal
 import socket
-import subprocess
-import sys
 import threading
 import time
 from contextlib import contextmanager
@@ -19,6 +17,7 @@ import pytest
 
 from flexcam import InputError, read_result
 from flexcam.studies.tables import read_table
+from tests.command import start
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -276,9 +275,7 @@ MANY = ("--set", "run.speed=1000:4000#60rpm", "--set", "run.revolutions=1")
 
 
 def begun(folder, *words):
-    command = [sys.executable, "-m", "flexcam", "sweep", "case.toml", *MANY, "-o", "out", *words]
-    return subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-                            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL))  # fmt: skip
+    return start(["sweep", "case.toml", *MANY, "-o", "out", *words], folder)
 
 
 def with_rows(process, folder, count):

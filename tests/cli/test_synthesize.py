@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import io
-import json
 import math
 import re
 import sys
@@ -22,6 +21,7 @@ from flexcam.cams import SplineFamily, minimax
 from flexcam.case.builder import build_model
 from flexcam.case.lift import read_law
 from flexcam.cli.synthesize import synthesis_table
+from tests.command import facts
 
 module = sys.modules["flexcam.cams.minimax"]  # the function hides it
 ROOT = Path(__file__).parents[2]
@@ -47,12 +47,6 @@ LAW = [
     "not_converged",
 ]
 ANGLE = np.linspace(0.0, 2 * math.pi, 7201)
-
-
-def facts(told, *words):
-    done = told(*words, "--json")
-    assert (done.code, done.err) == (0, "")
-    return json.loads(done.out)
 
 
 def train(folder, lift, rpm):
@@ -238,22 +232,17 @@ def test_conditions_and_families(told, tmp_path):
 
 
 def test_a_front(told, tmp_path):
-    found = facts(told, *POLYNOMIAL, "--pareto", "Cj", "--count", "4", "-o", "front.toml")
-    assert found["files"] == [f"front-{i}.toml" for i in range(1, 5)]
+    """Drawn criterion over criterion, with its laws; a picture that is there is refused before any law."""
+    found = facts(told, *POLYNOMIAL, "--pareto", "Cj", "--count", "3", "-o", "front.toml", "--plot", "front.svg")
+    assert found["files"] == [*(f"front-{i}.toml" for i in range(1, 4)), "front.svg"]
     jerk, acceleration = ([law[key] for law in found["laws"]] for key in ("Cj", "Ca"))
     assert (jerk, acceleration) == (sorted(jerk), sorted(acceleration, reverse=True))
-    assert 'law = "front-4.toml"' in told(*POLYNOMIAL, "--pareto=Cj", "--count=4", "-o=front.toml", "--overwrite").out
-
-
-def test_a_front_is_drawn(told, tmp_path):
-    """The front itself, criterion over criterion, with its laws; a picture that is there is refused before any law."""
-    words = (*POLYNOMIAL, "--pareto", "Cj", "--count", "3", "--plot", "front.svg")
-    assert facts(told, *words)["files"] == ["front.svg"]
+    assert 'law = "front-3.toml"' in told(*POLYNOMIAL, "--pareto=Cj", "--count=3", "-o=front.toml", "--overwrite").out
     drawn = (tmp_path / "front.svg").read_text(encoding="utf-8")
     titles = ("Pareto front of polynomials of degree 11", "Its laws, lift 1 over angle 1")
     axes = ("C_a, max acceleration, lift 1 over angle 1", "C_j, max jerk, lift 1 over angle 1")
     assert all(f"<!-- {one} -->" in drawn for one in (*titles, *axes))
-    assert told(*words, "-o", "law.toml").code == 2
+    assert told(*POLYNOMIAL, "--pareto=Cj", "--count=3", "--plot=front.svg", "-o", "law.toml").code == 2
     assert not list(tmp_path.glob("law-*.toml"))
 
 
@@ -332,6 +321,6 @@ def test_refused(name, told):
     words, where, said = REFUSED[name]
     done = told("synthesize", *words.replace("MODEL", str(MODEL)).split(), "--json")
     assert (done.code, done.err) == (2, "")
-    found = json.loads(done.out)["errors"]
+    found = done.json["errors"]
     assert found[0]["where"] == where
     assert said in " ".join(found[0].values())

@@ -84,23 +84,14 @@ def test_the_measure_tells_another_instant_and_another_case(flexcam):
     assert seen("made.png") - seen(ROOT / "tests/data/pictures/finger.png") > 5 * ALIKE
 
 
-@pytest.fixture(scope="module")
-def result(tmp_path_factory):
-    """Solve half a revolution of the intake case into a folder of its own."""
-    folder = tmp_path_factory.mktemp("result")
-    words = ["run", INTAKE, "-o", folder, "--set", "run.revolutions=0.6", "--set", "run.steps_per_revolution=1800"]
-    subprocess.run([sys.executable, "-m", "flexcam", *map(str, words)], check=True, capture_output=True, timeout=120)
-    return folder / "intake.vtkhdf"
-
-
 @pytest.mark.usefixtures("drawing")
-def test_a_result_is_saved_at_full_lift(flexcam, result):
-    read = read_result(result)
+def test_a_result_is_saved_at_full_lift(flexcam, intake):
+    read = read_result(intake)
     open_ = read.response["valve"].displacement
     top = math.degrees(read.response.angle[np.argmax(np.abs(open_))])
-    assert flexcam("view", result, *SIZE, "--save", "plain.png").code == 0
-    assert flexcam("view", result, *SIZE, "--at", f"{top}deg", "--save", "top.png").code == 0
-    assert flexcam("view", result, *SIZE, "--at", "0deg", "--save", "start.png").code == 0
+    assert flexcam("view", intake, *SIZE, "--save", "plain.png").code == 0
+    assert flexcam("view", intake, *SIZE, "--at", f"{top}deg", "--save", "top.png").code == 0
+    assert flexcam("view", intake, *SIZE, "--at", "0deg", "--save", "start.png").code == 0
     assert np.array_equal(opened("plain.png"), opened("top.png"))
     assert not np.array_equal(opened("plain.png"), opened("start.png"))
 
@@ -115,9 +106,9 @@ def test_the_angle_is_counted_within_its_revolution(first, told):
 
 
 @pytest.mark.usefixtures("drawing")
-def test_a_result_is_coloured_by_its_stress(flexcam, result, tmp_path):
+def test_a_result_is_coloured_by_its_stress(flexcam, intake, tmp_path):
     """As its picture says: the same scene, coloured apart from the rest, at the instant asked for."""
-    moved = shutil.copy(result, tmp_path / "elsewhere.vtkhdf")
+    moved = shutil.copy(intake, tmp_path / "elsewhere.vtkhdf")
     plain = ("view", moved, *SIZE, "--at", "180deg")
     assert flexcam(*plain, "--save", "plain.png").code == 0
     told = flexcam(*plain, "--save", "stress.png", "--color", "stress_von_mises", "--json").json
@@ -137,10 +128,10 @@ def colours(path, *, members):
 
 
 @pytest.mark.usefixtures("drawing")
-def test_a_movie_turns_the_cam(flexcam, result, monkeypatch):
+def test_a_movie_turns_the_cam(flexcam, intake, monkeypatch):
     monkeypatch.setattr("flexcam.plotting.rendering.FRAMES", 5)
     for name in ("train.gif", "train.mp4"):
-        ended = flexcam("view", result, "--size", "320x240", "--save", name)
+        ended = flexcam("view", intake, "--size", "320x240", "--save", name)
         assert ended.code == 0, ended.err
     with Image.open("train.gif") as film:
         assert (film.n_frames, film.size) == (5, (320, 240))
@@ -199,11 +190,11 @@ def test_what_cannot_be_shown_is_refused(words, flexcam, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_result_knows_its_fields_and_its_case(flexcam, result):
-    refused = flexcam("view", result, "--color", "stress_von_mise", "--save", "a.png")
+def test_a_result_knows_its_fields_and_its_case(flexcam, intake):
+    refused = flexcam("view", intake, "--color", "stress_von_mise", "--save", "a.png")
     assert refused.code == 2
     assert "did you mean 'stress_von_mises'" in refused.err
-    assert flexcam("view", result, "--set", "run.speed=3rpm", "--save", "a.png").code == 2
+    assert flexcam("view", intake, "--set", "run.speed=3rpm", "--save", "a.png").code == 2
 
 
 EXTRAS = [("a.gif", "imageio", "movie"), ("a.mp4", "imageio_ffmpeg", "movie"), ("a.html", "trame_vtk", "html")]

@@ -73,6 +73,7 @@ def follow(page, folder, slow):
 
 
 @pytest.mark.parametrize("page", PLAIN, ids=name_of)
+@pytest.mark.usefixtures("machine_code")
 def test_page(page, folder):
     follow(page, folder, slow=False)
 

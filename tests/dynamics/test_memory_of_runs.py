@@ -138,8 +138,8 @@ def kept_of(ready, peaks, tmp_path):
 
 
 def test_memory_does_not_grow_with_the_run(tmp_path):
-    """Over 2e5 steps, whose histories are 60 MB."""
-    ready = ready_of(278)
+    """Over 1e5 steps, whose histories are 30 MB."""
+    ready = ready_of(139)
     solved(replace(ready, problem=replace(ready.problem, steps=100, engine="kernel")))  # the compiler's own memory
     tracemalloc.start()
     try:

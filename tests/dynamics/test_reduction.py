@@ -102,6 +102,7 @@ def test_craig_bampton_refuses(boundary, groups, said):
     assert said in str(refusal.value)
 
 
+@pytest.mark.usefixtures("machine_code")
 @pytest.mark.parametrize(
     ("case", "limits"), [("tayeb/model-3-shm", (1e-4, 1e-9)), ("direct-acting/bucket", (5e-3, 1e-8))]
 )
@@ -118,6 +119,7 @@ def test_a_run_in_few_modes_converges_to_the_whole(case, limits, cases_folder):
         assert missed <= limit * np.abs(whole.probes.displacement).max()
 
 
+@pytest.mark.usefixtures("machine_code")
 def test_all_modes_of_a_train_with_an_unknown_without_mass_are_the_train(cases_folder):
     """A lever's tip has no mass: the highest modes, lost to rounding without it, are there all the same.
 
@@ -161,6 +163,7 @@ def cases_folder(request):
     return request.config.rootpath / "cases"
 
 
+@pytest.mark.usefixtures("machine_code")
 @pytest.mark.parametrize("case", ["tayeb/model-3-shm", "pushrod-engine/intake"])
 def test_craig_bampton_of_a_case(case):
     """Parts between what is pushed or watched: all their modes give the run of the beams, few come near."""

@@ -7,7 +7,6 @@ from __future__ import annotations
 import json
 import math
 import re
-import signal
 
 import pytest
 from hypothesis import given, settings
@@ -16,7 +15,6 @@ from hypothesis import strategies as st
 from flexcam import InputError, read_case
 from flexcam.cams import lift_table
 from flexcam.case.reader import read_cams
-from flexcam.cli.main import main
 from flexcam.io import read_lift
 
 PYTHONS_OWN = ("Traceback", "Value error", "dictionary", "instance of", "numpy", "NoneType")
@@ -128,7 +126,7 @@ FEW = list(FAULTS)[::8]
 
 
 @pytest.fixture(params=WAYS)
-def faults_of(request, tmp_path, text, monkeypatch, capsys):
+def faults_of(request, tmp_path, text, flexcam):
     """Return the text of a file with this cam, and its faults as dicts, found in one of three ways."""
     whole, path = request.param == "whole case", tmp_path / "file.toml"
     for name, content in FILES.items():
@@ -142,12 +140,9 @@ def faults_of(request, tmp_path, text, monkeypatch, capsys):
             with pytest.raises(InputError) as refusal:
                 (read_case if whole else read_cams)(path)
             return written, [fault.as_dict() for fault in refusal.value.faults]
-        monkeypatch.setattr(signal, "signal", lambda *_: None)
-        with pytest.raises(SystemExit) as ended:
-            main(["cam", str(path), "--json"])
-        out, err = capsys.readouterr()
-        assert (ended.value.code, err, json.loads(out)["status"]) == (2, "", "refused")
-        return written, json.loads(out)["errors"]
+        done = flexcam("cam", path, "--json")
+        assert (done.code, done.err, done.json["status"]) == (2, "", "refused")
+        return written, done.json["errors"]
 
     return find
 

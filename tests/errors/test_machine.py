@@ -18,21 +18,13 @@ from flexcam.analysis.run import open_result_file
 from flexcam.core.errors import InputError
 from flexcam.dynamics import Cause, solve
 from flexcam.io import result_writer
+from tests.command import OFTEN, PROGRAM
 
 CASE = Path(__file__).parents[1] / "data/inline.toml"
 RUN = ("run", "case.toml", "-o", "out")
 
 
-OFTEN = """
-from flexcam.cli.main import main
-from flexcam.io import result_writer
-result_writer._MAX_COPY_TIME = float("inf")
-main()
-"""
-"""The command, with a copy after every block."""
-
-
-def flexcam(folder, *words, file_size=None, program=("-m", "flexcam")):
+def spawned(folder, *words, file_size=None, program=PROGRAM):
     """Run the command in a process of its own, whose files may not grow beyond a size in bytes."""
 
     def bounded():
@@ -49,22 +41,20 @@ def names(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
-@pytest.mark.parametrize(
-    ("file_size", "program"), [(40_000, ("-m", "flexcam")), (700_000, ("-m", "flexcam")), (3_000_000, ("-c", OFTEN))]
-)
+@pytest.mark.parametrize(("file_size", "program"), [(40_000, PROGRAM), (700_000, PROGRAM), (3_000_000, OFTEN)])
 def test_a_disk_that_is_full(file_size, program, tried, tmp_path):
     """Before the first step, before the first copy, and behind it; the result before stays, and so does the copy."""
     (tmp_path / "out").mkdir()
     old = tmp_path / "out/case.vtkhdf"
     old.write_bytes(b"the result before")
-    done = flexcam(tmp_path, *RUN, "--overwrite", "--set", "run.revolutions=20", file_size=file_size, program=program)
+    done = spawned(tmp_path, *RUN, "--overwrite", "--set", "run.revolutions=20", file_size=file_size, program=program)
     assert done.returncode == (2 if file_size < 500_000 else 3)
     assert re.search(r"File too large.*free space or name another folder", done.stderr)
     assert done.stderr.count("\n") == 1
     assert old.read_bytes() == b"the result before"
     left = names(tmp_path / "out")
-    assert left == ["case.vtkhdf"] if program[0] == "-m" else ["case.partial.vtkhdf", "case.vtkhdf"]
-    if program[0] == "-c":
+    assert left == ["case.vtkhdf"] if program == PROGRAM else ["case.partial.vtkhdf", "case.vtkhdf"]
+    if program == OFTEN:
         copy = read_result(tmp_path / "out/case.partial.vtkhdf").response
         assert copy.status.cause is Cause.INTERRUPTED
         assert len(copy.time) >= 640
@@ -110,12 +100,12 @@ def test_a_folder_that_vanishes(ready, tried, tmp_path):
     tried("machine", "the folder of the result is removed meanwhile", 1, "status not-saved; nothing else is lost")
 
 
-def test_a_folder_nobody_can_write_to(tried, tmp_path):
+def test_a_folder_nobody_can_write_to(flexcam, tried):
     """``/proc/self`` exists and takes no file, not even from the superuser."""
-    done = flexcam(tmp_path, "run", "case.toml", "-o", "/proc/self", "--allow-large")
-    assert done.returncode == 2
-    assert "a folder that takes files" in done.stderr
-    assert "name another with -o" in done.stderr
+    done = flexcam("run", CASE, "-o", "/proc/self", "--allow-large")
+    assert done.code == 2
+    assert "a folder that takes files" in done.err
+    assert "name another with -o" in done.err
     tried("machine", "a folder that cannot be written to", 1, "refused before the first step")
 
 
@@ -206,7 +196,7 @@ def test_two_processes_and_one_result(ready, tried, tmp_path):
     file = open_result_file(ready, tmp_path / "out")
     shutil.copy(CASE, tmp_path / "inline.toml")
     for more in ([], ["--overwrite"]):
-        done = flexcam(tmp_path, "run", "inline.toml", "-o", "out", *more)
+        done = spawned(tmp_path, "run", "inline.toml", "-o", "out", *more)
         assert done.returncode == 2
         assert "another run is writing it now" in done.stderr
     with pytest.raises(InputError, match="another run is writing it now"):
@@ -240,24 +230,24 @@ def test_what_is_no_file_is_not_read(command, name, tmp_path):
     """A pipe that nobody writes to never ends, nor does a device."""
     if not name.startswith("/"):
         os.mkfifo(tmp_path / name)
-    done = flexcam(tmp_path, command, name)
+    done = spawned(tmp_path, command, name)
     assert done.returncode == 2
     assert "a device or a pipe stands there" in done.stderr
 
 
 @pytest.mark.parametrize("command", ["check", "info"])
-def test_a_name_too_long(command, tmp_path):
-    done = flexcam(tmp_path, command, "a" * 400)
-    assert done.returncode == 2
-    assert "name too long" in done.stderr
+def test_a_name_too_long(command, flexcam):
+    done = flexcam(command, "a" * 400)
+    assert done.code == 2
+    assert "name too long" in done.err
 
 
-def test_a_case_named_like_a_partial_result(tmp_path):
+def test_a_case_named_like_a_partial_result(flexcam, tmp_path):
     """Its result would be deleted at the end of the run whose partial result has that name."""
     shutil.copy(CASE, tmp_path / "case.partial.toml")
-    done = flexcam(tmp_path, "run", "case.partial.toml")
-    assert done.returncode == 2
-    assert "rename it" in done.stderr
+    done = flexcam("run", "case.partial.toml")
+    assert done.code == 2
+    assert "rename it" in done.err
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="a stream that takes nothing")

@@ -6,15 +6,12 @@
 from __future__ import annotations
 
 import re
-import signal
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from flexcam.cli.app import run_state
-from flexcam.cli.main import main
+from tests.command import Ended
 
 ROOT = Path(__file__).parents[2]
 
@@ -76,19 +73,12 @@ def expect(request: pytest.FixtureRequest, page_rows: Callable[[str], list[dict[
 
 
 @pytest.fixture
-def command(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> Callable[..., tuple[int, str]]:
+def command(flexcam: Callable[..., Ended]) -> Callable[..., tuple[int, str]]:
     """Run the command in this process and a folder of its own; return exit code and all it said."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(signal, "signal", lambda *_: None)
 
-    def run(*words: Any) -> tuple[int, str]:
-        monkeypatch.setattr(run_state, "solving", False)
-        with pytest.raises(SystemExit) as ended:
-            main([str(word) for word in words])
-        told = capsys.readouterr()
-        return int(ended.value.code or 0), told.out + told.err
+    def run(*words: object) -> tuple[int, str]:
+        ended = flexcam(*words)
+        return ended.code, ended.out + ended.err
 
     return run
 

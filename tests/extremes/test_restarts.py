@@ -73,7 +73,7 @@ def same(whole, rest, at):
     ("published load, no contact", "Newmark"), ("contacts and seat", "Newmark"),
     pytest.param("hydraulic adjuster, its state", "Newmark", marks=pytest.mark.slow)] + [
     ("published load, no contact", method) for method in METHODS if method != "Newmark"] + [
-    ("contacts and seat", method) for method in ("HHT", "Bathe")])  # fmt: skip
+    pytest.param("contacts and seat", method, marks=pytest.mark.slow) for method in ("HHT", "Bathe")])  # fmt: skip
 def test_bit_by_bit(expect, legs, name, method):
     whole, rest = legs(name, method)
     kept = [at for at in STOPS if same(whole, rest(at), at)]

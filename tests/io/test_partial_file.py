@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-from pathlib import Path
-
 import h5py
 import numpy as np
 import pytest
@@ -95,73 +91,6 @@ def test_within_a_block(stride, cut_at, done, tmp_path):
             wrong[at] = str(fault).splitlines()[0]
     assert places > 20 / stride
     assert not wrong
-
-
-KILL = """
-import os, sys
-from pathlib import Path
-from flexcam import read_case
-from flexcam.dynamics import solve
-from flexcam.io import result_writer
-from flexcam.io.hdf5 import GrowingDataset
-from flexcam.analysis.preparation import prepare
-from flexcam.analysis.run import open_result_file
-result_writer._MAX_COPY_TIME = float("inf")  # a copy after every block
-ready, grow = prepare(read_case(sys.argv[1])), GrowingDataset.append_empty
-for at in map(int, sys.argv[3:]):
-    if os.fork() == 0:
-        count = iter(range(10**6))
-        GrowingDataset.append_empty = lambda *a, **n: os._exit(9) if next(count) == at else grow(*a, **n)
-        folder = Path(sys.argv[2]) / str(at)
-        solve(ready.problem, ready.scheme, save=ready.save, sinks=[open_result_file(ready, folder)])
-        os._exit(0)
-    os.wait()
-"""
-
-
-@pytest.fixture(scope="module")
-def killed(ready, tmp_path_factory):
-    """Partial files of processes that ended without closing them, at many places."""
-    folder = tmp_path_factory.mktemp("killed")
-    places = [str(at) for at in range(1, 2 * CALLS, 4)]
-    subprocess.run([sys.executable, "-c", KILL, str(ready.case.path), str(folder), *places], check=True, timeout=120)
-    return sorted(folder.glob("*/inline.partial.vtkhdf"), key=lambda path: int(path.parent.name))
-
-
-def test_after_a_kill_the_file_is_readable(killed, done):
-    """Nobody reads the file that is written: what is shown are copies of it as they stood behind a block."""
-    assert 8 <= len(killed) <= 20, "files of killed processes were looked at, and some had shown none yet"
-    for path in killed:
-        agrees(path, done.result.response)
-        read = read_result(path).response
-        assert read.status.cause is Cause.INTERRUPTED
-        assert len(read.time) >= 20 * (len(read.field_time) - 1), "histories reach as far as the fields"
-    kept = [counts(path)[1] for path in killed]
-    assert kept == sorted(kept), "what was flushed once stays"
-    assert kept[-1] >= 32, "some had a whole block"
-
-
-READ = """
-import sys
-from vtkmodules.vtkIOHDF import vtkHDFReader
-for path in sys.argv[1:]:
-    reader = vtkHDFReader()
-    reader.SetFileName(path)
-    reader.UpdateInformation()
-    steps = reader.GetNumberOfSteps()
-    for step in range(steps):
-        reader.SetStep(step)
-        reader.Update()
-        assert reader.GetOutput().GetNumberOfPoints() == 6
-"""
-
-
-def test_after_a_kill_vtk_reads_every_step(killed):
-    """In a process of its own: a wrong order makes the reader abort."""
-    pytest.importorskip("vtkmodules.vtkIOHDF")
-    some = [str(path) for path in killed if counts(Path(path))[1] > 0]
-    done = subprocess.run([sys.executable, "-c", READ, *some], capture_output=True, text=True, timeout=120)
-    assert done.returncode == 0, done.stderr
 
 
 class Closed(Cut):

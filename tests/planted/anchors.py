@@ -106,8 +106,10 @@ class Package:
     def __init__(self, tree: Path) -> None:
         self.tree = tree
         self.symbols: dict[str, list[Definition]] = defaultdict(list)
+        self.trees: dict[str, ast.Module] = {}
         for path in sorted((tree / PACKAGE).rglob("*.py")):
             source = Source(tree, path)
+            self.trees[source.path] = source.tree
             for symbol, node in _definitions(source.tree):
                 self.symbols[symbol].append(Definition(symbol, source, node))
 
@@ -116,7 +118,7 @@ class Package:
         edit = self._by_symbol(fault) if "symbol" in fault else self._by_text(fault)
         if edit.path.endswith(".py"):
             content = (self.tree / edit.path).read_bytes()
-            _refuse_invalid(fault, content, edit.changed(content))
+            _refuse_invalid(fault, self.trees.get(edit.path) or ast.parse(content), edit.changed(content))
         return edit
 
     def _by_symbol(self, fault: Fault) -> Edit:
@@ -238,15 +240,15 @@ def _blocks_in(node: ast.AST) -> Iterator[list[ast.stmt]]:
     )
 
 
-def _refuse_invalid(fault: Fault, content: bytes, changed: bytes) -> None:
+def _refuse_invalid(fault: Fault, sound: ast.Module, changed: bytes) -> None:
     """Refuse a replacement that is a syntax error or changes nothing."""
     try:
         planted = ast.parse(changed)
-        compile(changed, fault["name"], "exec", dont_inherit=True)
+        compile(planted, fault["name"], "exec", dont_inherit=True)
     except SyntaxError as error:
         message = f"{fault['name']}: the file with the fault is not Python: {error}"
         raise AnchorError(message) from error
-    if same(planted, ast.parse(content)):
+    if same(planted, sound):
         message = f"{fault['name']}: `new` says the same as `old`"
         raise AnchorError(message)
 

@@ -266,6 +266,7 @@ def test_a_zero_of_the_train_has_no_sign():
     assert list(made.columns[1].cells) == ["0 N"]
 
 
+@pytest.mark.usefixtures("machine_code")
 def test_a_ladder_on_a_rough_reference_says_so():
     """Sixty steps do not see how a contact of 4 MN/m rings."""
     case = read_case("cases/li/valve-train.toml", ["run.steps_per_revolution=60", "run.revolutions=1"])

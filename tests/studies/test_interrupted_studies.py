@@ -20,7 +20,7 @@ from flexcam.studies.quantities import quantity_row
 ROOT = Path(__file__).resolve().parents[2]
 ENGINE = ROOT / "cases/pushrod-engine/intake.toml"
 TAYEB = ROOT / "cases/tayeb/model-1-shm.toml"
-SHORT = ("run.revolutions=1", "run.steps_per_revolution=360")
+SHORT = ("run.revolutions=1", "run.steps_per_revolution=120")
 SPEEDS = [200.0, 300.0]
 BROAD = Search(200.0, 300.0, tolerance=1e3, count=2)
 FORCE = Signal("contacts.intake.force")

@@ -10,8 +10,6 @@ import pytest
 from flexcam.core import Triplets
 from flexcam.studies.sensitivity import STEP_OFFSETS, central_derivative, frequency_derivatives, logarithmic_derivative
 
-AT = np.array(STEP_OFFSETS)
-
 
 def beside(function, point, step):
     return np.array([function(point + part * step) for part in STEP_OFFSETS])

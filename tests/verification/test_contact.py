@@ -77,11 +77,10 @@ def test_speed_after_the_bounce(record):
 
 
 @pytest.mark.parametrize("law", [elastic_stop(W**2), hunt_crossley_contact(W**2, 0.0)])
-def test_energy_of_the_bounce(record, law, fitted_order):
-    counts = np.array([2500, 5000, 10_000, 20_000])
+def test_energy_of_the_bounce(record, law):
     residuals = []
-    for count in counts:
-        channels = bouncing(law, int(count))[0].channels
+    for count in (2500, 20_000):
+        channels = bouncing(law, count)[0].channels
         residuals.append(np.abs(channels["energy.residual"]).max() / channels["energy.kinetic"].max())
     record(source=SOURCE, case=f"bouncing mass, {type(law).__name__}", quantity="largest energy residual over kinetic",
            unit="1", reference=0.0, computed=max(residuals), tolerance=1e-8, absolute=True,
@@ -141,14 +140,6 @@ def test_impact_of_a_bar(record):
     impulse = float(np.sum(0.5 * (found[1:] + found[:-1]) * np.diff(response.time)))
     record(source=SOURCE, case="bar against a stop", quantity="impulse", unit="N s", reference=2.0 * 0.78,
            computed=impulse, tolerance=0.02, reason="a little motion stays in the ripples")  # fmt: skip
-
-
-def chain(parts, k=40e3, m=0.06):
-    """Return stiffness and consistent mass of a spring of equal parts, held at both ends."""
-    n = parts - 1
-    K = parts * k * (2.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1))
-    M = m / parts / 6.0 * (4.0 * np.eye(n) + np.eye(n, k=1) + np.eye(n, k=-1))
-    return K, M
 
 
 @pytest.mark.parametrize("parts", [8, 16])

@@ -311,12 +311,6 @@ def test_an_unloaded_train_with_a_bow_can_start(tmp_path):
     assert run(read_case(path)).status.ok
 
 
-LINEAR_ONLY = (
-    "the axial force is taken from the stretch of the chord alone, without the shortening by bending that geometric "
-    "stiffness and bow add: 1645 N instead of 1088 N"
-)
-
-
 def test_section_force_of_a_bowed_column_in_the_result_file(column, tmp_path):
     ready = prepare(column(1e-3, push(-0.5 * EULER)))
     sink = open_result_file(ready, tmp_path / "results")
