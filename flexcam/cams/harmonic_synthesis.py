@@ -57,22 +57,13 @@ _POINTS_PER_HARMONIC, _LEAST_POINTS = 24, 720
 
 @dataclass(frozen=True, eq=False)
 class HarmonicFit:
-    """Finite-harmonic lift and its deviation from the target lift.
-
-    Parameters
-    ----------
-    event
-        The lift.
-    strict_deviation, deviation
-        Maximum deviation from the target lift on the strict sections and overall, m.
-    rms_deviation
-        Over the working sections, m.
-    """
+    """Finite-harmonic lift and its deviation from the target lift."""
 
     event: HarmonicLift
+    #: `strict_deviation`, `deviation`: maximum deviation from the target lift on the strict sections and overall, m
     strict_deviation: float
     deviation: float
-    rms_deviation: float
+    rms_deviation: float  #: over the working sections, m
 
 
 def harmonic_fit(
@@ -180,18 +171,10 @@ _GRID = np.linspace(0.0, 2.0 * math.pi, 1441)
 
 @dataclass(frozen=True)
 class SingleMass:
-    """Mass on a spring driven by the cam's lift: y'' + 2 D w0 (y' - s') + w0^2 (y - s) = 0.
+    """Mass on a spring driven by the cam's lift: y'' + 2 D w0 (y' - s') + w0^2 (y - s) = 0."""
 
-    Parameters
-    ----------
-    frequency
-        w0, rad/s.
-    damping
-        D, part of the critical damping.
-    """
-
-    frequency: float
-    damping: float = 0.0
+    frequency: float  #: w0, rad/s
+    damping: float = 0.0  #: D, part of the critical damping
 
     def __post_init__(self) -> None:
         positive("frequency", self.frequency, "rad/s")
@@ -208,21 +191,11 @@ class SingleMass:
 
 @dataclass(frozen=True, eq=False)
 class Polydyne:
-    """A polydyne cam.
+    """A polydyne cam."""
 
-    Parameters
-    ----------
-    event
-        Lift of the cam.
-    wanted
-        Target motion, as harmonics.
-    left_out
-        Largest deviation of the target motion from its harmonics, m.
-    """
-
-    event: HarmonicLift
-    wanted: HarmonicLift
-    left_out: float
+    event: HarmonicLift  #: lift of the cam
+    wanted: HarmonicLift  #: target motion, as harmonics
+    left_out: float  #: largest deviation of the target motion from its harmonics, m
 
 
 def polydyne(wanted: Event, transfer: Transfer, speed: float, *, count: int = 60) -> Polydyne:

@@ -39,55 +39,31 @@ Curve = Callable[[FloatArray], FloatArray]
 
 @dataclass(frozen=True)
 class Extreme:
-    """Minimum or maximum of a curve and its position.
-
-    Parameters
-    ----------
-    value
-        The value.
-    at
-        First position.
-    also
-        Further positions with the same value.
-    """
+    """Minimum or maximum of a curve and its position."""
 
     value: float
-    at: float
-    also: tuple[float, ...] = ()
+    at: float  #: first position
+    also: tuple[float, ...] = ()  #: further positions with the same value
 
 
 @dataclass(frozen=True)
 class Criteria:
-    """Criteria of a normalized law s(z).
+    """Criteria of a normalized law s(z)."""
 
-    Parameters
-    ----------
-    velocity, acceleration, jerk, moment
-        Signed extremes (minimum, maximum) of s', s'', s''' and of the operating moment s' s''.
-    rms
-        Root mean squares of s', s'' and s'''; that of s''' excludes the impulses at jumps of s''.
-    harmonics
-        Amplitudes of s'' as a Fourier series over the rise, from 1 to 12.
-    jumps
-        Orders of derivatives (1 to 3) that jump inside the law; a jump in s'' makes the jerk infinite.
-    ends
-        Derivatives s, s', s'', s''' at z = 0 and at z = 1.
-    symmetric
-        Whether s(z) + s(1 - z) = 1.
-    middle
-        s(1/2).
-    """
-
+    #: `velocity`, `acceleration`, `jerk`, `moment`: signed minimum and maximum of s', s'', s''' and s' s''
     velocity: tuple[Extreme, Extreme]
     acceleration: tuple[Extreme, Extreme]
     jerk: tuple[Extreme, Extreme]
     moment: tuple[Extreme, Extreme]
+    #: root mean squares of s', s'' and s'''; that of s''' excludes the impulses at jumps of s''
     rms: tuple[float, float, float]
-    harmonics: tuple[float, ...]
+    harmonics: tuple[float, ...]  #: amplitudes of s'' as a Fourier series over the rise, from 1 to 12
+    #: orders of derivatives (1 to 3) that jump inside the law; a jump in s'' makes the jerk infinite
     jumps: tuple[int, ...]
+    #: derivatives s, s', s'', s''' at z = 0 and at z = 1
     ends: tuple[tuple[float, float, float, float], tuple[float, float, float, float]]
-    symmetric: bool
-    middle: float
+    symmetric: bool  #: whether s(z) + s(1 - z) = 1
+    middle: float  #: s(1/2)
 
     @property
     def Cv(self) -> float:  # noqa: N802 - the field's name

@@ -233,13 +233,6 @@ class LiftEvent:
 class DelayedEvent:
     """Event delayed by a phase.
 
-    Parameters
-    ----------
-    event
-        The event.
-    phase
-        Delay in cam angle, rad.
-
     Examples
     --------
     >>> from flexcam.cams import HarmonicLift
@@ -248,7 +241,7 @@ class DelayedEvent:
     """
 
     event: Event
-    phase: float
+    phase: float  #: delay in cam angle, rad
 
     @property
     def height(self) -> float:
@@ -301,17 +294,10 @@ _GRID = np.linspace(0.0, _REVOLUTION, 7201)
 
 @dataclass(frozen=True)
 class Joint:
-    """Boundary between two segments.
+    """Boundary between two segments."""
 
-    Parameters
-    ----------
-    angle
-        Cam angle, rad.
-    steps
-        Right minus left of lift, velocity, acceleration and jerk: m, m/rad, m/rad^2, m/rad^3; zero where continuous.
-    """
-
-    angle: float
+    angle: float  #: cam angle, rad
+    #: right minus left of lift, velocity, acceleration and jerk: m, m/rad, m/rad^2, m/rad^3; zero where continuous
     steps: tuple[float, float, float, float]
 
     @property
@@ -341,17 +327,10 @@ _CYCLE = 4.0 * math.pi
 
 @dataclass(frozen=True)
 class ValveEvent:
-    """Opening and closing of a valve at a lift, in crank angles of a four-stroke cycle.
+    """Opening and closing of a valve at a lift, in crank angles of a four-stroke cycle."""
 
-    Parameters
-    ----------
-    lift
-        The lift, m.
-    opens, closes
-        Crank angles, rad, `opens` from 0 to 4 pi, `closes` after it; crank and cam angle are zero together.
-    """
-
-    lift: float
+    lift: float  #: the lift, m
+    #: `opens`, `closes`: crank angles, rad, `opens` from 0 to 4 pi; crank and cam angle are zero together
     opens: float
     closes: float
 

@@ -37,34 +37,19 @@ _DOF_WEIGHT = 1.4
 
 @dataclass(frozen=True)
 class LiftReport:
-    """Changes of a lift table by smoothing.
+    """Changes of a lift table by smoothing."""
 
-    Parameters
-    ----------
-    points
-        Number of points given.
-    rms_change, largest_change, at
-        Root mean square and largest difference of spline and points, m, and the cam angle of the latter, rad.
-    acceleration_before, acceleration_after
-        Minimum and maximum second derivative by the cam angle, m/rad^2: of the points by differences, and of the
-        spline.
-    smoothing
-        Roughness weight of the fit.
-    scatter
-        Estimated standard deviation of the noise of the points, m.
-    remarks
-        Warnings, in words.
-    """
-
-    points: int
+    points: int  #: number of points given
+    #: `rms_change`, `largest_change`, `at`: differences of spline and points, m, and the angle of the largest, rad
     rms_change: float
     largest_change: float
     at: float
+    #: `acceleration_before`, `acceleration_after`: range by differences of the points, and of the spline, m/rad^2
     acceleration_before: tuple[float, float]
     acceleration_after: tuple[float, float]
-    smoothing: float
-    scatter: float
-    remarks: tuple[str, ...]
+    smoothing: float  #: roughness weight of the fit
+    scatter: float  #: estimated standard deviation of the noise of the points, m
+    remarks: tuple[str, ...]  #: warnings, in words
 
 
 def lift_table(angle: ArrayLike, lift: ArrayLike, *, tolerance: float | None = None) -> tuple[DelayedEvent, LiftReport]:
@@ -73,27 +58,6 @@ def lift_table(angle: ArrayLike, lift: ArrayLike, *, tolerance: float | None = N
     The spline minimizes the squared distances plus a weight times the integral of its squared third derivative
     (C. H. Reinsch, Smoothing by spline functions, Numerische Mathematik 10 (1967); here on even knots, P. H. C. Eilers
     and B. D. Marx, Flexible smoothing with B-splines and penalties, Statistical Science 11 (1996)).
-
-    Parameters
-    ----------
-    angle
-        Cam angles, rad, ascending, over one revolution at most, shape (m,). Missing angles are base circle.
-    lift
-        m, shape (m,).
-    tolerance
-        Root mean square change allowed, m; 0 to interpolate the points (up to 1440, or smooth ones); None to estimate
-        the noise by generalized cross-validation.
-
-    Returns
-    -------
-    Shifted, LiftReport
-        The event, a `PeriodicSpline` with its first knot at the first point, and the changes.
-
-    Raises
-    ------
-    InputError
-        If angles do not ascend or take more than a revolution, points are too few or leave gaps, or the lift is
-        negative or not periodic.
 
     Examples
     --------

@@ -232,32 +232,15 @@ _OPTIMALITY_TOLERANCE = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Synthesis:
-    """Result of a synthesis.
-
-    Parameters
-    ----------
-    law
-        The law.
-    objective
-        Weighted sum of its criteria.
-    bound
-        Lower bound for the family under the same conditions; None if the problem is not convex.
-    bound_all
-        Lower bound for all laws; None if unknown.
-    criteria
-        Criteria of the law.
-    family
-        Name of the family.
-    open
-        Reasons for non-convergence, in words: a violated bound, or a remaining gap. Empty if converged.
-    """
+    """Result of a synthesis."""
 
     law: Law
-    objective: float
-    bound: float | None
-    bound_all: float | None
+    objective: float  #: weighted sum of its criteria
+    bound: float | None  #: lower bound for the family under the same conditions; None if the problem is not convex
+    bound_all: float | None  #: lower bound for all laws; None if unknown
     criteria: Criteria
-    family: str
+    family: str  #: name of the family
+    #: reasons for non-convergence, in words: a violated bound, or a remaining gap. Empty if converged
     open: tuple[str, ...] = ()
 
     @property

@@ -73,15 +73,9 @@ class _SmoothLift(ABC):
 
 @dataclass(frozen=True, eq=False)
 class PeriodicSpline(_SmoothLift):
-    """Lift over a revolution as a spline of degree 5 with equally spaced knots and continuous fourth derivative.
+    """Lift over a revolution as a spline of degree 5 with equally spaced knots and continuous fourth derivative."""
 
-    Parameters
-    ----------
-    coefficients
-        m, shape (n,), one per knot, 12 or more.
-    """
-
-    coefficients: FloatArray
+    coefficients: FloatArray  #: m, shape (n,), one per knot, 12 or more
 
     def __post_init__(self) -> None:
         values = finite_array("coefficients", self.coefficients, (None,))
@@ -101,16 +95,10 @@ class HarmonicLift(_SmoothLift):
     """Lift as a mean and a few harmonics of the cam angle, which bounds the excitation spectrum.
 
     C. Li, Cam motion simulation and optimization (2014), eq. 5.
-
-    Parameters
-    ----------
-    mean
-        m.
-    cosine, sine
-        Amplitudes a_n and b_n of cos(n angle) and sin(n angle), m, n from 1, as many of both.
     """
 
-    mean: float
+    mean: float  #: m
+    #: `cosine`, `sine`: amplitudes a_n and b_n of cos(n angle) and sin(n angle), m, n from 1, as many of both
     cosine: tuple[float, ...]
     sine: tuple[float, ...]
 
@@ -152,19 +140,11 @@ def harmonics(event: Event, count: int, order: int = 0) -> ComplexArray:
 
 @dataclass(frozen=True, eq=False)
 class OrderSpectrum:
-    """Order spectrum of a time history.
+    """Order spectrum of a time history."""
 
-    Parameters
-    ----------
-    coefficients
-        Complex amplitudes c_0 to c_count, shape (count + 1,): value = Re sum c_n exp(i n angle), as those of
-        `flexcam.cams.harmonics`.
-    gap
-        Periodicity error: the difference of the values at both ends, in their own unit. It leaks into every order by
-        about ``gap / (pi n)``.
-    """
-
+    #: complex amplitudes c_0 to c_count, shape (count + 1,): value = Re sum c_n exp(i n angle)
     coefficients: ComplexArray
+    #: difference of the values at both ends, in their own unit; it leaks into every order by about gap/(pi n)
     gap: float
 
     @property

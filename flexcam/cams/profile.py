@@ -25,32 +25,17 @@ _STRAIGHT = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class CamProfile:
-    """Cam profile at points in its own frame, which coincides with the fixed frame at cam angle zero.
-
-    Parameters
-    ----------
-    follower
-        Follower of the profile.
-    turn
-        Sense of rotation: 1 counterclockwise, -1 clockwise.
-    angle
-        Cam angles, rad, shape (n,).
-    lift, velocity, acceleration
-        Of the follower, m, m/rad, m/rad^2, shape (n,).
-    touch
-        Contact in the fixed frame.
-    event
-        Lift of the profile.
-    """
+    """Cam profile at points in its own frame, which coincides with the fixed frame at cam angle zero."""
 
     follower: Follower
-    turn: Turn
-    angle: FloatArray
+    turn: Turn  #: sense of rotation: 1 counterclockwise, -1 clockwise
+    angle: FloatArray  #: cam angles, rad, shape (n,)
+    #: `lift`, `velocity`, `acceleration`: of the follower, m, m/rad, m/rad^2, shape (n,)
     lift: FloatArray
     velocity: FloatArray
     acceleration: FloatArray
-    touch: FollowerContact
-    event: Event
+    touch: FollowerContact  #: contact in the fixed frame
+    event: Event  #: lift of the profile
 
     @cached_property
     def extremes(self) -> ProfileExtremes:
@@ -135,27 +120,13 @@ def profile_at(
 
 @dataclass(frozen=True)
 class ProfileExtremes:
-    """Extremes of a profile, each with its cam angle, rad.
+    """Extremes of a profile, each with its cam angle, rad."""
 
-    Parameters
-    ----------
-    convex
-        Minimum radius of curvature of convex parts, m; zero or negative if undercut.
-    hollow
-        Radius of the tightest hollow, m, above zero; None without a hollow.
-    pressure_angle
-        Largest in magnitude, signed, rad.
-    offset
-        Minimum and maximum offset of the contact, m.
-    sliding
-        Largest in magnitude, signed, m/rad.
-    """
-
-    convex: Extreme
-    hollow: Extreme | None
-    pressure_angle: Extreme
-    offset: tuple[Extreme, Extreme]
-    sliding: Extreme
+    convex: Extreme  #: minimum radius of curvature of convex parts, m; zero or negative if undercut
+    hollow: Extreme | None  #: radius of the tightest hollow, m, above zero; None without a hollow
+    pressure_angle: Extreme  #: largest in magnitude, signed, rad
+    offset: tuple[Extreme, Extreme]  #: minimum and maximum offset of the contact, m
+    sliding: Extreme  #: largest in magnitude, signed, m/rad
 
 
 def profile_extremes(event: Event, follower: Follower, turn: Turn = 1) -> ProfileExtremes:
@@ -235,26 +206,16 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class ProfileFault:
-    """Violated limit of a profile.
+    """Violated limit of a profile."""
 
-    Parameters
-    ----------
-    what, remedy
-        Description and remedy, in words.
-    angle
-        Cam angle of the worst value, rad.
-    value, limit
-        Value found and limit, SI.
-    kind
-        Kind of quantity: an angle, rad, or a length, m.
-    """
-
+    #: `what`, `remedy`: description and remedy, in words
     what: str
     remedy: str
-    angle: float
+    angle: float  #: cam angle of the worst value, rad
+    #: `value`, `limit`: value found and limit, SI
     value: float
     limit: float
-    kind: Literal["angle", "length"] = "length"
+    kind: Literal["angle", "length"] = "length"  #: kind of quantity: an angle, rad, or a length, m
 
 
 def find_profile_faults(
@@ -396,18 +357,10 @@ def lift_from_profile(points: ArrayLike, follower: Follower, angle: ArrayLike, *
 
 @dataclass(frozen=True)
 class Bridge:
-    """Hollow that a follower bridges.
+    """Hollow that a follower bridges."""
 
-    Parameters
-    ----------
-    depth
-        Largest gap between the follower and the hollow, along its path, m.
-    point
-        Position of the largest gap, m, frame of the cam.
-    """
-
-    depth: float
-    point: tuple[float, float]
+    depth: float  #: largest gap between the follower and the hollow, along its path, m
+    point: tuple[float, float]  #: position of the largest gap, m, frame of the cam
 
 
 def find_bridges(points: ArrayLike, follower: Follower, *, turn: Turn = 1) -> Bridge | None:

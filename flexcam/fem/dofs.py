@@ -18,18 +18,10 @@ _ROUNDING = 1e-10
 
 @dataclass(frozen=True, eq=False)
 class DofMap:
-    """Numbers of the free components, node after node, ux to rz.
+    """Numbers of the free components, node after node, ux to rz."""
 
-    Parameters
-    ----------
-    numbers
-        Shape (nodes, 6); -1 if a support constrains the component.
-    names
-        A name per free component, such as ``"cam.uy"``.
-    """
-
-    numbers: IntArray
-    names: tuple[str, ...]
+    numbers: IntArray  #: shape (nodes, 6); -1 if a support constrains the component
+    names: tuple[str, ...]  #: a name per free component, such as ``"cam.uy"``
 
     @property
     def size(self) -> int:

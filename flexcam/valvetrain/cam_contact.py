@@ -59,30 +59,16 @@ class HertzLine:
     In the sum the radius cancels: with ``q = (1 - nu^2) p/(pi E)`` the approach is ``q (2 ln(d/q) - 1 - nu/(1 - nu))``,
     and of two cylinders ``q (2 ln(2 (R1 + R2)/q) - 2)``: only the distance of their axes remains. The curvature of the
     cam enters the pressure, but the stiffness at most by a logarithm, which is evaluated for the base circle.
-
-    Parameters
-    ----------
-    width
-        Length of the line, m.
-    modulus, poisson
-        E and nu of both bodies.
-    radius
-        Relative radius of curvature over the cam angle, m, above zero; `STRAIGHT` depths at most.
-    depth
-        Depth of the flat body, or twice the distance of the axes of two cylinders on the base circle, m.
-    dissipation
-        chi of Hunt and Crossley, s/m.
-    rolls
-        Whether both bodies are cylinders.
     """
 
-    width: float
+    width: float  #: length of the line, m
+    #: `modulus`, `poisson`: E and nu of both bodies
     modulus: float
     poisson: float
-    radius: AngleFunction
-    depth: float
-    dissipation: float = 0.0
-    rolls: bool = False
+    radius: AngleFunction  #: relative radius of curvature over the cam angle, m, above zero; `STRAIGHT` depths at most
+    depth: float  #: depth of the flat body, or twice the distance of the axes of two cylinders on the base circle, m
+    dissipation: float = 0.0  #: chi of Hunt and Crossley, s/m
+    rolls: bool = False  #: whether both bodies are cylinders
 
     @property
     def plane_strain(self) -> float:
@@ -93,17 +79,6 @@ class HertzLine:
         """Return the force law along a direction inclined to the contact normal.
 
         The law is linear above the load at which the half width is half the radius, ``pi E/(128 (1 - nu^2)) R``.
-
-        Parameters
-        ----------
-        cosine
-            Of the angle between direction and normal, over the cam angle; on a swinging flat face the distance of
-            the contact from the pivot by the arm.
-
-        Returns
-        -------
-        ForceLaw
-            `flexcam.dynamics.force_laws.line_contact`.
         """
         give = 1.0 / (math.pi * self.plane_strain)
         rest = 2.0 if self.rolls else 1.0 + self.poisson / (1.0 - self.poisson)
@@ -112,20 +87,7 @@ class HertzLine:
         return ForceLaw(LINE_CONTACT, shape, (self.radius, cosine))
 
     def pressure(self, force: FloatArray, radius: FloatArray) -> FloatArray:
-        """Return the largest Hertz pressure, ``sqrt(p E*/(pi R))``.
-
-        Parameters
-        ----------
-        force
-            Along the normal, N, shape (n,).
-        radius
-            Relative radius of curvature, m, shape (n,).
-
-        Returns
-        -------
-        ndarray
-            Pa, shape (n,).
-        """
+        """Return the largest Hertz pressure, ``sqrt(p E*/(pi R))``."""
         p = np.maximum(force, 0.0) / self.width
         return np.sqrt(p * 0.5 * self.plane_strain / (math.pi * radius))
 
@@ -393,8 +355,8 @@ def _per_time(path: AngleFunction) -> Observable:
 
 
 def _pressure(line: HertzLine, cam: Cam) -> Observable:
-    def pressed(seen: Observation) -> FloatArray:
+    def pressure(seen: Observation) -> FloatArray:
         reach = cached_profile(cam, seen.cam).touch.reach
         return line.pressure(seen.forces[:, 0] / reach, seen.cam(line.radius, 0))
 
-    return pressed
+    return pressure

@@ -92,27 +92,13 @@ _ALONG = 0.9
 
 @dataclass(frozen=True, eq=False)
 class ShaftDrive:
-    """Node at which a shaft's rotation is prescribed.
+    """Node at which a shaft's rotation is prescribed."""
 
-    Parameters
-    ----------
-    name
-        Of the support or the node.
-    node
-        Its number.
-    freed
-        Structure with the constrained rotations of that node released.
-    kept
-        Indices of the structure's unknowns among those of `freed`, shape (n,).
-    turned
-        Unit rotation about the shaft in the released unknowns, shape (n of `freed`,).
-    """
-
-    name: str
+    name: str  #: of the support or the node
     node: int
-    freed: Structure
-    kept: IntArray
-    turned: FloatArray
+    freed: Structure  #: structure with the constrained rotations of that node released
+    kept: IntArray  #: indices of the structure's unknowns among those of `freed`, shape (n,)
+    turned: FloatArray  #: unit rotation about the shaft in the released unknowns, shape (n of `freed`,)
 
     @property
     def is_on_arched_member(self) -> bool:
@@ -187,10 +173,10 @@ def inertia_torque(end: ShaftDrive) -> Observable:
     damped = freed.dampers + rayleigh_damping(freed.mass, freed.stiffness, damping.alpha, damping.beta)
     each = [matrix.times(end.turned)[end.kept][None] for matrix in (freed.stiffness, damped, freed.mass)]
 
-    def asked(seen: Observation) -> FloatArray:
+    def torque(seen: Observation) -> FloatArray:
         return sum((seen.moved.extract(row, order)[:, 0] for order, row in enumerate(each)), np.zeros(1))
 
-    return asked
+    return torque
 
 
 def reaction_torque(end: ShaftDrive, loads: tuple[Load, ...], forces: tuple[LocalForce, ...]) -> Observable:

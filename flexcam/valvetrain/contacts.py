@@ -93,22 +93,7 @@ def lash_row(structure: Structure, part: Lash | Adjuster, where: str) -> FloatAr
 
 
 def couple_adjuster(structure: Structure, name: str, part: Adjuster) -> Coupling:
-    """Return the coupling of a hydraulic lash adjuster.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-    name
-        Of the contact.
-    part
-        The adjuster.
-
-    Returns
-    -------
-    Coupling
-        A local force with the channels force and leak-down.
-    """
+    """Return the coupling of a hydraulic lash adjuster."""
     where = f"contacts.{name}"
     law = oil_column_law(part.stiffness, part.leak, part.refill, part.plunger_force)
     force = conservative_force(where, AngleVector.constant(lash_row(structure, part, where)), law)

@@ -17,38 +17,14 @@ from flexcam.valvetrain.structure import Structure, lever_ends
 
 
 def lever_end(lever: Lever, end: int) -> ForceLaw:
-    """Return the law of an elastic lever end beyond its linear spring; it senses the path p and the motion x.
-
-    Parameters
-    ----------
-    lever
-        The lever.
-    end
-        0 for the driven one, 1 for the point.
-
-    Returns
-    -------
-    ForceLaw
-        `flexcam.dynamics.force_laws.lever`.
-    """
+    """Return the law of an elastic lever end beyond its linear spring; it senses the path p and the motion x."""
     return ForceLaw(
         LEVER, (lever.stiffness[end], lever.damping[end], lever.arms[end], lever.arms[0], lever.angles[end])
     )
 
 
 def lever_joints(structure: Structure) -> Coupling:
-    """Return the nonlinear forces of all levers.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-
-    Returns
-    -------
-    Coupling
-        A local force per elastic end.
-    """
+    """Return the nonlinear forces of all levers."""
     check_lever_rotation(structure)
     forces: list[LocalForce] = []
     for name, lever in structure.model.levers.items():
@@ -59,18 +35,7 @@ def lever_joints(structure: Structure) -> Coupling:
 
 
 def check_lever_rotation(structure: Structure) -> None:
-    """Refuse a lift that rotates a lever until its arm is parallel to the motion.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-
-    Raises
-    ------
-    InputError
-        Naming the lever.
-    """
+    """Refuse a lift that rotates a lever until its arm is parallel to the motion."""
     model = structure.model
     for name, contact in model.cam_contacts.items():
         train = follower_train(structure, contact, f"contacts.{name}.follower")

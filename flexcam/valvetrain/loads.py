@@ -39,17 +39,10 @@ from flexcam.valvetrain.train_topology import complete_motion, follower_motion
 
 @dataclass(frozen=True, eq=False)
 class FollowerTrain:
-    """Parts moving with a follower as one rigid body along the lift.
+    """Parts moving with a follower as one rigid body along the lift."""
 
-    Parameters
-    ----------
-    motion
-        Unit motion of its unknowns along the lift, shape (n,).
-    mass, stiffness
-        kg and N/m of that motion, at the follower.
-    """
-
-    motion: FloatArray
+    motion: FloatArray  #: unit motion of its unknowns along the lift, shape (n,)
+    #: `mass`, `stiffness`: kg and N/m of that motion, at the follower
     mass: float
     stiffness: float
 

@@ -57,30 +57,14 @@ def lump_mass(mass: FloatArray, moved: FloatArray, count: int) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """Train as a chain of masses.
+    """Train as a chain of masses."""
 
-    Parameters
-    ----------
-    system
-        Its equations: contacts, loads, probes and channels are those of the beam model.
-    points
-        Name of every mass of the chain, from the follower on.
-    masses
-        Masses of the chain reduced to the follower (with squared rocker ratios), kg, shape (k,).
-    stiffnesses
-        Stiffnesses between neighbours reduced to the follower, N/m, shape (k - 1,).
-    shapes
-        Motion of the beam model's unknowns per unknown of the chain, shape (n, m).
-    unfelt
-        Members beyond the last kept point: they transmit spring forces, but no inertia forces.
-    """
-
-    system: System
-    points: tuple[str, ...]
-    masses: FloatArray
-    stiffnesses: FloatArray
-    shapes: FloatArray
-    unfelt: tuple[str, ...]
+    system: System  #: its equations: contacts, loads, probes and channels are those of the beam model
+    points: tuple[str, ...]  #: name of every mass of the chain, from the follower on
+    masses: FloatArray  #: masses of the chain reduced to the follower (with squared rocker ratios), kg, shape (k,)
+    stiffnesses: FloatArray  #: stiffnesses between neighbours reduced to the follower, N/m, shape (k - 1,)
+    shapes: FloatArray  #: motion of the beam model's unknowns per unknown of the chain, shape (n, m)
+    unfelt: tuple[str, ...]  #: members beyond the last kept point: they transmit spring forces, but no inertia forces
 
 
 def build_chain(model: Model, speed: float, count: int, *, contact: str | None = None, lumped: bool = False) -> Chain:

@@ -59,20 +59,12 @@ _ENERGY_FRACTION = 0.05
 
 @dataclass(frozen=True, eq=False)
 class ModelModes:
-    """Modes of a model.
+    """Modes of a model."""
 
-    Parameters
-    ----------
-    modes
-        Frequencies and shapes.
-    effective
-        Effective masses along ux uy uz and about rx ry rz through the origin, shape (k, 6), kg and kg m^2.
-    shares
-        Kinetic energy by part, one dict per mode: ``"camshaft torsion"`` or ``"mass valve"`` to its share.
-    """
-
-    modes: Modes
+    modes: Modes  #: frequencies and shapes
+    #: effective masses along ux uy uz and about rx ry rz through the origin, shape (k, 6), kg and kg m^2
     effective: FloatArray
+    #: kinetic energy by part, one dict per mode: ``"camshaft torsion"`` or ``"mass valve"`` to its share
     shares: tuple[dict[str, float], ...]
 
     def words(self, mode: int) -> str:
@@ -212,18 +204,10 @@ _MAX_CONTACT_UNKNOWNS = 3000
 
 @dataclass(frozen=True, eq=False)
 class ContactModes:
-    """Modes on the lift of a cam.
+    """Modes on the lift of a cam."""
 
-    Parameters
-    ----------
-    found
-        Modes with the stiffness of contacts closed at full lift.
-    push
-        Modal force per contact force, shape (k,), 1/sqrt(kg).
-    """
-
-    found: ModelModes
-    push: FloatArray
+    found: ModelModes  #: modes with the stiffness of contacts closed at full lift
+    push: FloatArray  #: modal force per contact force, shape (k,), 1/sqrt(kg)
 
     @property
     def relevant_modes(self) -> list[int]:

@@ -25,21 +25,11 @@ _ANGLES = np.linspace(0.0, 2.0 * math.pi, 7201)
 
 @dataclass(frozen=True)
 class CoarseCam:
-    """Cam whose lift is not resolved by the steps.
-
-    Parameters
-    ----------
-    cam
-        Its name.
-    missed
-        Deviation of the lift from a straight line between two steps, relative to the lift; at most 1.
-    enough
-        Sufficient steps per camshaft revolution.
-    """
+    """Cam whose lift is not resolved by the steps."""
 
     cam: str
-    missed: float
-    enough: int
+    missed: float  #: deviation of the lift from a straight line between two steps, relative to the lift; at most 1
+    enough: int  #: sufficient steps per camshaft revolution
 
 
 def coarse_cams(model: Model, turn: float) -> list[CoarseCam]:
@@ -67,40 +57,17 @@ _WAVE = 2.0 * math.pi
 
 @dataclass(frozen=True)
 class Resolution:
-    """Temporal and spatial resolution of a run.
+    """Temporal and spatial resolution of a run."""
 
-    Parameters
-    ----------
-    frequency
-        Frequency of the accelerations, Hz; zero without motion.
-    steps
-        Steps per period; infinite without motion.
-    elements
-        Elements per bending wavelength at that frequency, by member.
-    impacts
-        Steps during the impact of maximum force, by contact; none for contacts that stay closed or open.
-    """
-
-    frequency: float
-    steps: float
-    elements: dict[str, float]
+    frequency: float  #: frequency of the accelerations, Hz; zero without motion
+    steps: float  #: steps per period; infinite without motion
+    elements: dict[str, float]  #: elements per bending wavelength at that frequency, by member
+    #: steps during the impact of maximum force, by contact; none for contacts that stay closed or open
     impacts: dict[str, int]
 
 
 class ResolutionSink:
-    """Sink that evaluates the resolution of a run.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-    system
-        The system that is run.
-    outline
-        Names of the results.
-    step
-        s.
-    """
+    """Sink that evaluates the resolution of a run."""
 
     def __init__(self, structure: Structure, system: System, outline: Outline, step: float) -> None:
         self._structure, self._step = structure, step

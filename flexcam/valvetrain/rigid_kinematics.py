@@ -28,29 +28,29 @@ def direct_path(lift: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 def lever_path(before: Coordinate, lever: Lever, end: int, share: float) -> Coordinate:
     """Return the path of a lever's driven end (0), or of its point (1), over the lift."""
 
-    def moved(lift: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def path(lift: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         c, c1, c2 = before(lift)
-        path, slope, bend = lever.path_at(share * c)
+        p, slope, bend = lever.path_at(share * c)
         slope, bend = share * slope * c1, share**2 * bend * c1**2 + share * slope * c2
         if end == 0:
-            return path, slope, bend
-        y, by_path, by_path_twice = lever.reach(path, 1)
+            return p, slope, bend
+        y, by_path, by_path_twice = lever.reach(p, 1)
         return y, by_path * slope, by_path_twice * slope**2 + by_path * bend
 
-    return moved
+    return path
 
 
 def path_behind_lash(before: Coordinate, gap: float, rest: float | None) -> Coordinate:
     """Return the path after a lash, zero until the lash is taken up."""
 
-    def moved(lift: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def path(lift: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         h, h1, h2 = before(lift)
         if rest is None:
             return h - gap, h1, h2
         on = h - gap > rest
         return np.where(on, h - gap, rest), np.where(on, h1, 0.0), np.where(on, h2, 0.0)
 
-    return before if gap == 0.0 and rest is None else moved
+    return before if gap == 0.0 and rest is None else path
 
 
 _FORCE_TOLERANCE = 1e-9
@@ -62,27 +62,13 @@ _PENETRATION_TOLERANCE = 1e-12
 
 @dataclass(frozen=True)
 class Body:
-    """Part of a train not divided by lash; motions and forces are reduced to the follower.
+    """Part of a train not divided by lash; motions and forces are reduced to the follower."""
 
-    Parameters
-    ----------
-    before
-        Number of the driving body; its own number for the first body, driven by the cam.
-    gap
-        Lash between them, m.
-    push
-        Plunger force of an adjuster, N.
-    extends
-        Whether an adjuster between them takes up the lash.
-    seated
-        Whether a seat stops its return.
-    """
-
-    before: int = 0
-    gap: float = 0.0
-    push: float = 0.0
-    extends: bool = False
-    seated: bool = False
+    before: int = 0  #: number of the driving body; its own number for the first body, driven by the cam
+    gap: float = 0.0  #: lash between them, m
+    push: float = 0.0  #: plunger force of an adjuster, N
+    extends: bool = False  #: whether an adjuster between them takes up the lash
+    seated: bool = False  #: whether a seat stops its return
 
     def touches(self, place: float, before: float) -> bool:
         """Return whether its lash is closed at given positions of it and the driving body, m."""
@@ -91,18 +77,10 @@ class Body:
 
 @dataclass(frozen=True, eq=False)
 class RestState:
-    """Rest positions of bodies on the base circle.
+    """Rest positions of bodies on the base circle."""
 
-    Parameters
-    ----------
-    places
-        m along the lift, shape (g,).
-    seats
-        Forces of their seats, N, shape (g,); not for the first, whose load is shared by the stiffnesses of seat and
-        cam.
-    """
-
-    places: FloatArray
+    places: FloatArray  #: m along the lift, shape (g,)
+    #: forces of their seats, N, shape (g,); not for the first, whose load is shared by the stiffnesses of seat and cam
     seats: FloatArray
 
 
@@ -164,44 +142,24 @@ Bools = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """Part that moves along one path.
+    """Part that moves along one path."""
 
-    Parameters
-    ----------
-    motion
-        Shape (n,), per motion along the path.
-    slope
-        Slope of the path over the lift, as installed, with lash closed.
-    before
-        Number of the driving part.
-    body
-        Number of its body.
-    lever, end, share
-        Lever with the path of its driven end (0) or its point (1), and the fraction of the driving motion.
-    opens
-        Whether a lash precedes it, so that a new body begins.
-    """
-
-    motion: FloatArray
-    slope: float = 1.0
-    before: int = 0
-    body: int = 0
+    motion: FloatArray  #: shape (n,), per motion along the path
+    slope: float = 1.0  #: slope of the path over the lift, as installed, with lash closed
+    before: int = 0  #: number of the driving part
+    body: int = 0  #: number of its body
+    #: `lever`, `end`, `share`: lever, its driven end (0) or its point (1), and the fraction of the driving motion
     lever: Lever | None = None
     end: int = 0
     share: float = 1.0
-    opens: bool = False
+    opens: bool = False  #: whether a lash precedes it, so that a new body begins
 
 
 @dataclass(frozen=True, eq=False)
 class TrainParts:
-    """Rigid train divided into parts and bodies.
+    """Rigid train divided into parts and bodies."""
 
-    Parameters
-    ----------
-    parts, bodies
-        From the cam on.
-    """
-
+    #: `parts`, `bodies`: from the cam on
     parts: tuple[Part, ...]
     bodies: tuple[Body, ...]
 

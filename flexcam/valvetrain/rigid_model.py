@@ -47,27 +47,13 @@ from flexcam.valvetrain.system_builder import probe_of
 
 @dataclass(frozen=True, eq=False)
 class SpringLaw:
-    """Nonlinear law of a spring's parts along the motions of a train.
+    """Nonlinear law of a spring's parts along the motions of a train."""
 
-    Parameters
-    ----------
-    name
-        Such as ``springs.valve.clash``.
-    law
-        Forces of the parts, stacked, as in the flexible train.
-    rows
-        Compression of each part per motion, shape (c, b).
-    offset
-        Prescribed part of the compression.
-    stops
-        Whether the law is coil clash.
-    """
-
-    name: str
-    law: LocalForces
-    rows: FloatArray
-    offset: AngleFunction
-    stops: bool
+    name: str  #: such as ``springs.valve.clash``
+    law: LocalForces  #: forces of the parts, stacked, as in the flexible train
+    rows: FloatArray  #: compression of each part per motion, shape (c, b)
+    offset: AngleFunction  #: prescribed part of the compression
+    stops: bool  #: whether the law is coil clash
 
     def force(self, moved: FloatArray, cam: CamFunctionCache) -> FloatArray:
         """Return the forces against some motions by virtual work."""
@@ -111,27 +97,15 @@ class RigidFriction:
     The train needs a force along its lift. If the face moves along itself during lift (a swinging face offset from its
     pivot), by a per lift, friction carries a part of it: ``f - a T = needed`` with ``T = mu f tanh(v/v0)``, so that ``f
     = needed/(1 - a mu tanh(v/v0))``: virtual work of what `flexcam.valvetrain.cam_contact` senses.
-
-    Parameters
-    ----------
-    event
-        Lift of the cam.
-    coefficient, speed
-        mu, and v0 in m/s.
-    shares
-        Factors of the follower's motion for each of `along`, shape (k,).
-    along
-        Functions of the path along the face.
-    slid
-        Sliding path with the follower fixed, m; its derivative is used.
     """
 
-    event: Event
+    event: Event  #: lift of the cam
+    #: `coefficient`, `speed`: mu, and v0 in m/s
     coefficient: float
     speed: float
-    shares: FloatArray
-    along: tuple[AngleFunction, ...]
-    slid: AngleFunction
+    shares: FloatArray  #: factors of the follower's motion for each of `along`, shape (k,)
+    along: tuple[AngleFunction, ...]  #: functions of the path along the face
+    slid: AngleFunction  #: sliding path with the follower fixed, m; its derivative is used
 
     def force(self, needed: History) -> History:
         """Return the contact force, N, from the force required along the lift."""
@@ -177,39 +151,21 @@ def rigid_friction(structure: Structure, name: str, contact: CamContact, moved: 
 
 @dataclass(frozen=True, eq=False)
 class RigidTrain:
-    """Train of a follower as motions times coordinates that are functions of the lift.
+    """Train of a follower as motions times coordinates that are functions of the lift."""
 
-    Parameters
-    ----------
-    motions
-        Shape (b, n): the first is everything that moves in proportion to the lift, then the ends of levers.
-    coordinates
-        One per motion.
-    mass, damping, stiffness
-        Matrices of these motions, shape (b, b): springs, dampers, Rayleigh damping and modal damping of the remaining
-        modes.
-    force
-        Of the installed springs, the weight and the given loads along them, N, shape (b,).
-    bodies
-        Bodies between lash: relative motions as installed, shape (g, b).
-    standing
-        Contribution of a body to the force at the follower on the base circle, N, shape (g,), if supported by a seat;
-        else NaN.
-    springs
-        Nonlinear laws of springs.
-    shared
-        Force at the follower shared by cam and seat on the base circle, N; it is assigned to the seat.
-    """
-
+    #: shape (b, n): the first is everything that moves in proportion to the lift, then the ends of levers
     motions: FloatArray
-    coordinates: tuple[Coordinate, ...]
+    coordinates: tuple[Coordinate, ...]  #: one per motion
+    #: `mass`, `damping`, `stiffness`: of these motions, shape (b, b); springs, dampers, Rayleigh and modal damping
     mass: FloatArray
     damping: FloatArray
     stiffness: FloatArray
-    force: FloatArray
-    bodies: FloatArray
+    force: FloatArray  #: of the installed springs, the weight and the given loads along them, N, shape (b,)
+    bodies: FloatArray  #: bodies between lash: relative motions as installed, shape (g, b)
+    #: force of each body at the follower on the base circle, N, shape (g,), if a seat supports it; else NaN
     standing: FloatArray
-    springs: tuple[SpringLaw, ...]
+    springs: tuple[SpringLaw, ...]  #: nonlinear laws of springs
+    #: force at the follower shared by cam and seat on the base circle, N; it is assigned to the seat
     shared: float = 0.0
 
     def contact_force(self, event: Event) -> Callable[[CamMotion], FloatArray]:

@@ -27,19 +27,10 @@ from flexcam.valvetrain.structure import Structure, spring_parts
 
 
 def couple_coils(structure: Structure) -> Coupling:
-    """Return the contacts between neighbouring parts of springs, and the channels of all springs of an engine.
+    """Return the contacts between neighbouring parts of springs, and the channels of all springs.
 
-    Parameters
-    ----------
-    structure
-        The structure.
-
-    Returns
-    -------
-    Coupling
-        A local force per spring with a clash travel. Channels, where applicable: ``force`` of the part at the moving
-        end with its touching coils, ``surge`` (largest deviation of a coil from uniform deformation), ``stress`` of
-        the wire, ``clearance`` (travel left until all coils touch, counted by the most compressed part) and ``clash``.
+    ``surge`` is the largest deviation of a coil from uniform deformation, ``clearance`` the travel left until all coils
+    touch, counted by the most compressed part.
     """
     forces: list[LocalForce] = []
     channels: list[Channel] = []
@@ -64,20 +55,7 @@ def couple_coils(structure: Structure) -> Coupling:
 
 
 def pulsating_spring(stiffness: float, pulsation: Pulsation) -> ForceLaw:
-    """Return the law of the fluctuating part of a pulsating stiffness.
-
-    Parameters
-    ----------
-    stiffness
-        Mean, N/m.
-    pulsation
-        Fluctuation over the cam angle.
-
-    Returns
-    -------
-    ForceLaw
-        `flexcam.dynamics.force_laws.bilateral` with a stiffness that changes with the cam angle.
-    """
+    """Return the law of the fluctuating part of a pulsating stiffness."""
     return ForceLaw(PULSATING, (stiffness,), (lambda angle, order: pulsation.part(angle),))
 
 

@@ -41,21 +41,12 @@ def buckling_load(structure: Structure, member: str) -> float:
 
 @dataclass(frozen=True)
 class StiffStrut:
-    """Member with too few elements for its geometric stiffness.
-
-    Parameters
-    ----------
-    member
-        Its name.
-    excess
-        Relative excess of the buckling load of the discretized member; infinite if no node is free to bend.
-    elements
-        Sufficient number of elements.
-    """
+    """Member with too few elements for its geometric stiffness."""
 
     member: str
+    #: relative excess of the buckling load of the discretized member; infinite if no node is free to bend
     excess: float
-    elements: int
+    elements: int  #: sufficient number of elements
 
 
 def stiff_struts(model: Model) -> list[StiffStrut]:
@@ -157,18 +148,10 @@ def elements_of(structure: Structure, member: str) -> IntArray:
 
 @dataclass(frozen=True, eq=False)
 class Bars:
-    """Some elements as straight bars.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-    elements
-        Indices of the elements, shape (e,).
-    """
+    """Some elements as straight bars."""
 
     structure: Structure
-    elements: IntArray
+    elements: IntArray  #: indices of the elements, shape (e,)
 
     @property
     def stiffness(self) -> FloatArray:
@@ -208,18 +191,7 @@ def linear_compression(bars: Bars) -> Observable:
 
 
 def arch_laws(arch: Arch) -> list[ForceLaw]:
-    """Return the laws of some shallow arches beyond their straight bars and beams, element by element.
-
-    Parameters
-    ----------
-    arch
-        The elements.
-
-    Returns
-    -------
-    list
-        `flexcam.dynamics.force_laws.arch`, with the seven deformation parameters of an element.
-    """
+    """Return the laws of some shallow arches beyond their straight bars and beams, element by element."""
     pulled = np.einsum("eij,ej->ei", arch.shortening, arch.bow)
     parts = zip(arch.axial, arch.shortening, arch.bow, pulled, strict=True)
     return [ForceLaw(ARCH, (float(axial), *g.ravel().tolist(), *bow.tolist(), *pull.tolist()))
@@ -227,19 +199,7 @@ def arch_laws(arch: Arch) -> list[ForceLaw]:
 
 
 def geometric_stiffness_forces(structure: Structure) -> Coupling:
-    """Return the geometric stiffness forces and the compression channels of members.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-
-    Returns
-    -------
-    Coupling
-        A local force per member with geometric stiffness. Channels: ``members.NAME.compression``, the largest of its
-        elements, and where the member can buckle ``members.NAME.buckling_use``, the same by its buckling load.
-    """
+    """Return the geometric stiffness forces and the compression channels of members."""
     forces: list[LocalForce] = []
     channels: list[Channel] = []
     model = structure.model
@@ -294,29 +254,16 @@ def _ends(structure: Structure, e: int) -> FloatArray:
 
 @dataclass(frozen=True)
 class MemberStrength:
-    """Maximum stress and fatigue safety of a member over a run.
+    """Maximum stress and fatigue safety of a member over a run."""
 
-    Parameters
-    ----------
-    von_mises
-        Largest equivalent stress, Pa.
-    mean, alternating
-        Mean and amplitude at the point of minimum safety, Pa, including torsion as in the equivalent stress.
-    safety
-        Goodman's factor, ``1/(alternating/endurance + mean/ultimate)``; None without material strengths, and without
-        tensile or alternating stress.
-    place
-        Name of the node.
-    rated
-        Whether the material has strength values.
-    """
-
-    von_mises: float
+    von_mises: float  #: largest equivalent stress, Pa
+    #: `mean`, `alternating`: at the point of minimum safety, Pa, including torsion as in the equivalent stress
     mean: float
     alternating: float
+    #: Goodman's factor; None without material strengths, and without tensile or alternating stress
     safety: float | None
-    place: str
-    rated: bool
+    place: str  #: name of the node
+    rated: bool  #: whether the material has strength values
 
 
 class StrengthSink:
@@ -325,11 +272,6 @@ class StrengthSink:
     It stores minimum and maximum normal stress per outline point and torsional stress per section. Mean and amplitude
     are combined as ``sqrt(sigma^2 + 3 tau^2)``, and safety is Goodman's line, with no credit for compressive means
     (torsion has no sign): J. E. Shigley, Mechanical Engineering Design, 9th ed., eqs. 6-46, 6-55 and 6-56.
-
-    Parameters
-    ----------
-    structure
-        The structure.
     """
 
     def __init__(self, structure: Structure) -> None:

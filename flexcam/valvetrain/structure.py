@@ -26,27 +26,17 @@ _ACROSS = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Structure:
-    """The passive part of a model as matrices.
-
-    Parameters
-    ----------
-    model
-        Model of the structure.
-    beams, dofs
-        Elements and unknowns.
-    mass, stiffness, dampers
-        n x n, SI; `dampers` holds the discrete dampers only.
-    free
-        Motions without strain energy, shape (n, k).
-    """
+    """The passive part of a model as matrices."""
 
     model: Model
+    #: `beams`, `dofs`: elements and unknowns
     beams: Beams
     dofs: DofMap
+    #: `mass`, `stiffness`, `dampers`: n x n, SI; `dampers` holds the discrete dampers only
     mass: Triplets
     stiffness: Triplets
     dampers: Triplets
-    free: FloatArray
+    free: FloatArray  #: motions without strain energy, shape (n, k)
 
     def row(self, point: str, direction: FloatArray, where: str = "point") -> FloatArray:
         """Return the row that extracts the motion of a named point, shape (n,)."""

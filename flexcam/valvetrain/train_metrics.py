@@ -41,24 +41,13 @@ BOUNCE_HEIGHT = 1e-4
 
 @dataclass(frozen=True)
 class Seating:
-    """Seating of a valve.
+    """Seating of a valve."""
 
-    Parameters
-    ----------
-    velocity
-        Velocity at the first touch after the lift, m/s, towards the seat, extrapolated from the last two instants.
-    bounces
-        Number of bounces before the next lift.
-    height
-        Height of the highest bounce, m.
-    angle
-        Cam angle of the first touch, rad.
-    """
-
+    #: velocity at the first touch after the lift, m/s, towards the seat, extrapolated from the last two instants
     velocity: float
-    bounces: int
-    height: float
-    angle: float
+    bounces: int  #: number of bounces before the next lift
+    height: float  #: height of the highest bounce, m
+    angle: float  #: cam angle of the first touch, rad
 
 
 def seating(gap: FloatArray, velocity: FloatArray, angle: FloatArray) -> Seating | None:
@@ -101,21 +90,11 @@ def _has_open_end(gap: FloatArray, angle: FloatArray) -> bool:
 
 @dataclass(frozen=True)
 class Metric:
-    """Named scalar result of a run.
+    """Named scalar result of a run."""
 
-    Parameters
-    ----------
-    name
-        Such as ``contacts.seat.seating_velocity``.
-    value
-        SI.
-    unit
-        SI unit.
-    """
-
-    name: str
-    value: float
-    unit: str
+    name: str  #: such as ``contacts.seat.seating_velocity``
+    value: float  #: SI
+    unit: str  #: SI unit
 
 
 def train_metrics(model: Model, response: Response, period: float) -> list[Metric]:
