@@ -50,7 +50,7 @@ def test_a_report(flexcam, result):
     assert [album["title"] for album in data["albums"]] == ["Motion", "Forces and more", "Energy"]
     assert data["albums"][0]["charts"][0]["name"] == "valve"
     assert [one["name"] for one in data["scenes"][0]["shapes"]][-1] == "the run"
-    assert [one["name"] for one in data["scenes"][0]["lines"]] == ["camshaft", "pushrod"]
+    assert list(data["scenes"][0]["lines"]) == ["camshaft", "pushrod"]
 
 
 def test_the_case_may_be_gone(flexcam, result, case, tmp_path):
