@@ -26,7 +26,6 @@ from flexcam.fem.elements import beam
 from flexcam.fem.frames import ROTATIONS
 from flexcam.valvetrain.contacts import Coupling
 from flexcam.valvetrain.model import Model
-from flexcam.valvetrain.parts import Adjuster, CamContact, Contact, Lash, PublishedLoad, Seat
 from flexcam.valvetrain.structure import Structure, build_structure_in
 
 
@@ -99,41 +98,6 @@ class ShaftDrive:
     freed: Structure  #: structure with the constrained rotations of that node released
     kept: IntArray  #: indices of the structure's unknowns among those of `freed`, shape (n,)
     turned: FloatArray  #: unit rotation about the shaft in the released unknowns, shape (n of `freed`,)
-
-    @property
-    def is_on_arched_member(self) -> bool:
-        """True if a member with geometric stiffness contains the node."""
-        model = self.freed.model
-        return any(one.geometric_stiffness and self.node in model.mesh.lines[n] for n, one in model.members.items())
-
-    @property
-    def levers(self) -> bool:
-        """True if a lever is driven at the node."""
-        return self._is_at(*(one.start for one in self.freed.model.levers.values()))
-
-    @property
-    def springs(self) -> bool:
-        """True if a spring ends at the node."""
-        return self._is_at(*(end for one in self.freed.model.springs.values() for end in (one.at, one.to) if end))
-
-    def has_contact_torque(self, contact: Contact) -> bool:
-        """Return whether a contact at this node exerts a torque; the published load only if so configured."""
-        model = self.freed.model
-        match contact:
-            case PublishedLoad():
-                return contact.cam_torque and self._is_at(model.cams[contact.cam].at)
-            case CamContact():
-                return self._is_at(model.cams[contact.cam].at, contact.follower)
-            case Seat():
-                return self._is_at(contact.at)
-            case Lash() | Adjuster():
-                on = [model.rockers[contact.rocker].start] if contact.rocker else []
-                return self._is_at(*(contact.ends or ()), *on)
-
-    def _is_at(self, *points: str) -> bool:
-        """Return whether one of several named points is this node."""
-        named = self.freed.model.mesh.points
-        return any(self.node in named[point] for point in points if point in named)
 
 
 def find_shaft_drives(structure: Structure) -> tuple[ShaftDrive, ...]:

@@ -23,34 +23,11 @@ from flexcam.valvetrain.parts import (
     MassAt,
     NodeLash,
     PublishedLoad,
-    Pulsation,
     Rocker,
-    Seat,
     Spring,
-    Wire,
     path_name,
     tip_name,
 )
-
-__all__ = [
-    "Adjuster",
-    "Cam",
-    "CamContact",
-    "Contact",
-    "GivenLoad",
-    "Lash",
-    "Lever",
-    "MassAt",
-    "Model",
-    "PublishedLoad",
-    "Pulsation",
-    "Rocker",
-    "Seat",
-    "Spring",
-    "Wire",
-    "path_name",
-    "tip_name",
-]
 
 
 @dataclass(frozen=True, eq=False)

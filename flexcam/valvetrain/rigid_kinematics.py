@@ -75,17 +75,10 @@ class Body:
         return self.extends or place - before <= _PENETRATION_TOLERANCE - self.gap
 
 
-@dataclass(frozen=True, eq=False)
-class RestState:
-    """Rest positions of bodies on the base circle."""
+def find_rest(bodies: Sequence[Body], stiffness: FloatArray, force: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the rest positions of bodies on the base circle, m, and the forces of their seats, N, shape (g,) each.
 
-    places: FloatArray  #: m along the lift, shape (g,)
-    #: forces of their seats, N, shape (g,); not for the first, whose load is shared by the stiffnesses of seat and cam
-    seats: FloatArray
-
-
-def find_rest(bodies: Sequence[Body], stiffness: FloatArray, force: FloatArray) -> RestState:
-    """Return the rest positions of bodies on the base circle.
+    The first body has no seat force: the stiffnesses of seat and cam share its load.
 
     Forces return a body until its lash is closed, its seat stops it, or its springs balance them. The solution
     satisfies equilibrium with unilateral contact forces: the conditions of A. Signorini, as in P. Wriggers,
@@ -101,8 +94,8 @@ def find_rest(bodies: Sequence[Body], stiffness: FloatArray, force: FloatArray) 
         places, forces = _solve_active_set(stiffness[1:, 1:], own[1:], holding)
         if places is not None and all(float(one.row @ places) >= one.bound - _PENETRATION_TOLERANCE for one in stops):
             seats = sum((size * one.row * one.seat for one, size in zip(holding, forces, strict=True)), 0.0 * own[1:])
-            return RestState(*(np.concatenate([[0.0], one]) for one in (places, seats)))
-    return RestState(np.zeros(len(bodies)), np.zeros(len(bodies)))
+            return np.append(0.0, places), np.append(0.0, seats)
+    return np.zeros(len(bodies)), np.zeros(len(bodies))
 
 
 class _Stop(NamedTuple):
@@ -220,7 +213,10 @@ def divide_train(structure: Structure, motion: FloatArray) -> TrainParts:
         before = next((i for i, one in enumerate(parts) if float(joint.row @ one.motion) != 0.0), 0)
         for one in _parts_of(structure, joint, parts[before], before):
             if twin := _parallel_lash(parts, before, one):
-                bodies[twin.body] = _combine_parallel(bodies[twin.body], _body(joint, parts[before], one))
+                first, other = bodies[twin.body], _body(joint, parts[before], one)
+                gap, push = min(first.gap, other.gap), first.push + other.push  # the smaller gap governs, forces add up
+                extends = first.extends or other.extends
+                bodies[twin.body] = replace(first, gap=gap, push=push, extends=extends)
                 continue
             if one.opens:
                 bodies.append(_body(joint, parts[before], one))
@@ -301,12 +297,6 @@ def _parallel_lash(parts: Sequence[Part], before: int, pushed: Part) -> Part | N
     own = parts[before]
     beside = (one for one in parts if one.opens and one is not own and parts[one.before].body == own.body)
     return next((one for one in beside if pushed.opens and np.any((one.motion != 0.0) & (pushed.motion != 0.0))), None)
-
-
-def _combine_parallel(one: Body, other: Body) -> Body:
-    """Return a body after two parallel lash elements: the smaller gap governs, adjuster forces add up."""
-    gap, push = min(one.gap, other.gap), one.push + other.push
-    return replace(one, gap=gap, push=push, extends=one.extends or other.extends)
 
 
 def _body(joint: _Joint, driver: Part, first: Part) -> Body:
