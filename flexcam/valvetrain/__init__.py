@@ -6,7 +6,7 @@ contact is a function in `contacts`.
 
 from flexcam.valvetrain.cam_contact import hertz_line
 from flexcam.valvetrain.camshaft import free_running, free_speed
-from flexcam.valvetrain.loads import element_loads, follower_train
+from flexcam.valvetrain.loads import element_loads
 from flexcam.valvetrain.mass_chain import Chain, build_chain, straighten, without_compression
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.modes import (
@@ -61,7 +61,7 @@ from flexcam.valvetrain.train_metrics import (
     train_metric_names,
     train_metrics,
 )
-from flexcam.valvetrain.train_topology import largest_lash
+from flexcam.valvetrain.train_topology import follower_train, largest_lash
 
 __all__ = [
     "ANY_SPEED", "BOUNCE_HEIGHT", "DAMPING_DEPTH", "OPEN", "Adjuster", "Cam", "CamContact", "Chain", "CoarseCam",

@@ -342,21 +342,15 @@ def _profile_channels(structure: Structure, name: str, contact: CamContact, cam:
     on_member = structure.model.mesh.on_members()[find_node(structure.model, cam.at, f"cams.{contact.cam}.at")]
     if cam.width is not None and whole and on_member:
         line = hertz_line(structure, name, contact, cam)
-        channels.append(Channel(f"{where}.pressure", "Pa", _pressure(line, cam)))
+
+        def pressure(seen: Observation) -> FloatArray:
+            reach = cached_profile(cam, seen.cam).touch.reach
+            return line.pressure(seen.forces[:, 0] / reach, seen.cam(line.radius, 0))
+
+        channels.append(Channel(f"{where}.pressure", "Pa", pressure))
     if not np.isfinite(follower.roller_radius):
-        channels.append(Channel(f"{where}.sliding", "m/s", _per_time(sliding_ratio(cam))))
+        path = sliding_ratio(cam)
+        channels.append(Channel(f"{where}.sliding", "m/s", lambda seen: seen.cam(path, 0) * seen.motion.speed))
     if contact.friction:
         channels.append(Channel(f"{where}.friction", "N", force_sum(1, factor=normal_force_ratio(cam))))
     return channels
-
-
-def _per_time(path: AngleFunction) -> Observable:
-    return lambda seen: seen.cam(path, 0) * seen.motion.speed
-
-
-def _pressure(line: HertzLine, cam: Cam) -> Observable:
-    def pressure(seen: Observation) -> FloatArray:
-        reach = cached_profile(cam, seen.cam).touch.reach
-        return line.pressure(seen.forces[:, 0] / reach, seen.cam(line.radius, 0))
-
-    return pressure

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -32,34 +31,9 @@ from flexcam.dynamics import (
 )
 from flexcam.fem.assembly import assemble_loads, distributed_load, element_weight
 from flexcam.valvetrain.contacts import Coupling
-from flexcam.valvetrain.parts import Cam, CamContact, PublishedLoad
+from flexcam.valvetrain.parts import Cam, PublishedLoad
 from flexcam.valvetrain.structure import Structure, find_node, spring_parts, spring_row
-from flexcam.valvetrain.train_topology import complete_motion, follower_motion
-
-
-@dataclass(frozen=True, eq=False)
-class FollowerTrain:
-    """Parts moving with a follower as one rigid body along the lift."""
-
-    motion: FloatArray  #: unit motion of its unknowns along the lift, shape (n,)
-    #: `mass`, `stiffness`: kg and N/m of that motion, at the follower
-    mass: float
-    stiffness: float
-
-
-def follower_train(structure: Structure, contact: PublishedLoad | CamContact, where: str) -> FollowerTrain:
-    """Return the rigid body of a follower and its attached parts: it translates, or rotates about a pivot.
-
-    Without a pivot, the motion has minimum spring energy.
-    """
-    if structure.is_node(contact.follower):
-        node = find_node(structure.model, contact.follower, where)
-        motion = follower_motion(structure, contact, node)
-    else:
-        motion = structure.row(contact.follower, contact.direction, where)
-    motion = complete_motion(structure, motion)
-    mass, stiffness = structure.mass, structure.stiffness
-    return FollowerTrain(motion, float(motion @ mass.times(motion)), float(motion @ stiffness.times(motion)))
+from flexcam.valvetrain.train_topology import FollowerTrain, follower_train
 
 
 def series_stiffness(structure: Structure, contact: PublishedLoad, where: str) -> float:

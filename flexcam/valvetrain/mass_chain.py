@@ -10,13 +10,12 @@ import numpy as np
 from flexcam.core import DENSE_LIMIT, FloatArray, Triplets
 from flexcam.core.errors import refuse
 from flexcam.dynamics import ModeBasis, System, project_system
-from flexcam.valvetrain.loads import follower_train
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import CamContact, PublishedLoad
 from flexcam.valvetrain.strength import Bars, compressed_members, elements_of
 from flexcam.valvetrain.structure import Structure, build_structure
 from flexcam.valvetrain.system_builder import build_system
-from flexcam.valvetrain.train_topology import moved_nodes
+from flexcam.valvetrain.train_topology import follower_train, moved_nodes
 
 _UNSEEN = 1e-9
 """Singular value below which a strain-free motion is independent of the kept motions."""

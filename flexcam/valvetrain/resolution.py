@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexcam.core import FloatArray, IntArray
 from flexcam.dynamics import Block, Outline, Stats, Status, System
 from flexcam.fem.recovery import section_forces
 from flexcam.valvetrain.loads import element_loads
@@ -77,12 +76,16 @@ class ResolutionSink:
         self._bent = np.zeros(len(structure.beams))
         names = [name for name, _ in outline.channels]
         contacts = [i for i, name in enumerate(names) if name.startswith("contacts.") and name.endswith(".force")]
-        self._names = [names[i].split(".")[1] for i in contacts]
-        self._touches = _ImpactSteps(np.array(contacts, dtype=np.intp))
+        self._contacts = {names[i].split(".")[1]: i for i in contacts}
+        self._impacts = dict.fromkeys(self._contacts, (0.0, 0))  # largest force and steps of its impact
 
     def write(self, block: Block) -> None:
         """Update with a block."""
-        self._touches.follow(block.channels)
+        for name, column in self._contacts.items() if len(block.channels) else ():
+            force = block.channels[:, column]
+            at = int(np.argmax(force))
+            if force[at] > self._impacts[name][0]:
+                self._impacts[name] = float(force[at]), _contact_duration(force > 0.0, at)
         if not len(block.field_time):
             return
         fields = block.fields
@@ -109,7 +112,8 @@ class ResolutionSink:
         pushed, moving = self._squares
         omega = math.sqrt(pushed / moving) if moving > 0.0 else 0.0
         steps = _WAVE / (omega * self._step) if omega > 0.0 else math.inf
-        return Resolution(omega / _WAVE, steps, self._waves(omega), self._touches.impact_steps(self._names))
+        impacts = {name: count for name, (_, count) in self._impacts.items() if count}
+        return Resolution(omega / _WAVE, steps, self._waves(omega), impacts)
 
     def _waves(self, omega: float) -> dict[str, float]:
         """Return elements per wavelength of every bending member."""
@@ -122,29 +126,6 @@ class ResolutionSink:
         energies = {name: float(self._bent[part].sum()) for name, part in ranges.items()}
         whole = sum(energies.values())
         return {name: float(lengths[part].min()) for name, part in ranges.items() if energies[name] > _BENDS * whole}
-
-
-class _ImpactSteps:
-    """Number of steps of the impact with the largest force, per contact."""
-
-    def __init__(self, columns: IntArray) -> None:
-        self._columns = columns
-        self._largest = np.zeros(len(columns))
-        self._steps = np.zeros(len(columns), dtype=np.intp)
-
-    def follow(self, channels: FloatArray) -> None:
-        """Update with steps."""
-        if not len(self._columns) or not len(channels):
-            return
-        forces = channels[:, self._columns]
-        peaks = forces.max(axis=0)
-        for i in np.flatnonzero(peaks > self._largest).tolist():
-            self._largest[i] = peaks[i]
-            self._steps[i] = _contact_duration(forces[:, i] > 0.0, int(np.argmax(forces[:, i])))
-
-    def impact_steps(self, names: list[str]) -> dict[str, int]:
-        """Return the number of steps of contacts with an impact."""
-        return {name: int(steps) for name, steps in zip(names, self._steps, strict=True) if steps}
 
 
 def _contact_duration(closed: NDArray[np.bool_], at: int) -> int:

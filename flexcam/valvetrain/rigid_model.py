@@ -34,15 +34,15 @@ from flexcam.dynamics.local_forces import LocalForces
 from flexcam.fem.assembly import modal_damping
 from flexcam.valvetrain.cam_contact import sliding_path
 from flexcam.valvetrain.cam_functions import cam_sliding, normal_force_ratio, sliding_distance
-from flexcam.valvetrain.contacts import opposed_force
-from flexcam.valvetrain.levers import check_lever_rotation
-from flexcam.valvetrain.loads import follower_train, preload, steady_load
+from flexcam.valvetrain.contacts import check_lever_rotation, opposed_force
+from flexcam.valvetrain.loads import preload, steady_load
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import CamContact, PublishedLoad
 from flexcam.valvetrain.rigid_kinematics import Body, Coordinate, divide_train, find_rest
 from flexcam.valvetrain.springs import couple_coils
 from flexcam.valvetrain.structure import Structure, build_structure, spring_parts
 from flexcam.valvetrain.system_builder import probe_of
+from flexcam.valvetrain.train_topology import follower_train
 
 
 @dataclass(frozen=True, eq=False)

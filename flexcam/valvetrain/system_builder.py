@@ -16,8 +16,7 @@ from flexcam.fem.assembly import modal_damping, rayleigh_damping
 from flexcam.fem.frames import COMPONENTS
 from flexcam.valvetrain.cam_contact import couple_cam
 from flexcam.valvetrain.camshaft import ShaftDrive, find_shaft_drives, inertia_torque, reaction_torque, shaft_channels
-from flexcam.valvetrain.contacts import Coupling, couple_adjuster, couple_lash, couple_seat
-from flexcam.valvetrain.levers import lever_joints
+from flexcam.valvetrain.contacts import Coupling, couple_adjuster, couple_lash, couple_seat, lever_joints
 from flexcam.valvetrain.loads import constant_loads, couple_published_load
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import Adjuster, CamContact, Contact, Lash, PublishedLoad, Seat

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from flexcam.valvetrain.parts import (
     path_name,
     tip_name,
 )
-from flexcam.valvetrain.structure import Structure, inner_name, spring_ends, spring_row
+from flexcam.valvetrain.structure import Structure, find_node, inner_name, spring_ends, spring_row
 
 Driven = PublishedLoad | CamContact
 
@@ -244,3 +245,28 @@ def _deformation_rows(structure: Structure) -> FloatArray:
             ends = [structure.row(end, one.direction) for end in one.ends]
             rows += [np.sqrt(one.stiffness) * (ends[0] - ends[1])] * (not all(end.any() for end in ends))
     return np.array(rows).reshape(-1, structure.dofs.size)
+
+
+@dataclass(frozen=True, eq=False)
+class FollowerTrain:
+    """Parts moving with a follower as one rigid body along the lift."""
+
+    motion: FloatArray  #: unit motion of its unknowns along the lift, shape (n,)
+    #: `mass`, `stiffness`: kg and N/m of that motion, at the follower
+    mass: float
+    stiffness: float
+
+
+def follower_train(structure: Structure, contact: PublishedLoad | CamContact, where: str) -> FollowerTrain:
+    """Return the rigid body of a follower and its attached parts: it translates, or rotates about a pivot.
+
+    Without a pivot, the motion has minimum spring energy.
+    """
+    if structure.is_node(contact.follower):
+        node = find_node(structure.model, contact.follower, where)
+        motion = follower_motion(structure, contact, node)
+    else:
+        motion = structure.row(contact.follower, contact.direction, where)
+    motion = complete_motion(structure, motion)
+    mass, stiffness = structure.mass, structure.stiffness
+    return FollowerTrain(motion, float(motion @ mass.times(motion)), float(motion @ stiffness.times(motion)))
