@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from flexcam.cams.motion_law import AnalyticResidual, Law, quadrature
 from flexcam.core import FloatArray, IntArray
@@ -123,7 +123,7 @@ def criteria(law: Law) -> Criteria:
         acceleration=_extremes(derivative(2), derivative(3), law.breaks),
         jerk=_extremes(derivative(3), derivative(4), law.breaks),
         moment=_extremes(moment, moment_slope, law.breaks),
-        rms=(_rms(law, 1), _rms(law, 2), _rms(law, 3)),
+        rms=(root_mean_square(law, 1), root_mean_square(law, 2), root_mean_square(law, 3)),
         harmonics=_harmonics(law),
         jumps=tuple(order for order in (1, 2, 3) if _jumps(derivative(order), law.breaks)),
         ends=((start[0], start[1], start[2], start[3]), (end[0], end[1], end[2], end[3])),
@@ -138,7 +138,8 @@ def stationary_points(law: Law, order: int) -> FloatArray:
     return np.sort(np.concatenate([_candidates(lambda z: law(z, order + 1), *piece) for piece in pieces]))
 
 
-def _rms(law: Law, order: int) -> float:
+def root_mean_square(law: Law, order: int) -> float:
+    """Return the root mean square of a derivative over the rise."""
     return math.sqrt(sum(float(weight @ law(z, order) ** 2) for z, weight in quadrature(law.breaks)))
 
 
@@ -182,12 +183,17 @@ def _candidates(slope: Curve, start: float, end: float) -> FloatArray:
     grid = np.linspace(start, end, _POINTS)
     signs = np.sign(slope(grid))
     left = np.flatnonzero(signs[:-1] * signs[1:] < 0.0)
-    low, high, sign = grid[left], grid[left + 1], signs[left]
-    for _ in range(_HALVINGS if len(left) else 0):
+    zeros = bisect(lambda z: np.sign(slope(z)) != signs[left], grid[left], grid[left + 1])
+    return np.concatenate([[start, end], grid[signs == 0.0], zeros])
+
+
+def bisect(beyond: Callable[[FloatArray], NDArray[np.bool_]], low: FloatArray, high: FloatArray) -> FloatArray:
+    """Return the points between pairs of bounds at which a condition that holds at the upper bound begins to hold."""
+    for _ in range(_HALVINGS if len(low) else 0):
         middle = 0.5 * (low + high)
-        before = np.sign(slope(middle)) == sign
-        low, high = np.where(before, middle, low), np.where(before, high, middle)
-    return np.concatenate([[start, end], grid[signs == 0.0], 0.5 * (low + high)])
+        found = beyond(middle)
+        low, high = np.where(found, low, middle), np.where(found, middle, high)
+    return 0.5 * (low + high)
 
 
 def _jumps(curve: Curve, breaks: tuple[float, ...]) -> bool:

@@ -10,7 +10,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from flexcam.cams.law_criteria import LIMIT_OFFSET, Extreme, curve_minimum
+from flexcam.cams.law_criteria import LIMIT_OFFSET, Extreme, bisect, curve_minimum
 from flexcam.cams.motion_law import Law, Ramp, RampTransition, ReversedLaw
 from flexcam.core import FloatArray
 from flexcam.core.errors import positive, refuse
@@ -254,7 +254,7 @@ class DelayedEvent:
         return unique_angles(np.array(self.event.joints) + self.phase) if self.event.joints else ()
 
     def __call__(self, angle: FloatArray, order: int = 0) -> FloatArray:
-        """Return the derivative of the given order by the cam angle, m/rad^order, shape as `angle`."""
+        """Return the derivative of the given order (0 to 4) by the cam angle (rad), m/rad^order, shape as `angle`."""
         return self.event(np.asarray(angle, dtype=float) - self.phase, order)
 
 
@@ -354,10 +354,13 @@ def valve_event(event: Event, lift: float, *, ratio: float = 1.0, lash: float = 
     above = event(_GRID[:-1]) > cam_lift
     if not above.any() or above.all():
         return None
-    opened, closed = (
-        [_crossing(event, cam_lift, float(_GRID[i] - _GRID[1]), float(_GRID[i])) for i in np.flatnonzero(change)]
-        for change in (above & ~np.roll(above, 1), ~above & np.roll(above, 1))
-    )
+
+    def crossings(*, rising: bool) -> list[float]:
+        change = (above == rising) & (np.roll(above, 1) != rising)
+        low, high = _GRID[:-1][change] - _GRID[1], _GRID[:-1][change]
+        return bisect(lambda angle: (event(angle) > cam_lift) == rising, low, high).tolist()
+
+    opened, closed = crossings(rising=True), crossings(rising=False)
     pairs = [(a, min((b - a) % (2.0 * math.pi) for b in closed)) for a in opened]
     start, span = max(pairs, key=lambda pair: pair[1])
     start = start % (2.0 * math.pi)
@@ -368,16 +371,3 @@ def overlap(one: ValveEvent, other: ValveEvent) -> float:
     """Return the crank angle over which both valves are open."""
     shifts = (-_CYCLE, 0.0, _CYCLE)
     return sum(max(0.0, min(one.closes, other.closes + s) - max(one.opens, other.opens + s)) for s in shifts)
-
-
-def _crossing(event: Event, lift: float, low: float, high: float) -> float:
-    """Return the angle at which the lift crosses a value between two angles, by bisection."""
-
-    def is_above(angle: float) -> bool:
-        return bool(event(np.array([angle]))[0] > lift)
-
-    rising = is_above(high)
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if is_above(middle) == rising else (middle, high)
-    return 0.5 * (low + high)

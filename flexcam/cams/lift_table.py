@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexcam.cams.lift_event import DelayedEvent
-from flexcam.cams.periodic_lift import DEGREE, PeriodicSpline, spline_rows
+from flexcam.cams.periodic_lift import DEGREE, PeriodicSpline, spline_knots
 from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, format_shape, refuse
 
@@ -168,10 +168,12 @@ class _Fit:
 
     @classmethod
     def of(cls, theta: FloatArray, s: FloatArray, count: int, most: int) -> _Fit:
+        from scipy.interpolate import BSpline
+
         knots = min(most, max(len(theta), 2 * (DEGREE + 1)))
-        index, weight = spline_rows(theta, knots)
-        rows = np.zeros((len(theta), knots))
-        np.put_along_axis(rows, index, weight, axis=1)
+        all_rows = BSpline.design_matrix(np.mod(theta, _REVOLUTION), spline_knots(knots), DEGREE).toarray()
+        rows = all_rows[:, :knots]
+        rows[:, :DEGREE] += all_rows[:, knots:]
         third = np.eye(knots)
         for _ in range(3):
             third = np.roll(third, -1, axis=0) - third

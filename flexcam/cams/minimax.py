@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from flexcam.cams.harmonic_synthesis import constrained_least_squares
-from flexcam.cams.law_criteria import Criteria, criteria, stationary_points
+from flexcam.cams.law_criteria import Criteria, criteria, root_mean_square, stationary_points
 from flexcam.cams.motion_law import Law, quadrature
 from flexcam.cams.synthesis_family import Family, SplineFamily, universal_bound
 from flexcam.core import FloatArray
@@ -145,11 +145,13 @@ class Program:
         self, places: Mapping[int, FloatArray], cuts: Sequence[TangentPlane], around: tuple[FloatArray, float] | None
     ) -> tuple[FloatArray, FloatArray]:
         blocks = [
-            self._objective_constraints(n, *self._rows(places, k)) for n, k in ORDERS.items() if n in self.weights
+            self._objective_constraints(n, *self.family.rows(places[k], k))
+            for n, k in ORDERS.items()
+            if n in self.weights
         ]
-        blocks += [self._limit_constraints(n, *self._rows(places, ORDERS[n])) for n in self.limits]
+        blocks += [self._limit_constraints(n, *self.family.rows(places[ORDERS[n]], ORDERS[n])) for n in self.limits]
         if self.monotone:
-            rows, offset = self._rows(places, 1)
+            rows, offset = self.family.rows(places[1], 1)
             # If a law reverses by rounding, a short step could only correct that.
             blocks.append((self._dense_rows(-rows), offset + (0.0 if around is None else FEASIBILITY_TOLERANCE)))
         if cuts:
@@ -159,9 +161,6 @@ class Program:
             blocks.append(self._objective_constraints("Cm", *self._moment(places[2], around[0])))
         blocks.append((np.zeros((0, self.family.size + len(self.weights))), np.zeros(0)))
         return np.vstack([A for A, _ in blocks]), np.concatenate([b for _, b in blocks])
-
-    def _rows(self, places: Mapping[int, FloatArray], order: int) -> tuple[FloatArray, FloatArray]:
-        return self.family.rows(places[order], order)
 
     def _moment(self, z: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return rows and offset of s' s'' linearized about given coefficients."""
@@ -213,7 +212,7 @@ def _min_velocity(law: Law) -> float:
 def _criterion(law: Law, name: str) -> float:
     """Return a single criterion: all of them at once would cost more than the program."""
     if name == "rms":
-        return float(np.sqrt(sum(float(weight @ law(z, 2) ** 2) for z, weight in quadrature(law.breaks))))
+        return root_mean_square(law, 2)
     if name == "Cm":
         z = np.union1d(stationary_points(law, 1), np.linspace(0.0, 1.0, 4001))
         return float(np.abs(law(z, 1) * law(z, 2)).max())

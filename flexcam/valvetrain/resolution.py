@@ -77,7 +77,8 @@ class ResolutionSink:
         names = [name for name, _ in outline.channels]
         contacts = [i for i, name in enumerate(names) if name.startswith("contacts.") and name.endswith(".force")]
         self._contacts = {names[i].split(".")[1]: i for i in contacts}
-        self._impacts = dict.fromkeys(self._contacts, (0.0, 0))  # largest force and steps of its impact
+        # largest force and steps of its impact
+        self._impacts: dict[str, tuple[float, int]] = dict.fromkeys(self._contacts, (0.0, 0))
 
     def write(self, block: Block) -> None:
         """Update with a block."""
