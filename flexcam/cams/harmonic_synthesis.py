@@ -20,8 +20,7 @@ from flexcam.core import ComplexArray, FloatArray, IntArray
 from flexcam.core.errors import InputError, positive, refuse
 from flexcam.core.units import RPM
 
-_FEASIBLE = 1e-10
-"""Residual of the dual problem below which the inequalities are contradictory."""
+_FEASIBLE = 1e-10  # residual of the dual problem below which the inequalities are contradictory
 
 
 def constrained_least_squares(E: FloatArray, f: FloatArray, G: FloatArray, h: FloatArray) -> FloatArray | None:
@@ -161,8 +160,7 @@ Transfer = Callable[[FloatArray], ComplexArray]
 """Frequency response: motion of the follower's end per lift of the cam, by circular frequency (rad/s, zero included).
 """
 
-_MIN_RESPONSE = 1e-9
-"""Frequency response, relative to the static one, below which a harmonic cannot be prescribed."""
+_MIN_RESPONSE = 1e-9  # frequency response, relative to the static one, below which a harmonic cannot be prescribed
 
 _ROUNDING = 1e-12
 _MOST = 1000

@@ -18,18 +18,12 @@ from flexcam.cams.motion_law import AnalyticResidual, Law, quadrature
 from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import refuse
 
-_POINTS = 2001
-"""Samples per smooth piece: two extremes closer than 1/2000 of it are not distinguished."""
+_POINTS = 2001  # samples per smooth piece: two extremes closer than 1/2000 of it are not distinguished
 
 _HALVINGS = 60
-_ZERO = 1e-9
-"""Size of a derivative (normalized law) that counts as zero."""
-
-_SAME_CRITERIA = 1e-9
-"""Relative difference of two extremes below which both positions are reported."""
-
-_MOST_PLACES = 40
-"""Number of equal extremes above which only the first is reported, as on a plateau."""
+_ZERO = 1e-9  # size of a derivative (normalized law) that counts as zero
+_SAME_CRITERIA = 1e-9  # relative difference of two extremes below which both positions are reported
+_MOST_PLACES = 40  # number of equal extremes above which only the first is reported, as on a plateau
 
 _HARMONICS = 12
 _STEPS = ((1, "velocity"), (2, "acceleration"), (3, "jerk"))
@@ -208,14 +202,9 @@ _LEAST_POINTS = 33
 LIMIT_OFFSET = 1e-8
 """Distance from a joint for the left limit, rad: a closer angle counts as the joint."""
 
-_SAME = 1e-12
-"""Relative difference of minima that count as equal; the first position is reported."""
-
-_VALLEYS = 24
-"""Number of the deepest sampled minima that are refined."""
-
-_GRID_REFINEMENTS = 9
-"""Number of refinements of the grid by four: 1e-8 rad, where a minimum is flat to rounding."""
+_SAME = 1e-12  # relative difference of minima that count as equal; the first position is reported
+_VALLEYS = 24  # number of the deepest sampled minima that are refined
+_GRID_REFINEMENTS = 9  # number of refinements of the grid by four: 1e-8 rad, where a minimum is flat to rounding
 
 
 def curve_minimum(curve: Curve, joints: Sequence[float] = ()) -> Extreme:
@@ -275,8 +264,7 @@ def _minima(curve: Curve, low: FloatArray, high: FloatArray) -> tuple[FloatArray
 
 
 _LARGEST = 1e3
-_PANELS_PER_PERIOD = 8
-"""Panels of sixteen points per oscillation: exact to rounding."""
+_PANELS_PER_PERIOD = 8  # panels of sixteen points per oscillation: exact to rounding
 
 
 def residual_spectrum(law: Law, ratio: ArrayLike) -> FloatArray:

@@ -282,12 +282,10 @@ def _extremes(event: Event, order: int) -> tuple[Extreme, Extreme]:
     return curve_minimum(lambda angle: event(angle, order), event.joints), Extreme(-high.value, high.at)
 
 
-_cached_extremes = lru_cache(maxsize=64)(_extremes)
-"""Cache of extremes, as the same cam is evaluated at every speed."""
+_cached_extremes = lru_cache(maxsize=64)(_extremes)  # cache of extremes, as the same cam is evaluated at every speed
 
 
-_STEP_TOLERANCE = 1e-6
-"""Relative size of a step, to the largest value of its curve, below which it is zero."""
+_STEP_TOLERANCE = 1e-6  # relative size of a step, to the largest value of its curve, below which it is zero
 
 _GRID = np.linspace(0.0, _REVOLUTION, 7201)
 

@@ -14,11 +14,8 @@ from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, format_shape, refuse
 
 _REVOLUTION = 2.0 * math.pi
-_STEP = math.radians(1.0)
-"""Spacing of the points added on the base circle."""
-
-_KNOTS = (360, 720, 1440)
-"""Initial number of knots, one per degree of cam angle; the tolerance may require more."""
+_STEP = math.radians(1.0)  # spacing of the points added on the base circle
+_KNOTS = (360, 720, 1440)  # initial number of knots, one per degree of cam angle; the tolerance may require more
 
 _FAR, _SMALL = 8.0, 5e-4
 """A point is an outlier if it moves by more than eight times the scatter and 1/2000 of the lift."""
@@ -26,8 +23,7 @@ _FAR, _SMALL = 8.0, 5e-4
 _INTERPOLATION_TOLERANCE = 1e-5
 """RMS deviation, relative to the largest lift, up to which a spline interpolates the points."""
 
-_BELOW = 1e-4
-"""Fraction of the largest lift by which a spline may fall below the base circle without a warning."""
+_BELOW = 1e-4  # fraction of the largest lift by which a spline may fall below the base circle without a warning
 
 _RIPPLE = np.linspace(0.0, 2.0 * math.pi, 7201)
 
@@ -278,11 +274,8 @@ _MOST_FAULTS = 10
 _BASE = 0.01
 """Fraction of the largest lift below which a point is on the base circle, and by which a lift may bend across a gap."""
 
-_SCATTERS = 6.0
-"""Standard deviations of the noise allowed for a point on the base circle: one in 1e9 lies outside."""
-
-_OF_MEDIAN = 1.4826
-"""Ratio of standard deviation to median absolute value of normal noise."""
+_SCATTERS = 6.0  # standard deviations of the noise allowed for a point on the base circle: one in 1e9 lies outside
+_OF_MEDIAN = 1.4826  # ratio of standard deviation to median absolute value of normal noise
 
 _GAP, _GAP_RATIO, _WIDE = math.radians(3.0), 3.0, math.radians(20.0)
 """A step is wide above 3 deg and three times its neighbours, or above 20 deg."""

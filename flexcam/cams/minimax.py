@@ -29,12 +29,10 @@ FEASIBILITY_TOLERANCE = 1e-7
 
 CRITERIA = (*ORDERS, "rms", "Cm")
 
-_LIMIT_MARGIN = 1e-8
-"""Relative margin to a limit, so that rounding does not violate it."""
+_LIMIT_MARGIN = 1e-8  # relative margin to a limit, so that rounding does not violate it
 
 _PRECISE = 1e-10
-_INFEASIBLE = 2
-"""Status of `scipy.optimize.linprog`."""
+_INFEASIBLE = 2  # status of `scipy.optimize.linprog`
 
 Condition = tuple[float, int, float]
 """Position, order of derivative, and prescribed value."""
@@ -222,8 +220,7 @@ def _criterion(law: Law, name: str) -> float:
 
 _START = np.linspace(0.0, 1.0, 161)
 _ROUNDS = 200
-_GAP = 1e-8
-"""Relative violation of the bound allowed before positions are added."""
+_GAP = 1e-8  # relative violation of the bound allowed before positions are added
 
 _OPTIMALITY_TOLERANCE = 1e-6
 """Relative duality gap above which the law is not reported as optimal: a hundred times the target of the search."""
@@ -296,11 +293,8 @@ def _exchange(program: Program) -> tuple[FloatArray, float]:
     return x, bound
 
 
-_FIRST, _SMALLEST, _LARGEST = 0.1, 1e-8, 0.2
-"""Trust region radii for the linearized moment."""
-
-_MAX_REPEATS = 8
-"""Number of repetitions of a step with more positions before it is shortened."""
+_FIRST, _SMALLEST, _LARGEST = 0.1, 1e-8, 0.2  # trust region radii for the linearized moment
+_MAX_REPEATS = 8  # number of repetitions of a step with more positions before it is shortened
 
 
 def _local_optimum(program: Program) -> FloatArray:

@@ -93,8 +93,7 @@ _GAIN = (0.0, 1.0, 0.0, -2.0, 2.0, -0.6)
 """
 
 _SHORTEST = 1e-3
-_GAIN_AT_END = 0.4
-"""Value of the integral at z = 1."""
+_GAIN_AT_END = 0.4  # value of the integral at z = 1
 
 
 @lru_cache

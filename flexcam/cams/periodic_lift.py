@@ -22,8 +22,7 @@ DEGREE = 5
 _REVOLUTION = 2.0 * math.pi
 _GRID = np.linspace(0.0, _REVOLUTION, 7201)
 
-_AT_ONCE = 64
-"""Number of harmonics evaluated together: ten thousand would need tens of GB."""
+_AT_ONCE = 64  # number of harmonics evaluated together: ten thousand would need tens of GB
 
 
 def spline_knots(count: int) -> FloatArray:

@@ -20,8 +20,7 @@ if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
 
-_LARGEST = 60
-"""Exponent above which too many digits are lost between the ends."""
+_LARGEST = 60  # exponent above which too many digits are lost between the ends
 
 _NEAR_END = 0.05
 """Distance from z = 1 within which the law is evaluated in powers of 1 - z, so that its end conditions are exact."""
@@ -152,8 +151,7 @@ def quinquinomial(row: int = 1) -> Polynomial:
     return Polynomial(tuple(2 + 3 * row * i for i in range(5)))
 
 
-_LEAST_DEGREE = 5
-"""Degree below which the fourth derivative is not continuous."""
+_LEAST_DEGREE = 5  # degree below which the fourth derivative is not continuous
 
 
 @dataclass(frozen=True)

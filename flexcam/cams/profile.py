@@ -19,8 +19,7 @@ from flexcam.core.errors import InputError, finite_array, positive, refuse
 
 _REVOLUTION = 2.0 * math.pi
 _MOST_POINTS = 1_000_000
-_STRAIGHT = 1e-9
-"""Relative curvature of a roller's centre path, to that of the roller, that counts as zero."""
+_STRAIGHT = 1e-9  # relative curvature of a roller's centre path, to that of the roller, that counts as zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -310,8 +309,7 @@ def _bisect(fits: Callable[[float], bool], low: float, high: float) -> float:
     return high
 
 
-_AT_ONCE = 2_000_000
-"""Number of pairs of angle and point evaluated together."""
+_AT_ONCE = 2_000_000  # number of pairs of angle and point evaluated together
 
 _REFINEMENTS = 6
 
@@ -383,8 +381,7 @@ _CONTACT_TOLERANCE = 1e-6
 """Contact tolerance: between sampled cam angles, 1/8 deg apart, a contact is missed by a tenth of this."""
 
 _LEAST_SAMPLES, _MOST_SAMPLES = 360, 20_000
-_CANDIDATES = 3
-"""Peaks evaluated per angle: at a jump of the contact two are almost equal."""
+_CANDIDATES = 3  # peaks evaluated per angle: at a jump of the contact two are almost equal
 
 
 def _find_highest_peaks(points: ComplexArray, at: FloatArray, follower: Follower, turned: ComplexArray) -> FloatArray:

@@ -13,8 +13,7 @@ from flexcam.fem.dofs import DofMap
 from flexcam.fem.elements import beam
 from flexcam.fem.elements.beam import Beams
 
-_BLOCK_SIZE = 1000
-"""Number of elements processed together, so that their matrices fit in the processor cache."""
+_BLOCK_SIZE = 1000  # number of elements processed together, so that their matrices fit in the processor cache
 
 
 def _assemble_blocks(beams: Beams, local: Callable[[slice], FloatArray], dofs: DofMap) -> Triplets:

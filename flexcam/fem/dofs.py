@@ -12,8 +12,7 @@ from flexcam.core import FloatArray, IntArray
 from flexcam.fem.frames import COMPONENTS, ROTATIONS, component
 from flexcam.fem.mesh import Mesh
 
-_ROUNDING = 1e-10
-"""Fraction of the largest motion of a mode below which a node is at rest."""
+_ROUNDING = 1e-10  # fraction of the largest motion of a mode below which a node is at rest
 
 
 @dataclass(frozen=True, eq=False)

@@ -193,8 +193,7 @@ def refine(mesh: Mesh, divisions: Mapping[str, int]) -> Mesh:
     return Mesh(np.concatenate(nodes), lines, mesh.points)
 
 
-_MAX_FAULTS = 20
-"""Maximum number of faults of one kind to report: in a mesh with thousands they have one cause."""
+_MAX_FAULTS = 20  # maximum number of faults of one kind to report: in a mesh with thousands they have one cause
 
 
 def _range_faults(mesh: Mesh) -> list[Fault]:

@@ -230,8 +230,7 @@ def _cowper_tube(ratio: float) -> float:
     return 6.0 * (1.0 + nu) * square / ((7.0 + 6.0 * nu) * square + (20.0 + 12.0 * nu) * ratio**2)
 
 
-_ODD_FIFTH_POWERS = 31.0 / 32.0 * 1.0369277551433699263
-"""Sum of 1/n^5 over odd n, (1 - 2^-5) zeta(5)."""
+_ODD_FIFTH_POWERS = 31.0 / 32.0 * 1.0369277551433699263  # sum of 1/n^5 over odd n, (1 - 2^-5) zeta(5)
 
 
 def _rectangle_torsion(side: float, other: float) -> float:

@@ -102,8 +102,7 @@ def load_subject(path: Path) -> ReportSubject:
 
 
 _SAME_LIFT = 0.01
-_SAME_ACCELERATION = 0.1
-"""Relative difference in acceleration up to which the rigid train counts as equivalent."""
+_SAME_ACCELERATION = 0.1  # relative difference in acceleration up to which the rigid train counts as equivalent
 
 _MODELS = {
     "beams": "flexible beams", "rigid": "rigid members", "sdof": "one mass", "chain": "a chain of masses",
@@ -267,8 +266,7 @@ class Report:
     still: Picture | None  # image of the most important curves for printing; None without motion
 
 
-_MAX_NUMBER_LENGTH = 24
-"""Maximum length of a cell that counts as a number, characters."""
+_MAX_NUMBER_LENGTH = 24  # maximum length of a cell that counts as a number, characters
 
 
 def report_table(table: Table) -> ReportTable:
@@ -316,8 +314,7 @@ def origin_table(about: ReportSubject) -> ReportTable:
     return replace(report_table(info_table(result)), title="The result file")
 
 
-_LIMIT_TOLERANCE = 0.01
-"""Width of the bracket of limits relative to the speed."""
+_LIMIT_TOLERANCE = 0.01  # width of the bracket of limits relative to the speed
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,7 @@ _SHOWN = {"m": (1e3, "mm"), "m/s": (1.0, "m/s"), "m/s^2": (1.0, "m/s^2"), "N": (
 _ROUNDING = 1e-10
 """Error relative to its number below which it is rounding: the stiffness of many elements leaves about 1e-11."""
 
-_DIGITS = 12
-"""Maximum number of decimals."""
+_DIGITS = 12  # maximum number of decimals
 
 _KINDS = ("lift", "velocity", "acceleration")
 

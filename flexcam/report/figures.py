@@ -21,23 +21,18 @@ from flexcam.io.result_writer import SERIES
 from flexcam.report.content import Chart, ChartGroup, Curve, Panel, ReportSubject, Scene, Shape
 from flexcam.valvetrain import Structure
 
-_CURVE_TOLERANCE = 1e-4
-"""Allowed deviation of a drawn curve relative to its range: less than a pixel of a large screen."""
+_CURVE_TOLERANCE = 1e-4  # allowed deviation of a drawn curve relative to its range: less than a pixel of a large screen
 
 _FIRST_CHART_RATIO = 4
 """Ratio of the points of an album's first chart, which is visible initially, to those of the others."""
 
-_LONG_HISTORY = 40_000
-"""Number of points of a history above which it is reduced by intervals first."""
+_LONG_HISTORY = 40_000  # number of points of a history above which it is reduced by intervals first
 
 _MAX_TOTAL_POINTS, _RESULT_POINTS = 55_000, 2_500
 """Total points of all curves of a page, about 600 kB, and the part of it used by the texts of every result."""
 
-_MAX_POINTS, _MIN_POINTS = 3000, 100
-"""Maximum and minimum number of points of a curve."""
-
-_MAX_CURVES = 300
-"""Maximum number of curves of a page; probes listed in the case come first."""
+_MAX_POINTS, _MIN_POINTS = 3000, 100  # maximum and minimum number of points of a curve
+_MAX_CURVES = 300  # maximum number of curves of a page; probes listed in the case come first
 
 Runs = Mapping[str, tuple[Response, Response | None]]
 """Response by name, and the response with rigid members."""
@@ -204,17 +199,10 @@ def _text_alternative(panels: Sequence[Panel]) -> tuple[str, ...]:
     return tuple(words)
 
 
-_PARTS = 6
-"""Drawn segments per element, if the page has space for them."""
-
-_POINTS = 240
-"""Total points of all scenes of a page: with modes and frames about 250 kB."""
-
-_FRAMES = 48
-"""Frames of the motion of a run."""
-
-_SAME_PLACE = 1e-9
-"""Distance below which points coincide, m."""
+_PARTS = 6  # drawn segments per element, if the page has space for them
+_POINTS = 240  # total points of all scenes of a page: with modes and frames about 250 kB
+_FRAMES = 48  # frames of the motion of a run
+_SAME_PLACE = 1e-9  # distance below which points coincide, m
 
 
 @dataclass(frozen=True, eq=False)

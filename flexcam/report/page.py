@@ -45,11 +45,8 @@ from flexcam.report.terminal import make_unique
 from flexcam.valvetrain import Metric
 
 _PAGE = Path(__file__).parent / "template"
-_LARGE = 5000.0
-"""Absolute value above which single precision is insufficient for cam angles."""
-
-_SINGLE = 1e37
-"""Maximum of single precision; a diverged run exceeds it."""
+_LARGE = 5000.0  # absolute value above which single precision is insufficient for cam angles
+_SINGLE = 1e37  # maximum of single precision; a diverged run exceeds it
 
 _ESCAPED = {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028": "\\u2028", "\u2029": "\\u2029"}
 

@@ -196,8 +196,7 @@ def _format_fraction(value: float) -> str:
     return format_decimals(value, 3) if value >= _MIN_FRACTION else f"{remove_noise(value, 1.0):.2g}"
 
 
-_MIN_FRACTION = 5e-4
-"""Fraction from which three decimals are sufficient."""
+_MIN_FRACTION = 5e-4  # fraction from which three decimals are sufficient
 
 
 def describe_comparison(comparison: Comparison, mode_hz: float | None) -> list[str]:
@@ -280,8 +279,7 @@ def describe_dofs(response: Response) -> str:
     return count + _ENGINES.get(response.stats.engine, "")
 
 
-_ENGINES = {"modal": ", modal engine", "kernel": ", kernel engine"}
-"""Names of solver engines."""
+_ENGINES = {"modal": ", modal engine", "kernel": ", kernel engine"}  # names of solver engines
 
 
 def describe_verification(path: Path, found: VerificationSummary) -> str:
@@ -306,11 +304,8 @@ def _bounds(bounds: FloatArray, unit: str) -> list[str]:
 _REST_AMPLITUDE, _RELATIVE_REST_AMPLITUDE = 5e-5, 1e-5
 """A probe is at rest if it moves less than this, mm or mrad, and less than this fraction of the largest motion."""
 
-_FOUR_DECIMAL_AMPLITUDE = 1e-3
-"""Motion, mm or mrad, for which four decimals are sufficient."""
-
-_OMITTED_TEXTS = ("case", "resolved", "overrides", "warnings")
-"""Texts of a result shown in other rows or not at all."""
+_FOUR_DECIMAL_AMPLITUDE = 1e-3  # motion, mm or mrad, for which four decimals are sufficient
+_OMITTED_TEXTS = ("case", "resolved", "overrides", "warnings")  # texts of a result shown in other rows or not at all
 
 
 def info_table(result: Result) -> Table:

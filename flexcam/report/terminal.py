@@ -47,8 +47,7 @@ def count_decimals(largest: float, usual: int) -> int:
     return usual if largest < _ROUNDING else max(usual, 3 - math.floor(math.log10(largest)))
 
 
-_HUGE = 1e7
-"""Value above which decimals are omitted."""
+_HUGE = 1e7  # value above which decimals are omitted
 
 
 def format_degrees(angle: float) -> str:

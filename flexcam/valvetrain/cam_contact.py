@@ -92,11 +92,8 @@ class HertzLine:
         return np.sqrt(p * 0.5 * self.plane_strain / (math.pi * radius))
 
 
-_SAME = 1e-6
-"""Tolerance of lengths for rounding of input digits."""
-
-_NEAR = 1e-2
-"""Tolerance between an arm and its member."""
+_SAME = 1e-6  # tolerance of lengths for rounding of input digits
+_NEAR = 1e-2  # tolerance between an arm and its member
 
 
 def rotation_direction(axis: FloatArray) -> FloatArray:

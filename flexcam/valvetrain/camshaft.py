@@ -85,8 +85,7 @@ def _assemble_vector(size: int, numbers: IntArray, values: FloatArray) -> FloatA
     return vector
 
 
-_ALONG = 0.9
-"""Cosine above which a constrained rotation is about the shaft."""
+_ALONG = 0.9  # cosine above which a constrained rotation is about the shaft
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,8 +17,7 @@ from flexcam.valvetrain.structure import Structure, build_structure
 from flexcam.valvetrain.system_builder import build_system
 from flexcam.valvetrain.train_topology import follower_train, moved_nodes
 
-_UNSEEN = 1e-9
-"""Singular value below which a strain-free motion is independent of the kept motions."""
+_UNSEEN = 1e-9  # singular value below which a strain-free motion is independent of the kept motions
 
 
 def static_shapes(system: System, rows: FloatArray) -> FloatArray:
@@ -105,8 +104,7 @@ def _unstressed_members(structure: Structure, shapes: FloatArray) -> tuple[str, 
     return tuple(name for name, one in stretched.items() if one.max(initial=0.0) < _ELONGATION_TOLERANCE)
 
 
-_ELONGATION_TOLERANCE = 1e-6
-"""Elongation of an element per unit motion below which it is rounding."""
+_ELONGATION_TOLERANCE = 1e-6  # elongation of an element per unit motion below which it is rounding
 
 
 def straighten(model: Model) -> Model:
@@ -150,8 +148,7 @@ def _is_independent(row: FloatArray, rows: Sequence[FloatArray]) -> bool:
     return bool(np.linalg.norm(row - basis @ (basis.T @ row)) > _SAME * size)
 
 
-_SAME = 1e-9
-"""Relative residual of a row below which it is dependent."""
+_SAME = 1e-9  # relative residual of a row below which it is dependent
 
 
 def _train(structure: Structure, contact: PublishedLoad | CamContact) -> list[tuple[str, FloatArray]]:

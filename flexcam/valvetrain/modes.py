@@ -53,8 +53,7 @@ from flexcam.valvetrain.structure import Structure, build_structure, find_node, 
 from flexcam.valvetrain.system_builder import build_system
 
 _KINDS = {"axial": beam.AXIAL, "torsion": beam.TORSION, "bending x-y": beam.PLANE_XY, "bending x-z": beam.PLANE_XZ}
-_ENERGY_FRACTION = 0.05
-"""Fraction of a mode's kinetic energy above which a part is named."""
+_ENERGY_FRACTION = 0.05  # fraction of a mode's kinetic energy above which a part is named
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,11 +194,8 @@ def _places(system: System) -> FloatArray:
     return rows[rows.any(axis=1)]
 
 
-_COMPLIANCE_FRACTION = 1e-4
-"""Fraction of the static contact compliance above which a mode is relevant for the contact."""
-
-_MAX_CONTACT_UNKNOWNS = 3000
-"""Number of unknowns up to which contact matrices are reasonable."""
+_COMPLIANCE_FRACTION = 1e-4  # fraction of the static contact compliance above which a mode is relevant for the contact
+_MAX_CONTACT_UNKNOWNS = 3000  # number of unknowns up to which contact matrices are reasonable
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,8 +250,7 @@ def modes_on_the_lift(model: Model, contact: str, speed: float) -> ContactModes:
     )
 
 
-_ALONG = 1e-6
-"""Tolerance of the direction of a component along or across a member."""
+_ALONG = 1e-6  # tolerance of the direction of a component along or across a member
 
 
 def describe_inactive(structure: Structure, found: ActiveDofs) -> list[str]:
@@ -302,8 +297,7 @@ def _kind(axis: int, component: int) -> str:
     return f"bending in {'xyz'[axis]}-{'xyz'[across]}"
 
 
-_MAX_RESPONSE_UNKNOWNS = 3000
-"""Number of unknowns up to which a dense solution per harmonic is reasonable."""
+_MAX_RESPONSE_UNKNOWNS = 3000  # number of unknowns up to which a dense solution per harmonic is reasonable
 
 
 def lift_transfer(model: Model, contact: str, probe: str, speed: float) -> Callable[[FloatArray], ComplexArray]:

@@ -193,8 +193,7 @@ Contact = PublishedLoad | CamContact | Seat | Lash | Adjuster
 """Types of contacts of a model."""
 
 
-_MOST = math.radians(75.0)
-"""Largest angle between an arm and the normal to the motion of its end."""
+_MOST = math.radians(75.0)  # largest angle between an arm and the normal to the motion of its end
 
 _STEEP = math.sin(_MOST)
 

@@ -45,11 +45,8 @@ def coarse_cams(model: Model, turn: float) -> list[CoarseCam]:
     return found
 
 
-_BENDS = 0.01
-"""Fraction of strain energy in bending above which a member counts as bending."""
-
-_BLOCK_INTERVAL = 8
-"""Number of initial blocks evaluated for bending; later, one of as many blocks is evaluated."""
+_BENDS = 0.01  # fraction of strain energy in bending above which a member counts as bending
+_BLOCK_INTERVAL = 8  # number of initial blocks evaluated for bending; later, one of as many blocks is evaluated
 
 _WAVE = 2.0 * math.pi
 

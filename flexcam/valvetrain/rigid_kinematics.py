@@ -53,11 +53,8 @@ def path_behind_lash(before: Coordinate, gap: float, rest: float | None) -> Coor
     return before if gap == 0.0 and rest is None else path
 
 
-_FORCE_TOLERANCE = 1e-9
-"""Fraction of the largest force that counts as zero."""
-
-_PENETRATION_TOLERANCE = 1e-12
-"""Penetration that counts as zero, m."""
+_FORCE_TOLERANCE = 1e-9  # fraction of the largest force that counts as zero
+_PENETRATION_TOLERANCE = 1e-12  # penetration that counts as zero, m
 
 
 @dataclass(frozen=True)

@@ -86,8 +86,7 @@ def _identity_law(name: str, law: ForceLaw, count: int) -> LocalForces:
 
 History = Callable[[CamMotion], FloatArray]
 
-_JAM_ANGLES = np.linspace(0.0, 2.0 * np.pi, 721)
-"""Cam angles at which jamming is checked."""
+_JAM_ANGLES = np.linspace(0.0, 2.0 * np.pi, 721)  # cam angles at which jamming is checked
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,8 +185,7 @@ class RigidTrain:
         return history
 
 
-_BASE_CIRCLE_FRACTION = 1e-9
-"""Fraction of the lift below which a cam counts as on the base circle."""
+_BASE_CIRCLE_FRACTION = 1e-9  # fraction of the lift below which a cam counts as on the base circle
 
 
 def rigid_train(structure: Structure, contact: PublishedLoad | CamContact, where: str, speed: float) -> RigidTrain:

@@ -118,11 +118,8 @@ def _clearance(travel: float, rows: FloatArray) -> Observable:
 _PER_HALF_WAVE = 4
 """Parts per half wave, and minimum number of parts, as a valve that hits its seat excites surge at any speed."""
 
-_MOST = 16
-"""Default maximum number of parts; for longer waves the case must specify the number."""
-
-_FORCE_FRACTION = 0.01
-"""Fraction of the spring force by the lift below which waves of higher harmonics are neglected."""
+_MOST = 16  # default maximum number of parts; for longer waves the case must specify the number
+_FORCE_FRACTION = 0.01  # fraction of the spring force by the lift below which waves of higher harmonics are neglected
 
 _HARMONICS = 256
 

@@ -69,8 +69,7 @@ def _stiff(structure: Structure, members: list[str]) -> Iterator[StiffStrut]:
             yield StiffStrut(name, borne / right - 1.0, parts * count)
 
 
-_EXCESS_LIMIT = 0.05
-"""Relative excess of the buckling load to report: two elements between supports stay below it."""
+_EXCESS_LIMIT = 0.05  # relative excess of the buckling load to report: two elements between supports stay below it
 
 
 def _lowest_load(alone: Beams, dofs: DofMap) -> float:
@@ -91,11 +90,8 @@ def _lowest_load(alone: Beams, dofs: DofMap) -> float:
     return 1.0 / largest if largest > 1e-12 * float(np.abs(scaled).max(initial=1.0)) else math.inf
 
 
-_SUFFICIENT_ELEMENTS = 4
-"""Elements between supports for which the buckling load is accurate to 1 % with any supports."""
-
-_MANY = 100
-"""Number of elements of a member up to which they are divided: their matrices are dense."""
+_SUFFICIENT_ELEMENTS = 4  # elements between supports for which the buckling load is accurate to 1 % with any supports
+_MANY = 100  # number of elements of a member up to which they are divided: their matrices are dense
 
 
 def _parts(model: Model, member: str) -> int:
@@ -126,8 +122,7 @@ def _hinge_free_ends(pressed: FloatArray, free: FloatArray, ends: NDArray[np.boo
     return still.T @ pressed @ still
 
 
-_MOTION_TOLERANCE = 1e-14
-"""Relative square of the ends' motion that counts as zero."""
+_MOTION_TOLERANCE = 1e-14  # relative square of the ends' motion that counts as zero
 
 
 def compressed_members(model: Model) -> list[str]:

@@ -20,8 +20,7 @@ from flexcam.fem.rigid_bodies import free_motions, mass_at, scalar_matrix
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import Lever, MassAt, Rocker, Spring, path_name, tip_name
 
-_ACROSS = 1e-6
-"""Cosine below which directions are orthogonal."""
+_ACROSS = 1e-6  # cosine below which directions are orthogonal
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,8 +24,7 @@ from flexcam.valvetrain.springs import couple_coils
 from flexcam.valvetrain.strength import geometric_stiffness_forces
 from flexcam.valvetrain.structure import Structure, build_structure, find_node, inner_name
 
-_MODAL_LIMIT = 2 * DENSE_LIMIT
-"""Maximum number of unknowns for which all modes are computed."""
+_MODAL_LIMIT = 2 * DENSE_LIMIT  # maximum number of unknowns for which all modes are computed
 
 
 def build_system(model: Model, speed: float) -> System:

@@ -17,11 +17,8 @@ from flexcam.valvetrain.train_topology import largest_lash
 
 Bools = NDArray[np.bool_]
 
-_REOPENING_LIFT = 1e-6
-"""Lift above the seat, m, above which a closed valve counts as reopened; less for small lifts."""
-
-_TOUCH_PART = 2e-4
-"""The same relative to the lift, which governs up to 5 mm, as for watch mechanisms."""
+_REOPENING_LIFT = 1e-6  # lift above the seat, m, above which a closed valve counts as reopened; less for small lifts
+_TOUCH_PART = 2e-4  # the same relative to the lift, which governs up to 5 mm, as for watch mechanisms
 
 _REVOLUTION_TOLERANCE = math.radians(355.0)
 """Tolerance of cam angle for a complete revolution, rad: a fluctuating speed may leave a gap."""
@@ -29,8 +26,7 @@ _REVOLUTION_TOLERANCE = math.radians(355.0)
 _MAIN_LIFT_FRACTION = 0.05
 """Fraction of the lift, above ramps and lash, above which a cam is on its main lift: below it ringing dominates."""
 
-_LARGEST_MAIN_LIFT = 0.5
-"""Largest fraction of the lift for the same, for a lash that takes up most of the lift."""
+_LARGEST_MAIN_LIFT = 0.5  # largest fraction of the lift for the same, for a lash that takes up most of the lift
 
 OPEN = math.radians(0.5)
 """Cam angle of an open contact that counts as contact loss, rad: a single step may be numerical."""
@@ -137,16 +133,14 @@ def train_metric_names(model: Model, channels: Iterable[str]) -> list[str]:
     return names
 
 
-_BUCKLING_SUFFIX = "buckling_use"
-"""Suffix of the channel of compression divided by buckling load."""
+_BUCKLING_SUFFIX = "buckling_use"  # suffix of the channel of compression divided by buckling load
 
 
 def _margin(channel: str) -> str:
     return channel.removesuffix(_BUCKLING_SUFFIX) + "buckling_margin"
 
 
-_SEATING = ("seating_velocity", "bounces", "bounce_height")
-"""Metrics of a seat."""
+_SEATING = ("seating_velocity", "bounces", "bounce_height")  # metrics of a seat
 
 _LARGEST = (
     "force", "torque", "pressure", "sliding", "friction", "surge", "stress", "compression", "twist", "deflection",

@@ -176,8 +176,7 @@ def _shares(structure: Structure, rocker: Rocker) -> dict[str, float]:
     return {name: share for name, share in own.items() if name in structure.dofs.names}
 
 
-_MOTION_TOLERANCE = 1e-9
-"""Fraction of a motion that counts as zero."""
+_MOTION_TOLERANCE = 1e-9  # fraction of a motion that counts as zero
 
 
 def follower_motion(structure: Structure, contact: CamContact | PublishedLoad, node: int) -> FloatArray:
