@@ -216,12 +216,8 @@ class Section:
         Section
             A new section.
         """
-        return replace(
-            self,
-            J=self.J if J is None else J,
-            kappa_y=self.kappa_y if kappa_y is None else kappa_y,
-            kappa_z=self.kappa_z if kappa_z is None else kappa_z,
-        )
+        given = {"J": J, "kappa_y": kappa_y, "kappa_z": kappa_z}
+        return replace(self, **{name: value for name, value in given.items() if value is not None})
 
 
 def _cowper_tube(ratio: float) -> float:
