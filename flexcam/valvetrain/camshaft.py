@@ -35,19 +35,12 @@ def shaft_channels(structure: Structure) -> Coupling:
     channels: list[Channel] = []
     for contact in model.cam_contacts.values():
         at = model.cams[contact.cam].at
-        axis = _turning(contact.shaft_axis)
         if model.mesh.on_members()[model.mesh.node(at)]:
             channels += [
-                Channel(f"cams.{contact.cam}.twist", "rad", row_of(structure.row(at, axis))),
+                Channel(f"cams.{contact.cam}.twist", "rad", row_of(structure.row(at, contact.rotation))),
                 Channel(f"cams.{contact.cam}.deflection", "m", row_of(structure.row(at, contact.direction))),
             ]
     return Coupling(_inertias(structure), (), tuple(channels))
-
-
-def _bodies(structure: Structure) -> list[tuple[int, FloatArray]]:
-    """Return node and mass matrix (6, 6), global axes, of every body at a node."""
-    on_nodes = [part for part in structure.model.masses.values() if structure.is_node(part.at)]
-    return [(structure.model.mesh.node(part.at), part.body.matrix()) for part in on_nodes]
 
 
 def _inertias(structure: Structure) -> tuple[Load, ...]:
@@ -56,25 +49,20 @@ def _inertias(structure: Structure) -> tuple[Load, ...]:
     for contact in structure.model.cam_contacts.values():
         nodes = mesh.connected_nodes(mesh.node(structure.model.cams[contact.cam].at))
         if int(nodes[0]) not in shafts:
-            shafts[int(nodes[0])] = _inertia(structure, nodes, contact.shaft_axis)
+            shafts[int(nodes[0])] = _inertia(structure, nodes, contact.rotation)
     return tuple(shafts.values())
 
 
-def _inertia(structure: Structure, nodes: IntArray, axis: FloatArray) -> Load:
+def _inertia(structure: Structure, nodes: IntArray, turning: FloatArray) -> Load:
     """Return the load of a shaft's rotary inertia at variable speed: unknowns are relative to the rotation."""
-    dofs, turning = structure.dofs, _turning(axis)
+    dofs, mesh = structure.dofs, structure.model.mesh
     beams = structure.beams.part(np.flatnonzero(np.isin(structure.beams.nodes[:, 0], nodes)))
     pulled = beam.to_global(beams, beam.mass(beams)) @ np.tile(turning, 2)
     vector = _assemble_vector(dofs.size, dofs.numbers[beams.nodes], pulled)
-    for at, matrix in _bodies(structure):
-        if at in nodes:
-            vector = vector + _assemble_vector(dofs.size, dofs.numbers[at], matrix @ turning)
-    return Load(f"shaft of {structure.model.mesh.node_name(int(nodes[0]))}", -vector, lambda motion: motion.rate)
-
-
-def _turning(axis: FloatArray) -> FloatArray:
-    """Return the six components of a node that rotates with a shaft."""
-    return np.concatenate([np.zeros(3), axis])
+    for part in structure.model.masses.values():
+        if structure.is_node(part.at) and mesh.node(part.at) in nodes:
+            vector += _assemble_vector(dofs.size, dofs.numbers[mesh.node(part.at)], part.body.matrix() @ turning)
+    return Load(f"shaft of {mesh.node_name(int(nodes[0]))}", -vector, lambda motion: motion.rate)
 
 
 def _assemble_vector(size: int, numbers: IntArray, values: FloatArray) -> FloatArray:

@@ -92,9 +92,9 @@ def couple_published_load(structure: Structure, name: str, contact: PublishedLoa
     cam = structure.model.cams[contact.cam]
     train, K = _at_any_speed(structure, name, contact)
     force = preload(structure, contact, train, cam, speed)
-    lift, axis = contact.direction, np.concatenate([np.zeros(3), contact.shaft_axis])
+    lift = contact.direction
     push = structure.row(contact.follower, lift) - structure.row(cam.at, lift)
-    twist = -structure.row(cam.at, axis)
+    twist = -structure.row(cam.at, contact.rotation)
     arm = derivative(cam.event)
 
     def torque(motion: CamMotion) -> FloatArray:

@@ -104,26 +104,38 @@ class Cam:
 
 
 @dataclass(frozen=True, eq=False)
-class PublishedLoad:
-    """The published coupling: the cam drives the follower by a force (Tayeb and Sliman, eqs. 21-26)."""
+class CamPair:
+    """A cam and the follower that it lifts."""
 
     cam: str  #: name of the cam
-    follower: str  #: named node of the follower (tappet)
+    follower: str  #: named node of the follower
     direction: FloatArray  #: direction of the lift, shape (6,), translation only
     shaft_axis: FloatArray  #: unit vector along the camshaft in the sense of rotation, shape (3,)
+
+    @property
+    def rotation(self) -> FloatArray:
+        """Direction of a rotation about the camshaft, shape (6,)."""
+        return np.concatenate([np.zeros(3), self.shaft_axis])
+
+    @property
+    def across(self) -> FloatArray:
+        """Direction normal to lift and camshaft, to the right of a cam that turns counterclockwise, shape (6,)."""
+        return np.concatenate([np.cross(self.direction[:3], self.shaft_axis), np.zeros(3)])
+
+
+@dataclass(frozen=True, eq=False)
+class PublishedLoad(CamPair):
+    """The published coupling: the cam drives the follower by a force (Tayeb and Sliman, eqs. 21-26)."""
+
     preload_factor: float = 2.5  #: preload as a multiple of the force the rigid train needs for contact
     cam_deflection: bool = False  #: whether the force depends on the shaft's deflection, U_c of (21)
     cam_torque: bool = True  #: whether the force twists the shaft, T_CF of (24)
 
 
 @dataclass(frozen=True, eq=False)
-class CamContact:
+class CamContact(CamPair):
     """Contact of a cam and its follower with a contact stiffness."""
 
-    cam: str  #: name of the cam
-    follower: str  #: named node of the follower
-    direction: FloatArray  #: direction of the lift, shape (6,), translation only
-    shaft_axis: FloatArray  #: unit vector along the camshaft in the sense of rotation, shape (3,)
     stiffness: float | None  #: N/m; None for that of Hertz' line contact
     unilateral: bool  #: whether the contact can open; if not, it is bilateral
     #: chi of Hunt and Crossley, s/m: the force is that of the stiffness times 1 + chi times the rate of approach

@@ -12,21 +12,18 @@ from flexcam.core import FloatArray
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import (
     Adjuster,
-    CamContact,
+    CamPair,
     Lash,
     Lever,
     NodeLash,
-    PublishedLoad,
     Rocker,
     path_name,
     tip_name,
 )
 from flexcam.valvetrain.structure import Structure, find_node, inner_name, spring_ends, spring_row
 
-Driven = PublishedLoad | CamContact
 
-
-def moved_nodes(model: Model, contact: Driven) -> list[int]:
+def moved_nodes(model: Model, contact: CamPair) -> list[int]:
     """Return the nodes moved by a follower through members, links and lash."""
     if contact.follower not in model.mesh.points:
         return []
@@ -72,7 +69,7 @@ def _nodes_by_distance(joined: Mapping[int, Sequence[int]], start: int) -> list[
     return list(reached)
 
 
-def rocker_of(model: Model, contact: Driven) -> Rocker | None:
+def rocker_of(model: Model, contact: CamPair) -> Rocker | None:
     """Return the rocker driven by or identical to a follower, or None."""
     nodes, points = set(moved_nodes(model, contact)), model.mesh.points
     own = (
@@ -102,7 +99,7 @@ def _accumulated_lash(model: Model, play: Lash) -> float:
     return play.gap / (rocker.ratio if rocker else 1.0) + sum(one.gap for one in before)
 
 
-def _is_in_train(model: Model, contact: Driven, play: Lash) -> bool:
+def _is_in_train(model: Model, contact: CamPair, play: Lash) -> bool:
     """Return whether a lash is in the train of a contact."""
     if play.ends is not None:
         return model.mesh.node(play.ends[0]) in moved_nodes(model, contact)
@@ -179,7 +176,7 @@ def _shares(structure: Structure, rocker: Rocker) -> dict[str, float]:
 _MOTION_TOLERANCE = 1e-9  # fraction of a motion that counts as zero
 
 
-def follower_motion(structure: Structure, contact: CamContact | PublishedLoad, node: int) -> FloatArray:
+def follower_motion(structure: Structure, contact: CamPair, node: int) -> FloatArray:
     """Return the unit rigid motion along the lift of all nodes connected to a follower by members.
 
     In the plane of the cam the motion satisfies the supports: a finger rotates about its pivot, each point by ``phi x
@@ -204,17 +201,16 @@ def follower_motion(structure: Structure, contact: CamContact | PublishedLoad, n
     return begun + _least_squares(bent[:, 1:], -bent[:, 0]) @ beside
 
 
-def _fields(structure: Structure, contact: CamContact | PublishedLoad, node: int) -> FloatArray:
+def _fields(structure: Structure, contact: CamPair, node: int) -> FloatArray:
     """Return motions of the nodes connected to a node, shape (k, m, 6): along the lift, across it, and rotation.
 
     The rotation is about the node, scaled by the length of the part; a single node does not rotate.
     """
     mesh, axis = structure.model.mesh, np.asarray(contact.shaft_axis)
     away = mesh.nodes[mesh.connected_nodes(node)] - mesh.nodes[node]
-    across = np.concatenate([np.cross(contact.direction[:3], axis), np.zeros(3)], dtype=np.float64)
     turned = np.concatenate([np.cross(axis, away), np.broadcast_to(axis, away.shape)], axis=1, dtype=np.float64)
     length = float(np.linalg.norm(away, axis=1).max())
-    shifts = [np.broadcast_to(one, turned.shape) for one in (contact.direction, across)]
+    shifts = [np.broadcast_to(one, turned.shape) for one in (contact.direction, contact.across)]
     return np.array([*shifts, *([turned / length] if length > 0.0 else [])])
 
 
@@ -256,7 +252,7 @@ class FollowerTrain:
     stiffness: float
 
 
-def follower_train(structure: Structure, contact: PublishedLoad | CamContact, where: str) -> FollowerTrain:
+def follower_train(structure: Structure, contact: CamPair, where: str) -> FollowerTrain:
     """Return the rigid body of a follower and its attached parts: it translates, or rotates about a pivot.
 
     Without a pivot, the motion has minimum spring energy.
