@@ -313,10 +313,7 @@ def info_table(result: Result) -> Table:
     response = result.response
     about = [(name, text) for name, text in result.about.items() if name not in _OMITTED_TEXTS]
     seconds = f", {response.stats.seconds:.3g} s" if response.stats.is_complete else ""
-    rows = [
-        ("run", str(response.status)),
-        ("steps", f"{response.stats.steps} of {describe_dofs(response)}{seconds}"),
-    ]
+    rows = [("run", str(response.status)), ("steps", f"{response.stats.steps} of {describe_dofs(response)}{seconds}")]
     if (error := periodicity_error(response)) is not None:
         rows.append(("periodic within", f"{error:.3g} of the motion"))
     if balance := describe_balance(ExtremesSink.of(response), response.stats):

@@ -133,9 +133,8 @@ def find_pivot(structure: Structure, contact: CamContact) -> list[int]:
     plane = contact.direction, contact.across
     held = [n for n in mesh.connected_nodes(node).tolist() if not any(vector(n, one).any() for one in plane)]
     away = mesh.nodes[node] - mesh.nodes[held[:1]]
-    lifts = abs(away @ contact.across[:3]) > _NEAR * np.linalg.norm(
-        away, axis=1
-    )  # a node beyond the pivot only moves sideways
+    # A node beyond the pivot only moves sideways.
+    lifts = abs(away @ contact.across[:3]) > _NEAR * np.linalg.norm(away, axis=1)
     turns = [n for n in held if vector(n, contact.rotation).any()]
     return turns if len(held) == 1 and lifts.all() else []
 

@@ -148,13 +148,7 @@ def reaction_torque(end: ShaftDrive, loads: tuple[Load, ...], forces: tuple[Loca
 
 
 def free_running(
-    model: Model,
-    speed: float,
-    cam: str,
-    cam_mass: float,
-    follower_mass: float,
-    start: float = 0.0,
-    time: float = 0.0,
+    model: Model, speed: float, cam: str, cam_mass: float, follower_mass: float, start: float = 0.0, time: float = 0.0
 ) -> SpeedByAngle:
     """Return the drive of a freely running cam."""
     if cam not in model.cams:

@@ -46,11 +46,7 @@ def opposed_force(name: str, rows: FloatArray, law: ForceLaw, offset: AngleFunct
 
 
 def conservative_force(
-    name: str,
-    sense: AngleVector,
-    law: ForceLaw,
-    offset: AngleFunction = _zero,
-    restitution: float | None = None,
+    name: str, sense: AngleVector, law: ForceLaw, offset: AngleFunction = _zero, restitution: float | None = None
 ) -> LocalForce:
     """Return a local force of one scalar that acts against the motion that presses its bodies together."""
     act = AngleVector(-sense.vectors, sense.functions)

@@ -100,9 +100,7 @@ def couple_published_load(structure: Structure, name: str, contact: PublishedLoa
     def torque(motion: CamMotion) -> FloatArray:
         return (force + K * motion.cam(cam.event, 0)) * motion.cam(cam.event, 1)
 
-    loads = [
-        Load(f"contacts.{name}.lift", push, lambda motion: K * motion.cam(cam.event, 0)),
-    ]
+    loads = [Load(f"contacts.{name}.lift", push, lambda motion: K * motion.cam(cam.event, 0))]
     preloaded = push - _spring_share(structure, train)
     loads.append(Load(f"contacts.{name}.preload", preloaded, constant_history(force), installed=True, steady=True))
     if contact.cam_torque:

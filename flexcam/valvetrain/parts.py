@@ -195,10 +195,15 @@ class Adjuster:
 class NodeLash:
     """Lash or adjuster between two nodes, the first of which pushes the second."""
 
+    name: str  #: name of the contact
+    part: Lash | Adjuster
     ends: tuple[str, str]  #: names of the pushing and the pushed node
     direction: FloatArray  #: in which it pushes, shape (6,)
-    gap: float  #: m
-    plunger_force: float  #: with which an adjuster pushes both apart, N
+
+    @property
+    def gap(self) -> float:
+        """Clearance, m; an adjuster has none."""
+        return self.part.gap if isinstance(self.part, Lash) else 0.0
 
 
 Contact = PublishedLoad | CamContact | Seat | Lash | Adjuster

@@ -229,19 +229,19 @@ def divide_train(structure: Structure, motion: FloatArray) -> TrainParts:
 
 def _lash_joints(structure: Structure, motion: FloatArray) -> Iterator[_Joint]:
     """Yield the lash elements between nodes of a train; refuse those that its lift does not close."""
-    for name, play in structure.model.contacts.items():
-        if isinstance(play, Lash | Adjuster) and play.ends is not None and play.direction is not None:
-            row, far = (structure.row(end, play.direction) for end in play.ends)
-            pushing, pushed = (rigid_shift(structure, end, play.direction) for end in play.ends)
-            if not (pushing.any() and pushed.any()):  # a fixed node drives no other
-                continue
-            driven = float(row @ motion)
-            if driven < 0.0 or (driven == 0.0 and float(far @ motion) and not _is_cam_driven(structure, play.ends[0])):
-                allowed, why = "a play that the lift of its cam closes", "a rigid train goes through it from the cam on"
-                remedy = "name as `from` the node on the side of the cam, with the direction in which it pushes"
-                raise refuse(f"contacts.{name}", f"from {play.ends[0]!r} to {play.ends[1]!r}", allowed, why, remedy)
-            if driven:
-                yield _Joint(row, complete_motion(structure, pushed), play)
+    for play in structure.model.lashes:
+        row, far = (structure.row(end, play.direction) for end in play.ends)
+        pushing, pushed = (rigid_shift(structure, end, play.direction) for end in play.ends)
+        if not (pushing.any() and pushed.any()):  # a fixed node drives no other
+            continue
+        driven = float(row @ motion)
+        if driven < 0.0 or (driven == 0.0 and float(far @ motion) and not _is_cam_driven(structure, play.ends[0])):
+            allowed, why = "a play that the lift of its cam closes", "a rigid train goes through it from the cam on"
+            remedy = "name as `from` the node on the side of the cam, with the direction in which it pushes"
+            given = f"from {play.ends[0]!r} to {play.ends[1]!r}"
+            raise refuse(f"contacts.{play.name}", given, allowed, why, remedy)
+        if driven:
+            yield _Joint(row, complete_motion(structure, pushed), play.part)
 
 
 def _is_cam_driven(structure: Structure, node: str) -> bool:

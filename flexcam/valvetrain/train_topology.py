@@ -10,16 +10,7 @@ import numpy as np
 
 from flexcam.core import FloatArray
 from flexcam.valvetrain.model import Model
-from flexcam.valvetrain.parts import (
-    Adjuster,
-    CamPair,
-    Lash,
-    Lever,
-    NodeLash,
-    Rocker,
-    path_name,
-    tip_name,
-)
+from flexcam.valvetrain.parts import CamPair, Lash, Lever, NodeLash, Rocker, path_name, tip_name
 from flexcam.valvetrain.structure import Structure, find_node, inner_name, spring_ends, spring_row
 
 
@@ -235,10 +226,10 @@ def _deformation_rows(structure: Structure) -> FloatArray:
     """Return rows of the deformation of springs, and of lash to fixed parts, times the square root of stiffness."""
     model = structure.model
     rows = [np.sqrt(one.stiffness) * spring_row(structure, name, one) for name, one in model.springs.items()]
-    for one in model.contacts.values():
-        if isinstance(one, Lash | Adjuster) and one.ends is not None and one.direction is not None:
-            ends = [structure.row(end, one.direction) for end in one.ends]
-            rows += [np.sqrt(one.stiffness) * (ends[0] - ends[1])] * (not all(end.any() for end in ends))
+    for play in model.lashes:
+        first, second = (structure.row(end, play.direction) for end in play.ends)
+        if not (first.any() and second.any()):
+            rows.append(np.sqrt(play.part.stiffness) * (first - second))
     return np.array(rows).reshape(-1, structure.dofs.size)
 
 
