@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Sequence
 
@@ -12,7 +10,7 @@ from rich.table import Table
 from flexcam.analysis.error_estimate import Error
 from flexcam.analysis.model_choice import Choice, ModelEvaluation, Reference
 from flexcam.dynamics import Cause
-from flexcam.report.terminal import plain_table
+from flexcam.report.terminal import format_csv, plain_table
 
 _SHOWN = {"m": (1e3, "mm"), "m/s": (1.0, "m/s"), "m/s^2": (1.0, "m/s^2"), "N": (1.0, "N")}
 _ROUNDING = 1e-10
@@ -94,13 +92,12 @@ def evaluation_json(one: ModelEvaluation) -> dict[str, object]:
 def trade_csv(against: Reference, found: Sequence[ModelEvaluation]) -> str:
     """Return the model ladder as comma-separated values."""
     kinds = _quantities(against)
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["model", "steps_per_revolution", "unknowns", "work", "cpu_s", *kinds, "best", "status"])
-    for one in found:
-        errors = [one.errors.get(kind, "") for kind in kinds]
-        writer.writerow([one.rung, one.steps, one.unknowns, one.work, one.seconds, *errors, one.best, one.status.cause])
-    return text.getvalue()
+    head = ("model", "steps_per_revolution", "unknowns", "work", "cpu_s", *kinds, "best", "status")
+    return format_csv(head, [
+        (one.rung, one.steps, one.unknowns, one.work, one.seconds, *(one.errors.get(kind, "") for kind in kinds),
+         one.best, one.status.cause)
+        for one in found
+    ])  # fmt: skip
 
 
 def error_table(errors: Sequence[Error]) -> Table:

@@ -24,9 +24,8 @@ def static_shapes(system: System, rows: FloatArray) -> FloatArray:
     """Return the static shapes of given motions without other loads."""
     n, m = system.size, len(rows)
     if n > 2 * DENSE_LIMIT:
-        raise refuse(
-            "chain", f"a model of {n} unknowns", f"up to {2 * DENSE_LIMIT}", "shapes are full", "fewer elements"
-        )
+        given, allowed = f"a model of {n} unknowns", f"up to {2 * DENSE_LIMIT}"
+        raise refuse("chain", given, allowed, "shapes are full", "fewer elements")
     still = _unobserved_motions(np.zeros((n, 0)) if system.free is None else system.free, rows)
     held = np.concatenate([rows, still.T])
     K = system.stiffness.dense()
@@ -119,10 +118,7 @@ def _contact(model: Model, name: str | None) -> PublishedLoad | CamContact:
     if name is not None:
         raise refuse("contact", repr(name), f"one of {', '.join(model.cam_contacts) or '(there is none)'}")
     if len(model.cam_contacts) != 1:
-        given, why = (
-            f"{len(model.cam_contacts)} contacts of a cam",
-            "few masses stand for the one train that a cam drives",
-        )
+        given, why = f"{len(model.cam_contacts)} contacts of a cam", "few masses stand for the one train of a cam"
         raise refuse("contact", given, "one", why, "take another model")
     return next(iter(model.cam_contacts.values()))
 

@@ -277,8 +277,8 @@ def _parts_of(structure: Structure, joint: _Joint, driver: Part, before: int) ->
     name, share = structure.name_of(rocker), float(joint.row @ driver.motion)
     for end, own in ((0, path_name(name)), (1, tip_name(name)), (1, None)):
         slope = driver.slope * float(lever_path(direct_path, rocker, end, share)(np.zeros(1))[1][0])
-        moved = joint.moved if own is None else _unit(structure, own)
-        if moved.any():
+        if own is None or own in structure.dofs.names:
+            moved = joint.moved if own is None else structure.dofs.unit(own)
             yield Part(moved, slope, before, driver.body, rocker, end, share, opens and own is None)
 
 
@@ -302,7 +302,3 @@ def _body(joint: _Joint, driver: Part, first: Part) -> Body:
     if isinstance(joint.play, Adjuster):
         return Body(driver.body, push=joint.play.plunger_force * moved, extends=True)
     return Body(driver.body, gap=joint.play.gap / moved if joint.play else 0.0)
-
-
-def _unit(structure: Structure, name: str) -> FloatArray:
-    return structure.dofs.unit(name) if name in structure.dofs.names else np.zeros(structure.dofs.size)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -61,10 +61,8 @@ def _stiff(structure: Structure, members: list[str]) -> Iterator[StiffStrut]:
         count = len(model.mesh.lines[name]) - 1
         if 6 * count > DENSE_LIMIT or (parts := _parts(model, name)) == 1:
             continue
-        borne, right = (
-            _lowest_load(structure.beams.part(ranges[name]), structure.dofs),
-            _lowest_load(*_divide(model, name, parts)),
-        )
+        borne = _lowest_load(structure.beams.part(ranges[name]), structure.dofs)
+        right = _lowest_load(*_divide(model, name, parts))
         if borne > (1.0 + _EXCESS_LIMIT) * right:
             yield StiffStrut(name, borne / right - 1.0, parts * count)
 
@@ -212,12 +210,12 @@ def geometric_stiffness_forces(structure: Structure) -> Coupling:
             pressed = linear_compression(Bars(structure, elements))
         channels.append(Channel(f"{where}.compression", "N", pressed))
         if 6 * len(elements) <= DENSE_LIMIT and math.isfinite(bearable := buckling_load(structure, name)):
-            channels.append(Channel(f"{where}.buckling_use", "1", _part(pressed, bearable)))
+            channels.append(Channel(f"{where}.buckling_use", "1", _quotient(pressed, bearable)))
     return Coupling((), tuple(forces), tuple(channels))
 
 
-def _part(value: Observable, whole: float) -> Observable:
-    return lambda seen: value(seen) / whole
+def _quotient(value: Observable, divisor: float) -> Observable:
+    return lambda seen: value(seen) / divisor
 
 
 def _compression(arch: Arch, part: slice) -> Observable:
@@ -305,10 +303,8 @@ class StrengthSink:
         (normal, swing), (shear, twist) = _halves(*self._normal), _halves(*self._shear)
         mean, alternating = _equivalent(normal, shear), _equivalent(swing, twist)
         pulled = _equivalent(np.maximum(normal, 0.0), shear)
-        return {name: self._member(name, part, mean, alternating, pulled) for name, part in self._ranges().items()}
-
-    def _ranges(self) -> Mapping[str, slice]:
-        return self._structure.model.mesh.element_ranges()
+        ranges = self._structure.model.mesh.element_ranges()
+        return {name: self._member(name, part, mean, alternating, pulled) for name, part in ranges.items()}
 
     def _member(
         self, name: str, part: slice, mean: FloatArray, alternating: FloatArray, pulled: FloatArray

@@ -107,15 +107,14 @@ def train_metrics(model: Model, response: Response, period: float) -> list[Metri
         if isinstance(contact, Seat) and f"contacts.{name}.gap" in response.channels:  # the rigid model has no seat
             figures += _seat(response, f"contacts.{name}", last)
     for channel, unit in response.outline.channels:
-        end = channel.rpartition(".")[2]
-        values = response.channels[channel][last]
-        if end in _LARGEST:
-            size = values if end in _SIGNED else np.abs(values)
-            figures.append(Metric(f"{channel}.largest", float(size.max()), unit))
-        if end in _LEAST:
-            figures.append(Metric(f"{channel}.least", float(values.min()), unit))
-        if end == _BUCKLING_SUFFIX and float(values.max()) > 0.0:
-            figures.append(Metric(_margin(channel), 1.0 / float(values.max()), "1"))
+        name, values = _metric_name(channel), response.channels[channel][last]
+        if name.endswith("margin"):
+            figures += [Metric(name, 1.0 / float(values.max()), "1")] if float(values.max()) > 0.0 else []
+        elif name.endswith("least"):
+            figures.append(Metric(name, float(values.min()), unit))
+        elif name:
+            size = values if channel.endswith(_SIGNED) else np.abs(values)
+            figures.append(Metric(name, float(size.max()), unit))
     return figures
 
 
@@ -126,18 +125,17 @@ def train_metric_names(model: Model, channels: Iterable[str]) -> list[str]:
     seats = [name for name, one in model.contacts.items() if isinstance(one, Seat) and f"contacts.{name}.gap" in known]
     names = [f"contacts.{name}.open_on_the_lift" for name in free]
     names += [f"contacts.{name}.{one}" for name in seats for one in _SEATING]
-    for channel in known:
-        end = channel.rpartition(".")[2]
-        names += [f"{channel}.largest"] * (end in _LARGEST) + [f"{channel}.least"] * (end in _LEAST)
-        names += [_margin(channel)] * (end == _BUCKLING_SUFFIX)
-    return names
+    return [*names, *filter(None, map(_metric_name, known))]
 
 
-_BUCKLING_SUFFIX = "buckling_use"  # suffix of the channel of compression divided by buckling load
-
-
-def _margin(channel: str) -> str:
-    return channel.removesuffix(_BUCKLING_SUFFIX) + "buckling_margin"
+def _metric_name(channel: str) -> str:
+    """Return the name of the metric of a channel; empty if it has none."""
+    where, _, quantity = channel.rpartition(".")
+    if quantity == "buckling_use":
+        return f"{where}.buckling_margin"
+    if quantity == "clearance":
+        return f"{channel}.least"
+    return f"{channel}.largest" if quantity in _LARGEST else ""
 
 
 _SEATING = ("seating_velocity", "bounces", "bounce_height")  # metrics of a seat
@@ -148,10 +146,8 @@ _LARGEST = (
 )  # fmt: skip
 """Suffixes of channels with a metric of maximum magnitude."""
 
-_SIGNED = ("compression", "leak_down")
+_SIGNED = (".compression", ".leak_down")
 """Suffixes of channels whose metric is the maximum with its sign: a column that pumped up has a negative leak-down."""
-
-_LEAST = ("clearance",)
 
 
 def _seat(response: Response, where: str, last: Bools) -> list[Metric]:
