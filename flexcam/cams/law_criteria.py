@@ -216,10 +216,9 @@ def curve_minimum(curve: Curve, joints: Sequence[float] = ()) -> Extreme:
     ]
     angles = np.concatenate(pieces)
     values = _finite_values(curve(angles))
-    sizes = np.cumsum([len(piece) for piece in pieces])
-    valleys = _sampled_minima(values, sizes)
-    low, high = (angles[np.clip(valleys + step, *_limits(valleys, sizes))] for step in (-1, 1))
-    floors, at = _minima(curve, low, high)
+    valleys = _sampled_minima(values, np.cumsum([len(piece) for piece in pieces]))
+    low, high = angles[np.maximum(valleys - 1, 0)], angles[np.minimum(valleys + 1, len(angles) - 1)]
+    floors, at = refine_minima(lambda many: curve(many.ravel()).reshape(many.shape), low, high)
     before = np.array(edges[1:])
     carried = _finite_values(2.0 * curve(before - LIMIT_OFFSET) - curve(before - 2.0 * LIMIT_OFFSET))
     all_values, places = np.concatenate([values, floors, carried]), np.concatenate([angles, at, before])
@@ -232,34 +231,26 @@ def _finite_values(values: FloatArray) -> FloatArray:
     return np.where(np.isnan(values), np.inf, values)
 
 
-def _limits(at: IntArray, sizes: IntArray) -> tuple[IntArray, IntArray]:
-    """Return the first and the last index of the pieces that contain the indices."""
-    piece = np.searchsorted(sizes, at, side="right")
-    starts = np.concatenate([[0], sizes[:-1]])
-    return starts[piece], sizes[piece] - 1
-
-
 def _sampled_minima(values: FloatArray, sizes: IntArray) -> IntArray:
     """Return the indices of the deepest sampled minima, including ends of pieces."""
-    first, last = _limits(np.arange(len(values)), sizes)
-    at = np.arange(len(values))
-    left, right = values[np.maximum(at - 1, first)], values[np.minimum(at + 1, last)]
-    end = (at == first) | (at == last)
-    found = np.flatnonzero((values <= left) & (values <= right) & (end | (values < left) | (values < right)))
-    found = np.union1d(found, [np.argmin(values)])
+    around = np.pad(values, 1, mode="edge")
+    left, right = around[:-2], around[2:]
+    valley = (values <= left) & (values <= right) & ((values < left) | (values < right))
+    valley[[0, *sizes[:-1], *(sizes - 1), int(np.argmin(values))]] = True
+    found = np.flatnonzero(valley)
     return found[np.argsort(values[found], kind="stable")[:_VALLEYS]]
 
 
-def _minima(curve: Curve, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the minima between pairs of angles, and their positions."""
+def refine_minima(curve: Curve, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the minima of a curve between pairs of bounds, shape (m,), and their positions; it takes shape (m, 9)."""
     rows, parts = np.arange(len(low)), np.linspace(0.0, 1.0, 9)
     at, values = low, np.full(len(low), np.inf)
     for _ in range(_GRID_REFINEMENTS):
-        angles = low[:, None] + (high - low)[:, None] * parts
-        seen = _finite_values(curve(angles.ravel())).reshape(angles.shape)
+        places = low[:, None] + (high - low)[:, None] * parts
+        seen = _finite_values(curve(places))
         best = np.argmin(seen, axis=1)
-        at, values = angles[rows, best], seen[rows, best]
-        low, high = angles[rows, np.maximum(best - 1, 0)], angles[rows, np.minimum(best + 1, len(parts) - 1)]
+        at, values = places[rows, best], seen[rows, best]
+        low, high = places[rows, np.maximum(best - 1, 0)], places[rows, np.minimum(best + 1, len(parts) - 1)]
     return values, at
 
 

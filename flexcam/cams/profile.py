@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexcam.cams.followers import Follower, FollowerContact, RollerFollower, Turn
-from flexcam.cams.law_criteria import LIMIT_OFFSET, Extreme, curve_minimum
+from flexcam.cams.law_criteria import LIMIT_OFFSET, Extreme, curve_minimum, refine_minima
 from flexcam.cams.lift_event import Event
 from flexcam.core import ComplexArray, FloatArray, IntArray
 from flexcam.core.errors import InputError, finite_array, positive, refuse
@@ -311,8 +311,6 @@ def _bisect(fits: Callable[[float], bool], low: float, high: float) -> float:
 
 _AT_ONCE = 2_000_000  # number of pairs of angle and point evaluated together
 
-_REFINEMENTS = 6
-
 
 def lift_from_profile(points: ArrayLike, follower: Follower, angle: ArrayLike, *, turn: Turn = 1) -> FloatArray:
     """Return the lift of a follower on a profile given by points.
@@ -334,9 +332,9 @@ def lift_from_profile(points: ArrayLike, follower: Follower, angle: ArrayLike, *
     turned = np.exp(1j * turn * finite_array("angle", np.ravel(angle), (None,)))
     length = float(chord[-1])
 
-    def lift(at: FloatArray) -> FloatArray:
+    def depth(at: FloatArray) -> FloatArray:
         x, y = np.moveaxis(np.asarray(curve(np.mod(at, length)), dtype=float), -1, 0)
-        return follower.lift_at((x + 1j * y) * turned[:, None])
+        return -follower.lift_at((x + 1j * y) * turned[:, None])
 
     if not len(turned):
         return np.zeros(np.shape(angle))
@@ -347,7 +345,7 @@ def lift_from_profile(points: ArrayLike, follower: Follower, angle: ArrayLike, *
     at = np.linspace(0.0, length, count, endpoint=False)
     x, y = np.moveaxis(np.asarray(curve(at), dtype=float), -1, 0)
     starts = _find_highest_peaks(np.asarray(x + 1j * y, dtype=np.complex128), at, follower, turned)
-    found = np.max([_refine_maximum(lift, start, float(at[1])) for start in starts.T], axis=0)
+    found = -np.min([refine_minima(depth, start - at[1], start + at[1])[0] for start in starts.T], axis=0)
     if not np.isfinite(found).all():
         raise refuse("points", "a profile the follower does not touch", "one within its reach", "", "check the unit")
     return found.reshape(np.shape(angle))
@@ -395,22 +393,3 @@ def _peaks(values: FloatArray) -> IntArray:
     """Return the positions of the highest peaks of every row, each row a closed curve."""
     peak = (values >= np.roll(values, 1, axis=1)) & (values >= np.roll(values, -1, axis=1))
     return np.argpartition(-np.where(peak, values, -math.inf), _CANDIDATES, axis=1)[:, :_CANDIDATES]
-
-
-def _refine_maximum(lift: Callable[[FloatArray], FloatArray], start: FloatArray, spacing: float) -> FloatArray:
-    """Return the maximum near the starting points, by successive parabolas through three points."""
-    at, width = start, spacing
-    best = lift(at[:, None])[:, 0]
-    for _ in range(_REFINEMENTS):
-        around = at[:, None] + width * np.linspace(-1.0, 1.0, 5)
-        values = lift(around)
-        peak = np.clip(np.argmax(values, axis=1), 1, 3)
-        rows = np.arange(len(at))
-        left, middle, right = (values[rows, peak + k] for k in (-1, 0, 1))
-        with np.errstate(divide="ignore", invalid="ignore"):  # minus infinity if out of reach
-            bend = left - 2.0 * middle + right
-            shift = np.where(np.isfinite(bend) & (bend < 0.0), 0.5 * (left - right) / bend, 0.0)
-        at = around[rows, peak] + 0.5 * width * np.clip(shift, -1.0, 1.0)
-        best = np.fmax(best, np.fmax(middle, lift(at[:, None])[:, 0]))
-        width *= 0.25
-    return np.where(np.isfinite(best), best, -math.inf)
