@@ -83,7 +83,7 @@ def harmonic_fit(
     even = np.linspace(0.0, _REVOLUTION, points, endpoint=False)
     angle = np.unique(np.concatenate([even, np.mod(np.array(ends, dtype=float), _REVOLUTION)]))
     target = wanted(angle)
-    held = _dwell_mask(wanted, angle) if strict is None else _within_sections(angle, strict)
+    held = _strict_mask(wanted, angle, strict)
     rows = _rows(angle, count)
     limit = np.where(held, tolerance, math.inf if bound is None else positive("bound", bound, "m"))
     bounded = np.isfinite(limit)
@@ -112,12 +112,10 @@ def _rows(angle: FloatArray, count: int) -> FloatArray:
     return np.hstack([np.ones((len(angle), 1)), np.cos(turned), np.sin(turned)])
 
 
-def _dwell_mask(wanted: Event, angle: FloatArray) -> NDArray[np.bool_]:
-    still = np.abs(wanted(angle, 1)) + np.abs(wanted(angle, 2))
-    return still < 1e-9 * wanted.height
-
-
-def _within_sections(angle: FloatArray, sections: Sequence[tuple[float, float]]) -> NDArray[np.bool_]:
+def _strict_mask(wanted: Event, angle: FloatArray, sections: Sequence[tuple[float, float]] | None) -> NDArray[np.bool_]:
+    """Return which angles lie on strict sections; by default those are the dwells."""
+    if sections is None:
+        return np.abs(wanted(angle, 1)) + np.abs(wanted(angle, 2)) < 1e-9 * wanted.height
     inside: NDArray[np.bool_] = np.zeros(len(angle), dtype=np.bool_)
     for start, end in sections:
         inside |= np.mod(angle - start, _REVOLUTION) <= (end - start)

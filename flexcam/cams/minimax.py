@@ -61,14 +61,14 @@ class Program:
     def is_feasible(self, law: Law, slack: float) -> bool:
         """Return whether a law satisfies the bounds and does not reverse, within a slack."""
         within = all(_criterion(law, name) <= limit * (1.0 + slack) for name, limit in self.limits.items())
-        return within and (not self.monotone or _min_velocity(law) >= -slack - _LIMIT_MARGIN)
+        return within and (not self.monotone or _slowest(law) >= -slack - _LIMIT_MARGIN)
 
     def violations(self, law: Law, slack: float) -> list[str]:
         """Return the violated bounds and conditions of a law, within a slack, in words."""
         values = {name: _criterion(law, name) for name in self.limits}
         said = [f"{name} is {values[name]:.9g}, its bound {limit:.9g}"
                 for name, limit in self.limits.items() if values[name] > limit * (1.0 + slack)]  # fmt: skip
-        if self.monotone and (slowest := _min_velocity(law)) < -slack - _LIMIT_MARGIN:
+        if self.monotone and (slowest := _slowest(law)) < -slack - _LIMIT_MARGIN:
             said.append(f"the velocity falls to {slowest:.3g}, and must not be negative")
         for z, order, value in self.conditions:
             off = abs(float(law(np.array([z]), order)[0]) - value)
@@ -78,12 +78,17 @@ class Program:
 
     def tangent(self, x: FloatArray) -> TangentPlane:
         """Return the tangent plane of the rms at given coefficients."""
+        rows, offset = self._weighted_acceleration()
+        bent = rows @ x + offset
+        rms = float(np.linalg.norm(bent))
+        slope = rows.T @ bent / rms
+        return slope, rms - float(slope @ x)
+
+    def _weighted_acceleration(self) -> tuple[FloatArray, FloatArray]:
+        """Return rows and offset of the acceleration, whose square sum is the square of its rms."""
         z, weight = (np.concatenate(parts) for parts in zip(*quadrature(()), strict=True))
         rows, offset = self.family.rows(z, 2)
-        bent = rows @ x + offset
-        rms = float(np.sqrt(weight @ bent**2))
-        slope = rows.T @ (weight * bent) / rms
-        return slope, rms - float(slope @ x)
+        return np.sqrt(weight)[:, None] * rows, np.sqrt(weight) * offset
 
     def solve(
         self, places: Mapping[int, FloatArray], cuts: Sequence[TangentPlane] = (),
@@ -118,19 +123,17 @@ class Program:
 
     def least_rms(self, places: Mapping[int, FloatArray]) -> tuple[FloatArray, float]:
         """Return the coefficients of minimum rms, by constrained least squares, and that rms."""
-        z, weight = (np.concatenate(parts) for parts in zip(*quadrature(()), strict=True))
-        rows, offset = self.family.rows(z, 2)
-        root = np.sqrt(weight)
+        rows, offset = self._weighted_acceleration()
         A, b = self._inequalities(places, (), None)
         E, e = self._equalities()
         free = slice(0, self.family.size)
         base, ways = _solutions(E[:, free], e, self.family.size)
-        f = -root * (rows @ base + offset)
-        y = constrained_least_squares(root[:, None] * (rows @ ways), f, -A[:, free] @ ways, A[:, free] @ base - b)
+        f = -(rows @ base + offset)
+        y = constrained_least_squares(rows @ ways, f, -A[:, free] @ ways, A[:, free] @ base - b)
         if y is None:
             raise self._impossible()
         x = base + ways @ y
-        return x, float(np.linalg.norm(root * (rows @ x + offset)))
+        return x, float(np.linalg.norm(rows @ x + offset))
 
     def _impossible(self) -> InputError:
         given = ", ".join([f"{name} up to {limit:g}" for name, limit in self.limits.items()]) or "the conditions"
@@ -203,7 +206,7 @@ def _solutions(E: FloatArray, e: FloatArray, size: int) -> tuple[FloatArray, Flo
     return base, np.asarray(vectors[rank:].T, dtype=float)
 
 
-def _min_velocity(law: Law) -> float:
+def _slowest(law: Law) -> float:
     return float(law(stationary_points(law, 1), 1).min())
 
 

@@ -11,9 +11,9 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from textwrap import fill
-from typing import Any
 
-from rich.console import Console
+from rich.console import Console, HighlighterType, JustifyMethod, OverflowMethod
+from rich.style import Style
 from rich.table import Table
 from rich.text import Text
 
@@ -103,9 +103,16 @@ def result_console() -> Console:
 class _ResultConsole(Console):
     """Console that removes control sequences from texts of files, and leaves a broken pipe to the command line."""
 
-    def render_str(self, text: str, **options: Any) -> Text:  # noqa: ANN401 - of rich
+    def render_str(
+        self, text: str, *, style: str | Style = "", justify: JustifyMethod | None = None,
+        overflow: OverflowMethod | None = None, emoji: bool | None = None, markup: bool | None = None,
+        highlight: bool | None = None, highlighter: HighlighterType | None = None,
+    ) -> Text:  # fmt: skip
         """Return a text for the terminal."""
-        return super().render_str(printable(text), **options)
+        return super().render_str(
+            printable(text), style=style, justify=justify, overflow=overflow, emoji=emoji, markup=markup,
+            highlight=highlight, highlighter=highlighter,
+        )  # fmt: skip
 
     def on_broken_pipe(self) -> None:
         raise BrokenPipeError

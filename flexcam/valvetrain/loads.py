@@ -54,19 +54,14 @@ def series_stiffness(structure: Structure, contact: PublishedLoad, where: str) -
 
 def preload(structure: Structure, contact: PublishedLoad, train: FollowerTrain, cam: Cam, speed: float) -> float:
     """Return the preload at the follower, N."""
-    if given_forces(structure, train):
-        force = given_force(structure, train)
+    if springs := given_forces(structure, train):
+        force = sum(float(train.motion @ row) * size for size, row in springs)
         if force <= 0.0:
             given, why = f"springs that pull the follower with {-force:g} N", "contact needs a push against the lift"
             raise refuse("springs", given, "installed forces that close the contact", why, "turn a spring's direction")
         return force
     deceleration = -event_extremes(cam.event, 2)[0].value * speed**2
     return contact.preload_factor * train.mass * deceleration
-
-
-def given_force(structure: Structure, train: FollowerTrain) -> float:
-    """Return the given installed forces of springs reduced to the follower, N; zero without any."""
-    return sum(float(train.motion @ row) * size for size, row in given_forces(structure, train))
 
 
 def given_forces(structure: Structure, train: FollowerTrain) -> list[tuple[float, FloatArray]]:
