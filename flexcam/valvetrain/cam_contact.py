@@ -174,7 +174,7 @@ def sliding_path(structure: Structure, name: str, contact: CamContact, cam: Cam)
 
 def _face_row(structure: Structure, contact: CamContact, cam: Cam, face: SwingFlatFollower) -> FloatArray:
     """Return the row of the motion of a swinging face along itself, to the right."""
-    along = face_sliding(cam) * structure.row(contact.follower, contact.direction)
+    along = face_sliding(cam.follower) * structure.row(contact.follower, contact.direction)
     if not structure.is_node(contact.follower):
         return along
     own, turned = (structure.row(contact.follower, one) for one in (cam.turn * contact.across, contact.rotation))
