@@ -28,47 +28,21 @@ Turn = Literal[1, -1]
 
 @dataclass(frozen=True, eq=False)
 class FollowerContact:
-    """Contact of a follower with its cam as a function of the cam angle, fixed frame.
+    """Contact of a follower with its cam as a function of the cam angle, fixed frame."""
 
-    Parameters
-    ----------
-    point
-        Contact point, m, shape (n,), complex.
-    normal
-        Unit normal of the cam there, outward.
-    radius
-        Radius of curvature of the cam, m: positive where it is convex, negative where hollow.
-    motion
-        Unit direction in which the follower's touching point moves on the rise.
-    trace
-        Centre of the roller, m; the contact point itself for a flat face.
-    sliding
-        Velocity of the cam's surface relative to the follower along the tangent (the normal turned by -90 deg), m/rad.
-        A roller takes up the sliding by rotation.
-    sliding_rate
-        Its derivative by the cam angle, m/rad^2.
-    pressure_rate
-        Derivative by the cam angle of the angle from the normal to the motion, 1.
-    reach
-        Displacement along the normal per lift, 1: the cosine of the pressure angle; for a swinging flat face the
-        distance of the contact from the pivot along the face, divided by the arm.
-    reach_rate
-        Its derivative by the cam angle, 1.
-    turning
-        Angle by which the normal turns per cam angle, counterclockwise, 1.
-    """
-
-    point: ComplexArray
-    normal: ComplexArray
-    radius: FloatArray
-    motion: ComplexArray
-    trace: ComplexArray
+    point: ComplexArray  #: contact point, m, shape (n,), complex
+    normal: ComplexArray  #: unit normal of the cam there, outward
+    radius: FloatArray  #: radius of curvature of the cam, m: positive where it is convex, negative where hollow
+    motion: ComplexArray  #: unit direction in which the follower's touching point moves on the rise
+    trace: ComplexArray  #: centre of the roller, m; the contact point itself for a flat face
+    #: velocity of the cam's surface relative to the follower along the tangent (normal turned by -90 deg), m/rad
     sliding: FloatArray
-    sliding_rate: FloatArray
-    pressure_rate: FloatArray
+    sliding_rate: FloatArray  #: its derivative by the cam angle, m/rad^2
+    pressure_rate: FloatArray  #: derivative by the cam angle of the angle from the normal to the motion, 1
+    #: displacement along the normal per lift; for a swinging flat face the distance contact to pivot, by the arm
     reach: FloatArray
-    reach_rate: FloatArray
-    turning: FloatArray
+    reach_rate: FloatArray  #: its derivative by the cam angle, 1
+    turning: FloatArray  #: angle by which the normal turns per cam angle, counterclockwise, 1
 
 
 class Follower(Protocol):
@@ -110,7 +84,7 @@ class Follower(Protocol):
 class _OnBaseCircle:
     """Base class of followers."""
 
-    base_radius: float
+    base_radius: float  #: of the cam, m
 
     def with_base(self, base_radius: float) -> Self:
         """Return the same follower on another base circle."""
@@ -119,13 +93,7 @@ class _OnBaseCircle:
 
 @dataclass(frozen=True)
 class FlatFollower(_OnBaseCircle):
-    """Translating follower with a flat face normal to its motion.
-
-    Parameters
-    ----------
-    base_radius
-        m.
-    """
+    """Translating follower with a flat face normal to its motion."""
 
     def __post_init__(self) -> None:
         positive("base_radius", self.base_radius, "m")
@@ -187,19 +155,10 @@ def _roller_contact(
 
 @dataclass(frozen=True)
 class RollerFollower(_OnBaseCircle):
-    """Translating follower with a roller.
+    """Translating follower with a roller."""
 
-    Parameters
-    ----------
-    base_radius
-        Of the cam, m.
-    roller_radius
-        m.
-    offset
-        Distance of the follower's axis from the cam's, m; positive to the right of the upward motion.
-    """
-
-    roller_radius: float
+    roller_radius: float  #: m
+    #: distance of the follower's axis from the cam's, m; positive to the right of the upward motion
     offset: float = 0.0
 
     def __post_init__(self) -> None:
@@ -242,23 +201,13 @@ def _normal_direction(angle: float, side: Turn) -> complex:
 
 @dataclass(frozen=True)
 class SwingRollerFollower(_OnBaseCircle):
-    """Swinging follower with a roller at the end of its arm.
+    """Swinging follower with a roller at the end of its arm."""
 
-    Parameters
-    ----------
-    base_radius
-        Of the cam, m.
-    roller_radius, arm, distance
-        Roller, pivot to roller centre, pivot to cam centre, m.
-    side
-        1 where the arm turns clockwise on the rise (the roller lies above the line of centres), -1 where
-        counterclockwise (below).
-    """
-
+    #: `roller_radius`, `arm`, `distance`: roller, pivot to roller centre, pivot to cam centre, m
     roller_radius: float
     arm: float
     distance: float
-    side: Turn = 1
+    side: Turn = 1  #: 1 where the arm turns clockwise on the rise (roller above the line of centres), else -1
 
     def __post_init__(self) -> None:
         positive("base_radius", self.base_radius, "m")
@@ -315,24 +264,13 @@ class SwingRollerFollower(_OnBaseCircle):
 
 @dataclass(frozen=True)
 class SwingFlatFollower(_OnBaseCircle):
-    """Swinging follower with a flat face.
+    """Swinging follower with a flat face."""
 
-    Parameters
-    ----------
-    base_radius
-        Of the cam, m.
-    arm, distance
-        Length at which the lift is measured, and pivot to cam centre, m.
-    face
-        Distance of the face from the pivot, m; positive where the pivot lies on the cam's side of it.
-    side
-        1 where it turns clockwise on the rise, -1 where counterclockwise.
-    """
-
+    #: `arm`, `distance`: length at which the lift is measured, and pivot to cam centre, m
     arm: float
     distance: float
-    face: float = 0.0
-    side: Turn = 1
+    face: float = 0.0  #: distance of the face from the pivot, m; positive where the pivot lies on the cam's side of it
+    side: Turn = 1  #: 1 where it turns clockwise on the rise, -1 where counterclockwise
 
     def __post_init__(self) -> None:
         positive("base_radius", self.base_radius, "m")

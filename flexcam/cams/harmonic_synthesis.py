@@ -20,8 +20,7 @@ from flexcam.core import ComplexArray, FloatArray, IntArray
 from flexcam.core.errors import InputError, positive, refuse
 from flexcam.core.units import RPM
 
-_FEASIBLE = 1e-10
-"""Residual of the dual problem below which the inequalities are contradictory."""
+_FEASIBLE = 1e-10  # residual of the dual problem below which the inequalities are contradictory
 
 
 def constrained_least_squares(E: FloatArray, f: FloatArray, G: FloatArray, h: FloatArray) -> FloatArray | None:
@@ -57,22 +56,13 @@ _POINTS_PER_HARMONIC, _LEAST_POINTS = 24, 720
 
 @dataclass(frozen=True, eq=False)
 class HarmonicFit:
-    """Finite-harmonic lift and its deviation from the target lift.
-
-    Parameters
-    ----------
-    event
-        The lift.
-    strict_deviation, deviation
-        Maximum deviation from the target lift on the strict sections and overall, m.
-    rms_deviation
-        Over the working sections, m.
-    """
+    """Finite-harmonic lift and its deviation from the target lift."""
 
     event: HarmonicLift
+    #: `strict_deviation`, `deviation`: maximum deviation from the target lift on the strict sections and overall, m
     strict_deviation: float
     deviation: float
-    rms_deviation: float
+    rms_deviation: float  #: over the working sections, m
 
 
 def harmonic_fit(
@@ -93,7 +83,7 @@ def harmonic_fit(
     even = np.linspace(0.0, _REVOLUTION, points, endpoint=False)
     angle = np.unique(np.concatenate([even, np.mod(np.array(ends, dtype=float), _REVOLUTION)]))
     target = wanted(angle)
-    held = _dwell_mask(wanted, angle) if strict is None else _within_sections(angle, strict)
+    held = _strict_mask(wanted, angle, strict)
     rows = _rows(angle, count)
     limit = np.where(held, tolerance, math.inf if bound is None else positive("bound", bound, "m"))
     bounded = np.isfinite(limit)
@@ -122,12 +112,10 @@ def _rows(angle: FloatArray, count: int) -> FloatArray:
     return np.hstack([np.ones((len(angle), 1)), np.cos(turned), np.sin(turned)])
 
 
-def _dwell_mask(wanted: Event, angle: FloatArray) -> NDArray[np.bool_]:
-    still = np.abs(wanted(angle, 1)) + np.abs(wanted(angle, 2))
-    return still < 1e-9 * wanted.height
-
-
-def _within_sections(angle: FloatArray, sections: Sequence[tuple[float, float]]) -> NDArray[np.bool_]:
+def _strict_mask(wanted: Event, angle: FloatArray, sections: Sequence[tuple[float, float]] | None) -> NDArray[np.bool_]:
+    """Return which angles lie on strict sections; by default those are the dwells."""
+    if sections is None:
+        return np.abs(wanted(angle, 1)) + np.abs(wanted(angle, 2)) < 1e-9 * wanted.height
     inside: NDArray[np.bool_] = np.zeros(len(angle), dtype=np.bool_)
     for start, end in sections:
         inside |= np.mod(angle - start, _REVOLUTION) <= (end - start)
@@ -170,8 +158,7 @@ Transfer = Callable[[FloatArray], ComplexArray]
 """Frequency response: motion of the follower's end per lift of the cam, by circular frequency (rad/s, zero included).
 """
 
-_MIN_RESPONSE = 1e-9
-"""Frequency response, relative to the static one, below which a harmonic cannot be prescribed."""
+_MIN_RESPONSE = 1e-9  # frequency response, relative to the static one, below which a harmonic cannot be prescribed
 
 _ROUNDING = 1e-12
 _MOST = 1000
@@ -180,18 +167,10 @@ _GRID = np.linspace(0.0, 2.0 * math.pi, 1441)
 
 @dataclass(frozen=True)
 class SingleMass:
-    """Mass on a spring driven by the cam's lift: y'' + 2 D w0 (y' - s') + w0^2 (y - s) = 0.
+    """Mass on a spring driven by the cam's lift: y'' + 2 D w0 (y' - s') + w0^2 (y - s) = 0."""
 
-    Parameters
-    ----------
-    frequency
-        w0, rad/s.
-    damping
-        D, part of the critical damping.
-    """
-
-    frequency: float
-    damping: float = 0.0
+    frequency: float  #: w0, rad/s
+    damping: float = 0.0  #: D, part of the critical damping
 
     def __post_init__(self) -> None:
         positive("frequency", self.frequency, "rad/s")
@@ -208,21 +187,11 @@ class SingleMass:
 
 @dataclass(frozen=True, eq=False)
 class Polydyne:
-    """A polydyne cam.
+    """A polydyne cam."""
 
-    Parameters
-    ----------
-    event
-        Lift of the cam.
-    wanted
-        Target motion, as harmonics.
-    left_out
-        Largest deviation of the target motion from its harmonics, m.
-    """
-
-    event: HarmonicLift
-    wanted: HarmonicLift
-    left_out: float
+    event: HarmonicLift  #: lift of the cam
+    wanted: HarmonicLift  #: target motion, as harmonics
+    left_out: float  #: largest deviation of the target motion from its harmonics, m
 
 
 def polydyne(wanted: Event, transfer: Transfer, speed: float, *, count: int = 60) -> Polydyne:

@@ -12,24 +12,18 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from flexcam.cams.motion_law import AnalyticResidual, Law, quadrature
 from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import refuse
 
-_POINTS = 2001
-"""Samples per smooth piece: two extremes closer than 1/2000 of it are not distinguished."""
+_POINTS = 2001  # samples per smooth piece: two extremes closer than 1/2000 of it are not distinguished
 
 _HALVINGS = 60
-_ZERO = 1e-9
-"""Size of a derivative (normalized law) that counts as zero."""
-
-_SAME_CRITERIA = 1e-9
-"""Relative difference of two extremes below which both positions are reported."""
-
-_MOST_PLACES = 40
-"""Number of equal extremes above which only the first is reported, as on a plateau."""
+_ZERO = 1e-9  # size of a derivative (normalized law) that counts as zero
+_SAME_CRITERIA = 1e-9  # relative difference of two extremes below which both positions are reported
+_MOST_PLACES = 40  # number of equal extremes above which only the first is reported, as on a plateau
 
 _HARMONICS = 12
 _STEPS = ((1, "velocity"), (2, "acceleration"), (3, "jerk"))
@@ -39,55 +33,31 @@ Curve = Callable[[FloatArray], FloatArray]
 
 @dataclass(frozen=True)
 class Extreme:
-    """Minimum or maximum of a curve and its position.
-
-    Parameters
-    ----------
-    value
-        The value.
-    at
-        First position.
-    also
-        Further positions with the same value.
-    """
+    """Minimum or maximum of a curve and its position."""
 
     value: float
-    at: float
-    also: tuple[float, ...] = ()
+    at: float  #: first position
+    also: tuple[float, ...] = ()  #: further positions with the same value
 
 
 @dataclass(frozen=True)
 class Criteria:
-    """Criteria of a normalized law s(z).
+    """Criteria of a normalized law s(z)."""
 
-    Parameters
-    ----------
-    velocity, acceleration, jerk, moment
-        Signed extremes (minimum, maximum) of s', s'', s''' and of the operating moment s' s''.
-    rms
-        Root mean squares of s', s'' and s'''; that of s''' excludes the impulses at jumps of s''.
-    harmonics
-        Amplitudes of s'' as a Fourier series over the rise, from 1 to 12.
-    jumps
-        Orders of derivatives (1 to 3) that jump inside the law; a jump in s'' makes the jerk infinite.
-    ends
-        Derivatives s, s', s'', s''' at z = 0 and at z = 1.
-    symmetric
-        Whether s(z) + s(1 - z) = 1.
-    middle
-        s(1/2).
-    """
-
+    #: `velocity`, `acceleration`, `jerk`, `moment`: signed minimum and maximum of s', s'', s''' and s' s''
     velocity: tuple[Extreme, Extreme]
     acceleration: tuple[Extreme, Extreme]
     jerk: tuple[Extreme, Extreme]
     moment: tuple[Extreme, Extreme]
+    #: root mean squares of s', s'' and s'''; that of s''' excludes the impulses at jumps of s''
     rms: tuple[float, float, float]
-    harmonics: tuple[float, ...]
+    harmonics: tuple[float, ...]  #: amplitudes of s'' as a Fourier series over the rise, from 1 to 12
+    #: orders of derivatives (1 to 3) that jump inside the law; a jump in s'' makes the jerk infinite
     jumps: tuple[int, ...]
+    #: derivatives s, s', s'', s''' at z = 0 and at z = 1
     ends: tuple[tuple[float, float, float, float], tuple[float, float, float, float]]
-    symmetric: bool
-    middle: float
+    symmetric: bool  #: whether s(z) + s(1 - z) = 1
+    middle: float  #: s(1/2)
 
     @property
     def Cv(self) -> float:  # noqa: N802 - the field's name
@@ -147,7 +117,7 @@ def criteria(law: Law) -> Criteria:
         acceleration=_extremes(derivative(2), derivative(3), law.breaks),
         jerk=_extremes(derivative(3), derivative(4), law.breaks),
         moment=_extremes(moment, moment_slope, law.breaks),
-        rms=(_rms(law, 1), _rms(law, 2), _rms(law, 3)),
+        rms=(root_mean_square(law, 1), root_mean_square(law, 2), root_mean_square(law, 3)),
         harmonics=_harmonics(law),
         jumps=tuple(order for order in (1, 2, 3) if _jumps(derivative(order), law.breaks)),
         ends=((start[0], start[1], start[2], start[3]), (end[0], end[1], end[2], end[3])),
@@ -162,7 +132,8 @@ def stationary_points(law: Law, order: int) -> FloatArray:
     return np.sort(np.concatenate([_candidates(lambda z: law(z, order + 1), *piece) for piece in pieces]))
 
 
-def _rms(law: Law, order: int) -> float:
+def root_mean_square(law: Law, order: int) -> float:
+    """Return the root mean square of a derivative over the rise."""
     return math.sqrt(sum(float(weight @ law(z, order) ** 2) for z, weight in quadrature(law.breaks)))
 
 
@@ -206,12 +177,17 @@ def _candidates(slope: Curve, start: float, end: float) -> FloatArray:
     grid = np.linspace(start, end, _POINTS)
     signs = np.sign(slope(grid))
     left = np.flatnonzero(signs[:-1] * signs[1:] < 0.0)
-    low, high, sign = grid[left], grid[left + 1], signs[left]
-    for _ in range(_HALVINGS if len(left) else 0):
+    zeros = bisect(lambda z: np.sign(slope(z)) != signs[left], grid[left], grid[left + 1])
+    return np.concatenate([[start, end], grid[signs == 0.0], zeros])
+
+
+def bisect(beyond: Callable[[FloatArray], NDArray[np.bool_]], low: FloatArray, high: FloatArray) -> FloatArray:
+    """Return the points between pairs of bounds at which a condition that holds at the upper bound begins to hold."""
+    for _ in range(_HALVINGS if len(low) else 0):
         middle = 0.5 * (low + high)
-        before = np.sign(slope(middle)) == sign
-        low, high = np.where(before, middle, low), np.where(before, high, middle)
-    return np.concatenate([[start, end], grid[signs == 0.0], 0.5 * (low + high)])
+        found = beyond(middle)
+        low, high = np.where(found, low, middle), np.where(found, middle, high)
+    return 0.5 * (low + high)
 
 
 def _jumps(curve: Curve, breaks: tuple[float, ...]) -> bool:
@@ -226,14 +202,9 @@ _LEAST_POINTS = 33
 LIMIT_OFFSET = 1e-8
 """Distance from a joint for the left limit, rad: a closer angle counts as the joint."""
 
-_SAME = 1e-12
-"""Relative difference of minima that count as equal; the first position is reported."""
-
-_VALLEYS = 24
-"""Number of the deepest sampled minima that are refined."""
-
-_GRID_REFINEMENTS = 9
-"""Number of refinements of the grid by four: 1e-8 rad, where a minimum is flat to rounding."""
+_SAME = 1e-12  # relative difference of minima that count as equal; the first position is reported
+_VALLEYS = 24  # number of the deepest sampled minima that are refined
+_GRID_REFINEMENTS = 9  # number of refinements of the grid by four: 1e-8 rad, where a minimum is flat to rounding
 
 
 def curve_minimum(curve: Curve, joints: Sequence[float] = ()) -> Extreme:
@@ -245,10 +216,9 @@ def curve_minimum(curve: Curve, joints: Sequence[float] = ()) -> Extreme:
     ]
     angles = np.concatenate(pieces)
     values = _finite_values(curve(angles))
-    sizes = np.cumsum([len(piece) for piece in pieces])
-    valleys = _sampled_minima(values, sizes)
-    low, high = (angles[np.clip(valleys + step, *_limits(valleys, sizes))] for step in (-1, 1))
-    floors, at = _minima(curve, low, high)
+    valleys = _sampled_minima(values, np.cumsum([len(piece) for piece in pieces]))
+    low, high = angles[np.maximum(valleys - 1, 0)], angles[np.minimum(valleys + 1, len(angles) - 1)]
+    floors, at = refine_minima(lambda many: curve(many.ravel()).reshape(many.shape), low, high)
     before = np.array(edges[1:])
     carried = _finite_values(2.0 * curve(before - LIMIT_OFFSET) - curve(before - 2.0 * LIMIT_OFFSET))
     all_values, places = np.concatenate([values, floors, carried]), np.concatenate([angles, at, before])
@@ -261,40 +231,31 @@ def _finite_values(values: FloatArray) -> FloatArray:
     return np.where(np.isnan(values), np.inf, values)
 
 
-def _limits(at: IntArray, sizes: IntArray) -> tuple[IntArray, IntArray]:
-    """Return the first and the last index of the pieces that contain the indices."""
-    piece = np.searchsorted(sizes, at, side="right")
-    starts = np.concatenate([[0], sizes[:-1]])
-    return starts[piece], sizes[piece] - 1
-
-
 def _sampled_minima(values: FloatArray, sizes: IntArray) -> IntArray:
     """Return the indices of the deepest sampled minima, including ends of pieces."""
-    first, last = _limits(np.arange(len(values)), sizes)
-    at = np.arange(len(values))
-    left, right = values[np.maximum(at - 1, first)], values[np.minimum(at + 1, last)]
-    end = (at == first) | (at == last)
-    found = np.flatnonzero((values <= left) & (values <= right) & (end | (values < left) | (values < right)))
-    found = np.union1d(found, [np.argmin(values)])
+    around = np.pad(values, 1, mode="edge")
+    left, right = around[:-2], around[2:]
+    valley = (values <= left) & (values <= right) & ((values < left) | (values < right))
+    valley[[0, *sizes[:-1], *(sizes - 1), int(np.argmin(values))]] = True
+    found = np.flatnonzero(valley)
     return found[np.argsort(values[found], kind="stable")[:_VALLEYS]]
 
 
-def _minima(curve: Curve, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the minima between pairs of angles, and their positions."""
+def refine_minima(curve: Curve, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the minima of a curve between pairs of bounds, shape (m,), and their positions; it takes shape (m, 9)."""
     rows, parts = np.arange(len(low)), np.linspace(0.0, 1.0, 9)
     at, values = low, np.full(len(low), np.inf)
     for _ in range(_GRID_REFINEMENTS):
-        angles = low[:, None] + (high - low)[:, None] * parts
-        seen = _finite_values(curve(angles.ravel())).reshape(angles.shape)
+        places = low[:, None] + (high - low)[:, None] * parts
+        seen = _finite_values(curve(places))
         best = np.argmin(seen, axis=1)
-        at, values = angles[rows, best], seen[rows, best]
-        low, high = angles[rows, np.maximum(best - 1, 0)], angles[rows, np.minimum(best + 1, len(parts) - 1)]
+        at, values = places[rows, best], seen[rows, best]
+        low, high = places[rows, np.maximum(best - 1, 0)], places[rows, np.minimum(best + 1, len(parts) - 1)]
     return values, at
 
 
 _LARGEST = 1e3
-_PANELS_PER_PERIOD = 8
-"""Panels of sixteen points per oscillation: exact to rounding."""
+_PANELS_PER_PERIOD = 8  # panels of sixteen points per oscillation: exact to rounding
 
 
 def residual_spectrum(law: Law, ratio: ArrayLike) -> FloatArray:

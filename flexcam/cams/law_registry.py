@@ -85,11 +85,6 @@ _IMPORT_ERRORS = (
 def kind_names() -> tuple[str, ...]:
     """Return the ids of all kinds of law, those of installed packages last, without loading these.
 
-    Returns
-    -------
-    tuple
-        Unique ids.
-
     Examples
     --------
     >>> kind_names()[:2]
@@ -100,21 +95,6 @@ def kind_names() -> tuple[str, ...]:
 
 def law_kind(name: str) -> LawKind | None:
     """Return a kind of law by its id; built-in kinds take precedence, and only the requested package is loaded.
-
-    Parameters
-    ----------
-    name
-        The id.
-
-    Returns
-    -------
-    LawKind
-        None if there is none.
-
-    Raises
-    ------
-    InputError
-        If the package that provides it cannot be loaded.
 
     Examples
     --------

@@ -10,7 +10,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from flexcam.cams.law_criteria import LIMIT_OFFSET, Extreme, curve_minimum
+from flexcam.cams.law_criteria import LIMIT_OFFSET, Extreme, bisect, curve_minimum
 from flexcam.cams.motion_law import Law, Ramp, RampTransition, ReversedLaw
 from flexcam.core import FloatArray
 from flexcam.core.errors import positive, refuse
@@ -233,13 +233,6 @@ class LiftEvent:
 class DelayedEvent:
     """Event delayed by a phase.
 
-    Parameters
-    ----------
-    event
-        The event.
-    phase
-        Delay in cam angle, rad.
-
     Examples
     --------
     >>> from flexcam.cams import HarmonicLift
@@ -248,7 +241,7 @@ class DelayedEvent:
     """
 
     event: Event
-    phase: float
+    phase: float  #: delay in cam angle, rad
 
     @property
     def height(self) -> float:
@@ -261,7 +254,7 @@ class DelayedEvent:
         return unique_angles(np.array(self.event.joints) + self.phase) if self.event.joints else ()
 
     def __call__(self, angle: FloatArray, order: int = 0) -> FloatArray:
-        """Return the derivative of the given order by the cam angle, m/rad^order, shape as `angle`."""
+        """Return the derivative of the given order (0 to 4) by the cam angle (rad), m/rad^order, shape as `angle`."""
         return self.event(np.asarray(angle, dtype=float) - self.phase, order)
 
 
@@ -289,29 +282,20 @@ def _extremes(event: Event, order: int) -> tuple[Extreme, Extreme]:
     return curve_minimum(lambda angle: event(angle, order), event.joints), Extreme(-high.value, high.at)
 
 
-_cached_extremes = lru_cache(maxsize=64)(_extremes)
-"""Cache of extremes, as the same cam is evaluated at every speed."""
+_cached_extremes = lru_cache(maxsize=64)(_extremes)  # cache of extremes, as the same cam is evaluated at every speed
 
 
-_STEP_TOLERANCE = 1e-6
-"""Relative size of a step, to the largest value of its curve, below which it is zero."""
+_STEP_TOLERANCE = 1e-6  # relative size of a step, to the largest value of its curve, below which it is zero
 
 _GRID = np.linspace(0.0, _REVOLUTION, 7201)
 
 
 @dataclass(frozen=True)
 class Joint:
-    """Boundary between two segments.
+    """Boundary between two segments."""
 
-    Parameters
-    ----------
-    angle
-        Cam angle, rad.
-    steps
-        Right minus left of lift, velocity, acceleration and jerk: m, m/rad, m/rad^2, m/rad^3; zero where continuous.
-    """
-
-    angle: float
+    angle: float  #: cam angle, rad
+    #: right minus left of lift, velocity, acceleration and jerk: m, m/rad, m/rad^2, m/rad^3; zero where continuous
     steps: tuple[float, float, float, float]
 
     @property
@@ -341,17 +325,10 @@ _CYCLE = 4.0 * math.pi
 
 @dataclass(frozen=True)
 class ValveEvent:
-    """Opening and closing of a valve at a lift, in crank angles of a four-stroke cycle.
+    """Opening and closing of a valve at a lift, in crank angles of a four-stroke cycle."""
 
-    Parameters
-    ----------
-    lift
-        The lift, m.
-    opens, closes
-        Crank angles, rad, `opens` from 0 to 4 pi, `closes` after it; crank and cam angle are zero together.
-    """
-
-    lift: float
+    lift: float  #: the lift, m
+    #: `opens`, `closes`: crank angles, rad, `opens` from 0 to 4 pi; crank and cam angle are zero together
     opens: float
     closes: float
 
@@ -375,10 +352,13 @@ def valve_event(event: Event, lift: float, *, ratio: float = 1.0, lash: float = 
     above = event(_GRID[:-1]) > cam_lift
     if not above.any() or above.all():
         return None
-    opened, closed = (
-        [_crossing(event, cam_lift, float(_GRID[i] - _GRID[1]), float(_GRID[i])) for i in np.flatnonzero(change)]
-        for change in (above & ~np.roll(above, 1), ~above & np.roll(above, 1))
-    )
+
+    def crossings(*, rising: bool) -> list[float]:
+        change = (above == rising) & (np.roll(above, 1) != rising)
+        low, high = _GRID[:-1][change] - _GRID[1], _GRID[:-1][change]
+        return bisect(lambda angle: (event(angle) > cam_lift) == rising, low, high).tolist()
+
+    opened, closed = crossings(rising=True), crossings(rising=False)
     pairs = [(a, min((b - a) % (2.0 * math.pi) for b in closed)) for a in opened]
     start, span = max(pairs, key=lambda pair: pair[1])
     start = start % (2.0 * math.pi)
@@ -389,16 +369,3 @@ def overlap(one: ValveEvent, other: ValveEvent) -> float:
     """Return the crank angle over which both valves are open."""
     shifts = (-_CYCLE, 0.0, _CYCLE)
     return sum(max(0.0, min(one.closes, other.closes + s) - max(one.opens, other.opens + s)) for s in shifts)
-
-
-def _crossing(event: Event, lift: float, low: float, high: float) -> float:
-    """Return the angle at which the lift crosses a value between two angles, by bisection."""
-
-    def is_above(angle: float) -> bool:
-        return bool(event(np.array([angle]))[0] > lift)
-
-    rising = is_above(high)
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if is_above(middle) == rising else (middle, high)
-    return 0.5 * (low + high)

@@ -9,16 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexcam.cams.lift_event import DelayedEvent
-from flexcam.cams.periodic_lift import DEGREE, PeriodicSpline, spline_rows
+from flexcam.cams.periodic_lift import DEGREE, PeriodicSpline, spline_knots
 from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, format_shape, refuse
 
 _REVOLUTION = 2.0 * math.pi
-_STEP = math.radians(1.0)
-"""Spacing of the points added on the base circle."""
-
-_KNOTS = (360, 720, 1440)
-"""Initial number of knots, one per degree of cam angle; the tolerance may require more."""
+_STEP = math.radians(1.0)  # spacing of the points added on the base circle
+_KNOTS = (360, 720, 1440)  # initial number of knots, one per degree of cam angle; the tolerance may require more
 
 _FAR, _SMALL = 8.0, 5e-4
 """A point is an outlier if it moves by more than eight times the scatter and 1/2000 of the lift."""
@@ -26,8 +23,7 @@ _FAR, _SMALL = 8.0, 5e-4
 _INTERPOLATION_TOLERANCE = 1e-5
 """RMS deviation, relative to the largest lift, up to which a spline interpolates the points."""
 
-_BELOW = 1e-4
-"""Fraction of the largest lift by which a spline may fall below the base circle without a warning."""
+_BELOW = 1e-4  # fraction of the largest lift by which a spline may fall below the base circle without a warning
 
 _RIPPLE = np.linspace(0.0, 2.0 * math.pi, 7201)
 
@@ -37,34 +33,19 @@ _DOF_WEIGHT = 1.4
 
 @dataclass(frozen=True)
 class LiftReport:
-    """Changes of a lift table by smoothing.
+    """Changes of a lift table by smoothing."""
 
-    Parameters
-    ----------
-    points
-        Number of points given.
-    rms_change, largest_change, at
-        Root mean square and largest difference of spline and points, m, and the cam angle of the latter, rad.
-    acceleration_before, acceleration_after
-        Minimum and maximum second derivative by the cam angle, m/rad^2: of the points by differences, and of the
-        spline.
-    smoothing
-        Roughness weight of the fit.
-    scatter
-        Estimated standard deviation of the noise of the points, m.
-    remarks
-        Warnings, in words.
-    """
-
-    points: int
+    points: int  #: number of points given
+    #: `rms_change`, `largest_change`, `at`: differences of spline and points, m, and the angle of the largest, rad
     rms_change: float
     largest_change: float
     at: float
+    #: `acceleration_before`, `acceleration_after`: range by differences of the points, and of the spline, m/rad^2
     acceleration_before: tuple[float, float]
     acceleration_after: tuple[float, float]
-    smoothing: float
-    scatter: float
-    remarks: tuple[str, ...]
+    smoothing: float  #: roughness weight of the fit
+    scatter: float  #: estimated standard deviation of the noise of the points, m
+    remarks: tuple[str, ...]  #: warnings, in words
 
 
 def lift_table(angle: ArrayLike, lift: ArrayLike, *, tolerance: float | None = None) -> tuple[DelayedEvent, LiftReport]:
@@ -73,27 +54,6 @@ def lift_table(angle: ArrayLike, lift: ArrayLike, *, tolerance: float | None = N
     The spline minimizes the squared distances plus a weight times the integral of its squared third derivative
     (C. H. Reinsch, Smoothing by spline functions, Numerische Mathematik 10 (1967); here on even knots, P. H. C. Eilers
     and B. D. Marx, Flexible smoothing with B-splines and penalties, Statistical Science 11 (1996)).
-
-    Parameters
-    ----------
-    angle
-        Cam angles, rad, ascending, over one revolution at most, shape (m,). Missing angles are base circle.
-    lift
-        m, shape (m,).
-    tolerance
-        Root mean square change allowed, m; 0 to interpolate the points (up to 1440, or smooth ones); None to estimate
-        the noise by generalized cross-validation.
-
-    Returns
-    -------
-    Shifted, LiftReport
-        The event, a `PeriodicSpline` with its first knot at the first point, and the changes.
-
-    Raises
-    ------
-    InputError
-        If angles do not ascend or take more than a revolution, points are too few or leave gaps, or the lift is
-        negative or not periodic.
 
     Examples
     --------
@@ -204,10 +164,12 @@ class _Fit:
 
     @classmethod
     def of(cls, theta: FloatArray, s: FloatArray, count: int, most: int) -> _Fit:
+        from scipy.interpolate import BSpline
+
         knots = min(most, max(len(theta), 2 * (DEGREE + 1)))
-        index, weight = spline_rows(theta, knots)
-        rows = np.zeros((len(theta), knots))
-        np.put_along_axis(rows, index, weight, axis=1)
+        all_rows = BSpline.design_matrix(np.mod(theta, _REVOLUTION), spline_knots(knots), DEGREE).toarray()
+        rows = all_rows[:, :knots]
+        rows[:, :DEGREE] += all_rows[:, knots:]
         third = np.eye(knots)
         for _ in range(3):
             third = np.roll(third, -1, axis=0) - third
@@ -312,11 +274,8 @@ _MOST_FAULTS = 10
 _BASE = 0.01
 """Fraction of the largest lift below which a point is on the base circle, and by which a lift may bend across a gap."""
 
-_SCATTERS = 6.0
-"""Standard deviations of the noise allowed for a point on the base circle: one in 1e9 lies outside."""
-
-_OF_MEDIAN = 1.4826
-"""Ratio of standard deviation to median absolute value of normal noise."""
+_SCATTERS = 6.0  # standard deviations of the noise allowed for a point on the base circle: one in 1e9 lies outside
+_OF_MEDIAN = 1.4826  # ratio of standard deviation to median absolute value of normal noise
 
 _GAP, _GAP_RATIO, _WIDE = math.radians(3.0), 3.0, math.radians(20.0)
 """A step is wide above 3 deg and three times its neighbours, or above 20 deg."""

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from flexcam.cams.harmonic_synthesis import constrained_least_squares
-from flexcam.cams.law_criteria import Criteria, criteria, stationary_points
+from flexcam.cams.law_criteria import Criteria, criteria, root_mean_square, stationary_points
 from flexcam.cams.motion_law import Law, quadrature
 from flexcam.cams.synthesis_family import Family, SplineFamily, universal_bound
 from flexcam.core import FloatArray
@@ -29,12 +29,10 @@ FEASIBILITY_TOLERANCE = 1e-7
 
 CRITERIA = (*ORDERS, "rms", "Cm")
 
-_LIMIT_MARGIN = 1e-8
-"""Relative margin to a limit, so that rounding does not violate it."""
+_LIMIT_MARGIN = 1e-8  # relative margin to a limit, so that rounding does not violate it
 
 _PRECISE = 1e-10
-_INFEASIBLE = 2
-"""Status of `scipy.optimize.linprog`."""
+_INFEASIBLE = 2  # status of `scipy.optimize.linprog`
 
 Condition = tuple[float, int, float]
 """Position, order of derivative, and prescribed value."""
@@ -63,14 +61,14 @@ class Program:
     def is_feasible(self, law: Law, slack: float) -> bool:
         """Return whether a law satisfies the bounds and does not reverse, within a slack."""
         within = all(_criterion(law, name) <= limit * (1.0 + slack) for name, limit in self.limits.items())
-        return within and (not self.monotone or _min_velocity(law) >= -slack - _LIMIT_MARGIN)
+        return within and (not self.monotone or _slowest(law) >= -slack - _LIMIT_MARGIN)
 
     def violations(self, law: Law, slack: float) -> list[str]:
         """Return the violated bounds and conditions of a law, within a slack, in words."""
         values = {name: _criterion(law, name) for name in self.limits}
         said = [f"{name} is {values[name]:.9g}, its bound {limit:.9g}"
                 for name, limit in self.limits.items() if values[name] > limit * (1.0 + slack)]  # fmt: skip
-        if self.monotone and (slowest := _min_velocity(law)) < -slack - _LIMIT_MARGIN:
+        if self.monotone and (slowest := _slowest(law)) < -slack - _LIMIT_MARGIN:
             said.append(f"the velocity falls to {slowest:.3g}, and must not be negative")
         for z, order, value in self.conditions:
             off = abs(float(law(np.array([z]), order)[0]) - value)
@@ -80,12 +78,17 @@ class Program:
 
     def tangent(self, x: FloatArray) -> TangentPlane:
         """Return the tangent plane of the rms at given coefficients."""
+        rows, offset = self._weighted_acceleration()
+        bent = rows @ x + offset
+        rms = float(np.linalg.norm(bent))
+        slope = rows.T @ bent / rms
+        return slope, rms - float(slope @ x)
+
+    def _weighted_acceleration(self) -> tuple[FloatArray, FloatArray]:
+        """Return rows and offset of the acceleration, whose square sum is the square of its rms."""
         z, weight = (np.concatenate(parts) for parts in zip(*quadrature(()), strict=True))
         rows, offset = self.family.rows(z, 2)
-        bent = rows @ x + offset
-        rms = float(np.sqrt(weight @ bent**2))
-        slope = rows.T @ (weight * bent) / rms
-        return slope, rms - float(slope @ x)
+        return np.sqrt(weight)[:, None] * rows, np.sqrt(weight) * offset
 
     def solve(
         self, places: Mapping[int, FloatArray], cuts: Sequence[TangentPlane] = (),
@@ -120,19 +123,17 @@ class Program:
 
     def least_rms(self, places: Mapping[int, FloatArray]) -> tuple[FloatArray, float]:
         """Return the coefficients of minimum rms, by constrained least squares, and that rms."""
-        z, weight = (np.concatenate(parts) for parts in zip(*quadrature(()), strict=True))
-        rows, offset = self.family.rows(z, 2)
-        root = np.sqrt(weight)
+        rows, offset = self._weighted_acceleration()
         A, b = self._inequalities(places, (), None)
         E, e = self._equalities()
         free = slice(0, self.family.size)
         base, ways = _solutions(E[:, free], e, self.family.size)
-        f = -root * (rows @ base + offset)
-        y = constrained_least_squares(root[:, None] * (rows @ ways), f, -A[:, free] @ ways, A[:, free] @ base - b)
+        f = -(rows @ base + offset)
+        y = constrained_least_squares(rows @ ways, f, -A[:, free] @ ways, A[:, free] @ base - b)
         if y is None:
             raise self._impossible()
         x = base + ways @ y
-        return x, float(np.linalg.norm(root * (rows @ x + offset)))
+        return x, float(np.linalg.norm(rows @ x + offset))
 
     def _impossible(self) -> InputError:
         given = ", ".join([f"{name} up to {limit:g}" for name, limit in self.limits.items()]) or "the conditions"
@@ -145,11 +146,13 @@ class Program:
         self, places: Mapping[int, FloatArray], cuts: Sequence[TangentPlane], around: tuple[FloatArray, float] | None
     ) -> tuple[FloatArray, FloatArray]:
         blocks = [
-            self._objective_constraints(n, *self._rows(places, k)) for n, k in ORDERS.items() if n in self.weights
+            self._objective_constraints(n, *self.family.rows(places[k], k))
+            for n, k in ORDERS.items()
+            if n in self.weights
         ]
-        blocks += [self._limit_constraints(n, *self._rows(places, ORDERS[n])) for n in self.limits]
+        blocks += [self._limit_constraints(n, *self.family.rows(places[ORDERS[n]], ORDERS[n])) for n in self.limits]
         if self.monotone:
-            rows, offset = self._rows(places, 1)
+            rows, offset = self.family.rows(places[1], 1)
             # If a law reverses by rounding, a short step could only correct that.
             blocks.append((self._dense_rows(-rows), offset + (0.0 if around is None else FEASIBILITY_TOLERANCE)))
         if cuts:
@@ -159,9 +162,6 @@ class Program:
             blocks.append(self._objective_constraints("Cm", *self._moment(places[2], around[0])))
         blocks.append((np.zeros((0, self.family.size + len(self.weights))), np.zeros(0)))
         return np.vstack([A for A, _ in blocks]), np.concatenate([b for _, b in blocks])
-
-    def _rows(self, places: Mapping[int, FloatArray], order: int) -> tuple[FloatArray, FloatArray]:
-        return self.family.rows(places[order], order)
 
     def _moment(self, z: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return rows and offset of s' s'' linearized about given coefficients."""
@@ -206,14 +206,14 @@ def _solutions(E: FloatArray, e: FloatArray, size: int) -> tuple[FloatArray, Flo
     return base, np.asarray(vectors[rank:].T, dtype=float)
 
 
-def _min_velocity(law: Law) -> float:
+def _slowest(law: Law) -> float:
     return float(law(stationary_points(law, 1), 1).min())
 
 
 def _criterion(law: Law, name: str) -> float:
     """Return a single criterion: all of them at once would cost more than the program."""
     if name == "rms":
-        return float(np.sqrt(sum(float(weight @ law(z, 2) ** 2) for z, weight in quadrature(law.breaks))))
+        return root_mean_square(law, 2)
     if name == "Cm":
         z = np.union1d(stationary_points(law, 1), np.linspace(0.0, 1.0, 4001))
         return float(np.abs(law(z, 1) * law(z, 2)).max())
@@ -223,8 +223,7 @@ def _criterion(law: Law, name: str) -> float:
 
 _START = np.linspace(0.0, 1.0, 161)
 _ROUNDS = 200
-_GAP = 1e-8
-"""Relative violation of the bound allowed before positions are added."""
+_GAP = 1e-8  # relative violation of the bound allowed before positions are added
 
 _OPTIMALITY_TOLERANCE = 1e-6
 """Relative duality gap above which the law is not reported as optimal: a hundred times the target of the search."""
@@ -232,32 +231,15 @@ _OPTIMALITY_TOLERANCE = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Synthesis:
-    """Result of a synthesis.
-
-    Parameters
-    ----------
-    law
-        The law.
-    objective
-        Weighted sum of its criteria.
-    bound
-        Lower bound for the family under the same conditions; None if the problem is not convex.
-    bound_all
-        Lower bound for all laws; None if unknown.
-    criteria
-        Criteria of the law.
-    family
-        Name of the family.
-    open
-        Reasons for non-convergence, in words: a violated bound, or a remaining gap. Empty if converged.
-    """
+    """Result of a synthesis."""
 
     law: Law
-    objective: float
-    bound: float | None
-    bound_all: float | None
+    objective: float  #: weighted sum of its criteria
+    bound: float | None  #: lower bound for the family under the same conditions; None if the problem is not convex
+    bound_all: float | None  #: lower bound for all laws; None if unknown
     criteria: Criteria
-    family: str
+    family: str  #: name of the family
+    #: reasons for non-convergence, in words: a violated bound, or a remaining gap. Empty if converged
     open: tuple[str, ...] = ()
 
     @property
@@ -314,11 +296,8 @@ def _exchange(program: Program) -> tuple[FloatArray, float]:
     return x, bound
 
 
-_FIRST, _SMALLEST, _LARGEST = 0.1, 1e-8, 0.2
-"""Trust region radii for the linearized moment."""
-
-_MAX_REPEATS = 8
-"""Number of repetitions of a step with more positions before it is shortened."""
+_FIRST, _SMALLEST, _LARGEST = 0.1, 1e-8, 0.2  # trust region radii for the linearized moment
+_MAX_REPEATS = 8  # number of repetitions of a step with more positions before it is shortened
 
 
 def _local_optimum(program: Program) -> FloatArray:

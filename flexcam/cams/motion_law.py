@@ -70,14 +70,9 @@ class ReversedLaw:
 
     R. Roussev, B. Paleva-Kadiyska and V. Galabov, Quinquinomial power functions (2021), eq. 1, reverse their laws in
     this way for a cam with a lower dwell only.
-
-    Parameters
-    ----------
-    law
-        The law u.
     """
 
-    law: Law
+    law: Law  #: the law u
 
     @property
     def breaks(self) -> tuple[float, ...]:
@@ -98,8 +93,7 @@ _GAIN = (0.0, 1.0, 0.0, -2.0, 2.0, -0.6)
 """
 
 _SHORTEST = 1e-3
-_GAIN_AT_END = 0.4
-"""Value of the integral at z = 1."""
+_GAIN_AT_END = 0.4  # value of the integral at z = 1
 
 
 @lru_cache
@@ -113,21 +107,11 @@ def _gain(z: FloatArray, order: int) -> FloatArray:
 
 @dataclass(frozen=True)
 class Ramp:
-    """A ramp of constant velocity with a smooth take-off.
+    """A ramp of constant velocity with a smooth take-off."""
 
-    Parameters
-    ----------
-    height
-        m.
-    duration
-        Cam angle, rad.
-    take_off
-        Fraction of the duration over which the velocity rises, 0 to 1; with 0 the velocity steps.
-    """
-
-    height: float
-    duration: float
-    take_off: float = 0.25
+    height: float  #: m
+    duration: float  #: cam angle, rad
+    take_off: float = 0.25  #: fraction of the duration over which the velocity rises, 0 to 1; with 0 the velocity steps
 
     def __post_init__(self) -> None:
         positive("ramps.height", self.height, "m")

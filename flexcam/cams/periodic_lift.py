@@ -6,47 +6,28 @@ import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from flexcam.cams.lift_event import Event, unique_angles
-from flexcam.core import ComplexArray, FloatArray, IntArray
+from flexcam.core import ComplexArray, FloatArray
 from flexcam.core.errors import finite_array, refuse
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
 
 DEGREE = 5
 _REVOLUTION = 2.0 * math.pi
 _GRID = np.linspace(0.0, _REVOLUTION, 7201)
 
-_AT_ONCE = 64
-"""Number of harmonics evaluated together: ten thousand would need tens of GB."""
-
-# Column k: the cardinal B-spline of degree 5 on its k-th interval, powers of the place in the interval, times 120.
-_CARDINAL = (
-    np.array(
-        [
-            [1.0, 26.0, 66.0, 26.0, 1.0, 0.0],
-            [-5.0, -50.0, 0.0, 50.0, 5.0, 0.0],
-            [10.0, 20.0, -60.0, 20.0, 10.0, 0.0],
-            [-10.0, 20.0, 0.0, -20.0, 10.0, 0.0],
-            [5.0, -20.0, 30.0, -20.0, 5.0, 0.0],
-            [-1.0, 5.0, -10.0, 10.0, -5.0, 1.0],
-        ]
-    )
-    / 120.0
-)
+_AT_ONCE = 64  # number of harmonics evaluated together: ten thousand would need tens of GB
 
 
-def spline_rows(angle: FloatArray, knots: int, order: int = 0) -> tuple[IntArray, FloatArray]:
-    """Return the active coefficients of a periodic spline of degree 5 at given angles, and their weights."""
-    width = _REVOLUTION / knots
-    place = np.mod(angle, _REVOLUTION) / width
-    interval = np.floor(place).astype(np.int64)
-    powers = _CARDINAL.copy()
-    for _ in range(order):
-        powers = np.arange(1, len(powers))[:, None] * powers[1:] / width
-    weight = (place - interval)[:, None] ** np.arange(len(powers)) @ powers
-    return (interval[:, None] + np.arange(DEGREE + 1)) % knots, weight
+def spline_knots(count: int) -> FloatArray:
+    """Return the knots of the periodic B-splines of degree 5, which begin and end outside of the revolution."""
+    return _REVOLUTION / count * np.arange(-DEGREE, count + DEGREE + 1, dtype=np.float64)
 
 
 class _SmoothLift(ABC):
@@ -73,15 +54,9 @@ class _SmoothLift(ABC):
 
 @dataclass(frozen=True, eq=False)
 class PeriodicSpline(_SmoothLift):
-    """Lift over a revolution as a spline of degree 5 with equally spaced knots and continuous fourth derivative.
+    """Lift over a revolution as a spline of degree 5 with equally spaced knots and continuous fourth derivative."""
 
-    Parameters
-    ----------
-    coefficients
-        m, shape (n,), one per knot, 12 or more.
-    """
-
-    coefficients: FloatArray
+    coefficients: FloatArray  #: m, shape (n,), one per knot, 12 or more
 
     def __post_init__(self) -> None:
         values = finite_array("coefficients", self.coefficients, (None,))
@@ -90,10 +65,16 @@ class PeriodicSpline(_SmoothLift):
         object.__setattr__(self, "coefficients", values)
 
     def __call__(self, angle: FloatArray, order: int = 0) -> FloatArray:
-        """Return the derivative of the given order (0 to 4) by the cam angle, m/rad^order, shape as `angle`."""
-        angle = np.asarray(angle, dtype=float)
-        index, weight = spline_rows(angle.ravel(), len(self.coefficients), order)
-        return np.einsum("mk,mk->m", self.coefficients[index], weight).reshape(angle.shape)
+        """Return the derivative of the given order (0 to 4) by the cam angle (rad), m/rad^order, shape as `angle`."""
+        return np.asarray(self._derivatives[order](np.mod(angle, _REVOLUTION)), dtype=float)
+
+    @cached_property
+    def _derivatives(self) -> tuple[BSpline[np.float64], ...]:
+        from scipy.interpolate import BSpline
+
+        around = np.append(self.coefficients, self.coefficients[:DEGREE])
+        spline = BSpline(spline_knots(len(self.coefficients)), around, DEGREE)
+        return tuple(spline.derivative(order) if order else spline for order in range(DEGREE))
 
 
 @dataclass(frozen=True)
@@ -101,16 +82,10 @@ class HarmonicLift(_SmoothLift):
     """Lift as a mean and a few harmonics of the cam angle, which bounds the excitation spectrum.
 
     C. Li, Cam motion simulation and optimization (2014), eq. 5.
-
-    Parameters
-    ----------
-    mean
-        m.
-    cosine, sine
-        Amplitudes a_n and b_n of cos(n angle) and sin(n angle), m, n from 1, as many of both.
     """
 
-    mean: float
+    mean: float  #: m
+    #: `cosine`, `sine`: amplitudes a_n and b_n of cos(n angle) and sin(n angle), m, n from 1, as many of both
     cosine: tuple[float, ...]
     sine: tuple[float, ...]
 
@@ -128,7 +103,7 @@ class HarmonicLift(_SmoothLift):
         return n, np.array(self.cosine) - 1j * np.array(self.sine)
 
     def __call__(self, angle: FloatArray, order: int = 0) -> FloatArray:
-        """Return the derivative of the given order by the cam angle, m/rad^order, shape as `angle`."""
+        """Return the derivative of the given order (0 to 4) by the cam angle (rad), m/rad^order, shape as `angle`."""
         angle = np.asarray(angle, dtype=float)
         n, amplitude = self._amplitudes
         turned = np.exp(1j * angle[..., None] * n) @ ((1j * n) ** order * amplitude)
@@ -152,19 +127,11 @@ def harmonics(event: Event, count: int, order: int = 0) -> ComplexArray:
 
 @dataclass(frozen=True, eq=False)
 class OrderSpectrum:
-    """Order spectrum of a time history.
+    """Order spectrum of a time history."""
 
-    Parameters
-    ----------
-    coefficients
-        Complex amplitudes c_0 to c_count, shape (count + 1,): value = Re sum c_n exp(i n angle), as those of
-        `flexcam.cams.harmonics`.
-    gap
-        Periodicity error: the difference of the values at both ends, in their own unit. It leaks into every order by
-        about ``gap / (pi n)``.
-    """
-
+    #: complex amplitudes c_0 to c_count, shape (count + 1,): value = Re sum c_n exp(i n angle)
     coefficients: ComplexArray
+    #: difference of the values at both ends, in their own unit; it leaks into every order by about gap/(pi n)
     gap: float
 
     @property

@@ -20,8 +20,7 @@ if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
 
-_LARGEST = 60
-"""Exponent above which too many digits are lost between the ends."""
+_LARGEST = 60  # exponent above which too many digits are lost between the ends
 
 _NEAR_END = 0.05
 """Distance from z = 1 within which the law is evaluated in powers of 1 - z, so that its end conditions are exact."""
@@ -35,25 +34,14 @@ class Polynomial(SmoothLaw):
     first p - 1 derivatives vanish at z = 0. They are exact fractions, also for explicit conditions. Reference: R. L.
     Norton, Cam Design and Manufacturing Handbook, 2nd ed. (2009), ch. 4, for 3-4-5 and 4-5-6-7.
 
-    Parameters
-    ----------
-    exponents
-        Distinct whole numbers from 2, ascending; from 1 where conditions are given.
-    conditions
-        One per exponent: position, order of derivative and value; none for the default.
-
-    Raises
-    ------
-    InputError
-        If exponents are not as described, or the conditions do not determine a law from 0 to 1.
-
     Examples
     --------
     >>> Polynomial((3, 4, 5)).coefficients
     (10.0, -15.0, 6.0)
     """
 
-    exponents: tuple[int, ...]
+    exponents: tuple[int, ...]  #: distinct whole numbers from 2, ascending; from 1 where conditions are given
+    #: one per exponent: position, order of derivative and value; none for the default
     conditions: tuple[tuple[float, int, float], ...] = ()
 
     def __post_init__(self) -> None:
@@ -152,21 +140,6 @@ def quinquinomial(row: int = 1) -> Polynomial:
     s' = c z (1 - z^n)^4: all derivatives vanish at z = 1, full acceleration at z = 0, for a cam with one dwell. Source:
     R. Roussev, B. Paleva-Kadiyska and V. Galabov, Quinquinomial power functions (2021), tables 1 and 2.
 
-    Parameters
-    ----------
-    row
-        1 to 4.
-
-    Returns
-    -------
-    Polynomial
-        The law.
-
-    Raises
-    ------
-    InputError
-        If there is no such row.
-
     Examples
     --------
     >>> quinquinomial(2).exponents
@@ -178,8 +151,7 @@ def quinquinomial(row: int = 1) -> Polynomial:
     return Polynomial(tuple(2 + 3 * row * i for i in range(5)))
 
 
-_LEAST_DEGREE = 5
-"""Degree below which the fourth derivative is not continuous."""
+_LEAST_DEGREE = 5  # degree below which the fourth derivative is not continuous
 
 
 @dataclass(frozen=True)
@@ -190,20 +162,6 @@ class BSplineLaw(SmoothLaw):
     coefficients there are equal to them, exactly. Without inner knots the coefficients are those of Bernstein's
     polynomials. Source: C. de Boor, A Practical Guide to Splines (1978), ch. IX-X.
 
-    Parameters
-    ----------
-    coefficients
-        One more than degree and inner knots together; the first 0, the last 1.
-    degree
-        5 or more.
-    knots
-        Inner knots, ascending between 0 and 1; None for even spacing.
-
-    Raises
-    ------
-    InputError
-        If the numbers are inconsistent.
-
     Examples
     --------
     >>> law = BSplineLaw((0.0, 0.0, 0.0, 1.0, 1.0, 1.0), degree=5)
@@ -211,9 +169,9 @@ class BSplineLaw(SmoothLaw):
     array([0.10351562])
     """
 
-    coefficients: tuple[float, ...]
-    degree: int = 5
-    knots: tuple[float, ...] | None = None
+    coefficients: tuple[float, ...]  #: one more than degree and inner knots together; the first 0, the last 1
+    degree: int = 5  #: 5 or more
+    knots: tuple[float, ...] | None = None  #: inner knots, ascending between 0 and 1; None for even spacing
 
     def __post_init__(self) -> None:
         if self.degree < _LEAST_DEGREE:
@@ -255,23 +213,6 @@ def through_points(z: tuple[float, ...], s: tuple[float, ...]) -> BSplineLaw:
     """Return the law through given points, at rest with zero acceleration at both ends.
 
     A spline of degree 5 that interpolates; for measured lift, which is noisy, use a lift table.
-
-    Parameters
-    ----------
-    z
-        Positions, ascending from 0 to 1.
-    s
-        Lift there, from 0 to 1.
-
-    Returns
-    -------
-    BSplineLaw
-        The law.
-
-    Raises
-    ------
-    InputError
-        If the points do not run from (0, 0) to (1, 1), or are fewer than three.
 
     Examples
     --------

@@ -12,45 +12,29 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexcam.cams.followers import Follower, FollowerContact, RollerFollower, Turn
-from flexcam.cams.law_criteria import LIMIT_OFFSET, Extreme, curve_minimum
+from flexcam.cams.law_criteria import LIMIT_OFFSET, Extreme, curve_minimum, refine_minima
 from flexcam.cams.lift_event import Event
 from flexcam.core import ComplexArray, FloatArray, IntArray
 from flexcam.core.errors import InputError, finite_array, positive, refuse
 
 _REVOLUTION = 2.0 * math.pi
 _MOST_POINTS = 1_000_000
-_STRAIGHT = 1e-9
-"""Relative curvature of a roller's centre path, to that of the roller, that counts as zero."""
+_STRAIGHT = 1e-9  # relative curvature of a roller's centre path, to that of the roller, that counts as zero
 
 
 @dataclass(frozen=True, eq=False)
 class CamProfile:
-    """Cam profile at points in its own frame, which coincides with the fixed frame at cam angle zero.
-
-    Parameters
-    ----------
-    follower
-        Follower of the profile.
-    turn
-        Sense of rotation: 1 counterclockwise, -1 clockwise.
-    angle
-        Cam angles, rad, shape (n,).
-    lift, velocity, acceleration
-        Of the follower, m, m/rad, m/rad^2, shape (n,).
-    touch
-        Contact in the fixed frame.
-    event
-        Lift of the profile.
-    """
+    """Cam profile at points in its own frame, which coincides with the fixed frame at cam angle zero."""
 
     follower: Follower
-    turn: Turn
-    angle: FloatArray
+    turn: Turn  #: sense of rotation: 1 counterclockwise, -1 clockwise
+    angle: FloatArray  #: cam angles, rad, shape (n,)
+    #: `lift`, `velocity`, `acceleration`: of the follower, m, m/rad, m/rad^2, shape (n,)
     lift: FloatArray
     velocity: FloatArray
     acceleration: FloatArray
-    touch: FollowerContact
-    event: Event
+    touch: FollowerContact  #: contact in the fixed frame
+    event: Event  #: lift of the profile
 
     @cached_property
     def extremes(self) -> ProfileExtremes:
@@ -135,27 +119,13 @@ def profile_at(
 
 @dataclass(frozen=True)
 class ProfileExtremes:
-    """Extremes of a profile, each with its cam angle, rad.
+    """Extremes of a profile, each with its cam angle, rad."""
 
-    Parameters
-    ----------
-    convex
-        Minimum radius of curvature of convex parts, m; zero or negative if undercut.
-    hollow
-        Radius of the tightest hollow, m, above zero; None without a hollow.
-    pressure_angle
-        Largest in magnitude, signed, rad.
-    offset
-        Minimum and maximum offset of the contact, m.
-    sliding
-        Largest in magnitude, signed, m/rad.
-    """
-
-    convex: Extreme
-    hollow: Extreme | None
-    pressure_angle: Extreme
-    offset: tuple[Extreme, Extreme]
-    sliding: Extreme
+    convex: Extreme  #: minimum radius of curvature of convex parts, m; zero or negative if undercut
+    hollow: Extreme | None  #: radius of the tightest hollow, m, above zero; None without a hollow
+    pressure_angle: Extreme  #: largest in magnitude, signed, rad
+    offset: tuple[Extreme, Extreme]  #: minimum and maximum offset of the contact, m
+    sliding: Extreme  #: largest in magnitude, signed, m/rad
 
 
 def profile_extremes(event: Event, follower: Follower, turn: Turn = 1) -> ProfileExtremes:
@@ -235,26 +205,16 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class ProfileFault:
-    """Violated limit of a profile.
+    """Violated limit of a profile."""
 
-    Parameters
-    ----------
-    what, remedy
-        Description and remedy, in words.
-    angle
-        Cam angle of the worst value, rad.
-    value, limit
-        Value found and limit, SI.
-    kind
-        Kind of quantity: an angle, rad, or a length, m.
-    """
-
+    #: `what`, `remedy`: description and remedy, in words
     what: str
     remedy: str
-    angle: float
+    angle: float  #: cam angle of the worst value, rad
+    #: `value`, `limit`: value found and limit, SI
     value: float
     limit: float
-    kind: Literal["angle", "length"] = "length"
+    kind: Literal["angle", "length"] = "length"  #: kind of quantity: an angle, rad, or a length, m
 
 
 def find_profile_faults(
@@ -349,10 +309,7 @@ def _bisect(fits: Callable[[float], bool], low: float, high: float) -> float:
     return high
 
 
-_AT_ONCE = 2_000_000
-"""Number of pairs of angle and point evaluated together."""
-
-_REFINEMENTS = 6
+_AT_ONCE = 2_000_000  # number of pairs of angle and point evaluated together
 
 
 def lift_from_profile(points: ArrayLike, follower: Follower, angle: ArrayLike, *, turn: Turn = 1) -> FloatArray:
@@ -375,9 +332,9 @@ def lift_from_profile(points: ArrayLike, follower: Follower, angle: ArrayLike, *
     turned = np.exp(1j * turn * finite_array("angle", np.ravel(angle), (None,)))
     length = float(chord[-1])
 
-    def lift(at: FloatArray) -> FloatArray:
+    def depth(at: FloatArray) -> FloatArray:
         x, y = np.moveaxis(np.asarray(curve(np.mod(at, length)), dtype=float), -1, 0)
-        return follower.lift_at((x + 1j * y) * turned[:, None])
+        return -follower.lift_at((x + 1j * y) * turned[:, None])
 
     if not len(turned):
         return np.zeros(np.shape(angle))
@@ -388,7 +345,7 @@ def lift_from_profile(points: ArrayLike, follower: Follower, angle: ArrayLike, *
     at = np.linspace(0.0, length, count, endpoint=False)
     x, y = np.moveaxis(np.asarray(curve(at), dtype=float), -1, 0)
     starts = _find_highest_peaks(np.asarray(x + 1j * y, dtype=np.complex128), at, follower, turned)
-    found = np.max([_refine_maximum(lift, start, float(at[1])) for start in starts.T], axis=0)
+    found = -np.min([refine_minima(depth, start - at[1], start + at[1])[0] for start in starts.T], axis=0)
     if not np.isfinite(found).all():
         raise refuse("points", "a profile the follower does not touch", "one within its reach", "", "check the unit")
     return found.reshape(np.shape(angle))
@@ -396,18 +353,10 @@ def lift_from_profile(points: ArrayLike, follower: Follower, angle: ArrayLike, *
 
 @dataclass(frozen=True)
 class Bridge:
-    """Hollow that a follower bridges.
+    """Hollow that a follower bridges."""
 
-    Parameters
-    ----------
-    depth
-        Largest gap between the follower and the hollow, along its path, m.
-    point
-        Position of the largest gap, m, frame of the cam.
-    """
-
-    depth: float
-    point: tuple[float, float]
+    depth: float  #: largest gap between the follower and the hollow, along its path, m
+    point: tuple[float, float]  #: position of the largest gap, m, frame of the cam
 
 
 def find_bridges(points: ArrayLike, follower: Follower, *, turn: Turn = 1) -> Bridge | None:
@@ -430,8 +379,7 @@ _CONTACT_TOLERANCE = 1e-6
 """Contact tolerance: between sampled cam angles, 1/8 deg apart, a contact is missed by a tenth of this."""
 
 _LEAST_SAMPLES, _MOST_SAMPLES = 360, 20_000
-_CANDIDATES = 3
-"""Peaks evaluated per angle: at a jump of the contact two are almost equal."""
+_CANDIDATES = 3  # peaks evaluated per angle: at a jump of the contact two are almost equal
 
 
 def _find_highest_peaks(points: ComplexArray, at: FloatArray, follower: Follower, turned: ComplexArray) -> FloatArray:
@@ -445,22 +393,3 @@ def _peaks(values: FloatArray) -> IntArray:
     """Return the positions of the highest peaks of every row, each row a closed curve."""
     peak = (values >= np.roll(values, 1, axis=1)) & (values >= np.roll(values, -1, axis=1))
     return np.argpartition(-np.where(peak, values, -math.inf), _CANDIDATES, axis=1)[:, :_CANDIDATES]
-
-
-def _refine_maximum(lift: Callable[[FloatArray], FloatArray], start: FloatArray, spacing: float) -> FloatArray:
-    """Return the maximum near the starting points, by successive parabolas through three points."""
-    at, width = start, spacing
-    best = lift(at[:, None])[:, 0]
-    for _ in range(_REFINEMENTS):
-        around = at[:, None] + width * np.linspace(-1.0, 1.0, 5)
-        values = lift(around)
-        peak = np.clip(np.argmax(values, axis=1), 1, 3)
-        rows = np.arange(len(at))
-        left, middle, right = (values[rows, peak + k] for k in (-1, 0, 1))
-        with np.errstate(divide="ignore", invalid="ignore"):  # minus infinity if out of reach
-            bend = left - 2.0 * middle + right
-            shift = np.where(np.isfinite(bend) & (bend < 0.0), 0.5 * (left - right) / bend, 0.0)
-        at = around[rows, peak] + 0.5 * width * np.clip(shift, -1.0, 1.0)
-        best = np.fmax(best, np.fmax(middle, lift(at[:, None])[:, 0]))
-        width *= 0.25
-    return np.where(np.isfinite(best), best, -math.inf)

@@ -22,23 +22,13 @@ class Harmonic(SmoothLaw):
 
     s' vanishes at both ends if the c_n sum to 1.
 
-    Parameters
-    ----------
-    harmonics
-        Pairs of order n and coefficient c_n.
-
-    Raises
-    ------
-    InputError
-        If an order is not a positive integer or a coefficient is not finite.
-
     Examples
     --------
     >>> Harmonic(((1, 1.0),))(np.array([0.5])).round(12)
     array([0.5])
     """
 
-    harmonics: tuple[tuple[int, float], ...]
+    harmonics: tuple[tuple[int, float], ...]  #: pairs of order n and coefficient c_n
 
     def __post_init__(self) -> None:
         if not all(n >= 1 and n == int(n) and math.isfinite(c) for n, c in self.harmonics):
@@ -105,23 +95,13 @@ class CosineSum(SmoothLaw):
 
     The velocity vanishes at both ends for all coefficients; the acceleration only for some.
 
-    Parameters
-    ----------
-    coefficients
-        d_k, from k = 0.
-
-    Raises
-    ------
-    InputError
-        If the law does not rise from 0 to 1.
-
     Examples
     --------
     >>> CosineSum((0.5, -0.5))(np.array([0.0, 0.5, 1.0])).round(12)
     array([0. , 0.5, 1. ])
     """
 
-    coefficients: tuple[float, ...]
+    coefficients: tuple[float, ...]  #: d_k, from k = 0
 
     def __post_init__(self) -> None:
         start = sum(self.coefficients)
@@ -222,21 +202,6 @@ def harmonic_acceleration(b: tuple[float, ...] = (2.0 * math.pi,)) -> Harmonic:
     Rest at both ends needs sum b_n/(2 pi n) = 1, and the velocity must not be negative. Reference: C. Li, Cam motion
     simulation and optimization (2014), eqs. 7-11. One amplitude of 2 pi is the cycloidal law.
 
-    Parameters
-    ----------
-    b
-        Amplitudes b_1, b_2, ..., of the normalized acceleration.
-
-    Returns
-    -------
-    Harmonic
-        The law.
-
-    Raises
-    ------
-    InputError
-        If the velocity does not vanish at the ends, or is negative in between.
-
     Examples
     --------
     >>> harmonic_acceleration().harmonics
@@ -262,22 +227,13 @@ class Scca:
     simple harmonic, (1/2, 0, 1/2) cycloidal, (0, 1, 0) parabolic, (1/4, 1/2, 1/4) the modified trapezoid, (1/4, 0, 3/4)
     the modified sine. Source: R. L. Norton, Cam Design and Manufacturing Handbook, 2nd ed. (2009), ch. 3.
 
-    Parameters
-    ----------
-    b, c, d
-        Fractions of the rise, not negative, with sum 1.
-
-    Raises
-    ------
-    InputError
-        If a fraction is negative or they do not sum to 1.
-
     Examples
     --------
     >>> round(Scca(0.25, 0.5, 0.25).peak, 4)
     4.8881
     """
 
+    #: `b`, `c`, `d`: fractions of the rise, not negative, with sum 1
     b: float
     c: float
     d: float
@@ -354,23 +310,13 @@ class CompoundCycloid:
     mirrored return. C. Li, Cam motion simulation and optimization (2014), names a cam "FB2" (compound cycloid II)
     without defining it; this form and its default split are flexcam's choice.
 
-    Parameters
-    ----------
-    split
-        Fraction of the rise with positive acceleration, between 0 and 1.
-
-    Raises
-    ------
-    InputError
-        If the split is not between 0 and 1.
-
     Examples
     --------
     >>> CompoundCycloid()(np.array([0.0, 1.0])).round(12)
     array([0., 1.])
     """
 
-    split: float = 0.3
+    split: float = 0.3  #: fraction of the rise with positive acceleration, between 0 and 1
 
     def __post_init__(self) -> None:
         if not 0.0 < self.split < 1.0:

@@ -90,24 +90,12 @@ class Family(Protocol):
 
 @dataclass(frozen=True)
 class SplineFamily:
-    """B-splines on equally spaced knots; with one piece, polynomials of their degree.
+    """B-splines on equally spaced knots; with one piece, polynomials of their degree."""
 
-    Parameters
-    ----------
-    degree
-        5 or more.
-    pieces
-        Intervals between knots.
-    rest
-        Derivatives that vanish at both ends: 1 for the velocity, 2 for the acceleration too, and so on.
-    symmetric
-        Whether s(z) + s(1 - z) = 1.
-    """
-
-    degree: int = 5
-    pieces: int = 24
-    rest: int = 2
-    symmetric: bool = True
+    degree: int = 5  #: 5 or more
+    pieces: int = 24  #: intervals between knots
+    rest: int = 2  #: derivatives that vanish at both ends: 1 for the velocity, 2 for the acceleration too, and so on
+    symmetric: bool = True  #: whether s(z) + s(1 - z) = 1
 
     def __post_init__(self) -> None:
         if self.rest < 1 or not 5 <= self.degree <= _MOST_DEGREE or not 1 <= self.pieces <= _MOST_PIECES:
@@ -177,15 +165,9 @@ class SplineFamily:
 
 @dataclass(frozen=True)
 class HarmonicFamily:
-    """s = z - sum c_n sin(2 pi n z)/(2 pi n), symmetric, with zero velocity and acceleration at the ends.
+    """s = z - sum c_n sin(2 pi n z)/(2 pi n), symmetric, with zero velocity and acceleration at the ends."""
 
-    Parameters
-    ----------
-    orders
-        Orders n: two or more distinct positive integers.
-    """
-
-    orders: tuple[int, ...] = (1, 2, 3, 4, 5)
+    orders: tuple[int, ...] = (1, 2, 3, 4, 5)  #: orders n: two or more distinct positive integers
 
     def __post_init__(self) -> None:
         if len(set(self.orders)) < max(2, len(self.orders)) or min(self.orders) < 1:

@@ -13,8 +13,7 @@ from flexcam.fem.dofs import DofMap
 from flexcam.fem.elements import beam
 from flexcam.fem.elements.beam import Beams
 
-_BLOCK_SIZE = 1000
-"""Number of elements processed together, so that their matrices fit in the processor cache."""
+_BLOCK_SIZE = 1000  # number of elements processed together, so that their matrices fit in the processor cache
 
 
 def _assemble_blocks(beams: Beams, local: Callable[[slice], FloatArray], dofs: DofMap) -> Triplets:
@@ -68,12 +67,9 @@ def distributed_load(beams: Beams, elements: slice, per_length: FloatArray) -> F
     """
     L = beams.length[elements]
     x, y, z = (beams.triads[elements] @ per_length).T
-    zero = 0.0 * L
-    half, moment = L / 2.0, L**2 / 12.0
+    half, moment = [x * L / 2.0, y * L / 2.0, z * L / 2.0], [0.0 * L, -z * L**2 / 12.0, y * L**2 / 12.0]
     loads = np.zeros((len(beams), 12))
-    first = [x * half, y * half, z * half, zero, -z * moment, y * moment]
-    second = [x * half, y * half, z * half, zero, z * moment, -y * moment]
-    loads[elements] = np.stack([*first, *second], axis=-1)
+    loads[elements] = np.stack([*half, *moment, *half, *(-one for one in moment)], axis=-1)
     return loads
 
 

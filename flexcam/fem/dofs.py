@@ -12,24 +12,15 @@ from flexcam.core import FloatArray, IntArray
 from flexcam.fem.frames import COMPONENTS, ROTATIONS, component
 from flexcam.fem.mesh import Mesh
 
-_ROUNDING = 1e-10
-"""Fraction of the largest motion of a mode below which a node is at rest."""
+_ROUNDING = 1e-10  # fraction of the largest motion of a mode below which a node is at rest
 
 
 @dataclass(frozen=True, eq=False)
 class DofMap:
-    """Numbers of the free components, node after node, ux to rz.
+    """Numbers of the free components, node after node, ux to rz."""
 
-    Parameters
-    ----------
-    numbers
-        Shape (nodes, 6); -1 if a support constrains the component.
-    names
-        A name per free component, such as ``"cam.uy"``.
-    """
-
-    numbers: IntArray
-    names: tuple[str, ...]
+    numbers: IntArray  #: shape (nodes, 6); -1 if a support constrains the component
+    names: tuple[str, ...]  #: a name per free component, such as ``"cam.uy"``
 
     @property
     def size(self) -> int:

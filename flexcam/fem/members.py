@@ -65,6 +65,11 @@ def beams(mesh: Mesh, members: Mapping[str, Member]) -> Beams:
     span = ends[:, 1] - ends[:, 0]
     length = np.linalg.norm(span, axis=1)
     axes = span / length[:, None]
+    orientations, bow = default_orientation(axes), np.zeros((len(length), 6))
+    for member, part in zip(chosen, mesh.element_ranges().values(), strict=True):
+        bow[part] = initial_bow(member.bow, length[part])
+        if member.orientation is not None:
+            orientations[part] = member.orientation
 
     def each(values: list[float]) -> FloatArray:
         return np.repeat(np.array(values, dtype=float), np.array(repeats, dtype=np.intp))
@@ -75,28 +80,11 @@ def beams(mesh: Mesh, members: Mapping[str, Member]) -> Beams:
     shear, rotary = each([float(m.shear) for m in chosen]), each([float(m.rotary_inertia) for m in chosen])
     kappa_y, kappa_z = each([m.section.kappa_y for m in chosen]), each([m.section.kappa_z for m in chosen])
     return Beams(
-        nodes=mesh.elements(), length=length, triads=triads(axes, _orientations(axes, chosen, repeats)),
+        nodes=mesh.elements(), length=length, triads=triads(axes, orientations),
         EA=E * A, GJ=G * each([m.section.J for m in chosen]), EIy=E * Iy, EIz=E * Iz,
         rho_A=rho * A, rho_Ip=rho * (Iy + Iz), rho_Iy=rotary * rho * Iy, rho_Iz=rotary * rho * Iz,
         phi_y=shear * 12.0 * E * Iz / (kappa_y * A * G * length**2),
         phi_z=shear * 12.0 * E * Iy / (kappa_z * A * G * length**2),
         lumped=each([float(m.mass == "lumped") for m in chosen]),
-        arched=each([float(m.geometric_stiffness) for m in chosen]), bow=_bows(mesh, chosen, length),
+        arched=each([float(m.geometric_stiffness) for m in chosen]), bow=bow,
     )  # fmt: skip
-
-
-def _bows(mesh: Mesh, chosen: list[Member], length: FloatArray) -> FloatArray:
-    ranges = mesh.element_ranges().values()
-    bows = [initial_bow(member.bow, length[part]) for member, part in zip(chosen, ranges, strict=True)]
-    return np.concatenate([np.zeros((0, 6)), *bows])
-
-
-def _orientations(axes: FloatArray, chosen: list[Member], repeats: list[int]) -> FloatArray:
-    vectors = np.empty_like(axes)
-    first = 0
-    for member, count in zip(chosen, repeats, strict=True):
-        part = slice(first, first + count)
-        given = member.orientation
-        vectors[part] = default_orientation(axes[part]) if given is None else given
-        first += count
-    return vectors

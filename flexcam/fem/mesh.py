@@ -193,8 +193,7 @@ def refine(mesh: Mesh, divisions: Mapping[str, int]) -> Mesh:
     return Mesh(np.concatenate(nodes), lines, mesh.points)
 
 
-_MAX_FAULTS = 20
-"""Maximum number of faults of one kind to report: in a mesh with thousands they have one cause."""
+_MAX_FAULTS = 20  # maximum number of faults of one kind to report: in a mesh with thousands they have one cause
 
 
 def _range_faults(mesh: Mesh) -> list[Fault]:
@@ -212,14 +211,12 @@ def _range_faults(mesh: Mesh) -> list[Fault]:
 
 
 def _length_faults(mesh: Mesh) -> list[Fault]:
-    pairs = mesh.elements()
-    length = np.linalg.norm(mesh.nodes[pairs[:, 1]] - mesh.nodes[pairs[:, 0]], axis=1)
+    ends = mesh.elements()
+    short = np.flatnonzero((mesh.nodes[ends[:, 1]] == mesh.nodes[ends[:, 0]]).all(axis=1))[:_MAX_FAULTS].tolist()
     why, remedy = "an element has a length", "merge the nodes or move one"
     return [
-        Fault(
-            f"element {e}", f"nodes {pairs[e, 0]} and {pairs[e, 1]} at the same place", "two nodes apart", why, remedy
-        )
-        for e in np.flatnonzero(length == 0.0)[:_MAX_FAULTS].tolist()
+        Fault(f"element {e}", f"nodes {ends[e, 0]} and {ends[e, 1]} at the same place", "two nodes apart", why, remedy)
+        for e in short
     ]
 
 

@@ -54,28 +54,17 @@ def _local(beams: Beams, nodal: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class Fibres:
-    """Conversion of section forces to stresses; every field is an array over the elements.
+    """Conversion of section forces to stresses; every field is an array over the elements."""
 
-    Parameters
-    ----------
-    area, modulus_y, modulus_z
-        A (m^2) and the section moduli Iy/fibre_z, Iz/fibre_y (m^3; infinite if the fibre distance is unknown), shape
-        (e,).
-    torsion
-        Torsional shear stress per torque, 1/m^3, shape (e,).
-    about_y, about_z
-        Factors of the two bending stresses at each of f points on the outline, shape (e, f).
-    round
-        Whether the outline is a circle, shape (e,).
-    """
-
+    #: `area`, `modulus_y`, `modulus_z`: m^2 and m^3, shape (e,); infinite if the fibre distance is unknown
     area: FloatArray
     modulus_y: FloatArray
     modulus_z: FloatArray
-    torsion: FloatArray
+    torsion: FloatArray  #: torsional shear stress per torque, 1/m^3, shape (e,)
+    #: `about_y`, `about_z`: factors of the two bending stresses at each of f points on the outline, shape (e, f)
     about_y: FloatArray
     about_z: FloatArray
-    round: NDArray[np.bool_]
+    round: NDArray[np.bool_]  #: whether the outline is a circle, shape (e,)
 
     def axial(self, forces: FloatArray) -> FloatArray:
         """Return N/A, Pa, from section forces of shape (..., e, 2, 6); shape (..., e, 2)."""

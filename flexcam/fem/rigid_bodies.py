@@ -75,8 +75,7 @@ def scalar_matrix(row: FloatArray, coefficient: float) -> Triplets:
     return Triplets.outer(row, row, coefficient)
 
 
-_RANK_TOLERANCE = 1e-10
-"""Singular values of the constraints below this are rounding: the rows have size 1."""
+_RANK_TOLERANCE = 1e-10  # singular values of the constraints below this are rounding: the rows have size 1
 
 
 def free_motions(mesh: Mesh, dofs: DofMap, springs: Iterable[FloatArray]) -> FloatArray:

@@ -216,12 +216,8 @@ class Section:
         Section
             A new section.
         """
-        return replace(
-            self,
-            J=self.J if J is None else J,
-            kappa_y=self.kappa_y if kappa_y is None else kappa_y,
-            kappa_z=self.kappa_z if kappa_z is None else kappa_z,
-        )
+        given = {"J": J, "kappa_y": kappa_y, "kappa_z": kappa_z}
+        return replace(self, **{name: value for name, value in given.items() if value is not None})
 
 
 def _cowper_tube(ratio: float) -> float:
@@ -230,8 +226,7 @@ def _cowper_tube(ratio: float) -> float:
     return 6.0 * (1.0 + nu) * square / ((7.0 + 6.0 * nu) * square + (20.0 + 12.0 * nu) * ratio**2)
 
 
-_ODD_FIFTH_POWERS = 31.0 / 32.0 * 1.0369277551433699263
-"""Sum of 1/n^5 over odd n, (1 - 2^-5) zeta(5)."""
+_ODD_FIFTH_POWERS = 31.0 / 32.0 * 1.0369277551433699263  # sum of 1/n^5 over odd n, (1 - 2^-5) zeta(5)
 
 
 def _rectangle_torsion(side: float, other: float) -> float:

@@ -12,7 +12,7 @@ from rich.table import Table
 
 from flexcam.analysis.comparison import Comparison
 from flexcam.analysis.error_estimate import estimate_errors
-from flexcam.analysis.limits import Limits, Margins, find_limits
+from flexcam.analysis.limits import Margins, find_limits
 from flexcam.analysis.model_choice import evaluate_ladder
 from flexcam.analysis.natural_modes import modes
 from flexcam.analysis.preparation import PreparedRun, prepare
@@ -23,7 +23,7 @@ from flexcam.case.reader import case_from_result
 from flexcam.core import FloatArray
 from flexcam.core.errors import FlexcamError, InputError
 from flexcam.core.units import RPM, shaft_name, shaft_speed
-from flexcam.dynamics import Response, RunFailedError, solve
+from flexcam.dynamics import Response, solve
 from flexcam.dynamics.memory import ExtremesSink
 from flexcam.io import Result, read_result
 from flexcam.report.fidelity_tables import TRADE_LEGEND, error_table, format_with_error, trade_table, trade_warnings
@@ -76,43 +76,33 @@ class ReportSubject:
 
 def load_subject(path: Path) -> ReportSubject:
     """Return a result with all data derived from its case."""
-    result = read_result(path)
+    result, lacking = read_result(path), list[str]()
+
+    def omit(what: str, refusal: FlexcamError) -> None:
+        lacking.append(f"Not in this report: {what}; {'; '.join(str(refusal).splitlines())}")
+
     try:
         case = case_from_result(result)
         known = RestoredCase(case, *reload_result(case, result), build_structure(build_model(case)))
     except FlexcamError as refusal:
-        what = "the comparison with a rigid train, modes, stresses with their safety, and inactive unknowns"
-        return ReportSubject(
-            path, result, None, None, None, (f"Not in this report: {what}; {_describe_error(refusal)}",)
-        )
-    lacking: list[str] = []
+        omit("the comparison with a rigid train, modes, stresses with their safety, and inactive unknowns", refusal)
+        return ReportSubject(path, result, None, None, None, tuple(lacking))
     rigid = found = None
     if case.record.fidelity.model != "rigid" and known.ready.model.cam_contacts:
         try:
             ready = prepare(case, rigid=True)
             rigid = solve(ready.problem, ready.scheme, save=ready.save)
         except FlexcamError as refusal:
-            lacking.append(f"Not in this report: the comparison with a rigid train; {_describe_error(refusal)}")
+            omit("the comparison with a rigid train", refusal)
     try:
         found = modes(case, MODES)
     except FlexcamError as refusal:
-        lacking.append(f"Not in this report: modes; {_describe_error(refusal)}")
+        omit("modes", refusal)
     return ReportSubject(path, result, known, rigid, found, tuple(lacking))
 
 
-def _describe_error(refusal: FlexcamError) -> str:
-    match refusal:
-        case InputError():
-            return "; ".join(map(str, refusal.faults))
-        case RunFailedError():
-            return refusal.status.text
-        case _:
-            return str(refusal)
-
-
 _SAME_LIFT = 0.01
-_SAME_ACCELERATION = 0.1
-"""Relative difference in acceleration up to which the rigid train counts as equivalent."""
+_SAME_ACCELERATION = 0.1  # relative difference in acceleration up to which the rigid train counts as equivalent
 
 _MODELS = {
     "beams": "flexible beams", "rigid": "rigid members", "sdof": "one mass", "chain": "a chain of masses",
@@ -130,10 +120,12 @@ def describe_model(about: ReportSubject, known: RestoredCase, figures: Sequence[
     turned = f"{float(np.ptp(response.angle)) / (2.0 * math.pi):.4g}" if len(response.angle) else "0"
     covers = f"{turned} revolution{'' if turned == '1' else 's'}"
     parts = ", ".join(
-        _count(len(table), word)
-        for word, table in (("member", record.members), ("mass", record.masses), ("spring", record.springs),
-                            ("rocker", record.rockers), ("cam", record.cams), ("contact", record.contacts))
-        if table
+        f"{len(table)} {one if len(table) == 1 else many}"
+        for one, many, table in (
+            ("member", "members", record.members), ("mass", "masses", record.masses),
+            ("spring", "springs", record.springs), ("rocker", "rockers", record.rockers),
+            ("cam", "cams", record.cams), ("contact", "contacts", record.contacts),
+        ) if table
     )  # fmt: skip
     said = [
         f"Modelled with {kind}: {parts}.",
@@ -145,12 +137,6 @@ def describe_model(about: ReportSubject, known: RestoredCase, figures: Sequence[
     said += describe_contacts(case, figures)
     left = describe_inactive(ready)
     return [*said, f"Inactive, as nothing excites it: {'; '.join(left)}."] if left else said
-
-
-def _count(number: int, word: str) -> str:
-    if number == 1:
-        return f"1 {word}"
-    return f"{number} {word}es" if word.endswith("s") else f"{number} {word}s"
 
 
 def describe_verdict(compared: Comparison) -> list[str]:
@@ -280,8 +266,7 @@ class Report:
     still: Picture | None  # image of the most important curves for printing; None without motion
 
 
-_MAX_NUMBER_LENGTH = 24
-"""Maximum length of a cell that counts as a number, characters."""
+_MAX_NUMBER_LENGTH = 24  # maximum length of a cell that counts as a number, characters
 
 
 def report_table(table: Table) -> ReportTable:
@@ -289,11 +274,8 @@ def report_table(table: Table) -> ReportTable:
     heads = tuple(str(column.header) for column in table.columns) if table.show_header else ()
     columns = [[str(cell) for cell in column.cells] for column in table.columns]
     cells = tuple(zip(*columns, strict=True))
-    words = (
-        i
-        for i, of in enumerate(columns)
-        if table.columns[i].justify == "left" or max(map(len, of), default=0) > _MAX_NUMBER_LENGTH
-    )
+    long = [max(map(len, column), default=0) > _MAX_NUMBER_LENGTH for column in columns]
+    words = (i for i, column in enumerate(table.columns) if column.justify == "left" or long[i])
     return ReportTable(str(table.title or ""), heads, cells, tuple(words))
 
 
@@ -306,9 +288,8 @@ def result_tables(about: ReportSubject, compared: Comparison | None, figures: li
     if known is not None:
         stressed = member_strength(known.ready, known.response)
         found += [report_table(strength_table(stressed))] if stressed else []
-        found.append(
-            replace(report_table(run_table(known.case, ExtremesSink.of(response))), title="Range of the probes")
-        )
+        probes = report_table(run_table(known.case, ExtremesSink.of(response)))
+        found.append(replace(probes, title="Range of the probes"))
     found += [energy_table(response)] if len(response.time) else []
     found += [report_table(mode_table(about.modes))] if about.modes is not None else []
     if known is not None and about.modes is not None:
@@ -333,8 +314,7 @@ def origin_table(about: ReportSubject) -> ReportTable:
     return replace(report_table(info_table(result)), title="The result file")
 
 
-_LIMIT_TOLERANCE = 0.01
-"""Width of the bracket of limits relative to the speed."""
+_LIMIT_TOLERANCE = 0.01  # width of the bracket of limits relative to the speed
 
 
 @dataclass(frozen=True)
@@ -350,7 +330,6 @@ class ReportOptions:
 class AdditionalContent:
     """Additional content of a chapter."""
 
-    # sentences, sheets, pictures: content to be added to the chapter
     sentences: tuple[str, ...] = ()
     sheets: tuple[ReportTable, ...] = ()
     pictures: tuple[Picture, ...] = ()
@@ -385,16 +364,13 @@ def _limits(case: Case) -> AdditionalContent:
             case, lowest=0.5 * case.speed, highest=2.0 * case.speed, tolerance=_LIMIT_TOLERANCE * case.speed
         )
     except InputError as refusal:  # the rest of the page is still valid
-        return AdditionalContent(tuple(f"No speed limits: {fault.why or fault.given}." for fault in refusal.faults), ())
-    return AdditionalContent((_first(limits, scale),), (report_table(limits_table(limits, scale)),))
-
-
-def _first(limits: Limits, scale: float) -> str:
-    if limits.first is None:
-        return "No speed limit up to twice the speed."
-    one = limits.limits[limits.first]
-    speed = f"{scale * (one.rpm or 0.0):.4g} rpm of the {shaft_name(scale)}"
-    return f"The first speed limit is {limits.first.replace('_', ' ')}, from {speed}: {one.words}."
+        return AdditionalContent(tuple(f"No speed limits: {fault.why or fault.given}." for fault in refusal.faults))
+    said = "No speed limit up to twice the speed."
+    if limits.first is not None:
+        one = limits.limits[limits.first]
+        speed = f"{scale * (one.rpm or 0.0):.4g} rpm of the {shaft_name(scale)}"
+        said = f"The first speed limit is {limits.first.replace('_', ' ')}, from {speed}: {one.words}."
+    return AdditionalContent((said,), (report_table(limits_table(limits, scale)),))
 
 
 def _trade(case: Case, probe: str) -> AdditionalContent:
@@ -404,12 +380,7 @@ def _trade(case: Case, probe: str) -> AdditionalContent:
     against, rungs = evaluate_ladder(case, probe, repeats=1)
     table = report_table(trade_table(against, rungs))
     best = ", ".join(f"{one.rung} at {one.steps} steps" for one in rungs if one.best)
-    words = (
-        f"Error over work, both logarithmic. Best models in both: {best}. The table has the numbers ({TRADE_LEGEND})."
-    )
-    title = "Error and cost of models"
-    return AdditionalContent(
-        tuple(trade_warnings(against, rungs)),
-        (table,),
-        (Picture(title, render_png(work_precision_figure(rungs)), words),),
-    )
+    words = f"Error over work, both logarithmic. Best models in both: {best}. The table has the numbers"
+    words = f"{words} ({TRADE_LEGEND})."
+    picture = Picture("Error and cost of models", render_png(work_precision_figure(rungs)), words)
+    return AdditionalContent(tuple(trade_warnings(against, rungs)), (table,), (picture,))

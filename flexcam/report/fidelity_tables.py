@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Sequence
 
@@ -12,14 +10,13 @@ from rich.table import Table
 from flexcam.analysis.error_estimate import Error
 from flexcam.analysis.model_choice import Choice, ModelEvaluation, Reference
 from flexcam.dynamics import Cause
-from flexcam.report.terminal import plain_table
+from flexcam.report.terminal import format_csv, plain_table
 
 _SHOWN = {"m": (1e3, "mm"), "m/s": (1.0, "m/s"), "m/s^2": (1.0, "m/s^2"), "N": (1.0, "N")}
 _ROUNDING = 1e-10
 """Error relative to its number below which it is rounding: the stiffness of many elements leaves about 1e-11."""
 
-_DIGITS = 12
-"""Maximum number of decimals."""
+_DIGITS = 12  # maximum number of decimals
 
 _KINDS = ("lift", "velocity", "acceleration")
 
@@ -52,29 +49,21 @@ def _percent(share: float | None) -> str:
 
 
 def trade_warnings(against: Reference, found: Sequence[ModelEvaluation]) -> list[str]:
-    """Return warnings about a model ladder."""
-    return [*_reference_warnings(against), *_describe_rejected_models(found)]
-
-
-def _describe_rejected_models(found: Sequence[ModelEvaluation]) -> list[str]:
-    """Return which models were not run, with the first reason."""
-    refused = [one for one in found if one.status.cause is Cause.REFUSED]
-    if not refused:
-        return []
-    models = {one.rung: [str(other.steps) for other in refused if other.rung == one.rung] for one in refused}
-    named = "; ".join(f"{name} at {', '.join(steps)}" for name, steps in models.items())
-    return [
-        f"Not run, as the method of the case does not allow such steps: {named}. The first: {refused[0].status.text}"
-    ]
-
-
-def _reference_warnings(against: Reference) -> list[str]:
+    """Return warnings about a rough reference, and about models that were not run, with the first reason."""
+    said: list[str] = []
     shares = {name: error / against.size[name] for name, error in against.errors.items() if against.size[name] > 0.0}
     rough = [f"{name} ({_percent(share)} %)" for name, share in shares.items() if share > _REFERENCE_ERROR_TOLERANCE]
-    if not rough:
-        return []
-    unsure = f"Warning: the reference itself has a large error in {', '.join(rough)}"
-    return [f"{unsure}: bounces, or motions that its steps do not resolve; errors of that size are not significant"]
+    if rough:
+        unsure = f"Warning: the reference itself has a large error in {', '.join(rough)}"
+        said.append(f"{unsure}: bounces, or motions that its steps do not resolve; errors of that size are not "
+                    "significant")  # fmt: skip
+    refused = [one for one in found if one.status.cause is Cause.REFUSED]
+    if refused:
+        models = {one.rung: [str(other.steps) for other in refused if other.rung == one.rung] for one in refused}
+        named = "; ".join(f"{name} at {', '.join(steps)}" for name, steps in models.items())
+        said.append(f"Not run, as the method of the case does not allow such steps: {named}. "
+                    f"The first: {refused[0].status.text}")  # fmt: skip
+    return said
 
 
 _REFERENCE_ERROR_TOLERANCE = 0.05
@@ -103,26 +92,22 @@ def evaluation_json(one: ModelEvaluation) -> dict[str, object]:
 def trade_csv(against: Reference, found: Sequence[ModelEvaluation]) -> str:
     """Return the model ladder as comma-separated values."""
     kinds = _quantities(against)
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["model", "steps_per_revolution", "unknowns", "work", "cpu_s", *kinds, "best", "status"])
-    for one in found:
-        errors = [one.errors.get(kind, "") for kind in kinds]
-        writer.writerow([one.rung, one.steps, one.unknowns, one.work, one.seconds, *errors, one.best, one.status.cause])
-    return text.getvalue()
+    head = ("model", "steps_per_revolution", "unknowns", "work", "cpu_s", *kinds, "best", "status")
+    return format_csv(head, [
+        (one.rung, one.steps, one.unknowns, one.work, one.seconds, *(one.errors.get(kind, "") for kind in kinds),
+         one.best, one.status.cause)
+        for one in found
+    ])  # fmt: skip
 
 
 def error_table(errors: Sequence[Error]) -> Table:
     """Return the values of a run with their estimated errors."""
     rows = [
-        (
-            one.quantity,
-            format_with_error(one),
-            *(_share(one, part) for part in (one.time, one.space, one.model)),
-            _met_tolerances(one),
-        )
+        (one.quantity, format_with_error(one),
+         *(f"{100.0 * part / one.size:.2g} %" if one.size > 0.0 else "" for part in (one.time, one.space, one.model)),
+         "" if one.holds else "no estimate: no convergence with shorter steps")
         for one in errors
-    ]
+    ]  # fmt: skip
     heads = ("quantity", "max", "by the steps", "by the elements", "by the model", "")
     return plain_table("Estimated errors", heads, rows)
 
@@ -139,30 +124,23 @@ def format_with_error(one: Error) -> str:
     return f"{value:.{digits}f} ± {error:.{digits}f} {unit}"
 
 
-def _share(one: Error, error: float) -> str:
-    return f"{100.0 * error / one.size:.2g} %" if one.size > 0.0 else ""
-
-
-def _met_tolerances(one: Error) -> str:
-    return "" if one.holds else "no estimate: no convergence with shorter steps"
-
-
 def describe_choice(choice: Choice) -> list[str]:
     """Return sentences about the chosen model, the reason, and the cost of the next cheaper one."""
-    one = choice.found
+    one, less = choice.found, choice.cheaper
     named = f"{one.rung} ({one.words}), {one.steps} steps per revolution, {one.unknowns} unknowns"
-    errors = ", ".join(f"{kind} {_percent(error)} %" for kind, error in one.errors.items())
     if not choice.met:
-        return [f"The tolerance is not met: {choice.why}. The run uses the closest model: {named}; errors: {errors}"]
-    words = [f"Chosen of {choice.tried} models tried: {named}; errors: {errors}"]
-    if choice.cheaper is not None:
-        less = choice.cheaper
+        closest = f"{named}; errors: {_errors(one)}"
+        return [f"The tolerance is not met: {choice.why}. The run uses the closest model: {closest}"]
+    words = [f"Chosen of {choice.tried} models tried: {named}; errors: {_errors(one)}"]
+    if less is not None:
         saved = f"{100.0 * less.work / one.work:.0f} % of the work" if one.work else "as much work"
-        errs = ", ".join(f"{kind} {_percent(error)} %" for kind, error in less.errors.items())
-        words.append(
-            f"Next cheaper, outside the tolerance: {less.rung}, {less.steps} steps per revolution, {saved}; {errs}"
-        )
+        words.append(f"Next cheaper, outside the tolerance: {less.rung}, {less.steps} steps per revolution, {saved}; "
+                     f"{_errors(less)}")  # fmt: skip
     return words
+
+
+def _errors(one: ModelEvaluation) -> str:
+    return ", ".join(f"{kind} {_percent(error)} %" for kind, error in one.errors.items())
 
 
 def choice_json(choice: Choice) -> dict[str, object]:

@@ -21,23 +21,18 @@ from flexcam.io.result_writer import SERIES
 from flexcam.report.content import Chart, ChartGroup, Curve, Panel, ReportSubject, Scene, Shape
 from flexcam.valvetrain import Structure
 
-_CURVE_TOLERANCE = 1e-4
-"""Allowed deviation of a drawn curve relative to its range: less than a pixel of a large screen."""
+_CURVE_TOLERANCE = 1e-4  # allowed deviation of a drawn curve relative to its range: less than a pixel of a large screen
 
 _FIRST_CHART_RATIO = 4
 """Ratio of the points of an album's first chart, which is visible initially, to those of the others."""
 
-_LONG_HISTORY = 40_000
-"""Number of points of a history above which it is reduced by intervals first."""
+_LONG_HISTORY = 40_000  # number of points of a history above which it is reduced by intervals first
 
 _MAX_TOTAL_POINTS, _RESULT_POINTS = 55_000, 2_500
 """Total points of all curves of a page, about 600 kB, and the part of it used by the texts of every result."""
 
-_MAX_POINTS, _MIN_POINTS = 3000, 100
-"""Maximum and minimum number of points of a curve."""
-
-_MAX_CURVES = 300
-"""Maximum number of curves of a page; probes listed in the case come first."""
+_MAX_POINTS, _MIN_POINTS = 3000, 100  # maximum and minimum number of points of a curve
+_MAX_CURVES = 300  # maximum number of curves of a page; probes listed in the case come first
 
 Runs = Mapping[str, tuple[Response, Response | None]]
 """Response by name, and the response with rigid members."""
@@ -83,67 +78,57 @@ def _kept_points(x: FloatArray, y: FloatArray, within: float) -> NDArray[np.bool
         kept |= more
 
 
-def build_albums(runs: Runs, main: str) -> list[ChartGroup]:
-    """Return all curves of several results."""
+def build_albums(runs: Runs, main: str) -> tuple[list[ChartGroup], list[str]]:
+    """Return all curves of several results, and a sentence if a page has no room for some of them."""
     first = [one for one, _ in runs.values()]
     probes = list(dict.fromkeys(name for one in first for name in scalar_probe_names(one.outline)))
-    probes = [name for name in probes if name == main or _moves(first, name)]
-    probes.sort(key=lambda name: name != main)
+    moving = {name for name in probes if _moves(first, name)}
+    probes = sorted((name for name in probes if name == main or name in moving), key=lambda name: name != main)
     channels = list(dict.fromkeys(name for one in first for name, _ in one.outline.channels))
-    shown_channels = [name for name in channels if not name.startswith(("energy.", STATE))]
-    shown_channels.sort(key=lambda name: not (name.startswith("contacts.") and name.endswith(".force")))
+    shown = [name for name in channels if not name.startswith(("energy.", STATE))]
+    shown.sort(key=lambda name: not (name.startswith("contacts.") and name.endswith(".force")))
     room = max(_MAX_CURVES // len(runs), 1)
-    found = [
-        ChartGroup("Motion", "probe", tuple(_motion(runs, name) for name in probes[: max(room // 6, 1)])),
-        ChartGroup(
-            "Forces and more", "channel", tuple(_channel(runs, name) for name in shown_channels[: max(room // 4, 1)])
-        ),
+    most_probes, most_channels = max(room // 6, 1), max(room // 4, 1)
+    notes: list[str] = []
+    if len(moving) > most_probes or len(channels) > most_channels:
+        notes.append("There are more curves than a page holds: the first probes and channels are shown, "
+                     "the result has all")  # fmt: skip
+    albums = [
+        ChartGroup("Motion", "probe", tuple(_motion(runs, name) for name in probes[:most_probes])),
+        ChartGroup("Forces and more", "channel", tuple(_channel(runs, name) for name in shown[:most_channels])),
         ChartGroup("Energy", "result", tuple(_energy(name, one) for name, (one, _) in runs.items())),
     ]
-    held = [replace(one, charts=tuple(c for c in one.charts if any(p.curves for p in c.panels))) for one in found]
-    return _fit_albums(
-        [album for album in held if album.charts], max(_MAX_TOTAL_POINTS - _RESULT_POINTS * len(runs), _MIN_POINTS)
-    )
+    held = [replace(one, charts=tuple(c for c in one.charts if any(p.curves for p in c.panels))) for one in albums]
+    size = max(_MAX_TOTAL_POINTS - _RESULT_POINTS * len(runs), _MIN_POINTS)
+    return _fit_albums([album for album in held if album.charts], size), notes
 
 
-def _fit_albums(made: list[ChartGroup], room: int) -> list[ChartGroup]:
+def _fit_albums(albums: list[ChartGroup], size: int) -> list[ChartGroup]:
     """Return albums reduced to the size of a page: the curves with the most points are reduced further."""
+
+    def fit(curve: Curve, most: int) -> Curve:
+        if len(curve.x) <= most:
+            return curve
+        x, y = reduce_points(curve.x, curve.y, most)
+        return replace(curve, x=x, y=y)
+
+    def fit_chart(chart: Chart, most: int) -> Chart:
+        panels = (replace(panel, curves=tuple(fit(curve, most) for curve in panel.curves)) for panel in chart.panels)
+        return replace(chart, panels=tuple(panels))
+
+    def points() -> int:
+        panels = [panel for album in albums for chart in album.charts for panel in chart.panels]
+        return sum(len(curve.x) for panel in panels for curve in panel.curves)
+
     most = _MAX_POINTS
-    while most > _MIN_POINTS and sum(len(curve.x) for album in made for curve in _curves(album)) > room:
+    while most > _MIN_POINTS and points() > size:
         most = 3 * most // 4
-        made = [replace(album, charts=_reduce_charts(album.charts, most)) for album in made]
-    return made
-
-
-def _reduce_charts(charts: tuple[Chart, ...], most: int) -> tuple[Chart, ...]:
-    return tuple(_reduce_chart(chart, most * (1 if i else _FIRST_CHART_RATIO)) for i, chart in enumerate(charts))
-
-
-def _curves(album: ChartGroup) -> list[Curve]:
-    return [curve for chart in album.charts for panel in chart.panels for curve in panel.curves]
-
-
-def _reduce_chart(chart: Chart, most: int) -> Chart:
-    panels = tuple(replace(panel, curves=tuple(_reduce_curve(c, most) for c in panel.curves)) for panel in chart.panels)
-    return replace(chart, panels=panels)
-
-
-def _reduce_curve(curve: Curve, most: int) -> Curve:
-    if len(curve.x) <= most:
-        return curve
-    x, y = reduce_points(curve.x, curve.y, most)
-    return replace(curve, x=x, y=y)
-
-
-def describe_omitted_curves(runs: Runs) -> list[str]:
-    """Return a sentence if curves of the results are omitted from a report."""
-    first = [one for one, _ in runs.values()]
-    room = max(_MAX_CURVES // len(runs), 1)
-    probes = {name for one in first for name in scalar_probe_names(one.outline) if _moves(first, name)}
-    channels = {name for one in first for name, _ in one.outline.channels}
-    if len(probes) <= max(room // 6, 1) and len(channels) <= max(room // 4, 1):
-        return []
-    return ["There are more curves than a page holds: the first probes and channels are shown, the result has all"]
+        albums = [
+            replace(album, charts=(fit_chart(first, _FIRST_CHART_RATIO * most), *(fit_chart(c, most) for c in others)))
+            for album in albums
+            for first, *others in [album.charts]
+        ]
+    return albums
 
 
 def scalar_probe_names(outline: Outline) -> list[str]:
@@ -203,31 +188,21 @@ def _panel(runs: Runs, label: str, unit: str, values: Callable[[Response], Float
 
 def _text_alternative(panels: Sequence[Panel]) -> tuple[str, ...]:
     """Return a text alternative of panels: the range of every curve and its cam angles."""
-    return tuple(
-        f"{panel.label.partition(',')[0]}{f' ({curve.name})' if curve.name else ''}: {_range(curve, panel)}"
-        for panel in panels
-        for curve in panel.curves
-    )
+    words: list[str] = []
+    for panel in panels:
+        quantity, _, unit = panel.label.partition(", ")
+        for curve in panel.curves:
+            extremes = int(np.argmin(curve.y)), int(np.argmax(curve.y))
+            ends = [f"{curve.y[i]:.4g} {unit} at {curve.x[i]:.4g} deg" for i in extremes]
+            name = f" ({curve.name})" if curve.name else ""
+            words.append(f"{quantity}{name}: from {ends[0]} to {ends[1]}")
+    return tuple(words)
 
 
-def _range(curve: Curve, panel: Panel) -> str:
-    unit = panel.label.partition(", ")[2]
-    low, high = int(np.argmin(curve.y)), int(np.argmax(curve.y))
-    ends = [f"{curve.y[i]:.4g} {unit} at {curve.x[i]:.4g} deg" for i in (low, high)]
-    return f"from {ends[0]} to {ends[1]}"
-
-
-_PARTS = 6
-"""Drawn segments per element, if the page has space for them."""
-
-_POINTS = 240
-"""Total points of all scenes of a page: with modes and frames about 250 kB."""
-
-_FRAMES = 48
-"""Frames of the motion of a run."""
-
-_SAME_PLACE = 1e-9
-"""Distance below which points coincide, m."""
+_PARTS = 6  # drawn segments per element, if the page has space for them
+_POINTS = 240  # total points of all scenes of a page: with modes and frames about 250 kB
+_FRAMES = 48  # frames of the motion of a run
+_SAME_PLACE = 1e-9  # distance below which points coincide, m
 
 
 @dataclass(frozen=True, eq=False)
@@ -300,38 +275,23 @@ def _modes(about: ReportSubject, lines: _LinePoints) -> list[Shape]:
         return []
     found, structure = about.modes, about.known.structure
     moved = lines.of_beams(structure.beams, structure.dofs.nodal_modes(found.modes.shapes.T, about.result.mesh.extent))
-    return [
-        Shape(
-            f"mode {i + 1}, {frequency:.4g} Hz",
-            found.words(i) + _describe_undrawn_part(structure, shares),
-            moved[i : i + 1],
-        )
-        for i, (frequency, shares) in enumerate(zip(found.modes.frequencies.tolist(), found.shares, strict=True))
-    ]
-
-
-def _describe_undrawn_part(structure: Structure, shares: Mapping[str, float]) -> str:
-    """Return a note if the part with the largest motion in a mode is not a member and not drawn; otherwise empty."""
-    most = max(shares, key=lambda part: shares[part], default="")
-    return f". The part with the largest motion, {most}, is no member and not drawn" * (
-        most in _undrawn_parts(structure)
-    )
+    undrawn, shapes = _undrawn_parts(structure), list[Shape]()
+    for i, (frequency, shares) in enumerate(zip(found.modes.frequencies.tolist(), found.shares, strict=True)):
+        most = max(shares, key=lambda part: shares[part], default="")
+        note = f". The part with the largest motion, {most}, is no member and not drawn" if most in undrawn else ""
+        shapes.append(Shape(f"mode {i + 1}, {frequency:.4g} Hz", found.words(i) + note, moved[i : i + 1]))
+    return shapes
 
 
 def _undrawn_parts(structure: Structure) -> set[str]:
     """Return the parts of modes without lines: rockers, springs, and masses outside of members."""
     model = structure.model
     lines = set(model.mesh.elements().ravel().tolist())
-    off = (
-        name
-        for name, part in model.masses.items()
+    masses = {
+        f"mass {name}" for name, part in model.masses.items()
         if model.rocker_at(part.at) is not None or model.mesh.node(part.at) not in lines
-    )
-    return {
-        *(f"mass {name}" for name in off),
-        *(f"rocker {name}" for name in model.rockers),
-        *(f"spring {name}" for name in model.springs),
-    }
+    }  # fmt: skip
+    return masses | {f"rocker {name}" for name in model.rockers} | {f"spring {name}" for name in model.springs}
 
 
 def _run_motion(about: ReportSubject, lines: _LinePoints) -> list[Shape]:

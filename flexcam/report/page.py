@@ -28,14 +28,11 @@ from flexcam.core.errors import FlexcamError, InputError, refuse
 from flexcam.core.units import RPM
 from flexcam.report.content import (
     Chapter,
-    Chart,
-    ChartGroup,
     Picture,
     Report,
     ReportOptions,
     ReportSubject,
     RestoredCase,
-    Scene,
     additional_content,
     describe_margins,
     describe_model,
@@ -43,16 +40,13 @@ from flexcam.report.content import (
     origin_table,
     result_tables,
 )
-from flexcam.report.figures import Runs, build_albums, describe_omitted_curves, scalar_probe_names, scene
+from flexcam.report.figures import Runs, build_albums, scalar_probe_names, scene
 from flexcam.report.terminal import make_unique
 from flexcam.valvetrain import Metric
 
 _PAGE = Path(__file__).parent / "template"
-_LARGE = 5000.0
-"""Absolute value above which single precision is insufficient for cam angles."""
-
-_SINGLE = 1e37
-"""Maximum of single precision; a diverged run exceeds it."""
+_LARGE = 5000.0  # absolute value above which single precision is insufficient for cam angles
+_SINGLE = 1e37  # maximum of single precision; a diverged run exceeds it
 
 _ESCAPED = {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028": "\\u2028", "\u2029": "\\u2029"}
 
@@ -63,30 +57,32 @@ def render_page(report: Report) -> str:
     from markupsafe import Markup
 
     ours = Markup  # unescaped content: own scripts, and data escaped by `embed_json`
-    scripts = [_plotly(), _text("curves.js"), _text("shapes.js")]
+    plotly = (pkgutil.get_data("plotly", "package_data/plotly.min.js") or b"").decode()  # importing plotly takes long
+    scripts = [plotly, _text("curves.js"), _text("shapes.js")]
     jinja = Environment(loader=FileSystemLoader(_PAGE), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
                         lstrip_blocks=True)  # fmt: skip
+    data = {"albums": report.albums, "scenes": [chapter.scene for chapter in report.chapters]}
     return jinja.get_template("page.html").render(
         report=report, version=__version__, style=ours(_text("page.css")), scripts=[ours(one) for one in scripts],
-        policy=_content_security_policy(scripts), data=ours(embed_json(_page_data(report))), image=_data_url,
+        policy=_content_security_policy(scripts), data=ours(embed_json(data)), image=_data_url,
     )  # fmt: skip
 
 
 def embed_json(content: object) -> str:
     r"""Return a value as JSON that is safe inside a script element for any strings."""
-    text = json.dumps(content, allow_nan=False)
+    text = json.dumps(content, allow_nan=False, default=_to_json)
     for character, escape in _ESCAPED.items():
         text = text.replace(character, escape)
     return text
 
 
+def _to_json(value: object) -> object:
+    """Return an array packed, and a dataclass as a mapping of its fields."""
+    return _numbers(np.asarray(value, dtype=float)) if isinstance(value, np.ndarray) else vars(value)
+
+
 def _text(name: str) -> str:
     return (_PAGE / name).read_text(encoding="utf-8")
-
-
-def _plotly() -> str:
-    """Return plotly.js; `import plotly` would load far more than this file."""
-    return (pkgutil.get_data("plotly", "package_data/plotly.min.js") or b"").decode()
 
 
 def _content_security_policy(scripts: list[str]) -> str:
@@ -101,60 +97,12 @@ def _data_url(picture: Picture) -> str:
     return "data:image/png;base64," + base64.b64encode(picture.png).decode()
 
 
-def _page_data(report: Report) -> dict[str, object]:
-    """Return the data for the scripts of the page."""
-    scenes = [_scene(chapter.scene) if chapter.scene else None for chapter in report.chapters]
-    return {"albums": [_album(one) for one in report.albums], "scenes": scenes}
-
-
-def _album(album: ChartGroup) -> dict[str, object]:
-    return {"title": album.title, "charts": [_chart(one) for one in album.charts]}
-
-
-def _chart(chart: Chart) -> dict[str, object]:
-    return {
-        "name": chart.name,
-        "words": list(chart.words),
-        "panels": [
-            {
-                "label": panel.label,
-                "curves": [
-                    {
-                        "name": one.name,
-                        "group": one.group,
-                        "rigid": one.rigid,
-                        "x": _numbers(one.x),
-                        "y": _numbers(one.y),
-                    }
-                    for one in panel.curves
-                ],
-            }
-            for panel in chart.panels
-        ],
-    }
-
-
-def _scene(scene: Scene) -> dict[str, object]:
-    return {
-        "points": _numbers(scene.points),
-        "lines": [{"name": name, "from": first, "to": last} for name, (first, last) in scene.lines.items()],
-        "names": [{"name": name, "at": at} for name, at in scene.names.items()],
-        "shapes": [
-            {"name": one.name, "words": one.words, "count": len(one.frames), "frames": _numbers(one.frames)}
-            for one in scene.shapes
-        ],
-    }
-
-
 def _numbers(values: NDArray[np.float64]) -> Mapping[str, str]:
     """Return an array in the format of plotly.js: base64 of its bytes, in single precision if that is sufficient."""
     largest = float(np.abs(values).max(initial=0.0))
-    kind = "f8" if largest > _SINGLE or (largest > _LARGE and _is_increasing(values)) else "f4"
+    increasing = values.ndim == 1 and bool((np.diff(values) >= 0.0).all())
+    kind = "f8" if largest > _SINGLE or (largest > _LARGE and increasing) else "f4"
     return {"dtype": kind, "bdata": base64.b64encode(np.ascontiguousarray(values, dtype=f"<{kind}").tobytes()).decode()}
-
-
-def _is_increasing(values: NDArray[np.float64]) -> bool:
-    return values.ndim == 1 and bool((np.diff(values) >= 0.0).all())
 
 
 def build_report(
@@ -170,13 +118,8 @@ def build_report(
     runs = {name: (one.result.response, one.rigid) for name, one in zip(names, subjects, strict=True)}
     main = next(filter(None, mains), "")
     title = chapters[0].title if len(chapters) == 1 else ", ".join(names)
-    return Report(
-        title,
-        chapters,
-        tuple(build_albums(runs, main)),
-        tuple(describe_omitted_curves(runs)),
-        _motion_image(runs, main),
-    )
+    albums, notes = build_albums(runs, main)
+    return Report(title, chapters, tuple(albums), tuple(notes), _motion_image(runs, main))
 
 
 def _result_names(subjects: Sequence[ReportSubject]) -> list[str]:
@@ -202,35 +145,23 @@ def _main_probe(about: ReportSubject, probe: str | None) -> str:
 def _chapter(about: ReportSubject, name: str, main: str, asked: ReportOptions, share: int) -> Chapter:
     kept, known, status = about.result.about, about.known, about.result.response.status
     title = kept.get("title", "") or about.stem
-    ended = [] if status.ok else [f"The run did not reach its end. {status}"]
-    if known is None:
-        return Chapter(
-            name,
-            title,
-            (),
-            (),
-            (*ended, *about.lacking),
-            tuple(result_tables(about, None, [])),
-            (),
-            scene(about, share),
-            kept.get("case", ""),
-            origin_table(about),
-        )
-    figures = compute_metrics(known.ready, known.response)
-    compared, lacking = _compare_rigid(about, known, main)
-    more = additional_content(known.case, main, asked) if status.ok and main else []
-    summary = [*describe_model(about, known, figures), *_margins(known.case)]
-    doubts = _warnings(known, figures, drawn_rigid=about.rigid is not None) if len(known.response.time) else []
+    figures = compute_metrics(known.ready, known.response) if known else []
+    compared, lacking = _compare_rigid(about, known, main) if known else (None, [])
+    more = additional_content(known.case, main, asked) if known and status.ok and main else []
+    doubts = [] if status.ok else [f"The run did not reach its end. {status}"]
+    if known and len(known.response.time):
+        doubts += _warnings(known, figures, drawn_rigid=about.rigid is not None)
+    summary = [*describe_model(about, known, figures), *_margins(known.case)] if known else []
     return Chapter(
         name=name,
-        title=f"{title}, {known.case.speed_text}",
+        title=f"{title}, {known.case.speed_text}" if known else title,
         verdict=tuple(describe_verdict(compared)) if compared and status.ok else (),
         summary=(*summary, *chain.from_iterable(one.sentences for one in more)),
-        warnings=(*ended, *doubts, *about.lacking, *lacking),
+        warnings=(*doubts, *about.lacking, *lacking),
         sheets=(*chain.from_iterable(one.sheets for one in more), *result_tables(about, compared, figures)),
         pictures=tuple(chain.from_iterable(one.pictures for one in more)),
         scene=scene(about, share),
-        case=known.case.text,
+        case=known.case.text if known else kept.get("case", ""),
         origin=origin_table(about),
     )
 

@@ -41,7 +41,6 @@ from flexcam.valvetrain import (
     Metric,
     ModelModes,
     Seat,
-    Spring,
     build_structure,
     member_masses,
 )
@@ -82,13 +81,15 @@ def model_table(ready: PreparedRun, modes: ModelModes, takes: ResourceEstimate |
     model, problem = ready.model, ready.problem
     lowest = [f"{f:.4g}" for f in modes.modes.frequencies[modes.modes.rigid :][:5]]
     per_revolution = 2.0 * math.pi / (ready.case.speed * problem.step)
+    springs = [f"{name} {s.stiffness:g} {'N m/rad' if s.turns else 'N/m'}" for name, s in model.springs.items()]
+    free = [modes.words(i).removeprefix("free motion: ") for i in range(modes.modes.rigid)]
     rows = [
         ("members", ", ".join(f"{name} {mass:.4g} kg" for name, mass in member_masses(model).items()) or "none"),
         ("elements", str(len(model.mesh.elements()))),
         ("degrees of freedom", str(problem.system.size)),
         ("inactive", "; ".join(describe_inactive(ready)) or "nothing"),
         ("masses", ", ".join(f"{name} {part.body.mass:g} kg" for name, part in model.masses.items()) or "none"),
-        ("springs", ", ".join(f"{name} {_stiffness(s)}" for name, s in model.springs.items()) or "none"),
+        ("springs", ", ".join(springs) or "none"),
         ("supports", ", ".join(f"{point}: {' '.join(held)}" for point, held in model.supports.items()) or "none"),
         *(
             (f"rocker {n}", f"{r.start} to {r.point}, ratio {r.ratio:g}, along {_vector(r.direction)}")
@@ -99,19 +100,12 @@ def model_table(ready: PreparedRun, modes: ModelModes, takes: ResourceEstimate |
         *_weight(ready),
         ("speed", ready.case.speed_text),
         ("steps", f"{problem.steps} of {problem.step:.4g} s ({per_revolution:.6g} per revolution)"),
-        ("free motions", _free_motions(modes)),
+        ("free motions", "; ".join(free) or "none"),
         ("lowest frequencies", ", ".join(lowest) + " Hz" if lowest else "none"),
-        *(
-            [("a run takes", f"{format_size(takes.memory)} of memory, a result of {format_size(takes.file)}")]
-            if takes
-            else []
-        ),
     ]
+    if takes:
+        rows.append(("a run takes", f"{format_size(takes.memory)} of memory, a result of {format_size(takes.file)}"))
     return facts_table(ready.case.title, rows)
-
-
-def _stiffness(spring: Spring) -> str:
-    return f"{spring.stiffness:g} {'N m/rad' if spring.turns else 'N/m'}"
 
 
 def describe_inactive(ready: PreparedRun) -> list[str]:
@@ -126,16 +120,14 @@ def _contact(contact: Contact) -> str:
     match contact:
         case Seat():
             return f"stop of {contact.stiffness:g} N/m at {contact.at}"
-        case Lash():
-            return f"lash of {1e3 * contact.gap:g} mm {_place(contact)}, {contact.stiffness:g} N/m"
-        case Adjuster():
-            return f"hydraulic adjuster {_place(contact)}, oil {contact.stiffness:g} N/m, leak {contact.leak:g} N s/m"
+        case Lash() | Adjuster():
+            ends = contact.ends
+            place = f"from {ends[0]} to {ends[1]}" if ends else f"at rocker {contact.rocker}"
+            if isinstance(contact, Lash):
+                return f"lash of {1e3 * contact.gap:g} mm {place}, {contact.stiffness:g} N/m"
+            return f"hydraulic adjuster {place}, oil {contact.stiffness:g} N/m, leak {contact.leak:g} N s/m"
         case _:
             return f"{contact.cam} lifts {contact.follower} along {_vector(contact.direction)}"
-
-
-def _place(contact: Lash | Adjuster) -> str:
-    return f"from {contact.ends[0]} to {contact.ends[1]}" if contact.ends else f"at rocker {contact.rocker}"
 
 
 def _weight(ready: PreparedRun) -> list[tuple[str, str]]:
@@ -149,11 +141,6 @@ def _weight(ready: PreparedRun) -> list[tuple[str, str]]:
 
 def _vector(direction: FloatArray) -> str:
     return "(" + ", ".join(f"{x:.3g}" for x in direction[:3] + 0.0) + ")"
-
-
-def _free_motions(modes: ModelModes) -> str:
-    free = [modes.words(i).removeprefix("free motion: ") for i in range(modes.modes.rigid)]
-    return "; ".join(free) if free else "none"
 
 
 def mac_table(likeness: FloatArray) -> Table:
@@ -209,26 +196,21 @@ def _format_fraction(value: float) -> str:
     return format_decimals(value, 3) if value >= _MIN_FRACTION else f"{remove_noise(value, 1.0):.2g}"
 
 
-_MIN_FRACTION = 5e-4
-"""Fraction from which three decimals are sufficient."""
+_MIN_FRACTION = 5e-4  # fraction from which three decimals are sufficient
 
 
 def describe_comparison(comparison: Comparison, mode_hz: float | None) -> list[str]:
     """Return sentences about a comparison."""
-    deviation = (
-        f"{comparison.probe} deviates by up to {_format_fraction(comparison.peak_deviation)} of its lift "
-        f"(rms {_format_fraction(comparison.rms_deviation)}); its peak acceleration is "
-        f"{format_decimals(comparison.peak_acceleration_ratio, 2)} "
-        f"times the {comparison.names[1]} one."
-    )
-    if mode_hz is None:
-        return [deviation]
-    share = comparison.speed_rpm / (60.0 * mode_hz)
-    mode = (
-        f"The loaded mode nearest the cam speed is {mode_hz:.2f} Hz = {60.0 * mode_hz:.0f} camshaft rpm; "
-        f"the cam turns at {share:.2f} of that."
-    )
-    return [deviation, mode]
+    peak, rms = (_format_fraction(one) for one in (comparison.peak_deviation, comparison.rms_deviation))
+    ratio = format_decimals(comparison.peak_acceleration_ratio, 2)
+    deviation = f"{comparison.probe} deviates by up to {peak} of its lift (rms {rms})"
+    said = [f"{deviation}; its peak acceleration is {ratio} times the {comparison.names[1]} one."]
+    if mode_hz is not None:
+        said.append(
+            f"The loaded mode nearest the cam speed is {mode_hz:.2f} Hz = {60.0 * mode_hz:.0f} camshaft rpm; "
+            f"the cam turns at {comparison.speed_rpm / (60.0 * mode_hz):.2f} of that."
+        )
+    return said
 
 
 def claim_table(claims: Iterable[Claim]) -> Table:
@@ -262,9 +244,8 @@ def metrics_table(figures: Sequence[Metric]) -> Table:
     for figure in figures:
         factor, unit = to_display_unit(figure.unit)
         words = figure.name.replace(".", " ").replace("_", " ")
-        rows.append(
-            (words, f"{factor * figure.value + 0.0:.4g} {unit}".rstrip())
-        )  # + 0.0 removes the sign of a negative zero
+        # + 0.0 removes the sign of a negative zero
+        rows.append((words, f"{factor * figure.value + 0.0:.4g} {unit}".rstrip()))
     return facts_table("Metrics of the last revolution", rows)
 
 
@@ -298,8 +279,7 @@ def describe_dofs(response: Response) -> str:
     return count + _ENGINES.get(response.stats.engine, "")
 
 
-_ENGINES = {"modal": ", modal engine", "kernel": ", kernel engine"}
-"""Names of solver engines."""
+_ENGINES = {"modal": ", modal engine", "kernel": ", kernel engine"}  # names of solver engines
 
 
 def describe_verification(path: Path, found: VerificationSummary) -> str:
@@ -310,19 +290,9 @@ def describe_verification(path: Path, found: VerificationSummary) -> str:
 
 def stats_json(stats: Stats) -> dict[str, object]:
     """Return the known statistics of a run for JSON."""
-    return (
-        asdict(stats) if stats.is_complete else {"steps": stats.steps, **({"size": stats.size} if stats.size else {})}
-    )
-
-
-def _warning_rows(result: Result) -> list[tuple[str, str]]:
-    """Return the warnings of the run and of its case."""
-    warnings = dict.fromkeys([*result.warnings, *result.about.get("warnings", "").splitlines()])
-    return [("warning", one.removeprefix("Warning: ")) for one in warnings] or [("warnings", "none")]
-
-
-def _seconds(stats: Stats) -> str:
-    return f", {stats.seconds:.3g} s" if stats.is_complete else ""
+    if stats.is_complete:
+        return asdict(stats)
+    return {"steps": stats.steps, "size": stats.size} if stats.size else {"steps": stats.steps}
 
 
 def _bounds(bounds: FloatArray, unit: str) -> list[str]:
@@ -334,34 +304,29 @@ def _bounds(bounds: FloatArray, unit: str) -> list[str]:
 _REST_AMPLITUDE, _RELATIVE_REST_AMPLITUDE = 5e-5, 1e-5
 """A probe is at rest if it moves less than this, mm or mrad, and less than this fraction of the largest motion."""
 
-_FOUR_DECIMAL_AMPLITUDE = 1e-3
-"""Motion, mm or mrad, for which four decimals are sufficient."""
-
-_OMITTED_TEXTS = ("case", "resolved", "overrides", "warnings")
-"""Texts of a result shown in other rows or not at all."""
+_FOUR_DECIMAL_AMPLITUDE = 1e-3  # motion, mm or mrad, for which four decimals are sufficient
+_OMITTED_TEXTS = ("case", "resolved", "overrides", "warnings")  # texts of a result shown in other rows or not at all
 
 
 def info_table(result: Result) -> Table:
     """Return the table of a result file's contents."""
     response = result.response
     about = [(name, text) for name, text in result.about.items() if name not in _OMITTED_TEXTS]
-    balance = describe_balance(ExtremesSink.of(response), response.stats)
-    rows = [
-        ("run", str(response.status)),
-        ("steps", f"{response.stats.steps} of {describe_dofs(response)}{_seconds(response.stats)}"),
-        *(
-            [("periodic within", f"{response.stats.periodicity:.3g} of the motion")]
-            if response.stats.periodicity >= 0.0
-            else []
-        ),
-        *([("energy balance", balance)] if balance else []),
+    seconds = f", {response.stats.seconds:.3g} s" if response.stats.is_complete else ""
+    rows = [("run", str(response.status)), ("steps", f"{response.stats.steps} of {describe_dofs(response)}{seconds}")]
+    if (error := periodicity_error(response)) is not None:
+        rows.append(("periodic within", f"{error:.3g} of the motion"))
+    if balance := describe_balance(ExtremesSink.of(response), response.stats):
+        rows.append(("energy balance", balance))
+    warnings = dict.fromkeys([*result.warnings, *result.about.get("warnings", "").splitlines()])
+    rows += [
         ("saved", f"{len(response.time)} instants of the probes, {len(response.field_time)} of the fields"),
         ("probes", ", ".join(name for name, _ in response.outline.probes) or "none"),
         ("channels", ", ".join(f"{name} [{unit}]" for name, unit in response.outline.channels) or "none"),
         ("fields", ", ".join([*result.field_names, *result.recovered])),
         ("members", ", ".join(f"{name} ({len(line) - 1})" for name, line in result.mesh.lines.items()) or "none"),
         *about,
-        *_warning_rows(result),
+        *([("warning", one.removeprefix("Warning: ")) for one in warnings] or [("warnings", "none")]),
         ("overrides", ", ".join(json.loads(result.about["overrides"])) or "none"),
     ]
     return facts_table("Result", rows)

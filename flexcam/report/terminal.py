@@ -47,8 +47,7 @@ def count_decimals(largest: float, usual: int) -> int:
     return usual if largest < _ROUNDING else max(usual, 3 - math.floor(math.log10(largest)))
 
 
-_HUGE = 1e7
-"""Value above which decimals are omitted."""
+_HUGE = 1e7  # value above which decimals are omitted
 
 
 def format_degrees(angle: float) -> str:
@@ -102,31 +101,18 @@ def result_console() -> Console:
 
 
 class _ResultConsole(Console):
-    """Console without markup that leaves a broken pipe to the command line."""
+    """Console that removes control sequences from texts of files, and leaves a broken pipe to the command line."""
 
     def render_str(
-        self,
-        text: str,
-        *,
-        style: str | Style = "",
-        justify: JustifyMethod | None = None,
-        overflow: OverflowMethod | None = None,
-        emoji: bool | None = None,
-        markup: bool | None = None,
-        highlight: bool | None = None,
-        highlighter: HighlighterType | None = None,
-    ) -> Text:
-        """Return a text for the terminal; control sequences in titles from files are removed."""
+        self, text: str, *, style: str | Style = "", justify: JustifyMethod | None = None,
+        overflow: OverflowMethod | None = None, emoji: bool | None = None, markup: bool | None = None,
+        highlight: bool | None = None, highlighter: HighlighterType | None = None,
+    ) -> Text:  # fmt: skip
+        """Return a text for the terminal."""
         return super().render_str(
-            printable(text),
-            style=style,
-            justify=justify,
-            overflow=overflow,
-            emoji=emoji,
-            markup=markup,
-            highlight=highlight,
-            highlighter=highlighter,
-        )
+            printable(text), style=style, justify=justify, overflow=overflow, emoji=emoji, markup=markup,
+            highlight=highlight, highlighter=highlighter,
+        )  # fmt: skip
 
     def on_broken_pipe(self) -> None:
         raise BrokenPipeError
@@ -143,17 +129,16 @@ def print_json(content: object) -> None:
     sys.stdout.write(json.dumps(content, indent=2, allow_nan=False) + "\n")
 
 
+@dataclass(frozen=True)
 class _ProgressSink:
     """Sink that updates a progress bar."""
 
-    def __init__(self, advance: Callable[[float], None]) -> None:
-        self._advance = advance
+    advance: Callable[[float], None]
 
     def write(self, block: Block) -> None:
-        self._advance(len(block.time))
+        self.advance(len(block.time))
 
-    def close(self, status: Status, stats: Stats) -> None:
-        del status, stats
+    def close(self, status: Status, stats: Stats) -> None: ...
 
 
 @contextmanager
@@ -183,16 +168,10 @@ def show_count(total: int | None, what: str) -> Generator[Callable[[int], None]]
 
         def advance(count: int) -> None:
             shown.advance(task, count)
-            shown.update(task, rate=_format_rate(shown.tasks[0].speed))
+            speed = shown.tasks[0].speed or 0.0
+            shown.update(task, rate=f"{speed:.1f}/s" if speed >= 1.0 else f"{1.0 / speed:.1f} s each" if speed else "")
 
         yield advance
-
-
-def _format_rate(speed: float | None) -> str:
-    """Return the number of items per second, or the seconds per item."""
-    if not speed:
-        return ""
-    return f"{speed:.1f}/s" if speed >= 1.0 else f"{1.0 / speed:.1f} s each"
 
 
 def create_table(title: str) -> Table:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import cast
 
 import numpy as np
 
@@ -59,30 +58,16 @@ class HertzLine:
     In the sum the radius cancels: with ``q = (1 - nu^2) p/(pi E)`` the approach is ``q (2 ln(d/q) - 1 - nu/(1 - nu))``,
     and of two cylinders ``q (2 ln(2 (R1 + R2)/q) - 2)``: only the distance of their axes remains. The curvature of the
     cam enters the pressure, but the stiffness at most by a logarithm, which is evaluated for the base circle.
-
-    Parameters
-    ----------
-    width
-        Length of the line, m.
-    modulus, poisson
-        E and nu of both bodies.
-    radius
-        Relative radius of curvature over the cam angle, m, above zero; `STRAIGHT` depths at most.
-    depth
-        Depth of the flat body, or twice the distance of the axes of two cylinders on the base circle, m.
-    dissipation
-        chi of Hunt and Crossley, s/m.
-    rolls
-        Whether both bodies are cylinders.
     """
 
-    width: float
+    width: float  #: length of the line, m
+    #: `modulus`, `poisson`: E and nu of both bodies
     modulus: float
     poisson: float
-    radius: AngleFunction
-    depth: float
-    dissipation: float = 0.0
-    rolls: bool = False
+    radius: AngleFunction  #: relative radius of curvature over the cam angle, m, above zero; `STRAIGHT` depths at most
+    depth: float  #: depth of the flat body, or twice the distance of the axes of two cylinders on the base circle, m
+    dissipation: float = 0.0  #: chi of Hunt and Crossley, s/m
+    rolls: bool = False  #: whether both bodies are cylinders
 
     @property
     def plane_strain(self) -> float:
@@ -93,17 +78,6 @@ class HertzLine:
         """Return the force law along a direction inclined to the contact normal.
 
         The law is linear above the load at which the half width is half the radius, ``pi E/(128 (1 - nu^2)) R``.
-
-        Parameters
-        ----------
-        cosine
-            Of the angle between direction and normal, over the cam angle; on a swinging flat face the distance of
-            the contact from the pivot by the arm.
-
-        Returns
-        -------
-        ForceLaw
-            `flexcam.dynamics.force_laws.line_contact`.
         """
         give = 1.0 / (math.pi * self.plane_strain)
         rest = 2.0 if self.rolls else 1.0 + self.poisson / (1.0 - self.poisson)
@@ -112,44 +86,18 @@ class HertzLine:
         return ForceLaw(LINE_CONTACT, shape, (self.radius, cosine))
 
     def pressure(self, force: FloatArray, radius: FloatArray) -> FloatArray:
-        """Return the largest Hertz pressure, ``sqrt(p E*/(pi R))``.
-
-        Parameters
-        ----------
-        force
-            Along the normal, N, shape (n,).
-        radius
-            Relative radius of curvature, m, shape (n,).
-
-        Returns
-        -------
-        ndarray
-            Pa, shape (n,).
-        """
+        """Return the largest Hertz pressure, ``sqrt(p E*/(pi R))``."""
         p = np.maximum(force, 0.0) / self.width
         return np.sqrt(p * 0.5 * self.plane_strain / (math.pi * radius))
 
 
-_SAME = 1e-6
-"""Tolerance of lengths for rounding of input digits."""
-
-_NEAR = 1e-2
-"""Tolerance between an arm and its member."""
-
-
-def rotation_direction(axis: FloatArray) -> FloatArray:
-    """Return the direction vector of a rotation."""
-    return np.concatenate([np.zeros(3), axis])
-
-
-def transverse_direction(contact: CamContact, cam: Cam) -> FloatArray:
-    """Return the direction to the right of the lift in the plane of the profile, shape (6,)."""
-    return np.concatenate([cam.turn * np.cross(contact.direction[:3], contact.shaft_axis), np.zeros(3)])
+_SAME = 1e-6  # tolerance of lengths for rounding of input digits
+_NEAR = 1e-2  # tolerance between an arm and its member
 
 
 def transverse_row(structure: Structure, contact: CamContact, cam: Cam) -> FloatArray:
     """Return the row of the cam motion relative to the follower, to the right in the plane of the profile."""
-    along = transverse_direction(contact, cam)
+    along = cam.turn * contact.across
     own = structure.row(contact.follower, along) if structure.is_node(contact.follower) else 0.0
     return structure.row(cam.at, along) - own
 
@@ -182,12 +130,12 @@ def find_pivot(structure: Structure, contact: CamContact) -> list[int]:
     """Return the pivot node of the follower's member in the plane of the cam, if unique."""
     mesh, vector = structure.model.mesh, structure.dofs.vector
     node = find_node(structure.model, contact.follower, "follower")
-    across = np.concatenate([np.cross(contact.direction[:3], contact.shaft_axis), np.zeros(3)])
-    plane = contact.direction, across
+    plane = contact.direction, contact.across
     held = [n for n in mesh.connected_nodes(node).tolist() if not any(vector(n, one).any() for one in plane)]
     away = mesh.nodes[node] - mesh.nodes[held[:1]]
-    lifts = abs(away @ across[:3]) > _NEAR * np.linalg.norm(away, axis=1)  # a node beyond the pivot only moves sideways
-    turns = [n for n in held if vector(n, rotation_direction(contact.shaft_axis)).any()]
+    # A node beyond the pivot only moves sideways.
+    lifts = abs(away @ contact.across[:3]) > _NEAR * np.linalg.norm(away, axis=1)
+    turns = [n for n in held if vector(n, contact.rotation).any()]
     return turns if len(held) == 1 and lifts.all() else []
 
 
@@ -195,19 +143,8 @@ def _arm(structure: Structure, contact: CamContact, cam: Cam, pivot: int) -> tup
     """Return the distance of the follower from its pivot, m, and its component normal to the lift, inwards positive."""
     mesh = structure.model.mesh
     away = mesh.nodes[pivot] - mesh.nodes[mesh.node(contact.follower)]
-    lift, right = (float(away @ one[:3]) for one in (contact.direction, transverse_direction(contact, cam)))
+    lift, right = (float(away @ one[:3]) for one in (contact.direction, cam.turn * contact.across))
     return float(np.hypot(lift, right)), right
-
-
-def add_friction(structure: Structure, name: str, contact: CamContact, cam: Cam, force: LocalForce) -> LocalForce:
-    """Return the contact with friction: a second scalar whose rate is the sliding velocity."""
-    along = sliding_path(structure, name, contact, cam)
-    acting = AngleVector(-along.vectors, along.functions)
-    law = replace(cast("ForceLaw", force.law), friction=(contact.friction, contact.friction_speed))
-    offset = (*force.offset, sliding_distance(cam))
-    return LocalForce(
-        force.name, (*force.sense, along), (*force.act, acting), law, offset, force.restitution
-    )  # fmt: skip
 
 
 def sliding_path(structure: Structure, name: str, contact: CamContact, cam: Cam) -> AngleVector:
@@ -225,27 +162,22 @@ def sliding_path(structure: Structure, name: str, contact: CamContact, cam: Cam)
     if np.isfinite(cam.follower.roller_radius):
         why = "a roller takes the sliding up by turning"
         raise refuse(where, contact.friction, "a follower with a flat face", why, "leave friction out")
-    twist, right = structure.row(cam.at, rotation_direction(contact.shaft_axis)), transverse_direction(contact, cam)
+    twist, right = structure.row(cam.at, contact.rotation), cam.turn * contact.across
     if not isinstance(cam.follower, SwingFlatFollower):
-        return AngleVector(
-            np.array([transverse_row(structure, contact, cam), twist]), (constant(1.0), cam_sliding(cam))
-        )
+        rows = np.array([transverse_row(structure, contact, cam), twist])
+        return AngleVector(rows, (constant(1.0), cam_sliding(cam)))
     rows = [structure.row(cam.at, right), -structure.row(cam.at, contact.direction), twist]
     rows.append(-_face_row(structure, contact, cam, cam.follower))
-    return AngleVector(
-        np.array(rows), (lift_ratio(cam), transverse_lift_ratio(cam), cam_sliding(cam), normal_force_ratio(cam))
-    )
+    functions = lift_ratio(cam), transverse_lift_ratio(cam), cam_sliding(cam), normal_force_ratio(cam)
+    return AngleVector(np.array(rows), functions)
 
 
 def _face_row(structure: Structure, contact: CamContact, cam: Cam, face: SwingFlatFollower) -> FloatArray:
     """Return the row of the motion of a swinging face along itself, to the right."""
-    along = face_sliding(cam) * structure.row(contact.follower, contact.direction)
+    along = face_sliding(cam.follower) * structure.row(contact.follower, contact.direction)
     if not structure.is_node(contact.follower):
         return along
-    own, turned = (
-        structure.row(contact.follower, d)
-        for d in (transverse_direction(contact, cam), rotation_direction(contact.shaft_axis))
-    )
+    own, turned = (structure.row(contact.follower, one) for one in (cam.turn * contact.across, contact.rotation))
     if not turned.any():
         return own + along
     mesh = structure.model.mesh
@@ -262,7 +194,12 @@ def couple_cam(structure: Structure, name: str, contact: CamContact) -> Coupling
     force = conservative_force(where, depth, law, cam.event, contact.restitution)
     torque: Observable = force_sum(0, factor=derivative(cam.event))
     if contact.friction:
-        force = add_friction(structure, name, contact, cam, force)
+        # The second scalar is the sliding path along the face.
+        path = sliding_path(structure, name, contact, cam)
+        act = *force.act, AngleVector(-path.vectors, path.functions)
+        law = replace(law, friction=(contact.friction, contact.friction_speed))
+        offset = *force.offset, sliding_distance(cam)
+        force = LocalForce(where, (*force.sense, path), act, law, offset, force.restitution)
         torque = observable_sum(torque, force_sum(1, factor=cam_sliding(cam)))
     return Coupling((), (force,), (
         Channel(f"{where}.force", "N", force_sum(0)),
@@ -274,7 +211,7 @@ def couple_cam(structure: Structure, name: str, contact: CamContact) -> Coupling
 
 def _penetration_rows(structure: Structure, contact: CamContact, cam: Cam, where: str) -> AngleVector:
     """Return the derivative of the penetration by the unknowns."""
-    lift, axis = contact.direction, rotation_direction(contact.shaft_axis)
+    lift, axis = contact.direction, contact.rotation
     follower = structure.row(contact.follower, lift, f"{where}.follower")
     if not follower.any():
         raise _fixed_follower_error(structure, contact.follower, f"{where}.follower")
@@ -288,7 +225,7 @@ def _penetration_rows(structure: Structure, contact: CamContact, cam: Cam, where
     rows = [structure.row(cam.at, lift) - follower, twist - tilt]
     functions: list[AngleFunction] = [constant(1.0), derivative(cam.event)]
     if swings:  # the normal rotates with the arm
-        rows = [twist, structure.row(cam.at, lift), structure.row(cam.at, transverse_direction(contact, cam))]
+        rows = [twist, structure.row(cam.at, lift), structure.row(cam.at, cam.turn * contact.across)]
         more, by = zip(*_swing_rows(structure, contact, cam), strict=True)
         return AngleVector(np.array([*rows, *more]), (functions[1], lift_ratio(cam), transverse_lift_ratio(cam), *by))
     if rolls:
@@ -312,9 +249,9 @@ def _swing_rows(structure: Structure, contact: CamContact, cam: Cam) -> list[tup
     if not isinstance(cam.follower, SwingFlatFollower):
         return [
             (away, constant(1.0)),
-            (-structure.row(contact.follower, transverse_direction(contact, cam)), pressure_tangent(cam)),
+            (-structure.row(contact.follower, cam.turn * contact.across), pressure_tangent(cam)),
         ]
-    turned = structure.row(contact.follower, rotation_direction(contact.shaft_axis))
+    turned = structure.row(contact.follower, contact.rotation)
     if not turned.any():
         return [(away, constant(1.0))]
     stiff = cam.follower.side * cam.turn * cam.follower.arm * turned  # motion by rotation about the pivot
@@ -338,11 +275,9 @@ def _cam_law(structure: Structure, name: str, contact: CamContact, cam: Cam) -> 
     if contact.stiffness is not None:
         return hunt_crossley_contact(contact.stiffness, contact.dissipation)
     line = hertz_line(structure, name, contact, cam)
-    return (
-        line.law()
-        if isinstance(cam.follower, FlatFollower)
-        else line.law(interpolate_table(profile_table(cam).touch.reach))
-    )
+    if isinstance(cam.follower, FlatFollower):
+        return line.law()
+    return line.law(interpolate_table(profile_table(cam).touch.reach))
 
 
 def hertz_line(structure: Structure, name: str, contact: CamContact, cam: Cam) -> HertzLine:
@@ -380,21 +315,15 @@ def _profile_channels(structure: Structure, name: str, contact: CamContact, cam:
     on_member = structure.model.mesh.on_members()[find_node(structure.model, cam.at, f"cams.{contact.cam}.at")]
     if cam.width is not None and whole and on_member:
         line = hertz_line(structure, name, contact, cam)
-        channels.append(Channel(f"{where}.pressure", "Pa", _pressure(line, cam)))
+
+        def pressure(seen: Observation) -> FloatArray:
+            reach = cached_profile(cam, seen.cam).touch.reach
+            return line.pressure(seen.forces[:, 0] / reach, seen.cam(line.radius, 0))
+
+        channels.append(Channel(f"{where}.pressure", "Pa", pressure))
     if not np.isfinite(follower.roller_radius):
-        channels.append(Channel(f"{where}.sliding", "m/s", _per_time(sliding_ratio(cam))))
+        path = sliding_ratio(cam)
+        channels.append(Channel(f"{where}.sliding", "m/s", lambda seen: seen.cam(path, 0) * seen.motion.speed))
     if contact.friction:
         channels.append(Channel(f"{where}.friction", "N", force_sum(1, factor=normal_force_ratio(cam))))
     return channels
-
-
-def _per_time(path: AngleFunction) -> Observable:
-    return lambda seen: seen.cam(path, 0) * seen.motion.speed
-
-
-def _pressure(line: HertzLine, cam: Cam) -> Observable:
-    def pressed(seen: Observation) -> FloatArray:
-        reach = cached_profile(cam, seen.cam).touch.reach
-        return line.pressure(seen.forces[:, 0] / reach, seen.cam(line.radius, 0))
-
-    return pressed

@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from flexcam.cams import CamProfile, SwingFlatFollower, profile_at
+from flexcam.cams import CamProfile, Follower, SwingFlatFollower, profile_at
 from flexcam.cams.profile import Motion
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
@@ -53,52 +53,17 @@ def cached_profile(cam: Cam, at: CamFunctionCache) -> CamProfile:
     return at.lookup((cached_profile, id(cam)), made)
 
 
-@lru_cache(maxsize=8)
-def lift_ratio(cam: Cam) -> AngleFunction:
-    """Return the lift per motion of the cam along the initial lift direction."""
-    return _OfProfile(cam, lambda made: made.push.real, lambda made: made.push_rate.real)
+Values = Callable[[CamProfile], FloatArray]
 
 
-@lru_cache(maxsize=8)
-def transverse_lift_ratio(cam: Cam) -> AngleFunction:
-    """Return the lift per motion of the cam to the right.
+def _profile_function(value: Values, slope: Values) -> Callable[[Cam], AngleFunction]:
+    """Return the function of a cam that gives a value of its profile and its derivative over the cam angle."""
 
-    For a translating follower this is the tangent of the pressure angle.
-    """
-    return _OfProfile(cam, lambda made: -made.push.imag, lambda made: -made.push_rate.imag)
+    @lru_cache(maxsize=8)
+    def function(cam: Cam) -> AngleFunction:
+        return _OfProfile(cam, value, slope)
 
-
-@lru_cache(maxsize=8)
-def pressure_tangent(cam: Cam) -> AngleFunction:
-    """Return the tangent of the pressure angle relative to the rotated arm."""
-    return _OfProfile(
-        cam, lambda made: np.tan(made.pressure_angle), lambda made: made.pressure_rate / made.touch.reach**2
-    )
-
-
-@lru_cache(maxsize=8)
-def sliding_ratio(cam: Cam) -> AngleFunction:
-    """Return the sliding path per cam angle, m, of the cam's surface to the right of a flat face."""
-    return _OfProfile(cam, lambda made: made.touch.sliding, lambda made: made.touch.sliding_rate)
-
-
-@lru_cache(maxsize=8)
-def normal_force_ratio(cam: Cam) -> AngleFunction:
-    """Return the force along the normal per force along the lift."""
-    return _OfProfile(cam, lambda made: 1.0 / made.touch.reach, lambda made: _by_reach_rate(made, 1.0, 0.0))
-
-
-@lru_cache(maxsize=8)
-def cam_sliding(cam: Cam) -> AngleFunction:
-    """Return the path per cam angle, m, of the cam's surface along a flat face, divided by the reach."""
-    off = face_sliding(cam)
-    return _OfProfile(
-        cam,
-        lambda made: (made.touch.sliding + off * made.velocity) / made.touch.reach,
-        lambda made: _by_reach_rate(
-            made, made.touch.sliding + off * made.velocity, made.touch.sliding_rate + off * made.acceleration
-        ),
-    )
+    return function
 
 
 def _by_reach_rate(made: CamProfile, value: FloatArray | float, rate: FloatArray | float) -> FloatArray:
@@ -106,21 +71,52 @@ def _by_reach_rate(made: CamProfile, value: FloatArray | float, rate: FloatArray
     return (rate - value * made.touch.reach_rate / made.touch.reach) / made.touch.reach
 
 
-def face_sliding(cam: Cam) -> float:
+def face_sliding(follower: Follower | None) -> float:
     """Return the path of a swinging flat face along itself to the right, per lift."""
-    one = cam.follower
-    return one.side * one.face / one.arm if isinstance(one, SwingFlatFollower) else 0.0
+    return follower.side * follower.face / follower.arm if isinstance(follower, SwingFlatFollower) else 0.0
+
+
+def _along_face(made: CamProfile) -> FloatArray:
+    return made.touch.sliding + face_sliding(made.follower) * made.velocity
+
+
+def _along_face_rate(made: CamProfile) -> FloatArray:
+    return made.touch.sliding_rate + face_sliding(made.follower) * made.acceleration
+
+
+lift_ratio = _profile_function(lambda made: made.push.real, lambda made: made.push_rate.real)
+"""Lift per motion of the cam along the initial lift direction."""
+
+transverse_lift_ratio = _profile_function(lambda made: -made.push.imag, lambda made: -made.push_rate.imag)
+"""Lift per motion of the cam to the right; for a translating follower the tangent of the pressure angle."""
+
+pressure_tangent = _profile_function(
+    lambda made: np.tan(made.pressure_angle), lambda made: made.pressure_rate / made.touch.reach**2
+)
+"""Tangent of the pressure angle relative to the rotated arm."""
+
+sliding_ratio = _profile_function(lambda made: made.touch.sliding, lambda made: made.touch.sliding_rate)
+"""Sliding path per cam angle, m, of the cam's surface to the right of a flat face."""
+
+normal_force_ratio = _profile_function(lambda made: 1.0 / made.touch.reach, lambda made: _by_reach_rate(made, 1.0, 0.0))
+"""Force along the normal per force along the lift."""
+
+cam_sliding = _profile_function(
+    lambda made: _along_face(made) / made.touch.reach,
+    lambda made: _by_reach_rate(made, _along_face(made), _along_face_rate(made)),
+)
+"""Path per cam angle, m, of the cam's surface along a flat face, divided by the reach."""
+
+_sliding_by_reach = _profile_function(
+    lambda made: made.touch.sliding / made.touch.reach,
+    lambda made: _by_reach_rate(made, made.touch.sliding, made.touch.sliding_rate),
+)
 
 
 @lru_cache(maxsize=8)
 def sliding_distance(cam: Cam) -> AngleFunction:
     """Return the sliding path since cam angle zero, divided by the reach, m."""
-    slid = _OfProfile(
-        cam,
-        lambda made: made.touch.sliding / made.touch.reach,
-        lambda made: _by_reach_rate(made, made.touch.sliding, made.touch.sliding_rate),
-    )
-    return _SlidingDistance(slid, cam, face_sliding(cam))
+    return _SlidingDistance(_sliding_by_reach(cam), cam, face_sliding(cam.follower))
 
 
 class _SlidingDistance(DerivedCamFunction):

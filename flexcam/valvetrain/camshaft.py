@@ -26,7 +26,6 @@ from flexcam.fem.elements import beam
 from flexcam.fem.frames import ROTATIONS
 from flexcam.valvetrain.contacts import Coupling
 from flexcam.valvetrain.model import Model
-from flexcam.valvetrain.parts import Adjuster, CamContact, Contact, Lash, PublishedLoad, Seat
 from flexcam.valvetrain.structure import Structure, build_structure_in
 
 
@@ -36,19 +35,12 @@ def shaft_channels(structure: Structure) -> Coupling:
     channels: list[Channel] = []
     for contact in model.cam_contacts.values():
         at = model.cams[contact.cam].at
-        axis = _turning(contact.shaft_axis)
         if model.mesh.on_members()[model.mesh.node(at)]:
             channels += [
-                Channel(f"cams.{contact.cam}.twist", "rad", row_of(structure.row(at, axis))),
+                Channel(f"cams.{contact.cam}.twist", "rad", row_of(structure.row(at, contact.rotation))),
                 Channel(f"cams.{contact.cam}.deflection", "m", row_of(structure.row(at, contact.direction))),
             ]
     return Coupling(_inertias(structure), (), tuple(channels))
-
-
-def _bodies(structure: Structure) -> list[tuple[int, FloatArray]]:
-    """Return node and mass matrix (6, 6), global axes, of every body at a node."""
-    on_nodes = [part for part in structure.model.masses.values() if structure.is_node(part.at)]
-    return [(structure.model.mesh.node(part.at), part.body.matrix()) for part in on_nodes]
 
 
 def _inertias(structure: Structure) -> tuple[Load, ...]:
@@ -57,25 +49,20 @@ def _inertias(structure: Structure) -> tuple[Load, ...]:
     for contact in structure.model.cam_contacts.values():
         nodes = mesh.connected_nodes(mesh.node(structure.model.cams[contact.cam].at))
         if int(nodes[0]) not in shafts:
-            shafts[int(nodes[0])] = _inertia(structure, nodes, contact.shaft_axis)
+            shafts[int(nodes[0])] = _inertia(structure, nodes, contact.rotation)
     return tuple(shafts.values())
 
 
-def _inertia(structure: Structure, nodes: IntArray, axis: FloatArray) -> Load:
+def _inertia(structure: Structure, nodes: IntArray, turning: FloatArray) -> Load:
     """Return the load of a shaft's rotary inertia at variable speed: unknowns are relative to the rotation."""
-    dofs, turning = structure.dofs, _turning(axis)
+    dofs, mesh = structure.dofs, structure.model.mesh
     beams = structure.beams.part(np.flatnonzero(np.isin(structure.beams.nodes[:, 0], nodes)))
     pulled = beam.to_global(beams, beam.mass(beams)) @ np.tile(turning, 2)
     vector = _assemble_vector(dofs.size, dofs.numbers[beams.nodes], pulled)
-    for at, matrix in _bodies(structure):
-        if at in nodes:
-            vector = vector + _assemble_vector(dofs.size, dofs.numbers[at], matrix @ turning)
-    return Load(f"shaft of {structure.model.mesh.node_name(int(nodes[0]))}", -vector, lambda motion: motion.rate)
-
-
-def _turning(axis: FloatArray) -> FloatArray:
-    """Return the six components of a node that rotates with a shaft."""
-    return np.concatenate([np.zeros(3), axis])
+    for part in structure.model.masses.values():
+        if structure.is_node(part.at) and mesh.node(part.at) in nodes:
+            vector += _assemble_vector(dofs.size, dofs.numbers[mesh.node(part.at)], part.body.matrix() @ turning)
+    return Load(f"shaft of {mesh.node_name(int(nodes[0]))}", -vector, lambda motion: motion.rate)
 
 
 def _assemble_vector(size: int, numbers: IntArray, values: FloatArray) -> FloatArray:
@@ -86,68 +73,18 @@ def _assemble_vector(size: int, numbers: IntArray, values: FloatArray) -> FloatA
     return vector
 
 
-_ALONG = 0.9
-"""Cosine above which a constrained rotation is about the shaft."""
+_ALONG = 0.9  # cosine above which a constrained rotation is about the shaft
 
 
 @dataclass(frozen=True, eq=False)
 class ShaftDrive:
-    """Node at which a shaft's rotation is prescribed.
+    """Node at which a shaft's rotation is prescribed."""
 
-    Parameters
-    ----------
-    name
-        Of the support or the node.
-    node
-        Its number.
-    freed
-        Structure with the constrained rotations of that node released.
-    kept
-        Indices of the structure's unknowns among those of `freed`, shape (n,).
-    turned
-        Unit rotation about the shaft in the released unknowns, shape (n of `freed`,).
-    """
-
-    name: str
+    name: str  #: of the support or the node
     node: int
-    freed: Structure
-    kept: IntArray
-    turned: FloatArray
-
-    @property
-    def is_on_arched_member(self) -> bool:
-        """True if a member with geometric stiffness contains the node."""
-        model = self.freed.model
-        return any(one.geometric_stiffness and self.node in model.mesh.lines[n] for n, one in model.members.items())
-
-    @property
-    def levers(self) -> bool:
-        """True if a lever is driven at the node."""
-        return self._is_at(*(one.start for one in self.freed.model.levers.values()))
-
-    @property
-    def springs(self) -> bool:
-        """True if a spring ends at the node."""
-        return self._is_at(*(end for one in self.freed.model.springs.values() for end in (one.at, one.to) if end))
-
-    def has_contact_torque(self, contact: Contact) -> bool:
-        """Return whether a contact at this node exerts a torque; the published load only if so configured."""
-        model = self.freed.model
-        match contact:
-            case PublishedLoad():
-                return contact.cam_torque and self._is_at(model.cams[contact.cam].at)
-            case CamContact():
-                return self._is_at(model.cams[contact.cam].at, contact.follower)
-            case Seat():
-                return self._is_at(contact.at)
-            case Lash() | Adjuster():
-                on = [model.rockers[contact.rocker].start] if contact.rocker else []
-                return self._is_at(*(contact.ends or ()), *on)
-
-    def _is_at(self, *points: str) -> bool:
-        """Return whether one of several named points is this node."""
-        named = self.freed.model.mesh.points
-        return any(self.node in named[point] for point in points if point in named)
+    freed: Structure  #: structure with the constrained rotations of that node released
+    kept: IntArray  #: indices of the structure's unknowns among those of `freed`, shape (n,)
+    turned: FloatArray  #: unit rotation about the shaft in the released unknowns, shape (n of `freed`,)
 
 
 def find_shaft_drives(structure: Structure) -> tuple[ShaftDrive, ...]:
@@ -187,10 +124,10 @@ def inertia_torque(end: ShaftDrive) -> Observable:
     damped = freed.dampers + rayleigh_damping(freed.mass, freed.stiffness, damping.alpha, damping.beta)
     each = [matrix.times(end.turned)[end.kept][None] for matrix in (freed.stiffness, damped, freed.mass)]
 
-    def asked(seen: Observation) -> FloatArray:
+    def torque(seen: Observation) -> FloatArray:
         return sum((seen.moved.extract(row, order)[:, 0] for order, row in enumerate(each)), np.zeros(1))
 
-    return asked
+    return torque
 
 
 def reaction_torque(end: ShaftDrive, loads: tuple[Load, ...], forces: tuple[LocalForce, ...]) -> Observable:
@@ -211,13 +148,7 @@ def reaction_torque(end: ShaftDrive, loads: tuple[Load, ...], forces: tuple[Loca
 
 
 def free_running(
-    model: Model,
-    speed: float,
-    cam: str,
-    cam_mass: float,
-    follower_mass: float,
-    start: float = 0.0,
-    time: float = 0.0,
+    model: Model, speed: float, cam: str, cam_mass: float, follower_mass: float, start: float = 0.0, time: float = 0.0
 ) -> SpeedByAngle:
     """Return the drive of a freely running cam."""
     if cam not in model.cams:

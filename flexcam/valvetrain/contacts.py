@@ -1,8 +1,10 @@
-"""Contributions of contacts to the equations of motion: seats, lash and lash adjusters."""
+"""Contributions of contacts and joints to the equations of motion: seats, lash, lash adjusters and lever ends."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+
+import numpy as np
 
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
@@ -18,8 +20,10 @@ from flexcam.dynamics import (
     force_sum,
     oil_column_law,
 )
-from flexcam.valvetrain.parts import Adjuster, Lash, Seat
-from flexcam.valvetrain.structure import Structure
+from flexcam.dynamics.force_laws import LEVER
+from flexcam.valvetrain.parts import Adjuster, Lash, Lever, Seat
+from flexcam.valvetrain.structure import Structure, lever_ends
+from flexcam.valvetrain.train_topology import follower_train
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,11 +46,7 @@ def opposed_force(name: str, rows: FloatArray, law: ForceLaw, offset: AngleFunct
 
 
 def conservative_force(
-    name: str,
-    sense: AngleVector,
-    law: ForceLaw,
-    offset: AngleFunction = _zero,
-    restitution: float | None = None,
+    name: str, sense: AngleVector, law: ForceLaw, offset: AngleFunction = _zero, restitution: float | None = None
 ) -> LocalForce:
     """Return a local force of one scalar that acts against the motion that presses its bodies together."""
     act = AngleVector(-sense.vectors, sense.functions)
@@ -93,22 +93,7 @@ def lash_row(structure: Structure, part: Lash | Adjuster, where: str) -> FloatAr
 
 
 def couple_adjuster(structure: Structure, name: str, part: Adjuster) -> Coupling:
-    """Return the coupling of a hydraulic lash adjuster.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-    name
-        Of the contact.
-    part
-        The adjuster.
-
-    Returns
-    -------
-    Coupling
-        A local force with the channels force and leak-down.
-    """
+    """Return the coupling of a hydraulic lash adjuster."""
     where = f"contacts.{name}"
     law = oil_column_law(part.stiffness, part.leak, part.refill, part.plunger_force)
     force = conservative_force(where, AngleVector.constant(lash_row(structure, part, where)), law)
@@ -116,3 +101,35 @@ def couple_adjuster(structure: Structure, name: str, part: Adjuster) -> Coupling
         Channel(f"{where}.force", "N", force_sum(0)),
         Channel(f"{where}.leak_down", "m", lambda seen: seen.states[:, 0]),
     ))  # fmt: skip
+
+
+def lever_end(lever: Lever, end: int) -> ForceLaw:
+    """Return the law of an elastic lever end beyond its linear spring; it senses the path p and the motion x."""
+    return ForceLaw(
+        LEVER, (lever.stiffness[end], lever.damping[end], lever.arms[end], lever.arms[0], lever.angles[end])
+    )
+
+
+def lever_joints(structure: Structure) -> Coupling:
+    """Return the nonlinear forces of all levers, beyond the linear springs of the structure.
+
+    The force of the exact penetration ``y(p) - x`` minus that of the linear one acts on the lever with ``y'(p)``.
+    """
+    check_lever_rotation(structure)
+    forces: list[LocalForce] = []
+    for name, lever in structure.model.levers.items():
+        for end, rows in lever_ends(structure, lever).items():
+            where = f"rockers.{name}.{('from', 'to')[end]}"
+            forces.append(opposed_force(where, np.array(rows), lever_end(lever, end)))
+    return Coupling((), tuple(forces), ())
+
+
+def check_lever_rotation(structure: Structure) -> None:
+    """Refuse a lift that rotates a lever until its arm is parallel to the motion."""
+    model = structure.model
+    for name, contact in model.cam_contacts.items():
+        train = follower_train(structure, contact, f"contacts.{name}.follower")
+        event = model.cams[contact.cam].event
+        for rocker, lever in model.levers.items():
+            driven = float(structure.row(lever.start, lever.direction) @ train.motion)
+            lever.path_at(np.array([driven * event.height]), f"rockers.{rocker}.arms")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -32,41 +31,9 @@ from flexcam.dynamics import (
 )
 from flexcam.fem.assembly import assemble_loads, distributed_load, element_weight
 from flexcam.valvetrain.contacts import Coupling
-from flexcam.valvetrain.parts import Cam, CamContact, PublishedLoad
+from flexcam.valvetrain.parts import Cam, PublishedLoad
 from flexcam.valvetrain.structure import Structure, find_node, spring_parts, spring_row
-from flexcam.valvetrain.train_topology import complete_motion, follower_motion
-
-
-@dataclass(frozen=True, eq=False)
-class FollowerTrain:
-    """Parts moving with a follower as one rigid body along the lift.
-
-    Parameters
-    ----------
-    motion
-        Unit motion of its unknowns along the lift, shape (n,).
-    mass, stiffness
-        kg and N/m of that motion, at the follower.
-    """
-
-    motion: FloatArray
-    mass: float
-    stiffness: float
-
-
-def follower_train(structure: Structure, contact: PublishedLoad | CamContact, where: str) -> FollowerTrain:
-    """Return the rigid body of a follower and its attached parts: it translates, or rotates about a pivot.
-
-    Without a pivot, the motion has minimum spring energy.
-    """
-    if structure.is_node(contact.follower):
-        node = find_node(structure.model, contact.follower, where)
-        motion = follower_motion(structure, contact, node)
-    else:
-        motion = structure.row(contact.follower, contact.direction, where)
-    motion = complete_motion(structure, motion)
-    mass, stiffness = structure.mass, structure.stiffness
-    return FollowerTrain(motion, float(motion @ mass.times(motion)), float(motion @ stiffness.times(motion)))
+from flexcam.valvetrain.train_topology import FollowerTrain, follower_train
 
 
 def series_stiffness(structure: Structure, contact: PublishedLoad, where: str) -> float:
@@ -87,19 +54,14 @@ def series_stiffness(structure: Structure, contact: PublishedLoad, where: str) -
 
 def preload(structure: Structure, contact: PublishedLoad, train: FollowerTrain, cam: Cam, speed: float) -> float:
     """Return the preload at the follower, N."""
-    if given_forces(structure, train):
-        force = given_force(structure, train)
+    if springs := given_forces(structure, train):
+        force = sum(float(train.motion @ row) * size for size, row in springs)
         if force <= 0.0:
             given, why = f"springs that pull the follower with {-force:g} N", "contact needs a push against the lift"
             raise refuse("springs", given, "installed forces that close the contact", why, "turn a spring's direction")
         return force
     deceleration = -event_extremes(cam.event, 2)[0].value * speed**2
     return contact.preload_factor * train.mass * deceleration
-
-
-def given_force(structure: Structure, train: FollowerTrain) -> float:
-    """Return the given installed forces of springs reduced to the follower, N; zero without any."""
-    return sum(float(train.motion @ row) * size for size, row in given_forces(structure, train))
 
 
 def given_forces(structure: Structure, train: FollowerTrain) -> list[tuple[float, FloatArray]]:
@@ -125,17 +87,15 @@ def couple_published_load(structure: Structure, name: str, contact: PublishedLoa
     cam = structure.model.cams[contact.cam]
     train, K = _at_any_speed(structure, name, contact)
     force = preload(structure, contact, train, cam, speed)
-    lift, axis = contact.direction, np.concatenate([np.zeros(3), contact.shaft_axis])
+    lift = contact.direction
     push = structure.row(contact.follower, lift) - structure.row(cam.at, lift)
-    twist = -structure.row(cam.at, axis)
+    twist = -structure.row(cam.at, contact.rotation)
     arm = derivative(cam.event)
 
     def torque(motion: CamMotion) -> FloatArray:
         return (force + K * motion.cam(cam.event, 0)) * motion.cam(cam.event, 1)
 
-    loads = [
-        Load(f"contacts.{name}.lift", push, lambda motion: K * motion.cam(cam.event, 0)),
-    ]
+    loads = [Load(f"contacts.{name}.lift", push, lambda motion: K * motion.cam(cam.event, 0))]
     preloaded = push - _spring_share(structure, train)
     loads.append(Load(f"contacts.{name}.preload", preloaded, constant_history(force), installed=True, steady=True))
     if contact.cam_torque:

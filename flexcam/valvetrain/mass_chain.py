@@ -10,25 +10,22 @@ import numpy as np
 from flexcam.core import DENSE_LIMIT, FloatArray, Triplets
 from flexcam.core.errors import refuse
 from flexcam.dynamics import ModeBasis, System, project_system
-from flexcam.valvetrain.loads import follower_train
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import CamContact, PublishedLoad
 from flexcam.valvetrain.strength import Bars, compressed_members, elements_of
 from flexcam.valvetrain.structure import Structure, build_structure
 from flexcam.valvetrain.system_builder import build_system
-from flexcam.valvetrain.train_topology import moved_nodes
+from flexcam.valvetrain.train_topology import follower_train, moved_nodes
 
-_UNSEEN = 1e-9
-"""Singular value below which a strain-free motion is independent of the kept motions."""
+_UNSEEN = 1e-9  # singular value below which a strain-free motion is independent of the kept motions
 
 
 def static_shapes(system: System, rows: FloatArray) -> FloatArray:
     """Return the static shapes of given motions without other loads."""
     n, m = system.size, len(rows)
     if n > 2 * DENSE_LIMIT:
-        raise refuse(
-            "chain", f"a model of {n} unknowns", f"up to {2 * DENSE_LIMIT}", "shapes are full", "fewer elements"
-        )
+        given, allowed = f"a model of {n} unknowns", f"up to {2 * DENSE_LIMIT}"
+        raise refuse("chain", given, allowed, "shapes are full", "fewer elements")
     still = _unobserved_motions(np.zeros((n, 0)) if system.free is None else system.free, rows)
     held = np.concatenate([rows, still.T])
     K = system.stiffness.dense()
@@ -57,30 +54,14 @@ def lump_mass(mass: FloatArray, moved: FloatArray, count: int) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """Train as a chain of masses.
+    """Train as a chain of masses."""
 
-    Parameters
-    ----------
-    system
-        Its equations: contacts, loads, probes and channels are those of the beam model.
-    points
-        Name of every mass of the chain, from the follower on.
-    masses
-        Masses of the chain reduced to the follower (with squared rocker ratios), kg, shape (k,).
-    stiffnesses
-        Stiffnesses between neighbours reduced to the follower, N/m, shape (k - 1,).
-    shapes
-        Motion of the beam model's unknowns per unknown of the chain, shape (n, m).
-    unfelt
-        Members beyond the last kept point: they transmit spring forces, but no inertia forces.
-    """
-
-    system: System
-    points: tuple[str, ...]
-    masses: FloatArray
-    stiffnesses: FloatArray
-    shapes: FloatArray
-    unfelt: tuple[str, ...]
+    system: System  #: its equations: contacts, loads, probes and channels are those of the beam model
+    points: tuple[str, ...]  #: name of every mass of the chain, from the follower on
+    masses: FloatArray  #: masses of the chain reduced to the follower (with squared rocker ratios), kg, shape (k,)
+    stiffnesses: FloatArray  #: stiffnesses between neighbours reduced to the follower, N/m, shape (k - 1,)
+    shapes: FloatArray  #: motion of the beam model's unknowns per unknown of the chain, shape (n, m)
+    unfelt: tuple[str, ...]  #: members beyond the last kept point: they transmit spring forces, but no inertia forces
 
 
 def build_chain(model: Model, speed: float, count: int, *, contact: str | None = None, lumped: bool = False) -> Chain:
@@ -122,8 +103,7 @@ def _unstressed_members(structure: Structure, shapes: FloatArray) -> tuple[str, 
     return tuple(name for name, one in stretched.items() if one.max(initial=0.0) < _ELONGATION_TOLERANCE)
 
 
-_ELONGATION_TOLERANCE = 1e-6
-"""Elongation of an element per unit motion below which it is rounding."""
+_ELONGATION_TOLERANCE = 1e-6  # elongation of an element per unit motion below which it is rounding
 
 
 def straighten(model: Model) -> Model:
@@ -138,10 +118,7 @@ def _contact(model: Model, name: str | None) -> PublishedLoad | CamContact:
     if name is not None:
         raise refuse("contact", repr(name), f"one of {', '.join(model.cam_contacts) or '(there is none)'}")
     if len(model.cam_contacts) != 1:
-        given, why = (
-            f"{len(model.cam_contacts)} contacts of a cam",
-            "few masses stand for the one train that a cam drives",
-        )
+        given, why = f"{len(model.cam_contacts)} contacts of a cam", "few masses stand for the one train of a cam"
         raise refuse("contact", given, "one", why, "take another model")
     return next(iter(model.cam_contacts.values()))
 
@@ -167,8 +144,7 @@ def _is_independent(row: FloatArray, rows: Sequence[FloatArray]) -> bool:
     return bool(np.linalg.norm(row - basis @ (basis.T @ row)) > _SAME * size)
 
 
-_SAME = 1e-9
-"""Relative residual of a row below which it is dependent."""
+_SAME = 1e-9  # relative residual of a row below which it is dependent
 
 
 def _train(structure: Structure, contact: PublishedLoad | CamContact) -> list[tuple[str, FloatArray]]:

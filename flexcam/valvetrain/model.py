@@ -23,34 +23,11 @@ from flexcam.valvetrain.parts import (
     MassAt,
     NodeLash,
     PublishedLoad,
-    Pulsation,
     Rocker,
-    Seat,
     Spring,
-    Wire,
     path_name,
     tip_name,
 )
-
-__all__ = [
-    "Adjuster",
-    "Cam",
-    "CamContact",
-    "Contact",
-    "GivenLoad",
-    "Lash",
-    "Lever",
-    "MassAt",
-    "Model",
-    "PublishedLoad",
-    "Pulsation",
-    "Rocker",
-    "Seat",
-    "Spring",
-    "Wire",
-    "path_name",
-    "tip_name",
-]
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,13 +97,11 @@ class Model:
     @property
     def lashes(self) -> list[NodeLash]:
         """Lash and adjusters between nodes."""
-        parts = [one for one in self.contacts.values() if isinstance(one, Lash | Adjuster)]
+        parts = [(name, one) for name, one in self.contacts.items() if isinstance(one, Lash | Adjuster)]
         return [
-            NodeLash(one.ends, one.direction, one.gap, 0.0)
-            if isinstance(one, Lash)
-            else NodeLash(one.ends, one.direction, 0.0, one.plunger_force)
-            for one in parts
-            if one.ends is not None and one.direction is not None
+            NodeLash(name, one, one.ends, one.direction)
+            for name, one in parts
+            if one.ends and one.direction is not None
         ]
 
     def connected_nodes(self, node: int) -> IntArray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,26 +53,17 @@ from flexcam.valvetrain.structure import Structure, build_structure, find_node, 
 from flexcam.valvetrain.system_builder import build_system
 
 _KINDS = {"axial": beam.AXIAL, "torsion": beam.TORSION, "bending x-y": beam.PLANE_XY, "bending x-z": beam.PLANE_XZ}
-_ENERGY_FRACTION = 0.05
-"""Fraction of a mode's kinetic energy above which a part is named."""
+_ENERGY_FRACTION = 0.05  # fraction of a mode's kinetic energy above which a part is named
 
 
 @dataclass(frozen=True, eq=False)
 class ModelModes:
-    """Modes of a model.
+    """Modes of a model."""
 
-    Parameters
-    ----------
-    modes
-        Frequencies and shapes.
-    effective
-        Effective masses along ux uy uz and about rx ry rz through the origin, shape (k, 6), kg and kg m^2.
-    shares
-        Kinetic energy by part, one dict per mode: ``"camshaft torsion"`` or ``"mass valve"`` to its share.
-    """
-
-    modes: Modes
+    modes: Modes  #: frequencies and shapes
+    #: effective masses along ux uy uz and about rx ry rz through the origin, shape (k, 6), kg and kg m^2
     effective: FloatArray
+    #: kinetic energy by part, one dict per mode: ``"camshaft torsion"`` or ``"mass valve"`` to its share
     shares: tuple[dict[str, float], ...]
 
     def words(self, mode: int) -> str:
@@ -101,18 +92,16 @@ def model_modes(
     except NotPositiveError as failure:
         if failure.motion is None:
             raise
-        parts = [*held, *(() if force is None else _member_geometric_stiffness(structure, force))]
+        parts = list(held)
+        if force is not None:
+            for name, its in structure.model.mesh.element_ranges().items():
+                part = fem_geometric(structure.beams.part(its), force[its], structure.dofs)
+                parts.append((f"members.{name}", part))
         raise RunFailedError(instability_status(structure.dofs.names, failure.motion, parts)) from None
     motions = np.array([structure.dofs.rigid_motion(structure.model.mesh, unit) for unit in np.eye(6)])
     effective = dynamics.effective_masses(found, structure.mass, motions)
-    return ModelModes(found, effective, _shares(structure, found.shapes.T))
-
-
-def _member_geometric_stiffness(structure: Structure, force: FloatArray) -> Iterator[tuple[str, Triplets]]:
-    """Yield the name of each member and its geometric stiffness under axial forces, N, tension positive, shape (e,)."""
-    for name, its in structure.model.mesh.element_ranges().items():
-        elements = np.arange(len(structure.beams))[its]
-        yield f"members.{name}", fem_geometric(structure.beams.part(elements), force[elements], structure.dofs)
+    mass = beam.mass(structure.beams)
+    return ModelModes(found, effective, tuple(_shares(structure, shape, mass) for shape in found.shapes.T))
 
 
 def _unstressed_motions(free: FloatArray, geometric: Triplets, stiffness: Triplets) -> FloatArray:
@@ -124,31 +113,22 @@ def _unstressed_motions(free: FloatArray, geometric: Triplets, stiffness: Triple
     return free @ vectors[:, np.abs(values) <= 1e-12 * size]
 
 
-def _shares(structure: Structure, shapes: FloatArray) -> tuple[dict[str, float], ...]:
-    mass = beam.mass(structure.beams)
-    return tuple(_shares_of(structure, shape, mass) for shape in shapes)
-
-
-def _shares_of(structure: Structure, shape: FloatArray, mass: FloatArray) -> dict[str, float]:
+def _shares(structure: Structure, shape: FloatArray, mass: FloatArray) -> dict[str, float]:
     """Return the kinetic energy of every part as a fraction (mass-orthonormal shapes have 1/2)."""
-    nodal = structure.dofs.nodal(shape)
+    model, nodal = structure.model, structure.dofs.nodal(shape)
     shares = _member_shares(structure, nodal, mass)
-    for name, part in structure.model.masses.items():
-        rocker = structure.model.rocker_at(part.at)
-        if rocker is not None:
+    for name, part in model.masses.items():
+        if model.rocker_at(part.at) is not None:
             shares[f"mass {name}"] = part.body.mass * float(structure.row(part.at, np.zeros(6)) @ shape) ** 2
         else:
-            motion = nodal[structure.model.mesh.node(part.at)]
+            motion = nodal[model.mesh.node(part.at)]
             shares[f"mass {name}"] = float(motion @ part.body.matrix() @ motion)
-    for name, rocker in structure.model.rockers.items():
-        turn = float(structure.path(rocker) @ shape) / rocker.arms[0]
-        shares[f"rocker {name}"] = rocker.inertia * turn**2
-    for name, spring in structure.model.springs.items():
+    for name, rocker in model.rockers.items():
+        shares[f"rocker {name}"] = rocker.inertia * (float(structure.path(rocker) @ shape) / rocker.arms[0]) ** 2
+    for name, spring in model.springs.items():
         if spring.mass > 0.0:
-            parts = [(float(a @ shape), float(b @ shape)) for a, b in spring_parts(structure, name, spring)]
-            shares[f"spring {name}"] = (
-                spring.mass / spring.elements * sum(a * a + a * b + b * b for a, b in parts) / 3.0
-            )
+            ends = ((float(a @ shape), float(b @ shape)) for a, b in spring_parts(structure, name, spring))
+            shares[f"spring {name}"] = spring.mass / spring.elements * sum(a * a + a * b + b * b for a, b in ends) / 3.0
     return shares
 
 
@@ -203,27 +183,16 @@ def _places(system: System) -> FloatArray:
     return rows[rows.any(axis=1)]
 
 
-_COMPLIANCE_FRACTION = 1e-4
-"""Fraction of the static contact compliance above which a mode is relevant for the contact."""
-
-_MAX_CONTACT_UNKNOWNS = 3000
-"""Number of unknowns up to which contact matrices are reasonable."""
+_COMPLIANCE_FRACTION = 1e-4  # fraction of the static contact compliance above which a mode is relevant for the contact
+_MAX_CONTACT_UNKNOWNS = 3000  # number of unknowns up to which contact matrices are reasonable
 
 
 @dataclass(frozen=True, eq=False)
 class ContactModes:
-    """Modes on the lift of a cam.
+    """Modes on the lift of a cam."""
 
-    Parameters
-    ----------
-    found
-        Modes with the stiffness of contacts closed at full lift.
-    push
-        Modal force per contact force, shape (k,), 1/sqrt(kg).
-    """
-
-    found: ModelModes
-    push: FloatArray
+    found: ModelModes  #: modes with the stiffness of contacts closed at full lift
+    push: FloatArray  #: modal force per contact force, shape (k,), 1/sqrt(kg)
 
     @property
     def relevant_modes(self) -> list[int]:
@@ -270,8 +239,7 @@ def modes_on_the_lift(model: Model, contact: str, speed: float) -> ContactModes:
     )
 
 
-_ALONG = 1e-6
-"""Tolerance of the direction of a component along or across a member."""
+_ALONG = 1e-6  # tolerance of the direction of a component along or across a member
 
 
 def describe_inactive(structure: Structure, found: ActiveDofs) -> list[str]:
@@ -318,8 +286,7 @@ def _kind(axis: int, component: int) -> str:
     return f"bending in {'xyz'[axis]}-{'xyz'[across]}"
 
 
-_MAX_RESPONSE_UNKNOWNS = 3000
-"""Number of unknowns up to which a dense solution per harmonic is reasonable."""
+_MAX_RESPONSE_UNKNOWNS = 3000  # number of unknowns up to which a dense solution per harmonic is reasonable
 
 
 def lift_transfer(model: Model, contact: str, probe: str, speed: float) -> Callable[[FloatArray], ComplexArray]:
@@ -328,13 +295,8 @@ def lift_transfer(model: Model, contact: str, probe: str, speed: float) -> Calla
     if contact not in model.cam_contacts:
         raise refuse("contact", repr(contact), f"one of {', '.join(model.cam_contacts)}")
     if system.size > _MAX_RESPONSE_UNKNOWNS:
-        raise refuse(
-            "model",
-            f"{system.size} unknowns",
-            f"up to {_MAX_RESPONSE_UNKNOWNS} for a polydyne cam",
-            "",
-            "fewer elements",
-        )
+        allowed = f"up to {_MAX_RESPONSE_UNKNOWNS} for a polydyne cam"
+        raise refuse("model", f"{system.size} unknowns", allowed, "", "fewer elements")
     structure, part = build_structure(model), model.cam_contacts[contact]
     where = f"contacts.{contact}.follower"
     lift = part.direction

@@ -23,14 +23,9 @@ class MassAt:
 
 @dataclass(frozen=True)
 class Wire:
-    """Wire of a coil spring, for its stress.
+    """Wire of a coil spring, for its stress."""
 
-    Parameters
-    ----------
-    diameter, coil_diameter
-        Of the wire and of the coil's mean circle, m.
-    """
-
+    #: `diameter`, `coil_diameter`: of the wire and of the coil's mean circle, m
     diameter: float
     coil_diameter: float
 
@@ -47,21 +42,11 @@ class Wire:
 
 @dataclass(frozen=True)
 class Pulsation:
-    """Fluctuation of a stiffness with the cam angle, k (1 + amplitude cos(order theta + phase)).
+    """Fluctuation of a stiffness with the cam angle, k (1 + amplitude cos(order theta + phase))."""
 
-    Parameters
-    ----------
-    order
-        Periods per camshaft revolution.
-    amplitude
-        Fraction of the mean stiffness.
-    phase
-        rad.
-    """
-
-    order: float
-    amplitude: float
-    phase: float = 0.0
+    order: float  #: periods per camshaft revolution
+    amplitude: float  #: fraction of the mean stiffness
+    phase: float = 0.0  #: rad
 
     def part(self, angle: FloatArray) -> FloatArray:
         """Return the relative fluctuation at cam angles, rad."""
@@ -70,49 +55,26 @@ class Pulsation:
 
 @dataclass(frozen=True, eq=False)
 class Spring:
-    """A spring and damper along one direction, to ground or between two points.
+    """A spring and damper along one direction, to ground or between two points."""
 
-    Parameters
-    ----------
-    at
-        A named node, or the point a rocker defines.
-    direction
-        Weights of the six components, shape (6,), global axes; at a rocker's point its share along the rocker's.
-    stiffness, damping
-        N/m and N s/m, or N m/rad and N m s/rad for a rotation.
-    to
-        The other end; None for ground.
-    installed_force
-        Installed force, N, or N m about an axis, acting against `direction`; None if not given.
-    mass
-        kg, distributed uniformly over its length.
-    elements
-        Number of equal parts; with more than one, surge is modelled.
-    clash_travel
-        Travel along `direction` from the installed length to where all coils touch, m; None without.
-    clash_stiffness
-        Of one contact between neighbouring parts, N/m.
-    wire
-        Wire, for the stress; None if unknown.
-    pulsation
-        Fluctuation of the stiffness, acting on the deflection from the installed length; None for a constant one.
-    link
-        Whether it represents an elastic part of the train, which is rigid in the rigid model.
-    """
-
-    at: str
+    at: str  #: a named node, or the point a rocker defines
+    #: weights of the six components, shape (6,), global axes; at a rocker's point its share along the rocker's
     direction: FloatArray
+    #: `stiffness`, `damping`: N/m and N s/m, or N m/rad and N m s/rad for a rotation
     stiffness: float
     damping: float = 0.0
-    to: str | None = None
+    to: str | None = None  #: the other end; None for ground
+    #: installed force, N, or N m about an axis, acting against `direction`; None if not given
     installed_force: float | None = None
-    mass: float = 0.0
-    elements: int = 1
+    mass: float = 0.0  #: kg, distributed uniformly over its length
+    elements: int = 1  #: number of equal parts; with more than one, surge is modelled
+    #: travel along `direction` from the installed length to where all coils touch, m; None without
     clash_travel: float | None = None
-    clash_stiffness: float = 0.0
-    wire: Wire | None = None
+    clash_stiffness: float = 0.0  #: of one contact between neighbouring parts, N/m
+    wire: Wire | None = None  #: wire, for the stress; None if unknown
+    #: fluctuation of the stiffness, acting on the deflection from the installed length; None for a constant one
     pulsation: Pulsation | None = None
-    link: bool = False
+    link: bool = False  #: whether it represents an elastic part of the train, which is rigid in the rigid model
 
     @property
     def turns(self) -> bool:
@@ -122,116 +84,64 @@ class Spring:
 
 @dataclass(frozen=True, eq=False)
 class GivenLoad:
-    """Constant force or moment at a point, or distributed force on a member.
+    """Constant force or moment at a point, or distributed force on a member."""
 
-    Parameters
-    ----------
-    size
-        N at a point (N m for a moment), N/m over a member.
-    direction
-        Shape (6,), global axes; translation only over a member.
-    at
-        A named node, or the point of a rocker; None for a force over a member.
-    member
-        Name of the member; None for a force at a point.
-    """
-
-    size: float
-    direction: FloatArray
-    at: str | None = None
-    member: str | None = None
+    size: float  #: N at a point (N m for a moment), N/m over a member
+    direction: FloatArray  #: shape (6,), global axes; translation only over a member
+    at: str | None = None  #: a named node, or the point of a rocker; None for a force over a member
+    member: str | None = None  #: name of the member; None for a force at a point
 
 
 @dataclass(frozen=True, eq=False)
 class Cam:
-    """A cam on the camshaft.
+    """A cam on the camshaft."""
 
-    Parameters
-    ----------
-    at
-        Named node of the camshaft.
-    event
-        Lift over the cam angle.
-    follower
-        Follower; None if not given.
-    turn
-        Sense of rotation in the plane of the profile: 1 counterclockwise, -1 clockwise.
-    width
-        Along the shaft, m.
-    """
-
-    at: str
-    event: Event
-    follower: Follower | None = None
-    turn: Turn = 1
-    width: float | None = None
+    at: str  #: named node of the camshaft
+    event: Event  #: lift over the cam angle
+    follower: Follower | None = None  #: follower; None if not given
+    turn: Turn = 1  #: sense of rotation in the plane of the profile: 1 counterclockwise, -1 clockwise
+    width: float | None = None  #: along the shaft, m
 
 
 @dataclass(frozen=True, eq=False)
-class PublishedLoad:
-    """The published coupling: the cam drives the follower by a force (Tayeb and Sliman, eqs. 21-26).
+class CamPair:
+    """A cam and the follower that it lifts."""
 
-    Parameters
-    ----------
-    cam
-        Name of the cam.
-    follower
-        Named node of the follower (tappet).
-    direction
-        Direction of the lift, shape (6,), translation only.
-    shaft_axis
-        Unit vector along the camshaft in the sense of rotation, shape (3,).
-    preload_factor
-        Preload as a multiple of the force the rigid train needs for contact.
-    cam_deflection
-        Whether the force depends on the shaft's deflection, U_c of (21).
-    cam_torque
-        Whether the force twists the shaft, T_CF of (24).
-    """
+    cam: str  #: name of the cam
+    follower: str  #: named node of the follower
+    direction: FloatArray  #: direction of the lift, shape (6,), translation only
+    shaft_axis: FloatArray  #: unit vector along the camshaft in the sense of rotation, shape (3,)
 
-    cam: str
-    follower: str
-    direction: FloatArray
-    shaft_axis: FloatArray
-    preload_factor: float = 2.5
-    cam_deflection: bool = False
-    cam_torque: bool = True
+    @property
+    def rotation(self) -> FloatArray:
+        """Direction of a rotation about the camshaft, shape (6,)."""
+        return np.concatenate([np.zeros(3), self.shaft_axis])
+
+    @property
+    def across(self) -> FloatArray:
+        """Direction normal to lift and camshaft, to the right of a cam that turns counterclockwise, shape (6,)."""
+        return np.concatenate([np.cross(self.direction[:3], self.shaft_axis), np.zeros(3)])
 
 
 @dataclass(frozen=True, eq=False)
-class CamContact:
-    """Contact of a cam and its follower with a contact stiffness.
+class PublishedLoad(CamPair):
+    """The published coupling: the cam drives the follower by a force (Tayeb and Sliman, eqs. 21-26)."""
 
-    Parameters
-    ----------
-    cam
-        Name of the cam.
-    follower
-        Named node of the follower.
-    direction
-        Direction of the lift, shape (6,), translation only.
-    shaft_axis
-        Unit vector along the camshaft in the sense of rotation, shape (3,).
-    stiffness
-        N/m; None for that of Hertz' line contact.
-    unilateral
-        Whether the contact can open; if not, it is bilateral.
-    dissipation
-        chi of Hunt and Crossley, s/m: the force is that of the stiffness times 1 + chi times the rate of approach.
-    restitution
-        Coefficient of restitution; None for contact without impact.
-    friction, friction_speed
-        Coulomb's coefficient, and the sliding velocity of the regularization, m/s.
-    """
+    preload_factor: float = 2.5  #: preload as a multiple of the force the rigid train needs for contact
+    cam_deflection: bool = False  #: whether the force depends on the shaft's deflection, U_c of (21)
+    cam_torque: bool = True  #: whether the force twists the shaft, T_CF of (24)
 
-    cam: str
-    follower: str
-    direction: FloatArray
-    shaft_axis: FloatArray
-    stiffness: float | None
-    unilateral: bool
+
+@dataclass(frozen=True, eq=False)
+class CamContact(CamPair):
+    """Contact of a cam and its follower with a contact stiffness."""
+
+    stiffness: float | None  #: N/m; None for that of Hertz' line contact
+    unilateral: bool  #: whether the contact can open; if not, it is bilateral
+    #: chi of Hunt and Crossley, s/m: the force is that of the stiffness times 1 + chi times the rate of approach
     dissipation: float = 0.0
-    restitution: float | None = None
+    restitution: float | None = None  #: coefficient of restitution; None for contact without impact
+    #: `friction`, `friction_speed`: Coulomb's coefficient, and the sliding velocity of the regularization, m/s
     friction: float = 0.0
     friction_speed: float = 0.01
 
@@ -242,146 +152,80 @@ DAMPING_DEPTH = 1e-5
 
 @dataclass(frozen=True, eq=False)
 class Seat:
-    """A stop at a point, such as a valve seat: it resists motion against the point's positive direction.
+    """A stop at a point, such as a valve seat: it resists motion against the point's positive direction."""
 
-    Parameters
-    ----------
-    at
-        A named node, or the point of a rocker.
-    direction
-        Opening direction, shape (6,); zeros for that of a rocker.
-    stiffness, damping
-        N/m and N s/m.
-    restitution
-        Coefficient of restitution; None for contact without impact.
-    damping_depth
-        Penetration over which the damping increases, m.
-    """
-
-    at: str
-    direction: FloatArray
+    at: str  #: a named node, or the point of a rocker
+    direction: FloatArray  #: opening direction, shape (6,); zeros for that of a rocker
+    #: `stiffness`, `damping`: N/m and N s/m
     stiffness: float
     damping: float = 0.0
-    restitution: float | None = None
-    damping_depth: float = DAMPING_DEPTH
+    restitution: float | None = None  #: coefficient of restitution; None for contact without impact
+    damping_depth: float = DAMPING_DEPTH  #: penetration over which the damping increases, m
 
 
 @dataclass(frozen=True, eq=False)
 class Lash:
-    """Lash between a rocker and its point, or between two nodes.
+    """Lash between a rocker and its point, or between two nodes."""
 
-    Parameters
-    ----------
-    rocker
-        Name of the rocker; None between nodes.
-    gap
-        m, at the point.
-    stiffness, damping
-        Of the contact between both, at the point, N/m and N s/m.
-    ends
-        Names of the pushing and the pushed node; None at a rocker.
-    direction
-        In which the first pushes the second, shape (6,); None at a rocker.
-    damping_depth
-        Penetration over which the damping increases, m.
-    """
-
-    rocker: str | None
-    gap: float
+    rocker: str | None  #: name of the rocker; None between nodes
+    gap: float  #: m, at the point
+    #: `stiffness`, `damping`: of the contact between both, at the point, N/m and N s/m
     stiffness: float
     damping: float = 0.0
-    ends: tuple[str, str] | None = None
-    direction: FloatArray | None = None
-    damping_depth: float = DAMPING_DEPTH
+    ends: tuple[str, str] | None = None  #: names of the pushing and the pushed node; None at a rocker
+    direction: FloatArray | None = None  #: in which the first pushes the second, shape (6,); None at a rocker
+    damping_depth: float = DAMPING_DEPTH  #: penetration over which the damping increases, m
 
 
 @dataclass(frozen=True, eq=False)
 class Adjuster:
-    """Hydraulic lash adjuster: oil column with leakage past the plunger and refill through a check valve.
+    """Hydraulic lash adjuster: oil column with leakage past the plunger and refill through a check valve."""
 
-    Parameters
-    ----------
-    rocker
-        Name of its rocker; None between nodes.
-    stiffness
-        Of the oil column, N/m.
-    leak
-        Force per velocity of leak-down, N s/m.
-    refill
-        Leak coefficient while the check valve is open, N s/m.
-    plunger_force
-        Of the spring that keeps it extended, N.
-    ends, direction
-        As for `Lash`.
-    """
-
-    rocker: str | None
-    stiffness: float
-    leak: float
-    refill: float
-    plunger_force: float
+    rocker: str | None  #: name of its rocker; None between nodes
+    stiffness: float  #: of the oil column, N/m
+    leak: float  #: force per velocity of leak-down, N s/m
+    refill: float  #: leak coefficient while the check valve is open, N s/m
+    plunger_force: float  #: of the spring that keeps it extended, N
+    #: `ends`, `direction`: as of `Lash`
     ends: tuple[str, str] | None = None
     direction: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class NodeLash:
-    """Lash or adjuster between two nodes, the first of which pushes the second.
+    """Lash or adjuster between two nodes, the first of which pushes the second."""
 
-    Parameters
-    ----------
-    ends
-        Names of the pushing and the pushed node.
-    direction
-        In which it pushes, shape (6,).
-    gap
-        m.
-    plunger_force
-        With which an adjuster pushes both apart, N.
-    """
+    name: str  #: name of the contact
+    part: Lash | Adjuster
+    ends: tuple[str, str]  #: names of the pushing and the pushed node
+    direction: FloatArray  #: in which it pushes, shape (6,)
 
-    ends: tuple[str, str]
-    direction: FloatArray
-    gap: float
-    plunger_force: float
+    @property
+    def gap(self) -> float:
+        """Clearance, m; an adjuster has none."""
+        return self.part.gap if isinstance(self.part, Lash) else 0.0
 
 
 Contact = PublishedLoad | CamContact | Seat | Lash | Adjuster
 """Types of contacts of a model."""
 
 
-_MOST = math.radians(75.0)
-"""Largest angle between an arm and the normal to the motion of its end."""
+_MOST = math.radians(75.0)  # largest angle between an arm and the normal to the motion of its end
 
 _STEEP = math.sin(_MOST)
 
 
 @dataclass(frozen=True, eq=False)
 class Rocker:
-    """A rigid rocker without bending: the valve motion is given by the ratio of the arms.
+    """A rigid rocker without bending: the valve motion is given by the ratio of the arms."""
 
-    Parameters
-    ----------
-    start
-        Named node at which it is driven.
-    point
-        Name of the point it defines (the valve).
-    arms
-        Arm at the driven node and at the valve, m.
-    inertia
-        About the rocker's shaft, kg m^2.
-    direction
-        Direction of the motion at the driven node, shape (6,); the point's motion is positive with it.
-    finger
-        Whether it also defines the point at which it is driven.
-    """
-
-    start: str
-    point: str
-    arms: tuple[float, float]
-    inertia: float
+    start: str  #: named node at which it is driven
+    point: str  #: name of the point it defines (the valve)
+    arms: tuple[float, float]  #: arm at the driven node and at the valve, m
+    inertia: float  #: about the rocker's shaft, kg m^2
+    #: direction of the motion at the driven node, shape (6,); the point's motion is positive with it
     direction: FloatArray
-    finger: bool = False
+    finger: bool = False  #: whether it also defines the point at which it is driven
 
     @property
     def ratio(self) -> float:
@@ -395,16 +239,11 @@ class Lever(Rocker):
 
     With p the path of its driven end, the other end moves by ``a2 (sin(b2 + p/a1) - sin b2)``. A
     finger follower has the lift of its cam along the path p.
-
-    Parameters
-    ----------
-    angles
-        Of both arms as installed, rad: 0 if the arm is normal to the motion of its end.
-    stiffness, damping
-        Of the arm at the driven node and at the point, N/m and N s/m; the first counts only at a node.
     """
 
+    #: of both arms as installed, rad: 0 if the arm is normal to the motion of its end
     angles: tuple[float, float] = (0.0, 0.0)
+    #: `stiffness`, `damping`: of the arm at the driven node (counts only at a node) and at the point, N/m and N s/m
     stiffness: tuple[float, float] = (0.0, 0.0)
     damping: tuple[float, float] = (0.0, 0.0)
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexcam.core import FloatArray, IntArray
 from flexcam.dynamics import Block, Outline, Stats, Status, System
 from flexcam.fem.recovery import section_forces
 from flexcam.valvetrain.loads import element_loads
@@ -25,21 +24,11 @@ _ANGLES = np.linspace(0.0, 2.0 * math.pi, 7201)
 
 @dataclass(frozen=True)
 class CoarseCam:
-    """Cam whose lift is not resolved by the steps.
-
-    Parameters
-    ----------
-    cam
-        Its name.
-    missed
-        Deviation of the lift from a straight line between two steps, relative to the lift; at most 1.
-    enough
-        Sufficient steps per camshaft revolution.
-    """
+    """Cam whose lift is not resolved by the steps."""
 
     cam: str
-    missed: float
-    enough: int
+    missed: float  #: deviation of the lift from a straight line between two steps, relative to the lift; at most 1
+    enough: int  #: sufficient steps per camshaft revolution
 
 
 def coarse_cams(model: Model, turn: float) -> list[CoarseCam]:
@@ -56,51 +45,25 @@ def coarse_cams(model: Model, turn: float) -> list[CoarseCam]:
     return found
 
 
-_BENDS = 0.01
-"""Fraction of strain energy in bending above which a member counts as bending."""
-
-_BLOCK_INTERVAL = 8
-"""Number of initial blocks evaluated for bending; later, one of as many blocks is evaluated."""
+_BENDS = 0.01  # fraction of strain energy in bending above which a member counts as bending
+_BLOCK_INTERVAL = 8  # number of initial blocks evaluated for bending; later, one of as many blocks is evaluated
 
 _WAVE = 2.0 * math.pi
 
 
 @dataclass(frozen=True)
 class Resolution:
-    """Temporal and spatial resolution of a run.
+    """Temporal and spatial resolution of a run."""
 
-    Parameters
-    ----------
-    frequency
-        Frequency of the accelerations, Hz; zero without motion.
-    steps
-        Steps per period; infinite without motion.
-    elements
-        Elements per bending wavelength at that frequency, by member.
-    impacts
-        Steps during the impact of maximum force, by contact; none for contacts that stay closed or open.
-    """
-
-    frequency: float
-    steps: float
-    elements: dict[str, float]
+    frequency: float  #: frequency of the accelerations, Hz; zero without motion
+    steps: float  #: steps per period; infinite without motion
+    elements: dict[str, float]  #: elements per bending wavelength at that frequency, by member
+    #: steps during the impact of maximum force, by contact; none for contacts that stay closed or open
     impacts: dict[str, int]
 
 
 class ResolutionSink:
-    """Sink that evaluates the resolution of a run.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-    system
-        The system that is run.
-    outline
-        Names of the results.
-    step
-        s.
-    """
+    """Sink that evaluates the resolution of a run."""
 
     def __init__(self, structure: Structure, system: System, outline: Outline, step: float) -> None:
         self._structure, self._step = structure, step
@@ -110,12 +73,17 @@ class ResolutionSink:
         self._bent = np.zeros(len(structure.beams))
         names = [name for name, _ in outline.channels]
         contacts = [i for i, name in enumerate(names) if name.startswith("contacts.") and name.endswith(".force")]
-        self._names = [names[i].split(".")[1] for i in contacts]
-        self._touches = _ImpactSteps(np.array(contacts, dtype=np.intp))
+        self._contacts = {names[i].split(".")[1]: i for i in contacts}
+        # largest force and steps of its impact
+        self._impacts: dict[str, tuple[float, int]] = dict.fromkeys(self._contacts, (0.0, 0))
 
     def write(self, block: Block) -> None:
         """Update with a block."""
-        self._touches.follow(block.channels)
+        for name, column in self._contacts.items() if len(block.channels) else ():
+            force = block.channels[:, column]
+            at = int(np.argmax(force))
+            if force[at] > self._impacts[name][0]:
+                self._impacts[name] = float(force[at]), _contact_duration(force > 0.0, at)
         if not len(block.field_time):
             return
         fields = block.fields
@@ -142,7 +110,8 @@ class ResolutionSink:
         pushed, moving = self._squares
         omega = math.sqrt(pushed / moving) if moving > 0.0 else 0.0
         steps = _WAVE / (omega * self._step) if omega > 0.0 else math.inf
-        return Resolution(omega / _WAVE, steps, self._waves(omega), self._touches.impact_steps(self._names))
+        impacts = {name: count for name, (_, count) in self._impacts.items() if count}
+        return Resolution(omega / _WAVE, steps, self._waves(omega), impacts)
 
     def _waves(self, omega: float) -> dict[str, float]:
         """Return elements per wavelength of every bending member."""
@@ -155,29 +124,6 @@ class ResolutionSink:
         energies = {name: float(self._bent[part].sum()) for name, part in ranges.items()}
         whole = sum(energies.values())
         return {name: float(lengths[part].min()) for name, part in ranges.items() if energies[name] > _BENDS * whole}
-
-
-class _ImpactSteps:
-    """Number of steps of the impact with the largest force, per contact."""
-
-    def __init__(self, columns: IntArray) -> None:
-        self._columns = columns
-        self._largest = np.zeros(len(columns))
-        self._steps = np.zeros(len(columns), dtype=np.intp)
-
-    def follow(self, channels: FloatArray) -> None:
-        """Update with steps."""
-        if not len(self._columns) or not len(channels):
-            return
-        forces = channels[:, self._columns]
-        peaks = forces.max(axis=0)
-        for i in np.flatnonzero(peaks > self._largest).tolist():
-            self._largest[i] = peaks[i]
-            self._steps[i] = _contact_duration(forces[:, i] > 0.0, int(np.argmax(forces[:, i])))
-
-    def impact_steps(self, names: list[str]) -> dict[str, int]:
-        """Return the number of steps of contacts with an impact."""
-        return {name: int(steps) for name, steps in zip(names, self._steps, strict=True) if steps}
 
 
 def _contact_duration(closed: NDArray[np.bool_], at: int) -> int:

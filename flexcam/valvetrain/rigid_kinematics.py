@@ -28,86 +28,54 @@ def direct_path(lift: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 def lever_path(before: Coordinate, lever: Lever, end: int, share: float) -> Coordinate:
     """Return the path of a lever's driven end (0), or of its point (1), over the lift."""
 
-    def moved(lift: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def path(lift: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         c, c1, c2 = before(lift)
-        path, slope, bend = lever.path_at(share * c)
+        p, slope, bend = lever.path_at(share * c)
         slope, bend = share * slope * c1, share**2 * bend * c1**2 + share * slope * c2
         if end == 0:
-            return path, slope, bend
-        y, by_path, by_path_twice = lever.reach(path, 1)
+            return p, slope, bend
+        y, by_path, by_path_twice = lever.reach(p, 1)
         return y, by_path * slope, by_path_twice * slope**2 + by_path * bend
 
-    return moved
+    return path
 
 
 def path_behind_lash(before: Coordinate, gap: float, rest: float | None) -> Coordinate:
     """Return the path after a lash, zero until the lash is taken up."""
 
-    def moved(lift: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def path(lift: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         h, h1, h2 = before(lift)
         if rest is None:
             return h - gap, h1, h2
         on = h - gap > rest
         return np.where(on, h - gap, rest), np.where(on, h1, 0.0), np.where(on, h2, 0.0)
 
-    return before if gap == 0.0 and rest is None else moved
+    return before if gap == 0.0 and rest is None else path
 
 
-_FORCE_TOLERANCE = 1e-9
-"""Fraction of the largest force that counts as zero."""
-
-_PENETRATION_TOLERANCE = 1e-12
-"""Penetration that counts as zero, m."""
+_FORCE_TOLERANCE = 1e-9  # fraction of the largest force that counts as zero
+_PENETRATION_TOLERANCE = 1e-12  # penetration that counts as zero, m
 
 
 @dataclass(frozen=True)
 class Body:
-    """Part of a train not divided by lash; motions and forces are reduced to the follower.
+    """Part of a train not divided by lash; motions and forces are reduced to the follower."""
 
-    Parameters
-    ----------
-    before
-        Number of the driving body; its own number for the first body, driven by the cam.
-    gap
-        Lash between them, m.
-    push
-        Plunger force of an adjuster, N.
-    extends
-        Whether an adjuster between them takes up the lash.
-    seated
-        Whether a seat stops its return.
-    """
-
-    before: int = 0
-    gap: float = 0.0
-    push: float = 0.0
-    extends: bool = False
-    seated: bool = False
+    before: int = 0  #: number of the driving body; its own number for the first body, driven by the cam
+    gap: float = 0.0  #: lash between them, m
+    push: float = 0.0  #: plunger force of an adjuster, N
+    extends: bool = False  #: whether an adjuster between them takes up the lash
+    seated: bool = False  #: whether a seat stops its return
 
     def touches(self, place: float, before: float) -> bool:
         """Return whether its lash is closed at given positions of it and the driving body, m."""
         return self.extends or place - before <= _PENETRATION_TOLERANCE - self.gap
 
 
-@dataclass(frozen=True, eq=False)
-class RestState:
-    """Rest positions of bodies on the base circle.
+def find_rest(bodies: Sequence[Body], stiffness: FloatArray, force: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the rest positions of bodies on the base circle, m, and the forces of their seats, N, shape (g,) each.
 
-    Parameters
-    ----------
-    places
-        m along the lift, shape (g,).
-    seats
-        Forces of their seats, N, shape (g,); not for the first, whose load is shared by the stiffnesses of seat and
-        cam.
-    """
-
-    places: FloatArray
-    seats: FloatArray
-
-
-def find_rest(bodies: Sequence[Body], stiffness: FloatArray, force: FloatArray) -> RestState:
-    """Return the rest positions of bodies on the base circle.
+    The first body has no seat force: the stiffnesses of seat and cam share its load.
 
     Forces return a body until its lash is closed, its seat stops it, or its springs balance them. The solution
     satisfies equilibrium with unilateral contact forces: the conditions of A. Signorini, as in P. Wriggers,
@@ -123,8 +91,8 @@ def find_rest(bodies: Sequence[Body], stiffness: FloatArray, force: FloatArray) 
         places, forces = _solve_active_set(stiffness[1:, 1:], own[1:], holding)
         if places is not None and all(float(one.row @ places) >= one.bound - _PENETRATION_TOLERANCE for one in stops):
             seats = sum((size * one.row * one.seat for one, size in zip(holding, forces, strict=True)), 0.0 * own[1:])
-            return RestState(*(np.concatenate([[0.0], one]) for one in (places, seats)))
-    return RestState(np.zeros(len(bodies)), np.zeros(len(bodies)))
+            return np.append(0.0, places), np.append(0.0, seats)
+    return np.zeros(len(bodies)), np.zeros(len(bodies))
 
 
 class _Stop(NamedTuple):
@@ -164,44 +132,24 @@ Bools = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """Part that moves along one path.
+    """Part that moves along one path."""
 
-    Parameters
-    ----------
-    motion
-        Shape (n,), per motion along the path.
-    slope
-        Slope of the path over the lift, as installed, with lash closed.
-    before
-        Number of the driving part.
-    body
-        Number of its body.
-    lever, end, share
-        Lever with the path of its driven end (0) or its point (1), and the fraction of the driving motion.
-    opens
-        Whether a lash precedes it, so that a new body begins.
-    """
-
-    motion: FloatArray
-    slope: float = 1.0
-    before: int = 0
-    body: int = 0
+    motion: FloatArray  #: shape (n,), per motion along the path
+    slope: float = 1.0  #: slope of the path over the lift, as installed, with lash closed
+    before: int = 0  #: number of the driving part
+    body: int = 0  #: number of its body
+    #: `lever`, `end`, `share`: lever, its driven end (0) or its point (1), and the fraction of the driving motion
     lever: Lever | None = None
     end: int = 0
     share: float = 1.0
-    opens: bool = False
+    opens: bool = False  #: whether a lash precedes it, so that a new body begins
 
 
 @dataclass(frozen=True, eq=False)
 class TrainParts:
-    """Rigid train divided into parts and bodies.
+    """Rigid train divided into parts and bodies."""
 
-    Parameters
-    ----------
-    parts, bodies
-        From the cam on.
-    """
-
+    #: `parts`, `bodies`: from the cam on
     parts: tuple[Part, ...]
     bodies: tuple[Body, ...]
 
@@ -262,7 +210,10 @@ def divide_train(structure: Structure, motion: FloatArray) -> TrainParts:
         before = next((i for i, one in enumerate(parts) if float(joint.row @ one.motion) != 0.0), 0)
         for one in _parts_of(structure, joint, parts[before], before):
             if twin := _parallel_lash(parts, before, one):
-                bodies[twin.body] = _combine_parallel(bodies[twin.body], _body(joint, parts[before], one))
+                first, other = bodies[twin.body], _body(joint, parts[before], one)
+                gap, push = min(first.gap, other.gap), first.push + other.push  # the smaller gap governs, forces add up
+                extends = first.extends or other.extends
+                bodies[twin.body] = replace(first, gap=gap, push=push, extends=extends)
                 continue
             if one.opens:
                 bodies.append(_body(joint, parts[before], one))
@@ -278,19 +229,19 @@ def divide_train(structure: Structure, motion: FloatArray) -> TrainParts:
 
 def _lash_joints(structure: Structure, motion: FloatArray) -> Iterator[_Joint]:
     """Yield the lash elements between nodes of a train; refuse those that its lift does not close."""
-    for name, play in structure.model.contacts.items():
-        if isinstance(play, Lash | Adjuster) and play.ends is not None and play.direction is not None:
-            row, far = (structure.row(end, play.direction) for end in play.ends)
-            pushing, pushed = (rigid_shift(structure, end, play.direction) for end in play.ends)
-            if not (pushing.any() and pushed.any()):  # a fixed node drives no other
-                continue
-            driven = float(row @ motion)
-            if driven < 0.0 or (driven == 0.0 and float(far @ motion) and not _is_cam_driven(structure, play.ends[0])):
-                allowed, why = "a play that the lift of its cam closes", "a rigid train goes through it from the cam on"
-                remedy = "name as `from` the node on the side of the cam, with the direction in which it pushes"
-                raise refuse(f"contacts.{name}", f"from {play.ends[0]!r} to {play.ends[1]!r}", allowed, why, remedy)
-            if driven:
-                yield _Joint(row, complete_motion(structure, pushed), play)
+    for play in structure.model.lashes:
+        row, far = (structure.row(end, play.direction) for end in play.ends)
+        pushing, pushed = (rigid_shift(structure, end, play.direction) for end in play.ends)
+        if not (pushing.any() and pushed.any()):  # a fixed node drives no other
+            continue
+        driven = float(row @ motion)
+        if driven < 0.0 or (driven == 0.0 and float(far @ motion) and not _is_cam_driven(structure, play.ends[0])):
+            allowed, why = "a play that the lift of its cam closes", "a rigid train goes through it from the cam on"
+            remedy = "name as `from` the node on the side of the cam, with the direction in which it pushes"
+            given = f"from {play.ends[0]!r} to {play.ends[1]!r}"
+            raise refuse(f"contacts.{play.name}", given, allowed, why, remedy)
+        if driven:
+            yield _Joint(row, complete_motion(structure, pushed), play.part)
 
 
 def _is_cam_driven(structure: Structure, node: str) -> bool:
@@ -326,8 +277,8 @@ def _parts_of(structure: Structure, joint: _Joint, driver: Part, before: int) ->
     name, share = structure.name_of(rocker), float(joint.row @ driver.motion)
     for end, own in ((0, path_name(name)), (1, tip_name(name)), (1, None)):
         slope = driver.slope * float(lever_path(direct_path, rocker, end, share)(np.zeros(1))[1][0])
-        moved = joint.moved if own is None else _unit(structure, own)
-        if moved.any():
+        if own is None or own in structure.dofs.names:
+            moved = joint.moved if own is None else structure.dofs.unit(own)
             yield Part(moved, slope, before, driver.body, rocker, end, share, opens and own is None)
 
 
@@ -345,19 +296,9 @@ def _parallel_lash(parts: Sequence[Part], before: int, pushed: Part) -> Part | N
     return next((one for one in beside if pushed.opens and np.any((one.motion != 0.0) & (pushed.motion != 0.0))), None)
 
 
-def _combine_parallel(one: Body, other: Body) -> Body:
-    """Return a body after two parallel lash elements: the smaller gap governs, adjuster forces add up."""
-    gap, push = min(one.gap, other.gap), one.push + other.push
-    return replace(one, gap=gap, push=push, extends=one.extends or other.extends)
-
-
 def _body(joint: _Joint, driver: Part, first: Part) -> Body:
     """Return the body that begins with a part after a lash."""
     moved = first.slope * _transmit(joint, driver)
     if isinstance(joint.play, Adjuster):
         return Body(driver.body, push=joint.play.plunger_force * moved, extends=True)
     return Body(driver.body, gap=joint.play.gap / moved if joint.play else 0.0)
-
-
-def _unit(structure: Structure, name: str) -> FloatArray:
-    return structure.dofs.unit(name) if name in structure.dofs.names else np.zeros(structure.dofs.size)

@@ -34,40 +34,26 @@ from flexcam.dynamics.local_forces import LocalForces
 from flexcam.fem.assembly import modal_damping
 from flexcam.valvetrain.cam_contact import sliding_path
 from flexcam.valvetrain.cam_functions import cam_sliding, normal_force_ratio, sliding_distance
-from flexcam.valvetrain.contacts import opposed_force
-from flexcam.valvetrain.levers import check_lever_rotation
-from flexcam.valvetrain.loads import follower_train, preload, steady_load
+from flexcam.valvetrain.contacts import check_lever_rotation, opposed_force
+from flexcam.valvetrain.loads import preload, steady_load
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import CamContact, PublishedLoad
 from flexcam.valvetrain.rigid_kinematics import Body, Coordinate, divide_train, find_rest
 from flexcam.valvetrain.springs import couple_coils
 from flexcam.valvetrain.structure import Structure, build_structure, spring_parts
 from flexcam.valvetrain.system_builder import probe_of
+from flexcam.valvetrain.train_topology import follower_train
 
 
 @dataclass(frozen=True, eq=False)
 class SpringLaw:
-    """Nonlinear law of a spring's parts along the motions of a train.
+    """Nonlinear law of a spring's parts along the motions of a train."""
 
-    Parameters
-    ----------
-    name
-        Such as ``springs.valve.clash``.
-    law
-        Forces of the parts, stacked, as in the flexible train.
-    rows
-        Compression of each part per motion, shape (c, b).
-    offset
-        Prescribed part of the compression.
-    stops
-        Whether the law is coil clash.
-    """
-
-    name: str
-    law: LocalForces
-    rows: FloatArray
-    offset: AngleFunction
-    stops: bool
+    name: str  #: such as ``springs.valve.clash``
+    law: LocalForces  #: forces of the parts, stacked, as in the flexible train
+    rows: FloatArray  #: compression of each part per motion, shape (c, b)
+    offset: AngleFunction  #: prescribed part of the compression
+    stops: bool  #: whether the law is coil clash
 
     def force(self, moved: FloatArray, cam: CamFunctionCache) -> FloatArray:
         """Return the forces against some motions by virtual work."""
@@ -100,8 +86,7 @@ def _identity_law(name: str, law: ForceLaw, count: int) -> LocalForces:
 
 History = Callable[[CamMotion], FloatArray]
 
-_JAM_ANGLES = np.linspace(0.0, 2.0 * np.pi, 721)
-"""Cam angles at which jamming is checked."""
+_JAM_ANGLES = np.linspace(0.0, 2.0 * np.pi, 721)  # cam angles at which jamming is checked
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,55 +96,40 @@ class RigidFriction:
     The train needs a force along its lift. If the face moves along itself during lift (a swinging face offset from its
     pivot), by a per lift, friction carries a part of it: ``f - a T = needed`` with ``T = mu f tanh(v/v0)``, so that ``f
     = needed/(1 - a mu tanh(v/v0))``: virtual work of what `flexcam.valvetrain.cam_contact` senses.
-
-    Parameters
-    ----------
-    event
-        Lift of the cam.
-    coefficient, speed
-        mu, and v0 in m/s.
-    shares
-        Factors of the follower's motion for each of `along`, shape (k,).
-    along
-        Functions of the path along the face.
-    slid
-        Sliding path with the follower fixed, m; its derivative is used.
     """
 
-    event: Event
+    event: Event  #: lift of the cam
+    #: `coefficient`, `speed`: mu, and v0 in m/s
     coefficient: float
     speed: float
-    shares: FloatArray
-    along: tuple[AngleFunction, ...]
-    slid: AngleFunction
+    shares: FloatArray  #: factors of the follower's motion for each of `along`, shape (k,)
+    along: tuple[AngleFunction, ...]  #: functions of the path along the face
+    slid: AngleFunction  #: sliding path with the follower fixed, m; its derivative is used
 
     def force(self, needed: History) -> History:
         """Return the contact force, N, from the force required along the lift."""
-        return lambda motion: needed(motion) / (1.0 - self._per_lift(motion) * self._share(motion))
+        return lambda motion: needed(motion) / (1.0 - self._per_lift(motion.cam) * self._share(motion))
 
     def jams(self) -> bool:
         """Return whether the follower jams: friction carries the required force at some angle."""
-        a = sum(
-            (share * one(_JAM_ANGLES, 0) for share, one in zip(self.shares, self.along, strict=True)),
-            np.zeros(len(_JAM_ANGLES)),
-        )
-        path = a * self.event(_JAM_ANGLES, 1) + self.slid(_JAM_ANGLES, 1)
-        return bool((self.coefficient * a * np.sign(path) >= 1.0).any())
+        cam = CamFunctionCache(_JAM_ANGLES)
+        return bool((self.coefficient * self._per_lift(cam) * np.sign(self._path(cam)) >= 1.0).any())
 
     def friction(self, needed: History) -> History:
         """Return friction divided by the reach, N, as in the contact laws."""
         force = self.force(needed)
         return lambda motion: self._share(motion) * force(motion)
 
-    def _per_lift(self, motion: CamMotion) -> FloatArray:
-        return sum(
-            (share * motion.cam(one, 0) for share, one in zip(self.shares, self.along, strict=True) if share),
-            np.zeros_like(motion.angle),
-        )
+    def _per_lift(self, cam: CamFunctionCache) -> FloatArray:
+        parts = (share * cam(one, 0) for share, one in zip(self.shares, self.along, strict=True) if share)
+        return sum(parts, np.zeros_like(cam.angle))
+
+    def _path(self, cam: CamFunctionCache) -> FloatArray:
+        """Return the sliding path per cam angle, m."""
+        return self._per_lift(cam) * cam(self.event, 1) + cam(self.slid, 1)
 
     def _share(self, motion: CamMotion) -> FloatArray:
-        path = self._per_lift(motion) * motion.cam(self.event, 1) + motion.cam(self.slid, 1)
-        return self.coefficient * np.tanh(path * motion.speed / self.speed)
+        return self.coefficient * np.tanh(self._path(motion.cam) * motion.speed / self.speed)
 
 
 def rigid_friction(structure: Structure, name: str, contact: CamContact, moved: FloatArray) -> RigidFriction:
@@ -177,39 +147,21 @@ def rigid_friction(structure: Structure, name: str, contact: CamContact, moved: 
 
 @dataclass(frozen=True, eq=False)
 class RigidTrain:
-    """Train of a follower as motions times coordinates that are functions of the lift.
+    """Train of a follower as motions times coordinates that are functions of the lift."""
 
-    Parameters
-    ----------
-    motions
-        Shape (b, n): the first is everything that moves in proportion to the lift, then the ends of levers.
-    coordinates
-        One per motion.
-    mass, damping, stiffness
-        Matrices of these motions, shape (b, b): springs, dampers, Rayleigh damping and modal damping of the remaining
-        modes.
-    force
-        Of the installed springs, the weight and the given loads along them, N, shape (b,).
-    bodies
-        Bodies between lash: relative motions as installed, shape (g, b).
-    standing
-        Contribution of a body to the force at the follower on the base circle, N, shape (g,), if supported by a seat;
-        else NaN.
-    springs
-        Nonlinear laws of springs.
-    shared
-        Force at the follower shared by cam and seat on the base circle, N; it is assigned to the seat.
-    """
-
+    #: shape (b, n): the first is everything that moves in proportion to the lift, then the ends of levers
     motions: FloatArray
-    coordinates: tuple[Coordinate, ...]
+    coordinates: tuple[Coordinate, ...]  #: one per motion
+    #: `mass`, `damping`, `stiffness`: of these motions, shape (b, b); springs, dampers, Rayleigh and modal damping
     mass: FloatArray
     damping: FloatArray
     stiffness: FloatArray
-    force: FloatArray
-    bodies: FloatArray
+    force: FloatArray  #: of the installed springs, the weight and the given loads along them, N, shape (b,)
+    bodies: FloatArray  #: bodies between lash: relative motions as installed, shape (g, b)
+    #: force of each body at the follower on the base circle, N, shape (g,), if a seat supports it; else NaN
     standing: FloatArray
-    springs: tuple[SpringLaw, ...]
+    springs: tuple[SpringLaw, ...]  #: nonlinear laws of springs
+    #: force at the follower shared by cam and seat on the base circle, N; it is assigned to the seat
     shared: float = 0.0
 
     def contact_force(self, event: Event) -> Callable[[CamMotion], FloatArray]:
@@ -233,8 +185,7 @@ class RigidTrain:
         return history
 
 
-_BASE_CIRCLE_FRACTION = 1e-9
-"""Fraction of the lift below which a cam counts as on the base circle."""
+_BASE_CIRCLE_FRACTION = 1e-9  # fraction of the lift below which a cam counts as on the base circle
 
 
 def rigid_train(structure: Structure, contact: PublishedLoad | CamContact, where: str, speed: float) -> RigidTrain:
@@ -253,12 +204,11 @@ def rigid_train(structure: Structure, contact: PublishedLoad | CamContact, where
     if isinstance(contact, PublishedLoad):  # parts driven by it are in the installed position
         paths = parted.coordinates(0.0 * pushed)
         return RigidTrain(motions, paths, mass, damping, stiffness, force, bodies, np.nan * pushed, springs)
-    begun = find_rest(parted.bodies, held, pushed)
-    needed, seated = held @ begun.places + pushed, np.array([one.seated for one in parted.bodies])
-    standing = _rest_forces(parted.bodies, needed - begun.seats)
-    between = seated & parted.rests_on_cam(begun.places)
+    places, seats = find_rest(parted.bodies, held, pushed)
+    needed, seated = held @ places + pushed, np.array([one.seated for one in parted.bodies])
+    standing, between = _rest_forces(parted.bodies, needed - seats), seated & parted.rests_on_cam(places)
     return RigidTrain(
-        motions, parted.coordinates(begun.places), mass, damping, stiffness, force, bodies, standing, springs,
+        motions, parted.coordinates(places), mass, damping, stiffness, force, bodies, standing, springs,
         float(np.maximum(needed, 0.0)[between].sum()),
     )  # fmt: skip
 
@@ -323,8 +273,9 @@ def build_rigid(model: Model, speed: float) -> System:
         loads += own[0]
         channels += own[1]
     nothing = Triplets.zeros(0)
-    probes = tuple(_rigid_probe(structure, probe_of(structure, point), trains) for point in model.probes)
-    shown = _prescribed_motion(model, structure, trains)
+    moved = _prescribed_motion(structure, trains)
+    probes = tuple(_rigid_probe(probe_of(structure, point), moved) for point in model.probes)
+    shown = PrescribedMotion(structure.dofs.names, moved)
     return System(nothing, nothing, nothing, (), tuple(loads), (), probes, tuple(channels), carried=shown)
 
 
@@ -333,53 +284,38 @@ def _contact_histories(structure: Structure, name: str, train: RigidTrain, at: i
     where, contact = f"contacts.{name}", structure.model.cam_contacts[name]
     cam = structure.model.cams[contact.cam]
     needed, arm = train.contact_force(cam.event), derivative(cam.event)
-    torque = load_sum(at, factor=arm)
-    if not (isinstance(contact, CamContact) and contact.friction):
-        loads = [Load(where, np.zeros(0), needed)]
-        return loads, [Channel(f"{where}.force", "N", load_sum(at)), Channel(f"{where}.torque", "N m", torque)]
-    rubs = rigid_friction(structure, name, contact, train.motions[0])
-    loads = [
-        Load(where, np.zeros(0), rubs.force(needed)),
-        Load(f"{where}.friction", np.zeros(0), rubs.friction(needed)),
-    ]
-    return loads, [
-        Channel(f"{where}.force", "N", load_sum(at)),
-        Channel(f"{where}.torque", "N m", observable_sum(torque, load_sum(at + 1, factor=cam_sliding(cam)))),
-        Channel(f"{where}.friction", "N", load_sum(at + 1, factor=normal_force_ratio(cam))),
-    ]
+    force, torque = load_sum(at), load_sum(at, factor=arm)
+    loads, friction = [Load(where, np.zeros(0), needed)], list[Channel]()
+    if isinstance(contact, CamContact) and contact.friction:
+        law = rigid_friction(structure, name, contact, train.motions[0])
+        loads = [Load(where, np.zeros(0), law.force(needed)),
+                 Load(f"{where}.friction", np.zeros(0), law.friction(needed))]  # fmt: skip
+        torque = observable_sum(torque, load_sum(at + 1, factor=cam_sliding(cam)))
+        friction.append(Channel(f"{where}.friction", "N", load_sum(at + 1, factor=normal_force_ratio(cam))))
+    return loads, [Channel(f"{where}.force", "N", force), Channel(f"{where}.torque", "N m", torque), *friction]
 
 
-def _prescribed_motion(model: Model, structure: Structure, trains: Mapping[str, RigidTrain]) -> PrescribedMotion:
-    """Return the motion of all components for output."""
+def _prescribed_motion(structure: Structure, trains: Mapping[str, RigidTrain]) -> AngleVector:
+    """Return the motion of all components: those of the trains by their coordinates."""
     vectors, functions = [np.zeros((1, structure.dofs.size))], [constant(0.0)]
     for name, train in trains.items():
-        event = model.cams[model.cam_contacts[name].cam].event
+        event = structure.model.cams[structure.model.cam_contacts[name].cam].event
         vectors.append(train.motions)
-        functions += [_ScaledCoordinate(1.0, coordinate, event) for coordinate in train.coordinates]
-    return PrescribedMotion(structure.dofs.names, AngleVector(np.concatenate(vectors), tuple(functions)))
+        functions += [_CoordinateByAngle(coordinate, event) for coordinate in train.coordinates]
+    return AngleVector(np.concatenate(vectors), tuple(functions))
 
 
-def _rigid_probe(structure: Structure, probe: Probe, trains: dict[str, RigidTrain]) -> Probe:
+def _rigid_probe(probe: Probe, moved: AngleVector) -> Probe:
     """Return the probe with the motion of the rigid trains."""
-    model = structure.model
-    moving: list[list[AngleFunction]] = [[] for _ in probe.components]
-    for name, train in trains.items():
-        event = model.cams[model.cam_contacts[name].cam].event
-        for component, shares in zip(moving, probe.rows @ train.motions.T, strict=True):
-            component += [
-                _ScaledCoordinate(float(share), one, event)
-                for share, one in zip(shares, train.coordinates, strict=True)
-                if share != 0.0
-            ]
-    offsets = tuple(_CoordinateSum(tuple(component)) if component else None for component in moving)
-    return Probe(probe.name, probe.components, np.zeros((len(probe.components), 0)), offsets)
+    shares = probe.rows @ moved.vectors.T
+    offsets = tuple(_Combination(row, moved.functions) if row.any() else None for row in shares)
+    return Probe(probe.name, probe.components, np.zeros((len(shares), 0)), offsets)
 
 
 @dataclass(frozen=True, eq=False)
-class _ScaledCoordinate(DerivedCamFunction):
-    """Fraction of a coordinate as a function of the cam angle."""
+class _CoordinateByAngle(DerivedCamFunction):
+    """Coordinate as a function of the cam angle."""
 
-    share: float
     coordinate: Coordinate
     event: Event
 
@@ -387,19 +323,21 @@ class _ScaledCoordinate(DerivedCamFunction):
         key = id(self.coordinate), id(self.event)  # trains of several cams may share a coordinate
         h, h1, h2 = cam.lookup(key, lambda: self.coordinate(cam(self.event, 0)))
         if order == 0:
-            return self.share * h
+            return h
         slope = cam(self.event, 1)
-        return self.share * (h1 * slope if order == 1 else h1 * cam(self.event, 2) + h2 * slope**2)
+        return h1 * slope if order == 1 else h1 * cam(self.event, 2) + h2 * slope**2
 
 
 @dataclass(frozen=True, eq=False)
-class _CoordinateSum(DerivedCamFunction):
-    """Sum of motions."""
+class _Combination(DerivedCamFunction):
+    """Linear combination of functions of the cam angle."""
 
-    parts: tuple[AngleFunction, ...]
+    shares: FloatArray
+    functions: tuple[AngleFunction, ...]
 
     def of(self, cam: CamFunctionCache, order: int) -> FloatArray:
-        return np.sum([cam(part, order) for part in self.parts], axis=0)
+        parts = [share * cam(one, order) for share, one in zip(self.shares, self.functions, strict=True) if share]
+        return np.sum(parts, axis=0)
 
 
 def shared_forces(model: Model, speed: float) -> dict[str, float]:

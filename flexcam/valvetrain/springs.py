@@ -22,24 +22,15 @@ from flexcam.dynamics import (
 )
 from flexcam.dynamics.force_laws import PULSATING
 from flexcam.valvetrain.contacts import Coupling, opposed_force
-from flexcam.valvetrain.parts import Pulsation, Spring, Wire
+from flexcam.valvetrain.parts import Pulsation, Spring
 from flexcam.valvetrain.structure import Structure, spring_parts
 
 
 def couple_coils(structure: Structure) -> Coupling:
-    """Return the contacts between neighbouring parts of springs, and the channels of all springs of an engine.
+    """Return the contacts between neighbouring parts of springs, and the channels of all springs.
 
-    Parameters
-    ----------
-    structure
-        The structure.
-
-    Returns
-    -------
-    Coupling
-        A local force per spring with a clash travel. Channels, where applicable: ``force`` of the part at the moving
-        end with its touching coils, ``surge`` (largest deviation of a coil from uniform deformation), ``stress`` of
-        the wire, ``clearance`` (travel left until all coils touch, counted by the most compressed part) and ``clash``.
+    ``surge`` is the largest deviation of a coil from uniform deformation, ``clearance`` the travel left until all coils
+    touch, counted by the most compressed part.
     """
     forces: list[LocalForce] = []
     channels: list[Channel] = []
@@ -64,20 +55,7 @@ def couple_coils(structure: Structure) -> Coupling:
 
 
 def pulsating_spring(stiffness: float, pulsation: Pulsation) -> ForceLaw:
-    """Return the law of the fluctuating part of a pulsating stiffness.
-
-    Parameters
-    ----------
-    stiffness
-        Mean, N/m.
-    pulsation
-        Fluctuation over the cam angle.
-
-    Returns
-    -------
-    ForceLaw
-        `flexcam.dynamics.force_laws.bilateral` with a stiffness that changes with the cam angle.
-    """
+    """Return the law of the fluctuating part of a pulsating stiffness."""
     return ForceLaw(PULSATING, (stiffness,), (lambda angle, order: pulsation.part(angle),))
 
 
@@ -90,61 +68,41 @@ def _channels(where: str, spring: Spring, rows: FloatArray, clash: Observable | 
     """Return the channels of a spring; `clash` is the force of the touching coils at its moving end."""
     if not _has_channels(spring):
         return []
-    pushed = _part_forces(spring, rows)
+    installed, stiffness = spring.installed_force or 0.0, spring.stiffness * spring.elements
+
+    def forces(seen: Observation) -> FloatArray:
+        """Return the force in every part, N, shape (m, parts), compression positive."""
+        pulsating = 1.0 if spring.pulsation is None else 1.0 + spring.pulsation.part(seen.motion.angle)[:, None]
+        return installed + stiffness * pulsating * seen.moved.extract(rows)
 
     def end(seen: Observation) -> FloatArray:
-        return pushed(seen)[:, -1]
+        return forces(seen)[:, -1]
+
+    def surge(seen: Observation) -> FloatArray:
+        stretch = seen.moved.extract(rows)
+        return np.abs(np.cumsum(stretch - stretch.mean(axis=1, keepdims=True), axis=1)).max(axis=1)
 
     force = end if clash is None else observable_sum(end, clash)
     found = [Channel(f"{where}.force", "N m" if spring.turns else "N", force)]
     if spring.elements > 1:
-        found.append(Channel(f"{where}.surge", "rad" if spring.turns else "m", _surge(rows)))
-    if spring.wire is not None:
-        found.append(Channel(f"{where}.stress", "Pa", _stress(pushed, spring.wire)))
-    if spring.clash_travel is not None:
-        found.append(Channel(f"{where}.clearance", "m", _clearance(spring.clash_travel, rows)))
+        found.append(Channel(f"{where}.surge", "rad" if spring.turns else "m", surge))
+    if (wire := spring.wire) is not None:
+        factor = wire.wahl * 8.0 * wire.coil_diameter / (math.pi * wire.diameter**3)
+        stress = Channel(f"{where}.stress", "Pa", lambda seen: factor * np.abs(forces(seen)).max(axis=1))
+        found.append(stress)
+    if (travel := spring.clash_travel) is not None:
+        left = Channel(
+            f"{where}.clearance", "m", lambda seen: travel - len(rows) * seen.moved.extract(rows).max(axis=1)
+        )
+        found.append(left)
     return found
-
-
-def _part_forces(spring: Spring, rows: FloatArray) -> Observable:
-    """Return the force in every part, N, shape (m, parts), compression positive."""
-    installed, stiffness = spring.installed_force or 0.0, spring.stiffness * spring.elements
-
-    def pushed(seen: Observation) -> FloatArray:
-        stretch = seen.moved.extract(rows)
-        if spring.pulsation is None:
-            return installed + stiffness * stretch
-        return installed + stiffness * (1.0 + spring.pulsation.part(seen.motion.angle))[:, None] * stretch
-
-    return pushed
-
-
-def _surge(rows: FloatArray) -> Observable:
-    def largest(seen: Observation) -> FloatArray:
-        stretch = seen.moved.extract(rows)
-        uneven = np.cumsum(stretch - stretch.mean(axis=1, keepdims=True), axis=1)
-        return np.abs(uneven).max(axis=1)
-
-    return largest
-
-
-def _stress(pushed: Observable, wire: Wire) -> Observable:
-    factor = wire.wahl * 8.0 * wire.coil_diameter / (math.pi * wire.diameter**3)
-    return lambda seen: factor * np.abs(pushed(seen)).max(axis=1)
-
-
-def _clearance(travel: float, rows: FloatArray) -> Observable:
-    return lambda seen: travel - len(rows) * seen.moved.extract(rows).max(axis=1)
 
 
 _PER_HALF_WAVE = 4
 """Parts per half wave, and minimum number of parts, as a valve that hits its seat excites surge at any speed."""
 
-_MOST = 16
-"""Default maximum number of parts; for longer waves the case must specify the number."""
-
-_FORCE_FRACTION = 0.01
-"""Fraction of the spring force by the lift below which waves of higher harmonics are neglected."""
+_MOST = 16  # default maximum number of parts; for longer waves the case must specify the number
+_FORCE_FRACTION = 0.01  # fraction of the spring force by the lift below which waves of higher harmonics are neglected
 
 _HARMONICS = 256
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -41,21 +41,12 @@ def buckling_load(structure: Structure, member: str) -> float:
 
 @dataclass(frozen=True)
 class StiffStrut:
-    """Member with too few elements for its geometric stiffness.
-
-    Parameters
-    ----------
-    member
-        Its name.
-    excess
-        Relative excess of the buckling load of the discretized member; infinite if no node is free to bend.
-    elements
-        Sufficient number of elements.
-    """
+    """Member with too few elements for its geometric stiffness."""
 
     member: str
+    #: relative excess of the buckling load of the discretized member; infinite if no node is free to bend
     excess: float
-    elements: int
+    elements: int  #: sufficient number of elements
 
 
 def stiff_struts(model: Model) -> list[StiffStrut]:
@@ -70,16 +61,13 @@ def _stiff(structure: Structure, members: list[str]) -> Iterator[StiffStrut]:
         count = len(model.mesh.lines[name]) - 1
         if 6 * count > DENSE_LIMIT or (parts := _parts(model, name)) == 1:
             continue
-        borne, right = (
-            _lowest_load(structure.beams.part(ranges[name]), structure.dofs),
-            _lowest_load(*_divide(model, name, parts)),
-        )
+        borne = _lowest_load(structure.beams.part(ranges[name]), structure.dofs)
+        right = _lowest_load(*_divide(model, name, parts))
         if borne > (1.0 + _EXCESS_LIMIT) * right:
             yield StiffStrut(name, borne / right - 1.0, parts * count)
 
 
-_EXCESS_LIMIT = 0.05
-"""Relative excess of the buckling load to report: two elements between supports stay below it."""
+_EXCESS_LIMIT = 0.05  # relative excess of the buckling load to report: two elements between supports stay below it
 
 
 def _lowest_load(alone: Beams, dofs: DofMap) -> float:
@@ -100,11 +88,8 @@ def _lowest_load(alone: Beams, dofs: DofMap) -> float:
     return 1.0 / largest if largest > 1e-12 * float(np.abs(scaled).max(initial=1.0)) else math.inf
 
 
-_SUFFICIENT_ELEMENTS = 4
-"""Elements between supports for which the buckling load is accurate to 1 % with any supports."""
-
-_MANY = 100
-"""Number of elements of a member up to which they are divided: their matrices are dense."""
+_SUFFICIENT_ELEMENTS = 4  # elements between supports for which the buckling load is accurate to 1 % with any supports
+_MANY = 100  # number of elements of a member up to which they are divided: their matrices are dense
 
 
 def _parts(model: Model, member: str) -> int:
@@ -135,8 +120,7 @@ def _hinge_free_ends(pressed: FloatArray, free: FloatArray, ends: NDArray[np.boo
     return still.T @ pressed @ still
 
 
-_MOTION_TOLERANCE = 1e-14
-"""Relative square of the ends' motion that counts as zero."""
+_MOTION_TOLERANCE = 1e-14  # relative square of the ends' motion that counts as zero
 
 
 def compressed_members(model: Model) -> list[str]:
@@ -157,18 +141,10 @@ def elements_of(structure: Structure, member: str) -> IntArray:
 
 @dataclass(frozen=True, eq=False)
 class Bars:
-    """Some elements as straight bars.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-    elements
-        Indices of the elements, shape (e,).
-    """
+    """Some elements as straight bars."""
 
     structure: Structure
-    elements: IntArray
+    elements: IntArray  #: indices of the elements, shape (e,)
 
     @property
     def stiffness(self) -> FloatArray:
@@ -208,18 +184,7 @@ def linear_compression(bars: Bars) -> Observable:
 
 
 def arch_laws(arch: Arch) -> list[ForceLaw]:
-    """Return the laws of some shallow arches beyond their straight bars and beams, element by element.
-
-    Parameters
-    ----------
-    arch
-        The elements.
-
-    Returns
-    -------
-    list
-        `flexcam.dynamics.force_laws.arch`, with the seven deformation parameters of an element.
-    """
+    """Return the laws of some shallow arches beyond their straight bars and beams, element by element."""
     pulled = np.einsum("eij,ej->ei", arch.shortening, arch.bow)
     parts = zip(arch.axial, arch.shortening, arch.bow, pulled, strict=True)
     return [ForceLaw(ARCH, (float(axial), *g.ravel().tolist(), *bow.tolist(), *pull.tolist()))
@@ -227,19 +192,7 @@ def arch_laws(arch: Arch) -> list[ForceLaw]:
 
 
 def geometric_stiffness_forces(structure: Structure) -> Coupling:
-    """Return the geometric stiffness forces and the compression channels of members.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-
-    Returns
-    -------
-    Coupling
-        A local force per member with geometric stiffness. Channels: ``members.NAME.compression``, the largest of its
-        elements, and where the member can buckle ``members.NAME.buckling_use``, the same by its buckling load.
-    """
+    """Return the geometric stiffness forces and the compression channels of members."""
     forces: list[LocalForce] = []
     channels: list[Channel] = []
     model = structure.model
@@ -257,12 +210,12 @@ def geometric_stiffness_forces(structure: Structure) -> Coupling:
             pressed = linear_compression(Bars(structure, elements))
         channels.append(Channel(f"{where}.compression", "N", pressed))
         if 6 * len(elements) <= DENSE_LIMIT and math.isfinite(bearable := buckling_load(structure, name)):
-            channels.append(Channel(f"{where}.buckling_use", "1", _part(pressed, bearable)))
+            channels.append(Channel(f"{where}.buckling_use", "1", _quotient(pressed, bearable)))
     return Coupling((), tuple(forces), tuple(channels))
 
 
-def _part(value: Observable, whole: float) -> Observable:
-    return lambda seen: value(seen) / whole
+def _quotient(value: Observable, divisor: float) -> Observable:
+    return lambda seen: value(seen) / divisor
 
 
 def _compression(arch: Arch, part: slice) -> Observable:
@@ -294,29 +247,16 @@ def _ends(structure: Structure, e: int) -> FloatArray:
 
 @dataclass(frozen=True)
 class MemberStrength:
-    """Maximum stress and fatigue safety of a member over a run.
+    """Maximum stress and fatigue safety of a member over a run."""
 
-    Parameters
-    ----------
-    von_mises
-        Largest equivalent stress, Pa.
-    mean, alternating
-        Mean and amplitude at the point of minimum safety, Pa, including torsion as in the equivalent stress.
-    safety
-        Goodman's factor, ``1/(alternating/endurance + mean/ultimate)``; None without material strengths, and without
-        tensile or alternating stress.
-    place
-        Name of the node.
-    rated
-        Whether the material has strength values.
-    """
-
-    von_mises: float
+    von_mises: float  #: largest equivalent stress, Pa
+    #: `mean`, `alternating`: at the point of minimum safety, Pa, including torsion as in the equivalent stress
     mean: float
     alternating: float
+    #: Goodman's factor; None without material strengths, and without tensile or alternating stress
     safety: float | None
-    place: str
-    rated: bool
+    place: str  #: name of the node
+    rated: bool  #: whether the material has strength values
 
 
 class StrengthSink:
@@ -325,11 +265,6 @@ class StrengthSink:
     It stores minimum and maximum normal stress per outline point and torsional stress per section. Mean and amplitude
     are combined as ``sqrt(sigma^2 + 3 tau^2)``, and safety is Goodman's line, with no credit for compressive means
     (torsion has no sign): J. E. Shigley, Mechanical Engineering Design, 9th ed., eqs. 6-46, 6-55 and 6-56.
-
-    Parameters
-    ----------
-    structure
-        The structure.
     """
 
     def __init__(self, structure: Structure) -> None:
@@ -368,10 +303,8 @@ class StrengthSink:
         (normal, swing), (shear, twist) = _halves(*self._normal), _halves(*self._shear)
         mean, alternating = _equivalent(normal, shear), _equivalent(swing, twist)
         pulled = _equivalent(np.maximum(normal, 0.0), shear)
-        return {name: self._member(name, part, mean, alternating, pulled) for name, part in self._ranges().items()}
-
-    def _ranges(self) -> Mapping[str, slice]:
-        return self._structure.model.mesh.element_ranges()
+        ranges = self._structure.model.mesh.element_ranges()
+        return {name: self._member(name, part, mean, alternating, pulled) for name, part in ranges.items()}
 
     def _member(
         self, name: str, part: slice, mean: FloatArray, alternating: FloatArray, pulled: FloatArray

@@ -18,35 +18,24 @@ from flexcam.fem.elements.beam import Beams
 from flexcam.fem.members import beams as fem_beams
 from flexcam.fem.rigid_bodies import free_motions, mass_at, scalar_matrix
 from flexcam.valvetrain.model import Model
-from flexcam.valvetrain.parts import Lever, MassAt, Rocker, Spring, path_name, tip_name
+from flexcam.valvetrain.parts import Lever, Rocker, Spring, path_name, tip_name
 
-_ACROSS = 1e-6
-"""Cosine below which directions are orthogonal."""
+_ACROSS = 1e-6  # cosine below which directions are orthogonal
 
 
 @dataclass(frozen=True, eq=False)
 class Structure:
-    """The passive part of a model as matrices.
-
-    Parameters
-    ----------
-    model
-        Model of the structure.
-    beams, dofs
-        Elements and unknowns.
-    mass, stiffness, dampers
-        n x n, SI; `dampers` holds the discrete dampers only.
-    free
-        Motions without strain energy, shape (n, k).
-    """
+    """The passive part of a model as matrices."""
 
     model: Model
+    #: `beams`, `dofs`: elements and unknowns
     beams: Beams
     dofs: DofMap
+    #: `mass`, `stiffness`, `dampers`: n x n, SI; `dampers` holds the discrete dampers only
     mass: Triplets
     stiffness: Triplets
     dampers: Triplets
-    free: FloatArray
+    free: FloatArray  #: motions without strain energy, shape (n, k)
 
     def row(self, point: str, direction: FloatArray, where: str = "point") -> FloatArray:
         """Return the row that extracts the motion of a named point, shape (n,)."""
@@ -54,10 +43,9 @@ class Structure:
         if rocker is not None:
             along = float(direction @ rocker.direction) if direction.any() else 1.0
             if abs(along) < _ACROSS:
+                given = "a direction across the motion of a rocker's point"
                 allowed = f"a direction along {[round(float(x), 6) for x in rocker.direction[:3]]}"
-                raise refuse(
-                    where, "a direction across the motion of a rocker's point", allowed, "it moves only along it"
-                )
+                raise refuse(where, given, allowed, "it moves only along it")
             if point in self.model.loose_points:
                 return along * self.dofs.unit(point)
             return along * self.reach(rocker)
@@ -153,13 +141,20 @@ def build_structure_in(model: Model, dofs: DofMap) -> Structure:
 def _masses(bare: Structure) -> Iterator[Triplets]:
     """Yield the masses of bodies, rockers and springs."""
     for name, part in bare.model.masses.items():
-        yield _mass(bare, name, part)
+        if bare.is_node(part.at):
+            yield mass_at(find_node(bare.model, part.at, f"masses.{name}.at"), part.body, bare.dofs)
+            continue
+        if any(part.body.inertia) or any(part.body.offset):
+            given, why = "inertia or offset at a rocker's point", "a lumped rocker moves its point along one line"
+            raise refuse(f"masses.{name}", given, "a mass alone", why, "leave them out")
+        yield scalar_matrix(bare.row(part.at, np.zeros(6)), part.body.mass)
     for rocker in bare.model.rockers.values():
         yield scalar_matrix(bare.path(rocker), rocker.inertia / rocker.arms[0] ** 2)
     for name, spring in bare.model.springs.items():
         if spring.mass > 0.0:
             for low, high in spring_parts(bare, name, spring):
-                yield _bar_mass(low, high, spring.mass / spring.elements)
+                mass = spring.mass / spring.elements  # consistent: m/6 [2 1; 1 2]
+                yield scalar_matrix(low + high, 0.25 * mass) + scalar_matrix(high - low, mass / 12.0)
 
 
 def _stretches(bare: Structure) -> Iterator[tuple[FloatArray, float, float]]:
@@ -182,23 +177,6 @@ def _single(model: Model) -> list[tuple[int, FloatArray]]:
         moved += [(end, spring.direction) for end in (spring.at, spring.to) if end is not None]
     nodes = [(int(node), size) for point, size in moved if point in known for node in known[point]]
     return [(node, size) for node, size in nodes if not used[node]]
-
-
-def _bar_mass(low: FloatArray, high: FloatArray, mass: float) -> Triplets:
-    """Return the consistent mass m/6 [2 1; 1 2] of a bar between two motions."""
-    both, apart = low + high, high - low
-    return scalar_matrix(both, 0.25 * mass) + scalar_matrix(apart, mass / 12.0)
-
-
-def _mass(structure: Structure, name: str, part: MassAt) -> Triplets:
-    if structure.model.rocker_at(part.at) is not None:
-        if any(part.body.inertia) or any(part.body.offset):
-            why = "a lumped rocker moves its point along one line"
-            raise refuse(
-                f"masses.{name}", "inertia or offset at a rocker's point", "a mass alone", why, "leave them out"
-            )
-        return scalar_matrix(structure.row(part.at, np.zeros(6)), part.body.mass)
-    return mass_at(find_node(structure.model, part.at, f"masses.{name}.at"), part.body, structure.dofs)
 
 
 def member_masses(model: Model) -> dict[str, float]:

@@ -16,8 +16,7 @@ from flexcam.fem.assembly import modal_damping, rayleigh_damping
 from flexcam.fem.frames import COMPONENTS
 from flexcam.valvetrain.cam_contact import couple_cam
 from flexcam.valvetrain.camshaft import ShaftDrive, find_shaft_drives, inertia_torque, reaction_torque, shaft_channels
-from flexcam.valvetrain.contacts import Coupling, couple_adjuster, couple_lash, couple_seat
-from flexcam.valvetrain.levers import lever_joints
+from flexcam.valvetrain.contacts import Coupling, couple_adjuster, couple_lash, couple_seat, lever_joints
 from flexcam.valvetrain.loads import constant_loads, couple_published_load
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import Adjuster, CamContact, Contact, Lash, PublishedLoad, Seat
@@ -25,8 +24,7 @@ from flexcam.valvetrain.springs import couple_coils
 from flexcam.valvetrain.strength import geometric_stiffness_forces
 from flexcam.valvetrain.structure import Structure, build_structure, find_node, inner_name
 
-_MODAL_LIMIT = 2 * DENSE_LIMIT
-"""Maximum number of unknowns for which all modes are computed."""
+_MODAL_LIMIT = 2 * DENSE_LIMIT  # maximum number of unknowns for which all modes are computed
 
 
 def build_system(model: Model, speed: float) -> System:
@@ -77,15 +75,9 @@ def _at_any_speed(
 def _reactions(end: ShaftDrive) -> list[Observable]:
     """Return the reactions of couplings other than contacts at a prescribed rotation, in coupling order."""
     freed = end.freed
-    asked = (
-        (lever_joints, end.levers),
-        (couple_coils, end.springs),
-        (geometric_stiffness_forces, end.is_on_arched_member),
-        (shaft_channels, True),
-    )
-    found = [make(freed) if there else Coupling((), (), ()) for make, there in asked]
+    couplings = lever_joints(freed), couple_coils(freed), geometric_stiffness_forces(freed), shaft_channels(freed)
     constant = Coupling(tuple(constant_loads(freed)), (), ())
-    return [reaction_torque(end, one.loads, one.forces) for one in (*found, constant)]
+    return [reaction_torque(end, one.loads, one.forces) for one in (*couplings, constant)]
 
 
 def _torque(
@@ -95,14 +87,12 @@ def _torque(
     model = end.freed.model
     each = [inertia_torque(end), *map(_offset_positions, others, parts[len(contacts) :])]
     for part, (name, contact), coupling in zip(parts, model.contacts.items(), contacts, strict=False):
-        if not end.has_contact_torque(contact):
-            continue
-        if isinstance(contact, PublishedLoad):  # stiffness already available
-            value = coupling.channels[1].value
+        if isinstance(contact, PublishedLoad):  # its stiffness is that of the supported structure
+            if contact.cam_torque and model.mesh.node(model.cams[contact.cam].at) == end.node:
+                each.append(_offset_positions(coupling.channels[1].value, part))
         else:
             again = _couplings(end.freed, name, contact, speed)
-            value = reaction_torque(end, again.loads, again.forces)
-        each.append(_offset_positions(value, part))
+            each.append(_offset_positions(reaction_torque(end, again.loads, again.forces), part))
     return Channel(f"supports.{end.name}.torque", "N m", observable_sum(*each))
 
 

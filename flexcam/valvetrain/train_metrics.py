@@ -17,11 +17,8 @@ from flexcam.valvetrain.train_topology import largest_lash
 
 Bools = NDArray[np.bool_]
 
-_REOPENING_LIFT = 1e-6
-"""Lift above the seat, m, above which a closed valve counts as reopened; less for small lifts."""
-
-_TOUCH_PART = 2e-4
-"""The same relative to the lift, which governs up to 5 mm, as for watch mechanisms."""
+_REOPENING_LIFT = 1e-6  # lift above the seat, m, above which a closed valve counts as reopened; less for small lifts
+_TOUCH_PART = 2e-4  # the same relative to the lift, which governs up to 5 mm, as for watch mechanisms
 
 _REVOLUTION_TOLERANCE = math.radians(355.0)
 """Tolerance of cam angle for a complete revolution, rad: a fluctuating speed may leave a gap."""
@@ -29,8 +26,7 @@ _REVOLUTION_TOLERANCE = math.radians(355.0)
 _MAIN_LIFT_FRACTION = 0.05
 """Fraction of the lift, above ramps and lash, above which a cam is on its main lift: below it ringing dominates."""
 
-_LARGEST_MAIN_LIFT = 0.5
-"""Largest fraction of the lift for the same, for a lash that takes up most of the lift."""
+_LARGEST_MAIN_LIFT = 0.5  # largest fraction of the lift for the same, for a lash that takes up most of the lift
 
 OPEN = math.radians(0.5)
 """Cam angle of an open contact that counts as contact loss, rad: a single step may be numerical."""
@@ -41,24 +37,13 @@ BOUNCE_HEIGHT = 1e-4
 
 @dataclass(frozen=True)
 class Seating:
-    """Seating of a valve.
+    """Seating of a valve."""
 
-    Parameters
-    ----------
-    velocity
-        Velocity at the first touch after the lift, m/s, towards the seat, extrapolated from the last two instants.
-    bounces
-        Number of bounces before the next lift.
-    height
-        Height of the highest bounce, m.
-    angle
-        Cam angle of the first touch, rad.
-    """
-
+    #: velocity at the first touch after the lift, m/s, towards the seat, extrapolated from the last two instants
     velocity: float
-    bounces: int
-    height: float
-    angle: float
+    bounces: int  #: number of bounces before the next lift
+    height: float  #: height of the highest bounce, m
+    angle: float  #: cam angle of the first touch, rad
 
 
 def seating(gap: FloatArray, velocity: FloatArray, angle: FloatArray) -> Seating | None:
@@ -101,21 +86,11 @@ def _has_open_end(gap: FloatArray, angle: FloatArray) -> bool:
 
 @dataclass(frozen=True)
 class Metric:
-    """Named scalar result of a run.
+    """Named scalar result of a run."""
 
-    Parameters
-    ----------
-    name
-        Such as ``contacts.seat.seating_velocity``.
-    value
-        SI.
-    unit
-        SI unit.
-    """
-
-    name: str
-    value: float
-    unit: str
+    name: str  #: such as ``contacts.seat.seating_velocity``
+    value: float  #: SI
+    unit: str  #: SI unit
 
 
 def train_metrics(model: Model, response: Response, period: float) -> list[Metric]:
@@ -132,15 +107,14 @@ def train_metrics(model: Model, response: Response, period: float) -> list[Metri
         if isinstance(contact, Seat) and f"contacts.{name}.gap" in response.channels:  # the rigid model has no seat
             figures += _seat(response, f"contacts.{name}", last)
     for channel, unit in response.outline.channels:
-        end = channel.rpartition(".")[2]
-        values = response.channels[channel][last]
-        if end in _LARGEST:
-            size = values if end in _SIGNED else np.abs(values)
-            figures.append(Metric(f"{channel}.largest", float(size.max()), unit))
-        if end in _LEAST:
-            figures.append(Metric(f"{channel}.least", float(values.min()), unit))
-        if end == _BUCKLING_SUFFIX and float(values.max()) > 0.0:
-            figures.append(Metric(_margin(channel), 1.0 / float(values.max()), "1"))
+        name, values = _metric_name(channel), response.channels[channel][last]
+        if name.endswith("margin"):
+            figures += [Metric(name, 1.0 / float(values.max()), "1")] if float(values.max()) > 0.0 else []
+        elif name.endswith("least"):
+            figures.append(Metric(name, float(values.min()), unit))
+        elif name:
+            size = values if channel.endswith(_SIGNED) else np.abs(values)
+            figures.append(Metric(name, float(size.max()), unit))
     return figures
 
 
@@ -151,23 +125,20 @@ def train_metric_names(model: Model, channels: Iterable[str]) -> list[str]:
     seats = [name for name, one in model.contacts.items() if isinstance(one, Seat) and f"contacts.{name}.gap" in known]
     names = [f"contacts.{name}.open_on_the_lift" for name in free]
     names += [f"contacts.{name}.{one}" for name in seats for one in _SEATING]
-    for channel in known:
-        end = channel.rpartition(".")[2]
-        names += [f"{channel}.largest"] * (end in _LARGEST) + [f"{channel}.least"] * (end in _LEAST)
-        names += [_margin(channel)] * (end == _BUCKLING_SUFFIX)
-    return names
+    return [*names, *filter(None, map(_metric_name, known))]
 
 
-_BUCKLING_SUFFIX = "buckling_use"
-"""Suffix of the channel of compression divided by buckling load."""
+def _metric_name(channel: str) -> str:
+    """Return the name of the metric of a channel; empty if it has none."""
+    where, _, quantity = channel.rpartition(".")
+    if quantity == "buckling_use":
+        return f"{where}.buckling_margin"
+    if quantity == "clearance":
+        return f"{channel}.least"
+    return f"{channel}.largest" if quantity in _LARGEST else ""
 
 
-def _margin(channel: str) -> str:
-    return channel.removesuffix(_BUCKLING_SUFFIX) + "buckling_margin"
-
-
-_SEATING = ("seating_velocity", "bounces", "bounce_height")
-"""Metrics of a seat."""
+_SEATING = ("seating_velocity", "bounces", "bounce_height")  # metrics of a seat
 
 _LARGEST = (
     "force", "torque", "pressure", "sliding", "friction", "surge", "stress", "compression", "twist", "deflection",
@@ -175,10 +146,8 @@ _LARGEST = (
 )  # fmt: skip
 """Suffixes of channels with a metric of maximum magnitude."""
 
-_SIGNED = ("compression", "leak_down")
+_SIGNED = (".compression", ".leak_down")
 """Suffixes of channels whose metric is the maximum with its sign: a column that pumped up has a negative leak-down."""
-
-_LEAST = ("clearance",)
 
 
 def _seat(response: Response, where: str, last: Bools) -> list[Metric]:

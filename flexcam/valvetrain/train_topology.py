@@ -4,28 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from flexcam.core import FloatArray
 from flexcam.valvetrain.model import Model
-from flexcam.valvetrain.parts import (
-    Adjuster,
-    CamContact,
-    Lash,
-    Lever,
-    NodeLash,
-    PublishedLoad,
-    Rocker,
-    path_name,
-    tip_name,
-)
-from flexcam.valvetrain.structure import Structure, inner_name, spring_ends, spring_row
-
-Driven = PublishedLoad | CamContact
+from flexcam.valvetrain.parts import CamPair, Lash, Lever, NodeLash, Rocker, path_name, tip_name
+from flexcam.valvetrain.structure import Structure, find_node, inner_name, spring_ends, spring_row
 
 
-def moved_nodes(model: Model, contact: Driven) -> list[int]:
+def moved_nodes(model: Model, contact: CamPair) -> list[int]:
     """Return the nodes moved by a follower through members, links and lash."""
     if contact.follower not in model.mesh.points:
         return []
@@ -71,7 +60,7 @@ def _nodes_by_distance(joined: Mapping[int, Sequence[int]], start: int) -> list[
     return list(reached)
 
 
-def rocker_of(model: Model, contact: Driven) -> Rocker | None:
+def rocker_of(model: Model, contact: CamPair) -> Rocker | None:
     """Return the rocker driven by or identical to a follower, or None."""
     nodes, points = set(moved_nodes(model, contact)), model.mesh.points
     own = (
@@ -101,7 +90,7 @@ def _accumulated_lash(model: Model, play: Lash) -> float:
     return play.gap / (rocker.ratio if rocker else 1.0) + sum(one.gap for one in before)
 
 
-def _is_in_train(model: Model, contact: Driven, play: Lash) -> bool:
+def _is_in_train(model: Model, contact: CamPair, play: Lash) -> bool:
     """Return whether a lash is in the train of a contact."""
     if play.ends is not None:
         return model.mesh.node(play.ends[0]) in moved_nodes(model, contact)
@@ -175,11 +164,10 @@ def _shares(structure: Structure, rocker: Rocker) -> dict[str, float]:
     return {name: share for name, share in own.items() if name in structure.dofs.names}
 
 
-_MOTION_TOLERANCE = 1e-9
-"""Fraction of a motion that counts as zero."""
+_MOTION_TOLERANCE = 1e-9  # fraction of a motion that counts as zero
 
 
-def follower_motion(structure: Structure, contact: CamContact | PublishedLoad, node: int) -> FloatArray:
+def follower_motion(structure: Structure, contact: CamPair, node: int) -> FloatArray:
     """Return the unit rigid motion along the lift of all nodes connected to a follower by members.
 
     In the plane of the cam the motion satisfies the supports: a finger rotates about its pivot, each point by ``phi x
@@ -204,17 +192,16 @@ def follower_motion(structure: Structure, contact: CamContact | PublishedLoad, n
     return begun + _least_squares(bent[:, 1:], -bent[:, 0]) @ beside
 
 
-def _fields(structure: Structure, contact: CamContact | PublishedLoad, node: int) -> FloatArray:
+def _fields(structure: Structure, contact: CamPair, node: int) -> FloatArray:
     """Return motions of the nodes connected to a node, shape (k, m, 6): along the lift, across it, and rotation.
 
     The rotation is about the node, scaled by the length of the part; a single node does not rotate.
     """
     mesh, axis = structure.model.mesh, np.asarray(contact.shaft_axis)
     away = mesh.nodes[mesh.connected_nodes(node)] - mesh.nodes[node]
-    across = np.concatenate([np.cross(contact.direction[:3], axis), np.zeros(3)], dtype=np.float64)
     turned = np.concatenate([np.cross(axis, away), np.broadcast_to(axis, away.shape)], axis=1, dtype=np.float64)
     length = float(np.linalg.norm(away, axis=1).max())
-    shifts = [np.broadcast_to(one, turned.shape) for one in (contact.direction, across)]
+    shifts = [np.broadcast_to(one, turned.shape) for one in (contact.direction, contact.across)]
     return np.array([*shifts, *([turned / length] if length > 0.0 else [])])
 
 
@@ -239,8 +226,33 @@ def _deformation_rows(structure: Structure) -> FloatArray:
     """Return rows of the deformation of springs, and of lash to fixed parts, times the square root of stiffness."""
     model = structure.model
     rows = [np.sqrt(one.stiffness) * spring_row(structure, name, one) for name, one in model.springs.items()]
-    for one in model.contacts.values():
-        if isinstance(one, Lash | Adjuster) and one.ends is not None and one.direction is not None:
-            ends = [structure.row(end, one.direction) for end in one.ends]
-            rows += [np.sqrt(one.stiffness) * (ends[0] - ends[1])] * (not all(end.any() for end in ends))
+    for play in model.lashes:
+        first, second = (structure.row(end, play.direction) for end in play.ends)
+        if not (first.any() and second.any()):
+            rows.append(np.sqrt(play.part.stiffness) * (first - second))
     return np.array(rows).reshape(-1, structure.dofs.size)
+
+
+@dataclass(frozen=True, eq=False)
+class FollowerTrain:
+    """Parts moving with a follower as one rigid body along the lift."""
+
+    motion: FloatArray  #: unit motion of its unknowns along the lift, shape (n,)
+    #: `mass`, `stiffness`: kg and N/m of that motion, at the follower
+    mass: float
+    stiffness: float
+
+
+def follower_train(structure: Structure, contact: CamPair, where: str) -> FollowerTrain:
+    """Return the rigid body of a follower and its attached parts: it translates, or rotates about a pivot.
+
+    Without a pivot, the motion has minimum spring energy.
+    """
+    if structure.is_node(contact.follower):
+        node = find_node(structure.model, contact.follower, where)
+        motion = follower_motion(structure, contact, node)
+    else:
+        motion = structure.row(contact.follower, contact.direction, where)
+    motion = complete_motion(structure, motion)
+    mass, stiffness = structure.mass, structure.stiffness
+    return FollowerTrain(motion, float(motion @ mass.times(motion)), float(motion @ stiffness.times(motion)))

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,11 +15,10 @@ import flexcam
 from flexcam.analysis.preparation import prepare
 from flexcam.analysis.run import open_result_file
 from flexcam.analysis.run_checks import RunMonitor, check_run, describe_balance, energy_residual, numerical_dissipation
-from flexcam.dynamics import Block, ConstantSpeed, Problem, State, Stats, hht, newmark, solve
+from flexcam.dynamics import Block, ConstantSpeed, Outline, Problem, State, Stats, hht, newmark, solve
 from flexcam.dynamics.energy import EquilibriumResidual
 from flexcam.report.tables import equilibrium_residual
-from flexcam.valvetrain import Resolution
-from flexcam.valvetrain.resolution import _ImpactSteps
+from flexcam.valvetrain import Resolution, ResolutionSink, build_structure
 
 CASE = Path(__file__).parents[1] / "data/inline.toml"
 
@@ -62,13 +62,16 @@ def test_elements_per_wave_are_those_of_the_beam():
 
 
 def test_impacts_are_counted_around_the_largest_force():
-    touches = _ImpactSteps(np.array([0, 1, 2]))
+    ready = prepare(flexcam.read_case(CASE))
+    names = ["struck", "begins closed", "open"]
+    channels = tuple((f"contacts.{name}.force", "N") for name in names)
+    sink = ResolutionSink(build_structure(ready.model), ready.problem.system, Outline((), (), channels), 1e-4)
     first = np.array([[0.0, 1.0, 0.0], [2.0, 1.0, 0.0], [5.0, 2.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
-    touches.follow(first)
-    touches.follow(np.array([[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 0.0, 0.0]]))
-    assert touches.impact_steps(["struck", "begins closed", "open"]) == {"struck": 3}
-    touches.follow(np.array([[0.0, 0.0, 0.0], [9.0, 0.0, 0.0], [0.0, 0.0, 0.0]]))
-    assert touches.impact_steps(["struck", "begins closed", "open"]) == {"struck": 1}
+    sink.write(SimpleNamespace(channels=first, field_time=()))
+    sink.write(SimpleNamespace(channels=np.array([[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 0.0, 0.0]]), field_time=()))
+    assert sink.found().impacts == {"struck": 3}
+    sink.write(SimpleNamespace(channels=np.array([[0.0, 0.0, 0.0], [9.0, 0.0, 0.0], [0.0, 0.0, 0.0]]), field_time=()))
+    assert sink.found().impacts == {"struck": 1}
 
 
 def test_nothing_that_moves_is_fine_enough():

@@ -51,7 +51,7 @@ def test_a_report(flexcam, result, case):
     assert [album["title"] for album in data["albums"]] == ["Motion", "Forces and more", "Energy"]
     assert data["albums"][0]["charts"][0]["name"] == "valve"
     assert [one["name"] for one in data["scenes"][0]["shapes"]][-1] == "the run"
-    assert [one["name"] for one in data["scenes"][0]["lines"]] == ["camshaft", "pushrod"]
+    assert list(data["scenes"][0]["lines"]) == ["camshaft", "pushrod"]
     case.unlink()
     write_text(result.with_suffix(".html"), "another", overwrite=True)
     assert flexcam("report", result, "--overwrite").code == 0

@@ -34,7 +34,7 @@ from flexcam.dynamics import (
 from flexcam.fem.elements.arch import Arch
 from flexcam.valvetrain import Lever, Pulsation
 from flexcam.valvetrain.cam_contact import HertzLine
-from flexcam.valvetrain.levers import lever_end
+from flexcam.valvetrain.contacts import lever_end
 from flexcam.valvetrain.springs import pulsating_spring
 from flexcam.valvetrain.strength import arch_laws
 from tests import integrators as tried

@@ -30,7 +30,7 @@ from flexcam.report.content import (
     additional_content,
     report_table,
 )
-from flexcam.report.figures import build_albums, describe_omitted_curves, reduce_points, scalar_probe_names
+from flexcam.report.figures import build_albums, reduce_points, scalar_probe_names
 from flexcam.report.page import embed_json, render_page
 from flexcam.report.tables import metrics_table
 from flexcam.report.terminal import facts_table, plain_table
@@ -89,7 +89,7 @@ def test_a_very_long_history_keeps_its_peaks():
 def test_curves_of_several_results():
     one = run_of([("valve", ("valve",)), ("cam", ("ux", "rx"))], ["contacts.seat.force", "springs.valve.surge"])
     other = run_of([("valve", ("valve",))], ["contacts.seat.force"])
-    motion, forces = build_albums({"slow": (one, other), "fast": (other, None)}, "cam.rx")
+    (motion, forces), _ = build_albums({"slow": (one, other), "fast": (other, None)}, "cam.rx")
     assert [chart.name for chart in motion.charts] == ["cam.rx", "valve", "cam.ux"]
     assert [panel.label for panel in motion.charts[0].panels] == [
         "displacement, deg",
@@ -111,16 +111,16 @@ def test_a_page_has_room_for_many_curves():
     """Six results with thirty probes: points within what 1 MB holds, and said that some are left out."""
     one = run_of([(f"p{i}", ("ux", "uy", "uz")) for i in range(30)], [f"contacts.c{i}.force" for i in range(40)], 1500)
     runs = {str(i): (one, None) for i in range(6)}
-    found = build_albums(runs, "p3.uy")
+    found, notes = build_albums(runs, "p3.uy")
     assert found[0].charts[0].name == "p3.uy"
     curves = [c for album in found for chart in album.charts for panel in chart.panels for c in panel.curves]
     assert sum(len(curve.x) for curve in curves) <= 55_000
-    assert len(describe_omitted_curves(runs)) == 1
-    assert describe_omitted_curves({"": (run_of([("a", ("a",))], []), None)}) == []
+    assert len(notes) == 1
+    assert build_albums({"": (run_of([("a", ("a",))], []), None)}, "a")[1] == []
 
 
 def test_a_run_without_instants_has_no_curves():
-    assert build_albums({"": (run_of([("a", ("a",))], ["contacts.c.force"], 0), None)}, "a") == []
+    assert build_albums({"": (run_of([("a", ("a",))], ["contacts.c.force"], 0), None)}, "a") == ([], [])
     assert scalar_probe_names(Outline((), (("a", ("a",)), ("b", ("ux", "uy"))), ())) == ["a", "b.ux", "b.uy"]
 
 
@@ -211,7 +211,7 @@ def test_nothing_breaks_out_of_the_page(evil):
     assert len(read.scripts) == 4, "the data and three programs"
     data = json.loads(read.scripts[0])
     assert data["albums"][0]["charts"][0]["panels"][0]["curves"][0]["name"] == EVIL, "and all of it arrives"
-    assert data["scenes"][0]["names"][0]["name"] == EVIL
+    assert list(data["scenes"][0]["names"]) == [EVIL]
     assert not [one for one in read.tags if any(name.startswith("on") for name in one[1])], "no handler of an event"
     assert {attributes["src"].partition(",")[0] for tag, attributes in read.tags if tag == "img"} == {
         "data:image/png;base64"

@@ -149,12 +149,8 @@ def geometric(beams: Beams, axial_force: FloatArray) -> FloatArray:
         Shape (e, 12, 12), local axes, N/m.
     """
     nothing = np.zeros((len(beams), 2, 2))
-    return _place(
-        nothing,
-        nothing,
-        bending.geometric(axial_force, beams.length, beams.phi_y),
-        bending.geometric(axial_force, beams.length, beams.phi_z),
-    )
+    xy, xz = (bending.geometric(axial_force, beams.length, phi) for phi in (beams.phi_y, beams.phi_z))
+    return _place(nothing, nothing, xy, xz)
 
 
 def to_global(beams: Beams, local: FloatArray) -> FloatArray:

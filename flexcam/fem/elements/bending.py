@@ -29,10 +29,8 @@ def bar_stiffness(rigidity: FloatArray, length: FloatArray) -> FloatArray:
 
     Parameters
     ----------
-    rigidity
-        EA (N) for a bar, GJ (N m^2) for torsion, shape (e,).
-    length
-        Element lengths, m, shape (e,).
+    rigidity, length
+        EA (N) for a bar, GJ (N m^2) for torsion; element lengths, m; shape (e,) each.
 
     Returns
     -------
@@ -53,12 +51,8 @@ def bar_mass(inertia: FloatArray, length: FloatArray, lumped: FloatArray) -> Flo
 
     Parameters
     ----------
-    inertia
-        rho A (kg/m) for a bar, rho (Iy + Iz) (kg m) for torsion, shape (e,).
-    length
-        Element lengths, m, shape (e,).
-    lumped
-        1 where the mass is lumped, else 0, shape (e,).
+    inertia, length, lumped
+        rho A (kg/m) for a bar, rho (Iy + Iz) (kg m) for torsion; lengths, m; 1 where lumped, else 0; shape (e,) each.
 
     Returns
     -------
@@ -97,12 +91,8 @@ def stiffness(EI: FloatArray, L: FloatArray, phi: FloatArray) -> FloatArray:
 
     Parameters
     ----------
-    EI
-        Bending rigidity, N m^2, shape (e,).
-    L
-        Lengths, m, shape (e,).
-    phi
-        Shear parameter, shape (e,).
+    EI, L, phi
+        Bending rigidity, N m^2; lengths, m; shear parameter; shape (e,) each.
 
     Returns
     -------
@@ -127,12 +117,8 @@ def translational_mass(rho_A: FloatArray, L: FloatArray, phi: FloatArray) -> Flo
 
     Parameters
     ----------
-    rho_A
-        Mass per length, kg/m, shape (e,).
-    L
-        Lengths, m, shape (e,).
-    phi
-        Shear parameter, shape (e,).
+    rho_A, L, phi
+        Mass per length, kg/m; lengths, m; shear parameter; shape (e,) each.
 
     Returns
     -------
@@ -165,12 +151,8 @@ def rotary_mass(rho_I: FloatArray, L: FloatArray, phi: FloatArray) -> FloatArray
 
     Parameters
     ----------
-    rho_I
-        Rotary inertia per length, kg m, shape (e,).
-    L
-        Lengths, m, shape (e,).
-    phi
-        Shear parameter, shape (e,).
+    rho_I, L, phi
+        Rotary inertia per length, kg m; lengths, m; shear parameter; shape (e,) each.
 
     Returns
     -------
@@ -195,12 +177,8 @@ def geometric(N: FloatArray, L: FloatArray, phi: FloatArray) -> FloatArray:
 
     Parameters
     ----------
-    N
-        Axial force, N, tension positive, shape (e,).
-    L
-        Lengths, m, shape (e,).
-    phi
-        Shear parameter, shape (e,).
+    N, L, phi
+        Axial force, N, tension positive; lengths, m; shear parameter; shape (e,) each.
 
     Returns
     -------
@@ -227,12 +205,8 @@ def lumped_mass(rho_A: FloatArray, rho_I: FloatArray, L: FloatArray) -> FloatArr
 
     Parameters
     ----------
-    rho_A
-        Mass per length, kg/m, shape (e,).
-    rho_I
-        Rotary inertia per length, kg m, shape (e,); zero where it is switched off.
-    L
-        Lengths, m, shape (e,).
+    rho_A, rho_I, L
+        Mass (kg/m) and rotary inertia (kg m; zero where switched off) per length, lengths, m; shape (e,) each.
 
     Returns
     -------
@@ -246,6 +220,4 @@ def lumped_mass(rho_A: FloatArray, rho_I: FloatArray, L: FloatArray) -> FloatArr
     array([39.,  1., 39.,  1.])
     """
     half, turn = rho_A * L / 2.0, rho_A * L**3 / 78.0 + rho_I * L / 2.0
-    zero = 0.0 * L
-    rows = [[half, zero, zero, zero], [zero, turn, zero, zero], [zero, zero, half, zero], [zero, zero, zero, turn]]
-    return np.moveaxis(np.array(rows), -1, 0)
+    return np.stack([half, turn, half, turn], axis=-1)[:, None, :] * np.eye(4)

@@ -24,7 +24,7 @@ from flexcam.plotting.scene.solids import (
     ring,
 )
 from flexcam.valvetrain import Cam, Lever, Model, Rocker, Spring
-from flexcam.valvetrain.train_topology import Driven
+from flexcam.valvetrain.parts import CamPair
 
 PROFILE_POINTS = 360
 """Number of points of a drawn profile."""
@@ -93,7 +93,7 @@ class CamPlacement:
 
     frame: CamFrame  # plane of the cam
     node: int  # index of its node
-    contact: Driven  # contact with the follower
+    contact: CamPair  # contact with the follower
     lift: FloatArray  # unit vector of the lift, shape (3,)
     ahead: float  # distance along the lift from the cam centre to the follower node, m; zero for a finger follower
     face: float  # radius of a flat face, m

@@ -22,6 +22,7 @@
     const scene = data.scenes[Number(figure.dataset.scene)];
     const find = (selector) => figure.querySelector(selector);
     const canvas = find("canvas"), play = find(".play"), pick = find(".shape"), size = find(".size"), view = find(".view"), named = find(".names");
+    const lines = Object.entries(scene.lines), names = Object.entries(scene.names);
     const points = array(scene.points), count = points.length / 3;
     const low = [0, 1, 2].map((k) => Math.min(...points.filter((_, i) => i % 3 === k)));
     const high = [0, 1, 2].map((k) => Math.max(...points.filter((_, i) => i % 3 === k)));
@@ -32,20 +33,20 @@
     const choose = () => {
       const one = scene.shapes[Number(pick.value)];
       const frames = array(one.frames);
-      shape = { one, frames, most: largest(frames) };
-      phase = one.count === 1 ? 0.25 : 0;
+      shape = { one, frames, count: frames.length / points.length, most: largest(frames) };
+      phase = shape.count === 1 ? 0.25 : 0;
       draw();
       tell();
     };
     const factor = () => (shape.most > 0 ? 0.12 * extent / shape.most * 10 ** Number(size.value) : 0);
     const tell = () => {
-      const scale = shape.one.count === 1 ? "The size of a mode is free" : `Drawn ${factor().toPrecision(2)} times the computed motion`;
+      const scale = shape.count === 1 ? "The size of a mode is free" : `Drawn ${factor().toPrecision(2)} times the computed motion`;
       const still = shape.most > 0 ? "" : " No member moves.";
       find(".words").textContent = `${shape.one.name}: ${shape.one.words}.${still} ${scale}.`;
     };
     const displaced = (i, k) => {
-      if (shape.one.count === 1) return Math.sin(2 * Math.PI * phase) * shape.frames[3 * i + k];
-      const at = phase * (shape.one.count - 1), first = Math.min(Math.floor(at), shape.one.count - 2), part = at - first;
+      if (shape.count === 1) return Math.sin(2 * Math.PI * phase) * shape.frames[3 * i + k];
+      const at = phase * (shape.count - 1), first = Math.min(Math.floor(at), shape.count - 2), part = at - first;
       const frame = (n) => shape.frames[3 * (n * count + i) + k];
       return (1 - part) * frame(first) + part * frame(first + 1);
     };
@@ -63,31 +64,31 @@
       const scale = zoom * 0.8 * Math.min(canvas.width, canvas.height) / extent, amount = factor();
       const path = (line, moved) => {
         pen.beginPath();
-        for (let i = line.from; i < line.to; i += 1) pen.lineTo(...project(place(i, moved), scale));
+        for (let i = line[0]; i < line[1]; i += 1) pen.lineTo(...project(place(i, moved), scale));
         pen.stroke();
       };
       pen.clearRect(0, 0, canvas.width, canvas.height);
       pen.font = `${13 * ratio}px sans-serif`;
       pen.lineJoin = "round";
-      scene.lines.forEach((line) => {
+      lines.forEach(([, line]) => {
         pen.setLineDash([]);
         pen.strokeStyle = "#b5b5b5";
         pen.lineWidth = 1.5 * ratio;
         path(line, 0);
       });
-      scene.lines.forEach((line, n) => {
+      lines.forEach(([, line], n) => {
         pen.setLineDash(dashes[n % dashes.length].map((one) => one * ratio));
         pen.strokeStyle = colours[n % colours.length];
         pen.lineWidth = 3.5 * ratio;
         path(line, amount);
       });
       pen.setLineDash([]);
-      scene.lines.forEach((line, n) => {
+      lines.forEach(([name], n) => {
         pen.fillStyle = colours[n % colours.length];
-        pen.fillText(line.name, 12 * ratio, (20 + 18 * n) * ratio);
+        pen.fillText(name, 12 * ratio, (20 + 18 * n) * ratio);
       });
       pen.fillStyle = "#1a1a1a";
-      scene.names.forEach(({ name, at }) => {
+      names.forEach(([name, at]) => {
         const [x, y] = project(place(at, amount), scale);
         pen.beginPath();
         pen.arc(x, y, 3 * ratio, 0, 2 * Math.PI);
@@ -113,7 +114,7 @@
 
     const step = (now) => {
       if (!running) return;
-      phase = (phase + Math.max(now - before, 0) / (shape.one.count === 1 ? swing : revolution)) % 1;
+      phase = (phase + Math.max(now - before, 0) / (shape.count === 1 ? swing : revolution)) % 1;
       before = now;
       draw();
       running = requestAnimationFrame(step);
@@ -152,7 +153,7 @@
     pick.addEventListener("change", choose);
     size.addEventListener("input", () => { draw(); tell(); });
     view.addEventListener("change", () => { angles = [...views[view.value]]; draw(); });
-    named.checked = scene.names.length <= 12;
+    named.checked = names.length <= 12;
     named.addEventListener("change", draw);
     new ResizeObserver(draw).observe(canvas);
     window.addEventListener("beforeprint", draw);
