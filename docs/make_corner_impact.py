@@ -48,7 +48,7 @@ def drawn() -> Figure:
     height = [orbit_start(rpm).displacement[0] for rpm in above]
     axes.plot(above, height, color="0.3", linewidth=0.6, label="one impact per turn, closed form")
     axes.axvline(CORNER, color="0.6", linestyle="--", linewidth=0.8)
-    axes.annotate("impact at the corner", (CORNER, 0.93), (-4, 0), ("data", "axes fraction"), "offset points",
+    axes.annotate("impact at the corner", (CORNER, 0.65), (-4, 0), ("data", "axes fraction"), "offset points",
                   ha="right")  # fmt: skip
     axes.set_xlabel("cam speed, rpm")
     axes.set_ylabel("follower at cam angle 0, m")

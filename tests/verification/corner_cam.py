@@ -1,8 +1,8 @@
 """Follower of a plate cam whose curvature jumps, after an experiment on impacts and chaos in cam-follower systems.
 
-R. Alzate, M. di Bernardo, U. Montanaro and S. Santini, Experimental and numerical verification of bifurcations and chaos
-in cam-follower impacting systems, Nonlinear Dynamics 50 (2007) 409. The numbers are those of the example CamFollower of
-Siconos (examples/mechanics, FollowerPlugin and CamState): three arcs under a knife edge, no gravity.
+R. Alzate, M. di Bernardo, U. Montanaro and S. Santini, Experimental and numerical verification of bifurcations and
+chaos in cam-follower impacting systems, Nonlinear Dynamics 50 (2007) 409. The numbers are those of the example
+CamFollower of Siconos: arcs about three centres under a knife edge, no gravity.
 """
 
 from __future__ import annotations

@@ -84,7 +84,7 @@ def last_impact(rpm):
 def test_the_profile():
     """Three arcs: tangent, without a step, of the printed lift and preload."""
     assert pytest.approx(0.15393, abs=5e-6) == LIFT
-    assert PRELOAD / STIFFNESS == pytest.approx(BASE - 0.3)
+    assert pytest.approx(PRELOAD) == STIFFNESS * (BASE - 0.3)
     for at in (START, START + CORNER):
         assert height(at - 1e-9) == pytest.approx(height(at), abs=1e-9)
         assert height(at - 1e-9, 1) == pytest.approx(height(at, 1), abs=1e-8)
@@ -93,7 +93,7 @@ def test_the_profile():
 
 
 def test_speed_of_the_rigid_follower_at_its_first_loss_of_contact(record):
-    """m w^2 c'' + k c = 0 just behind the corner."""
+    """The contact force m w^2 c'' + k c vanishes just behind the corner."""
     corner = START + CORNER
     reference = math.sqrt(-STIFFNESS * height(corner) / (MASS * height(corner, 2))) / RPM
     lowest = []
