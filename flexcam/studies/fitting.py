@@ -1,0 +1,243 @@
+"""Fit of values of a case to measured curves: bounded least squares, confidence intervals, identifiability."""
+
+# pyright: reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from flexcam.analysis.model_choice import select_case
+from flexcam.analysis.preparation import build_problem, prepare
+from flexcam.case.case import Case
+from flexcam.core import FloatArray
+from flexcam.core.errors import InputError, positive, refuse, suggest_name
+from flexcam.core.units import conversion_factor
+from flexcam.dynamics import RunFailedError, SaveAt, Status, outline, solve
+from flexcam.io import SERIES
+from flexcam.io.exports import component_unit, read_columns
+from flexcam.studies.evaluation import Row, rejected_row
+from flexcam.studies.evaluators import PointEvaluator
+from flexcam.studies.executors import Variants
+from flexcam.studies.plan import Bundle, open_case
+
+_ABSCISSAS = {"time": ("s", 1.0), "cam angle": ("rad", 1.0), "crank angle": ("rad", 2.0)}
+"""SI unit of an abscissa, and its revolutions per camshaft revolution; the first in a file is used."""
+
+_SINGULAR = 1e-3
+"""Singular value of the scaled Jacobian, relative to the largest, below which values cannot be determined."""
+
+_STEP = 1e-3
+"""Step of central differences, relative to the interval of a value."""
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """Measured history of a channel or of a component of a probe."""
+
+    label: str  #: name as in the heading of a file
+    name: str  #: name of the channel or the component
+    series: str  #: ``displacement``, ``velocity`` or ``acceleration``; empty for a channel
+    unit: str  #: SI unit
+    values: FloatArray  #: measured values, SI, shape (m,); NaN where missing
+    noise: float | None = None  #: standard deviation of the noise, SI; estimated from the residuals if None
+
+
+@dataclass(frozen=True, eq=False)
+class Measurement:
+    """Measured curves over time, or over the cam angle of one revolution."""
+
+    over: Literal["angle", "time"]  #: abscissa
+    instants: FloatArray  #: cam angles, rad, or times, s, shape (m,)
+    curves: tuple[Curve, ...]  #: curves to be fitted
+
+    def simulate(self, case: Case) -> FloatArray:
+        """Return the curves of a run at the measured instants, shape (curves, m); angles are of the last revolution."""
+        ready = prepare(select_case(case)[0])
+        save = SaveAt(field_every=ready.problem.steps + 1, channels=any(not curve.series for curve in self.curves))
+        response = solve(ready.problem, ready.scheme, save=save)
+        if not response.status.ok:
+            raise RunFailedError(response.status)
+        times: FloatArray = self.instants
+        if self.over == "angle":
+            end = response.angle[-1]
+            if end - response.angle[0] < 2.0 * math.pi * (1.0 - 1e-9):
+                raise refuse("run.revolutions", case.record.run.revolutions, "1 or more", "angles are of a revolution")
+            turn = np.mod(self.instants - end + 1e-9, 2.0 * math.pi) - 1e-9
+            turn[(turn < 1e-9) & (self.instants > self.instants.min() + math.pi)] = 2.0 * math.pi  # the end of it
+            times = np.interp(end - 2.0 * math.pi + turn, response.angle, response.time)
+        elif times.min() < response.time[0] or times.max() > response.time[-1]:
+            given = f"times from {times.min():g} to {times.max():g} s"
+            raise refuse("--to", given, f"times of the run, up to {response.time[-1]:g} s", "", "run more revolutions")
+        order = np.argsort(times)
+        seen = response.at(times[order])
+        found = [getattr(seen[one.name], one.series) if one.series else seen.channels[one.name] for one in self.curves]
+        return np.array(found)[:, np.argsort(order)]
+
+
+def read_measurement(path: Path, case: Case, only: Sequence[str] = (), noises: Sequence[str] = ()) -> Measurement:
+    """Read the columns of a CSV file, all or those named; noises are ``NAME=VALUE`` in the unit of the column."""
+    columns = read_columns(path, "--to")
+    over = next((name for name in _ABSCISSAS if name in columns), None)
+    wanted = list(only) or [name for name in columns if name not in _ABSCISSAS]
+    if over is None or not wanted:
+        allowed = f"a column {', '.join(map(repr, _ABSCISSAS))}, and a measured one"
+        raise refuse("--to", ", ".join(columns), allowed, "", "name it in the heading, with its unit: time [s]")
+    given = dict(_parse_noise(text) for text in noises)
+    for option, names, known in (("--column", wanted, columns), ("--noise", given, wanted)):
+        if unknown := [name for name in names if name not in known]:
+            near = suggest_name(unknown[0], known)
+            raise refuse(option, repr(unknown[0]), ", ".join(known), "there is no such column", near)
+    si, turns = _ABSCISSAS[over]
+    instants = columns[over][1] * conversion_factor(columns[over][0], si, f"--to, {over}") / turns
+    if np.isnan(instants).any():
+        raise refuse("--to", str(path), f"a number of {over} in every row")
+    curves: list[Curve] = []
+    for name in wanted:
+        curve, (unit, values) = _find_curve(case, name), columns[name]
+        factor = conversion_factor(unit, curve.unit, f"--to, {name}")
+        noise = positive("--noise", given[name] * factor, curve.unit) if name in given else None
+        curves.append(replace(curve, values=values * factor, noise=noise))
+    return Measurement("time" if over == "time" else "angle", instants, tuple(curves))
+
+
+def _parse_noise(text: str) -> tuple[str, float]:
+    name, _, size = text.partition("=")
+    try:
+        return name.strip(), float(size)
+    except ValueError:
+        allowed = "NAME=VALUE, a standard deviation in the unit of the column"
+        raise refuse("--noise", repr(text), allowed, "", "such as 'valve displacement=0.005'") from None
+
+
+def _find_curve(case: Case, name: str) -> Curve:
+    """Return a curve without values by its name: a channel, or a component of a probe with its series."""
+    named = outline(build_problem(case)[1])
+    units = dict(named.channels)
+    if name in units:
+        return Curve(name, name, "", units[name], np.zeros(0))
+    probes = {one if len(parts) == 1 else f"{one}.{part}": part for one, parts in named.probes for part in parts}
+    probe, _, series = name.rpartition(" ") if name.rpartition(" ")[2] in SERIES else (name, "", "displacement")
+    if probe not in probes:
+        known = [*(f"{one} {series}" for one in probes), *units]
+        raise refuse("--to", repr(name), ", ".join(known), "the case has no other result", suggest_name(name, known))
+    return Curve(f"{probe} {series}", probe, series, component_unit(probes[probe], SERIES[series]), np.zeros(0))
+
+
+def evaluate_curves(
+    source: Bundle | Path, variants: Variants, *, fixed: tuple[str, ...], measured: Measurement
+) -> list[Row]:
+    """Return rows with the curves of variants, in a worker."""
+    file, rows = open_case(source), list[Row]()
+    for overrides in variants:
+        try:
+            values = measured.simulate(file.read((*fixed, *overrides)))
+            rows.append(Row(Status(), history=("curves", values.tobytes())))
+        except InputError as refusal:
+            rows.append(rejected_row(refusal))
+        except RunFailedError as failure:
+            rows.append(Row(failure.status))
+    return rows
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Result of a fit; k values, n measured numbers."""
+
+    start: FloatArray  #: values before, in the units of the variables, shape (k,)
+    values: FloatArray  #: fitted values, shape (k,)
+    intervals: FloatArray  #: half widths of the 95 % confidence intervals, shape (k,); infinite if not determined
+    correlation: FloatArray  #: of the estimates, shape (k, k)
+    undetermined: tuple[tuple[int, ...], ...]  #: sets of values that only together, or not at all, change the curves
+    noise: FloatArray  #: standard deviations by curve, given or estimated, SI
+    misfit: float  #: root mean square of the residuals relative to the noise
+    before: FloatArray  #: curves at the start, shape (curves, m)
+    after: FloatArray  #: curves at the end
+    serial: FloatArray  #: correlation of successive residuals by curve
+    runs: int  #: number of runs
+    converged: bool  #: whether the search met its tolerance
+
+    @staticmethod
+    def rms(measured: Measurement, curves: FloatArray) -> FloatArray:
+        """Return the root mean square of the residuals of each curve."""
+        return np.sqrt(np.nanmean((curves - [one.values for one in measured.curves]) ** 2, axis=1))
+
+    def correlated(self) -> list[tuple[int, int]]:
+        """Return the pairs of values with an absolute correlation above 0.95."""
+        return [(int(j), int(i)) for i, j in np.argwhere(np.tril(np.abs(self.correlation), -1) > 0.95)]
+
+
+def fit_curves(points: PointEvaluator, measured: Measurement, *, steps: int = 50) -> Fit:
+    """Fit the variables of a case to measured curves by weighted least squares within their intervals.
+
+    Trust region reflective: M. A. Branch, T. F. Coleman and Y. Li, SIAM J. Sci. Comput. 21 (1999) 1. The intervals are
+    those of the linearized problem, with Student's t: G. A. F. Seber and C. J. Wild, Nonlinear Regression (1989).
+    """
+    from scipy.optimize import least_squares
+    from scipy.stats import t as student
+
+    variables, count = points.variables, [0]
+    low, high = np.array([(one.low, one.high) for one in variables]).T
+    wanted = np.array([curve.values for curve in measured.curves])
+    known = ~np.isnan(wanted)
+    free = int(known.sum()) - len(variables)
+    if free < 1:
+        raise refuse("--to", f"{known.sum()} measured numbers", f"more than the {len(variables)} values to be fitted")
+
+    def simulate(parts: FloatArray) -> FloatArray:
+        rows = points.rows(low + parts * (high - low))
+        count[0] += len(rows)
+        for row in rows:
+            if row.history is None:
+                raise RunFailedError(row.status)
+        return np.array([np.frombuffer(row.history[1]).reshape(wanted.shape) for row in rows if row.history])
+
+    def residuals(parts: FloatArray) -> FloatArray:
+        return ((simulate(parts[None])[0] - wanted) / noise[:, None])[known]
+
+    def jacobian(parts: FloatArray) -> FloatArray:
+        steps = _STEP * np.eye(len(parts))
+        ends = np.clip(np.concatenate([parts + steps, parts - steps]), 0.0, 1.0)
+        plus, minus = np.split(simulate(ends) / noise[:, None], 2)
+        widths = (ends[: len(parts)] - ends[len(parts) :]).sum(axis=1)
+        return np.array([((a - b) / width)[known] for a, b, width in zip(plus, minus, widths, strict=True)]).T
+
+    begin = np.array([0.5 if one.start is None or not 0.0 <= one.start <= 1.0 else one.start for one in variables])
+    spread = np.array([np.nanstd(curve.values) or 1.0 for curve in measured.curves])
+    given = np.array([curve.noise or math.nan for curve in measured.curves])
+    unknown = np.isnan(given)
+    noise = np.where(unknown, spread, given)
+    before, parts = simulate(begin[None])[0], begin
+    after, converged = before, False
+    for _ in range(2 if unknown.any() and len(given) > 1 else 1):  # then with the noise estimated by curve
+        found = least_squares(
+            residuals, parts, jac=jacobian, bounds=(0.0, 1.0), x_scale="jac", xtol=1e-10, max_nfev=steps
+        )
+        parts, after, converged = found.x, simulate(found.x[None])[0], bool(found.status > 0)
+        rest = np.where(known, after - wanted, 0.0)
+        estimated = np.sqrt((rest**2).sum(axis=1) / known.sum(axis=1) * (free + len(parts)) / free)
+        noise = np.where(unknown, np.maximum(estimated, 1e-12 * spread), given)
+    J = jacobian(parts)
+    misfit = math.sqrt((residuals(parts) ** 2).sum() / free)
+    sizes = np.linalg.norm(J, axis=0)
+    scaled = J / np.where(sizes > 0.0, sizes, 1.0)
+    _, singular, turned = np.linalg.svd(scaled, full_matrices=False)
+    weak = singular < _SINGULAR * singular.max()
+    undetermined = tuple(tuple(np.flatnonzero(np.abs(row) > 0.1).tolist()) for row in turned[weak])
+    regular = turned[~weak] / singular[~weak, None]
+    rest = np.where(known, after - wanted, 0.0)[:, np.argsort(measured.instants)]
+    serial = (rest[:, 1:] * rest[:, :-1]).sum(axis=1) / np.maximum((rest**2).sum(axis=1), 1e-300)
+    covariance = regular.T @ regular / np.outer(*[np.where(sizes > 0.0, sizes, 1.0)] * 2)
+    deviation = np.sqrt(np.diag(covariance))
+    scale = np.where(deviation > 0.0, deviation, 1.0)
+    intervals = student.ppf(0.975, free) * deviation * (misfit if unknown.all() else 1.0) * (high - low)
+    intervals[sorted({i for group in undetermined for i in group})] = math.inf
+    return Fit(
+        low + begin * (high - low), low + parts * (high - low), intervals, covariance / np.outer(scale, scale),
+        undetermined, noise, misfit, before, after, serial, count[0], converged,
+    )  # fmt: skip
