@@ -65,12 +65,12 @@ class Measurement:
             raise RunFailedError(response.status)
         times: FloatArray = self.instants
         if self.over == "angle":
-            end = response.angle[-1]
+            end = float(response.angle[-1])
             if end - response.angle[0] < 2.0 * math.pi * (1.0 - 1e-9):
                 raise refuse("run.revolutions", case.record.run.revolutions, "1 or more", "angles are of a revolution")
             turn = np.mod(self.instants - end + 1e-9, 2.0 * math.pi) - 1e-9
             turn[(turn < 1e-9) & (self.instants > self.instants.min() + math.pi)] = 2.0 * math.pi  # the end of it
-            times = np.interp(end - 2.0 * math.pi + turn, response.angle, response.time)
+            times = np.asarray(np.interp(end - 2.0 * math.pi + turn, response.angle, response.time), dtype=float)
         elif times.min() < response.time[0] or times.max() > response.time[-1]:
             given = f"times from {times.min():g} to {times.max():g} s"
             raise refuse("--to", given, f"times of the run, up to {response.time[-1]:g} s", "", "run more revolutions")
