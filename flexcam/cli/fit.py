@@ -29,7 +29,8 @@ from flexcam.cli.sensitivity import WorkerCount
 from flexcam.dynamics import Cause, Status
 from flexcam.report.terminal import StudyOutput, finite_or_none, format_csv, format_number, plain_table, show_count
 from flexcam.studies.evaluators import PointEvaluator, Variable, open_evaluator, variables_of
-from flexcam.studies.fitting import Fit, Measurement, evaluate_curves, fit_curves, read_measurement
+from flexcam.studies.fitting import Fit, fit_curves
+from flexcam.studies.measurement import Measurement, evaluate_curves, read_measurement
 from flexcam.studies.sweep import check_case_resources
 
 if TYPE_CHECKING:

@@ -17,7 +17,8 @@ from scipy.stats import t as student
 
 from flexcam.case.reader import CaseFile
 from flexcam.studies.evaluators import PointEvaluator, open_evaluator, variables_of
-from flexcam.studies.fitting import Curve, Measurement, evaluate_curves, fit_curves
+from flexcam.studies.fitting import fit_curves
+from flexcam.studies.measurement import Curve, Measurement, evaluate_curves
 
 SOURCE = "Fits to synthetic measurements"
 TRUE = {"springs.one.stiffness": 42e3, "springs.one.damping": 6.0, "loads.push.force": -160.0}
