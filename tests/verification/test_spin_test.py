@@ -19,7 +19,7 @@ from flexcam.case.builder import build_model
 
 SOURCE = "Spin tests of valve masses, small-block V8 (measured)"
 MEASURED = {119: 7600.0, 101: 8000.0, 89: 8300.0}
-CASE = "cases/spin-test/intake.toml"
+CASE = "cases/spin-test/valve-mass.toml"
 SIDES = {"cam side": "contacts.intake.force", "valve side": "contacts.lash.force"}
 ABOVE, OPEN = 1.5e-3, 1.0
 """Cam lift in m above which a contact counts, and the cam angle, deg, for which it must be open."""
