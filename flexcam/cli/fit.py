@@ -113,7 +113,11 @@ def fit_output(variables: Sequence[Variable], measured: Measurement, found: Fit)
         f"{keys[i]} and {keys[j]} are correlated ({found.correlation[i, j]:+.3f}): the curves hardly tell them apart"
         for i, j in found.correlated()
     ]
-    ends = [one.key for one, x in zip(variables, found.values, strict=True) if min(x - one.low, one.high - x) <= 1e-6]
+    ends = [
+        one.key
+        for one, x in zip(variables, found.values.tolist(), strict=True)
+        if min(x - one.low, one.high - x) <= 1e-3 * (one.high - one.low)
+    ]
     words += [f"{key} is at an end of its interval; a wider interval may fit better" for key in ends]
     if found.misfit > 2.0:
         words.append(f"The residuals are {found.misfit:.2g} times the noise: the model does not describe the curves.")

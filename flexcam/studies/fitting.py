@@ -111,10 +111,11 @@ def fit_curves(points: PointEvaluator, measured: Measurement, *, steps: int = 50
     scaled = J / np.where(sizes > 0.0, sizes, 1.0)
     _, singular, turned = np.linalg.svd(scaled, full_matrices=False)
     weak = singular < _SINGULAR * singular.max()
-    undetermined = tuple(tuple(np.flatnonzero(np.abs(row) > 0.1).tolist()) for row in turned[weak])
+    undetermined = tuple(tuple(np.flatnonzero(np.abs(row) > 0.01).tolist()) for row in turned[weak])
     regular = turned[~weak] / singular[~weak, None]
     rest = np.where(known, after - wanted, 0.0)[:, np.argsort(measured.instants)]
-    serial = (rest[:, 1:] * rest[:, :-1]).sum(axis=1) / np.maximum((rest**2).sum(axis=1), 1e-300)
+    rounding = (1e-9 * spread[:, None] * known).sum(axis=1) ** 2
+    serial = (rest[:, 1:] * rest[:, :-1]).sum(axis=1) / ((rest**2).sum(axis=1) + rounding)
     covariance = regular.T @ regular / np.outer(*[np.where(sizes > 0.0, sizes, 1.0)] * 2)
     deviation = np.sqrt(np.diag(covariance))
     scale = np.where(deviation > 0.0, deviation, 1.0)

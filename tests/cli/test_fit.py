@@ -54,6 +54,19 @@ def test_fit_to_an_export(flexcam, files, tmp_path):
     assert "±" in shown
 
 
+def test_warnings_of_a_fit(flexcam, files):
+    """Mass, stiffness, damping and force act only together on a position; an interval ends before the true value."""
+    case, export = files
+    told = ("fit", case, "--to", export, "--column", "mass.uy displacement")
+    keys = {"springs.one.stiffness": "20:80kN/m", "springs.one.damping": "1:20N s/m", "masses.mass.mass": "50:200g",
+            "loads.push.force": "-300:-50N"}  # fmt: skip
+    shown = flexcam(*told, *(word for key, ends in keys.items() for word in ("--vary", f"{key}={ends}"))).out
+    assert f"The curves do not determine {' and '.join(keys)}: fix all but one of them" in " ".join(shown.split())
+    shown = flexcam(*told, "--vary", "springs.one.damping=1:5.5 N s/m").out
+    assert "springs.one.damping is at an end of its interval" in shown
+    assert "Successive residuals of mass.uy displacement are correlated" in shown
+
+
 def test_angles_times_and_units(flexcam, files, tmp_path):
     """The same curve over crank angle in mm of the last revolution, and over time in m, gives the same values."""
     case, export = files
