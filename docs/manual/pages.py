@@ -8,7 +8,7 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from manual.rows import Row
-from manual.tables import by_source, escaped, sections
+from manual.tables import by_source, compared, escaped, sections
 
 
 @dataclass(frozen=True)
@@ -51,6 +51,49 @@ SYSTEMS = (
     ),
 )
 
+BENCHMARKS = (
+    Published(
+        "corner-impact",
+        "A cam follower at a corner of its cam's curvature (Alzate, di Bernardo et al.)",
+        ("Alzate, di Bernardo et al., corner impact of a cam follower",),
+    ),
+    Published(
+        "code-aster",
+        "Beams and a mass on stops (code_aster)",
+        (
+            "SDNL32 of code_aster, hinged beam on an elastic stop",
+            "Hinged beam on a stop, natural modes in closed form and DOP853",
+            "SDNL301 of code_aster, tube in loose supports",
+            "Tube in loose supports, DOP853 on 25 modes",
+            "SDND101 of code_aster, closed form",
+        ),
+    ),
+    Published(
+        "impacts",
+        "Impacts and sustained contact in closed form",
+        (
+            "Orbits of the impact oscillator",
+            "Ball on a floor",
+            "One-dimensional wave theory",
+            "Sustained unilateral contact, closed form",
+        ),
+    ),
+    Published(
+        "spin-test",
+        "Spin tests of valve masses (partial validation)",
+        ("Spin tests of valve masses, small-block V8 (measured)",),
+    ),
+)
+
+ORIGINS = {
+    "SDNL32 of code_aster, hinged beam on an elastic stop": "computed by others",
+    "SDNL301 of code_aster, tube in loose supports": "computed by others",
+    "Hinged beam on a stop, natural modes in closed form and DOP853": "computed here by another method",
+    "Tube in loose supports, DOP853 on 25 modes": "computed here by another method",
+    "Spin tests of valve masses, small-block V8 (measured)": "measured",
+}
+"""What the references of a source are, where they are no closed form."""
+
 
 def _environment() -> Environment:
     folder = FileSystemLoader(Path(__file__).parent)
@@ -70,8 +113,8 @@ class Numbers:
 
 def _sorted_out(rows: list[Row]) -> tuple[dict[str, list[Row]], list[Row]]:
     """Return the rows of each published system, and those of none."""
-    its = {one.name: [row for row in rows if row["source"] in one.sources] for one in SYSTEMS}
-    taken = {source for one in SYSTEMS for source in one.sources}
+    its = {one.name: [row for row in rows if row["source"] in one.sources] for one in (*SYSTEMS, *BENCHMARKS)}
+    taken = {source for one in (*SYSTEMS, *BENCHMARKS) for source in one.sources}
     return its, [row for row in rows if row["source"] not in taken]
 
 
@@ -82,14 +125,24 @@ def pages(rows: list[Row]) -> dict[str, str]:
         f"{one.name}.md": made.get_template(f"{one.name}.md.j2").render(
             title=one.title, n=Numbers(its[one.name]), tables=sections(its[one.name])
         )
-        for one in SYSTEMS
+        for one in (*SYSTEMS, *BENCHMARKS)
     }
+    of_benchmarks = [row for one in BENCHMARKS for row in its[one.name]]
+    found["benchmarks.md"] = made.get_template("benchmarks.md.j2").render(table=compared(of_benchmarks, ORIGINS))
     found["numbers.md"] = made.get_template("numbers.md.j2").render(tables=sections(others))
     summary = [
-        (escaped(source), path, len(group), next((s.name for s in SYSTEMS if source in s.sources), "numbers"))
+        (
+            escaped(source),
+            path,
+            len(group),
+            next((s.name for s in (*SYSTEMS, *BENCHMARKS) if source in s.sources), "numbers"),
+        )
         for source, path, group in by_source(rows)
     ]
     found["index.md"] = made.get_template("index.md.j2").render(
-        systems=[(one.name, one.title, len(its[one.name])) for one in SYSTEMS], summary=summary, total=len(rows)
+        systems=[(one.name, one.title, len(its[one.name])) for one in SYSTEMS],
+        benchmarks=[(one.name, one.title, len(its[one.name])) for one in BENCHMARKS],
+        summary=summary,
+        total=len(rows),
     )
     return found

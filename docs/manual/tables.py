@@ -41,6 +41,18 @@ def table(rows: list[Row]) -> str:
     return "\n".join([HEAD, *lines])
 
 
+def compared(rows: list[Row], origins: dict[str, str]) -> str:
+    """Return rows with their sources, and what their references are: a closed form where nothing else is known."""
+    head = "| case | source | reference is | quantity | unit | reference | flexcam | error |\n|" + 8 * "---|"
+    lines: list[str] = []
+    for row in rows:
+        case, quantity, unit_of, reference, computed, *_ = cells(row)
+        origin = origins.get(row["source"], "closed form")
+        shown = [case, row["source"], origin, quantity, unit_of, reference, computed, rounded(row)]
+        lines.append("| " + " | ".join(escaped(cell) for cell in shown) + " |")
+    return "\n".join([head, *lines])
+
+
 def reasons(rows: list[Row]) -> str:
     """Return why the tolerances are what they are, each reason once."""
     said = dict.fromkeys(row["reason"] for row in rows)

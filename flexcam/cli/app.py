@@ -37,7 +37,9 @@ COMMANDS: Mapping[str, Mapping[str, str]] = {
     "Pictures and files": {"plot": "plot", "view": "view", "report": "result_files", "export": "result_files"},
     "Dynamics": {"modes": "modes", "stability": "stability", "limits": "limits", "campbell": "campbell"},
     "Cams": {"law": "law", "cam": "cam", "synthesize": "synthesize"},
-    "Studies": {"sweep": "sweep", "optimize": "optimize", "sensitivity": "sensitivity", "trade": "compare"},
+    "Studies": {
+        "sweep": "sweep", "optimize": "optimize", "fit": "fit", "sensitivity": "sensitivity", "trade": "compare",
+    },
     "Reference": {"selftest": "selftest", "schema": "case_files"},
 }  # fmt: skip
 """Commands by panel of the help, each with its file in this package."""
@@ -88,7 +90,9 @@ IGNORED_KEYS = (
         "it uses the model that the case names",
         "only flexcam run chooses a model and estimates errors; name the model by fidelity.model",
     ),
-    IgnoredKeys(("sensitivity", "optimize"), ("fidelity.estimate",), "it estimates no errors of its runs", _OMIT),
+    IgnoredKeys(
+        ("sensitivity", "optimize", "fit"), ("fidelity.estimate",), "it estimates no errors of its runs", _OMIT
+    ),
     IgnoredKeys(
         ("trade",),
         (*_MODEL, *_ACCURACY),

@@ -12,6 +12,7 @@ import numpy as np
 from cyclopts import Parameter
 from rich.table import Table
 
+from flexcam.case.reader import CaseFile as OpenCase
 from flexcam.cli.app import (
     AllowLarge,
     CaseFile,
@@ -55,6 +56,30 @@ from flexcam.studies.optimization import optimize as minimize
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+Vary = Annotated[
+    list[str],
+    Parameter("--vary", negative=(), help="Value of the case and its interval: KEY=LOW:HIGHunit. Repeatable."),
+]
+NewCase = Annotated[Path | None, Parameter(["-o", "--output"], help="Also write the best variant to this case file.")]
+
+
+def check_outputs(target: Path | None, csv: Path | None, plot: Path | None, read: list[Path], overwrite: bool) -> None:
+    """Raise an error if a case, a table or a figure cannot be written, before a computation."""
+    check_distinct_files({"--output": target, "--csv": csv, "--plot": plot}, read)
+    check_figure_path(plot, overwrite)
+    for path in (csv, target):
+        if path is not None:
+            check_writable("output", path, overwrite=overwrite)
+    if target is not None and target.suffix != ".toml":
+        raise refuse("--output", str(target), "a name that ends in .toml", "it is a case file")
+
+
+def write_variant(file: OpenCase, overrides: Sequence[str], target: Path, title: str, *, overwrite: bool) -> list[Path]:
+    """Write a variant of a case as a case file, and return its path."""
+    head = (title, *(f"  --set {one}" for one in overrides))
+    write_text(target, resolved_case_text(file.read(overrides), target, head), overwrite=overwrite)
+    return [target]
+
 
 @app.command(
     help_prologue="""\
@@ -65,10 +90,7 @@ flexcam optimize case.toml --vary cams.intake.rise=60:90deg --least cams.intake.
 )
 def optimize(
     case: CaseFile, *,
-    vary: Annotated[
-        list[str],
-        Parameter("--vary", negative=(), help="Value of the case and its interval: KEY=LOW:HIGHunit. Repeatable."),
-    ],
+    vary: Vary,
     least: Annotated[
         list[str] | None, Parameter("--least", negative=(), help="Result to minimize: a scalar of a run.")
     ] = None,
@@ -80,20 +102,11 @@ def optimize(
     evaluations: Annotated[int, Parameter(help="Approximate number of variants to run.")] = 200,
     seed: Annotated[int, Parameter(help="Random seed; the same seed gives the same search.")] = 0,
     workers: WorkerCount = 1, lowest: Lowest = None, highest: Highest = None, within: Within = "10 rpm",
-    target: Annotated[
-        Path | None, Parameter(["-o", "--output"], help="Also write the best variant to this case file (.toml).")
-    ] = None,
-    csv: Csv = None, plot: Picture = None,
+    target: NewCase = None, csv: Csv = None, plot: Picture = None,
     overrides: Overrides = None, allow_large: AllowLarge = False, overwrite: Overwrite = False, as_json: Json = False,
 ) -> Status:  # fmt: skip
     """Find the best variant of a case under constraints, or the Pareto front of two goals."""
-    check_distinct_files({"--output": target, "--csv": csv, "--plot": plot}, [case])
-    check_figure_path(plot, overwrite)
-    for path in (csv, target):
-        if path is not None:
-            check_writable("output", path, overwrite=overwrite)
-    if target is not None and target.suffix != ".toml":
-        raise refuse("--output", str(target), "a name that ends in .toml", "it is a case file")
+    check_outputs(target, csv, plot, [case], overwrite)
     goals = (*(Goal(name) for name in least or ()), *(Goal(name, most=True) for name in most or ()))
     if len(goals) not in (1, 2):
         raise refuse("goals", f"{len(goals)} of --least and --most", "one, or two for a Pareto front")
@@ -116,9 +129,8 @@ def optimize(
     written: list[Path] = []
     if target is not None and found.best is not None:
         best = (*asked.fixed, *design.points.overrides(found.points[found.best]))
-        title = (f"The best variant of {asked.file.path.name}:", *(f"  --set {one}" for one in best))
-        write_text(target, resolved_case_text(asked.file.read(best), target, title), overwrite=overwrite)
-        written.append(target)
+        title = f"The best variant of {asked.file.path.name}:"
+        written += write_variant(asked.file, best, target, title, overwrite=overwrite)
     ended = Status()
     if found.stopped:
         done = f"stopped by the user after {len(found.rows)} of about {evaluations} variants; the result is their best"

@@ -196,6 +196,16 @@ def parse(value: float | str, dimension: str, where: str = "value", *, noise: bo
     return si
 
 
+def conversion_factor(unit: str, si: str, where: str) -> float:
+    """Return the factor from a unit, such as ``kN``, to an SI unit of the same quantity, such as ``N``."""
+    (factor, exponents), (one, wanted) = (
+        _unit_product(text, where) if text not in ("", "1") else (Decimal(1), _NONE) for text in (unit, si)
+    )
+    if exponents != wanted:
+        raise refuse(where, repr(unit), f"a unit of the same quantity as {si or '1'}", "the unit measures another one")
+    return float(_EXACT.divide(factor, one))
+
+
 def shaft_name(turns: float) -> str:
     """Return the name of the shaft whose speed is given, as written before ``rpm``."""
     return "crank" if turns == 2.0 else "camshaft"

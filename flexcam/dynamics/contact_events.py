@@ -192,11 +192,15 @@ class EventStepper:
         sharp = max(TIME_TOLERANCE * length, ROUNDING * abs(to.time))
         moment, there, was_beyond = trial, to, False
         near, far = float(self._penetrations(now)[0][which]), float(self._penetrations(trial)[0][which])
+        # A stiff contact in the trial holds the penetration small, wherever in the step the crossing lies.
+        at_end = abs(far) <= END_TOLERANCE * length * abs(float(self._penetrations(now)[1][which]))
         for _ in range(CORRECTIONS):
             if after <= END_TOLERANCE * length:
                 return replace(now, impulse=None, iterations=0), self._at(now.time)
             if after >= (1.0 - END_TOLERANCE) * length:
-                return trial, to
+                if at_end:
+                    return trial, to
+                after = 0.5 * (low + high)
             there = self._at(now.time + after)
             moment = self._advance(now, there)
             its_penetration, its_rate = (float(one[which]) for one in self._penetrations(moment))

@@ -259,6 +259,23 @@ def progress_figure(costs: FloatArray, inside: np.ndarray, best: FloatArray, lab
     return figure
 
 
+def fit_figure(
+    instants: FloatArray, label: str, curves: Mapping[str, tuple[FloatArray, FloatArray, FloatArray]]
+) -> Figure:
+    """Return measured curves with those of the model before and after a fit, one diagram per curve."""
+    figure = Figure(figsize=(7.0, 0.8 + 2.6 * len(curves)), layout="constrained")
+    axes, order = list(np.atleast_1d(np.asarray(figure.subplots(len(curves), sharex=True)))), np.argsort(instants)
+    for axis, (name, (measured, before, after)) in zip(axes, curves.items(), strict=True):
+        axis.plot(instants[order], measured[order], ".", color="0.55", markersize=3.0, label="measured")
+        axis.plot(instants[order], before[order], "--", color=COLOURS[1], linewidth=1.2, label="before")
+        axis.plot(instants[order], after[order], color=COLOURS[0], linewidth=1.4, label="after the fit")
+        axis.set_ylabel(name)
+        axis.grid(alpha=0.3)
+    axes[-1].set_xlabel(label)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=3, fontsize="small")
+    return figure
+
+
 def front_figure(values: FloatArray, inside: np.ndarray, front: Sequence[int], labels: tuple[str, str]) -> Figure:
     """Return a figure with two goals against each other and their Pareto front."""
     figure = Figure(figsize=(7.0, 5.0), layout="constrained")

@@ -21,7 +21,14 @@ from flexcam.core.errors import Fault, InputError, parse_all, refuse
 from flexcam.dynamics import Cause, ProgressCallback, Status, track_progress
 from flexcam.io import find_referenced_file, format_toml
 from flexcam.studies.evaluation import Row, rejected_row
-from flexcam.studies.executors import ProcessWorkers, SerialWorkers, Variants, divide_variants, open_runner
+from flexcam.studies.executors import (
+    Evaluate,
+    ProcessWorkers,
+    SerialWorkers,
+    Variants,
+    divide_variants,
+    open_runner,
+)
 from flexcam.studies.plan import Axis, Bundle, Plan, Value, make_plan, open_case, parse_axis
 from flexcam.studies.quantities import get_number, make_overrides, quantity_row, require_complete
 
@@ -147,6 +154,15 @@ def create_evaluator(
 ) -> Generator[Runs]:  # fmt: skip
     """Yield a function that evaluates variants, with workers that end with the context."""
     evaluate = partial(evaluate_variants, fixed=tuple(fixed), names=tuple(names), search=search, runs=runs)
+    with open_evaluator(file, evaluate, workers=workers, advance=advance) as run:
+        yield run
+
+
+@contextmanager
+def open_evaluator(
+    file: CaseFile, evaluate: Evaluate, *, workers: int = 1, advance: ProgressCallback | None = None
+) -> Generator[Runs]:
+    """Yield a function that distributes variants to workers, which end with the context."""
     with open_runner(SerialWorkers() if workers == 1 else ProcessWorkers(workers), file.path, evaluate) as run_chunks:
 
         def run(variants: Variants) -> Iterator[Row]:

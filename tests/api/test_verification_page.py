@@ -71,6 +71,14 @@ def test_the_five_published_systems_have_rows_and_pages(manual, kept):
         assert {"## Reproduced and not reproduced", "## Errata"} <= set(text.splitlines())
 
 
+def test_benchmarks_have_rows_and_pages(manual, kept):
+    """A source that is not of closed forms says so in the table of all benchmarks."""
+    benchmarks = manual["pages"].BENCHMARKS
+    known = {row["source"] for row in kept}
+    assert all(set(one.sources) <= known for one in benchmarks)
+    assert set(manual["pages"].ORIGINS) <= {source for one in benchmarks for source in one.sources}
+
+
 def test_tests_named_as_proof_of_an_erratum_exist(manual):
     """A page may not name a test that was renamed."""
     known = {name.rpartition("::")[2] for name in manual["rows"].existing()}

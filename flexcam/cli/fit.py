@@ -1,0 +1,157 @@
+"""Command that fits values of a case to measured curves: fit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+from cyclopts import Parameter
+
+from flexcam.case.reader import CaseFile as OpenCase
+from flexcam.cli.app import (
+    AllowLarge,
+    CaseFile,
+    Csv,
+    Json,
+    Overrides,
+    Overwrite,
+    Picture,
+    app,
+    check_positive,
+    warn_ignored_keys,
+    write_answer,
+)
+from flexcam.cli.optimize import NewCase, Vary, check_outputs, write_variant
+from flexcam.cli.sensitivity import WorkerCount
+from flexcam.dynamics import Cause, Status
+from flexcam.report.terminal import StudyOutput, finite_or_none, format_csv, format_number, plain_table, show_count
+from flexcam.studies.evaluators import PointEvaluator, Variable, open_evaluator, variables_of
+from flexcam.studies.fitting import Fit, fit_curves
+from flexcam.studies.measurement import Measurement, evaluate_curves, read_measurement
+from flexcam.studies.sweep import check_case_resources
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_TO = "Measured curves (.csv) with headings such as 'crank angle [deg]' or 'time [s]', and 'valve displacement [mm]'."
+
+
+@app.command(
+    help_prologue="""\
+flexcam fit case.toml --to measured.csv --vary springs.valve.stiffness=40:60kN/m --vary cams.intake.phase=100:110deg
+flexcam fit case.toml --to measured.csv --vary masses.valve.mass=80:100g --noise 'valve displacement=0.005' --plot f.svg
+"""
+)
+def fit(
+    case: CaseFile, *,
+    to: Annotated[Path, Parameter(help=_TO)],
+    vary: Vary,
+    column: Annotated[
+        list[str] | None, Parameter("--column", negative=(), help="Column to fit; all by default. Repeatable.")
+    ] = None,
+    noise: Annotated[
+        list[str] | None,
+        Parameter("--noise", negative=(), help="Standard deviation of a column, in its unit: NAME=VALUE. Repeatable."),
+    ] = None,
+    steps: Annotated[int, Parameter(help="Maximum number of steps of the search.")] = 50,
+    workers: WorkerCount = 1, target: NewCase = None, csv: Csv = None, plot: Picture = None,
+    overrides: Overrides = None, allow_large: AllowLarge = False, overwrite: Overwrite = False, as_json: Json = False,
+) -> Status:  # fmt: skip
+    """Fit values of a case to measured curves, with 95 % confidence intervals and a warning of correlated values.
+
+    Angles are compared with the last revolution of the run, times with the whole run. A column without --noise is
+    weighted by its own residuals.
+    """
+    check_outputs(target, csv, plot, [case, to], overwrite)
+    check_positive("--steps", steps)
+    file, fixed = OpenCase.open(case), tuple(overrides or ())
+    given = file.read(fixed)
+    warn_ignored_keys(fixed, given)
+    if not allow_large:
+        check_case_resources(given, together=workers)
+    variables, measured = variables_of(given, vary, "--vary"), read_measurement(to, given, column or (), noise or ())
+    evaluate = partial(evaluate_curves, fixed=fixed, measured=measured)
+    with show_count(None, "runs") as shown, open_evaluator(file, evaluate, workers=workers, advance=shown) as runs:
+        points = PointEvaluator(given, variables, runs)
+        found = fit_curves(points, measured, steps=steps)
+    best, title = (*fixed, *points.overrides(found.values)), f"{file.path.name}, fitted to {to.name}:"
+    written = [] if target is None else write_variant(file, best, target, title, overwrite=overwrite)
+    ended = Status()
+    if not found.converged:
+        ended = Status(Cause.TOLERANCE, "the search ended before its tolerance", "allow more --steps")
+    answer = fit_output(variables, measured, found), lambda: _figure(measured, found)
+    write_answer(answer, csv, plot, ended, overwrite=overwrite, as_json=as_json, written=written)
+    return ended
+
+
+def _abscissa(measured: Measurement) -> tuple[str, list[float]]:
+    if measured.over == "time":
+        return "time [s]", measured.instants.tolist()
+    return "cam angle [deg]", np.degrees(measured.instants).tolist()
+
+
+def _figure(measured: Measurement, found: Fit) -> Figure:
+    from flexcam.plotting.histories import fit_figure
+
+    label, at = _abscissa(measured)
+    curves = zip(measured.curves, found.before, found.after, strict=True)
+    return fit_figure(np.array(at), label, {f"{c.label}, {c.unit}": (c.values, old, new) for c, old, new in curves})
+
+
+def fit_output(variables: Sequence[Variable], measured: Measurement, found: Fit) -> StudyOutput:
+    """Return the output of a fit."""
+    keys, curves = [one.key for one in variables], measured.curves
+    words = [
+        f"The curves do not determine {' and '.join(keys[i] for i in group)}: "
+        + ("fix all but one of them" if len(group) > 1 else "it does not change them; leave it out")
+        for group in found.undetermined
+    ]
+    words += [
+        f"{keys[i]} and {keys[j]} are correlated ({found.correlation[i, j]:+.3f}): the curves hardly tell them apart"
+        for i, j in found.correlated()
+    ]
+    ends = [
+        one.key
+        for one, x in zip(variables, found.values.tolist(), strict=True)
+        if min(x - one.low, one.high - x) <= 1e-3 * (one.high - one.low)
+    ]
+    words += [f"{key} is at an end of its interval; a wider interval may fit better" for key in ends]
+    if found.misfit > 2.0:
+        words.append(f"The residuals are {found.misfit:.2g} times the noise: the model does not describe the curves.")
+    words += [
+        f"Successive residuals of {curve.label} are correlated ({r:+.2f}): the model lacks something, and the true "
+        "intervals are wider"
+        for curve, r in zip(curves, found.serial, strict=True) if r > 3.0 / np.sqrt(len(measured.instants))
+    ]  # fmt: skip
+    values = [
+        (one, *numbers)
+        for one, *numbers in zip(
+            variables, found.start.tolist(), found.values.tolist(), found.intervals.tolist(), strict=True
+        )
+    ]
+    rms = np.array([*(found.rms(measured, x) for x in (found.before, found.after)), found.noise]).T.tolist()
+    label, at = _abscissa(measured)
+    head = [label, *(f"{c.label} [{c.unit}], {kind}" for c in curves for kind in ("measured", "before", "after"))]
+    every = [x for c, old, new in zip(curves, found.before, found.after, strict=True) for x in (c.values, old, new)]
+    json = {
+        "values": [
+            {"key": one.key, "unit": one.unit, "before": a, "value": b, "half_width": finite_or_none(half)}
+            for one, a, b, half in values
+        ],
+        "curves": [
+            {"curve": c.label, "unit": c.unit, "rms_before": a, "rms_after": b, "noise": size}
+            for c, (a, b, size) in zip(curves, rms, strict=True)
+        ],
+        "correlation": found.correlation.tolist(), "misfit": found.misfit, "runs": found.runs,
+        "undetermined": [[keys[i] for i in group] for group in found.undetermined],
+    }  # fmt: skip
+    tables = [
+        plain_table("Fitted values", ("value", "before", "after", "95 % interval, ±"),
+                    [(f"{one.key}, {one.unit}".rstrip(", "), *map(format_number, x)) for one, *x in values]),
+        plain_table("Residuals, root mean square", ("curve", "before", "after", "noise"),
+                    [(f"{c.label}, {c.unit}", *map(format_number, x)) for c, x in zip(curves, rms, strict=True)]),
+    ]  # fmt: skip
+    return StudyOutput(tables, words, json, format_csv(head, np.column_stack([at, *every]).tolist()))

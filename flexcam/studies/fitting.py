@@ -1,0 +1,127 @@
+"""Fit of values of a case to measured curves: bounded least squares, confidence intervals, identifiability."""
+
+# pyright: reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexcam.core import FloatArray
+from flexcam.core.errors import refuse
+from flexcam.dynamics import RunFailedError
+from flexcam.studies.evaluators import PointEvaluator
+from flexcam.studies.measurement import Measurement
+
+_SINGULAR = 1e-3
+"""Singular value of the scaled Jacobian, relative to the largest, below which values cannot be determined."""
+
+_STEP = 1e-3
+"""Step of central differences, relative to the interval of a value."""
+
+_FAILED = 1e6
+"""Residual, in units of the noise, of a trial whose run fails, so that the search takes a shorter step."""
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Result of a fit; k values, n measured numbers."""
+
+    start: FloatArray  #: values before, in the units of the variables, shape (k,)
+    values: FloatArray  #: fitted values, shape (k,)
+    intervals: FloatArray  #: half widths of the 95 % confidence intervals, shape (k,); infinite if not determined
+    correlation: FloatArray  #: of the estimates, shape (k, k)
+    undetermined: tuple[tuple[int, ...], ...]  #: sets of values that only together, or not at all, change the curves
+    noise: FloatArray  #: standard deviations by curve, given or estimated, SI
+    misfit: float  #: root mean square of the residuals relative to the noise
+    before: FloatArray  #: curves at the start, shape (curves, m)
+    after: FloatArray  #: curves at the end
+    serial: FloatArray  #: correlation of successive residuals by curve
+    runs: int  #: number of runs
+    converged: bool  #: whether the search met its tolerance
+
+    @staticmethod
+    def rms(measured: Measurement, curves: FloatArray) -> FloatArray:
+        """Return the root mean square of the residuals of each curve."""
+        return np.sqrt(np.nanmean((curves - [one.values for one in measured.curves]) ** 2, axis=1))
+
+    def correlated(self) -> list[tuple[int, int]]:
+        """Return the pairs of values with an absolute correlation above 0.95."""
+        return [(int(j), int(i)) for i, j in np.argwhere(np.tril(np.abs(self.correlation), -1) > 0.95)]
+
+
+def fit_curves(points: PointEvaluator, measured: Measurement, *, steps: int = 50) -> Fit:
+    """Fit the variables of a case to measured curves by weighted least squares within their intervals.
+
+    Trust region reflective: M. A. Branch, T. F. Coleman and Y. Li, SIAM J. Sci. Comput. 21 (1999) 1. The intervals are
+    those of the linearized problem, with Student's t: G. A. F. Seber and C. J. Wild, Nonlinear Regression (1989).
+    """
+    from scipy.optimize import least_squares
+    from scipy.stats import t as student
+
+    variables, count = points.variables, [0]
+    low, high = np.array([(one.low, one.high) for one in variables]).T
+    wanted = np.array([curve.values for curve in measured.curves])
+    known = ~np.isnan(wanted)
+    free = int(known.sum()) - len(variables)
+    if free < 1:
+        raise refuse("--to", f"{known.sum()} measured numbers", f"more than the {len(variables)} values to be fitted")
+
+    def simulate(parts: FloatArray) -> FloatArray:
+        rows = points.rows(low + parts * (high - low))
+        count[0] += len(rows)
+        for row in rows:
+            if row.history is None:
+                raise RunFailedError(row.status)
+        return np.array([np.frombuffer(row.history[1]).reshape(wanted.shape) for row in rows if row.history])
+
+    def residuals(parts: FloatArray) -> FloatArray:
+        try:
+            return ((simulate(parts[None])[0] - wanted) / noise[:, None])[known]
+        except RunFailedError:
+            return np.full(int(known.sum()), _FAILED)
+
+    def jacobian(parts: FloatArray) -> FloatArray:
+        steps = _STEP * np.eye(len(parts))
+        ends = np.clip(np.concatenate([parts + steps, parts - steps]), 0.0, 1.0)
+        plus, minus = np.split(simulate(ends) / noise[:, None], 2)
+        widths = (ends[: len(parts)] - ends[len(parts) :]).sum(axis=1)
+        return np.array([((a - b) / width)[known] for a, b, width in zip(plus, minus, widths, strict=True)]).T
+
+    begin = np.array([0.5 if one.start is None or not 0.0 <= one.start <= 1.0 else one.start for one in variables])
+    spread = np.array([np.nanstd(curve.values) or 1.0 for curve in measured.curves])
+    given = np.array([curve.noise or math.nan for curve in measured.curves])
+    unknown = np.isnan(given)
+    noise = np.where(unknown, spread, given)
+    before, parts = simulate(begin[None])[0], begin
+    after, converged = before, False
+    for _ in range(2 if unknown.any() and len(given) > 1 else 1):  # then with the noise estimated by curve
+        found = least_squares(
+            residuals, parts, jac=jacobian, bounds=(0.0, 1.0), x_scale="jac", xtol=1e-10, max_nfev=steps
+        )
+        parts, after, converged = found.x, simulate(found.x[None])[0], bool(found.status > 0)
+        rest = np.where(known, after - wanted, 0.0)
+        estimated = np.sqrt((rest**2).sum(axis=1) / known.sum(axis=1) * (free + len(parts)) / free)
+        noise = np.where(unknown, np.maximum(estimated, 1e-12 * spread), given)
+    J = jacobian(parts)
+    misfit = math.sqrt((residuals(parts) ** 2).sum() / free)
+    sizes = np.linalg.norm(J, axis=0)
+    scaled = J / np.where(sizes > 0.0, sizes, 1.0)
+    _, singular, turned = np.linalg.svd(scaled, full_matrices=False)
+    weak = singular < _SINGULAR * singular.max()
+    undetermined = tuple(tuple(np.flatnonzero(np.abs(row) > 0.01).tolist()) for row in turned[weak])
+    regular = turned[~weak] / singular[~weak, None]
+    rest = np.where(known, after - wanted, 0.0)[:, np.argsort(measured.instants)]
+    rounding = (1e-9 * spread[:, None] * known).sum(axis=1) ** 2
+    serial = (rest[:, 1:] * rest[:, :-1]).sum(axis=1) / ((rest**2).sum(axis=1) + rounding)
+    covariance = regular.T @ regular / np.outer(*[np.where(sizes > 0.0, sizes, 1.0)] * 2)
+    deviation = np.sqrt(np.diag(covariance))
+    scale = np.where(deviation > 0.0, deviation, 1.0)
+    intervals = student.ppf(0.975, free) * deviation * (misfit if unknown.all() else 1.0) * (high - low)
+    intervals[sorted({i for group in undetermined for i in group})] = math.inf
+    return Fit(
+        low + begin * (high - low), low + parts * (high - low), intervals, covariance / np.outer(scale, scale),
+        undetermined, noise, misfit, before, after, serial, count[0], converged,
+    )  # fmt: skip

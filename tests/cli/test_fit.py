@@ -1,0 +1,110 @@
+"""Command fit: a case fitted to an export of a run with other values, its files, and refused measurements."""
+
+from __future__ import annotations
+
+import pytest
+
+from flexcam import read_case
+from flexcam.core.units import conversion_factor
+
+CASE = """\
+format = 1
+nodes = { mass = [0.0, 0.0, 0.0] }
+supports = { mass = ["ux", "uz"] }
+masses.mass = { at = "mass", mass = "0.1 kg" }
+loads.push = { at = "mass", direction = "uy", force = -150.0 }
+springs.one = { at = "mass", direction = "uy", stiffness = "40 kN/m", damping = "5 N s/m" }
+output = { probes = ["mass"] }
+[run]
+speed = "3000 rpm"
+revolutions = 2
+steps_per_revolution = 90
+"""
+VARIED = ("--vary", "springs.one.stiffness=30:60kN/m", "--vary", "springs.one.damping=1:20 N s/m")
+
+
+@pytest.fixture
+def files(tmp_path, flexcam):
+    """Write a case and the export of a run with other values; return both paths."""
+    case, export = tmp_path / "case.toml", tmp_path / "out/case.csv"
+    case.write_text(CASE, encoding="utf-8")
+    laid = ("--set", "springs.one.stiffness=44kN/m", "--set", "springs.one.damping=7N s/m")
+    assert flexcam("run", case, "-o", "out", *laid).code == 0
+    assert flexcam("export", "out/case.vtkhdf", "--format", "csv").code == 0
+    return case, export
+
+
+def test_fit_to_an_export(flexcam, files, tmp_path):
+    """The export has no noise, so that the fit finds the values of its run; the fitted case has them."""
+    case, export = files
+    column = ("--column", "mass.uy velocity")
+    told = ("fit", case, "--to", export, *VARIED, *column)
+    done = flexcam(*told, "-o", "best.toml", "--csv", "f.csv", "--plot", "f.svg", "--json")
+    assert done.code == 0
+    found = {one["key"]: one["value"] for one in done.json["values"]}
+    assert found == pytest.approx({"springs.one.stiffness": 44.0, "springs.one.damping": 7.0}, rel=1e-4)
+    (curve,) = done.json["curves"]
+    assert curve["rms_after"] < 1e-3 * curve["rms_before"]
+    best = read_case(tmp_path / "best.toml").record.springs["one"]
+    assert (best.stiffness, best.damping) == pytest.approx((44e3, 7.0), rel=1e-4)
+    assert (tmp_path / "f.csv").read_text(encoding="utf-8").startswith("time [s],")
+    assert "measured" in (tmp_path / "f.svg").read_text(encoding="utf-8")
+    shown = flexcam(*told).out
+    assert "springs.one.stiffness, kN/m" in shown
+    assert "±" in shown
+
+
+def test_warnings_of_a_fit(flexcam, files):
+    """Mass, stiffness, damping and force act only together on a position; an interval ends before the true value."""
+    case, export = files
+    told = ("fit", case, "--to", export, "--column", "mass.uy displacement")
+    keys = {"springs.one.stiffness": "20:80kN/m", "springs.one.damping": "1:20N s/m", "masses.mass.mass": "50:200g",
+            "loads.push.force": "-300:-50N"}  # fmt: skip
+    shown = flexcam(*told, *(word for key, ends in keys.items() for word in ("--vary", f"{key}={ends}"))).out
+    assert f"The curves do not determine {' and '.join(keys)}: fix all but one of them" in " ".join(shown.split())
+    shown = flexcam(*told, "--vary", "springs.one.damping=1:5.5 N s/m").out
+    assert "springs.one.damping is at an end of its interval" in shown
+    assert "Successive residuals of mass.uy displacement are correlated" in shown
+
+
+def test_angles_times_and_units(flexcam, files, tmp_path):
+    """The same curve over crank angle in mm of the last revolution, and over time in m, gives the same values."""
+    case, export = files
+    head, *rows = export.read_text(encoding="utf-8").splitlines()
+    names = head.split(",")
+    time, angle, place = (names.index(name) for name in ("time [s]", "cam angle [deg]", "mass.uy displacement [m]"))
+    cells = [[float(cell) for cell in row.split(",")] for row in rows]
+    crank = [f"{2.0 * c[angle]!r},{1e3 * c[place]!r}" for c in cells if c[angle] >= 360.0]
+    (tmp_path / "crank.csv").write_text("\n".join(["crank angle [deg],mass.uy [mm]", *crank]), encoding="utf-8")
+    seconds = [f"{c[time]!r},{c[place]!r}" for c in cells]
+    (tmp_path / "time.csv").write_text("\n".join(["# bench", "time [s],mass.uy displacement [m]", *seconds]))
+    for name in ("crank.csv", "time.csv"):
+        found = flexcam("fit", case, "--to", name, *VARIED, "--json").json
+        assert found["values"][0]["value"] == pytest.approx(44.0, rel=1e-4), name
+        assert found["curves"][0]["rms_after"] < 1e-3 * found["curves"][0]["rms_before"]
+
+
+@pytest.mark.parametrize(("content", "options", "message"), [
+    ("angle,mass.uy [m]\n0,1\n", (), "a column 'time', 'cam angle', 'crank angle', and a measured one"),
+    ("time [s],mass.uyy [m]\n0,1\n", (), "the case has no other result"),
+    ("time [s],mass.uy [N]\n0,1\n", (), "a unit of the same quantity as m"),
+    ("time [s],mass.uy [m]\n0,1\n0,x\n", (), "rows of as many numbers"),
+    ("time [s],mass.uy [m]\n0,1\n", (), "more than the 2 values to be fitted"),
+    ("time [s],mass.uy [m]\n0,1\n1,1\n2,1\n", (), "times of the run"),
+    ("time [s],mass.uy [m]\n0,1\n", ("--column", "mass.uz"), "--column: given 'mass.uz'"),
+    ("time [s],mass.uy [m]\n0,1\n", ("--noise", "mass.uy=much"), "a standard deviation in the unit of the column"),
+    ("time [s],mass.uy [m]\n0,1\n", ("--noise", "mass.uy=-1"), "--noise"),
+    ("time [s],mass.uy [m]\n0,1\n", ("-o", "best.csv"), "a name that ends in .toml"),
+])  # fmt: skip
+def test_refused_measurements(flexcam, tmp_path, content, options, message):
+    (tmp_path / "case.toml").write_text(CASE, encoding="utf-8")
+    (tmp_path / "m.csv").write_text(content, encoding="utf-8")
+    done = flexcam("fit", "case.toml", "--to", "m.csv", *VARIED, *options)
+    assert done.code in (2, 3)
+    assert message in done.err
+
+
+def test_conversion_factors():
+    assert conversion_factor("kN", "N", "") == 1e3
+    assert conversion_factor("m/s^2", "m/s^2", "") == 1.0
+    assert conversion_factor("%", "1", "") == 0.01

@@ -1,0 +1,78 @@
+"""Fits of curves in closed form, without a case behind them: failed trials, one-sided derivatives, missing values."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from flexcam.dynamics import Cause, RunFailedError, Status
+from flexcam.studies.evaluation import Row
+from flexcam.studies.evaluators import Variable
+from flexcam.studies.fitting import fit_curves
+from flexcam.studies.measurement import Curve, Measurement
+
+INSTANTS = np.linspace(0.0, 1.0, 21)
+
+
+@dataclass
+class Known:
+    """Points of one curve in closed form, whose runs fail where `fails` says so."""
+
+    variables: tuple
+    curve: object
+    fails: object = staticmethod(lambda *_: False)
+
+    def rows(self, points):
+        failed = Row(Status(Cause.NO_CONVERGENCE, "it broke"))
+        return [failed if self.fails(*one) else Row(Status(), history=("curves", self.curve(*one).tobytes()))
+                for one in points.tolist()]  # fmt: skip
+
+
+def measured(values):
+    return Measurement("time", INSTANTS, (Curve("y", "y", "", "N", values),))
+
+
+def growth(x):
+    return np.exp(6.0 * x * INSTANTS)
+
+
+def test_trials_that_fail_shorten_the_step():
+    """A step overshoots to where every run fails; the value lies before."""
+    variables, tried = (Variable("x", 0.0, 1.0, start=0.05),), []
+    found = fit_curves(Known(variables, growth, lambda x: tried.append(x) or x > 0.605), measured(growth(0.6)))
+    assert found.converged
+    assert max(tried) > 0.605
+    assert found.values == pytest.approx([0.6], rel=1e-6)
+    with pytest.raises(RunFailedError, match="it broke"):
+        fit_curves(Known(variables, growth, lambda _: True), measured(growth(0.6)))
+
+
+def test_a_value_at_an_end_of_its_interval():
+    """Differences stay within the interval, where the model may not be defined beyond."""
+    seen = []
+
+    def line(x):
+        seen.append(x)
+        return x * INSTANTS
+
+    found = fit_curves(Known((Variable("x", 2.0, 3.0, start=0.5),), line), measured(3.2 * INSTANTS))
+    assert found.values == pytest.approx([3.0], abs=1e-3)
+    assert 2.0 <= min(seen) <= max(seen) <= 3.0
+
+
+def test_missing_values_and_correlated_ones():
+    """Offset and slope of a line seen at its far end only are correlated, over all of it they are less so."""
+    variables = (Variable("offset", -5.0, 5.0, start=0.5), Variable("slope", -5.0, 5.0, start=0.5))
+    noise = 0.01 * np.random.default_rng(0).standard_normal(len(INSTANTS))
+    values = 1.0 + 2.0 * INSTANTS + noise
+    seen = Known(variables, lambda a, b: a + b * INSTANTS)
+    whole, end = (
+        fit_curves(seen, measured(values)),
+        fit_curves(seen, measured(np.where(INSTANTS < 0.7, np.nan, values))),
+    )
+    assert whole.correlated() == []
+    assert end.correlated() == [(0, 1)]
+    exact = np.polyfit(INSTANTS[INSTANTS >= 0.7], values[INSTANTS >= 0.7], 1)[::-1]
+    assert end.values == pytest.approx(exact, rel=1e-6)

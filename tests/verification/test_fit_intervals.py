@@ -1,0 +1,112 @@
+"""Fits to synthetic measurements with known noise: estimates and their intervals.
+
+A model linear in its value has the least squares in closed form: a constant force F on a spring k, measured n times
+with the noise s, has the half width t s k/sqrt(n). For the damped oscillator, nonlinear in its values, the true ones
+must lie in 95 % intervals about that often.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+from scipy.stats import t as student
+
+from flexcam.case.reader import CaseFile
+from flexcam.studies.evaluators import PointEvaluator, open_evaluator, variables_of
+from flexcam.studies.fitting import fit_curves
+from flexcam.studies.measurement import Curve, Measurement, evaluate_curves
+
+SOURCE = "Fits to synthetic measurements"
+TRUE = {"springs.one.stiffness": 42e3, "springs.one.damping": 6.0, "loads.push.force": -160.0}
+
+CASE = """
+format = 1
+nodes = { mass = [0.0, 0.0, 0.0] }
+supports = { mass = ["ux", "uz"] }
+masses.mass = { at = "mass", mass = "0.1 kg" }
+loads.push = { at = "mass", direction = "uy", force = -150.0 }
+output = { probes = ["mass"] }
+[springs]
+one = { at = "mass", direction = "uy", stiffness = 40000.0, damping = 5.0 }
+other = { at = "mass", direction = "uy", stiffness = 1.0 }
+[run]
+speed = "3000 rpm"
+revolutions = 2
+steps_per_revolution = 180
+"""
+
+
+@pytest.fixture(scope="module")
+def case_file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("fit") / "case.toml"
+    path.write_text(CASE, encoding="utf-8")
+    return CaseFile.open(path)
+
+
+def fitted(file, measured, *settings, fixed=()):
+    case = file.read(fixed)
+    variables = variables_of(case, settings, "--vary")
+    with open_evaluator(file, partial(evaluate_curves, fixed=tuple(fixed), measured=measured)) as runs:
+        return fit_curves(PointEvaluator(case, variables, runs), measured)
+
+
+def noisy(file, overrides, instants, size, random, *, known=False):
+    """Return a measurement of the mass's position: that of a run with noise of this size."""
+    curve = Curve("mass.uy displacement", "mass.uy", "displacement", "m", np.zeros(0))
+    exact = Measurement("time", instants, (curve,)).simulate(file.read(overrides))[0]
+    values = exact + size * random.standard_normal(len(exact))
+    return Measurement("time", instants, (replace(curve, values=values, noise=size if known else None),))
+
+
+def test_interval_of_a_constant_force(record, case_file):
+    instants, size = np.linspace(0.0, 0.04, 41), 2e-4
+    fixed = ("run.start=equilibrium",)
+    measured = noisy(case_file, fixed, instants, size, np.random.default_rng(3))
+    found = fitted(case_file, measured, "loads.push.force=-300:-50N", fixed=fixed)
+    values, stiffness = measured.curves[0].values, 40001.0
+    spread = values.std(ddof=1)
+    for quantity, reference, computed in (
+        ("estimate", stiffness * values.mean(), found.values[0]),
+        ("half width of the 95 % interval", student.ppf(0.975, 40) * spread * stiffness / math.sqrt(41.0),
+         found.intervals[0]),
+    ):  # fmt: skip
+        record(source=SOURCE, case="constant force on a spring", quantity=quantity, unit="N", reference=reference,
+               computed=float(computed), tolerance=1e-6, reason="linear least squares in closed form")  # fmt: skip
+    known = noisy(case_file, fixed, instants, size, np.random.default_rng(3), known=True)
+    exact = student.ppf(0.975, 40) * size * stiffness / math.sqrt(41.0)
+    assert fitted(case_file, known, "loads.push.force=-300:-50N", fixed=fixed).intervals[0] == pytest.approx(
+        exact, rel=1e-6
+    )
+
+
+@pytest.mark.slow
+def test_true_values_lie_within_their_intervals(record, case_file):
+    """Fifty draws of the noise of a position, whose size the fit estimates."""
+    overrides, random = [f"{key}={value}" for key, value in TRUE.items()], np.random.default_rng(11)
+    inside = np.zeros((50, 3))
+    for draw in inside:
+        measured = noisy(case_file, overrides, np.linspace(0.0, 0.04, 60), 2e-4, random)
+        found = fitted(case_file, measured, "springs.one.stiffness=20:80kN/m", "springs.one.damping=0.5:20N s/m",
+                       "loads.push.force=-300:-50N")  # fmt: skip
+        assert found.converged
+        draw[:] = np.abs(found.values * [1e3, 1.0, 1.0] - list(TRUE.values())) <= found.intervals * [1e3, 1.0, 1.0]
+        assert not found.undetermined
+    for key, share in zip(TRUE, inside.mean(axis=0), strict=True):
+        record(source=SOURCE, case="damped oscillator, 50 draws of noise", quantity=f"{key}, within its 95 % interval",
+               unit="1", reference=0.95, computed=float(share), tolerance=0.055, absolute=True,
+               reason="fifty draws: 0.90 to 1 happens 19 times in 20")  # fmt: skip
+
+
+def test_values_that_act_only_together(case_file):
+    """Two springs at one mass: their sum is determined, neither alone."""
+    measured = noisy(case_file, (), np.linspace(0.0, 0.04, 60), 2e-4, np.random.default_rng(1))
+    found = fitted(case_file, measured, "springs.one.stiffness=20:80kN/m", "springs.other.stiffness=0:20kN/m",
+                   "springs.one.damping=0.5:20N s/m")  # fmt: skip
+    assert found.undetermined == ((0, 1),)
+    assert np.isinf(found.intervals[:2]).all()
+    assert math.isfinite(found.intervals[2])
+    assert 1e3 * found.values[:2].sum() == pytest.approx(40001.0, rel=0.05)
