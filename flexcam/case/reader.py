@@ -126,7 +126,9 @@ class CaseFile:
             mesh = self.meshes.get(name) or read_mesh(resolve_file(self.path, name, "mesh"))
         except InputError as refusal:
             where = places.place(("mesh",))
-            return None, [replace(f, where=f"{where}{f.where.removeprefix('mesh')}") for f in refusal.faults]
+            inside = [f.where.removeprefix("mesh").strip() for f in refusal.faults]
+            faults = zip(refusal.faults, inside, strict=True)
+            return None, [replace(fault, where=f"{where} {name}".rstrip()) for fault, name in faults]
         return self.meshes.setdefault(name, mesh), []
 
 
@@ -167,8 +169,8 @@ def _read_tables(path: Path) -> tuple[str, dict[str, Any]]:
     except FileNotFoundError:
         near = suggest_name(path.name, [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else [])
         raise refuse("case file", str(path), "an existing file", "", near) from None
-    except (OSError, UnicodeDecodeError) as fault:
-        why, remedy = ("it is not a text file" if isinstance(fault, UnicodeDecodeError) else system_message(fault)), ""
+    except OSError as fault:
+        why, remedy = system_message(fault), ""
         if path.suffix == ".vtkhdf":
             why, remedy = "it is a result", "give the case; flexcam info, plot, report, view and export take results"
         raise refuse("case file", str(path), "a readable UTF-8 text file", why, remedy) from None

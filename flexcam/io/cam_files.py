@@ -38,7 +38,7 @@ def _read_rows(path: Path, where: str, content: str) -> list[Row]:
     """
     try:
         lines = read_text(path).split("\n")
-    except (OSError, UnicodeDecodeError) as fault:
+    except OSError as fault:
         raise refuse(where, str(path), "a readable text file", system_message(fault)) from None
     rows = [(number, line.partition("#")[0].strip()) for number, line in enumerate(lines, start=1)]
     rows = [(number, line) for number, line in rows if line]

@@ -25,7 +25,12 @@ _TYPE_NAMES = {
 
 def describe_type_error(error: ErrorDetails) -> str:
     """Return a description of the allowed values."""
-    return _TYPE_NAMES.get(error["type"]) or error["msg"].replace("Input should be ", "")
+    context = error.get("ctx", {})
+    limits = {
+        "greater_than_equal": f"{context.get('ge')} or more", "less_than_equal": f"{context.get('le')} or less",
+        "string_too_short": "a text that is not empty", "finite_number": "a finite number",
+    }  # fmt: skip
+    return {**_TYPE_NAMES, **limits}.get(error["type"]) or error["msg"].replace("Input should be ", "")
 
 
 def value_error(
@@ -75,15 +80,16 @@ class Unit:
         except InputError as refusal:
             raise convert_error(refusal) from None
         if number < 0.0 and not self.signed:
-            raise value_error(f"{self._kind} {'above zero' if self.above else 'of zero or more'}")
+            raise value_error(f"{self.description} {'above zero' if self.above else 'of zero or more'}")
         if number == 0.0 and self.above:
-            raise value_error(f"{self._kind} above zero")
+            raise value_error(f"{self.description} above zero")
         if self.most is not None and number > self.most:
-            raise value_error(f"{self._kind} up to {self.most:g}")
+            raise value_error(f"{self.description} up to {self.most:g}")
         return number
 
     @property
-    def _kind(self) -> str:
+    def description(self) -> str:
+        """Kind of quantity with an example, for messages."""
         kind = DIMENSIONS[self.dimension]
         return f"{'an' if kind.name[0] in 'aeiou' else 'a'} {kind.name} (such as {kind.example!r})"
 
