@@ -213,7 +213,7 @@ class Sweep:
         """Return the identification of the sweep's journal."""
         plan = hashlib.sha256(json.dumps([self.size, self.plan.variants]).encode()).hexdigest()
         return {
-            "format": 1, "flexcam": __version__, "case": self.bundle.digest, "plan": plan, "histories": histories,
+            "format": 2, "flexcam": __version__, "case": self.bundle.digest, "plan": plan, "histories": histories,
             "variants": len(self.plan), "channels": self.channels,
         }  # fmt: skip
 

@@ -8,6 +8,7 @@ crash is removed. Numbers are written so that reading them is exact.
 from __future__ import annotations
 
 import csv
+import hashlib
 import io
 import json
 import os
@@ -421,10 +422,15 @@ class Journal:
         os.close(self._file)
 
     def _line(self, content: Mapping[str, Any]) -> None:
-        left = (json.dumps(content, allow_nan=False) + "\n").encode()
+        left = (json.dumps({**content, "digest": _line_digest(content)}, allow_nan=False) + "\n").encode()
         while left:
             left = left[os.write(self._file, left) :]
         os.fsync(self._file)
+
+
+def _line_digest(content: Mapping[str, Any]) -> str:
+    """Return the checksum of a line of a journal; reading and writing JSON again gives the same text."""
+    return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
 
 def journal_contains(path: Path, fact: str) -> bool:
@@ -444,7 +450,7 @@ def _read_journal(path: Path, belongs: Mapping[str, Any]) -> tuple[dict[int, lis
     if not lines:
         return {}, 0
     try:
-        head, *chunks = [json.loads(line) for line in lines]
+        head, *chunks = [_parse_line(line) for line in lines]
         other = [words for name, words in _WORDS.items() if head.get(name) != belongs.get(name)]
         if other:
             given, why = f"{path}, of another sweep", f"what differs: {'; '.join(other)}"
@@ -457,6 +463,13 @@ def _read_journal(path: Path, belongs: Mapping[str, Any]) -> tuple[dict[int, lis
         raise refuse(
             "journal", str(path), "the journal of a sweep", f"it is damaged: {fault}", "--overwrite begins anew"
         ) from None
+
+
+def _parse_line(line: bytes) -> dict[str, Any]:
+    content = json.loads(line)
+    if content.pop("digest", "") != _line_digest(content):
+        raise ValueError("a line is not what was written")
+    return content
 
 
 def _format_row(row: Row) -> dict[str, Any]:
