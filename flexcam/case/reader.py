@@ -50,15 +50,9 @@ def read_case(path: str | Path, overrides: Sequence[str] = ()) -> Case:
     return CaseFile.open(path).read(overrides)
 
 
-_REQUIRED_TEXTS = ("case", "case_file", "overrides")
-"""Texts of a result that are required to restore its case."""
-
-
 def case_from_result(result: Result) -> Case:
     """Return the case of a result, from the texts stored in it and on its mesh."""
     about = result.about
-    if missing := [name for name in _REQUIRED_TEXTS if name not in about]:
-        raise refuse("result", f"nothing about {missing[0]!r}", "a result that keeps its case", "flexcam run keeps it")
     source, text = Path(about["case_file"]), about["case"]
     case = CaseFile(source, text, _parse_case(source, text)).read(json.loads(about["overrides"]), mesh=result.mesh)
     members = {name: one.model_copy(update={"elements": 1}) for name, one in case.record.members.items()}

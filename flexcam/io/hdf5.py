@@ -115,7 +115,14 @@ def write_texts(group: Any, content: Mapping[str, str]) -> None:  # noqa: ANN401
 
 def read_texts(group: Any) -> dict[str, str]:  # noqa: ANN401
     """Return the texts of a group by name."""
-    return {name: bytes(item[()]).decode() for name, item in group.items()}
+    return {name: read_text_column(item)[0] for name, item in group.items()}
+
+
+def read_text_column(item: Any) -> list[str]:  # noqa: ANN401
+    """Return the texts of a dataset, at least one of which is expected."""
+    if not isinstance(item, _module.Dataset) or item.dtype.kind != "S" or not item.size:
+        raise refuse(item.name, "numbers, a group or nothing", "texts", "", _REMEDY)
+    return [bytes(text).decode(errors="replace") for text in np.atleast_1d(item[()])]
 
 
 def write_text_attribute(one: Any, name: str, content: str | Sequence[str]) -> None:  # noqa: ANN401
@@ -238,11 +245,23 @@ def digest_fault(file: Any) -> Fault | None:  # noqa: ANN401
     return Fault("/, seal", "a seal that does not fit", "a file as it was written", why, _REMEDY)
 
 
-def read_rows(dataset: Any, rows: int) -> Any:  # noqa: ANN401
-    """Return the first rows of a dataset."""
-    if not dataset.shape or not 0 <= rows <= dataset.shape[0]:
-        raise refuse(dataset.name, f"shape {format_shape(dataset.shape)}", f"{rows} rows", "a count is wrong", _REMEDY)
-    return dataset[:rows]
+_LARGEST = 1e300
+"""Absolute value that no number of a file reaches: units could not be converted."""
+
+
+def read_numbers(item: Any, rows: int | slice | None = None, width: tuple[int, ...] = (), kind: str = "f8") -> Any:  # noqa: ANN401
+    """Return rows of a dataset; raise an error for another type or shape, or a number that is not finite."""
+    part = slice(rows) if isinstance(rows, int) else rows or slice(None)
+    allowed = f"{np.dtype(kind)}, shape {format_shape((part.stop, *width))}"
+    if not isinstance(item, _module.Dataset):
+        raise refuse(item.name, "a group", allowed, "", _REMEDY)
+    shape: tuple[int, ...] = item.shape or ()
+    if item.dtype != kind or not shape or shape[1:] != width or not 0 <= (part.stop or 0) <= shape[0]:
+        raise refuse(item.name, f"{item.dtype}, shape {format_shape(shape)}", allowed, "a count is wrong", _REMEDY)
+    values = item[part]
+    if not (np.abs(values) < _LARGEST).all():
+        raise refuse(item.name, "a number that is not finite", "finite numbers", "", _REMEDY)
+    return values
 
 
 READ_ERRORS = (OSError, LookupError, ValueError, TypeError, AttributeError, RuntimeError, ArithmeticError, MemoryError)

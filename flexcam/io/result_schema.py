@@ -35,6 +35,9 @@ SERIES = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
 # Texts, status, mesh and checkpoint.
 ABOUT = "about"
 ABOUT_FORMAT = "format"
+ABOUT_CASE: dict[str, type] = {"case": str, "case_file": str, "overrides": list, "resolved": dict}
+"""Texts that restore the case of a result, and the types of their JSON; a text stands as it is."""
+
 MODES_KIND, MODES_FREQUENCIES = "kind", "frequencies_hz"
 """Texts about a file of modes."""
 

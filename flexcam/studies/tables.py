@@ -11,6 +11,7 @@ import csv
 import hashlib
 import io
 import json
+import math
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -22,7 +23,7 @@ import h5py  # pyright: ignore[reportMissingTypeStubs]
 import numpy as np
 
 from flexcam.core import FloatArray
-from flexcam.core.errors import Fault, InputError, refuse, suggest_name, system_message
+from flexcam.core.errors import Fault, InputError, format_shape, refuse, suggest_name, system_message
 from flexcam.dynamics import Cause, Response, Status
 from flexcam.io import (
     SERIES,
@@ -36,6 +37,7 @@ from flexcam.io import (
 )
 from flexcam.io import result_schema as schema
 from flexcam.io.exports import component_unit
+from flexcam.io.hdf5 import read_numbers, read_text_column, read_texts
 from flexcam.io.result_reader import check_format
 from flexcam.studies.evaluation import Row
 from flexcam.studies.plan import Plan
@@ -229,9 +231,6 @@ def _require_package(package: str) -> None:
         )  # fmt: skip
 
 
-"""Format version; since version 2 a table has a digest."""
-
-
 def write_hdf5(table: SweepTable, path: Path) -> None:
     """Write a table with its metadata as HDF5."""
     opened: Any = h5py.File(path, "w", libver="latest", locking=False)
@@ -277,34 +276,36 @@ def read_table(path: str | Path) -> SweepTable:
 
 
 def _read_hdf5(file: Any, source: Path) -> SweepTable:  # noqa: ANN401
-    about = {name: _read_texts(item)[0] for name, item in file["about"].items()}
+    about = read_texts(file["about"])
     check_format("table", source, about.pop(schema.ABOUT_FORMAT), schema.TABLE_FORMAT)
     if fault := digest_fault(file):
         raise InputError([fault])
-    status = zip(*(_read_texts(file["status"][name]) for name in ("cause", "text", "remedy")), strict=True)
-    scalars = {name: np.where(file["valid"][name][()], item[()], np.nan) for name, item in file["scalars"].items()}
+    rows = zip(*(read_text_column(file["status"][name]) for name in ("cause", "text", "remedy")), strict=True)
+    statuses = tuple(Status(Cause(cause), text, remedy) for cause, text, remedy in rows)
+    count, shape = len(statuses), tuple(int(n) for n in file.attrs["shape"])
+    if shape and math.prod(shape) != count:
+        raise refuse("/, attribute shape", format_shape(shape), f"the shape of {count} variants")
+    valid = {name: read_numbers(item, count, kind="?") for name, item in file["valid"].items()}
     return SweepTable(
-        inputs=tuple(_column(name, item) for name, item in file["inputs"].items()),
-        scalars=scalars,
+        inputs=tuple(_column(name, item, count) for name, item in file["inputs"].items()),
+        scalars={
+            name: np.where(valid[name], read_numbers(item, count), np.nan) for name, item in file["scalars"].items()
+        },
         units={name: _unit(item) for name, item in file["scalars"].items()},
-        statuses=tuple(Status(Cause(cause), text, remedy) for cause, text, remedy in status),
-        shape=tuple(int(n) for n in file.attrs["shape"]),
+        statuses=statuses,
+        shape=shape,
         about=about,
     )
 
 
-def _column(name: str, item: Any) -> Column:  # noqa: ANN401
+def _column(name: str, item: Any, count: int) -> Column:  # noqa: ANN401
     if "unit" in item.attrs:
-        return Column(name, _unit(item), item[()])
-    return Column(name, "", tuple(_read_texts(item)))
+        return Column(name, _unit(item), read_numbers(item, count))
+    return Column(name, "", tuple(read_text_column(item)))
 
 
 def _unit(item: Any) -> str:  # noqa: ANN401
     return bytes(item.attrs["unit"]).decode()
-
-
-def _read_texts(item: Any) -> list[str]:  # noqa: ANN401
-    return [bytes(text).decode() for text in item[()]]
 
 
 ENDINGS = (".h5", ".csv", ".parquet")
