@@ -103,7 +103,7 @@ def create_fixed_dataset(group: Any, name: str, values: FloatArray | IntArray, u
 
 def _encode(texts: Sequence[str]) -> Any:  # noqa: ANN401 - an array
     """Return texts as UTF-8 bytes of one length."""
-    parts = [one.encode() for one in texts]
+    parts = [one.encode(errors="backslashreplace") for one in texts]
     return np.array(parts, dtype=_module.string_dtype("utf-8", max([1, *map(len, parts)])))
 
 
@@ -264,7 +264,7 @@ def read_numbers(item: Any, rows: int | slice | None = None, width: tuple[int, .
     return values
 
 
-READ_ERRORS = (OSError, LookupError, ValueError, TypeError, AttributeError, RuntimeError, ArithmeticError, MemoryError)
+READ_ERRORS = (OSError, LookupError, ValueError, TypeError, AttributeError, RuntimeError, ArithmeticError)
 """Exceptions that h5py and numpy raise on damaged content."""
 
 
@@ -285,6 +285,8 @@ def open_hdf5(path: Path, where: str, allowed: str, remedy: str = "") -> Generat
         ) from None  # fmt: skip
     except FileNotFoundError:
         raise refuse(where, str(path), allowed, "there is no such file", remedy) from None
+    except MemoryError:
+        raise refuse(where, str(path), "a file that fits into the free memory", "it does not", "free memory") from None
     except READ_ERRORS as fault:
         why = f"it is damaged or not from flexcam: {system_message(fault) or type(fault).__name__}"
         if isinstance(fault, OSError) and "signature" in str(fault):  # what HDF5 says of another kind of file

@@ -238,6 +238,7 @@ class ResultFile:
         check_writable("result", path, overwrite=overwrite)
         self.path = path
         self.partial = partial_path(path)
+        self._overwrite = overwrite
         self._geometry, self._outline = geometry, outline
         self._checkpoint = resume
         self._warnings = warnings
@@ -355,6 +356,9 @@ class ResultFile:
         except OSError:
             self._discard()
             raise
+        if status.ok and not self._overwrite and self.path.exists():
+            self._draft.rename(self.partial)
+            raise FileExistsError(f"another file appeared at {self.path} during the run; {self.partial} is the result")
         self._draft.rename(self.path if status.ok else self.partial)
         if status.ok:
             self.partial.unlink(missing_ok=True)

@@ -151,6 +151,8 @@ def evaluate(
         row = rejected_row(refusal)
     except RunFailedError as failure:
         row = Row(failure.status)
+    except MemoryError:
+        row = Row(Status(Cause.OUT_OF_MEMORY, "the memory was exhausted", "save fewer fields, or run fewer at a time"))
     except Exception as fault:  # noqa: BLE001 - a fault in one variant must not cost the others
         row = Row(_internal_error_status(fault))
     return replace(row, seconds=time.perf_counter() - begun)
