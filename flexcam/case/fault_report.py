@@ -25,15 +25,9 @@ Path = tuple[str, ...]
 
 @dataclass(frozen=True)
 class KeyLocations:
-    r"""Source of every key of a case: a line of the file or an override.
+    r"""Source of every key of a case: a line of the file or an override."""
 
-    Parameters
-    ----------
-    notes
-        Source by key path, such as ``line 12`` or ``--set run.speed=4000rpm``.
-    """
-
-    notes: Mapping[Path, str]
+    notes: Mapping[Path, str]  #: source by key path, such as ``line 12`` or ``--set run.speed=4000rpm``
 
     @classmethod
     def of_text(cls, text: str) -> KeyLocations:

@@ -61,24 +61,12 @@ def case_from_result(result: Result) -> Case:
 
 @dataclass(frozen=True, eq=False)
 class CaseFile:
-    """Case file in memory, for reading many variants: text and meshes are read from disk once.
+    """Case file in memory, for reading many variants: text and meshes are read from disk once."""
 
-    Parameters
-    ----------
-    path
-        Path of the file.
-    text
-        Text of the file.
-    raw
-        Raw tables, not yet checked.
-    meshes
-        Meshes read so far, by their name in the case.
-    """
-
-    path: Path
-    text: str
-    raw: Mapping[str, Any]
-    meshes: dict[str, Mesh] = field(default_factory=dict[str, Mesh])
+    path: Path  #: path of the file
+    text: str  #: text of the file
+    raw: Mapping[str, Any]  #: raw tables, not yet checked
+    meshes: dict[str, Mesh] = field(default_factory=dict[str, Mesh])  #: meshes read so far, by their name in the case
 
     @classmethod
     def open(cls, path: str | Path) -> CaseFile:

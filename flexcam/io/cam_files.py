@@ -58,21 +58,11 @@ _DECIMAL_COMMA = re.compile(r"\d,\d+\s*[;\t]")
 
 @dataclass(frozen=True, eq=False)
 class LiftColumns:
-    """Content of a lift file in SI units.
+    """Content of a lift file in SI units."""
 
-    Parameters
-    ----------
-    angle
-        Cam angle, rad, shape (n,).
-    lift
-        Lift, m, shape (n,).
-    lines
-        Line numbers in the file, counted from 1, length n.
-    """
-
-    angle: FloatArray
-    lift: FloatArray
-    lines: tuple[int, ...]
+    angle: FloatArray  #: cam angle, rad, shape (n,)
+    lift: FloatArray  #: lift, m, shape (n,)
+    lines: tuple[int, ...]  #: line numbers in the file, counted from 1, length n
 
 
 def read_lift(path: Path, *, angle: AngleKind | None = None, unit: str | None = None) -> LiftColumns:
@@ -229,20 +219,12 @@ _LAYERS = {"profile": 1, "pitch curve": 3, "cutter path": 5, "base circle": 8}
 
 @dataclass(frozen=True, eq=False)
 class ProfileTable:
-    """Curves and columns of a cam profile.
+    """Curves and columns of a cam profile."""
 
-    Parameters
-    ----------
-    curves
-        Closed curves by name, m, shape (n, 2): ``profile``, ``pitch curve``, ``cutter path``.
-    base_radius
-        Radius of the base circle, m.
-    columns
-        Further columns by header with unit, shape (n,).
-    """
-
+    #: closed curves by name, m, shape (n, 2): ``profile``, ``pitch curve``, ``cutter path``
     curves: Mapping[str, FloatArray]
-    base_radius: float
+    base_radius: float  #: radius of the base circle, m
+    #: further columns by header with unit, shape (n,)
     columns: Mapping[str, FloatArray] = field(default_factory=dict[str, FloatArray])
 
 

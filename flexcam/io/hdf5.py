@@ -42,24 +42,9 @@ def create_ordered_group(group: Any, name: str) -> Any:  # noqa: ANN401 - h5py h
 
 
 class GrowingDataset:
-    """Empty dataset with an extensible first axis.
+    """Empty dataset of one or `width` columns with an extensible first axis, in chunks that divide a block of `rows`.
 
     Rows are written without h5py's selections: a result has about a hundred such datasets that grow together.
-
-    Parameters
-    ----------
-    group
-        Parent group.
-    name
-        Name of the dataset.
-    rows
-        Rows per block: chunks divide a block, so that no two blocks share a chunk.
-    unit
-        Unit of the values.
-    width
-        Number of columns; 0 for a one-dimensional dataset.
-    kind
-        Data type of the values.
     """
 
     def __init__(self, group: Any, name: str, rows: int, unit: str, *, width: int = 0, kind: str = "f8") -> None:  # noqa: ANN401

@@ -303,24 +303,12 @@ def _stats(file: Any) -> Stats:  # noqa: ANN401
 
 @dataclass(frozen=True)
 class VerificationSummary:
-    """Summary of a verified file.
+    """Summary of a verified file."""
 
-    Parameters
-    ----------
-    datasets
-        Number of datasets.
-    checked
-        Number of datasets of numbers; the others are texts.
-    bytes
-        Size of all numbers and texts.
-    complete
-        Whether the run that wrote the file reached its end.
-    """
-
-    datasets: int
-    checked: int
-    bytes: int
-    complete: bool
+    datasets: int  #: number of datasets
+    checked: int  #: number of datasets of numbers; the others are texts
+    bytes: int  #: size of all numbers and texts
+    complete: bool  #: whether the run that wrote the file reached its end
 
 
 def verify_file(path: str | Path) -> VerificationSummary:
@@ -348,24 +336,7 @@ _OPEN_MESSAGES = ("--resume", "a partial result of flexcam", _RESUME_REMEDY)
 
 
 class PartialResult:
-    """Partial result of an incomplete run.
-
-    Parameters
-    ----------
-    path
-        ``NAME.partial.vtkhdf``.
-    geometry, outline, save
-        As passed to the result file of the run.
-
-    Attributes
-    ----------
-    about
-        Texts stored with the result.
-    status
-        Status of the incomplete run.
-    checkpoint
-        Checkpoint at which the run continues.
-    """
+    """Partial result of an incomplete run: its texts, its status and the checkpoint at which the run continues."""
 
     def __init__(self, path: Path, geometry: Geometry, outline: Outline, save: SaveAt) -> None:
         self._path, self._geometry, self._outline, self._save = path, geometry, outline, save

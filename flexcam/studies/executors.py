@@ -61,7 +61,7 @@ class Pool:
     submit: Callable[[Variants], Future[list[Row]]]  #: function that submits variants; its future returns their rows
     window: int  #: number of chunks submitted at a time; more would only wait
     lost: tuple[type[BaseException], ...]  #: exceptions of a future whose worker died
-    has_workers: Callable[[], bool] = lambda: True  #: whether any worker is left
+    has_workers: Callable[[], bool] | None = None  #: function that returns whether any worker is left; None if one is
 
 
 class Workers(Protocol):
@@ -92,15 +92,9 @@ class SerialWorkers:
 
 @dataclass(frozen=True)
 class ProcessWorkers:
-    """Worker processes on this machine.
+    """Worker processes on this machine."""
 
-    Parameters
-    ----------
-    count
-        Number of processes; each has one thread for linear algebra.
-    """
-
-    count: int
+    count: int  #: number of processes; each has one thread for linear algebra
 
     def __post_init__(self) -> None:
         if self.count < 1:
@@ -276,7 +270,7 @@ def _submit_chunks(pool: Pool, waiting: deque[Chunk]) -> Iterator[tuple[Chunk, F
             except pool.lost:
                 broken = True
         done = wait(running, _PATIENCE, FIRST_COMPLETED).done
-        if not done and not pool.has_workers():
+        if not done and pool.has_workers is not None and not pool.has_workers():
             raise RunFailedError(_NO_WORKERS_STATUS)
         for future in done:
             yield running.pop(future), future
@@ -315,18 +309,10 @@ LOCAL = "local"
 
 @dataclass(frozen=True)
 class ClusterWorkers:
-    """Workers of a Dask cluster.
+    """Workers of a Dask cluster."""
 
-    Parameters
-    ----------
-    address
-        Address of the scheduler, such as ``tcp://10.0.0.1:8786``; ``local`` for workers on this machine.
-    count
-        Number of workers of a local cluster; ignored for others.
-    """
-
-    address: str
-    count: int = 1
+    address: str  #: address of the scheduler, such as ``tcp://10.0.0.1:8786``; ``local`` for workers on this machine
+    count: int = 1  #: number of workers of a local cluster; ignored for others
 
     def __post_init__(self) -> None:
         if self.count < 1:

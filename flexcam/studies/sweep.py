@@ -154,32 +154,15 @@ GRID = "grid"
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """Checked sweep: all variants are readable.
+    """Checked sweep: all variants are readable."""
 
-    Parameters
-    ----------
-    name
-        Name of the case, used for output files.
-    title
-        Title of the case.
-    plan
-        Plan of the variants.
-    bundle
-        Case and its files at the time of the check.
-    size
-        Number of variants per chunk.
-    scalars
-        Names or prefixes of the scalars to keep; empty for all.
-    channels
-        Whether contacts, members and energies are computed; otherwise only the motion of the probes.
-    """
-
-    name: str
-    title: str
-    plan: Plan
-    bundle: Bundle
-    size: int
-    scalars: tuple[str, ...] = ()
+    name: str  #: name of the case, used for output files
+    title: str  #: title of the case
+    plan: Plan  #: plan of the variants
+    bundle: Bundle  #: case and its files at the time of the check
+    size: int  #: number of variants per chunk
+    scalars: tuple[str, ...] = ()  #: names or prefixes of the scalars to keep; empty for all
+    #: whether contacts, members and energies are computed; otherwise only the motion of the probes
     channels: bool = True
 
     @property

@@ -58,30 +58,16 @@ class Column:
 
 @dataclass(frozen=True, eq=False)
 class SweepTable:
-    """Results of a sweep.
+    """Results of a sweep."""
 
-    Parameters
-    ----------
-    inputs
-        Varied keys.
-    scalars
-        Values by name, SI, shape (variants,); NaN for missing values. No file contains NaN.
-    units
-        SI unit by scalar.
-    statuses
-        Status of every variant.
-    shape
-        Number of values along every axis of a grid in the order of the rows; empty for a sampled plan.
-    about
-        Case, plan and versions as texts.
-    """
-
-    inputs: tuple[Column, ...]
+    inputs: tuple[Column, ...]  #: varied keys
+    #: values by name, SI, shape (variants,); NaN for missing values. No file contains NaN
     scalars: Mapping[str, FloatArray]
-    units: Mapping[str, str]
-    statuses: tuple[Status, ...]
+    units: Mapping[str, str]  #: SI unit by scalar
+    statuses: tuple[Status, ...]  #: status of every variant
+    #: number of values along every axis of a grid in the order of the rows; empty for a sampled plan
     shape: tuple[int, ...] = ()
-    about: Mapping[str, str] = field(default_factory=dict[str, str])
+    about: Mapping[str, str] = field(default_factory=dict[str, str])  #: case, plan and versions as texts
 
     def __len__(self) -> int:
         return len(self.statuses)
@@ -365,21 +351,7 @@ _WORDS = {
 class Journal:
     """Journal of a sweep, open for further rows.
 
-    Parameters
-    ----------
-    path
-        ``.jsonl`` file; its folder is created if necessary.
-    belongs
-        Identification of the sweep: values by name.
-    resume
-        Whether to resume an existing journal.
-    overwrite
-        Whether to replace an existing journal.
-
-    Attributes
-    ----------
-    rows
-        Rows read from an existing journal, by chunk index.
+    `belongs` identifies the sweep; `rows` are those read from an existing journal, by the index of their chunk.
     """
 
     def __init__(

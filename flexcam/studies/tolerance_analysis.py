@@ -101,28 +101,14 @@ def sample_parts(scatters: Sequence[PartScatter], count: int, seed: int = 0) -> 
 
 @dataclass(frozen=True, eq=False)
 class ScalarDistribution:
-    """Distribution of a scalar.
+    """Distribution of a scalar."""
 
-    Parameters
-    ----------
-    values
-        Values of the valid sets of parts, shape (n,).
-    missing
-        Number of sets without a value: their run failed, or a limit was not met.
-    mean, deviation
-        Mean and standard deviation.
-    quantiles
-        Quantiles for `QUANTILES`.
-    ranks
-        Spearman rank correlation with each number, shape (k,): sign and strength of its influence.
-    """
-
-    values: FloatArray
-    missing: int
-    mean: float
+    values: FloatArray  #: values of the valid sets of parts, shape (n,)
+    missing: int  #: number of sets without a value: their run failed, or a limit was not met
+    mean: float  #: mean and standard deviation
     deviation: float
-    quantiles: Mapping[float, float]
-    ranks: FloatArray
+    quantiles: Mapping[float, float]  #: quantiles for `QUANTILES`
+    ranks: FloatArray  #: Spearman rank correlation with each number, shape (k,): sign and strength of its influence
 
 
 def scalar_distribution(points: FloatArray, values: FloatArray) -> ScalarDistribution:

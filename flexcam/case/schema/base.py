@@ -51,26 +51,13 @@ def convert_error(refusal: InputError, *, inside: bool = False) -> PydanticCusto
 
 @dataclass(frozen=True)
 class Unit:
-    """Annotation of a float that is given as a quantity and stored in SI.
+    """Annotation of a float that is given as a quantity and stored in SI."""
 
-    Parameters
-    ----------
-    dimension
-        A key of `flexcam.core.units.DIMENSIONS`.
-    above
-        Require a positive value.
-    signed
-        Allow negative values.
-    most
-        Upper limit, SI; None for no limit.
-    noise
-        Treat numbers too small for their kind as zero, which always applies if negative values are allowed.
-    """
-
-    dimension: str
-    above: bool = False
-    signed: bool = False
-    most: float | None = None
+    dimension: str  #: a key of `flexcam.core.units.DIMENSIONS`
+    above: bool = False  #: require a positive value
+    signed: bool = False  #: allow negative values
+    most: float | None = None  #: upper limit, SI; None for no limit
+    #: treat numbers too small for their kind as zero, which always applies if negative values are allowed
     noise: bool = False
 
     def validate(self, value: Any) -> float:  # noqa: ANN401 - any TOML value
@@ -132,18 +119,10 @@ def _line(value: Any) -> Any:  # noqa: ANN401
 
 @dataclass(frozen=True)
 class Check:
-    """Annotation that validates a value with a function of flexcam instead of pydantic.
+    """Annotation that validates a value with a function of flexcam instead of pydantic."""
 
-    Parameters
-    ----------
-    check
-        Function that returns the value or raises.
-    schema
-        JSON Schema of the value.
-    """
-
-    check: Any
-    schema: str
+    check: Any  #: function that returns the value or raises
+    schema: str  #: JSON Schema of the value
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
         return core_schema.no_info_plain_validator_function(self.check)
