@@ -182,7 +182,10 @@ def _result(file: Any) -> Result:  # noqa: ANN401
     return Result(
         mesh=mesh,
         response=_response(file, count, len(mesh.nodes)),
-        still={name: _still(data[name], name, points) for name in schema.CONSTANT_DATA},
+        still={
+            name: read_numbers(data[name], points, (width,) if width > 1 else (), kind)
+            for name, (kind, width) in schema.CONSTANT_DATA.items()
+        },
         recovered={name: values.reshape(count, points, *values.shape[1:]) for name, values in recovered.items()},
         about=_read_about(file),
         warnings=tuple(_status_texts(file).get(schema.WARNINGS, "").splitlines()),
@@ -201,11 +204,6 @@ def _read_about(file: Any) -> dict[str, str]:  # noqa: ANN401
             given, allowed = f"nothing about {name!r} of its case, or something else", "a result that keeps its case"
             raise refuse(f"/{schema.ABOUT}", given, allowed, "", "compute it again")
     return about
-
-
-def _still(item: Any, name: str, points: int) -> FloatArray:  # noqa: ANN401
-    """Return constant point data."""
-    return read_numbers(item, points, (3,) if name in schema.AXES else (), "i8" if name == schema.NODE else "f8")
 
 
 def _mesh(file: Any) -> Mesh:  # noqa: ANN401

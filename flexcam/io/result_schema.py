@@ -91,5 +91,5 @@ RECOVERED_FIELDS = {
 """Point data computed from displacements: unit and width. Forces are N, Vy, Vz and T, My, Mz in local axes."""
 
 RADIUS, NODE, AXES = "radius", "node", ("axis_x", "axis_y", "axis_z")
-CONSTANT_DATA = (RADIUS, NODE, *AXES)
-"""Constant point data."""
+CONSTANT_DATA = {RADIUS: ("f8", 1), NODE: ("i8", 1), **dict.fromkeys(AXES, ("f8", 3))}
+"""Constant point data: type and width."""

@@ -261,16 +261,12 @@ def _axes(file: CaseFile, settings: Sequence[str], limit: int) -> tuple[Axis, ..
         found |= {one.key: one for one in parse_axes(settings, limit=limit)}
     except InputError as refusal:
         faults += refusal.faults
-    faults += [_unknown_key_fault(one) for one in found.values() if one.key.partition(".")[0] == "sweep"]
+    allowed, why, remedy = "a key of the mechanism or its run", "it says how to sweep", "see --sample, --seed"
+    own_keys = [one for one in found.values() if one.key.partition(".")[0] == "sweep"]
+    faults += [Fault(one.where, one.key, allowed, why, remedy) for one in own_keys]
     if faults:
         raise InputError(faults)
     return tuple(found.values())
-
-
-def _unknown_key_fault(one: Axis) -> Fault:
-    return Fault(
-        one.where, one.key, "a key of the mechanism or its run", "it says how to sweep", "see --sample, --seed"
-    )
 
 
 def check_sweep_resources(asked: Sweep, folder: Path | None = None, *, together: int = 1) -> None:

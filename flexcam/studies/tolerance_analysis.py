@@ -121,15 +121,10 @@ def scalar_distribution(points: FloatArray, values: FloatArray) -> ScalarDistrib
             kept, int((~known).sum()), math.nan, math.nan, nothing, np.zeros(points.shape[1]) + math.nan
         )
     quantiles = {part: float(np.quantile(kept, part)) for part in QUANTILES}
-    ranks = np.array([_correlation(_ranks(points[known, i]), _ranks(kept)) for i in range(points.shape[1])])
+    from scipy.stats import rankdata
+
+    ranks = np.array([_correlation(rankdata(points[known, i]), rankdata(kept)) for i in range(points.shape[1])])
     return ScalarDistribution(kept, int((~known).sum()), float(kept.mean()), float(kept.std(ddof=1)), quantiles, ranks)
-
-
-def _ranks(values: FloatArray) -> FloatArray:
-    """Return ranks; equal values share their mean rank."""
-    _, place, counts = np.unique(values, return_inverse=True, return_counts=True)
-    ends = np.cumsum(counts)
-    return (ends - 0.5 * (counts - 1.0))[place]
 
 
 def _correlation(one: FloatArray, other: FloatArray) -> float:
