@@ -61,6 +61,9 @@ _MIN_ENERGY_SHARE = 0.01
 _MIN_DEFLECTION_ERROR = 1e-4
 """Relative size of a deflection from which its rounding is reported: tables show four digits."""
 
+_MAX_DEFLECTION = 0.1
+"""Maximum relative displacement of a member's points, in parts of its length: the error of linear beams is 1 %."""
+
 _MIN_STEPS = 20
 """Minimum steps per period: with fewer, common integrators have a period error of more than a percent."""
 
@@ -253,6 +256,7 @@ def check_run(ready: PreparedRun, monitor: RunMonitor, metrics: list[Metric], st
         *_check_equilibrium(stats),
         *_check_periodic_start(stats),
         *_check_rounding(ready, monitor.extremes),
+        *(_check_deflections(ready, monitor.extremes) if _has_member_dofs(ready) else ()),
         *(_check_resolution(monitor.resolution) if _has_member_dofs(ready) else ()),
     ]
 
@@ -392,6 +396,17 @@ def _check_rounding(ready: PreparedRun, extremes: ExtremesSink) -> list[str]:
     if share <= _MIN_DEFLECTION_ERROR:
         return []
     return [f"Warning: rounding in the stiffness may have taken up to {100.0 * share:.1g} % of the deflection"]
+
+
+def _check_deflections(ready: PreparedRun, extremes: ExtremesSink) -> Iterator[str]:
+    """Yield warnings about members that deflect or turn too far for small displacements."""
+    mesh, moved = ready.model.mesh, build_structure(ready.model).dofs.nodal(extremes.most_bent[None])[0, :, :3]
+    for name, line in mesh.lines.items():
+        length = np.linalg.norm(np.diff(mesh.nodes[line], axis=0), axis=1).sum()
+        share = float(np.linalg.norm(np.ptp(moved[line], axis=0)) / length)
+        if share > _MAX_DEFLECTION:
+            why = f"its points move apart by {100.0 * share:.3g} % of its length"
+            yield f"Warning: member {name} leaves the range of small displacements: {why}; its results are not valid"
 
 
 def _check_resolution(sink: ResolutionSink) -> Iterator[str]:

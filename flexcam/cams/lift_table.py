@@ -12,9 +12,10 @@ from flexcam.cams.lift_event import DelayedEvent
 from flexcam.cams.periodic_lift import DEGREE, PeriodicSpline, spline_knots
 from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, format_shape, refuse
+from flexcam.core.units import DIMENSIONS
 
 _REVOLUTION = 2.0 * math.pi
-_STEP = math.radians(1.0)  # spacing of the points added on the base circle
+_STEP, _MIN_STEP = math.radians(1.0), math.radians(0.1)  # spacing of the points added on the base circle
 _KNOTS = (360, 720, 1440)  # initial number of knots, one per degree of cam angle; the tolerance may require more
 
 _FAR, _SMALL = 8.0, 5e-4
@@ -135,7 +136,7 @@ def _fit_within_tolerance(theta: FloatArray, s: FloatArray, count: int, toleranc
 def _add_base_circle(theta: FloatArray, s: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the points with additional ones on the base circle where the table has none."""
     ends, lifts = np.append(theta, theta[0] + _REVOLUTION), np.append(s, s[0])
-    spacing = min(_STEP, float(np.median(np.diff(theta))))
+    spacing = max(min(_STEP, float(np.median(np.diff(theta)))), _MIN_STEP)
     angles, heights = [theta], [s]
     low = np.maximum(lifts[:-1], lifts[1:]) <= base_level(theta, s)
     for i in np.flatnonzero(wide_steps(theta) & low).tolist():
@@ -268,8 +269,11 @@ def _remarks(theta: FloatArray, s: FloatArray, spline: DelayedEvent, noise: floa
     return said
 
 
-_LEAST_POINTS = 12
+_LEAST_POINTS, _MOST_POINTS = 12, 20_000
 _MOST_FAULTS = 10
+
+_MIN_RANGE = math.radians(20.0)
+"""Minimum cam angle that a table covers; a table of a shorter range usually has its angles in another unit."""
 
 _BASE = 0.01
 """Fraction of the largest lift below which a point is on the base circle, and by which a lift may bend across a gap."""
@@ -295,6 +299,8 @@ def find_table_faults(theta: FloatArray, s: FloatArray) -> list[Fault]:
         ]  # fmt: skip
     if len(theta) < _LEAST_POINTS:
         return [Fault("lift table", f"{len(theta)} points", f"{_LEAST_POINTS} or more", "", "measure at more angles")]
+    if len(theta) > _MOST_POINTS:
+        return [Fault("lift table", f"{len(theta)} points", f"up to {_MOST_POINTS}", "", "keep every second row")]
     found: list[Fault] = []
     back = np.flatnonzero(np.diff(theta) <= 0.0)
     if back.size:
@@ -305,9 +311,14 @@ def find_table_faults(theta: FloatArray, s: FloatArray) -> list[Fault]:
         given = f"{math.degrees(theta[-1] - theta[0]):g} deg of cam angle"
         remedy = "cut the table; crank angles must be said to be such"
         found.append(Fault("angle", given, "360 deg at most", "the lift repeats every revolution", remedy))
-    top = float(s.max())
-    if top <= 0.0:
-        return [*found, Fault("lift", f"{top:g} m at most", "a lift above zero", "", "check the column and its unit")]
+    elif theta[-1] - theta[0] < _MIN_RANGE:
+        given, allowed = f"{math.degrees(theta[-1] - theta[0]):g} deg of cam angle", "20 deg or more"
+        remedy = "check the unit of the angles: cam_deg, cam_rad, crank_deg or crank_rad"
+        found.append(Fault("angle", given, allowed, "no lobe is so narrow", remedy))
+    top, length = float(s.max()), DIMENSIONS["length"]
+    if not length.least <= np.abs(s).max() <= length.most or top <= 0.0:
+        given, allowed = f"{top:g} m at most", f"a lift above zero, between {length.least:g} and {length.most:g} m"
+        return [*found, Fault("lift", given, allowed, "", "check the column and its unit")]
     low = base_level(theta, s) if not found else _BASE * top
     below = np.flatnonzero(s < -low)
     if below.size:

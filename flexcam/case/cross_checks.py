@@ -51,21 +51,11 @@ _POINT_REFERENCES = (
 
 @dataclass(frozen=True)
 class RawTables:
-    """Raw tables of a case, to be checked before all values are known to be valid.
+    """Raw tables of a case, to be checked before all values are known to be valid."""
 
-    Parameters
-    ----------
-    raw
-        Parsed TOML before validation; values of the wrong type are skipped.
-    mesh
-        Mesh of the mesh file; None for a case with its own nodes, or if the file could not be read.
-    places
-        Source of every key.
-    """
-
-    raw: Table
-    mesh: Mesh | None
-    places: KeyLocations
+    raw: Table  #: parsed TOML before validation; values of the wrong type are skipped
+    mesh: Mesh | None  #: mesh of the mesh file; None for a case with its own nodes, or if the file could not be read
+    places: KeyLocations  #: source of every key
 
     def reference_faults(self) -> Iterator[Fault]:
         """Yield names without a target, or with several nodes where one is required."""

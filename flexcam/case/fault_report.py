@@ -13,10 +13,10 @@ from typing import Any, cast, get_args
 from pydantic import BaseModel
 from pydantic_core import ErrorDetails
 
-from flexcam.case.schema.base import describe_type_error, fields_at, records_at
+from flexcam.case.schema.base import describe_type_error, fields_at, records_at, units_in
 from flexcam.core.errors import NAMES, Fault, format_value, suggest_name
 
-_TABLE = re.compile(r"\s*\[{1,2}\s*([^\]]+?)\s*\]{1,2}\s*(?:#.*)?$")
+_TABLE = re.compile(r"\s*\[{1,2}([^\]]+)\]{1,2}\s*(?:#.*)?$")
 _KEY = re.compile(r"""\s*((?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*')(?:\s*\.\s*(?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*'))*)\s*=""")
 _PART = re.compile(r"""[A-Za-z0-9_-]+|"[^"]*"|'[^']*'""")
 
@@ -25,15 +25,9 @@ Path = tuple[str, ...]
 
 @dataclass(frozen=True)
 class KeyLocations:
-    r"""Source of every key of a case: a line of the file or an override.
+    r"""Source of every key of a case: a line of the file or an override."""
 
-    Parameters
-    ----------
-    notes
-        Source by key path, such as ``line 12`` or ``--set run.speed=4000rpm``.
-    """
-
-    notes: Mapping[Path, str]
+    notes: Mapping[Path, str]  #: source by key path, such as ``line 12`` or ``--set run.speed=4000rpm``
 
     @classmethod
     def of_text(cls, text: str) -> KeyLocations:
@@ -129,12 +123,13 @@ def convert_errors(errors: Iterable[ErrorDetails], places: KeyLocations, root: t
     found: dict[tuple[str, str], Fault] = {}
     located = [(_path(error), error) for error in errors]
     missing = Counter(path for path, error in located if error["type"] == "missing")
+    tables = {path[:depth] for path, _ in located for depth in range(len(path))}
     for path, error in located:
         if error["type"] == "missing" and path[-1].isdigit():
             following = (*path[:-1], str(int(path[-1]) + 1))
             if missing[path] == missing[following]:
                 continue  # of the elements missing in a row, only the last one is reported
-        if isinstance(error["input"], dict) and any(len(p) > len(path) and p[: len(path)] == path for p, _ in located):
+        if isinstance(error["input"], dict) and path in tables:
             continue  # a table in the place of a number: only the faults of the table are reported
         fault = _fault(error, path, places, root)
         key = fault.where, fault.given
@@ -230,4 +225,9 @@ def _shorten(value: object) -> str:
 
 
 def _describe_field(path: Path, root: type[BaseModel]) -> str:
-    return next((field.description or "" for name, field in fields_at(path[:-1], root) if name == path[-1]), "")
+    """Return the quantity or the description of a key."""
+    for name, field in fields_at(path[:-1], root):
+        if name == path[-1]:
+            units = [unit for part in (*field.metadata, field.annotation) for unit in units_in(part)]
+            return ", ".join(filter(None, (*(unit.description for unit in units[:1]), field.description)))
+    return ""

@@ -34,31 +34,15 @@ from flexcam.valvetrain import Adjuster, CamContact, Lash, Model, Seat, build_sy
 
 @dataclass(frozen=True)
 class TypicalRange:
-    """Typical range of a key.
+    """Typical range of a key."""
 
-    Parameters
-    ----------
-    key
-        Path of the key, ``*`` for any name.
-    what
-        Name of the quantity for messages.
-    least, most
-        Limits, SI.
-    meant
-        Units the user may have intended, with their size in SI, the most likely first.
-    si
-        Unit, if the path of the key does not determine it.
-    zero
-        Whether zero is reported too.
-    """
-
-    key: str
-    what: str
-    least: float
+    key: str  #: path of the key, ``*`` for any name
+    what: str  #: name of the quantity for messages
+    least: float  #: limits, SI
     most: float
-    meant: Mapping[str, float]
-    si: str = ""
-    zero: bool = False
+    meant: Mapping[str, float]  #: units the user may have intended, with their size in SI, the most likely first
+    si: str = ""  #: unit, if the path of the key does not determine it
+    zero: bool = False  #: whether zero is reported too
 
 
 _LENGTH = {"mm": 1e-3, "um": 1e-6, "in": 0.0254, "m": 1.0}

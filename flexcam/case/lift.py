@@ -33,18 +33,10 @@ Table = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class LawDefinition:
-    """Law with its definition in the case.
+    """Law with its definition in the case."""
 
-    Parameters
-    ----------
-    given
-        Name, or ``id`` with parameters; for a law file, the content of the file.
-    law
-        Motion law.
-    """
-
-    given: str | dict[str, Any]
-    law: Law = field(compare=False)
+    given: str | dict[str, Any]  #: name, or ``id`` with parameters; for a law file, the content of the file
+    law: Law = field(compare=False)  #: motion law
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
@@ -58,21 +50,11 @@ class LawDefinition:
 
 @dataclass(frozen=True)
 class LiftDefinition:
-    """Lift over the whole revolution from a file, with a report of the smoothing.
+    """Lift over the whole revolution from a file, with a report of the smoothing."""
 
-    Parameters
-    ----------
-    given
-        Value in the case.
-    event
-        Lift event.
-    report
-        Smoothing report; None for harmonics, which are not smoothed.
-    """
-
-    given: str | dict[str, Any]
-    event: Event = field(compare=False)
-    report: LiftReport | None = field(compare=False)
+    given: str | dict[str, Any]  #: value in the case
+    event: Event = field(compare=False)  #: lift event
+    report: LiftReport | None = field(compare=False)  #: smoothing report; None for harmonics, which are not smoothed
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401

@@ -50,15 +50,9 @@ def read_case(path: str | Path, overrides: Sequence[str] = ()) -> Case:
     return CaseFile.open(path).read(overrides)
 
 
-_REQUIRED_TEXTS = ("case", "case_file", "overrides")
-"""Texts of a result that are required to restore its case."""
-
-
 def case_from_result(result: Result) -> Case:
     """Return the case of a result, from the texts stored in it and on its mesh."""
     about = result.about
-    if missing := [name for name in _REQUIRED_TEXTS if name not in about]:
-        raise refuse("result", f"nothing about {missing[0]!r}", "a result that keeps its case", "flexcam run keeps it")
     source, text = Path(about["case_file"]), about["case"]
     case = CaseFile(source, text, _parse_case(source, text)).read(json.loads(about["overrides"]), mesh=result.mesh)
     members = {name: one.model_copy(update={"elements": 1}) for name, one in case.record.members.items()}
@@ -67,24 +61,12 @@ def case_from_result(result: Result) -> Case:
 
 @dataclass(frozen=True, eq=False)
 class CaseFile:
-    """Case file in memory, for reading many variants: text and meshes are read from disk once.
+    """Case file in memory, for reading many variants: text and meshes are read from disk once."""
 
-    Parameters
-    ----------
-    path
-        Path of the file.
-    text
-        Text of the file.
-    raw
-        Raw tables, not yet checked.
-    meshes
-        Meshes read so far, by their name in the case.
-    """
-
-    path: Path
-    text: str
-    raw: Mapping[str, Any]
-    meshes: dict[str, Mesh] = field(default_factory=dict[str, Mesh])
+    path: Path  #: path of the file
+    text: str  #: text of the file
+    raw: Mapping[str, Any]  #: raw tables, not yet checked
+    meshes: dict[str, Mesh] = field(default_factory=dict[str, Mesh])  #: meshes read so far, by their name in the case
 
     @classmethod
     def open(cls, path: str | Path) -> CaseFile:
@@ -126,7 +108,9 @@ class CaseFile:
             mesh = self.meshes.get(name) or read_mesh(resolve_file(self.path, name, "mesh"))
         except InputError as refusal:
             where = places.place(("mesh",))
-            return None, [replace(f, where=f"{where}{f.where.removeprefix('mesh')}") for f in refusal.faults]
+            inside = [f.where.removeprefix("mesh").strip() for f in refusal.faults]
+            faults = zip(refusal.faults, inside, strict=True)
+            return None, [replace(fault, where=f"{where} {name}".rstrip()) for fault, name in faults]
         return self.meshes.setdefault(name, mesh), []
 
 
@@ -167,8 +151,8 @@ def _read_tables(path: Path) -> tuple[str, dict[str, Any]]:
     except FileNotFoundError:
         near = suggest_name(path.name, [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else [])
         raise refuse("case file", str(path), "an existing file", "", near) from None
-    except (OSError, UnicodeDecodeError) as fault:
-        why, remedy = ("it is not a text file" if isinstance(fault, UnicodeDecodeError) else system_message(fault)), ""
+    except OSError as fault:
+        why, remedy = system_message(fault), ""
         if path.suffix == ".vtkhdf":
             why, remedy = "it is a result", "give the case; flexcam info, plot, report, view and export take results"
         raise refuse("case file", str(path), "a readable UTF-8 text file", why, remedy) from None

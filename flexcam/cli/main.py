@@ -20,12 +20,13 @@ from inspect import cleandoc
 from itertools import pairwise
 from pathlib import Path
 from types import FrameType
+from typing import Any
 
 from cyclopts import CycloptsError, Group
 
 from flexcam import __version__
 from flexcam.cli.app import COMMAND_FILES, COMMANDS, app, run_state
-from flexcam.core.errors import Fault, InputError
+from flexcam.core.errors import Fault, InputError, system_message
 from flexcam.dynamics import Cause, RunFailedError, Status
 from flexcam.report.terminal import print_json, print_message
 
@@ -120,6 +121,11 @@ def _command_line_fault(words: Sequence[str], fault: CycloptsError) -> Fault:
 _INTERRUPTED = Status(Cause.INTERRUPTED, "stopped by the user before it was finished; nothing is kept")
 
 
+_OUT_OF_MEMORY = Status(
+    Cause.OUT_OF_MEMORY, "the memory is exhausted", "free memory, or save less: output.field_every, --workers"
+)
+
+
 def _handle_signal(signum: int, frame: FrameType | None) -> None:
     """End a run at its next step; end other operations immediately."""
     del frame
@@ -129,7 +135,7 @@ def _handle_signal(signum: int, frame: FrameType | None) -> None:
 
 
 def _signal_code() -> int:
-    return TERMINATED if signal.SIGTERM in run_state.signals else INTERRUPTED
+    return INTERRUPTED if set(run_state.signals) <= {signal.SIGINT} else TERMINATED
 
 
 def _empty_path_faults(words: Sequence[str]) -> list[Fault]:
@@ -144,14 +150,23 @@ def _empty_path_faults(words: Sequence[str]) -> list[Fault]:
     ]
 
 
+def _encoding_faults(words: Sequence[str]) -> list[Fault]:
+    """Return a fault for every word that is not UTF-8: files that name it could not be written."""
+    why, remedy = "results and reports name their files", "rename the file or folder"
+    return [
+        Fault("command line", ascii(word), "words and file names in UTF-8", why, remedy)
+        for word in words if any("\ud800" <= letter <= "\udfff" for letter in word)
+    ]  # fmt: skip
+
+
 _FILES = ("-o", "--output", "--csv", "--plot", "--spectrum", "--save", "--mac", "--from-profile")
 """Options with a file name."""
 
 
 def _dispatch(words: Sequence[str]) -> int:
     as_json = "--json" in words
-    if empty := _empty_path_faults(words):
-        return _print_faults(empty, as_json)
+    if faults := [*_empty_path_faults(words), *_encoding_faults(words)]:
+        return _print_faults(faults, as_json)
     try:
         load_commands(words)
         status = app(words, exit_on_error=False, print_error=False, result_action="return_value")
@@ -169,21 +184,34 @@ def _dispatch(words: Sequence[str]) -> int:
     except OSError as fault:
         if fault.filename is None:  # standard output is full or has no reader
             raise
-        code = _report_crash(words, as_json)
+        what = Fault("file", str(fault.filename), "a file or folder that can be used", system_message(fault), "")
+        code = _print_faults([what], as_json)
+    except MemoryError:
+        code = _print_failure(_OUT_OF_MEMORY, as_json)
     except Exception:  # noqa: BLE001 - the one place where a fault of flexcam itself becomes a message
         code = _report_crash(words, as_json)
     # A signal that arrived inside a finalizer was ignored there; it still counts.
     return _signal_code() if run_state.signals and code == DONE else code
 
 
+_HANGUP = [
+    number for number in (getattr(signal, "SIGHUP", None),)
+    if number is not None and signal.getsignal(number) is not signal.SIG_IGN  # nohup ignores it
+]  # fmt: skip
+"""Signal of a closed terminal."""
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit with its exit code."""
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in (signal.SIGINT, signal.SIGTERM, *_HANGUP):
         signal.signal(number, _handle_signal)
     _open_null_streams()
     if sys.stderr.isatty():
         logging.basicConfig(format="%(message)s")
         logging.getLogger("flexcam").setLevel(logging.INFO)
+    stream: Any = sys.stdout
+    if hasattr(stream, "reconfigure"):
+        stream.reconfigure(errors="backslashreplace")  # a terminal without the letters of a title
     try:
         code = _dispatch(list(sys.argv[1:] if arguments is None else arguments))
         sys.stdout.flush()

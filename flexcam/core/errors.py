@@ -28,8 +28,11 @@ def printable(text: str) -> str:
 NAME = r"^[A-Za-z0-9_][A-Za-z0-9_ -]*$"
 """Pattern of a name in a case or a mesh. Results use it as an HDF5 name and in channel names, separated by dots."""
 
-NAMES = "a name of letters, digits, '_', '-' and spaces"
+NAMES = "a name of letters A to Z and a to z, digits, '_', '-' and spaces"
 """Description of valid names, for messages."""
+
+_MAX_PART = 1000
+"""Maximum length of a part of a message, characters."""
 
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 
@@ -59,8 +62,12 @@ class Fault:
     remedy: str
 
     def __str__(self) -> str:
-        head = f"{self.where}: given {self.given}; allowed: {self.allowed}"
-        return printable("; ".join(part for part in (head, self.why, self.remedy) if part))
+        where, given, allowed, *rest = (
+            one if len(one) <= _MAX_PART else f"{one[:_MAX_PART]}..."
+            for one in (self.where, self.given, self.allowed, self.why, self.remedy)
+        )
+        text = "; ".join(filter(None, (f"{where}: given {given}; allowed: {allowed}", *rest)))
+        return printable(text.replace("\n", "\\n"))
 
     def as_dict(self) -> dict[str, str]:
         """Return the five facts by name, as ``--json`` prints them."""

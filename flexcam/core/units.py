@@ -18,7 +18,7 @@ RPM = math.pi / 30.0
 Exponents = tuple[int, int, int, int]
 """Exponents of metre, kilogram, second, radian."""
 
-_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*$")
+_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)$")
 _FACTOR = re.compile(r"([*/]?)\s*(1(?=\s*/)|[A-Za-z%µ°]+)\s*(?:(?:\^|\*\*)\s*([+-]?\d+))?\s*")
 
 _LARGEST = 10**308
@@ -172,7 +172,7 @@ def parse(value: float | str, dimension: str, where: str = "value", *, noise: bo
         raise refuse(where, value, allowed)
     if not isinstance(value, str):
         number, text = Decimal(value) if abs(value) < _LARGEST else Decimal("inf"), ""
-    elif match := _NUMBER.match(value):
+    elif match := _NUMBER.match(value.rstrip()):
         number, text = _EXACT.create_decimal(match[1]), match[2]
     else:
         raise refuse(where, repr(value), allowed, "it does not begin with a number")
@@ -184,12 +184,13 @@ def parse(value: float | str, dimension: str, where: str = "value", *, noise: bo
         )
         raise refuse(where, repr(value), allowed, why, remedy)
     si = float(_EXACT.multiply(number, factor))
-    if not math.isfinite(si):
+    if isinstance(value, float) and not math.isfinite(value):
         raise refuse(where, repr(value), allowed, "the number is not finite")
     if noise and abs(si) < kind.least:
         return 0.0
     if si != 0.0 and not kind.least <= abs(si) <= kind.most:
-        why = f"between {kind.least:g} and {kind.most:g} {kind.si}".rstrip()
+        least, most = (limit / float(factor) for limit in (kind.least, kind.most))
+        why = f"between {least:g} and {most:g} {text or kind.si}".rstrip()
         raise refuse(
             where, repr(value), allowed, f"no mechanism has such {article} {kind.name}: {why}", "check the unit"
         )

@@ -150,7 +150,7 @@ def _modal_problem(
 
 def _require_compiler(system: System) -> None:
     if not is_available():
-        raise _UnsuitableEngineError("numba is not installed")
+        raise _UnsuitableEngineError("numba is not installed, or NUMBA_DISABLE_JIT is set")
     for force in system.local_forces:
         if not isinstance(force.law, ForceLaw):
             raise _UnsuitableEngineError(f"the law of {force.name} is a Python object")

@@ -39,8 +39,8 @@ _LOGGER = logging.getLogger(__name__)
 
 @lru_cache
 def is_available() -> bool:
-    """Return whether numba is installed."""
-    return find_spec("numba") is not None
+    """Return whether numba is installed and may compile."""
+    return find_spec("numba") is not None and not import_module("numba.core.config").DISABLE_JIT
 
 
 def bind(functions: Sequence[FunctionType], overrides: Mapping[str, Callable[..., Any]] | None = None) -> Functions:

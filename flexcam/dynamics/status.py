@@ -29,6 +29,7 @@ class Cause(StrEnum):
     NO_RENDERING = "no-rendering"
     REFUSED = "refused"
     WORKER_LOST = "worker-lost"
+    OUT_OF_MEMORY = "out-of-memory"
     FAULT = "fault"
 
 

@@ -54,6 +54,10 @@ class Mesh:
     lines: Mapping[str, IntArray]
     points: Mapping[str, IntArray]
 
+    def __reduce__(self) -> tuple[type[Mesh], tuple[object, ...]]:
+        """Return the constructor and its arguments, for pickle and copy."""
+        return type(self), (self.nodes, dict(self.lines), dict(self.points))
+
     def __post_init__(self) -> None:
         object.__setattr__(self, "nodes", finite_array("nodes", self.nodes, (None, 3)))
         for field in ("lines", "points"):

@@ -24,7 +24,7 @@ from flexcam.core.errors import Fault, InputError, refuse, system_message
 from flexcam.io.exports import write_polylines
 from flexcam.io.files import atomic_write_path, check_writable, create_folder, format_toml, read_text, write_text
 
-_LENGTHS = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
+_LENGTHS = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "μm": 1e-6, "inch": 0.0254, '"': 0.0254}
 _MAX_FAULTS = 10
 
 Row = tuple[int, str]
@@ -38,7 +38,7 @@ def _read_rows(path: Path, where: str, content: str) -> list[Row]:
     """
     try:
         lines = read_text(path).split("\n")
-    except (OSError, UnicodeDecodeError) as fault:
+    except OSError as fault:
         raise refuse(where, str(path), "a readable text file", system_message(fault)) from None
     rows = [(number, line.partition("#")[0].strip()) for number, line in enumerate(lines, start=1)]
     rows = [(number, line) for number, line in rows if line]
@@ -49,7 +49,6 @@ def _read_rows(path: Path, where: str, content: str) -> list[Row]:
 
 AngleKind = Literal["cam", "crank"]
 
-_LIFT_UNITS = {**_LENGTHS, "μm": 1e-6, "inch": 0.0254, '"': 0.0254}
 _DEGREE = math.pi / 180.0
 _ANGLES = {"deg": _DEGREE, "°": _DEGREE, "degree": _DEGREE, "degrees": _DEGREE, "rad": 1.0}
 _SEPARATOR = re.compile(r"[,;\t]|\s+")
@@ -58,21 +57,11 @@ _DECIMAL_COMMA = re.compile(r"\d,\d+\s*[;\t]")
 
 @dataclass(frozen=True, eq=False)
 class LiftColumns:
-    """Content of a lift file in SI units.
+    """Content of a lift file in SI units."""
 
-    Parameters
-    ----------
-    angle
-        Cam angle, rad, shape (n,).
-    lift
-        Lift, m, shape (n,).
-    lines
-        Line numbers in the file, counted from 1, length n.
-    """
-
-    angle: FloatArray
-    lift: FloatArray
-    lines: tuple[int, ...]
+    angle: FloatArray  #: cam angle, rad, shape (n,)
+    lift: FloatArray  #: lift, m, shape (n,)
+    lines: tuple[int, ...]  #: line numbers in the file, counted from 1, length n
 
 
 def read_lift(path: Path, *, angle: AngleKind | None = None, unit: str | None = None) -> LiftColumns:
@@ -153,12 +142,12 @@ def _angle_factor(column: str, given: AngleKind | None, head: str, path: Path) -
 
 def _lift_factor(column: str, given: str | None, head: str, path: Path) -> float:
     """Return the lift, m, of one unit of the lift column."""
-    named = [word for word in _header_words(column) if word in _LIFT_UNITS]
+    named = [word for word in _header_words(column) if word in _LENGTHS]
     unit = given or (named[-1] if named else None)
-    if unit not in _LIFT_UNITS:
+    if unit not in _LENGTHS:
         remedy = 'add unit = "mm" or unit = "in", or a first row such as cam_deg, lift_mm'
-        raise refuse(f"{path.name}, unit of the lift", unit or head or "no head", ", ".join(_LIFT_UNITS), "", remedy)
-    return _LIFT_UNITS[unit]
+        raise refuse(f"{path.name}, unit of the lift", unit or head or "no head", ", ".join(_LENGTHS), "", remedy)
+    return _LENGTHS[unit]
 
 
 def read_profile(path: Path, *, unit: str | None = None) -> FloatArray:
@@ -189,17 +178,13 @@ def _coordinates(parts: list[str], columns: tuple[int, int]) -> list[float]:
     return found if all(map(math.isfinite, found)) else []
 
 
-def _words(name: str) -> list[str]:
-    return re.findall(r"[a-z]+", name.lower())
-
-
 def _profile_columns(head: list[str], path: Path) -> tuple[int, int]:
     """Return the columns of x and y: those of the profile if the table has several curves."""
     if not head:
         return 0, 1
     found: list[int] = []
     for axis in "xy":
-        named = [i for i, name in enumerate(head) if axis in _words(name)]
+        named = [i for i, name in enumerate(head) if axis in _header_words(name)]
         own = [i for i in named if head[i].lower().startswith("profile")]
         if len(own or named) != 1:
             given = ", ".join(head)[:60]
@@ -210,7 +195,7 @@ def _profile_columns(head: list[str], path: Path) -> tuple[int, int]:
 
 def _profile_factor(head: list[str], given: str | None, path: Path) -> float:
     """Return the unit, m, of the column headers (the last word of each that is a unit) or the given one."""
-    words = [[word for word in _words(name) if word in _LENGTHS] for name in head]
+    words = [[word for word in _header_words(name) if word in _LENGTHS] for name in head]
     units = list(dict.fromkeys(unit for unit in [given or "", *(word[-1] for word in words if word)] if unit))
     where = f"{path.name}, unit"
     if len(units) > 1:
@@ -229,20 +214,12 @@ _LAYERS = {"profile": 1, "pitch curve": 3, "cutter path": 5, "base circle": 8}
 
 @dataclass(frozen=True, eq=False)
 class ProfileTable:
-    """Curves and columns of a cam profile.
+    """Curves and columns of a cam profile."""
 
-    Parameters
-    ----------
-    curves
-        Closed curves by name, m, shape (n, 2): ``profile``, ``pitch curve``, ``cutter path``.
-    base_radius
-        Radius of the base circle, m.
-    columns
-        Further columns by header with unit, shape (n,).
-    """
-
+    #: closed curves by name, m, shape (n, 2): ``profile``, ``pitch curve``, ``cutter path``
     curves: Mapping[str, FloatArray]
-    base_radius: float
+    base_radius: float  #: radius of the base circle, m
+    #: further columns by header with unit, shape (n,)
     columns: Mapping[str, FloatArray] = field(default_factory=dict[str, FloatArray])
 
 

@@ -34,7 +34,11 @@ def read_text(path: Path, encoding: str = "utf-8-sig") -> str:
     size = file_size(path)
     if size > _MAX_TEXT_SIZE:
         raise OSError(f"it has {size} bytes, more than any such file")
-    return path.read_text(encoding=encoding)
+    try:
+        return path.read_text(encoding=encoding)
+    except UnicodeDecodeError as fault:
+        line = fault.object.count(b"\n", 0, fault.start) + 1
+        raise OSError(f"it is not UTF-8 text: byte 0x{fault.object[fault.start]:02x} in line {line}") from None
 
 
 _MAX_PARENTS = 2

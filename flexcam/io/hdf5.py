@@ -42,24 +42,9 @@ def create_ordered_group(group: Any, name: str) -> Any:  # noqa: ANN401 - h5py h
 
 
 class GrowingDataset:
-    """Empty dataset with an extensible first axis.
+    """Empty dataset of one or `width` columns with an extensible first axis, in chunks that divide a block of `rows`.
 
     Rows are written without h5py's selections: a result has about a hundred such datasets that grow together.
-
-    Parameters
-    ----------
-    group
-        Parent group.
-    name
-        Name of the dataset.
-    rows
-        Rows per block: chunks divide a block, so that no two blocks share a chunk.
-    unit
-        Unit of the values.
-    width
-        Number of columns; 0 for a one-dimensional dataset.
-    kind
-        Data type of the values.
     """
 
     def __init__(self, group: Any, name: str, rows: int, unit: str, *, width: int = 0, kind: str = "f8") -> None:  # noqa: ANN401
@@ -103,7 +88,7 @@ def create_fixed_dataset(group: Any, name: str, values: FloatArray | IntArray, u
 
 def _encode(texts: Sequence[str]) -> Any:  # noqa: ANN401 - an array
     """Return texts as UTF-8 bytes of one length."""
-    parts = [one.encode() for one in texts]
+    parts = [one.encode(errors="backslashreplace") for one in texts]
     return np.array(parts, dtype=_module.string_dtype("utf-8", max([1, *map(len, parts)])))
 
 
@@ -115,7 +100,14 @@ def write_texts(group: Any, content: Mapping[str, str]) -> None:  # noqa: ANN401
 
 def read_texts(group: Any) -> dict[str, str]:  # noqa: ANN401
     """Return the texts of a group by name."""
-    return {name: bytes(item[()]).decode() for name, item in group.items()}
+    return {name: read_text_column(item)[0] for name, item in group.items()}
+
+
+def read_text_column(item: Any) -> list[str]:  # noqa: ANN401
+    """Return the texts of a dataset, at least one of which is expected."""
+    if not isinstance(item, _module.Dataset) or item.dtype.kind != "S" or not item.size:
+        raise refuse(item.name, "numbers, a group or nothing", "texts", "", _REMEDY)
+    return [bytes(text).decode(errors="replace") for text in np.atleast_1d(item[()])]
 
 
 def write_text_attribute(one: Any, name: str, content: str | Sequence[str]) -> None:  # noqa: ANN401
@@ -238,14 +230,26 @@ def digest_fault(file: Any) -> Fault | None:  # noqa: ANN401
     return Fault("/, seal", "a seal that does not fit", "a file as it was written", why, _REMEDY)
 
 
-def read_rows(dataset: Any, rows: int) -> Any:  # noqa: ANN401
-    """Return the first rows of a dataset."""
-    if not dataset.shape or not 0 <= rows <= dataset.shape[0]:
-        raise refuse(dataset.name, f"shape {format_shape(dataset.shape)}", f"{rows} rows", "a count is wrong", _REMEDY)
-    return dataset[:rows]
+_LARGEST = 1e300
+"""Absolute value that no number of a file reaches: units could not be converted."""
 
 
-READ_ERRORS = (OSError, LookupError, ValueError, TypeError, AttributeError, RuntimeError, ArithmeticError, MemoryError)
+def read_numbers(item: Any, rows: int | slice | None = None, width: tuple[int, ...] = (), kind: str = "f8") -> Any:  # noqa: ANN401
+    """Return rows of a dataset; raise an error for another type or shape, or a number that is not finite."""
+    part = slice(rows) if isinstance(rows, int) else rows or slice(None)
+    allowed = f"{np.dtype(kind)}, shape {format_shape((part.stop, *width))}"
+    if not isinstance(item, _module.Dataset):
+        raise refuse(item.name, "a group", allowed, "", _REMEDY)
+    shape: tuple[int, ...] = item.shape or ()
+    if item.dtype != kind or not shape or shape[1:] != width or not 0 <= (part.stop or 0) <= shape[0]:
+        raise refuse(item.name, f"{item.dtype}, shape {format_shape(shape)}", allowed, "a count is wrong", _REMEDY)
+    values = item[part]
+    if not (np.abs(values) < _LARGEST).all():
+        raise refuse(item.name, "a number that is not finite", "finite numbers", "", _REMEDY)
+    return values
+
+
+READ_ERRORS = (OSError, LookupError, ValueError, TypeError, AttributeError, RuntimeError, ArithmeticError)
 """Exceptions that h5py and numpy raise on damaged content."""
 
 
@@ -266,6 +270,8 @@ def open_hdf5(path: Path, where: str, allowed: str, remedy: str = "") -> Generat
         ) from None  # fmt: skip
     except FileNotFoundError:
         raise refuse(where, str(path), allowed, "there is no such file", remedy) from None
+    except MemoryError:
+        raise refuse(where, str(path), "a file that fits into the free memory", "it does not", "free memory") from None
     except READ_ERRORS as fault:
         why = f"it is damaged or not from flexcam: {system_message(fault) or type(fault).__name__}"
         if isinstance(fault, OSError) and "signature" in str(fault):  # what HDF5 says of another kind of file

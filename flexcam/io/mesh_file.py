@@ -23,6 +23,9 @@ from flexcam.io.files import write_text
 _MAX_FAULTS = 20
 """Maximum number of reported faults of one kind: a mesh with thousands has one cause."""
 
+_MAX_COORDINATE = 1e12
+"""Maximum absolute coordinate, m: squares of larger ones overflow."""
+
 _COINCIDENCE_TOLERANCE = 1e-9
 """Distance, relative to the mesh size, below which nodes count as coincident (rounding)."""
 
@@ -93,9 +96,9 @@ def _groups(raw: _GmshMesh) -> list[_ElementGroup]:
 
 
 def _node_faults(raw: _GmshMesh) -> Iterator[Fault]:
-    for i in np.flatnonzero(~np.isfinite(raw.points).all(axis=1))[:_MAX_FAULTS].tolist():
-        given = ", ".join(f"{x:g}" for x in raw.points[i].tolist())
-        yield Fault(f"mesh node {raw.numbers[i]}", given, "finite coordinates", "", "export it again from Gmsh")
+    for i in np.flatnonzero(~(np.abs(raw.points) <= _MAX_COORDINATE).all(axis=1))[:_MAX_FAULTS].tolist():
+        given, allowed = ", ".join(f"{x:g}" for x in raw.points[i].tolist()), f"finite, up to {_MAX_COORDINATE:g} m"
+        yield Fault(f"mesh node {raw.numbers[i]}", given, allowed, "", "export it again from Gmsh")
     numbers, counts = np.unique(raw.numbers, return_counts=True)
     for number in numbers[counts > 1][:_MAX_FAULTS].tolist():
         yield Fault(
@@ -351,7 +354,10 @@ def _read_msh(path: Path) -> _GmshMesh:
         data = path.read_bytes()
     except OSError as fault:
         raise _invalid(str(path), str(fault)) from None
-    head = _HEAD.match(data)
+    first = 0
+    while comments := _COMMENTS.match(data, first):
+        first = comments.end()
+    head = _HEAD.match(data, first)
     if head is None:
         raise _invalid(path.name, "it does not begin with $MeshFormat")
     version, binary, size = head[1].decode("ascii", "replace"), head[2] == b"1", int(head[3])
@@ -368,8 +374,9 @@ def _read_msh(path: Path) -> _GmshMesh:
     return _GmshMesh(numbers, points, elements, names)
 
 
-_HEAD = re.compile(rb"\s*(?:\$Comments\b.*?\$EndComments\s*)*\$MeshFormat\s+(\S{1,8})\s+([01])\s+(\d)\s*?\n", re.S)
-_PHYSICAL_NAME = re.compile(r'^\s*(\d{1,9})\s+(\d{1,9})\s+"(.*)"\s*$', re.M)
+_COMMENTS = re.compile(rb"\s*\$Comments\b.*?\$EndComments", re.S)
+_HEAD = re.compile(rb"\s*\$MeshFormat\s+(\S{1,8})\s+([01])\s+(\d)\s*?\n")
+_PHYSICAL_NAME = re.compile(r'^[ \t]*(\d{1,9})[ \t]+(\d{1,9})[ \t]+"(.*)"[ \t\r]*$', re.M)
 
 
 class _Sections:
@@ -472,6 +479,8 @@ def _nodes_4(nodes: _Reader) -> tuple[IntArray, FloatArray]:
     for _ in range(blocks):
         dimension, _, parametric = nodes.read("i", 3).tolist()
         (count,) = nodes.read("u", 1).tolist()
+        if dimension not in range(4):
+            raise _invalid(f"nodes of dimension {dimension}", "a dimension is 0 to 3")
         width = 3 + (dimension if parametric else 0)
         numbers.append(nodes.read("u", count))
         points.append(nodes.read("f", count * width).reshape(count, width)[:, :3])

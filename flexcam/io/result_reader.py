@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +21,7 @@ from flexcam.io.hdf5 import (
     datasets,
     digest_fault,
     open_hdf5,
-    read_rows,
+    read_numbers,
     read_text_attribute,
     read_text_list,
     read_texts,
@@ -150,7 +151,7 @@ def _check_format(file: Any, source: Path) -> None:  # noqa: ANN401 - h5py has n
     if schema.VTK not in file and {"inputs", "scalars"} <= set(file):
         remedy = "flexcam.studies.tables.read_table reads it, and flexcam info --verify says whether it is sound"
         raise refuse("result", source, "a result file of flexcam (.vtkhdf)", "it is the table of a sweep", remedy)
-    check_format("result", source, _text(file[schema.ABOUT][schema.ABOUT_FORMAT]), schema.FORMAT)
+    check_format("result", source, read_texts(file[schema.ABOUT])[schema.ABOUT_FORMAT], schema.FORMAT)
 
 
 def check_format(where: str, source: Path, form: str, expected: int) -> None:
@@ -163,10 +164,6 @@ def check_format(where: str, source: Path, form: str, expected: int) -> None:
     raise refuse(where, f"{source} of format {form}", f"format {expected}", why, remedy)
 
 
-def _text(item: Any) -> str:  # noqa: ANN401 - h5py has no types
-    return bytes(item[()].flat[0] if item.shape else item[()]).decode()
-
-
 def _check_integrity(file: Any, source: Path) -> None:  # noqa: ANN401
     """Raise an error for another format, or if the content does not match the digest."""
     _check_format(file, source)
@@ -177,23 +174,49 @@ def _check_integrity(file: Any, source: Path) -> None:  # noqa: ANN401
 def _result(file: Any) -> Result:  # noqa: ANN401
     times, data = file[schema.FIELD_TIME], file[schema.POINT_DATA]
     count = min(int(file[schema.FIELD_STEPS].attrs[schema.VTK_STEPS]), len(times))
-    points, mesh = int(file[schema.POINT_COUNT][0]), _mesh(file)
-    recovered = {name: read_rows(data[name], count * points) for name in schema.RECOVERED_FIELDS}
+    points, mesh = int(read_numbers(file[schema.POINT_COUNT], 1, kind="i8")[0]), _mesh(file)
+    recovered = {
+        name: read_numbers(data[name], count * points, (width,) if width > 1 else ())
+        for name, (_, width) in schema.RECOVERED_FIELDS.items()
+    }
     return Result(
         mesh=mesh,
         response=_response(file, count, len(mesh.nodes)),
-        still={name: data[name][()] for name in schema.CONSTANT_DATA},
+        still={
+            name: read_numbers(data[name], points, (width,) if width > 1 else (), kind)
+            for name, (kind, width) in schema.CONSTANT_DATA.items()
+        },
         recovered={name: values.reshape(count, points, *values.shape[1:]) for name, values in recovered.items()},
-        about=read_texts(file[schema.ABOUT]),
+        about=_read_about(file),
         warnings=tuple(_status_texts(file).get(schema.WARNINGS, "").splitlines()),
     )
 
 
+def _read_about(file: Any) -> dict[str, str]:  # noqa: ANN401
+    """Return the texts about a run; raise an error if its case is missing or cannot be read."""
+    about = read_texts(file[schema.ABOUT])
+    for name, kind in schema.ABOUT_CASE.items():
+        try:
+            found = about[name] if kind is str else json.loads(about[name])
+        except (KeyError, ValueError, RecursionError):
+            found = None
+        if not isinstance(found, kind):
+            given, allowed = f"nothing about {name!r} of its case, or something else", "a result that keeps its case"
+            raise refuse(f"/{schema.ABOUT}", given, allowed, "", "compute it again")
+    return about
+
+
 def _mesh(file: Any) -> Mesh:  # noqa: ANN401
-    node, ends = file[schema.POINT_DATA][schema.NODE][()], file[schema.LINE_OFFSETS][()].tolist()
+    node = read_numbers(file[schema.POINT_DATA][schema.NODE], kind="i8")
+    ends = read_numbers(file[schema.LINE_OFFSETS], kind="i8").tolist()
     names = read_text_list(file[schema.MEMBER], schema.MEMBER_NAMES)
     lines = {name: node[a:b] for name, a, b in zip(names, ends[:-1], ends[1:], strict=True)}
-    return Mesh(file[schema.MESH_NODES][()], lines, {name: one[()] for name, one in file[schema.MESH_POINTS].items()})
+    points = {name: read_numbers(one, kind="i8") for name, one in file[schema.MESH_POINTS].items()}
+    try:
+        return Mesh(read_numbers(file[schema.MESH_NODES], width=(3,)), lines, points)
+    except InputError as refusal:
+        fault = refusal.faults[0]
+        raise refuse(f"/{schema.MESH_NODES}", f"{fault.where}, {fault.given}", fault.allowed, fault.why) from None
 
 
 def _response(file: Any, count: int, nodes: int) -> Response:  # noqa: ANN401
@@ -204,19 +227,26 @@ def _response(file: Any, count: int, nodes: int) -> Response:  # noqa: ANN401
         tuple((name, read_text_list(one, schema.COMPONENTS)) for name, one in probes.items()),
         tuple((name, read_text_attribute(one, schema.UNITS)) for name, one in channels.items()),
     )
-    node = file[schema.POINT_DATA][schema.NODE][()]
+    node = read_numbers(file[schema.POINT_DATA][schema.NODE], kind="i8")
     return Response(
         outline=outline,
-        time=read_rows(file[schema.TIME], steps),
-        angle=read_rows(file[schema.CAM_ANGLE], steps),
+        time=_read_times(file[schema.TIME], steps),
+        angle=read_numbers(file[schema.CAM_ANGLE], steps),
         probes=_read_probes(file, outline, slice(0, steps)),
-        channels={name: read_rows(one, steps) for name, one in channels.items()},
-        field_time=read_rows(file[schema.FIELD_TIME], count),
-        field_angle=read_rows(file[schema.FIELD_CAM_ANGLE], count),
+        channels={name: read_numbers(one, steps) for name, one in channels.items()},
+        field_time=_read_times(file[schema.FIELD_TIME], count),
+        field_angle=read_numbers(file[schema.FIELD_CAM_ANGLE], count),
         fields=Series(*(_nodal_values(file, series, node, nodes, slice(0, count)) for series in SERIES)),
         status=read_status(file),
         stats=_stats(file),
     )
+
+
+def _read_times(item: Any, count: int) -> FloatArray:  # noqa: ANN401
+    times = read_numbers(item, count)
+    if not (np.diff(times) > 0.0).all():
+        raise refuse(item.name, "times that do not ascend", "a time per step")
+    return times
 
 
 def _read_probes(file: Any, outline: Outline, rows: slice) -> Series:  # noqa: ANN401
@@ -224,7 +254,8 @@ def _read_probes(file: Any, outline: Outline, rows: slice) -> Series:  # noqa: A
     empty = np.zeros((rows.stop - rows.start, 0))
 
     def columns(series: str) -> FloatArray:
-        parts = [_rows(file[schema.PROBES][name][series], rows) for name, _ in outline.probes]
+        group = file[schema.PROBES]
+        parts = [read_numbers(group[name][series], rows, (len(one),)) for name, one in outline.probes]
         return np.concatenate([empty, *parts], axis=1)
 
     return Series(*map(columns, SERIES))
@@ -236,16 +267,9 @@ def _nodal_values(file: Any, series: str, node: IntArray, nodes: int, fields: sl
     rows = slice(fields.start * len(node), fields.stop * len(node))
     for name, (source, first, _) in VECTORS.items():
         if source == series:
-            points = _rows(file[schema.POINT_DATA][name], rows)
+            points = read_numbers(file[schema.POINT_DATA][name], rows, (3,))
             values[:, node, first : first + 3] = points.reshape(len(values), len(node), 3)
     return values.reshape(-1, 6 * nodes)
-
-
-def _rows(dataset: Any, rows: slice) -> FloatArray:  # noqa: ANN401
-    found = np.asarray(dataset[rows], dtype=float)
-    if len(found) != rows.stop - rows.start:
-        raise ValueError(f"{dataset.name} ends after {rows.start + len(found)} rows")
-    return found
 
 
 def _status_texts(file: Any) -> dict[str, str]:  # noqa: ANN401
@@ -277,24 +301,12 @@ def _stats(file: Any) -> Stats:  # noqa: ANN401
 
 @dataclass(frozen=True)
 class VerificationSummary:
-    """Summary of a verified file.
+    """Summary of a verified file."""
 
-    Parameters
-    ----------
-    datasets
-        Number of datasets.
-    checked
-        Number of datasets of numbers; the others are texts.
-    bytes
-        Size of all numbers and texts.
-    complete
-        Whether the run that wrote the file reached its end.
-    """
-
-    datasets: int
-    checked: int
-    bytes: int
-    complete: bool
+    datasets: int  #: number of datasets
+    checked: int  #: number of datasets of numbers; the others are texts
+    bytes: int  #: size of all numbers and texts
+    complete: bool  #: whether the run that wrote the file reached its end
 
 
 def verify_file(path: str | Path) -> VerificationSummary:
@@ -305,7 +317,7 @@ def verify_file(path: str | Path) -> VerificationSummary:
         if schema.HISTORY in file:
             _check_format(file, source)
         else:
-            check_format("table", source, _text(file[schema.ABOUT][schema.ABOUT_FORMAT]), schema.TABLE_FORMAT)
+            check_format("table", source, read_texts(file[schema.ABOUT])[schema.ABOUT_FORMAT], schema.TABLE_FORMAT)
         if fault := digest_fault(file):
             raise InputError([fault])
         found = datasets(file)
@@ -322,31 +334,14 @@ _OPEN_MESSAGES = ("--resume", "a partial result of flexcam", _RESUME_REMEDY)
 
 
 class PartialResult:
-    """Partial result of an incomplete run.
-
-    Parameters
-    ----------
-    path
-        ``NAME.partial.vtkhdf``.
-    geometry, outline, save
-        As passed to the result file of the run.
-
-    Attributes
-    ----------
-    about
-        Texts stored with the result.
-    status
-        Status of the incomplete run.
-    checkpoint
-        Checkpoint at which the run continues.
-    """
+    """Partial result of an incomplete run: its texts, its status and the checkpoint at which the run continues."""
 
     def __init__(self, path: Path, geometry: Geometry, outline: Outline, save: SaveAt) -> None:
         self._path, self._geometry, self._outline, self._save = path, geometry, outline, save
         self._free = geometry.dofs.numbers >= 0
         with open_hdf5(path, *_OPEN_MESSAGES) as file:
             _check_integrity(file, path)
-            self.about: Mapping[str, str] = read_texts(file[schema.ABOUT])
+            self.about: Mapping[str, str] = _read_about(file)
             self.status: Status = read_status(file)
             found = read_checkpoint(file)
         if self.status.cause in _FAILED:
@@ -369,9 +364,9 @@ class PartialResult:
                 field += len(saved)
 
     def _block(self, file: Any, rows: slice, saved: IntArray, fields: slice) -> Block:  # noqa: ANN401
-        time, angle = _rows(file[schema.TIME], rows), _rows(file[schema.CAM_ANGLE], rows)
+        time, angle = (read_numbers(file[name], rows) for name in (schema.TIME, schema.CAM_ANGLE))
         probes = _read_probes(file, self._outline, rows)
-        channels = [_rows(file[schema.CHANNELS][name], rows) for name, _ in self._outline.channels]
+        channels = [read_numbers(file[schema.CHANNELS][name], rows) for name, _ in self._outline.channels]
         return Block(
             time=time, angle=angle, probes=probes, channels=np.column_stack([np.zeros((len(time), 0)), *channels]),
             field_time=time[saved], field_angle=angle[saved],

@@ -35,6 +35,9 @@ SERIES = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
 # Texts, status, mesh and checkpoint.
 ABOUT = "about"
 ABOUT_FORMAT = "format"
+ABOUT_CASE: dict[str, type] = {"case": str, "case_file": str, "overrides": list, "resolved": dict}
+"""Texts that restore the case of a result, and the types of their JSON; a text stands as it is."""
+
 MODES_KIND, MODES_FREQUENCIES = "kind", "frequencies_hz"
 """Texts about a file of modes."""
 
@@ -88,5 +91,5 @@ RECOVERED_FIELDS = {
 """Point data computed from displacements: unit and width. Forces are N, Vy, Vz and T, My, Mz in local axes."""
 
 RADIUS, NODE, AXES = "radius", "node", ("axis_x", "axis_y", "axis_z")
-CONSTANT_DATA = (RADIUS, NODE, *AXES)
-"""Constant point data."""
+CONSTANT_DATA = {RADIUS: ("f8", 1), NODE: ("i8", 1), **dict.fromkeys(AXES, ("f8", 3))}
+"""Constant point data: type and width."""

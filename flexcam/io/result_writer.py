@@ -56,15 +56,8 @@ def partial_path(path: Path) -> Path:
 class TemporaryResult:
     """Temporary result file, locked by one process.
 
-    Parameters
-    ----------
-    path
-        Path of the temporary file.
-    shown
-        Path of the published copies.
-    size
-        Size of the file before its first step, bytes. A full disk shows before HDF5 lays out the file, because HDF5
-        without space can abort the process.
+    It begins with `size` bytes of zeros: HDF5 without space can abort the process, so that a full disk must show
+    before.
     """
 
     def __init__(self, path: Path, shown: Path, size: int = 0) -> None:
@@ -206,28 +199,9 @@ def read_checkpoint(file: Any) -> Checkpoint | None:  # noqa: ANN401
 
 
 class ResultFile:
-    """Sink that writes ``NAME.vtkhdf``, named ``NAME.partial.vtkhdf`` until the run is complete.
+    """Sink that writes ``NAME.vtkhdf``, named ``NAME.partial.vtkhdf`` until the run of `steps` steps is complete.
 
-    Parameters
-    ----------
-    path
-        Path of the final file; its folder exists.
-    geometry
-        Geometry for the fields.
-    outline
-        Names of the series to be written.
-    steps
-        Number of steps of the run.
-    save
-        Output settings: block length and saved steps.
-    about
-        Texts stored with the result: name to text, such as the case file.
-    overwrite
-        Whether an existing result may be replaced when the new one is complete.
-    resume
-        Checkpoint at which the run continues a partial result, which remains until all its content is rewritten.
-    warnings
-        Function called at the end that returns the warnings of the run; None for no warnings.
+    A resumed run rewrites its partial result, which remains until then. `warnings` is called at the end.
     """
 
     def __init__(
@@ -238,6 +212,7 @@ class ResultFile:
         check_writable("result", path, overwrite=overwrite)
         self.path = path
         self.partial = partial_path(path)
+        self._overwrite = overwrite
         self._geometry, self._outline = geometry, outline
         self._checkpoint = resume
         self._warnings = warnings
@@ -355,6 +330,9 @@ class ResultFile:
         except OSError:
             self._discard()
             raise
+        if status.ok and not self._overwrite and self.path.exists():
+            self._draft.rename(self.partial)
+            raise FileExistsError(f"another file appeared at {self.path} during the run; {self.partial} is the result")
         self._draft.rename(self.path if status.ok else self.partial)
         if status.ok:
             self.partial.unlink(missing_ok=True)

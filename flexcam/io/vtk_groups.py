@@ -25,28 +25,14 @@ from flexcam.io.hdf5 import GrowingDataset, create_fixed_dataset, write_text_att
 
 @dataclass(frozen=True, eq=False)
 class Geometry:
-    """Points and polylines of a model, and the data to compute point fields.
+    """Points and polylines of a model, and the data to compute point fields."""
 
-    Parameters
-    ----------
-    mesh
-        The mesh.
-    dofs, beams
-        Numbering and elements, to expand and recover fields.
-    sections
-        Section by member name.
-    spread
-        Distributed loads of the elements, shape (e, 12), local axes, N and N m.
-    damping
-        Structural damping; the section forces include its Rayleigh part.
-    """
-
-    mesh: Mesh
-    dofs: DofMap
+    mesh: Mesh  #: the mesh
+    dofs: DofMap  #: numbering and elements, to expand and recover fields
     beams: Beams
-    sections: Mapping[str, Section]
-    spread: FloatArray
-    damping: Damping
+    sections: Mapping[str, Section]  #: section by member name
+    spread: FloatArray  #: distributed loads of the elements, shape (e, 12), local axes, N and N m
+    damping: Damping  #: structural damping; the section forces include its Rayleigh part
 
     @cached_property
     def node(self) -> IntArray:
@@ -129,18 +115,8 @@ def constant_data(geometry: Geometry) -> ConstantData:
 class VtkGroup:
     """VTKHDF group of a file, extended step by step.
 
-    Parameters
-    ----------
-    file
-        Open h5py file.
-    geometry
-        Geometry of the model.
-    moving
-        Time-dependent point data: name to unit and width.
-    still
-        Constant point data.
-    rows
-        Steps per append, which sets the chunk size.
+    Time-dependent point data have a unit and a width by name, constant ones values and a unit; `rows` is the number of
+    steps per append.
     """
 
     def __init__(

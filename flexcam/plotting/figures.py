@@ -65,7 +65,12 @@ def add_title(figure: Figure, title: str) -> Figure:
 
 def wrap_title(title: str) -> str:
     """Wrap a title to the width of a figure."""
-    return "\n".join(textwrap.wrap(title, _TITLE_WIDTH))
+    return "\n".join(textwrap.wrap(escape_math(title), _TITLE_WIDTH))
+
+
+def escape_math(text: str) -> str:
+    """Return a text whose dollar signs matplotlib draws instead of reading a formula between them."""
+    return text.replace("$", r"\$")
 
 
 def render_png(figure: Figure) -> bytes:

@@ -21,7 +21,7 @@ from flexcam.core.units import to_display_unit
 from flexcam.dynamics import Response
 from flexcam.io.exports import component_unit
 from flexcam.io.result_writer import SERIES
-from flexcam.plotting.figures import COLOURS, add_legend, create_stacked_axes, line_styles, wrap_title
+from flexcam.plotting.figures import COLOURS, add_legend, create_stacked_axes, escape_math, line_styles, wrap_title
 
 # matplotlib does not type its keyword arguments.
 
@@ -153,7 +153,7 @@ def energy_figure(responses: Mapping[str, Response], *, over: Abscissa = "angle"
 def _draw(axes: Axes, response: Response, values: FloatArray, over: Abscissa, look: CurveStyle | None) -> None:
     look = look or CurveStyle()
     x = np.degrees(response.angle) if over == "angle" else response.time
-    axes.plot(x, values, label=look.label, color=look.colour, linestyle=look.dashes, linewidth=look.width)
+    axes.plot(x, values, label=escape_math(look.label), color=look.colour, linestyle=look.dashes, linewidth=look.width)
 
 
 def _style_responses(

@@ -15,15 +15,15 @@ from flexcam.analysis.error_estimate import estimate_errors
 from flexcam.analysis.limits import Margins, find_limits
 from flexcam.analysis.model_choice import evaluate_ladder
 from flexcam.analysis.natural_modes import modes
-from flexcam.analysis.preparation import PreparedRun, prepare
-from flexcam.analysis.run import member_strength, reload_result
+from flexcam.analysis.preparation import PreparedRun
+from flexcam.analysis.run import member_strength, reload_result, run
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.case.reader import case_from_result
 from flexcam.core import FloatArray
 from flexcam.core.errors import FlexcamError, InputError
 from flexcam.core.units import RPM, shaft_name, shaft_speed
-from flexcam.dynamics import Response, solve
+from flexcam.dynamics import Response
 from flexcam.dynamics.memory import ExtremesSink
 from flexcam.io import Result, read_result
 from flexcam.report.fidelity_tables import TRADE_LEGEND, error_table, format_with_error, trade_table, trade_warnings
@@ -90,8 +90,7 @@ def load_subject(path: Path) -> ReportSubject:
     rigid = found = None
     if case.record.fidelity.model != "rigid" and known.ready.model.cam_contacts:
         try:
-            ready = prepare(case, rigid=True)
-            rigid = solve(ready.problem, ready.scheme, save=ready.save)
+            rigid = run(case, rigid=True)
         except FlexcamError as refusal:
             omit("the comparison with a rigid train", refusal)
     try:

@@ -117,27 +117,14 @@ def _energy_residual(response: Response) -> Iterator[Metric]:
 
 @dataclass(frozen=True)
 class Row:
-    """Results of one variant.
+    """Results of one variant."""
 
-    Parameters
-    ----------
-    status
-        Status of its run; ``refused`` if it could not start.
-    scalars
-        Value by name, SI (`flexcam.studies.evaluation`); empty unless the run is complete.
-    units
-        SI unit by scalar.
-    seconds
-        Run time; not written to tables, which are the same on every machine.
-    history
-        Suffix and content of its result file, if result files are kept.
-    """
-
-    status: Status
+    status: Status  #: status of its run; ``refused`` if it could not start
+    #: value by name, SI (`flexcam.studies.evaluation`); empty unless the run is complete
     scalars: Mapping[str, float] = field(default_factory=dict[str, float])
-    units: Mapping[str, str] = field(default_factory=dict[str, str])
-    seconds: float = 0.0
-    history: tuple[str, bytes] | None = None
+    units: Mapping[str, str] = field(default_factory=dict[str, str])  #: SI unit by scalar
+    seconds: float = 0.0  #: run time; not written to tables, which are the same on every machine
+    history: tuple[str, bytes] | None = None  #: suffix and content of its result file, if result files are kept
 
 
 def evaluate(
@@ -151,6 +138,8 @@ def evaluate(
         row = rejected_row(refusal)
     except RunFailedError as failure:
         row = Row(failure.status)
+    except MemoryError:
+        row = Row(Status(Cause.OUT_OF_MEMORY, "the memory was exhausted", "save fewer fields, or run fewer at a time"))
     except Exception as fault:  # noqa: BLE001 - a fault in one variant must not cost the others
         row = Row(_internal_error_status(fault))
     return replace(row, seconds=time.perf_counter() - begun)

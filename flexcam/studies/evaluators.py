@@ -180,18 +180,7 @@ _NOT_RUN = Row(Status(Cause.INTERRUPTED, "the study was stopped before its turn"
 
 
 class InterruptibleRuns:
-    """Evaluates variants; after Ctrl-C the remaining variants have a row with the status of an interrupted run.
-
-    Parameters
-    ----------
-    runs
-        Function that evaluates variants.
-
-    Attributes
-    ----------
-    done, asked
-        Numbers of finished and requested variants.
-    """
+    """Evaluates variants; after Ctrl-C the remaining variants have a row with the status of an interrupted run."""
 
     def __init__(self, runs: Runs) -> None:
         self._runs = runs

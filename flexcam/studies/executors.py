@@ -61,6 +61,7 @@ class Pool:
     submit: Callable[[Variants], Future[list[Row]]]  #: function that submits variants; its future returns their rows
     window: int  #: number of chunks submitted at a time; more would only wait
     lost: tuple[type[BaseException], ...]  #: exceptions of a future whose worker died
+    has_workers: Callable[[], bool] | None = None  #: function that returns whether any worker is left; None if one is
 
 
 class Workers(Protocol):
@@ -91,15 +92,9 @@ class SerialWorkers:
 
 @dataclass(frozen=True)
 class ProcessWorkers:
-    """Worker processes on this machine.
+    """Worker processes on this machine."""
 
-    Parameters
-    ----------
-    count
-        Number of processes; each has one thread for linear algebra.
-    """
-
-    count: int
+    count: int  #: number of processes; each has one thread for linear algebra
 
     def __post_init__(self) -> None:
         if self.count < 1:
@@ -214,6 +209,10 @@ _KILLED_STATUS = Status(
     "the process that ran this variant alone was killed, as the ones before it",
     "memory is the usual cause: save fewer fields (output.field_every), or run fewer at a time (--workers)",
 )
+_NO_WORKERS_STATUS = Status(Cause.WORKER_LOST, "the cluster has no workers left", "start some; --resume does the rest")
+_PATIENCE = 60.0
+"""Time without a finished chunk after which a cluster is asked for its workers, s."""
+
 _CLUSTER_LOST_STATUS = Status(Cause.WORKER_LOST, "the connection to the scheduler was lost", "--resume does the rest")
 
 ChunkRunner = Callable[[Iterable[Chunk]], Iterator[tuple[Chunk, list[Row]]]]
@@ -270,7 +269,10 @@ def _submit_chunks(pool: Pool, waiting: deque[Chunk]) -> Iterator[tuple[Chunk, F
                 waiting.popleft()
             except pool.lost:
                 broken = True
-        for future in wait(running, return_when=FIRST_COMPLETED).done:
+        done = wait(running, _PATIENCE, FIRST_COMPLETED).done
+        if not done and pool.has_workers is not None and not pool.has_workers():
+            raise RunFailedError(_NO_WORKERS_STATUS)
+        for future in done:
             yield running.pop(future), future
 
 
@@ -307,18 +309,10 @@ LOCAL = "local"
 
 @dataclass(frozen=True)
 class ClusterWorkers:
-    """Workers of a Dask cluster.
+    """Workers of a Dask cluster."""
 
-    Parameters
-    ----------
-    address
-        Address of the scheduler, such as ``tcp://10.0.0.1:8786``; ``local`` for workers on this machine.
-    count
-        Number of workers of a local cluster; ignored for others.
-    """
-
-    address: str
-    count: int = 1
+    address: str  #: address of the scheduler, such as ``tcp://10.0.0.1:8786``; ``local`` for workers on this machine
+    count: int = 1  #: number of workers of a local cluster; ignored for others
 
     def __post_init__(self) -> None:
         if self.count < 1:
@@ -331,15 +325,23 @@ class ClusterWorkers:
             why, remedy = "Dask is not installed", "pip install 'flexcam[cluster]'"
             raise refuse("--scheduler", self.address, "processes of this machine (--workers)", why, remedy)
         from distributed import KilledWorker
+        from distributed.comm.core import CommClosedError
 
-        with _suppress_dask_log(), warnings.catch_warnings(), ExitStack() as stack:
-            warnings.filterwarnings("ignore", module="distributed")  # large cases, different versions of other packages
-            client = stack.enter_context(_client(self))
-            _check_workers(client, self)
-            # A task that loads the case instead of the case itself: Dask repeats it if a worker is lost.
-            case = client.submit(_identity, source, pure=False)
-            executor = client.get_executor(pure=False)
-            yield Pool(lambda variants: executor.submit(evaluate, case, variants), _UNLIMITED, (KilledWorker,))
+        try:
+            with _suppress_dask_log(), warnings.catch_warnings(), _client(self) as client:
+                # large cases, different versions of other packages
+                warnings.filterwarnings("ignore", module="distributed")
+                _check_workers(client, self)
+                # A task that loads the case instead of the case itself: Dask repeats it if a worker is lost.
+                case = client.submit(_identity, source, pure=False)
+                executor = client.get_executor(pure=False)
+
+                def submit(variants: Variants) -> Future[list[Row]]:
+                    return executor.submit(evaluate, case, variants)
+
+                yield Pool(submit, _UNLIMITED, (KilledWorker,), lambda: bool(client.scheduler_info()["workers"]))
+        except CommClosedError:  # an OSError, but none of a disk
+            raise RunFailedError(_CLUSTER_LOST_STATUS) from None
 
 
 @contextmanager

@@ -167,21 +167,11 @@ _MAX_VIOLATION = 10.0
 
 @dataclass(frozen=True, eq=False)
 class OptimizationProblem:
-    """Optimization problem.
+    """Optimization problem."""
 
-    Parameters
-    ----------
-    points
-        Evaluated points; variables stay within their intervals.
-    goals
-        One goal, or two for a Pareto front.
-    bounds
-        Constraints.
-    """
-
-    points: PointEvaluator
-    goals: tuple[Goal, ...]
-    bounds: tuple[Constraint, ...] = ()
+    points: PointEvaluator  #: evaluated points; variables stay within their intervals
+    goals: tuple[Goal, ...]  #: one goal, or two for a Pareto front
+    bounds: tuple[Constraint, ...] = ()  #: constraints
 
     def points_at(self, parts: FloatArray) -> FloatArray:
         """Return points in the units of their variables from fractions of the intervals, shape (m, k)."""
@@ -212,30 +202,14 @@ class OptimizationProblem:
 
 @dataclass(frozen=True, eq=False)
 class Evaluations:
-    """All evaluations of a search in their order.
+    """All evaluations of a search in their order."""
 
-    Parameters
-    ----------
-    points
-        Points in the units of the variables, shape (m, k).
-    parts
-        The same points as fractions of the intervals.
-    rows
-        One row per point.
-    costs
-        Quantities to be minimized, shape (m, goals).
-    violations
-        Violations of the constraints, shape (m, bounds + 1).
-    stopped
-        Whether Ctrl-C ended the search early.
-    """
-
-    points: FloatArray
-    parts: FloatArray
-    rows: tuple[Row, ...]
-    costs: FloatArray
-    violations: FloatArray
-    stopped: bool = False
+    points: FloatArray  #: points in the units of the variables, shape (m, k)
+    parts: FloatArray  #: the same points as fractions of the intervals
+    rows: tuple[Row, ...]  #: one row per point
+    costs: FloatArray  #: quantities to be minimized, shape (m, goals)
+    violations: FloatArray  #: violations of the constraints, shape (m, bounds + 1)
+    stopped: bool = False  #: whether Ctrl-C ended the search early
 
     @property
     def best(self) -> int | None:
@@ -261,13 +235,7 @@ class Evaluations:
 
 
 class ProblemEvaluator:
-    """Evaluates points of an optimization problem and keeps their rows in order.
-
-    Parameters
-    ----------
-    design
-        Optimization problem.
-    """
+    """Evaluates points of an optimization problem and keeps their rows in order."""
 
     def __init__(self, design: OptimizationProblem) -> None:
         self._design = design

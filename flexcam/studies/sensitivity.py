@@ -142,35 +142,17 @@ RELATIVE_STEP = 0.01
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """Derivative of a quantity of a case.
+    """Derivative of a quantity of a case."""
 
-    Parameters
-    ----------
-    scalar, unit, value
-        Name of the quantity, its unit and value.
-    by
-        Number of the case.
-    derivative
-        Derivative in the scalar's unit per the number's unit; NaN if there is none.
-    error
-        Estimated error; None for an analytic derivative.
-    logarithmic
-        Percent of the scalar per percent of the number; NaN if the scalar is zero.
-    smooth
-        Whether the scalar appears smooth there; False for repeated frequencies that split.
-    note
-        Remark; empty if there is none.
-    """
-
-    scalar: str
+    scalar: str  #: name of the quantity, its unit and value
     unit: str
     value: float
-    by: Number
-    derivative: float
-    error: float | None
-    logarithmic: float
-    smooth: bool
-    note: str
+    by: Number  #: number of the case
+    derivative: float  #: derivative in the scalar's unit per the number's unit; NaN if there is none
+    error: float | None  #: estimated error; None for an analytic derivative
+    logarithmic: float  #: percent of the scalar per percent of the number; NaN if the scalar is zero
+    smooth: bool  #: whether the scalar appears smooth there; False for repeated frequencies that split
+    note: str  #: remark; empty if there is none
 
 
 def get_numbers(case: Case, keys: Sequence[str], option: str = "--to") -> list[Number]:
@@ -285,29 +267,15 @@ _RESAMPLES = 499
 
 @dataclass(frozen=True, eq=False)
 class SobolIndices:
-    """Sobol indices of one scalar.
+    """Sobol indices of one scalar."""
 
-    Parameters
-    ----------
-    first, total
-        Share of the variance due to a variable alone, and including all its interactions, shape (k,).
-    first_interval, total_interval
-        Lower and upper ends of the 95 % bootstrap intervals, shape (2, k).
-    variance
-        Variance of the scalar; the indices are zero if it is zero.
-    used
-        Number of base points used: a power of two, without points at which a run failed.
-    asked
-        Number of base points requested.
-    """
-
-    first: FloatArray
+    first: FloatArray  #: share of the variance due to a variable alone, and including all its interactions, shape (k,)
     total: FloatArray
-    first_interval: FloatArray
+    first_interval: FloatArray  #: lower and upper ends of the 95 % bootstrap intervals, shape (2, k)
     total_interval: FloatArray
-    variance: float
-    used: int
-    asked: int
+    variance: float  #: variance of the scalar; the indices are zero if it is zero
+    used: int  #: number of base points used: a power of two, without points at which a run failed
+    asked: int  #: number of base points requested
 
 
 Function = Callable[[FloatArray], FloatArray]

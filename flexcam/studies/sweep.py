@@ -154,32 +154,15 @@ GRID = "grid"
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """Checked sweep: all variants are readable.
+    """Checked sweep: all variants are readable."""
 
-    Parameters
-    ----------
-    name
-        Name of the case, used for output files.
-    title
-        Title of the case.
-    plan
-        Plan of the variants.
-    bundle
-        Case and its files at the time of the check.
-    size
-        Number of variants per chunk.
-    scalars
-        Names or prefixes of the scalars to keep; empty for all.
-    channels
-        Whether contacts, members and energies are computed; otherwise only the motion of the probes.
-    """
-
-    name: str
-    title: str
-    plan: Plan
-    bundle: Bundle
-    size: int
-    scalars: tuple[str, ...] = ()
+    name: str  #: name of the case, used for output files
+    title: str  #: title of the case
+    plan: Plan  #: plan of the variants
+    bundle: Bundle  #: case and its files at the time of the check
+    size: int  #: number of variants per chunk
+    scalars: tuple[str, ...] = ()  #: names or prefixes of the scalars to keep; empty for all
+    #: whether contacts, members and energies are computed; otherwise only the motion of the probes
     channels: bool = True
 
     @property
@@ -213,7 +196,7 @@ class Sweep:
         """Return the identification of the sweep's journal."""
         plan = hashlib.sha256(json.dumps([self.size, self.plan.variants]).encode()).hexdigest()
         return {
-            "format": 1, "flexcam": __version__, "case": self.bundle.digest, "plan": plan, "histories": histories,
+            "format": 2, "flexcam": __version__, "case": self.bundle.digest, "plan": plan, "histories": histories,
             "variants": len(self.plan), "channels": self.channels,
         }  # fmt: skip
 
@@ -278,16 +261,12 @@ def _axes(file: CaseFile, settings: Sequence[str], limit: int) -> tuple[Axis, ..
         found |= {one.key: one for one in parse_axes(settings, limit=limit)}
     except InputError as refusal:
         faults += refusal.faults
-    faults += [_unknown_key_fault(one) for one in found.values() if one.key.partition(".")[0] == "sweep"]
+    allowed, why, remedy = "a key of the mechanism or its run", "it says how to sweep", "see --sample, --seed"
+    own_keys = [one for one in found.values() if one.key.partition(".")[0] == "sweep"]
+    faults += [Fault(one.where, one.key, allowed, why, remedy) for one in own_keys]
     if faults:
         raise InputError(faults)
     return tuple(found.values())
-
-
-def _unknown_key_fault(one: Axis) -> Fault:
-    return Fault(
-        one.where, one.key, "a key of the mechanism or its run", "it says how to sweep", "see --sample, --seed"
-    )
 
 
 def check_sweep_resources(asked: Sweep, folder: Path | None = None, *, together: int = 1) -> None:

@@ -8,8 +8,10 @@ crash is removed. Numbers are written so that reading them is exact.
 from __future__ import annotations
 
 import csv
+import hashlib
 import io
 import json
+import math
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -21,7 +23,7 @@ import h5py  # pyright: ignore[reportMissingTypeStubs]
 import numpy as np
 
 from flexcam.core import FloatArray
-from flexcam.core.errors import Fault, InputError, refuse, suggest_name, system_message
+from flexcam.core.errors import Fault, InputError, format_shape, refuse, suggest_name, system_message
 from flexcam.dynamics import Cause, Response, Status
 from flexcam.io import (
     SERIES,
@@ -35,6 +37,7 @@ from flexcam.io import (
 )
 from flexcam.io import result_schema as schema
 from flexcam.io.exports import component_unit
+from flexcam.io.hdf5 import read_numbers, read_text_column, read_texts
 from flexcam.io.result_reader import check_format
 from flexcam.studies.evaluation import Row
 from flexcam.studies.plan import Plan
@@ -55,30 +58,16 @@ class Column:
 
 @dataclass(frozen=True, eq=False)
 class SweepTable:
-    """Results of a sweep.
+    """Results of a sweep."""
 
-    Parameters
-    ----------
-    inputs
-        Varied keys.
-    scalars
-        Values by name, SI, shape (variants,); NaN for missing values. No file contains NaN.
-    units
-        SI unit by scalar.
-    statuses
-        Status of every variant.
-    shape
-        Number of values along every axis of a grid in the order of the rows; empty for a sampled plan.
-    about
-        Case, plan and versions as texts.
-    """
-
-    inputs: tuple[Column, ...]
+    inputs: tuple[Column, ...]  #: varied keys
+    #: values by name, SI, shape (variants,); NaN for missing values. No file contains NaN
     scalars: Mapping[str, FloatArray]
-    units: Mapping[str, str]
-    statuses: tuple[Status, ...]
+    units: Mapping[str, str]  #: SI unit by scalar
+    statuses: tuple[Status, ...]  #: status of every variant
+    #: number of values along every axis of a grid in the order of the rows; empty for a sampled plan
     shape: tuple[int, ...] = ()
-    about: Mapping[str, str] = field(default_factory=dict[str, str])
+    about: Mapping[str, str] = field(default_factory=dict[str, str])  #: case, plan and versions as texts
 
     def __len__(self) -> int:
         return len(self.statuses)
@@ -228,9 +217,6 @@ def _require_package(package: str) -> None:
         )  # fmt: skip
 
 
-"""Format version; since version 2 a table has a digest."""
-
-
 def write_hdf5(table: SweepTable, path: Path) -> None:
     """Write a table with its metadata as HDF5."""
     opened: Any = h5py.File(path, "w", libver="latest", locking=False)
@@ -276,34 +262,36 @@ def read_table(path: str | Path) -> SweepTable:
 
 
 def _read_hdf5(file: Any, source: Path) -> SweepTable:  # noqa: ANN401
-    about = {name: _read_texts(item)[0] for name, item in file["about"].items()}
+    about = read_texts(file["about"])
     check_format("table", source, about.pop(schema.ABOUT_FORMAT), schema.TABLE_FORMAT)
     if fault := digest_fault(file):
         raise InputError([fault])
-    status = zip(*(_read_texts(file["status"][name]) for name in ("cause", "text", "remedy")), strict=True)
-    scalars = {name: np.where(file["valid"][name][()], item[()], np.nan) for name, item in file["scalars"].items()}
+    rows = zip(*(read_text_column(file["status"][name]) for name in ("cause", "text", "remedy")), strict=True)
+    statuses = tuple(Status(Cause(cause), text, remedy) for cause, text, remedy in rows)
+    count, shape = len(statuses), tuple(int(n) for n in file.attrs["shape"])
+    if shape and math.prod(shape) != count:
+        raise refuse("/, attribute shape", format_shape(shape), f"the shape of {count} variants")
+    valid = {name: read_numbers(item, count, kind="?") for name, item in file["valid"].items()}
     return SweepTable(
-        inputs=tuple(_column(name, item) for name, item in file["inputs"].items()),
-        scalars=scalars,
+        inputs=tuple(_column(name, item, count) for name, item in file["inputs"].items()),
+        scalars={
+            name: np.where(valid[name], read_numbers(item, count), np.nan) for name, item in file["scalars"].items()
+        },
         units={name: _unit(item) for name, item in file["scalars"].items()},
-        statuses=tuple(Status(Cause(cause), text, remedy) for cause, text, remedy in status),
-        shape=tuple(int(n) for n in file.attrs["shape"]),
+        statuses=statuses,
+        shape=shape,
         about=about,
     )
 
 
-def _column(name: str, item: Any) -> Column:  # noqa: ANN401
+def _column(name: str, item: Any, count: int) -> Column:  # noqa: ANN401
     if "unit" in item.attrs:
-        return Column(name, _unit(item), item[()])
-    return Column(name, "", tuple(_read_texts(item)))
+        return Column(name, _unit(item), read_numbers(item, count))
+    return Column(name, "", tuple(read_text_column(item)))
 
 
 def _unit(item: Any) -> str:  # noqa: ANN401
     return bytes(item.attrs["unit"]).decode()
-
-
-def _read_texts(item: Any) -> list[str]:  # noqa: ANN401
-    return [bytes(text).decode() for text in item[()]]
 
 
 ENDINGS = (".h5", ".csv", ".parquet")
@@ -363,21 +351,7 @@ _WORDS = {
 class Journal:
     """Journal of a sweep, open for further rows.
 
-    Parameters
-    ----------
-    path
-        ``.jsonl`` file; its folder is created if necessary.
-    belongs
-        Identification of the sweep: values by name.
-    resume
-        Whether to resume an existing journal.
-    overwrite
-        Whether to replace an existing journal.
-
-    Attributes
-    ----------
-    rows
-        Rows read from an existing journal, by chunk index.
+    `belongs` identifies the sweep; `rows` are those read from an existing journal, by the index of their chunk.
     """
 
     def __init__(
@@ -421,10 +395,15 @@ class Journal:
         os.close(self._file)
 
     def _line(self, content: Mapping[str, Any]) -> None:
-        left = (json.dumps(content, allow_nan=False) + "\n").encode()
+        left = (json.dumps({**content, "digest": _line_digest(content)}, allow_nan=False) + "\n").encode()
         while left:
             left = left[os.write(self._file, left) :]
         os.fsync(self._file)
+
+
+def _line_digest(content: Mapping[str, Any]) -> str:
+    """Return the checksum of a line of a journal; reading and writing JSON again gives the same text."""
+    return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
 
 def journal_contains(path: Path, fact: str) -> bool:
@@ -444,7 +423,7 @@ def _read_journal(path: Path, belongs: Mapping[str, Any]) -> tuple[dict[int, lis
     if not lines:
         return {}, 0
     try:
-        head, *chunks = [json.loads(line) for line in lines]
+        head, *chunks = [_parse_line(line) for line in lines]
         other = [words for name, words in _WORDS.items() if head.get(name) != belongs.get(name)]
         if other:
             given, why = f"{path}, of another sweep", f"what differs: {'; '.join(other)}"
@@ -457,6 +436,13 @@ def _read_journal(path: Path, belongs: Mapping[str, Any]) -> tuple[dict[int, lis
         raise refuse(
             "journal", str(path), "the journal of a sweep", f"it is damaged: {fault}", "--overwrite begins anew"
         ) from None
+
+
+def _parse_line(line: bytes) -> dict[str, Any]:
+    content = json.loads(line)
+    if content.pop("digest", "") != _line_digest(content):
+        raise ValueError("a line is not what was written")
+    return content
 
 
 def _format_row(row: Row) -> dict[str, Any]:

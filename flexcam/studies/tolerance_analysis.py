@@ -101,28 +101,14 @@ def sample_parts(scatters: Sequence[PartScatter], count: int, seed: int = 0) -> 
 
 @dataclass(frozen=True, eq=False)
 class ScalarDistribution:
-    """Distribution of a scalar.
+    """Distribution of a scalar."""
 
-    Parameters
-    ----------
-    values
-        Values of the valid sets of parts, shape (n,).
-    missing
-        Number of sets without a value: their run failed, or a limit was not met.
-    mean, deviation
-        Mean and standard deviation.
-    quantiles
-        Quantiles for `QUANTILES`.
-    ranks
-        Spearman rank correlation with each number, shape (k,): sign and strength of its influence.
-    """
-
-    values: FloatArray
-    missing: int
-    mean: float
+    values: FloatArray  #: values of the valid sets of parts, shape (n,)
+    missing: int  #: number of sets without a value: their run failed, or a limit was not met
+    mean: float  #: mean and standard deviation
     deviation: float
-    quantiles: Mapping[float, float]
-    ranks: FloatArray
+    quantiles: Mapping[float, float]  #: quantiles for `QUANTILES`
+    ranks: FloatArray  #: Spearman rank correlation with each number, shape (k,): sign and strength of its influence
 
 
 def scalar_distribution(points: FloatArray, values: FloatArray) -> ScalarDistribution:
@@ -135,15 +121,10 @@ def scalar_distribution(points: FloatArray, values: FloatArray) -> ScalarDistrib
             kept, int((~known).sum()), math.nan, math.nan, nothing, np.zeros(points.shape[1]) + math.nan
         )
     quantiles = {part: float(np.quantile(kept, part)) for part in QUANTILES}
-    ranks = np.array([_correlation(_ranks(points[known, i]), _ranks(kept)) for i in range(points.shape[1])])
+    from scipy.stats import rankdata
+
+    ranks = np.array([_correlation(rankdata(points[known, i]), rankdata(kept)) for i in range(points.shape[1])])
     return ScalarDistribution(kept, int((~known).sum()), float(kept.mean()), float(kept.std(ddof=1)), quantiles, ranks)
-
-
-def _ranks(values: FloatArray) -> FloatArray:
-    """Return ranks; equal values share their mean rank."""
-    _, place, counts = np.unique(values, return_inverse=True, return_counts=True)
-    ends = np.cumsum(counts)
-    return (ends - 0.5 * (counts - 1.0))[place]
 
 
 def _correlation(one: FloatArray, other: FloatArray) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from types import MappingProxyType
 
 import numpy as np
@@ -68,6 +68,11 @@ class Model:
     gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)
     damping: Damping = field(default_factory=Damping)
     probes: tuple[str, ...] = ()
+
+    def __reduce__(self) -> tuple[type[Model], tuple[object, ...]]:
+        """Return the constructor and its arguments, for pickle and copy."""
+        values = (getattr(self, one.name) for one in fields(self))
+        return type(self), tuple(dict(one) if isinstance(one, Mapping) else one for one in values)  # pyright: ignore[reportUnknownArgumentType, reportUnknownVariableType]
 
     def __post_init__(self) -> None:
         for name in ("members", "supports", "masses", "springs", "rockers", "cams", "contacts", "loads"):

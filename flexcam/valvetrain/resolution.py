@@ -119,7 +119,8 @@ class ResolutionSink:
         if not omega or not self._bent.any():
             return {}
         rigidity = np.minimum(beams.EIy, beams.EIz)
-        lengths = _WAVE * (rigidity / (beams.rho_A * omega**2)) ** 0.25 / beams.length
+        with np.errstate(divide="ignore"):  # a member without mass has no waves
+            lengths = _WAVE * (rigidity / (beams.rho_A * omega**2)) ** 0.25 / beams.length
         ranges = self._structure.model.mesh.element_ranges()
         energies = {name: float(self._bent[part].sum()) for name, part in ranges.items()}
         whole = sum(energies.values())

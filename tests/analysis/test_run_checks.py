@@ -250,6 +250,13 @@ def test_what_was_not_looked_at_is_not_told_as_zero(tmp_path):
     assert equilibrium_residual(flexcam.read_result(left).response) is None
 
 
+def test_members_far_from_their_place_are_told():
+    """Linear beams would compute any deflection."""
+    soft = told(CASE, "materials.steel.E=2 MPa")
+    assert any("member camshaft leaves the range of small displacements" in one for one in soft)
+    assert not any("small displacements" in one for one in told(CASE))
+
+
 def test_warnings_are_kept_with_the_result(tmp_path):
     ready = prepare(flexcam.read_case(CASE))
     asked = []

@@ -26,7 +26,7 @@ DIVERGING = (
 )
 """Newmark with beta near 0 is stable up to omega dt = 2 only; 46 us and 4 kHz are beyond that."""
 
-STOPS = [(signal.SIGINT, 130), (signal.SIGTERM, 143)]
+STOPS = [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 143)]
 
 
 @pytest.mark.parametrize(("number", "code"), STOPS[:1])
@@ -164,6 +164,13 @@ def test_a_fault_of_flexcam_itself_in_json(monkeypatch, capsys, case, crashes):
     assert code == 70
     assert json.loads(out)["status"], "one JSON object, also for errors"
     assert "Traceback" not in err + out
+
+
+def test_exhausted_memory_is_no_fault_of_flexcam(monkeypatch, capsys, case, crashes):
+    code, _, err = in_process(monkeypatch, capsys, ["check", str(case)], MemoryError())
+    assert code == 3
+    assert "memory is exhausted" in err
+    assert not list(crashes.glob("flexcam-crash-*"))
 
 
 @pytest.mark.parametrize("as_json", [False, True])

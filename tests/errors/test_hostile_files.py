@@ -16,7 +16,8 @@ import pytest
 from flexcam import InputError, prepare, read_case, read_mesh, read_result
 from flexcam.analysis.run import open_result_file
 from flexcam.dynamics import solve
-from flexcam.io import open_hdf5, verify_file
+from flexcam.io import open_hdf5, verify_file, write_digest
+from flexcam.report.content import load_subject
 from flexcam.studies.tables import read_table
 
 ROOT = Path(__file__).parents[2]
@@ -114,6 +115,72 @@ def test_hdf5_that_leads_out_or_swells(what, sound, tmp_path, tried):
             read(path)
         assert str(path) in str(refusal.value)
     tried("hostile", f"HDF5 with {what}", 3, "refused before reading")
+
+
+CHANGED = {
+    "short integers": lambda one: one[()].astype("i1"),
+    "large integers": lambda one: np.full(one.shape, 2**63 + 5, "u8"),
+    "texts": lambda one: np.full(one.shape, b"abc"), "not finite": lambda one: np.full(one.shape, np.nan),
+    "beyond any number": lambda one: np.full(one.shape, 1e308), "one number": lambda one: np.array(1.0),
+    "another rank": lambda one: np.ones((2, 2, 2)), "nothing": lambda one: np.zeros(0),
+    "another order of bytes": lambda one: one[()].astype(one.dtype.newbyteorder(">")),
+}  # fmt: skip
+NUMBERS = (
+    "history/time", "history/cam_angle", "history/channels/cams.intake.deflection", "history/probes/valve/displacement",
+    "fields/cam_angle", "mesh/nodes", "VTKHDF/PointData/displacement", "VTKHDF/PointData/axis_x",
+    "VTKHDF/PointData/node", "VTKHDF/PointData/stress_axial", "VTKHDF/Lines/Offsets",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", NUMBERS)
+@pytest.mark.parametrize("what", CHANGED)
+def test_numbers_of_another_type_shape_or_size(what, name, sound, tmp_path):
+    """With a valid checksum, as another program may write it."""
+    path = tmp_path / "foreign.vtkhdf"
+    path.write_bytes(sound.read_bytes())
+    with h5py.File(path, "r+") as file:
+        changed = CHANGED[what](file[name])
+        del file[name]
+        file[name] = changed
+        write_digest(file)
+    with pytest.raises(InputError, match=str(path)) as refusal:
+        read_result(path)
+    assert len(refusal.value.faults) == 1
+
+
+@pytest.mark.parametrize("name", ["history/time", "VTKHDF/Steps/Values", "mesh/nodes", "VTKHDF/Lines/Offsets"])
+def test_numbers_that_do_not_ascend(name, sound, tmp_path):
+    path = tmp_path / "foreign.vtkhdf"
+    path.write_bytes(sound.read_bytes())
+    with h5py.File(path, "r+") as file:
+        file[name][...] = 0
+        write_digest(file)
+    with pytest.raises(InputError, match=str(path)) as refusal:
+        read_result(path)
+    assert len(refusal.value.faults) == 1
+
+
+@pytest.mark.parametrize("name", ["case", "case_file", "overrides", "resolved"])
+def test_a_result_without_its_case(name, sound, tmp_path):
+    path = tmp_path / "foreign.vtkhdf"
+    path.write_bytes(sound.read_bytes())
+    with h5py.File(path, "r+") as file:
+        del file["about"][name]
+        write_digest(file)
+    with pytest.raises(InputError, match=f"nothing about '{name}'"):
+        read_result(path)
+
+
+def test_a_result_whose_case_runs_for_years_is_not_run_again(sound, tmp_path):
+    path = tmp_path / "foreign.vtkhdf"
+    path.write_bytes(sound.read_bytes())
+    with h5py.File(path, "r+") as file:
+        del file["about/overrides"]
+        file["about/overrides"] = np.bytes_(b'["run.revolutions=1e11"]')
+        write_digest(file)
+    subject = load_subject(path)
+    assert subject.rigid is None
+    assert any("comparison with a rigid train" in one and "memory" in one for one in subject.lacking)
 
 
 def test_a_chunk_that_crashes_hdf5(tmp_path):

@@ -39,6 +39,8 @@ FILES = {
     "nan.csv": table([*ROWS[:9], (45, math.nan), *ROWS[10:]]), "word.csv": table([*ROWS[:9], (45, "open"), *ROWS[10:]]),
     "comma.csv": "cam_deg; lift_mm\n90,5; 1,25\n", "nans.csv": table([*ROWS[:9], (45, math.nan), (50, 1), (55, math.nan), *ROWS[12:]]),
     "open.csv": table(ROWS[:30]), "flat.csv": table([(angle, 0) for angle, _ in ROWS]), "empty.csv": "",
+    "radians.csv": table([(math.radians(angle), lift) for angle, lift in ROWS], "crank_deg, lift_mm"),
+    "many.csv": table([(0.01 * i, 1.0) for i in range(30_000)]), "long.csv": table([(angle, 1e300 * lift) for angle, lift in ROWS]),
 }  # fmt: skip
 
 
@@ -89,6 +91,9 @@ FAULTS = {  # the cam, the key it must be reported at, a part of `given`, a part
     "angles that run back": (measured('"back.csv"'), "lift_table", "40 deg, then 35 deg", "angle, line 11"),
     "gap": (measured('"gap.csv"'), "lift_table", "between 95 and 150 deg", "measure there"),
     "few points": (measured('"few.csv"'), "lift_table", "9 points", "12 or more"),
+    "many points": (measured('"many.csv"'), "lift_table", "30000 points", "up to 20000"),
+    "radians said to be degrees": (measured('"radians.csv"'), "lift_table", "3.14159 deg of cam angle", "check the unit"),
+    "a lift beyond any length": (measured('"long.csv"'), "lift_table", "6e+297 m at most", "between 1e-09 and 100000 m"),
     "lift below zero": (measured('"below.csv"'), "lift_table", "-1 mm at 0 deg", "subtract"),
     "cam beyond 360 deg": (measured('"twice.csv"'), "lift_table", "365 deg", "360 deg"),
     "crank beyond 720 deg": (measured('"crank.csv"'), "lift_table", "deg", "cut the table"),

@@ -242,6 +242,43 @@ def test_a_name_too_long(command, flexcam):
     assert "name too long" in done.err
 
 
+@pytest.mark.parametrize("words", [("run", "case.toml", "-o"), ("new", "pushrod-engine", "-o")])
+def test_an_output_name_too_long(words, tmp_path):
+    done = spawned(tmp_path, *words, 300 * "a" + ".toml" * (words[0] == "new"))
+    assert done.returncode == 2
+    assert "name too long" in done.stderr.lower()
+
+
+def test_a_name_that_is_not_utf8(tmp_path):
+    done = spawned(tmp_path, "check", os.fsdecode(b"a\xff.toml"))
+    assert done.returncode == 2
+    assert "UTF-8" in done.stderr
+
+
+def test_a_terminal_without_the_letters_of_a_title(tmp_path, monkeypatch):
+    monkeypatch.setenv("PYTHONIOENCODING", "ascii")
+    done = spawned(tmp_path, "check", "case.toml", "--set", "title=Größe 漢")
+    assert done.returncode == 0
+    assert "Gr\\xf6\\xdfe" in done.stdout
+
+
+def test_numba_that_may_not_compile(tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
+    done = spawned(tmp_path, *RUN, "--set", "run.engine=kernel")
+    assert done.returncode == 2
+    assert "NUMBA_DISABLE_JIT" in done.stderr
+
+
+def test_a_result_that_appears_during_the_run_stays(ready, tmp_path):
+    sink = open_result_file(ready, tmp_path)
+    sink.path.write_bytes(b"of another program")
+    response = solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink])
+    assert response.status.cause is Cause.NOT_SAVED
+    assert "another file appeared" in response.status.text
+    assert sink.path.read_bytes() == b"of another program"
+    assert read_result(sink.partial).response.status.ok
+
+
 def test_a_case_named_like_a_partial_result(flexcam, tmp_path):
     """Its result would be deleted at the end of the run whose partial result has that name."""
     shutil.copy(CASE, tmp_path / "case.partial.toml")

@@ -5,7 +5,9 @@
 from __future__ import annotations
 
 import re
+import time
 import tomllib
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -189,3 +191,46 @@ def test_a_key_of_thousands_of_parts_is_refused_whatever_stands_in_it():
     key = ".".join(['"\u2028"'] * 3000)
     with pytest.raises(ValueError, match="nested more than"):
         parse_toml(f"{key} = 1")
+
+
+TITLE = 'format = 1\ntitle = """\n[{}\n"""\n'
+LONG = {
+    "a title of blanks": ("format = 1\n", TITLE.format(3000 * " " + "\n" + 3000 * " " + "x")),
+    "unknown keys": ("[run]\n", "[run]\n" + "".join(f"key{i} = 1\n" for i in range(2000))),
+    "tables with unknown keys": (
+        "[masses]\n",
+        "[masses]\n" + "".join(f"m{i} = {{ masss = 1 }}\n" for i in range(2000)),
+    ),
+    "blanks in a unit": ('"0.15 kg"', '"0.15 kg' + 50_000 * " " + 'x"'),
+}
+
+
+@pytest.mark.parametrize("what", LONG)
+def test_reading_takes_time_proportional_to_the_length(what, text, changed, tmp_path):
+    """Patterns that try every division of a long text would take minutes."""
+    path = tmp_path / "long.toml"
+    path.write_text(changed(re.sub("title = .*\n", "", text), LONG[what]))
+    begun = time.perf_counter()
+    with suppress(InputError):
+        CaseFile.open(path).read()
+    assert time.perf_counter() - begun < 2.0
+
+
+def test_a_value_of_thousands_of_characters_is_cut(text, changed, faults_of):
+    (fault,) = faults_of(changed(text, ('"0.15 kg"', '"0.15 ' + 50_000 * "k" + '"')))
+    assert len(str(fault)) < 4000
+
+
+def test_line_breaks_are_shown(text, changed, faults_of):
+    """A message is one line: a name cannot make another one up."""
+    assert not [fault for fault in faults_of(changed(text, ("shaft =", '"sha\\nft" ='))) if "\n" in str(fault)]
+
+
+def test_limits_have_the_unit_that_is_given(text, changed, faults_of):
+    (fault,) = faults_of(changed(text, ('lift = "6 mm"', 'lift = "6e20 mm"')))
+    assert "between 1e-06 and 1e+08 mm" in fault.why
+
+
+def test_a_missing_quantity_is_named(text, changed, faults_of):
+    (fault,) = faults_of(changed(text, (', diameter = "25 mm"', "")))
+    assert fault.allowed == "a length (such as '25 mm')"

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import struct
+import time
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -32,6 +34,7 @@ FAULTS = {
     "an element without length": (msh(*GOOD, nodes={**NODES, 30: "1 0 0"}), ["element 8", "nodes 20 and 30", "length"]),
     "a coordinate that is no number": (msh(*GOOD, nodes={**NODES, 40: "1 nan 0"}), ["node 40", "1, nan, 0", "finite"]),
     "an infinite coordinate": (msh(*GOOD, nodes={**NODES, 40: "1 1e999 0"}), ["node 40", "inf", "finite"]),
+    "a coordinate beyond any length": (msh(*GOOD, nodes={**NODES, 40: "1 1e308 0"}), ["node 40", "1e+308", "up to"]),
     "two nodes of one number": (msh(*GOOD, nodes=[*NODES.items(), (20, "5 5 5")]), ["node 20", "several"]),
     "a node that is not there": (msh(*GOOD, "12 1 2 2 1 40 99"), ["element 12", "node 99", "no such node"]),
     "node zero": (msh(*GOOD, "12 1 2 2 1 40 0"), ["element 12", "node 0"]),
@@ -42,11 +45,11 @@ FAULTS = {
     "a branch": (msh(*GOOD, "12 1 2 1 1 20 40"), ["'bar'", "elements 7, 8, 12", "node 20 has 3 lines"]),
     "a gap": (msh(*GOOD, "12 1 2 1 1 40 50"), ["'bar'", "ends at nodes 10, 30, 40, 50"]),
     "a loop": (msh(*GOOD, "12 1 2 1 1 30 10"), ["'bar'", "loop"]),
-    "a member named as a path": (msh(*GOOD, names={**NAMES, (1, 1): "a/b"}), ["'a/b'", "letters, digits", "rename"]),
-    "a point named as a path": (msh(*GOOD, names={**NAMES, (0, 3): "a/b"}), ["'a/b'", "letters, digits", "rename"]),
-    "a point named as a folder": (msh(*GOOD, names={**NAMES, (0, 3): "."}), ["'.'", "letters, digits"]),
-    "a point named as the root": (msh(*GOOD, names={**NAMES, (0, 3): "/"}), ["'/'", "letters, digits"]),
-    "a point with a dot": (msh(*GOOD, names={**NAMES, (0, 3): "valve.tip"}), ["'valve.tip'", "letters, digits"]),
+    "a member named as a path": (msh(*GOOD, names={**NAMES, (1, 1): "a/b"}), ["'a/b'", "letters A to Z", "rename"]),
+    "a point named as a path": (msh(*GOOD, names={**NAMES, (0, 3): "a/b"}), ["'a/b'", "letters A to Z", "rename"]),
+    "a point named as a folder": (msh(*GOOD, names={**NAMES, (0, 3): "."}), ["'.'", "letters A to Z"]),
+    "a point named as the root": (msh(*GOOD, names={**NAMES, (0, 3): "/"}), ["'/'", "letters A to Z"]),
+    "a point with a dot": (msh(*GOOD, names={**NAMES, (0, 3): "valve.tip"}), ["'valve.tip'", "letters A to Z"]),
     "a line with too few numbers": (msh("7 1 2 1 1 10", *GOOD[1:]), ["$Elements", "announces"]),
     "more elements announced": (msh(*GOOD, count=5), ["$Elements", "ends before"]),
     "fewer elements announced": (msh(*GOOD, count=3), ["$Elements", "more"]),
@@ -69,6 +72,31 @@ def test_a_fault_is_told_by_its_numbers(what, tmp_path, tried):
     told = str(refusal.value)
     assert not [part for part in said if part not in told], told
     tried("planted", f"mesh: {what}", 1, "refused")
+
+
+def test_node_blocks_have_a_dimension(tmp_path):
+    """A negative dimension would give rows of fewer than three coordinates."""
+    text = "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Entities\n0 0 0 0\n$EndEntities\n$Nodes\n1 1 1 1\n-3 1 1 1\n1\n"
+    (tmp_path / "bad.msh").write_text(text + "$EndNodes\n$Elements\n0 0 0 0\n$EndElements\n")
+    with pytest.raises(InputError, match="nodes of dimension -3"):
+        read_mesh(tmp_path / "bad.msh")
+
+
+LONG = {
+    "comments": "$Comments $EndComments " * 40 + "x",
+    "blank lines": msh(*GOOD).replace("$PhysicalNames\n", "$PhysicalNames\n" + 60_000 * "\n"),
+    "blanks in a name": msh(*GOOD).replace("$PhysicalNames\n", "$PhysicalNames\n1 1" + 60_000 * " " + "\n"),
+}
+
+
+@pytest.mark.parametrize("what", LONG)
+def test_reading_takes_time_proportional_to_the_length(what, tmp_path):
+    """Patterns that try every division of a long text would take minutes."""
+    (tmp_path / "long.msh").write_text(LONG[what])
+    begun = time.perf_counter()
+    with suppress(InputError):
+        read_mesh(tmp_path / "long.msh")
+    assert time.perf_counter() - begun < 1.0
 
 
 def test_the_good_one_is_read(tmp_path):

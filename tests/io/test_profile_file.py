@@ -182,3 +182,10 @@ def test_the_unit_is_the_last_word_of_a_head(head, tmp_path):
     path.write_text(f"{head}\n10, 0\n0, 10\n-10, 0\n", encoding="utf-8")
     assert np.array_equal(read_profile(path), [[0.01, 0.0], [0.0, 0.01], [-0.01, 0.0]])
     assert np.array_equal(read_profile(path, unit="mm"), read_profile(path))
+
+
+@pytest.mark.parametrize("unit", ["um", "µm", "μm"])
+def test_micrometres_are_no_metres(unit, tmp_path):
+    path = tmp_path / "profile.csv"
+    path.write_text(f"x [{unit}], y [{unit}]\n1000, 0\n0, 1000\n-1000, 0\n", encoding="utf-8")
+    assert read_profile(path)[0].tolist() == [1e-3, 0.0]

@@ -36,7 +36,7 @@ from flexcam.plotting.curves import (
     profile_figure,
     spectrum_figure,
 )
-from flexcam.plotting.figures import save_figure
+from flexcam.plotting.figures import add_title, save_figure
 
 EVENT = LiftEvent(LAWS["shm"], lift=0.006, rise=1.5, fall=1.4, dwell=0.2, phase=0.7)
 SMOOTH = HarmonicLift(0.003, (-0.003,), (0.0,))
@@ -241,3 +241,9 @@ def test_writes_over_nothing_unasked(name, picture, tmp_path):
     assert (tmp_path / name).read_text() == "mine"
     save_figure(picture, tmp_path / name, overwrite=True)
     assert (tmp_path / name).stat().st_size > 1000
+
+
+def test_a_title_with_dollar_signs_is_no_formula(tmp_path):
+    """Between two of them matplotlib reads TeX, and fails on most texts."""
+    figure = add_title(law_figure({"shm": LAWS["shm"]}), r"a $\frac{$ b$")
+    assert save_figure(figure, tmp_path / "a.svg").exists()

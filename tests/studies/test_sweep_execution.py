@@ -11,17 +11,17 @@ import subprocess
 import sys
 from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
 
 from flexcam import InputError, read_case
 from flexcam.case.reader import CaseFile
-from flexcam.dynamics import Cause, Status
+from flexcam.dynamics import Cause, RunFailedError, Status
 from flexcam.studies import executors as workers_of
 from flexcam.studies.evaluation import Row, evaluate, evaluate_chunk
-from flexcam.studies.executors import ClusterWorkers, ProcessWorkers, SerialWorkers, divide_variants, run_chunks
+from flexcam.studies.executors import ClusterWorkers, Pool, ProcessWorkers, SerialWorkers, divide_variants, run_chunks
 from flexcam.studies.plan import Bundle, Plan, make_bundle, parse_axes
 from flexcam.studies.sweep import chunk_size, make_sweep, run_sweep
 from flexcam.studies.tables import Journal, write_hdf5
@@ -118,6 +118,19 @@ def test_a_variant_that_kills_its_worker_is_a_row_and_costs_no_other():
     assert [status.text for status in found if status.ok] == [f"key={letter}" for letter in "abdefgh"]
     assert workers.ran.count((("key=poison",),)) == 1
     assert workers.ran.count(chunks[2].variants) == 1  # what was not under way is not run twice
+
+
+def test_a_cluster_without_workers_ends_the_sweep(asked, monkeypatch):
+    """Nothing would ever finish there."""
+    monkeypatch.setattr(workers_of, "_PATIENCE", 0.01)
+
+    class Empty:
+        @contextmanager
+        def open_pool(self, source, evaluate):
+            yield Pool(lambda variants: Future(), 2, (), lambda: False)
+
+    with pytest.raises(RunFailedError, match="no workers left"):
+        list(run_chunks(asked.bundle, asked.evaluate(), asked.chunks, Empty()))
 
 
 def test_what_fails_is_a_row_with_its_cause():
@@ -256,7 +269,17 @@ def test_a_journal_of_another_sweep_or_in_use_is_refused_and_left_alone(tmp_path
     with pytest.raises(InputError, match="damaged"):
         Journal(path, HEAD, resume=True)
     path.write_bytes(whole)
-    assert json.loads(path.read_bytes().splitlines()[0]) == HEAD
+    assert json.loads(path.read_bytes().splitlines()[0]).items() >= HEAD.items()
+
+
+def test_a_journal_with_a_flipped_bit_gives_no_other_numbers(tmp_path):
+    path = tmp_path / "j.jsonl"
+    kept(path, [0, 1])
+    whole = path.read_bytes()
+    for position in range(0, len(whole), 3):
+        path.write_bytes(whole[:position] + bytes([whole[position] ^ 1]) + whole[position + 1 :])
+        with suppress(InputError):
+            assert all(rows == ROWS for rows in kept(path, [], resume=True).values())
 
 
 def no_locks(*_):

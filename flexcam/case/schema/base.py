@@ -25,7 +25,12 @@ _TYPE_NAMES = {
 
 def describe_type_error(error: ErrorDetails) -> str:
     """Return a description of the allowed values."""
-    return _TYPE_NAMES.get(error["type"]) or error["msg"].replace("Input should be ", "")
+    context = error.get("ctx", {})
+    limits = {
+        "greater_than_equal": f"{context.get('ge')} or more", "less_than_equal": f"{context.get('le')} or less",
+        "string_too_short": "a text that is not empty", "finite_number": "a finite number",
+    }  # fmt: skip
+    return {**_TYPE_NAMES, **limits}.get(error["type"]) or error["msg"].replace("Input should be ", "")
 
 
 def value_error(
@@ -46,26 +51,13 @@ def convert_error(refusal: InputError, *, inside: bool = False) -> PydanticCusto
 
 @dataclass(frozen=True)
 class Unit:
-    """Annotation of a float that is given as a quantity and stored in SI.
+    """Annotation of a float that is given as a quantity and stored in SI."""
 
-    Parameters
-    ----------
-    dimension
-        A key of `flexcam.core.units.DIMENSIONS`.
-    above
-        Require a positive value.
-    signed
-        Allow negative values.
-    most
-        Upper limit, SI; None for no limit.
-    noise
-        Treat numbers too small for their kind as zero, which always applies if negative values are allowed.
-    """
-
-    dimension: str
-    above: bool = False
-    signed: bool = False
-    most: float | None = None
+    dimension: str  #: a key of `flexcam.core.units.DIMENSIONS`
+    above: bool = False  #: require a positive value
+    signed: bool = False  #: allow negative values
+    most: float | None = None  #: upper limit, SI; None for no limit
+    #: treat numbers too small for their kind as zero, which always applies if negative values are allowed
     noise: bool = False
 
     def validate(self, value: Any) -> float:  # noqa: ANN401 - any TOML value
@@ -75,15 +67,16 @@ class Unit:
         except InputError as refusal:
             raise convert_error(refusal) from None
         if number < 0.0 and not self.signed:
-            raise value_error(f"{self._kind} {'above zero' if self.above else 'of zero or more'}")
+            raise value_error(f"{self.description} {'above zero' if self.above else 'of zero or more'}")
         if number == 0.0 and self.above:
-            raise value_error(f"{self._kind} above zero")
+            raise value_error(f"{self.description} above zero")
         if self.most is not None and number > self.most:
-            raise value_error(f"{self._kind} up to {self.most:g}")
+            raise value_error(f"{self.description} up to {self.most:g}")
         return number
 
     @property
-    def _kind(self) -> str:
+    def description(self) -> str:
+        """Kind of quantity with an example, for messages."""
         kind = DIMENSIONS[self.dimension]
         return f"{'an' if kind.name[0] in 'aeiou' else 'a'} {kind.name} (such as {kind.example!r})"
 
@@ -126,18 +119,10 @@ def _line(value: Any) -> Any:  # noqa: ANN401
 
 @dataclass(frozen=True)
 class Check:
-    """Annotation that validates a value with a function of flexcam instead of pydantic.
+    """Annotation that validates a value with a function of flexcam instead of pydantic."""
 
-    Parameters
-    ----------
-    check
-        Function that returns the value or raises.
-    schema
-        JSON Schema of the value.
-    """
-
-    check: Any
-    schema: str
+    check: Any  #: function that returns the value or raises
+    schema: str  #: JSON Schema of the value
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
         return core_schema.no_info_plain_validator_function(self.check)

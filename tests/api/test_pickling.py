@@ -1,0 +1,34 @@
+"""Cases, models and responses can be copied and sent to other processes."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import flexcam
+from flexcam.case.builder import build_model
+
+CASES = Path(__file__).parents[2] / "cases"
+
+
+@pytest.mark.parametrize(
+    "name", ["tayeb/model-3-shm", "pushrod-engine/intake", "direct-acting/finger", "li/valve-train"]
+)
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))])  # noqa: S301 - our own
+def test_a_copy_is_the_same_model(name, copied):
+    case = flexcam.read_case(CASES / f"{name}.toml", ["run.revolutions=0.01", "run.engine=direct"])
+    model, other = build_model(case), copied(build_model(case))
+    assert copied(case).record == case.record
+    assert np.array_equal(other.mesh.nodes, model.mesh.nodes)
+    assert repr(other.springs) == repr(model.springs)
+    run, again = flexcam.run(case), copied(flexcam.run(copied(case)))
+    assert np.array_equal(run.probes.displacement, again.probes.displacement)
+
+
+def test_modes_are_counted_from_one():
+    with pytest.raises(flexcam.InputError, match="a whole number from 1"):
+        flexcam.modes(flexcam.read_case(CASES / "tayeb/model-3-shm.toml"), -1)
