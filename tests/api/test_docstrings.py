@@ -95,7 +95,7 @@ def undocumented(items):
 def test_documented_parameters_are_the_signatures():
     """A docstring need not list the parameters; one that does lists all of them."""
     items = [(name, item) for name, item in (FUNCTIONS | METHODS).items() if documented(item) and ".cli." not in name]
-    assert len(items) > 100
+    assert len(items) > 60
     assert not undocumented(items)
 
 
