@@ -29,8 +29,7 @@ Pilot = Callable[[Problem, Method], Series]
 class DirectEngine:
     """Time stepping with stops at events and adaptive steps.
 
-    `stop` is called before every step; `pilot` runs the problem in advance for adaptive steps. At saved fields the
-    forces are recomputed.
+    `stop` is called before every step; `pilot` runs the problem in advance for adaptive steps.
     """
 
     def __init__(
