@@ -33,21 +33,11 @@ _ROUNDING = 8.0 * np.finfo(float).eps
 
 @dataclass(frozen=True, eq=False)
 class BandFactor:
-    """Cholesky factor of a symmetric, positive definite matrix with a narrow band.
+    """Cholesky factor of a symmetric, positive definite matrix with a narrow band."""
 
-    Parameters
-    ----------
-    upper
-        Factor by diagonals, as LAPACK's `pbtrf` stores it, shape (w + 1, n).
-    order
-        Unknown at each row of the band, shape (n,).
-    scale
-        Scale factors of the unknowns, in the order of the band, shape (n,).
-    """
-
-    upper: FloatArray
-    order: IntArray
-    scale: FloatArray
+    upper: FloatArray  #: factor by diagonals, as LAPACK's `pbtrf` stores it, shape (w + 1, n)
+    order: IntArray  #: unknown at each row of the band, shape (n,)
+    scale: FloatArray  #: scale factors of the unknowns, in the order of the band, shape (n,)
 
     def solve(self, right: FloatArray) -> FloatArray:
         """Solve for a right-hand side of shape (n,) or (n, k)."""

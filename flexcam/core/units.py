@@ -131,10 +131,6 @@ def _unit(symbol: str) -> tuple[Decimal, Exponents] | None:
     return None
 
 
-def _known_symbols() -> list[str]:
-    return [*_PLAIN, *(prefix + base for base in _PREFIXED for prefix in _PREFIXES)]
-
-
 def _unit_product(text: str, where: str) -> tuple[Decimal, Exponents]:
     factor, exponents, position, divide = Decimal(1), _NONE, 0, False
     while position < len(text):
@@ -143,7 +139,8 @@ def _unit_product(text: str, where: str) -> tuple[Decimal, Exponents]:
         if match is None or found is None:
             symbol = match[2] if match else text[position:]
             comma = "write a point in decimal numbers, no comma" if text.startswith(",") else ""
-            hint = comma or suggest_name(symbol, _known_symbols())
+            known = [*_PLAIN, *(prefix + base for base in _PREFIXED for prefix in _PREFIXES)]
+            hint = comma or suggest_name(symbol, known)
             allowed = "units such as mm, kg, kN/m, GPa, rpm, deg"
             raise refuse(
                 where, f"unit {symbol!r} in {text!r}", allowed, "no such unit is known", hint or "write it in SI"

@@ -15,14 +15,13 @@ from flexcam.dynamics.active_dofs import (
 )
 from flexcam.dynamics.basis import Basis, DofSubset, ModeBasis, project_system
 from flexcam.dynamics.bathe import Bathe, bathe
-from flexcam.dynamics.blocks import SLOPES, Block, Item, ProgressCallback, SaveAt, Series, Sink, track_progress
+from flexcam.dynamics.blocks import SLOPES, Block, ProgressCallback, SaveAt, Series, Sink, track_progress
 from flexcam.dynamics.cam_motion import (
     ONE,
     AngleFunction,
     AngleVector,
     CamFunctionCache,
     CamMotion,
-    Constant,
     ConstantSpeed,
     DerivedCamFunction,
     Drive,
@@ -68,7 +67,6 @@ from flexcam.dynamics.status import (
 from flexcam.dynamics.system import (
     Channel,
     CustomLaw,
-    FullMotion,
     Load,
     LocalForce,
     MotionView,
@@ -103,7 +101,6 @@ __all__ = [
     "CentralDifference",
     "Channel",
     "Collocation",
-    "Constant",
     "ConstantSpeed",
     "CustomLaw",
     "DerivedCamFunction",
@@ -114,10 +111,8 @@ __all__ = [
     "Floquet",
     "FluctuatingSpeed",
     "ForceLaw",
-    "FullMotion",
     "History",
     "InactiveGroup",
-    "Item",
     "Load",
     "LocalForce",
     "Method",

@@ -27,17 +27,7 @@ _DOUBLING_LIMIT = 1.0 / 16.0
 
 
 class StepFloorError(ArithmeticError):
-    """The error is too large at the smallest step.
-
-    Parameters
-    ----------
-    unknown
-        Unknown with the largest error.
-    times
-        Error over tolerance.
-    step
-        The smallest step, s.
-    """
+    """The error at the smallest step, s, is too large, `times` the tolerance, most at one unknown."""
 
     def __init__(self, unknown: int, times: float, step: float) -> None:
         super().__init__(f"unknown {unknown}: {times:.3g} times the tolerance at {step:.3g} s")
@@ -45,19 +35,11 @@ class StepFloorError(ArithmeticError):
 
 
 class EnergyNorm:
-    """Energy norm of displacements, relative to the largest of a motion.
+    """Energy norm of displacements, relative to the largest of a representative motion.
 
-    The weights are the diagonals of the stiffness and of the mass at the frequency of the motion, for unknowns without
-    stiffness. The norm therefore does not depend on units.
-
-    Parameters
-    ----------
-    system
-        The system.
-    motion
-        A representative motion: displacements and velocities, shape (m, n).
-    unseen
-        Error not visible in the displacements, see `Method`.
+    The weights are the diagonals of the stiffness and, for unknowns without stiffness, of the mass at the frequency of
+    the motion, so that the norm does not depend on units. `unseen` is the error not visible in displacements, see
+    `Method`.
     """
 
     def __init__(self, system: System, motion: Series, unseen: float = 0.0) -> None:
@@ -83,36 +65,15 @@ def _taylor_defect(old: StepState, new: StepState, unseen: float) -> FloatArray:
 
 
 class StepController:
-    """Step size control on top of an `EventStepper`.
-
-    Parameters
-    ----------
-    walker
-        Stepper that takes the steps.
-    at
-        Prescribed inputs at a time, s.
-    step
-        Largest step, s.
-    adaptive
-        Tolerance and smallest step.
-    norm
-        Error norm.
-
-    Attributes
-    ----------
-    halvings
-        Current number of halvings of the given step.
-    rejected
-        Number of steps repeated with half their length.
-    """
+    """Step size control on top of an `EventStepper`, whose largest step, s, is halved as the error requires."""
 
     def __init__(self, walker: EventStepper, at: At, step: float, adaptive: Adaptive, norm: EnergyNorm) -> None:
         self._walker, self._at, self._step, self._norm = walker, at, step, norm
         self._tolerance = adaptive.tolerance
         smallest = adaptive.smallest or step / 2.0**_MOST_HALVINGS
         self._most = min(max(math.floor(math.log2(step / smallest)), 0), _MOST_HALVINGS)
-        self.halvings = 0
-        self.rejected = 0
+        self.halvings = 0  #: of the given step
+        self.rejected = 0  #: steps repeated with half their length
 
     def walk(self, now: StepState, to: StepInputs) -> list[StepState]:
         """Return the instants after `now` up to `to`, one full step later."""

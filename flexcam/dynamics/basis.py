@@ -9,8 +9,8 @@ from typing import Protocol
 import numpy as np
 
 from flexcam.core import FloatArray, IntArray, Triplets
-from flexcam.dynamics.cam_motion import AngleFunction, AngleVector, Constant
-from flexcam.dynamics.system import Channel, Load, LocalForce, MotionView, Observation, Probe, System
+from flexcam.dynamics.cam_motion import AngleFunction, Constant
+from flexcam.dynamics.system import Channel, LocalForce, MotionView, Observation, Probe, System
 
 
 class Basis(Protocol):
@@ -189,7 +189,7 @@ def project_system(system: System, basis: Basis) -> System:
         damping=basis.matrix(system.damping),
         stiffness=basis.matrix(system.stiffness),
         names=basis.coordinate_names(system.names),
-        loads=tuple(_load(load, basis) for load in system.loads),
+        loads=tuple(replace(load, vector=basis.rows(load.vector)) for load in system.loads),
         local_forces=tuple(_local(force, basis) for force in system.local_forces),
         probes=tuple(_probe(probe, basis) for probe in system.probes),
         channels=tuple(_channel(channel, shown) for channel in system.channels),
@@ -198,19 +198,13 @@ def project_system(system: System, basis: Basis) -> System:
     )
 
 
-def _load(load: Load, basis: Basis) -> Load:
-    return replace(load, vector=basis.rows(load.vector))
-
-
 def _local(force: LocalForce, basis: Basis) -> LocalForce:
     pairs = zip(force.offset, force.sense, strict=True)
     offset = tuple(_offset_function(known, one.vectors @ basis.held, one.functions) for known, one in pairs)
-    sense, act = (tuple(_vectors(one, basis) for one in side) for side in (force.sense, force.act))
+    sense, act = (
+        tuple(replace(one, vectors=basis.rows(one.vectors)) for one in side) for side in (force.sense, force.act)
+    )
     return replace(force, sense=sense, act=act, offset=offset)
-
-
-def _vectors(one: AngleVector, basis: Basis) -> AngleVector:
-    return AngleVector(basis.rows(one.vectors), one.functions)
 
 
 def _probe(probe: Probe, basis: Basis) -> Probe:

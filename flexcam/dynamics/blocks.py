@@ -201,21 +201,11 @@ Arrays = Mapping[str, NDArray[Any]]
 
 @dataclass(frozen=True, eq=False)
 class Checkpoint:
-    """State of a run between two blocks.
+    """State of a run between two blocks."""
 
-    Parameters
-    ----------
-    steps
-        Instants output so far, including the start.
-    problem
-        Digest of the problem, see `flexcam.dynamics.solve`.
-    arrays
-        State for the next step that is not part of the problem.
-    """
-
-    steps: int
-    problem: str
-    arrays: Arrays
+    steps: int  #: instants output so far, including the start
+    problem: str  #: digest of the problem, see `flexcam.dynamics.solve`
+    arrays: Arrays  #: state for the next step that is not part of the problem
 
 
 @runtime_checkable

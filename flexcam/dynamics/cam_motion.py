@@ -293,24 +293,15 @@ class SpeedByAngle:
 class PrescribedInputs:
     """Prescribed inputs of the local forces at m instants.
 
-    Parameters
-    ----------
-    angle
-        Cam angle, rad, shape (m,).
-    rows
-        Side by side: weights of the k sensing vectors, their time derivatives, weights of the a acting vectors, the
-        prescribed parts of the c sensed scalars, their time derivatives, and functions of the laws.
-    senses, acts
-        1 where a sensing vector belongs to a scalar, an acting vector to a force, shape (c, k) and (c, a).
-    cam
-        Functions of the cam angle at these instants.
+    The rows contain, side by side, the weights of the k sensing vectors, their time derivatives, the weights of the a
+    acting vectors, the prescribed parts of the c sensed scalars, their time derivatives, and the functions of the laws.
     """
 
-    angle: FloatArray
+    angle: FloatArray  #: cam angle, rad, shape (m,)
     rows: FloatArray
-    senses: FloatArray
-    acts: FloatArray
-    cam: CamFunctionCache
+    senses: FloatArray  #: 1 where a sensing vector belongs to a scalar, shape (c, k)
+    acts: FloatArray  #: 1 where an acting vector belongs to a force, shape (c, a)
+    cam: CamFunctionCache  #: functions of the cam angle at these instants
 
     @cached_property
     def _cuts(self) -> list[int]:

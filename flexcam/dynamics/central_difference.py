@@ -125,12 +125,12 @@ def _highest_sparse(system: System, light: MasslessMotions) -> tuple[float, Floa
     def pull(kept: FloatArray) -> FloatArray:
         return system.stiffness.multiply(light.spread(kept.reshape(size, -1)))[light.kept]
 
-    def freed(push: FloatArray) -> FloatArray:
+    def acceleration(push: FloatArray) -> FloatArray:
         whole = np.zeros((system.size, 1))
         whole[light.kept, 0] = push.ravel()
         return inverse.solve(whole)[light.kept]
 
-    pulled, pushed = (LinearOperator((size, size), matvec=one, dtype=float) for one in (pull, freed))
+    pulled, pushed = (LinearOperator((size, size), matvec=one, dtype=float) for one in (pull, acceleration))
     start = np.random.default_rng(0).standard_normal(size)
     mass = system.mass.part(light.kept).csr()
     values, vectors = eigsh(pulled, 1, M=mass, Minv=pushed, which="LM", v0=start, tol=1e-6)

@@ -92,27 +92,10 @@ Bools = NDArray[np.bool_]
 
 
 class EventStepper:
-    """Stepper with stops at events where a contact switches.
+    """Stepper with stops at events where a contact switches; the regular step is given in s.
 
-    Parameters
-    ----------
-    step
-        Regular step, s.
-    forces
-        The system's local forces, stacked.
-    starter
-        Initial acceleration, for restarts after an event.
-    at
-        Prescribed inputs at a time, s.
-    stepper
-        Returns the stepper of a step length, s.
-    balances
-        Whether the acceleration balances the forces of its own instant.
-
-    Attributes
-    ----------
-    events
-        Number of events located so far.
+    `stepper` returns the stepper of a step length, `at` the prescribed inputs at a time; `balances` says whether the
+    acceleration balances the forces of its own instant.
     """
 
     def __init__(
@@ -123,7 +106,7 @@ class EventStepper:
         self._step, self._forces, self._starter, self._at = step, forces, starter, at
         self._stepper, self._balances = stepper, balances
         self._halved: dict[int, Stepper] = {0: self._stepper(step)}
-        self.events = 0
+        self.events = 0  #: number of events located so far
 
     def walk(self, now: StepState, to: StepInputs, halvings: int = 0) -> list[StepState]:
         """Return the instants after `now` up to and including `to`."""

@@ -29,20 +29,7 @@ Pilot = Callable[[Problem, Method], Series]
 class DirectEngine:
     """Time stepping with stops at events and adaptive steps.
 
-    Parameters
-    ----------
-    problem
-        System, drive, step and start.
-    scheme
-        The method.
-    forces
-        The system's local forces, stacked.
-    save
-        Output settings: at saved fields the forces are recomputed.
-    stop
-        Stop callback, called before every step.
-    pilot
-        Pilot run for adaptive steps.
+    `stop` is called before every step; `pilot` runs the problem in advance for adaptive steps.
     """
 
     def __init__(
@@ -85,12 +72,13 @@ class DirectEngine:
         """Return the instants per step: events, and the end of the step last."""
         walked: list[list[StepState]] = []
         walker = self._pace or self._walker
+        start = self._problem.start or State.rest(self._system.size)
         for i, load in enumerate(loads):
             if self._stop():
                 return walked, STOPPED
             to = StepInputs(float(at[i]), load, schedule, i)
             try:
-                part = walker.walk(self._last, to) if self._last else [self._starter.first(self._begin(), to)]
+                part = walker.walk(self._last, to) if self._last else [self._starter.first(start, to)]
             except NoConvergenceError as fault:
                 return walked, convergence_failure(fault.forces, float(at[i]), float(angle[i]))
             except StepFloorError as fault:
@@ -119,9 +107,6 @@ class DirectEngine:
         if self._pace:
             self._pace.halvings, self._pace.rejected = paced
 
-    def _begin(self) -> State:
-        return self._problem.start or State.rest(self._system.size)
-
     def _at(self, time: float) -> StepInputs:
         motion = self._problem.drive.at(np.array([time]))
         return StepInputs(time, self._system.load_vector(motion)[0], self._forces.prescribed_inputs(motion))
@@ -142,17 +127,7 @@ def _step_floor_status(fault: StepFloorError, system: System, at: float, angle: 
 
 
 class KinematicEngine:
-    """Engine of a problem without unknowns and local forces.
-
-    Parameters
-    ----------
-    problem
-        The problem.
-    forces
-        Its local forces: none.
-    stop
-        Stop callback, called before every block of steps.
-    """
+    """Engine of a problem without unknowns and local forces; `stop` is called before every block of steps."""
 
     def __init__(self, problem: Problem, forces: LocalForces, stop: Callable[[], bool]) -> None:
         self._problem, self._forces, self._stop = problem, forces, stop

@@ -23,19 +23,10 @@ if TYPE_CHECKING:
 
 
 class EquilibriumResidual:
-    """Largest residual force relative to the largest force over a run.
+    """Largest residual force relative to the largest force over a run; the step is in s.
 
     Forces and torques are measured by the displacement that each causes in its own unknown within a step, in the energy
     norm, so that units do not matter.
-
-    Parameters
-    ----------
-    system
-        The system.
-    forces
-        Its local forces, stacked.
-    step
-        s.
     """
 
     def __init__(self, system: System, forces: LocalForces, step: float) -> None:
@@ -56,7 +47,7 @@ class EquilibriumResidual:
         if not len(rows) or not len(self._weights):
             return
         moved = (track.a[rows], track.v[rows], track.d[rows])
-        parts = [_product(matrix, one) for matrix, one in zip(self._matrices, moved, strict=True)]
+        parts = [np.asarray(matrix @ one.T, dtype=float).T for matrix, one in zip(self._matrices, moved, strict=True)]
         parts.append(-seen.histories[rows] @ self._vectors)
         if self._forces.count:
             acted = (seen.forces[rows] @ schedule.acts) * schedule.acting_weights[rows]
@@ -77,10 +68,6 @@ class EquilibriumResidual:
         self._largest = state["imbalance"].copy()
 
 
-def _product(matrix: FloatArray | csr_array, rows: FloatArray) -> FloatArray:
-    return np.asarray(matrix @ rows.T, dtype=float).T
-
-
 PARTS = ("work", "kinetic", "strain", "contact", "dissipated", "numerical", "residual")
 """Names of the terms of the balance, in order."""
 
@@ -89,33 +76,29 @@ PARTS = ("work", "kinetic", "strain", "contact", "dissipated", "numerical", "res
 class _EnergyState:
     """Energies at m instants, J, shape (m,), and the quantities for the work between them.
 
-    `elastic` is the strain energy including that of polynomial laws. `damped` is the damping force per unknown;
-    `pushes` are loads and forces, `paths` and `path_rates` their displacements and velocities, except for opposed
-    contacts (`LocalForces.opposed`); `still` the contact forces without dissipation, `by_state` the derivatives of
-    their energy by internal states, `changing` its part that depends on the cam angle, `carried` the prescribed part of
-    the sensed rates. Arrays of absent quantities have no columns.
+    Arrays of absent quantities have no columns.
     """
 
     time: FloatArray
     angle: FloatArray
     kinetic: FloatArray
     strain: FloatArray
-    elastic: FloatArray
+    elastic: FloatArray  #: strain energy including that of polynomial laws
     contact: FloatArray
     d: FloatArray
     v: FloatArray
-    damped: FloatArray
-    pushes: FloatArray
-    paths: FloatArray
-    path_rates: FloatArray
+    damped: FloatArray  #: damping force per unknown
+    pushes: FloatArray  #: loads and forces, without those of opposed contacts, see `LocalForces.opposed`
+    paths: FloatArray  #: their displacements
+    path_rates: FloatArray  #: their velocities
     force: FloatArray
-    still: FloatArray
+    still: FloatArray  #: contact forces without dissipation
     penetration: FloatArray
     states: FloatArray
-    by_state: FloatArray
-    changing: FloatArray
+    by_state: FloatArray  #: derivatives of their energy by internal states
+    changing: FloatArray  #: part of their energy that depends on the cam angle
     rate: FloatArray
-    carried: FloatArray
+    carried: FloatArray  #: prescribed part of the sensed rates
     impulse: FloatArray
 
     def last(self) -> _EnergyState:
@@ -126,15 +109,8 @@ class _EnergyState:
 class EnergyBalance:
     """Energy balance, block by block.
 
-    Parameters
-    ----------
-    system
-        The system.
-    forces
-        Its local forces, stacked.
-    order
-        Order of the integration method. The work of the mean force along the path balances the energy in steps of the
-        average acceleration; a method of higher order needs the work between the instants with the same order.
+    The work of the mean force along the path balances the energy in steps of the average acceleration; a method of
+    higher order needs the work between the instants with the same order.
     """
 
     def __init__(self, system: System, forces: LocalForces, order: int = 2) -> None:
@@ -190,7 +166,7 @@ class EnergyBalance:
             return _combine_successive(np.subtract, getattr(new, name), getattr(last, name, None))
 
         def path_work(force: str, path: str, rate: str) -> FloatArray:
-            """Return the work of the mean force along the path, if required with its error of second order removed.
+            """Return the work of the mean force along the path, if required without its error of second order.
 
             That error is ``h^3/12 (F' v' - F'' v)`` in a step; the sum of the last term is minus that of the first one,
             but for a part at both ends of the run that does not accumulate.

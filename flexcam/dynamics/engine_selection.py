@@ -49,24 +49,12 @@ _FEW = 24
 
 @dataclass(frozen=True, eq=False)
 class SelectedEngine:
-    """Engine of a problem.
-
-    Parameters
-    ----------
-    engine
-        Its name.
-    problem
-        What is integrated.
-    bases
-        Bases from the integrated to the output unknowns, innermost first.
-    natural
-        Modal coordinates, if the engine uses them.
-    """
+    """Engine of a problem."""
 
     engine: EngineName
-    problem: Problem
-    bases: tuple[Basis, ...]
-    natural: ModalCoordinates | None = None
+    problem: Problem  #: the problem that the engine integrates
+    bases: tuple[Basis, ...]  #: from the integrated to the output unknowns, innermost first
+    natural: ModalCoordinates | None = None  #: modal coordinates, if the engine uses them
 
 
 def select_engine(problem: Problem, method: Method, save: SaveAt) -> SelectedEngine:

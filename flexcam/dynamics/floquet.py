@@ -63,36 +63,18 @@ Bools = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class PeriodMap:
-    """Map of one period; states are displacements, velocities and internal states in a row.
+    """Map of one period; states are displacements, velocities and internal states in a row."""
 
-    Parameters
-    ----------
-    end
-        State at the end, shape (2n + s,).
-    derivative
-        Derivative of the end by the initial state, shape (2n + s, 2n + s); empty if not requested.
-    fields
-        Displacements and velocities at the ends of steps, shape (m, 2n).
-    events
-        Number of contacts that opened or closed.
-    """
-
-    end: FloatArray
-    derivative: FloatArray
-    fields: FloatArray
-    events: int
+    end: FloatArray  #: state at the end, shape (2n + s,)
+    derivative: FloatArray  #: of the end by the initial state, shape (2n + s, 2n + s); empty if not requested
+    fields: FloatArray  #: displacements and velocities at the ends of steps, shape (m, 2n)
+    events: int  #: number of contacts that opened or closed
 
 
 def period_map(
     selected: SelectedEngine, method: Method, stop: Callable[[], bool], *, derived: bool = True
 ) -> PeriodMap:
-    """Return a period of a problem in the unknowns of its engine.
-
-    Raises
-    ------
-    RunFailedError
-        If the run fails, with its status.
-    """
+    """Return a period of a problem in the unknowns of its engine; a failed run raises `RunFailedError`."""
     try:
         return _integrate_period(selected, method, stop, derived=derived)
     except SingularMatrixError as fault:
@@ -140,12 +122,7 @@ class _Instants:
 class Disturbances:
     """Evolution of unit disturbances of displacements, velocities and internal states.
 
-    Parameters
-    ----------
-    problem
-        The problem; only system, drive and step are used.
-    forces
-        Its local forces, stacked.
+    Only system, drive and step of the problem are used.
     """
 
     def __init__(self, problem: Problem, forces: LocalForces) -> None:
@@ -267,7 +244,8 @@ class Disturbances:
     def _apply_impact(self, old: StepState, new: StepState) -> None:
         """Apply an impact R(x, t): the disturbances become ``R_x Y + R_t t'``, with the shift t' of its time."""
         n, switching = self._problem.system.size, self._forces.switching
-        held = np.flatnonzero(_impulse(new)[switching] > 0.0)
+        impulse = np.zeros_like(new.local) if new.impulse is None else new.impulse
+        held = np.flatnonzero(impulse[switching] > 0.0)
         hit, rate = self._starter.impact_data(self._instant(old.time), held), old.rate[switching[held]]
         before, shift = self._carried, self._shift
         if shift is None:  # at the end of a step
@@ -326,10 +304,6 @@ class Disturbances:
     def _instant(self, time: float) -> StepInputs:
         motion = self._problem.drive.at(np.array([time]))
         return StepInputs(time, self._problem.system.load_vector(motion)[0], self._forces.prescribed_inputs(motion))
-
-
-def _impulse(moment: StepState) -> FloatArray:
-    return np.zeros_like(moment.local) if moment.impulse is None else moment.impulse
 
 
 @dataclass(frozen=True, eq=False)

@@ -32,13 +32,7 @@ from flexcam.dynamics.system import System
 
 
 class NoConvergenceError(ArithmeticError):
-    """The iteration for the local forces did not converge.
-
-    Parameters
-    ----------
-    forces
-        Names of the forces without convergence.
-    """
+    """The iteration for the named local forces did not converge."""
 
     def __init__(self, forces: list[str]) -> None:
         super().__init__(", ".join(forces))
@@ -57,23 +51,9 @@ class Prediction:
 class ImplicitStage:
     """An implicit stage: ``d = d^ + c_d a``, ``v = v^ + c_v a``, and the weighted equation of motion for a.
 
-    Parameters
-    ----------
-    system, forces
-        The system and its local forces, stacked.
-    to_d, to_v
-        c_d, s^2, and c_v, s.
-    step
-        Step of the internal states, s.
-    weight_m, weight_f
-        Weights of the new instant in the inertia and in the other forces.
-    inverse
-        Function that factorizes S; by default the matrix is regular.
-
-    Raises
-    ------
-    SingularMatrixError
-        If some motion has neither mass, damping nor stiffness.
+    `to_d`, s^2, and `to_v`, s, are c_d and c_v; `step`, s, is that of the internal states; the weights are those of the
+    new instant in the inertia and in the other forces. `inverse` factorizes S and raises `SingularMatrixError` if some
+    motion has neither mass, damping nor stiffness.
     """
 
     def __init__(

@@ -17,7 +17,6 @@ import numpy as np
 
 from flexcam.core import Factor, FloatArray, IntArray
 from flexcam.core.errors import Fault, InputError
-from flexcam.dynamics.cam_motion import PrescribedInputs
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.massless import FORCE_TOLERANCE, MasslessMotions
 from flexcam.dynamics.problem import State
@@ -30,22 +29,12 @@ _ROUNDING = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class Impact:
-    """Closed contacts at an instant, k of them.
+    """Closed contacts at an instant, k of them."""
 
-    Parameters
-    ----------
-    sense, turning
-        G and its time derivative, shape (k, n).
-    gained
-        Velocity per unit of each impulse, -M^-1 G^T, shape (n, k).
-    restitution
-        e, shape (k,).
-    """
-
-    sense: FloatArray
-    turning: FloatArray
-    gained: FloatArray
-    restitution: FloatArray
+    sense: FloatArray  #: G, shape (k, n)
+    turning: FloatArray  #: time derivative of G, shape (k, n)
+    gained: FloatArray  #: velocity per unit of each impulse, -M^-1 G^T, shape (n, k)
+    restitution: FloatArray  #: e, shape (k,)
 
     @cached_property
     def delassus(self) -> FloatArray:
@@ -113,15 +102,7 @@ def _solve_active_set(W: FloatArray, asked: FloatArray) -> FloatArray | None:
 
 
 class InitialAcceleration:
-    """Solver for the acceleration of an instant: ``M a = f - C v - K d``.
-
-    Parameters
-    ----------
-    system
-        The system.
-    forces
-        Its local forces, stacked.
-    """
+    """Solver for the acceleration of an instant: ``M a = f - C v - K d``."""
 
     def __init__(self, system: System, forces: LocalForces) -> None:
         self._system, self._forces = system, forces
@@ -154,7 +135,7 @@ class InitialAcceleration:
         """Return an instant with the acceleration in equilibrium."""
         system = self._system
         right = moment.applied - system.damping.times(moment.v) - system.stiffness.times(moment.d)
-        return replace(moment, a=self._acceleration(right))
+        return replace(moment, a=self._accelerations(right[:, None])[:, 0])
 
     def impact(self, moment: StepState, to: StepInputs, closed: IntArray) -> StepState:
         """Return the instant after an impact at all closed switching scalars."""
@@ -177,13 +158,10 @@ class InitialAcceleration:
     def update_forces(self, d: FloatArray, v: FloatArray, inner: FloatArray, to: StepInputs) -> StepState:
         """Return an instant with the forces of its motion, without acceleration."""
         forces = self._forces
-        penetration, rate, _ = (one[0] for one in forces.sense_motion(d[None], v[None], _only(to)))
+        penetration, rate, _ = (one[0] for one in forces.sense_motion(d[None], v[None], to.schedule.row(to.row)))
         answer = forces.respond(penetration, rate, inner, to.schedule, to.row)
         applied = to.load + (answer.force @ to.schedule.acting_matrix(to.row)) @ forces.act.vectors
         return StepState(to.time, d, v, np.zeros(len(d)), applied, answer.force, penetration, rate, inner)
-
-    def _acceleration(self, right: FloatArray) -> FloatArray:
-        return self._accelerations(right[:, None])[:, 0]
 
     def _accelerations(self, right: FloatArray) -> FloatArray:
         """Return ``M^-1 f`` for columns f, without massless motions."""
@@ -203,7 +181,3 @@ def massless_impact_error(forces: LocalForces, light: MasslessMotions) -> InputE
     given, allowed = "a restitution where a body has no mass", "a mass on both sides, or ground"
     why, remedy = "an impact changes the velocity of a mass", "add a mass there, or use dissipation"
     return InputError(Fault(forces.names[one], given, allowed, why, remedy) for one in pushed) if pushed else None
-
-
-def _only(to: StepInputs) -> PrescribedInputs:
-    return to.schedule.row(to.row)

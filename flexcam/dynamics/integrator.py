@@ -33,25 +33,7 @@ class Stepper(Protocol):
     """Advances a system by one step."""
 
     def advance(self, now: StepState, to: StepInputs) -> StepState:
-        """Return the next instant.
-
-        Parameters
-        ----------
-        now
-            The previous instant.
-        to
-            Prescribed inputs at the new instant.
-
-        Returns
-        -------
-        Moment
-            The new instant.
-
-        Raises
-        ------
-        NoConvergenceError
-            If the local Newton iteration does not converge.
-        """
+        """Return the next instant for its prescribed inputs; `NoConvergenceError` if the local iteration fails."""
         ...
 
 

@@ -19,37 +19,17 @@ SAME_LENGTH = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Linear:
-    """Linearized local forces at an instant: the forces ``by_d d + by_v v + by_state z`` act along the rows `act`.
+    """Linearized local forces at an instant: the forces ``by_d d + by_v v + by_state z`` act along the rows `act`."""
 
-    Parameters
-    ----------
-    act
-        Shape (c, n).
-    by_d, by_v
-        Derivatives of the forces by displacement and velocity, shape (c, n).
-    by_state
-        By the internal states z, shape (c, s); every state follows one sensed scalar G d.
-    followed
-        G, shape (s, n).
-    """
-
-    act: FloatArray
-    by_d: FloatArray
-    by_v: FloatArray
-    by_state: FloatArray
-    followed: FloatArray
+    act: FloatArray  #: shape (c, n)
+    by_d: FloatArray  #: derivatives of the forces by displacement, shape (c, n)
+    by_v: FloatArray  #: by velocity, shape (c, n)
+    by_state: FloatArray  #: by the internal states z, shape (c, s); every state follows one sensed scalar G d
+    followed: FloatArray  #: G, shape (s, n)
 
 
 class Linearization:
-    """Linearization of the force laws of a system.
-
-    Parameters
-    ----------
-    system
-        The system.
-    forces
-        Its local forces, stacked.
-    """
+    """Linearization of the force laws of a system."""
 
     def __init__(self, system: System, forces: LocalForces) -> None:
         self._forces = forces
@@ -139,23 +119,13 @@ class Tangents:
 
 @dataclass(frozen=True, eq=False)
 class SmallStep:
-    """A step of small disturbances.
+    """A step of small disturbances."""
 
-    Parameters
-    ----------
-    old, new
-        Linearized equations at its beginning and at its end.
-    length
-        s.
-    by_travel, by_begin
-        Derivatives of ``e1 = x1 - z1``, scalar minus internal state at the end, by ``x1 - x0`` and by e0, shape (s,).
-    """
-
-    old: Linear
-    new: Linear
-    length: float
-    by_travel: FloatArray
-    by_begin: FloatArray
+    old: Linear  #: linearized equations at its beginning
+    new: Linear  #: at its end
+    length: float  #: s
+    by_travel: FloatArray  #: derivative of e1 by ``x1 - x0``, shape (s,); e = x - z: scalar minus internal state
+    by_begin: FloatArray  #: derivative of e1 by e0, shape (s,)
 
 
 class LinearStep:
@@ -163,11 +133,6 @@ class LinearStep:
 
     Massless motions are in equilibrium at the new end; residual forces of the old end are transferred by their springs,
     and undamped ones have the mean velocity of the step.
-
-    Parameters
-    ----------
-    system
-        The system.
     """
 
     def __init__(self, system: System) -> None:

@@ -50,19 +50,9 @@ from flexcam.dynamics.system import CustomLaw, LocalForce, Reaction, System
 
 
 class StoredEnergy:
-    """Energy of some conservative local forces at m instants.
+    """Energy of some conservative local forces at m instants: of sensed scalars of complete laws, or all.
 
-    Parameters
-    ----------
-    forces
-        The local forces of a system.
-    scalars
-        Indices of the sensed scalars, ascending, shape (r,), for complete laws; None for all.
-
-    Attributes
-    ----------
-    lossy
-        Positions, among these scalars, of those whose laws may dissipate energy.
+    `lossy` lists the positions, among these scalars, of those whose laws may dissipate energy.
     """
 
     def __init__(self, forces: LocalForces, scalars: IntArray | None = None) -> None:
@@ -110,27 +100,13 @@ def _cam_angle(angle: FloatArray, order: int) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class VectorStack:
-    """All sensing or all acting vectors, stacked.
+    """All sensing or all acting vectors, stacked."""
 
-    Parameters
-    ----------
-    vectors
-        Shape (k, n).
-    owner
-        1 where a vector belongs to a scalar, shape (c, k).
-    fixed
-        Weights that are constant, zero for the others, shape (k,).
-    varying
-        Index and weight function of the others.
-    rows
-        The constant part of every scalar, then the vectors whose weights vary, shape (c + varying, n).
-    """
-
-    vectors: FloatArray
-    owner: FloatArray
-    fixed: FloatArray
-    varying: tuple[tuple[int, AngleFunction], ...]
-    rows: FloatArray
+    vectors: FloatArray  #: shape (k, n)
+    owner: FloatArray  #: 1 where a vector belongs to a scalar, shape (c, k)
+    fixed: FloatArray  #: weights that are constant, zero for the others, shape (k,)
+    varying: tuple[tuple[int, AngleFunction], ...]  #: index and weight function of the others
+    rows: FloatArray  #: constant part of every scalar, then vectors of varying weights, shape (c + varying, n)
 
     @classmethod
     def of(cls, terms: Sequence[AngleVector], size: int) -> VectorStack:
@@ -163,27 +139,13 @@ def _separate(functions: Sequence[AngleFunction]) -> tuple[FloatArray, tuple[tup
 
 @dataclass(frozen=True, eq=False)
 class LawTable:
-    """The laws of all local forces as arrays, see `flexcam.dynamics.force_laws`.
+    """The laws of all local forces as arrays, see `flexcam.dynamics.force_laws`."""
 
-    Parameters
-    ----------
-    laws
-        Shape (l, 7).
-    constants
-        Of all laws, one after the other.
-    functions
-        Of the cam angle, of all laws.
-    owners
-        First scalar of the law of every internal state, shape (s,).
-    custom
-        Laws as Python objects by row of the table.
-    """
-
-    laws: IntArray
-    constants: FloatArray
-    functions: tuple[AngleFunction, ...]
-    owners: IntArray
-    custom: dict[int, CustomLaw]
+    laws: IntArray  #: shape (l, 7)
+    constants: FloatArray  #: of all laws, one after the other
+    functions: tuple[AngleFunction, ...]  #: of the cam angle, of all laws
+    owners: IntArray  #: first scalar of the law of every internal state, shape (s,)
+    custom: dict[int, CustomLaw]  #: laws as Python objects by row of the table
 
     @classmethod
     def of(cls, forces: Sequence[LocalForce], moved: Callable[[int], bool]) -> LawTable:
@@ -247,16 +209,9 @@ class Workspace:
 
 
 class LocalForces:
-    """The local forces of a system, stacked.
+    """The local forces of a system, stacked; evaluated in Python without compiled functions.
 
-    Parameters
-    ----------
-    system
-        The system.
-    compiled
-        Compiled functions of the laws; None to evaluate them in Python.
-    impacts_only
-        Whether steps end at impacts with restitution only, and not wherever a contact opens or closes.
+    With `impacts_only` steps end at impacts with restitution only, and not wherever a contact opens or closes.
     """
 
     def __init__(self, system: System, compiled: Functions | None = None, *, impacts_only: bool = False) -> None:
@@ -352,19 +307,9 @@ class LocalForces:
     def sense_motion(
         self, d: FloatArray, v: FloatArray, schedule: PrescribedInputs
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the sensed scalars, their rates, and the prescribed part of the rates.
+        """Return the sensed scalars, their rates, and the prescribed part of the rates, shape (m, c) each.
 
-        Parameters
-        ----------
-        d, v
-            Displacements and velocities at the instants of the schedule, shape (m, n).
-        schedule
-            The instants.
-
-        Returns
-        -------
-        tuple
-            Shape (m, c) each.
+        Displacements and velocities are those at the m instants of the schedule, shape (m, n).
         """
         rows, c = self.sense.rows, self.count
         on_d, on_v = (rows @ d.T).T, (rows @ v.T).T  # contiguous histories per scalar
@@ -407,16 +352,9 @@ class LocalForces:
     def state_steps(
         self, step: float, penetration: FloatArray, begin: FloatArray, state: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return how what an internal state leaves of its scalar follows travel and begin of a step, shape (s,) each.
+        """Return T and B of ``e1 = T (x1 - x0) + B e0`` in a step, e scalar minus internal state, shape (s,) each.
 
-        Parameters
-        ----------
-        step
-            Length of the step, s.
-        penetration, begin
-            All sensed scalars at its end and at its beginning, shape (c,).
-        state
-            Internal states at its beginning, shape (s,).
+        The step is in s, the sensed scalars at its end and at its beginning have the shape (c,), the states (s,).
         """
         work, table = self.workspace, self.table
         work.states[BEGIN] = begin[table.owners]
@@ -449,19 +387,8 @@ class LocalForces:
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return stored energies, J, elastic forces, N, and derivatives of the energy by the states at m instants.
 
-        Parameters
-        ----------
-        penetration, state
-            Sensed scalars and internal states, shape (m, c) and (m, s).
-        functions
-            Functions of the laws, shape (m, f).
-        laws
-            Rows of the table of laws; None for all.
-
-        Returns
-        -------
-        tuple
-            Shapes (m, c), (m, c) and (m, s).
+        Sensed scalars have the shape (m, c), internal states (m, s), functions of the laws (m, f); `laws` are rows of
+        the table, None for all. The results have the shapes (m, c), (m, c) and (m, s).
         """
         work, table = Workspace(self.table, self.count, 0), self.table
         force, energy = np.empty_like(penetration, order="C"), np.empty_like(penetration, order="C")

@@ -243,25 +243,16 @@ def solve_local(
 ) -> int:  # fmt: skip
     """Find the local forces that agree with the motion they cause; return the iterations, 0 without convergence.
 
-    Parameters
-    ----------
-    laws, constants
-        Table of the laws and their constants.
-    places
-        Where the sensing (0) and acting (1) vectors of each scalar begin, shape (2, c + 1).
-    give
-        Displacement (0) and velocity (1) along each sensing vector per unit of force along each acting vector, shape
-        (2, acting, sensing).
-    given, k, sense_at
-        Prescribed inputs, a row per instant; the row; the column where the weights of the sensing vectors begin, before
-        their rates, the weights of the acting vectors, offsets, their rates and the functions of the laws.
-    slope
-        Velocity per displacement by a force within a step, 1/s.
-    local
-        Shape (10, c): reads the trial forces, the free scalars and, in `BASE`, the forces of the last instant; the
-        solution is in `TRIAL`, `PENETRATION`, `RATE`.
-    tangent, states, moved, active, W, matrix
-        Work arrays; W contains NaN where it is not yet computed.
+    `places` (2, c + 1) says where the sensing (0) and acting (1) vectors of each scalar begin; `give` (2, acting,
+    sensing) is the displacement (0) and velocity (1) along each sensing vector per unit of force along each acting
+    vector.
+
+    `given` has a row of prescribed inputs per instant, of which k is read: from column `sense_at` on the weights of the
+    sensing vectors, their rates, the weights of the acting vectors, offsets, their rates and the functions of the laws.
+
+    `slope`, 1/s, is the velocity per displacement by a force within a step. `local` (10, c) holds the trial forces, the
+    free scalars and, in `BASE`, the forces of the last instant; the solution is in `TRIAL`, `PENETRATION`, `RATE`. The
+    others are work arrays; W contains NaN where it is not yet computed.
     """
     c, part, last, usual = local.shape[1], 1.0, math.inf, 0.0
     for i in range(c):

@@ -31,24 +31,11 @@ FORCE_TOLERANCE = 1e-9
 
 
 class MasslessMotions:
-    """Massless motions of a system.
-
-    Parameters
-    ----------
-    system
-        The system.
-
-    Attributes
-    ----------
-    motions
-        Motions as columns, shape (n, k).
-    kept
-        Unknowns with mass, which determine all others.
-    """
+    """Massless motions of a system; `kept` are the unknowns with mass, which determine all others."""
 
     def __init__(self, system: System) -> None:
         self._system, self._K = system, select_storage(system.stiffness)
-        self.motions = find_massless_motions(system)
+        self.motions = find_massless_motions(system)  #: as columns, shape (n, k)
         self.kept: IntArray = np.setdiff1d(np.arange(system.size), select_constraints(self.motions) if self.any else [])
 
     @property
@@ -172,21 +159,11 @@ def massless_rates(change: Number, v: Number, a: Number, h: float) -> tuple[Numb
 
 @dataclass(frozen=True, eq=False)
 class MasslessRates:
-    """Massless motions of unit stiffness.
+    """Massless motions of unit stiffness."""
 
-    Parameters
-    ----------
-    free
-        Undamped ones, as columns, shape (n, k).
-    slow
-        Damped ones whose acceleration has no effect, shape (n, l).
-    amounts
-        Rows that extract their coordinates from a displacement, shape (k + l, n).
-    """
-
-    free: FloatArray
-    slow: FloatArray
-    amounts: FloatArray
+    free: FloatArray  #: undamped ones, as columns, shape (n, k)
+    slow: FloatArray  #: damped ones whose acceleration has no effect, shape (n, l)
+    amounts: FloatArray  #: rows that extract their coordinates from a displacement, shape (k + l, n)
 
     def update_rates(self, now: StepState, new: StepState, step: float) -> StepState:
         """Return an instant with the massless rates from displacements, velocities and the previous instant."""

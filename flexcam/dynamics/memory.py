@@ -26,15 +26,7 @@ class ResponseSink(Sink, Protocol):
 
 
 class MemorySink:
-    """Sink that stores all results and provides the `Response`.
-
-    Parameters
-    ----------
-    outline
-        Names of the results.
-    instants, fields
-        Expected numbers, for allocation in advance.
-    """
+    """Sink that stores all results and provides the `Response`; expected numbers of rows are allocated in advance."""
 
     def __init__(self, outline: Outline, instants: int = 0, fields: int = 0) -> None:
         self.outline = outline
@@ -107,15 +99,7 @@ def _response(outline: Outline, whole: Block, end: tuple[Status, Stats]) -> Resp
 
 
 class RecentSink(MemorySink):
-    """Sink that stores the latest histories and the last field.
-
-    Parameters
-    ----------
-    outline
-        Names of the results.
-    span
-        Minimum time span of the stored histories, s, in whole blocks.
-    """
+    """Sink that stores the histories of at least a time span, s, in whole blocks, and the last field."""
 
     def __init__(self, outline: Outline, span: float) -> None:
         super().__init__(outline)
@@ -148,24 +132,12 @@ class ExtremesSink:
     """Sink that tracks minima and maxima over a run without storing histories.
 
     Extremes of probes are those of the dense output, which may lie between two instants.
-
-    Parameters
-    ----------
-    outline
-        Names of the results.
-
-    Attributes
-    ----------
-    steps
-        Instants seen.
-    most_bent
-        Displacement of all unknowns at the saved instant of maximum displacement, shape (n,).
     """
 
     def __init__(self, outline: Outline) -> None:
         self.outline = outline
-        self.steps = 0
-        self.most_bent: FloatArray = np.zeros(len(outline.unknowns))
+        self.steps = 0  #: instants seen
+        self.most_bent: FloatArray = np.zeros(len(outline.unknowns))  #: field of maximum displacement, shape (n,)
         self._channel = {name: i for i, (name, _) in enumerate(outline.channels)}
         self._probes = _Bounds(sum(len(components) for _, components in outline.probes))
         self._channels = _Bounds(len(outline.channels))

@@ -33,25 +33,13 @@ _CLEAN = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class ModalCoordinates:
-    """Modal coordinates of a system; a `Basis`.
+    """Modal coordinates of a system; a `Basis`."""
 
-    Parameters
-    ----------
-    vectors
-        Modes as columns, shape (n, n).
-    back
-        Inverse: modal coordinates per unit of each unknown, shape (n, n).
-    mass, stiffness
-        Modal mass and stiffness, shape (n,): 1 and the angular frequency squared, or 0 and 1 without mass.
-    exactly
-        Whether saved motions are expanded one by one, so that each has the same bits as if it were alone.
-    """
-
-    vectors: FloatArray
-    back: FloatArray
-    mass: FloatArray
-    stiffness: FloatArray
-    exactly: bool = False
+    vectors: FloatArray  #: modes as columns, shape (n, n)
+    back: FloatArray  #: inverse: modal coordinates per unit of each unknown, shape (n, n)
+    mass: FloatArray  #: modal, shape (n,): 1, or 0 of massless motions
+    stiffness: FloatArray  #: modal, shape (n,): angular frequency squared, or 1 of massless motions
+    exactly: bool = False  #: whether saved motions are expanded one by one, with the same bits as if alone
 
     @property
     def held(self) -> FloatArray:

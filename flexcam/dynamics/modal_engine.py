@@ -30,74 +30,37 @@ _AT_ONCE = 1024
 
 @dataclass(frozen=True, eq=False)
 class StepBlocks:
-    """Successive blocks of steps, or single steps.
+    """Successive blocks of steps, or single steps."""
 
-    Parameters
-    ----------
-    row
-        Instants from the first sequence to the beginning of this one.
-    begins, ends
-        States at the beginning and end of blocks, shape (b, 3, n).
-    causes
-        Causes of the change of state in a block, shape (b, 3, n).
-    rising
-        Load histories over every block minus their initial values, shape (b, k (L + 1)).
-    states
-        States after every step, shape (3, m, n), of a sequence without blocks.
-    """
-
-    row: int
-    begins: FloatArray
-    ends: FloatArray
-    causes: FloatArray
-    rising: FloatArray
-    states: FloatArray | None = None
+    row: int  #: instants from the first sequence to the beginning of this one
+    begins: FloatArray  #: states at the beginning of blocks, shape (b, 3, n)
+    ends: FloatArray  #: states at their end, shape (b, 3, n)
+    causes: FloatArray  #: causes of the change of state in a block, shape (b, 3, n)
+    rising: FloatArray  #: load histories over every block minus their initial values, shape (b, k (L + 1))
+    states: FloatArray | None = None  #: after every step of a sequence without blocks, shape (3, m, n)
 
 
 class ModalPropagator:
-    """State of the modes and its propagation.
+    """State of the modes and its propagation through `modal_problem`, whose damping is diagonal.
 
     A sequence begins at the beginning of the last block, so that blocks lie at the same steps for any division of a
-    run.
-
-    Parameters
-    ----------
-    problem
-        `modal_problem`, without local forces, its damping diagonal.
-    scheme
-        Of the generalized-alpha family.
-    natural
-        The motions.
-    every
-        Interval in steps after which the coordinates are recomputed from the unknowns, if they are expanded exactly.
-
-    Attributes
-    ----------
-    at
-        Step of the state, -1 before the start.
-    pushes
-        Modal forces of unit load histories, shape (k, n).
-    scale
-        Powers of the step that scale coordinates and their rates, shape (3, 1).
-    state
-        Coordinates, velocities times the step and accelerations times its square, shape (3, n).
-    causes
-        Causes of change, see `StepBlock`, if the state is within a group of blocks, shape (3, n).
+    run. After `every` steps the coordinates are recomputed from the unknowns, if they are expanded exactly.
     """
 
     def __init__(self, problem: Problem, scheme: Scheme, natural: ModalCoordinates, every: int) -> None:
         self._problem, self._natural, self._exactly = problem, natural, natural.exactly
         self._vectors = problem.system.load_vectors()
         self._every = every if self._exactly else USUAL * _GROUP
-        self.at, self.state = -1, np.zeros((3, problem.system.size))
-        self.causes = np.zeros_like(self.state)
+        self.at = -1  #: step of the state, -1 before the start
+        self.state = np.zeros((3, problem.system.size))  #: coordinates and their rates times powers of the step, (3, n)
+        self.causes = np.zeros_like(self.state)  #: see `StepBlock`, shape (3, n); kept within a group of blocks
         self.steps = ModalStep.of(scheme, ModeParameters.of(problem))
         self.stride = StepBlock.of(self.steps, block_length(self._every))
         strides, rest = divmod(self._every, block_length(self._every))
         self._group = 1 if rest else max(count for count in range(1, _GROUP + 1) if strides % count == 0)
-        self.pushes = self.steps.light * self._vectors
+        self.pushes = self.steps.light * self._vectors  #: modal forces of unit load histories, shape (k, n)
         self._left = np.zeros((0, 0)) if self.stride is None else self._by_history(self.stride)
-        self.scale = problem.step ** np.arange(3.0)[:, None]
+        self.scale = problem.step ** np.arange(3.0)[:, None]  #: powers of the step
 
     @property
     def length(self) -> int:
@@ -157,7 +120,10 @@ class ModalPropagator:
             stride.advance(state, pushes[ahead], causes[ahead], ends[few])
             begins[few.start], begins[few.start + 1 : few.stop] = state, ends[few.start : few.stop - 1]
             state = ends[few.stop - 1]
-        self._set_state(count if self.at + count * length <= last else count - 1, ends, causes)
+        complete = count if self.at + count * length <= last else count - 1
+        if complete:
+            self.at += complete * length
+            self.state, self.causes = ends[complete - 1], causes[complete]
         return StepBlocks(row, begins, ends, causes[:-1], rising)
 
     def _groups(self, count: int) -> Iterator[slice]:
@@ -165,12 +131,6 @@ class ModalPropagator:
         ahead = self.at // self.length % self._group
         firsts = [0, *range(self._group - ahead, count, self._group), count]
         return (slice(first, last) for first, last in pairwise(firsts))
-
-    def _set_state(self, strides: int, ends: FloatArray, causes: FloatArray) -> None:
-        """Set the state to that after blocks."""
-        if strides:
-            self.at += strides * self.length
-            self.state, self.causes = ends[strides - 1], causes[strides]
 
     def _load_response(self, rising: FloatArray, first: int) -> FloatArray:
         """Return the contribution of loads to the states in blocks, shape (b, 3, n).
@@ -202,21 +162,9 @@ class ModalPropagator:
 
 
 class ModalEngine:
-    """Engine of a linear problem in modal coordinates.
+    """Engine of a linear problem (`modal_problem`) in modal coordinates; `stop` is called before every block of steps.
 
-    Parameters
-    ----------
-    problem
-        `modal_problem`, without local forces, its damping diagonal.
-    scheme
-        Of the generalized-alpha family.
-    save
-        Output settings: at saved fields the coordinates are recomputed from the unknowns, so that a resumed run is
-        identical bit by bit.
-    stop
-        Stop callback, called before every block of steps.
-    natural
-        Modal coordinates.
+    At saved fields the coordinates are recomputed from the unknowns, so that a resumed run is identical bit by bit.
     """
 
     def __init__(
@@ -294,19 +242,10 @@ class ModalEngine:
 
 @dataclass(frozen=True, eq=False)
 class OutputMatrices:
-    """Matrices for the motion of rows in a block.
+    """Matrices for the motion of p rows in a block."""
 
-    Parameters
-    ----------
-    rows
-        Shape (p, n).
-    seen
-        Displacements, velocities and accelerations after every step per unit of the causes and of the changes of load
-        histories, shape (3 n + k (L + 1), L 3 p).
-    """
-
-    rows: FloatArray
-    seen: FloatArray
+    rows: FloatArray  #: shape (p, n)
+    seen: FloatArray  #: motion after every step per cause and per change of load, shape (3 n + k (L + 1), L 3 p)
 
     @classmethod
     def of(cls, rows: FloatArray, course: ModalPropagator) -> OutputMatrices:
@@ -337,13 +276,7 @@ class OutputMatrices:
 
 
 class ProbeEngine(ModalEngine):
-    """Engine of a linear problem in modal coordinates that computes the probes only.
-
-    Parameters
-    ----------
-    problem, scheme, save, stop, natural
-        As for `ModalEngine`.
-    """
+    """Engine of a linear problem in modal coordinates that computes the probes only."""
 
     def __init__(
         self, problem: Problem, scheme: Scheme, save: SaveAt, stop: Callable[[], bool], natural: ModalCoordinates

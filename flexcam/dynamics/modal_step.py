@@ -14,15 +14,7 @@ from flexcam.dynamics.problem import Problem
 
 @dataclass(frozen=True, eq=False)
 class ModeParameters:
-    """Parameters of modes, and the step.
-
-    Parameters
-    ----------
-    mass, damping, stiffness
-        Shape (n,).
-    step
-        s.
-    """
+    """Parameters of modes, shape (n,), and the step, s."""
 
     mass: FloatArray
     damping: FloatArray
@@ -38,31 +30,16 @@ class ModeParameters:
 
 @dataclass(frozen=True, eq=False)
 class ModalStep:
-    """Step of the generalized-alpha family for every mode.
-
-    Parameters
-    ----------
-    scheme
-        The scheme.
-    beta, gamma
-        Parameters of the scheme, or one per mode if a mode has neither mass nor damper, shape (n,): see
-        `find_massless_motions`.
-    slowed
-        Indices of massless motions whose acceleration is the change of their velocity, for the same reason.
-    slow, stiff, heavy
-        Damping, stiffness and inertia of the old instant divided by the effective mass, shape (n,).
-    light
-        Factor of the load, shape (n,).
-    """
+    """Step of the generalized-alpha family for every mode."""
 
     scheme: Scheme
-    beta: float | FloatArray
-    gamma: float | FloatArray
-    slowed: IntArray
-    slow: FloatArray
-    stiff: FloatArray
-    heavy: FloatArray
-    light: FloatArray
+    beta: float | FloatArray  #: of the scheme, or one per mode, shape (n,), if a mode has neither mass nor damper
+    gamma: float | FloatArray  #: likewise, see `find_massless_motions`
+    slowed: IntArray  #: massless motions whose acceleration is the change of their velocity
+    slow: FloatArray  #: damping of the old instant divided by the effective mass, shape (n,)
+    stiff: FloatArray  #: stiffness, likewise
+    heavy: FloatArray  #: inertia, likewise
+    light: FloatArray  #: factor of the load, shape (n,)
 
     @classmethod
     def of(cls, scheme: Scheme, motions: ModeParameters) -> ModalStep:
@@ -162,29 +139,14 @@ class StepBlock:
 
     The change of state depends on the initial residual force and on the change of loads from there. Under a constant
     load both vanish, whereas sums of the effects of single instants would accumulate rounding.
-
-    Parameters
-    ----------
-    length
-        L, steps.
-    stiff
-        Force per displacement, shape (n,).
-    change
-        Change of states per cause: initial residual force, h v and h^2 a, shape (3, 3, n).
-    shift
-        Change of the causes per cause, shape (3, 3, n).
-    within
-        States after every step per cause, shape (3, L, 3, n), without the initial displacement.
-    answer
-        States after every step per unit force at the end of the first one, shape (3, L, n).
     """
 
-    length: int
-    stiff: FloatArray
-    change: FloatArray
-    shift: FloatArray
-    within: FloatArray
-    answer: FloatArray
+    length: int  #: L, steps
+    stiff: FloatArray  #: force per displacement, shape (n,)
+    change: FloatArray  #: of states per cause: initial residual force, h v and h^2 a, shape (3, 3, n)
+    shift: FloatArray  #: change of the causes per cause, shape (3, 3, n)
+    within: FloatArray  #: states after every step per cause, without initial displacement, shape (3, L, 3, n)
+    answer: FloatArray  #: states after every step per unit force at the end of the first one, shape (3, L, n)
 
     @classmethod
     def of(cls, steps: ModalStep, length: int) -> StepBlock | None:

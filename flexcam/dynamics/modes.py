@@ -186,11 +186,9 @@ def modes(mass: Triplets, stiffness: Triplets, count: int | None = None, *, free
     stiffness
         Symmetric, positive semi-definite; singular where a motion is free.
     count
-        How many modes, the ones without stiffness included; None for all that can be computed (up to a few
-        hundred unknowns) or twenty (above).
+        Number of modes, with those without stiffness; None for all (up to a few hundred unknowns) or twenty (above).
     free
-        Motions the stiffness leaves free, shape (n, k), where they are known exactly ;
-        None to find them numerically.
+        Motions without stiffness, shape (n, k), if known exactly; None to find them numerically.
 
     Returns
     -------

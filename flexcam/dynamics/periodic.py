@@ -116,12 +116,7 @@ class _Search(Protocol):
 class _EnergyNorm:
     """Norm of motions in the unknowns of a problem, the same on every engine: square roots of energies.
 
-    Parameters
-    ----------
-    problem
-        The problem.
-    bases
-        From the unknowns of the motions to those of the problem, innermost first.
+    The bases lead from the unknowns of the motions to those of the problem, innermost first.
     """
 
     def __init__(self, problem: Problem, bases: Sequence[Basis]) -> None:

@@ -137,7 +137,7 @@ def solve(
     names = outline(problem.system, channels=keep.channels)
     memory = memory or MemorySink(names, problem.steps + 1, problem.steps // keep.field_every + 2)
     takers = (memory, *sinks)
-    clock = _Clock(stop or _never, until)
+    clock = _Clock(stop or (lambda: False), until)
     keepers = [sink for sink in sinks if isinstance(sink, CheckpointSink)]
     problem_told = fingerprint(problem, scheme, keep) if keepers or resume else ""
     if resume and resume.checkpoint.problem != problem_told:
@@ -349,10 +349,6 @@ def prescribed_probes(system: System, motion: CamMotion) -> Series:
     """Return the prescribed motion of the probes of a system without unknowns."""
     nothing = np.zeros((len(motion.angle), system.size))
     return _probe_series(system.probes, Series(nothing, nothing, nothing), motion)
-
-
-def _never() -> bool:
-    return False
 
 
 TIME_UP = Status(

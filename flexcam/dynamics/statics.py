@@ -109,25 +109,13 @@ def _refuse_unstable(potential: _Potential, u: FloatArray, tangent: Triplets) ->
 
 @dataclass(frozen=True, eq=False)
 class _LawContribution:
-    """Effect of one local law on its unknowns at a cam angle.
-
-    Parameters
-    ----------
-    name
-        Of the local force.
-    scalars
-        Its indices among the sensed scalars.
-    touched
-        The unknowns, shape (t,).
-    act, sense
-        Acting and sensing vectors on these unknowns, shape (c, t).
-    """
+    """Effect of one local law on its unknowns at a cam angle."""
 
     name: str
-    scalars: slice
-    touched: IntArray
-    act: FloatArray
-    sense: FloatArray
+    scalars: slice  #: its indices among the sensed scalars
+    touched: IntArray  #: the unknowns, shape (t,)
+    act: FloatArray  #: acting vectors on these unknowns, shape (c, t)
+    sense: FloatArray  #: sensing vectors on these unknowns, shape (c, t)
 
     def tangent(self, by_penetration: FloatArray, size: int) -> Triplets:
         """Return the n x n stiffness of the law from the derivatives of the forces, shape (c, c)."""
@@ -194,10 +182,7 @@ class _Potential:
     def line_search(
         self, u: FloatArray, step: FloatArray, missing: FloatArray, known: float | None
     ) -> tuple[float, float | None]:
-        """Return the fraction of a step with sufficient decrease, and the energy there.
-
-        `known` is the initial energy.
-        """
+        """Return the fraction of a step that reduces the energy enough, and the energy there, from the known one."""
         if not self.forces.storing.all():
             return 1.0, None  # a linear coupling: the full step is exact
         before, slope, part = self.energy(u) if known is None else known, float(missing @ step), 1.0

@@ -17,43 +17,21 @@ from flexcam.dynamics.local_forces import LocalForces
 
 @dataclass(frozen=True, eq=False)
 class StepState:
-    """State of an instant, with all data for the next step.
+    """State of an instant, with all data for the next step."""
 
-    Parameters
-    ----------
-    time
-        s.
-    d, v, a
-        Displacement, velocity, acceleration, shape (n,).
-    applied
-        Loads and local forces in the unknowns, shape (n,).
-    local, penetration, rate
-        Local forces, sensed scalars and their rates, shape (c,).
-    inner
-        Internal states of the local laws, shape (s,).
-    pressed
-        Side of zero of the switching scalars; None for that of the penetration.
-    impulse
-        Impulses of impacts at this instant, N s, shape (c,); None without impact.
-    iterations
-        Newton iterations of the step.
-    stride
-        Internal step of a method with its own step control, s; None for its default.
-    """
-
-    time: float
-    d: FloatArray
-    v: FloatArray
-    a: FloatArray
-    applied: FloatArray
-    local: FloatArray
-    penetration: FloatArray
-    rate: FloatArray
-    inner: FloatArray
-    pressed: NDArray[np.bool_] | None = None
-    impulse: FloatArray | None = None
-    iterations: int = 0
-    stride: float | None = None
+    time: float  #: s
+    d: FloatArray  #: displacement, shape (n,)
+    v: FloatArray  #: velocity
+    a: FloatArray  #: acceleration
+    applied: FloatArray  #: loads and local forces in the unknowns, shape (n,)
+    local: FloatArray  #: local forces, shape (c,)
+    penetration: FloatArray  #: sensed scalars, shape (c,)
+    rate: FloatArray  #: their rates, shape (c,)
+    inner: FloatArray  #: internal states of the local laws, shape (s,)
+    pressed: NDArray[np.bool_] | None = None  #: side of zero of the switching scalars; None for that of the penetration
+    impulse: FloatArray | None = None  #: of impacts at this instant, N s, shape (c,); None without impact
+    iterations: int = 0  #: Newton iterations of the step
+    stride: float | None = None  #: internal step of a method with its own step control, s; None for its default
 
     @classmethod
     def from_checkpoint(cls, name: str, arrays: Arrays) -> StepState | None:
@@ -69,24 +47,12 @@ class StepState:
 
 @dataclass(frozen=True, eq=False)
 class StepInputs:
-    """Prescribed inputs of an instant.
+    """Prescribed inputs of an instant."""
 
-    Parameters
-    ----------
-    time
-        s.
-    load
-        Loads in the unknowns, shape (n,).
-    schedule
-        Prescribed inputs of the local forces.
-    row
-        Row of the schedule.
-    """
-
-    time: float
-    load: FloatArray
-    schedule: PrescribedInputs
-    row: int = 0
+    time: float  #: s
+    load: FloatArray  #: loads in the unknowns, shape (n,)
+    schedule: PrescribedInputs  #: prescribed inputs of the local forces
+    row: int = 0  #: of the schedule
 
     @property
     def angle(self) -> float:
@@ -96,38 +62,18 @@ class StepInputs:
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """Sequence of instants in the integrated unknowns.
+    """Sequence of m instants in the integrated unknowns."""
 
-    Parameters
-    ----------
-    time
-        s, shape (m,).
-    d, v, a
-        Displacement, velocity, acceleration, shape (m, n).
-    local
-        Local forces, shape (m, c).
-    state
-        Internal states of the local laws, shape (m, s).
-    impulse
-        Of impacts, N s, shape (m, c).
-    pressed
-        Side of zero of the switching scalars in the step that follows, shape (m, w).
-    ends
-        Indices of instants that end an output step, shape (b,): the others are events or sub-steps.
-    cam
-        Functions of the cam angle at these instants, if available.
-    """
-
-    time: FloatArray
-    d: FloatArray
-    v: FloatArray
-    a: FloatArray
-    local: FloatArray
-    state: FloatArray
-    impulse: FloatArray
-    pressed: NDArray[np.bool_]
-    ends: IntArray
-    cam: CamFunctionCache | None = None
+    time: FloatArray  #: s
+    d: FloatArray  #: displacement, shape (m, n)
+    v: FloatArray  #: velocity
+    a: FloatArray  #: acceleration
+    local: FloatArray  #: local forces, shape (m, c)
+    state: FloatArray  #: internal states of the local laws, shape (m, s)
+    impulse: FloatArray  #: of impacts, N s, shape (m, c)
+    pressed: NDArray[np.bool_]  #: side of zero of the switching scalars in the step that follows, shape (m, w)
+    ends: IntArray  #: indices of instants that end an output step; the others are events or sub-steps
+    cam: CamFunctionCache | None = None  #: functions of the cam angle at these instants, if available
 
     @classmethod
     def of(cls, steps: Sequence[Sequence[StepState]], forces: LocalForces) -> Trajectory:
@@ -192,21 +138,11 @@ class Trajectory:
 
 @dataclass(frozen=True, eq=False)
 class ProbeTrajectory:
-    """Results of steps if only probes and fields are needed.
+    """Results of b steps if only probes and fields are needed."""
 
-    Parameters
-    ----------
-    time
-        s, shape (b,).
-    probes
-        All scalars of the probes without their prescribed part, shape (b, p).
-    fields
-        The motions at saved fields, shape (f, n).
-    """
-
-    time: FloatArray
-    probes: Series
-    fields: Series
+    time: FloatArray  #: s, shape (b,)
+    probes: Series  #: all scalars of the probes without their prescribed part, shape (b, p)
+    fields: Series  #: the motions at saved fields, shape (f, n)
 
     @classmethod
     def empty(cls, probes: int, size: int) -> ProbeTrajectory:

@@ -126,13 +126,7 @@ class MotionView(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class FullMotion:
-    """Motion of all unknowns.
-
-    Parameters
-    ----------
-    displacement, velocity, acceleration
-        Shape (m, n).
-    """
+    """Motion of all unknowns at given instants, shape (m, n)."""
 
     displacement: FloatArray
     velocity: FloatArray
