@@ -416,5 +416,11 @@ def _print_lift(
         })  # fmt: skip
         return
     result_console().print(lift_from_profile_table(profile.name, len(xy), angle, lift, bridge))
+    print_lift_files(files, "and phase")
+
+
+def print_lift_files(files: Sequence[Path], phase: str) -> None:
+    """Print the names of lift files, and the keys of a case that they replace."""
     for path in files:
-        result_console().print(f'{path}  (in a case: lift_table = "{path.name}" instead of law, lift, rise and return)')
+        keys = f'lift_table = "{path.name}" instead of law, lift, rise, dwell, return, ramps {phase}'
+        result_console().print(f"{path}  (in a case: {keys})")
