@@ -83,6 +83,7 @@ def _metadata(case: Case) -> dict[str, str]:
         "case_file": str(case.path),
         "case": case.text,
         "overrides": json.dumps(case.overrides),
+        "files": json.dumps(case.files),
         "resolved": case.record.model_dump_json(by_alias=True),
         "warnings": "\n".join(check_values(case)),
         "flexcam": _version("flexcam"),

@@ -60,14 +60,15 @@ def case_from_result(result: Result) -> Case:
     if missing := [name for name in _REQUIRED_TEXTS if name not in about]:
         raise refuse("result", f"nothing about {missing[0]!r}", "a result that keeps its case", "flexcam run keeps it")
     source, text = Path(about["case_file"]), about["case"]
-    case = CaseFile(source, text, _parse_case(source, text)).read(json.loads(about["overrides"]), mesh=result.mesh)
+    file = CaseFile(source, text, _parse_case(source, text), files=json.loads(about.get("files", "{}")))
+    case = file.read(json.loads(about["overrides"]), mesh=result.mesh)
     members = {name: one.model_copy(update={"elements": 1}) for name, one in case.record.members.items()}
     return replace(case, record=case.record.model_copy(update={"members": members}), mesh=result.mesh)
 
 
 @dataclass(frozen=True, eq=False)
 class CaseFile:
-    """Case file in memory, for reading many variants: text and meshes are read from disk once.
+    """Case file in memory, for reading many variants: it and the files beside it are read from disk once.
 
     Parameters
     ----------
@@ -79,12 +80,15 @@ class CaseFile:
         Raw tables, not yet checked.
     meshes
         Meshes read so far, by their name in the case.
+    files
+        Texts of the law and lift files read so far, by their name in the case.
     """
 
     path: Path
     text: str
     raw: Mapping[str, Any]
     meshes: dict[str, Mesh] = field(default_factory=dict[str, Mesh])
+    files: dict[str, str] = field(default_factory=dict[str, str])
 
     @classmethod
     def open(cls, path: str | Path) -> CaseFile:
@@ -99,13 +103,13 @@ class CaseFile:
         if mesh is None or "mesh" not in raw:
             mesh, mesh_faults = self._mesh(raw, places)
             found += mesh_faults
-        record, record_faults = _record(CaseRecord, raw, places, self.path)
+        record, record_faults = _record(CaseRecord, raw, places, self.path, self.files)
         tables = RawTables(raw, mesh, places)
         found += [*record_faults, *tables.reference_faults(), *tables.exclusive_key_faults()]
         found += tables.coincident_node_faults()
         if found or record is None:
             raise InputError(sort_faults(found))
-        return with_spring_parts(Case(self.path, self.text, tuple(overrides), record, mesh, places))
+        return with_spring_parts(Case(self.path, self.text, tuple(overrides), record, mesh, places, self.files))
 
     @property
     def sweep(self) -> SweepRecord | None:
@@ -134,11 +138,15 @@ AnyRecord = TypeVar("AnyRecord", bound=Record)
 
 
 def _record(
-    kind: type[AnyRecord], raw: Mapping[str, Any], places: KeyLocations, case: Path
+    kind: type[AnyRecord],
+    raw: Mapping[str, Any],
+    places: KeyLocations,
+    case: Path,
+    files: dict[str, str] | None = None,
 ) -> tuple[AnyRecord | None, list[Fault]]:
-    """Return the checked record; relative file names refer to the folder of the case."""
+    """Return the checked record; relative file names refer to the folder of the case, whose texts join `files`."""
     try:
-        return kind.model_validate(raw, context={"case": case}), []
+        return kind.model_validate(raw, context={"case": case, "texts": {} if files is None else files}), []
     except ValidationError as refusal:
         return None, convert_errors(refusal.errors(include_url=False), places, kind)
 

@@ -337,7 +337,7 @@ _REST_AMPLITUDE, _RELATIVE_REST_AMPLITUDE = 5e-5, 1e-5
 _FOUR_DECIMAL_AMPLITUDE = 1e-3
 """Motion, mm or mrad, for which four decimals are sufficient."""
 
-_OMITTED_TEXTS = ("case", "resolved", "overrides", "warnings")
+_OMITTED_TEXTS = ("case", "files", "resolved", "overrides", "warnings")
 """Texts of a result shown in other rows or not at all."""
 
 
