@@ -16,8 +16,9 @@ from flexcam.case.case import Case
 from flexcam.case.cross_checks import RawTables
 from flexcam.case.fault_report import KeyLocations, convert_errors, parse_toml, sort_faults
 from flexcam.case.fault_report import Path as KeyPath
-from flexcam.case.records import CamsRecord, CaseRecord, SweepFileRecord, SweepRecord
+from flexcam.case.records import CamsRecord, CaseRecord, SweepFileRecord, SweepRecord, resolve_record, si_unit
 from flexcam.case.schema.base import Record
+from flexcam.case.schema.cams import LIFT_TABLE_CONFLICTS
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name, system_message
 from flexcam.fem.mesh import Mesh
 from flexcam.io import Result, read_mesh, read_text, resolve_file
@@ -132,6 +133,41 @@ class CaseFile:
             where = places.place(("mesh",))
             return None, [replace(f, where=f"{where}{f.where.removeprefix('mesh')}") for f in refusal.faults]
         return self.meshes.setdefault(name, mesh), []
+
+
+def case_tables(case: Case) -> dict[str, Any]:
+    """Return the tables of a case as written, with its overrides."""
+    raw = _parse_case(case.path, case.text)
+    _apply_overrides(raw, case.text, case.overrides)
+    return raw
+
+
+def complete_case_tables(case: Case) -> dict[str, Any]:
+    """Return the tables of a case as written, with its overrides and all defaults, which have SI units."""
+    defaults = resolve_record(case.record)
+    for cam in defaults["cams"].values():
+        for key in LIFT_TABLE_CONFLICTS if "lift_table" in cam else ():
+            cam.pop(key, None)
+    return _add_defaults(case_tables(case), defaults, ())
+
+
+def _add_defaults(given: Mapping[str, Any], defaults: Mapping[str, Any], path: tuple[str, ...]) -> dict[str, Any]:
+    """Return a table with the defaults of the keys that are not given."""
+    found: dict[str, Any] = {}
+    for key, value in defaults.items():
+        own, inner = given.get(key), (*path, key)
+        if isinstance(value, dict) and (own is None or (isinstance(own, dict) and key != "law")):
+            table = _add_defaults(cast("dict[str, Any]", own or {}), cast("dict[str, Any]", value), inner)
+            found |= {key: table} if table else {}
+        else:
+            found[key] = _with_unit(value, si_unit(inner)) if own is None else own
+    return found | {key: value for key, value in given.items() if key not in found}
+
+
+def _with_unit(value: object, unit: str | None) -> object:
+    if isinstance(value, list):
+        return [_with_unit(one, unit) for one in cast("list[object]", value)]
+    return f"{value!r} {unit}" if isinstance(value, float) and unit else value
 
 
 AnyRecord = TypeVar("AnyRecord", bound=Record)

@@ -38,7 +38,7 @@ from flexcam.report.terminal import (
     format_number,
     plain_table,
 )
-from flexcam.studies.evaluators import PointEvaluator, resolved_case_text, variables_of
+from flexcam.studies.evaluators import PointEvaluator, case_text, variables_of
 from flexcam.studies.optimization import (
     Evaluations,
     Goal,
@@ -117,7 +117,7 @@ def optimize(
     if target is not None and found.best is not None:
         best = (*asked.fixed, *design.points.overrides(found.points[found.best]))
         title = (f"The best variant of {asked.file.path.name}:", *(f"  --set {one}" for one in best))
-        write_text(target, resolved_case_text(asked.file.read(best), target, title), overwrite=overwrite)
+        write_text(target, case_text(asked.file.read(best), target, title), overwrite=overwrite)
         written.append(target)
     ended = Status()
     if found.stopped:

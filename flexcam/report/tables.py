@@ -18,13 +18,12 @@ from flexcam.analysis.published_claims import Claim
 from flexcam.analysis.resources import ResourceEstimate, format_size
 from flexcam.analysis.run_checks import describe_balance, describe_contact_loss
 from flexcam.case.case import Case
-from flexcam.case.records import resolve_record
 from flexcam.core import FloatArray
 from flexcam.core.units import RPM, shaft_name, shaft_speed, to_display_unit
 from flexcam.dynamics import Response, Stats, active_dofs_of
 from flexcam.dynamics.memory import ExtremesSink
 from flexcam.fem.frames import ROTATIONS
-from flexcam.io import Result, VerificationSummary, format_toml
+from flexcam.io import Result, VerificationSummary
 from flexcam.report.terminal import (
     count_decimals,
     create_table,
@@ -61,11 +60,6 @@ CONTACT_DESCRIPTIONS = {
     "unilateral": "Contact model: unilateral. Springs press the follower to its cam, and it can lose contact.",
 }
 """Descriptions of the contact formulations."""
-
-
-def resolved_toml(case: Case) -> str:
-    """Return the case with all defaults as TOML in SI."""
-    return format_toml(resolve_record(case.record))
 
 
 def describe_contacts(case: Case, figures: Sequence[Metric] = ()) -> list[str]:

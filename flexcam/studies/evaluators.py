@@ -14,8 +14,8 @@ import numpy as np
 
 from flexcam.analysis.limits import Search
 from flexcam.case.case import Case
-from flexcam.case.reader import CaseFile, read_case
-from flexcam.case.records import find_unit, resolve_record
+from flexcam.case.reader import CaseFile, case_tables, read_case
+from flexcam.case.records import find_unit
 from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, parse_all, refuse
 from flexcam.dynamics import Cause, ProgressCallback, Status, track_progress
@@ -253,9 +253,9 @@ def limit_map(plan: Plan, names: Sequence[str], runs: Runs) -> LimitMap:
     return LimitMap((first, second), rpm, tuple(row.status for row in rows))
 
 
-def resolved_case_text(case: Case, target: Path, comments: Sequence[str] = ()) -> str:
-    """Return a case with all defaults as TOML for another folder."""
-    record = _relocate_file_names(resolve_record(case.record), case.path, target.parent)
+def case_text(case: Case, target: Path, comments: Sequence[str] = ()) -> str:
+    """Return a case with its overrides as TOML for another folder."""
+    record = _relocate_file_names(case_tables(case), case.path, target.parent)
     head = "".join(f"# {line}\n" for line in comments)
     return head + format_toml(cast("dict[str, Any]", record))
 
