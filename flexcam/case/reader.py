@@ -153,15 +153,16 @@ def complete_case_tables(case: Case) -> dict[str, Any]:
 
 def _add_defaults(given: Mapping[str, Any], defaults: Mapping[str, Any], path: tuple[str, ...]) -> dict[str, Any]:
     """Return a table with the defaults of the keys that are not given."""
-    found: dict[str, Any] = {}
+    found = dict(given)
     for key, value in defaults.items():
-        own, inner = given.get(key), (*path, key)
-        if isinstance(value, dict) and (own is None or (isinstance(own, dict) and key != "law")):
-            table = _add_defaults(cast("dict[str, Any]", own or {}), cast("dict[str, Any]", value), inner)
+        own: object = found.get(key, {})
+        inner = (*path, key)
+        if isinstance(value, dict) and isinstance(own, dict) and not (key == "law" and own):
+            table = _add_defaults(cast("dict[str, Any]", own), cast("dict[str, Any]", value), inner)
             found |= {key: table} if table else {}
-        else:
-            found[key] = _with_unit(value, si_unit(inner)) if own is None else own
-    return found | {key: value for key, value in given.items() if key not in found}
+        elif key not in found:
+            found[key] = _with_unit(cast("object", value), si_unit(inner))
+    return {key: found[key] for key in dict.fromkeys([*defaults, *given]) if key in found}
 
 
 def _with_unit(value: object, unit: str | None) -> object:

@@ -25,7 +25,7 @@ from flexcam.cli.app import (
     check_figure_path,
     write_answer,
 )
-from flexcam.cli.sensitivity import Highest, Lowest, StudyOptions, Within, WorkerCount
+from flexcam.cli.sensitivity import Highest, LimitAccuracy, Lowest, StudyOptions, WorkerCount
 from flexcam.core.errors import refuse
 from flexcam.dynamics import Cause, RunFailedError, Status
 from flexcam.io import check_writable, write_text
@@ -79,7 +79,7 @@ def optimize(
     ] = None,
     evaluations: Annotated[int, Parameter(help="Approximate number of variants to run.")] = 200,
     seed: Annotated[int, Parameter(help="Random seed; the same seed gives the same search.")] = 0,
-    workers: WorkerCount = 1, lowest: Lowest = None, highest: Highest = None, within: Within = "10 rpm",
+    workers: WorkerCount = 1, lowest: Lowest = None, highest: Highest = None, accuracy: LimitAccuracy = "10 rpm",
     target: Annotated[
         Path | None, Parameter(["-o", "--output"], help="Also write the best variant to this case file (.toml).")
     ] = None,
@@ -104,7 +104,7 @@ def optimize(
     names = [*(goal.name for goal in goals), *(bound.name for bound in bounds)]
     options = "--least, --most or --subject"
     asked = StudyOptions(
-        case, overrides, names, lowest, highest, within, option=options, workers=workers, allow_large=allow_large
+        case, overrides, names, lowest, highest, accuracy, option=options, workers=workers, allow_large=allow_large
     )
     variables = variables_of(asked.case, vary, "--vary")
     with suppress(RunFailedError):  # a case that fails may have better variants

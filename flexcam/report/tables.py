@@ -368,8 +368,9 @@ def limits_json(found: Limits, scale: float) -> dict[str, object]:
     width = max(one.tolerance_rpm for one in found.limits.values())
     rpm = {name: one.rpm for name, one in found.limits.items()}
     met = {f"{name}_rpm": None if (at := rpm.get(name)) is None else scale * at for name in LIMITS}
+    lasting = {f"{name}_lasting_rpm": one.lasting_rpm and scale * one.lasting_rpm for name, one in found.limits.items()}
     return {
-        **met, "first": found.first, "shaft": shaft_name(scale),
+        **met, **lasting, "first": found.first, "shaft": shaft_name(scale),
         "tolerance_rpm": None if math.isinf(width) else scale * width,
         "rigid_loss_of_contact_rpm": None if found.rigid_rpm is None else scale * found.rigid_rpm,
         "spring_margin": found.spring_margin, "buckling_margins": dict(found.buckling_margins),
@@ -383,17 +384,21 @@ def limits_table(found: Limits, scale: float) -> Table:
     ordered = sorted(found.limits.items(), key=lambda item: item[1].rpm or float("inf"))
     rows = [
         (name.replace("_", " "), f"above {high:.6g}" if one.rpm is None else f"{scale * one.rpm:.6g}",
-         "" if one.rpm is None or math.isinf(one.tolerance_rpm) else f"{scale * one.tolerance_rpm:.3g}", one.words)
+         "" if one.rpm is None or math.isinf(one.tolerance_rpm) else f"{scale * one.tolerance_rpm:.3g}",
+         "" if one.rpm is None else "not lasting" if one.lasting_rpm is None else f"{scale * one.lasting_rpm:.6g}",
+         one.words)
         for name, one in ordered
     ]  # fmt: skip
     if found.rigid_rpm is not None:
         words = "loss of contact of the rigid train: its inertia force equals its spring force"
-        rows.append(("(rigid train)", f"{scale * found.rigid_rpm:.6g}", "", words))
+        rows.append(("(rigid train)", f"{scale * found.rigid_rpm:.6g}", "", "", words))
     if found.spring_margin is not None:
-        rows.append(("spring margin", f"{found.spring_margin:.1%}", "", "of the rigid train at the speed of the case"))
+        rows.append(
+            ("spring margin", f"{found.spring_margin:.1%}", "", "", "of the rigid train at the speed of the case")
+        )
     rows += [
-        (f"{name}, margin", f"{margin:.3g}", "", "buckling load over the compression at full lift, static")
+        (f"{name}, margin", f"{margin:.3g}", "", "", "buckling load over the compression at full lift, static")
         for name, margin in found.buckling_margins.items()
     ]
     shaft = shaft_name(scale)
-    return plain_table("Speed limits", ("limit", f"{shaft} rpm", "bracket, rpm", "event"), rows)
+    return plain_table("Speed limits", ("limit", f"{shaft} rpm", "bracket, rpm", "lasting from", "event"), rows)

@@ -58,6 +58,7 @@ from flexcam.valvetrain.train_metrics import (
     main_lift,
     seating,
     separation,
+    separation_by_flank,
     train_metric_names,
     train_metrics,
 )
@@ -119,6 +120,7 @@ __all__ = [
     "modes_on_the_lift",
     "seating",
     "separation",
+    "separation_by_flank",
     "shared_forces",
     "stiff_struts",
     "straighten",

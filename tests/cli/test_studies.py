@@ -569,7 +569,7 @@ def test_a_part_that_scatters_twice_is_refused(flexcam, oscillator):
         (("--lowest", "9000rpm", "--highest", "8000rpm"), "--highest: given 8000rpm; allowed: above the lowest"),
         (("--lowest", "12000rpm"), "--highest: given 10000 rpm, 2 times that of the case; allowed: above the lowest"),
         (("--lowest", "0rpm"), "--lowest: given 0rpm; allowed: a speed above zero"),
-        (("--within", "0rpm"), "--within: given 0rpm; allowed: a speed above zero"),
+        (("--accuracy", "0rpm"), "--accuracy: given 0rpm; allowed: a speed above zero"),
     ],
 )  # fmt: skip
 def test_speeds_of_limits_are_told_as_they_were_given(words, told, flexcam):
@@ -580,9 +580,9 @@ def test_speeds_of_limits_are_told_as_they_were_given(words, told, flexcam):
 
 
 def test_a_bracket_of_no_width_is_refused_by_its_option(flexcam):
-    done = flexcam("limits", ENGINE, "--tolerance", "0rpm")
+    done = flexcam("limits", ENGINE, "--accuracy", "0rpm")
     assert (done.code, done.out) == (2, "")
-    assert done.err.startswith("--tolerance: given 0rpm; allowed: a speed above zero")
+    assert done.err.startswith("--accuracy: given 0rpm; allowed: a speed above zero")
 
 
 def test_a_limit_that_no_case_has_is_no_lacking_part(flexcam):
