@@ -23,6 +23,7 @@ from flexcam.valvetrain import (
     build_chain,
     build_rigid,
     build_system,
+    driving_contact,
     modal_basis,
     straighten,
     train_metrics,
@@ -219,22 +220,58 @@ def scalar_probe(ready: PreparedRun) -> str:
         raise refuse("output.probes", "none", "at least one point to compare at", "", 'add probes = ["valve"]')
     ordered = sorted(probes, key=lambda probe: probe.name not in points)
     moved = _driven_probes(ready)
-    return next((moved[probe.name] for probe in ordered if probe.name in moved), _follower_component(ready, ordered[0]))
+    found = next((moved[probe.name] for probe in ordered if probe.name in moved), None)
+    return _follower_component(ready, ordered[0]) if found is None else found.component
 
 
-def _driven_probes(ready: PreparedRun) -> dict[str, str]:
-    """Return the probes moved by the rigid train, each with its component of largest motion."""
+@dataclass(frozen=True)
+class DrivenProbe:
+    """Probe that a cam moves.
+
+    Parameters
+    ----------
+    name
+        Name of the point.
+    component
+        Name of its component of largest motion.
+    sign
+        1 or -1: the sign of this motion as the cam lifts.
+    contact
+        Contact of the cam; None if it is not known.
+    """
+
+    name: str
+    component: str
+    sign: float
+    contact: str | None
+
+
+def driven_probe(ready: PreparedRun, probe: str | None = None) -> DrivenProbe | None:
+    """Return the default probe of a case, or the one with a given name, as far as a cam moves it."""
+    moved = _driven_probes(ready)
+    if probe is not None:
+        return moved.get(probe)
+    default = scalar_probe(ready)
+    return next((one for one in moved.values() if one.component == default), None)
+
+
+def _driven_probes(ready: PreparedRun) -> dict[str, DrivenProbe]:
+    """Return the probes moved by the rigid train."""
     if not ready.model.cam_contacts:
         return {}
     try:
         rigid = build_rigid(ready.model, ANY_SPEED)
     except InputError:  # no rigid train exists: the first probe is used
         return {}
-    strokes = {probe: [0.0 if one is None else float(np.ptp(one(_REVOLUTION_ANGLES, 0))) for one in probe.offset]
-               for probe in rigid.probes}  # fmt: skip
-    return {
-        probe.name: _component_name(probe, int(np.argmax(path))) for probe, path in strokes.items() if max(path) > 0.0
-    }
+    found: dict[str, DrivenProbe] = {}
+    for probe in rigid.probes:
+        paths = [np.zeros(1) if one is None else one(_REVOLUTION_ANGLES, 0) for one in probe.offset]
+        i = int(np.argmax([np.ptp(path) for path in paths]))
+        if np.ptp(paths[i]) > 0.0:
+            sign = 1.0 if paths[i].max() > -paths[i].min() else -1.0
+            contact = driving_contact(ready.model, probe.name)
+            found[probe.name] = DrivenProbe(probe.name, _component_name(probe, i), sign, contact)
+    return found
 
 
 _REVOLUTION_ANGLES = np.linspace(0.0, 2.0 * np.pi, 361)

@@ -62,7 +62,7 @@ from flexcam.valvetrain.train_metrics import (
     train_metric_names,
     train_metrics,
 )
-from flexcam.valvetrain.train_topology import largest_lash
+from flexcam.valvetrain.train_topology import driving_contact, largest_lash
 
 __all__ = [
     "ANY_SPEED",
@@ -106,6 +106,7 @@ __all__ = [
     "contact_modes",
     "contact_stiffness",
     "describe_inactive",
+    "driving_contact",
     "element_loads",
     "follower_train",
     "free_running",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from flexcam import prepare, read_case
-from flexcam.analysis.preparation import scalar_probe
+from flexcam.analysis.preparation import driven_probe, scalar_probe
 from flexcam.core.errors import InputError
 
 CAMSHAFT, BUCKET = "cases/camshaft-4cyl/camshaft.toml", "cases/direct-acting/bucket.toml"
@@ -26,6 +26,12 @@ ENGINE = "cases/pushrod-engine/intake.toml"
 def test_the_probe_that_stands_for_a_case(path, probes, wanted):
     """A rocker's point, else what a cam moves; where no cam moves any, the first."""
     assert scalar_probe(prepare(read_case(path, [f"output.probes={probes}"]))) == wanted
+
+
+def test_a_valve_that_opens_downwards_has_a_positive_lift(tmp_path):
+    found = driven_probe(prepare(read_case("flexcam/templates/measured-lift.toml")))
+    assert (found.component, found.sign, found.contact) == ("retainer.uy", -1.0, "intake")
+    assert driven_probe(prepare(read_case(ENGINE)), "valve").sign == 1.0
 
 
 def test_a_case_without_probes_has_none():
