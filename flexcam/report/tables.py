@@ -94,7 +94,7 @@ def model_table(ready: PreparedRun, modes: ModelModes, takes: ResourceEstimate |
         ("speed", ready.case.speed_text),
         ("steps", f"{problem.steps} of {problem.step:.4g} s ({per_revolution:.6g} per revolution)"),
         ("free motions", _free_motions(modes)),
-        ("lowest frequencies", ", ".join(lowest) + " Hz" if lowest else "none"),
+        ("lowest frequencies", ", ".join(lowest) + " Hz, contacts open" if lowest else "none"),
         *(
             [("a run takes", f"{format_size(takes.memory)} of memory, a result of {format_size(takes.file)}")]
             if takes
@@ -163,14 +163,14 @@ def describe_mac(likeness: FloatArray, nodes: int) -> str:
     return f"Compared at {nodes} moving node{'s' * (nodes != 1)} that both models have{doubt}."
 
 
-def mode_table(modes: ModelModes, of: str = "") -> Table:
+def mode_table(modes: ModelModes, title: str = "Modes, contacts open", turns: float = 1.0) -> Table:
     """Return the table of frequencies, effective masses and descriptions of modes."""
     places = count_decimals(float(np.abs(modes.effective[:, :3]).max(initial=0.0)), 4)
-    made = plain_table(f"{of}: modes" if of else "Modes", ("no.", "Hz", "camshaft rpm", "ux kg", "uy kg", "uz kg"), ())
+    made = plain_table(title, ("no.", "Hz", f"{shaft_name(turns)} rpm", "ux kg", "uy kg", "uz kg"), ())
     made.add_column("what moves (share of the kinetic energy)", justify="left")
     for i, frequency in enumerate(modes.modes.frequencies):
         masses = [format_decimals(m, places) for m in modes.effective[i, :3]]
-        made.add_row(str(i + 1), f"{frequency:.2f}", f"{60.0 * frequency:.0f}", *masses, modes.words(i))
+        made.add_row(str(i + 1), f"{frequency:.2f}", f"{60.0 * turns * frequency:.0f}", *masses, modes.words(i))
     return made
 
 
