@@ -24,6 +24,7 @@ from flexcam.valvetrain import (
     build_rigid,
     build_system,
     driving_contact,
+    main_lift,
     modal_basis,
     straighten,
     train_metrics,
@@ -288,6 +289,46 @@ def _follower_component(ready: PreparedRun, probe: Probe) -> str:
 def _component_name(probe: Probe, component: int) -> str:
     """Return the name of a component of a probe; a scalar probe keeps its name."""
     return probe.name if len(probe.components) == 1 else f"{probe.name}.{probe.components[component]}"
+
+
+@dataclass(frozen=True)
+class RevolutionChange:
+    """Difference of the last revolution of a run from the one before.
+
+    Parameters
+    ----------
+    motion
+        Maximum difference of the default probe, relative to its range.
+    force
+        Root mean square of the difference of a contact force on the main lift of its cam, relative to the force's.
+    """
+
+    motion: float
+    force: float
+
+
+def revolution_change(ready: PreparedRun, response: Response) -> RevolutionChange | None:
+    """Return how far the last revolution of a run is from periodic; None without two revolutions."""
+    time, period = response.time, ready.revolution
+    if not len(time) or time[-1] - time[0] < (2.0 - _ROUNDING) * period - ready.problem.step:
+        return None
+    last = response.latest(period)
+
+    def difference(values: FloatArray) -> FloatArray:
+        return values[last] - np.interp(time[last] - period, time, values)
+
+    moved = response[scalar_probe(ready)].displacement if ready.model.probes else np.zeros(len(time))
+    changes = [0.0]
+    for name, contact in ready.model.cam_contacts.items():
+        if (force := response.channels.get(f"contacts.{name}.force")) is not None:
+            lift = ready.model.cams[contact.cam].event(response.angle[last])
+            lifted = lift > main_lift(ready.model, contact.cam)
+            changes.append(_ratio(np.linalg.norm(difference(force)[lifted]), np.linalg.norm(force[last][lifted])))
+    return RevolutionChange(_ratio(np.abs(difference(moved)).max(), np.ptp(moved[last])), max(changes))
+
+
+def _ratio(part: float | np.floating, whole: float | np.floating) -> float:
+    return float(part / whole) if part > _ROUNDING * whole else 0.0
 
 
 _ROUNDING = 1e-9

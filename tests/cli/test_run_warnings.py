@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
-from flexcam import read_case, read_result
-from flexcam.analysis.run_checks import check_events
+from flexcam import prepare, read_case, read_result
+from flexcam.analysis.preparation import RevolutionChange
+from flexcam.analysis.run_checks import check_events, check_transient
 from flexcam.case.starters import new_case
 from flexcam.report.tables import describe_contacts
 from flexcam.valvetrain import Metric
@@ -84,3 +86,19 @@ def test_a_spring_that_opens_the_valve_is_told(flexcam, direct):
     direct.write_text(text[:at] + text[at:].replace('"-uy"', '"uy"', 1), encoding="utf-8")
     (warning,) = (one for one in flexcam("check", direct, "--json").json["warnings"] if "contacts.seat" in one)
     assert "no spring presses the valve to its seat" in warning
+
+
+def test_a_transient_of_an_adjuster_is_told(flexcam):
+    """One revolution from rest reports the transient; a periodic start does not. Several say how far they are."""
+    case = Path(__file__).parents[2] / "cases/direct-acting/finger.toml"
+    quick = ("--set", "run.steps_per_revolution=360", "--overwrite", "--json")
+    once = flexcam("run", case, *quick).json
+    assert once["revolution_change"] is None
+    assert any("transient of adjuster" in one and "it has one revolution" in one for one in once["warnings"])
+    twice = flexcam("run", case, *quick, "--set", "run.revolutions=2").json
+    assert 0.0 < twice["revolution_change"]["motion"] < 1e-3
+    assert not any("transient" in one for one in twice["warnings"])
+    few = ("--set", "run.steps_per_revolution=360", "--set", "run.revolutions=2")
+    assert "Last revolution: it differs from the one before by" in flexcam("run", case, *few, "--overwrite").out
+    pumping = check_transient(prepare(read_case(case)), RevolutionChange(0.02, 0.1))
+    assert "its last revolutions differ by 2 % of the motion and 10 % (rms) of the force of a cam" in pumping[0]
