@@ -280,10 +280,16 @@ _REVOLUTION_ANGLES = np.linspace(0.0, 2.0 * np.pi, 361)
 
 
 def _follower_component(ready: PreparedRun, probe: Probe) -> str:
-    """Return the component of a probe along the direction of the first follower, or its first one."""
-    contact = next(iter(ready.model.cam_contacts.values()), None)
+    """Return the free component of a probe along the direction of the first follower, or its first free one."""
+    model = ready.model
+    contact = next(iter(model.cam_contacts.values()), None)
     along = "" if contact is None else COMPONENTS[int(np.argmax(np.abs(contact.direction)))]
-    return _component_name(probe, probe.components.index(along) if along in probe.components else 0)
+    nodes = model.mesh.points.get(probe.name, ())
+    held = {
+        one for point, ones in model.supports.items() if np.isin(nodes, model.mesh.points[point]).any() for one in ones
+    }
+    free = [one for one in probe.components if one not in held] or list(probe.components)
+    return _component_name(probe, probe.components.index(along if along in free else free[0]))
 
 
 def _component_name(probe: Probe, component: int) -> str:

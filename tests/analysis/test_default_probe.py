@@ -37,3 +37,9 @@ def test_a_valve_that_opens_downwards_has_a_positive_lift(tmp_path):
 def test_a_case_without_probes_has_none():
     with pytest.raises(InputError, match="at least one point"):
         scalar_probe(prepare(read_case(ENGINE, ["output.probes=[]"])))
+
+
+def test_a_held_component_stands_for_no_case():
+    """The tip of the cantilever is held along x and swings along y."""
+    case = read_case("cases/checks/cantilever.toml", ['output.probes=["tip"]', 'supports.tip=["ux"]'])
+    assert scalar_probe(prepare(case)) == "tip.uy"
