@@ -97,6 +97,12 @@ class CaseFile:
         source = Path(path)
         return cls(source, *_read_tables(source))
 
+    @classmethod
+    def of(cls, case: Case) -> CaseFile:
+        """Return the file of a case as it was read."""
+        meshes = {} if case.mesh is None else {str(case.record.mesh): case.mesh}
+        return cls(case.path, case.text, _parse_case(case.path, case.text), meshes, dict(case.files))
+
     def read(self, overrides: Sequence[str] = (), *, mesh: Mesh | None = None) -> Case:
         """Return the checked case with overrides."""
         raw = deepcopy(dict(self.raw))

@@ -130,7 +130,7 @@ def _map_limits(
     asked = [f"limits.{name}" for name in names]
     with (
         show_count(len(plan), "variants") as shown,
-        create_evaluator(file, (), asked, search, workers=workers, runs=len(plan), advance=shown) as runs,
+        create_evaluator(file, (), asked, search, plan=plan, workers=workers, runs=len(plan), advance=shown) as runs,
     ):
         kept = InterruptibleRuns(runs)
         found = limit_map(plan, names, kept).with_units(case)

@@ -589,3 +589,19 @@ def test_a_limit_that_no_case_has_is_no_lacking_part(flexcam):
     done = flexcam("sensitivity", ENGINE, "--of", "limits.bounc", "--to", "masses.valve.mass")
     assert done.code == 2
     assert "there is no such limit; did you mean 'limits.bounce'?" in done.err
+
+
+def test_a_study_evaluates_the_case_that_it_read(tmp_path):
+    """An edit of the file during the study does not reach its variants."""
+    path = tmp_path / "case.toml"
+    text = (ROOT / "cases/checks/mathieu.toml").read_text(encoding="utf-8")
+    path.write_text(text, encoding="utf-8")
+    file = CaseFile.open(path)
+    before = list(create_once(file))
+    path.write_text("format = 2", encoding="utf-8")
+    assert list(create_once(file)) == before
+
+
+def create_once(file):
+    with create_evaluator(file, (), ["frequency.1"]) as runs:
+        yield from (row.scalars for row in runs([("run.speed=900rpm",)]))
