@@ -70,6 +70,9 @@ class CamSet:
         Smoothing reports, by cam with a lift table.
     speed
         Camshaft speed, rad/s; None if not given.
+    turns
+        Revolutions of the shaft whose angle events are given in, per camshaft revolution: 1 if the case gives the speed
+        of the camshaft, otherwise 2.
     """
 
     name: str
@@ -80,6 +83,7 @@ class CamSet:
     phases: Mapping[str, float]
     reports: Mapping[str, LiftReport]
     speed: float | None
+    turns: float = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,8 +102,9 @@ class CamFacts:
         Amplitudes of the lift's harmonics 1 to 10, m.
     joints
         Boundaries of lift segments, with jumps.
-    events
-        Valve events at several lift thresholds, by name of the threshold; None if the valve never exceeds it.
+    events, follower_events
+        Events of the valve and of the follower at several lift thresholds, by name of the threshold; None if it never
+        exceeds it.
     profile
         Profile; None without a follower and base circle.
     findings
@@ -116,6 +121,7 @@ class CamFacts:
     harmonics: tuple[float, ...]
     joints: Sequence[Joint]
     events: Mapping[str, ValveEvent | None]
+    follower_events: Mapping[str, ValveEvent | None]
     profile: CamProfile | None
     findings: Sequence[ProfileFault]
     least_base_radius: float | None
@@ -129,17 +135,18 @@ def load_cams(path: str | Path, overrides: Sequence[str] = ()) -> CamSet:
         model = build_model(case)
         ratios = {name: valve_ratio(model, name) for name in model.cams}
         lashes = {name: largest_lash(model, name) for name in model.cams}
-        record, cams, speed = case.record, model.cams, case.speed
+        record, cams, speed, turns = case.record, model.cams, case.speed, case.turns
     else:
         record = read_cams(path, overrides)
         cams = {name: cam.part for name, cam in record.cams.items()}
         ratios, lashes, speed = dict.fromkeys(cams, 1.0), dict.fromkeys(cams, 0.0), record.speed
+        turns = 2.0
     if not cams:
         raise refuse("cams", f"none in {path.name}", "one or more tables [cams.NAME]")
     tables = {name: cam.lift_table for name, cam in record.cams.items()}
     reports = {name: table.report for name, table in tables.items() if table and table.report}
     phases = {name: cam.phase for name, cam in record.cams.items()}
-    return CamSet(path.stem, record.title, cams, ratios, lashes, phases, reports, speed)
+    return CamSet(path.stem, record.title, cams, ratios, lashes, phases, reports, speed, turns)
 
 
 def cam_facts(
@@ -156,7 +163,8 @@ def cam_facts(
     lift, least = event_extremes(event), _minimum_base_radius(cam, event, pressure_angle)
     return CamFacts(
         cam, lift, peaks[0], peaks[1], jerk, tuple(np.abs(harmonics(event, _HARMONICS))[1:].tolist()), met,
-        {name: valve_event(event, lift, ratio=ratio, lash=ratio * lash) for name, lift in THRESHOLDS.items()}, profile,
+        {name: valve_event(event, lift, ratio=ratio, lash=ratio * lash) for name, lift in THRESHOLDS.items()},
+        {name: valve_event(event, lift) for name, lift in THRESHOLDS.items()}, profile,
         [*_negative_lift_findings(lift), *(find_profile_faults(
             profile, pressure_angle=pressure_angle, cutter=cutter, base_helps=least is not None) if profile else ())],
         least,

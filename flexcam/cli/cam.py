@@ -12,7 +12,7 @@ import numpy as np
 from cyclopts import Group, Parameter
 from rich.table import Table
 
-from flexcam.analysis.cam_analysis import CamFacts, cam_facts, load_cams, profile_table, valve_overlaps
+from flexcam.analysis.cam_analysis import CamFacts, CamSet, cam_facts, load_cams, profile_table, valve_overlaps
 from flexcam.cams import (
     PRESSURE_ANGLE,
     THRESHOLDS,
@@ -65,6 +65,7 @@ def cam_json(found: CamFacts, report: LiftReport | None) -> dict[str, object]:
         "acceleration": found.acceleration, "jerk": found.jerk, "harmonics": list(found.harmonics),
         "joints": [_joint_json(one) for one in found.joints],
         "valve_events": {name: _event_json(one) for name, one in found.events.items()},
+        "follower_events": {name: _event_json(one) for name, one in found.follower_events.items()},
         "profile": _profile_json(found),
         "findings": [asdict(one) for one in found.findings],
         "smoothing": None if report is None else asdict(report),
@@ -94,8 +95,13 @@ def _profile_json(found: CamFacts) -> dict[str, object] | None:
     }  # fmt: skip
 
 
-def cam_table(name: str, found: CamFacts, speed: float | None, ratio: float, lash: float) -> Table:
+def cam_table(name: str, found: CamFacts, cams: CamSet) -> Table:
     """Return the table of the facts about a cam."""
+    speed, ratio, lash = cams.speed, cams.ratios[name], cams.lashes[name]
+    part = "valve open" if cams.turns == 2.0 else "output"  # of a machine
+    events = [(part, found.events, ratio, lash)]
+    if ratio != 1.0 or lash:
+        events.insert(0, ("follower", found.follower_events, 1.0, 0.0))
     rows = [
         ("lift", _lift(found, ratio)),
         ("max velocity", _at_speed(found.velocity, "mm/rad", "m/s", 1, speed)),
@@ -103,8 +109,8 @@ def cam_table(name: str, found: CamFacts, speed: float | None, ratio: float, las
         ("max jerk", _jerk(found.jerk)),
         ("harmonics 1 to 10", ", ".join(format_mm(one, 3) for one in found.harmonics) + " mm"),
         *([("lash at the follower", f"{format_mm(lash)} mm")] if lash else []),
-        *((f"valve open above {lift}", _event(event, ratio * (found.lift[0].value - lash) > THRESHOLDS[lift]))
-          for lift, event in found.events.items()),
+        *((f"{part} above {lift}", _event(event, factor * (found.lift[0].value - gap) > THRESHOLDS[lift], cams.turns))
+          for part, its, factor, gap in events for lift, event in its.items()),
         *_joints(found.joints),
         *_profile(found, speed),
         *(("warning", _finding(one)) for one in found.findings),
@@ -127,11 +133,13 @@ def _at_speed(value: float, unit: str, at_speed: str, order: int, speed: float |
     return text if speed is None else f"{text}, {value * speed**order:.5g} {at_speed} at camshaft {speed / RPM:.6g} rpm"
 
 
-def _event(event: ValveEvent | None, always: bool) -> str:
+def _event(event: ValveEvent | None, always: bool, turns: float) -> str:
+    """Return an event in degrees of the shaft whose speed the case gives."""
     if event is None:
         return "always" if always else "never"
-    opens, closes, span = (math.degrees(x) for x in (event.opens, event.closes, event.duration))
-    return f"crank {opens:.2f} to {closes:.2f} deg, duration {span:.2f} deg"
+    opens, closes, span = (0.5 * turns * math.degrees(x) for x in (event.opens, event.closes, event.duration))
+    shaft = "crank" if turns == 2.0 else "cam"
+    return f"{shaft} {opens:.2f} to {closes:.2f} deg, duration {span:.2f} deg"
 
 
 def _joints(joints: Sequence[Joint]) -> list[tuple[str, str]]:
@@ -353,7 +361,7 @@ def cam(
         })  # fmt: skip
         return
     for one, facts in found.items():
-        result_console().print(cam_table(one, facts, cams.speed, cams.ratios[one], cams.lashes[one]))
+        result_console().print(cam_table(one, facts, cams))
         result_console().print()
         if one in cams.reports:
             result_console().print(smoothing_table(one, cams.reports[one]))

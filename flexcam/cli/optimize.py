@@ -27,6 +27,7 @@ from flexcam.cli.app import (
 )
 from flexcam.cli.sensitivity import Highest, LimitAccuracy, Lowest, StudyOptions, WorkerCount
 from flexcam.core.errors import refuse
+from flexcam.core.units import to_display_unit
 from flexcam.dynamics import Cause, RunFailedError, Status
 from flexcam.io import check_writable, write_text
 from flexcam.report.terminal import (
@@ -203,10 +204,10 @@ def _key(key: str, unit: str) -> str:
 
 
 def _value(found: Evaluations, at: int, name: str) -> str:
-    """Return a value of a variant with its unit."""
+    """Return a value of a variant in the unit engineers use, such as deg and mm."""
     row = found.rows[at]
-    unit = row.units.get(name, "")
-    return f"{format_number(row_value(row, name))} {'' if unit == '1' else unit}".strip()
+    factor, unit = to_display_unit(row.units.get(name, ""))
+    return f"{format_number(factor * row_value(row, name))} {unit}".strip()
 
 
 def _constraint_table(design: OptimizationProblem, found: Evaluations, at: int) -> Table:

@@ -173,15 +173,21 @@ class _ImpactSteps:
         peaks = forces.max(axis=0)
         for i in np.flatnonzero(peaks > self._largest).tolist():
             self._largest[i] = peaks[i]
-            self._steps[i] = _contact_duration(forces[:, i] > 0.0, int(np.argmax(forces[:, i])))
+            self._steps[i] = contact_duration(forces[:, i] > 0.0, int(np.argmax(forces[:, i])))
 
     def impact_steps(self, names: list[str]) -> dict[str, int]:
         """Return the number of steps of contacts with an impact."""
         return {name: int(steps) for name, steps in zip(names, self._steps, strict=True) if steps}
 
 
-def _contact_duration(closed: NDArray[np.bool_], at: int) -> int:
-    """Return the number of steps of closed contact around a step; zero if it is not within the block."""
+def contact_duration(closed: NDArray[np.bool_], at: int) -> int:
+    """Return the number of steps of an impact around a step; zero if it does not begin within the block.
+
+    A contact that remains closed after an impact has twice the steps from its first touch to the maximum.
+    """
     open_ = np.flatnonzero(~closed)
     before, after = open_[open_ < at], open_[open_ > at]
-    return int(after[0] - before[-1] - 1) if len(before) and len(after) else 0
+    if not len(before):
+        return 0
+    rise = 2 * int(at - before[-1]) - 1
+    return min(rise, int(after[0] - before[-1] - 1)) if len(after) else rise
