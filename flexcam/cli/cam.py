@@ -305,24 +305,18 @@ def cam(
         "--plot": plot, "--plot-format": plot_format, "--set": overrides,
     }  # fmt: skip
     of_profile = {"--follower": follower, "--base-radius": base_radius, "--unit": unit, "--clockwise": clockwise}
+    _check_source(of_case, of_profile, profile)
     if profile is not None:
-        for option, given in of_case.items():
-            if given is not None:
-                allowed, why = "nothing with --from-profile", "it belongs to the cams of a case file"
-                raise refuse(option, describe_option(given), allowed, why, "leave it out")
         _print_lift(
             profile, follower, base_radius, unit, clockwise, points, output, overwrite=overwrite, as_json=as_json
         )
         return
-    for option, given in of_profile.items():
-        refuse_without(option, given, "--from-profile", present=False)
     if case is None:
         raise refuse("cam", "nothing", "a case file, a file of cams, or --from-profile FILE")
     refuse_without("--format", forms, "-o", present=output is not None)
     refuse_without("--plot-format", plot_format, "--plot", present=plot is not None)
     if output is not None:
         check_folder_name(output)
-    kind = plot_format or "svg"
     cams = load_cams(case, overrides or ())
     warn_ignored_keys(overrides)
     if name is not None and name not in cams.cams:
@@ -340,17 +334,42 @@ def cam(
     if plot is not None and plot.suffix in (".svg", ".png", ".pdf"):
         remedy = f"name a folder; --plot-format {plot.suffix[1:]} selects the format"
         raise refuse("--plot", str(plot), "a folder", "a cam has several figures", remedy)
+    stems = {f"{cams.name}-{one}": facts for one, facts in found.items()}
+    files = _write_cam_files(stems, plot, plot_format or "svg", output, forms, wheel, overwrite=overwrite)
+    _print_cams(cams, found, files, as_json=as_json)
+
+
+def _check_source(of_case: Mapping[str, object], of_profile: Mapping[str, object], profile: Path | None) -> None:
+    """Raise an error for options of a case with a profile, and the reverse."""
+    for option, given in of_case.items() if profile is not None else ():
+        if given is not None:
+            allowed, why = "nothing with --from-profile", "it belongs to the cams of a case file"
+            raise refuse(option, describe_option(given), allowed, why, "leave it out")
+    for option, given in of_profile.items() if profile is None else ():
+        refuse_without(option, given, "--from-profile", present=False)
+
+
+def _write_cam_files(
+    found: Mapping[str, CamFacts], plot: Path | None, form: str, folder: Path | None,
+    forms: Sequence[Literal["csv", "dxf", "vtp"]] | None, cutter: float | None, *, overwrite: bool,
+) -> list[Path]:  # fmt: skip
+    """Write the profiles and figures of cams, by the beginning of their file names."""
+    figures = [path for stem in found if plot is not None for path in _figure_paths(plot / stem, form).values()]
+    for path in figures:  # before files are written
+        check_writable("picture", path, overwrite=overwrite)
     files: list[Path] = []
-    for one in found:  # before files are written
-        for path in _figure_paths(plot / f"{cams.name}-{one}", kind).values() if plot is not None else ():
-            check_writable("picture", path, overwrite=overwrite)
-    for one, facts in found.items():
-        if output is not None and facts.profile is not None:
-            stem = create_folder(output) / f"{cams.name}-{one}"
-            table = profile_table(facts.profile, wheel)
-            files += write_profile(table, stem, forms or ["csv", "dxf", "vtp"], overwrite=overwrite)
+    for stem, facts in found.items():
+        if folder is not None and facts.profile is not None:
+            table = profile_table(facts.profile, cutter)
+            files += write_profile(
+                table, create_folder(folder) / stem, forms or ["csv", "dxf", "vtp"], overwrite=overwrite
+            )
         if plot is not None:
-            files += _save_figures(create_folder(plot) / f"{cams.name}-{one}", kind, facts, overwrite=overwrite)
+            files += _save_figures(create_folder(plot) / stem, form, facts, overwrite=overwrite)
+    return files
+
+
+def _print_cams(cams: CamSet, found: Mapping[str, CamFacts], files: Sequence[Path], *, as_json: bool) -> None:
     pairs = valve_overlaps(found)
     if as_json:
         print_json({

@@ -103,7 +103,7 @@ def run_json(ran: FinishedRun) -> dict[str, object]:
         "seconds": response.stats.seconds,
         "events": response.stats.events,
         "periodicity": periodicity_error(response),
-        "revolution_change": None if change is None else asdict(change),
+        **({} if change is None else {"revolution_change": asdict(change)}),
         "energy_lost": energy_residual(ran.watched.extremes),
         "energy_numerical": numerical_dissipation(ran.watched.extremes),
         "imbalance": equilibrium_residual(response),
