@@ -1,7 +1,7 @@
 """Speed limits of a train (loss of contact, valve bounce, coil clash, buckling) and speeds where its models diverge.
 
-A limit is a condition on a run at one speed. The speeds of the search are the same for every range: the lowest one that
-meets the condition is bisected, and the speeds above it show whether the condition lasts.
+A limit is a condition on a run at one speed. The lowest speed of a series that meets it is bisected; the next ones show
+whether it lasts. The series is the same for every range.
 """
 
 from __future__ import annotations
@@ -77,8 +77,7 @@ class Search:
     tolerance
         Width of the bracket, rad/s.
     bounce_height
-        Height above the seat from which a closed valve counts as bouncing, m; None for the smaller of 0.1 mm and 2 % of
-        the lift.
+        Minimum height of a bounce above the seat, m; None for the smaller of 0.1 mm and 2 % of the lift.
     spacing
         Relative distance of the speeds evaluated before the bracket is bisected.
     """

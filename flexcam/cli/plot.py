@@ -39,15 +39,7 @@ _RESULT = ".vtkhdf"
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """Result file, or a case that is run when its response is first used.
-
-    Parameters
-    ----------
-    path
-        Path of the file.
-    overrides
-        Overrides of the case.
-    """
+    """Result file, or a case that is run when its response is first used."""
 
     path: Path
     overrides: tuple[str, ...] = ()
@@ -140,15 +132,7 @@ FigureKind = Literal["motion", "force", "energy", "svaj", "profile", "modes", "c
 
 @dataclass(frozen=True)
 class FigureOptions:
-    """Sources and options of a figure.
-
-    Parameters
-    ----------
-    sources
-        Sources by distinguishing name.
-    probe, channels, over, rigid, cam, angle, count
-        Values of the options; None if not given.
-    """
+    """Sources and options of a figure."""
 
     sources: Mapping[str, Source]
     probe: str | None

@@ -55,27 +55,7 @@ from flexcam.valvetrain import MemberStrength, Metric, StrengthSink, build_struc
 
 @dataclass(frozen=True, eq=False)
 class FinishedRun:
-    """Finished run.
-
-    Parameters
-    ----------
-    ready, response
-        Prepared run and its response in memory.
-    watched
-        Data collected during the run for checks.
-    result
-        Path of the result file.
-    figures
-        Metrics of the train.
-    stressed
-        Stresses by member, if they were computed.
-    errors
-        Estimated errors, if they were requested.
-    warnings
-        Warnings.
-    choice
-        Choice of the model, if a tolerance was given.
-    """
+    """Finished run."""
 
     ready: PreparedRun
     response: Response
