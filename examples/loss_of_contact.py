@@ -2,7 +2,7 @@
 A tappet that leaves its cam
 ============================
 
-The intake train of a pushrod engine in true contact, at its own speed and beyond the 5612 rpm at which ``flexcam
+The intake train of a pushrod engine in true contact, at its own speed and beyond the 5611 rpm at which ``flexcam
 limits`` finds its tappet in the air.
 """
 

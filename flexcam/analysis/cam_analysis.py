@@ -64,10 +64,15 @@ class CamSet:
         Valve lift per cam lift, by cam; 1 without a rocker.
     lashes
         Lash that the lift takes up, reduced to the follower, m, by cam.
+    phases
+        Cam angle at which the rise or the zero of the lift table lies, rad, by cam.
     reports
         Smoothing reports, by cam with a lift table.
     speed
         Camshaft speed, rad/s; None if not given.
+    turns
+        Revolutions of the shaft whose angle events are given in, per camshaft revolution: 1 if the case gives the speed
+        of the camshaft, otherwise 2.
     """
 
     name: str
@@ -75,8 +80,10 @@ class CamSet:
     cams: Mapping[str, Cam]
     ratios: Mapping[str, float]
     lashes: Mapping[str, float]
+    phases: Mapping[str, float]
     reports: Mapping[str, LiftReport]
     speed: float | None
+    turns: float = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,8 +102,9 @@ class CamFacts:
         Amplitudes of the lift's harmonics 1 to 10, m.
     joints
         Boundaries of lift segments, with jumps.
-    events
-        Valve events at several lift thresholds, by name of the threshold; None if the valve never exceeds it.
+    events, follower_events
+        Events of the valve and of the follower at several lift thresholds, by name of the threshold; None if it never
+        exceeds it.
     profile
         Profile; None without a follower and base circle.
     findings
@@ -113,6 +121,7 @@ class CamFacts:
     harmonics: tuple[float, ...]
     joints: Sequence[Joint]
     events: Mapping[str, ValveEvent | None]
+    follower_events: Mapping[str, ValveEvent | None]
     profile: CamProfile | None
     findings: Sequence[ProfileFault]
     least_base_radius: float | None
@@ -126,16 +135,18 @@ def load_cams(path: str | Path, overrides: Sequence[str] = ()) -> CamSet:
         model = build_model(case)
         ratios = {name: valve_ratio(model, name) for name in model.cams}
         lashes = {name: largest_lash(model, name) for name in model.cams}
-        record, cams, speed = case.record, model.cams, case.speed
+        record, cams, speed, turns = case.record, model.cams, case.speed, case.turns
     else:
         record = read_cams(path, overrides)
         cams = {name: cam.part for name, cam in record.cams.items()}
         ratios, lashes, speed = dict.fromkeys(cams, 1.0), dict.fromkeys(cams, 0.0), record.speed
+        turns = 2.0
     if not cams:
         raise refuse("cams", f"none in {path.name}", "one or more tables [cams.NAME]")
     tables = {name: cam.lift_table for name, cam in record.cams.items()}
     reports = {name: table.report for name, table in tables.items() if table and table.report}
-    return CamSet(path.stem, record.title, cams, ratios, lashes, reports, speed)
+    phases = {name: cam.phase for name, cam in record.cams.items()}
+    return CamSet(path.stem, record.title, cams, ratios, lashes, phases, reports, speed, turns)
 
 
 def cam_facts(
@@ -152,7 +163,8 @@ def cam_facts(
     lift, least = event_extremes(event), _minimum_base_radius(cam, event, pressure_angle)
     return CamFacts(
         cam, lift, peaks[0], peaks[1], jerk, tuple(np.abs(harmonics(event, _HARMONICS))[1:].tolist()), met,
-        {name: valve_event(event, lift, ratio=ratio, lash=ratio * lash) for name, lift in THRESHOLDS.items()}, profile,
+        {name: valve_event(event, lift, ratio=ratio, lash=ratio * lash) for name, lift in THRESHOLDS.items()},
+        {name: valve_event(event, lift) for name, lift in THRESHOLDS.items()}, profile,
         [*_negative_lift_findings(lift), *(find_profile_faults(
             profile, pressure_angle=pressure_angle, cutter=cutter, base_helps=least is not None) if profile else ())],
         least,
@@ -222,12 +234,15 @@ class HarmonicCam:
         First natural frequency of the train that the cam contact excites, rad/s.
     limit
         Maximum number of harmonics below that frequency at the speed of the case.
+    phase
+        Phase of the cam in the case, rad, which the fitted lift contains.
     """
 
     fit: HarmonicFit
     count: int
     frequency: float
     limit: int
+    phase: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,6 +262,8 @@ class PolydyneCam:
         original cam and with this one. Infinite at resonance.
     ratio
         Ratio of output displacement to cam lift of the rigid train; 1 for a simple train. The deviations include it.
+    phase
+        Phase of the cam in the case, rad, which the design contains.
     """
 
     design: Polydyne
@@ -255,6 +272,7 @@ class PolydyneCam:
     plain: FloatArray
     compensated: FloatArray
     ratio: float
+    phase: float
 
 
 def harmonic_cam(
@@ -280,7 +298,7 @@ def harmonic_cam(
         raise refuse("count", given, "a lower speed, a stiffer train, or a number of harmonics", why, "give --count")
     number = limit if count is None else count
     fit = harmonic_fit(model.cams[name].event, number, tolerance=tolerance, bound=bound)
-    return HarmonicCam(fit, number, frequency, limit)
+    return HarmonicCam(fit, number, frequency, limit, case.record.cams[name].phase)
 
 
 def polydyne_cam(case: Case, cam: str | None, *, speed: float | None = None, count: int = 60) -> PolydyneCam:
@@ -288,22 +306,24 @@ def polydyne_cam(case: Case, cam: str | None, *, speed: float | None = None, cou
     model = build_model(case)
     name, at = _select_cam(model.cams, cam), case.speed if speed is None else speed
     ratio = valve_ratio(model, name)
-    return _evaluate_design(model.cams[name].event, _valve_transfer(model, name, at, ratio), at, ratio, count)
+    transfer, phase = _valve_transfer(model, name, at, ratio), case.record.cams[name].phase
+    return _evaluate_design(model.cams[name].event, phase, transfer, at, ratio, count)
 
 
-def design_polydyne(
-    cams: Mapping[str, Cam], cam: str | None, transfer: Transfer, speed: float, count: int
-) -> PolydyneCam:
+def design_polydyne(cams: CamSet, cam: str | None, transfer: Transfer, speed: float, count: int) -> PolydyneCam:
     """Return the cam with which a train follows the lift of a given cam, from the transfer function of the train."""
-    return _evaluate_design(cams[_select_cam(cams, cam)].event, transfer, speed, 1.0, count)
+    name = _select_cam(cams.cams, cam)
+    return _evaluate_design(cams.cams[name].event, cams.phases[name], transfer, speed, 1.0, count)
 
 
-def _evaluate_design(wanted: Event, transfer: Transfer, speed: float, ratio: float, count: int) -> PolydyneCam:
+def _evaluate_design(
+    wanted: Event, phase: float, transfer: Transfer, speed: float, ratio: float, count: int
+) -> PolydyneCam:
     design = polydyne(wanted, transfer, speed, count=count)
     plain = Polydyne(design.wanted, design.wanted, 0.0)
     speeds = speed * np.array(SPEED_RATIOS)
     before, after = (ratio * off_design_deviation(cam, transfer, speeds.tolist()) for cam in (plain, design))
-    return PolydyneCam(design, speed, speeds, before, after, ratio)
+    return PolydyneCam(design, speed, speeds, before, after, ratio, phase)
 
 
 def _valve_transfer(model: Model, cam: str, speed: float, ratio: float) -> Transfer:

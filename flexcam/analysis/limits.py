@@ -1,15 +1,18 @@
 """Speed limits of a train (loss of contact, valve bounce, coil clash, buckling) and speeds where its models diverge.
 
-A limit is a condition on a run at one speed; the lowest speed that meets it is bracketed and bisected.
+A limit is a condition on a run at one speed. The lowest speed of a series that meets it is bisected; the next ones show
+whether it lasts. The series is the same for every range.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexcam.analysis.preparation import PreparedRun, build_problem, prepare, prepare_without_periodic_search
 from flexcam.cams import event_extremes
@@ -39,18 +42,28 @@ from flexcam.valvetrain import (
     hertz_line,
     main_lift,
     seating,
-    separation,
+    separation_by_flank,
     valve_ratio,
 )
 
-_REVOLUTIONS = 3.0
+_REVOLUTIONS = 6.0
+"""Revolutions of a run. Contact is lost in some revolutions only just above a limit; the first is a transient."""
+
+_ROUNDING = 1e-6
+"""Relative tolerance of a time at the end of a revolution."""
 
 _ANGLES = np.linspace(0.0, 2.0 * math.pi, 7201)
 """Cam angles, rad, at which the contact force of the rigid train is evaluated."""
 
 
-LIMITS = ("loss_of_contact", "bounce", "coil_clash", "buckling")
+LIMITS = ("loss_of_contact", "float", "bounce", "coil_clash", "buckling")
 """Names of the limits."""
+
+SPACING = 0.05
+"""Relative distance of the examined speeds; narrower ranges of speed that meet a condition may be missed."""
+
+_LASTING_SPEEDS = 3
+"""Number of speeds above a limit at which its condition is examined again."""
 
 
 @dataclass(frozen=True)
@@ -64,23 +77,28 @@ class Search:
     tolerance
         Width of the bracket, rad/s.
     bounce_height
-        Height above the seat from which a closed valve counts as bouncing, m; None for the smaller of 0.1 mm and 2 % of
-        the lift.
-    count
-        Number of speeds evaluated before the bracket is bisected.
+        Minimum height of a bounce above the seat, m; None for the smaller of 0.1 mm and 2 % of the lift.
+    spacing
+        Relative distance of the speeds evaluated before the bracket is bisected.
     """
 
     lowest: float
     highest: float
     tolerance: float = RPM
     bounce_height: float | None = None
-    count: int = 25
+    spacing: float = SPACING
 
     def __post_init__(self) -> None:
         positive("lowest", self.lowest, "rad/s")
         positive("tolerance", self.tolerance, "rad/s")
         if not self.highest > self.lowest:
             raise refuse("highest", f"{self.highest / RPM:g} rpm", f"above {self.lowest / RPM:g} rpm")
+
+    def speeds(self) -> list[float]:
+        """Return the powers of ``1 + spacing`` that enclose the range, rad/s."""
+        step = math.log1p(self.spacing)
+        first, last = math.floor(math.log(self.lowest) / step), math.ceil(math.log(self.highest) / step)
+        return [(1.0 + self.spacing) ** k for k in range(first, last + 1)]
 
 
 @dataclass(frozen=True)
@@ -95,11 +113,15 @@ class Limit:
         Width of the bracket, rpm.
     words
         Description of the event, and in brackets the contact, seat, spring or member.
+    lasting_rpm
+        Camshaft speed from which the condition is met at all examined speeds up to 15 % above `rpm`; None if it is not
+        met at the last of them.
     """
 
     rpm: float | None
     tolerance_rpm: float
     words: str
+    lasting_rpm: float | None = None
 
 
 @dataclass(frozen=True)
@@ -129,7 +151,7 @@ class Limits(Margins):
     Parameters
     ----------
     limits
-        Limits by name: ``loss_of_contact``, ``bounce``, ``coil_clash``, ``buckling``.
+        Limits by name: ``loss_of_contact``, ``float``, ``bounce``, ``coil_clash``, ``buckling``.
     lowest_rpm, highest_rpm
         Camshaft speeds of the search range.
     """
@@ -153,10 +175,10 @@ ConditionResults = dict[str, list[str]] | str
 
 def find_limits(
     case: Case, *, lowest: float, highest: float, tolerance: float = RPM, bounce_height: float | None = None,
-    count: int = 25, advance: ProgressCallback | None = None,
+    spacing: float = SPACING, advance: ProgressCallback | None = None,
 ) -> Limits:  # fmt: skip
-    """Find the speeds of loss of contact, valve bounce, coil clash and pushrod buckling."""
-    search = Search(lowest, highest, tolerance, bounce_height, count)
+    """Find the speeds of loss of contact, float, valve bounce, coil clash and pushrod buckling."""
+    search = Search(lowest, highest, tolerance, bounce_height, spacing)
     found = search_limits(case, search, advance=advance)
     return Limits(**vars(compute_margins(case)), limits=found, lowest_rpm=lowest / RPM, highest_rpm=highest / RPM)
 
@@ -166,9 +188,7 @@ def search_limits(
     *, runs: int = 1, advance: ProgressCallback | None = None,
 ) -> dict[str, Limit]:  # fmt: skip
     """Find the speed limits of a case without its margins at rest."""
-    lowest, highest = search.lowest, search.highest
     model = _unilateral_model(case)
-    speeds = np.geomspace(lowest, highest, max(search.count, 2)).tolist()
     seen: dict[float, ConditionResults] = {}
     questions = {
         name: one for name, one in _conditions(model, search.bounce_height).items() if among is None or name in among
@@ -177,7 +197,7 @@ def search_limits(
     def ask(speed: float) -> ConditionResults:
         if speed not in seen:
             ready = prepare(case.at_speed(speed, _REVOLUTIONS), model=model)
-            response = solve(replace(ready.problem, runs=runs * len(speeds)), ready.scheme, save=ready.save)
+            response = solve(replace(ready.problem, runs=runs * len(search.speeds())), ready.scheme, save=ready.save)
             reraise_interrupt(response.status)
             if advance is not None:
                 advance(1)
@@ -187,7 +207,7 @@ def search_limits(
                 seen[speed] = f"the run at {shaft_speed(speed, case.turns)} ended: {response.status.text}"
         return seen[speed]
 
-    return {name: _bisect_limit(name, words, speeds, ask, search.tolerance) for name, (_, words) in questions.items()}
+    return {name: _bisect_limit(name, words, search, ask) for name, (_, words) in questions.items()}
 
 
 def applicable_limits(case: Case) -> tuple[str, ...]:
@@ -225,32 +245,48 @@ def _buckling_margins(case: Case) -> dict[str, float]:
     return least
 
 
-def _bisect_limit(
-    name: str, words: str, speeds: list[float], ask: Callable[[float], ConditionResults], tolerance: float
-) -> Limit:
-    """Return the lowest speed of a list that meets a condition, bisected toward the previous speed."""
+def _bisect_limit(name: str, words: str, search: Search, ask: Callable[[float], ConditionResults]) -> Limit:
+    """Return the lowest speed of the search that meets a condition, bisected toward the speed below it."""
+    width = search.tolerance / RPM
     low, parts = 0.0, list[str]()
-    for high in speeds:
+    for high in search.speeds():
         answers = ask(high)
         if isinstance(answers, str):
-            return Limit(None, tolerance / RPM, f"{words}: not known from there on; {answers}")
+            return Limit(None, width, f"{words}: not known from there on; {answers}")
         if parts := answers[name]:
             break
         low = high
     else:
-        return Limit(None, tolerance / RPM, f"{words}: not up to the highest speed looked at")
+        return Limit(None, width, f"{words}: not up to the highest speed of the search")
+    first, lasting = high, _lasting_speed(name, high, search, ask)
     if low == 0.0:
-        return Limit(high / RPM, math.inf, f"{words} ({', '.join(parts)}): already at the lowest speed looked at")
-    while high - low > tolerance:
+        words = f"{words} ({', '.join(parts)}): already at the lowest speed of the search"
+        return Limit(high / RPM, math.inf, words, lasting)
+    while high - low > search.tolerance:
         middle = 0.5 * (low + high)
         answers = ask(middle)
         if isinstance(answers, str):
-            return Limit(high / RPM, (high - low) / RPM, f"{words} ({', '.join(parts)}); {answers}")
+            return Limit(high / RPM, (high - low) / RPM, f"{words} ({', '.join(parts)}); {answers}", lasting)
         if answers[name]:
             high, parts = middle, answers[name]
         else:
             low = middle
-    return Limit(high / RPM, (high - low) / RPM, f"{words} ({', '.join(parts)})")
+    if high > search.highest:
+        return Limit(None, width, f"{words}: not up to the highest speed of the search")
+    lasting = high / RPM if lasting == first / RPM else lasting
+    return Limit(high / RPM, (high - low) / RPM, f"{words} ({', '.join(parts)})", lasting)
+
+
+def _lasting_speed(name: str, first: float, search: Search, ask: Callable[[float], ConditionResults]) -> float | None:
+    """Return the speed, rpm, from which a condition is met at the next examined speeds too; None if at no last one."""
+    lasting: float | None = first / RPM
+    number = round(math.log(first) / math.log1p(search.spacing))
+    for k in range(number + 1, number + 1 + _LASTING_SPEEDS):
+        answers = ask(speed := (1.0 + search.spacing) ** k)
+        if isinstance(answers, str):
+            break
+        lasting = (lasting or speed / RPM) if answers[name] else None
+    return lasting
 
 
 _RELATIVE_BOUNCE_HEIGHT = 0.02
@@ -259,12 +295,15 @@ _RELATIVE_BOUNCE_HEIGHT = 0.02
 
 def _conditions(model: Model, bounce_height: float | None) -> dict[str, tuple[Condition, str]]:
     """Return the conditions that apply to a model, with their descriptions."""
+    lifts = [f"{1e3 * main_lift(model, name):.3g} mm" for name in model.cams]
+    loss = f"the follower leaves its cam for over {math.degrees(OPEN):g} deg"
     found: dict[str, tuple[Condition, str]] = {
-        "loss_of_contact": (_open_contacts, "the follower leaves its cam on the lift")
+        "loss_of_contact": (_open_contacts, f"{loss} above {' or '.join(dict.fromkeys(lifts))} of lift"),
+        "float": (_floating_contacts, f"{loss} over the nose"),
     }
     if any(isinstance(one, Seat) for one in model.contacts.values()):
-        lifts = [valve_ratio(model, name) * cam.event.height for name, cam in model.cams.items()]
-        default = min(BOUNCE_HEIGHT, _RELATIVE_BOUNCE_HEIGHT * max(lifts, default=math.inf))
+        heights = [valve_ratio(model, name) * cam.event.height for name, cam in model.cams.items()]
+        default = min(BOUNCE_HEIGHT, _RELATIVE_BOUNCE_HEIGHT * max(heights, default=math.inf))
         height = default if bounce_height is None else bounce_height
         words = f"the valve leaves its seat again by more than {1e3 * height:g} mm"
         found["bounce"] = (lambda response, ready: _bouncing_seats(response, ready, height), words)
@@ -281,29 +320,49 @@ def _conditions(model: Model, bounce_height: float | None) -> dict[str, tuple[Co
 
 
 def _open_contacts(response: Response, ready: PreparedRun) -> list[str]:
-    """Return the contacts that are open on the main lift in the last revolution."""
-    last = response.latest(ready.revolution)
-    free = [name for name, one in ready.model.cam_contacts.items() if isinstance(one, CamContact) and one.unilateral]
-    return [name for name in free if separation(ready.model, response, name, last) > OPEN]
+    """Return the contacts that are open on the main lift, with the parts of the lift."""
+    found: dict[str, list[str]] = {}
+    for name, lost in _separations(response, ready):
+        if sum(lost.values()) > OPEN:
+            found.setdefault(name, []).extend(flank for flank, angle in lost.items() if angle > 0.0)
+    return [f"{name}, {' and '.join(dict.fromkeys(flanks))}" for name, flanks in found.items()]
+
+
+def _floating_contacts(response: Response, ready: PreparedRun) -> list[str]:
+    """Return the contacts that are open over the nose."""
+    return list(dict.fromkeys(name for name, lost in _separations(response, ready) if lost["nose"] > OPEN))
+
+
+def _separations(response: Response, ready: PreparedRun) -> Iterator[tuple[str, dict[str, float]]]:
+    """Yield the unilateral contacts with the cam angle of contact loss by flank, in every revolution."""
+    for revolution in _revolutions(response, ready):
+        for name, one in ready.model.cam_contacts.items():
+            if isinstance(one, CamContact) and one.unilateral:
+                yield name, separation_by_flank(ready.model, response, name, revolution)
+
+
+def _revolutions(response: Response, ready: PreparedRun) -> Iterator[NDArray[np.bool_]]:
+    """Yield the instants of every revolution but the first."""
+    passed = np.ceil(response.time / ready.revolution - _ROUNDING)
+    return (passed == k for k in range(2, int(passed[-1]) + 1))
 
 
 def _bouncing_seats(response: Response, ready: PreparedRun, height: float) -> list[str]:
     """Return the seats whose valve rises again after closing and before the next lift."""
-    last = response.latest(ready.revolution)
     found: list[str] = []
-    for name, contact in ready.model.contacts.items():
-        if isinstance(contact, Seat):
-            gap, velocity = (response.channels[f"contacts.{name}.{one}"][last] for one in ("gap", "velocity"))
-            came = seating(gap, velocity, response.angle[last])
+    for revolution, (name, contact) in product(_revolutions(response, ready), ready.model.contacts.items()):
+        if isinstance(contact, Seat) and name not in found:
+            gap, velocity = (response.channels[f"contacts.{name}.{one}"][revolution] for one in ("gap", "velocity"))
+            came = seating(gap, velocity, response.angle[revolution])
             if came.height > height if came else float(gap.max()) > height:  # or the valve never closes
                 found.append(name)
     return found
 
 
 def _parts_above(response: Response, ready: PreparedRun, end: str, least: float) -> list[str]:
-    """Return the parts with a channel of a given name above a threshold in the last revolution."""
-    last = response.latest(ready.revolution)
-    own = {name: values[last] for name, values in response.channels.items() if name.endswith(end)}
+    """Return the parts with a channel of a given name above a threshold after the first revolution."""
+    later = response.time > ready.revolution
+    own = {name: values[later] for name, values in response.channels.items() if name.endswith(end)}
     return [name.split(".")[1] for name, values in own.items() if float(values.max()) > least]
 
 

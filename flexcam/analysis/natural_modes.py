@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -10,9 +11,9 @@ from flexcam.analysis.preparation import prepare
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.core import FloatArray
-from flexcam.core.errors import refuse
-from flexcam.dynamics import State, mac
-from flexcam.valvetrain import ModelModes, build_structure, model_modes
+from flexcam.core.errors import InputError, refuse
+from flexcam.dynamics import RunFailedError, State, mac
+from flexcam.valvetrain import CamContact, ModelModes, build_structure, model_modes, modes_on_the_lift
 
 
 def modes(
@@ -54,6 +55,46 @@ def modes(
     ready = prepare(flexible.with_run({"start": prestress}))
     state = ready.problem.start or State.rest(ready.problem.system.size)
     return model_modes(build_structure(ready.model), count, loaded=state.displacement)
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedModes:
+    """Modes of a train with its contacts as in static equilibrium.
+
+    Parameters
+    ----------
+    contact
+        Contact of the cam that stands at its base circle or at its full lift.
+    base_circle, full_lift
+        Modes.
+    """
+
+    contact: str
+    base_circle: ModelModes
+    full_lift: ModelModes
+
+
+_MAX_UNKNOWNS = 1000
+"""Number of unknowns up to which the modes of every cam take seconds."""
+
+
+def closed_modes(case: Case) -> tuple[list[ClosedModes], str]:
+    """Return the modes with contacts closed for every cam; without a static equilibrium none, and the reason."""
+    model = build_model(case)
+    if (size := build_structure(model).dofs.size) > _MAX_UNKNOWNS:
+        return [], f"No modes with contacts closed: {size} unknowns, computed up to {_MAX_UNKNOWNS}"
+    contacts = [name for name, one in model.cam_contacts.items() if isinstance(one, CamContact)]
+    try:
+        return [
+            ClosedModes(
+                name,
+                modes_on_the_lift(model, name, case.speed, base_circle=True).found,
+                modes_on_the_lift(model, name, case.speed).found,
+            )
+            for name in contacts
+        ], ""
+    except (InputError, RunFailedError) as failure:
+        return [], f"No modes with contacts closed: {failure}"
 
 
 def modal_assurance(case: Case, found: ModelModes, other: Case, others: ModelModes) -> tuple[FloatArray, int]:

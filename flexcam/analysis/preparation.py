@@ -23,6 +23,8 @@ from flexcam.valvetrain import (
     build_chain,
     build_rigid,
     build_system,
+    driving_contact,
+    main_lift,
     modal_basis,
     straighten,
     train_metrics,
@@ -219,22 +221,58 @@ def scalar_probe(ready: PreparedRun) -> str:
         raise refuse("output.probes", "none", "at least one point to compare at", "", 'add probes = ["valve"]')
     ordered = sorted(probes, key=lambda probe: probe.name not in points)
     moved = _driven_probes(ready)
-    return next((moved[probe.name] for probe in ordered if probe.name in moved), _follower_component(ready, ordered[0]))
+    found = next((moved[probe.name] for probe in ordered if probe.name in moved), None)
+    return _follower_component(ready, ordered[0]) if found is None else found.component
 
 
-def _driven_probes(ready: PreparedRun) -> dict[str, str]:
-    """Return the probes moved by the rigid train, each with its component of largest motion."""
+@dataclass(frozen=True)
+class DrivenProbe:
+    """Probe that a cam moves.
+
+    Parameters
+    ----------
+    name
+        Name of the point.
+    component
+        Name of its component of largest motion.
+    sign
+        1 or -1: the sign of this motion as the cam lifts.
+    contact
+        Contact of the cam; None if it is not known.
+    """
+
+    name: str
+    component: str
+    sign: float
+    contact: str | None
+
+
+def driven_probe(ready: PreparedRun, probe: str | None = None) -> DrivenProbe | None:
+    """Return the default probe of a case, or the one with a given name, as far as a cam moves it."""
+    moved = _driven_probes(ready)
+    if probe is not None:
+        return moved.get(probe)
+    default = scalar_probe(ready)
+    return next((one for one in moved.values() if one.component == default), None)
+
+
+def _driven_probes(ready: PreparedRun) -> dict[str, DrivenProbe]:
+    """Return the probes moved by the rigid train."""
     if not ready.model.cam_contacts:
         return {}
     try:
         rigid = build_rigid(ready.model, ANY_SPEED)
     except InputError:  # no rigid train exists: the first probe is used
         return {}
-    strokes = {probe: [0.0 if one is None else float(np.ptp(one(_REVOLUTION_ANGLES, 0))) for one in probe.offset]
-               for probe in rigid.probes}  # fmt: skip
-    return {
-        probe.name: _component_name(probe, int(np.argmax(path))) for probe, path in strokes.items() if max(path) > 0.0
-    }
+    found: dict[str, DrivenProbe] = {}
+    for probe in rigid.probes:
+        paths = [np.zeros(1) if one is None else one(_REVOLUTION_ANGLES, 0) for one in probe.offset]
+        i = int(np.argmax([np.ptp(path) for path in paths]))
+        if np.ptp(paths[i]) > 0.0:
+            sign = 1.0 if paths[i].max() > -paths[i].min() else -1.0
+            contact = driving_contact(ready.model, probe.name)
+            found[probe.name] = DrivenProbe(probe.name, _component_name(probe, i), sign, contact)
+    return found
 
 
 _REVOLUTION_ANGLES = np.linspace(0.0, 2.0 * np.pi, 361)
@@ -242,15 +280,63 @@ _REVOLUTION_ANGLES = np.linspace(0.0, 2.0 * np.pi, 361)
 
 
 def _follower_component(ready: PreparedRun, probe: Probe) -> str:
-    """Return the component of a probe along the direction of the first follower, or its first one."""
-    contact = next(iter(ready.model.cam_contacts.values()), None)
+    """Return the free component of a probe along the direction of the first follower, or its first free one."""
+    model = ready.model
+    contact = next(iter(model.cam_contacts.values()), None)
     along = "" if contact is None else COMPONENTS[int(np.argmax(np.abs(contact.direction)))]
-    return _component_name(probe, probe.components.index(along) if along in probe.components else 0)
+    nodes = model.mesh.points.get(probe.name, ())
+    held = {
+        one for point, ones in model.supports.items() if np.isin(nodes, model.mesh.points[point]).any() for one in ones
+    }
+    free = [one for one in probe.components if one not in held] or list(probe.components)
+    return _component_name(probe, probe.components.index(along if along in free else free[0]))
 
 
 def _component_name(probe: Probe, component: int) -> str:
     """Return the name of a component of a probe; a scalar probe keeps its name."""
     return probe.name if len(probe.components) == 1 else f"{probe.name}.{probe.components[component]}"
+
+
+@dataclass(frozen=True)
+class RevolutionChange:
+    """Difference of the last revolution of a run from the one before.
+
+    Parameters
+    ----------
+    motion
+        Maximum difference of the default probe, relative to its range.
+    force
+        Root mean square of the difference of a contact force on the main lift of its cam, relative to the force's.
+    """
+
+    motion: float
+    force: float
+
+
+def revolution_change(ready: PreparedRun, response: Response) -> RevolutionChange | None:
+    """Return how far the last revolution of a run is from periodic; None without two revolutions."""
+    time, period = response.time, ready.revolution
+    if not len(time) or time[-1] - time[0] < (2.0 - _ROUNDING) * period - ready.problem.step:
+        return None
+    last = response.latest(period)
+
+    def difference(values: FloatArray) -> FloatArray:
+        return values[last] - np.interp(time[last] - period, time, values)
+
+    moved = response[scalar_probe(ready)].displacement if ready.model.probes else np.zeros(len(time))
+    changes = [0.0]
+    for name, contact in ready.model.cam_contacts.items():
+        if (force := response.channels.get(f"contacts.{name}.force")) is not None:
+            lift = ready.model.cams[contact.cam].event(response.angle[last])
+            lifted = lift > main_lift(ready.model, contact.cam)
+            changes.append(_ratio(np.linalg.norm(difference(force)[lifted]), np.linalg.norm(force[last][lifted])))
+    return RevolutionChange(_ratio(np.abs(difference(moved)).max(), np.ptp(moved[last])), max(changes))
+
+
+def _ratio(part: float | np.floating, whole: float | np.floating) -> float:
+    if part <= _ROUNDING * whole:
+        return 0.0
+    return float(part / whole) if whole > 0.0 else 1.0
 
 
 _ROUNDING = 1e-9

@@ -83,6 +83,7 @@ def _metadata(case: Case) -> dict[str, str]:
         "case_file": str(case.path),
         "case": case.text,
         "overrides": json.dumps(case.overrides),
+        "files": json.dumps(case.files),
         "resolved": case.record.model_dump_json(by_alias=True),
         "warnings": "\n".join(check_values(case)),
         "flexcam": _version("flexcam"),
@@ -104,14 +105,14 @@ def _version(package: str) -> str:
     return found[1].strip() if found else version(package)
 
 
-def summary_sink(ready: PreparedRun) -> RecentSink:
-    """Return a sink that keeps only the data required for a summary."""
-    return RecentSink(outline(ready.problem.system, channels=ready.save.channels), ready.revolution)
+def summary_sink(ready: PreparedRun, revolutions: float = 1.0) -> RecentSink:
+    """Return a sink that keeps only the data required for a summary: the last revolutions."""
+    return RecentSink(outline(ready.problem.system, channels=ready.save.channels), revolutions * ready.revolution)
 
 
 def estimate_case_resources(ready: PreparedRun, keep: Literal["all", "revolution"] = "all") -> ResourceEstimate:
     """Return the memory and disk space required by a run."""
-    kept = None if keep == "all" else round(ready.revolution / ready.problem.step)
+    kept = None if keep == "all" else round(2.0 * ready.revolution / ready.problem.step)
     return estimate_resources(ready.problem, ready.scheme, ready.model.mesh, ready.save, kept=kept)
 
 

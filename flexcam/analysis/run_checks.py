@@ -13,7 +13,7 @@ from typing import Self
 
 import numpy as np
 
-from flexcam.analysis.preparation import PreparedRun
+from flexcam.analysis.preparation import PreparedRun, RevolutionChange
 from flexcam.cams import Follower, profile_at, undercut
 from flexcam.case.input_checks import (
     check_coil_bind,
@@ -32,6 +32,7 @@ from flexcam.dynamics.memory import ExtremesSink
 from flexcam.valvetrain import (
     BOUNCE_HEIGHT,
     OPEN,
+    Adjuster,
     Cam,
     CamContact,
     Metric,
@@ -259,6 +260,23 @@ def check_run(ready: PreparedRun, monitor: RunMonitor, metrics: list[Metric], st
         *(_check_deflections(ready, monitor.extremes) if _has_member_dofs(ready) else ()),
         *(_check_resolution(monitor.resolution) if _has_member_dofs(ready) else ()),
     ]
+
+
+def check_transient(ready: PreparedRun, change: RevolutionChange | None) -> list[str]:
+    """Return a warning about a run with adjusters that has not reached a periodic motion."""
+    adjusters = [name for name, one in ready.model.contacts.items() if isinstance(one, Adjuster)]
+    if not adjusters or ready.case.record.run.start == "periodic":
+        return []
+    if change is not None and change.motion <= _MAX_PERIODICITY_ERROR:
+        return []
+    size = "it has one revolution" if change is None else f"its last revolutions differ by {describe_change(change)}"
+    remedy = 'run more revolutions, or take run.start = "periodic"'
+    return [f"Warning: the run is a transient of {', '.join(adjusters)}, whose oil moves slowly: {size}; {remedy}"]
+
+
+def describe_change(change: RevolutionChange) -> str:
+    """Describe the difference of the last revolution from the one before."""
+    return f"{100.0 * change.motion:.2g} % of the motion and {100.0 * change.force:.2g} % (rms) of the force of a cam"
 
 
 def _check_periodic_start(stats: Stats) -> list[str]:

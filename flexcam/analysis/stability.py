@@ -10,7 +10,7 @@ import numpy as np
 
 from flexcam.analysis.initial_state import non_integer_orders
 from flexcam.analysis.orders import highest_order, last_revolution_orders
-from flexcam.analysis.preparation import PreparedRun, prepare
+from flexcam.analysis.preparation import PreparedRun, RevolutionChange, prepare, revolution_change
 from flexcam.cams import Event, harmonics
 from flexcam.case.case import Case
 from flexcam.core import FloatArray
@@ -33,7 +33,7 @@ from flexcam.dynamics import (
     solve_periodic,
     track_progress,
 )
-from flexcam.valvetrain import modes_on_the_lift, separation
+from flexcam.valvetrain import OPEN, modes_on_the_lift, separation
 
 MAX_DOFS = 400
 """Maximum number of degrees of freedom for a linearization about the motion; larger systems use the highest mode
@@ -204,6 +204,8 @@ class Resonance:
         Frequency of the mode, Hz.
     words
         Description of the mode.
+    share
+        The amplitude of the force relative to the maximum contact force of the revolution, zero if not known.
     """
 
     contact: str
@@ -214,6 +216,7 @@ class Resonance:
     mode: int
     frequency: float
     words: str
+    share: float = 0.0
 
 
 def resonances(ready: PreparedRun, response: Response) -> tuple[Resonance, ...]:
@@ -223,11 +226,13 @@ def resonances(ready: PreparedRun, response: Response) -> tuple[Resonance, ...]:
         reached = modes_on_the_lift(ready.model, name, ready.case.speed)
         lifts = lift_harmonics(ready.model.cams[contact.cam].event, _HARMONICS)
         loads = np.nan_to_num(force_harmonics(response, name, _HARMONICS))
+        force = response.channels.get(f"contacts.{name}.force", np.zeros(0))[response.latest(ready.revolution)]
+        largest = max(float(np.abs(force).max(initial=0.0)), np.finfo(float).tiny)
         for n, amplitude in lifts.items():
             for i in reached.relevant_modes:
                 frequency, words = float(reached.found.modes.frequencies[i]), reached.found.words(i)
                 rpm, load = 60.0 * frequency / n, float(loads[n - 1])
-                met.append(Resonance(name, rpm, n, amplitude, load, i, frequency, words))
+                met.append(Resonance(name, rpm, n, amplitude, load, i, frequency, words, load / largest))
     own = ready.case.speed / RPM
     return tuple(sorted(met, key=lambda one: abs(math.log(one.rpm / own))))
 
@@ -241,8 +246,11 @@ def lift_harmonics(event: Event, count: int) -> dict[int, float]:
 _RESONANCE_WIDTH = 0.03
 """Relative distance of a harmonic from a mode that counts as resonance."""
 
-_MIN_FORCE_RATIO = 0.01
-"""Amplitude relative to the largest of the contact force from which a harmonic counts; weaker ones are listed."""
+_MIN_FORCE_RATIO = 0.05
+"""Amplitude relative to the maximum contact force from which a resonant harmonic counts; weaker ones are listed."""
+
+_MIN_CHANGE = 0.01, 0.1
+"""Differences of two revolutions, of the motion and the force, from which chatter counts."""
 
 _LISTED_SPEED_RATIO = 2.0
 """Multiple of the case's speed up to which resonances are listed individually."""
@@ -277,6 +285,8 @@ class Stability:
         Resonances in ascending distance from the case's speed.
     open_on_the_lift
         Width of the cam angle range with an open contact, or a tensile bilateral one, on the main lift, rad.
+    change
+        Difference of the last two revolutions; None if the run ended before.
     status
         Status of the run used to evaluate contacts, modes and the integrator.
     """
@@ -287,16 +297,14 @@ class Stability:
     why_not: str
     resonances: tuple[Resonance, ...]
     open_on_the_lift: float
+    change: RevolutionChange | None
     status: Status
 
     @property
     def active_resonances(self) -> tuple[Resonance, ...]:
-        """Resonances at the case's speed with harmonics present in the contact force."""
-        largest: dict[str, float] = {}
-        for one in self.resonances:
-            largest[one.contact] = max(one.load, largest.get(one.contact, 0.0))
+        """Resonances at the case's speed that change the contact force, the largest change first."""
         near = (one for one in self.resonances if abs(one.rpm / self.rpm - 1.0) <= _RESONANCE_WIDTH)
-        return tuple(one for one in near if one.load >= _MIN_FORCE_RATIO * largest[one.contact])
+        return tuple(sorted((one for one in near if one.share >= _MIN_FORCE_RATIO), key=lambda one: -one.share))
 
     @property
     def highest_listed_rpm(self) -> float:
@@ -305,8 +313,10 @@ class Stability:
 
     @property
     def within(self) -> tuple[Resonance, ...]:
-        """Resonances up to that speed, nearest to the case's speed first."""
-        return tuple(one for one in self.resonances if one.rpm <= self.highest_listed_rpm)
+        """Resonances up to that speed: those that change the force at the case's speed, then the nearest first."""
+        active = self.active_resonances
+        others = (one for one in self.resonances if one not in active and one.rpm <= self.highest_listed_rpm)
+        return (*active, *others)
 
     @property
     def higher_resonances(self) -> tuple[Resonance, ...]:
@@ -321,6 +331,13 @@ class Stability:
         return self.floquet is not None and not self.floquet.stable() and self.floquet.events > 0
 
     @property
+    def is_scattering(self) -> bool:
+        """Return whether chatter changes the motion or the force of a cam from revolution to revolution."""
+        motion, force = _MIN_CHANGE
+        change = self.change
+        return self.is_chattering and (change is None or change.motion > motion or change.force > force)
+
+    @property
     def causes(self) -> tuple[str, ...]:
         """Threats to stability at the speed, in this order.
 
@@ -333,7 +350,7 @@ class Stability:
             found.append("parametric")
         if self.active_resonances:
             found.append("resonance")
-        if self.open_on_the_lift > 0.0:
+        if self.open_on_the_lift > OPEN:
             found.append("contact loss")
         return tuple(found)
 
@@ -344,7 +361,7 @@ def assess_stability(case: Case) -> Stability:
     limited = method.stability_limit() < math.inf
     ready = prepare(case.with_average_acceleration() if limited else case)
     whole = math.ceil(ready.revolution / ready.problem.step)
-    problem = replace(ready.problem, steps=max(ready.problem.steps, whole))  # the evaluation needs whole revolutions
+    problem = replace(ready.problem, steps=max(ready.problem.steps, 2 * whole))  # two revolutions are compared
     response = solve(problem, ready.scheme, save=ready.save)
     reraise_interrupt(response.status)
     opened = 0.0
@@ -352,7 +369,7 @@ def assess_stability(case: Case) -> Stability:
         last = response.latest(ready.revolution)
         opened = max((separation(ready.model, response, name, last) for name in ready.model.cam_contacts), default=0.0)
     multipliers, why_not = None, "the follower leaves its cam, and the impacts that follow need not repeat"
-    if opened == 0.0:
+    if opened <= OPEN:
         multipliers, why_not = _floquet_multipliers(ready)
     return Stability(
         rpm=case.speed / RPM,
@@ -361,6 +378,7 @@ def assess_stability(case: Case) -> Stability:
         why_not=why_not,
         resonances=resonances(ready, response),
         open_on_the_lift=opened,
+        change=revolution_change(ready, response),
         status=response.status,
     )
 

@@ -96,6 +96,23 @@ class HarmonicLift(_SmoothLift):
         if not np.isfinite([self.mean, *self.cosine, *self.sine]).all():
             raise refuse("mean, cosine, sine", "numbers that are not finite", "finite numbers")
 
+    def delayed(self, angle: float) -> HarmonicLift:
+        """Return the same lift later by a cam angle.
+
+        Parameters
+        ----------
+        angle
+            Cam angle, rad; negative for earlier.
+
+        Returns
+        -------
+        HarmonicLift
+            Lift with the same mean and amplitudes.
+        """
+        n, amplitude = self._amplitudes
+        turned: ComplexArray = amplitude * np.exp(-1j * angle * n)
+        return HarmonicLift(self.mean, tuple(turned.real.tolist()), tuple((-turned.imag).tolist()))
+
     @cached_property
     def _amplitudes(self) -> tuple[FloatArray, ComplexArray]:
         """Orders and complex amplitudes: lift = mean + Re sum c_n exp(i n angle)."""

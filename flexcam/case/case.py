@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from flexcam.case.fault_report import KeyLocations
@@ -33,6 +33,8 @@ class Case:
         Mesh of the mesh file; None for a case with its own nodes.
     places
         Source of every key: line or override.
+    files
+        Texts of the law and lift files, by name in the case.
 
     Examples
     --------
@@ -45,6 +47,7 @@ class Case:
     record: CaseRecord
     mesh: Mesh | None
     places: KeyLocations
+    files: Mapping[str, str] = field(default_factory=dict[str, str])
 
     def __repr__(self) -> str:
         """Return title and path."""

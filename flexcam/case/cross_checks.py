@@ -13,7 +13,7 @@ import numpy as np
 
 from flexcam.case.case import Case
 from flexcam.case.fault_report import KeyLocations, Path
-from flexcam.case.schema.cams import LAW_KEYS
+from flexcam.case.schema.cams import LAW_KEYS, LIFT_TABLE_CONFLICTS
 from flexcam.case.schema.contacts import AdjusterRecord, LashRecord, PublishedLoadRecord
 from flexcam.case.schema.parts import LeverRecord
 from flexcam.core import FloatArray
@@ -139,7 +139,7 @@ class RawTables:
                     why = "the key is required without a lift_table"
                     yield self._fault(("cams", name, key), "nothing", LAW_KEYS[key], why, f"add {key!r}")
                 continue
-            for key in (*LAW_KEYS, "dwell", "return_law", "ramps", "single_dwell"):
+            for key in LIFT_TABLE_CONFLICTS:
                 if key in table and not (key == "law" and table[key] == "table"):
                     why = "the lift table defines the whole lift"
                     yield self._fault(("cams", name, key), key, "nothing", why, "remove one of them")

@@ -312,7 +312,7 @@ def check_open_contacts(model: Model, problem: Problem) -> list[str]:
         if closed[contact.cam] and float(first.channels[f"contacts.{name}.force"][0]) <= 0.0:
             why = "no spring presses the follower to its cam before it turns"
             found.append(f"Warning: contacts.{name}: {why}; give a spring an installed_force")
-    for name in seats if all(closed.values()) and not found else ():
+    for name in seats if closed and all(closed.values()) and not found else ():
         if float(first.channels[f"contacts.{name}.force"][0]) <= 0.0:
             why = "no spring presses the valve to its seat before the cams turn"
             found.append(f"Warning: contacts.{name}: {why}; check the direction and the installed_force of its spring")

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, Literal, cast
+from typing import Annotated, Any, Literal, TypeVar, cast
 
 from pydantic import (
     BaseModel,
@@ -68,6 +68,34 @@ class LiftDefinition:
         }
 
 
+@dataclass(frozen=True)
+class _Files:
+    """Files beside a case, which are read once; a result has the texts of those of its case.
+
+    Parameters
+    ----------
+    case
+        File of the case.
+    texts
+        Texts read so far, by file name in the case.
+    """
+
+    case: Path
+    texts: dict[str, str]
+
+    def read(self, name: str, where: str, read: Callable[[Path, str | None], Read]) -> Read:
+        """Read a file, or its known text, and keep the text."""
+        known = self.texts.get(name)
+        path = resolve_file(self.case, name, where) if known is None else Path(name)
+        content = read(path, known)
+        if known is None:
+            self.texts[name] = read_text(path)
+        return content
+
+
+Read = TypeVar("Read")
+
+
 class _LiftFile(BaseModel):
     """Lift table file with the units that its header lacks."""
 
@@ -81,13 +109,13 @@ class _LiftFile(BaseModel):
     )
 
 
-def _from_file_or_value(make: Callable[[object, Path], object]) -> CoreSchema:
+def _from_file_or_value(make: Callable[[object, _Files], object]) -> CoreSchema:
     """Return the schema of a value that may name a file beside the case; it is serialized as given."""
 
     def validate(value: object, info: ValidationInfo) -> object:
-        case = cast("Mapping[str, Path]", info.context or {}).get("case", Path())
+        context = cast("Mapping[str, Any]", info.context or {})
         try:
-            return make(value, case)
+            return make(value, _Files(context.get("case", Path()), context.get("texts", {})))
         except InputError as refusal:
             # A fault of the value itself has no path inside it.
             raise convert_error(refusal, inside=refusal.faults[0].where not in ("law", "lift_table")) from None
@@ -96,9 +124,9 @@ def _from_file_or_value(make: Callable[[object, Path], object]) -> CoreSchema:
     return core_schema.with_info_plain_validator_function(validate, serialization=written)
 
 
-def _parse_law_value(value: object, case: Path) -> LawDefinition:
+def _parse_law_value(value: object, files: _Files) -> LawDefinition:
     if isinstance(value, str) and value.endswith(".toml"):
-        return read_law(resolve_file(case, value, "law"))
+        return files.read(value, "law", read_law)
     if isinstance(value, (str, dict)):
         return parse_law(cast("str | dict[str, Any]", value))
     raise refuse("law", format_value(value), "the name of a law, a table { id = ..., ... } or a law file")
@@ -174,19 +202,19 @@ def _parameter_record(kind: LawKind) -> type[BaseModel]:
     return create_model("Parameters", __config__=ConfigDict(extra="forbid"), **fields)
 
 
-def read_law(path: Path) -> LawDefinition:
-    """Read a law file: TOML with a table ``[law]``."""
-    table = read_toml_table(path, "law")
+def read_law(path: Path, text: str | None = None) -> LawDefinition:
+    """Read a law file, or its known text: TOML with a table ``[law]``."""
+    table = _read_toml_table(path, "law", text)
     try:
         return parse_law(table)
     except InputError as refusal:
         raise _fault_in_file(path, "law", refusal) from None
 
 
-def read_toml_table(path: Path, name: str) -> dict[str, Any]:
+def _read_toml_table(path: Path, name: str, text: str | None) -> dict[str, Any]:
     """Return one table of a TOML file."""
     try:
-        content = parse_toml(read_text(path))
+        content = parse_toml(read_text(path) if text is None else text)
     except FileNotFoundError:
         near = suggest_name(path.name, [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else [])
         raise refuse(str(path), "no such file", f"an existing file with a table [{name}]", "", near) from None
@@ -202,22 +230,24 @@ def read_toml_table(path: Path, name: str) -> dict[str, Any]:
     return cast("dict[str, Any]", table)
 
 
-def _parse_lift_value(value: object, case: Path) -> LiftDefinition:
+def _parse_lift_value(value: object, files: _Files) -> LiftDefinition:
     table = {"file": value} if isinstance(value, str) else value
     record = _LiftFile(**_validate(_LiftFile, table, "a file name, or a table of", "lift_table"))
-    path = resolve_file(case, record.file, "lift_table")
-    if path.suffix == ".toml":
+    if Path(record.file).suffix == ".toml":
         if beside := [key for key in ("angle", "unit", "tolerance") if getattr(record, key) is not None]:
             raise refuse(beside[0], str(getattr(record, beside[0])), "nothing beside a file of harmonics", "it is in m")
-        return LiftDefinition(cast("str | dict[str, Any]", value), read_harmonic_lift(path), None)
-    columns = read_lift(path, angle=record.angle, unit=record.unit)
+        event = files.read(record.file, "lift_table", read_harmonic_lift)
+        return LiftDefinition(cast("str | dict[str, Any]", value), event, None)
+    columns = files.read(
+        record.file, "lift_table", lambda path, text: read_lift(path, angle=record.angle, unit=record.unit, text=text)
+    )
     try:
         event, report = lift_table(columns.angle, columns.lift, tolerance=record.tolerance)
     except InputError as refusal:
         fault = refusal.faults[0]
         also = [f"also {_place_with_line(one.where, columns.lines)}: {one.given}" for one in refusal.faults[1:]]
         why = "; ".join(part for part in (fault.why, *also) if part)
-        where = f"{path.name}: {_place_with_line(fault.where, columns.lines)}"
+        where = f"{Path(record.file).name}: {_place_with_line(fault.where, columns.lines)}"
         raise refuse(where, fault.given, fault.allowed, why, fault.remedy) from None
     return LiftDefinition(cast("str | dict[str, Any]", value), event, report)
 
@@ -227,9 +257,9 @@ def _place_with_line(where: str, lines: Sequence[int]) -> str:
     return re.sub(r"\brow (\d+)", lambda found: f"line {lines[int(found[1]) - 1]}", where)
 
 
-def read_harmonic_lift(path: Path) -> HarmonicLift:
-    """Read a harmonic lift: TOML with a table ``[lift]`` of ``mean``, ``cosine`` and ``sine``."""
-    table = read_toml_table(path, "lift")
+def read_harmonic_lift(path: Path, text: str | None = None) -> HarmonicLift:
+    """Read a harmonic lift, or its known text: TOML with a table ``[lift]`` of ``mean``, ``cosine`` and ``sine``."""
+    table = _read_toml_table(path, "lift", text)
     try:
         lift = HarmonicLift(**_validate(_parameter_record(HarmonicLift), table, "a number or list in m", "lift"))
         positive("lift", lift.height, "m")

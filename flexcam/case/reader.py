@@ -16,8 +16,9 @@ from flexcam.case.case import Case
 from flexcam.case.cross_checks import RawTables
 from flexcam.case.fault_report import KeyLocations, convert_errors, parse_toml, sort_faults
 from flexcam.case.fault_report import Path as KeyPath
-from flexcam.case.records import CamsRecord, CaseRecord, SweepFileRecord, SweepRecord
+from flexcam.case.records import CamsRecord, CaseRecord, SweepFileRecord, SweepRecord, resolve_record, si_unit
 from flexcam.case.schema.base import Record
+from flexcam.case.schema.cams import LIFT_TABLE_CONFLICTS
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name, system_message
 from flexcam.fem.mesh import Mesh
 from flexcam.io import Result, read_mesh, read_text, resolve_file
@@ -54,25 +55,33 @@ def case_from_result(result: Result) -> Case:
     """Return the case of a result, from the texts stored in it and on its mesh."""
     about = result.about
     source, text = Path(about["case_file"]), about["case"]
-    case = CaseFile(source, text, _parse_case(source, text)).read(json.loads(about["overrides"]), mesh=result.mesh)
+    file = CaseFile(source, text, _parse_case(source, text), files=json.loads(about.get("files", "{}")))
+    case = file.read(json.loads(about["overrides"]), mesh=result.mesh)
     members = {name: one.model_copy(update={"elements": 1}) for name, one in case.record.members.items()}
     return replace(case, record=case.record.model_copy(update={"members": members}), mesh=result.mesh)
 
 
 @dataclass(frozen=True, eq=False)
 class CaseFile:
-    """Case file in memory, for reading many variants: text and meshes are read from disk once."""
+    """Case file in memory, for reading many variants: it and the files beside it are read from disk once."""
 
     path: Path  #: path of the file
     text: str  #: text of the file
     raw: Mapping[str, Any]  #: raw tables, not yet checked
     meshes: dict[str, Mesh] = field(default_factory=dict[str, Mesh])  #: meshes read so far, by their name in the case
+    files: dict[str, str] = field(default_factory=dict[str, str])  #: texts of law and lift files, by name
 
     @classmethod
     def open(cls, path: str | Path) -> CaseFile:
         """Open a case file."""
         source = Path(path)
         return cls(source, *_read_tables(source))
+
+    @classmethod
+    def of(cls, case: Case) -> CaseFile:
+        """Return the file of a case as it was read."""
+        meshes = {} if case.mesh is None else {str(case.record.mesh): case.mesh}
+        return cls(case.path, case.text, _parse_case(case.path, case.text), meshes, dict(case.files))
 
     def read(self, overrides: Sequence[str] = (), *, mesh: Mesh | None = None) -> Case:
         """Return the checked case with overrides."""
@@ -81,13 +90,13 @@ class CaseFile:
         if mesh is None or "mesh" not in raw:
             mesh, mesh_faults = self._mesh(raw, places)
             found += mesh_faults
-        record, record_faults = _record(CaseRecord, raw, places, self.path)
+        record, record_faults = _record(CaseRecord, raw, places, self.path, self.files)
         tables = RawTables(raw, mesh, places)
         found += [*record_faults, *tables.reference_faults(), *tables.exclusive_key_faults()]
         found += tables.coincident_node_faults()
         if found or record is None:
             raise InputError(sort_faults(found))
-        return with_spring_parts(Case(self.path, self.text, tuple(overrides), record, mesh, places))
+        return with_spring_parts(Case(self.path, self.text, tuple(overrides), record, mesh, places, self.files))
 
     @property
     def sweep(self) -> SweepRecord | None:
@@ -114,15 +123,55 @@ class CaseFile:
         return self.meshes.setdefault(name, mesh), []
 
 
+def case_tables(case: Case) -> dict[str, Any]:
+    """Return the tables of a case as written, with its overrides."""
+    raw = _parse_case(case.path, case.text)
+    _apply_overrides(raw, case.text, case.overrides)
+    return raw
+
+
+def complete_case_tables(case: Case) -> dict[str, Any]:
+    """Return the tables of a case as written, with its overrides and all defaults, which have SI units."""
+    defaults = resolve_record(case.record)
+    for cam in defaults["cams"].values():
+        for key in LIFT_TABLE_CONFLICTS if "lift_table" in cam else ():
+            cam.pop(key, None)
+    return _add_defaults(case_tables(case), defaults, ())
+
+
+def _add_defaults(given: Mapping[str, Any], defaults: Mapping[str, Any], path: tuple[str, ...]) -> dict[str, Any]:
+    """Return a table with the defaults of the keys that are not given."""
+    found = dict(given)
+    for key, value in defaults.items():
+        own: object = found.get(key, {})
+        inner = (*path, key)
+        if isinstance(value, dict) and isinstance(own, dict) and not (key == "law" and own):
+            table = _add_defaults(cast("dict[str, Any]", own), cast("dict[str, Any]", value), inner)
+            found |= {key: table} if table else {}
+        elif key not in found:
+            found[key] = _with_unit(cast("object", value), si_unit(inner))
+    return {key: found[key] for key in dict.fromkeys([*defaults, *given]) if key in found}
+
+
+def _with_unit(value: object, unit: str | None) -> object:
+    if isinstance(value, list):
+        return [_with_unit(one, unit) for one in cast("list[object]", value)]
+    return f"{value!r} {unit}" if isinstance(value, float) and unit else value
+
+
 AnyRecord = TypeVar("AnyRecord", bound=Record)
 
 
 def _record(
-    kind: type[AnyRecord], raw: Mapping[str, Any], places: KeyLocations, case: Path
+    kind: type[AnyRecord],
+    raw: Mapping[str, Any],
+    places: KeyLocations,
+    case: Path,
+    files: dict[str, str] | None = None,
 ) -> tuple[AnyRecord | None, list[Fault]]:
-    """Return the checked record; relative file names refer to the folder of the case."""
+    """Return the checked record; relative file names refer to the folder of the case, whose texts join `files`."""
     try:
-        return kind.model_validate(raw, context={"case": case}), []
+        return kind.model_validate(raw, context={"case": case, "texts": {} if files is None else files}), []
     except ValidationError as refusal:
         return None, convert_errors(refusal.errors(include_url=False), places, kind)
 

@@ -230,6 +230,7 @@ AllowLarge = Annotated[
 ]
 Lowest = Annotated[str | None, Parameter("--lowest", help="Lowest speed, such as 1000rpm; half the case's by default.")]
 Highest = Annotated[str | None, Parameter("--highest", help="Highest speed; 1.5 times the case's by default.")]
+Accuracy = Annotated[str, Parameter("--accuracy", help="Accuracy of the speeds of limits.")]
 Count = Annotated[int, Parameter("--count", help="Number of speeds, evenly spaced.")]
 
 
@@ -331,11 +332,11 @@ def speed_range(
     return low, high
 
 
-def parse_speed_tolerance(option: str, text: str, scale: float) -> float:
-    """Return the tolerance of a speed search, of the camshaft in rad/s."""
-    width = parse_quantity(option, text, "speed", "rpm") / scale
+def parse_accuracy(text: str, scale: float) -> float:
+    """Return the accuracy of a speed search, of the camshaft in rad/s."""
+    width = parse_quantity("--accuracy", text, "speed", "rpm") / scale
     if not width > 0.0:
-        raise refuse(option, text, "a speed above zero", "the search halves the interval until it is this narrow")
+        raise refuse("--accuracy", text, "a speed above zero", "the search halves the interval until it is this narrow")
     return width
 
 

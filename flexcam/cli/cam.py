@@ -12,7 +12,7 @@ import numpy as np
 from cyclopts import Group, Parameter
 from rich.table import Table
 
-from flexcam.analysis.cam_analysis import CamFacts, cam_facts, load_cams, profile_table, valve_overlaps
+from flexcam.analysis.cam_analysis import CamFacts, CamSet, cam_facts, load_cams, profile_table, valve_overlaps
 from flexcam.cams import (
     PRESSURE_ANGLE,
     THRESHOLDS,
@@ -65,6 +65,7 @@ def cam_json(found: CamFacts, report: LiftReport | None) -> dict[str, object]:
         "acceleration": found.acceleration, "jerk": found.jerk, "harmonics": list(found.harmonics),
         "joints": [_joint_json(one) for one in found.joints],
         "valve_events": {name: _event_json(one) for name, one in found.events.items()},
+        "follower_events": {name: _event_json(one) for name, one in found.follower_events.items()},
         "profile": _profile_json(found),
         "findings": [asdict(one) for one in found.findings],
         "smoothing": None if report is None else asdict(report),
@@ -94,8 +95,13 @@ def _profile_json(found: CamFacts) -> dict[str, object] | None:
     }  # fmt: skip
 
 
-def cam_table(name: str, found: CamFacts, speed: float | None, ratio: float, lash: float) -> Table:
+def cam_table(name: str, found: CamFacts, cams: CamSet) -> Table:
     """Return the table of the facts about a cam."""
+    speed, ratio, lash = cams.speed, cams.ratios[name], cams.lashes[name]
+    part = "valve open" if cams.turns == 2.0 else "output"  # of a machine
+    events = [(part, found.events, ratio, lash)]
+    if ratio != 1.0 or lash:
+        events.insert(0, ("follower", found.follower_events, 1.0, 0.0))
     rows = [
         ("lift", _lift(found, ratio)),
         ("max velocity", _at_speed(found.velocity, "mm/rad", "m/s", 1, speed)),
@@ -103,8 +109,8 @@ def cam_table(name: str, found: CamFacts, speed: float | None, ratio: float, las
         ("max jerk", _jerk(found.jerk)),
         ("harmonics 1 to 10", ", ".join(format_mm(one, 3) for one in found.harmonics) + " mm"),
         *([("lash at the follower", f"{format_mm(lash)} mm")] if lash else []),
-        *((f"valve open above {lift}", _event(event, ratio * (found.lift[0].value - lash) > THRESHOLDS[lift]))
-          for lift, event in found.events.items()),
+        *((f"{part} above {lift}", _event(event, factor * (found.lift[0].value - gap) > THRESHOLDS[lift], cams.turns))
+          for part, its, factor, gap in events for lift, event in its.items()),
         *_joints(found.joints),
         *_profile(found, speed),
         *(("warning", _finding(one)) for one in found.findings),
@@ -127,11 +133,13 @@ def _at_speed(value: float, unit: str, at_speed: str, order: int, speed: float |
     return text if speed is None else f"{text}, {value * speed**order:.5g} {at_speed} at camshaft {speed / RPM:.6g} rpm"
 
 
-def _event(event: ValveEvent | None, always: bool) -> str:
+def _event(event: ValveEvent | None, always: bool, turns: float) -> str:
+    """Return an event in degrees of the shaft whose speed the case gives."""
     if event is None:
         return "always" if always else "never"
-    opens, closes, span = (math.degrees(x) for x in (event.opens, event.closes, event.duration))
-    return f"crank {opens:.2f} to {closes:.2f} deg, duration {span:.2f} deg"
+    opens, closes, span = (0.5 * turns * math.degrees(x) for x in (event.opens, event.closes, event.duration))
+    shaft = "crank" if turns == 2.0 else "cam"
+    return f"{shaft} {opens:.2f} to {closes:.2f} deg, duration {span:.2f} deg"
 
 
 def _joints(joints: Sequence[Joint]) -> list[tuple[str, str]]:
@@ -297,24 +305,18 @@ def cam(
         "--plot": plot, "--plot-format": plot_format, "--set": overrides,
     }  # fmt: skip
     of_profile = {"--follower": follower, "--base-radius": base_radius, "--unit": unit, "--clockwise": clockwise}
+    _check_source(of_case, of_profile, profile)
     if profile is not None:
-        for option, given in of_case.items():
-            if given is not None:
-                allowed, why = "nothing with --from-profile", "it belongs to the cams of a case file"
-                raise refuse(option, describe_option(given), allowed, why, "leave it out")
         _print_lift(
             profile, follower, base_radius, unit, clockwise, points, output, overwrite=overwrite, as_json=as_json
         )
         return
-    for option, given in of_profile.items():
-        refuse_without(option, given, "--from-profile", present=False)
     if case is None:
         raise refuse("cam", "nothing", "a case file, a file of cams, or --from-profile FILE")
     refuse_without("--format", forms, "-o", present=output is not None)
     refuse_without("--plot-format", plot_format, "--plot", present=plot is not None)
     if output is not None:
         check_folder_name(output)
-    kind = plot_format or "svg"
     cams = load_cams(case, overrides or ())
     warn_ignored_keys(overrides)
     if name is not None and name not in cams.cams:
@@ -332,17 +334,42 @@ def cam(
     if plot is not None and plot.suffix in (".svg", ".png", ".pdf"):
         remedy = f"name a folder; --plot-format {plot.suffix[1:]} selects the format"
         raise refuse("--plot", str(plot), "a folder", "a cam has several figures", remedy)
+    stems = {f"{cams.name}-{one}": facts for one, facts in found.items()}
+    files = _write_cam_files(stems, plot, plot_format or "svg", output, forms, wheel, overwrite=overwrite)
+    _print_cams(cams, found, files, as_json=as_json)
+
+
+def _check_source(of_case: Mapping[str, object], of_profile: Mapping[str, object], profile: Path | None) -> None:
+    """Raise an error for options of a case with a profile, and the reverse."""
+    for option, given in of_case.items() if profile is not None else ():
+        if given is not None:
+            allowed, why = "nothing with --from-profile", "it belongs to the cams of a case file"
+            raise refuse(option, describe_option(given), allowed, why, "leave it out")
+    for option, given in of_profile.items() if profile is None else ():
+        refuse_without(option, given, "--from-profile", present=False)
+
+
+def _write_cam_files(
+    found: Mapping[str, CamFacts], plot: Path | None, form: str, folder: Path | None,
+    forms: Sequence[Literal["csv", "dxf", "vtp"]] | None, cutter: float | None, *, overwrite: bool,
+) -> list[Path]:  # fmt: skip
+    """Write the profiles and figures of cams, by the beginning of their file names."""
+    figures = [path for stem in found if plot is not None for path in _figure_paths(plot / stem, form).values()]
+    for path in figures:  # before files are written
+        check_writable("picture", path, overwrite=overwrite)
     files: list[Path] = []
-    for one in found:  # before files are written
-        for path in _figure_paths(plot / f"{cams.name}-{one}", kind).values() if plot is not None else ():
-            check_writable("picture", path, overwrite=overwrite)
-    for one, facts in found.items():
-        if output is not None and facts.profile is not None:
-            stem = create_folder(output) / f"{cams.name}-{one}"
-            table = profile_table(facts.profile, wheel)
-            files += write_profile(table, stem, forms or ["csv", "dxf", "vtp"], overwrite=overwrite)
+    for stem, facts in found.items():
+        if folder is not None and facts.profile is not None:
+            table = profile_table(facts.profile, cutter)
+            files += write_profile(
+                table, create_folder(folder) / stem, forms or ["csv", "dxf", "vtp"], overwrite=overwrite
+            )
         if plot is not None:
-            files += _save_figures(create_folder(plot) / f"{cams.name}-{one}", kind, facts, overwrite=overwrite)
+            files += _save_figures(create_folder(plot) / stem, form, facts, overwrite=overwrite)
+    return files
+
+
+def _print_cams(cams: CamSet, found: Mapping[str, CamFacts], files: Sequence[Path], *, as_json: bool) -> None:
     pairs = valve_overlaps(found)
     if as_json:
         print_json({
@@ -353,7 +380,7 @@ def cam(
         })  # fmt: skip
         return
     for one, facts in found.items():
-        result_console().print(cam_table(one, facts, cams.speed, cams.ratios[one], cams.lashes[one]))
+        result_console().print(cam_table(one, facts, cams))
         result_console().print()
         if one in cams.reports:
             result_console().print(smoothing_table(one, cams.reports[one]))
@@ -416,5 +443,11 @@ def _print_lift(
         })  # fmt: skip
         return
     result_console().print(lift_from_profile_table(profile.name, len(xy), angle, lift, bridge))
+    print_lift_files(files, "and phase")
+
+
+def print_lift_files(files: Sequence[Path], phase: str) -> None:
+    """Print the names of lift files, and the keys of a case that they replace."""
     for path in files:
-        result_console().print(f'{path}  (in a case: lift_table = "{path.name}" instead of law, lift, rise and return)')
+        keys = f'lift_table = "{path.name}" instead of law, lift, rise, dwell, return, ramps {phase}'
+        result_console().print(f"{path}  (in a case: {keys})")

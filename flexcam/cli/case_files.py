@@ -11,11 +11,13 @@ from flexcam.analysis.natural_modes import modes
 from flexcam.analysis.preparation import prepare_without_periodic_search
 from flexcam.analysis.run import estimate_case_resources
 from flexcam.analysis.run_checks import check_input, check_modes
+from flexcam.case.reader import complete_case_tables
 from flexcam.case.records import CaseRecord
 from flexcam.case.starters import new_case, templates
 from flexcam.cli.app import CaseFile, Json, Overrides, Overwrite, app, load_case, print_files
 from flexcam.dynamics import integrated_size
-from flexcam.report.tables import describe_inactive, model_table, resolved_toml
+from flexcam.io import format_toml
+from flexcam.report.tables import describe_inactive, model_table
 from flexcam.report.terminal import plain_table, print_json, result_console
 from flexcam.valvetrain import member_masses
 
@@ -65,7 +67,7 @@ flexcam check case.toml --echo
 def check(
     case: CaseFile, *,
     echo: Annotated[
-        bool, Parameter("--echo", negative=(), help="Also print the case in SI with all default values.")
+        bool, Parameter("--echo", negative=(), help="Also print the case as TOML with all default values.")
     ] = False,
     overrides: Overrides = None, as_json: Json = False,
 ) -> None:  # fmt: skip
@@ -102,7 +104,8 @@ def check(
     for sentence in warnings:
         result_console().print("\n" + sentence)
     if echo:
-        result_console().print("\n# the case with all default values, SI\n" + resolved_toml(ready.case))
+        text = format_toml(complete_case_tables(read))
+        result_console().print("\n# the case with all default values\n" + text, soft_wrap=True)
     else:
         result_console().print("\n--echo prints the case with all default values.")
 

@@ -155,7 +155,10 @@ def _compare_pair(case: Path, against: str, probe: str | None, overrides: Overri
         read = load_case(case, overrides)
         one, at = _require_complete(run_case(read)), probe or scalar_probe(prepare(read))
     other = _second_response(against, read, overrides)
-    found = compare_responses(one, other, at, _speed_rpm(one), (case.stem, Path(against).stem))
+    second = Path(against)
+    pairs = (case.stem, second.stem), (case.name, second.name), (str(case), against)
+    names = next((pair for pair in pairs if pair[0] != pair[1]), pairs[0])
+    found = compare_responses(one, other, at, _speed_rpm(one), names)
     if as_json:
         print_json({**comparison_json(found), "compared": list(found.names)})
         return found.status

@@ -31,6 +31,7 @@ from flexcam.report.terminal import StudyOutput, finite_or_none, format_csv, for
 from flexcam.studies.evaluators import PointEvaluator, Variable, open_evaluator, variables_of
 from flexcam.studies.fitting import Fit, fit_curves
 from flexcam.studies.measurement import Measurement, evaluate_curves, read_measurement
+from flexcam.studies.plan import make_bundle
 from flexcam.studies.sweep import check_case_resources
 
 if TYPE_CHECKING:
@@ -74,7 +75,10 @@ def fit(
         check_case_resources(given, together=workers)
     variables, measured = variables_of(given, vary, "--vary"), read_measurement(to, given, column or (), noise or ())
     evaluate = partial(evaluate_curves, fixed=fixed, measured=measured)
-    with show_count(None, "runs") as shown, open_evaluator(file, evaluate, workers=workers, advance=shown) as runs:
+    with (
+        show_count(None, "runs") as shown,
+        open_evaluator(make_bundle(file, None, fixed), evaluate, workers=workers, advance=shown) as runs,
+    ):
         points = PointEvaluator(given, variables, runs)
         found = fit_curves(points, measured, steps=steps)
     best, title = (*fixed, *points.overrides(found.values)), f"{file.path.name}, fitted to {to.name}:"

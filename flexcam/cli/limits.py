@@ -12,6 +12,7 @@ from cyclopts import Group, Parameter
 from flexcam.analysis.limits import Search, find_limits
 from flexcam.case.reader import CaseFile as OpenCase
 from flexcam.cli.app import (
+    Accuracy,
     CaseFile,
     Csv,
     Json,
@@ -21,8 +22,8 @@ from flexcam.cli.app import (
     app,
     check_targets,
     load_beams,
+    parse_accuracy,
     parse_quantity,
-    parse_speed_tolerance,
     speed_range,
     write_answer,
 )
@@ -53,7 +54,7 @@ _MAP = Group("Map over two values", sort_key=1)
 @app.command(
     help_prologue="""\
 flexcam limits cases/pushrod-engine/intake.toml
-flexcam limits case.toml --lowest 2000rpm --highest 9000rpm --tolerance 5rpm --json
+flexcam limits case.toml --lowest 2000rpm --highest 9000rpm --accuracy 5rpm --json
 flexcam limits case.toml --over springs.valve.stiffness=40:70:5kN/m --and masses.valve.mass=80:110:10g --plot map.svg
 """
 )
@@ -61,7 +62,7 @@ def limits(
     case: CaseFile, *,
     lowest: Annotated[str | None, Parameter(help="Lowest speed of the search; half the case's by default.")] = None,
     highest: Annotated[str | None, Parameter(help="Highest speed of the search; twice the case's by default.")] = None,
-    tolerance: Annotated[str, Parameter(help="Accuracy of the speeds found.")] = "10 rpm",
+    accuracy: Accuracy = "10 rpm",
     bounce_height: Annotated[
         str | None, Parameter(help="Min height of a bounce; 0.1 mm by default, 2 % of a small lift.")
     ] = None,
@@ -70,7 +71,7 @@ def limits(
     ] = None,
     beside: Annotated[str | None, Parameter("--and", group=_MAP, help="Second value: KEY=SPEC.")] = None,
     which: Annotated[
-        list[Literal["loss_of_contact", "bounce", "coil_clash", "buckling"]] | None,
+        list[Literal["loss_of_contact", "float", "bounce", "coil_clash", "buckling"]] | None,
         Parameter(
             "--limit", negative=(), group=_MAP, help="Limit of the map; loss_of_contact by default. Repeatable."
         ),
@@ -82,7 +83,7 @@ def limits(
     plot: Annotated[Picture, Parameter(group=_MAP)] = None,
     overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
 ) -> Status:  # fmt: skip
-    """Find the speed limits of a valve train: contact loss, valve bounce, coil clash, buckling.
+    """Find the speed limits of a valve train: contact loss, float, valve bounce, coil clash, buckling.
 
     It runs the case at many speeds between --lowest and --highest. With --over and --and it maps the limits over two
     values of the case. Speeds are those of the crankshaft if the case gives crank_speed, otherwise those of the
@@ -91,7 +92,7 @@ def limits(
     read = load_beams(case, overrides)
     scale = read.turns
     low, high = speed_range(lowest, highest, 2, read.speed, scale, most=2.0)
-    width = parse_speed_tolerance("--tolerance", tolerance, scale)
+    width = parse_accuracy(accuracy, scale)
     height = None if bounce_height is None else parse_quantity("--bounce-height", bounce_height, "length", "mm")
     if height is not None:
         positive("--bounce-height", height, "m", zero=True)
@@ -129,7 +130,7 @@ def _map_limits(
     asked = [f"limits.{name}" for name in names]
     with (
         show_count(len(plan), "variants") as shown,
-        create_evaluator(file, (), asked, search, workers=workers, runs=len(plan), advance=shown) as runs,
+        create_evaluator(file, (), asked, search, plan=plan, workers=workers, runs=len(plan), advance=shown) as runs,
     ):
         kept = InterruptibleRuns(runs)
         found = limit_map(plan, names, kept).with_units(case)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from itertools import chain, zip_longest
 from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
+from rich.table import Table
 
-from flexcam.analysis.natural_modes import modal_assurance
+from flexcam.analysis.natural_modes import ClosedModes, closed_modes, modal_assurance
 from flexcam.analysis.natural_modes import modes as case_modes
 from flexcam.analysis.run import output_geometry
 from flexcam.analysis.run_checks import check_modes
@@ -17,7 +19,32 @@ from flexcam.cli.app import CaseFile, Json, Overrides, Overwrite, app, check_pos
 from flexcam.core.errors import collect_errors
 from flexcam.io import check_folder_name, create_folder, write_modes
 from flexcam.report.tables import describe_mac, mac_table, mode_table
-from flexcam.report.terminal import print_json, result_console
+from flexcam.report.terminal import plain_table, print_json, result_console
+from flexcam.valvetrain import ModelModes
+
+
+def _elastic(found: ModelModes, count: int) -> list[int]:
+    """Return the lowest elastic modes."""
+    return list(range(len(found.modes.frequencies)))[found.modes.rigid :][:count]
+
+
+def closed_mode_table(found: ClosedModes, count: int) -> Table:
+    """Return the table of modes with contacts closed."""
+    made = plain_table(f"Modes with closed contacts, cam of contact {found.contact}", ("no.",), ())
+    columns = {"on the base circle": found.base_circle, "at full lift": found.full_lift}
+    cells: list[list[tuple[str, str]]] = []
+    for place, modes in columns.items():
+        made.add_column(f"Hz {place}", justify="right")
+        made.add_column("what moves", justify="left")
+        cells.append([(f"{modes.modes.frequencies[i]:.2f}", modes.words(i)) for i in _elastic(modes, count)])
+    for number, row in enumerate(zip_longest(*cells, fillvalue=("", "")), start=1):
+        made.add_row(str(number), *chain.from_iterable(row))
+    return made
+
+
+def _closed_json(found: ClosedModes, count: int) -> dict[str, list[float]]:
+    pairs = {"base_circle_hz": found.base_circle, "full_lift_hz": found.full_lift}
+    return {key: [float(modes.modes.frequencies[i]) for i in _elastic(modes, count)] for key, modes in pairs.items()}
 
 
 @app.command(
@@ -43,7 +70,11 @@ def modes(
     ] = None,
     overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
 ) -> None:  # fmt: skip
-    """Compute natural frequencies and mode shapes, and name the parts that move in each mode."""
+    """Compute natural frequencies and mode shapes, and name the parts that move in each mode.
+
+    It prints the modes with all contacts open, and for each cam those with the contacts closed on the base circle and
+    at full lift.
+    """
     read = collect_errors(
         lambda: load_case(case, overrides),
         lambda: check_positive("--count", count),
@@ -59,6 +90,7 @@ def modes(
         path = create_folder(folder) / f"{read.name}-modes.vtkhdf"
         drawn = output_geometry(build_model(read))
         files = write_modes(path, drawn, found.modes.frequencies, found.modes.shapes, overwrite=overwrite)
+    closed, missing = closed_modes(read)
     if as_json:
         print_json({
             "status": "ok", "title": read.record.title,
@@ -67,11 +99,15 @@ def modes(
             "rounding": found.modes.rounding.tolist(), "warnings": check_modes(found),
             "moves": [found.words(i) for i in range(len(found.shares))],
             "mac": None if criterion is None else criterion.tolist(), "mac_nodes": compared,
+            "closed": {one.contact: _closed_json(one, count) for one in closed},
             "files": [str(path) for path in files],
         })  # fmt: skip
         return
-    result_console().print(mode_table(found, read.title))
-    for sentence in check_modes(found):
+    result_console().print(mode_table(found, f"{read.title}: modes, contacts open", read.turns))
+    for one in closed:
+        result_console().print("")
+        result_console().print(closed_mode_table(one, count))
+    for sentence in (*check_modes(found), *filter(None, [missing])):
         result_console().print("\n" + sentence)
     if criterion is not None:
         result_console().print()

@@ -26,8 +26,9 @@ from flexcam.cli.app import (
     check_figure_path,
     write_answer,
 )
-from flexcam.cli.sensitivity import Highest, Lowest, StudyOptions, Within, WorkerCount
+from flexcam.cli.sensitivity import Highest, LimitAccuracy, Lowest, StudyOptions, WorkerCount
 from flexcam.core.errors import refuse
+from flexcam.core.units import to_display_unit
 from flexcam.dynamics import Cause, RunFailedError, Status
 from flexcam.io import check_writable, write_text
 from flexcam.report.terminal import (
@@ -39,7 +40,7 @@ from flexcam.report.terminal import (
     format_number,
     plain_table,
 )
-from flexcam.studies.evaluators import PointEvaluator, resolved_case_text, variables_of
+from flexcam.studies.evaluators import PointEvaluator, case_text, variables_of
 from flexcam.studies.optimization import (
     Evaluations,
     Goal,
@@ -77,7 +78,7 @@ def check_outputs(target: Path | None, csv: Path | None, plot: Path | None, read
 def write_variant(file: OpenCase, overrides: Sequence[str], target: Path, title: str, *, overwrite: bool) -> list[Path]:
     """Write a variant of a case as a case file, and return its path."""
     head = (title, *(f"  --set {one}" for one in overrides))
-    write_text(target, resolved_case_text(file.read(overrides), target, head), overwrite=overwrite)
+    write_text(target, case_text(file.read(overrides), target, head), overwrite=overwrite)
     return [target]
 
 
@@ -101,7 +102,7 @@ def optimize(
     ] = None,
     evaluations: Annotated[int, Parameter(help="Approximate number of variants to run.")] = 200,
     seed: Annotated[int, Parameter(help="Random seed; the same seed gives the same search.")] = 0,
-    workers: WorkerCount = 1, lowest: Lowest = None, highest: Highest = None, within: Within = "10 rpm",
+    workers: WorkerCount = 1, lowest: Lowest = None, highest: Highest = None, accuracy: LimitAccuracy = "10 rpm",
     target: NewCase = None, csv: Csv = None, plot: Picture = None,
     overrides: Overrides = None, allow_large: AllowLarge = False, overwrite: Overwrite = False, as_json: Json = False,
 ) -> Status:  # fmt: skip
@@ -117,7 +118,7 @@ def optimize(
     names = [*(goal.name for goal in goals), *(bound.name for bound in bounds)]
     options = "--least, --most or --subject"
     asked = StudyOptions(
-        case, overrides, names, lowest, highest, within, option=options, workers=workers, allow_large=allow_large
+        case, overrides, names, lowest, highest, accuracy, option=options, workers=workers, allow_large=allow_large
     )
     variables = variables_of(asked.case, vary, "--vary")
     with suppress(RunFailedError):  # a case that fails may have better variants
@@ -215,10 +216,10 @@ def _key(key: str, unit: str) -> str:
 
 
 def _value(found: Evaluations, at: int, name: str) -> str:
-    """Return a value of a variant with its unit."""
+    """Return a value of a variant in the unit engineers use, such as deg and mm."""
     row = found.rows[at]
-    unit = row.units.get(name, "")
-    return f"{format_number(row_value(row, name))} {'' if unit == '1' else unit}".strip()
+    factor, unit = to_display_unit(row.units.get(name, ""))
+    return f"{format_number(factor * row_value(row, name))} {unit}".strip()
 
 
 def _constraint_table(design: OptimizationProblem, found: Evaluations, at: int) -> Table:

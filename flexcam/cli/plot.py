@@ -15,7 +15,7 @@ from cyclopts import Parameter
 from flexcam.analysis.cam_analysis import CamSet, load_cams
 from flexcam.analysis.model_choice import evaluate_ladder
 from flexcam.analysis.natural_modes import modes
-from flexcam.analysis.preparation import PreparedRun, prepare, scalar_probe
+from flexcam.analysis.preparation import PreparedRun, driven_probe, prepare, scalar_probe
 from flexcam.analysis.run import reload_result
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
@@ -27,7 +27,7 @@ from flexcam.core.units import shaft_name
 from flexcam.dynamics import Response, Status, reraise_interrupt, solve
 from flexcam.io import Result, read_result
 from flexcam.report.terminal import make_unique, print_json, result_console, show_count, show_progress
-from flexcam.valvetrain import Cam, build_structure
+from flexcam.valvetrain import Cam, build_structure, driving_contact
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -39,15 +39,7 @@ _RESULT = ".vtkhdf"
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """Result file, or a case that is run when its response is first used.
-
-    Parameters
-    ----------
-    path
-        Path of the file.
-    overrides
-        Overrides of the case.
-    """
+    """Result file, or a case that is run when its response is first used."""
 
     path: Path
     overrides: tuple[str, ...] = ()
@@ -140,15 +132,7 @@ FigureKind = Literal["motion", "force", "energy", "svaj", "profile", "modes", "c
 
 @dataclass(frozen=True)
 class FigureOptions:
-    """Sources and options of a figure.
-
-    Parameters
-    ----------
-    sources
-        Sources by distinguishing name.
-    probe, channels, over, rigid, cam, angle, count
-        Values of the options; None if not given.
-    """
+    """Sources and options of a figure."""
 
     sources: Mapping[str, Source]
     probe: str | None
@@ -270,11 +254,15 @@ def _check_options(what: str, **options: object) -> None:
 def _motion(asked: FigureOptions) -> Figure:
     from flexcam.plotting.histories import contact_forces, motion_figure
 
-    responses = asked.responses()
-    channels = asked.channels if asked.channels is not None else contact_forces(asked.first.response)[:1]
+    lifted = driven_probe(asked.first.ready, asked.probe)
+    probe = lifted.component if lifted else asked.probe or scalar_probe(asked.first.ready)
+    contact = lifted.contact if lifted else driving_contact(asked.first.ready.model, probe.partition(".")[0])
+    forces = contact_forces(asked.first.response)
+    own = [name for name in forces if name == f"contacts.{contact}.force"]
     return motion_figure(
-        responses, asked.probe or scalar_probe(asked.first.ready), channels, rigid=asked.rigid_responses(),
-        over=asked.over or "angle", title=asked.title,
+        asked.responses(), probe, (own or forces)[:1] if asked.channels is None else asked.channels,
+        rigid=asked.rigid_responses(), over=asked.over or "angle", title=asked.title,
+        lift=lifted.name if lifted else "", sign=lifted.sign if lifted else 1.0,
     )  # fmt: skip
 
 

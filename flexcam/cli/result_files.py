@@ -63,7 +63,7 @@ def info(
             "saved_steps": len(response.time), "saved_fields": len(response.field_time),
             "probes": {name: list(components) for name, components in response.outline.probes},
             "channels": dict(response.outline.channels), "fields": [*read.field_names, *read.recovered],
-            "about": {name: text for name, text in read.about.items() if name not in ("case", "resolved")},
+            "about": {name: text for name, text in read.about.items() if name not in ("case", "files", "resolved")},
             "case": json.loads(read.about["resolved"]),
         })  # fmt: skip
     else:

@@ -20,11 +20,20 @@ from flexcam.analysis.preparation import (
     compute_metrics,
     prepare,
     prepare_without_periodic_search,
+    revolution_change,
     scalar_probe,
 )
 from flexcam.analysis.resources import check_resources
 from flexcam.analysis.run import estimate_case_resources, open_partial_result, open_result_file, summary_sink
-from flexcam.analysis.run_checks import RunMonitor, check_run, describe_balance, energy_residual, numerical_dissipation
+from flexcam.analysis.run_checks import (
+    RunMonitor,
+    check_run,
+    check_transient,
+    describe_balance,
+    describe_change,
+    energy_residual,
+    numerical_dissipation,
+)
 from flexcam.case.case import Case
 from flexcam.cli.app import AllowLarge, CaseFile, Folder, Json, Overrides, Overwrite, app, load_case, run_state
 from flexcam.core.errors import InputError, collect_errors, refuse
@@ -46,27 +55,7 @@ from flexcam.valvetrain import MemberStrength, Metric, StrengthSink, build_struc
 
 @dataclass(frozen=True, eq=False)
 class FinishedRun:
-    """Finished run.
-
-    Parameters
-    ----------
-    ready, response
-        Prepared run and its response in memory.
-    watched
-        Data collected during the run for checks.
-    result
-        Path of the result file.
-    figures
-        Metrics of the train.
-    stressed
-        Stresses by member, if they were computed.
-    errors
-        Estimated errors, if they were requested.
-    warnings
-        Warnings.
-    choice
-        Choice of the model, if a tolerance was given.
-    """
+    """Finished run."""
 
     ready: PreparedRun
     response: Response
@@ -82,6 +71,7 @@ class FinishedRun:
 def run_json(ran: FinishedRun) -> dict[str, object]:
     """Return a run for ``--json``."""
     response, status = ran.response, ran.response.status
+    change = revolution_change(ran.ready, response)
     return {
         "status": str(status.cause),
         "message": status.text,
@@ -93,6 +83,7 @@ def run_json(ran: FinishedRun) -> dict[str, object]:
         "seconds": response.stats.seconds,
         "events": response.stats.events,
         "periodicity": periodicity_error(response),
+        **({} if change is None else {"revolution_change": asdict(change)}),
         "energy_lost": energy_residual(ran.watched.extremes),
         "energy_numerical": numerical_dissipation(ran.watched.extremes),
         "imbalance": equilibrium_residual(response),
@@ -117,6 +108,8 @@ def run_output(ran: FinishedRun) -> Iterator[Table | str]:
     stats = ran.response.stats
     if stats.periodicity >= 0.0:
         yield f"\nPeriodic start: after a revolution the state differs by {stats.periodicity:.3g} of the motion"
+    if change := revolution_change(ran.ready, ran.response):
+        yield f"\nLast revolution: it differs from the one before by {describe_change(change)}"
     if balance := describe_balance(ran.watched.extremes, stats):
         yield f"\nEnergy balance: {balance}"
     yield f"\n{stats.steps} steps of {describe_dofs(ran.response)}; result: {ran.result}"
@@ -203,10 +196,14 @@ def run(
     if not allow_large:
         check_resources(estimate_case_resources(ready, "revolution"), folder)
     earlier = open_partial_result(ready, folder) if resume else None
-    strength, kept, watched = StrengthSink(build_structure(ready.model)), summary_sink(ready), RunMonitor.of(ready)
+    strength, kept, watched = StrengthSink(build_structure(ready.model)), summary_sink(ready, 2.0), RunMonitor.of(ready)
 
     def doubtful(stats: Stats) -> list[str]:
-        return check_run(ready, watched, compute_metrics(ready, kept.response()), stats)
+        recent = kept.response()
+        transient = (
+            check_transient(ready, revolution_change(ready, recent)) if stats.steps == ready.problem.steps else []
+        )
+        return [*check_run(ready, watched, compute_metrics(ready, recent), stats), *transient]
 
     sink = open_result_file(ready, folder, overwrite=overwrite, resume=earlier, warnings=doubtful)
     run_state.solving = True

@@ -16,6 +16,7 @@ from rich.table import Table
 from flexcam.analysis.limits import Search
 from flexcam.case.reader import CaseFile as OpenCase
 from flexcam.cli.app import (
+    Accuracy,
     AllowLarge,
     CaseFile,
     Csv,
@@ -26,7 +27,7 @@ from flexcam.cli.app import (
     StudyAnswer,
     app,
     check_targets,
-    parse_speed_tolerance,
+    parse_accuracy,
     refuse_without,
     speed_range,
     warn_ignored_keys,
@@ -69,7 +70,7 @@ Lowest = Annotated[str | None, Parameter("--lowest", group=_LIMITS, help="Lowest
 Highest = Annotated[
     str | None, Parameter("--highest", group=_LIMITS, help="Highest speed; twice the case's by default.")
 ]
-Within = Annotated[str, Parameter("--within", group=_LIMITS, help="Accuracy of the speeds.")]
+LimitAccuracy = Annotated[Accuracy, Parameter(group=_LIMITS)]
 
 
 class StudyOptions:
@@ -77,7 +78,7 @@ class StudyOptions:
 
     def __init__(
         self, path: Path, overrides: Sequence[str] | None, names: Sequence[str],
-        lowest: str | None, highest: str | None, within: str, *, option: str, workers: int, allow_large: bool,
+        lowest: str | None, highest: str | None, accuracy: str, *, option: str, workers: int, allow_large: bool,
     ) -> None:  # fmt: skip
         self.file, self.fixed = OpenCase.open(path), tuple(overrides or ())
         self.case = self.file.read(self.fixed)
@@ -87,7 +88,7 @@ class StudyOptions:
         for end, given in (("--lowest", lowest), ("--highest", highest)):
             refuse_without(end, given, "limits.NAME", present=of_limits)
         low, high = speed_range(lowest, highest, 2, self.case.speed, self.case.turns, most=2.0)
-        self.search = Search(low, high, parse_speed_tolerance("--within", within, self.case.turns))
+        self.search = Search(low, high, parse_accuracy(accuracy, self.case.turns))
         check_names(self.case, self.names, option)
         if not allow_large and any(frequency_number(name) is None for name in names):
             check_case_resources(self.case, together=workers)
@@ -166,7 +167,7 @@ def sensitivity(
         int | None, Parameter("--count", group=_TOLERANCES, help="Number of sets of parts; 100 by default.")
     ] = None,
     seed: Annotated[int | None, Parameter(help="Random seed of --sobol and --tolerance; 0 by default.")] = None,
-    workers: WorkerCount = 1, lowest: Lowest = None, highest: Highest = None, within: Within = "10 rpm",
+    workers: WorkerCount = 1, lowest: Lowest = None, highest: Highest = None, accuracy: LimitAccuracy = "10 rpm",
     csv: Csv = None, plot: Picture = None,
     overrides: Overrides = None, allow_large: AllowLarge = False, overwrite: Overwrite = False, as_json: Json = False,
 ) -> Status:  # fmt: skip
@@ -185,7 +186,7 @@ def sensitivity(
     refuse_without("--seed", seed, "--sobol or --tolerance", present=tolerances is not None or sobol is not None)
     refuse_without("--relative-step", relative_step, "derivatives", present=tolerances is None and sobol is None)
     asked = StudyOptions(
-        case, overrides, names, lowest, highest, within, option="--of", workers=workers, allow_large=allow_large
+        case, overrides, names, lowest, highest, accuracy, option="--of", workers=workers, allow_large=allow_large
     )
     if tolerances is not None:
         answer, ended = _tolerance_analysis(asked, tolerances, 100 if count is None else count, seed or 0)

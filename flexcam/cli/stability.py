@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -12,6 +13,7 @@ from cyclopts import Parameter
 from numpy.typing import NDArray
 from rich.table import Table
 
+from flexcam.analysis.run_checks import describe_change
 from flexcam.analysis.stability import (
     Resonance,
     Stability,
@@ -31,7 +33,7 @@ _WORDS = {
     "broken off": "the run at this speed ended early; its contacts are assessed up to there",
     "numerical": "the time integration is unstable: use a smaller step or an unconditionally stable integrator",
     "parametric": "disturbances of the periodic motion grow from revolution to revolution",
-    "resonance": "a harmonic of the cam excites a mode",
+    "resonance": "a harmonic of the cam excites a mode, with more than 5 % of the maximum contact force",
     "contact loss": "the follower leaves its cam during the lift, or the contact would have to pull it",
 }
 
@@ -52,7 +54,7 @@ def stability_table(found: Stability, scale: float) -> Table:
 def _describe_stable(found: Stability) -> str:
     skipped = [] if found.discrete.is_available else ["the integrator"]
     skipped += ["the growth of disturbances"] if found.floquet is None else []
-    return "no cause of instability found" + (f"; not assessed: {' and '.join(skipped)}" if skipped else "")
+    return "none: no cause of instability found" + (f"; not assessed: {' and '.join(skipped)}" if skipped else "")
 
 
 def _describe_amplification(found: StepAmplification) -> str:
@@ -69,7 +71,7 @@ def _format_order(found: Stability, one: Resonance) -> str:
 
 
 def _format_resonance(one: Resonance, scale: float) -> str:
-    sizes = f"{1e3 * one.amplitude:.3g} mm, {one.load:.3g} N"
+    sizes = f"{1e3 * one.amplitude:.3g} mm, {one.load:.3g} N, {one.share:.1%} of the maximum force"
     return f"{scale * one.rpm:.5g} {shaft_name(scale)} rpm, {one.frequency:.5g} Hz, {sizes}: {one.words}"
 
 
@@ -92,7 +94,8 @@ def _describe_growth(found: Stability) -> str:
     largest, moving = abs(complex(found.floquet.multipliers[0])), ", ".join(found.floquet.moving())
     if found.is_chattering:
         events = found.floquet.events
-        return f"chatters: over {events} contact events small differences grow by {largest:.3g} ({moving})"
+        words = f"chatters: over {events} contact events small differences grow by {largest:.3g} ({moving})"
+        return words if found.change is None else f"{words}; two revolutions differ by {describe_change(found.change)}"
     return f"max multiplier {largest:.6g}, growth {found.floquet.growth:.4g} 1/s ({moving})"
 
 
@@ -110,6 +113,7 @@ def stability_json(found: Stability, scale: float) -> dict[str, object]:
         "multipliers": multipliers,
         "growth": None if found.floquet is None else found.floquet.growth,
         "chatters": found.is_chattering,
+        "revolution_change": None if found.change is None else asdict(found.change),
         "note": found.why_not,
         "open_on_the_lift_deg": math.degrees(found.open_on_the_lift),
         "resonances": [
@@ -119,6 +123,7 @@ def stability_json(found: Stability, scale: float) -> dict[str, object]:
                 "harmonic": one.harmonic,
                 "amplitude_m": one.amplitude,
                 "load_n": one.load,
+                "load_share": one.share,
                 "frequency_hz": one.frequency,
                 "moves": one.words,
             }
@@ -142,7 +147,7 @@ def _row(one: Stability, scale: float) -> list[str]:
     largest = "" if one.floquet is None else f"{abs(complex(one.floquet.multipliers[0])):.6g}"
     growth = "" if one.floquet is None else f"{one.floquet.growth:.4g}"
     opened = f"{math.degrees(one.open_on_the_lift):.3g}"
-    words = ", ".join([*one.causes, *(["chatter"] if one.is_chattering else [])]) or "-"
+    words = ", ".join([*one.causes, *(["chatter"] if one.is_scattering else [])]) or "none"
     return [f"{scale * one.rpm:.6g}", f"{one.discrete.radius:.9g}", largest, growth, opened, words]
 
 
@@ -154,7 +159,7 @@ def growth_rates(found: Sequence[Stability]) -> FloatArray:
 def causes_by_speed(found: Sequence[Stability]) -> dict[str, NDArray[np.bool_]]:
     """Return the speeds at which each cause of instability occurs."""
     named = {cause: np.array([cause in one.causes for one in found]) for cause in _WORDS}
-    return {**named, "chatter": np.array([one.is_chattering for one in found])}
+    return {**named, "chatter": np.array([one.is_scattering for one in found])}
 
 
 @app.command(

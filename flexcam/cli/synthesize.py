@@ -35,7 +35,7 @@ from flexcam.cli.app import (
     parse_quantity,
     refuse_without,
 )
-from flexcam.cli.cam import CamName
+from flexcam.cli.cam import CamName, print_lift_files
 from flexcam.core import FloatArray
 from flexcam.core.errors import positive, refuse
 from flexcam.core.units import RPM, parse
@@ -321,7 +321,8 @@ def synthesize_harmonic(
     )
     found = harmonic_cam(load_case(case, overrides), name, tolerance=strict, count=count, bound=wide)
     about = {"flexcam": __version__, "made_for": str(case), "harmonics": found.count}
-    files = [] if output is None else [write_lift(found.fit.event, output, about=about, overwrite=overwrite)]
+    lift = found.fit.event.delayed(-found.phase)
+    files = [] if output is None else [write_lift(lift, output, about=about, overwrite=overwrite)]
     if as_json:
         print_json({
             "status": "ok", "harmonics": found.count, "harmonics_below_first_mode": found.limit,
@@ -332,8 +333,7 @@ def synthesize_harmonic(
         })  # fmt: skip
         return
     result_console().print(harmonic_table(found))
-    for path in files:
-        result_console().print(f'{path}  (in a case: lift_table = "{path.name}" instead of law, lift, rise and return)')
+    print_lift_files(files, "(keep phase)")
 
 
 @synthesize.command(
@@ -361,14 +361,15 @@ def synthesize_polydyne(
     if frequency is not None:
         omega = 2.0 * math.pi * parse_quantity("--frequency", frequency, "rate", "Hz")
         cams = load_cams(case, overrides or ())
-        found = design_polydyne(cams.cams, name, SingleMass(omega, damping), _design_speed(cams, at), count)
+        found = design_polydyne(cams, name, SingleMass(omega, damping), _design_speed(cams, at), count)
     elif has_mechanism(case):
         found = polydyne_cam(load_case(case, overrides), name, speed=at, count=count)
     else:
         given, remedy = f"{case.name}, which has cams only", "add --frequency for one mass on a spring"
         raise refuse("case", given, "a case with the train that the cam drives", "", remedy)
     about = {"flexcam": __version__, "made_for": str(case), "design_speed_rpm": found.speed / RPM}
-    files = [] if output is None else [write_lift(found.design.event, output, about=about, overwrite=overwrite)]
+    lift = found.design.event.delayed(-found.phase)
+    files = [] if output is None else [write_lift(lift, output, about=about, overwrite=overwrite)]
     if as_json:
         print_json({
             "status": "ok", "design_speed_rpm": found.speed / RPM, "left_out": found.design.left_out,
@@ -381,8 +382,7 @@ def synthesize_polydyne(
     result_console().print(polydyne_properties_table(found))
     result_console().print()
     result_console().print(polydyne_table(found))
-    for path in files:
-        result_console().print(f'{path}  (in a case: lift_table = "{path.name}" instead of law, lift, rise and return)')
+    print_lift_files(files, "(keep phase)")
 
 
 def _design_speed(cams: CamSet, given: float | None) -> float:

@@ -21,6 +21,12 @@ Exponents = tuple[int, int, int, int]
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)$")
 _FACTOR = re.compile(r"([*/]?)\s*(1(?=\s*/)|[A-Za-z%µ°]+)\s*(?:(?:\^|\*\*)\s*([+-]?\d+))?\s*")
 
+_FOREIGN = {"lbm": "write lb, a mass", "inch": "write in", "lbs": "write lb for a mass, lbf for a force"}
+"""Other names of units, and the remedies."""
+
+_POUND = re.compile(r"\blb\b")
+"""Pounds as a mass, which are often meant as a force."""
+
 _LARGEST = 10**308
 """Limit above which a number counts as infinite: Python integers may exceed the float range."""
 
@@ -140,7 +146,7 @@ def _unit_product(text: str, where: str) -> tuple[Decimal, Exponents]:
             symbol = match[2] if match else text[position:]
             comma = "write a point in decimal numbers, no comma" if text.startswith(",") else ""
             known = [*_PLAIN, *(prefix + base for base in _PREFIXED for prefix in _PREFIXES)]
-            hint = comma or suggest_name(symbol, known)
+            hint = comma or _FOREIGN.get(symbol) or suggest_name(symbol, known)
             allowed = "units such as mm, kg, kN/m, GPa, rpm, deg"
             raise refuse(
                 where, f"unit {symbol!r} in {text!r}", allowed, "no such unit is known", hint or "write it in SI"
@@ -179,6 +185,9 @@ def parse(value: float | str, dimension: str, where: str = "value", *, noise: bo
         remedy = (
             f"give the {kind.name} in a unit of its own, as in {kind.example!r}" if kind.si else "leave the unit out"
         )
+        force = _POUND.sub("lbf", text)
+        if force != text and _equal_dimension(_unit_product(force, where)[1], kind.exponents):
+            remedy = f"lb is a mass: write {force!r}"
         raise refuse(where, repr(value), allowed, why, remedy)
     si = float(_EXACT.multiply(number, factor))
     if isinstance(value, float) and not math.isfinite(value):

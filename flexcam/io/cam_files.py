@@ -31,13 +31,13 @@ Row = tuple[int, str]
 """Line number, counted from 1, and text of a row."""
 
 
-def _read_rows(path: Path, where: str, content: str) -> list[Row]:
-    """Return the rows of a file without comments and empty lines.
+def _read_rows(path: Path, where: str, content: str, text: str | None = None) -> list[Row]:
+    """Return the rows of a file, or of its known text, without comments and empty lines.
 
     Lines are those of a text editor: `str.splitlines` also splits at characters such as U+0085.
     """
     try:
-        lines = read_text(path).split("\n")
+        lines = (read_text(path) if text is None else text).split("\n")
     except OSError as fault:
         raise refuse(where, str(path), "a readable text file", system_message(fault)) from None
     rows = [(number, line.partition("#")[0].strip()) for number, line in enumerate(lines, start=1)]
@@ -64,14 +64,16 @@ class LiftColumns:
     lines: tuple[int, ...]  #: line numbers in the file, counted from 1, length n
 
 
-def read_lift(path: Path, *, angle: AngleKind | None = None, unit: str | None = None) -> LiftColumns:
-    """Read a table of angle and lift.
+def read_lift(
+    path: Path, *, angle: AngleKind | None = None, unit: str | None = None, text: str | None = None
+) -> LiftColumns:
+    """Read a table of angle and lift from a file, or from its known text.
 
     Rows contain two numbers separated by commas, semicolons, tabs or blanks; ``#`` starts a comment. An optional header
     names the columns, such as ``crank_deg, lift_mm``: an angle of ``cam`` or ``crank`` in ``deg`` or ``rad``, a lift in
     ``mm``, ``um``, ``m`` or ``in``. Without a header, both units must be given as arguments; there is no default.
     """
-    rows = _read_rows(path, "lift table", "rows of angle and lift")
+    rows = _read_rows(path, "lift table", "rows of angle and lift", text)
     head = rows.pop(0)[1] if not _pair(rows[0][1]) else ""
     of_angle, of_lift = _lift_columns(head, path)
     to_rad = _angle_factor(of_angle, angle, head, path)

@@ -33,6 +33,8 @@ _TICKS = (5, 10, 15, 30, 45, 90, 180, 360, 720)
 _MOST_TICKS = 9
 _BELOW = {"angle": "cam angle, deg", "time": "time, s"}
 _FORCES = (".force",)
+_SHORT_NAME = 10
+"""Length of a name, characters, that shares a line of an axis label with a quantity."""
 
 
 @dataclass(frozen=True)
@@ -56,16 +58,17 @@ class CurveStyle:
 
 
 def draw_motion(
-    axes: Sequence[Axes], response: Response, probe: str, *, over: Abscissa = "angle", look: CurveStyle | None = None
-) -> None:
-    """Draw displacement, velocity and acceleration of a probe."""
+    axes: Sequence[Axes], response: Response, probe: str, *, over: Abscissa = "angle", look: CurveStyle | None = None,
+    sign: float = 1.0,
+) -> None:  # fmt: skip
+    """Draw displacement, velocity and acceleration of a probe, times a sign."""
     history = response[probe]
     if history.displacement.ndim != 1:
         allowed = "one scalar: " + ", ".join(f"{probe}.{c}" for c in history.components)
         raise refuse("probe", repr(probe), allowed, "a curve is one scalar over the cam angle")
     for one, (series, unit) in zip(axes, SERIES.items(), strict=False):
         factor, _ = to_display_unit(component_unit(probe.rpartition(".")[2], unit))
-        _draw(one, response, factor * getattr(history, series), over, look)
+        _draw(one, response, sign * factor * getattr(history, series), over, look)
 
 
 def draw_channel(
@@ -92,16 +95,26 @@ def contact_forces(response: Response) -> list[str]:
 
 def motion_figure(
     responses: Mapping[str, Response], probe: str, channels: Sequence[str] = (), *,
-    rigid: Mapping[str, Response] | None = None, over: Abscissa = "angle", title: str = "",
+    rigid: Mapping[str, Response] | None = None, over: Abscissa = "angle", title: str = "", lift: str = "",
+    sign: float = 1.0,
 ) -> Figure:  # fmt: skip
-    """Return a figure with the motion of a probe in several runs, and channels below it."""
+    """Return a figure with the motion of a probe in several runs, and channels below it.
+
+    `lift` is the name of a point that a cam lifts: its displacement times `sign` is a lift, positive as it opens.
+    """
     first = next(iter(responses.values()))
     component = probe.rpartition(".")[2]
-    motions = [axis_label(series, component_unit(component, unit)) for series, unit in SERIES.items()]
+    name, gap = lift or probe, " " if len(lift or probe) <= _SHORT_NAME else "\n"
+    motions = [
+        axis_label(
+            f"{name}{gap}{'lift' if lift and series == 'displacement' else series}", component_unit(component, unit)
+        )
+        for series, unit in SERIES.items()
+    ]
     called = [axis_label(short_name(name), channel_unit(first, name)) for name in channels]
     figure, axes = create_stacked_axes([*motions, *called], _BELOW[over])
     for response, look in _style_responses(responses, rigid or {}):
-        draw_motion(axes[: len(SERIES)], response, probe, over=over, look=look)
+        draw_motion(axes[: len(SERIES)], response, probe, over=over, look=look, sign=sign)
     _draw_channels(axes[len(SERIES) :], responses, rigid or {}, channels, over)
     return _finish_axes(figure, axes, over, title)
 

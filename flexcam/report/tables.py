@@ -18,13 +18,12 @@ from flexcam.analysis.published_claims import Claim
 from flexcam.analysis.resources import ResourceEstimate, format_size
 from flexcam.analysis.run_checks import describe_balance, describe_contact_loss
 from flexcam.case.case import Case
-from flexcam.case.records import resolve_record
 from flexcam.core import FloatArray
 from flexcam.core.units import RPM, shaft_name, shaft_speed, to_display_unit
 from flexcam.dynamics import Response, Stats, active_dofs_of
 from flexcam.dynamics.memory import ExtremesSink
 from flexcam.fem.frames import ROTATIONS
-from flexcam.io import Result, VerificationSummary, format_toml
+from flexcam.io import Result, VerificationSummary
 from flexcam.report.terminal import (
     count_decimals,
     create_table,
@@ -62,11 +61,6 @@ CONTACT_DESCRIPTIONS = {
 """Descriptions of the contact formulations."""
 
 
-def resolved_toml(case: Case) -> str:
-    """Return the case with all defaults as TOML in SI."""
-    return format_toml(resolve_record(case.record))
-
-
 def describe_contacts(case: Case, figures: Sequence[Metric] = ()) -> list[str]:
     """Return sentences about the contact formulation of a result."""
     models = dict.fromkeys(contact.model for contact in case.record.contacts.values())
@@ -101,7 +95,7 @@ def model_table(ready: PreparedRun, modes: ModelModes, takes: ResourceEstimate |
         ("speed", ready.case.speed_text),
         ("steps", f"{problem.steps} of {problem.step:.4g} s ({per_revolution:.6g} per revolution)"),
         ("free motions", "; ".join(free) or "none"),
-        ("lowest frequencies", ", ".join(lowest) + " Hz" if lowest else "none"),
+        ("lowest frequencies", ", ".join(lowest) + " Hz, contacts open" if lowest else "none"),
     ]
     if takes:
         rows.append(("a run takes", f"{format_size(takes.memory)} of memory, a result of {format_size(takes.file)}"))
@@ -156,14 +150,14 @@ def describe_mac(likeness: FloatArray, nodes: int) -> str:
     return f"Compared at {nodes} moving node{'s' * (nodes != 1)} that both models have{doubt}."
 
 
-def mode_table(modes: ModelModes, of: str = "") -> Table:
+def mode_table(modes: ModelModes, title: str = "Modes, contacts open", turns: float = 1.0) -> Table:
     """Return the table of frequencies, effective masses and descriptions of modes."""
     places = count_decimals(float(np.abs(modes.effective[:, :3]).max(initial=0.0)), 4)
-    made = plain_table(f"{of}: modes" if of else "Modes", ("no.", "Hz", "camshaft rpm", "ux kg", "uy kg", "uz kg"), ())
+    made = plain_table(title, ("no.", "Hz", f"{shaft_name(turns)} rpm", "ux kg", "uy kg", "uz kg"), ())
     made.add_column("what moves (share of the kinetic energy)", justify="left")
     for i, frequency in enumerate(modes.modes.frequencies):
         masses = [format_decimals(m, places) for m in modes.effective[i, :3]]
-        made.add_row(str(i + 1), f"{frequency:.2f}", f"{60.0 * frequency:.0f}", *masses, modes.words(i))
+        made.add_row(str(i + 1), f"{frequency:.2f}", f"{60.0 * turns * frequency:.0f}", *masses, modes.words(i))
     return made
 
 
@@ -305,7 +299,13 @@ _REST_AMPLITUDE, _RELATIVE_REST_AMPLITUDE = 5e-5, 1e-5
 """A probe is at rest if it moves less than this, mm or mrad, and less than this fraction of the largest motion."""
 
 _FOUR_DECIMAL_AMPLITUDE = 1e-3  # motion, mm or mrad, for which four decimals are sufficient
-_OMITTED_TEXTS = ("case", "resolved", "overrides", "warnings")  # texts of a result shown in other rows or not at all
+_OMITTED_TEXTS = (
+    "case",
+    "files",
+    "resolved",
+    "overrides",
+    "warnings",
+)  # texts of a result not shown here
 
 
 def info_table(result: Result) -> Table:
@@ -339,8 +339,9 @@ def limits_json(found: Limits, scale: float) -> dict[str, object]:
     width = max(one.tolerance_rpm for one in found.limits.values())
     rpm = {name: one.rpm for name, one in found.limits.items()}
     met = {f"{name}_rpm": None if (at := rpm.get(name)) is None else scale * at for name in LIMITS}
+    lasting = {f"{name}_lasting_rpm": one.lasting_rpm and scale * one.lasting_rpm for name, one in found.limits.items()}
     return {
-        **met, "first": found.first, "shaft": shaft_name(scale),
+        **met, **lasting, "first": found.first, "shaft": shaft_name(scale),
         "tolerance_rpm": None if math.isinf(width) else scale * width,
         "rigid_loss_of_contact_rpm": None if found.rigid_rpm is None else scale * found.rigid_rpm,
         "spring_margin": found.spring_margin, "buckling_margins": dict(found.buckling_margins),
@@ -354,17 +355,21 @@ def limits_table(found: Limits, scale: float) -> Table:
     ordered = sorted(found.limits.items(), key=lambda item: item[1].rpm or float("inf"))
     rows = [
         (name.replace("_", " "), f"above {high:.6g}" if one.rpm is None else f"{scale * one.rpm:.6g}",
-         "" if one.rpm is None or math.isinf(one.tolerance_rpm) else f"{scale * one.tolerance_rpm:.3g}", one.words)
+         "" if one.rpm is None or math.isinf(one.tolerance_rpm) else f"{scale * one.tolerance_rpm:.3g}",
+         "" if one.rpm is None else "not lasting" if one.lasting_rpm is None else f"{scale * one.lasting_rpm:.6g}",
+         one.words)
         for name, one in ordered
     ]  # fmt: skip
     if found.rigid_rpm is not None:
         words = "loss of contact of the rigid train: its inertia force equals its spring force"
-        rows.append(("(rigid train)", f"{scale * found.rigid_rpm:.6g}", "", words))
+        rows.append(("(rigid train)", f"{scale * found.rigid_rpm:.6g}", "", "", words))
     if found.spring_margin is not None:
-        rows.append(("spring margin", f"{found.spring_margin:.1%}", "", "of the rigid train at the speed of the case"))
+        rows.append(
+            ("spring margin", f"{found.spring_margin:.1%}", "", "", "of the rigid train at the speed of the case")
+        )
     rows += [
-        (f"{name}, margin", f"{margin:.3g}", "", "buckling load over the compression at full lift, static")
+        (f"{name}, margin", f"{margin:.3g}", "", "", "buckling load over the compression at full lift, static")
         for name, margin in found.buckling_margins.items()
     ]
     shaft = shaft_name(scale)
-    return plain_table("Speed limits", ("limit", f"{shaft} rpm", "bracket, rpm", "event"), rows)
+    return plain_table("Speed limits", ("limit", f"{shaft} rpm", "bracket, rpm", "lasting from", "event"), rows)

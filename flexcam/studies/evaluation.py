@@ -205,7 +205,7 @@ def evaluate_chunk(
         )
         if rows[-1].status.cause is Cause.INTERRUPTED:
             raise KeyboardInterrupt
-    return [_restore_file_names(row, file.path.parent) for row in rows]
+    return [restore_file_names(row, file.path.parent) for row in rows]
 
 
 def _same_mechanism(one: Case, other: Case) -> bool:
@@ -232,6 +232,6 @@ def _evaluate_with_history(case: Case, model: Model | None, runs: int) -> Row:
         )
 
 
-def _restore_file_names(row: Row, folder: Path) -> Row:
+def restore_file_names(row: Row, folder: Path) -> Row:
     """Return a row with file names in messages as in the case, not in the temporary folder."""
     return replace(row, status=replace(row.status, text=row.status.text.replace(f"{folder}/", "")))

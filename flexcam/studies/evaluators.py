@@ -14,13 +14,13 @@ import numpy as np
 
 from flexcam.analysis.limits import Search
 from flexcam.case.case import Case
-from flexcam.case.reader import CaseFile, read_case
-from flexcam.case.records import find_unit, resolve_record
+from flexcam.case.reader import CaseFile, case_tables
+from flexcam.case.records import find_unit
 from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, parse_all, refuse
 from flexcam.dynamics import Cause, ProgressCallback, Status, track_progress
 from flexcam.io import find_referenced_file, format_toml
-from flexcam.studies.evaluation import Row, rejected_row
+from flexcam.studies.evaluation import Row, rejected_row, restore_file_names
 from flexcam.studies.executors import (
     Evaluate,
     ProcessWorkers,
@@ -29,7 +29,7 @@ from flexcam.studies.executors import (
     divide_variants,
     open_runner,
 )
-from flexcam.studies.plan import Axis, Bundle, Plan, Value, make_plan, open_case, parse_axis
+from flexcam.studies.plan import Axis, Bundle, Plan, Value, make_bundle, make_plan, open_case, parse_axis
 from flexcam.studies.quantities import get_number, make_overrides, quantity_row, require_complete
 
 _DIGITS = 15
@@ -82,7 +82,7 @@ def _variable(case: Case, setting: str, where: str) -> Variable:
 def number_after_override(case: Case, key: str, text: str, where: str) -> float:
     """Return the number of a case after replacing it by a text."""
     try:
-        there = read_case(case.path, (*case.overrides, *make_overrides(case, {key: text})))
+        there = CaseFile.of(case).read((*case.overrides, *make_overrides(case, {key: text})))
     except InputError as refusal:
         raise InputError(replace(fault, where=where) for fault in refusal.faults) from None
     return get_number(there, key, where).value
@@ -144,26 +144,27 @@ def evaluate_variants(
 ) -> list[Row]:  # fmt: skip
     """Return the rows of variants with the requested quantities, in a worker."""
     file = open_case(source)
-    return [evaluate_variant(file, (*fixed, *overrides), names, search, runs) for overrides in variants]
+    rows = (evaluate_variant(file, (*fixed, *overrides), names, search, runs) for overrides in variants)
+    return [restore_file_names(row, file.path.parent) for row in rows]
 
 
 @contextmanager
 def create_evaluator(
     file: CaseFile, fixed: Sequence[str], names: Sequence[str], search: Search | None = None,
-    *, workers: int = 1, runs: int = 1, advance: ProgressCallback | None = None,
+    *, plan: Plan | None = None, workers: int = 1, runs: int = 1, advance: ProgressCallback | None = None,
 ) -> Generator[Runs]:  # fmt: skip
-    """Yield a function that evaluates variants, with workers that end with the context."""
+    """Yield a function that evaluates variants of the file as it is now, with workers that end with the context."""
     evaluate = partial(evaluate_variants, fixed=tuple(fixed), names=tuple(names), search=search, runs=runs)
-    with open_evaluator(file, evaluate, workers=workers, advance=advance) as run:
+    with open_evaluator(make_bundle(file, plan, fixed), evaluate, workers=workers, advance=advance) as run:
         yield run
 
 
 @contextmanager
 def open_evaluator(
-    file: CaseFile, evaluate: Evaluate, *, workers: int = 1, advance: ProgressCallback | None = None
+    source: Bundle, evaluate: Evaluate, *, workers: int = 1, advance: ProgressCallback | None = None
 ) -> Generator[Runs]:
     """Yield a function that distributes variants to workers, which end with the context."""
-    with open_runner(SerialWorkers() if workers == 1 else ProcessWorkers(workers), file.path, evaluate) as run_chunks:
+    with open_runner(SerialWorkers() if workers == 1 else ProcessWorkers(workers), source, evaluate) as run_chunks:
 
         def run(variants: Variants) -> Iterator[Row]:
             finished, count = dict[int, Row](), 0
@@ -258,9 +259,9 @@ def limit_map(plan: Plan, names: Sequence[str], runs: Runs) -> LimitMap:
     return LimitMap((first, second), rpm, tuple(row.status for row in rows))
 
 
-def resolved_case_text(case: Case, target: Path, comments: Sequence[str] = ()) -> str:
-    """Return a case with all defaults as TOML for another folder."""
-    record = _relocate_file_names(resolve_record(case.record), case.path, target.parent)
+def case_text(case: Case, target: Path, comments: Sequence[str] = ()) -> str:
+    """Return a case with its overrides as TOML for another folder."""
+    record = _relocate_file_names(case_tables(case), case.path, target.parent)
     head = "".join(f"# {line}\n" for line in comments)
     return head + format_toml(cast("dict[str, Any]", record))
 

@@ -343,9 +343,11 @@ class Bundle:
         return home / self.name
 
 
-def make_bundle(file: CaseFile, plan: Plan | None = None) -> Bundle:
-    """Return a case with its files as plain data."""
-    given = [value.text.strip("\"'") for one in plan.axes for value in one.values] if plan else []
+def make_bundle(file: CaseFile, plan: Plan | None = None, overrides: Sequence[str] = ()) -> Bundle:
+    """Return a case with its files as plain data, and those that a plan or overrides name."""
+    texts = [value.text for one in plan.axes for value in one.values] if plan else []
+    texts += [one.partition("=")[2] for one in overrides]
+    given = [text.strip(" \"'") for text in texts]
     files = {file.path.name: file.text.encode()}
     for text in dict.fromkeys([*_iterate_strings(file.raw), *given]):
         if (

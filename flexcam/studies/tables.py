@@ -111,7 +111,7 @@ def _inputs(plan: Plan) -> tuple[Column, ...]:
 
 
 def _is_prefix(name: str, asked: str) -> bool:
-    return name == asked or name.startswith(f"{asked}.")
+    return name == asked or name.startswith(f"{asked.removesuffix('.')}.")
 
 
 def is_scalar_prefix(name: str, known: Iterable[str]) -> bool:

@@ -58,10 +58,11 @@ from flexcam.valvetrain.train_metrics import (
     main_lift,
     seating,
     separation,
+    separation_by_flank,
     train_metric_names,
     train_metrics,
 )
-from flexcam.valvetrain.train_topology import follower_train, largest_lash
+from flexcam.valvetrain.train_topology import driving_contact, follower_train, largest_lash
 
 __all__ = [
     "ANY_SPEED", "BOUNCE_HEIGHT", "DAMPING_DEPTH", "OPEN", "Adjuster", "Cam", "CamContact", "Chain", "CoarseCam",
@@ -69,8 +70,8 @@ __all__ = [
     "ModelModes", "PublishedLoad", "Pulsation", "Resolution", "ResolutionSink", "Rocker", "Seat", "Seating",
     "Spring", "StiffStrut", "StrengthSink", "Structure", "Wire", "buckling_load", "build_chain", "build_rigid",
     "build_structure", "build_system", "coarse_cams", "compressed_members", "contact_modes", "contact_stiffness",
-    "describe_inactive", "element_loads", "follower_train", "free_running", "free_speed", "hertz_line",
-    "largest_lash", "lift_transfer", "main_lift", "member_masses", "modal_basis", "model_modes",
-    "modes_on_the_lift", "seating", "separation", "shared_forces", "stiff_struts", "straighten", "touching_coils",
-    "train_metric_names", "train_metrics", "valve_ratio", "without_compression",
+    "describe_inactive", "driving_contact", "element_loads", "follower_train", "free_running", "free_speed",
+    "hertz_line", "largest_lash", "lift_transfer", "main_lift", "member_masses", "modal_basis", "model_modes",
+    "modes_on_the_lift", "seating", "separation", "separation_by_flank", "shared_forces", "stiff_struts",
+    "straighten", "touching_coils", "train_metric_names", "train_metrics", "valve_ratio", "without_compression",
 ]  # fmt: skip

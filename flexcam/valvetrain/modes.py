@@ -224,13 +224,13 @@ def contact_stiffness(
     return [(name, Triplets.from_dense(0.5 * (part + part.T))) for name, part in tangents.parts(0)]
 
 
-def modes_on_the_lift(model: Model, contact: str, speed: float) -> ContactModes:
-    """Return the modes about the static equilibrium at full lift of a cam."""
+def modes_on_the_lift(model: Model, contact: str, speed: float, *, base_circle: bool = False) -> ContactModes:
+    """Return the modes about the static equilibrium at full lift of a cam, or on its base circle."""
     structure, system = build_structure(model), build_system(model, speed)
     if not system.local_forces or system.size > _MAX_CONTACT_UNKNOWNS:
         return contact_modes(structure, contact, ())
-    highest = event_extremes(model.cams[model.cam_contacts[contact].cam].event)[1]
-    drive = ConstantSpeed(speed, start=highest.at)
+    lowest, highest = event_extremes(model.cams[model.cam_contacts[contact].cam].event)
+    drive = ConstantSpeed(speed, start=(lowest if base_circle else highest).at)
     state = equilibrium(system, drive)
     inner = None if state.inner is None else state.inner[None]
     still = np.zeros((1, system.size))

@@ -83,7 +83,7 @@ class ResolutionSink:
             force = block.channels[:, column]
             at = int(np.argmax(force))
             if force[at] > self._impacts[name][0]:
-                self._impacts[name] = float(force[at]), _contact_duration(force > 0.0, at)
+                self._impacts[name] = float(force[at]), contact_duration(force > 0.0, at)
         if not len(block.field_time):
             return
         fields = block.fields
@@ -127,8 +127,14 @@ class ResolutionSink:
         return {name: float(lengths[part].min()) for name, part in ranges.items() if energies[name] > _BENDS * whole}
 
 
-def _contact_duration(closed: NDArray[np.bool_], at: int) -> int:
-    """Return the number of steps of closed contact around a step; zero if it is not within the block."""
+def contact_duration(closed: NDArray[np.bool_], at: int) -> int:
+    """Return the number of steps of an impact around a step; zero if it does not begin within the block.
+
+    A contact that remains closed after an impact has twice the steps from its first touch to the maximum.
+    """
     open_ = np.flatnonzero(~closed)
     before, after = open_[open_ < at], open_[open_ > at]
-    return int(after[0] - before[-1] - 1) if len(before) and len(after) else 0
+    if not len(before):
+        return 0
+    rise = 2 * int(at - before[-1]) - 1
+    return min(rise, int(after[0] - before[-1] - 1)) if len(after) else rise

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from flexcam.cams import event_extremes
 from flexcam.core import FloatArray
 from flexcam.dynamics import Response
 from flexcam.valvetrain.model import Model
@@ -161,13 +162,29 @@ def _seat(response: Response, where: str, last: Bools) -> list[Metric]:
 
 def separation(model: Model, response: Response, contact: str, instants: Bools) -> float:
     """Return the cam angle of contact loss on the main lift."""
+    return sum(separation_by_flank(model, response, contact, instants).values())
+
+
+def separation_by_flank(model: Model, response: Response, contact: str, instants: Bools) -> dict[str, float]:
+    """Return the cam angle of contact loss on the main lift: opening flank, nose, closing flank.
+
+    The nose lies between the maximum velocities of opening and closing: there the acceleration points to the cam, and
+    only the spring holds the follower.
+    """
     cam = model.cam_contacts[contact].cam
-    angle = response.angle[instants]
+    event, angle = model.cams[cam].event, response.angle[instants]
     if len(angle) < 2:
-        return 0.0
-    lifted = model.cams[cam].event(angle) > main_lift(model, cam)
+        return {}
+    lifted = event(angle) > main_lift(model, cam)
     off = lifted & (response.channels[f"contacts.{contact}.force"][instants] <= 0.0)
-    return float(off.sum()) * float(angle[-1] - angle[0]) / (len(angle) - 1)
+    closing, opening = (end.at for end in event_extremes(event, 1))
+    after, nose = np.mod(angle - opening, 2.0 * math.pi), (closing - opening) % (2.0 * math.pi)
+    middle = nose + 0.5 * (2.0 * math.pi - nose)
+    parts = {
+        "opening flank": after >= middle, "nose": after <= nose, "closing flank": (after > nose) & (after < middle)
+    }  # fmt: skip
+    step = float(angle[-1] - angle[0]) / (len(angle) - 1)
+    return {name: float((off & part).sum()) * step for name, part in parts.items()}
 
 
 def main_lift(model: Model, cam: str) -> float:

@@ -71,6 +71,16 @@ def rocker_of(model: Model, contact: CamPair) -> Rocker | None:
     return next(own, None)
 
 
+def driving_contact(model: Model, point: str) -> str | None:
+    """Return the contact of the cam that moves a point, through members, links, lash and a rocker; None without one."""
+    for name, contact in model.cam_contacts.items():
+        rocker = rocker_of(model, contact)
+        own = {contact.follower, rocker.point if rocker else ""}
+        if point in own or (point in model.mesh.points and model.mesh.node(point) in moved_nodes(model, contact)):
+            return name
+    return None
+
+
 def largest_lash(model: Model, cam: str) -> float:
     """Return the largest lash taken up by a cam's lift, reduced to the follower."""
     gaps = [0.0]

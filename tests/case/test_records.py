@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from flexcam import build_model, prepare, read_case
+from flexcam import InputError, build_model, prepare, read_case
 from flexcam.case.input_checks import check_values
 from flexcam.case.schema import cams, contacts, parts, run
 from flexcam.case.schema.base import PartRecord
@@ -55,3 +55,12 @@ def test_a_copy_with_other_values_builds_its_own_part():
     assert longer.part.elements == 3
     assert spring.part.elements == spring.elements
     assert spring == spring.model_copy()
+
+
+def test_a_text_without_a_unit_is_refused_at_its_key():
+    """A lift of 8.4 m was refused as an undercut profile, at the contact."""
+    with pytest.raises(InputError) as refusal:
+        read_case(CASE.parents[2] / "cases/pushrod-engine/intake.toml", ['cams.intake.lift="8.4"'])
+    fault = refusal.value.faults[0]
+    assert (fault.where.split(" ")[0], fault.why) == ("cams.intake.lift", "the text has no unit")
+    assert fault.remedy.startswith("write '8.4 mm'")

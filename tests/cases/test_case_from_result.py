@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexcam import InputError, read_case, run
+from flexcam import read_case, run
 from flexcam.analysis.preparation import prepare
 from flexcam.analysis.run import open_result_file
 from flexcam.case.builder import build_model
@@ -57,9 +57,22 @@ def test_overrides_count(tmp_path):
     assert case_from_result(result).record.cams["valve"].lift == pytest.approx(0.004)
 
 
-def test_a_lift_table_that_is_gone_is_named(tmp_path):
+def test_a_result_has_the_lift_table_of_its_case(tmp_path):
+    """The file at its old place is neither needed nor read: another one stands there."""
     new_case("measured-lift", tmp_path / "case.toml")
-    _, _, result = solved(tmp_path / "case.toml", tmp_path)
-    (tmp_path / "measured-lift.csv").unlink()
-    with pytest.raises(InputError, match=r"measured-lift\.csv"):
-        case_from_result(result)
+    case, _, result = solved(tmp_path / "case.toml", tmp_path)
+    lift = next(iter(build_model(case).cams.values())).event
+    angle = np.linspace(0.0, 6.3, 100)
+    (tmp_path / "measured-lift.csv").write_text("cam_deg, lift_mm\n0, 0\n1, 1\n")
+    for _ in range(2):
+        again = next(iter(build_model(case_from_result(result)).cams.values())).event
+        assert np.array_equal(again(angle), lift(angle))
+        (tmp_path / "measured-lift.csv").unlink(missing_ok=True)
+
+
+def test_a_result_has_the_law_file_of_its_case(tmp_path):
+    shutil.copy(ROOT / "cases/pushrod-engine/intake.toml", tmp_path / "case.toml")
+    (tmp_path / "law.toml").write_text('[law]\nid = "cycloidal"\n')
+    case, _, result = solved(tmp_path / "case.toml", tmp_path, "cams.intake.law=law.toml")
+    (tmp_path / "law.toml").unlink()
+    assert case_from_result(result).record.cams["intake"].law == case.record.cams["intake"].law

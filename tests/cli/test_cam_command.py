@@ -19,7 +19,7 @@ from tests.command import facts
 ROOT, DEG = Path(__file__).parents[2], math.pi / 180
 FILES = {path.stem: path for part in ("cases/cams", "cases/tayeb") for path in sorted((ROOT / part).glob("*.toml"))}
 FILES["every-cam"] = ROOT / "tests/data/every-cam.toml"
-KEYS = ["lift", "least_lift", "velocity", "acceleration", "jerk", "harmonics", "joints", "valve_events", "profile", "findings", "smoothing"]  # fmt: skip
+KEYS = ["lift", "least_lift", "velocity", "acceleration", "jerk", "harmonics", "joints", "valve_events", "follower_events", "profile", "findings", "smoothing"]  # fmt: skip
 PROFILE = ["base_radius", "convex_radius", "convex_radius_at", "hollow_radius", "hollow_radius_at", "pressure_angle", "pressure_angle_at", "contact_offset", "sliding_velocity", "least_base_radius"]  # fmt: skip
 
 
@@ -233,3 +233,20 @@ def test_lash_delays_the_valve(told, tmp_path):
     event = build_model(read_case(tmp_path / "train.toml")).cams["intake"].event
     opens, closes = cam["valve_events"]["1 mm"]["opens"] / 2.0, cam["valve_events"]["1 mm"]["closes"] / 2.0
     assert event(np.array([opens, closes])) == pytest.approx([2e-3, 2e-3], rel=1e-9)
+
+
+def test_durations_are_told_at_the_follower_and_at_the_valve(flexcam):
+    """The trade takes 0.050 in at the tappet; a rocker and a lash move the valve otherwise. A machine has cam angles."""
+    case = Path(__file__).parents[2] / "cases/pushrod-engine/intake.toml"
+    done = flexcam("cam", case, "--json").json["cams"]["intake"]
+    event = build_model(read_case(case)).cams["intake"].event
+    for name, ratio, lash in (("follower_events", 1.0, 0.0), ("valve_events", 1.6, 0.2e-3)):
+        found = done[name]["0.05 in"]
+        ends = np.array([found["opens"], found["closes"]]) / 2.0
+        assert ratio * event(ends) - lash == pytest.approx([1.27e-3] * 2, rel=1e-9)
+    said = flexcam("cam", case).out
+    assert "follower above 0.05 in" in said
+    assert "crank 254.83 to 465.17 deg" in said
+    machine = flexcam("cam", case, "--set", "run.speed=100rpm").out
+    assert "output above 0.05 in" in machine
+    assert "cam 127.42 to 232.58 deg, duration 105.17 deg" in machine

@@ -34,3 +34,16 @@ def test_models_over_speed_with_a_picture(flexcam, tmp_path):
 def test_models_over_speed_refuse(flexcam):
     for told in (("--count", "1"), ("--contact", "nosuch"), ("--highest", "100rpm")):
         assert flexcam("compare", CASE, "--lowest", "2000rpm", *told).code == 2
+
+
+def test_a_case_and_its_result_have_names_of_their_own(flexcam, tmp_path):
+    """Both are called my: the suffix tells them apart, and a folder two results."""
+    case = CASE.parents[1].joinpath("direct-acting/bucket.toml").read_text(encoding="utf-8")
+    (tmp_path / "my.toml").write_text(case, encoding="utf-8")
+    few = ("--set", "run.revolutions=0.1", "--set", "run.steps_per_revolution=360")
+    for folder in ("a", "b"):
+        assert flexcam("run", "my.toml", *few, "-o", folder).code == 0
+    names = flexcam("compare", "my.toml", "--against", "a/my.vtkhdf", *few, "--json").json["compared"]
+    assert names == ["my.toml", "my.vtkhdf"]
+    names = flexcam("compare", "a/my.vtkhdf", "--against", "b/my.vtkhdf", "--json").json["compared"]
+    assert names == ["a/my.vtkhdf", "b/my.vtkhdf"]

@@ -40,7 +40,9 @@ def test_it_passes_the_check_and_runs(name, flexcam):
     checked = flexcam("check", "cases/mine.toml", "--json")
     assert checked.code == 0
     assert checked.json["warnings"] == []
-    run = flexcam("run", "cases/mine.toml", "--json", "--set", "run.revolutions=0.6")
+    run = flexcam(
+        "run", "cases/mine.toml", "--json", "--set", f"run.revolutions={2 if name == 'finger-follower' else 0.6}"
+    )
     assert run.code == 0
     assert run.json["status"] == "done"
     assert run.json["warnings"] == []

@@ -51,9 +51,21 @@ def test_motion_of_a_result_with_its_rigid_train(flexcam, result, tmp_path):
     told = flexcam("plot", result, "--rigid", "-o", "a.svg", "--json")
     assert (told.code, told.err, told.json["files"]) == (0, "", ["a.svg"])
     words = words_of(tmp_path / "a.svg")
-    wanted = ["displacement", "mm", "velocity", "m/s", "acceleration", "m/s²", "intake force", "N", "cam angle, deg",
-              "rigid", "flexible", "Nodes in the file, camshaft 3000 rpm"]  # fmt: skip
+    wanted = ["valve lift", "mm", "valve velocity", "m/s", "valve acceleration", "m/s²", "intake force", "N",
+              "cam angle, deg", "rigid", "flexible", "Nodes in the file, camshaft 3000 rpm"]  # fmt: skip
     assert [word for word in wanted if word not in words] == []
+
+
+def test_a_probe_is_drawn_with_the_force_of_its_own_train(flexcam, tmp_path):
+    """A probe of the exhaust, with its name at the axis, over the force of the exhaust; the intake is the first cam."""
+    case = ROOT / "cases/camshaft-4cyl/camshaft.toml"
+    few = ["--set", "run.revolutions=0.02", "--set", 'output.probes=["intake-1-follower", "exhaust-1-follower"]']
+    assert flexcam("plot", case, *few, "--probe", "exhaust-1-follower", "-o", "a.svg").code == 0
+    words = words_of(tmp_path / "a.svg")
+    assert {"exhaust-1-follower", "lift", "exhaust-1 force"} <= set(words)
+    assert "intake-1 force" not in words
+    assert flexcam("plot", case, *few, "--probe", "exhaust-1-follower.uy", "-o", "b.svg").code == 0
+    assert {"exhaust-1-follower.uy", "displacement", "exhaust-1 force"} <= set(words_of(tmp_path / "b.svg"))
 
 
 def test_what_a_drawn_rigid_train_cannot_know_is_told(flexcam, tmp_path):
@@ -124,7 +136,7 @@ def test_what_a_run_that_ended_early_left(flexcam, case, tmp_path):
     told = flexcam("plot", "case.toml", "--set", "run.integrator.beta=0.01", "-o", "early.svg")
     assert told.code == 3
     assert "not-finite" in told.err
-    assert "displacement" in words_of(tmp_path / "early.svg")
+    assert "valve lift" in words_of(tmp_path / "early.svg")
 
 
 @pytest.mark.parametrize(

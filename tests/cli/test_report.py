@@ -7,9 +7,10 @@ import re
 import shutil
 from pathlib import Path
 
+import h5py
 import pytest
 
-from flexcam.io import write_text
+from flexcam.io import write_digest, write_text
 
 ROOT = Path(__file__).parents[2]
 ROOM = 6_000_000
@@ -66,7 +67,7 @@ def test_limits_that_do_not_exist_cost_no_page(flexcam, result, tmp_path):
 
 
 def test_what_cannot_be_had_is_said(flexcam, case, tmp_path):
-    """A lift table that is gone: curves and lines remain, and the page says what is left out."""
+    """A lift table that is gone, also from the result: curves and lines remain; the page says what is left out."""
     text = case.read_text(encoding="utf-8")
     old = 'law = "shm"\nlift = "6 mm"\nrise = "180 deg"\nreturn = "180 deg"'
     assert old in text
@@ -75,6 +76,11 @@ def test_what_cannot_be_had_is_said(flexcam, case, tmp_path):
     case.write_text(text.replace(old, lift), encoding="utf-8")
     assert flexcam("run", "case.toml", "-o", "out").code == 0
     (tmp_path / "lift.csv").unlink()
+    whole = flexcam("report", "out/case.vtkhdf", "-o", "whole.html", "--json")
+    assert "Not in this report" not in str(whole.json["warnings"]), "the result has the table"
+    with h5py.File(tmp_path / "out/case.vtkhdf", "r+") as file:  # as an older version wrote it
+        del file["about/files"]
+        write_digest(file)
     told = flexcam("report", "out/case.vtkhdf", "--json")
     assert told.code == 0
     (warnings,) = told.json["warnings"].values()

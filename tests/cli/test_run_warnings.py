@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
+from pathlib import Path
 
+import numpy as np
 import pytest
 
-from flexcam import read_case, read_result
-from flexcam.analysis.run_checks import check_events
+from flexcam import prepare, read_case, read_result
+from flexcam.analysis.preparation import RevolutionChange
+from flexcam.analysis.run_checks import check_events, check_transient
 from flexcam.case.starters import new_case
 from flexcam.report.tables import describe_contacts
 from flexcam.valvetrain import Metric
+from flexcam.valvetrain.resolution import contact_duration
 
 FIGURES = (
     Metric("contacts.intake.open_on_the_lift", math.radians(81.6), "rad"),
@@ -84,3 +89,35 @@ def test_a_spring_that_opens_the_valve_is_told(flexcam, direct):
     direct.write_text(text[:at] + text[at:].replace('"-uy"', '"uy"', 1), encoding="utf-8")
     (warning,) = (one for one in flexcam("check", direct, "--json").json["warnings"] if "contacts.seat" in one)
     assert "no spring presses the valve to its seat" in warning
+
+
+def test_a_transient_of_an_adjuster_is_told(flexcam):
+    """One revolution from rest reports the transient; a periodic start does not. Several say how far they are."""
+    case = Path(__file__).parents[2] / "cases/direct-acting/finger.toml"
+    quick = ("--set", "run.steps_per_revolution=360", "--overwrite", "--json")
+    once = flexcam("run", case, *quick).json
+    assert "revolution_change" not in once
+    assert any("transient of adjuster" in one and "it has one revolution" in one for one in once["warnings"])
+    twice = flexcam("run", case, *quick, "--set", "run.revolutions=2").json
+    assert 0.0 < twice["revolution_change"]["motion"] < 1e-3
+    assert not any("transient" in one for one in twice["warnings"])
+    few = ("--set", "run.steps_per_revolution=360", "--set", "run.revolutions=2")
+    assert "Last revolution: it differs from the one before by" in flexcam("run", case, *few, "--overwrite").out
+    pumping = check_transient(prepare(read_case(case)), RevolutionChange(0.02, 0.1))
+    assert "its last revolutions differ by 2 % of the motion and 10 % (rms) of the force of a cam" in pumping[0]
+
+
+def test_steps_too_long_for_the_seat_are_told(flexcam):
+    """The seat of 60 MN/m under 90 g rises to its maximum in 60 us, two of 720 steps at 4142 rpm."""
+    case = Path(__file__).parents[2] / "cases/pushrod-engine/intake.toml"
+    quick = ("--set", "run.crank_speed=4142rpm", "--set", "run.steps_per_revolution=720", "--json")
+    warnings = flexcam("run", case, *quick).json["warnings"]
+    assert any(re.search(r"largest force of contact seat is that of an impact of \d steps?", one) for one in warnings)
+
+
+def test_an_impact_on_a_contact_that_stays_closed_has_twice_its_rise():
+    closed = np.array([False, False, True, True, True, True])
+    assert contact_duration(closed, 3) == 3
+    assert contact_duration(np.append(closed, False), 3) == 3
+    assert contact_duration(np.append(closed[:4], False), 3) == 2
+    assert contact_duration(closed[2:], 1) == 0

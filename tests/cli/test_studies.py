@@ -571,7 +571,7 @@ def test_a_part_that_scatters_twice_is_refused(flexcam, oscillator):
         (("--lowest", "9000rpm", "--highest", "8000rpm"), "--highest: given 8000rpm; allowed: above the lowest"),
         (("--lowest", "12000rpm"), "--highest: given 10000 rpm, 2 times that of the case; allowed: above the lowest"),
         (("--lowest", "0rpm"), "--lowest: given 0rpm; allowed: a speed above zero"),
-        (("--within", "0rpm"), "--within: given 0rpm; allowed: a speed above zero"),
+        (("--accuracy", "0rpm"), "--accuracy: given 0rpm; allowed: a speed above zero"),
     ],
 )  # fmt: skip
 def test_speeds_of_limits_are_told_as_they_were_given(words, told, flexcam):
@@ -582,12 +582,28 @@ def test_speeds_of_limits_are_told_as_they_were_given(words, told, flexcam):
 
 
 def test_a_bracket_of_no_width_is_refused_by_its_option(flexcam):
-    done = flexcam("limits", ENGINE, "--tolerance", "0rpm")
+    done = flexcam("limits", ENGINE, "--accuracy", "0rpm")
     assert (done.code, done.out) == (2, "")
-    assert done.err.startswith("--tolerance: given 0rpm; allowed: a speed above zero")
+    assert done.err.startswith("--accuracy: given 0rpm; allowed: a speed above zero")
 
 
 def test_a_limit_that_no_case_has_is_no_lacking_part(flexcam):
     done = flexcam("sensitivity", ENGINE, "--of", "limits.bounc", "--to", "masses.valve.mass")
     assert done.code == 2
     assert "there is no such limit; did you mean 'limits.bounce'?" in done.err
+
+
+def test_a_study_evaluates_the_case_that_it_read(tmp_path):
+    """An edit of the file during the study does not reach its variants."""
+    path = tmp_path / "case.toml"
+    text = (ROOT / "cases/checks/mathieu.toml").read_text(encoding="utf-8")
+    path.write_text(text, encoding="utf-8")
+    file = CaseFile.open(path)
+    before = list(create_once(file))
+    path.write_text("format = 2", encoding="utf-8")
+    assert list(create_once(file)) == before
+
+
+def create_once(file):
+    with create_evaluator(file, (), ["frequency.1"]) as runs:
+        yield from (row.scalars for row in runs([("run.speed=900rpm",)]))

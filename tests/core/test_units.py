@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+import re
 from fractions import Fraction
 
 import numpy as np
@@ -212,3 +213,12 @@ def test_round_trip(share, row, sign):
     unit, kind = row
     number = sign * size(kind, share) / UNIT_FACTOR[unit]
     assert parse(f"{number!r} {unit}", kind) / UNIT_FACTOR[unit] == pytest.approx(number, rel=EXACT, abs=0.0)
+
+
+def test_pounds_of_mass_in_the_place_of_a_force_are_told():
+    with pytest.raises(InputError, match=re.escape("lb is a mass: write 'lbf/in'")):
+        parse("320 lb/in", "stiffness")
+    with pytest.raises(InputError, match=re.escape("lb is a mass: write 'lbf'")):
+        parse("80 lb", "force")
+    with pytest.raises(InputError, match="write lb, a mass"):
+        parse("0.2 lbm", "mass")

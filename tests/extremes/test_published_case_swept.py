@@ -89,7 +89,7 @@ def test_enough_steps_are_not_warned_of(command, tayeb, asked):
     assert "Warning" not in said
 
 
-@pytest.mark.parametrize(("steps", "allowed"), [("0", "greater than or equal to 1"), ("1000000000", "100000000")])
+@pytest.mark.parametrize(("steps", "allowed"), [("0", "1 or more"), ("1000000000", "100000000")])
 def test_impossible_steps_are_refused(expect, command, tayeb, steps, allowed):
     code, said = command("check", tayeb, "--set", f"run.steps_per_revolution={steps}")
     assert code == 2

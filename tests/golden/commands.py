@@ -135,7 +135,7 @@ def _speeds() -> list[Command]:
     around = ("--lowest", "2000rpm", "--highest", "4000rpm")
     response = ("--response", *around, "--count", "2", "--orders", "1:8")
     return [
-        Command("commands-speeds", "limits", ("limits", LEVER, *around, "--tolerance", "100rpm", *COARSE)),
+        Command("commands-speeds", "limits", ("limits", LEVER, *around, "--accuracy", "100rpm", *COARSE)),
         Command("commands-speeds", "parting", ("compare", LEVER, *around, "--count", "2", *COARSE)),
         Command("commands-speeds", "campbell", ("campbell", TAYEB, *around, "--count", "3", "--orders", "1:6")),
         Command("commands-speeds", "orders", ("campbell", LINEAR, *response, *COARSE)),

@@ -22,7 +22,7 @@ ENGINE = ROOT / "cases/pushrod-engine/intake.toml"
 TAYEB = ROOT / "cases/tayeb/model-1-shm.toml"
 SHORT = ("run.revolutions=1", "run.steps_per_revolution=120")
 SPEEDS = [200.0, 300.0]
-BROAD = Search(200.0, 300.0, tolerance=1e3, count=2)
+BROAD = Search(150.0, 250.0, tolerance=1e3, spacing=1.0)
 FORCE = Signal("contacts.intake.force")
 
 STUDIES = {

@@ -17,6 +17,7 @@ from flexcam.studies.tables import (
     format_csv,
     history_dataset,
     history_frame,
+    is_scalar_prefix,
     make_table,
     read_table,
     table_dataset,
@@ -134,3 +135,9 @@ def test_refusals(table, tmp_path):
     with pytest.raises(InputError, match="deviaton"):
         table.select(["contacts", "deviaton"])
     assert list(table.select(["late", "contacts"]).scalars) == ["late", "contacts.a.force.largest"]
+
+
+def test_scalars_are_chosen_by_the_beginning_of_their_names():
+    assert is_scalar_prefix("contacts.", ["contacts.seat.force"])
+    assert is_scalar_prefix("contacts.seat", ["contacts.seat.force"])
+    assert not is_scalar_prefix("contacts.se.", ["contacts.seat.force"])

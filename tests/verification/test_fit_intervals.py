@@ -19,6 +19,7 @@ from flexcam.case.reader import CaseFile
 from flexcam.studies.evaluators import PointEvaluator, open_evaluator, variables_of
 from flexcam.studies.fitting import fit_curves
 from flexcam.studies.measurement import Curve, Measurement, evaluate_curves
+from flexcam.studies.plan import make_bundle
 
 SOURCE = "Fits to synthetic measurements"
 TRUE = {"springs.one.stiffness": 42e3, "springs.one.damping": 6.0, "loads.push.force": -160.0}
@@ -50,7 +51,9 @@ def case_file(tmp_path_factory):
 def fitted(file, measured, *settings, fixed=()):
     case = file.read(fixed)
     variables = variables_of(case, settings, "--vary")
-    with open_evaluator(file, partial(evaluate_curves, fixed=tuple(fixed), measured=measured)) as runs:
+    with open_evaluator(
+        make_bundle(file, None, fixed), partial(evaluate_curves, fixed=tuple(fixed), measured=measured)
+    ) as runs:
         return fit_curves(PointEvaluator(case, variables, runs), measured)
 
 

@@ -304,14 +304,14 @@ def test_limits_names_the_rigid_speed(record, train):
     expected = jump_speed(event)
     soft = "contacts.intake={ cam = 'intake', follower = 'tappet', model = 'unilateral', stiffness = '100 MN/m', "
     case = train(expected, "run.steps_per_revolution=720", soft + "dissipation = '5 s/m' }")[0]
-    found = find_limits(case, lowest=0.98 * expected, highest=1.06 * expected, tolerance=0.09 * expected, count=2)
+    found = find_limits(case, lowest=0.98 * expected, highest=1.06 * expected, tolerance=0.01 * expected)
     rpm = expected * 30.0 / math.pi
     record(source=SOURCE, case="limits", quantity="speed of jump of the rigid train", unit="rpm", reference=rpm,
            computed=found.rigid_rpm, tolerance=1e-5, reason="the least is sought on angles 0.05 deg apart")  # fmt: skip
     loss = found.limits["loss_of_contact"]
-    assert loss.rpm == pytest.approx(1.06 * rpm, rel=1e-9)
-    assert loss.tolerance_rpm == pytest.approx(0.08 * rpm, rel=1e-6)
-    assert loss.words.endswith("(intake)")
+    assert 0.98 * rpm < loss.rpm <= 1.06 * rpm
+    assert loss.tolerance_rpm <= 0.01 * rpm
+    assert loss.words.endswith("(intake, nose)")
 
 
 @pytest.mark.parametrize(

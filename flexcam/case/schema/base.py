@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,6 +15,9 @@ from pydantic_core import CoreSchema, ErrorDetails, PydanticCustomError, core_sc
 from flexcam.core.errors import NAME, InputError
 from flexcam.core.units import DIMENSIONS, parse
 from flexcam.fem.frames import COMPONENTS, component, direction
+
+_BARE = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+"""Number without a unit."""
 
 _TYPE_NAMES = {
     "string_type": "a text", "bool_type": "true or false", "bool_parsing": "true or false", "list_type": "a list",
@@ -62,6 +66,11 @@ class Unit:
 
     def validate(self, value: Any) -> float:  # noqa: ANN401 - any TOML value
         """Return the number in SI."""
+        kind = DIMENSIONS[self.dimension]
+        if isinstance(value, str) and kind.si and _BARE.fullmatch(value.strip()) and float(value) != 0.0:
+            unit = kind.example.split(" ", 1)[1]
+            remedy = f"write '{value.strip()} {unit}', or what is meant"
+            raise value_error(self.description, "the text has no unit", remedy)
         try:
             number = parse(value, self.dimension, noise=self.signed or self.noise)
         except InputError as refusal:

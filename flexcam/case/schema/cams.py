@@ -40,6 +40,9 @@ LAW_KEYS = {
 }  # fmt: skip
 """Keys of a cam without a lift table, and their allowed values."""
 
+LIFT_TABLE_CONFLICTS = (*LAW_KEYS, "dwell", "return_law", "ramps", "single_dwell")
+"""Keys of a cam that its lift table replaces."""
+
 
 class RampsRecord(Record):
     """Ramps before the rise and after the return."""

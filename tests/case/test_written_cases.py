@@ -1,0 +1,40 @@
+"""Cases that flexcam writes are cases that flexcam reads, in the units of the user."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from flexcam import read_case
+from flexcam.case.reader import case_tables, complete_case_tables
+from flexcam.case.records import resolve_record
+from flexcam.io import format_toml
+
+ROOT = Path(__file__).parents[2]
+CASES = [
+    *sorted(path for path in (ROOT / "cases").rglob("*.toml") if path.parent.name != "cams"),
+    *(ROOT / "tests/data" / f"{name}.toml" for name in ("every-key", "every-contact", "every-engine")),
+    *sorted((ROOT / "flexcam/templates").glob("*.toml")),
+]
+
+
+@pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
+@pytest.mark.parametrize("write", [case_tables, complete_case_tables])
+def test_a_written_case_is_the_same_case(path, write, monkeypatch):
+    """Files are named relative to the case: the text is read as if it stood in the place of the file."""
+    case = read_case(path)
+    text = format_toml(write(case))
+    read = Path.read_bytes
+    monkeypatch.setattr("flexcam.case.reader.read_text", lambda at: text if at == path else read(at).decode())
+    assert resolve_record(read_case(path).record) == resolve_record(case.record)
+
+
+def test_a_written_case_has_the_units_of_the_user_and_its_overrides():
+    case = read_case(ROOT / "cases/pushrod-engine/intake.toml", ["springs.valve.stiffness=57.2kN/m"])
+    tables = complete_case_tables(case)
+    assert tables["springs"]["valve"]["stiffness"] == "57.2kN/m"
+    assert tables["cams"]["intake"]["rise"] == "75 deg"
+    assert tables["run"]["crank_speed"] == "5000 rpm"
+    assert tables["cams"]["intake"]["dwell"] == "0.0 rad"
+    assert tables["contacts"]["seat"]["damping_depth"] == "1e-05 m"
