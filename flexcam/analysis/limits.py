@@ -261,7 +261,7 @@ def _bisect_limit(name: str, words: str, search: Search, ask: Callable[[float], 
     first, lasting = high, _lasting_speed(name, high, search, ask)
     if low == 0.0:
         words = f"{words} ({', '.join(parts)}): already at the lowest speed of the search"
-        return Limit(high / RPM, math.inf, words, lasting)
+        return Limit(max(high, search.lowest) / RPM, math.inf, words, lasting)
     while high - low > search.tolerance:
         middle = 0.5 * (low + high)
         answers = ask(middle)

@@ -93,7 +93,7 @@ def prepare(
 
     Returns
     -------
-    Prepared
+    PreparedRun
         Model, problem and scheme.
 
     Raises

@@ -61,7 +61,7 @@ def fit(
     workers: WorkerCount = 1, target: NewCase = None, csv: Csv = None, plot: Picture = None,
     overrides: Overrides = None, allow_large: AllowLarge = False, overwrite: Overwrite = False, as_json: Json = False,
 ) -> Status:  # fmt: skip
-    """Fit values of a case to measured curves, with 95 % confidence intervals and a warning of correlated values.
+    """Fit values of a case to measured curves, print 95 % confidence intervals and warn about correlated values.
 
     Angles are compared with the last revolution of the run, times with the whole run. A column without --noise is
     weighted by its own residuals.
@@ -110,7 +110,7 @@ def fit_output(variables: Sequence[Variable], measured: Measurement, found: Fit)
     keys, curves = [one.key for one in variables], measured.curves
     words = [
         f"The curves do not determine {' and '.join(keys[i] for i in group)}: "
-        + ("fix all but one of them" if len(group) > 1 else "it does not change them; leave it out")
+        + ("fix some of them" if len(group) > 1 else "it does not change them; leave it out")
         for group in found.undetermined
     ]
     words += [
@@ -126,8 +126,8 @@ def fit_output(variables: Sequence[Variable], measured: Measurement, found: Fit)
     if found.misfit > 2.0:
         words.append(f"The residuals are {found.misfit:.2g} times the noise: the model does not describe the curves.")
     words += [
-        f"Successive residuals of {curve.label} are correlated ({r:+.2f}): the model lacks something, and the true "
-        "intervals are wider"
+        f"Successive residuals of {curve.label} are correlated ({r:+.2f}): the model has a systematic error, so the "
+        "true intervals are wider"
         for curve, r in zip(curves, found.serial, strict=True) if r > 3.0 / np.sqrt(len(measured.instants))
     ]  # fmt: skip
     values = [
@@ -149,7 +149,8 @@ def fit_output(variables: Sequence[Variable], measured: Measurement, found: Fit)
             {"curve": c.label, "unit": c.unit, "rms_before": a, "rms_after": b, "noise": size}
             for c, (a, b, size) in zip(curves, rms, strict=True)
         ],
-        "correlation": found.correlation.tolist(), "misfit": found.misfit, "runs": found.runs,
+        "correlation": [list(map(finite_or_none, row)) for row in found.correlation.tolist()],
+        "misfit": found.misfit, "runs": found.runs,
         "undetermined": [[keys[i] for i in group] for group in found.undetermined],
     }  # fmt: skip
     tables = [

@@ -109,7 +109,7 @@ def run_output(ran: FinishedRun) -> Iterator[Table | str]:
     if stats.periodicity >= 0.0:
         yield f"\nPeriodic start: after a revolution the state differs by {stats.periodicity:.3g} of the motion"
     if change := revolution_change(ran.ready, ran.response):
-        yield f"\nLast revolution: it differs from the one before by {describe_change(change)}"
+        yield f"\nThe last two revolutions differ by {describe_change(change)}"
     if balance := describe_balance(ran.watched.extremes, stats):
         yield f"\nEnergy balance: {balance}"
     yield f"\n{stats.steps} steps of {describe_dofs(ran.response)}; result: {ran.result}"

@@ -44,7 +44,7 @@ class Collocation(Method):
 
     @property
     def locates_contacts(self) -> bool:
-        """True if steps end where a contact opens or closes; they always end at impacts with restitution."""
+        """False: steps end at impacts with restitution only."""
         return False
 
     def amplification(self, omega_dt: float, damping: float = 0.0) -> FloatArray:

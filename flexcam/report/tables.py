@@ -46,7 +46,7 @@ from flexcam.valvetrain import (
 from flexcam.valvetrain import describe_inactive as words_of
 
 if TYPE_CHECKING:
-    from flexcam.analysis.limits import Limits
+    from flexcam.analysis.limits import Limit, Limits
 
 CONTACT_DESCRIPTIONS = {
     "published-load": (
@@ -349,12 +349,18 @@ def limits_json(found: Limits, scale: float) -> dict[str, object]:
     }  # fmt: skip
 
 
+def _limit_speed(one: Limit, scale: float, high: float) -> str:
+    if one.rpm is not None:
+        return f"{scale * one.rpm:.6g}"
+    return "not known" if "not known" in one.words else f"above {high:.6g}"
+
+
 def limits_table(found: Limits, scale: float) -> Table:
     """Return the table of the speed limits of a train."""
     high = scale * found.highest_rpm
     ordered = sorted(found.limits.items(), key=lambda item: item[1].rpm or float("inf"))
     rows = [
-        (name.replace("_", " "), f"above {high:.6g}" if one.rpm is None else f"{scale * one.rpm:.6g}",
+        (name.replace("_", " "), _limit_speed(one, scale, high),
          "" if one.rpm is None or math.isinf(one.tolerance_rpm) else f"{scale * one.tolerance_rpm:.3g}",
          "" if one.rpm is None else "not lasting" if one.lasting_rpm is None else f"{scale * one.lasting_rpm:.6g}",
          one.words)

@@ -49,7 +49,9 @@ class Fit:
 
     def correlated(self) -> list[tuple[int, int]]:
         """Return the pairs of values with an absolute correlation above 0.95."""
-        return [(int(j), int(i)) for i, j in np.argwhere(np.tril(np.abs(self.correlation), -1) > 0.95)]
+        lost = {i for group in self.undetermined for i in group}
+        pairs = np.argwhere(np.tril(np.abs(self.correlation), -1) > 0.95).tolist()
+        return [(j, i) for i, j in pairs if not {i, j} & lost]
 
 
 def fit_curves(points: PointEvaluator, measured: Measurement, *, steps: int = 50) -> Fit:
@@ -90,7 +92,9 @@ def fit_curves(points: PointEvaluator, measured: Measurement, *, steps: int = 50
         widths = (ends[: len(parts)] - ends[len(parts) :]).sum(axis=1)
         return np.array([((a - b) / width)[known] for a, b, width in zip(plus, minus, widths, strict=True)]).T
 
-    begin = np.array([0.5 if one.start is None or not 0.0 <= one.start <= 1.0 else one.start for one in variables])
+    if outside := [one.key for one in variables if one.start is not None and not 0.0 <= one.start <= 1.0]:
+        raise refuse("--vary", outside[0], "an interval that contains the value of the case", "the search begins there")
+    begin = np.array([0.5 if one.start is None else one.start for one in variables])
     spread = np.array([np.nanstd(curve.values) or 1.0 for curve in measured.curves])
     given = np.array([curve.noise or math.nan for curve in measured.curves])
     unknown = np.isnan(given)
@@ -110,7 +114,7 @@ def fit_curves(points: PointEvaluator, measured: Measurement, *, steps: int = 50
     sizes = np.linalg.norm(J, axis=0)
     scaled = J / np.where(sizes > 0.0, sizes, 1.0)
     _, singular, turned = np.linalg.svd(scaled, full_matrices=False)
-    weak = singular < _SINGULAR * singular.max()
+    weak = singular <= _SINGULAR * singular.max()
     undetermined = tuple(tuple(np.flatnonzero(np.abs(row) > 0.01).tolist()) for row in turned[weak])
     regular = turned[~weak] / singular[~weak, None]
     rest = np.where(known, after - wanted, 0.0)[:, np.argsort(measured.instants)]

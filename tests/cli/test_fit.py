@@ -61,7 +61,7 @@ def test_warnings_of_a_fit(flexcam, files):
     keys = {"springs.one.stiffness": "20:80kN/m", "springs.one.damping": "1:20N s/m", "masses.mass.mass": "50:200g",
             "loads.push.force": "-300:-50N"}  # fmt: skip
     shown = flexcam(*told, *(word for key, ends in keys.items() for word in ("--vary", f"{key}={ends}"))).out
-    assert f"The curves do not determine {' and '.join(keys)}: fix all but one of them" in " ".join(shown.split())
+    assert f"The curves do not determine {' and '.join(keys)}: fix some of them" in " ".join(shown.split())
     shown = flexcam(*told, "--vary", "springs.one.damping=1:5.5 N s/m").out
     assert "springs.one.damping is at an end of its interval" in shown
     assert "Successive residuals of mass.uy displacement are correlated" in shown

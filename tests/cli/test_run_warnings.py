@@ -102,7 +102,7 @@ def test_a_transient_of_an_adjuster_is_told(flexcam):
     assert 0.0 < twice["revolution_change"]["motion"] < 1e-3
     assert not any("transient" in one for one in twice["warnings"])
     few = ("--set", "run.steps_per_revolution=360", "--set", "run.revolutions=2")
-    assert "Last revolution: it differs from the one before by" in flexcam("run", case, *few, "--overwrite").out
+    assert "The last two revolutions differ by" in flexcam("run", case, *few, "--overwrite").out
     pumping = check_transient(prepare(read_case(case)), RevolutionChange(0.02, 0.1))
     assert "its last revolutions differ by 2 % of the motion and 10 % (rms) of the force of a cam" in pumping[0]
 

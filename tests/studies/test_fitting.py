@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from flexcam import InputError
 from flexcam.dynamics import Cause, RunFailedError, Status
 from flexcam.studies.evaluation import Row
 from flexcam.studies.evaluators import Variable
@@ -76,3 +77,18 @@ def test_missing_values_and_correlated_ones():
     assert end.correlated() == [(0, 1)]
     exact = np.polyfit(INSTANTS[INSTANTS >= 0.7], values[INSTANTS >= 0.7], 1)[::-1]
     assert end.values == pytest.approx(exact, rel=1e-6)
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_values_without_effect(count):
+    """They are named as undetermined; no number divides by their zero derivative."""
+    variables = tuple(Variable(f"x{i}", 0.0, 1.0, start=0.5) for i in range(count))
+    found = fit_curves(Known(variables, lambda *_: 2.0 * INSTANTS), measured(INSTANTS))
+    assert sorted(i for group in found.undetermined for i in group) == list(range(count))
+    assert np.isinf(found.intervals).all()
+    assert found.correlated() == []
+
+
+def test_a_start_outside_its_interval_is_refused():
+    with pytest.raises(InputError, match=r"--vary.*contains the value of the case"):
+        fit_curves(Known((Variable("x", 0.0, 1.0, start=1.5),), growth), measured(INSTANTS))

@@ -141,7 +141,14 @@ def test_results_do_not_depend_on_what_is_saved():
         np.testing.assert_allclose(one, found[0], rtol=1e-8, atol=1e-6)
 
 
-@pytest.mark.parametrize("engine", ["direct", "modal"])
-def test_other_engines_are_refused(engine):
-    with pytest.raises(InputError, match=r"collocation.*newmark"):
-        run(read_case(BUCKET, [f"run.engine={engine}", "run.integrator.method=collocation", "run.revolutions=0.01"]))
+@pytest.mark.parametrize(
+    ("override", "remedy"),
+    [
+        ("run.engine=direct", "engine"),
+        ("run.engine=modal", "engine"),
+        ("run.adaptive={ tolerance = 1e-6 }", "adaptive"),
+    ],
+)
+def test_what_it_cannot_be_combined_with_is_refused_with_the_case(override, remedy):
+    with pytest.raises(InputError, match=rf"method = collocation.*remove {remedy}"):
+        read_case(BUCKET, [override, "run.integrator.method=collocation"])

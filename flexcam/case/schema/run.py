@@ -157,7 +157,7 @@ class BatheRecord(PartRecord[dynamics.Method]):
 
 
 class CollocationRecord(PartRecord[dynamics.Method]):
-    """Exponential collocation: exact but for the contacts, and there of fourth order; needs numba."""
+    """Exponential collocation: exact for the linear structure, forces of contacts of fourth order; needs numba."""
 
     method: Literal["collocation"]
 
@@ -322,6 +322,17 @@ class RunRecord(Record):
         orders = self.fluctuation.orders if self.fluctuation else []
         if self.start == "periodic" and any(order != round(order) for order in orders):
             raise value_error("whole orders with start = periodic", "the state repeats with the camshaft")
+        return self
+
+    @model_validator(mode="after")
+    def _check_method(self) -> Self:
+        if isinstance(self.integrator, CollocationRecord):
+            if self.adaptive is not None:
+                raise value_error(
+                    "fixed steps with method = collocation", "it has no adaptive steps", "remove adaptive"
+                )
+            if self.engine not in ("auto", "kernel"):
+                raise value_error("the kernel engine with method = collocation", "", "remove engine")
         return self
 
 
