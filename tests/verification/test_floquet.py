@@ -227,7 +227,7 @@ def test_a_seat_that_moves_against_differences():
 
 
 @pytest.mark.parametrize(("speed", "engine"), [
-    ("6000rpm", "direct"), pytest.param("8500rpm", "direct", marks=pytest.mark.slow), ("8500rpm", "kernel"),
+    ("6000rpm", "direct"), ("8500rpm", "direct"), ("8500rpm", "kernel"),
 ])  # fmt: skip
 def test_a_train_with_an_adjuster_against_differences(record, speed, engine):
     """Internal state, a lever without mass, contacts that open and close: a direction at random."""
