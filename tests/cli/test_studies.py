@@ -500,7 +500,7 @@ def test_map_of_limits(flexcam, tmp_path):
         "5000rpm",
         "--highest",
         "8000rpm",
-        "--tolerance",
+        "--accuracy",
         "200rpm",
         "--set",
         "run.steps_per_revolution=1440",
