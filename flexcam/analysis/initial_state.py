@@ -97,6 +97,10 @@ def steps_per_revolution(case: Case, problem: Problem) -> int:
     """Return the number of steps per revolution, the period of a periodic state."""
     for key, order in non_integer_orders(case).items():
         raise refuse(key, f"{order:g}", "a whole order with start = periodic", "the state repeats with the camshaft")
+    for name, load in case.record.loads.items():
+        if load.table is not None and (load.table.over_time or load.repeat is False):
+            allowed = "a load that repeats each revolution with start = periodic"
+            raise refuse(f"loads.{name}.table", "a table over time or without repetition", allowed)
     revolution = revolution_time(case, problem.drive)
     steps = round(revolution / problem.step)
     if abs(steps * problem.step - revolution) > _SAME_ANGLE * revolution:

@@ -1,8 +1,9 @@
-"""Motion laws and lift curves of a case: given by name, as a table of parameters, or in a file."""
+"""Curves of a case by name, as a table of parameters, or in a file: motion laws, lifts and loads."""
 
 from __future__ import annotations
 
 import inspect
+import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -10,6 +11,7 @@ from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, cast
 
+import numpy as np
 from pydantic import (
     BaseModel,
     ConfigDict,
@@ -25,8 +27,12 @@ from pydantic_core import CoreSchema, ErrorDetails, core_schema
 from flexcam.cams import LAWS, Event, HarmonicLift, Law, LawKind, LiftReport, kind_names, law_kind, lift_table
 from flexcam.case.fault_report import parse_toml
 from flexcam.case.schema.base import Unit, convert_error, describe_type_error, value_error
+from flexcam.core import FloatArray
 from flexcam.core.errors import InputError, format_value, positive, refuse, suggest_name, system_message
+from flexcam.core.units import conversion_factor
 from flexcam.io import read_lift, read_text, resolve_file
+from flexcam.io.files import ABSCISSAS, find_abscissa, read_columns
+from flexcam.valvetrain import LoadTable
 
 Table = Mapping[str, Any]
 
@@ -62,10 +68,62 @@ class LiftDefinition:
 
     @classmethod
     def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        table = _LiftFile.model_json_schema()
-        return {
-            "anyOf": [{"type": "string"}, {"type": "object", "properties": table["properties"], "required": ["file"]}]
-        }
+        return _file_schema(_LiftFile)
+
+
+@dataclass(frozen=True)
+class LoadDefinition:
+    """Load over the cam angle or over time from a file."""
+
+    given: str | dict[str, Any]  #: value in the case
+    over_time: bool = field(compare=False)  #: whether it is given over time
+    at: FloatArray = field(compare=False)  #: cam angles, rad, or times, s, shape (m,)
+    unit: str = field(compare=False)  #: unit of the values
+    values: FloatArray = field(compare=False)  #: shape (m,)
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
+        return _from_file_or_value(_parse_load_value)
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return _file_schema(_LoadFile)
+
+    def build(self, unit: str, area: float | None, phase: float | None, repeat: bool | None) -> LoadTable:
+        """Build the table of a force (N) or a moment (N m), or of a pressure on an area (m^2)."""
+        if area is not None and unit != "N":
+            raise refuse("area", f"{area:g} m^2", "no area", "a pressure acts as a force", "give a moment, or a force")
+        if self.over_time and phase is not None:
+            raise refuse("phase", f"{phase:g} rad", "no phase", "a table over time has no cam angle")
+        factor = conversion_factor(self.unit, unit if area is None else "Pa", "table")
+        period = _period(self) if (not self.over_time if repeat is None else repeat) else None
+        at, size = self.at + (phase or 0.0), self.values * factor * (area or 1.0)
+        if period is not None and at[-1] - at[0] > period * (1.0 - _SAME_PLACE):
+            if abs(size[-1] - size[0]) > _SAME_END * np.abs(size).max():
+                given = f"{self.values[0]:g} and {self.values[-1]:g} {self.unit}"
+                why, remedy = "the table repeats, and its ends are the same instant", "mend the last row"
+                raise refuse("table", given, "the same value in the first and the last row", why, remedy)
+            at, size = at[:-1], size[:-1]
+        return LoadTable(at, size, self.over_time, period)
+
+
+_SAME_PLACE = 1e-6
+"""Relative tolerance of the length of a table against its period."""
+
+_SAME_END = 1e-3
+"""Tolerance of the ends of a table that repeats, relative to its largest value."""
+
+
+def _period(load: LoadDefinition) -> float:
+    """Return the period of a table: a revolution of the camshaft, or its length in time."""
+    length = float(load.at[-1] - load.at[0])
+    if load.over_time:
+        return length
+    if length > 2.0 * math.pi * (1.0 + _SAME_PLACE):
+        given = f"{math.degrees(length):g} deg of cam angle"
+        why = "the table repeats with each revolution of the camshaft"
+        raise refuse("table", given, "up to 360 deg", why, "give one revolution, or repeat = false")
+    return 2.0 * math.pi
 
 
 @dataclass(frozen=True)
@@ -109,6 +167,20 @@ class _LiftFile(BaseModel):
     )
 
 
+class _LoadFile(BaseModel):
+    """Load table file and the column of the load."""
+
+    model_config = ConfigDict(extra="forbid")
+    file: str = Field(description="CSV with an angle or a time, and the load; relative to the case file")
+    column: str | None = Field(None, description="name of the column of the load, if there are several")
+
+
+def _file_schema(record: type[BaseModel]) -> dict[str, Any]:
+    """Return the JSON schema of a file name or of a table with one."""
+    table = record.model_json_schema()
+    return {"anyOf": [{"type": "string"}, {"type": "object", "properties": table["properties"], "required": ["file"]}]}
+
+
 def _from_file_or_value(make: Callable[[object, _Files], object]) -> CoreSchema:
     """Return the schema of a value that may name a file beside the case; it is serialized as given."""
 
@@ -118,7 +190,7 @@ def _from_file_or_value(make: Callable[[object, _Files], object]) -> CoreSchema:
             return make(value, _Files(context.get("case", Path()), context.get("texts", {})))
         except InputError as refusal:
             # A fault of the value itself has no path inside it.
-            raise convert_error(refusal, inside=refusal.faults[0].where not in ("law", "lift_table")) from None
+            raise convert_error(refusal, inside=refusal.faults[0].where not in ("law", "lift_table", "table")) from None
 
     written = core_schema.plain_serializer_function_ser_schema(lambda made: made.given)
     return core_schema.with_info_plain_validator_function(validate, serialization=written)
@@ -250,6 +322,24 @@ def _parse_lift_value(value: object, files: _Files) -> LiftDefinition:
         where = f"{Path(record.file).name}: {_place_with_line(fault.where, columns.lines)}"
         raise refuse(where, fault.given, fault.allowed, why, fault.remedy) from None
     return LiftDefinition(cast("str | dict[str, Any]", value), event, report)
+
+
+def _parse_load_value(value: object, files: _Files) -> LoadDefinition:
+    table = {"file": value} if isinstance(value, str) else value
+    record = _LoadFile(**_validate(_LoadFile, table, "a file name, or a table of", "table"))
+    columns = files.read(record.file, "table", lambda path, text: read_columns(path, "table", text))
+    abscissa, at = find_abscissa(columns, "table")
+    loads = [name for name in columns if name not in ABSCISSAS]
+    name = record.column or (loads[0] if len(loads) == 1 else "")
+    if name not in loads:
+        remedy = suggest_name(name, loads) if name else 'name one: table = { file = ..., column = "..." }'
+        raise refuse("column", repr(name) if name else "nothing", ", ".join(loads) or "a column", "", remedy)
+    unit, values = columns[name]
+    if not np.isfinite(values).all():
+        raise refuse("table", f"{name}, with an empty cell", "a number in every row")
+    if len(at) < 2 or (np.diff(at) <= 0.0).any():
+        raise refuse("table", f"{abscissa} of {len(at)} rows", "two or more rows with increasing values")
+    return LoadDefinition(cast("str | dict[str, Any]", value), abscissa == "time", at, unit, values)
 
 
 def _place_with_line(where: str, lines: Sequence[int]) -> str:

@@ -161,7 +161,8 @@ def _constant_forces(
     system: System, d: FloatArray, inner: FloatArray | None, moving: NDArray[np.bool_], labels: IntArray
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
     """Return the constant forces on inactive unknowns, shape (k, n), and the active unknowns, local forces included."""
-    still, moving = CamMotion(np.zeros(1), np.zeros(1), np.zeros(1)), moving.copy()
+    zero, moving = np.zeros(1), moving.copy()
+    still = CamMotion(zero, zero, zero, zero)
     steady = [load.vector * load.history(still)[0] for load in system.loads if load.steady]
     forces = LocalForces(system)
     schedule = forces.prescribed_inputs(still)

@@ -136,6 +136,8 @@ class CamMotion:
     ----------
     angle, speed, rate
         rad, rad/s, rad/s^2.
+    time
+        s.
     known
         Cache of functions of the cam at these angles, if available.
     """
@@ -143,6 +145,7 @@ class CamMotion:
     angle: FloatArray
     speed: FloatArray
     rate: FloatArray
+    time: FloatArray
     known: CamFunctionCache | None = None
 
     @cached_property
@@ -183,7 +186,7 @@ class ConstantSpeed:
         positive("speed", self.speed, "rad/s")
 
     def at(self, time: FloatArray) -> CamMotion:
-        """Return angle, speed and a zero rate.
+        """Return angle, speed, a zero rate and the time.
 
         Parameters
         ----------
@@ -193,10 +196,10 @@ class ConstantSpeed:
         Returns
         -------
         CamMotion
-            rad, rad/s and rad/s^2, shape (n,) each.
+            rad, rad/s, rad/s^2 and s, shape (n,) each.
         """
         time = np.asarray(time, dtype=float)
-        return CamMotion(self.start + self.speed * time, np.full_like(time, self.speed), np.zeros_like(time))
+        return CamMotion(self.start + self.speed * time, np.full_like(time, self.speed), np.zeros_like(time), time)
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,13 +234,14 @@ class FluctuatingSpeed:
 
     def at(self, time: FloatArray) -> CamMotion:
         """Return angle, speed and rate at the given times, s."""
-        mean = self.speed * np.asarray(time, dtype=float)
+        time = np.asarray(time, dtype=float)
+        mean = self.speed * time
         angle, speed, rate = self.start + mean, np.full_like(mean, self.speed), np.zeros_like(mean)
         for k, a, phase in zip(self.orders, self.amplitudes, self.phases, strict=True):
             angle += a / k * (np.sin(k * mean + phase) - np.sin(phase))
             speed += self.speed * a * np.cos(k * mean + phase)
             rate -= self.speed**2 * a * k * np.sin(k * mean + phase)
-        return CamMotion(angle, speed, rate)
+        return CamMotion(angle, speed, rate, time)
 
 
 class SpeedByAngle:
@@ -268,13 +272,14 @@ class SpeedByAngle:
 
     def at(self, time: FloatArray) -> CamMotion:
         """Return angle, speed and rate at the given times, s."""
-        turns, within = np.divmod(np.asarray(time, dtype=float) + self._first, self.period)
+        time = np.asarray(time, dtype=float)
+        turns, within = np.divmod(time + self._first, self.period)
         angle = np.interp(within, self._times, self._angles)
         for _ in range(3):
             angle = angle + (within - self._time_at(angle)) * self._speed(angle, 0)
         speed = self._speed(angle, 0)
         whole = angle + 2.0 * np.pi * (turns + np.floor(self._start / (2.0 * np.pi)))
-        return CamMotion(whole, speed, self._speed(angle, 1) * speed)
+        return CamMotion(whole, speed, self._speed(angle, 1) * speed, time)
 
     def _time_at(self, angle: FloatArray) -> FloatArray:
         """Return the time of an angle within the revolution."""

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import base64
-import csv
 import io
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,7 +17,7 @@ from flexcam.core.errors import refuse, suggest_name
 from flexcam.dynamics import Response
 from flexcam.fem.frames import ROTATIONS
 from flexcam.fem.mesh import Mesh
-from flexcam.io.files import atomic_write_path, check_writable, create_folder, read_text
+from flexcam.io.files import atomic_write_path, check_writable, create_folder
 from flexcam.io.hdf5 import write_digest, write_texts
 from flexcam.io.result_reader import Result
 from flexcam.io.result_schema import (
@@ -265,26 +263,6 @@ def write_csv(
     with atomic_write_path(path) as draft:
         np.savetxt(draft, rows, fmt="%.17g", delimiter=",", header=header, comments="")
     return path
-
-
-def read_columns(path: Path, where: str) -> dict[str, tuple[str, FloatArray]]:
-    """Read a CSV file with a heading such as ``time [s],valve displacement [mm]``: unit and values by name.
-
-    Empty cells are NaN; lines that begin with ``#`` are comments.
-    """
-    lines = [line for line in read_text(path).splitlines() if line.strip() and not line.startswith("#")]
-    allowed = "a heading 'NAME [UNIT]' per column, and rows of as many numbers, separated by commas"
-    head, *rows = list(csv.reader(lines)) or [[]]
-    try:
-        table = np.array([[float(cell) if cell.strip() else np.nan for cell in row] for row in rows])
-    except ValueError as fault:
-        raise refuse(where, str(path), allowed, str(fault)) from None
-    if table.ndim != 2 or table.shape[1] != len(head):
-        raise refuse(where, str(path), allowed)
-    matches = [re.match(r"(.+?)\s*(?:\[(.*)\])?$", one.strip()) for one in head]
-    if not all(matches) or len({match[1] for match in matches if match}) < len(head):
-        raise refuse(where, ", ".join(head), allowed, "a name is missing, or given twice")
-    return {match[1]: (match[2] or "", values) for match, values in zip(matches, table.T, strict=True) if match}
 
 
 def component_unit(component: str, unit: str) -> str:

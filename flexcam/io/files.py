@@ -1,10 +1,11 @@
-"""Files: paths in a case, outputs that must not overwrite others, atomic writes, locks, and TOML text.
+"""Files: paths in a case, columns of numbers, outputs that must not overwrite others, atomic writes, locks, TOML text.
 
 An atomic write puts the content under a temporary name and renames it once it is complete.
 """
 
 from __future__ import annotations
 
+import csv
 import os
 import re
 import shutil
@@ -14,7 +15,11 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from stat import S_ISREG
 
+import numpy as np
+
+from flexcam.core import FloatArray
 from flexcam.core.errors import refuse, system_message
+from flexcam.core.units import conversion_factor
 from flexcam.dynamics import Cause, RunFailedError, Status
 
 _MAX_TEXT_SIZE = 1 << 28
@@ -39,6 +44,46 @@ def read_text(path: Path, encoding: str = "utf-8-sig") -> str:
     except UnicodeDecodeError as fault:
         line = fault.object.count(b"\n", 0, fault.start) + 1
         raise OSError(f"it is not UTF-8 text: byte 0x{fault.object[fault.start]:02x} in line {line}") from None
+
+
+ABSCISSAS = {"time": ("s", 1.0), "cam angle": ("rad", 1.0), "crank angle": ("rad", 2.0)}
+"""SI unit of an abscissa, and its revolutions per camshaft revolution."""
+
+
+def read_columns(path: Path, where: str, text: str | None = None) -> dict[str, tuple[str, FloatArray]]:
+    """Read a CSV file, or its known text, with a heading such as ``time [s],valve displacement [mm]``.
+
+    It returns unit and values by name. Empty cells are NaN; lines that begin with ``#`` are comments.
+    """
+    try:
+        content = read_text(path) if text is None else text
+    except OSError as fault:
+        raise refuse(where, str(path), "a readable text file", system_message(fault)) from None
+    lines = [line for line in content.splitlines() if line.strip() and not line.startswith("#")]
+    allowed = "a heading 'NAME [UNIT]' per column, and rows of as many numbers, separated by commas"
+    head, *rows = list(csv.reader(lines)) or [[]]
+    try:
+        table = np.array([[float(cell) if cell.strip() else np.nan for cell in row] for row in rows])
+    except ValueError as fault:
+        raise refuse(where, str(path), allowed, str(fault)) from None
+    if table.ndim != 2 or table.shape[1] != len(head):
+        raise refuse(where, str(path), allowed)
+    matches = [re.match(r"(.+?)\s*(?:\[(.*)\])?$", one.strip()) for one in head]
+    if not all(matches) or len({match[1] for match in matches if match}) < len(head):
+        raise refuse(where, ", ".join(head), allowed, "a name is missing, or given twice")
+    return {match[1]: (match[2] or "", values) for match, values in zip(matches, table.T, strict=True) if match}
+
+
+def find_abscissa(columns: Mapping[str, tuple[str, FloatArray]], where: str) -> tuple[str, FloatArray]:
+    """Return the name of the first abscissa of some columns and its values: cam angles, rad, or times, s."""
+    name = next((name for name in ABSCISSAS if name in columns), None)
+    if name is None:
+        allowed = f"a column {', '.join(map(repr, ABSCISSAS))}, and others over it"
+        raise refuse(where, ", ".join(columns), allowed, "", "name it in the heading, with its unit: time [s]")
+    (si, turns), (unit, values) = ABSCISSAS[name], columns[name]
+    if np.isnan(values).any():
+        raise refuse(where, f"{name}, with an empty cell", f"a number of {name} in every row")
+    return name, values * conversion_factor(unit, si, f"{where}, {name}") / turns
 
 
 _MAX_PARENTS = 2

@@ -18,13 +18,11 @@ from flexcam.core.errors import InputError, positive, refuse, suggest_name
 from flexcam.core.units import conversion_factor
 from flexcam.dynamics import RunFailedError, SaveAt, Status, outline, reraise_interrupt, solve
 from flexcam.io import SERIES
-from flexcam.io.exports import component_unit, read_columns
+from flexcam.io.exports import component_unit
+from flexcam.io.files import ABSCISSAS, find_abscissa, read_columns
 from flexcam.studies.evaluation import Row, rejected_row
 from flexcam.studies.executors import Variants
 from flexcam.studies.plan import Bundle, open_case
-
-_ABSCISSAS = {"time": ("s", 1.0), "cam angle": ("rad", 1.0), "crank angle": ("rad", 2.0)}
-"""SI unit of an abscissa, and its revolutions per camshaft revolution; the first in a file is used."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,20 +72,15 @@ class Measurement:
 def read_measurement(path: Path, case: Case, only: Sequence[str] = (), noises: Sequence[str] = ()) -> Measurement:
     """Read the columns of a CSV file, all or those named; noises are ``NAME=VALUE`` in the unit of the column."""
     columns = read_columns(path, "--to")
-    over = next((name for name in _ABSCISSAS if name in columns), None)
-    wanted = list(only) or [name for name in columns if name not in _ABSCISSAS]
-    if over is None or not wanted:
-        allowed = f"a column {', '.join(map(repr, _ABSCISSAS))}, and a measured one"
-        raise refuse("--to", ", ".join(columns), allowed, "", "name it in the heading, with its unit: time [s]")
+    over, instants = find_abscissa(columns, "--to")
+    wanted = list(only) or [name for name in columns if name not in ABSCISSAS]
+    if not wanted:
+        raise refuse("--to", ", ".join(columns), f"{over} and a measured column")
     given = dict(_parse_noise(text) for text in noises)
     for option, names, known in (("--column", wanted, columns), ("--noise", given, wanted)):
         if unknown := [name for name in names if name not in known]:
             near = suggest_name(unknown[0], known)
             raise refuse(option, repr(unknown[0]), ", ".join(known), "there is no such column", near)
-    si, turns = _ABSCISSAS[over]
-    instants = columns[over][1] * conversion_factor(columns[over][0], si, f"--to, {over}") / turns
-    if np.isnan(instants).any():
-        raise refuse("--to", str(path), f"a number of {over} in every row")
     curves: list[Curve] = []
     for name in wanted:
         curve, (unit, values) = _find_curve(case, name), columns[name]

@@ -30,6 +30,7 @@ from flexcam.valvetrain.parts import (
     GivenLoad,
     Lash,
     Lever,
+    LoadTable,
     MassAt,
     PublishedLoad,
     Pulsation,
@@ -66,7 +67,7 @@ from flexcam.valvetrain.train_topology import driving_contact, follower_train, l
 
 __all__ = [
     "ANY_SPEED", "BOUNCE_HEIGHT", "DAMPING_DEPTH", "OPEN", "Adjuster", "Cam", "CamContact", "Chain", "CoarseCam",
-    "Contact", "ContactModes", "GivenLoad", "Lash", "Lever", "MassAt", "MemberStrength", "Metric", "Model",
+    "Contact", "ContactModes", "GivenLoad", "Lash", "Lever", "LoadTable", "MassAt", "MemberStrength", "Metric", "Model",
     "ModelModes", "PublishedLoad", "Pulsation", "Resolution", "ResolutionSink", "Rocker", "Seat", "Seating",
     "Spring", "StiffStrut", "StrengthSink", "Structure", "Wire", "buckling_load", "build_chain", "build_rigid",
     "build_structure", "build_system", "coarse_cams", "compressed_members", "contact_modes", "contact_stiffness",

@@ -1,4 +1,4 @@
-"""Constant loads of a model, and the published load of a cam on its follower."""
+"""Loads of a model, and the published load of a cam on its follower."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from flexcam.dynamics import (
 )
 from flexcam.fem.assembly import assemble_loads, distributed_load, element_weight
 from flexcam.valvetrain.contacts import Coupling
-from flexcam.valvetrain.parts import Cam, PublishedLoad
+from flexcam.valvetrain.parts import Cam, LoadTable, PublishedLoad
 from flexcam.valvetrain.structure import Structure, find_node, spring_parts, spring_row
 from flexcam.valvetrain.train_topology import FollowerTrain, follower_train
 
@@ -131,16 +131,20 @@ def _spring_share(structure: Structure, train: FollowerTrain) -> FloatArray:
     return share / total if total > 0.0 else share
 
 
-def constant_loads(structure: Structure) -> list[Load]:
-    """Return weight, springs' installed forces and given forces; given forces act only from the start of a run."""
+def given_loads(structure: Structure) -> list[Load]:
+    """Return weight, springs' installed forces and given loads; given loads act only from the start of a run."""
     model = structure.model
     loads: list[Load] = []
     for name, load in model.loads.items():
-        if load.member is None:
-            vector = load.size * structure.row(load.at or "", load.direction, f"loads.{name}.at")
-        else:
+        if load.member is not None:
             vector = assemble_loads(structure.beams, _distribute(structure, name), structure.dofs)
-        loads.append(Load(f"loads.{name}", vector, constant_history(1.0), steady=True))
+        else:
+            vector = structure.row(load.at or "", load.direction, f"loads.{name}.at")
+        if isinstance(load.size, LoadTable):
+            loads.append(Load(f"loads.{name}", vector, load.size))
+        else:
+            vector = vector if load.member is not None else load.size * vector
+            loads.append(Load(f"loads.{name}", vector, constant_history(1.0), steady=True))
     for name, spring in model.springs.items():
         if not spring.installed_force:
             continue
@@ -157,7 +161,7 @@ def constant_loads(structure: Structure) -> list[Load]:
 def steady_load(structure: Structure) -> FloatArray:
     """Return the sum of all constant loads: weight, springs' installed forces and given forces."""
     still = ConstantSpeed(1.0).at(np.zeros(1))
-    loads = (float(load.history(still)[0]) * load.vector for load in constant_loads(structure))
+    loads = (float(load.history(still)[0]) * load.vector for load in given_loads(structure) if load.steady)
     return sum(loads, np.zeros(structure.dofs.size))
 
 
@@ -179,7 +183,8 @@ def element_loads(structure: Structure) -> FloatArray:
 def _distribute(structure: Structure, name: str) -> FloatArray:
     load = structure.model.loads[name]
     elements = structure.model.mesh.element_ranges()[load.member or ""]
-    return distributed_load(structure.beams, elements, load.size * load.direction[:3])
+    size = 0.0 if isinstance(load.size, LoadTable) else load.size  # a table acts at a point
+    return distributed_load(structure.beams, elements, size * load.direction[:3])
 
 
 def _weight(structure: Structure) -> FloatArray:

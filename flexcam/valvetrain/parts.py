@@ -10,6 +10,7 @@ import numpy as np
 from flexcam.cams import Event, Follower, Turn
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
+from flexcam.dynamics import CamMotion
 from flexcam.fem.rigid_bodies import PointMass
 
 
@@ -83,10 +84,25 @@ class Spring:
 
 
 @dataclass(frozen=True, eq=False)
-class GivenLoad:
-    """Constant force or moment at a point, or distributed force on a member."""
+class LoadTable:
+    """Load over the cam angle or over time, linear between its points."""
 
-    size: float  #: N at a point (N m for a moment), N/m over a member
+    at: FloatArray  #: cam angles, rad, or times, s, ascending, shape (m,)
+    size: FloatArray  #: N, or N m for a moment, shape (m,)
+    over_time: bool = False  #: whether `at` are times
+    period: float | None = None  #: rad or s; None for a table that keeps its end values before and after
+
+    def __call__(self, motion: CamMotion) -> FloatArray:
+        """Return the load at some instants."""
+        place = motion.time if self.over_time else motion.angle
+        return np.asarray(np.interp(place, self.at, self.size, period=self.period), dtype=float)
+
+
+@dataclass(frozen=True, eq=False)
+class GivenLoad:
+    """Force or moment at a point, or distributed constant force on a member."""
+
+    size: float | LoadTable  #: N at a point (N m for a moment), N/m over a member
     direction: FloatArray  #: shape (6,), global axes; translation only over a member
     at: str | None = None  #: a named node, or the point of a rocker; None for a force over a member
     member: str | None = None  #: name of the member; None for a force at a point

@@ -35,7 +35,7 @@ from flexcam.fem.assembly import modal_damping
 from flexcam.valvetrain.cam_contact import sliding_path
 from flexcam.valvetrain.cam_functions import cam_sliding, normal_force_ratio, sliding_distance
 from flexcam.valvetrain.contacts import check_lever_rotation, opposed_force
-from flexcam.valvetrain.loads import preload, steady_load
+from flexcam.valvetrain.loads import given_loads, preload, steady_load
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import CamContact, PublishedLoad
 from flexcam.valvetrain.rigid_kinematics import Body, Coordinate, divide_train, find_rest
@@ -161,6 +161,8 @@ class RigidTrain:
     #: force of each body at the follower on the base circle, N, shape (g,), if a seat supports it; else NaN
     standing: FloatArray
     springs: tuple[SpringLaw, ...]  #: nonlinear laws of springs
+    #: loads from tables: what each acts with along the motions per unit, shape (b,), and its history
+    loads: tuple[tuple[FloatArray, History], ...] = ()
     #: force at the follower shared by cam and seat on the base circle, N; it is assigned to the seat
     shared: float = 0.0
 
@@ -178,6 +180,7 @@ class RigidTrain:
             inertia = (h1 * rate[..., None] + h2 * speed[..., None] ** 2) @ self.mass
             damped = (h1 * speed[..., None]) @ self.damping
             held = sum((one.force(h, motion.cam) for one in self.springs), h @ self.stiffness + self.force)
+            held = held - sum(load(motion)[..., None] * share for share, load in self.loads)
             felt = (h1 * (inertia + damped + held)) @ (self.bodies != 0.0).T
             shut = np.asarray(s <= _BASE_CIRCLE_FRACTION * event.height)[..., None]
             return np.sum(np.where(shut & ~np.isnan(self.standing), self.standing, felt), axis=-1)
@@ -201,14 +204,15 @@ def rigid_train(structure: Structure, contact: PublishedLoad | CamContact, where
         force[0] += preload(structure, contact, train, structure.model.cams[contact.cam], speed)
     damping += given.alpha * mass + given.beta * stiffness + _modal(mass, stiffness, bodies, given.modal)
     held, pushed, springs = bodies @ stiffness @ bodies.T, bodies @ force, spring_laws(structure, motions)
+    loads = tuple((motions @ one.vector, one.history) for one in given_loads(structure) if not one.steady)
     if isinstance(contact, PublishedLoad):  # parts driven by it are in the installed position
         paths = parted.coordinates(0.0 * pushed)
-        return RigidTrain(motions, paths, mass, damping, stiffness, force, bodies, np.nan * pushed, springs)
+        return RigidTrain(motions, paths, mass, damping, stiffness, force, bodies, np.nan * pushed, springs, loads)
     places, seats = find_rest(parted.bodies, held, pushed)
     needed, seated = held @ places + pushed, np.array([one.seated for one in parted.bodies])
     standing, between = _rest_forces(parted.bodies, needed - seats), seated & parted.rests_on_cam(places)
     return RigidTrain(
-        motions, parted.coordinates(places), mass, damping, stiffness, force, bodies, standing, springs,
+        motions, parted.coordinates(places), mass, damping, stiffness, force, bodies, standing, springs, loads,
         float(np.maximum(needed, 0.0)[between].sum()),
     )  # fmt: skip
 

@@ -17,7 +17,7 @@ from flexcam.fem.frames import COMPONENTS
 from flexcam.valvetrain.cam_contact import couple_cam
 from flexcam.valvetrain.camshaft import ShaftDrive, find_shaft_drives, inertia_torque, reaction_torque, shaft_channels
 from flexcam.valvetrain.contacts import Coupling, couple_adjuster, couple_lash, couple_seat, lever_joints
-from flexcam.valvetrain.loads import constant_loads, couple_published_load
+from flexcam.valvetrain.loads import couple_published_load, given_loads
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import Adjuster, CamContact, Contact, Lash, PublishedLoad, Seat
 from flexcam.valvetrain.springs import couple_coils
@@ -34,7 +34,7 @@ def build_system(model: Model, speed: float) -> System:
     if faults:
         raise InputError(faults)
     damping, joined, probes, ends = _at_any_speed(structure)
-    couplings = [*contacts, *joined, Coupling(tuple(constant_loads(structure)), (), ())]
+    couplings = [*contacts, *joined, Coupling(tuple(given_loads(structure)), (), ())]
     parts = _parts(couplings)
     shown = zip(couplings, parts, strict=True)
     own = [
@@ -76,7 +76,7 @@ def _reactions(end: ShaftDrive) -> list[Observable]:
     """Return the reactions of couplings other than contacts at a prescribed rotation, in coupling order."""
     freed = end.freed
     couplings = lever_joints(freed), couple_coils(freed), geometric_stiffness_forces(freed), shaft_channels(freed)
-    constant = Coupling(tuple(constant_loads(freed)), (), ())
+    constant = Coupling(tuple(given_loads(freed)), (), ())
     return [reaction_torque(end, one.loads, one.forces) for one in (*couplings, constant)]
 
 

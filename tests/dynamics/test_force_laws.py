@@ -91,7 +91,7 @@ def stacked(law, *, compiled=False):
     unit = Triplets.from_dense(np.eye(law.scalars))
     system = System(unit, unit, unit, tuple(map(str, range(law.scalars))), local_forces=(force,))
     forces = LocalForces(system, compiled_functions() if compiled else None)
-    return forces, forces.prescribed_inputs(CamMotion(*(np.array([x]) for x in (ANGLE, 1.0, 0.0))))
+    return forces, forces.prescribed_inputs(CamMotion(*(np.array([x]) for x in (ANGLE, 1.0, 0.0, 0.0))))
 
 
 def points(name, count=200):

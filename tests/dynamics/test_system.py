@@ -27,7 +27,7 @@ def test_angle_vector_weights():
 def test_load_tables():
     loads = tuple(Load(str(k), np.full(2, k), lambda motion, k=k: k * motion.speed) for k in (1.0, 2.0))
     system = System(*(Triplets.zeros(2) for _ in range(3)), ("a", "b"), loads)
-    motion = CamMotion(np.zeros(4), np.arange(4.0), np.zeros(4))
+    motion = CamMotion(np.zeros(4), np.arange(4.0), np.zeros(4), np.zeros(4))
     assert system.load_histories(motion).shape == (4, 2)
     np.testing.assert_array_equal(
         system.load_histories(motion) @ system.load_vectors(), np.outer(5 * np.arange(4.0), [1, 1])

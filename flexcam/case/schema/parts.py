@@ -7,6 +7,7 @@ from typing import Annotated, Literal, Self
 from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
 
 from flexcam import valvetrain
+from flexcam.case.lift import LoadDefinition
 from flexcam.case.schema.base import (
     DampingValue,
     DirectionValue,
@@ -301,7 +302,7 @@ class BearingRecord(Record):
 
 
 class LoadRecord(PartRecord[valvetrain.GivenLoad]):
-    """Constant force at a point or distributed over a member."""
+    """Force at a point, constant or from a table, or constant force distributed over a member."""
 
     at: Name | None = Field(None, description="point of application")
     member: Name | None = Field(None, description="member it is distributed over")
@@ -309,6 +310,16 @@ class LoadRecord(PartRecord[valvetrain.GivenLoad]):
     force: float | None = Field(None, description="N at a point, N m about an axis")
     force_per_length: Annotated[float, Unit("stiffness", signed=True)] | None = Field(
         None, description="N/m over a member"
+    )
+    table: LoadDefinition | None = Field(
+        None, description="file with the force, the moment or the pressure over the cam or crank angle or over time"
+    )
+    area: Annotated[float, Unit("area", above=True)] | None = Field(
+        None, description="on which the pressure of a table acts"
+    )
+    phase: SignedAngle | None = Field(None, description="cam angle at which the zero of a table over an angle lies")
+    repeat: bool | None = Field(
+        None, strict=True, description="whether a table repeats; by default each revolution, but not over time"
     )
 
     @field_validator("force", mode="before")
@@ -322,20 +333,26 @@ class LoadRecord(PartRecord[valvetrain.GivenLoad]):
 
     @model_validator(mode="after")
     def _check_target(self) -> Self:
-        point, spread = (
-            self.at is not None and self.force is not None,
-            self.member is not None and self.force_per_length is not None,
-        )
-        if point == spread or (self.at is not None) == (self.member is not None):
-            raise value_error(
-                "either at with force, or member with force_per_length", "a load acts at a point or along a member"
-            )
+        given = self.force is not None, self.table is not None, self.force_per_length is not None
+        point, spread = (True, False), (False, True)
+        if sum(given) != 1 or (self.at is not None, self.member is not None) != (spread if given[2] else point):
+            allowed = "either at with force or table, or member with force_per_length"
+            raise value_error(allowed, "a load acts at a point or along a member")
+        if self.table is None:
+            for key in ("area", "phase", "repeat"):
+                if getattr(self, key) is not None:
+                    raise value_error("table beside it", "it describes a table", "add table", inside=key)
         return self
 
     def build(self) -> valvetrain.GivenLoad:
         """Build the load."""
+        along = direction(self.direction)
+        if self.table is not None:
+            unit = "N" if along[:3].any() else "N m"
+            table = self.table.build(unit, self.area, self.phase, self.repeat)
+            return valvetrain.GivenLoad(table, along, self.at)
         size = self.force if self.force is not None else self.force_per_length
-        return valvetrain.GivenLoad(size or 0.0, direction(self.direction), self.at, self.member)
+        return valvetrain.GivenLoad(size or 0.0, along, self.at, self.member)
 
 
 _DefinedPoint = Annotated[Name, Field(description="point it defines")]

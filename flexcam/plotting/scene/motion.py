@@ -213,7 +213,7 @@ def rigid_motion(structure: Structure, angle: FloatArray, speed: float) -> tuple
     if shown is None:
         nothing = np.zeros((len(angle), structure.dofs.size))
         return nothing, nothing, nothing
-    return shown.at(CamMotion(angle, np.full_like(angle, speed), np.zeros_like(angle)))
+    return shown.at(CamMotion(angle, np.full_like(angle, speed), np.zeros_like(angle), angle / speed))
 
 
 def _structure_dofs(structure: Structure, response: Response, rigid: FloatArray) -> FloatArray:

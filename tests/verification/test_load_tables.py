@@ -1,0 +1,153 @@
+"""Loads from tables over time and over the cam angle, against closed forms and against the rigid train.
+
+A mass on a spring, at rest, under a force that grows as r t up to t1 and is constant after it:
+x = r/k (t - sin(w t)/w) up to t1, and x = r/k (t1 - (sin(w t) - sin(w (t - t1)))/w) after it
+(R. W. Clough and J. Penzien, Dynamics of Structures, 3rd ed., ch. 6, Duhamel's integral).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from flexcam import InputError, prepare, read_case, solve
+
+SOURCE = "Loads from tables"
+OSCILLATOR = """
+format = 1
+nodes = { mass = [0, 0, 0] }
+masses = { one = { at = "mass", mass = "1 kg" } }
+springs = { one = { at = "mass", direction = "ux", stiffness = "10 kN/m" } }
+loads = { push = { at = "mass", direction = "ux", table = "push.csv" } }
+run = { speed = "600 rpm", steps_per_revolution = 1000, revolutions = 2, start = "rest" }
+output = { probes = ["mass"] }
+"""
+SLOPE, END = 2e4, 0.03
+"""Slope of the force, N/s, and time at which it is complete, s."""
+
+
+def ramp(time):
+    """Return the closed form of the module, m."""
+    w = math.sqrt(1e4)
+    after = np.maximum(time - END, 0.0)
+    return SLOPE / 1e4 * (np.minimum(time, END) - (np.sin(w * time) - np.sin(w * after)) / w)
+
+
+def write(folder, rows, case=OSCILLATOR, **overrides):
+    """Write a case and its table, and return the case with overrides."""
+    (folder / "push.csv").write_text(rows)
+    (folder / "one.toml").write_text(case)
+    return read_case(folder / "one.toml", tuple(f"{key}={value}" for key, value in overrides.items()))
+
+
+def solved(case):
+    """Return the response of a case."""
+    ready = prepare(case)
+    found = solve(ready.problem, ready.scheme)
+    assert found.status.ok
+    return found
+
+
+@pytest.mark.parametrize(
+    ("rows", "overrides"),
+    [
+        ("time [ms],force [N]\n0,0\n30,600\n300,600\n", {}),
+        ("crank angle [deg],force [kN]\n0,0\n216,0.6\n9000,0.6\n", {"loads.push.repeat": "false"}),
+        ("cam angle [deg],pressure [bar]\n-90,0\n18,2\n9000,2\n",
+         {"loads.push.repeat": "false", "loads.push.area": '"30 cm^2"', "loads.push.phase": '"90 deg"'}),
+    ],
+    ids=["time", "crank angle", "pressure over cam angle"],
+)  # fmt: skip
+def test_ramp(rows, overrides, record, tmp_path):
+    """The exact method integrates a force that is linear over every step without error."""
+    found = solved(write(tmp_path, rows, **overrides, **{"run.integrator": '{ method = "exact" }'}))
+    record(source=SOURCE, case=f"force that grows and stays, {rows.partition(' [')[0]}",
+           quantity="largest error of the displacement", unit="m", reference=0.0,
+           computed=np.abs(found["mass"].displacement[:, 0] - ramp(found.time)).max(), tolerance=1e-12, absolute=True,
+           reason="rounding: the force is linear over every step")  # fmt: skip
+
+
+def test_table_repeats_with_the_camshaft(tmp_path):
+    """The force of each revolution is that of the first, across the end of the table; by default over an angle only."""
+    rows = "cam angle [deg],force [N]\n30,100\n90,400\n330,0\n"
+    case = write(tmp_path, rows)
+    load = prepare(case).problem.system.loads[0]
+    drive = prepare(case).problem.drive
+    time = np.linspace(0.0, 0.1, 101)
+    first, third = (load.history(drive.at(start + time)) for start in (0.0, 0.2))
+    np.testing.assert_allclose(third, first, atol=1e-9)
+    assert first[0] == pytest.approx(50.0)  # half way from 330 to 390 deg
+    found = solved(write(tmp_path, rows, **{"run.start": '"periodic"', "run.damping": "{ alpha = 20.0 }"}))
+    assert found.stats.periodicity < 1e-9
+
+
+FOLLOWER = """
+format = 1
+[nodes]
+shaft = [0, 0, 0]
+mass = [0, "40 mm", 0]
+[supports]
+mass = ["ux", "uz"]
+[masses]
+mass = { at = "mass", mass = "0.1 kg" }
+[springs]
+one = { at = "mass", direction = "uy", stiffness = "40 kN/m", installed_force = "300 N" }
+[loads]
+gas = { at = "mass", direction = "-uy", table = "push.csv", area = "8 cm^2" }
+[cams]
+c = { at = "shaft", axis = [0, 0, 1], law = "cycloidal", lift = "6 mm", rise = "70 deg", return = "70 deg" }
+[contacts]
+k = { cam = "c", follower = "mass", direction = "uy", model = "unilateral", stiffness = "500 MN/m" }
+[run]
+speed = "600 rpm"
+steps_per_revolution = 3600
+start = "equilibrium"
+[output]
+probes = ["mass"]
+"""
+GAS = "crank angle [deg],pressure [bar]\n0,1\n180,3\n300,12\n480,2\n720,1\n"
+
+
+def test_force_of_a_cam_under_gas(record, tmp_path):
+    """F = m s'' w^2 + k s + F0 + p A of a rigid train; a stiff one follows within its vibration."""
+    case = write(tmp_path, GAS, FOLLOWER)
+    rigid = solved(write(tmp_path, GAS, FOLLOWER, **{"fidelity.model": '"rigid"'}))
+    cam = prepare(case).model.cams["c"].event
+    angle = rigid.angle
+    pressure = 1e5 * np.interp(np.degrees(angle), [0, 90, 150, 240, 360], [1, 3, 12, 2, 1], period=360)
+    force = 0.1 * cam(angle, 2) * (20.0 * math.pi) ** 2 + 4e4 * cam(angle, 0) + 300.0 + 8e-4 * pressure
+    computed = rigid.channels["contacts.k.force"]
+    record(source=SOURCE, case="cam and follower under gas pressure, rigid", quantity="largest error of the force",
+           unit="N", reference=0.0, computed=np.abs(computed - force).max(), tolerance=1e-9, absolute=True,
+           reason="rounding of 2 kN")  # fmt: skip
+    flexible = solved(case)
+    assert flexible.channels["contacts.k.force"] == pytest.approx(force, abs=0.02 * force.max())
+
+
+@pytest.mark.parametrize(
+    ("rows", "overrides", "said"),
+    [
+        ("time [s],force [mm]\n0,0\n1,1\n", {}, "a unit of the same quantity as N"),
+        ("time [s],force [N]\n0,0\n0,1\n", {}, "increasing values"),
+        ("time [s],force [N]\n0,0\n1,\n", {}, "a number in every row"),
+        ("force [N]\n0\n1\n", {}, "'crank angle'"),
+        ("time [s],gas [N],drag [N]\n0,0,0\n1,1,1\n", {}, "gas, drag"),
+        ("cam angle [deg],force [N]\n0,0\n360,1\n", {}, "the same value in the first and the last row"),
+        ("cam angle [deg],force [N]\n0,0\n720,0\n", {}, "up to 360 deg"),
+        ("time [s],force [N]\n0,0\n1,1\n", {"loads.push.phase": '"90 deg"'}, "no phase"),
+        ("time [s],force [N]\n0,0\n1,1\n", {"loads.push.direction": '"rx"', "loads.push.area": 1.0}, "no area"),
+        ("time [s],force [N]\n0,0\n1,1\n", {"loads.push.force": 1.0}, "either at with force or table"),
+        ("time [s],force [N]\n0,0\n1,1\n", {"loads.push.table": '"none.csv"'}, "none.csv"),
+    ],
+)  # fmt: skip
+def test_a_wrong_table_is_refused(rows, overrides, said, tmp_path):
+    with pytest.raises(InputError, match=said):
+        write(tmp_path, rows, **overrides)
+
+
+def test_a_force_over_time_has_no_periodic_state(tmp_path):
+    case = write(tmp_path, "time [s],force [N]\n0,0\n1,1\n", **{"run.start": '"periodic"'})
+    with pytest.raises(InputError, match="repeats each revolution"):
+        prepare(case)
