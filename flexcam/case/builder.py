@@ -125,6 +125,7 @@ def build_model(case: Case) -> valvetrain.Model:
         rockers=each("rockers", record.rockers, geometry.rocker),
         cams={name: one.part for name, one in record.cams.items()},
         contacts=each("contacts", record.contacts, geometry.contact),
+        friction={name: one.part for name, one in record.friction.items()},
         loads={name: one.part for name, one in record.loads.items()},
         gravity=record.run.gravity,
         damping=record.run.damping.part,

@@ -38,6 +38,8 @@ _POINT_REFERENCES = (
     ("springs", "at", True),
     ("springs", "to", True),
     ("bearings", "at", False),
+    ("friction", "at", True),
+    ("friction", "to", True),
     ("loads", "at", True),
     ("rockers", "from", False),
     ("cams", "at", False),

@@ -23,6 +23,7 @@ from flexcam.case.schema.cams import CamDesignRecord, CamRecord
 from flexcam.case.schema.contacts import ContactRecord
 from flexcam.case.schema.parts import (
     BearingRecord,
+    FrictionRecord,
     LoadRecord,
     MassRecord,
     MaterialRecord,
@@ -72,6 +73,7 @@ class CaseRecord(Record):
     rockers: dict[Name, RockerRecord] = Field(default={})
     cams: dict[Name, CamRecord] = Field(default={})
     contacts: dict[Name, ContactRecord] = Field(default={})
+    friction: dict[Name, FrictionRecord] = Field(default={}, description="of guides, seals and pivots")
     run: RunRecord
     fidelity: FidelityRecord = Field(default_factory=lambda: FidelityRecord.model_validate({}))
     sweep: SweepRecord | None = Field(None, description="variants that `sweep` runs")

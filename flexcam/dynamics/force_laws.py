@@ -22,7 +22,7 @@ from flexcam.dynamics.cam_motion import AngleFunction
 LawResponse = tuple[float, float, float, float]
 """Force, its derivatives by penetration and by rate, and the stored energy."""
 
-BILATERAL, STOP, HUNT_CROSSLEY, LINE_CONTACT, OIL_COLUMN, PULSATING, LEVER, ARCH, CUSTOM = range(9)
+BILATERAL, STOP, HUNT_CROSSLEY, LINE_CONTACT, OIL_COLUMN, PULSATING, LEVER, ARCH, SLIDING_FRICTION, CUSTOM = range(10)
 """Numbers of the laws."""
 
 TRIAL, PENETRATION, RATE, ANSWER, FREE_PENETRATION, FREE_RATE, OWN, ENERGY, BASE, CHANGE = range(10)
@@ -349,6 +349,44 @@ def coulomb(rate: float, speed: float) -> tuple[float, float]:
     return math.tanh(rate / speed), 4.0 * decay / (1.0 + decay) ** 2 / speed
 
 
+def sliding_friction(
+    v: float, force: float, breakaway: float, stribeck: float, damping: float, reversal: float
+) -> LawResponse:
+    """Return the friction of a lubricated slide or pivot, ``(F + (F0 - F) exp(-(v/vs)^2)) tanh(v/v0) + c v``.
+
+    Coulomb friction with Stribeck's decrease and a viscous part: S. Andersson, A. Soderberg and S. Bjorklund, Friction
+    models for sliding dry, boundary and mixed lubricated contacts, Tribology International 40 (2007), sec. 2. At rest
+    the force is zero: a slide at rest creeps below the velocity v0 instead of sticking.
+
+    Parameters
+    ----------
+    v
+        Sliding velocity, m/s.
+    force, breakaway
+        F and F0, N.
+    stribeck
+        vs, m/s.
+    damping
+        c, N s/m.
+    reversal
+        v0, m/s.
+
+    Returns
+    -------
+    tuple
+        Friction (N), its derivatives by path and velocity (N/m and N s/m), stored energy (J).
+
+    Examples
+    --------
+    >>> sliding_friction(1.0, 5.0, 5.0, 0.1, 2.0, 1e-3)
+    (7.0, 0.0, 2.0, 0.0)
+    """
+    direction, slope = coulomb(v, reversal)
+    more = (breakaway - force) * math.exp(-((v / stribeck) ** 2))
+    by_rate = (force + more) * slope - 2.0 * v / stribeck**2 * more * direction + damping
+    return (force + more) * direction + damping * v, 0.0, by_rate, 0.0
+
+
 def lever(constants: FloatArray, b: int, i: int, local: FloatArray, tangent: FloatArray) -> None:
     """Write the response of an elastic lever end with path p and motion x beyond its linear spring.
 
@@ -492,6 +530,10 @@ def evaluate_laws(
             states[NEW_STATE, z] = x - pressed
             states[FLOW, z] = stiffness / (leak if pressed > 0.0 else refill)
             states[STATE_RATE, z], states[ENERGY_BY_STATE, z] = states[FLOW, z] * pressed, -carried * pressed
+        elif kind == SLIDING_FRICTION:
+            N, by_x, by_v, energy = sliding_friction(
+                v, constants[b], constants[b + 1], constants[b + 2], constants[b + 3], constants[b + 4]
+            )
         else:
             N, by_x, by_v, energy = bilateral(x, v, constants[b] * cam[k, f], 0.0)
         local[ANSWER, i], local[ENERGY, i], tangent[0, i, 0], tangent[1, i, 0] = N, energy, by_x, by_v
@@ -543,8 +585,8 @@ def evaluate_rows(
 
 
 FUNCTIONS_OF_LAWS = (
-    bilateral, stop, hunt_crossley, line_load, line_contact, oil_column, lever_motion, coulomb, lever, arch, custom,
-    evaluate_laws, evaluate_rows,
+    bilateral, stop, hunt_crossley, line_load, line_contact, oil_column, lever_motion, coulomb, sliding_friction,
+    lever, arch, custom, evaluate_laws, evaluate_rows,
 )  # fmt: skip
 """Functions for the compiler, in the order of their calls."""
 
@@ -595,6 +637,9 @@ LAWS = {
     PULSATING: LawKind("bilateral", ("stiffness",), ("pulsation",)),
     LEVER: LawKind("lever", ("stiffness", "damping", "arm", "driven arm", "angle"), scalars=2, damping=1),
     ARCH: LawKind("arch", ("axial", "shortening", "bow", "pull of the bow"), scalars=ARCH_SCALARS, polynomial=True),
+    SLIDING_FRICTION: LawKind(
+        "sliding_friction", ("force", "breakaway force", "Stribeck velocity", "damping", "reversal velocity"), damping=0
+    ),
     CUSTOM: LawKind("custom", (), ("cam angle",)),
 }  # fmt: skip
 """The laws by number."""

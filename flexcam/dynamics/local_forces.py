@@ -383,19 +383,22 @@ class LocalForces:
         return penetration[self.switching] > 0.0
 
     def energies(
-        self, penetration: FloatArray, state: FloatArray, functions: FloatArray, laws: IntArray | None = None
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        self, penetration: FloatArray, state: FloatArray, functions: FloatArray, laws: IntArray | None = None,
+        rate: FloatArray | None = None,
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:  # fmt: skip
         """Return stored energies, J, elastic forces, N, and derivatives of the energy by the states at m instants.
 
         Sensed scalars have the shape (m, c), internal states (m, s), functions of the laws (m, f); `laws` are rows of
-        the table, None for all. The results have the shapes (m, c), (m, c) and (m, s).
+        the table, None for all. With rates of the scalars, (m, c), the forces are those of the motion. The results have
+        the shapes (m, c), (m, c) and (m, s).
         """
         work, table = Workspace(self.table, self.count, 0), self.table
         force, energy = np.empty_like(penetration, order="C"), np.empty_like(penetration, order="C")
         by_state, rows = np.zeros_like(state, order="C"), table.laws if laws is None else laws
+        rates = np.zeros(penetration.shape) if rate is None else np.ascontiguousarray(rate)
         self._evaluate_rows(
-            rows, table.constants, functions, 0, np.ascontiguousarray(penetration), np.zeros(penetration.shape),
-            np.ascontiguousarray(state), work.local, work.tangent, work.states, force, energy, by_state,
+            rows, table.constants, functions, 0, np.ascontiguousarray(penetration), rates, np.ascontiguousarray(state),
+            work.local, work.tangent, work.states, force, energy, by_state,
         )  # fmt: skip
         return energy, force, by_state
 

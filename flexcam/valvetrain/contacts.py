@@ -1,4 +1,4 @@
-"""Contributions of contacts and joints to the equations of motion: seats, lash, lash adjusters and lever ends."""
+"""Contributions of contacts and joints to the equations of motion: seats, lash, adjusters, lever ends and friction."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from flexcam.dynamics import (
     force_sum,
     oil_column_law,
 )
-from flexcam.dynamics.force_laws import LEVER
+from flexcam.dynamics.force_laws import LEVER, SLIDING_FRICTION
 from flexcam.valvetrain.parts import Adjuster, Lash, Lever, Seat
 from flexcam.valvetrain.structure import Structure, lever_ends
 from flexcam.valvetrain.train_topology import follower_train
@@ -101,6 +101,26 @@ def couple_adjuster(structure: Structure, name: str, part: Adjuster) -> Coupling
         Channel(f"{where}.force", "N", force_sum(0)),
         Channel(f"{where}.leak_down", "m", lambda seen: seen.states[:, 0]),
     ))  # fmt: skip
+
+
+def couple_friction(structure: Structure) -> Coupling:
+    """Return the friction of guides, seals and pivots, with its power as a channel."""
+    forces: list[LocalForce] = []
+    channels: list[Channel] = []
+    for i, (name, part) in enumerate(structure.model.friction.items()):
+        where = f"friction.{name}"
+        row = structure.row(part.at, part.direction, f"{where}.at")
+        if part.to is not None:
+            row = row - structure.row(part.to, part.direction, f"{where}.to")
+        if not row.any():
+            given, why = f"a slide at {part.at!r} along {part.direction.tolist()}", "it cannot move that way"
+            raise refuse(where, given, "a point that is free along the direction", why)
+        shape = part.force, part.breakaway_force, part.stribeck_speed, part.damping, part.friction_speed
+        forces.append(opposed_force(where, row[None], ForceLaw(SLIDING_FRICTION, shape)))
+        unit = "N" if part.direction[:3].any() else "N m"
+        channels.append(Channel(f"{where}.force", unit, force_sum(i)))
+        channels.append(Channel(f"{where}.power", "W", lambda seen, i=i: seen.forces[:, i] * seen.rates[:, i]))
+    return Coupling((), tuple(forces), tuple(channels))
 
 
 def lever_end(lever: Lever, end: int) -> ForceLaw:

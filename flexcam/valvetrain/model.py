@@ -17,6 +17,7 @@ from flexcam.valvetrain.parts import (
     Cam,
     CamContact,
     Contact,
+    Friction,
     GivenLoad,
     Lash,
     Lever,
@@ -42,7 +43,7 @@ class Model:
         Member name to its data.
     supports
         Point name to the constrained components.
-    masses, springs, rockers, cams, contacts, loads
+    masses, springs, rockers, cams, contacts, friction, loads
         Attached parts by name.
     gravity
         Acceleration, m/s^2, global axes.
@@ -64,6 +65,7 @@ class Model:
     rockers: Mapping[str, Rocker] = field(default_factory=dict[str, Rocker])
     cams: Mapping[str, Cam] = field(default_factory=dict[str, Cam])
     contacts: Mapping[str, Contact] = field(default_factory=dict[str, Contact])
+    friction: Mapping[str, Friction] = field(default_factory=dict[str, Friction])
     loads: Mapping[str, GivenLoad] = field(default_factory=dict[str, GivenLoad])
     gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)
     damping: Damping = field(default_factory=Damping)
@@ -75,7 +77,7 @@ class Model:
         return type(self), tuple(dict(one) if isinstance(one, Mapping) else one for one in values)  # pyright: ignore[reportUnknownArgumentType, reportUnknownVariableType]
 
     def __post_init__(self) -> None:
-        for name in ("members", "supports", "masses", "springs", "rockers", "cams", "contacts", "loads"):
+        for name in ("members", "supports", "masses", "springs", "rockers", "cams", "contacts", "friction", "loads"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
 
     @property

@@ -84,6 +84,22 @@ class Spring:
 
 
 @dataclass(frozen=True, eq=False)
+class Friction:
+    """Friction along one direction, in a guide or a seal, or about a pivot, to ground or between two points."""
+
+    at: str  #: a named node, or the point a rocker defines
+    direction: FloatArray  #: as of `Spring`
+    #: `force`, `breakaway_force`: at high velocity and when sliding begins, N, or N m about an axis
+    force: float
+    breakaway_force: float
+    #: `stribeck_speed`, `friction_speed`: of the decrease to `force`, and over which friction reverses, m/s or rad/s
+    stribeck_speed: float
+    friction_speed: float
+    damping: float = 0.0  #: viscous part, N s/m or N m s/rad
+    to: str | None = None  #: the other side; None for ground
+
+
+@dataclass(frozen=True, eq=False)
 class LoadTable:
     """Load over the cam angle or over time, linear between its points."""
 

@@ -34,7 +34,7 @@ from flexcam.dynamics.local_forces import LocalForces
 from flexcam.fem.assembly import modal_damping
 from flexcam.valvetrain.cam_contact import sliding_path
 from flexcam.valvetrain.cam_functions import cam_sliding, normal_force_ratio, sliding_distance
-from flexcam.valvetrain.contacts import check_lever_rotation, opposed_force
+from flexcam.valvetrain.contacts import check_lever_rotation, couple_friction, opposed_force
 from flexcam.valvetrain.loads import given_loads, preload, steady_load
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import CamContact, PublishedLoad
@@ -46,34 +46,34 @@ from flexcam.valvetrain.train_topology import follower_train
 
 
 @dataclass(frozen=True, eq=False)
-class SpringLaw:
-    """Nonlinear law of a spring's parts along the motions of a train."""
+class TrainLaw:
+    """Law of a spring's parts or of friction along the motions of a train."""
 
     name: str  #: such as ``springs.valve.clash``
     law: LocalForces  #: forces of the parts, stacked, as in the flexible train
-    rows: FloatArray  #: compression of each part per motion, shape (c, b)
+    rows: FloatArray  #: path of each part per motion, shape (c, b)
     offset: AngleFunction  #: prescribed part of the compression
     stops: bool  #: whether the law is coil clash
 
-    def force(self, moved: FloatArray, cam: CamFunctionCache) -> FloatArray:
-        """Return the forces against some motions by virtual work."""
-        pressed = self.compression(moved, cam)
+    def force(self, moved: FloatArray, rate: FloatArray, cam: CamFunctionCache) -> FloatArray:
+        """Return the forces against some motions with their rates, shape (m, b) each, by virtual work."""
+        pressed, rates = self.compression(moved, cam), rate @ self.rows.T
         functions = self.law.function_values(cam.angle)
-        return self.law.energies(pressed, np.zeros((len(pressed), 0)), functions)[1] @ self.rows
+        return self.law.energies(pressed, np.zeros((len(pressed), 0)), functions, rate=rates)[1] @ self.rows
 
     def compression(self, moved: FloatArray, cam: CamFunctionCache) -> FloatArray:
         """Return the compression of each part, m, shape (m, c), for the arguments of `force`."""
         return moved @ self.rows.T + cam(self.offset, 0)[:, None]
 
 
-def spring_laws(structure: Structure, motions: FloatArray) -> tuple[SpringLaw, ...]:
-    """Return the nonlinear laws of the springs in a train."""
-    found: list[SpringLaw] = []
-    for force in couple_coils(structure).forces:
+def train_laws(structure: Structure, motions: FloatArray) -> tuple[TrainLaw, ...]:
+    """Return the nonlinear laws of the springs and the friction in a train."""
+    found: list[TrainLaw] = []
+    for force in (*couple_coils(structure).forces, *couple_friction(structure).forces):
         rows = np.array([sensed.vectors[0] for sensed in force.sense]) @ motions.T
         if rows.any() and isinstance(force.law, ForceLaw):
             offset, stops = force.offset[0], force.law.kind == STOP
-            found.append(SpringLaw(force.name, _identity_law(force.name, force.law, len(rows)), rows, offset, stops))
+            found.append(TrainLaw(force.name, _identity_law(force.name, force.law, len(rows)), rows, offset, stops))
     return tuple(found)
 
 
@@ -160,7 +160,7 @@ class RigidTrain:
     bodies: FloatArray  #: bodies between lash: relative motions as installed, shape (g, b)
     #: force of each body at the follower on the base circle, N, shape (g,), if a seat supports it; else NaN
     standing: FloatArray
-    springs: tuple[SpringLaw, ...]  #: nonlinear laws of springs
+    laws: tuple[TrainLaw, ...]  #: nonlinear laws of springs and friction
     #: loads from tables: what each acts with along the motions per unit, shape (b,), and its history
     loads: tuple[tuple[FloatArray, History], ...] = ()
     #: force at the follower shared by cam and seat on the base circle, N; it is assigned to the seat
@@ -177,9 +177,10 @@ class RigidTrain:
             s, slope, bend = (motion.cam(event, order) for order in range(3))
             speed, rate = slope * motion.speed, bend * motion.speed**2 + slope * motion.rate
             h, h1, h2 = (np.stack(one, axis=-1) for one in zip(*(c(s) for c in self.coordinates), strict=True))
+            v = h1 * speed[..., None]
             inertia = (h1 * rate[..., None] + h2 * speed[..., None] ** 2) @ self.mass
-            damped = (h1 * speed[..., None]) @ self.damping
-            held = sum((one.force(h, motion.cam) for one in self.springs), h @ self.stiffness + self.force)
+            damped = v @ self.damping
+            held = sum((one.force(h, v, motion.cam) for one in self.laws), h @ self.stiffness + self.force)
             held = held - sum(load(motion)[..., None] * share for share, load in self.loads)
             felt = (h1 * (inertia + damped + held)) @ (self.bodies != 0.0).T
             shut = np.asarray(s <= _BASE_CIRCLE_FRACTION * event.height)[..., None]
@@ -203,16 +204,16 @@ def rigid_train(structure: Structure, contact: PublishedLoad | CamContact, where
     if isinstance(contact, PublishedLoad):
         force[0] += preload(structure, contact, train, structure.model.cams[contact.cam], speed)
     damping += given.alpha * mass + given.beta * stiffness + _modal(mass, stiffness, bodies, given.modal)
-    held, pushed, springs = bodies @ stiffness @ bodies.T, bodies @ force, spring_laws(structure, motions)
+    held, pushed, laws = bodies @ stiffness @ bodies.T, bodies @ force, train_laws(structure, motions)
     loads = tuple((motions @ one.vector, one.history) for one in given_loads(structure) if not one.steady)
     if isinstance(contact, PublishedLoad):  # parts driven by it are in the installed position
         paths = parted.coordinates(0.0 * pushed)
-        return RigidTrain(motions, paths, mass, damping, stiffness, force, bodies, np.nan * pushed, springs, loads)
+        return RigidTrain(motions, paths, mass, damping, stiffness, force, bodies, np.nan * pushed, laws, loads)
     places, seats = find_rest(parted.bodies, held, pushed)
     needed, seated = held @ places + pushed, np.array([one.seated for one in parted.bodies])
     standing, between = _rest_forces(parted.bodies, needed - seats), seated & parted.rests_on_cam(places)
     return RigidTrain(
-        motions, parted.coordinates(places), mass, damping, stiffness, force, bodies, standing, springs, loads,
+        motions, parted.coordinates(places), mass, damping, stiffness, force, bodies, standing, laws, loads,
         float(np.maximum(needed, 0.0)[between].sum()),
     )  # fmt: skip
 
@@ -359,7 +360,7 @@ def touching_coils(model: Model, speed: float) -> dict[str, float]:
         train = rigid_train(structure, contact, f"contacts.{name}.follower", speed)
         top = event_extremes(model.cams[contact.cam].event)[1]
         moved = np.stack([one(np.array([top.value]))[0] for one in train.coordinates], axis=-1)
-        for one in train.springs:
+        for one in train.laws:
             beyond = len(one.rows) * float(one.compression(moved, CamFunctionCache(np.array([top.at]))).max())
             if one.stops and beyond > 0.0:
                 found[one.name.split(".")[1]] = beyond

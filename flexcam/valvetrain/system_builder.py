@@ -16,7 +16,14 @@ from flexcam.fem.assembly import modal_damping, rayleigh_damping
 from flexcam.fem.frames import COMPONENTS
 from flexcam.valvetrain.cam_contact import couple_cam
 from flexcam.valvetrain.camshaft import ShaftDrive, find_shaft_drives, inertia_torque, reaction_torque, shaft_channels
-from flexcam.valvetrain.contacts import Coupling, couple_adjuster, couple_lash, couple_seat, lever_joints
+from flexcam.valvetrain.contacts import (
+    Coupling,
+    couple_adjuster,
+    couple_friction,
+    couple_lash,
+    couple_seat,
+    lever_joints,
+)
 from flexcam.valvetrain.loads import couple_published_load, given_loads
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import Adjuster, CamContact, Contact, Lash, PublishedLoad, Seat
@@ -61,23 +68,28 @@ def _at_any_speed(
 
     Damping, couplings other than contacts, probes, and shaft drives with the reactions of these couplings.
     """
-    couplings = (
-        lever_joints(structure),
-        couple_coils(structure),
-        geometric_stiffness_forces(structure),
-        shaft_channels(structure),
-    )
+    couplings = _joints(structure)
     probes = (probe_of(structure, point) for point in structure.model.probes)
     ends = tuple((end, _reactions(end)) for end in find_shaft_drives(structure))
     return structure.dampers + _damping(structure), couplings, (*probes, *_inner_probes(structure)), ends
 
 
+def _joints(structure: Structure) -> tuple[Coupling, ...]:
+    """Return the couplings other than contacts and loads."""
+    return (
+        lever_joints(structure),
+        couple_coils(structure),
+        couple_friction(structure),
+        geometric_stiffness_forces(structure),
+        shaft_channels(structure),
+    )
+
+
 def _reactions(end: ShaftDrive) -> list[Observable]:
     """Return the reactions of couplings other than contacts at a prescribed rotation, in coupling order."""
     freed = end.freed
-    couplings = lever_joints(freed), couple_coils(freed), geometric_stiffness_forces(freed), shaft_channels(freed)
-    constant = Coupling(tuple(given_loads(freed)), (), ())
-    return [reaction_torque(end, one.loads, one.forces) for one in (*couplings, constant)]
+    given = Coupling(tuple(given_loads(freed)), (), ())
+    return [reaction_torque(end, one.loads, one.forces) for one in (*_joints(freed), given)]
 
 
 def _torque(

@@ -196,6 +196,10 @@ def test_an_adjuster_between_nodes():
 
 TOLERANCES = '{ lift = "1 %", velocity = "2 %", acceleration = "5 %", force = "5 %" }'
 GAS = '{ at = "valve", direction = "uy", table = "gas.csv", area = "8 cm^2", phase = "10 deg", repeat = true }'
+GUIDE = (
+    '{ at = "valve", to = "cam", direction = "uy", force = "8 N", breakaway_force = "12 N", stribeck_speed = "0.1 m/s", '
+    'friction_speed = "5 mm/s", damping = "2 N s/m" }'
+)
 PAPERS = ("checks/mathieu.toml", "li/valve-train.toml", "petrescu/valve-spring.toml")
 
 
@@ -213,7 +217,7 @@ def test_every_key_of_the_format_stands_in_some_case(rewritten, tmp_path):
         (DATA / "every-key.toml", ['run.adaptive={ tolerance = 1e-5, smallest = "1 ns" }']),
         (DATA / "every-key.toml", ['run.engine="direct"']),
         (DATA / "every-key.toml", ['run.integrator={ method = "collocation" }']),
-        (DATA / "every-key.toml", [f"loads.gas={GAS}"]),
+        (DATA / "every-key.toml", [f"loads.gas={GAS}", f"friction.guide={GUIDE}"]),
         (CHECKS / "mathieu.toml", []),
         (DATA / "every-key.toml", ['run.integrator={ method = "bathe" }', "fidelity.modes=20", "fidelity.reduction=craig-bampton"]),
         (DATA / "every-key.toml", ['fidelity={ model = "chain", masses = 2, estimate = true }']),

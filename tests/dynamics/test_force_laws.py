@@ -33,7 +33,7 @@ from flexcam.dynamics import (
     solve,
     spring_damper,
 )
-from flexcam.dynamics.force_laws import LAWS, line_load, oil_column
+from flexcam.dynamics.force_laws import LAWS, SLIDING_FRICTION, ForceLaw, line_load, oil_column
 from flexcam.dynamics.force_laws import LEVER as LEVER_KIND
 from flexcam.dynamics.kernel_engine import compiled_functions
 from flexcam.dynamics.local_forces import LocalForces
@@ -76,6 +76,7 @@ CASES = {
     "lever, driven end": (lever_end(LEVER, 0), 2e-3, 2.0),
     "lever, point": (lever_end(LEVER, 1), 2e-3, 2.0),
     "arch": (arch_laws(arch())[0], 1e-2, 0.0),
+    "sliding friction": (ForceLaw(SLIDING_FRICTION, (20.0, 30.0, 0.1, 3.0, 0.01)), 1e-3, 0.3),
     "friction": (replace(hunt_crossley_contact(5e7, 0.3), friction=(0.12, 1e-2)), 1e-4, 2.0),
     "friction of a line contact": (replace(LINE.law(cosine), friction=(0.1, 1e-2)), 1e-4, 2.0),
 }

@@ -301,6 +301,41 @@ class BearingRecord(Record):
     damping: DampingValue = 0.0
 
 
+class FrictionRecord(PartRecord[valvetrain.Friction]):
+    """Friction of a guide, a seal or a pivot, to ground or between two points."""
+
+    at: Name
+    to: Name | None = Field(None, description="the other side; ground where absent")
+    direction: DirectionValue
+    force: float = Field(description="Coulomb's force, N, or moment about an axis, N m")
+    breakaway_force: float | None = Field(None, description="when sliding begins; as force by default")
+    stribeck_speed: float = Field(0.1, description="over which it falls to force, m/s, or rad/s about an axis")
+    friction_speed: float = Field(0.01, description="over which it reverses, m/s, or rad/s about an axis")
+    damping: float = Field(0.0, description="viscous part, N s/m, or N m s/rad about an axis")
+
+    @field_validator("force", "breakaway_force", "stribeck_speed", "friction_speed", "damping", mode="before")
+    @classmethod
+    def _convert_unit(cls, value: object, info: ValidationInfo) -> float | None:
+        """Return SI; units depend on whether the slide turns."""
+        if value is None:
+            return None
+        turns = not direction(info.data.get("direction", "uy"))[:3].any()
+        kind = {"damping": ("damping", "rotational damping")}
+        kinds = kind.get(str(info.field_name), ("velocity", "speed") if "speed" in str(info.field_name) else _FORCES)
+        return Unit(kinds[turns], above=info.field_name != "damping").validate(value)
+
+    def build(self) -> valvetrain.Friction:
+        """Build the friction."""
+        breakaway = self.force if self.breakaway_force is None else self.breakaway_force
+        speeds = self.stribeck_speed, self.friction_speed
+        return valvetrain.Friction(
+            self.at, direction(self.direction), self.force, breakaway, *speeds, self.damping, self.to
+        )
+
+
+_FORCES = ("force", "moment")
+
+
 class LoadRecord(PartRecord[valvetrain.GivenLoad]):
     """Force at a point, constant or from a table, or constant force distributed over a member."""
 

@@ -1,0 +1,117 @@
+"""Friction of guides, seals and pivots, against closed forms.
+
+A mass on a spring under Coulomb friction F loses the amplitude 2 F/k in each half period, and its period is that
+without friction: J. P. Den Hartog, Mechanical Vibrations, 4th ed., sec. 8.2. A guide takes 2 F h from a valve of lift h that
+opens and closes once.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from flexcam import InputError, build_model, prepare, read_case, solve
+
+SOURCE = "Friction of slides"
+OSCILLATOR = """
+format = 1
+nodes = { mass = [0, 0, 0] }
+masses = { one = { at = "mass", mass = "1 kg", inertia = [1, 1, 1] } }
+springs = { one = { at = "mass", direction = "ux", stiffness = "10 kN/m" } }
+friction = { slide = { at = "mass", direction = "ux", force = "5 N", friction_speed = "0.1 mm/s" } }
+[run]
+speed = "600 rpm"
+steps_per_revolution = 2000
+revolutions = 2
+start = { displacement = { "mass.ux" = "10 mm" } }
+[output]
+probes = ["mass"]
+"""
+FOLLOWER = """
+format = 1
+[nodes]
+shaft = [0, 0, 0]
+mass = [0, "40 mm", 0]
+[supports]
+mass = ["ux", "uz"]
+[masses]
+mass = { at = "mass", mass = "0.1 kg" }
+[springs]
+one = { at = "mass", direction = "uy", stiffness = "40 kN/m", installed_force = "300 N" }
+[friction]
+guide = { at = "mass", direction = "uy", force = "20 N", breakaway_force = "30 N", damping = "5 N s/m" }
+[cams]
+c = { at = "shaft", axis = [0, 0, 1], law = "cycloidal", lift = "6 mm", rise = "70 deg", return = "70 deg" }
+[contacts]
+k = { cam = "c", follower = "mass", direction = "uy", model = "unilateral", stiffness = "500 MN/m", dissipation = 1 }
+[run]
+speed = "600 rpm"
+steps_per_revolution = 3600
+revolutions = 1
+start = "equilibrium"
+[output]
+probes = ["mass"]
+"""
+
+
+def solved(folder, text, *overrides):
+    """Return the response of a case."""
+    (folder / "one.toml").write_text(text)
+    ready = prepare(read_case(folder / "one.toml", overrides))
+    found = solve(ready.problem, ready.scheme)
+    assert found.status.ok
+    return found
+
+
+@pytest.mark.parametrize("engine", ["direct", "kernel"])
+def test_amplitudes_under_coulomb_friction(engine, record, tmp_path):
+    """Six half periods of the closed form; at their ends the sliding velocity is zero."""
+    found = solved(tmp_path, OSCILLATOR, f"run.engine={engine}")
+    x = found["mass"].displacement[:, 0]
+    ends = np.interp(np.arange(1, 7) * math.pi / 100.0, found.time, x)
+    sides = np.array([-1, 1, -1, 1, -1, 1]) * (0.01 - 2.0 * 5.0 / 1e4 * np.arange(1, 7))
+    record(source=SOURCE, case=f"mass on a spring, {engine} engine", quantity="largest error of six amplitudes",
+           unit="m", reference=0.0, computed=np.abs(ends - sides).max(), tolerance=2e-6, absolute=True,
+           reason="reversal over 0.1 mm/s instead of a jump, 7 um of 1 mm per half period")  # fmt: skip
+    assert np.abs(found.channels["energy.residual"]).max() < 1e-9  # of 0.5 J
+
+
+def test_rigid_follower_in_a_guide(record, tmp_path):
+    """The force of the cam grows by the friction on the rise and falls by it on the return."""
+    overrides = ("fidelity.model=rigid",)
+    found = solved(tmp_path, FOLLOWER, *overrides)
+    event = build_model(read_case(tmp_path / "one.toml")).cams["c"].event
+    omega = 20.0 * math.pi
+    v = event(found.angle, 1) * omega
+    friction = (20.0 + 10.0 * np.exp(-((v / 0.1) ** 2))) * np.tanh(v / 0.01) + 5.0 * v
+    force = 0.1 * event(found.angle, 2) * omega**2 + 4e4 * event(found.angle, 0) + 300.0 + friction
+    record(source=SOURCE, case="rigid follower in a guide", quantity="largest error of the cam force", unit="N",
+           reference=0.0, computed=np.abs(found.channels["contacts.k.force"] - force).max(), tolerance=1e-9,
+           absolute=True, reason="rounding of 600 N")  # fmt: skip
+
+
+def test_work_of_a_guide(record, tmp_path):
+    """2 F h per revolution, from the power over time."""
+    found = solved(tmp_path, FOLLOWER, "friction.guide.breakaway_force=20 N", "friction.guide.damping=0",
+                   'friction.guide.friction_speed="1 mm/s"')  # fmt: skip
+    work = np.trapezoid(found.channels["friction.guide.power"], found.time)
+    record(source=SOURCE, case="stiff follower in a guide", quantity="work of friction per revolution", unit="J",
+           reference=2.0 * 20.0 * 0.006, computed=work, tolerance=3e-3,
+           reason="reversal over 1 mm/s at the ends of the lift")  # fmt: skip
+
+
+def test_friction_of_a_pivot(tmp_path):
+    """A moment about an axis; its units are those of a rotation."""
+    text = OSCILLATOR.replace('direction = "ux", force = "5 N", friction_speed = "0.1 mm/s"',
+                              'direction = "rz", force = "2 N m", friction_speed = "1 rad/s"')  # fmt: skip
+    text = text.replace('displacement = { "mass.ux" = "10 mm" }', 'velocity = { "mass.rz" = 20.0 }')
+    found = solved(tmp_path, text, "run.revolutions=0.5")
+    spin = found["mass"].velocity[:, 5]
+    np.testing.assert_allclose(spin, 20.0 - 2.0 * found.time, atol=1e-6)
+
+
+def test_a_slide_that_cannot_move_is_refused(tmp_path):
+    with pytest.raises(InputError, match="it cannot move that way"):
+        solved(tmp_path, FOLLOWER, 'friction.guide.direction="ux"')
