@@ -1,8 +1,8 @@
 """Friction of guides, seals and pivots, against closed forms.
 
 A mass on a spring under Coulomb friction F loses the amplitude 2 F/k in each half period, and its period is that
-without friction: J. P. Den Hartog, Mechanical Vibrations, 4th ed., sec. 8.2. A guide takes 2 F h from a valve of lift h that
-opens and closes once.
+without friction: J. P. Den Hartog, Mechanical Vibrations, 4th ed., sec. 8.2. A guide takes 2 F h from a valve that
+opens by h and closes once.
 """
 
 from __future__ import annotations
