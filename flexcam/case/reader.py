@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
+import numpy as np
 from pydantic import ValidationError
 
 from flexcam.case.builder import with_spring_parts
@@ -24,7 +25,7 @@ from flexcam.fem.mesh import Mesh
 from flexcam.io import Result, read_mesh, read_text, resolve_file
 
 
-def read_case(path: str | Path, overrides: Sequence[str] = ()) -> Case:
+def read_case(path: str | Path, overrides: Sequence[str] | Mapping[str, object] = ()) -> Case:
     """Read and check a case file.
 
     Parameters
@@ -32,7 +33,7 @@ def read_case(path: str | Path, overrides: Sequence[str] = ()) -> Case:
     path
         TOML file.
     overrides
-        Overrides, such as ``"run.speed=4000rpm"``.
+        Overrides, such as ``"run.speed=4000rpm"``, or values by key.
 
     Returns
     -------
@@ -46,9 +47,22 @@ def read_case(path: str | Path, overrides: Sequence[str] = ()) -> Case:
 
     Examples
     --------
-    ``read_case("cases/tayeb/model-3-shm.toml", ["run.speed=4000rpm"])`` is the published case at another speed.
+    ``read_case("cases/tayeb/model-3-shm.toml", ["run.speed=4000rpm"])`` is the published case at another speed, and so
+    is ``read_case("cases/tayeb/model-3-shm.toml", {"run.speed": "4000 rpm"})``.
     """
+    if isinstance(overrides, Mapping):
+        overrides = [f"{key}={_toml_text(value)}" for key, value in overrides.items()]
     return CaseFile.open(path).read(overrides)
+
+
+def _toml_text(value: object) -> str:
+    """Return a value as TOML on one line; tables and arrays as well."""
+    if isinstance(value, Mapping):
+        table = cast("Mapping[str, object]", value)
+        return f"{{ {', '.join(f'{key} = {_toml_text(inner)}' for key, inner in table.items())} }}"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_toml_text, cast('Sequence[object]', value)))}]"
+    return json.dumps(value, ensure_ascii=False, default=lambda one: np.asarray(one).tolist())
 
 
 def case_from_result(result: Result) -> Case:

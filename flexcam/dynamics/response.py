@@ -126,6 +126,13 @@ class History:
         return f"<History of {self.name}: {', '.join(self.components)}; shape {self.displacement.shape}>"
 
 
+class _Channels(dict[str, FloatArray]):
+    """Channels by name; an unknown name is refused with the nearest one."""
+
+    def __missing__(self, name: str) -> FloatArray:
+        raise refuse("channel", repr(name), ", ".join(self) or "(no channel was saved)", "", suggest_name(name, self))
+
+
 @dataclass(frozen=True, eq=False)
 class Response:
     """Result of a run.
@@ -160,6 +167,9 @@ class Response:
     fields: Series
     status: Status = field(default_factory=Status)
     stats: Stats = field(default_factory=Stats)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "channels", _Channels(self.channels))
 
     def __repr__(self) -> str:
         """Return status and contents, not the values."""

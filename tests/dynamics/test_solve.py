@@ -156,6 +156,11 @@ def test_rest_counts_installed_loads_only(system_of):
     np.testing.assert_allclose(installed_state(system, ConstantSpeed(1.0)).displacement, [2.0])
 
 
+def test_unknown_channel_is_refused(toy):
+    with pytest.raises(InputError, match=r"'energy\.kinetik'.*did you mean 'energy\.kinetic"):
+        free(toy, 10).channels["energy.kinetik"]
+
+
 @pytest.mark.parametrize("wrong", ["al", "all.x1", ""])
 def test_unknown_probe_is_refused(toy, wrong):
     with pytest.raises(InputError):

@@ -1,0 +1,35 @@
+"""Overrides of a case as values of Python."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexcam import InputError, read_case
+
+FINGER = Path(__file__).parents[2] / "cases/direct-acting/finger.toml"
+
+
+def test_values_by_key_are_those_of_texts():
+    values = {
+        "springs.valve.stiffness": "45 kN/m", "run.revolutions": 2, "run.start": "rest", "fidelity.estimate": True,
+        "rockers.finger.arms": (np.float64(0.02), 0.035), "run.gravity": np.array([0.0, -9.81, 0.0]),
+        "cams.intake.law": {"id": "fb2", "split": np.float32(0.25)},
+    }  # fmt: skip
+    texts = [
+        "springs.valve.stiffness=45 kN/m", "run.revolutions=2", "run.start=rest", "fidelity.estimate=true",
+        "rockers.finger.arms=[0.02, 0.035]", "run.gravity=[0, -9.81, 0]",
+        'cams.intake.law={ id = "fb2", split = 0.25 }',
+    ]  # fmt: skip
+    case = read_case(FINGER, values)
+    assert case.record == read_case(FINGER, texts).record
+    assert read_case(FINGER, case.overrides).record == case.record
+
+
+def test_a_wrong_value_names_its_key():
+    with pytest.raises(InputError, match=r"springs\.valve\.stiffness.*45 kg"):
+        read_case(FINGER, {"springs.valve.stiffness": "45 kg"})
+    with pytest.raises(InputError, match="NaN"):
+        read_case(FINGER, {"springs.valve.stiffness": float("nan")})
