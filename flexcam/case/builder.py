@@ -223,7 +223,7 @@ class _Geometry:
                 if isinstance(record, contacts.LashRecord):
                     resisting = self._lash_stiffness(record), record.damping
                     return valvetrain.Lash(record.at, record.gap, *resisting, record.ends, along, record.damping_depth)
-                size = record.stiffness, record.leak, record.refill, record.plunger_force
+                size = *record.column, record.refill, record.plunger_force
                 return valvetrain.Adjuster(record.at, *size, record.ends, along)
             case _:
                 pass

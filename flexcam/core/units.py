@@ -124,6 +124,7 @@ DIMENSIONS = _table(
     ("velocity", (1, 0, -1, 0), "m/s", "0.5 m/s", 1e-12, 1e6),
     ("inverse velocity", (-1, 0, 1, 0), "s/m", "0.3 s/m", 1e-9, 1e9),
     ("acceleration", (1, 0, -2, 0), "m/s^2", "9.81 m/s^2", 1e-09, 1e09),
+    ("viscosity", (-1, 1, -1, 0), "Pa s", "10 mPa s", 1e-09, 1e09),
 )
 
 

@@ -133,6 +133,33 @@ def test_leak_down_under_a_constant_force(record, case):
     assert response.channels["energy.dissipated"][-1] == pytest.approx(oil**2 / LEAK * response.time[-1], rel=2e-3)
 
 
+CHAMBER = (
+    '{ viscosity = "20 mPa s", bulk_modulus = "1.5 GPa", plunger_diameter = "11 mm", clearance = "6 um", '
+    'land_length = "8 mm", chamber_height = "5 mm"'
+)
+
+
+@pytest.mark.parametrize(("air", "modulus"), [("", 1.5e9), (', air = "5 %", pressure = "2 MPa" }', 5.4064e7)])
+def test_leak_down_of_a_chamber(air, modulus, record, case):
+    """The test of adjusters: a weight on the plunger, whose velocity is that of the flow through the annular gap.
+
+    Flow pi d c^3 p/(12 mu L) at p = F/A; air is a gas spring of 1.4 p in series.
+    """
+    made = case(f'model = "lash-adjuster", refill = 500, plunger_force = 0, oil = {CHAMBER}{air or " }"}', spring=0.0,
+                loads=LOAD.format(300.0), phase=170.0, revolutions=0.3)  # fmt: skip
+    response = run(made)
+    area = 0.25 * math.pi * 0.011**2
+    flow = math.pi * 0.011 * (6e-6) ** 3 * (300.0 / area) / (12.0 * 0.02 * 0.008)
+    sunk = response["top.uy"].displacement - response["end.uy"].displacement
+    record(source=SOURCE, case=f"oil chamber under 300 N{', with air' * bool(air)}", unit="m",
+           quantity="sinking of the plunger at once", reference=300.0 * 0.005 / (modulus * area), computed=sunk[0],
+           tolerance=2e-3, reason="the rods give as well; five digits of the modulus")  # fmt: skip
+    record(source=SOURCE, case=f"oil chamber under 300 N{', with air' * bool(air)}", unit="m/s",
+           quantity="velocity of leak-down", reference=flow / area,
+           computed=response.channels["contacts.play.leak_down"][-1] / response.time[-1], tolerance=2e-3,
+           reason="the mass swings about the steady sinking")  # fmt: skip
+
+
 def test_maxwell_response(record, case):
     """In balance at once, with z = 0; then the spring beside takes the load over."""
     force, spring = 500.0, 5e5

@@ -12,14 +12,16 @@ from flexcam.case.schema.base import (
     Length,
     LineValue,
     Name,
+    PartRecord,
     PositiveStiffness,
     Ratio,
     Record,
+    Stress,
     Unit,
     Velocity,
     value_error,
 )
-from flexcam.valvetrain import DAMPING_DEPTH
+from flexcam.valvetrain import DAMPING_DEPTH, OilChamber
 
 _LiftDirection = Annotated[LineValue | None, Field(description="of the lift; from cam to follower by default")]
 _Restitution = Annotated[
@@ -131,12 +133,32 @@ class LashRecord(_GapRecord):
     damping_depth: _DampingDepth = DAMPING_DEPTH
 
 
+class OilRecord(PartRecord[OilChamber]):
+    """Oil chamber under the plunger of an adjuster, which gives its stiffness and its leak-down."""
+
+    viscosity: Annotated[float, Unit("viscosity", above=True)] = Field(description="dynamic, of the oil")
+    bulk_modulus: Stress = Field(description="of the oil without air")
+    plunger_diameter: Length
+    clearance: Length = Field(description="radial, between plunger and body")
+    land_length: Length = Field(description="of the plunger in its body")
+    chamber_height: Length = Field(description="of the oil under the plunger, with the check valve's space")
+    air: Annotated[float, Unit("number", most=0.5)] = Field(0.0, description="part of the volume, at `pressure`")
+    pressure: Stress = Field(1e6, description="absolute, typical of the loaded chamber, for the stiffness of the air")
+
+    def build(self) -> OilChamber:
+        """Build the chamber."""
+        return OilChamber(**self.model_dump())
+
+
 class AdjusterRecord(_GapRecord):
     """Hydraulic lash adjuster, in the place of a lash."""
 
     model: Literal["lash-adjuster"]
-    stiffness: PositiveStiffness = Field(description="of the oil column")
-    leak: Annotated[float, Unit("damping", above=True)] = Field(description="force per velocity of leak-down")
+    stiffness: PositiveStiffness | None = Field(None, description="of the oil column; from oil where absent")
+    leak: Annotated[float, Unit("damping", above=True)] | None = Field(
+        None, description="force per velocity of leak-down; from oil where absent"
+    )
+    oil: OilRecord | None = Field(None, description="chamber under the plunger, for stiffness and leak")
     refill: Annotated[float, Unit("damping", above=True)] = Field(
         description="force per velocity while the check valve is open"
     )
@@ -144,9 +166,19 @@ class AdjusterRecord(_GapRecord):
 
     @model_validator(mode="after")
     def _check_leakage(self) -> Self:
-        if not self.leak > self.refill:
-            raise value_error("leak above refill", "the check valve is wider than the gap around the plunger")
+        if self.oil is None and (self.stiffness is None or self.leak is None):
+            raise value_error("stiffness and leak, or oil", "they describe the oil column")
+        if not self.column[1] > self.refill:
+            given = f"leak {self.column[1]:g} N s/m, refill {self.refill:g} N s/m"
+            why = "the check valve is wider than the gap around the plunger"
+            raise value_error("leak above refill", why, given=given)
         return self
+
+    @property
+    def column(self) -> tuple[float, float]:
+        """Stiffness, N/m, and leak, N s/m, of the oil column; given values replace those of the chamber."""
+        stiffness, leak = (self.oil.part.stiffness, self.oil.part.leak) if self.oil else (0.0, 0.0)
+        return self.stiffness or stiffness, self.leak or leak
 
 
 ContactRecord = Annotated[CamContactRecord | SeatRecord | LashRecord | AdjusterRecord, Field(discriminator="model")]
