@@ -226,8 +226,13 @@ def _unilateral_model(case: Case) -> Model:
 
 def compute_margins(case: Case) -> Margins:
     """Return the margins of spring force and buckling load."""
+    return Margins(*rigid_margin(case), _buckling_margins(case))
+
+
+def rigid_margin(case: Case) -> tuple[float | None, float | None]:
+    """Return the speed at which the rigid train loses contact, rpm, and the spring margin at the speed of the case."""
     rigid = _rigid_limit_speed(case)
-    return Margins(rigid, None if rigid is None else (rigid * RPM / case.speed) ** 2 - 1.0, _buckling_margins(case))
+    return rigid, None if rigid is None else (rigid * RPM / case.speed) ** 2 - 1.0
 
 
 def _buckling_margins(case: Case) -> dict[str, float]:
@@ -395,16 +400,10 @@ MODELS = ("rigid", "bilateral", "unilateral")
 
 @dataclass(frozen=True)
 class ForceRange:
-    """Contact force of one model at one speed, on the main lift in the last revolution.
+    """Contact force of one model at one speed, on the main lift in the last revolution."""
 
-    Parameters
-    ----------
-    least, largest
-        Minimum and maximum, N.
-    """
-
-    least: float
-    largest: float
+    least: float  #: minimum, N
+    largest: float  #: maximum, N
 
 
 @dataclass(frozen=True)

@@ -58,6 +58,8 @@ class SpringLaw:
     def force(self, moved: FloatArray, cam: CamFunctionCache) -> FloatArray:
         """Return the forces against some motions by virtual work."""
         pressed = self.compression(moved, cam)
+        if self.stops and float(pressed.max(initial=0.0)) <= 0.0:  # no coils touch
+            return np.zeros_like(moved)
         functions = self.law.function_values(cam.angle)
         return self.law.energies(pressed, np.zeros((len(pressed), 0)), functions)[1] @ self.rows
 

@@ -176,7 +176,10 @@ def test_lash_and_ratio_of_a_card(told):
 
 def test_cylinders_of_a_camshaft(told):
     """Of eight cams only those of one cylinder overlap in the table; the firing order turns each by 90 deg."""
-    found, words = facts(told, ROOT / "cases/camshaft-4cyl/camshaft.toml"), told(ROOT / "cases/camshaft-4cyl/camshaft.toml")
+    found, words = (
+        facts(told, ROOT / "cases/camshaft-4cyl/camshaft.toml"),
+        told(ROOT / "cases/camshaft-4cyl/camshaft.toml"),
+    )
     after = {name: card["after_tdc"]["centreline"] / DEG for name, card in found["cams"].items()}
     assert after == pytest.approx({name: 110 if "intake" in name else -110 for name in after})
     pairs = {row.partition("   ")[0] for row in words.out.splitlines() if " and exhaust" in row}
