@@ -1,14 +1,20 @@
-"""Figures of merit of a valve train in the words of the trade."""
+"""Figures of merit of a valve train in the words of the trade, and its spring margin."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from flexcam.analysis.limits import rigid_margin
+import numpy as np
+
+from flexcam.analysis.preparation import prepare
 from flexcam.case.case import Case
+from flexcam.core import FloatArray
 from flexcam.core.errors import FlexcamError
-from flexcam.valvetrain import Metric
+from flexcam.core.units import RPM
+from flexcam.dynamics import solve
+from flexcam.valvetrain import Metric, main_lift
 
 _WORDS = {
     "valve_float": "valve float over the nose",
@@ -88,3 +94,37 @@ def _spring_margin(case: Case) -> float | None:
         return rigid_margin(case)[1]
     except FlexcamError:  # no rigid train exists
         return None
+
+
+_ANGLES = np.linspace(0.0, 2.0 * math.pi, 7201)
+"""Cam angles, rad, at which the contact force of the rigid train is evaluated."""
+
+
+def rigid_margin(case: Case) -> tuple[float | None, float | None]:
+    """Return the speed at which the rigid train loses contact, rpm, and the spring margin at the speed of the case."""
+    rigid = _rigid_limit_speed(case)
+    return rigid, None if rigid is None else (rigid * RPM / case.speed) ** 2 - 1.0
+
+
+def _rigid_limit_speed(case: Case) -> float | None:
+    """Return the camshaft speed at which the inertia of the rigid train first equals its springs and loads, rpm."""
+    one = prepare(case.at_speed(1.0), rigid=True)
+    worst: list[float] = []
+    for name, contact in one.model.cam_contacts.items():
+        lifted = one.model.cams[contact.cam].event(_ANGLES) > main_lift(one.model, contact.cam)
+        still, _, inertia = _force_coefficients(case, name)[:, lifted]
+        pulls = inertia < 0.0
+        if pulls.any():
+            worst.append(float(np.sqrt((np.maximum(still[pulls], 0.0) / -inertia[pulls]).min())))
+    return min(worst) / RPM if worst else None
+
+
+def _force_coefficients(case: Case, contact: str) -> FloatArray:
+    """Return the coefficients of the rigid contact force: constant, per rad/s and per (rad/s)^2, shape (3, angles)."""
+    speeds = [factor * case.speed for factor in (0.5, 1.0, 2.0)]
+    forces: list[FloatArray] = []
+    for speed in speeds:
+        ready = prepare(case.at_speed(speed), rigid=True)
+        steps = replace(ready.problem, step=(_ANGLES[1] - _ANGLES[0]) / speed, steps=len(_ANGLES) - 1)
+        forces.append(solve(steps, ready.scheme).channels[f"contacts.{contact}.force"])
+    return np.asarray(np.linalg.solve(np.vander(speeds, increasing=True), forces), dtype=np.float64)
