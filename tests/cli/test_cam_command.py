@@ -188,7 +188,10 @@ def test_cylinders_of_a_camshaft(told):
 
 @pytest.mark.parametrize(
     ("words", "said"),
-    [(["--set", "cams.intake.phase=10deg"], "one of the two"), (["--checking-lift", "0 mm"], "--checking-lift")],
+    [
+        (["--set", "cams.intake.phase=10deg"], "centreline or phase, not both"),
+        (["--checking-lift", "0 mm"], "--checking-lift"),
+    ],
 )
 def test_refused_cards(told, tmp_path, words, said):
     (tmp_path / "card.toml").write_text(CYLINDER)

@@ -182,7 +182,7 @@ class CamDesignRecord(PartRecord[valvetrain.Cam]):
         """Check the cam; missing keys are reported with the references of all tables."""
         if self.centreline is not None and self.phase != 0.0:
             given, why = "a centreline and a phase", "each of them places the cam on its shaft"
-            raise refuse("centreline", given, "one of the two", why, "leave phase out")
+            raise refuse("centreline", given, "centreline or phase, not both", why, "leave one of them out")
         if not self.missing_keys:
             super()._check()
         elif self.follower is not None:
