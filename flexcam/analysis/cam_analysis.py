@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations, product
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +24,7 @@ from flexcam.cams import (
     Transfer,
     ValveEvent,
     cam_profile,
+    centreline,
     event_extremes,
     find_profile_faults,
     harmonic_fit,
@@ -66,6 +67,8 @@ class CamSet:
         Lash that the lift takes up, reduced to the follower, m, by cam.
     phases
         Cam angle at which the rise or the zero of the lift table lies, rad, by cam.
+    tdcs
+        Cam angle at the top dead centre of gas exchange, rad, by cam; None if not given.
     reports
         Smoothing reports, by cam with a lift table.
     speed
@@ -81,6 +84,7 @@ class CamSet:
     ratios: Mapping[str, float]
     lashes: Mapping[str, float]
     phases: Mapping[str, float]
+    tdcs: Mapping[str, float | None]
     reports: Mapping[str, LiftReport]
     speed: float | None
     turns: float = 2.0
@@ -111,6 +115,14 @@ class CamFacts:
         Problems of lift and profile.
     least_base_radius
         Minimum base radius within the limits, m; None without a profile or if there is none.
+    centreline
+        Cam angle of the maximum lift, rad.
+    ratio, lash
+        Valve lift per cam lift, and the lash at the follower, m, which delays the valve.
+    tdc
+        Cam angle at the top dead centre of gas exchange, rad; None if not given.
+    checking_lifts
+        Lifts at which the events are evaluated, m, by name.
     """
 
     cam: Cam
@@ -125,6 +137,24 @@ class CamFacts:
     profile: CamProfile | None
     findings: Sequence[ProfileFault]
     least_base_radius: float | None
+    centreline: float
+    ratio: float
+    lash: float
+    tdc: float | None
+    checking_lifts: Mapping[str, float]
+
+    def valve_lift(self, lift: FloatArray) -> FloatArray:
+        """Return the lift of the valve for a lift of the cam, m."""
+        return np.maximum(self.ratio * (lift - self.lash), 0.0)
+
+    def after_tdc(self, crank_angle: float) -> float | None:
+        """Return a crank angle from the top dead centre of gas exchange, rad from -2 pi to 2 pi; None without one."""
+        return None if self.tdc is None else math.remainder(crank_angle - 2.0 * self.tdc, 4.0 * math.pi)
+
+    @property
+    def centreline_after_tdc(self) -> float | None:
+        """Crank angle of the maximum lift after top dead centre, rad; negative for an exhaust cam."""
+        return self.after_tdc(2.0 * self.centreline)
 
 
 def load_cams(path: str | Path, overrides: Sequence[str] = ()) -> CamSet:
@@ -145,13 +175,15 @@ def load_cams(path: str | Path, overrides: Sequence[str] = ()) -> CamSet:
         raise refuse("cams", f"none in {path.name}", "one or more tables [cams.NAME]")
     tables = {name: cam.lift_table for name, cam in record.cams.items()}
     reports = {name: table.report for name, table in tables.items() if table and table.report}
-    phases = {name: cam.phase for name, cam in record.cams.items()}
-    return CamSet(path.stem, record.title, cams, ratios, lashes, phases, reports, speed, turns)
+    phases = {name: cam.start_angle for name, cam in record.cams.items()}
+    tdcs = {name: cam.tdc for name, cam in record.cams.items()}
+    return CamSet(path.stem, record.title, cams, ratios, lashes, phases, tdcs, reports, speed, turns)
 
 
 def cam_facts(
-    cam: Cam, *, ratio: float = 1.0, lash: float = 0.0, count: int = 720, pressure_angle: float = PRESSURE_ANGLE,
-    cutter: float | None = None,
+    cam: Cam, *, ratio: float = 1.0, lash: float = 0.0, tdc: float | None = None, count: int = 720,
+    pressure_angle: float = PRESSURE_ANGLE, cutter: float | None = None,
+    checking_lifts: Mapping[str, float] = THRESHOLDS,
 ) -> CamFacts:  # fmt: skip
     """Return the facts about a cam; the lash at the follower, m, delays the valve."""
     event, profile = cam.event, None
@@ -163,11 +195,11 @@ def cam_facts(
     lift, least = event_extremes(event), _minimum_base_radius(cam, event, pressure_angle)
     return CamFacts(
         cam, lift, peaks[0], peaks[1], jerk, tuple(np.abs(harmonics(event, _HARMONICS))[1:].tolist()), met,
-        {name: valve_event(event, lift, ratio=ratio, lash=ratio * lash) for name, lift in THRESHOLDS.items()},
-        {name: valve_event(event, lift) for name, lift in THRESHOLDS.items()}, profile,
+        {name: valve_event(event, lift, ratio=ratio, lash=ratio * lash) for name, lift in checking_lifts.items()},
+        {name: valve_event(event, lift) for name, lift in checking_lifts.items()}, profile,
         [*_negative_lift_findings(lift), *(find_profile_faults(
             profile, pressure_angle=pressure_angle, cutter=cutter, base_helps=least is not None) if profile else ())],
-        least,
+        least, centreline(event), ratio, lash, tdc, checking_lifts,
     )  # fmt: skip
 
 
@@ -192,11 +224,37 @@ def _minimum_base_radius(cam: Cam, event: Event, pressure_angle: float) -> float
 def valve_overlaps(facts: Mapping[str, CamFacts]) -> list[tuple[str, str, str, float]]:
     """Return the valve overlap of every pair of cams."""
     found: list[tuple[str, str, str, float]] = []
-    for (one, other), lift in product(combinations(facts, 2), THRESHOLDS):
-        first, second = facts[one].events[lift], facts[other].events[lift]
-        if first and second:
-            found.append((one, other, lift, overlap(first, second)))
+    for one, other in combinations(facts, 2):
+        for lift, first in facts[one].events.items():
+            if first and (second := facts[other].events[lift]):
+                found.append((one, other, lift, overlap(first, second)))
     return found
+
+
+def lobe_separation(one: CamFacts, other: CamFacts) -> float:
+    """Return the angle between the centrelines of two cams, rad of the camshaft, up to pi."""
+    return abs(math.remainder(one.centreline - other.centreline, 2.0 * math.pi))
+
+
+def cylinders(facts: Mapping[str, CamFacts]) -> list[dict[str, CamFacts]]:
+    """Return the cams with the same top dead centre, as far as it is given."""
+    found: dict[float, dict[str, CamFacts]] = {}
+    for name, one in facts.items():
+        if one.tdc is not None:
+            angle = round(math.remainder(one.tdc, 2.0 * math.pi), _ANGLE_DECIMALS)
+            found.setdefault(angle, {})[name] = one
+    return list(found.values())
+
+
+def exhaust_and_intake(one: CamFacts, other: CamFacts) -> bool:
+    """Return whether two cams may overlap: exhaust and intake of one cylinder, or not known."""
+    first, second = one.centreline_after_tdc, other.centreline_after_tdc
+    if first is None or second is None:
+        return True
+    return len(cylinders({"one": one, "other": other})) == 1 and (first < 0.0) != (second < 0.0)
+
+
+_ANGLE_DECIMALS = 6  # decimals of a cam angle, rad, in which those of the same dead centre agree
 
 
 def profile_table(profile: CamProfile, cutter: float | None = None) -> ProfileTable:
@@ -235,7 +293,7 @@ class HarmonicCam:
     limit
         Maximum number of harmonics below that frequency at the speed of the case.
     phase
-        Phase of the cam in the case, rad, which the fitted lift contains.
+        Cam angle of the start of the rise, rad, which the fitted lift contains.
     """
 
     fit: HarmonicFit
@@ -263,7 +321,7 @@ class PolydyneCam:
     ratio
         Ratio of output displacement to cam lift of the rigid train; 1 for a simple train. The deviations include it.
     phase
-        Phase of the cam in the case, rad, which the design contains.
+        Cam angle of the start of the rise, rad, which the design contains.
     """
 
     design: Polydyne
@@ -298,7 +356,7 @@ def harmonic_cam(
         raise refuse("count", given, "a lower speed, a stiffer train, or a number of harmonics", why, "give --count")
     number = limit if count is None else count
     fit = harmonic_fit(model.cams[name].event, number, tolerance=tolerance, bound=bound)
-    return HarmonicCam(fit, number, frequency, limit, case.record.cams[name].phase)
+    return HarmonicCam(fit, number, frequency, limit, case.record.cams[name].start_angle)
 
 
 def polydyne_cam(case: Case, cam: str | None, *, speed: float | None = None, count: int = 60) -> PolydyneCam:
@@ -306,7 +364,7 @@ def polydyne_cam(case: Case, cam: str | None, *, speed: float | None = None, cou
     model = build_model(case)
     name, at = _select_cam(model.cams, cam), case.speed if speed is None else speed
     ratio = valve_ratio(model, name)
-    transfer, phase = _valve_transfer(model, name, at, ratio), case.record.cams[name].phase
+    transfer, phase = _valve_transfer(model, name, at, ratio), case.record.cams[name].start_angle
     return _evaluate_design(model.cams[name].event, phase, transfer, at, ratio, count)
 
 

@@ -14,6 +14,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from flexcam.analysis.figures_of_merit import rigid_margin
 from flexcam.analysis.preparation import PreparedRun, build_problem, prepare, prepare_without_periodic_search
 from flexcam.cams import event_extremes
 from flexcam.case.case import Case
@@ -51,10 +52,6 @@ _REVOLUTIONS = 6.0
 
 _ROUNDING = 1e-6
 """Relative tolerance of a time at the end of a revolution."""
-
-_ANGLES = np.linspace(0.0, 2.0 * math.pi, 7201)
-"""Cam angles, rad, at which the contact force of the rigid train is evaluated."""
-
 
 LIMITS = ("loss_of_contact", "float", "bounce", "coil_clash", "buckling")
 """Names of the limits."""
@@ -226,8 +223,7 @@ def _unilateral_model(case: Case) -> Model:
 
 def compute_margins(case: Case) -> Margins:
     """Return the margins of spring force and buckling load."""
-    rigid = _rigid_limit_speed(case)
-    return Margins(rigid, None if rigid is None else (rigid * RPM / case.speed) ** 2 - 1.0, _buckling_margins(case))
+    return Margins(*rigid_margin(case), _buckling_margins(case))
 
 
 def _buckling_margins(case: Case) -> dict[str, float]:
@@ -366,45 +362,15 @@ def _parts_above(response: Response, ready: PreparedRun, end: str, least: float)
     return [name.split(".")[1] for name, values in own.items() if float(values.max()) > least]
 
 
-def _rigid_limit_speed(case: Case) -> float | None:
-    """Return the camshaft speed at which the inertia of the rigid train first equals its springs and loads, rpm."""
-    one = prepare(case.at_speed(1.0), rigid=True)
-    worst: list[float] = []
-    for name, contact in one.model.cam_contacts.items():
-        lifted = one.model.cams[contact.cam].event(_ANGLES) > main_lift(one.model, contact.cam)
-        still, _, inertia = _force_coefficients(case, name)[:, lifted]
-        pulls = inertia < 0.0
-        if pulls.any():
-            worst.append(float(np.sqrt((np.maximum(still[pulls], 0.0) / -inertia[pulls]).min())))
-    return min(worst) / RPM if worst else None
-
-
-def _force_coefficients(case: Case, contact: str) -> FloatArray:
-    """Return the coefficients of the rigid contact force: constant, per rad/s and per (rad/s)^2, shape (3, angles)."""
-    speeds = [factor * case.speed for factor in (0.5, 1.0, 2.0)]
-    forces: list[FloatArray] = []
-    for speed in speeds:
-        ready = prepare(case.at_speed(speed), rigid=True)
-        steps = replace(ready.problem, step=(_ANGLES[1] - _ANGLES[0]) / speed, steps=len(_ANGLES) - 1)
-        forces.append(solve(steps, ready.scheme).channels[f"contacts.{contact}.force"])
-    return np.asarray(np.linalg.solve(np.vander(speeds, increasing=True), forces), dtype=np.float64)
-
-
 MODELS = ("rigid", "bilateral", "unilateral")
 
 
 @dataclass(frozen=True)
 class ForceRange:
-    """Contact force of one model at one speed, on the main lift in the last revolution.
+    """Contact force of one model at one speed, on the main lift in the last revolution."""
 
-    Parameters
-    ----------
-    least, largest
-        Minimum and maximum, N.
-    """
-
-    least: float
-    largest: float
+    least: float  #: minimum, N
+    largest: float  #: maximum, N
 
 
 @dataclass(frozen=True)

@@ -350,7 +350,7 @@ def compute_metrics(ready: PreparedRun, response: Response) -> list[Metric]:
         return found
 
     def changes(metric: Metric) -> bool:
-        values = response.channels[metric.name.rpartition(".")[0]]
+        values = response.channels[metric.name.rpartition(".")[0].replace(".power", ".torque")]
         return bool(np.ptp(values) > _ROUNDING * np.abs(values).max())
 
     return [one for one in found if not one.name.startswith(("cams.", "supports.")) or changes(one)]

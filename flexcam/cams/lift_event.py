@@ -285,6 +285,24 @@ def _extremes(event: Event, order: int) -> tuple[Extreme, Extreme]:
 _cached_extremes = lru_cache(maxsize=64)(_extremes)  # cache of extremes, as the same cam is evaluated at every speed
 
 
+def centreline(event: Event) -> float:
+    """Return the cam angle of the maximum lift, rad from 0 to 2 pi: the middle of an upper dwell."""
+    peak = event_extremes(event)[1]
+    ends = event.joints
+    for start, end in zip(ends, (*ends[1:], *(at + _REVOLUTION for at in ends[:1])), strict=True):
+        middle = 0.5 * (start + end)
+        if (event(np.array([start, middle, end])) >= peak.value * (1.0 - _DWELL_TOLERANCE)).all():
+            return middle % _REVOLUTION
+    near = np.array([peak.at])  # to the square root of rounding: the velocity passes zero sharply
+    passed = bisect(lambda angle: event(angle, 1) <= 0.0, near - _PEAK_WIDTH, near + _PEAK_WIDTH)
+    found = float(passed[0])
+    joint = (at for at in ends if abs(math.remainder(at - found, _REVOLUTION)) <= _JOINT_TOLERANCE)
+    return next(joint, found) % _REVOLUTION
+
+
+_DWELL_TOLERANCE = 1e-9  # relative difference of lifts within a dwell
+_PEAK_WIDTH, _JOINT_TOLERANCE = 1e-3, 1e-6  # half the width of a peak, and its distance from a joint, rad
+
 _STEP_TOLERANCE = 1e-6  # relative size of a step, to the largest value of its curve, below which it is zero
 
 _GRID = np.linspace(0.0, _REVOLUTION, 7201)

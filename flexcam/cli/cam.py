@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from functools import partial
+from itertools import combinations
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -12,36 +14,41 @@ import numpy as np
 from cyclopts import Group, Parameter
 from rich.table import Table
 
-from flexcam.analysis.cam_analysis import CamFacts, CamSet, cam_facts, load_cams, profile_table, valve_overlaps
+from flexcam.analysis.cam_analysis import (
+    CamFacts,
+    CamSet,
+    cam_facts,
+    cylinders,
+    exhaust_and_intake,
+    load_cams,
+    lobe_separation,
+    profile_table,
+    valve_overlaps,
+)
 from flexcam.cams import (
     PRESSURE_ANGLE,
     THRESHOLDS,
-    Bridge,
     Extreme,
     Joint,
     LiftReport,
     ProfileFault,
     ValveEvent,
-    find_bridges,
-    lift_from_profile,
 )
-from flexcam.case.builder import parse_follower
 from flexcam.cli.app import (
     Json,
     Overrides,
     Overwrite,
     app,
-    check_distinct_files,
     describe_option,
     parse_quantity,
     print_files,
     refuse_without,
     warn_ignored_keys,
 )
-from flexcam.core import FloatArray
+from flexcam.cli.lift_files import print_lift_of_profile
 from flexcam.core.errors import positive, refuse, suggest_name
 from flexcam.core.units import RPM
-from flexcam.io import check_folder_name, check_writable, create_folder, read_profile, write_lift_table, write_profile
+from flexcam.io import check_folder_name, check_writable, create_folder, write_profile
 from flexcam.report.terminal import (
     NOISE,
     facts_table,
@@ -51,9 +58,6 @@ from flexcam.report.terminal import (
     print_json,
     result_console,
 )
-
-_NEGATIVE_LIFT_TOLERANCE = 1e-4
-"""Allowed depth of a profile within its base circle, relative to the maximum lift: less than the grinding tolerance."""
 
 _STEPS = (("lift", "mm"), ("velocity", "mm/rad"), ("acceleration", "mm/rad^2"), ("jerk", "mm/rad^3"))
 
@@ -69,7 +73,24 @@ def cam_json(found: CamFacts, report: LiftReport | None) -> dict[str, object]:
         "profile": _profile_json(found),
         "findings": [asdict(one) for one in found.findings],
         "smoothing": None if report is None else asdict(report),
+        "centreline": found.centreline, "tdc": found.tdc, "ratio": found.ratio, "lash": found.lash,
+        "valve_lift": _valve_lift(found), "after_tdc": _after_tdc_json(found),
     }  # fmt: skip
+
+
+def _valve_lift(found: CamFacts) -> float:
+    return float(found.valve_lift(np.array([found.lift[1].value]))[0])
+
+
+def _after_tdc_json(found: CamFacts) -> dict[str, object] | None:
+    """Return the crank angles of the card from top dead centre, rad; None without one."""
+    if found.tdc is None:
+        return None
+    events = {
+        name: event and {"opens": found.after_tdc(event.opens), "closes": found.after_tdc(event.closes)}
+        for name, event in found.events.items()
+    }
+    return {"centreline": found.centreline_after_tdc, "valve_events": events}
 
 
 def _joint_json(joint: Joint) -> dict[str, object]:
@@ -97,19 +118,21 @@ def _profile_json(found: CamFacts) -> dict[str, object] | None:
 
 def cam_table(name: str, found: CamFacts, cams: CamSet) -> Table:
     """Return the table of the facts about a cam."""
-    speed, ratio, lash = cams.speed, cams.ratios[name], cams.lashes[name]
+    speed, ratio, lash = cams.speed, found.ratio, found.lash
     part = "valve open" if cams.turns == 2.0 else "output"  # of a machine
     events = [(part, found.events, ratio, lash)]
     if ratio != 1.0 or lash:
         events.insert(0, ("follower", found.follower_events, 1.0, 0.0))
     rows = [
-        ("lift", _lift(found, ratio)),
+        ("lift", _lift(found)),
+        ("lobe centreline", _centreline(found, cams.turns)),
         ("max velocity", _at_speed(found.velocity, "mm/rad", "m/s", 1, speed)),
         ("max acceleration", _at_speed(found.acceleration, "mm/rad^2", "m/s^2", 2, speed)),
         ("max jerk", _jerk(found.jerk)),
         ("harmonics 1 to 10", ", ".join(format_mm(one, 3) for one in found.harmonics) + " mm"),
         *([("lash at the follower", f"{format_mm(lash)} mm")] if lash else []),
-        *((f"{part} above {lift}", _event(event, factor * (found.lift[0].value - gap) > THRESHOLDS[lift], cams.turns))
+        *((f"{part} above {lift}",
+           _event(found, event, factor * (found.lift[0].value - gap) > found.checking_lifts[lift], cams.turns))
           for part, its, factor, gap in events for lift, event in its.items()),
         *_joints(found.joints),
         *_profile(found, speed),
@@ -118,10 +141,29 @@ def cam_table(name: str, found: CamFacts, cams: CamSet) -> Table:
     return facts_table(f"Cam {name}", rows)
 
 
-def _lift(found: CamFacts, ratio: float) -> str:
+def _lift(found: CamFacts) -> str:
     least, largest = (one.value for one in found.lift)
     low = f"{format_mm(least)} to " if abs(least) > NOISE * largest else ""
-    return f"{low}{format_mm(largest)} mm" + (f", at the valve x {ratio:g}" if ratio != 1.0 else "")
+    how = ", ".join([f"x {found.ratio:g}"] * (found.ratio != 1.0) + ["less the lash"] * (found.lash != 0.0))
+    valve = f", at the valve {format_mm(_valve_lift(found))} mm ({how})" if how else ""
+    return f"{low}{format_mm(largest)} mm{valve}"
+
+
+def _centreline(found: CamFacts, turns: float) -> str:
+    """Return the centreline in degrees of the camshaft, and of the crank from top dead centre."""
+    cam = f"cam {math.degrees(found.centreline):.2f} deg"
+    if found.centreline_after_tdc is None:
+        return cam + (" (give the cam tdc for angles from the dead centres)" if turns == 2.0 else "")
+    return f"{cam}, crank {_from_dead_centre(found.centreline_after_tdc, 'TDC')}"
+
+
+def _from_dead_centre(crank_angle: float | None, name: str = "") -> str:
+    """Return a crank angle, rad after top dead centre of gas exchange, from a named or the nearest dead centre."""
+    angle = round(math.degrees(crank_angle or 0.0), 2)
+    nearest = 0 if name else round(angle / 180.0)
+    offset = angle - 180.0 * nearest
+    centre = ("TDC", "BDC", "firing TDC")[abs(nearest)]
+    return f"{abs(offset):.2f} deg {'before' if offset < 0.0 else 'after'} {centre}"
 
 
 def _jerk(jerk: float | None) -> str:
@@ -133,10 +175,14 @@ def _at_speed(value: float, unit: str, at_speed: str, order: int, speed: float |
     return text if speed is None else f"{text}, {value * speed**order:.5g} {at_speed} at camshaft {speed / RPM:.6g} rpm"
 
 
-def _event(event: ValveEvent | None, always: bool, turns: float) -> str:
-    """Return an event in degrees of the shaft whose speed the case gives."""
+def _event(found: CamFacts, event: ValveEvent | None, always: bool, turns: float) -> str:
+    """Return an event from the dead centres, or in degrees of the shaft whose speed the case gives."""
     if event is None:
         return "always" if always else "never"
+    if (middle := found.centreline_after_tdc) is not None:
+        valve = "E" if middle < 0.0 else "I"
+        opens, closes = (_from_dead_centre(found.after_tdc(angle)) for angle in (event.opens, event.closes))
+        return f"{valve}VO {opens}, {valve}VC {closes}, duration {math.degrees(event.duration):.2f} deg"
     opens, closes, span = (0.5 * turns * math.degrees(x) for x in (event.opens, event.closes, event.duration))
     shaft = "crank" if turns == 2.0 else "cam"
     return f"{shaft} {opens:.2f} to {closes:.2f} deg, duration {span:.2f} deg"
@@ -194,10 +240,15 @@ def _finding(one: ProfileFault) -> str:
     return f"{one.what} ({place}); {one.remedy}"
 
 
-def overlap_table(overlaps: Sequence[tuple[str, str, str, float]]) -> Table:
-    """Return the table of the valve overlap of pairs of cams."""
-    rows = [(f"{one} and {other}", lift, f"{math.degrees(angle):.2f}") for one, other, lift, angle in overlaps]
-    return plain_table("Overlap", ("cams", "at a lift of", "crank deg"), rows)
+def overlap_table(overlaps: Sequence[tuple[str, str, str, float]], found: Mapping[str, CamFacts]) -> Table:
+    """Return the table of the lobe separation and the valve overlap of pairs of cams."""
+    rows = [
+        (f"{one} and {other}", f"{math.degrees(lobe_separation(found[one], found[other])):.2f}", lift,
+         f"{math.degrees(angle):.2f}")
+        for one, other, lift, angle in overlaps
+    ]  # fmt: skip
+    head = ("cams", "lobe separation, cam deg", "at a lift of", "overlap, crank deg")
+    return plain_table("Lobe separation and overlap", head, rows)
 
 
 def smoothing_table(name: str, report: LiftReport) -> Table:
@@ -217,28 +268,8 @@ def smoothing_table(name: str, report: LiftReport) -> Table:
     return facts_table(f"Lift table of {name}", rows)
 
 
-def lift_from_profile_table(
-    name: str, points: int, angle: FloatArray, lift: FloatArray, hollow: Bridge | None
-) -> Table:
-    """Return the table of a lift computed from a profile."""
-    low, high = (Extreme(float(lift[i]), float(angle[i])) for i in (int(np.argmin(lift)), int(np.argmax(lift))))
-    rows = [
-        ("points", str(points)),
-        ("max lift", f"{format_mm(high.value)} mm {_at(high)}"),
-        ("min lift", f"{format_mm(low.value)} mm {_at(low)}"),
-    ]
-    if low.value < -_NEGATIVE_LIFT_TOLERANCE * high.value:
-        rows.append(("warning", "the profile lies inside the base circle; check its radius and the unit"))
-    if hollow is not None:
-        place = f"{format_mm(hollow.point[0], 4)}, {format_mm(hollow.point[1], 4)} mm"
-        said = f"the follower bridges a hollow of the profile, with a gap of {format_mm(hollow.depth, 3)} mm at {place}"
-        rows.append(("warning", f"{said}; a smaller roller follows the profile"))
-    return facts_table(f"Lift of {name}", rows)
-
-
 CamName = Annotated[str | None, Parameter("--cam", help="Name of the cam; not needed if there is one only.")]
 _CASE, _PROFILE = Group("Cams of a case file", sort_key=1), Group("Cam from a measured profile", sort_key=2)
-_MIN_POINTS, _MAX_POINTS = 12, 100_000
 
 
 @app.command(
@@ -266,8 +297,16 @@ def cam(
         str | None,
         Parameter(group=_CASE, help=f"Allowed pressure angle; {math.degrees(PRESSURE_ANGLE):g} deg by default."),
     ] = None,
+    checking_lifts: Annotated[
+        list[str] | None,
+        Parameter(
+            "--checking-lift", negative=(), group=_CASE,
+            help="Lift for opening, closing and overlap beside 1 mm and 0.05 in, such as '0.1 mm'. Repeatable.",
+        ),
+    ] = None,
     plot: Annotated[
-        Path | None, Parameter(group=_CASE, help="Also draw lift, profile and pressure angle to this folder.")
+        Path | None,
+        Parameter(group=_CASE, help="Also draw lift, profile, pressure angle and valve timing to this folder."),
     ] = None,
     plot_format: Annotated[
         Literal["svg", "png", "pdf"] | None, Parameter(group=_CASE, help="Format of the figures; svg by default.")
@@ -295,19 +334,19 @@ def cam(
     ] = None,
     overwrite: Overwrite = False, as_json: Json = False,
 ) -> None:  # fmt: skip
-    """Show lift, valve events, profile and limits of the cams in a file, or compute the lift of a measured profile.
+    """Show cam card, profile and limits of the cams in a file, or compute the lift of a measured profile.
 
     With -o it writes the profiles for manufacture (CSV, DXF, VTP). With --from-profile it reads points of a profile
     instead of a case, and -o writes the lift of its follower as a table for a case.
     """
     of_case = {
         "CASE": case, "--cam": name, "--format": forms, "--cutter": cutter, "--pressure-angle": pressure_angle,
-        "--plot": plot, "--plot-format": plot_format, "--set": overrides,
+        "--checking-lift": checking_lifts, "--plot": plot, "--plot-format": plot_format, "--set": overrides,
     }  # fmt: skip
     of_profile = {"--follower": follower, "--base-radius": base_radius, "--unit": unit, "--clockwise": clockwise}
     _check_source(of_case, of_profile, profile)
     if profile is not None:
-        _print_lift(
+        print_lift_of_profile(
             profile, follower, base_radius, unit, clockwise, points, output, overwrite=overwrite, as_json=as_json
         )
         return
@@ -323,10 +362,10 @@ def cam(
         raise refuse("--cam", repr(name), ", ".join(cams.cams), "", suggest_name(name, cams.cams))
     wheel = parse_quantity("--cutter", cutter, "length", "mm") if cutter is not None else None
     limit = PRESSURE_ANGLE if pressure_angle is None else _pressure_limit(pressure_angle)
+    lifts = {text: _checking_lift(text) for text in checking_lifts or ()}
+    facts = partial(cam_facts, count=points, pressure_angle=limit, cutter=wheel, checking_lifts=THRESHOLDS | lifts)
     found = {
-        one: cam_facts(
-            part, ratio=cams.ratios[one], lash=cams.lashes[one], count=points, pressure_angle=limit, cutter=wheel
-        )
+        one: facts(part, ratio=cams.ratios[one], lash=cams.lashes[one], tdc=cams.tdcs[one])
         for one, part in cams.cams.items()
         if name in (None, one)
     }
@@ -334,8 +373,7 @@ def cam(
     if plot is not None and plot.suffix in (".svg", ".png", ".pdf"):
         remedy = f"name a folder; --plot-format {plot.suffix[1:]} selects the format"
         raise refuse("--plot", str(plot), "a folder", "a cam has several figures", remedy)
-    stems = {f"{cams.name}-{one}": facts for one, facts in found.items()}
-    files = _write_cam_files(stems, plot, plot_format or "svg", output, forms, wheel, overwrite=overwrite)
+    files = _write_cam_files(cams.name, found, plot, plot_format or "svg", output, forms, wheel, overwrite=overwrite)
     _print_cams(cams, found, files, as_json=as_json)
 
 
@@ -350,15 +388,19 @@ def _check_source(of_case: Mapping[str, object], of_profile: Mapping[str, object
 
 
 def _write_cam_files(
-    found: Mapping[str, CamFacts], plot: Path | None, form: str, folder: Path | None,
+    name: str, found: Mapping[str, CamFacts], plot: Path | None, form: str, folder: Path | None,
     forms: Sequence[Literal["csv", "dxf", "vtp"]] | None, cutter: float | None, *, overwrite: bool,
 ) -> list[Path]:  # fmt: skip
-    """Write the profiles and figures of cams, by the beginning of their file names."""
-    figures = [path for stem in found if plot is not None for path in _figure_paths(plot / stem, form).values()]
-    for path in figures:  # before files are written
+    """Write the profiles and figures of the cams of a file with a given name."""
+    stems = {f"{name}-{one}": facts for one, facts in found.items()}
+    figures = [path for stem in stems if plot is not None for path in _figure_paths(plot / stem, form).values()]
+    timings = [] if plot is None else [
+        (plot / f"{name}-{'-'.join(cylinder)}-timing.{form}", cylinder) for cylinder in cylinders(found)
+    ]  # fmt: skip
+    for path in (*figures, *(path for path, _ in timings)):  # before files are written
         check_writable("picture", path, overwrite=overwrite)
     files: list[Path] = []
-    for stem, facts in found.items():
+    for stem, facts in stems.items():
         if folder is not None and facts.profile is not None:
             table = profile_table(facts.profile, cutter)
             files += write_profile(
@@ -366,7 +408,7 @@ def _write_cam_files(
             )
         if plot is not None:
             files += _save_figures(create_folder(plot) / stem, form, facts, overwrite=overwrite)
-    return files
+    return [*files, *(_save_timing(path, cylinder, overwrite=overwrite) for path, cylinder in timings)]
 
 
 def _print_cams(cams: CamSet, found: Mapping[str, CamFacts], files: Sequence[Path], *, as_json: bool) -> None:
@@ -376,6 +418,10 @@ def _print_cams(cams: CamSet, found: Mapping[str, CamFacts], files: Sequence[Pat
             "status": "ok",
             "cams": {one: cam_json(facts, cams.reports.get(one)) for one, facts in found.items()},
             "overlaps": [dict(zip(("one", "other", "lift", "angle"), pair, strict=True)) for pair in pairs],
+            "lobe_separations": [
+                {"one": one, "other": other, "angle": lobe_separation(found[one], found[other])}
+                for one, other in combinations(found, 2)
+            ],
             "files": [str(path) for path in files],
         })  # fmt: skip
         return
@@ -385,8 +431,8 @@ def _print_cams(cams: CamSet, found: Mapping[str, CamFacts], files: Sequence[Pat
         if one in cams.reports:
             result_console().print(smoothing_table(one, cams.reports[one]))
             result_console().print()
-    if pairs:
-        result_console().print(overlap_table(pairs))
+    if crossed := [pair for pair in pairs if exhaust_and_intake(found[pair[0]], found[pair[1]])]:
+        result_console().print(overlap_table(crossed, found))
     print_files(files)
 
 
@@ -396,6 +442,10 @@ def _check_profile_options(found: Mapping[str, CamFacts], folder: Path | None, c
         if given is not None and not any(one.profile for one in found.values()):
             why, remedy = f"{', '.join(found)} has no profile", "give the cam base_radius and follower"
             raise refuse(option, str(given), "nothing without a profile", why, remedy)
+
+
+def _checking_lift(text: str) -> float:
+    return positive("--checking-lift", parse_quantity("--checking-lift", text, "length", "mm"), "m")
 
 
 def _pressure_limit(text: str) -> float:
@@ -420,34 +470,8 @@ def _save_figures(stem: Path, form: str, facts: CamFacts, *, overwrite: bool) ->
     return [save_figure(figure, paths[kind], overwrite=overwrite) for kind, figure in figures.items()]
 
 
-def _print_lift(
-    profile: Path, follower: str | None, base_radius: str | None, unit: Literal["um", "mm", "cm", "m", "in"] | None,
-    clockwise: bool, points: int, output: Path | None, *, overwrite: bool, as_json: bool,
-) -> None:  # fmt: skip
-    """Print the lift of a follower on a profile given by points, and write it as a table, if requested."""
-    check_distinct_files({"--output": output}, [profile])
-    if follower is None:
-        raise refuse("--follower", "nothing", "the follower as in a case, such as '{ type = \"flat\" }'")
-    if base_radius is not None:
-        positive("--base-radius", parse_quantity("--base-radius", base_radius, "length", "mm"), "m")
-    if not _MIN_POINTS <= points <= _MAX_POINTS:
-        raise refuse("--points", points, f"a whole number from {_MIN_POINTS} to {_MAX_POINTS}")
-    made, turn = parse_follower(follower, base_radius, clockwise=clockwise)
-    angle, xy = np.linspace(0.0, 2.0 * math.pi, points, endpoint=False), read_profile(profile, unit=unit)
-    lift, bridge = lift_from_profile(xy, made, angle, turn=turn), find_bridges(xy, made, turn=turn)
-    files = [] if output is None else [write_lift_table(output, angle, lift, overwrite=overwrite)]
-    if as_json:
-        print_json({
-            "status": "ok", "points": len(xy), "angle": angle.tolist(), "lift": lift.tolist(),
-            "bridged": None if bridge is None else asdict(bridge), "files": [str(path) for path in files],
-        })  # fmt: skip
-        return
-    result_console().print(lift_from_profile_table(profile.name, len(xy), angle, lift, bridge))
-    print_lift_files(files, "and phase")
+def _save_timing(path: Path, cylinder: Mapping[str, CamFacts], *, overwrite: bool) -> Path:
+    from flexcam.plotting.curves import timing_figure
+    from flexcam.plotting.figures import save_figure
 
-
-def print_lift_files(files: Sequence[Path], phase: str) -> None:
-    """Print the names of lift files, and the keys of a case that they replace."""
-    for path in files:
-        keys = f'lift_table = "{path.name}" instead of law, lift, rise, dwell, return, ramps {phase}'
-        result_console().print(f"{path}  (in a case: {keys})")
+    return save_figure(timing_figure(cylinder), path, overwrite=overwrite)

@@ -14,6 +14,7 @@ from cyclopts import Parameter
 from rich.table import Table
 
 from flexcam.analysis.error_estimate import Error, estimate_errors
+from flexcam.analysis.figures_of_merit import FigureOfMerit, figures_of_merit
 from flexcam.analysis.model_choice import Choice, select_case
 from flexcam.analysis.preparation import (
     PreparedRun,
@@ -44,6 +45,7 @@ from flexcam.report.tables import (
     describe_contacts,
     describe_dofs,
     equilibrium_residual,
+    merit_table,
     metrics_table,
     periodicity_error,
     run_table,
@@ -62,6 +64,7 @@ class FinishedRun:
     watched: RunMonitor
     result: Path
     figures: Sequence[Metric]
+    merit: Sequence[FigureOfMerit]
     stressed: Mapping[str, MemberStrength]
     errors: Sequence[Error]
     warnings: Sequence[str]
@@ -89,6 +92,7 @@ def run_json(ran: FinishedRun) -> dict[str, object]:
         "imbalance": equilibrium_residual(response),
         "warnings": list(ran.warnings),
         "train": {figure.name: figure.value for figure in ran.figures},
+        "figures_of_merit": [asdict(one) for one in ran.merit],
         "errors": [asdict(one) for one in ran.errors],
         "choice": None if ran.choice is None else choice_json(ran.choice),
         "strength": {name: asdict(member) for name, member in ran.stressed.items()},
@@ -119,8 +123,11 @@ def run_output(ran: FinishedRun) -> Iterator[Table | str]:
 def _tables(ran: FinishedRun) -> Iterator[Table]:
     if ran.stressed:
         yield strength_table(ran.stressed)
-    if ran.figures:
-        yield metrics_table(ran.figures)
+    if ran.merit:
+        yield merit_table(ran.merit)
+    shown = {one.metric for one in ran.merit}
+    if others := [figure for figure in ran.figures if figure.name not in shown]:
+        yield metrics_table(others)
     if ran.errors:
         yield error_table(ran.errors)
 
@@ -214,9 +221,10 @@ def run(
         )  # fmt: skip
     run_state.solving = False
     estimated = _estimate_errors(read, probe, until) if probe and response.status.ok else ((), ())
+    figures = tuple(compute_metrics(ready, response))
     ran = FinishedRun(
         ready, response, watched, sink.path if response.status.ok else sink.partial,
-        figures=tuple(compute_metrics(ready, response)),
+        figures=figures, merit=figures_of_merit(ready.case, figures) if figures else (),
         stressed=strength.members() if read.record.fidelity.model == "beams" else {},
         errors=estimated[0], warnings=(*doubtful(response.stats), *estimated[1]), choice=choice,
     )  # fmt: skip

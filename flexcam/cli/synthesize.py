@@ -35,7 +35,8 @@ from flexcam.cli.app import (
     parse_quantity,
     refuse_without,
 )
-from flexcam.cli.cam import CamName, print_lift_files
+from flexcam.cli.cam import CamName
+from flexcam.cli.lift_files import print_lift_files
 from flexcam.core import FloatArray
 from flexcam.core.errors import positive, refuse
 from flexcam.core.units import RPM, parse
@@ -333,7 +334,7 @@ def synthesize_harmonic(
         })  # fmt: skip
         return
     result_console().print(harmonic_table(found))
-    print_lift_files(files, "(keep phase)")
+    print_lift_files(files, found.phase)
 
 
 @synthesize.command(
@@ -382,7 +383,7 @@ def synthesize_polydyne(
     result_console().print(polydyne_properties_table(found))
     result_console().print()
     result_console().print(polydyne_table(found))
-    print_lift_files(files, "(keep phase)")
+    print_lift_files(files, found.phase)
 
 
 def _design_speed(cams: CamSet, given: float | None) -> float:

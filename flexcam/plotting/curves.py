@@ -7,11 +7,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from itertools import combinations
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from flexcam.analysis.cam_analysis import CamFacts, exhaust_and_intake, lobe_separation
 from flexcam.cams import (
     CamProfile,
     Criteria,
@@ -78,6 +80,42 @@ def lift_figure(events: Mapping[str, Event]) -> Figure:
     axes[-1].set_xticks(range(0, 361, 45))
     axes[-1].set_xlim(0.0, 360.0)
     return figure
+
+
+def timing_figure(cylinder: Mapping[str, CamFacts]) -> Figure:
+    """Return a figure with the valve lifts of a cylinder over the crank angle from top dead centre of gas exchange."""
+    figure = Figure(figsize=(7.0, 4.2), layout="constrained")
+    axes = figure.add_subplot()
+    crank = np.linspace(-360.0, 360.0, _POINTS)
+    lifts: dict[str, FloatArray] = {}
+    for (name, one), (color, dashes) in zip(cylinder.items(), line_styles(), strict=False):
+        lifts[name] = 1e3 * one.valve_lift(one.cam.event((one.tdc or 0.0) + np.radians(0.5 * crank)))
+        middle = math.degrees(one.centreline_after_tdc or 0.0)
+        label = f"{name}: centreline {abs(middle):.4g}° {'before' if middle < 0.0 else 'after'} TDC"
+        axes.plot(crank, lifts[name], label=label, color=color, linestyle=dashes)
+        axes.plot([middle, middle], [0.0, lifts[name].max()], color=color, linestyle=":", linewidth=0.8)
+    for one, other in combinations(cylinder, 2):
+        if exhaust_and_intake(cylinder[one], cylinder[other]):
+            both = np.minimum(lifts[one], lifts[other])
+            separation = math.degrees(lobe_separation(cylinder[one], cylinder[other]))
+            label = f"both open; lobe separation {separation:.4g}° of the camshaft"
+            axes.fill_between(crank, both, color="0.75", label=label)
+    for angle, centre in _DEAD_CENTRES.items():
+        axes.axvline(angle, color="0.4", linewidth=0.8)
+        axes.text(angle, 1.01, centre, transform=axes.get_xaxis_transform(), ha="center", fontsize="small")
+    axes.set_xlabel("crank angle from top dead centre of gas exchange, deg")
+    axes.set_ylabel("valve lift, mm")
+    axes.set_xlim(-360.0, 360.0)
+    axes.set_xticks(range(-360, 361, 90))
+    axes.set_ylim(bottom=0.0)
+    axes.grid(alpha=0.3)
+    lines, names = axes.get_legend_handles_labels()
+    figure.legend(lines, names, loc="outside lower center", fontsize="small", ncols=1)
+    return figure
+
+
+_DEAD_CENTRES = {-360: "firing TDC", -180: "BDC", 0: "TDC", 180: "BDC", 360: "firing TDC"}
+"""Names of the dead centres by crank angle, deg."""
 
 
 def spectrum_figure(laws: Mapping[str, Law]) -> Figure:

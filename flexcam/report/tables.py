@@ -7,12 +7,14 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
+from textwrap import fill
 from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.table import Table
 
 from flexcam.analysis.comparison import Comparison
+from flexcam.analysis.figures_of_merit import SPRING_MARGIN, FigureOfMerit
 from flexcam.analysis.preparation import PreparedRun
 from flexcam.analysis.published_claims import Claim
 from flexcam.analysis.resources import ResourceEstimate, format_size
@@ -241,6 +243,22 @@ def metrics_table(figures: Sequence[Metric]) -> Table:
         # + 0.0 removes the sign of a negative zero
         rows.append((words, f"{factor * figure.value + 0.0:.4g} {unit}".rstrip()))
     return facts_table("Metrics of the last revolution", rows)
+
+
+def merit_table(figures: Sequence[FigureOfMerit]) -> Table:
+    """Return the table of the figures of merit, with the values of all parts in one row."""
+    rows: dict[str, list[str]] = {}
+    for one in figures:
+        factor, unit = to_display_unit(one.unit)
+        value = f"{one.value:.1%}" if one.name == SPRING_MARGIN else f"{factor * one.value + 0.0:.4g} {unit}".rstrip()
+        cell = f"{value} ({one.part})" if one.part else value
+        rows.setdefault(one.name, []).append(cell.replace(" ", _NO_BREAK))
+    wrapped = ((name, fill(", ".join(cells), _CELL).replace(_NO_BREAK, " ")) for name, cells in rows.items())
+    return facts_table("Figures of merit", wrapped)
+
+
+_NO_BREAK, _CELL = "\u00a0", 62
+"""No-break space, and the width of a cell of the figures of merit, characters: with its name it stays within 100."""
 
 
 def periodicity_error(response: Response) -> float | None:

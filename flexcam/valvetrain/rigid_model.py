@@ -57,7 +57,10 @@ class TrainLaw:
 
     def force(self, moved: FloatArray, rate: FloatArray, cam: CamFunctionCache) -> FloatArray:
         """Return the forces against some motions with their rates, shape (m, b) each, by virtual work."""
-        pressed, rates = self.compression(moved, cam), rate @ self.rows.T
+        pressed = self.compression(moved, cam)
+        if self.stops and float(pressed.max(initial=0.0)) <= 0.0:  # no coils touch
+            return np.zeros_like(moved)
+        rates = rate @ self.rows.T
         functions = self.law.function_values(cam.angle)
         return self.law.energies(pressed, np.zeros((len(pressed), 0)), functions, rate=rates)[1] @ self.rows
 

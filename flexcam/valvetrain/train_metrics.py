@@ -9,12 +9,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexcam.cams import event_extremes
+from flexcam.cams import Event, event_extremes
 from flexcam.core import FloatArray
+from flexcam.core.errors import InputError
 from flexcam.dynamics import Response
+from flexcam.valvetrain.cam_functions import sliding_ratio
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import CamContact, Seat
-from flexcam.valvetrain.train_topology import largest_lash
+from flexcam.valvetrain.rigid_model import ANY_SPEED, build_rigid
+from flexcam.valvetrain.structure import build_structure
+from flexcam.valvetrain.train_topology import driving_contact, largest_lash
 
 Bools = NDArray[np.bool_]
 
@@ -104,9 +108,12 @@ def train_metrics(model: Model, response: Response, period: float) -> list[Metri
         if isinstance(contact, CamContact) and contact.unilateral:
             angle = separation(model, response, name, last)
             figures.append(Metric(f"contacts.{name}.open_on_the_lift", angle, "rad"))
+        if isinstance(contact, CamContact):
+            figures += _nose_force(model, response, name, last)
     for name, contact in model.contacts.items():
         if isinstance(contact, Seat) and f"contacts.{name}.gap" in response.channels:  # the rigid model has no seat
-            figures += _seat(response, f"contacts.{name}", last)
+            figures += [*_seat(response, f"contacts.{name}", last), *_valve_float(model, response, name, contact, last)]
+    figures += _drive(model, response, last)
     for channel, unit in response.outline.channels:
         name, values = _metric_name(channel), response.channels[channel][last]
         if name.endswith("margin"):
@@ -124,9 +131,18 @@ def train_metric_names(model: Model, channels: Iterable[str]) -> list[str]:
     known = list(channels)
     free = [name for name, one in model.cam_contacts.items() if isinstance(one, CamContact) and one.unilateral]
     seats = [name for name, one in model.contacts.items() if isinstance(one, Seat) and f"contacts.{name}.gap" in known]
+    pressed = [name for name, one in model.cam_contacts.items() if isinstance(one, CamContact)]
     names = [f"contacts.{name}.open_on_the_lift" for name in free]
-    names += [f"contacts.{name}.{one}" for name in seats for one in _SEATING]
+    names += [f"contacts.{name}.{_NOSE_FORCE}" for name in pressed]
+    names += [f"contacts.{name}.{one}" for name in seats for one in (*_SEATING, _FLOAT)]
+    names += [f"{where}.{mean}" for where in _parts_with(known, "torque") for mean in _DRIVE]
+    names += [f"{where}.{_FRICTION_POWER}" for where in _parts_with(known, "friction")]
     return [*names, *filter(None, map(_metric_name, known))]
+
+
+def _parts_with(channels: Iterable[str], quantity: str) -> list[str]:
+    """Return the parts that have a channel of a quantity, such as ``contacts.intake``."""
+    return [name.removesuffix(f".{quantity}") for name in channels if name.endswith(f".{quantity}")]
 
 
 def _metric_name(channel: str) -> str:
@@ -160,6 +176,62 @@ def _seat(response: Response, where: str, last: Bools) -> list[Metric]:
     return [Metric(f"{where}.{name}", *one) for name, one in zip(_SEATING, told, strict=True)]
 
 
+_FLOAT, _NOSE_FORCE, _FRICTION_POWER = "valve_float", "nose_force.least", "friction_power.mean"
+_DRIVE = ("torque.mean", "power.mean")
+
+
+def _valve_float(model: Model, response: Response, name: str, seat: Seat, last: Bools) -> list[Metric]:
+    """Return the largest lift of a valve over the nose of its cam above that of the rigid train."""
+    contact, angle = driving_contact(model, seat.at), response.angle[last]
+    if contact is None:
+        return []
+    try:
+        motion = build_rigid(model, ANY_SPEED).carried
+    except InputError:  # no rigid train exists
+        return []
+    over = _flanks(model.cams[model.cam_contacts[contact].cam].event, angle)["nose"]
+    if motion is None or not over.any():
+        return []
+    moved = motion.motion.vectors @ build_structure(model).row(seat.at, seat.direction)
+    above = response.channels[f"contacts.{name}.gap"][last] - motion.motion.weights(angle) @ moved
+    return [Metric(f"contacts.{name}.{_FLOAT}", float(above[over].max()), "m")]
+
+
+def _nose_force(model: Model, response: Response, name: str, last: Bools) -> list[Metric]:
+    """Return the minimum force of a cam contact over the nose."""
+    over = _flanks(model.cams[model.cam_contacts[name].cam].event, response.angle[last])["nose"]
+    force = response.channels[f"contacts.{name}.force"][last][over]
+    return [Metric(f"contacts.{name}.{_NOSE_FORCE}", float(force.min()), "N")] if len(force) else []
+
+
+def _drive(model: Model, response: Response, last: Bools) -> list[Metric]:
+    """Return mean torque and power of every cam and shaft drive, and the mean friction power of every cam contact.
+
+    The mean torque is that over the cam angle: times the angle of a revolution it is the work of the drive.
+    """
+    begin = max(int(np.argmax(last)) - 1, 0)  # the revolution with both ends
+    time, angle = response.time[begin:], response.angle[begin:]
+    if len(time) < _MIN_INSTANTS:
+        return []
+    found: list[Metric] = []
+    for where in _parts_with(response.channels, "torque"):
+        torque, span = response.channels[f"{where}.torque"][begin:], float(angle[-1] - angle[0])
+        work = float(np.trapezoid(torque, angle))
+        work = work if abs(work) > _ROUNDING * span * float(np.abs(torque).max()) else 0.0
+        values = (work / span, "N m"), (work / float(time[-1] - time[0]), "W")
+        found += [Metric(f"{where}.{name}", *value) for name, value in zip(_DRIVE, values, strict=True)]
+    for where in _parts_with(response.channels, "friction"):
+        cam = model.cams[model.cam_contacts[where.removeprefix("contacts.")].cam]
+        slid = response.channels[f"{where}.friction"][begin:] * sliding_ratio(cam)(angle, 0)
+        mean = float(np.trapezoid(np.abs(slid), angle)) / float(time[-1] - time[0])
+        found.append(Metric(f"{where}.{_FRICTION_POWER}", mean, "W"))
+    return found
+
+
+_MIN_INSTANTS = 2
+_ROUNDING = 1e-12  # relative to the largest torque
+
+
 def separation(model: Model, response: Response, contact: str, instants: Bools) -> float:
     """Return the cam angle of contact loss on the main lift."""
     return sum(separation_by_flank(model, response, contact, instants).values())
@@ -173,18 +245,22 @@ def separation_by_flank(model: Model, response: Response, contact: str, instants
     """
     cam = model.cam_contacts[contact].cam
     event, angle = model.cams[cam].event, response.angle[instants]
-    if len(angle) < 2:
+    if len(angle) < _MIN_INSTANTS:
         return {}
     lifted = event(angle) > main_lift(model, cam)
     off = lifted & (response.channels[f"contacts.{contact}.force"][instants] <= 0.0)
+    step = float(angle[-1] - angle[0]) / (len(angle) - 1)
+    return {name: float((off & part).sum()) * step for name, part in _flanks(event, angle).items()}
+
+
+def _flanks(event: Event, angle: FloatArray) -> dict[str, Bools]:
+    """Return which cam angles lie on the opening flank, the nose and the closing flank."""
     closing, opening = (end.at for end in event_extremes(event, 1))
     after, nose = np.mod(angle - opening, 2.0 * math.pi), (closing - opening) % (2.0 * math.pi)
     middle = nose + 0.5 * (2.0 * math.pi - nose)
-    parts = {
+    return {
         "opening flank": after >= middle, "nose": after <= nose, "closing flank": (after > nose) & (after < middle)
     }  # fmt: skip
-    step = float(angle[-1] - angle[0]) / (len(angle) - 1)
-    return {name: float((off & part).sum()) * step for name, part in parts.items()}
 
 
 def main_lift(model: Model, cam: str) -> float:

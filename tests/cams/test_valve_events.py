@@ -17,6 +17,7 @@ from flexcam.cams import (
     PeriodicSpline,
     Ramp,
     ValveEvent,
+    centreline,
     overlap,
     valve_event,
 )
@@ -64,6 +65,19 @@ def test_the_centre_of_a_symmetric_event_is_its_nose():
     assert found.centre == pytest.approx(2 * (0.5 + 1.0 + 0.1), abs=1e-9)
     beyond = valve_event(simple_harmonic(1.0, 1.0, phase=5.9), 1e-3)
     assert beyond.centre == pytest.approx(2 * (5.9 + 1.0) - CYCLE, abs=1e-9)
+
+
+@settings(max_examples=60, deadline=None)
+@given(ANGLE, ANGLE, st.sampled_from([0.0, 0.01, 0.7]), st.floats(-10.0, 10.0), st.sampled_from(["shm", "4-5-6-7"]))
+def test_centreline(rise, fall, dwell, phase, law):
+    event = LiftEvent(LAWS[law], LIFT, rise, fall, dwell=dwell, phase=phase, ramp=Ramp(0.2e-3, 0.26))
+    assert math.remainder(centreline(event) - phase - rise - 0.5 * dwell, 0.5 * CYCLE) == pytest.approx(0, abs=1e-12)
+
+
+def test_centreline_of_harmonics():
+    """0.004 - 0.003 cos(t - 5): largest half a turn beyond 5."""
+    lift = HarmonicLift(0.004, (-0.003 * math.cos(5.0),), (-0.003 * math.sin(5.0),))
+    assert centreline(lift) == pytest.approx(5.0 - math.pi, abs=1e-12)
 
 
 def test_thresholds():

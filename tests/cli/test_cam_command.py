@@ -19,7 +19,7 @@ from tests.command import facts
 ROOT, DEG = Path(__file__).parents[2], math.pi / 180
 FILES = {path.stem: path for part in ("cases/cams", "cases/tayeb") for path in sorted((ROOT / part).glob("*.toml"))}
 FILES["every-cam"] = ROOT / "tests/data/every-cam.toml"
-KEYS = ["lift", "least_lift", "velocity", "acceleration", "jerk", "harmonics", "joints", "valve_events", "follower_events", "profile", "findings", "smoothing"]  # fmt: skip
+KEYS = ["lift", "least_lift", "velocity", "acceleration", "jerk", "harmonics", "joints", "valve_events", "follower_events", "profile", "findings", "smoothing", "centreline", "tdc", "ratio", "lash", "valve_lift", "after_tdc"]  # fmt: skip
 PROFILE = ["base_radius", "convex_radius", "convex_radius_at", "hollow_radius", "hollow_radius_at", "pressure_angle", "pressure_angle_at", "contact_offset", "sliding_velocity", "least_base_radius"]  # fmt: skip
 
 
@@ -36,7 +36,7 @@ def one(told, *words):
 @pytest.mark.parametrize("name", FILES)
 def test_every_file(name, told):
     found, words = facts(told, name), told(name)
-    assert list(found) == ["status", "cams", "overlaps", "files"]
+    assert list(found) == ["status", "cams", "overlaps", "lobe_separations", "files"]
     assert len(found["overlaps"]) == len(found["cams"]) * (len(found["cams"]) - 1)  # of every pair, at two lifts
     assert (words.code, words.err) == (0, "")
     for cam, values in found["cams"].items():
@@ -106,6 +106,98 @@ def test_overlap(told, tmp_path):
     for pair, lift in zip(found["overlaps"], ("1 mm", "0.05 in"), strict=True):
         open_for = found["cams"]["intake"]["valve_events"][lift]["duration"]
         assert list(pair.values()) == ["exhaust", "intake", lift, pytest.approx(open_for - 200 * DEG)]
+
+
+CYLINDER = """format = 1
+[cams.exhaust]
+law = "shm"
+lift = "8 mm"
+rise = "70 deg"
+return = "70 deg"
+centreline = "124 deg"
+tdc = "180 deg"
+[cams.intake]
+law = "shm"
+lift = "9 mm"
+rise = "72 deg"
+dwell = "4 deg"
+return = "76 deg"
+centreline = "234 deg"
+tdc = "180 deg"
+[cams.next]
+law = "shm"
+lift = "9 mm"
+rise = "72 deg"
+return = "72 deg"
+centreline = "324 deg"
+tdc = "270 deg"
+"""
+
+
+def test_cam_card(told, tmp_path):
+    """Centrelines at 112 deg before and 108 deg after top dead centre; 1 mm of (1 - cos(pi z)) h/2 in closed form."""
+    (tmp_path / "card.toml").write_text(CYLINDER)
+    found = facts(told, "card.toml", "--checking-lift", "0.25 mm", "--checking-lift", "4 mm")
+    separations = {(one["one"], one["other"]): one["angle"] / DEG for one in found["lobe_separations"]}
+    assert separations == pytest.approx({("exhaust", "intake"): 110, ("exhaust", "next"): 160, ("intake", "next"): 90})
+    for name, middle, lift, rise, dwell, fall in (("exhaust", -112, 8, 70, 0, 70), ("intake", 108, 9, 72, 4, 76)):
+        card = found["cams"][name]
+        assert card["after_tdc"]["centreline"] / DEG == pytest.approx(middle, abs=1e-6)
+        assert list(card["valve_events"]) == ["1 mm", "0.05 in", "0.25 mm", "4 mm"]
+        for key, event in card["after_tdc"]["valve_events"].items():
+            above = 1 - math.acos(1 - 2e3 * card["valve_events"][key]["lift"] / lift) / math.pi
+            opens, closes = (middle - dwell - 2 * rise * above, middle + dwell + 2 * fall * above)
+            assert [event["opens"] / DEG, event["closes"] / DEG] == pytest.approx([opens, closes], abs=1e-6)
+
+
+def test_cam_card_in_words_and_as_a_picture(told, tmp_path):
+    (tmp_path / "card.toml").write_text(CYLINDER)
+    done = told("card.toml", "--checking-lift", "4 mm", "--plot", "pictures")
+    rows = [" ".join(row.split()) for row in done.out.splitlines()]
+    assert "lobe centreline cam 124.00 deg, crank 112.00 deg before TDC" in rows
+    assert "valve open above 4 mm EVO 2.00 deg before BDC, EVC 42.00 deg before TDC, duration 140.00 deg" in rows
+    share = {name: [1 - math.acos(1 - 2 * x / lift) / math.pi for x in (1, 1.27, 4)] for name, lift in (("exhaust", 8), ("intake", 9))}  # fmt: skip
+    both = [max(0, -112 + 140 * one - 104 + 144 * other) for one, other in zip(*share.values(), strict=True)]
+    pairs = [f"exhaust and intake 110.00 {lift} {angle:.2f}" for lift, angle in zip(("1 mm", "0.05 in", "4 mm"), both, strict=True)]  # fmt: skip
+    assert [row for row in rows if row.startswith("exhaust and")] == pairs
+    made = {path.name for path in (tmp_path / "pictures").iterdir()}
+    assert {"card-exhaust-intake-timing.svg", "card-next-timing.svg"} <= made
+    picture = (tmp_path / "pictures/card-exhaust-intake-timing.svg").read_text()
+    assert picture.startswith("<?xml")
+
+
+def test_lash_and_ratio_of_a_card(told):
+    card = one(told, ROOT / "cases/pushrod-engine/intake.toml")
+    assert (card["ratio"], card["lash"]) == pytest.approx((1.6, 0.2e-3 / 1.6))
+    assert card["valve_lift"] == pytest.approx(1.6 * 6.3e-3 - 0.2e-3)
+    assert (card["tdc"], card["after_tdc"]) == (None, None)
+    assert card["centreline"] == pytest.approx(math.pi, abs=1e-12)
+
+
+def test_cylinders_of_a_camshaft(told):
+    """Of eight cams only those of one cylinder overlap in the table; the firing order turns each by 90 deg."""
+    found, words = (
+        facts(told, ROOT / "cases/camshaft-4cyl/camshaft.toml"),
+        told(ROOT / "cases/camshaft-4cyl/camshaft.toml"),
+    )
+    after = {name: card["after_tdc"]["centreline"] / DEG for name, card in found["cams"].items()}
+    assert after == pytest.approx({name: 110 if "intake" in name else -110 for name in after})
+    pairs = {row.partition("   ")[0] for row in words.out.splitlines() if " and exhaust" in row}
+    assert pairs == {f"intake-{i} and exhaust-{i}" for i in range(1, 5)}
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--set", "cams.intake.phase=10deg"], "centreline or phase, not both"),
+        (["--checking-lift", "0 mm"], "--checking-lift"),
+    ],
+)
+def test_refused_cards(told, tmp_path, words, said):
+    (tmp_path / "card.toml").write_text(CYLINDER)
+    done = told("card.toml", *words)
+    assert (done.code, done.out) == (2, "")
+    assert said in done.err
 
 
 def fb2(base, count=720):

@@ -121,3 +121,22 @@ def test_an_impact_on_a_contact_that_stays_closed_has_twice_its_rise():
     assert contact_duration(np.append(closed, False), 3) == 3
     assert contact_duration(np.append(closed[:4], False), 3) == 2
     assert contact_duration(closed[2:], 1) == 0
+
+
+@pytest.mark.usefixtures("machine_code")
+def test_figures_of_merit_are_printed_once(flexcam, engine, tmp_path):
+    """They are metrics of the run in words of the trade; the table of metrics has the others."""
+    options = ("--set", "run.steps_per_revolution=1440", "-o", tmp_path, "--overwrite")
+    found = flexcam("run", engine, *options, "--json").json
+    merit = {one["metric"]: one for one in found["figures_of_merit"]}
+    margin = merit.pop("")
+    assert (margin["name"], margin["part"], margin["unit"]) == ("spring margin of the rigid train", "", "1")
+    assert {name: one["value"] for name, one in merit.items()}.items() <= found["train"].items()
+    assert merit["contacts.seat.valve_float"]["unit"] == "m"
+    out = flexcam("run", engine, *options).out
+    table, others = out.split("Figures of merit")[1].split("Metrics of the last revolution")
+    for words in ("seating velocity", "mean drive power", "coil-bind clearance", "spring margin of the rigid train"):
+        assert f"\n{words}   " in table
+    assert max(map(len, table.splitlines())) <= 100
+    assert not [name for name in merit if name.replace(".", " ").replace("_", " ") in others]
+    assert "contacts intake force largest" in others

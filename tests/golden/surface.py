@@ -32,9 +32,10 @@ FULL, LIGHT, BARE = 28, 4, 0
 DROPPED = {
     "seconds", "message", "remedy", "text", "result", "files", "file", "title", "about", "given", "allowed", "why",
     "memory_bytes", "result_bytes", "bytes", "cpu_seconds", "time", "times", "measured_seconds", "case",
-    "multipliers", "reached", "installed", "rounding",
+    "multipliers", "reached", "installed", "rounding", "figures_of_merit",
 }  # fmt: skip
-"""Keys of JSON whose values are prose, paths, versions or times, or stand in an order that rounding chooses."""
+"""Keys of JSON whose values are prose, paths, versions or times, or stand in an order that rounding chooses;
+figures of merit stand under `train`, too."""
 
 COUNTED = {"warnings", "doubts", "notes", "left_out", "sentences"}
 """Keys of JSON whose values are lists of sentences: only their number is kept."""

@@ -17,6 +17,7 @@ from flexcam.cams import (
     RollerFollower,
     SwingFlatFollower,
     SwingRollerFollower,
+    centreline,
 )
 from flexcam.case.lift import LawDefinition, LiftDefinition
 from flexcam.case.schema.base import (
@@ -134,6 +135,12 @@ class CamDesignRecord(PartRecord[valvetrain.Cam]):
     dwell: Angle = Field(0.0, description="upper dwell")
     fall: PositiveAngle | None = Field(None, alias="return")
     phase: SignedAngle = Field(0.0, description="cam angle at which the rise (or the table's zero) lies")
+    centreline: SignedAngle | None = Field(
+        None, description="cam angle of the maximum lift (the middle of an upper dwell), instead of phase"
+    )
+    tdc: SignedAngle | None = Field(
+        None, description="cam angle at the top dead centre of the gas exchange of its cylinder, for the cam card"
+    )
     ramps: RampsRecord | None = None
     single_dwell: Literal["high", "low"] | None = Field(
         None, description="where the only dwell lies, for laws that begin under acceleration"
@@ -166,8 +173,16 @@ class CamDesignRecord(PartRecord[valvetrain.Cam]):
         named = (("law", self.law), ("lift", self.lift), ("rise", self.rise), ("return", self.fall))
         return [key for key, value in named if value is None and self.lift_table is None]
 
+    @property
+    def start_angle(self) -> float:
+        """Cam angle at which the rise (or the table's zero) lies, rad: the phase, or that of the centreline."""
+        return self.phase if self.centreline is None else self.centreline - centreline(self._event_at(0.0))
+
     def _check(self) -> None:
         """Check the cam; missing keys are reported with the references of all tables."""
+        if self.centreline is not None and self.phase != 0.0:
+            given, why = "a centreline and a phase", "each of them places the cam on its shaft"
+            raise refuse("centreline", given, "centreline or phase, not both", why, "leave one of them out")
         if not self.missing_keys:
             super()._check()
         elif self.follower is not None:
@@ -177,11 +192,11 @@ class CamDesignRecord(PartRecord[valvetrain.Cam]):
         """Build the cam."""
         follower = self.follower.build(self.base_radius) if self.follower else None
         turn = 1 if self.rotation == "counterclockwise" else -1
-        return valvetrain.Cam(self.at or "", self._event(), follower, turn, self.width)
+        return valvetrain.Cam(self.at or "", self._event_at(self.start_angle), follower, turn, self.width)
 
-    def _event(self) -> Event:
+    def _event_at(self, phase: float) -> Event:
         if self.lift_table is not None:
-            return DelayedEvent(self.lift_table.event, self.phase) if self.phase else self.lift_table.event
+            return DelayedEvent(self.lift_table.event, phase) if phase else self.lift_table.event
         if self.law is None or self.lift is None or self.rise is None or self.fall is None:
             given, why = f"nothing for {', '.join(self.missing_keys)}", "a cam without a lift_table needs them"
             raise refuse(
@@ -189,7 +204,7 @@ class CamDesignRecord(PartRecord[valvetrain.Cam]):
             )
         opening, closing = self.ramps.build() if self.ramps else (None, None)
         return LiftEvent(
-            self.law.law, self.lift, self.rise, self.fall, self.dwell, self.phase,
+            self.law.law, self.lift, self.rise, self.fall, self.dwell, phase,
             self.return_law.law if self.return_law else None, opening, closing, self.single_dwell,
         )  # fmt: skip
 

@@ -1,0 +1,134 @@
+"""Figures of merit of a run against closed forms: one mass on a spring under a harmonic cam, and the energy balance."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from flexcam import prepare, read_case, solve
+from flexcam.analysis.figures_of_merit import SPRING_MARGIN, figures_of_merit
+from flexcam.analysis.limits import compute_margins
+from flexcam.analysis.preparation import compute_metrics
+from flexcam.core.units import RPM
+
+MASS, SPRING, INSTALLED, DAMPING, LIFT, CONTACT = 0.25, 20e3, 300.0, 6.0, 8e-3, 2e9
+CASE = f"""
+format = 1
+[nodes]
+cam = [0.0, 0.0, 0.0]
+valve = [0.0, 0.03, 0.0]
+[supports]
+cam = ["ux", "uy", "uz", "rx", "ry", "rz"]
+valve = ["ux", "uz", "rx", "ry", "rz"]
+[masses]
+valve = {{ at = "valve", mass = {MASS} }}
+[springs]
+coil = {{ at = "valve", direction = "uy", stiffness = {SPRING}, installed_force = {INSTALLED}, damping = {DAMPING}, clash_travel = 0.01 }}
+[cams.one]
+at = "cam"
+axis = [1, 0, 0]
+law = "shm"
+lift = {LIFT}
+rise = "180 deg"
+return = "180 deg"
+[contacts]
+one = {{ cam = "one", follower = "valve", direction = "uy", model = "unilateral", stiffness = {CONTACT} }}
+seat = {{ at = "valve", direction = "uy", model = "seat", stiffness = "2 GN/m" }}
+[run]
+speed = "600 rpm"
+revolutions = 2
+steps_per_revolution = 3600
+start = "equilibrium"
+"""  # noqa: E501 - a table to a line
+
+
+@pytest.fixture
+def merit(tmp_path):
+    """Return the figures of merit of the case at a speed, by metric; the spring margin has its name."""
+
+    def found(rpm, *overrides, text=CASE):
+        (tmp_path / "one.toml").write_text(text, encoding="utf-8")
+        case = read_case(tmp_path / "one.toml", [f"run.speed={rpm}rpm", *overrides])
+        ready = prepare(case)
+        response = solve(ready.problem, ready.scheme, save=ready.save)
+        assert response.status.ok
+        return {one.metric or one.name: one.value for one in figures_of_merit(case, compute_metrics(ready, response))}
+
+    return found
+
+
+@pytest.mark.parametrize("rpm", [300.0, 3000.0])
+def test_rigid_train_in_closed_form(merit, rpm):
+    """Lift h/2 (1 - cos t): F = F0 + k s + c s' w + m s'' w^2, torque s' F, work of the damper c w (h/2)^2 pi."""
+    found, speed = merit(rpm, 'fidelity.model="rigid"'), rpm * RPM
+    nose = np.linspace(0.5 * math.pi, 1.5 * math.pi, 18_001)
+    lift, slope, bend = 0.5 * LIFT * np.array([1.0 - np.cos(nose), np.sin(nose), np.cos(nose)])
+    force = INSTALLED + SPRING * lift + DAMPING * slope * speed + MASS * bend * speed**2
+    assert found["contacts.one.nose_force.least"] == pytest.approx(force.min(), rel=5e-4)  # an instant beside it
+    mean = DAMPING * speed * LIFT**2 / 8.0
+    assert found["contacts.one.torque.mean"] == pytest.approx(mean, rel=1e-9)
+    assert found["contacts.one.power.mean"] == pytest.approx(mean * speed, rel=1e-9)
+    margin = (INSTALLED + SPRING * LIFT) / (0.5 * MASS * LIFT * speed**2) - 1.0
+    assert found[SPRING_MARGIN] == pytest.approx(margin, rel=1e-6)
+
+
+def test_a_stiff_train_does_not_float(merit):
+    """The valve stays below the rigid lift by the compression of the contact, which is least where its force is."""
+    found = merit(60.0)
+    pressed = found["contacts.one.nose_force.least"] / CONTACT
+    assert found["contacts.seat.valve_float"] == pytest.approx(-pressed, rel=2e-2)
+    assert abs(found["contacts.seat.valve_float"]) < 1e-4 * LIFT
+    assert found["springs.coil.clearance.least"] == pytest.approx(0.01 - LIFT, abs=1e-6)
+
+
+def test_a_valve_that_leaves_its_cam_floats(merit):
+    """Above the speed at which the inertia exceeds the spring the valve flies over the nose: m u'' = -(F0 + k u)."""
+    found = merit(9000.0, "run.revolutions=1")
+    assert found[SPRING_MARGIN] < 0.0
+    assert found["contacts.one.nose_force.least"] == 0.0
+    assert found["contacts.seat.valve_float"] > 0.1e-3
+
+
+ENERGIES = ("work", "dissipated", "numerical")
+
+
+def test_drive_power_is_what_the_train_dissipates():
+    """Over a periodic revolution the work of the drive is that of the energy balance; friction is a part of it."""
+    words = ['run.start="periodic"', "run.steps_per_revolution=1440"]
+    case = read_case("tests/golden/models/friction.toml", words)
+    ready = prepare(case)
+    response = solve(ready.problem, ready.scheme, save=ready.save)
+    found = {one.name: one.value for one in compute_metrics(ready, response)}
+    gained = {name: float(np.diff(response.channels[f"energy.{name}"][[0, -1]])[0]) for name in ENERGIES}
+    work = found["supports.drive.power.mean"] * ready.revolution
+    assert work == pytest.approx(gained["work"], rel=1e-4)
+    assert work == pytest.approx(gained["dissipated"] + gained["numerical"], rel=1e-4)
+    assert 0.5 < found["contacts.intake.friction_power.mean"] * ready.revolution / work < 1.0
+    assert found["supports.drive.torque.mean"] == pytest.approx(work / math.tau, rel=1e-9)
+
+
+def test_rigid_friction_and_damping_are_the_power():
+    """Friction and the damper at the valve, c (1.6 s' w)^2, of a rigid train take all that the cam gives."""
+    case = read_case("tests/golden/models/friction.toml", ['fidelity.model="rigid"', "run.damping.beta=0"])
+    ready = prepare(case)
+    response = solve(ready.problem, ready.scheme, save=ready.save)
+    found = {one.name: one.value for one in compute_metrics(ready, response)}
+    slope = ready.model.cams["intake"].event(response.angle, 1)
+    damped = 5.0 * 1.6**2 * np.trapezoid(slope**2, response.angle) / math.tau * case.speed**2
+    rubbed = found["contacts.intake.friction_power.mean"]
+    assert found["contacts.intake.power.mean"] == pytest.approx(damped + rubbed, rel=1e-5)
+    assert rubbed > damped > 0.0
+
+
+def test_the_spring_margin_is_that_of_the_limits(merit, tmp_path):
+    found = merit(2000.0)
+    case = read_case(tmp_path / "one.toml", ["run.speed=2000rpm"])
+    assert found[SPRING_MARGIN] == compute_margins(case).spring_margin
+
+
+def test_no_margin_of_a_follower_that_cannot_leave(merit):
+    found = merit(600.0, text=CASE.replace("unilateral", "bilateral"))
+    assert SPRING_MARGIN not in found
+    assert "contacts.one.nose_force.least" in found
