@@ -136,7 +136,7 @@ def train_metric_names(model: Model, channels: Iterable[str]) -> list[str]:
     names += [f"contacts.{name}.{_NOSE_FORCE}" for name in pressed]
     names += [f"contacts.{name}.{one}" for name in seats for one in (*_SEATING, _FLOAT)]
     names += [f"{where}.{mean}" for where in _parts_with(known, "torque") for mean in _DRIVE]
-    names += [f"{where}.{_FRICTION_POWER}" for where in _parts_with(known, "friction")]
+    names += [f"{where}.{_FRICTION_POWER}" for kind in ("friction", "power") for where in _parts_with(known, kind)]
     return [*names, *filter(None, map(_metric_name, known))]
 
 
@@ -205,7 +205,7 @@ def _nose_force(model: Model, response: Response, name: str, last: Bools) -> lis
 
 
 def _drive(model: Model, response: Response, last: Bools) -> list[Metric]:
-    """Return mean torque and power of every cam and shaft drive, and the mean friction power of every cam contact.
+    """Return mean torque and power of every cam and shaft drive, and the mean friction power of contacts and slides.
 
     The mean torque is that over the cam angle: times the angle of a revolution it is the work of the drive.
     """
@@ -224,6 +224,9 @@ def _drive(model: Model, response: Response, last: Bools) -> list[Metric]:
         cam = model.cams[model.cam_contacts[where.removeprefix("contacts.")].cam]
         slid = response.channels[f"{where}.friction"][begin:] * sliding_ratio(cam)(angle, 0)
         mean = float(np.trapezoid(np.abs(slid), angle)) / float(time[-1] - time[0])
+        found.append(Metric(f"{where}.{_FRICTION_POWER}", mean, "W"))
+    for where in _parts_with(response.channels, "power"):
+        mean = float(np.trapezoid(response.channels[f"{where}.power"][begin:], time)) / float(time[-1] - time[0])
         found.append(Metric(f"{where}.{_FRICTION_POWER}", mean, "W"))
     return found
 
