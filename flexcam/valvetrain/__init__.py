@@ -30,6 +30,7 @@ from flexcam.valvetrain.parts import (
     GivenLoad,
     Lash,
     Lever,
+    Lubrication,
     MassAt,
     PublishedLoad,
     Pulsation,
@@ -66,12 +67,12 @@ from flexcam.valvetrain.train_topology import driving_contact, follower_train, l
 
 __all__ = [
     "ANY_SPEED", "BOUNCE_HEIGHT", "DAMPING_DEPTH", "OPEN", "Adjuster", "Cam", "CamContact", "Chain", "CoarseCam",
-    "Contact", "ContactModes", "GivenLoad", "Lash", "Lever", "MassAt", "MemberStrength", "Metric", "Model",
-    "ModelModes", "PublishedLoad", "Pulsation", "Resolution", "ResolutionSink", "Rocker", "Seat", "Seating",
+    "Contact", "ContactModes", "GivenLoad", "Lash", "Lever", "Lubrication", "MassAt", "MemberStrength", "Metric",
+    "Model", "ModelModes", "PublishedLoad", "Pulsation", "Resolution", "ResolutionSink", "Rocker", "Seat", "Seating",
     "Spring", "StiffStrut", "StrengthSink", "Structure", "Wire", "buckling_load", "build_chain", "build_rigid",
     "build_structure", "build_system", "coarse_cams", "compressed_members", "contact_modes", "contact_stiffness",
     "describe_inactive", "driving_contact", "element_loads", "follower_train", "free_running", "free_speed",
     "hertz_line", "largest_lash", "lift_transfer", "main_lift", "member_masses", "modal_basis", "model_modes",
-    "modes_on_the_lift", "seating", "separation", "separation_by_flank", "shared_forces", "stiff_struts",
-    "straighten", "touching_coils", "train_metric_names", "train_metrics", "valve_ratio", "without_compression",
+    "modes_on_the_lift", "seating", "separation", "separation_by_flank", "shared_forces", "stiff_struts", "straighten",
+    "touching_coils", "train_metric_names", "train_metrics", "valve_ratio", "without_compression",
 ]  # fmt: skip

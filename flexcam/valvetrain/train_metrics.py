@@ -113,6 +113,9 @@ def train_metrics(model: Model, response: Response, period: float) -> list[Metri
             figures += [Metric(name, 1.0 / float(values.max()), "1")] if float(values.max()) > 0.0 else []
         elif name.endswith("least"):
             figures.append(Metric(name, float(values.min()), unit))
+        elif name.endswith("nose"):
+            nose = _nose(model, channel.split(".")[1], response.angle[last])
+            figures.append(Metric(name, float(values[nose]), unit))
         elif name:
             size = values if channel.endswith(_SIGNED) else np.abs(values)
             figures.append(Metric(name, float(size.max()), unit))
@@ -136,14 +139,22 @@ def _metric_name(channel: str) -> str:
         return f"{where}.buckling_margin"
     if quantity == "clearance":
         return f"{channel}.least"
+    if quantity in ("film", "lambda"):  # zero where the entrainment velocity changes its sign, so no minimum
+        return f"{channel}.nose"
     return f"{channel}.largest" if quantity in _LARGEST else ""
+
+
+def _nose(model: Model, contact: str, angle: FloatArray) -> int:
+    """Return the instant nearest to the maximum lift of a contact's cam."""
+    top = event_extremes(model.cams[model.cam_contacts[contact].cam].event)[1].at
+    return int(np.argmax(np.cos(angle - top)))
 
 
 _SEATING = ("seating_velocity", "bounces", "bounce_height")  # metrics of a seat
 
 _LARGEST = (
     "force", "torque", "pressure", "sliding", "friction", "surge", "stress", "compression", "twist", "deflection",
-    "leak_down",
+    "leak_down", "flash_temperature", "wear",
 )  # fmt: skip
 """Suffixes of channels with a metric of maximum magnitude."""
 

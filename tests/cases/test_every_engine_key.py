@@ -51,6 +51,12 @@ CHANGED = {
     "rockers.finger.inertia": "rockers.finger.inertia=2e-4",
     "contacts.intake.friction": "contacts.intake.friction=0",
     "contacts.intake.friction_speed": "contacts.intake.friction_speed=20",
+    "contacts.intake.lubrication.viscosity": 'contacts.intake.lubrication.viscosity="8 mPa s"',
+    "contacts.intake.lubrication.pressure_viscosity": 'contacts.intake.lubrication.pressure_viscosity="20 1/GPa"',
+    "contacts.intake.lubrication.roughness": 'contacts.intake.lubrication.roughness="0.2 um"',
+    "contacts.intake.lubrication.conductivity": 'contacts.intake.lubrication.conductivity="30 W/m/K"',
+    "contacts.intake.lubrication.specific_heat": 'contacts.intake.lubrication.specific_heat="500 J/kg/K"',
+    "contacts.intake.lubrication.wear_coefficient": 'contacts.intake.lubrication.wear_coefficient="2e-18 m^2/N"',
     "contacts.adjuster.stiffness": "contacts.adjuster.stiffness=5e6",
     "contacts.adjuster.leak": "contacts.adjuster.leak=5e3",
     "contacts.adjuster.plunger_force": "contacts.adjuster.plunger_force=60",
@@ -89,7 +95,8 @@ def differs(one, other):
     return any(np.abs(one[name] - other[name]).max() > 1e-7 * np.abs(one[name]).max() for name in one if name in other)
 
 
-QUICK = ("members.pushrod.bow", "rockers.rocker.angles", "contacts.adjuster.leak", "run.fluctuation.orders")
+QUICK = ("members.pushrod.bow", "rockers.rocker.angles", "contacts.adjuster.leak", "run.fluctuation.orders",
+         "contacts.intake.lubrication.viscosity")  # fmt: skip
 
 
 @pytest.mark.parametrize("key", [pytest.param(k, marks=[] if k in QUICK else [pytest.mark.slow]) for k in CHANGED])
