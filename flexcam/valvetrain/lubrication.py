@@ -131,8 +131,8 @@ def flash_temperature(
 
     ``0.786 q/(beta sqrt(b) (sqrt(|u1|) + sqrt(|u2|)))``, or 1.11 with the full width 2 b: H. Blok, Proc. General
     Discussion on Lubrication, Inst. Mech. Eng. 2 (1937), pp. 222-235. The heat has Hertz's distribution; its division
-    gives both surfaces the same maximum. It neglects conduction along the motion, so that it is too high for slow
-    surfaces (Peclet number u b density specific_heat/(2 conductivity) below 10).
+    gives both surfaces the same maximum. It neglects conduction along the motion: it is too high by 6 % at a Peclet
+    number u b density specific_heat/(2 conductivity) of 1, by 31 % at 0.2.
 
     Parameters
     ----------

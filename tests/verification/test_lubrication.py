@@ -187,11 +187,11 @@ def jaeger(peclet):
         return sum(quad(heat, *pair, limit=200)[0] for pair in pairwise(ends))
 
     # T = (1/(pi k)) int q exp(L s) K0(L |s|) b ds with q = 2 Q/(pi b) sqrt(1 - t^2) and L = u b/(2 kappa).
-    largest = max(temperature(x) for x in np.linspace(0.4, 0.9, 51))
+    largest = max(temperature(x) for x in np.linspace(0.0, 0.9, 91))
     return 2.0 / math.pi**2 * largest * math.sqrt(2.0 * peclet)
 
 
-@pytest.mark.parametrize(("peclet", "tolerance"), [(10.0, 0.03), (100.0, 0.005), (1000.0, 0.002)])
+@pytest.mark.parametrize(("peclet", "tolerance"), [(1.0, 0.07), (10.0, 0.003), (100.0, 0.001)])
 def test_flash_temperature(record, peclet, tolerance):
     """One surface moves, the other stands still: all heat goes into the first."""
     conductivity, density, heat, b = 46.0, 7800.0, 470.0, 1e-4
