@@ -20,10 +20,15 @@ CHECKS = Path(__file__).parents[2] / "cases" / "checks"
 DATA = Path(__file__).parents[1] / "data"
 ENGINE = DATA / "every-engine.toml"
 
+OIL = (
+    'contacts.intake.lubrication={viscosity="10 mPa s",pressure_viscosity="15 1/GPa",roughness="0.3 um",'
+    'conductivity="46 W/m/K",specific_heat="470 J/kg/K",wear_coefficient="1e-18 m^2/N"}'
+)
+
 # Five steps from the middle of the rise, from standstill.
 SHORT = (
     "run.revolutions=0.007", "run.steps_per_revolution=720", "cams.intake.phase=-30deg", "cams.exhaust.phase=-30deg",
-    "cams.direct.phase=-30deg",
+    "cams.direct.phase=-30deg", OIL,
 )  # fmt: skip
 
 # By part: what falls on it, for an impact.
@@ -209,7 +214,7 @@ def test_every_key_of_the_format_stands_in_some_case(rewritten, tmp_path):
     """All tables of the format."""
     shutil.copy(DATA / "lift.csv", tmp_path)
     cases = [
-        (DATA / "every-key.toml", []), (DATA / "every-contact.toml", []), (ENGINE, []), (rewritten(SWING, FREE), []),
+        (DATA / "every-key.toml", []), (DATA / "every-contact.toml", []), (ENGINE, [OIL]), (rewritten(SWING, FREE), []),
         (DATA / "every-key.toml", ['run.integrator={ method = "hht", alpha = -0.1 }']),
         (DATA / "every-key.toml", ['run.integrator={ method = "generalized-alpha", rho_inf = 0.8 }']),
         (DATA / "every-key.toml", ['run.start={ displacement = { "cam.uy" = "1 um" }, velocity = { "cam.rx" = 1 } }']),
