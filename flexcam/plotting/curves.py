@@ -113,19 +113,20 @@ def profile_figure(
     if coloured is not None:
         line = _colour_cam(axes, coloured[0], coloured[1], angle)
         figure.colorbar(line, ax=axes, orientation="horizontal", shrink=0.8, label=coloured[2])
-    draw_profile(axes, profile, angle, color=COLOURS[0] if coloured is None else "black")
+    draw_profile(axes, profile, angle, thin=coloured is not None)
     axes.set_xlabel("x, mm")
     axes.set_ylabel("y, mm")
     return figure
 
 
-def draw_profile(axes: Axes, profile: CamProfile, angle: float, *, color: str = COLOURS[0]) -> None:
-    """Draw a cam, rotated by its angle, with its follower."""
+def draw_profile(axes: Axes, profile: CamProfile, angle: float, *, thin: bool = False) -> None:
+    """Draw a cam, rotated by its angle, with its follower; its outline may be thin and black."""
     turned = np.exp(1j * profile.turn * angle)
     at = int(np.argmin(np.abs(np.angle(np.exp(1j * (profile.angle - angle))))))
     touch, follower = profile.touch, profile.follower
     around = np.exp(1j * np.linspace(0.0, 2.0 * math.pi, 361))
-    _line(axes, _close_curve(profile.points) * turned, "cam", color=color, linewidth=2.0 if color != "black" else 0.8)
+    colour, width = ("black", 0.8) if thin else (COLOURS[0], 2.0)
+    _line(axes, _close_curve(profile.points) * turned, "cam", color=colour, linewidth=width)
     _line(
         axes,
         np.asarray(follower.base_radius * around, dtype=np.complex128),

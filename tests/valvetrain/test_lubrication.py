@@ -75,6 +75,13 @@ def test_metrics(turned):
         assert found[f"contacts.intake.{name}.largest"] == response.channels[f"contacts.intake.{name}"].max()
 
 
+def test_a_run_that_ends_before_the_nose_has_no_film_there():
+    case = read_case(DATA, [oil(), "run.revolutions=0.1"])
+    names = [one.name for one in compute_metrics(prepare(case), run(case))]
+    assert "contacts.intake.force.largest" in names
+    assert not [name for name in names if name.endswith("nose")]
+
+
 def test_only_what_is_asked_for():
     short = ["run.revolutions=0.01"]
     plain, oiled = (run(read_case(DATA, [*short, *more])).channels for more in ([], [oil()]))
