@@ -55,7 +55,7 @@ def velocities(profile: CamProfile) -> tuple[np.ndarray, np.ndarray]:
 
 def main() -> None:
     """Write the picture."""
-    case = flexcam.read_case(DOCS.parent / "cases/direct-acting/bucket.toml", [OIL])
+    case = flexcam.read_case(DOCS.parent / "cases/direct-acting/bucket.toml", [OIL, "run.steps_per_revolution=720"])
     response = flexcam.run(case, rigid=True)
     cam = flexcam.build_model(case).cams["intake"]
     assert cam.follower is not None
