@@ -12,7 +12,7 @@ from sphinx_gallery.scrapers import figure_rst
 
 ORDER = (
     "cantilever", "camshaft_modes", "laws_side_by_side", "measured_lift", "published_cam", "campbell_diagram",
-    "loss_of_contact", "valve_spring_settings", "sweep_over_speed", "speed_against_accuracy",
+    "loss_of_contact", "oil_film_of_a_cam", "valve_spring_settings", "sweep_over_speed", "speed_against_accuracy",
 )  # fmt: skip
 """Scripts in the order in which they are best read; others follow."""
 

@@ -239,6 +239,7 @@ class _Geometry:
                 return valvetrain.CamContact(
                     *between, stiffness, unilateral=True, dissipation=record.dissipation,
                     restitution=record.restitution, friction=record.friction, friction_speed=record.friction_speed,
+                    lubrication=None if record.lubrication is None else record.lubrication.part,
                 )  # fmt: skip
 
     def _lash_stiffness(self, record: contacts.LashRecord) -> float:

@@ -23,7 +23,7 @@ from flexcam.case.input_checks import check_shared_seat_load
 from flexcam.case.reader import case_from_result, has_mechanism
 from flexcam.cli.app import Json, Overrides, Overwrite, app, load_case, parse_quantity, speed_range
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name
-from flexcam.core.units import shaft_name
+from flexcam.core.units import shaft_name, to_display_unit
 from flexcam.dynamics import Response, Status, reraise_interrupt, solve
 from flexcam.io import Result, read_result
 from flexcam.report.terminal import make_unique, print_json, result_console, show_count, show_progress
@@ -32,6 +32,8 @@ from flexcam.valvetrain import Cam, build_structure, driving_contact
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from flexcam.cams import CamProfile
+    from flexcam.core import FloatArray
     from flexcam.plotting.histories import Abscissa
 
 _RESULT = ".vtkhdf"
@@ -176,6 +178,7 @@ class FigureOptions:
 flexcam plot results/case.vtkhdf --rigid -o motion.pdf
 flexcam plot slow.vtkhdf fast.vtkhdf --probe valve --over time
 flexcam plot case.toml --what profile --angle 90deg
+flexcam plot results/case.vtkhdf --what profile --channel contacts.intake.pressure
 """
 )
 def plot(
@@ -186,7 +189,11 @@ def plot(
     ] = None,
     channels: Annotated[
         list[str] | None,
-        Parameter("--channel", negative=(), help="motion, force, waterfall: force or other channel. Repeatable."),
+        Parameter(
+            "--channel",
+            negative=(),
+            help="motion, force, waterfall: force or other channel, repeatable; profile: channel that colours the cam.",
+        ),
     ] = None,
     over: Annotated[
         Literal["angle", "time"] | None, Parameter(help="motion, force, energy: abscissa; cam angle by default.")
@@ -234,7 +241,7 @@ def _own_runs(asked: FigureOptions) -> list[Response]:
 
 _OF_CAMS = ("svaj", "profile")
 _APPLIES = {
-    "probe": ("motion", "waterfall", "work-precision"), "channel": ("motion", "force", "waterfall"),
+    "probe": ("motion", "waterfall", "work-precision"), "channel": ("motion", "force", "profile", "waterfall"),
     "rigid": ("motion", "force"), "over": ("motion", "force", "energy"), "cam": _OF_CAMS,
     "angle": ("profile",), "count": ("modes", "campbell", "waterfall"),
 }  # fmt: skip
@@ -303,15 +310,52 @@ def _profile(asked: FigureOptions) -> Figure:
     from flexcam.plotting.curves import profile_figure
 
     source = _single_source(asked, "profile")
-    cams = {name: one for name, one in _cams(source, asked.cam).items() if one.follower is not None}
+    cam = asked.cam if asked.channels is None else _cam_of_channel(source, asked, asked.channels)
+    cams = {name: one for name, one in _cams(source, cam).items() if one.follower is not None}
     if not cams:
-        why = f"{asked.cam or 'no cam of it'} has a profile" if asked.cam is None else f"{asked.cam!r} has no profile"
+        why = f"{cam or 'no cam of it'} has a profile" if cam is None else f"{cam!r} has no profile"
         raise refuse("--what", "profile", "a cam with a follower", why, "give the cam base_radius and follower")
     one = next(iter(cams.values()))
     turned = 0.0 if asked.angle is None else parse_quantity("--angle", asked.angle, "angle", "deg")
     if one.follower is None:
         raise refuse("--cam", repr(asked.cam), "a cam with a follower")
-    return profile_figure(cam_profile(one.event, one.follower, count=720, turn=one.turn), angle=turned % math.tau)
+    profile = cam_profile(one.event, one.follower, count=720, turn=one.turn)
+    coloured = None if asked.channels is None else _profile_values(source, profile, asked.channels[0])
+    return profile_figure(profile, angle=turned % math.tau, coloured=coloured)
+
+
+def _cam_of_channel(source: Source, asked: FigureOptions, channels: Sequence[str]) -> str:
+    """Return the cam whose profile a channel colours."""
+    if source.cams_only is not None:
+        raise refuse("--channel", channels[0], "a result, or a case with contacts", "a file of cams is not run")
+    contacts = source.ready.model.cam_contacts
+    contact = channels[0].partition(".")[2].rpartition(".")[0]
+    if len(channels) > 1 or contact not in contacts:
+        known = ", ".join(f"contacts.{name}.force" for name in contacts) or "(there is none)"
+        allowed = f"one channel of a cam's contact, such as {known}"
+        raise refuse("--channel", ", ".join(channels), allowed, "it colours the profile of that cam")
+    cam = contacts[contact].cam
+    if asked.cam not in (None, cam):
+        raise refuse("--cam", repr(asked.cam), repr(cam), "it is the cam of the channel", "leave --cam out")
+    return cam
+
+
+def _profile_values(source: Source, profile: CamProfile, channel: str) -> tuple[CamProfile, FloatArray, str]:
+    """Return the profile at the instants of the last revolution, the values of a channel and their label."""
+    from flexcam.cams import profile_at
+    from flexcam.plotting.histories import channel_unit, short_name
+
+    response = source.response
+    unit, last = channel_unit(response, channel), response.latest(source.ready.revolution)
+    values, (factor, symbol) = response.channels[channel][last], to_display_unit(unit)
+    if unit == "m" and float(np.abs(values).max(initial=0.0)) < _THIN:
+        factor, symbol = 1e6, "µm"
+    touched = profile_at(profile.event, profile.follower, response.angle[last], profile.turn)
+    return touched, factor * values, ", ".join(filter(None, (short_name(channel), symbol)))
+
+
+_THIN = 1e-4
+"""Length, m, up to which lengths are drawn in micrometres."""
 
 
 def _modes(asked: FigureOptions) -> Figure:

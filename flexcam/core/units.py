@@ -15,8 +15,8 @@ from flexcam.core.errors import refuse, suggest_name
 RPM = math.pi / 30.0
 """One revolution per minute, rad/s."""
 
-Exponents = tuple[int, int, int, int]
-"""Exponents of metre, kilogram, second, radian."""
+Exponents = tuple[int, int, int, int, int]
+"""Exponents of metre, kilogram, second, kelvin, radian."""
 
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)$")
 _FACTOR = re.compile(r"([*/]?)\s*(1(?=\s*/)|[A-Za-z%µ°]+)\s*(?:(?:\^|\*\*)\s*([+-]?\d+))?\s*")
@@ -30,17 +30,17 @@ _POUND = re.compile(r"\blb\b")
 _LARGEST = 10**308
 """Limit above which a number counts as infinite: Python integers may exceed the float range."""
 
-_NONE: Exponents = (0, 0, 0, 0)
+_NONE: Exponents = (0, 0, 0, 0, 0)
 _PREFIXED: dict[str, tuple[Decimal, Exponents]] = {
-    "m": (Decimal(1), (1, 0, 0, 0)),
-    "g": (Decimal("1e-3"), (0, 1, 0, 0)),
-    "s": (Decimal(1), (0, 0, 1, 0)),
-    "N": (Decimal(1), (1, 1, -2, 0)),
-    "Pa": (Decimal(1), (-1, 1, -2, 0)),
-    "J": (Decimal(1), (2, 1, -2, 0)),
-    "W": (Decimal(1), (2, 1, -3, 0)),
-    "Hz": (Decimal(1), (0, 0, -1, 0)),
-    "rad": (Decimal(1), (0, 0, 0, 1)),
+    "m": (Decimal(1), (1, 0, 0, 0, 0)),
+    "g": (Decimal("1e-3"), (0, 1, 0, 0, 0)),
+    "s": (Decimal(1), (0, 0, 1, 0, 0)),
+    "N": (Decimal(1), (1, 1, -2, 0, 0)),
+    "Pa": (Decimal(1), (-1, 1, -2, 0, 0)),
+    "J": (Decimal(1), (2, 1, -2, 0, 0)),
+    "W": (Decimal(1), (2, 1, -3, 0, 0)),
+    "Hz": (Decimal(1), (0, 0, -1, 0, 0)),
+    "rad": (Decimal(1), (0, 0, 0, 0, 1)),
 }
 _PREFIXES = {
     prefix: Decimal(size)
@@ -52,19 +52,20 @@ _PREFIXES = {
 _PLAIN: dict[str, tuple[Decimal, Exponents]] = {
     "1": (Decimal(1), _NONE),
     "%": (Decimal("0.01"), _NONE),
-    "t": (Decimal("1e3"), (0, 1, 0, 0)),
-    "bar": (Decimal("1e5"), (-1, 1, -2, 0)),
-    "deg": (Decimal(math.pi / 180.0), (0, 0, 0, 1)),
-    "°": (Decimal(math.pi / 180.0), (0, 0, 0, 1)),
-    "rev": (Decimal(2.0 * math.pi), (0, 0, 0, 1)),
-    "rpm": (Decimal(RPM), (0, 0, -1, 1)),
-    "min": (Decimal(60), (0, 0, 1, 0)),
-    "h": (Decimal(3600), (0, 0, 1, 0)),
-    "in": (Decimal("0.0254"), (1, 0, 0, 0)),
-    "ft": (Decimal("0.3048"), (1, 0, 0, 0)),
-    "lb": (Decimal("0.45359237"), (0, 1, 0, 0)),
-    "lbf": (Decimal("4.4482216152605"), (1, 1, -2, 0)),
-    "psi": (Decimal("6894.757293168361"), (-1, 1, -2, 0)),
+    "t": (Decimal("1e3"), (0, 1, 0, 0, 0)),
+    "bar": (Decimal("1e5"), (-1, 1, -2, 0, 0)),
+    "deg": (Decimal(math.pi / 180.0), (0, 0, 0, 0, 1)),
+    "°": (Decimal(math.pi / 180.0), (0, 0, 0, 0, 1)),
+    "rev": (Decimal(2.0 * math.pi), (0, 0, 0, 0, 1)),
+    "rpm": (Decimal(RPM), (0, 0, -1, 0, 1)),
+    "min": (Decimal(60), (0, 0, 1, 0, 0)),
+    "h": (Decimal(3600), (0, 0, 1, 0, 0)),
+    "in": (Decimal("0.0254"), (1, 0, 0, 0, 0)),
+    "ft": (Decimal("0.3048"), (1, 0, 0, 0, 0)),
+    "lb": (Decimal("0.45359237"), (0, 1, 0, 0, 0)),
+    "lbf": (Decimal("4.4482216152605"), (1, 1, -2, 0, 0)),
+    "psi": (Decimal("6894.757293168361"), (-1, 1, -2, 0, 0)),
+    "K": (Decimal(1), (0, 0, 0, 1, 0)),
 }
 """Units that are an exact decimal multiple of SI, so that a text converts to the same float as its SI number."""
 
@@ -81,7 +82,7 @@ class Dimension:
     name
         Name for messages.
     exponents
-        Exponents of metre, kilogram, second, radian.
+        Exponents of metre, kilogram, second, kelvin, radian.
     si
         Symbol of the SI unit.
     example
@@ -104,27 +105,31 @@ def _table(*rows: tuple[str, Exponents, str, str, float, float]) -> dict[str, Di
 
 DIMENSIONS = _table(
     ("number", _NONE, "", "0.5", 1e-12, 1e12),
-    ("length", (1, 0, 0, 0), "m", "25 mm", 1e-09, 100000),
-    ("area", (2, 0, 0, 0), "m^2", "490 mm^2", 1e-18, 1e10),
-    ("second moment", (4, 0, 0, 0), "m^4", "19000 mm^4", 1e-36, 1e20),
-    ("mass", (0, 1, 0, 0), "kg", "0.15 kg", 1e-15, 1e12),
-    ("inertia", (2, 1, 0, 0), "kg m^2", "1e-4 kg m^2", 1e-24, 1e20),
-    ("density", (-3, 1, 0, 0), "kg/m^3", "7800 kg/m^3", 1e-09, 1e09),
-    ("stress", (-1, 1, -2, 0), "Pa", "207 GPa", 0.001, 1e15),
-    ("force", (1, 1, -2, 0), "N", "300 N", 1e-12, 1e15),
-    ("moment", (2, 1, -2, 0), "N m", "5 N m", 1e-15, 1e15),
-    ("stiffness", (0, 1, -2, 0), "N/m", "40 kN/m", 1e-12, 1e18),
-    ("rotational stiffness", (2, 1, -2, -1), "N m/rad", "5 kN m/rad", 1e-15, 1e18),
-    ("damping", (0, 1, -1, 0), "N s/m", "2 kN s/m", 1e-15, 1e15),
-    ("rotational damping", (2, 1, -1, -1), "N m s/rad", "1 N m s/rad", 1e-15, 1e15),
-    ("time", (0, 0, 1, 0), "s", "20 us", 1e-15, 1e09),
-    ("rate", (0, 0, -1, 0), "1/s", "5.36 1/s", 1e-12, 1e15),
-    ("angle", (0, 0, 0, 1), "rad", "180 deg", 1e-09, 1e06),
-    ("speed", (0, 0, -1, 1), "rad/s", "3000 rpm", 1e-06, 1e08),
-    ("velocity", (1, 0, -1, 0), "m/s", "0.5 m/s", 1e-12, 1e6),
-    ("inverse velocity", (-1, 0, 1, 0), "s/m", "0.3 s/m", 1e-9, 1e9),
-    ("acceleration", (1, 0, -2, 0), "m/s^2", "9.81 m/s^2", 1e-09, 1e09),
-    ("viscosity", (-1, 1, -1, 0), "Pa s", "10 mPa s", 1e-09, 1e09),
+    ("length", (1, 0, 0, 0, 0), "m", "25 mm", 1e-09, 100000),
+    ("area", (2, 0, 0, 0, 0), "m^2", "490 mm^2", 1e-18, 1e10),
+    ("second moment", (4, 0, 0, 0, 0), "m^4", "19000 mm^4", 1e-36, 1e20),
+    ("mass", (0, 1, 0, 0, 0), "kg", "0.15 kg", 1e-15, 1e12),
+    ("inertia", (2, 1, 0, 0, 0), "kg m^2", "1e-4 kg m^2", 1e-24, 1e20),
+    ("density", (-3, 1, 0, 0, 0), "kg/m^3", "7800 kg/m^3", 1e-09, 1e09),
+    ("stress", (-1, 1, -2, 0, 0), "Pa", "207 GPa", 0.001, 1e15),
+    ("force", (1, 1, -2, 0, 0), "N", "300 N", 1e-12, 1e15),
+    ("moment", (2, 1, -2, 0, 0), "N m", "5 N m", 1e-15, 1e15),
+    ("stiffness", (0, 1, -2, 0, 0), "N/m", "40 kN/m", 1e-12, 1e18),
+    ("rotational stiffness", (2, 1, -2, 0, -1), "N m/rad", "5 kN m/rad", 1e-15, 1e18),
+    ("damping", (0, 1, -1, 0, 0), "N s/m", "2 kN s/m", 1e-15, 1e15),
+    ("rotational damping", (2, 1, -1, 0, -1), "N m s/rad", "1 N m s/rad", 1e-15, 1e15),
+    ("time", (0, 0, 1, 0, 0), "s", "20 us", 1e-15, 1e09),
+    ("rate", (0, 0, -1, 0, 0), "1/s", "5.36 1/s", 1e-12, 1e15),
+    ("angle", (0, 0, 0, 0, 1), "rad", "180 deg", 1e-09, 1e06),
+    ("speed", (0, 0, -1, 0, 1), "rad/s", "3000 rpm", 1e-06, 1e08),
+    ("velocity", (1, 0, -1, 0, 0), "m/s", "0.5 m/s", 1e-12, 1e6),
+    ("inverse velocity", (-1, 0, 1, 0, 0), "s/m", "0.3 s/m", 1e-9, 1e9),
+    ("acceleration", (1, 0, -2, 0, 0), "m/s^2", "9.81 m/s^2", 1e-09, 1e09),
+    ("viscosity", (-1, 1, -1, 0, 0), "Pa s", "10 mPa s", 1e-09, 1e09),
+    ("pressure-viscosity coefficient", (1, -1, 2, 0, 0), "1/Pa", "15 1/GPa", 1e-12, 1e-06),
+    ("wear coefficient", (1, -1, 2, 0, 0), "m^2/N", "1e-18 m^2/N", 1e-30, 1e-09),
+    ("thermal conductivity", (1, 1, -3, -1, 0), "W/m/K", "46 W/m/K", 1e-06, 1e06),
+    ("specific heat", (2, 0, -2, -1, 0), "J/kg/K", "470 J/kg/K", 1e-06, 1e09),
 )
 
 
@@ -164,7 +169,7 @@ def _unit_product(text: str, where: str) -> tuple[Decimal, Exponents]:
 def _equal_dimension(found: Exponents, wanted: Exponents) -> bool:
     """Return whether two dimensions agree; the radian may be omitted in moments and derived quantities only."""
     of_moments = wanted[:2] == (2, 1)
-    return found[:3] == wanted[:3] if of_moments else found == wanted
+    return found[:4] == wanted[:4] if of_moments else found == wanted
 
 
 def parse(value: float | str, dimension: str, where: str = "value", *, noise: bool = False) -> float:

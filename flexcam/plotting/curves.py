@@ -11,6 +11,7 @@ from itertools import combinations
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from flexcam.analysis.cam_analysis import CamFacts, exhaust_and_intake, lobe_separation
@@ -138,23 +139,32 @@ def _single_name(laws: Mapping[str, Law]) -> str:
     return next(iter(laws)) if len(laws) == 1 else ""
 
 
-def profile_figure(profile: CamProfile, *, angle: float = 0.0) -> Figure:
-    """Return a figure with a cam and its follower at one cam angle."""
+def profile_figure(
+    profile: CamProfile, *, angle: float = 0.0, coloured: tuple[CamProfile, FloatArray, str] | None = None
+) -> Figure:
+    """Return a figure with a cam and its follower at one cam angle.
+
+    With `coloured`, values at the angles of a profile of the same cam colour it; the text is the label of their scale.
+    """
     figure = Figure(figsize=(6.0, 6.0), layout="constrained")
     axes = figure.add_subplot()
-    draw_profile(axes, profile, angle)
+    if coloured is not None:
+        line = _colour_cam(axes, coloured[0], coloured[1], angle)
+        figure.colorbar(line, ax=axes, orientation="horizontal", shrink=0.8, label=coloured[2])
+    draw_profile(axes, profile, angle, thin=coloured is not None)
     axes.set_xlabel("x, mm")
     axes.set_ylabel("y, mm")
     return figure
 
 
-def draw_profile(axes: Axes, profile: CamProfile, angle: float) -> None:
-    """Draw a cam, rotated by its angle, with its follower."""
+def draw_profile(axes: Axes, profile: CamProfile, angle: float, *, thin: bool = False) -> None:
+    """Draw a cam, rotated by its angle, with its follower; its outline may be thin and black."""
     turned = np.exp(1j * profile.turn * angle)
     at = int(np.argmin(np.abs(np.angle(np.exp(1j * (profile.angle - angle))))))
     touch, follower = profile.touch, profile.follower
     around = np.exp(1j * np.linspace(0.0, 2.0 * math.pi, 361))
-    _line(axes, _close_curve(profile.points) * turned, "cam", color=COLOURS[0], linewidth=2.0)
+    colour, width = ("black", 0.8) if thin else (COLOURS[0], 2.0)
+    _line(axes, _close_curve(profile.points) * turned, "cam", color=colour, linewidth=width)
     _line(
         axes,
         np.asarray(follower.base_radius * around, dtype=np.complex128),
@@ -180,6 +190,19 @@ def draw_profile(axes: Axes, profile: CamProfile, angle: float) -> None:
     axes.grid(alpha=0.3)
     axes.set_title(f"cam angle {math.degrees(profile.angle[at]):.4g} deg, lift {1e3 * profile.lift[at]:.4g} mm")
     axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), fontsize="small")
+
+
+def _colour_cam(axes: Axes, profile: CamProfile, values: FloatArray, angle: float) -> LineCollection:
+    """Colour a drawn cam by values at the cam angles of a profile, each where the cam is in contact at that angle."""
+    order = np.argsort(np.mod(profile.angle, 2.0 * math.pi))
+    x, y = profile.points[order].T
+    turned = 1e3 * (x + 1j * y) * np.exp(1j * profile.turn * angle)
+    points = np.column_stack([turned.real, turned.imag])
+    segments = list(np.stack([points[:-1], points[1:]], axis=1))
+    line = LineCollection(segments, cmap="viridis", linewidths=7.0, capstyle="round", zorder=1.5)
+    line.set_array(0.5 * (values[order][1:] + values[order][:-1]))
+    axes.add_collection(line)
+    return line
 
 
 def _draw_rotation(axes: Axes, radius: float, turn: Turn) -> None:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
-from flexcam.cams import FlatFollower, SwingFlatFollower, SwingRollerFollower, undercut
+from flexcam.cams import CamProfile, FlatFollower, SwingFlatFollower, SwingRollerFollower, undercut
 from flexcam.core import FloatArray
 from flexcam.core.errors import InputError, refuse
 from flexcam.dynamics import (
@@ -27,6 +28,7 @@ from flexcam.dynamics import (
     spring_damper,
 )
 from flexcam.dynamics.force_laws import LINE_CONTACT
+from flexcam.fem.sections import Material
 from flexcam.valvetrain.cam_functions import (
     cached_profile,
     cam_sliding,
@@ -41,6 +43,14 @@ from flexcam.valvetrain.cam_functions import (
     transverse_lift_ratio,
 )
 from flexcam.valvetrain.contacts import Coupling, conservative_force
+from flexcam.valvetrain.lubrication import (
+    Film,
+    cam_surface_velocity,
+    entrainment_velocity,
+    flash_temperature,
+    half_width,
+    wear_depth,
+)
 from flexcam.valvetrain.parts import Cam, CamContact
 from flexcam.valvetrain.structure import Structure, find_node
 
@@ -206,6 +216,7 @@ def couple_cam(structure: Structure, name: str, contact: CamContact) -> Coupling
         Channel(f"{where}.torque", "N m", torque),
         Channel(f"{where}.gap", "m", lambda seen: -seen.penetrations[:, 0]),
         *_profile_channels(structure, name, contact, cam),
+        *lubrication_channels(structure, name, contact, force_sum(0), force_sum(1)),
     ))  # fmt: skip
 
 
@@ -280,18 +291,20 @@ def _cam_law(structure: Structure, name: str, contact: CamContact, cam: Cam) -> 
     return line.law(interpolate_table(profile_table(cam).touch.reach))
 
 
-def hertz_line(structure: Structure, name: str, contact: CamContact, cam: Cam) -> HertzLine:
-    """Return the Hertz line contact of a cam with its follower."""
-    where = f"contacts.{name}.stiffness"
+def hertz_line(
+    structure: Structure, name: str, contact: CamContact, cam: Cam,
+    key: Literal["stiffness", "lubrication"] = "stiffness",
+) -> HertzLine:  # fmt: skip
+    """Return the Hertz line contact of a cam with its follower; messages name the key of the contact that needs it."""
+    where, given = f"contacts.{name}.{key}", "hertz" if key == "stiffness" else "a table"
     if cam.follower is None or cam.width is None:
-        remedy = "give base_radius, follower and width of the cam, or a stiffness"
-        raise refuse(where, "hertz", "a cam with a profile and a width", "the radius of curvature decides", remedy)
-    model = structure.model
-    node = find_node(model, cam.at, where)
-    material = next((m.material for n, m in model.members.items() if node in model.mesh.lines[n]), None)
+        other = "or a stiffness" if key == "stiffness" else "or leave lubrication out"
+        remedy = f"give base_radius, follower and width of the cam, {other}"
+        raise refuse(where, given, "a cam with a profile and a width", "the radius of curvature decides", remedy)
+    material = _cam_material(structure, cam)
     if material is None:
-        given, why = f"hertz, of a cam at {cam.at!r} on no member", "the member says the material"
-        raise refuse(where, given, "a number, or a cam on a member", why)
+        given, why = f"{given}, of a cam at {cam.at!r} on no member", "the member says the material"
+        raise refuse(where, given, "a number, or a cam on a member" if key == "stiffness" else "a cam on a member", why)
     follower, roller = cam.follower, cam.follower.roller_radius
     own = profile_table(cam).radius
     curvature = 1.0 / own + 1.0 / roller
@@ -302,6 +315,13 @@ def hertz_line(structure: Structure, name: str, contact: CamContact, cam: Cam) -
     depth = 2.0 * (follower.base_radius + roller) if rolls else follower.base_radius  # the base circle for the cam
     radius = interpolate_table(1.0 / np.maximum(curvature, 1.0 / (STRAIGHT * depth)))
     return HertzLine(cam.width, material.E, material.nu, radius, depth, contact.dissipation, rolls)
+
+
+def _cam_material(structure: Structure, cam: Cam) -> Material | None:
+    """Return the material of the member on which a cam sits; None without a member."""
+    model = structure.model
+    node = find_node(model, cam.at, "cam")
+    return next((m.material for n, m in model.members.items() if node in model.mesh.lines[n]), None)
 
 
 def _profile_channels(structure: Structure, name: str, contact: CamContact, cam: Cam) -> list[Channel]:
@@ -326,4 +346,76 @@ def _profile_channels(structure: Structure, name: str, contact: CamContact, cam:
         channels.append(Channel(f"{where}.sliding", "m/s", lambda seen: seen.cam(path, 0) * seen.motion.speed))
     if contact.friction:
         channels.append(Channel(f"{where}.friction", "N", force_sum(1, factor=normal_force_ratio(cam))))
+    return channels
+
+
+WEAR_REVOLUTIONS = 1e6
+"""Number of revolutions of the channel `wear`."""
+
+
+def lubrication_channels(
+    structure: Structure, name: str, contact: CamContact, force: Observable, friction: Observable
+) -> list[Channel]:
+    """Return the channels of film, flash temperature and wear, if the contact has oil.
+
+    `force` and `friction` are the forces of the contact law, N, along the lift and divided by the reach.
+    """
+    lubrication = contact.lubrication
+    if lubrication is None:
+        return []
+    cam = structure.model.cams[contact.cam]
+    where, line = f"contacts.{name}", hertz_line(structure, name, contact, cam, "lubrication")
+    film = Film(line.plane_strain, lubrication.viscosity, lubrication.pressure_viscosity)
+    wear_coefficient = lubrication.wear_coefficient
+    if line.rolls and wear_coefficient is not None:
+        given, why = f"{wear_coefficient:g} m^2/N", "a roller takes the sliding up by turning"
+        key = f"{where}.lubrication.wear_coefficient"
+        raise refuse(key, given, "a follower with a flat face", why, "leave wear_coefficient out")
+
+    def state(seen: Observation) -> tuple[CamProfile, FloatArray, FloatArray]:
+        """Return profile, load per length (N/m) and relative radius of curvature (m)."""
+        profile = cached_profile(cam, seen.cam)
+        load = np.maximum(force(seen), 0.0) / (profile.touch.reach * line.width)
+        return profile, load, seen.cam(line.radius, 0)
+
+    def entrainment(seen: Observation) -> FloatArray:
+        return entrainment_velocity(cached_profile(cam, seen.cam)) * seen.motion.speed
+
+    def minimum_film(seen: Observation) -> FloatArray:
+        return film.minimum(entrainment(seen), *state(seen)[1:])
+
+    def central_film(seen: Observation) -> FloatArray:
+        return film.central(entrainment(seen), *state(seen)[1:])
+
+    channels = [
+        Channel(f"{where}.entrainment", "m/s", entrainment),
+        Channel(f"{where}.film", "m", minimum_film),
+        Channel(f"{where}.central_film", "m", central_film),
+    ]
+    if lubrication.roughness is not None:
+        roughness = lubrication.roughness
+        channels.append(Channel(f"{where}.lambda", "1", lambda seen: minimum_film(seen) / roughness))
+    material = _cam_material(structure, cam)
+    if contact.friction and material and lubrication.conductivity and lubrication.specific_heat:
+        if not material.density:
+            why, remedy = "the heat that the cam takes up depends on it", "give the cam's member a density"
+            raise refuse(f"{where}.lubrication.conductivity", "no density", "a cam with a density", why, remedy)
+        effusivity = math.sqrt(lubrication.conductivity * material.density * lubrication.specific_heat)
+
+        def temperature(seen: Observation) -> FloatArray:
+            profile, load, radius = state(seen)
+            first, sliding = (v * seen.motion.speed for v in (cam_surface_velocity(profile), profile.touch.sliding))
+            heat = np.abs(friction(seen) / profile.touch.reach * sliding) / line.width
+            width = half_width(load, radius, line.plane_strain)
+            return flash_temperature(heat, width, effusivity, first, first - sliding)
+
+        channels.append(Channel(f"{where}.flash_temperature", "K", temperature))
+    if wear_coefficient is not None:
+
+        def wear(seen: Observation) -> FloatArray:
+            profile, load, _ = state(seen)
+            worn = wear_depth(wear_coefficient, load, profile.touch.sliding, cam_surface_velocity(profile))
+            return WEAR_REVOLUTIONS * worn
+
+        channels.append(Channel(f"{where}.wear", "m", wear))
     return channels

@@ -164,6 +164,20 @@ class PublishedLoad(CamPair):
     cam_torque: bool = True  #: whether the force twists the shaft, T_CF of (24)
 
 
+@dataclass(frozen=True)
+class Lubrication:
+    """Oil and surfaces of a cam contact, for film, flash temperature and wear."""
+
+    #: `viscosity`, `pressure_viscosity`: of the oil at the inlet, Pa s, and Barus' coefficient, 1/Pa
+    viscosity: float
+    pressure_viscosity: float
+    roughness: float | None = None  #: rms roughness of both surfaces together, m
+    #: `conductivity`, `specific_heat`: of both bodies, W/(m K) and J/(kg K)
+    conductivity: float | None = None
+    specific_heat: float | None = None
+    wear_coefficient: float | None = None  #: volume worn off the cam per load and sliding path, m^2/N
+
+
 @dataclass(frozen=True, eq=False)
 class CamContact(CamPair):
     """Contact of a cam and its follower with a contact stiffness."""
@@ -176,6 +190,7 @@ class CamContact(CamPair):
     #: `friction`, `friction_speed`: Coulomb's coefficient, and the sliding velocity of the regularization, m/s
     friction: float = 0.0
     friction_speed: float = 0.01
+    lubrication: Lubrication | None = None  #: oil and surfaces; None without channels of film and wear
 
 
 DAMPING_DEPTH = 1e-5

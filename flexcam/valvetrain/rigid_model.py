@@ -32,7 +32,7 @@ from flexcam.dynamics import (
 from flexcam.dynamics.force_laws import STOP
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.fem.assembly import modal_damping
-from flexcam.valvetrain.cam_contact import sliding_path
+from flexcam.valvetrain.cam_contact import lubrication_channels, sliding_path
 from flexcam.valvetrain.cam_functions import cam_sliding, normal_force_ratio, sliding_distance
 from flexcam.valvetrain.contacts import check_lever_rotation, couple_friction, opposed_force
 from flexcam.valvetrain.loads import given_loads, preload, steady_load
@@ -293,14 +293,16 @@ def _contact_histories(structure: Structure, name: str, train: RigidTrain, at: i
     cam = structure.model.cams[contact.cam]
     needed, arm = train.contact_force(cam.event), derivative(cam.event)
     force, torque = load_sum(at), load_sum(at, factor=arm)
-    loads, friction = [Load(where, np.zeros(0), needed)], list[Channel]()
-    if isinstance(contact, CamContact) and contact.friction:
-        law = rigid_friction(structure, name, contact, train.motions[0])
-        loads = [Load(where, np.zeros(0), law.force(needed)),
-                 Load(f"{where}.friction", np.zeros(0), law.friction(needed))]  # fmt: skip
-        torque = observable_sum(torque, load_sum(at + 1, factor=cam_sliding(cam)))
-        friction.append(Channel(f"{where}.friction", "N", load_sum(at + 1, factor=normal_force_ratio(cam))))
-    return loads, [Channel(f"{where}.force", "N", force), Channel(f"{where}.torque", "N m", torque), *friction]
+    loads, more = [Load(where, np.zeros(0), needed)], list[Channel]()
+    if isinstance(contact, CamContact):
+        if contact.friction:
+            law = rigid_friction(structure, name, contact, train.motions[0])
+            loads = [Load(where, np.zeros(0), law.force(needed)),
+                     Load(f"{where}.friction", np.zeros(0), law.friction(needed))]  # fmt: skip
+            torque = observable_sum(torque, load_sum(at + 1, factor=cam_sliding(cam)))
+            more.append(Channel(f"{where}.friction", "N", load_sum(at + 1, factor=normal_force_ratio(cam))))
+        more += lubrication_channels(structure, name, contact, force, load_sum(at + 1))
+    return loads, [Channel(f"{where}.force", "N", force), Channel(f"{where}.torque", "N m", torque), *more]
 
 
 def _prescribed_motion(structure: Structure, trains: Mapping[str, RigidTrain]) -> AngleVector:

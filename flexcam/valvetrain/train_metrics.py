@@ -120,6 +120,9 @@ def train_metrics(model: Model, response: Response, period: float) -> list[Metri
             figures += [Metric(name, 1.0 / float(values.max()), "1")] if float(values.max()) > 0.0 else []
         elif name.endswith("least"):
             figures.append(Metric(name, float(values.min()), unit))
+        elif name.endswith("nose"):
+            nose = _nose(model, channel.split(".")[1], response.angle[last])
+            figures += [] if nose is None else [Metric(name, float(values[nose]), unit)]
         elif name:
             size = values if channel.endswith(_SIGNED) else np.abs(values)
             figures.append(Metric(name, float(size.max()), unit))
@@ -152,14 +155,26 @@ def _metric_name(channel: str) -> str:
         return f"{where}.buckling_margin"
     if quantity == "clearance":
         return f"{channel}.least"
+    if quantity in ("film", "lambda"):  # zero where the entrainment velocity changes its sign, so no minimum
+        return f"{channel}.nose"
     return f"{channel}.largest" if quantity in _LARGEST else ""
+
+
+def _nose(model: Model, contact: str, angle: FloatArray) -> int | None:
+    """Return the instant nearest to the maximum lift of a contact's cam; None if the run does not come near it."""
+    top = event_extremes(model.cams[model.cam_contacts[contact].cam].event)[1].at
+    near = np.cos(angle - top)
+    return int(np.argmax(near)) if float(near.max()) > math.cos(_NOSE_TOLERANCE) else None
+
+
+_NOSE_TOLERANCE = math.radians(2.0)  # cam angle within which an instant counts as that of maximum lift
 
 
 _SEATING = ("seating_velocity", "bounces", "bounce_height")  # metrics of a seat
 
 _LARGEST = (
     "force", "torque", "pressure", "sliding", "friction", "surge", "stress", "compression", "twist", "deflection",
-    "leak_down",
+    "leak_down", "flash_temperature", "wear",
 )  # fmt: skip
 """Suffixes of channels with a metric of maximum magnitude."""
 

@@ -20,10 +20,15 @@ CHECKS = Path(__file__).parents[2] / "cases" / "checks"
 DATA = Path(__file__).parents[1] / "data"
 ENGINE = DATA / "every-engine.toml"
 
+OIL = (
+    'contacts.intake.lubrication={viscosity="10 mPa s",pressure_viscosity="15 1/GPa",roughness="0.3 um",'
+    'conductivity="46 W/m/K",specific_heat="470 J/kg/K",wear_coefficient="1e-18 m^2/N"}'
+)
+
 # Five steps from the middle of the rise, from standstill.
 SHORT = (
     "run.revolutions=0.007", "run.steps_per_revolution=720", "cams.intake.phase=-30deg", "cams.exhaust.phase=-30deg",
-    "cams.direct.phase=-30deg",
+    "cams.direct.phase=-30deg", OIL,
 )  # fmt: skip
 
 # By part: what falls on it, for an impact.
@@ -51,6 +56,12 @@ CHANGED = {
     "rockers.finger.inertia": "rockers.finger.inertia=2e-4",
     "contacts.intake.friction": "contacts.intake.friction=0",
     "contacts.intake.friction_speed": "contacts.intake.friction_speed=20",
+    "contacts.intake.lubrication.viscosity": 'contacts.intake.lubrication.viscosity="8 mPa s"',
+    "contacts.intake.lubrication.pressure_viscosity": 'contacts.intake.lubrication.pressure_viscosity="20 1/GPa"',
+    "contacts.intake.lubrication.roughness": 'contacts.intake.lubrication.roughness="0.2 um"',
+    "contacts.intake.lubrication.conductivity": 'contacts.intake.lubrication.conductivity="30 W/m/K"',
+    "contacts.intake.lubrication.specific_heat": 'contacts.intake.lubrication.specific_heat="500 J/kg/K"',
+    "contacts.intake.lubrication.wear_coefficient": 'contacts.intake.lubrication.wear_coefficient="2e-18 m^2/N"',
     "contacts.adjuster.stiffness": "contacts.adjuster.stiffness=5e6",
     "contacts.adjuster.leak": "contacts.adjuster.leak=5e3",
     "contacts.adjuster.plunger_force": "contacts.adjuster.plunger_force=60",
@@ -89,7 +100,8 @@ def differs(one, other):
     return any(np.abs(one[name] - other[name]).max() > 1e-7 * np.abs(one[name]).max() for name in one if name in other)
 
 
-QUICK = ("members.pushrod.bow", "rockers.rocker.angles", "contacts.adjuster.leak", "run.fluctuation.orders")
+QUICK = ("members.pushrod.bow", "rockers.rocker.angles", "contacts.adjuster.leak", "run.fluctuation.orders",
+         "contacts.intake.lubrication.viscosity")  # fmt: skip
 
 
 @pytest.mark.parametrize("key", [pytest.param(k, marks=[] if k in QUICK else [pytest.mark.slow]) for k in CHANGED])
@@ -211,7 +223,7 @@ def test_every_key_of_the_format_stands_in_some_case(rewritten, tmp_path):
     """All tables of the format."""
     shutil.copy(DATA / "lift.csv", tmp_path)
     cases = [
-        (DATA / "every-key.toml", []), (DATA / "every-contact.toml", []), (ENGINE, []), (rewritten(SWING, FREE), []),
+        (DATA / "every-key.toml", []), (DATA / "every-contact.toml", []), (ENGINE, [OIL]), (rewritten(SWING, FREE), []),
         (DATA / "every-key.toml", ['run.integrator={ method = "hht", alpha = -0.1 }']),
         (DATA / "every-key.toml", ['run.integrator={ method = "generalized-alpha", rho_inf = 0.8 }']),
         (DATA / "every-key.toml", ['run.start={ displacement = { "cam.uy" = "1 um" }, velocity = { "cam.rx" = 1 } }']),

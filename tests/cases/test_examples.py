@@ -24,4 +24,4 @@ def test_example(path, monkeypatch):
 
 
 def test_there_are_examples():
-    assert 6 <= len(EXAMPLES) <= 10
+    assert 6 <= len(EXAMPLES) <= 11

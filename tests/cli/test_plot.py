@@ -122,6 +122,24 @@ def test_a_result_whose_case_is_gone(flexcam, result, case):
         assert flexcam("plot", result, "--what", what, *more, "-o", f"{what}.png").code == 0
 
 
+def test_a_profile_coloured_by_a_channel(flexcam, intake, tmp_path):
+    shutil.copy(intake, tmp_path / "intake.vtkhdf")
+    coloured = ["plot", "intake.vtkhdf", "--what", "profile", "--channel"]
+    assert flexcam(*coloured, "contacts.intake.pressure", "-o", "profile.svg").code == 0
+    assert {"intake pressure, MPa", "base circle"} <= set(words_of(tmp_path / "profile.svg"))
+    for words, said in (
+        (["contacts.seat.force"], "one channel of a cam's contact, such as contacts.intake.force"),
+        (["contacts.intake.force", "--channel", "contacts.intake.gap"], "one channel of a cam's contact"),
+        (["contacts.intake.presure"], "did you mean 'contacts.intake.pressure'"),
+        (["contacts.intake.force", "--cam", "exhaust"], "it is the cam of the channel"),
+    ):
+        told = flexcam(*coloured, *words, "-o", "none.svg")
+        assert told.code == 2
+        assert said in told.err
+    alone = Path(__file__).parents[2] / "cases/cams/li-swing.toml"
+    assert "a file of cams is not run" in flexcam("plot", alone, *coloured[2:], "contacts.intake.force").err
+
+
 @pytest.mark.parametrize(("what", "said"), [("svaj", "Swinging roller follower of Li (2014)"), ("profile", "pivot")])
 def test_cams_alone(what, said, flexcam, tmp_path):
     """A file of cams without a mechanism has lifts and profiles, as for `flexcam cam`."""

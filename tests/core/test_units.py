@@ -43,7 +43,8 @@ COMPOSED = [
     ("mm^2", "area"), ("in^2", "area"), ("mm^4", "second moment"), ("m/s^2", "acceleration"), ("ft/s^2", "acceleration"),
     ("kg m/s^2", "force"), ("N/mm^2", "stress"), ("lbf/in^2", "stress"), ("N m", "moment"), ("lbf ft", "moment"),
     ("rev/min", "speed"), ("deg/s", "speed"), ("N m/deg", "rotational stiffness"), ("N m s/rad", "rotational damping"),
-    ("W s", "moment"), ("kW h", "moment"), ("J/m", "force"),
+    ("W s", "moment"), ("kW h", "moment"), ("J/m", "force"), ("mPa s", "viscosity"), ("1/GPa", "pressure-viscosity coefficient"),
+    ("mm^3/N/m", "wear coefficient"), ("mm^2/N", "wear coefficient"), ("W/m/K", "thermal conductivity"), ("J/g/K", "specific heat"),
 ]  # fmt: skip
 FOR_PINT = {"°": "deg", "%": "percent", "rev": "turn", "rev/min": "turn/min"}
 
@@ -87,13 +88,16 @@ def test_agrees_with_pint(unit, kind, pint_si):
 
 @pytest.mark.parametrize("kind", DIMENSIONS)
 def test_a_plain_number_is_si(kind):
-    assert parse(3, kind) == 3.0
-    assert parse(-0.25, kind) == -0.25
+    number = size(kind, 0.5)
+    assert parse(number, kind) == number
+    assert parse(-number, kind) == -number
+    assert parse(0, kind) == 0.0
 
 
 @pytest.mark.parametrize("kind", [d for d in DIMENSIONS.values() if d.si])
 def test_symbol_of_the_si_unit_has_factor_one(kind):
-    assert parse(f"1 {kind.si}", kind.name) == 1.0
+    number = size(kind.name, 0.5)
+    assert parse(f"{number!r} {kind.si}", kind.name) == number
 
 
 @pytest.mark.parametrize("kind", DIMENSIONS.values())
@@ -153,7 +157,13 @@ def test_refuses_a_unit_of_another_kind(text, kind):
 
 @pytest.mark.parametrize(
     ("text", "kind"),
-    [("300 N deg", "force"), ("5 kg rad", "mass"), ("207 GPa/deg", "stress"), ("40 kN/m deg", "stiffness")],
+    [
+        ("300 N deg", "force"),
+        ("5 kg rad", "mass"),
+        ("207 GPa/deg", "stress"),
+        ("40 kN/m deg", "stiffness"),
+        ("5 J K", "moment"),
+    ],
 )
 def test_an_angle_has_no_place_in_a_force_or_mass(text, kind):
     """Only moments and rotational stiffness and damping may be written without their radian."""

@@ -19,6 +19,10 @@ PAGE = (ROOT / "docs/reference/result-fields.md").read_text(encoding="utf-8")
 CASES = ("tayeb/model-1-shm", "direct-acting/bucket", "direct-acting/finger", "checks/cantilever")
 """Together they have every channel."""
 
+OIL = "viscosity=0.01,pressure_viscosity=15e-9,roughness=3e-7,conductivity=46,specific_heat=470,wear_coefficient=1e-18"
+MORE = {"direct-acting/bucket": [f"contacts.intake.lubrication={{{OIL}}}"]}
+"""Overrides of the cases."""
+
 
 def rows():
     """Return pattern, dimensions (None for text and what has several) and unit of every dataset told."""
@@ -36,7 +40,7 @@ def found(tmp_path_factory):
     """Datasets of results by name: dimensions and unit."""
     folder, sets = tmp_path_factory.mktemp("results"), {}
     for name in CASES:
-        case = flexcam.read_case(ROOT / f"cases/{name}.toml", ["run.revolutions=0.01"])
+        case = flexcam.read_case(ROOT / f"cases/{name}.toml", ["run.revolutions=0.01", *MORE.get(name, ())])
         ready = prepare(case)
         sink = open_result_file(ready, folder)
         flexcam.solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink])

@@ -24,6 +24,7 @@ from flexcam.cams import (
     cam_profile,
     joints,
     pareto,
+    profile_at,
     residual_spectrum,
 )
 from flexcam.core.errors import InputError
@@ -152,6 +153,20 @@ def test_spectra():
         assert ratio.min() > 0.0
         assert np.array_equal(values, residual_spectrum(LAWS[name], ratio))
         assert axes.get_ylim()[1] > values.max(), "nothing is cut off"
+
+
+@pytest.mark.parametrize("turn", [1, -1])
+def test_a_coloured_profile(turn):
+    """A value at a cam angle colours the point that is in contact there; instants of a run come in any order."""
+    follower, angle = FOLLOWERS["flat"], 1.9
+    seen = profile_at(EVENT, follower, np.array([3.0, 3.1, 1.9, 8.2, 1.95]), turn)
+    made = cam_profile(EVENT, follower, count=360, turn=turn)
+    axes, scale = profile_figure(made, angle=angle, coloured=(seen, np.arange(5.0), "film, µm")).axes
+    (colours,) = axes.collections
+    np.testing.assert_allclose(colours.get_array(), [2.5, 3.5, 2.0, 0.5])  # by angle: 1.9, 8.2 - 2 pi, 1.95, 3.0, 3.1
+    first = colours.get_segments()[0][0]
+    np.testing.assert_allclose(first, 1e3 * np.array([seen.touch.point[2].real, seen.touch.point[2].imag]), atol=1e-9)
+    assert scale.get_xlabel() == "film, µm"
 
 
 @pytest.mark.parametrize("name", FOLLOWERS)

@@ -21,7 +21,7 @@ from flexcam.case.schema.base import (
     Velocity,
     value_error,
 )
-from flexcam.valvetrain import DAMPING_DEPTH, OilChamber
+from flexcam.valvetrain import DAMPING_DEPTH, Lubrication, OilChamber
 
 _LiftDirection = Annotated[LineValue | None, Field(description="of the lift; from cam to follower by default")]
 _Restitution = Annotated[
@@ -56,6 +56,37 @@ class BilateralRecord(Record):
     stiffness: PositiveStiffness
 
 
+class LubricationRecord(PartRecord[Lubrication]):
+    """Oil and surfaces of a cam contact, for the channels of film, flash temperature and wear."""
+
+    viscosity: Annotated[float, Unit("viscosity", above=True)] = Field(description="dynamic, of the oil at the inlet")
+    pressure_viscosity: Annotated[float, Unit("pressure-viscosity coefficient", above=True)] = Field(
+        description="alpha of Barus: the viscosity grows by exp(alpha p)"
+    )
+    roughness: Length | None = Field(
+        None, description="rms roughness of both surfaces together, for lambda: root of the sum of squares"
+    )
+    conductivity: Annotated[float, Unit("thermal conductivity", above=True)] | None = Field(
+        None, description="of both bodies, for the flash temperature; needs friction of the contact"
+    )
+    specific_heat: Annotated[float, Unit("specific heat", above=True)] | None = Field(
+        None, description="of both bodies, for the flash temperature"
+    )
+    wear_coefficient: Annotated[float, Unit("wear coefficient", above=True)] | None = Field(
+        None, description="of the cam: volume worn off per load and sliding path, for the wear under a flat face"
+    )
+
+    def build(self) -> Lubrication:
+        """Build the oil and surfaces, SI."""
+        return Lubrication(**self.model_dump())
+
+    @model_validator(mode="after")
+    def _check_heat(self) -> Self:
+        if (self.conductivity is None) != (self.specific_heat is None):
+            raise value_error("conductivity and specific_heat, or none of them", "the flash temperature needs both")
+        return self
+
+
 class UnilateralRecord(Record):
     """Unilateral contact: the cam lifts its follower and may separate from it."""
 
@@ -74,12 +105,18 @@ class UnilateralRecord(Record):
         0.0, description="Coulomb's coefficient along a flat face"
     )
     friction_speed: Velocity = Field(0.01, description="sliding velocity over which friction changes its sign, m/s")
+    lubrication: LubricationRecord | None = Field(None, description="oil and surfaces, for film and wear")
 
     @model_validator(mode="after")
     def _check_friction_speed(self) -> Self:
         if "friction_speed" in self.model_fields_set and "friction" not in self.model_fields_set:
             given, why = f"{self.friction_speed:g} m/s", "it has no effect without friction"
             raise value_error("friction beside it", why, "add friction", inside="friction_speed", given=given)
+        oil = self.lubrication
+        if oil is not None and oil.conductivity is not None and not self.friction:
+            why, remedy = "the heat of a flash temperature is that of friction", "add friction, or leave it out"
+            given = f"{oil.conductivity:g} W/m/K"
+            raise value_error("friction beside it", why, remedy, inside="lubrication.conductivity", given=given)
         return self
 
 
