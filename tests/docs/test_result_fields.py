@@ -20,7 +20,8 @@ CASES = ("tayeb/model-1-shm", "direct-acting/bucket", "direct-acting/finger", "c
 """Together they have every channel."""
 
 OIL = "viscosity=0.01,pressure_viscosity=15e-9,roughness=3e-7,conductivity=46,specific_heat=470,wear_coefficient=1e-18"
-MORE = {"direct-acting/bucket": [f"contacts.intake.lubrication={{{OIL}}}"]}
+GUIDE = 'friction.guide={ at = "valve", direction = "uy", force = "8 N" }'
+MORE = {"direct-acting/bucket": [f"contacts.intake.lubrication={{{OIL}}}"], "direct-acting/finger": [GUIDE]}
 """Overrides of the cases."""
 
 
