@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +11,8 @@ import pytest
 
 from flexcam import prepare, read_case, solve
 from flexcam.analysis.limits import Search, search_limits
+from flexcam.core.units import RPM
+from flexcam.dynamics import Cause, Status
 from flexcam.valvetrain import separation_by_flank
 
 CASE = Path(__file__).resolve().parents[2] / "cases/pushrod-engine/intake.toml"
@@ -99,6 +103,35 @@ def test_contact_loss_is_told_apart_by_flanks(tmp_path, part, begin, end):
     lost = separation_by_flank(ready.model, response, "k", np.ones(len(force), dtype=bool))
     assert {name for name, angle in lost.items() if angle} == {part}
     assert lost[part] == pytest.approx(np.radians(10.0), rel=0.02)  # a step at an end
+
+
+MIDDLE, WIDTH = 0.5 * (1.5**14 + 1.5**15), 1.5**15 - 1.5**14
+
+
+@pytest.mark.parametrize(
+    ("highest", "failed", "rpm", "words"),
+    [
+        (600.0, 1.5**15, None, "not known from there on; the run at camshaft 4181.5"),
+        (400.0, MIDDLE, None, "not known up to the highest speed of the search; the run at camshaft 3484.6"),
+        (350.0, MIDDLE + 0.25 * WIDTH, None, "not up to the highest speed of the search"),
+        (450.0, MIDDLE, 1.5**15 / RPM, "(k); the run at camshaft 3484.6"),
+    ],
+)
+def test_failed_runs_leave_a_limit_not_known(highest, failed, rpm, words, tmp_path, monkeypatch):
+    """Contact is lost at 385 rad/s, between the speeds 292 rad/s and 438 rad/s of the search."""
+    (tmp_path / "one.toml").write_text(ONE_MASS, encoding="utf-8")
+
+    def failing(problem, *given, **options):
+        response = solve(problem, *given, **options)
+        bad = Status(Cause.NO_CONVERGENCE, "it broke")
+        return replace(response, status=bad) if problem.drive.speed == pytest.approx(failed) else response
+
+    monkeypatch.setattr(sys.modules["flexcam.analysis.limits"], "solve", failing)
+    search = Search(200.0, highest, tolerance=30.0, spacing=0.5)
+    limit = search_limits(read_case(tmp_path / "one.toml", QUICK[1:2]), search, among=("float",))["float"]
+    assert words in limit.words
+    assert limit.rpm == (rpm and pytest.approx(rpm))
+    assert limit.known == ("not known" not in words)
 
 
 @pytest.mark.parametrize(("lift", "told"), [("6 mm", "0.1 mm"), ("0.2 mm", "0.004 mm")])
