@@ -105,7 +105,7 @@ class Limit:
     Parameters
     ----------
     rpm
-        Camshaft speed, rpm; None if the condition is not met up to the highest speed of the range.
+        Camshaft speed, rpm; None if the condition is not met up to the highest speed of the range, or is not known.
     tolerance_rpm
         Width of the bracket, rpm.
     words
@@ -113,12 +113,15 @@ class Limit:
     lasting_rpm
         Camshaft speed from which the condition is met at all examined speeds up to 15 % above `rpm`; None if it is not
         met at the last of them.
+    known
+        False if a run failed before the condition was met within the range.
     """
 
     rpm: float | None
     tolerance_rpm: float
     words: str
     lasting_rpm: float | None = None
+    known: bool = True
 
 
 @dataclass(frozen=True)
@@ -170,14 +173,11 @@ ConditionResults = dict[str, list[str]] | str
 """Affected parts by condition, or the reason why there are none."""
 
 
-def find_limits(
-    case: Case, *, lowest: float, highest: float, tolerance: float = RPM, bounce_height: float | None = None,
-    spacing: float = SPACING, advance: ProgressCallback | None = None,
-) -> Limits:  # fmt: skip
+def find_limits(case: Case, search: Search, *, advance: ProgressCallback | None = None) -> Limits:
     """Find the speeds of loss of contact, float, valve bounce, coil clash and pushrod buckling."""
-    search = Search(lowest, highest, tolerance, bounce_height, spacing)
     found = search_limits(case, search, advance=advance)
-    return Limits(**vars(compute_margins(case)), limits=found, lowest_rpm=lowest / RPM, highest_rpm=highest / RPM)
+    lowest, highest = search.lowest / RPM, search.highest / RPM
+    return Limits(**vars(compute_margins(case)), limits=found, lowest_rpm=lowest, highest_rpm=highest)
 
 
 def search_limits(
@@ -248,7 +248,7 @@ def _bisect_limit(name: str, words: str, search: Search, ask: Callable[[float], 
     for high in search.speeds():
         answers = ask(high)
         if isinstance(answers, str):
-            return Limit(None, width, f"{words}: not known from there on; {answers}")
+            return Limit(None, width, f"{words}: not known from there on; {answers}", known=False)
         if parts := answers[name]:
             break
         low = high
@@ -258,19 +258,23 @@ def _bisect_limit(name: str, words: str, search: Search, ask: Callable[[float], 
     if low == 0.0:
         words = f"{words} ({', '.join(parts)}): already at the lowest speed of the search"
         return Limit(max(high, search.lowest) / RPM, math.inf, words, lasting)
-    while high - low > search.tolerance:
+    failure = ""
+    while high - low > search.tolerance and low < search.highest:
         middle = 0.5 * (low + high)
         answers = ask(middle)
         if isinstance(answers, str):
-            return Limit(high / RPM, (high - low) / RPM, f"{words} ({', '.join(parts)}); {answers}", lasting)
+            failure = f"; {answers}"
+            break
         if answers[name]:
             high, parts = middle, answers[name]
         else:
             low = middle
     if high > search.highest:
+        if failure:
+            return Limit(None, width, f"{words}: not known up to the highest speed of the search{failure}", known=False)
         return Limit(None, width, f"{words}: not up to the highest speed of the search")
     lasting = high / RPM if lasting == first / RPM else lasting
-    return Limit(high / RPM, (high - low) / RPM, f"{words} ({', '.join(parts)})", lasting)
+    return Limit(high / RPM, (high - low) / RPM, f"{words} ({', '.join(parts)}){failure}", lasting)
 
 
 def _lasting_speed(name: str, first: float, search: Search, ask: Callable[[float], ConditionResults]) -> float | None:

@@ -306,11 +306,15 @@ class RevolutionChange:
     motion
         Maximum difference of the default probe, relative to its range.
     force
-        Root mean square of the difference of a contact force on the main lift of its cam, relative to the force's.
+        Root mean square of the difference of a contact force on the main lift of its cam, relative to the force's; the
+        largest of all cams.
+    contact
+        Contact of this force; empty without a cam.
     """
 
     motion: float
     force: float
+    contact: str = ""
 
 
 def revolution_change(ready: PreparedRun, response: Response) -> RevolutionChange | None:
@@ -324,13 +328,15 @@ def revolution_change(ready: PreparedRun, response: Response) -> RevolutionChang
         return values[last] - np.interp(time[last] - period, time, values)
 
     moved = response[scalar_probe(ready)].displacement if ready.model.probes else np.zeros(len(time))
-    changes = [0.0]
+    changes = dict[str, float]()
     for name, contact in ready.model.cam_contacts.items():
         if (force := response.channels.get(f"contacts.{name}.force")) is not None:
             lift = ready.model.cams[contact.cam].event(response.angle[last])
             lifted = lift > main_lift(ready.model, contact.cam)
-            changes.append(_ratio(np.linalg.norm(difference(force)[lifted]), np.linalg.norm(force[last][lifted])))
-    return RevolutionChange(_ratio(np.abs(difference(moved)).max(), np.ptp(moved[last])), max(changes))
+            changes[name] = _ratio(np.linalg.norm(difference(force)[lifted]), np.linalg.norm(force[last][lifted]))
+    contact = max(changes, key=lambda name: changes[name], default="")
+    motion = _ratio(np.abs(difference(moved)).max(), np.ptp(moved[last]))
+    return RevolutionChange(motion, changes.get(contact, 0.0), contact)
 
 
 def _ratio(part: float | np.floating, whole: float | np.floating) -> float:

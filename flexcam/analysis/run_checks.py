@@ -276,7 +276,10 @@ def check_transient(ready: PreparedRun, change: RevolutionChange | None) -> list
 
 def describe_change(change: RevolutionChange) -> str:
     """Describe the difference of the last revolution from the one before."""
-    return f"{100.0 * change.motion:.2g} % of the motion and {100.0 * change.force:.2g} % (rms) of the force of a cam"
+    motion = f"{100.0 * change.motion:.2g} % of the motion"
+    if not change.contact:
+        return motion
+    return f"{motion} and {100.0 * change.force:.2g} % (rms) of the force of contact {change.contact}"
 
 
 def _check_periodic_start(stats: Stats) -> list[str]:

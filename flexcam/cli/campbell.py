@@ -249,13 +249,13 @@ def campbell(
                 raise refuse(option, given, "nothing with --response", why, "leave one out")
     for option, given in (("--channel", channels), ("--probe", probes), ("--csv", csv)):
         refuse_without(option, given, "--response", present=response)
-    read = collect_errors(
+    read, numbers = collect_errors(
         lambda: load_case(case, overrides) if response else load_beams(case, overrides),
         lambda: _parse_orders(orders, response),
         lambda: check_positive("--modes", 8 if modes is None else modes),
         lambda: check_targets(csv, plot, case, overwrite=overwrite),
     )
-    numbers, scale = _parse_orders(orders, response), read.turns
+    scale = read.turns
     speeds = np.linspace(*speed_range(lowest, highest, count, read.speed, scale), count).tolist()
     if response:
         return _orders_of_response(

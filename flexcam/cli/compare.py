@@ -294,7 +294,7 @@ def trade(
 
     Use it to choose a model by hand (fidelity.model). The reference is a converged run of the flexible model.
     """
-    read = collect_errors(
+    read, _ = collect_errors(
         lambda: load_case(case, overrides),
         lambda: check_positive("--repeats", repeats),
         lambda: check_targets(csv, plot, case, overwrite=overwrite),

@@ -115,7 +115,7 @@ def fit_output(variables: Sequence[Variable], measured: Measurement, found: Fit)
     ]
     words += [
         f"{keys[i]} and {keys[j]} are correlated ({found.correlation[i, j]:+.3f}): the curves hardly tell them apart"
-        for i, j in found.correlated()
+        for i, j in found.correlated_pairs()
     ]
     ends = [
         one.key

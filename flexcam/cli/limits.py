@@ -96,18 +96,18 @@ def limits(
     height = None if bounce_height is None else parse_quantity("--bounce-height", bounce_height, "length", "mm")
     if height is not None:
         positive("--bounce-height", height, "m", zero=True)
+    search = Search(low, high, width, height)
     if any(one is not None for one in (over, beside, which, workers, csv, plot)):
         if over is None or beside is None:
             given = "--over alone" if over else "--and alone" if beside else "--limit, --workers, --csv or --plot alone"
             raise refuse("limits", given, "--over KEY=SPEC and --and KEY=SPEC", "they belong to a map over two values")
         check_targets(csv, plot, case, overwrite=overwrite)
-        search, names = Search(low, high, width, height), which or ["loss_of_contact"]
         return _map_limits(
-            case, overrides, (over, beside), names, search, 1 if workers is None else workers, csv, plot,
-            overwrite=overwrite, as_json=as_json,
+            case, overrides, (over, beside), which or ["loss_of_contact"], search, 1 if workers is None else workers,
+            csv, plot, overwrite=overwrite, as_json=as_json,
         )  # fmt: skip
     with show_count(None, "runs") as shown:
-        found = find_limits(read, lowest=low, highest=high, tolerance=width, bounce_height=height, advance=shown)
+        found = find_limits(read, search, advance=shown)
     if as_json:
         print_json({"status": "ok", **limits_json(found, scale)})
     else:

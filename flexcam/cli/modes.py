@@ -75,7 +75,7 @@ def modes(
     It prints the modes with all contacts open, and for each cam those with the contacts closed on the base circle and
     at full lift.
     """
-    read = collect_errors(
+    read, _ = collect_errors(
         lambda: load_case(case, overrides),
         lambda: check_positive("--count", count),
         lambda: None if folder is None else check_folder_name(folder),

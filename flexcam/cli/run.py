@@ -189,12 +189,12 @@ def run(
     at its next step and keeps a partial result, which --resume continues.
     """
     begun = time.monotonic()
-    given = collect_errors(
+    given, duration = collect_errors(
         lambda: load_case(case, overrides),
-        lambda: check_folder_writable(check_folder_name(folder)),
         lambda: None if time_limit is None else parse_duration("--time-limit", time_limit),
+        lambda: check_folder_writable(check_folder_name(folder)),
     )
-    until = None if time_limit is None else begun + parse_duration("--time-limit", time_limit)
+    until = None if duration is None else begun + duration
     if not resume:  # before the model is chosen, which requires computations
         check_writable("result", folder / f"{given.name}.vtkhdf", overwrite=overwrite)
     read, choice = select_case(given, until)

@@ -149,13 +149,12 @@ def sweep(
     run and its status.
     """
     kept = [name.strip() for words in scalars or [] for name in words.split(",")]
-    asked = collect_errors(
+    asked, runners = collect_errors(
         lambda: make_sweep(case, settings or (), sampled=sample, seed=seed, scalars=kept, limit=limit),
-        lambda: check_folder_name(folder),
         lambda: _create_workers(scheduler, workers),
+        lambda: check_folder_name(folder),
     )
     target = OutputTarget(folder, resume, overwrite, histories, parquet)
-    runners = _create_workers(scheduler, workers)
     if not allow_large:
         at_once = 1 if scheduler or workers == 0 else workers or _count_cores()
         check_sweep_resources(asked, folder if histories else None, together=at_once)

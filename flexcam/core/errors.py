@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 ParsedValue = TypeVar("ParsedValue")
-"""Type of a value read from text."""
+OtherValue = TypeVar("OtherValue")
+"""Types of values read from text."""
 
 
 def printable(text: str) -> str:
@@ -117,19 +118,19 @@ def parse_all(read: Callable[[str], ParsedValue], given: Iterable[str]) -> tuple
     return found, faults
 
 
-def collect_errors(first: Callable[[], ParsedValue], *others: Callable[[], object]) -> ParsedValue:
-    """Run several checks, collect their faults, and return the result of the first."""
-    found, faults = list[ParsedValue](), list[Fault]()
-    for i, check in enumerate((first, *others)):
+def collect_errors(
+    first: Callable[[], ParsedValue], second: Callable[[], OtherValue], *others: Callable[[], object]
+) -> tuple[ParsedValue, OtherValue]:
+    """Run several checks, collect their faults, and return the results of the first two."""
+    found, faults = list[Any](), list[Fault]()
+    for check in (first, second, *others):
         try:
-            value = check()
+            found.append(check())
         except InputError as refusal:
             faults += refusal.faults
-        else:
-            found += [cast("ParsedValue", value)] if i == 0 else []
     if faults:
         raise InputError(faults)
-    return found[0]
+    return found[0], found[1]
 
 
 def format_value(value: object) -> str:

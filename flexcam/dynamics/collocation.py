@@ -87,30 +87,48 @@ def stage_coefficients(mass: FloatArray, damping: FloatArray, stiffness: FloatAr
     True
     """
     found = np.zeros((2, 3, 5, len(mass)))
-    heavy, slow = mass != 0.0, (mass == 0.0) & (damping != 0.0)
-    led = ~heavy & ~slow
-    m, c, k = (one[heavy] for one in (mass, damping, stiffness))
+    heavy = mass != 0.0
+    damped = ~heavy & (damping != 0.0)
+    static = ~heavy & ~damped
+    found[..., heavy] = _modes_with_mass(mass[heavy], damping[heavy], stiffness[heavy], length)
+    found[..., damped] = _modes_with_damper(damping[damped], stiffness[damped], length)
+    found[..., static] = _modes_with_spring(stiffness[static], length)
+    return found
+
+
+def _modes_with_mass(m: FloatArray, c: FloatArray, k: FloatArray, length: float) -> FloatArray:
     rates = np.zeros((len(m), 5, 5))  # of q, length v, and the force with its derivatives, by time over length
     rates[:, 0, 1] = rates[:, 2, 3] = rates[:, 3, 4] = 1.0
     rates[:, 1, :3] = np.stack([-(length**2) * k / m, -length * c / m, length**2 / m], axis=1)
     motion = _over_step(rates)
-    found[:, 0, :, heavy] = motion[:, :, 0] * [1.0, length, 1.0, 1.0, 1.0]
-    found[:, 1, :, heavy] = motion[:, :, 1] * [1.0 / length, 1.0, *[1.0 / length] * 3]
-    c, k = damping[slow], stiffness[slow]
-    rates = np.zeros((len(c), 4, 4))
+    found = np.zeros((2, 3, 5, len(m)))
+    found[:, 0] = (motion[:, :, 0] * [1.0, length, 1.0, 1.0, 1.0]).transpose(1, 2, 0)
+    found[:, 1] = (motion[:, :, 1] * [1.0 / length, 1.0, *[1.0 / length] * 3]).transpose(1, 2, 0)
+    found[:, 2, :2] = -np.stack([k / m, c / m])
+    for stage, (value, _, _) in enumerate(_parabola_weights(length)):
+        found[stage, 2, 2:] = value[:, None] / m
+    return found
+
+
+def _modes_with_damper(c: FloatArray, k: FloatArray, length: float) -> FloatArray:
+    rates = np.zeros((len(c), 4, 4))  # of q, and the force with its derivatives, by time over length
     rates[:, 1, 2] = rates[:, 2, 3] = 1.0
     rates[:, 0, :2] = np.stack([-length * k / c, length / c], axis=1)
-    motion = _over_step(rates)
-    for stage, (value, slope, bend) in enumerate(_parabola_weights(length)):
-        forces = slice(2, 5)
-        found[stage, 0, 0, slow], found[stage, 0, forces, slow] = motion[:, stage, 0, 0], motion[:, stage, 0, 1:]
-        found[stage, 1, :, slow] = -found[stage, 0, :, slow] * (k / c)[:, None]
-        found[stage, 1, forces, slow] += value / c[:, None]
-        found[stage, 2, 1, slow], found[stage, 2, forces, slow] = -k / c, slope / c[:, None]
-        for order, weight in enumerate((value, slope, bend)):
-            found[stage, order, forces, led] = weight / stiffness[led][:, None]
-        found[stage, 2, :2, heavy] = -np.stack([stiffness[heavy] / m, damping[heavy] / m], axis=1)
-        found[stage, 2, forces, heavy] = value / m[:, None]
+    motion = _over_step(rates)[:, :, 0].transpose(1, 2, 0)
+    found = np.zeros((2, 3, 5, len(c)))
+    found[:, 0, 0], found[:, 0, 2:] = motion[:, 0], motion[:, 1:]
+    found[:, 1] = -found[:, 0] * (k / c)
+    found[:, 2, 1] = -k / c
+    for stage, (value, slope, _) in enumerate(_parabola_weights(length)):
+        found[stage, 1, 2:] += value[:, None] / c
+        found[stage, 2, 2:] = slope[:, None] / c
+    return found
+
+
+def _modes_with_spring(k: FloatArray, length: float) -> FloatArray:
+    found = np.zeros((2, 3, 5, len(k)))
+    for stage, weights in enumerate(_parabola_weights(length)):
+        found[stage, :, 2:] = np.array(weights)[:, :, None] / k
     return found
 
 
@@ -126,12 +144,11 @@ def _over_step(rates: FloatArray) -> FloatArray:
 
 def _parabola_weights(length: float) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
     """Return value, slope and second derivative of the parabola at middle and end by its values at three points."""
-    at_begin = _PARABOLA
     return [
         (
-            np.array([1.0, x, 0.5 * x * x]) @ at_begin,
-            np.array([0.0, 1.0, x]) @ at_begin / length,
-            at_begin[2] / length**2,
+            np.array([1.0, x, 0.5 * x * x]) @ _PARABOLA,
+            np.array([0.0, 1.0, x]) @ _PARABOLA / length,
+            _PARABOLA[2] / length**2,
         )
         for x in _POINTS
     ]

@@ -134,11 +134,13 @@ def add_forces(
                     state[row, i] += weight * vectors[first + b, i]
 
 
-def correct_modes(scheme: FloatArray, operator: FloatArray, loads: FloatArray, state: FloatArray) -> None:
-    """Advance the modes to the end of the step."""
-    h, beta, gamma = scheme[STEP], scheme[BETA], scheme[GAMMA]
+def correct_modes(
+    scheme: FloatArray, operator: FloatArray, loads: FloatArray, state: FloatArray, row: FloatArray
+) -> None:
+    """Advance the modes to the end of the step and write their motion to a row of results."""
+    h, beta, gamma, n = scheme[STEP], scheme[BETA], scheme[GAMMA], state.shape[1]
     average = beta == 0.25 and gamma == 0.5 and scheme[ALPHA_M] == 0.0 and scheme[ALPHA_F] == 0.0
-    for i in range(state.shape[1]):
+    for i in range(n):
         a = state[ACCELERATION, i]
         q, v = state[Q_FREE, i] + beta * h * h * a, state[V_FREE, i] + gamma * h * a
         if operator[MASS, i] == 0.0 and operator[DAMPING, i] == 0.0:
@@ -148,6 +150,7 @@ def correct_modes(scheme: FloatArray, operator: FloatArray, loads: FloatArray, s
         if abs(q) < VANISHED and abs(v) < VANISHED and abs(a) < VANISHED:
             q, v, a = 0.0, 0.0, 0.0
         state[Q, i], state[V, i], state[A, i], state[LOAD, i] = q, v, a, loads[i]
+        row[i], row[n + i], row[2 * n + i] = q, v, a
 
 
 def crosses_zero(local: FloatArray, switching: IntArray) -> bool:
@@ -166,26 +169,6 @@ def keep_forces(forces: FloatArray, local: FloatArray) -> None:
         forces[LAST_CHANGE, j] = change
         forces[LAST_FORCE, j], forces[LAST_PENETRATION, j] = local[TRIAL, j], local[PENETRATION, j]
         forces[LAST_RATE, j] = local[RATE, j]
-
-
-def accept(
-    k: int, scheme: FloatArray, operator: FloatArray, answers: FloatArray, vectors: FloatArray, given: FloatArray,
-    places: IntArray, state: FloatArray, forces: FloatArray, states: FloatArray, local: FloatArray, row: FloatArray,
-) -> None:  # fmt: skip
-    """Advance everything to the end of the step and write a row of results."""
-    n, c, senses = state.shape[1], local.shape[1], len(vectors) - answers.shape[1]
-    act = n + 2 * senses
-    add_forces(k, act, places, answers[0], 0, given, local, 0, state, ACCELERATION)
-    keep_forces(forces, local)
-    for j in range(c):
-        row[3 * n + j] = local[TRIAL, j]
-    for z in range(states.shape[1]):
-        states[STATE, z] = states[NEW_STATE, z]
-        row[3 * n + c + z] = states[STATE, z]
-    correct_modes(scheme, operator, given[k], state)
-    add_forces(k, act, places, vectors, senses, given, local, 0, state, LOAD)
-    for i in range(n):
-        row[i], row[n + i], row[2 * n + i] = state[Q, i], state[V, i], state[A, i]
 
 
 def stage_value(operator: FloatArray, row: int, i: int, q: float, v: float, state: FloatArray) -> float:
@@ -227,24 +210,9 @@ def predict_stages(
         move_stages(operator, state)
 
 
-def accept_stages(
-    k: int, operator: FloatArray, answers: FloatArray, vectors: FloatArray, given: FloatArray, places: IntArray,
-    state: FloatArray, forces: FloatArray, states: FloatArray, local: FloatArray, rows: FloatArray,
-) -> None:  # fmt: skip
-    """Advance everything to the end of a collocation step and write the rows of results of both stages."""
-    n, senses, c, inner = state.shape[1], len(vectors) - answers.shape[1], local.shape[1] // 2, states.shape[1] // 2
-    act = 2 * n + 2 * senses
-    for stage in range(2):
-        add_forces(k, act, places, answers[stage], 0, given, local, 0, state, MIDDLE_FORCE + stage)
-        for j in range(c):
-            rows[stage, 3 * n + j] = local[TRIAL, stage * c + j]
-        for z in range(inner):
-            rows[stage, 3 * n + c + z] = states[NEW_STATE, stage * inner + z]
-    keep_forces(forces, local)
-    for j in range(c):
-        forces[LAST_PENETRATION, j] = forces[LAST_PENETRATION, c + j]  # both stages begin where the step begins
-    for z in range(inner):
-        states[STATE, z], states[STATE, inner + z] = states[NEW_STATE, inner + z], states[NEW_STATE, inner + z]
+def correct_stages(operator: FloatArray, loads: FloatArray, state: FloatArray, rows: FloatArray) -> None:
+    """Advance the modes to the end of a collocation step and write their motion to the rows of both stages."""
+    n = state.shape[1]
     move_stages(operator, state)
     for i in range(n):
         q, v, a = 0.0, 0.0, 0.0
@@ -254,8 +222,34 @@ def accept_stages(
             if abs(q) < VANISHED and abs(v) < VANISHED and abs(a) < VANISHED:
                 q, v, a = 0.0, 0.0, 0.0
             rows[stage, i], rows[stage, n + i], rows[stage, 2 * n + i] = q, v, a
-        state[Q, i], state[V, i], state[A, i], state[LOAD, i] = q, v, a, given[k, n + i]
-    add_forces(k, act, places, vectors, senses, given, local, c, state, LOAD)
+        state[Q, i], state[V, i], state[A, i], state[LOAD, i] = q, v, a, loads[n + i]
+
+
+def accept(
+    k: int, stages: int, scheme: FloatArray, operator: FloatArray, answers: FloatArray, vectors: FloatArray,
+    given: FloatArray, places: IntArray, state: FloatArray, forces: FloatArray, states: FloatArray, local: FloatArray,
+    rows: FloatArray,
+) -> None:  # fmt: skip
+    """Advance everything to the end of the step and write a row of results per stage."""
+    n, senses, last = state.shape[1], len(vectors) - answers.shape[1], stages - 1
+    c, inner, act = local.shape[1] // stages, states.shape[1] // stages, stages * n + 2 * senses
+    for stage in range(stages):
+        row = ACCELERATION if stages == 1 else MIDDLE_FORCE + stage
+        add_forces(k, act, places, answers[stage], 0, given, local, 0, state, row)
+        for j in range(c):
+            rows[stage, 3 * n + j] = local[TRIAL, stage * c + j]
+        for z in range(inner):
+            rows[stage, 3 * n + c + z] = states[NEW_STATE, stage * inner + z]
+    keep_forces(forces, local)
+    for j in range(c):
+        forces[LAST_PENETRATION, j] = forces[LAST_PENETRATION, last * c + j]  # all stages begin where the step begins
+    for z in range(states.shape[1]):
+        states[STATE, z] = states[NEW_STATE, last * inner + z % inner]
+    if stages == 2:
+        correct_stages(operator, given[k], state, rows)
+    else:
+        correct_modes(scheme, operator, given[k], state, rows[0])
+    add_forces(k, act, places, vectors, senses, given, local, last * c, state, LOAD)
 
 
 def march(
@@ -288,17 +282,14 @@ def march(
         count[1] += iterations
         if crosses_zero(local, switching):
             return SWITCHED
-        if stages == 2:
-            rows = found[2 * k : 2 * k + 2]
-            accept_stages(k, operator, answers, vectors, given, places, state, forces, states, local, rows)
-        else:
-            accept(k, scheme, operator, answers, vectors, given, places, state, forces, states, local, found[k])
+        rows = found[stages * k : stages * (k + 1)]
+        accept(k, stages, scheme, operator, answers, vectors, given, places, state, forces, states, local, rows)
     count[0] = end
     return DONE
 
 
 FUNCTIONS_OF_KERNEL = (
     predict, massless_rates, *FUNCTIONS_OF_LAWS, *FUNCTIONS_OF_NEWTON, predict_modes, find_forces, add_forces,
-    correct_modes, crosses_zero, keep_forces, accept, stage_value, move_stages, predict_stages, accept_stages, march,
+    correct_modes, crosses_zero, keep_forces, stage_value, move_stages, predict_stages, correct_stages, accept, march,
 )  # fmt: skip
 """Functions for the compiler, in the order of their calls."""

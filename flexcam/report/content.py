@@ -12,7 +12,7 @@ from rich.table import Table
 
 from flexcam.analysis.comparison import Comparison
 from flexcam.analysis.error_estimate import estimate_errors
-from flexcam.analysis.limits import Margins, find_limits
+from flexcam.analysis.limits import Margins, Search, find_limits
 from flexcam.analysis.model_choice import evaluate_ladder
 from flexcam.analysis.natural_modes import modes
 from flexcam.analysis.preparation import PreparedRun
@@ -359,17 +359,17 @@ def _errors(case: Case, probe: str) -> AdditionalContent:
 def _limits(case: Case) -> AdditionalContent:
     scale = case.turns
     try:
-        limits = find_limits(
-            case, lowest=0.5 * case.speed, highest=2.0 * case.speed, tolerance=_LIMIT_TOLERANCE * case.speed
-        )
+        limits = find_limits(case, Search(0.5 * case.speed, 2.0 * case.speed, _LIMIT_TOLERANCE * case.speed))
     except InputError as refusal:  # the rest of the page is still valid
         return AdditionalContent(tuple(f"No speed limits: {fault.why or fault.given}." for fault in refusal.faults))
-    said = "No speed limit up to twice the speed."
+    said = ["No speed limit was found up to twice the speed."]
     if limits.first is not None:
         one = limits.limits[limits.first]
         speed = f"{scale * (one.rpm or 0.0):.4g} rpm of the {shaft_name(scale)}"
-        said = f"The first speed limit is {limits.first.replace('_', ' ')}, from {speed}: {one.words}."
-    return AdditionalContent((said,), (report_table(limits_table(limits, scale)),))
+        said = [f"The first speed limit is {limits.first.replace('_', ' ')}, from {speed}: {one.words}."]
+    if unknown := [name.replace("_", " ") for name, one in limits.limits.items() if not one.known]:
+        said.append(f"Not known, because runs failed: {', '.join(unknown)}.")
+    return AdditionalContent(tuple(said), (report_table(limits_table(limits, scale)),))
 
 
 def _trade(case: Case, probe: str) -> AdditionalContent:

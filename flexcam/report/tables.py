@@ -370,7 +370,7 @@ def limits_json(found: Limits, scale: float) -> dict[str, object]:
 def _limit_speed(one: Limit, scale: float, high: float) -> str:
     if one.rpm is not None:
         return f"{scale * one.rpm:.6g}"
-    return "not known" if "not known" in one.words else f"above {high:.6g}"
+    return f"above {high:.6g}" if one.known else "not known"
 
 
 def limits_table(found: Limits, scale: float) -> Table:

@@ -215,7 +215,7 @@ def _limits(case: Case, names: Sequence[str], search: Search | None, runs: int) 
         raise refuse(
             "scalar", f"{_LIMIT}{lacking[0]}", ", ".join(_LIMIT + one for one in found), "the case lacks the part"
         )
-    if broken := [one for one in found.values() if one.rpm is None and "not known" in one.words]:
+    if broken := [one for one in found.values() if not one.known]:
         raise RunFailedError(Status(Cause.NO_CONVERGENCE, broken[0].words))
     return {_LIMIT + n: Quantity(scale * one.rpm, unit) for n, one in found.items() if one.rpm is not None}
 

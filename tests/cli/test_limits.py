@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +11,8 @@ import pytest
 
 from flexcam import prepare, read_case, solve
 from flexcam.analysis.limits import Search, search_limits
+from flexcam.core.units import RPM
+from flexcam.dynamics import Cause, Status
 from flexcam.valvetrain import separation_by_flank
 
 CASE = Path(__file__).resolve().parents[2] / "cases/pushrod-engine/intake.toml"
@@ -26,39 +30,9 @@ def test_limits_as_json(flexcam):
     assert answer["buckling_margins"]["pushrod"] > 1.0
 
 
-ONE_MASS = """
-format = 1
-[nodes]
-shaft = [0, 0, 0]
-mass = [0, 0, "-40 mm"]
-[supports]
-mass = ["ux", "uy"]
-[masses]
-mass = { at = "mass", mass = "0.1 kg" }
-[springs]
-held = { at = "mass", direction = "-uz", stiffness = "40 kN/m", installed_force = "300 N" }
-[cams.c]
-at = "shaft"
-axis = [-1, 0, 0]
-law = "cycloidal"
-lift = "6 mm"
-rise = "63 deg"
-return = "75 deg"
-phase = "34 deg"
-[contacts]
-k = { cam = "c", follower = "mass", model = "unilateral", stiffness = "500 MN/m" }
-[run]
-speed = "3500 rpm"
-steps_per_revolution = 720
-start = "equilibrium"
-damping = { beta = "1e-6 s" }
-"""
-
-
-def test_limits_name_every_limit_and_the_rigid_speed(flexcam, tmp_path):
+def test_limits_name_every_limit_and_the_rigid_speed(flexcam, one_mass):
     """Without seat, coils and members nothing of these is met; a stiff train parts where inertia meets its spring."""
-    case = tmp_path / "one.toml"
-    case.write_text(ONE_MASS, encoding="utf-8")
+    case = one_mass()
     answer = flexcam("limits", case, "--lowest", "3000rpm", "--highest", "5000rpm", "--json").json
     assert [answer[f"{name}_rpm"] for name in ("bounce", "coil_clash", "buckling")] == [None] * 3
     z = np.linspace(0.0, 1.0, 20001)
@@ -70,10 +44,9 @@ def test_limits_name_every_limit_and_the_rigid_speed(flexcam, tmp_path):
     assert answer["loss_of_contact_rpm"] == pytest.approx(rigid, rel=0.06)  # it swings a little on its contact
 
 
-def test_limits_do_not_depend_on_the_range(flexcam, tmp_path):
+def test_limits_do_not_depend_on_the_range(flexcam, one_mass):
     """Nor on the revolution in which contact is lost; what is lost is lost over the nose, and remains so."""
-    case = tmp_path / "one.toml"
-    case.write_text(ONE_MASS, encoding="utf-8")
+    case = one_mass()
     one, other = (
         flexcam("limits", case, "--lowest", low, "--highest", high, "--json").json
         for low, high in (("3000rpm", "5000rpm"), ("3170rpm", "4400rpm"))
@@ -88,10 +61,9 @@ def test_limits_do_not_depend_on_the_range(flexcam, tmp_path):
 @pytest.mark.parametrize(
     ("part", "begin", "end"), [("opening flank", 50, 60), ("nose", 90, 100), ("closing flank", 145, 155)]
 )
-def test_contact_loss_is_told_apart_by_flanks(tmp_path, part, begin, end):
+def test_contact_loss_is_told_apart_by_flanks(one_mass, part, begin, end):
     """The cycloidal rise from 34 to 97 deg and the return to 172 deg have their maximum velocities at half."""
-    (tmp_path / "one.toml").write_text(ONE_MASS, encoding="utf-8")
-    ready = prepare(read_case(tmp_path / "one.toml", ["run.steps_per_revolution=3600", "run.revolutions=1"]))
+    ready = prepare(read_case(one_mass(), ["run.steps_per_revolution=3600", "run.revolutions=1"]))
     response = solve(ready.problem, ready.scheme)
     force = response.channels["contacts.k.force"]
     force[:] = 1.0
@@ -101,12 +73,39 @@ def test_contact_loss_is_told_apart_by_flanks(tmp_path, part, begin, end):
     assert lost[part] == pytest.approx(np.radians(10.0), rel=0.02)  # a step at an end
 
 
+MIDDLE, WIDTH = 0.5 * (1.5**14 + 1.5**15), 1.5**15 - 1.5**14
+
+
+@pytest.mark.parametrize(
+    ("highest", "failed", "rpm", "words"),
+    [
+        (600.0, 1.5**15, None, "not known from there on; the run at camshaft 4181.5"),
+        (400.0, MIDDLE, None, "not known up to the highest speed of the search; the run at camshaft 3484.6"),
+        (350.0, MIDDLE + 0.25 * WIDTH, None, "not up to the highest speed of the search"),
+        (450.0, MIDDLE, 1.5**15 / RPM, "(k); the run at camshaft 3484.6"),
+    ],
+)
+def test_failed_runs_leave_a_limit_not_known(highest, failed, rpm, words, one_mass, monkeypatch):
+    """Contact is lost at 385 rad/s, between the speeds 292 rad/s and 438 rad/s of the search."""
+
+    def failing(problem, *given, **options):
+        response = solve(problem, *given, **options)
+        bad = Status(Cause.NO_CONVERGENCE, "it broke")
+        return replace(response, status=bad) if problem.drive.speed == pytest.approx(failed) else response
+
+    monkeypatch.setattr(sys.modules["flexcam.analysis.limits"], "solve", failing)
+    search = Search(200.0, highest, tolerance=30.0, spacing=0.5)
+    limit = search_limits(read_case(one_mass(), QUICK[1:2]), search, among=("float",))["float"]
+    assert words in limit.words
+    assert limit.rpm == (rpm and pytest.approx(rpm))
+    assert limit.known == ("not known" not in words)
+
+
 @pytest.mark.parametrize(("lift", "told"), [("6 mm", "0.1 mm"), ("0.2 mm", "0.004 mm")])
-def test_a_small_valve_bounces_from_less(lift, told, tmp_path):
+def test_a_small_valve_bounces_from_less(lift, told, one_mass):
     """From 0.1 mm, or from 2 % of a small lift."""
     seat = 'seat = { at = "mass", direction = "-uz", model = "seat", stiffness = "50 MN/m" }\n[run]'
-    text = ONE_MASS.replace('lift = "6 mm"', f'lift = "{lift}"').replace("[run]", seat)
-    (tmp_path / "one.toml").write_text(text, encoding="utf-8")
+    case = one_mass(('lift = "6 mm"', f'lift = "{lift}"'), ("[run]", seat))
     search = Search(100.0, 101.0, tolerance=10.0, spacing=1.0)
-    found = search_limits(read_case(tmp_path / "one.toml", QUICK[1:2]), search, among=("bounce",))
+    found = search_limits(read_case(case, QUICK[1:2]), search, among=("bounce",))
     assert found["bounce"].words.startswith(f"the valve leaves its seat again by more than {told}")

@@ -34,48 +34,23 @@ def test_modes_are_not_overwritten(flexcam, case):
     assert flexcam("modes", "case.toml", "-o", "out", "--overwrite").code == 0
 
 
-SEATED = """
-format = 1
-[nodes]
-shaft = [0, 0, 0]
-mass = [0, 0, "-40 mm"]
-[supports]
-mass = ["ux", "uy"]
-[masses]
-mass = { at = "mass", mass = "0.1 kg" }
-[springs]
-held = { at = "mass", direction = "-uz", stiffness = "40 kN/m", installed_force = "300 N" }
-[cams.c]
-at = "shaft"
-axis = [-1, 0, 0]
-law = "cycloidal"
-lift = "6 mm"
-rise = "63 deg"
-return = "75 deg"
-[contacts]
-k = { cam = "c", follower = "mass", model = "unilateral", stiffness = "5 MN/m" }
-seat = { at = "mass", direction = "-uz", model = "seat", stiffness = "50 MN/m" }
-[run]
-crank_speed = "3500 rpm"
-"""
-
-
-def test_modes_with_closed_contacts(flexcam, tmp_path):
+def test_modes_with_closed_contacts(flexcam, one_mass):
     """The mass is on its spring alone, also on cam and seat, or on the cam at full lift; rpm are of the crankshaft."""
-    (tmp_path / "seated.toml").write_text(SEATED, encoding="utf-8")
-    found = flexcam("modes", "seated.toml", "--json").json
+    seat = 'seat = { at = "mass", direction = "-uz", model = "seat", stiffness = "50 MN/m" }\n[run]'
+    case = one_mass(("500 MN/m", "5 MN/m"), ("[run]", seat), ('speed = "3500', 'crank_speed = "3500'))
+    found = flexcam("modes", case, "--json").json
     hertz = {
         name: math.sqrt(k / 0.1) / (2 * math.pi) for name, k in (("open", 4e4), ("base", 55.04e6), ("full", 5.04e6))
     }
     assert found["frequencies_hz"] == [pytest.approx(hertz["open"])]
     assert found["closed"]["k"]["base_circle_hz"] == [pytest.approx(hertz["base"])]
     assert found["closed"]["k"]["full_lift_hz"] == [pytest.approx(hertz["full"])]
-    said = flexcam("modes", "seated.toml").out
+    said = flexcam("modes", case).out
     assert "modes, contacts open" in said
     assert re.search(rf"1 +{hertz['open']:.2f} +{120 * hertz['open']:.0f} ", said)
     assert "crank rpm" in said
     assert f"{hertz['base']:.2f}" in said
-    assert "contacts open" in flexcam("check", "seated.toml").out
+    assert "contacts open" in flexcam("check", case).out
 
 
 COLUMN = """

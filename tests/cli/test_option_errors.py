@@ -74,7 +74,7 @@ def test_refused_before_anything_is_computed(flexcam, what):
 
 
 TWO = {
-    "run": (("run", "none.toml", "-o", "x.h5", "--time-limit", "5"), ["case file", "folder", "--time-limit"]),
+    "run": (("run", "none.toml", "-o", "x.h5", "--time-limit", "5"), ["case file", "--time-limit", "folder"]),
     "trade": (("trade", INLINE, "--set", "run.speed=-1", "--repeats", "0", "--plot", "x.bmp"),
               ["run.speed", "--repeats", "picture"]),
     "response": (("campbell", "--response", "none.toml", "--orders", "0", "--csv", "a.svg", "--plot", "a.svg"),
@@ -82,7 +82,7 @@ TWO = {
     "campbell": (("campbell", "none.toml", "--orders", "0", "--plot", "x.bmp"), ["case file", "--orders", "picture"]),
     "modes": (("modes", "none.toml", "--count", "0", "-o", "x.h5"), ["case file", "--count", "folder"]),
     "sweep": (("sweep", INLINE, "--set", "run.speed=1,x", "-o", "x.h5", "--workers", "-1"),
-              ["--set run.speed=1,x", "folder", "--workers"]),
+              ["--set run.speed=1,x", "--workers", "folder"]),
 }  # fmt: skip
 
 

@@ -100,11 +100,13 @@ def test_a_transient_of_an_adjuster_is_told(flexcam):
     assert any("transient of adjuster" in one and "it has one revolution" in one for one in once["warnings"])
     twice = flexcam("run", case, *quick, "--set", "run.revolutions=2").json
     assert 0.0 < twice["revolution_change"]["motion"] < 1e-3
+    assert twice["revolution_change"]["contact"] == "intake"
     assert not any("transient" in one for one in twice["warnings"])
     few = ("--set", "run.steps_per_revolution=360", "--set", "run.revolutions=2")
     assert "The last two revolutions differ by" in flexcam("run", case, *few, "--overwrite").out
-    pumping = check_transient(prepare(read_case(case)), RevolutionChange(0.02, 0.1))
-    assert "its last revolutions differ by 2 % of the motion and 10 % (rms) of the force of a cam" in pumping[0]
+    pumping = check_transient(prepare(read_case(case)), RevolutionChange(0.02, 0.1, "intake"))
+    words = "its last revolutions differ by 2 % of the motion and 10 % (rms) of the force of contact intake"
+    assert words in pumping[0]
 
 
 def test_steps_too_long_for_the_seat_are_told(flexcam):

@@ -1,4 +1,4 @@
-"""Fits of curves in closed form, without a case behind them: failed trials, one-sided derivatives, missing values."""
+"""Fits of curves in closed form, without a case behind them: failed trials, derivatives to one side, missing values."""
 
 from __future__ import annotations
 
@@ -50,6 +50,19 @@ def test_trials_that_fail_shorten_the_step():
         fit_curves(Known(variables, growth, lambda _: True), measured(growth(0.6)))
 
 
+def test_runs_that_fail_on_one_side_of_a_value():
+    """The derivative is then the difference to the other side; where both sides fail, the fit ends."""
+    variables = (Variable("offset", -5.0, 5.0, start=0.7), Variable("rate", 0.0, 1.0, start=0.3))
+    exact = 1.0 + growth(0.6)
+    for fails in (lambda _, x: x > 0.6003, lambda a, _: a < 0.999, lambda a, x: x > 0.6003 or a < 0.999):
+        found = fit_curves(Known(variables, lambda a, x: a + growth(x), fails), measured(exact))
+        assert found.converged
+        assert found.values == pytest.approx([1.0, 0.6], rel=1e-6)
+    assert found.undetermined == ()
+    with pytest.raises(RunFailedError, match="it broke"):
+        fit_curves(Known(variables, lambda a, x: a + growth(x), lambda _, x: abs(x - 0.3) > 1e-6), measured(exact))
+
+
 def test_a_value_at_an_end_of_its_interval():
     """Differences stay within the interval, where the model may not be defined beyond."""
     seen = []
@@ -73,8 +86,8 @@ def test_missing_values_and_correlated_ones():
         fit_curves(seen, measured(values)),
         fit_curves(seen, measured(np.where(INSTANTS < 0.7, np.nan, values))),
     )
-    assert whole.correlated() == []
-    assert end.correlated() == [(0, 1)]
+    assert whole.correlated_pairs() == []
+    assert end.correlated_pairs() == [(0, 1)]
     exact = np.polyfit(INSTANTS[INSTANTS >= 0.7], values[INSTANTS >= 0.7], 1)[::-1]
     assert end.values == pytest.approx(exact, rel=1e-6)
 
@@ -86,7 +99,7 @@ def test_values_without_effect(count):
     found = fit_curves(Known(variables, lambda *_: 2.0 * INSTANTS), measured(INSTANTS))
     assert sorted(i for group in found.undetermined for i in group) == list(range(count))
     assert np.isinf(found.intervals).all()
-    assert found.correlated() == []
+    assert found.correlated_pairs() == []
 
 
 def test_a_start_outside_its_interval_is_refused():

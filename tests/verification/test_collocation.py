@@ -68,6 +68,46 @@ def test_a_parabolic_load_is_integrated_exactly(record):
            reason="exact for parabolic loads; rounding")  # fmt: skip
 
 
+def test_motions_without_mass(record):
+    """Under p = 3 + 4 t + 5 t^2, c x' + k x = p decays to its particular solution from rest, and k y = p has no delay.
+
+    The particular solution is A + B t + C t^2 with C = 5/k, B = (4 - 2 c C)/k and A = (3 - c B)/k.
+    """
+    c, k, stiff, steps = 2.0, 5.0, 3.0, 6
+    load = Load("push", np.ones(2), lambda motion: 3.0 + 4.0 * motion.angle + 5.0 * motion.angle**2)
+    probe = Probe("all", ("x", "y"), np.eye(2), (None,) * 2)
+    matrices = (Triplets.from_dense(np.diag(one)) for one in ([0.0, 0.0], [c, 0.0], [k, stiff]))
+    system = System(*matrices, ("x", "y"), (load,), (), (probe,))
+    response = solve(Problem(system, ConstantSpeed(1.0), 2.0 / steps, steps), collocation())
+    t, found = response.time, response["all"]
+    C = 5.0 / k
+    B = (4.0 - 2.0 * c * C) / k
+    A = (3.0 - c * B) / k
+    rest = (3.0 / k - A) * np.exp(-k / c * t)
+    x, y = A + B * t + C * t**2 + rest, (3.0 + 4.0 * t + 5.0 * t**2) / stiff
+    np.testing.assert_allclose(found.displacement, np.column_stack([x, y]), rtol=1e-13)
+    velocity = np.column_stack([B + 2.0 * C * t - k / c * rest, (4.0 + 10.0 * t) / stiff])
+    np.testing.assert_allclose(found.velocity[1:], velocity[1:], rtol=1e-12)
+    acceleration = np.column_stack([2.0 * C + (k / c) ** 2 * rest, np.full(len(t), 10.0 / stiff)])
+    np.testing.assert_allclose(found.acceleration[1:], acceleration[1:], rtol=1e-12)
+    record(source=SOURCE, case="damper and spring without mass, parabolic load", quantity="displacement, 2 s",
+           unit="m", reference=x[-1], computed=found.displacement[-1, 0], tolerance=1e-13,
+           reason="exact for parabolic loads; rounding")  # fmt: skip
+
+
+def test_oil_column_of_an_adjuster():
+    """Force and leak-down over a lift of the finger train, against 32 times as many steps of Newmark's method."""
+
+    def channels(method, steps):
+        words = ("run.revolutions=0.75", f"run.integrator.method={method}", f"run.steps_per_revolution={steps}")
+        return run(read_case("cases/direct-acting/finger.toml", words)).channels
+
+    coarse, fine = channels("collocation", 1440), channels("newmark", 46080)
+    for name in ("contacts.adjuster.force", "contacts.adjuster.leak_down"):
+        exact = fine[name][::32]
+        assert np.abs(coarse[name] - exact).max() < 2e-4 * np.ptp(exact), name
+
+
 def test_closed_contacts_have_fourth_order(record):
     """With Hunt and Crossley's contact and coupled modes, against DOP853; half the step leaves a sixteenth."""
     system, start = pressed_chain()

@@ -7,7 +7,7 @@ import math
 import pytest
 
 import flexcam
-from flexcam.analysis.limits import compare_models_over_speed, divergence_speed, find_limits
+from flexcam.analysis.limits import Search, compare_models_over_speed, divergence_speed, find_limits
 from flexcam.valvetrain import separation
 
 RPM = math.pi / 30.0
@@ -68,7 +68,7 @@ def test_held_below_lost_above(tmp_path):
     path = tmp_path / "stiff.toml"
     path.write_text(STIFF, encoding="utf-8")
     case = flexcam.read_case(path)
-    found = find_limits(case, lowest=3000 * RPM, highest=6000 * RPM, tolerance=6 * RPM)
+    found = find_limits(case, Search(3000 * RPM, 6000 * RPM, tolerance=6 * RPM))
     rpm = found.limits["loss_of_contact"].rpm
     assert found.limits["loss_of_contact"].words.endswith("(one, nose)")
     assert found.first == "loss_of_contact"
