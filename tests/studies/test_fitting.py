@@ -53,14 +53,15 @@ def test_trials_that_fail_shorten_the_step():
 def test_runs_that_fail_on_one_side_of_a_value():
     """The derivative is then the difference to the other side; where both sides fail, the fit ends."""
     variables = (Variable("offset", -5.0, 5.0, start=0.7), Variable("rate", 0.0, 1.0, start=0.3))
-    exact = 1.0 + growth(0.6)
+    known = measured(1.0 + growth(0.6) + 1e-3 * np.random.default_rng(0).standard_normal(len(INSTANTS)))
+    exact = fit_curves(Known(variables, lambda a, x: a + growth(x)), known)
     for fails in (lambda _, x: x > 0.6003, lambda a, _: a < 0.999, lambda a, x: x > 0.6003 or a < 0.999):
-        found = fit_curves(Known(variables, lambda a, x: a + growth(x), fails), measured(exact))
+        found = fit_curves(Known(variables, lambda a, x: a + growth(x), fails), known)
         assert found.converged
-        assert found.values == pytest.approx([1.0, 0.6], rel=1e-6)
-    assert found.undetermined == ()
+        assert found.values == pytest.approx(exact.values, rel=1e-5)
+        assert found.intervals == pytest.approx(exact.intervals, rel=0.02)
     with pytest.raises(RunFailedError, match="it broke"):
-        fit_curves(Known(variables, lambda a, x: a + growth(x), lambda _, x: abs(x - 0.3) > 1e-6), measured(exact))
+        fit_curves(Known(variables, lambda a, x: a + growth(x), lambda _, x: abs(x - 0.3) > 1e-6), known)
 
 
 def test_a_value_at_an_end_of_its_interval():
