@@ -126,7 +126,7 @@ _CURVE_ROWS = 12
 def spring_curve_table(name: str, spring: Spring) -> Table:
     """Return the table of a spring's static curve."""
     rows = spring_curve_rows(spring)
-    shown = dict.fromkeys(round(i) for i in np.linspace(0, len(rows) - 1, _CURVE_ROWS).tolist())
+    shown: list[int] = np.unique(np.linspace(0, len(rows) - 1, _CURVE_ROWS).round().astype(int)).tolist()
     head, cells = ("mm beyond installed", "force N", "stiffness N/mm", "surge Hz, ends fixed"), list[list[str]]()
     for travel, force, stiffness, frequencies in (rows[i] for i in shown):
         surge = f"{frequencies[0]:.4g}" if frequencies else "no mass"

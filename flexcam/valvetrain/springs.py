@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy.linalg import eigh
 
 from flexcam.cams import Event, harmonics
 from flexcam.core import FloatArray
@@ -321,8 +320,9 @@ def spring_frequencies(spring: Spring, travel: float = 0.0, count: int = 3) -> F
     k, m = np.repeat(n * stiffness, n), np.repeat([part.mass / n for part in spring.parts], n)
     K = np.diag(k[:-1] + k[1:]) - np.diag(k[1:-1], 1) - np.diag(k[1:-1], -1)
     M = (2.0 * np.diag(m[:-1] + m[1:]) + np.diag(m[1:-1], 1) + np.diag(m[1:-1], -1)) / 6.0
-    squares = eigh(K, M, eigvals_only=True, subset_by_index=(0, min(count, len(K)) - 1))
-    return np.sqrt(np.maximum(squares, 0.0)) / (2.0 * math.pi)
+    L = np.linalg.cholesky(M)
+    squares = np.linalg.eigvalsh(np.linalg.solve(L, np.linalg.solve(L, K).T))
+    return np.sqrt(squares[:count]) / (2.0 * math.pi)
 
 
 _PER_HALF_WAVE = 4
