@@ -204,7 +204,9 @@ def chain(law):
 
 
 @pytest.mark.parametrize("path", ["direct", "kernel"])
-@pytest.mark.parametrize("name", ["bilateral", "stop", "hunt-crossley", "line contact", "table", "lever, point", "arch"])
+@pytest.mark.parametrize(
+    "name", ["bilateral", "stop", "hunt-crossley", "line contact", "table", "lever, point", "arch"]
+)
 def test_a_run_from_static_equilibrium_stays_there(name, path):
     law, _, _ = CASES[name]
     system, drive = chain(law), ConstantSpeed(1e-9)
