@@ -195,7 +195,7 @@ def spring_curve(spring: Spring) -> SpringCurve:
     return SpringCurve(parts.sum(axis=1), force, parts)
 
 
-_SAME = 1e-9  # relative difference of forces below which corners are the same
+_SAME = 1e-9  # relative difference of forces below which they are the same
 
 
 def _part_curve(spring: Spring, part: SpringPart) -> tuple[FloatArray, FloatArray]:
@@ -218,7 +218,8 @@ def _solid_forces(spring: Spring, curve: SpringCurve | None) -> FloatArray | flo
     if curve is None:
         return 0.0
     travel = np.array([part.travel or 0.0 for part in spring.parts])
-    return spring.clash_stiffness * np.maximum(curve.parts[-2] - travel, 0.0)
+    forces = spring.clash_stiffness * np.maximum(curve.parts[-2] - travel, 0.0)
+    return forces + _SAME * forces.max()  # forces of open coils beside closed ones have their rounding
 
 
 @dataclass(frozen=True)
