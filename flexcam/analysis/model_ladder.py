@@ -158,7 +158,9 @@ def with_elements(case: Case, factor: int | None = None, each: int | None = None
         for name, one in case.record.members.items()
     }
     springs = {
-        name: one.model_copy(update={"elements": one.elements * (factor or 1)}) if one.mass or one.elements > 1 else one
+        name: one.model_copy(update={"elements": one.elements * (factor or 1)})
+        if one.part.mass or one.elements > 1
+        else one
         for name, one in case.record.springs.items()
     }
     made = replace(case, record=case.record.model_copy(update={"members": members, "springs": springs}))

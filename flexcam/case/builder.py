@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import TypeVar
@@ -35,12 +36,14 @@ _PERPENDICULAR_TOLERANCE = 1e-6
 def with_spring_parts(case: Case) -> Case:
     """Return a case with the springs that have mass divided into parts, unless the case gives the number of parts."""
     springs = case.record.springs
-    heavy = {name: one for name, one in springs.items() if one.mass and "elements" not in one.model_fields_set}
+    heavy = {name: one for name, one in springs.items() if one.part.mass and "elements" not in one.model_fields_set}
     if not heavy:
         return case
     lifts = [cam.part.event for cam in case.record.cams.values()]
     divided = {
-        name: one.model_copy(update={"elements": count_spring_parts(one.part, lifts, case.speed)})
+        name: one.model_copy(
+            update={"elements": math.ceil(count_spring_parts(one.part, lifts, case.speed) / len(one.coils or [0]))}
+        )
         for name, one in heavy.items()
     }
     return replace(case, record=case.record.model_copy(update={"springs": springs | divided}))

@@ -79,6 +79,11 @@ TYPICAL_RANGES = (
     TypicalRange("springs.*.wire.diameter", "diameter of a wire", 1e-6, 0.3, _LENGTH),
     TypicalRange("springs.*.wire.coil_diameter", "diameter of a coil", 1e-5, 3.0, _LENGTH),
     TypicalRange("springs.*.wire.shear_modulus", "shear modulus of a solid", 1e6, 1e12, _STRESS),
+    TypicalRange("springs.*.wire.density", "density of a solid", 100.0, 3e4, {"g/cm^3": 1e3}),
+    TypicalRange("springs.*.coils.*.diameter", "diameter of a coil", 1e-5, 3.0, _LENGTH),
+    TypicalRange("springs.*.coils.*.pitch", "pitch of a coil", 1e-6, 1.0, _LENGTH),
+    TypicalRange("springs.*.force_table.*.0", "travel of a spring", 1e-7, 2.0, _LENGTH),
+    TypicalRange("springs.*.force_table.*.1", "force of a spring", 1e-4, 1e6, {"N": 1.0, "mN": 1e-3}, "N"),
     TypicalRange("bearings.*.stiffness", "stiffness of a bearing", 1.0, 1e13, _STIFF),
     TypicalRange("loads.*.force", "force on a mechanism", 1e-6, 1e8, {"N": 1.0, "kN": 1e3}),
     TypicalRange("rockers.*.arms", "arm of a rocker", 1e-4, 5.0, _LENGTH),
@@ -155,6 +160,9 @@ def _matching_values(
     """Yield path and value of every key that matches a pattern."""
     if not steps:
         yield path, table
+    elif isinstance(table, list):
+        rows = {str(i): row for i, row in enumerate(cast("list[object]", table))}
+        yield from _matching_values(rows, steps, path)
     elif isinstance(table, dict):
         inner = cast("dict[str, Any]", table)
         for name in inner if steps[0] == "*" else [one for one in inner if one == steps[0]]:

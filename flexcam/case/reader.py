@@ -265,17 +265,34 @@ def _apply_override(raw: dict[str, Any], path: KeyPath, override: str) -> list[F
         new = depth == 1 and path[0] != "run" and not suggest_name(step, table)
         known = list(CaseRecord.model_fields) if depth == 0 else [*table, *_OPTIONAL_TABLES]
         inner = table.setdefault(step, {}) if step in known or new else None
-        if isinstance(inner, list) and depth == len(path) - 2:
-            elements, position = cast("list[Any]", inner), path[-1]
-            if not position.isdecimal() or int(position) >= len(elements):
-                return [Fault(where, repr(position), f"a position in the list, 0 to {len(elements) - 1}", "", "")]
-            elements[int(position)] = value
-            return []
+        if isinstance(inner, list):
+            return _override_element(cast("list[Any]", inner), path[depth + 1 :], value, where)
         if not isinstance(inner, dict):
             return [Fault(where, repr(step), f"a table: {', '.join(table)}", "", suggest_name(step, known))]
         table = cast("dict[str, Any]", inner)
     table[path[-1]] = value
     return []
+
+
+def _override_element(elements: list[Any], path: KeyPath, value: object, where: str) -> list[Fault]:
+    """Override an element of a list, or a value in a list or table that is an element."""
+    position, *rest = path
+    if not position.isdecimal() or int(position) >= len(elements):
+        return [Fault(where, repr(position), f"a position in the list, 0 to {len(elements) - 1}", "", "")]
+    if not rest:
+        elements[int(position)] = value
+        return []
+    inner: object = elements[int(position)]
+    if isinstance(inner, dict):
+        table = cast("dict[str, Any]", inner)
+        key, *rest = rest
+        if not rest:
+            table[key] = value
+            return []
+        inner = table.get(key)
+    if isinstance(inner, list):
+        return _override_element(cast("list[Any]", inner), tuple(rest), value, where)
+    return [Fault(where, repr(".".join(path[1:])), "a key or a position in the list", "", "")]
 
 
 def _toml_value(text: str) -> object:

@@ -96,14 +96,19 @@ class SweepFileRecord(Record):
 
 
 def si_unit(path: tuple[str, ...]) -> str | None:
-    """Return the SI unit of a key; None if it has none, or if it depends on other keys."""
+    """Return the SI unit of a key; None if it has none, or if it depends on other keys or on the position in a list."""
     while path and path[-1].isdigit():
         path = path[:-1]
     fields = [field for name, field in fields_at(path[:-1], CaseRecord) if name == path[-1]]
     if not fields and len(path) > 1:  # a name in a table of names, such as nodes
         fields = [field for name, field in fields_at(path[:-2], CaseRecord) if name == path[-2]]
-    units = [unit for field in fields[:1] for part in (*field.metadata, field.annotation) for unit in units_in(part)]
-    return DIMENSIONS[units[0].dimension].si if units else None
+    units = {
+        DIMENSIONS[unit.dimension].si
+        for field in fields[:1]
+        for part in (*field.metadata, field.annotation)
+        for unit in units_in(part)
+    }
+    return units.pop() if len(units) == 1 else None
 
 
 def resolve_record(record: CaseRecord) -> dict[str, Any]:

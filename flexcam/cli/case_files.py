@@ -17,7 +17,7 @@ from flexcam.case.starters import new_case, templates
 from flexcam.cli.app import CaseFile, Json, Overrides, Overwrite, app, load_case, print_files
 from flexcam.dynamics import integrated_size
 from flexcam.io import format_toml
-from flexcam.report.tables import describe_inactive, model_table
+from flexcam.report.tables import describe_inactive, model_table, spring_curve_rows, spring_curve_table
 from flexcam.report.terminal import plain_table, print_json, result_console
 from flexcam.valvetrain import member_masses
 
@@ -80,8 +80,14 @@ def check(
     ready = prepare_without_periodic_search(read)
     found, resources = modes(read), estimate_case_resources(ready, "revolution")
     warnings = check_modes(found) + check_input(ready)
+    curved = {name: spring for name, spring in ready.model.springs.items() if spring.table or spring.coils}
     if as_json:
         mesh, system = ready.model.mesh, ready.problem.system
+        keys = ("travel_m", "force_n", "stiffness_n_per_m", "frequencies_hz")
+        curves = {
+            name: [dict(zip(keys, row, strict=True)) for row in spring_curve_rows(spring)]
+            for name, spring in curved.items()
+        }
         print_json({
             "status": "ok", "title": ready.case.record.title,
             "elements": len(mesh.elements()), "dof": system.size,
@@ -90,6 +96,7 @@ def check(
             "members": {name: len(line) - 1 for name, line in mesh.lines.items()},
             "masses": {name: part.body.mass for name, part in ready.model.masses.items()},
             "springs": {name: spring.stiffness for name, spring in ready.model.springs.items()},
+            **({"spring_curves": curves} if curves else {}),
             "supports": {point: list(held) for point, held in ready.model.supports.items()},
             "member_masses": member_masses(ready.model),
             "free_motions": found.modes.rigid, "steps": ready.problem.steps, "step_s": ready.problem.step,
@@ -101,6 +108,9 @@ def check(
         })  # fmt: skip
         return
     result_console().print(model_table(ready, found, resources))
+    for name, spring in curved.items():
+        result_console().print("")
+        result_console().print(spring_curve_table(name, spring))
     for sentence in warnings:
         result_console().print("\n" + sentence)
     if echo:

@@ -14,7 +14,11 @@ To add a law: write its function here, give it a number and a branch in `evaluat
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate, pairwise
+
+import numpy as np
 
 from flexcam.core import FloatArray, IntArray
 from flexcam.dynamics.cam_motion import AngleFunction
@@ -22,7 +26,9 @@ from flexcam.dynamics.cam_motion import AngleFunction
 LawResponse = tuple[float, float, float, float]
 """Force, its derivatives by penetration and by rate, and the stored energy."""
 
-BILATERAL, STOP, HUNT_CROSSLEY, LINE_CONTACT, OIL_COLUMN, PULSATING, LEVER, ARCH, SLIDING_FRICTION, CUSTOM = range(10)
+(
+    BILATERAL, STOP, HUNT_CROSSLEY, LINE_CONTACT, OIL_COLUMN, PULSATING, LEVER, ARCH, SLIDING_FRICTION, TABLE, CUSTOM,
+) = range(11)  # fmt: skip
 """Numbers of the laws."""
 
 TRIAL, PENETRATION, RATE, ANSWER, FREE_PENETRATION, FREE_RATE, OWN, ENERGY, BASE, CHANGE = range(10)
@@ -457,6 +463,41 @@ def arch(constants: FloatArray, b: int, i: int, bent: int, local: FloatArray, ta
         local[ANSWER, i + 1 + r] *= N
 
 
+def force_table(x: float, constants: FloatArray, b: int) -> LawResponse:
+    """Return the force of a table over the travel, linear between its rows and beyond both ends.
+
+    Parameters
+    ----------
+    x
+        Travel, m.
+    constants, b
+        Constants of all laws, and where those of this one begin: number n of rows, then n travels (m, ascending), n
+        forces (N) and n stored energies (J).
+
+    Returns
+    -------
+    tuple
+        Force (N), its derivatives (N/m and N s/m), stored energy (J).
+
+    Examples
+    --------
+    >>> force_table(1.5, [2.0, 0.0, 1.0, 0.0, 4.0, 0.0, 2.0], 0)
+    (6.0, 4.0, 0.0, 4.5)
+    """
+    n = int(constants[b])
+    low, high = 0, n - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if x < constants[b + 1 + middle]:
+            high = middle
+        else:
+            low = middle
+    row = b + 1 + low
+    force, beyond = constants[row + n], x - constants[row]
+    slope = (constants[row + n + 1] - force) / (constants[row + 1] - constants[row])
+    return force + slope * beyond, slope, 0.0, constants[row + 2 * n] + beyond * (force + 0.5 * slope * beyond)
+
+
 def custom(law: int, angle: float, local: FloatArray, tangent: FloatArray) -> None:
     """Do nothing: the direct engine binds a function in its place that evaluates a law written in Python.
 
@@ -534,6 +575,8 @@ def evaluate_laws(
             N, by_x, by_v, energy = sliding_friction(
                 v, constants[b], constants[b + 1], constants[b + 2], constants[b + 3], constants[b + 4]
             )
+        elif kind == TABLE:
+            N, by_x, by_v, energy = force_table(x, constants, b)
         else:
             N, by_x, by_v, energy = bilateral(x, v, constants[b] * cam[k, f], 0.0)
         local[ANSWER, i], local[ENERGY, i], tangent[0, i, 0], tangent[1, i, 0] = N, energy, by_x, by_v
@@ -586,7 +629,7 @@ def evaluate_rows(
 
 FUNCTIONS_OF_LAWS = (
     bilateral, stop, hunt_crossley, line_load, line_contact, oil_column, lever_motion, coulomb, sliding_friction,
-    lever, arch, custom, evaluate_laws, evaluate_rows,
+    lever, arch, force_table, custom, evaluate_laws, evaluate_rows,
 )  # fmt: skip
 """Functions for the compiler, in the order of their calls."""
 
@@ -640,6 +683,7 @@ LAWS = {
     SLIDING_FRICTION: LawKind(
         "sliding_friction", ("force", "breakaway force", "Stribeck velocity", "damping", "reversal velocity"), damping=0
     ),
+    TABLE: LawKind("force_table", ("rows", "travels", "forces", "energies")),
     CUSTOM: LawKind("custom", (), ("cam angle",)),
 }  # fmt: skip
 """The laws by number."""
@@ -761,3 +805,24 @@ def oil_column_law(stiffness: float, leak: float, refill: float, plunger_force: 
         The law as data.
     """
     return ForceLaw(OIL_COLUMN, (stiffness, leak, refill, plunger_force))
+
+
+def force_table_law(travel: Sequence[float], force: Sequence[float]) -> ForceLaw:
+    """Return the law `force_table`, whose stored energy is zero at no travel.
+
+    Parameters
+    ----------
+    travel, force
+        Rows of the table, m (ascending) and N.
+
+    Returns
+    -------
+    ForceLaw
+        The law as data.
+    """
+    rows = list(zip(travel, force, strict=True))
+    areas = (0.5 * (f0 + f1) * (x1 - x0) for (x0, f0), (x1, f1) in pairwise(rows))
+    energies = list(accumulate(areas, initial=0.0))
+    constants = np.array([len(rows), *travel, *force, *energies])
+    constants[-len(rows) :] -= force_table(0.0, constants, 0)[3]
+    return ForceLaw(TABLE, tuple(constants.tolist()))

@@ -42,10 +42,12 @@ from flexcam.valvetrain import (
     Metric,
     ModelModes,
     Seat,
+    Spring,
     build_structure,
     member_masses,
 )
 from flexcam.valvetrain import describe_inactive as words_of
+from flexcam.valvetrain.springs import spring_curve, spring_frequencies
 
 if TYPE_CHECKING:
     from flexcam.analysis.limits import Limit, Limits
@@ -102,6 +104,36 @@ def model_table(ready: PreparedRun, modes: ModelModes, takes: ResourceEstimate |
     if takes:
         rows.append(("a run takes", f"{format_size(takes.memory)} of memory, a result of {format_size(takes.file)}"))
     return facts_table(ready.case.title, rows)
+
+
+SpringCurveRow = tuple[float, float, float, list[float]]
+"""Travel, m, force, N, stiffness beyond, N/m, and natural frequencies with fixed ends, Hz."""
+
+
+def spring_curve_rows(spring: Spring) -> list[SpringCurveRow]:
+    """Return the static curve of a spring from the installed length to coil bind, at its corners."""
+    curve, last = spring_curve(spring), math.inf if spring.clash_travel is None else spring.clash_travel
+    corners = sorted({0.0, *(travel for travel in curve.travel[1:-1].tolist() if 0.0 < travel <= last)})
+    forces: list[float] = np.interp(corners, curve.travel, curve.force).tolist()
+    return [
+        (travel, force, curve.stiffness_at(travel), spring_frequencies(spring, travel).tolist())
+        for travel, force in zip(corners, forces, strict=True)
+    ]
+
+
+_CURVE_ROWS = 12
+"""Maximum number of printed rows of a spring's curve."""
+
+
+def spring_curve_table(name: str, spring: Spring) -> Table:
+    """Return the table of a spring's static curve."""
+    rows = spring_curve_rows(spring)
+    shown: list[int] = np.unique(np.linspace(0, len(rows) - 1, _CURVE_ROWS).round().astype(int)).tolist()
+    head, cells = ("mm beyond installed", "force N", "stiffness N/mm", "surge Hz, ends fixed"), list[list[str]]()
+    for travel, force, stiffness, frequencies in (rows[i] for i in shown):
+        surge = f"{frequencies[0]:.4g}" if frequencies else "no mass"
+        cells.append([f"{1e3 * travel:.2f}", f"{force:.1f}", f"{1e-3 * stiffness:.2f}", surge])
+    return plain_table(f"Spring {name}", head, cells)
 
 
 def describe_inactive(ready: PreparedRun) -> list[str]:

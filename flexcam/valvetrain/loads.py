@@ -200,6 +200,7 @@ def _weight(structure: Structure) -> FloatArray:
             load = load + structure.dofs.vector(find_node(model, part.at, f"masses.{name}.at"), pull)
     for name, spring in model.springs.items():
         if spring.mass > 0.0 and model.rocker_at(spring.at) is None:
-            pull = spring.mass / spring.elements * float(gravity @ spring.direction[:3])
-            load = load + sum(0.5 * pull * (low + high) for low, high in spring_parts(structure, name, spring))
+            along = float(gravity @ spring.direction[:3])
+            parts = zip(spring.parts, spring_parts(structure, name, spring), strict=True)
+            load = load + sum(0.5 * (part.mass * along) * (low + high) for part, (low, high) in parts)
     return load

@@ -12,6 +12,7 @@ from flexcam.core.errors import refuse
 from flexcam.dynamics import ModeBasis, System, project_system
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import CamContact, PublishedLoad
+from flexcam.valvetrain.springs import condense_spring
 from flexcam.valvetrain.strength import Bars, compressed_members, elements_of
 from flexcam.valvetrain.structure import Structure, build_structure
 from flexcam.valvetrain.system_builder import build_system
@@ -109,7 +110,7 @@ _ELONGATION_TOLERANCE = 1e-6  # elongation of an element per unit motion below w
 def straighten(model: Model) -> Model:
     """Return a model without bowing members and with springs of one part."""
     members = {n: replace(one, geometric_stiffness=False, bow=0.0) for n, one in model.members.items()}
-    return replace(model, members=members, springs={n: replace(one, elements=1) for n, one in model.springs.items()})
+    return replace(model, members=members, springs={n: condense_spring(one) for n, one in model.springs.items()})
 
 
 def _contact(model: Model, name: str | None) -> PublishedLoad | CamContact:

@@ -128,7 +128,8 @@ def _shares(structure: Structure, shape: FloatArray, mass: FloatArray) -> dict[s
     for name, spring in model.springs.items():
         if spring.mass > 0.0:
             ends = ((float(a @ shape), float(b @ shape)) for a, b in spring_parts(structure, name, spring))
-            shares[f"spring {name}"] = spring.mass / spring.elements * sum(a * a + a * b + b * b for a, b in ends) / 3.0
+            parts = zip(spring.parts, ends, strict=True)
+            shares[f"spring {name}"] = sum(part.mass * (a * a + a * b + b * b) for part, (a, b) in parts) / 3.0
     return shares
 
 

@@ -54,6 +54,18 @@ class Pulsation:
         return self.amplitude * np.cos(self.order * angle + self.phase)
 
 
+@dataclass(frozen=True)
+class SpringPart:
+    """Part of a spring, of uniform stiffness and mass."""
+
+    #: `stiffness`, `damping`: N/m and N s/m, or N m/rad and N m s/rad for a rotation
+    stiffness: float
+    damping: float = 0.0
+    mass: float = 0.0  #: kg
+    travel: float | None = None  #: from the installed length to where its coils touch, m; None without
+    wire: Wire | None = None  #: wire, for the stress; None if unknown
+
+
 @dataclass(frozen=True, eq=False)
 class Spring:
     """A spring and damper along one direction, to ground or between two points."""
@@ -68,7 +80,7 @@ class Spring:
     #: installed force, N, or N m about an axis, acting against `direction`; None if not given
     installed_force: float | None = None
     mass: float = 0.0  #: kg, distributed uniformly over its length
-    elements: int = 1  #: number of equal parts; with more than one, surge is modelled
+    elements: int = 1  #: number of parts, equal unless `coils` has them; with more than one, surge is modelled
     #: travel along `direction` from the installed length to where all coils touch, m; None without
     clash_travel: float | None = None
     clash_stiffness: float = 0.0  #: of one contact between neighbouring parts, N/m
@@ -76,11 +88,28 @@ class Spring:
     #: fluctuation of the stiffness, acting on the deflection from the installed length; None for a constant one
     pulsation: Pulsation | None = None
     link: bool = False  #: whether it represents an elastic part of the train, which is rigid in the rigid model
+    #: rows of travel from the installed length, m, and force, N, if it is not linear; `stiffness` is that as installed
+    table: tuple[tuple[float, float], ...] = ()
+    #: unequal parts, from the fixed to the moving end; `stiffness` is that of all in series
+    coils: tuple[SpringPart, ...] = ()
 
     @property
     def turns(self) -> bool:
         """True if the spring is rotational: moment and angle instead of force and elongation."""
         return not self.direction[:3].any()
+
+    @property
+    def parts(self) -> tuple[SpringPart, ...]:
+        """Parts in series, from the fixed to the moving end."""
+        n = self.elements
+        travel = None if self.clash_travel is None else self.clash_travel / n
+        equal = SpringPart(n * self.stiffness, n * self.damping, self.mass / n, travel, self.wire)
+        return self.coils or (equal,) * n
+
+    @property
+    def compliances(self) -> FloatArray:
+        """Compliance of each part relative to the others, shape (parts,)."""
+        return np.array([self.stiffness / part.stiffness for part in self.coils] or [1.0] * self.elements)
 
 
 @dataclass(frozen=True, eq=False)

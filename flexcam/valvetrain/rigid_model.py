@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -39,7 +39,7 @@ from flexcam.valvetrain.loads import given_loads, preload, steady_load
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import CamContact, PublishedLoad
 from flexcam.valvetrain.rigid_kinematics import Body, Coordinate, divide_train, find_rest
-from flexcam.valvetrain.springs import couple_coils
+from flexcam.valvetrain.springs import condense_spring, couple_coils
 from flexcam.valvetrain.structure import Structure, build_structure, spring_parts
 from flexcam.valvetrain.system_builder import probe_of
 from flexcam.valvetrain.train_topology import follower_train
@@ -201,13 +201,14 @@ def rigid_train(structure: Structure, contact: PublishedLoad | CamContact, where
     parted = divide_train(structure, train.motion)
     motions, bodies = parted.motions, parted.installed
     mass = motions @ structure.mass.multiply(motions.T)
-    damping, stiffness = _spring_matrices(structure, motions)
+    at_rest = _with_static_springs(structure)
+    damping, stiffness = _spring_matrices(at_rest, motions)
     given = structure.model.damping
     force = -motions @ steady_load(structure)
     if isinstance(contact, PublishedLoad):
         force[0] += preload(structure, contact, train, structure.model.cams[contact.cam], speed)
     damping += given.alpha * mass + given.beta * stiffness + _modal(mass, stiffness, bodies, given.modal)
-    held, pushed, laws = bodies @ stiffness @ bodies.T, bodies @ force, train_laws(structure, motions)
+    held, pushed, laws = bodies @ stiffness @ bodies.T, bodies @ force, train_laws(at_rest, motions)
     loads = tuple((motions @ one.vector, one.history) for one in given_loads(structure) if not one.steady)
     if isinstance(contact, PublishedLoad):  # parts driven by it are in the installed position
         paths = parted.coordinates(0.0 * pushed)
@@ -250,14 +251,23 @@ def _modal(mass: FloatArray, stiffness: FloatArray, bodies: FloatArray, ratio: f
     return damping.dense()
 
 
+def _with_static_springs(structure: Structure) -> Structure:
+    """Return a structure in which springs with unequal parts have one: no unknown inside them moves on its own."""
+    springs = structure.model.springs
+    if not any(spring.coils for spring in springs.values()):
+        return structure
+    condensed = {name: condense_spring(one) if one.coils else one for name, one in springs.items()}
+    return replace(structure, model=replace(structure.model, springs=condensed))
+
+
 def _spring_matrices(structure: Structure, motions: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return damping and stiffness of the springs' parts along motions, shape (b, b) each."""
     damping, stiffness = np.zeros((2, len(motions), len(motions)))
     for name, spring in structure.model.springs.items():
-        for low, high in spring_parts(structure, name, spring):
+        for part, (low, high) in zip(spring.parts, spring_parts(structure, name, spring), strict=True):
             row = motions @ (high - low)
-            damping += spring.damping * spring.elements * np.outer(row, row)
-            stiffness += spring.stiffness * spring.elements * np.outer(row, row)
+            damping += part.damping * np.outer(row, row)
+            stiffness += part.stiffness * np.outer(row, row)
     return damping, stiffness
 
 

@@ -1,9 +1,11 @@
-"""Valve springs: coil clash, wire stress and pulsating stiffness."""
+"""Valve springs: force tables, coils that close, wire stress, pulsating stiffness and the static curve."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -12,26 +14,26 @@ from flexcam.core import FloatArray
 from flexcam.dynamics import (
     Channel,
     ForceLaw,
+    Load,
     LocalForce,
-    Observable,
     Observation,
     constant,
     elastic_stop,
-    force_sum,
-    observable_sum,
 )
-from flexcam.dynamics.force_laws import PULSATING
+from flexcam.dynamics.force_laws import PULSATING, force_table, force_table_law
 from flexcam.valvetrain.contacts import Coupling, opposed_force
-from flexcam.valvetrain.parts import Pulsation, Spring
+from flexcam.valvetrain.loads import constant_history
+from flexcam.valvetrain.parts import Pulsation, Spring, SpringPart, Wire
 from flexcam.valvetrain.structure import Structure, spring_parts
 
 
 def couple_coils(structure: Structure) -> Coupling:
-    """Return the contacts between neighbouring parts of springs, and the channels of all springs.
+    """Return the nonlinear forces of the parts of springs, and the channels of all springs.
 
-    ``surge`` is the largest deviation of a coil from uniform deformation, ``clearance`` the travel left until all coils
+    ``surge`` is the largest deviation of a coil from its static position, ``clearance`` the travel left until all coils
     touch, counted by the most compressed part.
     """
+    loads: list[Load] = []
     forces: list[LocalForce] = []
     channels: list[Channel] = []
     count = 0
@@ -39,19 +41,31 @@ def couple_coils(structure: Structure) -> Coupling:
         if not _has_channels(spring) and spring.pulsation is None and spring.clash_travel is None:
             continue
         rows = np.array([high - low for low, high in spring_parts(structure, name, spring)])
-        if spring.pulsation is not None:
-            law = pulsating_spring(spring.stiffness * spring.elements, spring.pulsation)
-            forces.append(opposed_force(f"springs.{name}.pulsation", rows, law))
+        scalars: dict[str, list[int]] = {}
+        for kind, force in _part_forces(f"springs.{name}", spring, rows).items():
+            forces.append(force)
+            scalars[kind] = list(range(count, count + len(rows)))
             count += len(rows)
-        clash = None if spring.clash_travel is None else force_sum(count + len(rows) - 1)
-        channels += _channels(f"springs.{name}", spring, rows, clash)
-        if spring.clash_travel is None:
-            continue
-        room = constant(-spring.clash_travel / spring.elements)
-        forces.append(opposed_force(f"springs.{name}.clash", rows, elastic_stop(spring.clash_stiffness), room))
-        channels.append(Channel(f"springs.{name}.clash", "N", force_sum(*range(count, count + len(rows)))))
-        count += len(rows)
-    return Coupling((), tuple(forces), tuple(channels))
+        if any(closed := _closed_forces(spring)):  # the installed force includes what these coils carry
+            where, balance = f"springs.{name}.closed", constant_history(1.0)
+            loads.append(Load(where, rows.T @ np.array(closed), balance, installed=True, steady=True))
+        channels += _channels(f"springs.{name}", spring, rows, scalars)
+    return Coupling(tuple(loads), tuple(forces), tuple(channels))
+
+
+def _part_forces(where: str, spring: Spring, rows: FloatArray) -> dict[str, LocalForce]:
+    """Return the nonlinear forces of the parts of a spring by kind."""
+    found: dict[str, LocalForce] = {}
+    if spring.pulsation is not None:
+        law = pulsating_spring(spring.parts[0].stiffness, spring.pulsation)
+        found["pulsation"] = opposed_force(f"{where}.pulsation", rows, law)
+    if spring.table:
+        found["table"] = opposed_force(f"{where}.table", rows, table_law(spring))
+    if spring.clash_travel is not None:
+        rooms = tuple(constant(-(part.travel or 0.0)) for part in spring.parts)
+        clash = opposed_force(f"{where}.clash", rows, elastic_stop(spring.clash_stiffness))
+        found["clash"] = replace(clash, offset=rooms)
+    return found
 
 
 def pulsating_spring(stiffness: float, pulsation: Pulsation) -> ForceLaw:
@@ -59,43 +73,257 @@ def pulsating_spring(stiffness: float, pulsation: Pulsation) -> ForceLaw:
     return ForceLaw(PULSATING, (stiffness,), (lambda angle, order: pulsation.part(angle),))
 
 
+def table_law(spring: Spring) -> ForceLaw:
+    """Return the law of one part of a spring with a table, beyond its stiffness and installed force."""
+    travel, force = np.array(spring.table).T
+    beyond = force - (spring.installed_force or 0.0) - spring.stiffness * travel
+    return force_table_law((travel / spring.elements).tolist(), beyond.tolist())
+
+
+def _closed_forces(spring: Spring) -> list[float]:
+    """Return the force of the touching coils of every part as installed, N."""
+    return [spring.clash_stiffness * max(-(part.travel or 0.0), 0.0) for part in spring.parts]
+
+
 def _has_channels(spring: Spring) -> bool:
     """Return whether the force of a spring is an output: not of a bearing or a substitute for a stiff part."""
     return spring.installed_force is not None or spring.elements > 1 or spring.wire is not None
 
 
-def _channels(where: str, spring: Spring, rows: FloatArray, clash: Observable | None) -> list[Channel]:
-    """Return the channels of a spring; `clash` is the force of the touching coils at its moving end."""
-    if not _has_channels(spring):
-        return []
-    installed, stiffness = spring.installed_force or 0.0, spring.stiffness * spring.elements
+def _channels(where: str, spring: Spring, rows: FloatArray, scalars: dict[str, list[int]]) -> list[Channel]:
+    """Return the channels of a spring; `scalars` are the positions of its nonlinear forces by kind."""
+    clash, table = scalars.get("clash", []), scalars.get("table", [])
+    installed = (spring.installed_force or 0.0) - np.array(_closed_forces(spring))
+    stiffness = np.array([part.stiffness for part in spring.parts])
+    stress_factors = np.array([_stress_factor(part) for part in spring.parts])
+    curve = spring_curve(spring) if spring.coils else None
 
     def forces(seen: Observation) -> FloatArray:
-        """Return the force in every part, N, shape (m, parts), compression positive."""
+        """Return the force in the wire of every part, N, shape (m, parts), compression positive."""
         pulsating = 1.0 if spring.pulsation is None else 1.0 + spring.pulsation.part(seen.motion.angle)[:, None]
-        return installed + stiffness * pulsating * seen.moved.extract(rows)
+        linear = installed + stiffness * pulsating * seen.moved.extract(rows)
+        return linear + seen.forces[:, table] if table else linear
 
     def end(seen: Observation) -> FloatArray:
-        return forces(seen)[:, -1]
+        wire = forces(seen)[:, -1]
+        return wire + seen.forces[:, clash[-1]] if clash else wire
 
     def surge(seen: Observation) -> FloatArray:
         stretch = seen.moved.extract(rows)
-        return np.abs(np.cumsum(stretch - stretch.mean(axis=1, keepdims=True), axis=1)).max(axis=1)
+        travel = stretch.sum(axis=1, keepdims=True)
+        still = travel * spring.compliances / spring.compliances.sum()
+        if curve is not None:
+            still = curve.compression(travel[:, 0])
+        return np.abs(np.cumsum(stretch - still, axis=1)).max(axis=1)
 
-    force = end if clash is None else observable_sum(end, clash)
-    found = [Channel(f"{where}.force", "N m" if spring.turns else "N", force)]
-    if spring.elements > 1:
-        found.append(Channel(f"{where}.surge", "rad" if spring.turns else "m", surge))
-    if (wire := spring.wire) is not None:
-        factor = wire.wahl * 8.0 * wire.coil_diameter / (math.pi * wire.diameter**3)
-        stress = Channel(f"{where}.stress", "Pa", lambda seen: factor * np.abs(forces(seen)).max(axis=1))
-        found.append(stress)
-    if (travel := spring.clash_travel) is not None:
-        left = Channel(
-            f"{where}.clearance", "m", lambda seen: travel - len(rows) * seen.moved.extract(rows).max(axis=1)
-        )
-        found.append(left)
+    def clearance(seen: Observation) -> FloatArray:
+        stretch = seen.moved.extract(rows)
+        travel = len(rows) * stretch.max(axis=1) if curve is None else curve.travel_of(stretch)
+        return (spring.clash_travel or 0.0) - travel
+
+    def touching(seen: Observation) -> FloatArray:
+        return np.maximum(seen.forces[:, clash] - solid, 0.0).sum(axis=1)
+
+    found: list[Channel] = []
+    if _has_channels(spring):
+        found.append(Channel(f"{where}.force", "N m" if spring.turns else "N", end))
+        if spring.elements > 1:
+            found.append(Channel(f"{where}.surge", "rad" if spring.turns else "m", surge))
+        if spring.wire is not None:
+            stress = Channel(f"{where}.stress", "Pa", lambda seen: (stress_factors * np.abs(forces(seen))).max(axis=1))
+            found.append(stress)
+        if clash:
+            found.append(Channel(f"{where}.clearance", "m", clearance))
+    if clash:
+        solid = _solid_forces(spring, curve)
+        found.append(Channel(f"{where}.clash", "N", touching))
     return found
+
+
+def _stress_factor(part: SpringPart) -> float:
+    """Return the shear stress of the wire per force, 1/m^2; zero without a wire."""
+    wire = part.wire
+    return 0.0 if wire is None else wire.wahl * 8.0 * wire.coil_diameter / (math.pi * wire.diameter**3)
+
+
+@dataclass(frozen=True, eq=False)
+class SpringCurve:
+    """Static force of a spring over its travel from the installed length, linear between its corners.
+
+    The first and the last row are far beyond the others and continue the curve.
+    """
+
+    travel: FloatArray  #: m, shape (c,)
+    force: FloatArray  #: N, shape (c,)
+    parts: FloatArray  #: compression of each part, m, shape (c, parts)
+
+    @property
+    def stiffness(self) -> FloatArray:
+        """Stiffness between the corners, N/m, shape (c - 1,)."""
+        return np.diff(self.force) / np.diff(self.travel)
+
+    def row_at(self, travel: float) -> int:
+        """Return the corner from which the curve is straight at a travel; at a corner, that corner."""
+        return int(np.clip(np.searchsorted(self.travel, travel, side="right") - 1, 0, len(self.travel) - 2))
+
+    def stiffness_at(self, travel: float) -> float:
+        """Return the stiffness at a travel, N/m; at a corner that beyond it."""
+        return float(self.stiffness[self.row_at(travel)])
+
+    def compression(self, travel: FloatArray) -> FloatArray:
+        """Return the compression of each part at given travels, m, shape (m, parts)."""
+        return np.array([np.interp(travel, self.travel, own) for own in self.parts.T], dtype=np.float64).T
+
+    def travel_of(self, compression: FloatArray) -> FloatArray:
+        """Return the travel at which, at rest, one part is compressed as given and none more, shape (m,)."""
+        parts = zip(compression.T, self.parts.T, strict=True)
+        return np.array([np.interp(x, own, self.travel) for x, own in parts], dtype=np.float64).max(axis=0)
+
+
+_FAR = 1.0
+"""Distance of the end rows of a curve from the others, m."""
+
+
+def spring_curve(spring: Spring) -> SpringCurve:
+    """Return the static curve of a spring: all parts in series carry the same force."""
+    rows = [_part_curve(spring, part) for part in spring.parts]
+    lowest, highest = max(float(force[0]) for _, force in rows), min(float(force[-1]) for _, force in rows)
+    corners = np.unique(np.concatenate([force[1:-1] for _, force in rows]))
+    apart = np.diff(corners, prepend=-np.inf) > _SAME * np.abs(corners).max()
+    force = np.concatenate([[lowest], corners[apart], [highest]])
+    parts = np.column_stack([np.interp(force, own, travel) for travel, own in rows])
+    return SpringCurve(parts.sum(axis=1), force, parts)
+
+
+_SAME = 1e-9  # relative difference of forces below which they are the same
+
+
+def _part_curve(spring: Spring, part: SpringPart) -> tuple[FloatArray, FloatArray]:
+    """Return travel and force of one part at its corners, with a far row at either end."""
+    corners = [x / spring.elements for x, _ in spring.table] or [0.0]
+    if part.travel is not None:
+        corners = sorted({*corners, part.travel})
+    travel = np.array([corners[0] - _FAR, *corners, corners[-1] + _FAR])
+    force = (spring.installed_force or 0.0) + part.stiffness * travel
+    if spring.table:
+        constants = np.array(table_law(spring).constants)
+        force += [force_table(x, constants, 0)[0] for x in travel.tolist()]
+    if part.travel is not None:
+        force += spring.clash_stiffness * (np.maximum(travel - part.travel, 0.0) - max(-part.travel, 0.0))
+    return travel, force
+
+
+def _solid_forces(spring: Spring, curve: SpringCurve | None) -> FloatArray | float:
+    """Return the force of the touching coils of every part as the spring becomes solid, N."""
+    if curve is None:
+        return 0.0
+    travel = np.array([part.travel or 0.0 for part in spring.parts])
+    forces = spring.clash_stiffness * np.maximum(curve.parts[-2] - travel, 0.0)
+    return forces + _SAME * forces.max()  # forces of open coils beside closed ones have their rounding
+
+
+@dataclass(frozen=True)
+class Coils:
+    """Neighbouring active coils of a spring, of equal pitch."""
+
+    turns: float  #: number of coils
+    ends: tuple[float, float]  #: diameter of the mean circle at both ends, m; it tapers evenly between them
+    pitch: float  #: rise per coil of the free spring, m
+
+    def gap(self, wire: float) -> float:
+        """Return the compression per coil at which it touches the next, m, by the diameter d of the wire.
+
+        Where the coil tapers by r per turn, a touching coil lies beside the next, lower by ``sqrt(d^2 - r^2)`` than it.
+        """
+        taper = 0.5 * abs(self.ends[1] - self.ends[0]) / self.turns
+        return self.pitch - math.sqrt(max(wire**2 - taper**2, 0.0))
+
+    def parts(self, wire: float, shear_modulus: float, count: int) -> list[tuple[SpringPart, float]]:
+        """Return parts of equal numbers of turns, without mass, and the length of the wire of each, m.
+
+        The stiffness is ``G d^4/(8 n D^3)`` with the mean cube of the diameter.
+        """
+        bounds, turns = np.linspace(*self.ends, count + 1).tolist(), self.turns / count
+        found: list[tuple[SpringPart, float]] = []
+        for first, last in pairwise(bounds):
+            mean, cube = 0.5 * (first + last), 0.25 * (first + last) * (first**2 + last**2)
+            stiffness = shear_modulus * wire**4 / (8.0 * cube * turns)
+            part = SpringPart(stiffness, travel=turns * self.gap(wire), wire=Wire(wire, mean))
+            found.append((part, turns * math.hypot(math.pi * mean, self.pitch)))
+        return found
+
+
+def coil_spring(
+    spring: Spring, coils: Sequence[Coils], wire: float, shear_modulus: float, density: float | None
+) -> Spring:
+    """Return a free spring with coils, each divided into the parts of the given one, by the diameter of the wire.
+
+    Its mass is that of the wire, or the given one, divided by the length of the wire.
+    """
+    made = [part for one in coils for part in one.parts(wire, shear_modulus, spring.elements)]
+    stiffness, length = 1.0 / sum(1.0 / part.stiffness for part, _ in made), sum(length for _, length in made)
+    per_length = spring.mass / length if density is None else density * math.pi * wire**2 / 4.0
+    parts = tuple(
+        replace(part, damping=spring.damping * part.stiffness / stiffness, mass=per_length * own) for part, own in made
+    )
+    diameter = sum(0.5 * sum(one.ends) * one.turns for one in coils) / sum(one.turns for one in coils)
+    return replace(
+        spring, stiffness=stiffness, mass=per_length * length, elements=len(parts), coils=parts,
+        wire=Wire(wire, diameter),
+    )  # fmt: skip
+
+
+def install_spring(spring: Spring, force: float | None, compression: float | None) -> Spring:
+    """Return a spring whose table or parts count from the free length with travels from the installed length.
+
+    Its installed position follows from the force or the compression; without both it is installed as free.
+    """
+    curve = spring_curve(replace(spring, installed_force=None, clash_travel=None))
+    if force is None:
+        start = compression or 0.0
+        force = float(np.interp(start, curve.travel, curve.force))
+    else:
+        start = float(np.interp(force, curve.force, curve.travel))
+    if spring.table:
+        table = tuple((travel - start, own) for travel, own in spring.table)
+        return replace(spring, table=table, stiffness=curve.stiffness_at(start), installed_force=force)
+    moved = curve.compression(np.array([start]))[0].tolist()
+    coils = tuple(
+        replace(part, travel=(part.travel or 0.0) - own) for part, own in zip(spring.coils, moved, strict=True)
+    )
+    return replace(spring, coils=coils, installed_force=force, clash_travel=float(curve.travel[-2]) - start)
+
+
+def condense_spring(spring: Spring) -> Spring:
+    """Return a spring in one part: unequal parts become the table of their static curve up to coil bind."""
+    if not spring.coils:
+        return replace(spring, elements=1)
+    curve = spring_curve(spring)
+    return replace(
+        spring, elements=1, coils=(), stiffness=curve.stiffness_at(0.0),
+        table=tuple(zip(curve.travel[:-1].tolist(), curve.force[:-1].tolist(), strict=True)),
+        clash_stiffness=float(curve.stiffness[-1] - curve.stiffness[-2]),
+    )  # fmt: skip
+
+
+_FINE = 64
+"""Minimum number of parts for natural frequencies, with which the first one is 1e-4 too high."""
+
+
+def spring_frequencies(spring: Spring, travel: float = 0.0, count: int = 3) -> FloatArray:
+    """Return the first natural frequencies of a spring with both ends fixed at a travel, Hz; none without mass."""
+    if spring.mass == 0.0:
+        return np.zeros(0)
+    curve = spring_curve(spring)
+    row = curve.row_at(travel)
+    stiffness = (curve.force[row + 1] - curve.force[row]) / (curve.parts[row + 1] - curve.parts[row])
+    n = math.ceil(_FINE / len(stiffness))
+    k, m = np.repeat(n * stiffness, n), np.repeat([part.mass / n for part in spring.parts], n)
+    K = np.diag(k[:-1] + k[1:]) - np.diag(k[1:-1], 1) - np.diag(k[1:-1], -1)
+    M = (2.0 * np.diag(m[:-1] + m[1:]) + np.diag(m[1:-1], 1) + np.diag(m[1:-1], -1)) / 6.0
+    L = np.linalg.cholesky(M)
+    squares = np.linalg.eigvalsh(np.linalg.solve(L, np.linalg.solve(L, K).T))
+    return np.sqrt(squares[:count]) / (2.0 * math.pi)
 
 
 _PER_HALF_WAVE = 4

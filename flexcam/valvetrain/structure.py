@@ -152,9 +152,9 @@ def _masses(bare: Structure) -> Iterator[Triplets]:
         yield scalar_matrix(bare.path(rocker), rocker.inertia / rocker.arms[0] ** 2)
     for name, spring in bare.model.springs.items():
         if spring.mass > 0.0:
-            for low, high in spring_parts(bare, name, spring):
-                mass = spring.mass / spring.elements  # consistent: m/6 [2 1; 1 2]
-                yield scalar_matrix(low + high, 0.25 * mass) + scalar_matrix(high - low, mass / 12.0)
+            for part, (low, high) in zip(spring.parts, spring_parts(bare, name, spring), strict=True):
+                # consistent: m/6 [2 1; 1 2]
+                yield scalar_matrix(low + high, 0.25 * part.mass) + scalar_matrix(high - low, part.mass / 12.0)
 
 
 def _stretches(bare: Structure) -> Iterator[tuple[FloatArray, float, float]]:
@@ -164,9 +164,8 @@ def _stretches(bare: Structure) -> Iterator[tuple[FloatArray, float, float]]:
             bent = float(lever.reach(np.zeros(1), end)[1][0]) * path - moved
             yield bent, lever.stiffness[end], lever.damping[end]
     for name, spring in bare.model.springs.items():
-        share = float(spring.elements)
-        for low, high in spring_parts(bare, name, spring):
-            yield high - low, share * spring.stiffness, share * spring.damping
+        for part, (low, high) in zip(spring.parts, spring_parts(bare, name, spring), strict=True):
+            yield high - low, part.stiffness, part.damping
 
 
 def _single(model: Model) -> list[tuple[int, FloatArray]]:

@@ -108,7 +108,7 @@ def _is_in_train(model: Model, contact: CamPair, play: Lash) -> bool:
 
 
 def complete_motion(structure: Structure, motion: FloatArray) -> FloatArray:
-    """Return a motion of nodes with dependent points and springs, lash closed and springs deformed uniformly."""
+    """Return a motion of nodes with dependent points and springs, lash closed and springs in proportion."""
     moved = motion
     for _ in [None, *structure.model.lashes]:  # each pass adds at least one lash element in any order
         moved = _follow_links(structure, _transmit_through_lash(structure, moved))
@@ -120,12 +120,13 @@ def complete_motion(structure: Structure, motion: FloatArray) -> FloatArray:
 
 
 def with_springs(structure: Structure, motion: FloatArray) -> FloatArray:
-    """Return a motion with uniformly deformed springs."""
+    """Return a motion with springs whose parts deform by their compliances."""
     moved = motion.copy()
     for name, spring in structure.model.springs.items():
         ends = [float(row @ motion) for row in spring_ends(structure, name, spring)]
-        for i in range(1, spring.elements):
-            own, part = structure.dofs.unit(inner_name(name, i)), i / spring.elements
+        borders: list[float] = (np.cumsum(spring.compliances) / spring.compliances.sum()).tolist()
+        for i, part in enumerate(borders[:-1], start=1):
+            own = structure.dofs.unit(inner_name(name, i))
             moved += own * ((1.0 - part) * ends[1] + part * ends[0] - float(own @ motion))
     return moved
 

@@ -206,6 +206,24 @@ def test_an_adjuster_between_nodes():
     assert np.ptp(found["contacts.play.leak_down"]) > 0.0
 
 
+COILS = (
+    'springs.stem={ at = "stem", direction = "uy", installed_compression = "8 mm", elements = 2, coils = [{ turns = 2, '
+)
+COILS += 'diameter = ["24 mm", "20 mm"], pitch = "5 mm" }, { turns = 4, diameter = "24 mm", pitch = "9 mm" }], '
+COILS += 'wire = { diameter = "4 mm", shear_modulus = "80 GPa", density = "7850 kg/m^3" } }'
+TABLE = 'springs.lifter={ at = "lifter", direction = "uy", installed_force = 10, force_table = [[0, 0], [0.04, 24], [0.05, 40]] }'
+
+
+def test_springs_that_are_not_linear_act(as_it_stands):
+    one = ran(ENGINE, COILS)
+    assert differs(as_it_stands, one)
+    for key in ("turns=2.5", "pitch=6 mm", "diameter=24 mm"):
+        assert differs(one, ran(ENGINE, COILS, f"springs.stem.coils.0.{key}")), key
+    for key in ("diameter=4.2 mm", "density=8500", "shear_modulus=75 GPa"):
+        assert differs(one, ran(ENGINE, COILS, f"springs.stem.wire.{key}")), key
+    assert differs(as_it_stands, ran(ENGINE, TABLE))
+
+
 TOLERANCES = '{ lift = "1 %", velocity = "2 %", acceleration = "5 %", force = "5 %" }'
 GAS = '{ at = "valve", direction = "uy", table = "gas.csv", area = "8 cm^2", phase = "10 deg", repeat = true }'
 GUIDE = (
@@ -224,6 +242,7 @@ def test_every_key_of_the_format_stands_in_some_case(rewritten, tmp_path):
     shutil.copy(DATA / "lift.csv", tmp_path)
     cases = [
         (DATA / "every-key.toml", []), (DATA / "every-contact.toml", []), (ENGINE, [OIL]), (rewritten(SWING, FREE), []),
+        (ENGINE, [COILS, TABLE]),
         (DATA / "every-key.toml", ['run.integrator={ method = "hht", alpha = -0.1 }']),
         (DATA / "every-key.toml", ['run.integrator={ method = "generalized-alpha", rho_inf = 0.8 }']),
         (DATA / "every-key.toml", ['run.start={ displacement = { "cam.uy" = "1 um" }, velocity = { "cam.rx" = 1 } }']),

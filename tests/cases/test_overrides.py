@@ -21,6 +21,28 @@ def test_a_number_in_a_list_is_laid_over_by_its_position():
     assert read_case(PUBLISHED, ["rockers.rocker.arms.1=0.042"]).record == whole.record
 
 
+COILS = 'springs.valve={ at = "valve", direction = "uy", coils = [{ turns = 2, diameter = 0.024, pitch = 0.006 }, '
+COILS += "{ turns = 4, diameter = [0.024, 0.02], pitch = 0.009 }], wire = { diameter = 0.004, shear_modulus = 80e9 } }"
+TABLE = 'springs.valve={ at = "valve", direction = "uy", force_table = [[0, 0], [0.02, 600.0]] }'
+
+
+def test_a_number_in_a_table_of_a_list_is_laid_over_by_its_position():
+    laid = ["springs.valve.coils.0.turns=3", "springs.valve.coils.1.pitch=8mm", "springs.valve.coils.1.diameter.0=23mm"]
+    first, second = read_case(PUBLISHED, [COILS, *laid]).record.springs["valve"].coils
+    assert (first.turns, second.pitch, second.diameter) == (3.0, 0.008, (0.023, 0.02))
+    table = read_case(PUBLISHED, [TABLE, "springs.valve.force_table.1.1=700N"]).record.springs["valve"].force_table
+    assert table == [(0.0, 0.0), (0.02, 700.0)]
+
+
+@pytest.mark.parametrize(
+    ("key", "given"), [("coils.2.turns", "'2'"), ("coils.0.turns.1", "'turns.1'"), ("coils.0", "3")]
+)
+def test_no_place_in_a_list_of_tables(key, given):
+    with pytest.raises(InputError) as refusal:
+        read_case(PUBLISHED, [COILS, f"springs.valve.{key}=3"])
+    assert given in [fault.given for fault in refusal.value.faults]
+
+
 @pytest.mark.parametrize("position", ["2", "-1", "x", "²"])
 def test_a_position_that_a_list_does_not_have(position):
     with pytest.raises(InputError) as refusal:

@@ -33,7 +33,7 @@ from flexcam.dynamics import (
     solve,
     spring_damper,
 )
-from flexcam.dynamics.force_laws import LAWS, SLIDING_FRICTION, ForceLaw, line_load, oil_column
+from flexcam.dynamics.force_laws import LAWS, SLIDING_FRICTION, ForceLaw, force_table_law, line_load, oil_column
 from flexcam.dynamics.force_laws import LEVER as LEVER_KIND
 from flexcam.dynamics.kernel_engine import compiled_functions
 from flexcam.dynamics.local_forces import LocalForces
@@ -75,6 +75,7 @@ CASES = {
     "pulsating": (pulsating_spring(4e4, Pulsation(2.0, 0.7, 0.3)), 1e-3, 2.0),
     "lever, driven end": (lever_end(LEVER, 0), 2e-3, 2.0),
     "lever, point": (lever_end(LEVER, 1), 2e-3, 2.0),
+    "table": (force_table_law([-4e-4, 0.0, 2e-4, 7e-4], [-20.0, 0.0, 25.0, 30.0]), 1e-3, 2.0),
     "arch": (arch_laws(arch())[0], 1e-2, 0.0),
     "sliding friction": (ForceLaw(SLIDING_FRICTION, (20.0, 30.0, 0.1, 3.0, 0.01)), 1e-3, 0.3),
     "friction": (replace(hunt_crossley_contact(5e7, 0.3), friction=(0.12, 1e-2)), 1e-4, 2.0),
@@ -204,7 +205,9 @@ def chain(law):
 
 
 @pytest.mark.parametrize("path", ["direct", "kernel"])
-@pytest.mark.parametrize("name", ["bilateral", "stop", "hunt-crossley", "line contact", "lever, point", "arch"])
+@pytest.mark.parametrize(
+    "name", ["bilateral", "stop", "hunt-crossley", "line contact", "table", "lever, point", "arch"]
+)
 def test_a_run_from_static_equilibrium_stays_there(name, path):
     law, _, _ = CASES[name]
     system, drive = chain(law), ConstantSpeed(1e-9)
@@ -235,6 +238,16 @@ def test_both_engines_give_the_same_motion(name):
     one, other = (run["all"].displacement for run in runs)
     # residual tolerance 1e-12 of the forces in every step
     np.testing.assert_allclose(other, one, rtol=0, atol=1e-9 * np.abs(one).max())
+
+
+def test_a_table_goes_through_its_rows_and_on_along_its_ends():
+    """Also with one row between two others, where a search for the row must find either side."""
+    travel, force = [-1e-3, 1e-3, 2e-3, 5e-3], [-30.0, 10.0, 40.0, 60.0]
+    forces, schedule = stacked(force_table_law(travel, force))
+    far = [-3e-3, *travel, 9e-3]
+    found = [float(forces.respond(np.array([x]), np.zeros(1), np.zeros(0), schedule).force[0]) for x in far]
+    np.testing.assert_allclose(found, [-70.0, *force, 60.0 + 4e-3 * 20.0 / 3e-3], rtol=1e-14)
+    assert float(forces.energies(np.zeros((1, 1)), np.zeros((1, 0)), np.zeros((1, 0)))[0][0, 0]) == 0.0
 
 
 @settings(max_examples=60, deadline=None, derandomize=True)

@@ -28,6 +28,9 @@ ARMS = 'arms = ["25 mm", "40 mm"]'
 ON_FINGER = '[contacts.second]\nat = "finger"\nmodel = "lash"\ngap = 0\nstiffness = 1e7\n\n[contacts.tip]'
 OIL_ON_FINGER = '[contacts.second]\nat = "finger"\nmodel = "lash-adjuster"\nstiffness = 1e7\nleak = 1e5\nrefill = 200\nplunger_force = 20\n\n[contacts.tip]'
 TWIST = '[springs.twist]\nat = "cam"\ndirection = "rx"\n{}\n\n[springs.tappet]'
+STEM = 'stiffness = "40 kN/m"\ninstalled_force = "300 N"'
+ROWS = 'force_table = [[0, 0], ["8 mm", "300 N"], ["20 mm", "900 N"]]'
+UNEVEN = 'coils = [{ turns = 2, diameter = "24 mm", pitch = "5 mm" }, { turns = 4, diameter = "24 mm", pitch = "9 mm" }]\nwire = { diameter = "4 mm", shear_modulus = "80 GPa" }'
 OTHER_FINGER = '[rockers.other]\nmodel = "lever"\nfrom = "pad"\nto = "twin"\ndirection = "uy"\narms = [0.02, 0.03]\ninertia = 1e-4\nstiffness = 1e6\n\n[springs.valve]'
 
 # what is wrong: changes, the key it must be reported at, a part of `given`, a part of the whole message
@@ -123,6 +126,26 @@ FAULTS = {
     "stiffness beside that of the wire": ([(COILS, f'stiffness = "50 kN/m"\n{COILS}')], "springs.valve", "", "stiffness"),
     "wire of a spring that twists": ([("[springs.tappet]", TWIST.format(COILS))], "springs.twist", "", ""),
     "clash of a spring without stiffness": ([(COILS, WIRE)], "springs.valve", "", "stiffness"),
+    # springs that are not linear
+    "stiffness beside a table": ([(STEM, f"{STEM}\n{ROWS}")], "springs.stem", "", "either force_table or a stiffness"),
+    "table with a force that falls": ([(STEM, ROWS.replace('"900 N"', '"250 N"'))], "springs.stem.force_table", "250 N", "increasing travel and force"),
+    "table in one row": ([(STEM, "force_table = [[0, 0]]")], "springs.stem.force_table", "", "2"),
+    "table of three columns": ([(STEM, "force_table = [[0, 0, 0], [1, 1, 1]]")], "springs.stem.force_table", "", "2"),
+    "table in a wrong unit": ([(STEM, ROWS.replace("900 N", "900 mm"))], "springs.stem.force_table", "900 mm", "force"),
+    "table that does not reach the installed force": ([(STEM, f'installed_force = "1 kN"\n{ROWS}')], "springs.stem.force_table", "", "rows around 1000 N"),
+    "table beside coils": ([(STEM, f"{ROWS}\n{UNEVEN}")], "springs.stem", "", "either force_table or coils"),
+    "table of a spring that pulsates": ([(STEM, f"{ROWS}\npulsation = {{ order = 1, amplitude = 0.1 }}")], "springs.stem", "", "without pulsation"),
+    "table of a spring that twists": ([("[springs.tappet]", TWIST.format(ROWS))], "springs.twist", "", "along a line"),
+    "force and compression": ([(STEM, f'installed_force = 300\ninstalled_compression = "8 mm"\n{ROWS}')], "springs.stem", "", "either installed_force"),
+    "coils without a wire": ([(STEM, UNEVEN.partition("wire")[0])], "springs.stem", "", "shear_modulus beside coils"),
+    "coils and a coil diameter": ([(STEM, UNEVEN.replace("shear", 'coil_diameter = "24 mm", shear'))], "springs.stem", "", "coil_diameter"),
+    "coils and a travel": ([(STEM, f'{UNEVEN}\nclash_travel = "9 mm"')], "springs.stem", "", "without clash_travel"),
+    "coils with two masses": ([(STEM, f'{UNEVEN}\nmass = "50 g"'.replace("shear", "density = 7850, shear"))], "springs.stem", "", "mass or a density"),
+    "coils of a pitch within the wire": ([(STEM, UNEVEN.replace("9 mm", "3.9 mm"))], "springs.stem.coils.1.pitch", "0.0039 m", "above 0.004 m"),
+    "coils too tight": ([(STEM, UNEVEN.replace("24 mm", "7 mm"))], "springs.stem.coils.0.diameter", "0.007 m", "twice the diameter"),
+    "coils installed solid": ([(STEM, f'{UNEVEN}\ninstalled_force = "5 kN"')], "springs.stem", "", "before all coils touch"),
+    "density of a uniform wire": ([(WIRE, WIRE.replace(" }", ", density = 7850 }"))], "springs.exhaust", "", "beside coils only"),
+    "shear modulus without coils": ([(WIRE, WIRE.replace(" }", ', shear_modulus = "80 GPa" }'))], "springs.exhaust", "", "active_coils"),
     # speed
     "fewer amplitudes than orders": ([('["3 %", 0.01]', '["3 %"]')], "run.fluctuation", "3 %", "every order"),
     "fewer phases than orders": ([('["30 deg", 0]', '["30 deg"]')], "run.fluctuation", "", "every order"),

@@ -1,9 +1,11 @@
 """What the channels of a spring hold: the force of its part at the moving end, a moment where it turns."""
 
+import json
+
 import numpy as np
 import pytest
 
-from flexcam import prepare, read_case, run
+from flexcam import build_model, prepare, read_case, run
 from flexcam.analysis.natural_modes import modes
 from flexcam.case.input_checks import check_values
 from flexcam.report.tables import model_table
@@ -76,6 +78,59 @@ def test_force_includes_that_of_touching_coils(case):
     force = response.channels["springs.coil.force"]
     assert response.channels["springs.coil.clash"].max() > 0.1 * np.abs(force).max()
     assert np.abs(force - wanted).max() < 1e-9 * np.abs(force).max()
+
+
+BEEHIVE = (
+    "damping = 4.0, coils = [{ turns = 4, diameter = 0.024, pitch = 0.009 }, { turns = 2.5, diameter = [0.024, 0.017], "
+)
+BEEHIVE += (
+    "pitch = 0.0049 }], wire = { diameter = 0.0039, shear_modulus = 79.3e9, density = 7850 }, installed_force = 240.0"
+)
+
+
+@pytest.fixture
+def beehive(case):
+    """Return the case with a beehive spring that swings by 6 mm about its place in balance with a weight."""
+    text = SURGING.replace(
+        'stiffness = "40 kN/m", mass = "60 g", elements = 4, damping = 0.0', f"elements = 4, {BEEHIVE}"
+    )
+    load = '[loads]\nweight = { at = "mass", direction = "uy", force = "400 N" }\n[run]'
+    return case(text.replace("[run]", load).replace('"1 mm"', '"0 mm"').replace("0.02", "0.01"))
+
+
+def test_coils_that_close_by_design_are_no_clash(beehive):
+    """The coils at the narrow end close far from coil bind, and the equation of motion of the mass holds."""
+    response = run(beehive)
+    clearance, clash = (response.channels[f"springs.coil.{name}"] for name in ("clearance", "clash"))
+    spring = build_model(beehive).springs["coil"]
+    moved = np.column_stack([response["springs.coil"].displacement, response["mass.uy"].displacement])
+    closed = np.diff(moved, axis=1, prepend=0.0) > [part.travel for part in spring.parts]
+    assert closed[:, 4:].any()
+    assert not closed[:, :4].any()
+    assert clearance.min() > 1e-3
+    assert not clash.any()
+    end, before = (response[name].acceleration for name in ("mass.uy", "springs.coil.7"))
+    last = spring.parts[-1]
+    damped = last.damping * np.diff(np.column_stack([response["springs.coil"].velocity, response["mass.uy"].velocity]))
+    wanted = 400.0 - (0.1 + last.mass / 3.0) * end - last.mass / 6.0 * before - damped[:, -1]
+    force = response.channels["springs.coil.force"]
+    assert np.abs(force - wanted).max() < 1e-9 * np.abs(force).max()
+
+
+def test_check_shows_the_curve(beehive, flexcam):
+    """From the installed length to coil bind: the stiffness grows at each corner, and so does the natural frequency."""
+    told = flexcam("check", str(beehive.path))
+    assert "Spring coil" in told.out
+    curve = json.loads(flexcam("check", str(beehive.path), "--json").out)["spring_curves"]["coil"]
+    travel, force, stiffness = (
+        np.array([row[key] for row in curve]) for key in ("travel_m", "force_n", "stiffness_n_per_m")
+    )
+    np.testing.assert_allclose(np.diff(force), stiffness[:-1] * np.diff(travel), rtol=1e-12)
+    assert travel[0] == 0.0
+    assert force[0] == pytest.approx(240.0, rel=1e-12)
+    assert travel[-1] == pytest.approx(build_model(beehive).springs["coil"].clash_travel, rel=1e-12)
+    assert (np.diff(stiffness) > 0.0).all()
+    assert (np.diff([row["frequencies_hz"][0] for row in curve]) > 0.0).all()
 
 
 def test_a_spring_that_turns_has_a_moment(case):

@@ -1,7 +1,8 @@
-"""Coil springs: rate and stress of the wire, surge against a chain of its own, and coils that touch.
+"""Coil springs: rate and stress of the wire, surge against a chain of its own, coils that touch, curves that bend.
 
 J. E. Shigley and C. R. Mischke, Mechanical Engineering Design, 5th ed. (1989), secs. 10-1 to 10-3: k =
 G d^4/(8 D^3 n), the largest shear stress K_W 8 F D/(pi d^3) with Wahl's factor.
+A. M. Wahl, Mechanical Springs, 2nd ed. (1963): a conical spring has k = G d^4/(2 n (D1 + D2) (D1^2 + D2^2)).
 """
 
 from __future__ import annotations
@@ -13,8 +14,9 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 
-from flexcam import build_model, prepare, read_case, run
+from flexcam import build_model, modes, prepare, read_case, run
 from flexcam.dynamics import ConstantSpeed, equilibrium
+from flexcam.valvetrain.springs import spring_curve, spring_frequencies
 
 SOURCE = "Coil springs"
 CASE = """
@@ -181,3 +183,224 @@ def test_clearance_of_a_surging_spring(case):
     touching = response.channels["springs.valve.clash"] > 0.0
     np.testing.assert_array_equal(touching, clearance < 0.0)
     assert clearance.min() < 12e-3 - response["top.uy"].displacement.max()
+
+
+TRAVELS, FORCES = (0.0, 6e-3, 12e-3, 18e-3, 24e-3), (0.0, 250.0, 430.0, 850.0, 1400.0)
+TABLE = 'force_table = [[0, 0], ["6 mm", "250 N"], ["12 mm", "430 N"], ["18 mm", "850 N"], ["24 mm", "1.4 kN"]]'
+PLACE = float(np.interp(INSTALLED, FORCES, TRAVELS))
+"""Compression as installed."""
+
+
+@pytest.mark.parametrize("elements", [1, 3])
+@pytest.mark.parametrize("degrees", [0.0, 20.0, 80.0])
+def test_force_of_a_table_at_rest(record, case, elements, degrees):
+    """Installed in the degressive part of the table; the progressive one begins at 1 mm of lift."""
+    lift, channels = still(case(f"{TABLE}\nelements = {elements}"), degrees)
+    force = np.interp(PLACE + lift, TRAVELS, FORCES)
+    record(source=SOURCE, case=f"table in {elements} parts, lift of {1e3 * lift:.2f} mm", unit="N",
+           quantity="force that the cam gives", reference=force, computed=channels["contacts.intake.force"],
+           tolerance=1e-6, reason="rounding")  # fmt: skip
+    assert channels["springs.valve.force"] == pytest.approx(force, rel=1e-9)
+
+
+def test_installed_position_on_a_table(case):
+    """By the force or by the compression, with the stiffness beyond it; without both the table counts from there."""
+    by_force = build_model(case(TABLE)).springs["valve"]
+    assert by_force.installed_force == INSTALLED
+    assert by_force.stiffness == pytest.approx(30e3, rel=1e-12)
+    assert by_force.table[0][0] == pytest.approx(-11e-3, rel=1e-12)
+    text = CASE.replace("installed_force = 400.0", 'installed_compression = "12 mm"')
+    path = case(TABLE).path
+    path.write_text(text.format(spring=TABLE), encoding="utf-8")
+    by_travel = build_model(read_case(path)).springs["valve"]
+    assert by_travel.installed_force == pytest.approx(430.0, rel=1e-12)
+    assert by_travel.stiffness == pytest.approx(70e3, rel=1e-12)
+    path.write_text(text.replace('installed_compression = "12 mm"', "").format(spring=TABLE.replace("[0,", "[0.0,")))
+    assert build_model(read_case(path)).springs["valve"].installed_force == 0.0
+
+
+FAST = ("run.revolutions=1", "run.speed=3000 rpm")
+
+
+def test_energy_of_a_table(record, case):
+    response = run(case(f'{TABLE}\nmass = "60 g"\nelements = 4\ndamping = 4.0', *FAST))
+    work, residual = (np.abs(response.channels[f"energy.{name}"]).max() for name in ("work", "residual"))
+    record(source=SOURCE, case="table in 4 parts, a revolution at 3000 rpm", quantity="residual of the energy balance",
+           unit="J", reference=0.0, computed=residual, tolerance=1e-6 * work, absolute=True,
+           reason="steps across the corners of the table")  # fmt: skip
+
+
+def test_a_straight_table_is_a_linear_spring(case):
+    one, other = (
+        run(case(f'{force}\nmass = "60 g"\nelements = 4\ndamping = 4.0', *FAST))
+        for force in ("stiffness = 40e3", "force_table = [[0, 0], [5e-3, 200.0], [15e-3, 600.0]]")
+    )
+    for name in one.channels.keys() - {"energy.residual", "energy.numerical"}:
+        values = one.channels[name]  # the local iteration ends at 1e-12 of the forces
+        np.testing.assert_allclose(other.channels[name], values, rtol=0, atol=1e-9 * max(np.abs(values).max(), 1e-9))
+
+
+@pytest.mark.parametrize(
+    "spring", [TABLE, 'mass = "50 g"\nelements = 2\n' + TABLE, "{two_rate}"], ids=["table", "parts", "two rates"]
+)
+def test_rigid_force_is_that_of_the_curve(record, case, spring):
+    """At 60 rpm: the force at the cam less the inertia of the parts that it moves."""
+    made = case(
+        spring.replace("{two_rate}", TWO_RATES.replace("PARTS", "2")),
+        'fidelity.model="rigid"',
+        "run.revolutions=1",
+        "run.speed=60 rpm",
+    )
+    response, model = run(made), build_model(made)
+    lift, curve = response["top.uy"].displacement, spring_curve(model.springs["valve"])
+    mass = 0.1 + np.pi * 0.02**2 * 0.05 * 1.0 + model.springs["valve"].mass / 3.0
+    force = np.interp(lift, curve.travel, curve.force) + mass * response["top.uy"].acceleration
+    error = np.abs(response.channels["contacts.intake.force"] - force).max()
+    name = "coils of two pitches" if "two_rate" in spring else "table"
+    record(source=SOURCE, case=f"rigid model, {name}, {len(model.springs['valve'].parts)} parts", unit="N",
+           quantity="largest error of the force at the cam", reference=0.0, computed=error, tolerance=2e-4,
+           absolute=True, reason="the mass of unequal parts moves in proportion to their compliance")  # fmt: skip
+
+
+# Two coils 1 mm apart below four coils 5 mm apart, of one wire and diameter.
+TWO_RATES = """wire = { diameter = "4 mm", shear_modulus = "80 GPa" }
+coils = [{ turns = 2, diameter = "24 mm", pitch = "5 mm" }, { turns = 4, diameter = "24 mm", pitch = "9 mm" }]
+mass = "50 g"
+elements = PARTS"""
+COIL_STIFFNESS = 80e9 * 4e-3**4 / (8.0 * 24e-3**3)
+
+
+def two_rates(travel):
+    """Return the force over the travel from the free length, by hand: in series, then the first coils in contact."""
+    close, far = COIL_STIFFNESS / 2.0, COIL_STIFFNESS / 4.0
+    touching = 51.0 * close  # stiffness of the first coils and 50 times it of their contact
+    soft, hard = 1.0 / (1.0 / close + 1.0 / far), 1.0 / (1.0 / touching + 1.0 / far)
+    first = 2e-3 * close  # force that closes the first coils, each by a millimetre
+    return np.where(travel < first / soft, soft * travel, first + hard * (travel - first / soft))
+
+
+@pytest.mark.parametrize("elements", [1, 3])
+@pytest.mark.parametrize(
+    ("force", "degrees"), [(120.0, 0.0), (120.0, 30.0), (120.0, 80.0), (400.0, 0.0), (400.0, 80.0)]
+)
+def test_two_rates_at_rest(record, case, elements, force, degrees):
+    """The coils of the small pitch close at 185 N: during the lift, or before it with the greater installed force."""
+    made = case(TWO_RATES.replace("PARTS", str(elements)), f"springs.valve.installed_force={force} N")
+    path = made.path
+    path.write_text(path.read_text(encoding="utf-8").replace("400.0", f"{force}"), encoding="utf-8")
+    lift, channels = still(read_case(path), degrees)
+    travel = np.linspace(0.0, 30e-3, 300001)
+    start = np.interp(force, two_rates(travel), travel)
+    wanted = float(two_rates(start + lift))
+    told = f"two pitches in {elements} parts each, {force:g} N installed, lift of {1e3 * lift:.2f} mm"
+    record(source=SOURCE, case=told,
+           quantity="force that the cam gives", unit="N", reference=wanted, computed=channels["contacts.intake.force"],
+           tolerance=1e-6, reason="rounding")  # fmt: skip
+    assert channels["springs.valve.surge"] < 1e-9
+    solid = 4.0 * 5e-3 * COIL_STIFFNESS / 4.0  # force that closes the last coils
+    left = np.interp(solid, two_rates(travel), travel) - start - lift
+    assert channels["springs.valve.clearance"] == pytest.approx(left, abs=1e-9)
+    assert channels["springs.valve.clash"] == 0.0
+
+
+def test_energy_of_two_rates(record, case):
+    """Each closing of the coils ends a step, so that nothing is lost."""
+    response = run(case(TWO_RATES.replace("PARTS", "2"), "springs.valve.installed_force=150 N", *FAST))
+    work, residual = (np.abs(response.channels[f"energy.{name}"]).max() for name in ("work", "residual"))
+    record(source=SOURCE, case="two pitches, 2 parts each, a revolution at 3000 rpm", unit="J",
+           quantity="residual of the energy balance", reference=0.0, computed=residual, tolerance=1e-12 * work,
+           absolute=True, reason="rounding")  # fmt: skip
+
+
+def test_solid_two_rates_clash(case):
+    """Beyond the travel to coil bind the clearance is negative and the coils of the large pitch bear force as well."""
+    made = case(TWO_RATES.replace("PARTS", "1"), "springs.valve.installed_force=900 N")
+    made.path.write_text(made.path.read_text(encoding="utf-8").replace("400.0", "900.0"), encoding="utf-8")
+    _, channels = still(read_case(made.path), 80.0)
+    assert channels["springs.valve.clearance"] < -5e-3
+    assert channels["springs.valve.clash"] > 1e4
+
+
+def test_equal_coils_are_a_uniform_spring(case):
+    """Two entries of two parts, of one pitch, against four parts and the travel of all coils."""
+    wire = 'wire = { diameter = "4 mm", shear_modulus = "80 GPa"'
+    more = '\nmass = "50 g"\ndamping = 3.0\n'
+    half = '{ turns = 2.5, diameter = "24 mm", pitch = "7 mm" }'
+    left = 5.0 * 3e-3 - INSTALLED / (COIL_STIFFNESS / 5.0)
+    uniform = f'{wire}, coil_diameter = "24 mm", active_coils = 5 }}\nclash_travel = {left!r}\nelements = 4{more}'
+    one, other = (
+        run(case(spring, *FAST)) for spring in (uniform, f"{wire} }}\ncoils = [{half}, {half}]\nelements = 2{more}")
+    )
+    assert one.channels["springs.valve.clash"].max() > 0.0
+    for name, values in one.channels.items():
+        if not name.startswith("energy."):  # contacts that switch multiply the rounding of the stiffness
+            np.testing.assert_allclose(
+                other.channels[name], values, rtol=0, atol=1e-7 * max(np.abs(values).max(), 1e-9)
+            )
+
+
+TAPERED = """wire = { diameter = "4 mm", shear_modulus = "80 GPa", density = "7850 kg/m^3" }
+coils = [{ turns = 3, diameter = "26 mm", pitch = "8 mm" }, { turns = 2, diameter = [0.026, 0.016], pitch = "7 mm" }]
+elements = 4"""
+
+
+def test_tapered_coils(record, case):
+    """Wahl's conical spring in four parts; a coil that tapers by 2.5 mm comes to lie 3.12 mm below the next."""
+    spring = build_model(case(TAPERED)).springs["valve"]
+    cone = [part.stiffness for part in spring.coils[4:]]
+    wanted = 80e9 * 4e-3**4 / (2.0 * 2.0 * (26e-3 + 16e-3) * (26e-3**2 + 16e-3**2))
+    record(source=SOURCE, case="conical coils, 26 to 16 mm", quantity="stiffness", unit="N/m", reference=wanted,
+           computed=1.0 / sum(1.0 / one for one in cone), tolerance=1e-12, reason="rounding")  # fmt: skip
+    length = 3.0 * math.hypot(math.pi * 26e-3, 8e-3) + sum(
+        0.5 * math.hypot(math.pi * D, 7e-3) for D in (24.75e-3, 22.25e-3, 19.75e-3, 17.25e-3)
+    )
+    assert spring.mass == pytest.approx(7850.0 * math.pi / 4.0 * 4e-3**2 * length, rel=1e-12)
+    free = [part.travel + INSTALLED / part.stiffness for part in spring.coils]
+    assert free[0] == pytest.approx(0.75 * 4e-3, rel=1e-9)
+    assert free[-1] == pytest.approx(0.5 * (7e-3 - math.sqrt(4e-3**2 - 2.5e-3**2)), rel=1e-9)
+    widest = max(part.wire.coil_diameter for part in spring.coils)
+    _, channels = still(case(TAPERED), 0.0)
+    C = widest / 4e-3
+    wahl = (4.0 * C - 1.0) / (4.0 * C - 4.0) + 0.615 / C
+    stress = wahl * 8.0 * channels["springs.valve.force"] * widest / (math.pi * 4e-3**3)
+    assert channels["springs.valve.stress"] == pytest.approx(stress, rel=1e-9)
+
+
+HELD = """format = 1
+[nodes]
+end = [0, 0, 0]
+[supports]
+end = ["ux", "uy", "uz"]
+[masses]
+end = { at = "end", mass = "0.1 kg" }
+[springs]
+coil = { at = "end", direction = "uy", stiffness = "40 kN/m", mass = "60 g", elements = PARTS }
+[run]
+speed = "60 rpm"
+revolutions = 0.1
+"""
+
+
+@pytest.mark.parametrize("parts", [4, 8, 16, 32])
+def test_first_surge_frequency(record, tmp_path, parts):
+    """Both ends fixed, f = 1/2 sqrt(k/m) of a continuous spring: the error falls as (pi/p)^2/24."""
+    path = tmp_path / "held.toml"
+    path.write_text(HELD.replace("PARTS", str(parts)), encoding="utf-8")
+    found = modes(read_case(path), 1).modes.frequencies[0]
+    true = 0.5 * math.sqrt(40e3 / 0.06)
+    record(source=SOURCE, case=f"fixed at both ends, {parts} parts", quantity="first natural frequency", unit="Hz",
+           reference=true, computed=found, tolerance=1.1 * (math.pi / parts) ** 2 / 24.0,
+           reason="elements that are linear between their ends")  # fmt: skip
+    assert found / true - 1.0 == pytest.approx((math.pi / parts) ** 2 / 24.0, rel=0.1)
+
+
+def test_surge_frequency_over_the_travel(record, case):
+    """A table has that of its slope; coils in contact leave the wire of the others to surge."""
+    table = build_model(case(f'{TABLE}\nmass = "60 g"\nelements = 1')).springs["valve"]
+    for travel, slope in ((0.0, 30e3), (4e-3, 70e3)):
+        record(source=SOURCE, case=f"table, both ends fixed, {1e3 * travel:g} mm beyond installed", unit="Hz",
+               quantity="first natural frequency", reference=0.5 * math.sqrt(slope / 0.06),
+               computed=spring_frequencies(table, travel)[0], tolerance=2e-4, reason="64 parts")  # fmt: skip
+    coils = build_model(case(TWO_RATES.replace("PARTS", "1"), "springs.valve.installed_force=150 N")).springs["valve"]
+    closed = 0.5 * math.sqrt(COIL_STIFFNESS / 4.0 / (0.05 * 4.0 / 6.0))
+    assert spring_frequencies(coils, 5e-3)[0] == pytest.approx(closed, rel=0.03)
