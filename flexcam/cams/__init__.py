@@ -52,10 +52,7 @@ from flexcam.cams.profile import (
     find_profile_faults,
     lift_from_profile,
     minimum_base_radius,
-    petrescu_efficiency,
-    petrescu_profile,
     profile_at,
-    relaxed_offset,
     undercut,
 )
 from flexcam.cams.standard_laws import (
@@ -80,6 +77,5 @@ __all__ = [
     "criteria", "curve_minimum", "event_extremes", "find_bridges", "find_profile_faults", "harmonic_acceleration",
     "harmonic_fit", "harmonics", "harmonics_below", "joints", "kind_names", "law_kind", "lift_from_profile",
     "lift_table", "minimax", "minimum_base_radius", "off_design_deviation", "order_spectrum", "overlap", "pareto",
-    "petrescu_efficiency", "petrescu_profile", "polydyne", "profile_at", "quinquinomial", "relaxed_offset",
-    "residual_spectrum", "through_points", "undercut", "valve_event",
+    "polydyne", "profile_at", "quinquinomial", "residual_spectrum", "through_points", "undercut", "valve_event",
 ]  # fmt: skip

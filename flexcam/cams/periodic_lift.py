@@ -96,19 +96,8 @@ class HarmonicLift(_SmoothLift):
         if not np.isfinite([self.mean, *self.cosine, *self.sine]).all():
             raise refuse("mean, cosine, sine", "numbers that are not finite", "finite numbers")
 
-    def delayed(self, angle: float) -> HarmonicLift:
-        """Return the same lift later by a cam angle.
-
-        Parameters
-        ----------
-        angle
-            Cam angle, rad; negative for earlier.
-
-        Returns
-        -------
-        HarmonicLift
-            Lift with the same mean and amplitudes.
-        """
+    def with_delay(self, angle: float) -> HarmonicLift:
+        """Return the same lift later by a cam angle, rad."""
         n, amplitude = self._amplitudes
         turned: ComplexArray = amplitude * np.exp(-1j * angle * n)
         return HarmonicLift(self.mean, tuple(turned.real.tolist()), tuple((-turned.imag).tolist()))
