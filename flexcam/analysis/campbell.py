@@ -46,40 +46,23 @@ _MAX_FREQUENCY_CHANGE = 0.2
 
 @dataclass(frozen=True, eq=False)
 class Campbell:
-    """Natural frequencies over speed.
+    """Natural frequencies over speed."""
 
-    Parameters
-    ----------
-    contact
-        Contact whose cam defines the orders.
-    rpm
-        Camshaft speeds, shape (m,).
-    frequencies
-        Natural frequencies, Hz, shape (m, k), a column per mode in ascending order; NaN if a run failed or its state is
-        unstable, or if the mode does not exist because a contact has opened or closed.
-    reached
-        Whether the contact excites each mode at some speed: the mode contributes to the compliance at the contact.
-    words
-        Description of each mode, at its lowest speed.
-    lifts
-        Amplitude in the lift by evaluated order, m.
-    loads
-        Amplitudes of these orders in the contact force, N, shape (m, orders); NaN if a run failed, is shorter than a
-        revolution, or has too few steps for the order.
-    crossings
-        Crossings of orders with modes excited at the contact, in ascending order of speed.
-    statuses
-        Status at every speed: of the run, or of the mode computation, which fails in an unstable state.
-    """
-
-    contact: str
-    rpm: FloatArray
+    contact: str  #: contact whose cam defines the orders
+    rpm: FloatArray  #: camshaft speeds, shape (m,)
+    #: natural frequencies, Hz, shape (m, k), a column per mode in ascending order; NaN if a run failed or its state is
+    #: unstable, or if the mode does not exist because a contact has opened or closed
     frequencies: FloatArray
+    #: whether the contact excites each mode at some speed: the mode contributes to the compliance at the contact
     reached: tuple[bool, ...]
-    words: tuple[str, ...]
-    lifts: Mapping[int, float]
+    words: tuple[str, ...]  #: description of each mode, at its lowest speed
+    lifts: Mapping[int, float]  #: amplitude in the lift by evaluated order, m
+    #: amplitudes of these orders in the contact force, N, shape (m, orders); NaN if a run failed, is shorter than a
+    #: revolution, or has too few steps for the order
     loads: FloatArray
+    #: crossings of orders with modes excited at the contact, in ascending order of speed
     crossings: tuple[Resonance, ...]
+    #: status at every speed: of the run, or of the mode computation, which fails in an unstable state
     statuses: tuple[Status, ...]
 
 

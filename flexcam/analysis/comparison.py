@@ -15,26 +15,17 @@ from flexcam.dynamics import SLOPES, History, Response, Series, Status, peak, va
 
 @dataclass(frozen=True)
 class Deviation:
-    """Deviation of one quantity from the rigid system.
+    """Deviation of one quantity from the rigid system."""
 
-    Parameters
-    ----------
-    quantity
-        ``displacement``, ``velocity`` or ``acceleration``.
-    peak, rms
-        Maximum difference, of the dense output, and root mean square difference, SI.
-    rigid_peak, flexible_peak
-        Maximum absolute value of each system, SI.
-    angle_deg
-        Cam angle of the maximum difference, deg.
-    """
-
+    #: ``displacement``, ``velocity`` or ``acceleration``
     quantity: str
+    #: `peak`, `rms`: maximum difference, of the dense output, and root mean square difference, SI
     peak: float
     rms: float
+    #: `rigid_peak`, `flexible_peak`: maximum absolute value of each system, SI
     rigid_peak: float
     flexible_peak: float
-    angle_deg: float
+    angle_deg: float  #: cam angle of the maximum difference, deg
 
     @property
     def relative_peak(self) -> float:
@@ -178,21 +169,13 @@ _UNITS = {"lift": "m", "velocity": "m/s", "acceleration": "m/s^2"}
 
 @dataclass(frozen=True, eq=False)
 class Histories:
-    """Histories of a run by quantity, at common instants.
+    """Histories of a run by quantity, at common instants."""
 
-    Parameters
-    ----------
-    time
-        Instants, s, shape (m,).
-    values
-        History by quantity, SI, shape (m,): ``lift``, ``velocity`` and ``acceleration`` of the probe, ``force NAME`` of
-        every contact.
-    slopes
-        Rate of a quantity that is cubic between two instants, by name, shape (m,); other quantities are linear there.
-    """
-
-    time: FloatArray
+    time: FloatArray  #: instants, s, shape (m,)
+    #: history by quantity, SI, shape (m,): ``lift``, ``velocity`` and ``acceleration`` of the probe, ``force NAME`` of
+    #: every contact
     values: Mapping[str, FloatArray]
+    #: rate of a quantity that is cubic between two instants, by name, shape (m,); other quantities are linear there
     slopes: Mapping[str, FloatArray] = field(default_factory=dict[str, FloatArray])
 
     def unit(self, quantity: str) -> str:

@@ -26,30 +26,17 @@ _ROUNDING = 1e-12
 
 @dataclass(frozen=True)
 class Error:
-    """Value of a run with its estimated error.
+    """Value of a run with its estimated error."""
 
-    Parameters
-    ----------
-    quantity
-        Name as in `Histories`.
-    unit
-        SI unit.
-    size
-        Maximum absolute value; for the lift its range.
-    time, space, model
-        Maximum estimated errors of the history due to steps, elements, and a model coarser than beams (its distance
-        from the beam model).
-    holds
-        Whether runs with shorter steps converge; otherwise the estimate is invalid.
-    """
-
-    quantity: str
-    unit: str
-    size: float
+    quantity: str  #: name as in `Histories`
+    unit: str  #: SI unit
+    size: float  #: maximum absolute value; for the lift its range
+    #: `time`, `space`, `model`: maximum estimated errors of the history due to steps, elements, and a model coarser
+    #: than beams (its distance from the beam model)
     time: float
     space: float
     model: float
-    holds: bool
+    holds: bool  #: whether runs with shorter steps converge; otherwise the estimate is invalid
 
     @property
     def total(self) -> float:

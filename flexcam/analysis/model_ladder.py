@@ -99,21 +99,11 @@ _MODE_COUNTS = (3, 10, 30)
 
 @dataclass(frozen=True, eq=False)
 class ModelLevel:
-    """Model of a case.
+    """Model of a case."""
 
-    Parameters
-    ----------
-    name
-        Name, such as ``rigid`` or ``beams x2``.
-    words
-        Description.
-    case
-        Case with the settings of this model.
-    """
-
-    name: str
-    words: str
-    case: Case
+    name: str  #: name, such as ``rigid`` or ``beams x2``
+    words: str  #: description
+    case: Case  #: case with the settings of this model
 
     def prepare(self, until: float | None = None, work: int = 0) -> PreparedRun:
         """Return the prepared run; the search for a periodic state ends at `until`, s of `time.monotonic`.

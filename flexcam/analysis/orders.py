@@ -32,18 +32,11 @@ _SAME_ANGLE = 1e-9
 
 @dataclass(frozen=True)
 class Signal:
-    """History of a run.
+    """History of a run."""
 
-    Parameters
-    ----------
-    name
-        Name of a channel, such as ``contacts.intake.force``, or of a scalar probe, such as ``valve`` or ``cam.uy``.
-    probe
-        Whether it is a probe, whose acceleration is used.
-    """
-
+    #: name of a channel, such as ``contacts.intake.force``, or of a scalar probe, such as ``valve`` or ``cam.uy``
     name: str
-    probe: bool = False
+    probe: bool = False  #: whether it is a probe, whose acceleration is used
 
     def of(self, response: Response) -> FloatArray:
         """Return the history, SI, shape (steps + 1,)."""
@@ -68,30 +61,15 @@ class Signal:
 
 @dataclass(frozen=True, eq=False)
 class Waterfall:
-    """Orders of one history over speed.
+    """Orders of one history over speed."""
 
-    Parameters
-    ----------
-    signal
-        History.
-    unit
-        Its unit; empty if no run reached its end.
-    rpm
-        Camshaft speeds, shape (m,).
-    amplitudes
-        Amplitudes from order 0 (absolute mean), in the unit, shape (m, count + 1); NaN if a run did not reach its end.
-    gaps
-        Difference between start and end of the revolution, in the unit, shape (m,); NaN as above.
-    statuses
-        Status of every run.
-    """
-
-    signal: Signal
-    unit: str
-    rpm: FloatArray
+    signal: Signal  #: history
+    unit: str  #: its unit; empty if no run reached its end
+    rpm: FloatArray  #: camshaft speeds, shape (m,)
+    #: amplitudes from order 0 (absolute mean), in the unit, shape (m, count + 1); NaN if a run did not reach its end
     amplitudes: FloatArray
-    gaps: FloatArray
-    statuses: tuple[Status, ...]
+    gaps: FloatArray  #: difference between start and end of the revolution, in the unit, shape (m,); NaN as above
+    statuses: tuple[Status, ...]  #: status of every run
 
 
 def last_revolution_orders(response: Response, values: FloatArray, count: int) -> OrderSpectrum:

@@ -227,24 +227,12 @@ def scalar_probe(ready: PreparedRun) -> str:
 
 @dataclass(frozen=True)
 class DrivenProbe:
-    """Probe that a cam moves.
+    """Probe that a cam moves."""
 
-    Parameters
-    ----------
-    name
-        Name of the point.
-    component
-        Name of its component of largest motion.
-    sign
-        1 or -1: the sign of this motion as the cam lifts.
-    contact
-        Contact of the cam; None if it is not known.
-    """
-
-    name: str
-    component: str
-    sign: float
-    contact: str | None
+    name: str  #: name of the point
+    component: str  #: name of its component of largest motion
+    sign: float  #: 1 or -1: the sign of this motion as the cam lifts
+    contact: str | None  #: contact of the cam; None if it is not known
 
 
 def driven_probe(ready: PreparedRun, probe: str | None = None) -> DrivenProbe | None:
@@ -299,17 +287,10 @@ def _component_name(probe: Probe, component: int) -> str:
 
 @dataclass(frozen=True)
 class RevolutionChange:
-    """Difference of the last revolution of a run from the one before.
+    """Difference of the last revolution of a run from the one before."""
 
-    Parameters
-    ----------
-    motion
-        Maximum difference of the default probe, relative to its range.
-    force
-        Root mean square of the difference of a contact force on the main lift of its cam, relative to the force's.
-    """
-
-    motion: float
+    motion: float  #: maximum difference of the default probe, relative to its range
+    #: root mean square of the difference of a contact force on the main lift of its cam, relative to the force's
     force: float
 
 

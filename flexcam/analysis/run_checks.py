@@ -208,18 +208,10 @@ def _transverse_inertia_difference(inertia: FloatArray, axis: FloatArray) -> flo
 
 @dataclass(frozen=True, eq=False)
 class RunMonitor:
-    """Sinks that collect the data for checks of a run.
+    """Sinks that collect the data for checks of a run."""
 
-    Parameters
-    ----------
-    extremes
-        Minimum and maximum of all quantities.
-    resolution
-        Resolution of the motion by steps and elements.
-    """
-
-    extremes: ExtremesSink
-    resolution: ResolutionSink
+    extremes: ExtremesSink  #: minimum and maximum of all quantities
+    resolution: ResolutionSink  #: resolution of the motion by steps and elements
 
     @classmethod
     def of(cls, ready: PreparedRun) -> Self:

@@ -49,28 +49,15 @@ from flexcam.io import read_result, temporary_folder
 
 @dataclass(frozen=True)
 class Check:
-    """Computed value with its reference.
+    """Computed value with its reference."""
 
-    Parameters
-    ----------
-    quantity
-        Name of the quantity.
-    source
-        Source of the reference.
-    reference, computed
-        Values in `unit`.
-    tolerance
-        Maximum relative error; absolute if the reference is zero.
-    unit
-        Unit of both values.
-    """
-
-    quantity: str
-    source: str
+    quantity: str  #: name of the quantity
+    source: str  #: source of the reference
+    #: `reference`, `computed`: values in `unit`
     reference: float
     computed: float
-    tolerance: float
-    unit: str = "1"
+    tolerance: float  #: maximum relative error; absolute if the reference is zero
+    unit: str = "1"  #: unit of both values
 
     @property
     def error(self) -> float:

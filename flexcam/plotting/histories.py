@@ -39,22 +39,13 @@ _SHORT_NAME = 10
 
 @dataclass(frozen=True)
 class CurveStyle:
-    """Style and name of a curve.
+    """Style and name of a curve."""
 
-    Parameters
-    ----------
-    label
-        Label in the legend.
-    colour, dashes
-        Colour and dashes in the format of matplotlib.
-    width
-        Width of the line, points.
-    """
-
-    label: str = ""
+    label: str = ""  #: label in the legend
+    #: `colour`, `dashes`: colour and dashes in the format of matplotlib
     colour: str = COLOURS[0]
     dashes: str = "-"
-    width: float = 1.4
+    width: float = 1.4  #: width of the line, points
 
 
 def draw_motion(
