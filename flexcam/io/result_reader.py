@@ -142,31 +142,26 @@ def read_result(path: str | Path) -> Result:
     """
     source = Path(path)
     with open_hdf5(source, "result", "a result file of flexcam (.vtkhdf)", suggest_alternative(source)) as file:
-        _check_integrity(file, source)
+        _check_result(file, source)
         return _result(file)
 
 
-def _check_format(file: Any, source: Path) -> None:  # noqa: ANN401 - h5py has no types
-    """Raise an error for a sweep table or a result of another format."""
+def _check_result(file: Any, source: Path) -> None:  # noqa: ANN401 - h5py has no types
+    """Raise an error for a sweep table, or for a result of another format or damaged."""
     if schema.VTK not in file and {"inputs", "scalars"} <= set(file):
         remedy = "flexcam.studies.tables.read_table reads it, and flexcam info --verify says whether it is sound"
         raise refuse("result", source, "a result file of flexcam (.vtkhdf)", "it is the table of a sweep", remedy)
-    check_format("result", source, read_texts(file[schema.ABOUT])[schema.ABOUT_FORMAT], schema.FORMAT)
+    check_integrity(file, "result", source, schema.FORMAT)
 
 
-def check_format(where: str, source: Path, form: str, expected: int) -> None:
-    """Raise an error for a file of another format."""
-    if form == str(expected):
-        return
-    why, remedy = "an earlier flexcam wrote it", "compute it again"
-    if form.isdigit() and int(form) > expected:
-        why, remedy = "it is newer", "update flexcam"
-    raise refuse(where, f"{source} of format {form}", f"format {expected}", why, remedy)
-
-
-def _check_integrity(file: Any, source: Path) -> None:  # noqa: ANN401
-    """Raise an error for another format, or if the content does not match the digest."""
-    _check_format(file, source)
+def check_integrity(file: Any, where: str, source: Path, expected: int) -> None:  # noqa: ANN401
+    """Raise an error for a file of another format, or if the content does not match the digest."""
+    form = read_texts(file[schema.ABOUT])[schema.ABOUT_FORMAT]
+    if form != str(expected):
+        why, remedy = "an earlier flexcam wrote it", "compute it again"
+        if form.isdigit() and int(form) > expected:
+            why, remedy = "it is newer", "update flexcam"
+        raise refuse(where, f"{source} of format {form}", f"format {expected}", why, remedy)
     if fault := digest_fault(file):
         raise InputError([fault])
 
@@ -315,11 +310,9 @@ def verify_file(path: str | Path) -> VerificationSummary:
     allowed = "a result file of flexcam (.vtkhdf) or the table of a sweep (.h5)"
     with open_hdf5(source, "result", allowed, suggest_alternative(source)) as file:
         if schema.HISTORY in file:
-            _check_format(file, source)
+            _check_result(file, source)
         else:
-            check_format("table", source, read_texts(file[schema.ABOUT])[schema.ABOUT_FORMAT], schema.TABLE_FORMAT)
-        if fault := digest_fault(file):
-            raise InputError([fault])
+            check_integrity(file, "table", source, schema.TABLE_FORMAT)
         found = datasets(file)
         numbers = sum(one.dtype.kind != "S" for one in found)
         complete = schema.HISTORY not in file or read_status(file).ok
@@ -340,7 +333,7 @@ class PartialResult:
         self._path, self._geometry, self._outline, self._save = path, geometry, outline, save
         self._free = geometry.dofs.numbers >= 0
         with open_hdf5(path, *_OPEN_MESSAGES) as file:
-            _check_integrity(file, path)
+            _check_result(file, path)
             self.about: Mapping[str, str] = _read_about(file)
             self.status: Status = read_status(file)
             found = read_checkpoint(file)

@@ -26,6 +26,7 @@ from flexcam.case.case import Case
 from flexcam.case.input_checks import check_shared_seat_load
 from flexcam.core.errors import FlexcamError, InputError, refuse
 from flexcam.core.units import RPM
+from flexcam.io.exports import scalar_probes
 from flexcam.report.content import (
     Chapter,
     Picture,
@@ -40,7 +41,7 @@ from flexcam.report.content import (
     origin_table,
     result_tables,
 )
-from flexcam.report.figures import Runs, build_albums, scalar_probe_names, scene
+from flexcam.report.figures import Runs, build_albums, scene
 from flexcam.report.terminal import make_unique
 from flexcam.valvetrain import Metric
 
@@ -131,7 +132,7 @@ def _result_names(subjects: Sequence[ReportSubject]) -> list[str]:
 def _main_probe(about: ReportSubject, probe: str | None) -> str:
     """Return the main probe of a result; empty if it has none."""
     response = about.result.response
-    saved = scalar_probe_names(response.outline)
+    saved = scalar_probes(response.outline)
     if probe is not None:
         history = response[probe]
         if history.displacement.ndim != 1:
@@ -198,9 +199,7 @@ def _margins(case: Case) -> list[str]:
 
 def _motion_image(runs: Runs, main: str) -> Picture | None:
     """Return an image with the motion of the main probe."""
-    moved = {
-        name: pair for name, pair in runs.items() if len(pair[0].time) and main in scalar_probe_names(pair[0].outline)
-    }
+    moved = {name: pair for name, pair in runs.items() if len(pair[0].time) and main in scalar_probes(pair[0].outline)}
     if not moved:
         return None
     from flexcam.plotting.figures import render_png
