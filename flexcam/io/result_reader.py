@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import InputError, refuse, suggest_name
@@ -116,6 +117,20 @@ class Result:
         series, first, _ = VECTORS[name]
         nodal = getattr(self.response.fields, series).reshape(-1, len(self.mesh.nodes), 6)
         return nodal[..., first : first + 3]
+
+
+def unknown_fields(response: Response, free: NDArray[np.bool_], internal: Sequence[str]) -> Series:
+    """Return the saved fields in unknowns: the free components of the nodes, shape (nodes, 6), then internal ones.
+
+    Internal ones are stored as probes at every step; InputError if one is not.
+    """
+    at = np.searchsorted(response.time, response.field_time - 1e-12 * np.abs(response.field_time))
+
+    def columns(series: str) -> FloatArray:
+        nodal = getattr(response.fields, series).reshape(-1, *free.shape)[:, free]
+        return np.concatenate([nodal, *(getattr(response[name], series)[at, None] for name in internal)], axis=1)
+
+    return Series(*map(columns, SERIES))
 
 
 def read_result(path: str | Path) -> Result:

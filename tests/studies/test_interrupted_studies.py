@@ -27,7 +27,7 @@ FORCE = Signal("contacts.intake.force")
 
 STUDIES = {
     "limits": ("limits", ENGINE, lambda case, **o: search_limits(case, BROAD, ["buckling"], **o)),
-    "campbell": ("campbell", ENGINE, lambda case, **o: campbell(case, SPEEDS, orders=[1], **o)),
+    "campbell": ("orders", ENGINE, lambda case, **o: campbell(case, SPEEDS, orders=[1], **o)),
     "orders": ("orders", ENGINE, lambda case, **o: waterfall(case, SPEEDS, [FORCE], 4, **o)),
     "models": ("limits", ENGINE, lambda case, **o: compare_models_over_speed(case, SPEEDS, **o)),
     "stability": ("stability", TAYEB, lambda case, **o: stability_over_speeds(case, SPEEDS, **o)),
