@@ -1,6 +1,6 @@
 """ParaView itself opens a collection, animated modes and the macro, in one process: its start takes seconds.
 
-Set FLEXCAM_REQUIRE_PARAVIEW=1 where it must run. Bounds are compared in single precision: ParaView makes points of floats.
+Set FLEXCAM_REQUIRE_PARAVIEW=1 where it must run. Bounds are compared in single precision, that of ParaView's points.
 """
 
 from __future__ import annotations
