@@ -11,7 +11,9 @@ from flexcam import prepare, read_case, solve
 from flexcam.analysis.limits import Search, search_limits
 from flexcam.valvetrain import separation_by_flank
 
-CASE = Path(__file__).resolve().parents[2] / "cases/pushrod-engine/intake.toml"
+TESTS = Path(__file__).resolve().parents[1]
+CASE = TESTS.parent / "cases/pushrod-engine/intake.toml"
+ONE_MASS = (TESTS / "data/limits/one-mass.toml").read_text(encoding="utf-8")
 QUICK = ("--set", "run.steps_per_revolution=360")
 
 pytestmark = pytest.mark.usefixtures("machine_code")
@@ -23,35 +25,6 @@ def test_limits_as_json(flexcam):
     assert {"loss_of_contact_rpm", "bounce_rpm", "buckling_rpm", "spring_margin"} <= set(answer)
     assert (answer["shaft"], answer["first"]) == ("crank", None)
     assert answer["buckling_margins"]["pushrod"] > 1.0
-
-
-ONE_MASS = """
-format = 1
-[nodes]
-shaft = [0, 0, 0]
-mass = [0, 0, "-40 mm"]
-[supports]
-mass = ["ux", "uy"]
-[masses]
-mass = { at = "mass", mass = "0.1 kg" }
-[springs]
-held = { at = "mass", direction = "-uz", stiffness = "40 kN/m", installed_force = "300 N" }
-[cams.c]
-at = "shaft"
-axis = [-1, 0, 0]
-law = "cycloidal"
-lift = "6 mm"
-rise = "63 deg"
-return = "75 deg"
-phase = "34 deg"
-[contacts]
-k = { cam = "c", follower = "mass", model = "unilateral", stiffness = "500 MN/m" }
-[run]
-speed = "3500 rpm"
-steps_per_revolution = 720
-start = "equilibrium"
-damping = { beta = "1e-6 s" }
-"""
 
 
 def test_limits_name_every_limit_and_the_rigid_speed(flexcam, tmp_path):
