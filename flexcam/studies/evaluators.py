@@ -21,14 +21,7 @@ from flexcam.core.errors import Fault, InputError, parse_all, refuse
 from flexcam.dynamics import Cause, ProgressCallback, Status, track_progress
 from flexcam.io import find_referenced_file, format_toml
 from flexcam.studies.evaluation import Row, rejected_row, restore_file_names
-from flexcam.studies.executors import (
-    Evaluate,
-    ProcessWorkers,
-    SerialWorkers,
-    Variants,
-    divide_variants,
-    open_runner,
-)
+from flexcam.studies.executors import Evaluate, ProcessWorkers, SerialWorkers, Variants, divide_variants, open_runner
 from flexcam.studies.plan import Axis, Bundle, Plan, Value, make_bundle, make_plan, open_case, parse_axis
 from flexcam.studies.quantities import get_number, make_overrides, quantity_row, require_complete
 

@@ -336,8 +336,7 @@ def run_sweep_to_files(
     try:
         with _open_journal(asked, target) as journal:
             table = _select_scalars(
-                _run_missing_chunks(asked, target, journal, workers or SerialWorkers(), advance),
-                asked.scalars,
+                _run_missing_chunks(asked, target, journal, workers or SerialWorkers(), advance), asked.scalars
             )
             return table, [write_table(table, path, overwrite=True) for path in target.tables(asked.name)]
     except KeyboardInterrupt:

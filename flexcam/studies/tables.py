@@ -25,14 +25,7 @@ import numpy as np
 from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, format_shape, refuse, suggest_name, system_message
 from flexcam.dynamics import Cause, Response, Status
-from flexcam.io import (
-    atomic_write_path,
-    check_writable,
-    create_folder,
-    lock_file,
-    open_hdf5,
-    write_digest,
-)
+from flexcam.io import atomic_write_path, check_writable, create_folder, lock_file, open_hdf5, write_digest
 from flexcam.io import result_schema as schema
 from flexcam.io.exports import iterate_motions
 from flexcam.io.hdf5 import read_numbers, read_text_column, read_texts, write_text_column, write_texts
