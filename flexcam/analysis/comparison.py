@@ -116,7 +116,7 @@ def compare(flexible: Response, rigid: Response, probe: str, speed_rpm: float) -
     if not np.array_equal(flexible.time, rigid.time[:count]):
         why = "they are compared one by one"
         raise refuse("responses", "responses at different instants", "the same instants", why)
-    moved, still = _scalar_history(flexible, probe), rigid[probe]
+    moved, still = scalar_history(flexible, probe), rigid[probe]
     lift = value_range(rigid.time, still.displacement, still.velocity)
     if lift == 0.0:
         why, remedy = "nothing moves it in what is compared with", "add a follower's point to output.probes"
@@ -189,7 +189,8 @@ class Histories:
         return moved or peak(*history)[0]
 
 
-def _scalar_history(response: Response, probe: str) -> History:
+def scalar_history(response: Response, probe: str) -> History:
+    """Return the history of a scalar probe."""
     history = response[probe]
     if history.displacement.ndim != 1:
         raise refuse("probe", repr(probe), "one scalar: " + ", ".join(f"{probe}.{c}" for c in history.components))
@@ -198,7 +199,7 @@ def _scalar_history(response: Response, probe: str) -> History:
 
 def extract_histories(response: Response, probe: str) -> Histories:
     """Return the compared histories of a run."""
-    history = _scalar_history(response, probe)
+    history = scalar_history(response, probe)
     motions: dict[str, FloatArray] = {name: getattr(history, series) for name, series in _MOTIONS.items()}
     slopes = {name: getattr(history, SLOPES[series]) for name, series in _MOTIONS.items() if series in SLOPES}
     forces = {

@@ -201,12 +201,16 @@ def member_strength(ready: PreparedRun, response: Response) -> dict[str, MemberS
     if ready.case.record.fidelity.model != "beams":
         return {}
     sink = StrengthSink(build_structure(ready.model))
-    channels = np.zeros((len(response.time), 0))
-    sink.write(
-        Block(response.time, response.angle, response.probes, channels,
-              response.field_time, response.field_angle, response.fields)
-    )  # fmt: skip
+    sink.write(response_block(response))
     return sink.members()
+
+
+def response_block(response: Response) -> Block:
+    """Return a response as one block, for sinks."""
+    rows = [response.channels[name] for name, _ in response.outline.channels]
+    channels = np.column_stack(rows) if rows else np.zeros((len(response.time), 0))
+    saved = response.field_time, response.field_angle, response.fields
+    return Block(response.time, response.angle, response.probes, channels, *saved)
 
 
 _MAX_CHARACTERS, _MAX_VALUES = 60, 4

@@ -18,13 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexcam import __version__
-from flexcam.analysis.comparison import Comparison, compare_responses
+from flexcam.analysis.comparison import Comparison, compare_responses, scalar_history
 from flexcam.analysis.limits import compute_margins
 from flexcam.analysis.preparation import compute_metrics, scalar_probe
 from flexcam.analysis.run_checks import RunMonitor, check_run
 from flexcam.case.case import Case
 from flexcam.case.input_checks import check_shared_seat_load
-from flexcam.core.errors import FlexcamError, InputError, refuse
+from flexcam.core.errors import FlexcamError, InputError
 from flexcam.core.units import RPM
 from flexcam.io.exports import scalar_probes
 from flexcam.report.content import (
@@ -134,9 +134,7 @@ def _main_probe(about: ReportSubject, probe: str | None) -> str:
     response = about.result.response
     saved = scalar_probes(response.outline)
     if probe is not None:
-        history = response[probe]
-        if history.displacement.ndim != 1:
-            raise refuse("probe", repr(probe), "one scalar: " + ", ".join(f"{probe}.{c}" for c in history.components))
+        scalar_history(response, probe)  # raises an error for a probe of several scalars
         return probe
     if about.known is None or not about.known.ready.model.probes:
         return next(iter(saved), "")
