@@ -35,29 +35,14 @@ class Deviation:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Comparison of a flexible with a rigid response at one probe.
+    """Comparison of a flexible with a rigid response at one probe."""
 
-    Parameters
-    ----------
-    probe
-        Name of the probe.
-    speed_rpm
-        Camshaft speed, rpm.
-    lift
-        Lift of the rigid system at the probe, m.
-    deviations
-        Deviations of displacement, velocity and acceleration.
-    status
-        Status of the flexible run; the values of an incomplete run cover its finished part.
-    names
-        Names of the compared systems: the first replaces the flexible, the second the rigid one.
-    """
-
-    probe: str
-    speed_rpm: float
-    lift: float
-    deviations: tuple[Deviation, Deviation, Deviation]
-    status: Status
+    probe: str  #: name of the probe
+    speed_rpm: float  #: camshaft speed, rpm
+    lift: float  #: lift of the rigid system at the probe, m
+    deviations: tuple[Deviation, Deviation, Deviation]  #: deviations of displacement, velocity and acceleration
+    status: Status  #: status of the flexible run; the values of an incomplete run cover its finished part
+    #: names of the compared systems: the first replaces the flexible, the second the rigid one
     names: tuple[str, str] = ("flexible", "rigid")
 
     @property

@@ -37,27 +37,13 @@ DEFAULT_STEPS_PER_REVOLUTION = 3600
 
 @dataclass(frozen=True, eq=False)
 class PreparedRun:
-    """Prepared run for `flexcam.dynamics.solve`.
+    """Prepared run for `flexcam.dynamics.solve`."""
 
-    Parameters
-    ----------
-    case
-        Case.
-    model
-        Model of the case.
-    problem
-        System, drive, step and start.
-    scheme
-        Time integration method.
-    save
-        Saved quantities and instants.
-    """
-
-    case: Case
-    model: Model
-    problem: Problem
-    scheme: Method
-    save: SaveAt
+    case: Case  #: case
+    model: Model  #: model of the case
+    problem: Problem  #: system, drive, step and start
+    scheme: Method  #: time integration method
+    save: SaveAt  #: saved quantities and instants
 
     def __repr__(self) -> str:
         """Return a description without numbers."""
