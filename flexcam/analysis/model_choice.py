@@ -15,10 +15,12 @@ from flexcam.analysis.comparison import Histories, Norm, distance, extract_histo
 from flexcam.analysis.model_ladder import (
     ModelLevel,
     model_ladder,
+    planned_runs,
     run_histories,
     steps_per_revolution_of,
     with_beam_model,
     with_elements,
+    with_steps,
 )
 from flexcam.analysis.preparation import PreparedRun, prepare, prepare_without_periodic_search, scalar_probe
 from flexcam.case.case import Case
@@ -92,12 +94,9 @@ def reference_run(case: Case, probe: str, until: float | None = None, *, work: i
     work = max(work, total_work(case, ()))
     # The engine that was requested for the case may not suit the size of the reference; all engines agree to rounding.
     beams = _with_stable_method(with_beam_model(case).with_run({"engine": "auto"}))
-    models = [
-        ModelLevel("reference", "", with_elements(beams, factor=elements)).with_steps(n * steps)
-        for elements, n in _REFERENCES
-    ]
+    cases = [with_steps(with_elements(beams, factor=elements), n * steps) for elements, n in _REFERENCES]
     try:
-        finest, coarser = (run_histories(model, probe, until, work) for model in models)
+        finest, coarser = (run_histories(one, probe, until, work) for one in cases)
     except RunFailedError as failure:
         reraise_interrupt(failure.status)
         status = failure.status
@@ -144,7 +143,7 @@ def candidate_models(case: Case) -> list[ModelLevel]:
     _refuse_result(case)
     steps = steps_per_revolution_of(case)
     counts = [steps // n for n in (8, 4, 2, 1) if steps % n == 0 and (steps // n >= _MIN_STEPS or n == 1)]
-    return sorted((rung.with_steps(n) for rung in model_ladder(case) for n in counts), key=_work)
+    return sorted((replace(one, case=with_steps(one.case, n)) for one in model_ladder(case) for n in counts), key=_work)
 
 
 def _work(rung: ModelLevel) -> tuple[int, int]:
@@ -158,7 +157,7 @@ def evaluate_model(
 ) -> ModelEvaluation:  # fmt: skip
     """Return cost and error of a model; `work` is the steps per revolution of all planned runs."""
     try:
-        ready = rung.prepare(until, work)
+        ready = prepare(rung.case, until=until, runs=planned_runs(rung.case, work))
     except InputError as refusal:
         return _rejected_model(rung, refusal)
     response, first = _timed_run(ready, until)

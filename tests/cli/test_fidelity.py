@@ -140,10 +140,10 @@ def test_another_refusal_of_a_model_ends_the_ladder(trade, monkeypatch):
     """Only what a method says of its steps is told in a row."""
     refusal = refuse("memory", "9 TB", "8 GB")
 
-    def prepared(*asked):
+    def prepared(*asked, **more):
         raise refusal
 
-    monkeypatch.setattr("flexcam.analysis.model_ladder.ModelLevel.prepare", prepared)
+    monkeypatch.setattr(TRADE, "prepare", prepared)
     monkeypatch.setattr(TRADE, "reference_run", lambda *asked, **more: None)
     done = trade()
     assert done.code == 2
