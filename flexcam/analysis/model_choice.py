@@ -15,7 +15,7 @@ from flexcam.analysis.comparison import Histories, Norm, distance, extract_histo
 from flexcam.analysis.model_ladder import (
     ModelLevel,
     model_ladder,
-    planned_runs,
+    run_count,
     run_histories,
     steps_per_revolution_of,
     with_beam_model,
@@ -157,7 +157,7 @@ def evaluate_model(
 ) -> ModelEvaluation:  # fmt: skip
     """Return cost and error of a model; `work` is the steps per revolution of all planned runs."""
     try:
-        ready = prepare(rung.case, until=until, runs=planned_runs(rung.case, work))
+        ready = prepare(rung.case, until=until, runs=run_count(rung.case, work))
     except InputError as refusal:
         return _rejected_model(rung, refusal)
     response, first = _timed_run(ready, until)

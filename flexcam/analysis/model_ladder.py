@@ -105,7 +105,7 @@ class ModelLevel:
     case: Case  #: case with the settings of this model
 
 
-def planned_runs(case: Case, work: int) -> int:
+def run_count(case: Case, work: int) -> int:
     """Return how many runs like that of a case have together so many steps per revolution, one at least.
 
     Setup that speeds up many short runs may not pay for a single run.
@@ -115,7 +115,7 @@ def planned_runs(case: Case, work: int) -> int:
 
 def run_histories(case: Case, probe: str, until: float | None = None, work: int = 0) -> Histories:
     """Return the compared histories of a case's run; `work` is the steps per revolution of all planned runs."""
-    ready = prepare(case, until=until, runs=planned_runs(case, work))
+    ready = prepare(case, until=until, runs=run_count(case, work))
     response = solve(ready.problem, ready.scheme, save=ready.save, until=until)
     if not response.status.ok:
         raise RunFailedError(response.status)

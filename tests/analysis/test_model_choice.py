@@ -25,7 +25,7 @@ from flexcam.analysis.model_choice import (
 from flexcam.analysis.model_ladder import (
     ModelLevel,
     model_ladder,
-    planned_runs,
+    run_count,
     run_histories,
     steps_per_revolution_of,
     with_elements,
@@ -241,8 +241,8 @@ def test_runs_to_come_are_counted_by_their_steps():
     case = read_case(INLINE, ["run.steps_per_revolution=120"])
     work = total_work(case, [ModelLevel("own", "", with_steps(case, 60))] * 2, repeats=2)
     assert work == 960
-    assert planned_runs(with_steps(case, 240), work) == 4
-    assert planned_runs(with_steps(case, 480), 0) == planned_runs(with_steps(case, 480), 1) == 1
+    assert run_count(with_steps(case, 240), work) == 4
+    assert run_count(with_steps(case, 480), 0) == run_count(with_steps(case, 480), 1) == 1
 
 
 @pytest.mark.usefixtures("machine_code")
