@@ -397,10 +397,10 @@ def pareto_indices(found: Evaluations) -> list[int]:
     inside = np.flatnonzero(is_feasible(found.violations) & np.isfinite(found.costs).all(axis=1)).tolist()
     costs = found.costs[inside]
 
-    def is_dominated(own: FloatArray) -> bool:
+    def has_better(own: FloatArray) -> bool:
         return bool(((costs <= own).all(axis=1) & (costs < own).any(axis=1)).any())
 
-    kept = [i for i in inside if not is_dominated(found.costs[i])]
+    kept = [i for i in inside if not has_better(found.costs[i])]
     first: dict[tuple[float, ...], int] = {}
     for i in kept:
         first.setdefault(tuple(found.costs[i].tolist()), i)
