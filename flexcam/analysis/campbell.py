@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexcam.analysis.preparation import PreparedRun, prepare
+from flexcam.analysis.orders import run_over_speeds
+from flexcam.analysis.preparation import PreparedRun
 from flexcam.analysis.stability import MAX_DOFS, Resonance, force_harmonics, lift_harmonics
 from flexcam.cams import Event
 from flexcam.case.builder import build_model
@@ -23,15 +24,7 @@ from flexcam.case.schema.contacts import CamContactRecord
 from flexcam.core import FloatArray, Triplets
 from flexcam.core.errors import refuse, suggest_name
 from flexcam.core.units import RPM
-from flexcam.dynamics import (
-    ProgressCallback,
-    Response,
-    RunFailedError,
-    Status,
-    reraise_interrupt,
-    solve,
-    track_progress,
-)
+from flexcam.dynamics import ProgressCallback, Response, RunFailedError, Status
 from flexcam.valvetrain import ContactModes, build_structure, contact_modes, contact_stiffness
 
 _EXTRA_MODES = 8
@@ -46,40 +39,23 @@ _MAX_FREQUENCY_CHANGE = 0.2
 
 @dataclass(frozen=True, eq=False)
 class Campbell:
-    """Natural frequencies over speed.
+    """Natural frequencies over speed."""
 
-    Parameters
-    ----------
-    contact
-        Contact whose cam defines the orders.
-    rpm
-        Camshaft speeds, shape (m,).
-    frequencies
-        Natural frequencies, Hz, shape (m, k), a column per mode in ascending order; NaN if a run failed or its state is
-        unstable, or if the mode does not exist because a contact has opened or closed.
-    reached
-        Whether the contact excites each mode at some speed: the mode contributes to the compliance at the contact.
-    words
-        Description of each mode, at its lowest speed.
-    lifts
-        Amplitude in the lift by evaluated order, m.
-    loads
-        Amplitudes of these orders in the contact force, N, shape (m, orders); NaN if a run failed, is shorter than a
-        revolution, or has too few steps for the order.
-    crossings
-        Crossings of orders with modes excited at the contact, in ascending order of speed.
-    statuses
-        Status at every speed: of the run, or of the mode computation, which fails in an unstable state.
-    """
-
-    contact: str
-    rpm: FloatArray
+    contact: str  #: contact whose cam defines the orders
+    rpm: FloatArray  #: camshaft speeds, shape (m,)
+    #: natural frequencies, Hz, shape (m, k), a column per mode in ascending order; NaN if a run failed or its state is
+    #: unstable, or if the mode does not exist because a contact has opened or closed
     frequencies: FloatArray
+    #: whether the contact excites each mode at some speed: the mode contributes to the compliance at the contact
     reached: tuple[bool, ...]
-    words: tuple[str, ...]
-    lifts: Mapping[int, float]
+    words: tuple[str, ...]  #: description of each mode, at its lowest speed
+    lifts: Mapping[int, float]  #: amplitude in the lift by evaluated order, m
+    #: amplitudes of these orders in the contact force, N, shape (m, orders); NaN if a run failed, is shorter than a
+    #: revolution, or has too few steps for the order
     loads: FloatArray
+    #: crossings of orders with modes excited at the contact, in ascending order of speed
     crossings: tuple[Resonance, ...]
+    #: status at every speed: of the run, or of the mode computation, which fails in an unstable state
     statuses: tuple[Status, ...]
 
 
@@ -110,17 +86,11 @@ def campbell(
     wanted = np.array(list(lifts), dtype=int)
     loads, statuses = np.full((len(rpm), len(lifts)), math.nan), list[Status]()
     lines: list[_ModeLine] = []
-    for i, speed in enumerate(track_progress(speeds, advance)):
-        try:
-            ready = prepare(case.at_speed(speed))
-        except RunFailedError as failure:
-            statuses.append(failure.status)
+    for i, run in enumerate(run_over_speeds(case, speeds, advance)):
+        statuses.append(run if isinstance(run, Status) else run[1].status)
+        if isinstance(run, Status) or not run[1].status.ok:
             continue
-        response = solve(replace(ready.problem, runs=len(speeds)), ready.scheme, save=ready.save)
-        reraise_interrupt(response.status)
-        statuses.append(response.status)
-        if not response.status.ok:
-            continue
+        ready, response = run
         loads[i] = force_harmonics(response, name, max(orders))[wanted - 1]
         structure = build_structure(ready.model)
         try:

@@ -15,26 +15,17 @@ from flexcam.dynamics import SLOPES, History, Response, Series, Status, peak, va
 
 @dataclass(frozen=True)
 class Deviation:
-    """Deviation of one quantity from the rigid system.
+    """Deviation of one quantity from the rigid system."""
 
-    Parameters
-    ----------
-    quantity
-        ``displacement``, ``velocity`` or ``acceleration``.
-    peak, rms
-        Maximum difference, of the dense output, and root mean square difference, SI.
-    rigid_peak, flexible_peak
-        Maximum absolute value of each system, SI.
-    angle_deg
-        Cam angle of the maximum difference, deg.
-    """
-
+    #: ``displacement``, ``velocity`` or ``acceleration``
     quantity: str
+    #: `peak`, `rms`: maximum difference, of the dense output, and root mean square difference, SI
     peak: float
     rms: float
+    #: `rigid_peak`, `flexible_peak`: maximum absolute value of each system, SI
     rigid_peak: float
     flexible_peak: float
-    angle_deg: float
+    angle_deg: float  #: cam angle of the maximum difference, deg
 
     @property
     def relative_peak(self) -> float:
@@ -44,29 +35,14 @@ class Deviation:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Comparison of a flexible with a rigid response at one probe.
+    """Comparison of a flexible with a rigid response at one probe."""
 
-    Parameters
-    ----------
-    probe
-        Name of the probe.
-    speed_rpm
-        Camshaft speed, rpm.
-    lift
-        Lift of the rigid system at the probe, m.
-    deviations
-        Deviations of displacement, velocity and acceleration.
-    status
-        Status of the flexible run; the values of an incomplete run cover its finished part.
-    names
-        Names of the compared systems: the first replaces the flexible, the second the rigid one.
-    """
-
-    probe: str
-    speed_rpm: float
-    lift: float
-    deviations: tuple[Deviation, Deviation, Deviation]
-    status: Status
+    probe: str  #: name of the probe
+    speed_rpm: float  #: camshaft speed, rpm
+    lift: float  #: lift of the rigid system at the probe, m
+    deviations: tuple[Deviation, Deviation, Deviation]  #: deviations of displacement, velocity and acceleration
+    status: Status  #: status of the flexible run; the values of an incomplete run cover its finished part
+    #: names of the compared systems: the first replaces the flexible, the second the rigid one
     names: tuple[str, str] = ("flexible", "rigid")
 
     @property
@@ -125,7 +101,7 @@ def compare(flexible: Response, rigid: Response, probe: str, speed_rpm: float) -
     if not np.array_equal(flexible.time, rigid.time[:count]):
         why = "they are compared one by one"
         raise refuse("responses", "responses at different instants", "the same instants", why)
-    moved, still = _scalar_history(flexible, probe), rigid[probe]
+    moved, still = scalar_history(flexible, probe), rigid[probe]
     lift = value_range(rigid.time, still.displacement, still.velocity)
     if lift == 0.0:
         why, remedy = "nothing moves it in what is compared with", "add a follower's point to output.probes"
@@ -178,21 +154,13 @@ _UNITS = {"lift": "m", "velocity": "m/s", "acceleration": "m/s^2"}
 
 @dataclass(frozen=True, eq=False)
 class Histories:
-    """Histories of a run by quantity, at common instants.
+    """Histories of a run by quantity, at common instants."""
 
-    Parameters
-    ----------
-    time
-        Instants, s, shape (m,).
-    values
-        History by quantity, SI, shape (m,): ``lift``, ``velocity`` and ``acceleration`` of the probe, ``force NAME`` of
-        every contact.
-    slopes
-        Rate of a quantity that is cubic between two instants, by name, shape (m,); other quantities are linear there.
-    """
-
-    time: FloatArray
+    time: FloatArray  #: instants, s, shape (m,)
+    #: history by quantity, SI, shape (m,): ``lift``, ``velocity`` and ``acceleration`` of the probe, ``force NAME`` of
+    #: every contact
     values: Mapping[str, FloatArray]
+    #: rate of a quantity that is cubic between two instants, by name, shape (m,); other quantities are linear there
     slopes: Mapping[str, FloatArray] = field(default_factory=dict[str, FloatArray])
 
     def unit(self, quantity: str) -> str:
@@ -206,7 +174,8 @@ class Histories:
         return moved or peak(*history)[0]
 
 
-def _scalar_history(response: Response, probe: str) -> History:
+def scalar_history(response: Response, probe: str) -> History:
+    """Return the history of a scalar probe."""
     history = response[probe]
     if history.displacement.ndim != 1:
         raise refuse("probe", repr(probe), "one scalar: " + ", ".join(f"{probe}.{c}" for c in history.components))
@@ -215,7 +184,7 @@ def _scalar_history(response: Response, probe: str) -> History:
 
 def extract_histories(response: Response, probe: str) -> Histories:
     """Return the compared histories of a run."""
-    history = _scalar_history(response, probe)
+    history = scalar_history(response, probe)
     motions: dict[str, FloatArray] = {name: getattr(history, series) for name, series in _MOTIONS.items()}
     slopes = {name: getattr(history, SLOPES[series]) for name, series in _MOTIONS.items() if series in SLOPES}
     forces = {

@@ -8,11 +8,11 @@ from itertools import pairwise
 
 from flexcam.analysis.comparison import Histories, distance
 from flexcam.analysis.model_ladder import (
-    ModelLevel,
     run_histories,
     steps_per_revolution_of,
     with_beam_model,
     with_elements,
+    with_steps,
 )
 from flexcam.case.case import Case
 
@@ -26,30 +26,17 @@ _ROUNDING = 1e-12
 
 @dataclass(frozen=True)
 class Error:
-    """Value of a run with its estimated error.
+    """Value of a run with its estimated error."""
 
-    Parameters
-    ----------
-    quantity
-        Name as in `Histories`.
-    unit
-        SI unit.
-    size
-        Maximum absolute value; for the lift its range.
-    time, space, model
-        Maximum estimated errors of the history due to steps, elements, and a model coarser than beams (its distance
-        from the beam model).
-    holds
-        Whether runs with shorter steps converge; otherwise the estimate is invalid.
-    """
-
-    quantity: str
-    unit: str
-    size: float
+    quantity: str  #: name as in `Histories`
+    unit: str  #: SI unit
+    size: float  #: maximum absolute value; for the lift its range
+    #: `time`, `space`, `model`: maximum estimated errors of the history due to steps, elements, and a model coarser
+    #: than beams (its distance from the beam model)
     time: float
     space: float
     model: float
-    holds: bool
+    holds: bool  #: whether runs with shorter steps converge; otherwise the estimate is invalid
 
     @property
     def total(self) -> float:
@@ -60,18 +47,16 @@ class Error:
 def estimate_errors(case: Case, probe: str, until: float | None = None) -> list[Error]:
     """Return the estimated errors of a case's run."""
     steps = steps_per_revolution_of(case)
-    own = ModelLevel("own", "", case).with_steps(steps)
-    finer = ModelLevel("finer", "", with_elements(case, factor=2)).with_steps(steps)
+    own, finer = with_steps(case, steps), with_steps(with_elements(case, factor=2), steps)
     # An odd number of steps cannot be halved: convergence is then checked with shorter steps.
     counts = (steps // 2, steps, 2 * steps) if steps % 2 == 0 else (steps, 2 * steps, 4 * steps)
-    asked = own.case.record.fidelity
+    asked = own.record.fidelity
     coarse = asked.model != "beams" or asked.modes is not None
     work = sum(counts) + steps * (2 if coarse else 1)
-    runs = {n: run_histories(own.with_steps(n), probe, until, work) for n in counts}
+    runs = {n: run_histories(with_steps(own, n), probe, until, work) for n in counts}
     longer, shorter = (distance(runs[a], runs[b]) for a, b in pairwise(counts))
     base, better = runs[steps], runs[2 * steps]
-    beams = with_beam_model(own.case)
-    model = distance(base, run_histories(ModelLevel("beams", "", beams), probe, until, work)) if coarse else {}
+    model = distance(base, run_histories(with_beam_model(own), probe, until, work)) if coarse else {}
     mesh = distance(base, run_histories(finer, probe, until, work))
     return _compute_errors(base, distance(base, better), mesh, model, (longer, shorter))
 

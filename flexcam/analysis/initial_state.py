@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +17,6 @@ from flexcam.dynamics import (
     Drive,
     FluctuatingSpeed,
     Problem,
-    Response,
     SpeedByAngle,
     State,
     System,
@@ -26,6 +25,7 @@ from flexcam.dynamics import (
     solve_periodic,
 )
 from flexcam.io import read_result, resolve_file
+from flexcam.io.result_reader import unknown_fields
 from flexcam.valvetrain import Model, build_structure, free_running
 
 _REVOLUTION = 2.0 * math.pi
@@ -153,26 +153,15 @@ def _last_state(case: Case, model: Model, system: System, name: str) -> tuple[St
     if not system.size:  # the state of the rigid mechanism is its angle
         return State(np.zeros(0), np.zeros(0), time), angle
     free = build_structure(model).dofs.numbers >= 0
-    fields = response.fields
-    nodal = [one[-1].reshape(-1, 6) for one in (fields.displacement, fields.velocity, fields.acceleration)]
-    if any(values[~free].any() for values in nodal):
+    if any(values[-1].reshape(-1, 6)[~free].any() for values in vars(response.fields).values()):
         raise refuse(where, name, "a result of the same supports", "it moves where this model is fixed")
-    beside = _internal_state(response, system.names[int(free.sum()) :], where, name)
-    moved, moving, pushed = (np.concatenate([one[free], more]) for one, more in zip(nodal, beside, strict=True))
+    try:
+        fields = unknown_fields(response, free, system.names[int(free.sum()) :])
+    except InputError as refusal:
+        why = f"it does not hold {refusal.faults[0].given}"
+        raise refuse(where, name, "a result of the same model", why) from None
     inner, states = response.inner, sum(force.states for force in system.local_forces)
     if len(inner) != states:
         raise refuse(where, name, "a result of the same contacts", f"it holds {len(inner)} of {states} internal states")
+    moved, moving, pushed = fields.displacement[-1], fields.velocity[-1], fields.acceleration[-1]
     return State(moved, moving, time, inner if states else None, acceleration=pushed), angle
-
-
-def _internal_state(response: Response, names: Sequence[str], where: str, result: str) -> list[FloatArray]:
-    """Return displacement, velocity and acceleration of internal degrees of freedom at the last saved instant."""
-    try:
-        histories = [response[name] for name in names]
-    except InputError as refusal:
-        why = f"it does not hold {refusal.faults[0].given}"
-        raise refuse(where, result, "a result of the same model", why) from None
-    time = float(response.field_time[-1])
-    at = int(np.searchsorted(response.time, time - 1e-12 * max(abs(time), 1.0)))
-    series = ("displacement", "velocity", "acceleration")
-    return [np.array([float(getattr(one, kind)[at]) for one in histories]) for kind in series]

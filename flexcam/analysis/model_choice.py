@@ -15,10 +15,12 @@ from flexcam.analysis.comparison import Histories, Norm, distance, extract_histo
 from flexcam.analysis.model_ladder import (
     ModelLevel,
     model_ladder,
+    run_count,
     run_histories,
     steps_per_revolution_of,
     with_beam_model,
     with_elements,
+    with_steps,
 )
 from flexcam.analysis.preparation import PreparedRun, prepare, prepare_without_periodic_search, scalar_probe
 from flexcam.case.case import Case
@@ -51,62 +53,32 @@ _MIN_STEPS = 60
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """Converged reference run.
+    """Converged reference run."""
 
-    Parameters
-    ----------
-    measured
-        Histories of the run.
-    errors
-        Its estimated error by quantity, SI: twice the distance from a coarser run.
-    size
-        Maximum absolute value by quantity, SI; for the lift its range.
-    steps
-        Steps per camshaft revolution.
-    norm
-        Norm of all errors; None for that of `flexcam.analysis.comparison.select_norm` for each quantity.
-    """
-
-    measured: Histories
-    errors: dict[str, float]
-    size: dict[str, float]
-    steps: int
+    measured: Histories  #: histories of the run
+    errors: dict[str, float]  #: its estimated error by quantity, SI: twice the distance from a coarser run
+    size: dict[str, float]  #: maximum absolute value by quantity, SI; for the lift its range
+    steps: int  #: steps per camshaft revolution
+    #: norm of all errors; None for that of `flexcam.analysis.comparison.select_norm` for each quantity
     norm: Norm | None = None
 
 
 @dataclass(frozen=True)
 class ModelEvaluation:
-    """Cost and error of a model with a number of steps.
+    """Cost and error of a model with a number of steps."""
 
-    Parameters
-    ----------
-    rung, words
-        Name and description of the model.
-    steps
-        Steps per camshaft revolution.
-    unknowns
-        Number of integrated degrees of freedom.
-    work
-        Degrees of freedom times steps of the run.
-    seconds
-        Processor time of the run, s, median of the repeats.
-    errors
-        Error by quantity in the norm of the reference, relative to its maximum (for the lift, its range).
-    status
-        Status of the run.
-    best
-        Whether no other model is both cheaper (by `work`, then by steps) and closer in its worst quantity; a model that
-        computes more quantities counts as closer, regardless of its errors.
-    """
-
+    #: `rung`, `words`: name and description of the model
     rung: str
     words: str
-    steps: int
-    unknowns: int
-    work: int
-    seconds: float
+    steps: int  #: steps per camshaft revolution
+    unknowns: int  #: number of integrated degrees of freedom
+    work: int  #: degrees of freedom times steps of the run
+    seconds: float  #: processor time of the run, s, median of the repeats
+    #: error by quantity in the norm of the reference, relative to its maximum (for the lift, its range)
     errors: dict[str, float]
-    status: Status
+    status: Status  #: status of the run
+    #: whether no other model is both cheaper (by `work`, then by steps) and closer in its worst quantity; a model that
+    #: computes more quantities counts as closer, regardless of its errors
     best: bool = False
 
     @property
@@ -122,12 +94,9 @@ def reference_run(case: Case, probe: str, until: float | None = None, *, work: i
     work = max(work, total_work(case, ()))
     # The engine that was requested for the case may not suit the size of the reference; all engines agree to rounding.
     beams = _with_stable_method(with_beam_model(case).with_run({"engine": "auto"}))
-    models = [
-        ModelLevel("reference", "", with_elements(beams, factor=elements)).with_steps(n * steps)
-        for elements, n in _REFERENCES
-    ]
+    cases = [with_steps(with_elements(beams, factor=elements), n * steps) for elements, n in _REFERENCES]
     try:
-        finest, coarser = (run_histories(model, probe, until, work) for model in models)
+        finest, coarser = (run_histories(one, probe, until, work) for one in cases)
     except RunFailedError as failure:
         reraise_interrupt(failure.status)
         status = failure.status
@@ -174,7 +143,7 @@ def candidate_models(case: Case) -> list[ModelLevel]:
     _refuse_result(case)
     steps = steps_per_revolution_of(case)
     counts = [steps // n for n in (8, 4, 2, 1) if steps % n == 0 and (steps // n >= _MIN_STEPS or n == 1)]
-    return sorted((rung.with_steps(n) for rung in model_ladder(case) for n in counts), key=_work)
+    return sorted((replace(one, case=with_steps(one.case, n)) for one in model_ladder(case) for n in counts), key=_work)
 
 
 def _work(rung: ModelLevel) -> tuple[int, int]:
@@ -188,7 +157,7 @@ def evaluate_model(
 ) -> ModelEvaluation:  # fmt: skip
     """Return cost and error of a model; `work` is the steps per revolution of all planned runs."""
     try:
-        ready = rung.prepare(until, work)
+        ready = prepare(rung.case, until=until, runs=run_count(rung.case, work))
     except InputError as refusal:
         return _rejected_model(rung, refusal)
     response, first = _timed_run(ready, until)
@@ -249,33 +218,16 @@ def mark_pareto_front(found: Sequence[ModelEvaluation]) -> list[ModelEvaluation]
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """Model that meets a tolerance, or the closest one.
+    """Model that meets a tolerance, or the closest one."""
 
-    Parameters
-    ----------
-    rung
-        Model: the cheapest that meets the tolerance, else the one with the smallest error.
-    found
-        Its errors and cost.
-    cheaper
-        Closest of the cheaper models that do not meet the tolerance; None if there is none.
-    against
-        Reference run.
-    met
-        Whether the tolerance is met, including the error of the reference.
-    tried
-        Number of models tried.
-    tolerance
-        Tolerance by quantity.
-    """
-
-    rung: ModelLevel
-    found: ModelEvaluation
+    rung: ModelLevel  #: model: the cheapest that meets the tolerance, else the one with the smallest error
+    found: ModelEvaluation  #: its errors and cost
+    #: closest of the cheaper models that do not meet the tolerance; None if there is none
     cheaper: ModelEvaluation | None
-    against: Reference
-    met: bool
-    tried: int
-    tolerance: Mapping[str, float]
+    against: Reference  #: reference run
+    met: bool  #: whether the tolerance is met, including the error of the reference
+    tried: int  #: number of models tried
+    tolerance: Mapping[str, float]  #: tolerance by quantity
 
     @property
     def why(self) -> str:

@@ -10,7 +10,6 @@ import numpy as np
 from flexcam.analysis.comparison import Histories, extract_histories
 from flexcam.analysis.preparation import (
     DEFAULT_STEPS_PER_REVOLUTION,
-    PreparedRun,
     prepare,
     prepare_without_periodic_search,
 )
@@ -19,7 +18,7 @@ from flexcam.case.case import Case
 from flexcam.case.schema.run import GivenStartRecord
 from flexcam.core import FloatArray
 from flexcam.core.errors import InputError
-from flexcam.dynamics import Response, RunFailedError, solve
+from flexcam.dynamics import RunFailedError, solve
 from flexcam.fem.recovery import deflection
 from flexcam.valvetrain import Structure, build_structure
 from flexcam.valvetrain.structure import inner_name, spring_parts
@@ -99,47 +98,33 @@ _MODE_COUNTS = (3, 10, 30)
 
 @dataclass(frozen=True, eq=False)
 class ModelLevel:
-    """Model of a case.
+    """Model of a case."""
 
-    Parameters
-    ----------
-    name
-        Name, such as ``rigid`` or ``beams x2``.
-    words
-        Description.
-    case
-        Case with the settings of this model.
+    name: str  #: name, such as ``rigid`` or ``beams x2``
+    words: str  #: description
+    case: Case  #: case with the settings of this model
+
+
+def run_count(case: Case, work: int) -> int:
+    """Return how many runs like that of a case have together so many steps per revolution, one at least.
+
+    Setup that speeds up many short runs may not pay for a single run.
     """
-
-    name: str
-    words: str
-    case: Case
-
-    def prepare(self, until: float | None = None, work: int = 0) -> PreparedRun:
-        """Return the prepared run; the search for a periodic state ends at `until`, s of `time.monotonic`.
-
-        `work` is the number of steps per revolution of all planned runs including this one: setup that speeds up many
-        short runs may not pay for a single run.
-        """
-        runs = max(round(work / steps_per_revolution_of(self.case)), 1) if work else 1
-        return prepare(self.case, until=until, runs=runs)
-
-    def run(self, until: float | None = None, work: int = 0) -> Response:
-        """Return the response; the run ends at `until` at the latest."""
-        ready = self.prepare(until, work)
-        return solve(ready.problem, ready.scheme, save=ready.save, until=until)
-
-    def with_steps(self, per_revolution: int) -> ModelLevel:
-        """Return the same model with another number of steps per revolution."""
-        return replace(self, case=self.case.with_run({"steps_per_revolution": per_revolution, "step": None}))
+    return max(round(work / steps_per_revolution_of(case)), 1) if work else 1
 
 
-def run_histories(rung: ModelLevel, probe: str, until: float | None = None, work: int = 0) -> Histories:
-    """Return the compared histories of a model's run."""
-    response = rung.run(until, work)
+def run_histories(case: Case, probe: str, until: float | None = None, work: int = 0) -> Histories:
+    """Return the compared histories of a case's run; `work` is the steps per revolution of all planned runs."""
+    ready = prepare(case, until=until, runs=run_count(case, work))
+    response = solve(ready.problem, ready.scheme, save=ready.save, until=until)
     if not response.status.ok:
         raise RunFailedError(response.status)
     return extract_histories(response, probe)
+
+
+def with_steps(case: Case, per_revolution: int) -> Case:
+    """Return a case with another number of steps per revolution."""
+    return case.with_run({"steps_per_revolution": per_revolution, "step": None})
 
 
 def steps_per_revolution_of(case: Case) -> int:

@@ -59,17 +59,10 @@ def modes(
 
 @dataclass(frozen=True, eq=False)
 class ClosedModes:
-    """Modes of a train with its contacts as in static equilibrium.
+    """Modes of a train with its contacts as in static equilibrium."""
 
-    Parameters
-    ----------
-    contact
-        Contact of the cam that stands at its base circle or at its full lift.
-    base_circle, full_lift
-        Modes.
-    """
-
-    contact: str
+    contact: str  #: contact of the cam that stands at its base circle or at its full lift
+    #: `base_circle`, `full_lift`: modes
     base_circle: ModelModes
     full_lift: ModelModes
 

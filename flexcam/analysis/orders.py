@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flexcam.analysis.preparation import DEFAULT_STEPS_PER_REVOLUTION, prepare
+from flexcam.analysis.preparation import DEFAULT_STEPS_PER_REVOLUTION, PreparedRun, prepare
 from flexcam.cams import OrderSpectrum, order_spectrum
 from flexcam.case.case import Case
 from flexcam.core import FloatArray
@@ -32,18 +32,11 @@ _SAME_ANGLE = 1e-9
 
 @dataclass(frozen=True)
 class Signal:
-    """History of a run.
+    """History of a run."""
 
-    Parameters
-    ----------
-    name
-        Name of a channel, such as ``contacts.intake.force``, or of a scalar probe, such as ``valve`` or ``cam.uy``.
-    probe
-        Whether it is a probe, whose acceleration is used.
-    """
-
+    #: name of a channel, such as ``contacts.intake.force``, or of a scalar probe, such as ``valve`` or ``cam.uy``
     name: str
-    probe: bool = False
+    probe: bool = False  #: whether it is a probe, whose acceleration is used
 
     def of(self, response: Response) -> FloatArray:
         """Return the history, SI, shape (steps + 1,)."""
@@ -68,30 +61,15 @@ class Signal:
 
 @dataclass(frozen=True, eq=False)
 class Waterfall:
-    """Orders of one history over speed.
+    """Orders of one history over speed."""
 
-    Parameters
-    ----------
-    signal
-        History.
-    unit
-        Its unit; empty if no run reached its end.
-    rpm
-        Camshaft speeds, shape (m,).
-    amplitudes
-        Amplitudes from order 0 (absolute mean), in the unit, shape (m, count + 1); NaN if a run did not reach its end.
-    gaps
-        Difference between start and end of the revolution, in the unit, shape (m,); NaN as above.
-    statuses
-        Status of every run.
-    """
-
-    signal: Signal
-    unit: str
-    rpm: FloatArray
+    signal: Signal  #: history
+    unit: str  #: its unit; empty if no run reached its end
+    rpm: FloatArray  #: camshaft speeds, shape (m,)
+    #: amplitudes from order 0 (absolute mean), in the unit, shape (m, count + 1); NaN if a run did not reach its end
     amplitudes: FloatArray
-    gaps: FloatArray
-    statuses: tuple[Status, ...]
+    gaps: FloatArray  #: difference between start and end of the revolution, in the unit, shape (m,); NaN as above
+    statuses: tuple[Status, ...]  #: status of every run
 
 
 def last_revolution_orders(response: Response, values: FloatArray, count: int) -> OrderSpectrum:
@@ -147,16 +125,14 @@ def waterfall(
     found: dict[Signal, list[OrderSpectrum | None]] = {one: [] for one in signals}
     statuses: list[Status] = []
     units: dict[Signal, str] = {}
-    for speed in track_progress(speeds, advance):
-        response = _run_case(case.at_speed(speed), len(speeds))
-        reraise_interrupt(response if isinstance(response, Status) else response.status)
-        statuses.append(response if isinstance(response, Status) else response.status)
+    for run in run_over_speeds(case, speeds, advance):
+        statuses.append(run if isinstance(run, Status) else run[1].status)
         for one, its in found.items():
-            if isinstance(response, Status) or not response.status.ok:
+            if isinstance(run, Status) or not run[1].status.ok:
                 its.append(None)
                 continue
-            its.append(last_revolution_orders(response, one.of(response), count))
-            units[one] = one.unit(response)
+            its.append(last_revolution_orders(run[1], one.of(run[1]), count))
+            units[one] = one.unit(run[1])
     return [_join_spectra(one, units.get(one, ""), rpm, its, tuple(statuses), count) for one, its in found.items()]
 
 
@@ -178,13 +154,20 @@ def _check_steps(case: Case, fastest: float, count: int) -> None:
     raise refuse(case.place(("run", key)), given, most, _MIN_STEPS_REASON, ", ".join(filter(None, (remedy, fewer))))
 
 
-def _run_case(case: Case, runs: int) -> Response | Status:
-    """Return one of several runs, or its status if it cannot start."""
-    try:
-        ready = prepare(case)
-    except RunFailedError as failure:
-        return failure.status
-    return solve(replace(ready.problem, runs=runs), ready.scheme, save=ready.save)
+def run_over_speeds(
+    case: Case, speeds: Sequence[float], advance: ProgressCallback | None = None
+) -> Iterator[tuple[PreparedRun, Response] | Status]:
+    """Yield the prepared case and its response at every speed, or the status of a run that cannot start."""
+    for speed in track_progress(speeds, advance):
+        try:
+            ready = prepare(case.at_speed(speed))
+        except RunFailedError as failure:
+            reraise_interrupt(failure.status)
+            yield failure.status
+            continue
+        response = solve(replace(ready.problem, runs=len(speeds)), ready.scheme, save=ready.save)
+        reraise_interrupt(response.status)
+        yield ready, response
 
 
 def _join_spectra(

@@ -37,27 +37,13 @@ DEFAULT_STEPS_PER_REVOLUTION = 3600
 
 @dataclass(frozen=True, eq=False)
 class PreparedRun:
-    """Prepared run for `flexcam.dynamics.solve`.
+    """Prepared run for `flexcam.dynamics.solve`."""
 
-    Parameters
-    ----------
-    case
-        Case.
-    model
-        Model of the case.
-    problem
-        System, drive, step and start.
-    scheme
-        Time integration method.
-    save
-        Saved quantities and instants.
-    """
-
-    case: Case
-    model: Model
-    problem: Problem
-    scheme: Method
-    save: SaveAt
+    case: Case  #: case
+    model: Model  #: model of the case
+    problem: Problem  #: system, drive, step and start
+    scheme: Method  #: time integration method
+    save: SaveAt  #: saved quantities and instants
 
     def __repr__(self) -> str:
         """Return a description without numbers."""
@@ -227,24 +213,12 @@ def scalar_probe(ready: PreparedRun) -> str:
 
 @dataclass(frozen=True)
 class DrivenProbe:
-    """Probe that a cam moves.
+    """Probe that a cam moves."""
 
-    Parameters
-    ----------
-    name
-        Name of the point.
-    component
-        Name of its component of largest motion.
-    sign
-        1 or -1: the sign of this motion as the cam lifts.
-    contact
-        Contact of the cam; None if it is not known.
-    """
-
-    name: str
-    component: str
-    sign: float
-    contact: str | None
+    name: str  #: name of the point
+    component: str  #: name of its component of largest motion
+    sign: float  #: 1 or -1: the sign of this motion as the cam lifts
+    contact: str | None  #: contact of the cam; None if it is not known
 
 
 def driven_probe(ready: PreparedRun, probe: str | None = None) -> DrivenProbe | None:
@@ -299,22 +273,12 @@ def _component_name(probe: Probe, component: int) -> str:
 
 @dataclass(frozen=True)
 class RevolutionChange:
-    """Difference of the last revolution of a run from the one before.
+    """Difference of the last revolution of a run from the one before."""
 
-    Parameters
-    ----------
-    motion
-        Maximum difference of the default probe, relative to its range.
-    force
-        Root mean square of the difference of a contact force on the main lift of its cam, relative to the force's; the
-        largest of all cams.
-    contact
-        Contact of this force; empty without a cam.
-    """
-
-    motion: float
+    motion: float  #: maximum difference of the default probe, relative to its range
+    #: root mean square of the difference of a contact force on the main lift of its cam, relative to the force's
     force: float
-    contact: str = ""
+    contact: str = ""  #: contact of this force; empty without a cam
 
 
 def revolution_change(ready: PreparedRun, response: Response) -> RevolutionChange | None:

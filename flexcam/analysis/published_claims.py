@@ -25,21 +25,11 @@ _PUBLISHED_LAWS = ("shm", "parabolic", "cycloidal")
 
 @dataclass(frozen=True)
 class Claim:
-    """Claim of the paper and the computed result.
+    """Claim of the paper and the computed result."""
 
-    Parameters
-    ----------
-    statement
-        Claim as published.
-    reproduced
-        Whether the computation reproduces it.
-    finding
-        Computed result in words.
-    """
-
-    statement: str
-    reproduced: bool
-    finding: str
+    statement: str  #: claim as published
+    reproduced: bool  #: whether the computation reproduces it
+    finding: str  #: computed result in words
 
 
 def deviation(case: Case, probe: str) -> Comparison:

@@ -107,27 +107,13 @@ _TEMPORARY_COPIES = 2
 
 @dataclass(frozen=True)
 class ResourceEstimate:
-    """Resources required by a run, bytes.
+    """Resources required by a run, bytes."""
 
-    Parameters
-    ----------
-    machine
-        Modules for computation and output.
-    equations
-        Matrices and factorizations.
-    blocks
-        Steps computed and written together.
-    histories
-        Data in memory until the end.
-    file
-        Result file on disk.
-    """
-
-    machine: int
-    equations: int
-    blocks: int
-    histories: int
-    file: int
+    machine: int  #: modules for computation and output
+    equations: int  #: matrices and factorizations
+    blocks: int  #: steps computed and written together
+    histories: int  #: data in memory until the end
+    file: int  #: result file on disk
 
     @property
     def memory(self) -> int:

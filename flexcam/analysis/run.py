@@ -20,12 +20,12 @@ from flexcam.analysis.resources import ResourceEstimate, check_resources, estima
 from flexcam.case.case import Case
 from flexcam.case.input_checks import check_values
 from flexcam.case.schema.run import ResultStartRecord
-from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import Fault, InputError, refuse
 from flexcam.dynamics import Block, Response, Series, Sink, Stats, fingerprint, outline, solve
 from flexcam.dynamics.blocks import CompletedPart
 from flexcam.dynamics.memory import RecentSink
 from flexcam.io import Geometry, PartialResult, Result, ResultFile, create_folder, partial_path
+from flexcam.io.result_reader import unknown_fields
 from flexcam.valvetrain import MemberStrength, Model, StrengthSink, build_structure, element_loads
 
 
@@ -182,24 +182,18 @@ def reload_result(case: Case, result: Result) -> tuple[PreparedRun, Response]:
     free = build_structure(ready.model).dofs.numbers >= 0
     if response.fields.displacement.shape[1] != free.size:
         raise refuse("result", "another number of nodes", "a result of its case")
-    beside = names.unknowns[int(free.sum()) :]
-    at = np.searchsorted(response.time, response.field_time - 1e-12 * np.abs(response.field_time))
-    series = [
-        np.concatenate([values.reshape(-1, *free.shape)[:, free], *_internal_dofs(response, beside, kind, at)], axis=1)
-        for kind, values in vars(response.fields).items()
-    ]
-    return ready, replace(response, outline=names, fields=Series(*series))
-
-
-def _internal_dofs(response: Response, names: tuple[str, ...], kind: str, at: IntArray) -> list[FloatArray]:
-    """Return internal degrees of freedom, stored at every step, at selected steps."""
+    internal = names.unknowns[int(free.sum()) :]
     try:
-        return [np.asarray(getattr(response[name], kind))[at, None] for name in names]
+        fields = unknown_fields(response, free, internal)
     except InputError as refusal:
-        if response.stats.unknowns == 0:  # internal nodes of a spring do not move in the rigid model and are not stored
-            return [np.zeros((len(at), len(names)))]
-        why = f"it does not hold {refusal.faults[0].given}"
-        raise refuse("result", "a result without an unknown of its case", "a result of its case", why) from None
+        if response.stats.unknowns:
+            why = f"it does not hold {refusal.faults[0].given}"
+            raise refuse("result", "a result without an unknown of its case", "a result of its case", why) from None
+        # Internal nodes of a spring do not move in the rigid model and are not stored.
+        still = np.zeros((len(response.field_time), len(internal)))
+        known = unknown_fields(response, free, ())
+        fields = Series(*(np.append(values, still, axis=1) for values in vars(known).values()))
+    return ready, replace(response, outline=names, fields=fields)
 
 
 def member_strength(ready: PreparedRun, response: Response) -> dict[str, MemberStrength]:
@@ -207,12 +201,16 @@ def member_strength(ready: PreparedRun, response: Response) -> dict[str, MemberS
     if ready.case.record.fidelity.model != "beams":
         return {}
     sink = StrengthSink(build_structure(ready.model))
-    channels = np.zeros((len(response.time), 0))
-    sink.write(
-        Block(response.time, response.angle, response.probes, channels,
-              response.field_time, response.field_angle, response.fields)
-    )  # fmt: skip
+    sink.write(response_block(response))
     return sink.members()
+
+
+def response_block(response: Response) -> Block:
+    """Return a response as one block, for sinks."""
+    rows = [response.channels[name] for name, _ in response.outline.channels]
+    channels = np.column_stack(rows) if rows else np.zeros((len(response.time), 0))
+    saved = response.field_time, response.field_angle, response.fields
+    return Block(response.time, response.angle, response.probes, channels, *saved)
 
 
 _MAX_CHARACTERS, _MAX_VALUES = 60, 4
@@ -240,16 +238,8 @@ def _shorten(text: str) -> str:
     return shown if len(shown) <= _MAX_CHARACTERS else f"{shown[: _MAX_CHARACTERS - 3]}..."
 
 
-def _whole_text(text: str) -> dict[str, str]:
-    return {"": text}
-
-
 def _text_lines(text: str) -> dict[str, str]:
     return {f", line {number}": line for number, line in enumerate(text.split("\n"), start=1)}
-
-
-def _text_overrides(text: str) -> dict[str, str]:
-    return {"": ", ".join(json.loads(text or "[]"))}
 
 
 def _text_values(text: str) -> dict[str, str]:
@@ -267,8 +257,8 @@ def _text_values(text: str) -> dict[str, str]:
 
 _COMPARED_TEXTS: dict[str, tuple[str, Callable[[str], dict[str, str]]]] = {
     "case": ("the text of the case", _text_lines),
-    "overrides": ("--set", _text_overrides),
+    "overrides": ("--set", lambda text: {"": ", ".join(json.loads(text or "[]"))}),
     "resolved": ("values of the case", _text_values),
-    **{name: (name, _whole_text) for name in ("flexcam", "python", "numpy", "scipy", "numba")},
+    **{name: (name, lambda text: {"": text}) for name in ("flexcam", "python", "numpy", "scipy", "numba")},
 }
 """Texts of a result that must be equal for identical numbers, their description, and their parts by place."""

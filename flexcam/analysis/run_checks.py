@@ -14,6 +14,7 @@ from typing import Self
 import numpy as np
 
 from flexcam.analysis.preparation import PreparedRun, RevolutionChange
+from flexcam.analysis.run import response_block
 from flexcam.cams import Follower, profile_at, undercut
 from flexcam.case.input_checks import (
     check_coil_bind,
@@ -27,7 +28,7 @@ from flexcam.case.input_checks import (
 )
 from flexcam.core import FloatArray, rounding_fraction
 from flexcam.core.errors import InputError
-from flexcam.dynamics import Block, Response, Sink, Stats, newmark, outline
+from flexcam.dynamics import Response, Sink, Stats, newmark, outline
 from flexcam.dynamics.memory import ExtremesSink
 from flexcam.valvetrain import (
     BOUNCE_HEIGHT,
@@ -208,18 +209,10 @@ def _transverse_inertia_difference(inertia: FloatArray, axis: FloatArray) -> flo
 
 @dataclass(frozen=True, eq=False)
 class RunMonitor:
-    """Sinks that collect the data for checks of a run.
+    """Sinks that collect the data for checks of a run."""
 
-    Parameters
-    ----------
-    extremes
-        Minimum and maximum of all quantities.
-    resolution
-        Resolution of the motion by steps and elements.
-    """
-
-    extremes: ExtremesSink
-    resolution: ResolutionSink
+    extremes: ExtremesSink  #: minimum and maximum of all quantities
+    resolution: ResolutionSink  #: resolution of the motion by steps and elements
 
     @classmethod
     def of(cls, ready: PreparedRun) -> Self:
@@ -232,12 +225,8 @@ class RunMonitor:
     def from_response(cls, ready: PreparedRun, response: Response) -> Self:
         """Return the sinks for a finished run, from its histories."""
         monitor = cls.of(ready)
-        rows = [response.channels[name] for name, _ in response.outline.channels]
-        channels = np.column_stack(rows) if rows else np.zeros((len(response.time), 0))
-        saved = response.field_time, response.field_angle, response.fields
-        block = Block(response.time, response.angle, response.probes, channels, *saved)
         for sink in monitor.sinks:
-            sink.write(block)
+            sink.write(response_block(response))
         return monitor
 
     @property

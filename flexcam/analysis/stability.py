@@ -48,30 +48,14 @@ _RIGID_BODY_RATIO = 1e-9
 
 @dataclass(frozen=True)
 class StepAmplification:
-    """Amplification of a mode by the time integration.
+    """Amplification of a mode by the time integration."""
 
-    Parameters
-    ----------
-    radius
-        Maximum amplification factor of a mode per step.
-    frequency
-        Frequency of that mode, Hz.
-    damping
-        Its damping ratio.
-    moving
-        Name of the part with the largest motion.
-    angle
-        Cam angle of the maximum, rad.
-    critical_step
-        Maximum step without amplification, s; infinite for an unconditionally stable method.
-    """
-
-    radius: float
-    frequency: float
-    damping: float
-    moving: tuple[str, ...]
-    angle: float
-    critical_step: float
+    radius: float  #: maximum amplification factor of a mode per step
+    frequency: float  #: frequency of that mode, Hz
+    damping: float  #: its damping ratio
+    moving: tuple[str, ...]  #: name of the part with the largest motion
+    angle: float  #: cam angle of the maximum, rad
+    critical_step: float  #: maximum step without amplification, s; infinite for an unconditionally stable method
 
     @property
     def is_available(self) -> bool:
@@ -183,39 +167,19 @@ _SMALL = 1e-3
 
 @dataclass(frozen=True)
 class Resonance:
-    """Coincidence of a harmonic of a cam with a mode.
+    """Coincidence of a harmonic of a cam with a mode."""
 
-    Parameters
-    ----------
-    contact
-        Name of the contact of the cam.
-    rpm
-        Camshaft speed of the resonance, rpm.
-    harmonic
-        Order of the harmonic, per camshaft revolution.
-    amplitude
-        Amplitude of that harmonic in the lift, m.
-    load
-        Amplitude of that harmonic in the contact force in the last revolution of the run, N; zero if the steps are too
-        few to resolve it.
-    mode
-        Index of the mode, from 0.
-    frequency
-        Frequency of the mode, Hz.
-    words
-        Description of the mode.
-    share
-        The amplitude of the force relative to the maximum contact force of the revolution, zero if not known.
-    """
-
-    contact: str
-    rpm: float
-    harmonic: int
-    amplitude: float
+    contact: str  #: name of the contact of the cam
+    rpm: float  #: camshaft speed of the resonance, rpm
+    harmonic: int  #: order of the harmonic, per camshaft revolution
+    amplitude: float  #: amplitude of that harmonic in the lift, m
+    #: amplitude of that harmonic in the contact force in the last revolution of the run, N; zero if the steps are too
+    #: few to resolve it
     load: float
-    mode: int
-    frequency: float
-    words: str
+    mode: int  #: index of the mode, from 0
+    frequency: float  #: frequency of the mode, Hz
+    words: str  #: description of the mode
+    #: the amplitude of the force relative to the maximum contact force of the revolution, zero if not known
     share: float = 0.0
 
 
@@ -269,36 +233,17 @@ _MAX_STEPS = 36_000
 
 @dataclass(frozen=True, eq=False)
 class Stability:
-    """Stability of a case at its speed.
+    """Stability of a case at its speed."""
 
-    Parameters
-    ----------
-    rpm
-        Camshaft speed, rpm.
-    discrete
-        Amplification by the time integration with the step of the case.
-    floquet
-        Floquet multipliers of the periodic motion; None without a periodic motion.
-    why_not
-        Reason for missing multipliers; empty otherwise.
-    resonances
-        Resonances in ascending distance from the case's speed.
-    open_on_the_lift
-        Width of the cam angle range with an open contact, or a tensile bilateral one, on the main lift, rad.
-    change
-        Difference of the last two revolutions; None if the run ended before.
-    status
-        Status of the run used to evaluate contacts, modes and the integrator.
-    """
-
-    rpm: float
-    discrete: StepAmplification
-    floquet: Floquet | None
-    why_not: str
-    resonances: tuple[Resonance, ...]
+    rpm: float  #: camshaft speed, rpm
+    discrete: StepAmplification  #: amplification by the time integration with the step of the case
+    floquet: Floquet | None  #: Floquet multipliers of the periodic motion; None without a periodic motion
+    why_not: str  #: reason for missing multipliers; empty otherwise
+    resonances: tuple[Resonance, ...]  #: resonances in ascending distance from the case's speed
+    #: width of the cam angle range with an open contact, or a tensile bilateral one, on the main lift, rad
     open_on_the_lift: float
-    change: RevolutionChange | None
-    status: Status
+    change: RevolutionChange | None  #: difference of the last two revolutions; None if the run ended before
+    status: Status  #: status of the run used to evaluate contacts, modes and the integrator
 
     @property
     def active_resonances(self) -> tuple[Resonance, ...]:

@@ -53,10 +53,7 @@ from flexcam.cams.profile import (
     find_profile_faults,
     lift_from_profile,
     minimum_base_radius,
-    petrescu_efficiency,
-    petrescu_profile,
     profile_at,
-    relaxed_offset,
     undercut,
 )
 from flexcam.cams.standard_laws import (
@@ -75,12 +72,12 @@ __all__ = [
     "KINDS", "LAWS", "PRESSURE_ANGLE", "THRESHOLDS", "BSplineLaw", "Bridge", "CamProfile", "CompoundCycloid",
     "CosineSum", "Criteria", "Cycloidal", "DelayedEvent", "Event", "Extreme", "Family", "FlatFollower", "Follower",
     "FollowerContact", "Harmonic", "HarmonicFamily", "HarmonicFit", "HarmonicLift", "Joint", "Law", "LawKind",
-    "LiftEvent", "LiftReport", "OrderSpectrum", "Parabolic", "PeriodicSpline", "Polydyne", "Polynomial", "ProfileFault",
-    "Ramp", "ReversedLaw", "RollerFollower", "Scca", "SimpleHarmonic", "SingleMass", "SplineFamily",
+    "LiftEvent", "LiftReport", "OrderSpectrum", "Parabolic", "PeriodicSpline", "Polydyne", "Polynomial",
+    "ProfileFault", "Ramp", "ReversedLaw", "RollerFollower", "Scca", "SimpleHarmonic", "SingleMass", "SplineFamily",
     "SwingFlatFollower", "SwingRollerFollower", "Synthesis", "Transfer", "Turn", "ValveEvent", "cam_profile",
     "centreline", "criteria", "curve_minimum", "event_extremes", "find_bridges", "find_profile_faults",
     "harmonic_acceleration", "harmonic_fit", "harmonics", "harmonics_below", "joints", "kind_names", "law_kind",
     "lift_from_profile", "lift_table", "minimax", "minimum_base_radius", "off_design_deviation", "order_spectrum",
-    "overlap", "pareto", "petrescu_efficiency", "petrescu_profile", "polydyne", "profile_at", "quinquinomial",
-    "relaxed_offset", "residual_spectrum", "through_points", "undercut", "valve_event",
+    "overlap", "pareto", "polydyne", "profile_at", "quinquinomial", "residual_spectrum", "through_points",
+    "undercut", "valve_event",
 ]  # fmt: skip

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexcam.cams.lift_event import Event
-from flexcam.cams.periodic_lift import HarmonicLift, harmonics
+from flexcam.cams.periodic_lift import HarmonicLift, harmonic_rows, harmonics
 from flexcam.core import ComplexArray, FloatArray, IntArray
 from flexcam.core.errors import InputError, positive, refuse
 from flexcam.core.units import RPM
@@ -84,13 +84,13 @@ def harmonic_fit(
     angle = np.unique(np.concatenate([even, np.mod(np.array(ends, dtype=float), _REVOLUTION)]))
     target = wanted(angle)
     held = _strict_mask(wanted, angle, strict)
-    rows = _rows(angle, count)
+    rows = harmonic_rows(angle, count)
     limit = np.where(held, tolerance, math.inf if bound is None else positive("bound", bound, "m"))
     bounded = np.isfinite(limit)
     G = np.vstack([rows[bounded], -rows[bounded]])
     h = np.concatenate([(target - limit)[bounded], (-target - limit)[bounded]])
     # Only the equally spaced angles measure the deviation; section ends between them are constraints.
-    x = constrained_least_squares(_rows(even, count), wanted(even), G, h)
+    x = constrained_least_squares(harmonic_rows(even, count), wanted(even), G, h)
     if x is None:
         raise _order_error(rows, target, held, tolerance, bound)
     event = HarmonicLift(float(x[0]), tuple(x[1 : count + 1].tolist()), tuple(x[count + 1 :].tolist()))
@@ -105,11 +105,6 @@ def harmonic_fit(
 def harmonics_below(frequency: float, speed: float) -> int:
     """Return the number of harmonics of a cam below a natural frequency: n < w0/w."""
     return max(0, math.ceil(positive("frequency", frequency, "rad/s") / positive("speed", speed, "rad/s")) - 1)
-
-
-def _rows(angle: FloatArray, count: int) -> FloatArray:
-    turned = np.outer(angle, np.arange(1, count + 1))
-    return np.hstack([np.ones((len(angle), 1)), np.cos(turned), np.sin(turned)])
 
 
 def _strict_mask(wanted: Event, angle: FloatArray, sections: Sequence[tuple[float, float]] | None) -> NDArray[np.bool_]:
@@ -205,11 +200,11 @@ def polydyne(wanted: Event, transfer: Transfer, speed: float, *, count: int = 60
     if silent.any():
         given = f"a train that does not answer to harmonic {int(np.argmax(silent))} at {speed / RPM:g} rpm"
         raise refuse("speed", given, "one that answers to every harmonic", "", "another speed, or some damping")
-    goal = _lift(amplitude)
+    goal = HarmonicLift.of(amplitude)
     # A harmonic in resonance must be absent from the cam.
     resonant = ~np.isfinite(answer)
     cam = np.where(resonant, 0.0, amplitude / np.where(resonant, 1.0, answer))
-    return Polydyne(_lift(cam), goal, float(np.abs(goal(_GRID) - wanted(_GRID)).max()))
+    return Polydyne(HarmonicLift.of(cam), goal, float(np.abs(goal(_GRID) - wanted(_GRID)).max()))
 
 
 def _response_harmonics(cam: Event, transfer: Transfer, speed: float, count: int) -> tuple[ComplexArray, IntArray]:
@@ -225,11 +220,6 @@ def off_design_deviation(design: Polydyne, transfer: Transfer, speeds: Sequence[
 
     def away(speed: float) -> float:
         amplitude, resonant = _response_harmonics(design.event, transfer, speed, count)
-        return math.inf if resonant.size else float(np.abs(_lift(amplitude)(_GRID) - wanted).max())
+        return math.inf if resonant.size else float(np.abs(HarmonicLift.of(amplitude)(_GRID) - wanted).max())
 
     return np.array([away(positive("speed", float(speed), "rad/s")) for speed in speeds])
-
-
-def _lift(amplitude: ComplexArray) -> HarmonicLift:
-    cosine, sine = amplitude[1:].real.tolist(), (-amplitude[1:].imag).tolist()
-    return HarmonicLift(float(amplitude[0].real), tuple(cosine), tuple(sine))

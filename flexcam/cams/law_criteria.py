@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexcam.cams.motion_law import AnalyticResidual, Law, quadrature
+from flexcam.cams.motion_law import Law, quadrature
 from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import refuse
 
@@ -259,21 +259,17 @@ _PANELS_PER_PERIOD = 8  # panels of sixteen points per oscillation: exact to rou
 
 
 def residual_spectrum(law: Law, ratio: ArrayLike) -> FloatArray:
-    """Return the amplitude of the residual vibration after a rise, relative to the lift.
+    """Return the amplitude of the residual vibration after a rise, relative to the lift, by the rise time in periods.
 
-    Uses the closed form of the law if available, otherwise the exact response of the oscillator: the Fourier integral
-    of s'' over the rise plus the steps of s' at its ends, by Gauss quadrature between the law's joints. Reference: M.
-    P. Koster, Vibrations of Cam Mechanisms (1974), ch. 3.
+    This is the exact response of the oscillator: the Fourier integral of s'' over the rise plus the steps of s' at its
+    ends, by Gauss quadrature between the law's joints. Reference: M. P. Koster, Vibrations of Cam Mechanisms (1974),
+    ch. 3.
     """
     periods = np.asarray(ratio, dtype=float)
     if not ((periods > 0.0).all() and (periods <= _LARGEST).all()):
         raise refuse("ratio", str(ratio), f"rise times over the period, above zero, up to {_LARGEST:g}")
-    return law.residual(periods) if isinstance(law, AnalyticResidual) else _residual_integral(law, periods)
-
-
-def _residual_integral(law: Law, ratio: FloatArray) -> FloatArray:
-    w = 2.0 * math.pi * ratio
-    panels = 64 + int(_PANELS_PER_PERIOD * ratio.max(initial=0.0))
+    w = 2.0 * math.pi * periods
+    panels = 64 + int(_PANELS_PER_PERIOD * periods.max(initial=0.0))
     total = law(np.zeros(1), 1)[0] - law(np.ones(1), 1)[0] * np.exp(1j * w)
     for z, weight in quadrature(law.breaks, panels):
         values = weight * law(z, 2)

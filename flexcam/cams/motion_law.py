@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 import numpy as np
 from numpy.polynomial.polynomial import polyder, polyval
@@ -43,15 +43,6 @@ class SmoothLaw:
 def linear(z: FloatArray, order: int) -> FloatArray:
     """Return a derivative of z itself: z, 1 or 0."""
     return (z, np.ones_like(z))[order] if order < 2 else np.zeros_like(z)
-
-
-@runtime_checkable
-class AnalyticResidual(Protocol):
-    """Law with a closed form of its residual vibration."""
-
-    def residual(self, ratio: FloatArray) -> FloatArray:
-        """Return the amplitude over the lift, for rise times in periods of the oscillator, above zero."""
-        ...
 
 
 _POINTS = 16

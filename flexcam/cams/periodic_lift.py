@@ -96,22 +96,16 @@ class HarmonicLift(_SmoothLift):
         if not np.isfinite([self.mean, *self.cosine, *self.sine]).all():
             raise refuse("mean, cosine, sine", "numbers that are not finite", "finite numbers")
 
-    def delayed(self, angle: float) -> HarmonicLift:
-        """Return the same lift later by a cam angle.
+    @classmethod
+    def of(cls, amplitudes: ComplexArray) -> HarmonicLift:
+        """Return the lift Re sum c_n exp(i n angle) of complex amplitudes c_n, n from 0, m."""
+        cosine, sine = amplitudes[1:].real.tolist(), (-amplitudes[1:].imag).tolist()
+        return cls(float(amplitudes[0].real), tuple(cosine), tuple(sine))
 
-        Parameters
-        ----------
-        angle
-            Cam angle, rad; negative for earlier.
-
-        Returns
-        -------
-        HarmonicLift
-            Lift with the same mean and amplitudes.
-        """
+    def with_delay(self, angle: float) -> HarmonicLift:
+        """Return the same lift later by a cam angle, rad."""
         n, amplitude = self._amplitudes
-        turned: ComplexArray = amplitude * np.exp(-1j * angle * n)
-        return HarmonicLift(self.mean, tuple(turned.real.tolist()), tuple((-turned.imag).tolist()))
+        return HarmonicLift.of(np.append(self.mean, amplitude * np.exp(-1j * angle * n)))
 
     @cached_property
     def _amplitudes(self) -> tuple[FloatArray, ComplexArray]:
@@ -140,6 +134,12 @@ def harmonics(event: Event, count: int, order: int = 0) -> ComplexArray:
     amplitude = np.asarray(swung / math.pi, dtype=np.complex128)
     amplitude[0] *= 0.5
     return amplitude
+
+
+def harmonic_rows(angle: FloatArray, count: int) -> FloatArray:
+    """Return 1, the cosines and the sines of the multiples of angles up to a count, shape (n, 2 count + 1)."""
+    turned = np.outer(angle, np.arange(1, count + 1))
+    return np.hstack([np.ones((len(angle), 1)), np.cos(turned), np.sin(turned)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,8 +175,7 @@ def order_spectrum(angle: ArrayLike, values: ArrayLike, count: int) -> OrderSpec
     if (steps <= 0.0).any() or abs(span - _REVOLUTION) > 1.5 * float(steps.max()):
         raise refuse("angle", f"{math.degrees(span):.6g} deg", "rising angles over one revolution, 360 deg")
     weights = 0.5 * (np.append(steps, 0.0) + np.append(0.0, steps))
-    orders = np.arange(1, count + 1)
-    waves = np.hstack([np.ones((len(at), 1)), np.cos(np.outer(at, orders)), np.sin(np.outer(at, orders))])
+    waves = harmonic_rows(at, count)
     heavy = waves * weights[:, None]
     found = np.linalg.solve(heavy.T @ waves, heavy.T @ history)
     coefficients = np.append(found[:1].astype(np.complex128), found[1 : count + 1] - 1j * found[count + 1 :])

@@ -42,14 +42,6 @@ class Harmonic(SmoothLaw):
             value = value - c * w ** (order - 1) * np.sin(w * z + order * math.pi / 2.0)
         return value
 
-    def residual(self, ratio: FloatArray) -> FloatArray:
-        """Return the residual amplitude: abs(sin pi l)/(pi l) times abs(1 + sum c_n l^2/(n^2 - l^2))."""
-        total = np.sinc(ratio)
-        for n, c in self.harmonics:
-            # sin(pi l)/(n - l) = (-1)^(n + 1) sin(pi (l - n))/(l - n): finite at l = n.
-            total = total + c * ratio * (-1.0) ** (n + 1) * np.sinc(ratio - n) / (n + ratio)
-        return np.abs(total)
-
 
 PAVLOVIC_TRIGONOMETRIC = Harmonic(((1, 15.0 / 16.0), (2, 1.0 / 24.0)))
 """Law z - 15 sin(2 pi z)/(32 pi) - sin(4 pi z)/(96 pi).
@@ -82,11 +74,6 @@ class SimpleHarmonic(SmoothLaw):
         """Return the derivative of the given order at z."""
         offset = 0.5 if order == 0 else 0.0
         return offset - 0.5 * math.pi**order * np.cos(math.pi * z + order * math.pi / 2.0)
-
-    def residual(self, ratio: FloatArray) -> FloatArray:
-        """Return the residual amplitude abs(cos pi l)/abs(4 l^2 - 1), with its limit pi/4 at l = 1/2."""
-        # cos pi l = sin(pi (1/2 - l)); the factor (1 - 2 l) cancels.
-        return np.abs(0.5 * math.pi * np.sinc(0.5 - ratio) / (2.0 * ratio + 1.0))
 
 
 @dataclass(frozen=True)
@@ -161,10 +148,6 @@ class Cycloidal(SmoothLaw):
         line = linear(z, order)
         return line - (2.0 * math.pi) ** (order - 1) * np.sin(2.0 * math.pi * z + order * math.pi / 2.0)
 
-    def residual(self, ratio: FloatArray) -> FloatArray:
-        """Return the residual amplitude abs(sin pi l)/(pi l abs(1 - l^2)), with its limit 1/2 at l = 1."""
-        return np.abs(np.sinc(ratio - 1.0) / (ratio * (1.0 + ratio)))
-
 
 @dataclass(frozen=True)
 class Parabolic:
@@ -190,10 +173,6 @@ class Parabolic:
         first = (2.0 * z**2, 4.0 * z, np.full_like(z, 4.0))[order]
         second = (1.0 - 2.0 * (1.0 - z) ** 2, 4.0 * (1.0 - z), np.full_like(z, -4.0))[order]
         return np.where(z < 0.5, first, second)
-
-    def residual(self, ratio: FloatArray) -> FloatArray:
-        """Return the residual amplitude 4 sin^2(pi l/2)/(pi l)^2."""
-        return np.sinc(0.5 * ratio) ** 2
 
 
 def harmonic_acceleration(b: tuple[float, ...] = (2.0 * math.pi,)) -> Harmonic:

@@ -179,7 +179,7 @@ def _second_response(against: str, read: Case | None, overrides: Overrides) -> R
     if against not in models:
         allowed = f"a case, a result, or one of {', '.join(models)}" if models else "a case or a result"
         raise refuse("--against", repr(against), allowed, "", suggest_name(against, list(models)))
-    return _require_complete(models[against].run())
+    return _require_complete(run_case(models[against].case))
 
 
 def _require_complete(response: Response) -> Response:

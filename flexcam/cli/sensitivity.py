@@ -47,12 +47,12 @@ from flexcam.studies.evaluators import (
     create_evaluator,
     variables_of,
 )
+from flexcam.studies.plan import check_power_of_two
 from flexcam.studies.quantities import Quantity, check_names, compute_quantities, frequency_number
 from flexcam.studies.sensitivity import (
     STEP_OFFSETS,
     Sensitivity,
     SobolIndices,
-    check_count,
     get_numbers,
     sensitivities,
     sobol_indices,
@@ -274,7 +274,7 @@ def _describe_doubt(one: Sensitivity) -> str:
 
 def _sobol_indices(asked: StudyOptions, keys: list[str], count: int, seed: int) -> tuple[StudyAnswer, Status]:
     variables = variables_of(asked.case, keys, "--to")
-    check_count(count)
+    check_power_of_two("--sobol", count, 2)
     asked.initial_quantities(count)
     low, high = (np.array([getattr(one, end) for one in variables]) for end in ("low", "high"))
     with asked.evaluators(count * (len(variables) + 2)) as runs:

@@ -322,7 +322,7 @@ def synthesize_harmonic(
     )
     found = harmonic_cam(load_case(case, overrides), name, tolerance=strict, count=count, bound=wide)
     about = {"flexcam": __version__, "made_for": str(case), "harmonics": found.count}
-    lift = found.fit.event.delayed(-found.phase)
+    lift = found.fit.event.with_delay(-found.phase)
     files = [] if output is None else [write_lift(lift, output, about=about, overwrite=overwrite)]
     if as_json:
         print_json({
@@ -369,7 +369,7 @@ def synthesize_polydyne(
         given, remedy = f"{case.name}, which has cams only", "add --frequency for one mass on a spring"
         raise refuse("case", given, "a case with the train that the cam drives", "", remedy)
     about = {"flexcam": __version__, "made_for": str(case), "design_speed_rpm": found.speed / RPM}
-    lift = found.design.event.delayed(-found.phase)
+    lift = found.design.event.with_delay(-found.phase)
     files = [] if output is None else [write_lift(lift, output, about=about, overwrite=overwrite)]
     if as_json:
         print_json({

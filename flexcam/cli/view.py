@@ -75,9 +75,9 @@ def view(
     motion, title = _displayed_motion(case, structure, result, color, mode)
     drawn, still = build_mechanism(structure), _image_instant(case, result, motion, angle, mode)
     select_renderer(off_screen=picture is not None)
-    from flexcam.plotting.solid_view import MechanismView, ViewSettings, show_window
+    from flexcam.plotting.solid_view import MechanismView, show_window
 
-    stage = MechanismView(drawn, motion, ViewSettings(scale, pixels, title), off_screen=picture is not None)
+    stage = MechanismView(drawn, motion, off_screen=picture is not None, scale=scale, size=pixels, title=title)
     if picture is None:
         show_window(stage, still, swings=mode is not None)
     else:

@@ -28,7 +28,7 @@ from flexcam.io.files import (
     temporary_folder,
     write_text,
 )
-from flexcam.io.hdf5 import digest_fault, open_hdf5, write_digest
+from flexcam.io.hdf5 import open_hdf5, write_digest
 from flexcam.io.mesh_file import read_mesh, write_mesh
 from flexcam.io.result_reader import PartialResult, Result, VerificationSummary, read_result, verify_file
 from flexcam.io.result_schema import RECOVERED_FIELDS, SERIES, VECTORS
@@ -51,7 +51,6 @@ __all__ = [
     "check_writable",
     "count_output_points",
     "create_folder",
-    "digest_fault",
     "find_referenced_file",
     "format_toml",
     "lock_file",

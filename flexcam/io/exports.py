@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,7 @@ import numpy as np
 
 from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import refuse, suggest_name
-from flexcam.dynamics import Response
+from flexcam.dynamics import Outline, Response
 from flexcam.fem.frames import ROTATIONS
 from flexcam.fem.mesh import Mesh
 from flexcam.io.files import atomic_write_path, check_writable, create_folder
@@ -79,16 +78,6 @@ CAM_ANGLE = "cam_angle_deg"
 """Field data of every frame: the cam angle, deg."""
 
 
-@dataclass(frozen=True, eq=False)
-class ExportFrame:
-    """One saved instant: mesh, mesh node of every point, point data by name and global values by name."""
-
-    mesh: Mesh
-    node: IntArray
-    data: Mapping[str, FloatArray | IntArray]
-    whole: Mapping[str, float] = field(default_factory=dict[str, float])
-
-
 def write_pvd(
     result: Result, path: Path, *, every: int = 1, fields: Sequence[str] | None = None, overwrite: bool = False
 ) -> list[Path]:
@@ -104,23 +93,20 @@ def write_pvd(
     moving = {name: known[name] for name in fields or known}
     instants = range(0, len(result.response.field_time), every)
     degrees = np.degrees(result.response.field_angle).tolist()
-    frames = (
-        ExportFrame(
-            result.mesh, node, {**{n: v[i] for n, v in moving.items()}, **result.still}, {CAM_ANGLE: degrees[i]}
-        )
-        for i in instants
-    )
-    return write_collection(path, result.response.field_time[::every], frames)
+    frames = (({**{n: v[i] for n, v in moving.items()}, **result.still}, {CAM_ANGLE: degrees[i]}) for i in instants)
+    return _write_collection(path, result.mesh, node, result.response.field_time[::every], frames)
 
 
-def write_collection(path: Path, times: FloatArray, frames: Iterable[ExportFrame]) -> list[Path]:
-    """Write frames as ``.vtp`` files into a folder, and a ``.pvd`` file beside it that lists them."""
+def _write_collection(
+    path: Path, mesh: Mesh, node: IntArray, times: FloatArray, frames: Iterable[tuple[Data, dict[str, float]]]
+) -> list[Path]:
+    """Write the point data and global values of instants as ``.vtp`` files, and a ``.pvd`` file that lists them."""
     from xml.sax.saxutils import quoteattr  # imports urllib
 
     folder = create_folder(path.with_suffix(""))
     written = [folder / f"{path.stem}_{i:06d}.vtp" for i in range(len(times))]
-    for piece, frame in zip(written, frames, strict=True):
-        write_vtp(piece, frame)
+    for piece, (data, whole) in zip(written, frames, strict=True):
+        _write_vtp(piece, mesh, node, data, whole)
     entries = [
         f'    <DataSet timestep="{time!r}" part="0" file={quoteattr(f"{folder.name}/{piece.name}")}/>'
         for time, piece in zip(times.tolist(), written, strict=True)
@@ -133,14 +119,12 @@ def write_collection(path: Path, times: FloatArray, frames: Iterable[ExportFrame
     return [path, *written]
 
 
-def write_vtp(path: Path, frame: ExportFrame) -> None:
-    """Write one frame as VTK PolyData XML: a polyline per member and a vertex per movable node without a member."""
-    lengths = [len(line) for line in frame.mesh.lines.values()]
-    points = frame.mesh.nodes[frame.node]
-    vertices = np.full(len(points) - sum(lengths), -1)
-    members = np.concatenate([vertices, np.arange(len(lengths))])
-    whole = {name: np.array([value]) for name, value in frame.whole.items()}
-    write_polylines(path, points, lengths, point_data=frame.data, cell_data={"member": members}, field_data=whole)
+def _write_vtp(path: Path, mesh: Mesh, node: IntArray, data: Data, whole: Mapping[str, float]) -> None:
+    """Write one instant: a polyline per member and a vertex per movable node without a member."""
+    lengths = [len(line) for line in mesh.lines.values()]
+    members = np.concatenate([np.full(len(node) - sum(lengths), -1), np.arange(len(lengths))])
+    values = {name: np.array([value]) for name, value in whole.items()}
+    write_polylines(path, mesh.nodes[node], lengths, point_data=data, cell_data={"member": members}, field_data=values)
 
 
 _UNITS = {name: unit for name, (*_, unit) in VECTORS.items()} | {
@@ -249,13 +233,7 @@ def write_csv(
         raise refuse("every", every, "a whole number from 1")
     check_writable("export", path, overwrite=overwrite)
     columns: dict[str, FloatArray] = {"time [s]": response.time, "cam angle [deg]": np.degrees(response.angle)}
-    for name in probes or [name for name, _ in response.outline.probes]:
-        history = response[name]
-        for series, unit in SERIES.items():
-            values = getattr(history, series).reshape(len(response.time), -1)
-            for component, column in zip(history.components, values.T, strict=True):
-                full = name if len(history.components) == 1 else f"{name}.{component}"
-                columns[f"{full} {series} [{component_unit(component, unit)}]"] = column
+    columns |= {f"{name} {series} [{unit}]": column for name, series, unit, column in iterate_motions(response, probes)}
     units = dict(response.outline.channels)
     columns.update({f"{name} [{units[name]}]": values for name, values in response.channels.items()})
     header = ",".join(columns)
@@ -268,6 +246,24 @@ def write_csv(
 def component_unit(component: str, unit: str) -> str:
     """Return the SI unit of one component of a motion."""
     return unit.replace("m", "rad", 1) if component in ROTATIONS else unit
+
+
+def scalar_probes(outline: Outline) -> dict[str, str]:
+    """Return the component of every scalar probe by name, such as ``cam.uy``; a probe of one keeps its name."""
+    return {name if len(parts) == 1 else f"{name}.{part}": part for name, parts in outline.probes for part in parts}
+
+
+def iterate_motions(
+    response: Response, probes: Sequence[str] | None = None
+) -> Iterator[tuple[str, str, str, FloatArray]]:
+    """Yield name, series, SI unit and values of every scalar history of the probes, all or those named."""
+    for probe in probes or [name for name, _ in response.outline.probes]:
+        history = response[probe]
+        for series, unit in SERIES.items():
+            values = getattr(history, series).reshape(len(response.time), -1)
+            for component, column in zip(history.components, values.T, strict=True):
+                name = probe if len(history.components) == 1 else f"{probe}.{component}"
+                yield name, series, component_unit(component, unit), column
 
 
 FRAMES_PER_PERIOD = 24
@@ -305,11 +301,10 @@ def write_modes(
     with atomic_write_path(path) as draft:
         draft.write_bytes(content.getvalue())
     constant = {name: values for name, (values, _) in still.items()}
-    write_vtp(still_path, ExportFrame(geometry.mesh, geometry.node, {**constant, **drawn}))
-    frames = (
-        ExportFrame(geometry.mesh, geometry.node, {**constant, **{n: s * d for n, d in drawn.items()}}) for s in swing
-    )
-    return [path, still_path, *write_collection(collection, phase, frames)]
+    _write_vtp(still_path, geometry.mesh, geometry.node, {**constant, **drawn}, {})
+    nothing: dict[str, float] = {}
+    frames = (({**constant, **{n: s * d for n, d in drawn.items()}}, nothing) for s in swing)
+    return [path, still_path, *_write_collection(collection, geometry.mesh, geometry.node, phase, frames)]
 
 
 def _scaled_shapes(geometry: Geometry, frequencies: FloatArray, shapes: FloatArray) -> dict[str, FloatArray]:

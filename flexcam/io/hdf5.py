@@ -36,18 +36,13 @@ def chunk_rows(rows: int, width: int) -> int:
     return rows
 
 
-def create_ordered_group(group: Any, name: str) -> Any:  # noqa: ANN401 - h5py has no types
-    """Return a new group that preserves the creation order of its members."""
-    return group.create_group(name, track_order=True)
-
-
 class GrowingDataset:
     """Empty dataset of one or `width` columns with an extensible first axis, in chunks that divide a block of `rows`.
 
     Rows are written without h5py's selections: a result has about a hundred such datasets that grow together.
     """
 
-    def __init__(self, group: Any, name: str, rows: int, unit: str, *, width: int = 0, kind: str = "f8") -> None:  # noqa: ANN401
+    def __init__(self, group: Any, name: str, rows: int, unit: str, *, width: int = 0, kind: str = "f8") -> None:  # noqa: ANN401 - h5py has no types
         self._columns = (width,) if width else ()
         self.dataset: Any = group.create_dataset(
             name, (0, *self._columns), kind, maxshape=(None, *self._columns), fletcher32=True,
@@ -96,6 +91,11 @@ def write_texts(group: Any, content: Mapping[str, str]) -> None:  # noqa: ANN401
     """Write texts into a group, one dataset each."""
     for name, one in content.items():
         group.create_dataset(name, data=_encode([one]).reshape(()), track_times=False)
+
+
+def write_text_column(group: Any, name: str, texts: Sequence[str]) -> None:  # noqa: ANN401
+    """Write texts as one dataset."""
+    group.create_dataset(name, data=_encode(texts), track_times=False)
 
 
 def read_texts(group: Any) -> dict[str, str]:  # noqa: ANN401

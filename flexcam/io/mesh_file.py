@@ -367,8 +367,7 @@ def _read_msh(path: Path) -> _GmshMesh:
     if binary and data[head.end() : head.end() + 4] != b"\x01\x00\x00\x00":
         raise _invalid(path.name, "its bytes are in the order of another machine")
     sections = _Sections(data, head.end(), size if binary else 0)
-    read = _read_4 if newer else _read_2
-    numbers, points, elements = read(sections, binary)
+    numbers, points, elements = _read_4(sections) if newer else _read_2(sections, binary)
     section = data.partition(b"$PhysicalNames")[2].partition(b"$EndPhysicalNames")[0].decode("utf-8", "replace")
     names = {(int(dimension), int(tag)): name for dimension, tag, name in _PHYSICAL_NAME.findall(section)}
     return _GmshMesh(numbers, points, elements, names)
@@ -451,8 +450,7 @@ def _elements_2(elements: _Reader, count: int, binary: bool) -> Iterator[Row]:
         done += several
 
 
-def _read_4(sections: _Sections, binary: bool) -> Parts:
-    del binary  # both forms have the same layout
+def _read_4(sections: _Sections) -> Parts:
     groups = _entities(sections.numbers("Entities"))
     numbers, points = _nodes_4(sections.numbers("Nodes"))
     return numbers, points, list(_elements_4(sections.numbers("Elements"), groups))

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import InputError, refuse, suggest_name
@@ -118,6 +119,20 @@ class Result:
         return nodal[..., first : first + 3]
 
 
+def unknown_fields(response: Response, free: NDArray[np.bool_], internal: Sequence[str]) -> Series:
+    """Return the saved fields in unknowns: the free components of the nodes, shape (nodes, 6), then internal ones.
+
+    Internal ones are stored as probes at every step; InputError if one is not.
+    """
+    at = np.searchsorted(response.time, response.field_time - 1e-12 * np.abs(response.field_time))
+
+    def columns(series: str) -> FloatArray:
+        nodal = getattr(response.fields, series).reshape(-1, *free.shape)[:, free]
+        return np.concatenate([nodal, *(getattr(response[name], series)[at, None] for name in internal)], axis=1)
+
+    return Series(*map(columns, SERIES))
+
+
 def read_result(path: str | Path) -> Result:
     """Read a result file.
 
@@ -142,31 +157,26 @@ def read_result(path: str | Path) -> Result:
     """
     source = Path(path)
     with open_hdf5(source, "result", "a result file of flexcam (.vtkhdf)", suggest_alternative(source)) as file:
-        _check_integrity(file, source)
+        _check_result(file, source)
         return _result(file)
 
 
-def _check_format(file: Any, source: Path) -> None:  # noqa: ANN401 - h5py has no types
-    """Raise an error for a sweep table or a result of another format."""
+def _check_result(file: Any, source: Path) -> None:  # noqa: ANN401 - h5py has no types
+    """Raise an error for a sweep table, or for a result of another format or damaged."""
     if schema.VTK not in file and {"inputs", "scalars"} <= set(file):
         remedy = "flexcam.studies.tables.read_table reads it, and flexcam info --verify says whether it is sound"
         raise refuse("result", source, "a result file of flexcam (.vtkhdf)", "it is the table of a sweep", remedy)
-    check_format("result", source, read_texts(file[schema.ABOUT])[schema.ABOUT_FORMAT], schema.FORMAT)
+    check_integrity(file, "result", source, schema.FORMAT)
 
 
-def check_format(where: str, source: Path, form: str, expected: int) -> None:
-    """Raise an error for a file of another format."""
-    if form == str(expected):
-        return
-    why, remedy = "an earlier flexcam wrote it", "compute it again"
-    if form.isdigit() and int(form) > expected:
-        why, remedy = "it is newer", "update flexcam"
-    raise refuse(where, f"{source} of format {form}", f"format {expected}", why, remedy)
-
-
-def _check_integrity(file: Any, source: Path) -> None:  # noqa: ANN401
-    """Raise an error for another format, or if the content does not match the digest."""
-    _check_format(file, source)
+def check_integrity(file: Any, where: str, source: Path, expected: int) -> None:  # noqa: ANN401
+    """Raise an error for a file of another format, or if the content does not match the digest."""
+    form = read_texts(file[schema.ABOUT])[schema.ABOUT_FORMAT]
+    if form != str(expected):
+        why, remedy = "an earlier flexcam wrote it", "compute it again"
+        if form.isdigit() and int(form) > expected:
+            why, remedy = "it is newer", "update flexcam"
+        raise refuse(where, f"{source} of format {form}", f"format {expected}", why, remedy)
     if fault := digest_fault(file):
         raise InputError([fault])
 
@@ -315,11 +325,9 @@ def verify_file(path: str | Path) -> VerificationSummary:
     allowed = "a result file of flexcam (.vtkhdf) or the table of a sweep (.h5)"
     with open_hdf5(source, "result", allowed, suggest_alternative(source)) as file:
         if schema.HISTORY in file:
-            _check_format(file, source)
+            _check_result(file, source)
         else:
-            check_format("table", source, read_texts(file[schema.ABOUT])[schema.ABOUT_FORMAT], schema.TABLE_FORMAT)
-        if fault := digest_fault(file):
-            raise InputError([fault])
+            check_integrity(file, "table", source, schema.TABLE_FORMAT)
         found = datasets(file)
         numbers = sum(one.dtype.kind != "S" for one in found)
         complete = schema.HISTORY not in file or read_status(file).ok
@@ -340,7 +348,7 @@ class PartialResult:
         self._path, self._geometry, self._outline, self._save = path, geometry, outline, save
         self._free = geometry.dofs.numbers >= 0
         with open_hdf5(path, *_OPEN_MESSAGES) as file:
-            _check_integrity(file, path)
+            _check_result(file, path)
             self.about: Mapping[str, str] = _read_about(file)
             self.status: Status = read_status(file)
             found = read_checkpoint(file)

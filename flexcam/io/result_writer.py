@@ -28,7 +28,6 @@ from flexcam.io.hdf5 import (
     GrowingDataset,
     chunk_rows,
     create_fixed_dataset,
-    create_ordered_group,
     write_digest,
     write_text_attribute,
     write_texts,
@@ -245,7 +244,7 @@ class ResultFile:
         self._field_angle = GrowingDataset(self._file, schema.FIELD_CAM_ANGLE, fields, "rad")
         self._create_history(save.block)
         create_fixed_dataset(self._file, schema.MESH_NODES, geometry.mesh.nodes, "m")
-        points = create_ordered_group(self._file, schema.MESH_POINTS)
+        points = self._file.create_group(schema.MESH_POINTS, track_order=True)
         for name, index in geometry.mesh.points.items():
             create_fixed_dataset(points, name, index)
         write_texts(self._file.create_group(schema.ABOUT), {schema.ABOUT_FORMAT: str(schema.FORMAT), **about})
@@ -257,17 +256,17 @@ class ResultFile:
         self._time = GrowingDataset(self._file, schema.TIME, rows, "s")
         self._time.dataset.make_scale(schema.TIME_SCALE)
         self._angle = GrowingDataset(self._file, schema.CAM_ANGLE, rows, "rad")
-        probes = create_ordered_group(self._file, schema.PROBES)
+        probes = self._file.create_group(schema.PROBES, track_order=True)
         self._probes: list[tuple[str, slice, GrowingDataset]] = []
         for name, components in self._outline.probes:
-            group = create_ordered_group(probes, name)
+            group = probes.create_group(name, track_order=True)
             write_text_attribute(group, schema.COMPONENTS, components)
             turns = any(one in ROTATIONS for one in components)
             for series, unit in SERIES.items():
                 units = f"{unit}; rotations {unit.replace('m', 'rad', 1)}" if turns else unit
                 made = GrowingDataset(group, series, rows, units, width=len(components))
                 self._probes.append((series, self._outline.columns(name), made))
-        channels = create_ordered_group(self._file, schema.CHANNELS)
+        channels = self._file.create_group(schema.CHANNELS, track_order=True)
         self._channels = [GrowingDataset(channels, name, rows, unit) for name, unit in self._outline.channels]
         for one in (self._angle, *(made for _, _, made in self._probes), *self._channels):
             _module.h5ds.attach_scale(one.dataset.id, self._time.dataset.id, 0)

@@ -14,6 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 
+from flexcam.analysis.comparison import scalar_history
 from flexcam.analysis.model_choice import ModelEvaluation
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse, suggest_name
@@ -39,22 +40,13 @@ _SHORT_NAME = 10
 
 @dataclass(frozen=True)
 class CurveStyle:
-    """Style and name of a curve.
+    """Style and name of a curve."""
 
-    Parameters
-    ----------
-    label
-        Label in the legend.
-    colour, dashes
-        Colour and dashes in the format of matplotlib.
-    width
-        Width of the line, points.
-    """
-
-    label: str = ""
+    label: str = ""  #: label in the legend
+    #: `colour`, `dashes`: colour and dashes in the format of matplotlib
     colour: str = COLOURS[0]
     dashes: str = "-"
-    width: float = 1.4
+    width: float = 1.4  #: width of the line, points
 
 
 def draw_motion(
@@ -62,10 +54,7 @@ def draw_motion(
     sign: float = 1.0,
 ) -> None:  # fmt: skip
     """Draw displacement, velocity and acceleration of a probe, times a sign."""
-    history = response[probe]
-    if history.displacement.ndim != 1:
-        allowed = "one scalar: " + ", ".join(f"{probe}.{c}" for c in history.components)
-        raise refuse("probe", repr(probe), allowed, "a curve is one scalar over the cam angle")
+    history = scalar_history(response, probe)
     for one, (series, unit) in zip(axes, SERIES.items(), strict=False):
         factor, _ = to_display_unit(component_unit(probe.rpartition(".")[2], unit))
         _draw(one, response, sign * factor * getattr(history, series), over, look)

@@ -9,7 +9,6 @@ Call `flexcam.plotting.rendering.select_renderer` first: VTK aborts its process 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -47,31 +46,18 @@ _FRAME_TIME = 40
 """Time between two instants of a mode in the window, ms."""
 
 
-@dataclass(frozen=True)
-class ViewSettings:
-    """View settings of a scene."""
-
-    scale: float = 1.0  # scale of the elastic part of the motion
-    size: tuple[int, int] = (1024, 768)  # size of the window, pixels
-    title: str = ""  # title above the image
-
-
 class MechanismView:
-    """Mechanism in a window or off-screen.
+    """Mechanism in a window or off-screen, with the elastic part of its motion times a scale.
 
-    Parameters
-    ----------
-    mechanism, motion
-        Drawn mechanism and its motion.
-    looks
-        View settings.
-    off_screen
-        Whether to render without a window.
+    The size is in pixels; the title stands above the image.
     """
 
-    def __init__(self, mechanism: Mechanism, motion: Motion, looks: ViewSettings, *, off_screen: bool) -> None:
-        self._mechanism, self._motion, self._looks = mechanism, motion, looks
-        self.plotter: Any = pyvista.Plotter(off_screen=off_screen, window_size=list(looks.size))
+    def __init__(
+        self, mechanism: Mechanism, motion: Motion, *,
+        off_screen: bool, scale: float = 1.0, size: tuple[int, int] = (1024, 768), title: str = "",
+    ) -> None:  # fmt: skip
+        self._mechanism, self._motion, self._scale, self._size, self.title = mechanism, motion, scale, size, title
+        self.plotter: Any = pyvista.Plotter(off_screen=off_screen, window_size=list(size))
         self.plotter.set_background("white")
         self._actors: dict[str, Any] = {}
         for kind, mesh in self._meshes(0).items():
@@ -80,17 +66,12 @@ class MechanismView:
         self._set_camera()
         self.show(0)
 
-    @property
-    def title(self) -> str:
-        """Title of the image."""
-        return self._looks.title
-
     def _style(self, kind: str, mesh: pyvista.PolyData) -> dict[str, Any]:
         common = {"smooth_shading": True, "specular": 0.35, "specular_power": 20.0, "opacity": _CLEAR.get(kind, 1.0)}
         if "value" in mesh.point_data:
             values = self._motion.values
             top = _range(values) if values is not None else (0.0, 1.0)
-            small = max(min(self._looks.size[0] / 1024.0, 1.0), 0.75)
+            small = max(min(self._size[0] / 1024.0, 1.0), 0.75)
             fonts = {"title_font_size": round(16 * small), "label_font_size": round(14 * small)}
             bar = {**_BAR, **fonts, "title": f"{self._motion.label}\n"}
             even = {"ambient": 0.35, "diffuse": 0.7, "specular": 0.1}  # colours are data here
@@ -99,7 +80,7 @@ class MechanismView:
 
     def _meshes(self, i: int) -> dict[str, pyvista.PolyData]:
         """Return a mesh per kind of part; coloured members are separate from parts without values."""
-        solids = self._mechanism.solids(self._motion.instant(i, self._looks.scale))
+        solids = self._mechanism.solids(self._motion.instant(i, self._scale))
         kinds: dict[str, list[Any]] = {}
         for solid in solids:
             kinds.setdefault(solid.kind, []).append(_mesh(solid))
@@ -109,9 +90,9 @@ class MechanismView:
         """Show instant i."""
         for kind, mesh in self._meshes(i).items():
             self._actors[kind].mapper.SetInputData(mesh)
-        angle, words = self._motion.angle, [self._looks.title] if self._looks.title else []
+        angle, words = self._motion.angle, [self.title] if self.title else []
         words += [_format_angle(angle, i)] if np.ptp(angle) > 0.0 else []
-        words += [f"elastic part x {self._looks.scale:g}"] if self._looks.scale != 1.0 else []
+        words += [f"elastic part x {self._scale:g}"] if self._scale != 1.0 else []
         self.plotter.add_text("\n".join(words), position="upper_left", font_size=11, color="black", name="words")
 
     def slide(self, start: int) -> None:
@@ -144,7 +125,7 @@ class MechanismView:
         plane = np.array([right, np.cross(ahead, right), ahead])
         seen = self._visible_points() @ plane.T
         middle, half = 0.5 * (seen.max(axis=0) + seen.min(axis=0)), 0.5 * np.ptp(seen, axis=0)
-        wide, beside = self._looks.size[0] / self._looks.size[1], 1.0 if self._motion.values is None else _BESIDE_BAR
+        wide, beside = self._size[0] / self._size[1], 1.0 if self._motion.values is None else _BESIDE_BAR
         scale = 1.06 * float(max(half[1] * _BELOW_WORDS, half[0] / (beside * wide)))
         focus = (middle + scale * np.array([(1.0 - beside) * wide, _BELOW_WORDS - 1.0, 0.0])) @ plane
         distance = 4.0 * float(np.linalg.norm(half))
@@ -161,7 +142,7 @@ class MechanismView:
             [
                 solid.points
                 for i in sorted(instants)
-                for solid in self._mechanism.solids(self._motion.instant(i, self._looks.scale))
+                for solid in self._mechanism.solids(self._motion.instant(i, self._scale))
             ]
         )
 

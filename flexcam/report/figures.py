@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from flexcam.core import FloatArray, IntArray
 from flexcam.core.units import to_display_unit
-from flexcam.dynamics import STATE, Outline, Response
+from flexcam.dynamics import STATE, Response
 from flexcam.fem.elements.beam import Beams
 from flexcam.fem.mesh import Mesh
 from flexcam.fem.recovery import deflection
-from flexcam.io.exports import component_unit
+from flexcam.io.exports import component_unit, scalar_probes
 from flexcam.io.result_writer import SERIES
 from flexcam.report.content import Chart, ChartGroup, Curve, Panel, ReportSubject, Scene, Shape
 from flexcam.valvetrain import Structure
@@ -81,7 +81,7 @@ def _kept_points(x: FloatArray, y: FloatArray, within: float) -> NDArray[np.bool
 def build_albums(runs: Runs, main: str) -> tuple[list[ChartGroup], list[str]]:
     """Return all curves of several results, and a sentence if a page has no room for some of them."""
     first = [one for one, _ in runs.values()]
-    probes = list(dict.fromkeys(name for one in first for name in scalar_probe_names(one.outline)))
+    probes = list(dict.fromkeys(name for one in first for name in scalar_probes(one.outline)))
     moving = {name for name in probes if _moves(first, name)}
     probes = sorted((name for name in probes if name == main or name in moving), key=lambda name: name != main)
     channels = list(dict.fromkeys(name for one in first for name, _ in one.outline.channels))
@@ -131,21 +131,14 @@ def _fit_albums(albums: list[ChartGroup], size: int) -> list[ChartGroup]:
     return albums
 
 
-def scalar_probe_names(outline: Outline) -> list[str]:
-    """Return the names of all scalar probes of a run."""
-    return [
-        name if len(components) == 1 else f"{name}.{one}" for name, components in outline.probes for one in components
-    ]
-
-
 def _moves(responses: Sequence[Response], name: str) -> bool:
-    having = [one for one in responses if name in scalar_probe_names(one.outline) and len(one.time)]
+    having = [one for one in responses if name in scalar_probes(one.outline) and len(one.time)]
     return any(float(np.ptp(one[name].displacement)) > 0.0 for one in having)
 
 
 def _motion(runs: Runs, name: str) -> Chart:
     def values(response: Response, series: str) -> FloatArray | None:
-        return getattr(response[name], series) if name in scalar_probe_names(response.outline) else None
+        return getattr(response[name], series) if name in scalar_probes(response.outline) else None
 
     component = name.rpartition(".")[2]
     panels = tuple(

@@ -18,14 +18,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexcam import __version__
-from flexcam.analysis.comparison import Comparison, compare_responses
+from flexcam.analysis.comparison import Comparison, compare_responses, scalar_history
 from flexcam.analysis.limits import compute_margins
 from flexcam.analysis.preparation import compute_metrics, scalar_probe
 from flexcam.analysis.run_checks import RunMonitor, check_run
 from flexcam.case.case import Case
 from flexcam.case.input_checks import check_shared_seat_load
-from flexcam.core.errors import FlexcamError, InputError, refuse
+from flexcam.core.errors import FlexcamError, InputError
 from flexcam.core.units import RPM
+from flexcam.io.exports import scalar_probes
 from flexcam.report.content import (
     Chapter,
     Picture,
@@ -40,7 +41,7 @@ from flexcam.report.content import (
     origin_table,
     result_tables,
 )
-from flexcam.report.figures import Runs, build_albums, scalar_probe_names, scene
+from flexcam.report.figures import Runs, build_albums, scene
 from flexcam.report.terminal import make_unique
 from flexcam.valvetrain import Metric
 
@@ -131,11 +132,9 @@ def _result_names(subjects: Sequence[ReportSubject]) -> list[str]:
 def _main_probe(about: ReportSubject, probe: str | None) -> str:
     """Return the main probe of a result; empty if it has none."""
     response = about.result.response
-    saved = scalar_probe_names(response.outline)
+    saved = scalar_probes(response.outline)
     if probe is not None:
-        history = response[probe]
-        if history.displacement.ndim != 1:
-            raise refuse("probe", repr(probe), "one scalar: " + ", ".join(f"{probe}.{c}" for c in history.components))
+        scalar_history(response, probe)  # raises an error for a probe of several scalars
         return probe
     if about.known is None or not about.known.ready.model.probes:
         return next(iter(saved), "")
@@ -198,9 +197,7 @@ def _margins(case: Case) -> list[str]:
 
 def _motion_image(runs: Runs, main: str) -> Picture | None:
     """Return an image with the motion of the main probe."""
-    moved = {
-        name: pair for name, pair in runs.items() if len(pair[0].time) and main in scalar_probe_names(pair[0].outline)
-    }
+    moved = {name: pair for name, pair in runs.items() if len(pair[0].time) and main in scalar_probes(pair[0].outline)}
     if not moved:
         return None
     from flexcam.plotting.figures import render_png

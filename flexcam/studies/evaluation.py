@@ -38,7 +38,7 @@ from flexcam.dynamics import (
     solve,
 )
 from flexcam.io import SERIES, temporary_folder
-from flexcam.io.exports import component_unit
+from flexcam.io.exports import component_unit, scalar_probes
 from flexcam.studies.plan import Bundle, open_case
 from flexcam.valvetrain import ANY_SPEED, Metric, Model, build_rigid, train_metric_names
 
@@ -64,8 +64,7 @@ def scalar_names(case: Case) -> list[str]:
     model, system = build_problem(case)
     named = outline(system)
     names = train_metric_names(model, [name for name, _ in named.channels])
-    probes = [component for name, components in named.probes for component in _component_names(name, components)]
-    names += [f"probes.{probe}.{series}.largest" for probe in probes for series in SERIES]
+    names += [f"probes.{probe}.{series}.largest" for probe in scalar_probes(named) for series in SERIES]
     compared = case.record.fidelity.model != "rigid" and bool(case.record.output.probes) and bool(model.cam_contacts)
     return [*names, *(_DEVIATIONS if compared else ()), *(() if system.carried else (_RESIDUAL,))]
 
@@ -74,21 +73,15 @@ _DEVIATIONS = ("deviation.peak", "deviation.rms")
 _RESIDUAL = "energy.residual.largest"
 
 
-def _component_names(probe: str, components: Sequence[str]) -> list[str]:
-    """Return the names of the components of a probe; a scalar probe keeps its name."""
-    return [probe] if len(components) == 1 else [f"{probe}.{component}" for component in components]
-
-
 def _probe_scalars(response: Response, period: float) -> Iterator[Metric]:
     """Yield the maximum motions of every probe component in the last revolution."""
     last = response.latest(period)
-    for probe, components in response.outline.probes:
-        for component, name in zip(components, _component_names(probe, components), strict=True):
-            history = response[name]
-            for series, unit in SERIES.items():
-                slopes = getattr(history, SLOPES[series])[last] if series in SLOPES else None
-                largest, _ = peak(response.time[last], getattr(history, series)[last], slopes)
-                yield Metric(f"probes.{name}.{series}.largest", largest, component_unit(component, unit))
+    for name, component in scalar_probes(response.outline).items():
+        history = response[name]
+        for series, unit in SERIES.items():
+            slopes = getattr(history, SLOPES[series])[last] if series in SLOPES else None
+            largest, _ = peak(response.time[last], getattr(history, series)[last], slopes)
+            yield Metric(f"probes.{name}.{series}.largest", largest, component_unit(component, unit))
 
 
 def _deviation_scalars(ready: PreparedRun, response: Response) -> Iterator[Metric]:

@@ -21,14 +21,7 @@ from flexcam.core.errors import Fault, InputError, parse_all, refuse
 from flexcam.dynamics import Cause, ProgressCallback, Status, track_progress
 from flexcam.io import find_referenced_file, format_toml
 from flexcam.studies.evaluation import Row, rejected_row, restore_file_names
-from flexcam.studies.executors import (
-    Evaluate,
-    ProcessWorkers,
-    SerialWorkers,
-    Variants,
-    divide_variants,
-    open_runner,
-)
+from flexcam.studies.executors import Evaluate, ProcessWorkers, SerialWorkers, Variants, divide_variants, open_runner
 from flexcam.studies.plan import Axis, Bundle, Plan, Value, make_bundle, make_plan, open_case, parse_axis
 from flexcam.studies.quantities import get_number, make_overrides, quantity_row, require_complete
 
@@ -190,21 +183,16 @@ class InterruptibleRuns:
     def __call__(self, variants: Sequence[tuple[str, ...]]) -> Iterator[Row]:
         """Yield a row per variant; Ctrl-C before the first row is raised, as there are no results to keep."""
         self.asked += len(variants)
-        rows, left = iter(self._runs(variants)), len(variants)
-        while left and (row := self._next(rows)):
-            left -= 1
-            yield row
-        yield from [_NOT_RUN] * left
-
-    def _next(self, rows: Iterator[Row]) -> Row | None:
+        left = len(variants)
         try:
-            row = next(rows)
+            for row in self._runs(variants):
+                self.done += 1
+                left -= 1
+                yield row
         except KeyboardInterrupt:
             if not self.done:
                 raise
-            return None
-        self.done += 1
-        return row
+        yield from [_NOT_RUN] * left
 
     @property
     def is_interrupted(self) -> bool:

@@ -250,14 +250,6 @@ def open_runner(workers: Workers, source: Bundle | Path, evaluate: Evaluate) -> 
         yield run
 
 
-def run_chunks(
-    source: Bundle | Path, evaluate: Evaluate, chunks: Iterable[Chunk], workers: Workers
-) -> Iterator[tuple[Chunk, list[Row]]]:
-    """Run chunks on workers and yield each with its rows as soon as it is finished."""
-    with open_runner(workers, source, evaluate) as run:
-        yield from run(chunks)
-
-
 def _submit_chunks(pool: Pool, waiting: deque[Chunk]) -> Iterator[tuple[Chunk, Future[list[Row]]]]:
     """Yield chunks and their finished futures; chunks rejected by a broken pool remain in the queue."""
     running: dict[Future[list[Row]], Chunk] = {}

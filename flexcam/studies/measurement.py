@@ -18,7 +18,7 @@ from flexcam.core.errors import InputError, positive, refuse, suggest_name
 from flexcam.core.units import conversion_factor
 from flexcam.dynamics import RunFailedError, SaveAt, Status, outline, reraise_interrupt, solve
 from flexcam.io import SERIES
-from flexcam.io.exports import component_unit
+from flexcam.io.exports import component_unit, scalar_probes
 from flexcam.io.files import ABSCISSAS, find_abscissa, read_columns
 from flexcam.studies.evaluation import Row, rejected_row
 from flexcam.studies.executors import Variants
@@ -105,7 +105,7 @@ def _find_curve(case: Case, name: str) -> Curve:
     units = dict(named.channels)
     if name in units:
         return Curve(name, name, "", units[name], np.zeros(0))
-    probes = {one if len(parts) == 1 else f"{one}.{part}": part for one, parts in named.probes for part in parts}
+    probes = scalar_probes(named)
     probe, _, series = name.rpartition(" ") if name.rpartition(" ")[2] in SERIES else (name, "", "displacement")
     if probe not in probes:
         known = [*(f"{one} {series}" for one in probes), *units]

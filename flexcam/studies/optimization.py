@@ -395,12 +395,13 @@ def _run_nsga2(judge: ProblemEvaluator, design: OptimizationProblem, size: int, 
 def pareto_indices(found: Evaluations) -> list[int]:
     """Return the indices of the Pareto-optimal variants that satisfy all constraints."""
     inside = np.flatnonzero(is_feasible(found.violations) & np.isfinite(found.costs).all(axis=1)).tolist()
-    kept = [i for i in inside if not any(_dominates(found.costs[j], found.costs[i]) for j in inside)]
+    costs = found.costs[inside]
+
+    def has_better(own: FloatArray) -> bool:
+        return bool(((costs <= own).all(axis=1) & (costs < own).any(axis=1)).any())
+
+    kept = [i for i in inside if not has_better(found.costs[i])]
     first: dict[tuple[float, ...], int] = {}
     for i in kept:
         first.setdefault(tuple(found.costs[i].tolist()), i)
     return sorted(first.values(), key=lambda i: float(found.costs[i, 0]))
-
-
-def _dominates(one: FloatArray, other: FloatArray) -> bool:
-    return bool((one <= other).all() and (one < other).any())

@@ -246,10 +246,17 @@ def parse_sample(text: str, seed: int = 0) -> Sample:
     count = int(match[2])
     if count < 1:
         raise refuse("--sample", text, "1 point or more", "the plan is empty")
-    if match[1] == "sobol" and count & (count - 1):
-        near = f"take sobol:{1 << (count.bit_length() - 1)} or sobol:{1 << count.bit_length()}"
-        raise refuse("--sample", text, "a power of two", "Sobol's sequence is even over the space there only", near)
+    if match[1] == "sobol":
+        check_power_of_two("--sample", count)
     return Sample("sobol" if match[1] == "sobol" else "lhs", count, check_seed(seed))
+
+
+def check_power_of_two(where: str, count: int, least: int = 1) -> None:
+    """Raise an error if a number of points is not a power of two."""
+    if count < least or count & (count - 1):
+        below = 1 << (max(count, least).bit_length() - 1)
+        why = "Sobol's sequence is even over the space there only"
+        raise refuse(where, count, f"a power of two from {least}", why, f"take {below} or {2 * below}")
 
 
 def check_seed(seed: int) -> int:

@@ -22,7 +22,7 @@ from flexcam.core.errors import InputError, parse_all, refuse
 from flexcam.dynamics import modes
 from flexcam.studies.evaluation import Row
 from flexcam.studies.evaluators import Runs, column
-from flexcam.studies.plan import check_seed
+from flexcam.studies.plan import check_power_of_two, check_seed
 from flexcam.studies.quantities import Number, frequency_number, get_number, make_overrides, require_complete
 from flexcam.valvetrain import Structure, build_structure
 
@@ -289,19 +289,12 @@ def sobol_indices(function: Function, dimensions: int, count: int, *, seed: int 
     sequence; estimators and bootstrap are those of `scipy.stats.sobol_indices`: A. Saltelli et al., Comput. Phys.
     Commun. 181 (2010) 259.
     """
-    check_count(count)
+    check_power_of_two("--sobol", count, 2)
     check_seed(seed)
     a, b, mixed = _saltelli_points(dimensions, count, seed)
     each = np.stack([a, b, *mixed], axis=1)  # ordered by base point: an interrupted study has complete base points
     parts = function(each.reshape(-1, dimensions)).reshape(count, dimensions + 2, -1)
     return [_compute_indices(parts[:, :, i].T, count, seed) for i in range(parts.shape[2])]
-
-
-def check_count(count: int) -> None:
-    """Raise an error if the number of base points is not a power of two."""
-    if count < 2 or count & (count - 1):
-        near = f"{1 << (max(count, 2).bit_length() - 1)} or {1 << max(count, 2).bit_length()}"
-        raise refuse("--sobol", count, "a power of two from 2", "Sobol's sequence is even over the space there", near)
 
 
 def _saltelli_points(dimensions: int, count: int, seed: int) -> tuple[FloatArray, FloatArray, list[FloatArray]]:

@@ -23,7 +23,7 @@ from flexcam.core.errors import Fault, InputError, refuse
 from flexcam.dynamics import Cause, RunFailedError, Status
 from flexcam.io import check_writable, create_folder
 from flexcam.studies.evaluation import Row, are_probe_scalars, evaluate_chunk, scalar_names
-from flexcam.studies.executors import Chunk, Evaluate, SerialWorkers, Workers, divide_variants, run_chunks
+from flexcam.studies.executors import Chunk, Evaluate, SerialWorkers, Workers, divide_variants, open_runner
 from flexcam.studies.plan import (
     MAX_VARIANTS,
     Axis,
@@ -318,10 +318,11 @@ def run_sweep(
 ) -> SweepTable:
     """Run a sweep and return its table without writing files."""
     rows: dict[int, list[Row]] = {}
-    for chunk, found in run_chunks(asked.bundle, asked.evaluate(), asked.chunks, workers or SerialWorkers()):
-        rows[chunk.index] = found
-        if advance:
-            advance(len(found))
+    with open_runner(workers or SerialWorkers(), asked.bundle, asked.evaluate()) as run_chunks:
+        for chunk, found in run_chunks(asked.chunks):
+            rows[chunk.index] = found
+            if advance:
+                advance(len(found))
     return _make_table(asked, rows)
 
 
@@ -335,8 +336,7 @@ def run_sweep_to_files(
     try:
         with _open_journal(asked, target) as journal:
             table = _select_scalars(
-                _run_missing_chunks(asked, target, journal, workers or SerialWorkers(), advance),
-                asked.scalars,
+                _run_missing_chunks(asked, target, journal, workers or SerialWorkers(), advance), asked.scalars
             )
             return table, [write_table(table, path, overwrite=True) for path in target.tables(asked.name)]
     except KeyboardInterrupt:
@@ -358,14 +358,15 @@ def _run_missing_chunks(
         advance(sum(len(some) for some in rows.values()))
     left = [chunk for chunk in asked.chunks if chunk.index not in rows]
     stale = target.existing_histories(asked.name) if target.histories and not rows else []
-    for chunk, found in run_chunks(asked.bundle, asked.evaluate(histories=target.histories), left, workers):
-        while stale:  # result files of an earlier sweep would not match the table
-            stale.pop().unlink()
-        _write_histories(asked, target, chunk, found)
-        rows[chunk.index] = [replace(row, history=None) for row in found]
-        journal.add(chunk.index, found)
-        if advance:
-            advance(len(found))
+    with open_runner(workers, asked.bundle, asked.evaluate(histories=target.histories)) as run_chunks:
+        for chunk, found in run_chunks(left):
+            while stale:  # result files of an earlier sweep would not match the table
+                stale.pop().unlink()
+            _write_histories(asked, target, chunk, found)
+            rows[chunk.index] = [replace(row, history=None) for row in found]
+            journal.add(chunk.index, found)
+            if advance:
+                advance(len(found))
     return _make_table(asked, rows)
 
 

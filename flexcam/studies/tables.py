@@ -25,20 +25,11 @@ import numpy as np
 from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, format_shape, refuse, suggest_name, system_message
 from flexcam.dynamics import Cause, Response, Status
-from flexcam.io import (
-    SERIES,
-    atomic_write_path,
-    check_writable,
-    create_folder,
-    digest_fault,
-    lock_file,
-    open_hdf5,
-    write_digest,
-)
+from flexcam.io import atomic_write_path, check_writable, create_folder, lock_file, open_hdf5, write_digest
 from flexcam.io import result_schema as schema
-from flexcam.io.exports import component_unit
-from flexcam.io.hdf5 import read_numbers, read_text_column, read_texts
-from flexcam.io.result_reader import check_format
+from flexcam.io.exports import iterate_motions
+from flexcam.io.hdf5 import read_numbers, read_text_column, read_texts, write_text_column, write_texts
+from flexcam.io.result_reader import check_integrity
 from flexcam.studies.evaluation import Row
 from flexcam.studies.plan import Plan
 
@@ -198,13 +189,7 @@ def history_dataset(response: Response) -> xr.Dataset:
 def _columns(response: Response) -> dict[str, tuple[Any, str]]:
     """Return every history and its unit by name."""
     found: dict[str, tuple[Any, str]] = {"cam_angle": (response.angle, "rad")}
-    for probe, components in response.outline.probes:
-        history = response[probe]
-        for series, unit in SERIES.items():
-            values = getattr(history, series).reshape(len(response.time), -1)
-            for component, column in zip(components, values.T, strict=True):
-                name = probe if len(components) == 1 else f"{probe}.{component}"
-                found[f"{name}.{series}"] = (column, component_unit(component, unit))
+    found |= {f"{name}.{series}": (values, unit) for name, series, unit, values in iterate_motions(response)}
     units = dict(response.outline.channels)
     return found | {name: (values, units[name]) for name, values in response.channels.items()}
 
@@ -221,14 +206,12 @@ def write_hdf5(table: SweepTable, path: Path) -> None:
     """Write a table with its metadata as HDF5."""
     opened: Any = h5py.File(path, "w", libver="latest", locking=False)
     with opened as file:
-        about = file.create_group("about")
-        for name, text in {schema.ABOUT_FORMAT: str(schema.TABLE_FORMAT), **table.about}.items():
-            _texts(about, name, [text])
+        write_texts(file.create_group("about"), {schema.ABOUT_FORMAT: str(schema.TABLE_FORMAT), **table.about})
         file.attrs["shape"] = np.array(table.shape, dtype=np.int64)
         inputs = file.create_group("inputs", track_order=True)
         for column in table.inputs:
             if isinstance(column.values, tuple):
-                _texts(inputs, column.name, column.values)
+                write_text_column(inputs, column.name, column.values)
             else:
                 _numbers(inputs, column.name, column.values, column.unit)
         scalars, valid = (file.create_group(name, track_order=True) for name in ("scalars", "valid"))
@@ -238,20 +221,12 @@ def write_hdf5(table: SweepTable, path: Path) -> None:
             valid.create_dataset(name, data=known, track_times=False)
         status = file.create_group("status", track_order=True)
         for name in ("cause", "text", "remedy"):
-            _texts(status, name, [str(getattr(one, name)) for one in table.statuses])
+            write_text_column(status, name, [str(getattr(one, name)) for one in table.statuses])
         write_digest(file)
 
 
 def _numbers(group: Any, name: str, values: Any, unit: str) -> None:  # noqa: ANN401 - h5py has no types
     group.create_dataset(name, data=values, track_times=False).attrs["unit"] = np.bytes_(unit.encode())
-
-
-def _texts(group: Any, name: str, texts: Sequence[str]) -> None:  # noqa: ANN401
-    """Write fixed-length strings: the heap of variable-length strings is not reproducible."""
-    encoded = [text.encode() for text in texts]
-    module: Any = h5py
-    kind = module.string_dtype("utf-8", max([1, *map(len, encoded)]))
-    group.create_dataset(name, data=np.array(encoded, dtype=kind), track_times=False)
 
 
 def read_table(path: str | Path) -> SweepTable:
@@ -262,10 +237,9 @@ def read_table(path: str | Path) -> SweepTable:
 
 
 def _read_hdf5(file: Any, source: Path) -> SweepTable:  # noqa: ANN401
+    check_integrity(file, "table", source, schema.TABLE_FORMAT)
     about = read_texts(file["about"])
-    check_format("table", source, about.pop(schema.ABOUT_FORMAT), schema.TABLE_FORMAT)
-    if fault := digest_fault(file):
-        raise InputError([fault])
+    del about[schema.ABOUT_FORMAT]
     rows = zip(*(read_text_column(file["status"][name]) for name in ("cause", "text", "remedy")), strict=True)
     statuses = tuple(Status(Cause(cause), text, remedy) for cause, text, remedy in rows)
     count, shape = len(statuses), tuple(int(n) for n in file.attrs["shape"])

@@ -15,7 +15,7 @@ from flexcam.core import FloatArray
 from flexcam.core.errors import InputError, parse_all, refuse
 from flexcam.core.units import DIMENSIONS, parse
 from flexcam.studies.evaluators import duplicate_key_faults, number_after_override
-from flexcam.studies.plan import check_seed
+from flexcam.studies.plan import Sample, check_seed
 from flexcam.studies.quantities import get_number
 
 _SPEC = re.compile(r"\s*(?:(normal|uniform)\s*:)?\s*(?:±|\+-|\+/-)\s*(\S.*?)\s*$")
@@ -93,10 +93,8 @@ def sample_parts(scatters: Sequence[PartScatter], count: int, seed: int = 0) -> 
     """Return sampled numbers of parts, shape (count, scatters)."""
     if count < 8:
         raise refuse("--count", count, "a whole number from 8", "fewer give no useful mean and spread")
-    from scipy.stats import qmc
-
-    parts = qmc.LatinHypercube(len(scatters), seed=np.random.default_rng(check_seed(seed))).random(count)
-    return np.array([[one.value(part) for one, part in zip(scatters, row, strict=True)] for row in parts.tolist()])
+    parts = Sample("lhs", count, check_seed(seed)).points(len(scatters))
+    return np.array([[one.value(part) for one, part in zip(scatters, row, strict=True)] for row in parts])
 
 
 @dataclass(frozen=True, eq=False)

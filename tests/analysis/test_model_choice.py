@@ -22,7 +22,15 @@ from flexcam.analysis.model_choice import (
     reference_run,
     total_work,
 )
-from flexcam.analysis.model_ladder import ModelLevel, model_ladder, steps_per_revolution_of, with_elements
+from flexcam.analysis.model_ladder import (
+    ModelLevel,
+    model_ladder,
+    run_count,
+    run_histories,
+    steps_per_revolution_of,
+    with_elements,
+    with_steps,
+)
 from flexcam.analysis.preparation import scalar_probe
 from flexcam.analysis.run_checks import describe_model_limits
 from flexcam.dynamics import Cause, Status, integrated_size, outline
@@ -97,9 +105,8 @@ class TestDistance:
         assert replace(one, slopes={"lift": 1.0 - 2.0 * one.time}).size("lift") == pytest.approx(0.25, rel=1e-15)
 
     def test_a_probe_of_several_scalars(self):
-        response = ModelLevel("", "", read_case(INLINE, ["run.revolutions=0.01"])).run()
         with pytest.raises(InputError, match="one scalar"):
-            extract_histories(response, "cam")
+            run_histories(read_case(INLINE, ["run.revolutions=0.01"]), "cam")
 
 
 def rung(work, worst, steps=100):
@@ -139,7 +146,7 @@ class TestLadder:
 
     def test_each_is_derived_from_the_case(self):
         by_name = {one.name: one for one in model_ladder(read_case(INLINE, ["members.pushrod.elements=3"]))}
-        unknowns = {name: integrated_size(one.prepare().problem) for name, one in by_name.items()}
+        unknowns = {name: integrated_size(prepare(one.case).problem) for name, one in by_name.items()}
         assert (unknowns["rigid"], unknowns["sdof"]) == (0, 1)
         assert by_name["beams x2"].case.record.members["pushrod"].elements == 6
         assert by_name["beams x2"].case.record.members["camshaft"].elements == 2
@@ -157,12 +164,12 @@ class TestLadder:
         """A rigid train has none to carry, so that it cannot go the way that the others are asked to."""
         rungs = model_ladder(read_case(INLINE, ["run.engine=modal"]))
         assert [one.case.record.run.engine for one in rungs] == ["auto", *["modal"] * 5]
-        assert rungs[0].prepare().problem.engine == "auto"
+        assert prepare(rungs[0].case).problem.engine == "auto"
 
     def test_candidates_begin_with_the_least_work(self):
         """By what is integrated: one mass at many steps costs less than the beams at few."""
         found = candidate_models(read_case(INLINE, ["run.steps_per_revolution=480"]))
-        work = [integrated_size(ready.problem) * ready.problem.steps for ready in (one.prepare() for one in found)]
+        work = [integrated_size(ready.problem) * ready.problem.steps for ready in (prepare(one.case) for one in found)]
         assert work == sorted(work)
         assert {steps_per_revolution_of(one.case) for one in found} == {60, 120, 240, 480}
 
@@ -191,7 +198,7 @@ def test_derived_cases_leave_the_given_one():
     assert each.springs["valve"].elements == 8
     assert case.with_run({"revolutions": 7.0}).record.run.revolutions == 7.0
     assert case.with_fidelity({"model": "rigid"}).record.fidelity.model == "rigid"
-    assert ModelLevel("", "", case).with_steps(90).case.record.run.steps_per_revolution == 90
+    assert with_steps(case, 90).record.run.steps_per_revolution == 90
     assert case.record.model_dump_json() == before
 
 
@@ -232,11 +239,10 @@ def test_all_errors_count():
 def test_runs_to_come_are_counted_by_their_steps():
     """Reference of 4 and 2 times the steps, rungs at half of them, twice: 4 runs of 240 steps are as much work."""
     case = read_case(INLINE, ["run.steps_per_revolution=120"])
-    one = ModelLevel("own", "", case)
-    work = total_work(case, [one.with_steps(60)] * 2, repeats=2)
+    work = total_work(case, [ModelLevel("own", "", with_steps(case, 60))] * 2, repeats=2)
     assert work == 960
-    assert one.with_steps(240).prepare(work=work).problem.runs == 4
-    assert one.with_steps(480).prepare().problem.runs == one.with_steps(480).prepare(work=1).problem.runs == 1
+    assert run_count(with_steps(case, 240), work) == 4
+    assert run_count(with_steps(case, 480), 0) == run_count(with_steps(case, 480), 1) == 1
 
 
 @pytest.mark.usefixtures("machine_code")
@@ -249,7 +255,7 @@ def test_norms_of_a_ladder():
         probe = scalar_probe(prepare(case))
         against = reference_run(case, probe)
         assert against.norm == case.record.fidelity.norm
-        found[against.norm] = evaluate_model(ModelLevel("own", "", case).with_steps(60), probe, against).errors
+        found[against.norm] = evaluate_model(ModelLevel("own", "", with_steps(case, 60)), probe, against).errors
     for name in found["max"]:
         assert found["rms"][name] < found["max"][name]
         assert found[None][name] == found["max" if name.startswith("force") else "rms"][name]
@@ -269,7 +275,7 @@ def test_why_names_what_was_asked():
 
 
 def lift_of(case, steps):
-    return extract_histories(ModelLevel("", "", case).with_steps(steps).run(), "valve")
+    return run_histories(with_steps(case, steps), "valve")
 
 
 class TestEstimate:

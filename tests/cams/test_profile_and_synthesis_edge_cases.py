@@ -22,7 +22,6 @@ from flexcam.cams import (
     lift_from_profile,
     minimax,
     off_design_deviation,
-    petrescu_profile,
     polydyne,
 )
 from flexcam.core.errors import InputError
@@ -129,11 +128,6 @@ def test_conditions_out_of_range(condition):
 def test_static_answer_infinite():
     with pytest.raises(InputError, match="harmonic 0"):
         polydyne(WANTED, lambda omega: np.where(omega == 0.0, np.inf, 1.0 + 0j), 100.0)
-
-
-def test_classical_profile_on_no_base_circle():
-    with pytest.raises(InputError, match="base_radius"):
-        petrescu_profile(WANTED, -0.013, np.zeros(1), relaxed=False)
 
 
 def test_cutter_is_looked_at_even_if_undercut():

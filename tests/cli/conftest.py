@@ -83,41 +83,12 @@ def result(flexcam, case, tmp_path):
     return path
 
 
-ONE_MASS = """
-format = 1
-[nodes]
-shaft = [0, 0, 0]
-mass = [0, 0, "-40 mm"]
-[supports]
-mass = ["ux", "uy"]
-[masses]
-mass = { at = "mass", mass = "0.1 kg" }
-[springs]
-held = { at = "mass", direction = "-uz", stiffness = "40 kN/m", installed_force = "300 N" }
-[cams.c]
-at = "shaft"
-axis = [-1, 0, 0]
-law = "cycloidal"
-lift = "6 mm"
-rise = "63 deg"
-return = "75 deg"
-phase = "34 deg"
-[contacts]
-k = { cam = "c", follower = "mass", model = "unilateral", stiffness = "500 MN/m" }
-[run]
-speed = "3500 rpm"
-steps_per_revolution = 720
-start = "equilibrium"
-damping = { beta = "1e-6 s" }
-"""
-
-
 @pytest.fixture
 def one_mass(tmp_path):
     """Write the case of one mass, with parts of its text replaced, and return its path."""
 
     def write(*replaced):
-        text = ONE_MASS
+        text = (Path(__file__).parents[1] / "data/limits/one-mass.toml").read_text(encoding="utf-8")
         for old, new in replaced:
             assert old in text
             text = text.replace(old, new)

@@ -90,7 +90,7 @@ def test_a_speed_at_which_the_train_stands_unstable_leaves_the_others(monkeypatc
 
 
 def test_a_speed_at_which_no_run_can_start_leaves_the_others(monkeypatch):
-    module = sys.modules["flexcam.analysis.campbell"]
+    module = sys.modules["flexcam.analysis.orders"]
     real, calls = module.prepare, []
 
     def prepared(case):

@@ -100,7 +100,7 @@ def test_a_rough_reference_is_told(flexcam, ladder):
     assert "acceleration" in own
     (told,) = done["warnings"]
     assert all(f"{name} ({100.0 * error:.2g} %)" in told for name, error in own.items())
-    assert "the reference itself has a large error in" in " ".join(flexcam("trade", case, *few).out.split())
+    assert "the reference itself has a large error in" in told
     assert ladder["warnings"] == []
 
 
@@ -140,10 +140,10 @@ def test_another_refusal_of_a_model_ends_the_ladder(trade, monkeypatch):
     """Only what a method says of its steps is told in a row."""
     refusal = refuse("memory", "9 TB", "8 GB")
 
-    def prepared(*asked):
+    def prepared(*asked, **more):
         raise refusal
 
-    monkeypatch.setattr("flexcam.analysis.model_ladder.ModelLevel.prepare", prepared)
+    monkeypatch.setattr(TRADE, "prepare", prepared)
     monkeypatch.setattr(TRADE, "reference_run", lambda *asked, **more: None)
     done = trade()
     assert done.code == 2
@@ -200,7 +200,7 @@ def test_trade_refuses(flexcam, tayeb, tmp_path, words, said):
         assert (tmp_path / words[1]).read_text(encoding="utf-8") != "mine"
 
 
-@pytest.mark.parametrize(("asked", "tolerance"), [("20 %", 0.2), ("10 %", 0.1), ("1 %", 0.01), ("0.1 %", 0.001)])
+@pytest.mark.parametrize(("asked", "tolerance"), [("20 %", 0.2), ("1 %", 0.01), ("0.1 %", 0.001)])
 def test_the_cheapest_within_a_tolerance(ran, ladder, fine, asked, tolerance):
     done = ran(f'tolerance="{asked}"')
     assert done.code == 0

@@ -16,17 +16,16 @@ from flexcam.dynamics import Cause, Status
 from flexcam.valvetrain import separation_by_flank
 
 CASE = Path(__file__).resolve().parents[2] / "cases/pushrod-engine/intake.toml"
-QUICK = ("--set", "run.steps_per_revolution=360", "--set", "run.revolutions=1")
+QUICK = ("--set", "run.steps_per_revolution=360")
 
 pytestmark = pytest.mark.usefixtures("machine_code")
 
 
 def test_limits_as_json(flexcam):
-    told = ("--lowest", "6000rpm", "--highest", "6100rpm", "--accuracy", "2500rpm", *QUICK)
+    told = ("--lowest", "3000rpm", "--highest", "3050rpm", "--accuracy", "2500rpm", *QUICK)
     answer = flexcam("limits", CASE, *told, "--json").json
-    assert {"loss_of_contact_rpm", "bounce_rpm", "buckling_rpm", "first", "spring_margin"} <= set(answer)
-    assert answer["shaft"] == "crank"
-    assert answer["first"] == "loss_of_contact"
+    assert {"loss_of_contact_rpm", "bounce_rpm", "buckling_rpm", "spring_margin"} <= set(answer)
+    assert (answer["shaft"], answer["first"]) == ("crank", None)
     assert answer["buckling_margins"]["pushrod"] > 1.0
 
 
@@ -34,6 +33,7 @@ def test_limits_name_every_limit_and_the_rigid_speed(flexcam, one_mass):
     """Without seat, coils and members nothing of these is met; a stiff train parts where inertia meets its spring."""
     case = one_mass()
     answer = flexcam("limits", case, "--lowest", "3000rpm", "--highest", "5000rpm", "--json").json
+    assert answer["first"] == "loss_of_contact"
     assert [answer[f"{name}_rpm"] for name in ("bounce", "coil_clash", "buckling")] == [None] * 3
     z = np.linspace(0.0, 1.0, 20001)
     rise = np.radians(63.0)

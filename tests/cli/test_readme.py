@@ -23,7 +23,7 @@ TARGETS = [shlex.split(line, comments=True)[1] for line in SHELL if line.startsw
 
 FEWER = {
     "run": ("--set", "run.steps_per_revolution=720", "--set", "run.revolutions=1"),
-    "trade": ("--set", "run.steps_per_revolution=60"),
+    "trade": ("--set", "run.steps_per_revolution=60", "--repeats", "1"),
     "campbell": ("--count", "2"),
     "sweep": ("--set", "run.speed=1000,2000rpm", "--workers", "0"),
     "stability": ("--set", "run.steps_per_revolution=180"),

@@ -331,7 +331,7 @@ def killed_and_resumed(folder, untouched, kills, seed):
         whole = [line for line in before if line.endswith(b"\n")]
         assert after[: len(whole)] == whole  # what was finished stays as it was
         before = after
-    completed(begun(folder, "--workers", "2", "--resume"))
+    completed(begun(folder, "--workers", "0", "--resume"))
     chunks = [json.loads(line)["chunk"] for line in journal(folder / "out")[1:]]
     assert sorted(chunks) == list(range(60))  # each once
     assert {name: (folder / "out" / name).read_bytes() for name in NAMES} == untouched

@@ -244,10 +244,10 @@ from flexcam.plotting.scene.mechanism import build_mechanism
 from flexcam.valvetrain import build_structure
 from flexcam.plotting.rendering import select_renderer
 select_renderer(off_screen=False)
-from flexcam.plotting.solid_view import MechanismView, ViewSettings
+from flexcam.plotting.solid_view import MechanismView
 structure = build_structure(build_model(read_case(sys.argv[1])))
-looks = ViewSettings(size=(400, 300), title=sys.argv[3])
-stage = MechanismView(build_mechanism(structure), case_motion(structure, 100.0), looks, off_screen=False)
+motion = case_motion(structure, 100.0)
+stage = MechanismView(build_mechanism(structure), motion, off_screen=False, size=(400, 300), title=sys.argv[3])
 stage.slide(0)
 stage.plotter.show(interactive=False, auto_close=False)
 slider = stage.plotter.widgets.slider_widgets[0]

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from flexcam import read_case
-from flexcam.analysis.comparison import distance, extract_histories
+from flexcam.analysis.comparison import distance
 from flexcam.analysis.error_estimate import estimate_errors
-from flexcam.analysis.model_ladder import ModelLevel, steps_per_revolution_of, with_elements
+from flexcam.analysis.model_ladder import run_histories, steps_per_revolution_of, with_elements, with_steps
 
 TRAIN = """\
 format = 1
@@ -112,9 +112,7 @@ def errors(seed, folder):
     case = read_case(path)
     steps = steps_per_revolution_of(case)
     own, best = (
-        extract_histories(
-            ModelLevel("", "", with_elements(case, factor=finer)).with_steps(times * steps).run(), "valve"
-        )
+        run_histories(with_steps(with_elements(case, factor=finer), times * steps), "valve")
         for finer, times in ((1, 1), (4, 8))
     )
     true = distance(own, best)

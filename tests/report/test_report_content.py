@@ -15,6 +15,7 @@ from flexcam.fem.members import Member, beams
 from flexcam.fem.mesh import Mesh
 from flexcam.fem.recovery import deflection
 from flexcam.fem.sections import Section
+from flexcam.io.exports import scalar_probes
 from flexcam.report.content import (
     Chapter,
     Chart,
@@ -30,7 +31,7 @@ from flexcam.report.content import (
     additional_content,
     report_table,
 )
-from flexcam.report.figures import build_albums, reduce_points, scalar_probe_names
+from flexcam.report.figures import build_albums, reduce_points
 from flexcam.report.page import embed_json, render_page
 from flexcam.report.tables import metrics_table
 from flexcam.report.terminal import facts_table, plain_table
@@ -121,7 +122,11 @@ def test_a_page_has_room_for_many_curves():
 
 def test_a_run_without_instants_has_no_curves():
     assert build_albums({"": (run_of([("a", ("a",))], ["contacts.c.force"], 0), None)}, "a") == ([], [])
-    assert scalar_probe_names(Outline((), (("a", ("a",)), ("b", ("ux", "uy"))), ())) == ["a", "b.ux", "b.uy"]
+    assert scalar_probes(Outline((), (("a", ("a",)), ("b", ("ux", "uy"))), ())) == {
+        "a": "a",
+        "b.ux": "ux",
+        "b.uy": "uy",
+    }
 
 
 def test_tables_of_the_terminal():

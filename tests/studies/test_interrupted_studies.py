@@ -19,6 +19,7 @@ from flexcam.studies.quantities import quantity_row
 
 ROOT = Path(__file__).resolve().parents[2]
 ENGINE = ROOT / "cases/pushrod-engine/intake.toml"
+ONE_MASS = ROOT / "tests/data/limits/one-mass.toml"
 TAYEB = ROOT / "cases/tayeb/model-1-shm.toml"
 SHORT = ("run.revolutions=1", "run.steps_per_revolution=120")
 SPEEDS = [200.0, 300.0]
@@ -26,8 +27,8 @@ BROAD = Search(150.0, 250.0, tolerance=1e3, spacing=1.0)
 FORCE = Signal("contacts.intake.force")
 
 STUDIES = {
-    "limits": ("limits", ENGINE, lambda case, **o: search_limits(case, BROAD, ["buckling"], **o)),
-    "campbell": ("campbell", ENGINE, lambda case, **o: campbell(case, SPEEDS, orders=[1], **o)),
+    "limits": ("limits", ONE_MASS, lambda case, **o: search_limits(case, BROAD, ["loss_of_contact"], **o)),
+    "campbell": ("orders", ENGINE, lambda case, **o: campbell(case, SPEEDS, orders=[1], **o)),
     "orders": ("orders", ENGINE, lambda case, **o: waterfall(case, SPEEDS, [FORCE], 4, **o)),
     "models": ("limits", ENGINE, lambda case, **o: compare_models_over_speed(case, SPEEDS, **o)),
     "stability": ("stability", TAYEB, lambda case, **o: stability_over_speeds(case, SPEEDS, **o)),

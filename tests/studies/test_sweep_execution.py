@@ -21,7 +21,7 @@ from flexcam.case.reader import CaseFile
 from flexcam.dynamics import Cause, RunFailedError, Status
 from flexcam.studies import executors as workers_of
 from flexcam.studies.evaluation import Row, evaluate, evaluate_chunk
-from flexcam.studies.executors import ClusterWorkers, Pool, ProcessWorkers, SerialWorkers, divide_variants, run_chunks
+from flexcam.studies.executors import ClusterWorkers, Pool, ProcessWorkers, SerialWorkers, divide_variants, open_runner
 from flexcam.studies.plan import Bundle, Plan, make_bundle, parse_axes
 from flexcam.studies.sweep import chunk_size, make_sweep, run_sweep
 from flexcam.studies.tables import Journal, write_hdf5
@@ -112,7 +112,8 @@ class Scripted:
 def test_a_variant_that_kills_its_worker_is_a_row_and_costs_no_other():
     plan = Plan(parse_axes(["key=a,b,poison,d,e,f,g,h"]))
     chunks, workers = divide_variants(plan.variants, 3), Scripted()
-    rows = {chunk.index: some for chunk, some in run_chunks(Bundle("", "", {}), evaluate_chunk, chunks, workers)}
+    with open_runner(workers, Bundle("", "", {}), evaluate_chunk) as run:
+        rows = {chunk.index: some for chunk, some in run(chunks)}
     found = [row.status for _, some in sorted(rows.items()) for row in some]
     assert [status.cause for status in found] == [Cause.WORKER_LOST if i == 2 else Cause.DONE for i in range(8)]
     assert [status.text for status in found if status.ok] == [f"key={letter}" for letter in "abdefgh"]
@@ -129,8 +130,11 @@ def test_a_cluster_without_workers_ends_the_sweep(asked, monkeypatch):
         def open_pool(self, source, evaluate):
             yield Pool(lambda variants: Future(), 2, (), lambda: False)
 
-    with pytest.raises(RunFailedError, match="no workers left"):
-        list(run_chunks(asked.bundle, asked.evaluate(), asked.chunks, Empty()))
+    with (
+        pytest.raises(RunFailedError, match="no workers left"),
+        open_runner(Empty(), asked.bundle, asked.evaluate()) as run,
+    ):
+        list(run(asked.chunks))
 
 
 def test_what_fails_is_a_row_with_its_cause():

@@ -12,7 +12,7 @@ from scipy.linalg import eigh
 from flexcam import build_model, prepare, read_case
 from flexcam.analysis.comparison import distance
 from flexcam.analysis.error_estimate import estimate_errors
-from flexcam.analysis.model_ladder import ModelLevel, run_histories, with_elements
+from flexcam.analysis.model_ladder import run_histories, with_elements
 from flexcam.cams import HarmonicLift
 from flexcam.valvetrain import Spring, build_structure
 from flexcam.valvetrain.springs import count_spring_parts, surge_frequency
@@ -75,9 +75,9 @@ def test_only_springs_with_mass_that_say_nothing_are_divided(untold):
 @pytest.mark.usefixtures("machine_code")
 def test_the_default_is_near_the_wave_equation(untold):
     """Cam and adjuster within half a percent of their largest force of 32 parts; one part is off by 14 %."""
-    true = run_histories(ModelLevel("", "", read_case(untold, [*FAST, "springs.valve.elements=32"])), "valve")
+    true = run_histories(read_case(untold, [*FAST, "springs.valve.elements=32"]), "valve")
     for overrides, most, least in (([], 5e-3, 0.0), (["springs.valve.elements=1"], 0.2, 0.1)):
-        found = distance(run_histories(ModelLevel("", "", read_case(untold, [*FAST, *overrides])), "valve"), true)
+        found = distance(run_histories(read_case(untold, [*FAST, *overrides]), "valve"), true)
         for name in ("force intake", "force adjuster"):
             assert least < found[name] / true.size(name) < most
 
@@ -86,7 +86,7 @@ def test_the_default_is_near_the_wave_equation(untold):
 def test_the_estimate_covers_a_spring_in_one_part():
     case = read_case(FINGER, [*FAST, "springs.valve.elements=1"])
     finer = read_case(FINGER, [*FAST, "springs.valve.elements=16", "run.steps_per_revolution=1440"])
-    true = distance(*(run_histories(ModelLevel("", "", one), "valve") for one in (case, finer)))
+    true = distance(*(run_histories(one, "valve") for one in (case, finer)))
     for one in estimate_errors(case, "valve"):
         assert one.total >= true[one.quantity]
 

@@ -20,8 +20,6 @@ from flexcam.cams import (
     SwingRollerFollower,
     cam_profile,
     lift_from_profile,
-    petrescu_efficiency,
-    petrescu_profile,
     profile_at,
 )
 
@@ -105,32 +103,16 @@ COS = LiftEvent(LAWS["cos"], lift=H, rise=U, fall=U)
 
 @pytest.mark.parametrize("degrees", [30.0, 45.0, 60.0, 90.0])
 def test_petrescu_profiles(degrees, record):
-    phi = np.array([math.radians(degrees)])
-    s = H / 2 * (1 - math.cos(math.pi * phi[0] / U))
-    arms = {"relaxed": math.sqrt(2 * R0 * s + s**2), "classical": H / 2 * math.pi / U * math.sin(math.pi * phi[0] / U)}
-    for name, arm in arms.items():
-        relaxed, case = name == "relaxed", f"{name} profile, COS law, h = 6, r0 = 13 mm, u = 90 deg"
-        x, y = petrescu_profile(COS, R0, phi, relaxed=relaxed)[0]
-        sine, cosine = math.sin(phi[0]), math.cos(phi[0])
-        for quantity, unit, reference, computed in (
-            ("xc", "mm", 1e3 * (arm * cosine + (R0 + s) * sine), 1e3 * x),
-            ("yc", "mm", 1e3 * ((R0 + s) * cosine - arm * sine), 1e3 * y),
-            ("radius", "mm", 1e3 * math.hypot(R0 + s, arm), 1e3 * math.hypot(x, y)),
-            (
-                "efficiency",
-                "1",
-                arm**2 / ((R0 + s) ** 2 + arm**2),
-                petrescu_efficiency(COS, R0, phi, relaxed=relaxed)[0],
-            ),
-        ):
-            record(source=PETRESCU, case=case, quantity=f"{quantity} at {degrees:g} deg", unit=unit,
-                   reference=reference, computed=computed, tolerance=1e-12, absolute=True,
-                   reason="printed formula, rounding")  # fmt: skip
-
-
-def test_the_classical_profile_is_the_flat_followers(record):
-    made = cam_profile(COS, FlatFollower(R0), count=720)
-    miss = np.abs(petrescu_profile(COS, R0, made.angle, relaxed=False) - made.points).max()
-    record(source=PETRESCU, case="classical profile, COS law, h = 6, r0 = 13 mm, u = 90 deg",
-           quantity="largest distance from the profile under a flat follower", unit="um", reference=0.0,
-           computed=1e6 * miss, tolerance=1e-10, absolute=True, reason="rounding")  # fmt: skip
+    """As printed for the classical profile: x = s' cos phi + (r0 + s) sin phi, y = (r0 + s) cos phi - s' sin phi."""
+    phi = math.radians(degrees)
+    s, speed = H / 2 * (1 - math.cos(math.pi * phi / U)), H / 2 * math.pi / U * math.sin(math.pi * phi / U)
+    x, y = profile_at(COS, FlatFollower(R0), np.array([phi])).points[0]
+    sine, cosine = math.sin(phi), math.cos(phi)
+    for quantity, reference, computed in (
+        ("xc", speed * cosine + (R0 + s) * sine, x),
+        ("yc", (R0 + s) * cosine - speed * sine, y),
+        ("radius", math.hypot(R0 + s, speed), math.hypot(x, y)),
+    ):
+        record(source=PETRESCU, case="classical profile, COS law, h = 6, r0 = 13 mm, u = 90 deg",
+               quantity=f"{quantity} at {degrees:g} deg", unit="mm", reference=1e3 * reference,
+               computed=1e3 * computed, tolerance=1e-12, absolute=True, reason="printed formula, rounding")  # fmt: skip

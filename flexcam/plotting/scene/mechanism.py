@@ -29,15 +29,7 @@ from flexcam.plotting.scene.parts import (
     support_solids,
     valve_solids,
 )
-from flexcam.plotting.scene.solids import (
-    Solid,
-    ball,
-    cylinder,
-    loft,
-    perpendicular_axes,
-    section_outlines,
-    unit_vector,
-)
+from flexcam.plotting.scene.solids import Solid, ball, cylinder, loft, perpendicular_axes, section_outlines, unit_vector
 from flexcam.valvetrain import Cam, Lash, Model, Rocker, Seat, Spring, Structure, valve_ratio
 from flexcam.valvetrain.structure import spring_parts
 from flexcam.valvetrain.train_topology import moved_nodes, rocker_of
