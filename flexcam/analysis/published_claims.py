@@ -10,7 +10,7 @@ from flexcam.analysis.preparation import prepare
 from flexcam.analysis.run import run
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
-from flexcam.case.lift import parse_law
+from flexcam.case.curves import parse_law
 from flexcam.core.units import RPM
 from flexcam.dynamics import floquet, reraise_interrupt
 from flexcam.io import find_referenced_file, read_mesh

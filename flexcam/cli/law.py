@@ -11,8 +11,8 @@ from cyclopts import Parameter
 from rich.table import Table
 
 from flexcam.cams import LAWS, Criteria, Extreme, Law, criteria, kind_names, residual_spectrum
+from flexcam.case.curves import parse_law, read_law
 from flexcam.case.fault_report import parse_toml
-from flexcam.case.lift import parse_law, read_law
 from flexcam.cli.app import Json, Overwrite, Picture, app, check_distinct_files, check_figure_path
 from flexcam.core.errors import refuse, suggest_name
 from flexcam.report.terminal import facts_table, plain_table, print_json, remove_noise, result_console

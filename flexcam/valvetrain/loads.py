@@ -136,15 +136,12 @@ def given_loads(structure: Structure) -> list[Load]:
     model = structure.model
     loads: list[Load] = []
     for name, load in model.loads.items():
+        table, size = (load.size, 1.0) if isinstance(load.size, LoadTable) else (None, load.size)
         if load.member is not None:
             vector = assemble_loads(structure.beams, _distribute(structure, name), structure.dofs)
         else:
-            vector = structure.row(load.at or "", load.direction, f"loads.{name}.at")
-        if isinstance(load.size, LoadTable):
-            loads.append(Load(f"loads.{name}", vector, load.size))
-        else:
-            vector = vector if load.member is not None else load.size * vector
-            loads.append(Load(f"loads.{name}", vector, constant_history(1.0), steady=True))
+            vector = size * structure.row(load.at or "", load.direction, f"loads.{name}.at")
+        loads.append(Load(f"loads.{name}", vector, table or constant_history(1.0), steady=table is None))
     for name, spring in model.springs.items():
         if not spring.installed_force:
             continue

@@ -11,7 +11,7 @@ import pytest
 
 from flexcam import cams
 from flexcam.cams import KINDS, LAWS, kind_names, law_kind, law_registry
-from flexcam.case.lift import LawDefinition, parse_law
+from flexcam.case.curves import LawDefinition, parse_law
 from flexcam.cli.law import find_law
 from flexcam.core.errors import InputError
 

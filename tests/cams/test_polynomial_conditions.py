@@ -10,7 +10,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from flexcam.cams import LAWS, Polynomial
-from flexcam.case.lift import parse_law
+from flexcam.case.curves import parse_law
 from flexcam.core.errors import InputError
 
 END = (1.0, 0, 1.0)

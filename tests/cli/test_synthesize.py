@@ -19,7 +19,7 @@ from rich.console import Console
 from flexcam import read_case, run
 from flexcam.cams import SplineFamily, minimax
 from flexcam.case.builder import build_model
-from flexcam.case.lift import read_law
+from flexcam.case.curves import read_law
 from flexcam.cli.synthesize import synthesis_table
 from tests.command import facts
 

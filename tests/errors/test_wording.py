@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flexcam import InputError, read_case
-from flexcam.case.lift import parse_law
+from flexcam.case.curves import parse_law
 from flexcam.case.reader import read_cams
 from flexcam.core.errors import finite_array, refuse, suggest_name
 

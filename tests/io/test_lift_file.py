@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexcam.cams import KINDS, LAWS, BSplineLaw, HarmonicLift
-from flexcam.case.lift import read_harmonic_lift, read_law
+from flexcam.case.curves import read_harmonic_lift, read_law
 from flexcam.core.errors import InputError
 from flexcam.io import read_lift, write_law, write_lift
 

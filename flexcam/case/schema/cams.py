@@ -19,7 +19,7 @@ from flexcam.cams import (
     SwingRollerFollower,
     centreline,
 )
-from flexcam.case.lift import LawDefinition, LiftDefinition
+from flexcam.case.curves import LawDefinition, LiftDefinition
 from flexcam.case.schema.base import (
     Angle,
     Length,

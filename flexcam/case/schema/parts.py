@@ -9,7 +9,7 @@ from typing import Annotated, Literal, Self
 from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
 
 from flexcam import valvetrain
-from flexcam.case.lift import LoadDefinition
+from flexcam.case.curves import LoadDefinition
 from flexcam.case.schema.base import (
     DampingValue,
     DirectionValue,
