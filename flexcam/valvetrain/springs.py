@@ -31,7 +31,7 @@ def couple_coils(structure: Structure) -> Coupling:
     """Return the nonlinear forces of the parts of springs, and the channels of all springs.
 
     ``surge`` is the largest deviation of a coil from its static position, ``clearance`` the travel left until all coils
-    touch, counted by the most compressed part.
+    touch, counted by the most compressed part of those that close last.
     """
     loads: list[Load] = []
     forces: list[LocalForce] = []
@@ -175,10 +175,18 @@ class SpringCurve:
         return np.array([np.interp(travel, self.travel, own) for own in self.parts.T], dtype=np.float64).T
 
     def travel_of(self, compression: FloatArray) -> FloatArray:
-        """Return the travel at which, at rest, one part is compressed as given and none more, shape (m,)."""
-        parts = zip(compression.T, self.parts.T, strict=True)
+        """Return the travel at which, at rest, one of the parts that close last is compressed as given, shape (m,).
+
+        Parts that closed before are stiff: the vibration of closed coils says nothing of the travel that is left.
+        """
+        last = self.parts[-2] - self.parts[-3]
+        parts = [pair for pair, own in zip(zip(compression.T, self.parts.T, strict=True), last, strict=True)
+                 if own > _CLOSED * last.max()]  # fmt: skip
         return np.array([np.interp(x, own, self.travel) for x, own in parts], dtype=np.float64).max(axis=0)
 
+
+_CLOSED = 0.1
+"""Compression of a closed part per that of the softest open one, above which it counts as open."""
 
 _FAR = 1.0
 """Distance of the end rows of a curve from the others, m."""

@@ -14,8 +14,11 @@ NAMES = sorted(templates())
 KEY = re.compile(r"^[A-Za-z_][\w-]* = ")
 
 
-def test_all_six_are_there(flexcam):
-    wanted = {"published-model", "pushrod-engine", "direct-acting", "finger-follower", "lumped-train", "measured-lift"}
+def test_all_seven_are_there(flexcam):
+    wanted = {
+        "published-model", "pushrod-engine", "direct-acting", "exhaust-valve", "finger-follower", "lumped-train",
+        "measured-lift",
+    }  # fmt: skip
     assert set(NAMES) == wanted
     assert flexcam("new", "--json").json["templates"] == templates()
     told = flexcam("new").out

@@ -312,6 +312,17 @@ def test_energy_of_two_rates(record, case):
            absolute=True, reason="rounding")  # fmt: skip
 
 
+def test_closed_coils_leave_the_clearance(case):
+    """The coils that closed first vibrate on each other; the clearance is that of the coils that close last."""
+    made = case(TWO_RATES.replace("PARTS", "1"), "springs.valve.installed_force=150 N")
+    curve = spring_curve(build_model(made).springs["valve"])
+    travel = 0.5 * (curve.travel[-3] + curve.travel[-2])
+    rest = curve.compression(np.array([travel]))
+    struck = rest + np.where(rest == rest.min(), 20e-6, 0.0)
+    assert curve.travel_of(rest)[0] == pytest.approx(travel, rel=1e-9)
+    assert curve.travel_of(struck)[0] == pytest.approx(travel, rel=1e-9)
+
+
 def test_solid_two_rates_clash(case):
     """Beyond the travel to coil bind the clearance is negative and the coils of the large pitch bear force as well."""
     made = case(TWO_RATES.replace("PARTS", "1"), "springs.valve.installed_force=900 N")
