@@ -47,7 +47,7 @@ from flexcam.io import ProfileTable
 from flexcam.valvetrain import Cam, Model, largest_lash, lift_transfer, modes_on_the_lift, valve_ratio
 
 _HARMONICS = 10
-_NEGATIVE_LIFT_TOLERANCE = 1e-4
+NEGATIVE_LIFT_TOLERANCE = 1e-4
 """Allowed negative lift relative to the maximum lift: a ten-thousandth, less than the grinding tolerance."""
 
 
@@ -206,7 +206,7 @@ def cam_facts(
 def _negative_lift_findings(lift: tuple[Extreme, Extreme]) -> list[ProfileFault]:
     """Return the finding of a negative lift larger than the grinding tolerance."""
     least, largest = lift
-    if least.value >= -_NEGATIVE_LIFT_TOLERANCE * largest.value:
+    if least.value >= -NEGATIVE_LIFT_TOLERANCE * largest.value:
         return []
     what = "the lift is negative: the cam would be cut into its base circle"
     return [ProfileFault(what, "take another law or table, or smooth less", least.at, least.value, 0.0)]
@@ -241,7 +241,7 @@ def cylinders(facts: Mapping[str, CamFacts]) -> list[dict[str, CamFacts]]:
     found: dict[float, dict[str, CamFacts]] = {}
     for name, one in facts.items():
         if one.tdc is not None:
-            angle = round(math.remainder(one.tdc, 2.0 * math.pi), _ANGLE_DECIMALS)
+            angle = round(one.tdc % (2.0 * math.pi), _ANGLE_DECIMALS) % round(2.0 * math.pi, _ANGLE_DECIMALS)
             found.setdefault(angle, {})[name] = one
     return list(found.values())
 

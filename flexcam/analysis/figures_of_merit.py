@@ -1,4 +1,4 @@
-"""Figures of merit of a valve train in the words of the trade, and its spring margin."""
+"""Figures of merit of a valve train by their usual names, and its spring margin."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _WORDS = {
     "friction_power.mean": "mean friction power",
     "clearance.least": "coil-bind clearance",
 }
-"""Words of the trade by the end of a metric's name, in the order of the table."""
+"""Usual names by the end of a metric's name, in the order of the table."""
 
 SPRING_MARGIN = "spring margin of the rigid train"
 """Name of the excess of the spring force over the inertia of the rigid train, relative to the inertia."""
@@ -107,24 +107,28 @@ def rigid_margin(case: Case) -> tuple[float | None, float | None]:
 
 
 def _rigid_limit_speed(case: Case) -> float | None:
-    """Return the camshaft speed at which the inertia of the rigid train first equals its springs and loads, rpm."""
-    one = prepare(case.at_speed(1.0), rigid=True)
+    """Return the camshaft speed at which the inertia of the rigid train first equals its springs and loads, rpm.
+
+    Friction and damping do not count. None if the inertia never pulls, or if a load is given over time.
+    """
+    if any(load.table is not None and load.table.over_time for load in case.record.loads.values()):
+        return None
+    bare = replace(case, record=case.record.model_copy(update={"friction": {}}))
+    model, speeds = prepare(bare, rigid=True).model, [factor * case.speed for factor in (0.5, 1.0, 2.0)]
+    forces = [_rigid_forces(bare, speed) for speed in speeds]
     worst: list[float] = []
-    for name, contact in one.model.cam_contacts.items():
-        lifted = one.model.cams[contact.cam].event(_ANGLES) > main_lift(one.model, contact.cam)
-        still, _, inertia = _force_coefficients(case, name)[:, lifted]
+    for name, contact in model.cam_contacts.items():
+        lifted = model.cams[contact.cam].event(_ANGLES) > main_lift(model, contact.cam)
+        still, _, inertia = np.linalg.solve(np.vander(speeds, increasing=True), [one[name][lifted] for one in forces])
         pulls = inertia < 0.0
         if pulls.any():
             worst.append(float(np.sqrt((np.maximum(still[pulls], 0.0) / -inertia[pulls]).min())))
     return min(worst) / RPM if worst else None
 
 
-def _force_coefficients(case: Case, contact: str) -> FloatArray:
-    """Return the coefficients of the rigid contact force: constant, per rad/s and per (rad/s)^2, shape (3, angles)."""
-    speeds = [factor * case.speed for factor in (0.5, 1.0, 2.0)]
-    forces: list[FloatArray] = []
-    for speed in speeds:
-        ready = prepare(case.at_speed(speed), rigid=True)
-        steps = replace(ready.problem, step=(_ANGLES[1] - _ANGLES[0]) / speed, steps=len(_ANGLES) - 1)
-        forces.append(solve(steps, ready.scheme).channels[f"contacts.{contact}.force"])
-    return np.asarray(np.linalg.solve(np.vander(speeds, increasing=True), forces), dtype=np.float64)
+def _rigid_forces(case: Case, speed: float) -> dict[str, FloatArray]:
+    """Return the forces of the cams on the rigid train over a revolution, N, shape (angles,), by contact."""
+    ready = prepare(case.at_speed(speed), rigid=True)
+    steps = replace(ready.problem, step=(_ANGLES[1] - _ANGLES[0]) / speed, steps=len(_ANGLES) - 1)
+    channels = solve(steps, ready.scheme).channels
+    return {name: channels[f"contacts.{name}.force"] for name in ready.model.cam_contacts}

@@ -95,12 +95,9 @@ def _equilibrium_state(problem: Problem) -> State:
 
 def steps_per_revolution(case: Case, problem: Problem) -> int:
     """Return the number of steps per revolution, the period of a periodic state."""
-    for key, order in non_integer_orders(case).items():
-        raise refuse(key, f"{order:g}", "a whole order with start = periodic", "the state repeats with the camshaft")
-    for name, load in case.record.loads.items():
-        if load.table is not None and (load.table.over_time or load.repeat is False):
-            allowed = "a load that repeats each revolution with start = periodic"
-            raise refuse(f"loads.{name}.table", "a table over time or without repetition", allowed)
+    for key, given in excitation_without_period(case).items():
+        allowed = "an excitation that repeats each revolution with start = periodic"
+        raise refuse(key, given, allowed, "the state repeats with the camshaft")
     revolution = revolution_time(case, problem.drive)
     steps = round(revolution / problem.step)
     if abs(steps * problem.step - revolution) > _SAME_ANGLE * revolution:
@@ -109,14 +106,17 @@ def steps_per_revolution(case: Case, problem: Problem) -> int:
     return steps
 
 
-def non_integer_orders(case: Case) -> dict[str, float]:
-    """Return the non-integer orders of the camshaft, whose excitation is not periodic with a revolution."""
+def excitation_without_period(case: Case) -> dict[str, str]:
+    """Return the excitations that do not repeat with a revolution of the camshaft: what is given, by key."""
     speed = case.record.run.fluctuation
     broken = [order for order in speed.orders if order % 1.0] if speed else []
-    found = {"run.fluctuation.orders": broken[0]} if broken else {}
+    found = {"run.fluctuation.orders": f"order {broken[0]:g}"} if broken else {}
     for name, spring in case.record.springs.items():
         if spring.pulsation is not None and spring.pulsation.order % 1.0:
-            found[f"springs.{name}.pulsation.order"] = spring.pulsation.order
+            found[f"springs.{name}.pulsation.order"] = f"order {spring.pulsation.order:g}"
+    for name, load in case.record.loads.items():
+        if load.table is not None and (load.table.over_time or load.repeat is False):
+            found[f"loads.{name}.table"] = "a load over time or without repetition"
     return found
 
 

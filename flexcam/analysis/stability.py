@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flexcam.analysis.initial_state import non_integer_orders
+from flexcam.analysis.initial_state import excitation_without_period
 from flexcam.analysis.orders import highest_order, last_revolution_orders
 from flexcam.analysis.preparation import PreparedRun, RevolutionChange, prepare, revolution_change
 from flexcam.cams import Event, harmonics
@@ -329,8 +329,8 @@ def assess_stability(case: Case) -> Stability:
 
 
 def _floquet_multipliers(ready: PreparedRun) -> tuple[Floquet | None, str]:
-    for key, order in non_integer_orders(ready.case).items():
-        return None, f"the excitation of order {order:g} ({key}) does not repeat with the camshaft"
+    for key, given in excitation_without_period(ready.case).items():
+        return None, f"the excitation does not repeat with the camshaft: {given} ({key})"
     # The steps of the case, if an integer number of them fits into a revolution and is within the limits.
     given = round(ready.revolution / ready.problem.step)
     steps = min(max(given, _MIN_STEPS), _MAX_STEPS)

@@ -78,6 +78,7 @@ class LoadDefinition:
     given: str | dict[str, Any]  #: value in the case
     over_time: bool = field(compare=False)  #: whether it is given over time
     at: FloatArray = field(compare=False)  #: cam angles, rad, or times, s, shape (m,)
+    name: str = field(compare=False)  #: name of the column of the load
     unit: str = field(compare=False)  #: unit of the values
     values: FloatArray = field(compare=False)  #: shape (m,)
 
@@ -95,8 +96,16 @@ class LoadDefinition:
             raise refuse("area", f"{area:g} m^2", "no area", "a pressure acts as a force", "give a moment, or a force")
         if self.over_time and phase is not None:
             raise refuse("phase", f"{phase:g} rad", "no phase", "a table over time has no cam angle")
-        factor = conversion_factor(self.unit, unit if area is None else "Pa", "table")
+        wanted = unit if area is None else "Pa"
+        try:
+            factor = conversion_factor(self.unit, wanted, "table")
+        except InputError:
+            given = f"{self.name} [{self.unit}]" if self.unit else f"{self.name}, without a unit"
+            why, remedy = ("area makes it a pressure", "leave area out") if area else ("", "give area with a pressure")
+            raise refuse("table", given, f"a unit of the same quantity as {wanted}", why, remedy) from None
         period = _period(self) if (not self.over_time if repeat is None else repeat) else None
+        if period is not None and repeat is None:
+            _check_coverage(self.at, period)
         at, size = self.at + (phase or 0.0), self.values * factor * (area or 1.0)
         if period is not None and at[-1] - at[0] > period * (1.0 - _SAME_PLACE):
             if abs(size[-1] - size[0]) > _SAME_END * np.abs(size).max():
@@ -112,6 +121,19 @@ _SAME_PLACE = 1e-6
 
 _SAME_END = 1e-3
 """Tolerance of the ends of a table that repeats, relative to its largest value."""
+
+
+_MAX_GAP = 0.1
+"""Gap between the ends of a table over an angle, as a part of the period, above which `repeat` must be given."""
+
+
+def _check_coverage(at: FloatArray, period: float) -> None:
+    """Refuse a table over an angle that ends early, such as one of an open valve only."""
+    gap = period - float(at[-1] - at[0])
+    if gap > _MAX_GAP * period and gap > float(np.diff(at).max()):
+        given = f"{math.degrees(at[-1] - at[0]):g} of 360 deg of cam angle"
+        why = "a straight line would join the last row to the first"
+        raise refuse("table", given, "a whole revolution of the camshaft", why, "add rows, or repeat = true")
 
 
 def _period(load: LoadDefinition) -> float:
@@ -190,7 +212,10 @@ def _from_file_or_value(make: Callable[[object, _Files], object]) -> CoreSchema:
             return make(value, _Files(context.get("case", Path()), context.get("texts", {})))
         except InputError as refusal:
             # A fault of the value itself has no path inside it.
-            raise convert_error(refusal, inside=refusal.faults[0].where not in ("law", "lift_table", "table")) from None
+            fault = refusal.faults[0]
+            if fault.where == "table":
+                raise value_error(fault.allowed, fault.why, fault.remedy, given=fault.given) from None
+            raise convert_error(refusal, inside=fault.where not in ("law", "lift_table")) from None
 
     written = core_schema.plain_serializer_function_ser_schema(lambda made: made.given)
     return core_schema.with_info_plain_validator_function(validate, serialization=written)
@@ -330,16 +355,19 @@ def _parse_load_value(value: object, files: _Files) -> LoadDefinition:
     columns = files.read(record.file, "table", lambda path, text: read_columns(path, "table", text))
     abscissa, at = find_abscissa(columns, "table")
     loads = [name for name in columns if name not in ABSCISSAS]
+    if not loads:
+        given = f"{Path(record.file).name} with {', '.join(columns)} only"
+        raise refuse("table", given, f"{abscissa} and a column of the load", "", "add a force, a moment or a pressure")
     name = record.column or (loads[0] if len(loads) == 1 else "")
     if name not in loads:
         remedy = suggest_name(name, loads) if name else 'name one: table = { file = ..., column = "..." }'
-        raise refuse("column", repr(name) if name else "nothing", ", ".join(loads) or "a column", "", remedy)
+        raise refuse("column", repr(name) if name else "nothing", ", ".join(loads), "", remedy)
     unit, values = columns[name]
     if not np.isfinite(values).all():
         raise refuse("table", f"{name}, with an empty cell", "a number in every row")
     if len(at) < 2 or (np.diff(at) <= 0.0).any():
         raise refuse("table", f"{abscissa} of {len(at)} rows", "two or more rows with increasing values")
-    return LoadDefinition(cast("str | dict[str, Any]", value), abscissa == "time", at, unit, values)
+    return LoadDefinition(cast("str | dict[str, Any]", value), abscissa == "time", at, name, unit, values)
 
 
 def _place_with_line(where: str, lines: Sequence[int]) -> str:

@@ -207,7 +207,7 @@ def _locate_fault(
     """Return path and value of a fault inside a table; the path includes the key if the fault concerns one."""
     inside, given = str(context["inside"]), str(context["given"])
     if not inside:
-        return places.place(path), _shorten(value)
+        return places.place(path), given or _shorten(value)
     key = inside.rpartition(".")[2]
     if key not in (name for name, _ in fields_at(path, root)):
         return f"{places.place(path)}: {inside}", given

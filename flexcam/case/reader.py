@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -51,18 +52,24 @@ def read_case(path: str | Path, overrides: Sequence[str] | Mapping[str, object] 
     is ``read_case("cases/tayeb/model-3-shm.toml", {"run.speed": "4000 rpm"})``.
     """
     if isinstance(overrides, Mapping):
-        overrides = [f"{key}={_toml_text(value)}" for key, value in overrides.items()]
+        overrides = [f"{key}={_toml_text(value, key)}" for key, value in overrides.items()]
     return CaseFile.open(path).read(overrides)
 
 
-def _toml_text(value: object) -> str:
-    """Return a value as TOML on one line; tables and arrays as well."""
+def _toml_text(value: object, where: str) -> str:
+    """Return a value of a key as TOML on one line; tables and arrays as well."""
+    if isinstance(value, np.ndarray | np.generic):
+        value = cast("object", value.tolist())
     if isinstance(value, Mapping):
         table = cast("Mapping[str, object]", value)
-        return f"{{ {', '.join(f'{key} = {_toml_text(inner)}' for key, inner in table.items())} }}"
+        return f"{{ {', '.join(f'{json.dumps(key)} = {_toml_text(one, where)}' for key, one in table.items())} }}"
     if isinstance(value, list | tuple):
-        return f"[{', '.join(map(_toml_text, cast('Sequence[object]', value)))}]"
-    return json.dumps(value, ensure_ascii=False, default=lambda one: np.asarray(one).tolist())
+        return f"[{', '.join(_toml_text(one, where) for one in cast('Sequence[object]', value))}]"
+    if isinstance(value, str | PurePath):
+        return json.dumps(str(value), ensure_ascii=False)
+    if not isinstance(value, int | float) or not math.isfinite(value):
+        raise refuse(where, repr(value), "a text, a finite number, true or false, or a list or table of these")
+    return json.dumps(value)
 
 
 def case_from_result(result: Result) -> Case:
@@ -235,8 +242,10 @@ _REPLACED_KEYS = {
     "crank_speed": "speed",
     "steps_per_revolution": "step",
     "step": "steps_per_revolution",
+    "phase": "centreline",
+    "centreline": "phase",
 }
-"""Keys of ``[run]`` and the keys they replace."""
+"""Keys of ``[run]`` and of cams, and the keys they replace."""
 
 _OPTIONAL_TABLES = {"adaptive", "damping", "fluctuation", "free_running", "integrator"}
 """Optional nested tables."""
@@ -249,10 +258,20 @@ def _apply_overrides(raw: dict[str, Any], text: str, overrides: Sequence[str]) -
     for key, override in zip(keys, overrides, strict=True):
         found += _apply_override(raw, key, override)
         places = places.with_override(key, override)
-    for key, other in _REPLACED_KEYS.items():  # two overrides that exclude each other remain
-        if ("run", key) in keys and ("run", other) not in keys and isinstance(raw.get("run"), dict):
-            raw["run"].pop(other, None)
+    for *parents, key in keys:
+        other, table = _REPLACED_KEYS.get(key), _table_at(raw, parents)
+        # two overrides that exclude each other remain
+        if other and parents[:1] in (["run"], ["cams"]) and table is not None and (*parents, other) not in keys:
+            table.pop(other, None)
     return places, found
+
+
+def _table_at(raw: dict[str, Any], parents: Sequence[str]) -> dict[str, Any] | None:
+    """Return the table at a key path; None if there is none."""
+    table: object = raw
+    for step in parents:
+        table = cast("dict[str, object]", table).get(step) if isinstance(table, dict) else None
+    return cast("dict[str, Any]", table) if isinstance(table, dict) else None
 
 
 def _apply_override(raw: dict[str, Any], path: KeyPath, override: str) -> list[Fault]:

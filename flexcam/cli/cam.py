@@ -283,7 +283,7 @@ flexcam cam --from-profile points.csv --unit mm --follower '{ type = "flat" }' -
 )
 def cam(
     case: Annotated[
-        Path | None, Parameter(group=_CASE, help="Case file, or a file that has [cams.NAME] tables only.")
+        Path | None, Parameter(group=_CASE, help="Case file, or a file with format = 1 and [cams.NAME] tables only.")
     ] = None, *,
     name: Annotated[CamName, Parameter(group=_CASE)] = None,
     forms: Annotated[

@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 from rich.table import Table
 
+from flexcam.analysis.cam_analysis import NEGATIVE_LIFT_TOLERANCE
 from flexcam.cams import Bridge, Extreme, find_bridges, lift_from_profile
 from flexcam.case.builder import parse_follower
 from flexcam.cli.app import check_distinct_files, parse_quantity
@@ -18,9 +19,6 @@ from flexcam.core import FloatArray
 from flexcam.core.errors import positive, refuse
 from flexcam.io import read_profile, write_lift_table
 from flexcam.report.terminal import facts_table, format_mm, print_json, result_console
-
-_NEGATIVE_LIFT_TOLERANCE = 1e-4
-"""Allowed depth of a profile within its base circle, relative to the maximum lift: less than the grinding tolerance."""
 
 _MIN_POINTS, _MAX_POINTS = 12, 100_000
 
@@ -35,7 +33,7 @@ def lift_from_profile_table(
         ("max lift", f"{format_mm(high.value)} mm at {math.degrees(high.at):.4g} deg"),
         ("min lift", f"{format_mm(low.value)} mm at {math.degrees(low.at):.4g} deg"),
     ]
-    if low.value < -_NEGATIVE_LIFT_TOLERANCE * high.value:
+    if low.value < -NEGATIVE_LIFT_TOLERANCE * high.value:
         rows.append(("warning", "the profile lies inside the base circle; check its radius and the unit"))
     if hollow is not None:
         place = f"{format_mm(hollow.point[0], 4)}, {format_mm(hollow.point[1], 4)} mm"

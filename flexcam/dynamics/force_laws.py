@@ -651,7 +651,7 @@ class LawKind:
     states
         Number of internal states.
     damping
-        Index of the damping constant; None without damping.
+        Indices of the constants of dissipation; empty without.
     touching
         Whether it begins to act where its first scalar becomes positive: a step ends there.
     polynomial
@@ -663,25 +663,26 @@ class LawKind:
     functions: tuple[str, ...] = ()
     scalars: int = 1
     states: int = 0
-    damping: int | None = None
+    damping: tuple[int, ...] = ()
     touching: bool = False
     polynomial: bool = False
 
 
 LAWS = {
-    BILATERAL: LawKind("bilateral", ("stiffness", "damping"), damping=1),
-    STOP: LawKind("stop", ("stiffness", "damping", "depth"), damping=1, touching=True),
-    HUNT_CROSSLEY: LawKind("hunt_crossley", ("stiffness", "dissipation"), damping=1, touching=True),
+    BILATERAL: LawKind("bilateral", ("stiffness", "damping"), damping=(1,)),
+    STOP: LawKind("stop", ("stiffness", "damping", "depth"), damping=(1,), touching=True),
+    HUNT_CROSSLEY: LawKind("hunt_crossley", ("stiffness", "dissipation"), damping=(1,), touching=True),
     LINE_CONTACT: LawKind(
         "line_contact", ("width", "give", "rest", "depth", "dissipation", "limit per radius"),
-        ("relative radius", "cosine"), damping=4, touching=True,
+        ("relative radius", "cosine"), damping=(4,), touching=True,
     ),
     OIL_COLUMN: LawKind("oil_column", ("stiffness", "leak", "refill", "plunger force"), states=1),
     PULSATING: LawKind("bilateral", ("stiffness",), ("pulsation",)),
-    LEVER: LawKind("lever", ("stiffness", "damping", "arm", "driven arm", "angle"), scalars=2, damping=1),
+    LEVER: LawKind("lever", ("stiffness", "damping", "arm", "driven arm", "angle"), scalars=2, damping=(1,)),
     ARCH: LawKind("arch", ("axial", "shortening", "bow", "pull of the bow"), scalars=ARCH_SCALARS, polynomial=True),
     SLIDING_FRICTION: LawKind(
-        "sliding_friction", ("force", "breakaway force", "Stribeck velocity", "damping", "reversal velocity"), damping=0
+        "sliding_friction", ("force", "breakaway force", "Stribeck velocity", "damping", "reversal velocity"),
+        damping=(0, 1, 3),
     ),
     TABLE: LawKind("force_table", ("rows", "travels", "forces", "energies")),
     CUSTOM: LawKind("custom", (), ("cam angle",)),
@@ -723,8 +724,8 @@ class ForceLaw:
     @property
     def is_conservative(self) -> bool:
         """True if the law is conservative."""
-        where = LAWS[self.kind].damping
-        return self.friction is None and not self.states and (where is None or self.constants[where] == 0.0)
+        lossless = all(self.constants[i] == 0.0 for i in LAWS[self.kind].damping)
+        return self.friction is None and not self.states and lossless
 
     def idle_scalars(self) -> tuple[tuple[int, ...], ...]:
         """Return sets of scalars that, while zero, neither carry nor cause a force.

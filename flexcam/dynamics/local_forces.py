@@ -72,7 +72,7 @@ class StoredEnergy:
         self, penetration: FloatArray, state: FloatArray, angle: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the energy, J, (m,), its derivatives by the scalars, (m, r), and by all internal states, (m, s)."""
-        energy, force, by_state = self._forces.energies(
+        energy, force, by_state = self._forces.evaluate(
             self._all(penetration), state, self._forces.function_values(angle), self._laws
         )
         return energy.sum(axis=1), force[:, self._scalars], by_state
@@ -82,7 +82,7 @@ class StoredEnergy:
         if not len(self._varying):
             return np.zeros(len(penetration))
         functions = self._forces.function_values(angle)
-        return self._forces.energies(self._all(penetration), state, functions, self._varying)[0].sum(axis=1)
+        return self._forces.evaluate(self._all(penetration), state, functions, self._varying)[0].sum(axis=1)
 
     def _all(self, penetration: FloatArray) -> FloatArray:
         """Return the scalars among all of the system, zero for the others."""
@@ -382,7 +382,7 @@ class LocalForces:
         """Return the sides of the switching scalars."""
         return penetration[self.switching] > 0.0
 
-    def energies(
+    def evaluate(
         self, penetration: FloatArray, state: FloatArray, functions: FloatArray, laws: IntArray | None = None,
         rate: FloatArray | None = None,
     ) -> tuple[FloatArray, FloatArray, FloatArray]:  # fmt: skip

@@ -59,15 +59,21 @@ def read_columns(path: Path, where: str, text: str | None = None) -> dict[str, t
         content = read_text(path) if text is None else text
     except OSError as fault:
         raise refuse(where, str(path), "a readable text file", system_message(fault)) from None
-    lines = [line for line in content.splitlines() if line.strip() and not line.startswith("#")]
+    numbered = enumerate(content.splitlines(), start=1)
+    lines = {number: line for number, line in numbered if line.strip() and not line.startswith("#")}
     allowed = "a heading 'NAME [UNIT]' per column, and rows of as many numbers, separated by commas"
-    head, *rows = list(csv.reader(lines)) or [[]]
-    try:
-        table = np.array([[float(cell) if cell.strip() else np.nan for cell in row] for row in rows])
-    except ValueError as fault:
-        raise refuse(where, str(path), allowed, str(fault)) from None
-    if table.ndim != 2 or table.shape[1] != len(head):
-        raise refuse(where, str(path), allowed)
+    head, *rows = list(csv.reader(lines.values())) or [[]]
+    values: list[list[float]] = []
+    for number, row in zip(list(lines)[1:], rows, strict=True):
+        try:
+            values.append([float(cell) if cell.strip() else np.nan for cell in row])
+        except ValueError:
+            raise refuse(where, f"{path.name}, line {number}: {','.join(row)[:40]!r}", allowed) from None
+        if len(row) != len(head) or np.isinf(values[-1]).any():
+            raise refuse(where, f"{path.name}, line {number}: {','.join(row)[:40]!r}", f"{len(head)} finite numbers")
+    if not values:
+        raise refuse(where, f"{path.name}, without rows", allowed)
+    table = np.array(values)
     matches = [re.match(r"(.+?)\s*(?:\[(.*)\])?$", one.strip()) for one in head]
     if not all(matches) or len({match[1] for match in matches if match}) < len(head):
         raise refuse(where, ", ".join(head), allowed, "a name is missing, or given twice")
@@ -79,7 +85,9 @@ def find_abscissa(columns: Mapping[str, tuple[str, FloatArray]], where: str) -> 
     name = next((name for name in ABSCISSAS if name in columns), None)
     if name is None:
         allowed = f"a column {', '.join(map(repr, ABSCISSAS))}, and others over it"
-        raise refuse(where, ", ".join(columns), allowed, "", "name it in the heading, with its unit: time [s]")
+        raise refuse(
+            where, f"the heading {', '.join(columns)}", allowed, "", "name it with its unit: crank angle [deg]"
+        )
     (si, turns), (unit, values) = ABSCISSAS[name], columns[name]
     if np.isnan(values).any():
         raise refuse(where, f"{name}, with an empty cell", f"a number of {name} in every row")

@@ -121,7 +121,8 @@ def scalar_distribution(points: FloatArray, values: FloatArray) -> ScalarDistrib
     quantiles = {part: float(np.quantile(kept, part)) for part in QUANTILES}
     from scipy.stats import rankdata
 
-    ranks = np.array([_correlation(rankdata(points[known, i]), rankdata(kept)) for i in range(points.shape[1])])
+    places = rankdata(points[known], axis=0)
+    ranks = np.array([_correlation(own, rankdata(kept)) for own in places.T])
     return ScalarDistribution(kept, int((~known).sum()), float(kept.mean()), float(kept.std(ddof=1)), quantiles, ranks)
 
 

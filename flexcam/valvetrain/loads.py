@@ -67,7 +67,7 @@ def preload(structure: Structure, contact: PublishedLoad, train: FollowerTrain, 
 def given_forces(structure: Structure, train: FollowerTrain) -> list[tuple[float, FloatArray]]:
     """Return installed force and row of the springs on a follower's train with a given installed force."""
     rows = [(s.installed_force, spring_row(structure, n, s)) for n, s in structure.model.springs.items()]
-    return [(size, row) for size, row in rows if size is not None and float(train.motion @ row) != 0.0]
+    return [(size, row) for size, row in rows if size and float(train.motion @ row) != 0.0]
 
 
 def constant_history(value: float) -> Callable[[CamMotion], FloatArray]:

@@ -1,4 +1,4 @@
-"""Rigid model of a mechanism: contact forces by virtual work, with coil clash, pulsation and friction."""
+"""Rigid model of a mechanism: contact forces by virtual work, with loads, nonlinear springs and friction."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ from flexcam.valvetrain.loads import given_loads, preload, steady_load
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import CamContact, PublishedLoad
 from flexcam.valvetrain.rigid_kinematics import Body, Coordinate, divide_train, find_rest
-from flexcam.valvetrain.springs import condense_spring, couple_coils
+from flexcam.valvetrain.springs import condense_spring, couple_springs
 from flexcam.valvetrain.structure import Structure, build_structure, spring_parts
 from flexcam.valvetrain.system_builder import probe_of
 from flexcam.valvetrain.train_topology import follower_train
@@ -62,7 +62,7 @@ class TrainLaw:
             return np.zeros_like(moved)
         rates = rate @ self.rows.T
         functions = self.law.function_values(cam.angle)
-        return self.law.energies(pressed, np.zeros((len(pressed), 0)), functions, rate=rates)[1] @ self.rows
+        return self.law.evaluate(pressed, np.zeros((len(pressed), 0)), functions, rate=rates)[1] @ self.rows
 
     def compression(self, moved: FloatArray, cam: CamFunctionCache) -> FloatArray:
         """Return the compression of each part, m, shape (m, c), for the arguments of `force`."""
@@ -72,7 +72,7 @@ class TrainLaw:
 def train_laws(structure: Structure, motions: FloatArray) -> tuple[TrainLaw, ...]:
     """Return the nonlinear laws of the springs and the friction in a train."""
     found: list[TrainLaw] = []
-    for force in (*couple_coils(structure).forces, *couple_friction(structure).forces):
+    for force in (*couple_springs(structure).forces, *couple_friction(structure).forces):
         rows = np.array([sensed.vectors[0] for sensed in force.sense]) @ motions.T
         if rows.any() and isinstance(force.law, ForceLaw):
             offset, stops = force.offset[0], force.law.kind == STOP
@@ -159,7 +159,7 @@ class RigidTrain:
     mass: FloatArray
     damping: FloatArray
     stiffness: FloatArray
-    force: FloatArray  #: of the installed springs, the weight and the given loads along them, N, shape (b,)
+    force: FloatArray  #: of the installed springs, the weight and the constant loads along them, N, shape (b,)
     bodies: FloatArray  #: bodies between lash: relative motions as installed, shape (g, b)
     #: force of each body at the follower on the base circle, N, shape (g,), if a seat supports it; else NaN
     standing: FloatArray

@@ -27,7 +27,7 @@ from flexcam.valvetrain.parts import Pulsation, Spring, SpringPart, Wire
 from flexcam.valvetrain.structure import Structure, spring_parts
 
 
-def couple_coils(structure: Structure) -> Coupling:
+def couple_springs(structure: Structure) -> Coupling:
     """Return the nonlinear forces of the parts of springs, and the channels of all springs.
 
     ``surge`` is the largest deviation of a coil from its static position, ``clearance`` the travel left until all coils
@@ -59,13 +59,19 @@ def _part_forces(where: str, spring: Spring, rows: FloatArray) -> dict[str, Loca
     if spring.pulsation is not None:
         law = pulsating_spring(spring.parts[0].stiffness, spring.pulsation)
         found["pulsation"] = opposed_force(f"{where}.pulsation", rows, law)
-    if spring.table:
+    if _is_bent(spring.table):
         found["table"] = opposed_force(f"{where}.table", rows, table_law(spring))
     if spring.clash_travel is not None:
         rooms = tuple(constant(-(part.travel or 0.0)) for part in spring.parts)
         clash = opposed_force(f"{where}.clash", rows, elastic_stop(spring.clash_stiffness))
         found["clash"] = replace(clash, offset=rooms)
     return found
+
+
+def _is_bent(table: Sequence[tuple[float, float]]) -> bool:
+    """Return whether the rows of travel and force do not lie on a straight line."""
+    slopes = [(f1 - f0) / (x1 - x0) for (x0, f0), (x1, f1) in pairwise(table)]
+    return max(slopes, default=0.0) > (1.0 + _SAME) * min(slopes, default=0.0)
 
 
 def pulsating_spring(stiffness: float, pulsation: Pulsation) -> ForceLaw:
@@ -303,12 +309,20 @@ def install_spring(spring: Spring, force: float | None, compression: float | Non
 
 
 def condense_spring(spring: Spring) -> Spring:
-    """Return a spring in one part: unequal parts become the table of their static curve up to coil bind."""
+    """Return a spring in one part: unequal parts become the table of their static curve up to coil bind.
+
+    Its mass is that of a uniform spring with the same inertia at the moving end, its wire that with the largest stress.
+    """
     if not spring.coils:
         return replace(spring, elements=1)
     curve = spring_curve(spring)
+    end = np.cumsum(spring.compliances) / spring.compliances.sum()
+    begin = end - spring.compliances / spring.compliances.sum()
+    masses = np.array([part.mass for part in spring.parts])
+    reduced = float(masses @ (begin**2 + begin * end + end**2)) / 3.0  # at the moving end: a third of a uniform spring
     return replace(
-        spring, elements=1, coils=(), stiffness=curve.stiffness_at(0.0),
+        spring, elements=1, coils=(), stiffness=curve.stiffness_at(0.0), mass=3.0 * reduced,
+        wire=max(spring.parts, key=_stress_factor).wire,
         table=tuple(zip(curve.travel[:-1].tolist(), curve.force[:-1].tolist(), strict=True)),
         clash_stiffness=float(curve.stiffness[-1] - curve.stiffness[-2]),
     )  # fmt: skip

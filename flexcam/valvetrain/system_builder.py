@@ -27,7 +27,7 @@ from flexcam.valvetrain.contacts import (
 from flexcam.valvetrain.loads import couple_published_load, given_loads
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import Adjuster, CamContact, Contact, Lash, PublishedLoad, Seat
-from flexcam.valvetrain.springs import couple_coils
+from flexcam.valvetrain.springs import couple_springs
 from flexcam.valvetrain.strength import geometric_stiffness_forces
 from flexcam.valvetrain.structure import Structure, build_structure, find_node, inner_name
 
@@ -78,7 +78,7 @@ def _joints(structure: Structure) -> tuple[Coupling, ...]:
     """Return the couplings other than contacts and loads."""
     return (
         lever_joints(structure),
-        couple_coils(structure),
+        couple_springs(structure),
         couple_friction(structure),
         geometric_stiffness_forces(structure),
         shaft_channels(structure),

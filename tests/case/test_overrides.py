@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexcam import InputError, read_case
+from flexcam import InputError, build_model, read_case
+from flexcam.cams import centreline
 
 FINGER = Path(__file__).parents[2] / "cases/direct-acting/finger.toml"
 
@@ -31,5 +32,16 @@ def test_values_by_key_are_those_of_texts():
 def test_a_wrong_value_names_its_key():
     with pytest.raises(InputError, match=r"springs\.valve\.stiffness.*45 kg"):
         read_case(FINGER, {"springs.valve.stiffness": "45 kg"})
-    with pytest.raises(InputError, match="NaN"):
-        read_case(FINGER, {"springs.valve.stiffness": float("nan")})
+    for value in (float("nan"), None, {1, 2}, b"45"):
+        with pytest.raises(InputError, match=r"springs\.valve\.stiffness.*a finite number"):
+            read_case(FINGER, {"springs.valve.stiffness": value})
+    with pytest.raises(InputError, match=r"none\.csv"):
+        read_case(FINGER, {"cams.intake.lift_table": Path("none.csv")})
+
+
+def test_an_override_replaces_the_key_that_excludes_it():
+    """The finger's case gives a phase."""
+    case = read_case(FINGER, ["cams.intake.centreline=230deg"])
+    assert centreline(build_model(case).cams["intake"].event) == pytest.approx(np.radians(230.0))
+    with pytest.raises(InputError, match="centreline"):
+        read_case(FINGER, ["cams.intake.centreline=230deg", "cams.intake.phase=10deg"])

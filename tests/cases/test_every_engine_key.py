@@ -230,9 +230,10 @@ GUIDE = (
     '{ at = "valve", to = "cam", direction = "uy", force = "8 N", breakaway_force = "12 N", stribeck_speed = "0.1 m/s", '
     'friction_speed = "5 mm/s", damping = "2 N s/m" }'
 )
-CHAMBER = (
+ADJUSTER = (
+    '{ at = "rocker", model = "lash-adjuster", refill = "200 N s/m", plunger_force = "20 N", oil = '
     '{ viscosity = "20 mPa s", bulk_modulus = "1.5 GPa", plunger_diameter = "11 mm", clearance = "6 um", '
-    'land_length = "8 mm", chamber_height = "5 mm", air = "5 %", pressure = "2 MPa" }'
+    'land_length = "8 mm", chamber_height = "5 mm", air = "5 %", pressure = "2 MPa" } }'
 )
 PAPERS = ("checks/mathieu.toml", "li/valve-train.toml", "petrescu/valve-spring.toml")
 
@@ -253,7 +254,7 @@ def test_every_key_of_the_format_stands_in_some_case(rewritten, tmp_path):
         (DATA / "every-key.toml", ['run.engine="direct"']),
         (DATA / "every-key.toml", ['run.integrator={ method = "collocation" }']),
         (DATA / "every-key.toml", [f"loads.gas={GAS}", f"friction.guide={GUIDE}"]),
-        (DATA / "every-engine.toml", [f"contacts.adjuster.oil={CHAMBER}"]),
+        (DATA / "every-engine.toml", [f"contacts.adjuster={ADJUSTER}"]),
         (CHECKS / "mathieu.toml", []),
         (DATA / "every-key.toml", ['run.integrator={ method = "bathe" }', "fidelity.modes=20", "fidelity.reduction=craig-bampton"]),
         (DATA / "every-key.toml", ['fidelity={ model = "chain", masses = 2, estimate = true }']),

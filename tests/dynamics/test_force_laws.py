@@ -144,18 +144,18 @@ def test_elastic_force_is_the_derivative_of_the_energy(name):
     forces, schedule = stacked(law)
     x, _, z = points(name)
     functions = np.repeat(schedule.rows[:, schedule.functions :], len(x), axis=0)
-    _, elastic, by_state = forces.energies(x, z, functions)
+    _, elastic, by_state = forces.evaluate(x, z, functions)
     h = 1e-6 * size
     for i in range(law.scalars):
         step = h * np.eye(law.scalars)[i]
-        far = [forces.energies(x + k * step, z, functions)[0].sum(axis=1) for k in (2, 1, -1, -2)]
+        far = [forces.evaluate(x + k * step, z, functions)[0].sum(axis=1) for k in (2, 1, -1, -2)]
         found, wide = (far[1] - far[2]) / (2 * h), (far[0] - far[3]) / (4 * h)
         smooth = np.abs(found - wide) < 1e-6 * np.abs(elastic).max()
         np.testing.assert_allclose(elastic[smooth, i], found[smooth], rtol=1e-5, atol=1e-6 * np.abs(elastic).max())
         assert smooth.mean() > 0.8
     if law.states:
         step = h * np.eye(law.states)[0]
-        found = (forces.energies(x, z + step, functions)[0] - forces.energies(x, z - step, functions)[0]).sum(axis=1)
+        found = (forces.evaluate(x, z + step, functions)[0] - forces.evaluate(x, z - step, functions)[0]).sum(axis=1)
         smooth = np.abs(x[:, 0] - z[:, 0]) > 2 * h
         np.testing.assert_allclose(
             by_state[smooth, 0], found[smooth] / (2 * h), rtol=1e-5, atol=1e-6 * np.abs(by_state).max()
@@ -171,7 +171,7 @@ def test_dissipated_power_is_never_negative(name):
         moving, still = forces.respond(x, v, z, schedule), forces.respond(x, 0.0 * v, z, schedule)
         power = float((moving.force - still.force) @ v)
         if law.states:
-            _, _, by_state = forces.energies(x[None], z[None], schedule.rows[:, schedule.functions :])
+            _, _, by_state = forces.evaluate(x[None], z[None], schedule.rows[:, schedule.functions :])
             power -= float(by_state[0] @ moving.state_rate)
         if law.kind == LEVER_KIND:  # the law holds what is beyond a linear spring and damper of the structure
             damping, arm, driven, start = law.constants[1:]
@@ -186,7 +186,7 @@ def test_compiled_energies_and_forces_are_those_of_python(name):
     x, _, z = points(name)
     (python, schedule), (compiled, _) = stacked(law), stacked(law, compiled=True)
     functions = np.repeat(schedule.rows[:, schedule.functions :], len(x), axis=0)
-    for one, other in zip(python.energies(x, z, functions), compiled.energies(x, z, functions), strict=True):
+    for one, other in zip(python.evaluate(x, z, functions), compiled.evaluate(x, z, functions), strict=True):
         # a dozen roundings, which the compiler may take in another order
         np.testing.assert_allclose(other, one, rtol=1e-12, atol=1e-13 * np.abs(one).max(initial=0.0))
 
@@ -247,7 +247,7 @@ def test_a_table_goes_through_its_rows_and_on_along_its_ends():
     far = [-3e-3, *travel, 9e-3]
     found = [float(forces.respond(np.array([x]), np.zeros(1), np.zeros(0), schedule).force[0]) for x in far]
     np.testing.assert_allclose(found, [-70.0, *force, 60.0 + 4e-3 * 20.0 / 3e-3], rtol=1e-14)
-    assert float(forces.energies(np.zeros((1, 1)), np.zeros((1, 0)), np.zeros((1, 0)))[0][0, 0]) == 0.0
+    assert float(forces.evaluate(np.zeros((1, 1)), np.zeros((1, 0)), np.zeros((1, 0)))[0][0, 0]) == 0.0
 
 
 @settings(max_examples=60, deadline=None, derandomize=True)

@@ -113,7 +113,7 @@ class UnilateralRecord(Record):
             given, why = f"{self.friction_speed:g} m/s", "it has no effect without friction"
             raise value_error("friction beside it", why, "add friction", inside="friction_speed", given=given)
         oil = self.lubrication
-        if oil is not None and oil.conductivity is not None and not self.friction:
+        if oil is not None and oil.conductivity is not None and "friction" not in self.model_fields_set:
             why, remedy = "the heat of a flash temperature is that of friction", "add friction, or leave it out"
             given = f"{oil.conductivity:g} W/m/K"
             raise value_error("friction beside it", why, remedy, inside="lubrication.conductivity", given=given)
@@ -205,6 +205,8 @@ class AdjusterRecord(_GapRecord):
     def _check_leakage(self) -> Self:
         if self.oil is None and (self.stiffness is None or self.leak is None):
             raise value_error("stiffness and leak, or oil", "they describe the oil column")
+        if self.oil is not None and self.stiffness is not None and self.leak is not None:
+            raise value_error("either oil, or stiffness and leak", "both define the oil column")
         if not self.column[1] > self.refill:
             given = f"leak {self.column[1]:g} N s/m, refill {self.refill:g} N s/m"
             why = "the check valve is wider than the gap around the plunger"

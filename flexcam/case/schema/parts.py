@@ -324,7 +324,7 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
             why, remedy = "the key is required without coils", "add 'coil_diameter'"
             raise value_error("a length", why, remedy, inside="wire.coil_diameter", given="nothing")
         if wire.active_coils is None and wire.shear_modulus is not None:
-            raise value_error("active_coils and shear_modulus together, or neither", "the stiffness takes both")
+            raise value_error("no shear_modulus without active_coils or coils", "the stiffness takes both")
         if wire.density is not None:
             raise value_error("a density of the wire beside coils only", "it takes their length", "give the mass")
 
@@ -433,7 +433,13 @@ class FrictionRecord(PartRecord[valvetrain.Friction]):
         turns = not direction(info.data.get("direction", "uy"))[:3].any()
         kind = {"damping": ("damping", "rotational damping")}
         kinds = kind.get(str(info.field_name), ("velocity", "speed") if "speed" in str(info.field_name) else _FORCES)
-        return Unit(kinds[turns], above=info.field_name != "damping").validate(value)
+        return Unit(kinds[turns], above="speed" in str(info.field_name)).validate(value)
+
+    def _check(self) -> None:
+        if self.breakaway_force is not None and self.breakaway_force < self.force:
+            given = f"{self.breakaway_force:g}"
+            raise value_error(f"{self.force:g} or more", "it is the larger one", inside="breakaway_force", given=given)
+        super()._check()
 
     def build(self) -> valvetrain.Friction:
         """Build the friction."""
