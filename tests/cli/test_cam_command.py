@@ -189,7 +189,7 @@ def test_cylinders_of_a_camshaft(told):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--set", "cams.intake.phase=10deg"], "centreline or phase, not both"),
+        (["--set", "cams.intake.phase=10deg", "--set", "cams.intake.centreline=1rad"], "centreline or phase, not both"),
         (["--checking-lift", "0 mm"], "--checking-lift"),
     ],
 )
