@@ -90,6 +90,11 @@ class LoadDefinition:
     def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         return _file_schema(_LoadFile)
 
+    @property
+    def where(self) -> str:
+        """Place of its faults, for messages."""
+        return f"column {self.name!r} of its table"
+
     def build(self, unit: str, area: float | None, phase: float | None, repeat: bool | None) -> LoadTable:
         """Build the table of a force (N) or a moment (N m), or of a pressure on an area (m^2)."""
         if area is not None and unit != "N":
@@ -98,20 +103,20 @@ class LoadDefinition:
             raise refuse("phase", f"{phase:g} rad", "no phase", "a table over time has no cam angle")
         wanted = unit if area is None else "Pa"
         try:
-            factor = conversion_factor(self.unit, wanted, "table")
+            factor = conversion_factor(self.unit, wanted, self.where)
         except InputError:
             given = f"{self.name} [{self.unit}]" if self.unit else f"{self.name}, without a unit"
             why, remedy = ("area makes it a pressure", "leave area out") if area else ("", "give area with a pressure")
-            raise refuse("table", given, f"a unit of the same quantity as {wanted}", why, remedy) from None
+            raise refuse(self.where, given, f"a unit of the same quantity as {wanted}", why, remedy) from None
         period = _period(self) if (not self.over_time if repeat is None else repeat) else None
         if period is not None and repeat is None:
-            _check_coverage(self.at, period)
+            _check_coverage(self, period)
         at, size = self.at + (phase or 0.0), self.values * factor * (area or 1.0)
         if period is not None and at[-1] - at[0] > period * (1.0 - _SAME_PLACE):
             if abs(size[-1] - size[0]) > _SAME_END * np.abs(size).max():
                 given = f"{self.values[0]:g} and {self.values[-1]:g} {self.unit}"
                 why, remedy = "the table repeats, and its ends are the same instant", "mend the last row"
-                raise refuse("table", given, "the same value in the first and the last row", why, remedy)
+                raise refuse(self.where, given, "the same value in the first and the last row", why, remedy)
             at, size = at[:-1], size[:-1]
         return LoadTable(at, size, self.over_time, period)
 
@@ -127,13 +132,14 @@ _MAX_GAP = 0.1
 """Gap between the ends of a table over an angle, as a part of the period, above which `repeat` must be given."""
 
 
-def _check_coverage(at: FloatArray, period: float) -> None:
+def _check_coverage(load: LoadDefinition, period: float) -> None:
     """Refuse a table over an angle that ends early, such as one of an open valve only."""
+    at = load.at
     gap = period - float(at[-1] - at[0])
     if gap > _MAX_GAP * period and gap > float(np.diff(at).max()):
         given = f"{math.degrees(at[-1] - at[0]):g} of 360 deg of cam angle"
         why = "a straight line would join the last row to the first"
-        raise refuse("table", given, "a whole revolution of the camshaft", why, "add rows, or repeat = true")
+        raise refuse(load.where, given, "a whole revolution of the camshaft", why, "add rows, or repeat = true")
 
 
 def _period(load: LoadDefinition) -> float:
@@ -144,7 +150,7 @@ def _period(load: LoadDefinition) -> float:
     if length > 2.0 * math.pi * (1.0 + _SAME_PLACE):
         given = f"{math.degrees(length):g} deg of cam angle"
         why = "the table repeats with each revolution of the camshaft"
-        raise refuse("table", given, "up to 360 deg", why, "give one revolution, or repeat = false")
+        raise refuse(load.where, given, "up to 360 deg", why, "give one revolution, or repeat = false")
     return 2.0 * math.pi
 
 

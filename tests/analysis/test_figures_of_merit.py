@@ -128,6 +128,17 @@ def test_the_spring_margin_is_that_of_the_limits(merit, tmp_path):
     assert found[SPRING_MARGIN] == compute_margins(case).spring_margin
 
 
+def test_friction_does_not_count_in_the_spring_margin(merit):
+    """It is the excess of the springs over the inertia, at any speed."""
+    guide = 'friction.guide={ at = "valve", direction = "uy", force = 20, breakaway_force = 60, damping = 30 }'
+    assert merit(2000.0, guide)[SPRING_MARGIN] == pytest.approx(merit(2000.0)[SPRING_MARGIN], rel=1e-9)
+
+
+def test_no_margin_under_a_load_over_time(merit, tmp_path):
+    (tmp_path / "push.csv").write_text("time [s],force [N]\n0,0\n1,100\n")
+    assert SPRING_MARGIN not in merit(2000.0, 'loads.push={ at = "valve", direction = "-uy", table = "push.csv" }')
+
+
 def test_no_margin_of_a_follower_that_cannot_leave(merit):
     found = merit(600.0, text=CASE.replace("unilateral", "bilateral"))
     assert SPRING_MARGIN not in found

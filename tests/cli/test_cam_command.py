@@ -174,6 +174,13 @@ def test_lash_and_ratio_of_a_card(told):
     assert card["centreline"] == pytest.approx(math.pi, abs=1e-12)
 
 
+def test_dead_centres_a_revolution_apart_are_the_same(told, tmp_path):
+    (tmp_path / "card.toml").write_text(CYLINDER)
+    both = [told("card.toml", "--set", f"cams.intake.tdc={angle}deg").out for angle in (180, 540)]
+    assert " and exhaust" in both[0] or "exhaust and " in both[0]
+    assert both[0] == both[1]
+
+
 def test_cylinders_of_a_camshaft(told):
     """Of eight cams only those of one cylinder overlap in the table; the firing order turns each by 90 deg."""
     found, words = (

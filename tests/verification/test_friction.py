@@ -114,6 +114,20 @@ def test_friction_of_a_pivot(tmp_path):
     np.testing.assert_allclose(spin, 20.0 - 2.0 * found.time, atol=1e-6)
 
 
+def test_a_viscous_seal(tmp_path):
+    """Without Coulomb friction it is a damper: the power is c v^2."""
+    found = solved(tmp_path, FOLLOWER, "friction.guide.force=0", "friction.guide.breakaway_force=0")
+    v = found["mass"].velocity[:, 1]
+    power = found.channels["friction.guide.power"]
+    np.testing.assert_allclose(power, 5.0 * v**2, atol=1e-12 * power.max())
+    assert np.abs(found.channels["energy.residual"]).max() < 1e-6 * found.channels["energy.dissipated"][-1]
+
+
+def test_a_breakaway_force_below_the_friction_is_refused(tmp_path):
+    with pytest.raises(InputError, match="20 or more"):
+        solved(tmp_path, FOLLOWER, 'friction.guide.breakaway_force="10 N"')
+
+
 def test_a_slide_that_cannot_move_is_refused(tmp_path):
     with pytest.raises(InputError, match="it cannot move that way"):
         solved(tmp_path, FOLLOWER, 'friction.guide.direction="ux"')

@@ -14,7 +14,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
-from flexcam import build_model, prepare, read_case, run, solve
+from flexcam import InputError, build_model, prepare, read_case, run, solve
 from flexcam.analysis.run import open_result_file
 from flexcam.dynamics import ConstantSpeed, equilibrium
 
@@ -158,6 +158,11 @@ def test_leak_down_of_a_chamber(air, modulus, record, case):
            quantity="velocity of leak-down", reference=flow / area,
            computed=response.channels["contacts.play.leak_down"][-1] / response.time[-1], tolerance=2e-3,
            reason="the mass swings about the steady sinking")  # fmt: skip
+
+
+def test_a_chamber_beside_stiffness_and_leak_is_refused(case):
+    with pytest.raises(InputError, match="either oil, or stiffness and leak"):
+        case(f"{ADJUSTER}, oil = {CHAMBER} }}")
 
 
 def test_maxwell_response(record, case):

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from flexcam import InputError, prepare, read_case, solve
+from flexcam.analysis.stability import assess_stability
 
 SOURCE = "Loads from tables"
 OSCILLATOR = """
@@ -140,11 +141,29 @@ def test_force_of_a_cam_under_gas(record, tmp_path):
         ("time [s],force [N]\n0,0\n1,1\n", {"loads.push.direction": '"rx"', "loads.push.area": 1.0}, "no area"),
         ("time [s],force [N]\n0,0\n1,1\n", {"loads.push.force": 1.0}, "either at with force or table"),
         ("time [s],force [N]\n0,0\n1,1\n", {"loads.push.table": '"none.csv"'}, "none.csv"),
+        ("time [s],gas [bar]\n0,0\n1,1\n", {}, r"gas \[bar\].*give area with a pressure"),
+        ("time [s],force\n0,0\n1,1\n", {}, "force, without a unit"),
+        ("time [s]\n0\n1\n", {}, "push.csv with time only"),
+        ("time [s],force [N]\n0,0\n1,1,2\n", {}, "line 3: '1,1,2'"),
+        ("crank angle [deg],force [N]\n120,0\n180,400\n240,0\n", {}, "60 of 360 deg of cam angle"),
     ],
 )  # fmt: skip
 def test_a_wrong_table_is_refused(rows, overrides, said, tmp_path):
     with pytest.raises(InputError, match=said):
         write(tmp_path, rows, **overrides)
+
+
+def test_a_table_of_a_part_of_the_revolution_repeats_if_told_to(tmp_path):
+    case = write(tmp_path, "cam angle [deg],force [N]\n60,0\n90,400\n120,0\n", **{"loads.push.repeat": "true"})
+    assert prepare(case).problem.system.loads[0].history(prepare(case).problem.drive.at(np.array([0.075])))[0] == 0.0
+
+
+def test_a_force_over_time_has_no_multipliers(tmp_path):
+    """It does not repeat with the camshaft."""
+    case = FOLLOWER.replace(', area = "8 cm^2"', "")
+    found = assess_stability(write(tmp_path, "time [s],force [N]\n0,0\n1,1\n", case))
+    assert found.floquet is None
+    assert "loads.gas.table" in found.why_not
 
 
 def test_a_force_over_time_has_no_periodic_state(tmp_path):

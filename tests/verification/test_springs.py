@@ -16,7 +16,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from flexcam import build_model, modes, prepare, read_case, run
 from flexcam.dynamics import ConstantSpeed, equilibrium
-from flexcam.valvetrain.springs import spring_curve, spring_frequencies
+from flexcam.valvetrain.springs import condense_spring, spring_curve, spring_frequencies
 
 SOURCE = "Coil springs"
 CASE = """
@@ -310,6 +310,21 @@ def test_energy_of_two_rates(record, case):
     record(source=SOURCE, case="two pitches, 2 parts each, a revolution at 3000 rpm", unit="J",
            quantity="residual of the energy balance", reference=0.0, computed=residual, tolerance=1e-12 * work,
            absolute=True, reason="rounding")  # fmt: skip
+
+
+def test_condensed_coils_keep_their_inertia(case):
+    """The parts of the static shape move linearly: m (a^2 + a b + b^2)/3 each, with a and b of both ends."""
+    coils = build_model(case(TWO_RATES.replace("PARTS", "2"), "springs.valve.installed_force=150 N")).springs["valve"]
+    end = np.cumsum([1.0 / part.stiffness for part in coils.parts])
+    a, b = np.concatenate([[0.0], end[:-1]]) / end[-1], end / end[-1]
+    inertia = sum(part.mass * (x * x + x * y + y * y) / 3.0 for part, x, y in zip(coils.parts, a, b, strict=True))
+    assert condense_spring(coils).mass == pytest.approx(3.0 * inertia, rel=1e-12)
+
+
+def test_a_straight_table_needs_no_local_force(case):
+    made = case("force_table = [[0, 0], [0.01, 300], [0.03, 900]]")
+    assert build_model(made).springs["valve"].stiffness == pytest.approx(30e3)
+    assert not [one.name for one in prepare(made).problem.system.local_forces if "springs" in one.name]
 
 
 def test_closed_coils_leave_the_clearance(case):
