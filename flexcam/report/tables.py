@@ -37,7 +37,10 @@ from flexcam.report.terminal import (
 from flexcam.valvetrain import (
     Adjuster,
     Contact,
+    Friction,
+    GivenLoad,
     Lash,
+    LoadTable,
     MemberStrength,
     Metric,
     ModelModes,
@@ -95,6 +98,8 @@ def model_table(ready: PreparedRun, modes: ModelModes, takes: ResourceEstimate |
         ),
         *((f"cam {n}", f"at {c.at}, lift {1e3 * c.event.height:g} mm") for n, c in model.cams.items()),
         *((f"contact {n}", _contact(c)) for n, c in model.contacts.items()),
+        *((f"friction {n}", f"{f.force:g} {_unit(f)} at {f.at}") for n, f in model.friction.items()),
+        *((f"load {n}", _load(load)) for n, load in model.loads.items()),
         *_weight(ready),
         ("speed", ready.case.speed_text),
         ("steps", f"{problem.steps} of {problem.step:.4g} s ({per_revolution:.6g} per revolution)"),
@@ -142,6 +147,26 @@ def describe_inactive(ready: PreparedRun) -> list[str]:
     if not problem.prune or not problem.system.size:
         return []
     return words_of(build_structure(ready.model), active_dofs_of(problem))
+
+
+def _unit(part: Friction | GivenLoad) -> str:
+    """Return the unit of a force or a moment."""
+    return "N" if part.direction[:3].any() else "N m"
+
+
+def _load(load: GivenLoad) -> str:
+    """Return size, place, direction and abscissa of a load."""
+    table, turns = load.size if isinstance(load.size, LoadTable) else None, not load.direction[:3].any()
+    along = f"along {_vector(load.direction[3:] if turns else load.direction)}"
+    if load.member is not None:
+        return f"{load.size:g} N/m over {load.member} {along}"
+    if table is None:
+        return f"{load.size:g} {_unit(load)} at {load.at} {along}"
+    factor, what = (1e3, "ms") if table.over_time else (180.0 / math.pi, "deg of cam angle")
+    first, last = (factor * float(table.at[i]) for i in (0, -1))
+    over = f"from {first:g} to {last:g} {what}" if table.period is None else f"every {factor * table.period:g} {what}"
+    size = f"{table.size.min():.4g} to {table.size.max():.4g} {_unit(load)}"
+    return f"{size} at {load.at} {along}, table {over}"
 
 
 def _contact(contact: Contact) -> str:

@@ -51,6 +51,13 @@ def test_it_passes_the_check_and_runs(name, flexcam):
     assert run.json["warnings"] == []
 
 
+def test_the_check_shows_loads_and_friction(flexcam):
+    flexcam("new", "exhaust-valve", "-o", "mine.toml")
+    shown = " ".join(flexcam("check", "mine.toml").out.split())
+    assert "friction guide 5 N at stem-top" in shown
+    assert "load gas -18.45 to 3382 N at head along (0, 1, 0), table every 360 deg of cam angle" in shown
+
+
 def test_a_measured_lift_comes_with_its_table(flexcam, tmp_path):
     made = flexcam("new", "measured-lift", "-o", "mine.toml", "--json").json
     assert made["files"] == ["mine.toml", "measured-lift.csv"]
