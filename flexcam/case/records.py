@@ -30,9 +30,9 @@ from flexcam.case.schema.parts import (
     MemberRecord,
     RockerRecord,
     SectionRecord,
-    SpringRecord,
 )
 from flexcam.case.schema.run import FidelityRecord, OutputRecord, RunRecord
+from flexcam.case.schema.springs import SpringRecord
 from flexcam.core.errors import InputError
 from flexcam.core.units import DIMENSIONS
 

@@ -9,16 +9,15 @@ import pytest
 
 from flexcam import InputError, build_model, prepare, read_case
 from flexcam.case.input_checks import check_values
-from flexcam.case.schema import cams, contacts, parts, run
+from flexcam.case.schema import cams, contacts, parts, run, springs
 from flexcam.case.schema.base import PartRecord
 
 CASE = Path(__file__).parents[1] / "data" / "every-key.toml"
 
 
 def kinds():
-    found = {
-        kind for module in (cams, contacts, parts, run) for kind in vars(module).values() if isinstance(kind, type)
-    }
+    modules = (cams, contacts, parts, run, springs)
+    found = {kind for module in modules for kind in vars(module).values() if isinstance(kind, type)}
     return [kind for kind in found if isinstance(kind, type) and issubclass(kind, PartRecord) and "build" in vars(kind)]
 
 

@@ -32,6 +32,7 @@ def test_swinging_speed(record):
         for k, a, p in zip(SWING.orders, SWING.amplitudes, SWING.phases, strict=True)
     )  # fmt: skip
     np.testing.assert_allclose(motion.speed, 120.0 * (1.0 + stated), rtol=1e-13)
+    np.testing.assert_array_equal(motion.time, TIMES)
     angle = [
         0.7 + quad(lambda t: float(SWING.at(np.array(t)).speed), 0.0, t, epsrel=1e-12, limit=200)[0] for t in TIMES
     ]
@@ -62,6 +63,7 @@ def test_speed_by_angle(record, start):
            unit="rad", reference=0.0, computed=np.abs(motion.angle - exact).max(), tolerance=1e-10, absolute=True,
            reason="the reference itself, 1e-13 per step over 30 rad")  # fmt: skip
     np.testing.assert_allclose(motion.speed, wavy(exact, 0), rtol=1e-10)
+    np.testing.assert_array_equal(motion.time, times)
     np.testing.assert_allclose(motion.rate, wavy(exact, 1) * wavy(exact, 0), atol=1e-6)
     period = quad(lambda a: 1.0 / wavy(a, 0), 0.0, 2.0 * math.pi, epsrel=1e-13)[0]
     assert drive.period == pytest.approx(period, rel=1e-12)

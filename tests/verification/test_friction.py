@@ -8,6 +8,7 @@ opens by h and closes once.
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -30,31 +31,13 @@ start = { displacement = { "mass.ux" = "10 mm" } }
 [output]
 probes = ["mass"]
 """
-FOLLOWER = """
-format = 1
-[nodes]
-shaft = [0, 0, 0]
-mass = [0, "40 mm", 0]
-[supports]
-mass = ["ux", "uz"]
-[masses]
-mass = { at = "mass", mass = "0.1 kg" }
-[springs]
-one = { at = "mass", direction = "uy", stiffness = "40 kN/m", installed_force = "300 N" }
+FOLLOWER = (
+    (Path(__file__).parent / "cam-follower.toml").read_text(encoding="utf-8")
+    + """
 [friction]
 guide = { at = "mass", direction = "uy", force = "20 N", breakaway_force = "30 N", damping = "5 N s/m" }
-[cams]
-c = { at = "shaft", axis = [0, 0, 1], law = "cycloidal", lift = "6 mm", rise = "70 deg", return = "70 deg" }
-[contacts]
-k = { cam = "c", follower = "mass", direction = "uy", model = "unilateral", stiffness = "500 MN/m", dissipation = 1 }
-[run]
-speed = "600 rpm"
-steps_per_revolution = 3600
-revolutions = 1
-start = "equilibrium"
-[output]
-probes = ["mass"]
 """
+)
 
 
 def solved(folder, text, *overrides):

@@ -8,6 +8,7 @@ x = r/k (t - sin(w t)/w) up to t1, and x = r/k (t1 - (sin(w t) - sin(w (t - t1))
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -70,6 +71,20 @@ def test_ramp(rows, overrides, record, tmp_path):
            reason="rounding: the force is linear over every step")  # fmt: skip
 
 
+@pytest.mark.usefixtures("machine_code")
+@pytest.mark.parametrize("rows", [
+    "time [ms],force [N]\n0,0\n30,600\n300,600\n", "cam angle [deg],force [N]\n0,0\n90,400\n330,0\n",
+], ids=["time", "cam angle"])  # fmt: skip
+def test_engines_agree_under_a_table(rows, tmp_path):
+    """The load of every engine is that of its own instants; the kernel's is that of blocks."""
+    direct, modal, kernel = (
+        solved(write(tmp_path, rows, **{"run.engine": f'"{engine}"', "run.revolutions": 3}))["mass"].displacement[:, 0]
+        for engine in ("direct", "modal", "kernel")
+    )
+    for other in (modal, kernel):
+        np.testing.assert_allclose(other, direct, atol=1e-11 * np.abs(direct).max())
+
+
 def test_table_repeats_with_the_camshaft(tmp_path):
     """The force of each revolution is that of the first, across the end of the table; by default over an angle only."""
     rows = "cam angle [deg],force [N]\n30,100\n90,400\n330,0\n"
@@ -84,30 +99,13 @@ def test_table_repeats_with_the_camshaft(tmp_path):
     assert found.stats.periodicity < 1e-9
 
 
-FOLLOWER = """
-format = 1
-[nodes]
-shaft = [0, 0, 0]
-mass = [0, "40 mm", 0]
-[supports]
-mass = ["ux", "uz"]
-[masses]
-mass = { at = "mass", mass = "0.1 kg" }
-[springs]
-one = { at = "mass", direction = "uy", stiffness = "40 kN/m", installed_force = "300 N" }
+FOLLOWER = (
+    (Path(__file__).parent / "cam-follower.toml").read_text(encoding="utf-8")
+    + """
 [loads]
 gas = { at = "mass", direction = "-uy", table = "push.csv", area = "8 cm^2" }
-[cams]
-c = { at = "shaft", axis = [0, 0, 1], law = "cycloidal", lift = "6 mm", rise = "70 deg", return = "70 deg" }
-[contacts]
-k = { cam = "c", follower = "mass", direction = "uy", model = "unilateral", stiffness = "500 MN/m" }
-[run]
-speed = "600 rpm"
-steps_per_revolution = 3600
-start = "equilibrium"
-[output]
-probes = ["mass"]
 """
+)
 GAS = "crank angle [deg],pressure [bar]\n0,1\n180,3\n300,12\n480,2\n720,1\n"
 
 

@@ -8,7 +8,15 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Any, Generic, Self, TypeVar, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, GetJsonSchemaHandler, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    ValidationInfo,
+    model_validator,
+)
 from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, ErrorDetails, PydanticCustomError, core_schema
 
@@ -115,6 +123,11 @@ def _direction(value: Any) -> Any:  # noqa: ANN401
     except InputError as refusal:
         raise convert_error(refusal) from None
     return value
+
+
+def is_rotation(info: ValidationInfo) -> bool:
+    """Return whether the direction of a table, which stands before the validated key, is about an axis."""
+    return not direction(info.data.get("direction", "uy"))[:3].any()
 
 
 def _line(value: Any) -> Any:  # noqa: ANN401

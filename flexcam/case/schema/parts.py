@@ -1,9 +1,7 @@
-"""Tables of materials, sections, members, masses, springs, bearings, loads and rockers."""
+"""Tables of materials, sections, members, masses, bearings, friction, loads and rockers."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-from itertools import pairwise
 from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
@@ -13,7 +11,6 @@ from flexcam.case.curves import LoadDefinition
 from flexcam.case.schema.base import (
     DampingValue,
     DirectionValue,
-    Force,
     Inertia,
     Length,
     LineValue,
@@ -24,7 +21,6 @@ from flexcam.case.schema.base import (
     Position,
     PositiveNumber,
     PositiveStiffness,
-    Ratio,
     Record,
     SecondMoment,
     SignedAngle,
@@ -33,12 +29,12 @@ from flexcam.case.schema.base import (
     Stress,
     Unit,
     Vector,
+    is_rotation,
     value_error,
 )
 from flexcam.fem.frames import direction
 from flexcam.fem.rigid_bodies import PointMass
 from flexcam.fem.sections import Material, Section
-from flexcam.valvetrain.springs import Coils, coil_spring, install_spring
 
 
 def _check_poisson_ratio(nu: float) -> float:
@@ -176,234 +172,6 @@ class MassRecord(PartRecord[valvetrain.MassAt]):
         return valvetrain.MassAt(self.at, PointMass(self.mass, self.inertia, self.offset))
 
 
-_COIL_CONTACT_RATIO = 50.0
-"""Default ratio of the stiffness of touching coils to that of the spring part between them: flexcam's choice."""
-
-
-_WAHL = "Wahl's factor has no meaning for less"
-
-
-class WireRecord(Record):
-    """Wire of a coil spring, for its stress and its default stiffness."""
-
-    diameter: Length
-    coil_diameter: Length | None = Field(None, description="of the coil's mean circle; required without coils")
-    active_coils: PositiveNumber | None = Field(None, description="with shear_modulus: the spring's stiffness")
-    shear_modulus: Stress | None = Field(None, description="with active_coils, or with coils of the spring")
-    density: Annotated[float, Unit("density", above=True)] | None = Field(
-        None, description="with coils of the spring: its mass"
-    )
-
-    @model_validator(mode="after")
-    def _check_coil(self) -> Self:
-        if self.coil_diameter is not None and self.coil_diameter < 2.0 * self.diameter:
-            raise value_error("a coil_diameter of twice the wire's or more", _WAHL)
-        if self.active_coils is not None and self.shear_modulus is None:
-            raise value_error("active_coils and shear_modulus together, or neither", "the stiffness takes both")
-        return self
-
-    @property
-    def coil(self) -> valvetrain.Wire | None:
-        """Wire with the diameter of its coil; None if the spring has its coils."""
-        return None if self.coil_diameter is None else valvetrain.Wire(self.diameter, self.coil_diameter)
-
-    @property
-    def rate(self) -> float | None:
-        """Stiffness of the spring, N/m; None without a number of coils."""
-        if self.coil is None or self.active_coils is None or self.shear_modulus is None:
-            return None
-        return self.coil.rate(self.shear_modulus, self.active_coils)
-
-
-class CoilsRecord(PartRecord[Coils]):
-    """Neighbouring active coils of a spring, of equal pitch."""
-
-    turns: PositiveNumber = Field(description="number of coils")
-    diameter: Length | tuple[Length, Length] = Field(description="of the mean circle; at both ends where it tapers")
-    pitch: Length = Field(description="rise per coil of the free spring")
-
-    def build(self) -> Coils:
-        """Build the coils."""
-        ends = self.diameter if isinstance(self.diameter, tuple) else (self.diameter, self.diameter)
-        return Coils(self.turns, ends, self.pitch)
-
-
-class PulsationRecord(PartRecord[valvetrain.Pulsation]):
-    """Variation of a stiffness with the cam angle."""
-
-    order: PositiveNumber = Field(description="periods per camshaft revolution")
-    amplitude: Ratio = Field(description='fraction of the mean stiffness, such as "10 %"; below 1')
-    phase: SignedAngle = 0.0
-
-    @model_validator(mode="after")
-    def _check_amplitude(self) -> Self:
-        if self.amplitude >= 1.0:
-            raise value_error("an amplitude below 1", "the stiffness must not change its sign")
-        return self
-
-    def build(self) -> valvetrain.Pulsation:
-        """Build the pulsation."""
-        return valvetrain.Pulsation(self.order, self.amplitude, self.phase)
-
-
-class SpringRecord(PartRecord[valvetrain.Spring]):
-    """Spring and damper along one direction, to ground or to another point."""
-
-    at: Name
-    to: Name | None = Field(None, description="the other end; ground where absent")
-    direction: DirectionValue
-    stiffness: float = Field(0.0, description="N/m, or N m/rad about an axis")
-    damping: float = Field(0.0, description="N s/m, or N m s/rad about an axis")
-    link: bool = Field(
-        False, strict=True, description="represents a part of the train, which is rigid in the rigid model"
-    )
-    installed_force: Force | None = Field(None, description="preload, against direction")
-    installed_compression: Length | None = Field(
-        None, description="instead of installed_force: from the free length to the installed one"
-    )
-    force_table: list[tuple[Annotated[float, Unit("length")], Force]] | None = Field(
-        None, min_length=2, description="instead of stiffness: rows of travel from the free length and force"
-    )
-    coils: list[CoilsRecord] | None = Field(
-        None, min_length=1, description="instead of stiffness: active coils from the fixed to the moving end; with wire"
-    )
-    mass: MassValue = Field(0.0, description="distributed over its length")
-    elements: int = Field(
-        1, ge=1, le=1000, strict=True,
-        description="equal parts, or parts per entry of coils; more than one lets it surge; with mass 4 to 16 by "
-        "default, as its waves need",
-    )  # fmt: skip
-    clash_travel: Length | None = Field(None, description="along direction from installed until all coils touch")
-    clash_stiffness: PositiveStiffness | None = Field(
-        None, description="of a contact between neighbouring parts; 50 times a part's own by default"
-    )
-    pulsation: PulsationRecord | None = Field(
-        None, description="variation of its stiffness with the cam angle; none by default"
-    )
-    wire: WireRecord | None = Field(None, description="for the shear stress, and the stiffness where none is given")
-
-    @model_validator(mode="after")
-    def _check_parts(self) -> Self:
-        if self.wire is not None and not direction(self.direction)[:3].any():
-            raise value_error(
-                "a wire on a spring along a line", "its stress and stiffness are those of a coil in compression"
-            )
-        if self.wire is not None and self.wire.active_coils is not None and self.stiffness:
-            raise value_error(
-                "either stiffness, or active_coils and shear_modulus of the wire", "both define the stiffness"
-            )
-        if self.installed_force is not None and self.installed_compression is not None:
-            raise value_error("either installed_force or installed_compression", "one follows from the other")
-        if self.link and (self.to is None or self.installed_force or self.installed_compression):
-            raise value_error(
-                "a link with an end `to` and no preload", "it joins two points as a part of the train does"
-            )
-        if self.clash_travel is not None and not self.part.stiffness:
-            raise value_error("a stiffness where coils can touch", "a spring without one has no coils")
-        return self
-
-    def _check(self) -> None:
-        """Check the keys that define the force, then that the spring can be built."""
-        if self.force_table is not None or self.coils is not None:
-            self._check_force("coils" if self.force_table is None else "force_table")
-        if self.force_table is not None:
-            self._check_table(self.force_table)
-        if self.coils is None:
-            self._check_wire()
-        else:
-            self._check_coils(self.coils)
-        super()._check()
-        if self.coils is not None and (self.part.clash_travel or 0.0) <= 0.0:
-            raise value_error("an installed position before all coils touch", "a solid spring has no travel left")
-
-    def _check_wire(self) -> None:
-        wire = self.wire
-        if wire is None:
-            return
-        if wire.coil_diameter is None:
-            why, remedy = "the key is required without coils", "add 'coil_diameter'"
-            raise value_error("a length", why, remedy, inside="wire.coil_diameter", given="nothing")
-        if wire.active_coils is None and wire.shear_modulus is not None:
-            raise value_error("no shear_modulus without active_coils or coils", "the stiffness takes both")
-        if wire.density is not None:
-            raise value_error("a density of the wire beside coils only", "it takes their length", "give the mass")
-
-    def _check_coils(self, entries: list[CoilsRecord]) -> None:
-        wire = self.wire
-        if wire is None or wire.shear_modulus is None:
-            raise value_error("a wire with diameter and shear_modulus beside coils", "the stiffness takes both")
-        if wire.coil_diameter is not None or self.clash_travel is not None:
-            raise value_error("coils without clash_travel and coil_diameter", "coils have these themselves")
-        if wire.density is not None and self.mass:
-            raise value_error("either a mass or a density of the wire", "both define the mass")
-        for i, coils in enumerate(entry.part for entry in entries):
-            if min(coils.ends) < 2.0 * wire.diameter:
-                given, allowed = f"{min(coils.ends):g} m", "twice the diameter of the wire or more"
-                raise value_error(allowed, _WAHL, inside=f"coils.{i}.diameter", given=given)
-            if coils.gap(wire.diameter) <= 0.0:
-                allowed = f"above {coils.pitch - coils.gap(wire.diameter):g} m"
-                why = "these coils touch each other in the free spring"
-                raise value_error(allowed, why, inside=f"coils.{i}.pitch", given=f"{coils.pitch:g} m")
-
-    def _check_table(self, rows: list[tuple[float, float]]) -> None:
-        if any(x1 <= x0 or f1 <= f0 for (x0, f0), (x1, f1) in pairwise(rows)):
-            allowed, why = "rows of increasing travel and force", "a spring pushes back more the more it is compressed"
-            raise value_error(allowed, why, "sort them, and smooth their noise", inside="force_table")
-        start, force = self.installed_compression or 0.0, self.installed_force
-        (least, weakest), (most, strongest) = rows[0], rows[-1]
-        if not (least <= start <= most if force is None else weakest <= force <= strongest):
-            allowed = (
-                f"rows around the installed position, {start:g} m" if force is None else f"rows around {force:g} N"
-            )
-            raise value_error(allowed, "the travel counts from there", inside="force_table")
-
-    def _check_force(self, key: str) -> None:
-        """Check the keys beside a force table or coils."""
-        if self.force_table is not None and self.coils is not None:
-            raise value_error("either force_table or coils", "both define the force")
-        if not direction(self.direction)[:3].any():
-            raise value_error(f"{key} on a spring along a line", "it has travels and forces")
-        if self.stiffness or (self.wire is not None and self.wire.active_coils is not None):
-            raise value_error(f"either {key} or a stiffness", f"the stiffness follows from {key}")
-        if self.installed_force is not None and self.installed_compression is not None:
-            raise value_error("either installed_force or installed_compression", "one follows from the other")
-        if self.pulsation is not None or self.link:
-            raise value_error(f"{key} without pulsation and link", "these take a constant stiffness")
-
-    @field_validator("stiffness", "damping", mode="before")
-    @classmethod
-    def _convert_unit(cls, value: object, info: ValidationInfo) -> float:
-        """Return SI; units depend on whether the spring is translational or rotational."""
-        along = info.data.get("direction", "uy")
-        turns = not direction(along)[:3].any()
-        return Unit(f"rotational {info.field_name}" if turns else str(info.field_name)).validate(value)
-
-    def build(self) -> valvetrain.Spring:
-        """Build the spring."""
-        along = direction(self.direction)
-        stiffness = self.stiffness or (self.wire.rate if self.wire else None) or 0.0
-        clash = self.clash_stiffness or _COIL_CONTACT_RATIO * self.elements * stiffness
-        wire = self.wire.coil if self.wire else None
-        force = self.installed_force
-        if self.installed_compression is not None:
-            force = stiffness * self.installed_compression
-        spring = valvetrain.Spring(
-            self.at, along, stiffness, self.damping, self.to, force, self.mass, self.elements,
-            self.clash_travel, clash, wire, self.pulsation.part if self.pulsation else None, self.link,
-        )  # fmt: skip
-        place = self.installed_force, self.installed_compression
-        if self.force_table is not None:
-            spring = install_spring(replace(spring, table=tuple(self.force_table)), *place)
-            clash = self.clash_stiffness or _COIL_CONTACT_RATIO * self.elements * spring.stiffness
-            return replace(spring, clash_stiffness=clash)
-        if self.coils is not None and self.wire is not None:
-            coils, modulus = [entry.part for entry in self.coils], self.wire.shear_modulus or 0.0
-            spring = coil_spring(spring, coils, self.wire.diameter, modulus, self.wire.density)
-            clash = self.clash_stiffness or _COIL_CONTACT_RATIO * max(part.stiffness for part in spring.parts)
-            return install_spring(replace(spring, clash_stiffness=clash), *place)
-        return spring
-
-
 class BearingRecord(Record):
     """Elastic bearing with isotropic stiffness and damping perpendicular to the shaft."""
 
@@ -430,10 +198,8 @@ class FrictionRecord(PartRecord[valvetrain.Friction]):
         """Return SI; units depend on whether the slide turns."""
         if value is None:
             return None
-        turns = not direction(info.data.get("direction", "uy"))[:3].any()
-        kind = {"damping": ("damping", "rotational damping")}
-        kinds = kind.get(str(info.field_name), ("velocity", "speed") if "speed" in str(info.field_name) else _FORCES)
-        return Unit(kinds[turns], above="speed" in str(info.field_name)).validate(value)
+        kinds = _FRICTION_UNITS[str(info.field_name)]
+        return Unit(kinds[is_rotation(info)], above="speed" in kinds).validate(value)
 
     def _check(self) -> None:
         if self.breakaway_force is not None and self.breakaway_force < self.force:
@@ -450,7 +216,11 @@ class FrictionRecord(PartRecord[valvetrain.Friction]):
         )
 
 
-_FORCES = ("force", "moment")
+_FRICTION_UNITS = {
+    "force": ("force", "moment"), "breakaway_force": ("force", "moment"), "stribeck_speed": ("velocity", "speed"),
+    "friction_speed": ("velocity", "speed"), "damping": ("damping", "rotational damping"),
+}  # fmt: skip
+"""Kinds of quantity along a line and about an axis."""
 
 
 class LoadRecord(PartRecord[valvetrain.GivenLoad]):
@@ -480,14 +250,13 @@ class LoadRecord(PartRecord[valvetrain.GivenLoad]):
         """Return SI; a force about an axis is a moment."""
         if value is None:
             return None
-        turns = not direction(info.data.get("direction", "uy"))[:3].any()
-        return Unit("moment" if turns else "force", signed=True).validate(value)
+        return Unit("moment" if is_rotation(info) else "force", signed=True).validate(value)
 
     @model_validator(mode="after")
     def _check_target(self) -> Self:
-        given = self.force is not None, self.table is not None, self.force_per_length is not None
-        point, spread = (True, False), (False, True)
-        if sum(given) != 1 or (self.at is not None, self.member is not None) != (spread if given[2] else point):
+        spread = self.force_per_length is not None
+        sizes = sum(one is not None for one in (self.force, self.table, self.force_per_length))
+        if sizes != 1 or (self.member is not None) != spread or (self.at is None) != spread:
             allowed = "either at with force or table, or member with force_per_length"
             raise value_error(allowed, "a load acts at a point or along a member")
         if self.table is None:
