@@ -51,8 +51,10 @@ from flexcam.studies.plan import check_power_of_two
 from flexcam.studies.quantities import Quantity, check_names, compute_quantities, frequency_number
 from flexcam.studies.sensitivity import (
     STEP_OFFSETS,
+    Method,
     Sensitivity,
     SobolIndices,
+    exact_names,
     get_numbers,
     sensitivities,
     sobol_indices,
@@ -121,7 +123,7 @@ _TOLERANCES = Group("Tolerances of parts", sort_key=1)
 @app.command(
     help_prologue="""\
 flexcam sensitivity case.toml --of frequency.1 --to springs.valve.stiffness --to masses.valve.mass
-flexcam sensitivity case.toml --of contacts.intake.force.largest --to springs.valve.stiffness --relative-step 0.02
+flexcam sensitivity case.toml --of contacts.intake.force.largest --to springs.valve.stiffness --to run.crank_speed
 flexcam sensitivity case.toml --of frequency.1 --to springs.valve.stiffness=30:60kN/m --to masses.valve.mass=80:100g --sobol 256
 flexcam sensitivity case.toml --of limits.loss_of_contact --tolerance springs.valve.stiffness=±5% --count 100 --plot scatter.svg
 """  # noqa: E501 - a command to a line
@@ -146,9 +148,17 @@ def sensitivity(
             help="Value of the case: KEY; with --sobol KEY=LOW:HIGHunit. Repeatable.",
         ),
     ] = None,
+    method: Annotated[
+        Method | None,
+        Parameter(
+            group=_DERIVATIVES,
+            help="Derivatives of runs: exact, along the motion of one run, or by differences of runs. By default exact "
+            "where it applies.",
+        ),
+    ] = None,
     relative_step: Annotated[
         float | None,
-        Parameter(group=_DERIVATIVES, help="Step of finite differences, relative to the value; 0.01 by default."),
+        Parameter(group=_DERIVATIVES, help="Step of differences, relative to the value; 0.01 by default."),
     ] = None,
     sobol: Annotated[
         int | None,
@@ -185,6 +195,7 @@ def sensitivity(
     refuse_without("--count", count, "--tolerance", present=tolerances is not None)
     refuse_without("--seed", seed, "--sobol or --tolerance", present=tolerances is not None or sobol is not None)
     refuse_without("--relative-step", relative_step, "derivatives", present=tolerances is None and sobol is None)
+    refuse_without("--method", method, "derivatives", present=tolerances is None and sobol is None)
     asked = StudyOptions(
         case, overrides, names, lowest, highest, accuracy, option="--of", workers=workers, allow_large=allow_large
     )
@@ -193,19 +204,25 @@ def sensitivity(
     elif sobol is not None:
         answer, ended = _sobol_indices(asked, keys or [], sobol, seed or 0)
     else:
-        answer, ended = _derivatives(asked, keys or [], 0.01 if relative_step is None else relative_step)
+        answer, ended = _derivatives(asked, keys or [], 0.01 if relative_step is None else relative_step, method)
     write_answer(answer, csv, plot, ended, overwrite=overwrite, as_json=as_json)
     return ended
 
 
-def _derivatives(asked: StudyOptions, keys: list[str], relative_step: float) -> tuple[StudyAnswer, Status]:
-    responses = [name for name in asked.names if not frequency_number(name)]
+def _derivatives(
+    asked: StudyOptions, keys: list[str], relative_step: float, method: Method | None
+) -> tuple[StudyAnswer, Status]:
+    exact = exact_names(asked.case, asked.names, method)
+    responses = [name for name in asked.names if not frequency_number(name) and name not in exact]
     get_numbers(asked.case, keys)
     count = 1 + len(STEP_OFFSETS) * len(keys)
-    asked.initial_quantities(count)
+    if responses:
+        asked.initial_quantities(count)
     with asked.evaluators(count, responses) as runs:
         kept = InterruptibleRuns(runs)
-        found = sensitivities(asked.file, asked.fixed, asked.names, keys, kept, relative_step=relative_step)
+        found = sensitivities(
+            asked.file, asked.fixed, asked.names, keys, kept, relative_step=relative_step, method=method
+        )
 
     def draw() -> Figure:
         from flexcam.plotting.histories import bars_figure

@@ -592,9 +592,9 @@ def evaluate_laws(
 def evaluate_rows(
     laws: IntArray, constants: FloatArray, cam: FloatArray, column: int, penetration: FloatArray, rate: FloatArray,
     inner: FloatArray, local: FloatArray, tangent: FloatArray, states: FloatArray, force: FloatArray,
-    energy: FloatArray, by_state: FloatArray,
+    energy: FloatArray, by_state: FloatArray, tangents: FloatArray,
 ) -> None:  # fmt: skip
-    """Write forces, energies and derivatives of the energy by the internal states at many instants, a row each.
+    """Write forces, energies and their derivatives at many instants, a row each.
 
     Parameters
     ----------
@@ -610,6 +610,8 @@ def evaluate_rows(
         Written: forces (N) and stored energies (J), shape (m, c).
     by_state
         Written: derivatives of the stored energy by the internal states, shape (m, s).
+    tangents
+        Written: derivatives of the forces as in `evaluate_laws`, shape (m, 2, c, w); not written if m is zero.
     """
     for k in range(len(penetration)):
         for i in range(local.shape[1]):
@@ -625,6 +627,10 @@ def evaluate_rows(
             force[k, i], energy[k, i] = local[ANSWER, i], local[ENERGY, i]
         for z in range(states.shape[1]):
             by_state[k, z] = states[ENERGY_BY_STATE, z]
+        if len(tangents) > 0:
+            for i in range(local.shape[1]):
+                for j in range(tangent.shape[2]):
+                    tangents[k, 0, i, j], tangents[k, 1, i, j] = tangent[0, i, j], tangent[1, i, j]
 
 
 FUNCTIONS_OF_LAWS = (

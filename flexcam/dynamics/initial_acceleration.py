@@ -135,7 +135,7 @@ class InitialAcceleration:
         """Return an instant with the acceleration in equilibrium."""
         system = self._system
         right = moment.applied - system.damping.times(moment.v) - system.stiffness.times(moment.d)
-        return replace(moment, a=self._accelerations(right[:, None])[:, 0])
+        return replace(moment, a=self.accelerations(right[:, None])[:, 0])
 
     def impact(self, moment: StepState, to: StepInputs, closed: IntArray) -> StepState:
         """Return the instant after an impact at all closed switching scalars."""
@@ -153,7 +153,7 @@ class InitialAcceleration:
             rows[which] @ forces.sense.vectors for rows in (schedule.sensing_matrix(i), schedule.sensing_rate_matrix(i))
         )
         act = schedule.acting_matrix(i)[which] @ forces.act.vectors
-        return Impact(sense, turning, self._accelerations(act.T), forces.restitution[closed])
+        return Impact(sense, turning, self.accelerations(act.T), forces.restitution[closed])
 
     def update_forces(self, d: FloatArray, v: FloatArray, inner: FloatArray, to: StepInputs) -> StepState:
         """Return an instant with the forces of its motion, without acceleration."""
@@ -163,8 +163,8 @@ class InitialAcceleration:
         applied = to.load + (answer.force @ to.schedule.acting_matrix(to.row)) @ forces.act.vectors
         return StepState(to.time, d, v, np.zeros(len(d)), applied, answer.force, penetration, rate, inner)
 
-    def _accelerations(self, right: FloatArray) -> FloatArray:
-        """Return ``M^-1 f`` for columns f, without massless motions."""
+    def accelerations(self, right: FloatArray) -> FloatArray:
+        """Return ``M^-1 f`` for columns f, shape (n, k); massless motions have no acceleration of their own."""
         if self._factor is None:
             self._factor = self._massless.inverse(self._system.mass)
         return self._factor.solve(right)

@@ -26,6 +26,8 @@ class Linear:
     by_v: FloatArray  #: by velocity, shape (c, n)
     by_state: FloatArray  #: by the internal states z, shape (c, s); every state follows one sensed scalar G d
     followed: FloatArray  #: G, shape (s, n)
+    by_penetration: FloatArray  #: derivatives by the sensed scalars, shape (c, c)
+    by_rate: FloatArray  #: by their rates, shape (c, c)
 
 
 class Linearization:
@@ -34,7 +36,8 @@ class Linearization:
     def __init__(self, system: System, forces: LocalForces) -> None:
         self._forces = forces
         rows, states = np.zeros((forces.count, system.size)), np.zeros((len(forces.start_state), system.size))
-        self._last = Linear(rows, rows, rows, np.zeros((forces.count, len(states))), states)
+        none = np.zeros((forces.count, forces.count))
+        self._last = Linear(rows, rows, rows, np.zeros((forces.count, len(states))), states, none, none)
         self._told: bytes = b""
 
     def at(
@@ -52,10 +55,11 @@ class Linearization:
         return self._last
 
     def _with(self, answer: Reaction, act: FloatArray, sense: FloatArray, turning: FloatArray) -> Linear:
-        by_d = answer.by_penetration @ sense + answer.by_rate @ turning
-        if not len(answer.state_rate):
-            return Linear(act, by_d, answer.by_rate @ sense, self._last.by_state, self._last.followed)
-        return Linear(act, by_d, answer.by_rate @ sense, answer.by_state, sense[self._forces.table.owners])
+        by_d, by_v = answer.by_penetration @ sense + answer.by_rate @ turning, answer.by_rate @ sense
+        by_state, followed = self._last.by_state, self._last.followed
+        if len(answer.state_rate):
+            by_state, followed = answer.by_state, sense[self._forces.table.owners]
+        return Linear(act, by_d, by_v, by_state, followed, answer.by_penetration, answer.by_rate)
 
 
 def directions(forces: LocalForces, schedule: PrescribedInputs, i: int) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -145,14 +149,17 @@ class LinearStep:
         if found is not None:
             self._travel += found.free @ found.amounts[: found.free.shape[1]]
         self._moves, self._solve = _operator(self._travel), self._mass
+        self._equilibrate = _operator(
+            self._light.condense_force(np.eye(self._size)) if self._light.any else np.eye(self._size)
+        )
         self._length: float = 0.0
 
-    def initial_disturbances(self, at: Linear, given: FloatArray) -> FloatArray:
-        """Return disturbances of an initial state with massless motions in static equilibrium."""
+    def initial_disturbances(self, at: Linear, given: FloatArray, source: FloatArray) -> FloatArray:
+        """Return disturbances of an initial state with massless motions in equilibrium with a source of force."""
         if not self._light.any:
             return given
         d, v, z = split_state(given, self._size)
-        push = at.act.T @ (at.by_state @ z + at.by_v @ v + at.by_d @ d)
+        push = source + at.act.T @ (at.by_state @ z + at.by_v @ v + at.by_d @ d)
         return np.vstack([self._light.place(d, push), v, z])
 
     def propagate(self, step: SmallStep, before: FloatArray, more: FloatArray | None = None) -> FloatArray:
@@ -164,22 +171,40 @@ class LinearStep:
         """
         n, old, new, half = self._size, step.old, step.new, 0.5 * step.length
         d, v, z = split_state(before, n)
-        force = old.by_d @ d + old.by_v @ v + old.by_state @ z
-        free = self._damping(v) + self._stiffness(d) - old.act.T @ force
-        push = self._mass(v) - half * self._equilibrate(free)
-        d = d + half * (2.0 * v - self._moves(v))
+        push = self.momentum(d, v, old.act.T @ (old.by_d @ d + old.by_v @ v + old.by_state @ z), half)
+        d = self.moved(d, v, half)
         own = np.zeros((len(before) - 2 * n, 1))
         if more is not None:
             d, push, own = d + more[:n], push + more[n : 2 * n], more[2 * n :]
         z, by_d = _states(step, before, own)
         by_new = new.by_d + new.by_state @ by_d
         self._set_length(step.length)
-        v = self._solve(push - half * (self._stiffness(d) - new.act.T @ (by_new @ d + new.by_state @ z)))
+        v = self._solve(self.impulse_at_end(push, d, new.act.T @ (by_new @ d + new.by_state @ z), half))
         if len(new.act):
-            answer, sense = self._solve(new.act.T), half * (new.by_v + half * by_new @ self._travel)
+            answer, sense = self._solve(new.act.T), half * (new.by_v + half * self.travelled(by_new))
             v = v + answer @ np.linalg.solve(np.eye(len(sense)) - sense @ answer, sense @ v)
-        d = d + half * self._moves(v)
+        d = self.arrived(d, v, half)
         return np.vstack([d, v, z + by_d @ d])
+
+    def momentum(self, d: FloatArray, v: FloatArray, force: FloatArray, half: float) -> FloatArray:
+        """Return the momentum with the impulse of the old end in half a step, under a disturbance of force."""
+        return self._mass(v) - half * self._equilibrate(self._damping(v) + self._stiffness(d) - force)
+
+    def moved(self, d: FloatArray, v: FloatArray, half: float) -> FloatArray:
+        """Return the displacement by the old velocity alone."""
+        return d + half * (2.0 * v - self._moves(v))
+
+    def arrived(self, moved: FloatArray, v: FloatArray, half: float) -> FloatArray:
+        """Return the displacement at the new end."""
+        return moved + half * self._moves(v)
+
+    def impulse_at_end(self, push: FloatArray, moved: FloatArray, force: FloatArray, half: float) -> FloatArray:
+        """Return the impulse that the new velocity follows, without the effect of its own local forces."""
+        return push - half * (self._stiffness(moved) - force)
+
+    def travelled(self, rows: FloatArray) -> FloatArray:
+        """Return rows over displacements, shape (..., n), as rows over new velocities per half step."""
+        return rows @ self._travel
 
     def _set_length(self, length: float) -> None:
         """Prepare the solution without local forces for a length of the step."""
@@ -196,10 +221,73 @@ class LinearStep:
     def old_terms(self, more: FloatArray) -> FloatArray:
         """Return the contribution of the old end, without its residual on massless motions."""
         n = self._size
-        return np.concatenate([more[:n], self._equilibrate(more[n : 2 * n]), more[2 * n :]])
+        return np.concatenate([more[:n], self.equilibrate(more[n : 2 * n]), more[2 * n :]])
 
-    def _equilibrate(self, forces: FloatArray) -> FloatArray:
+    def equilibrate(self, forces: FloatArray) -> FloatArray:
+        """Return forces of the old end, shape (n, ...), without their part on massless motions."""
         return self._light.condense_force(forces) if self._light.any else forces
+
+    def sequence(
+        self, length: float, linear: LinearSequence, by_travel: FloatArray, by_begin: FloatArray
+    ) -> StepSequence:
+        """Return equal steps between successive instants, prepared together.
+
+        The arguments are those of `SmallStep` for all m instants, with a row per step of the derivatives of the states.
+        """
+        self._set_length(length)
+        return StepSequence(self, self._solve, 0.5 * length, linear, by_travel, by_begin)
+
+
+@dataclass(frozen=True, eq=False)
+class LinearSequence:
+    """Linearized local forces at m instants; the arrays of `Linear` with a first axis of instants."""
+
+    act: FloatArray
+    by_d: FloatArray
+    by_v: FloatArray
+    by_state: FloatArray
+    followed: FloatArray
+    by_penetration: FloatArray
+    by_rate: FloatArray
+
+
+class StepSequence:
+    """Equal steps of small disturbances between m successive instants, see `LinearStep.propagate`.
+
+    What a step needs is computed for all of them at once, so that a step takes few products.
+    """
+
+    def __init__(
+        self, stepper: LinearStep, solve: Callable[[FloatArray], FloatArray], half: float, linear: LinearSequence,
+        by_travel: FloatArray, by_begin: FloatArray,
+    ) -> None:  # fmt: skip
+        m, c, n = linear.act.shape
+        self._stepper, self._solve, self._half, self._size = stepper, solve, half, n
+        self._followed, self._by_state = linear.followed, linear.by_state
+        self._by_begin, self._rest = by_begin[:, :, None], (1.0 - by_travel)[:, :, None]
+        self._difference = (by_travel - by_begin)[:, :, None]
+        self._force = np.concatenate([linear.by_d, linear.by_v, linear.by_state], axis=2)
+        self._turned = np.ascontiguousarray(np.swapaxes(linear.act, 1, 2))
+        self._by_new = linear.by_d[1:] + linear.by_state[1:] @ (self._rest * linear.followed[1:])
+        answer = solve(self._turned[1:].transpose(1, 0, 2).reshape(n, (m - 1) * c))
+        self._answer = np.ascontiguousarray(answer.reshape(n, m - 1, c).swapaxes(0, 1))
+        sense = half * (linear.by_v[1:] + half * stepper.travelled(self._by_new))
+        self._gain = np.linalg.solve(np.eye(c) - sense @ self._answer, sense)
+
+    def propagate(self, i: int, before: FloatArray, more: FloatArray) -> FloatArray:
+        """Return disturbances, shape (2n + s, k), after the step that follows instant i."""
+        stepper, half, n = self._stepper, self._half, self._size
+        d, v, z = split_state(before, n)
+        push = stepper.momentum(d, v, self._turned[i] @ (self._force[i] @ before), half) + more[n : 2 * n]
+        moved = stepper.moved(d, v, half) + more[:n]
+        local = self._by_new[i] @ moved
+        if len(z):
+            z = self._by_begin[i] * z + self._difference[i] * (self._followed[i] @ d) + more[2 * n :]
+            local += self._by_state[i + 1] @ z
+        v = self._solve(stepper.impulse_at_end(push, moved, self._turned[i + 1] @ local, half))
+        v = v + self._answer[i] @ (self._gain[i] @ v)
+        d = stepper.arrived(moved, v, half)
+        return np.concatenate([d, v, z + self._rest[i] * (self._followed[i + 1] @ d)] if len(z) else [d, v])
 
 
 def _operator(matrix: FloatArray) -> Callable[[FloatArray], FloatArray]:

@@ -34,6 +34,7 @@ from flexcam.dynamics.force_laws import (
     LAW_STATE,
     LAWS,
     LOCAL_ROWS,
+    NEW_STATE,
     OWN,
     PENETRATION,
     RATE,
@@ -361,6 +362,11 @@ class LocalForces:
         self._follow(step, penetration, state)
         return work.states[BY_TRAVEL].copy(), work.states[BY_BEGIN].copy()
 
+    def new_states(self, step: float, penetration: FloatArray, begin: FloatArray, state: FloatArray) -> FloatArray:
+        """Return the internal states after a step, shape (s,), for arguments as in `state_steps`."""
+        self.state_steps(step, penetration, begin, state)
+        return self.workspace.states[NEW_STATE].copy()
+
     def _reaction(self) -> Reaction:
         """Return the output of `evaluate_laws` as matrices of all scalars."""
         work, c = self.workspace, self.count
@@ -392,15 +398,37 @@ class LocalForces:
         the table, None for all. With rates of the scalars, (m, c), the forces are those of the motion. The results have
         the shapes (m, c), (m, c) and (m, s).
         """
+        return self._evaluate_all(penetration, state, functions, laws, rate, tangents=False)[:3]
+
+    def tangents(
+        self, penetration: FloatArray, rate: FloatArray, state: FloatArray, functions: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the derivatives of the forces by the scalars and by their rates at m instants, shape (m, c, c) each.
+
+        The arguments are those of `evaluate`.
+        """
+        narrow = self._evaluate_all(penetration, state, functions, None, rate, tangents=True)[3]
+        found = np.zeros((2, len(penetration), self.count, self.count))
+        for first, size in self.table.laws[:, [FIRST, SCALARS]].tolist():
+            part = slice(first, first + size)
+            found[:, :, part, part] = np.moveaxis(narrow[:, :, part, :size], 1, 0)
+        return found[0], found[1]
+
+    def _evaluate_all(
+        self, penetration: FloatArray, state: FloatArray, functions: FloatArray, laws: IntArray | None,
+        rate: FloatArray | None, *, tangents: bool,
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:  # fmt: skip
+        """Return the results of `evaluate`, and the tangents of every law if requested."""
         work, table = Workspace(self.table, self.count, 0), self.table
         force, energy = np.empty_like(penetration, order="C"), np.empty_like(penetration, order="C")
         by_state, rows = np.zeros_like(state, order="C"), table.laws if laws is None else laws
         rates = np.zeros(penetration.shape) if rate is None else np.ascontiguousarray(rate)
+        narrow = np.zeros((len(penetration) if tangents else 0, *work.tangent.shape))
         self._evaluate_rows(
             rows, table.constants, functions, 0, np.ascontiguousarray(penetration), rates, np.ascontiguousarray(state),
-            work.local, work.tangent, work.states, force, energy, by_state,
+            work.local, work.tangent, work.states, force, energy, by_state, narrow,
         )  # fmt: skip
-        return energy, force, by_state
+        return energy, force, by_state, narrow
 
 
 def _write_functions(

@@ -183,6 +183,18 @@ def solve(
     return memory.response()
 
 
+def record(
+    way: SelectedEngine, engine: Engine, forces: LocalForces, method: Method, names: Outline, save: SaveAt
+) -> Response:
+    """Return the response of an engine that is ready to start; it is not written to sinks."""
+    memory = MemorySink(names, way.problem.steps + 1, way.problem.steps // save.field_every + 2)
+    run = _Run(way.problem, engine, forces, save, method.order)
+    for block in run.blocks():
+        memory.write(reduce(expand_block, way.bases, block))
+    memory.close(run.status, Stats(engine=way.engine, steps=way.problem.steps))
+    return memory.response()
+
+
 def _blas_threads(way: SelectedEngine) -> AbstractContextManager[object]:
     """Return a context with one thread of the linear algebra for a small system; the host's setting returns after it.
 

@@ -137,6 +137,24 @@ class Trajectory:
 
 
 @dataclass(frozen=True, eq=False)
+class SensedTrajectory:
+    """Trajectory with the prescribed inputs, and the scalars that its local forces sense."""
+
+    track: Trajectory
+    schedule: PrescribedInputs
+    penetration: FloatArray
+    rate: FloatArray
+
+    def at(self, i: int) -> StepState:
+        """Return the instant, with its side and its impulse."""
+        track, impulse = self.track, self.track.impulse[i]
+        return StepState(
+            float(track.time[i]), track.d[i], track.v[i], track.a[i], np.zeros_like(track.d[i]), track.local[i],
+            self.penetration[i], self.rate[i], track.state[i], track.pressed[i], impulse if impulse.any() else None,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
 class ProbeTrajectory:
     """Results of b steps if only probes and fields are needed."""
 

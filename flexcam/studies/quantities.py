@@ -172,6 +172,11 @@ def _is_known_name(case: Case, name: str) -> bool:
     return bool(frequency_number(name) or (cam and cam[1] in case.record.cams) or _number(case, name))
 
 
+def is_run_scalar(case: Case, name: str) -> bool:
+    """Return whether a quantity is a scalar of a run, and no speed limit."""
+    return not (name.startswith(_LIMIT) or _is_known_name(case, name))
+
+
 def _unknown_name_fault(name: str, known: Iterable[str], cams: Iterable[str]) -> Fault:
     of_cams = [f"cams.{cam}.{kind}" for cam in cams for kind in _CAM_UNITS]
     near = suggest_name(name, [*known, "frequency.1", *(_LIMIT + one for one in LIMITS), *of_cams])

@@ -1,7 +1,7 @@
 """Sensitivity: derivatives of quantities with respect to numbers of a case, and Sobol indices.
 
-Derivatives of natural frequencies follow from derivatives of the matrices, all others from central differences of two
-step sizes with an error estimate.
+Derivatives of natural frequencies follow from derivatives of the matrices, those of runs from the tangent of the time
+integration where it applies, all others from central differences of two step sizes with an error estimate.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import math
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,8 +23,16 @@ from flexcam.core.errors import InputError, parse_all, refuse
 from flexcam.dynamics import modes
 from flexcam.studies.evaluation import Row
 from flexcam.studies.evaluators import Runs, column
+from flexcam.studies.gradients import COUNTED, compute_gradient, exact_refusal
 from flexcam.studies.plan import check_power_of_two, check_seed
-from flexcam.studies.quantities import Number, frequency_number, get_number, make_overrides, require_complete
+from flexcam.studies.quantities import (
+    Number,
+    frequency_number,
+    get_number,
+    is_run_scalar,
+    make_overrides,
+    require_complete,
+)
 from flexcam.valvetrain import Structure, build_structure
 
 STEP_OFFSETS = (-1.0, -0.5, 0.5, 1.0)
@@ -170,9 +179,34 @@ def _check_not_zero(number: Number, option: str) -> Number:
     return number
 
 
+Method = Literal["exact", "differences"]
+"""Methods for derivatives of runs: along the motion, or by differences of runs."""
+
+
+def exact_names(case: Case, names: Sequence[str], method: Method | None) -> list[str]:
+    """Return the scalars whose derivatives follow from the tangent of the time integration.
+
+    With the method ``exact`` a scalar of a run for which it does not apply raises an error; None selects it where it
+    applies.
+    """
+    of_runs = [name for name in names if is_run_scalar(case, name)]
+    if method == "differences":
+        return []
+    counted = [name for name in of_runs if name.endswith(COUNTED)]
+    if method is None:
+        return [] if exact_refusal(case) else [name for name in of_runs if name not in counted]
+    if why := exact_refusal(case):
+        raise refuse("--method", "exact", "differences", why)
+    limits = [name for name in names if name.startswith("limits.")]
+    if others := counted + limits:
+        why = "it counts instants" if counted else "a limit is the result of a search"
+        raise refuse("--method", f"exact for {others[0]}", "differences", why)
+    return of_runs
+
+
 def sensitivities(
     file: CaseFile, fixed: Sequence[str], names: Sequence[str], keys: Sequence[str], runs: Runs,
-    *, relative_step: float = RELATIVE_STEP,
+    *, relative_step: float = RELATIVE_STEP, method: Method | None = None,
 ) -> list[Sensitivity]:  # fmt: skip
     """Return the derivatives of several scalars with respect to several numbers."""
     if not 1e-8 <= relative_step <= 0.2:
@@ -180,12 +214,15 @@ def sensitivities(
     case = file.read(fixed)
     numbers = get_numbers(case, keys)
     frequencies = [name for name in names if frequency_number(name)]
-    responses = [name for name in names if name not in frequencies]
+    exact = exact_names(case, names, method)
+    responses = [name for name in names if name not in frequencies and name not in exact]
     found = {
         (one.scalar, number.key): one
         for number in numbers
         for one in _frequency_sensitivities(file, fixed, case, frequencies, number)
     }
+    if exact:
+        found |= _exact_sensitivities(file, fixed, exact, numbers)
     if responses:
         found |= _response_sensitivities(case, responses, numbers, runs, relative_step)
     return [found[name, number.key] for name in dict.fromkeys(names) for number in numbers]
@@ -223,6 +260,32 @@ def _matrices(file: CaseFile, overrides: Sequence[str], like: Structure) -> Matr
             "--to", overrides[-1], "a number that leaves the unknowns as they are", "their matrices are compared"
         )
     return one.mass, one.stiffness
+
+
+CHAOTIC_GROWTH = 1e3
+"""Growth of a small disturbance over a run above which derivatives hold for very small changes only."""
+
+
+def _exact_sensitivities(
+    file: CaseFile, fixed: Sequence[str], names: Sequence[str], numbers: Sequence[Number]
+) -> dict[tuple[str, str], Sensitivity]:
+    gradient = compute_gradient(file, fixed, names, numbers)
+    smooth, note = gradient.growth <= CHAOTIC_GROWTH, ""
+    if not smooth:
+        note = (
+            f"chaotic: a small disturbance grows {gradient.growth:.1g} times over the run; the derivative holds for "
+            "very small changes only"
+        )
+    found = dict[tuple[str, str], Sensitivity]()
+    for name in names:
+        if name not in gradient.values:
+            raise refuse("--of", name, "a result that this run has", "the run did not give it")
+        for number in numbers:
+            value, slope = gradient.values[name], gradient.derivatives[name, number.key]
+            relative = logarithmic_derivative(slope, number.value, value)
+            one = Sensitivity(name, gradient.units[name], value, number, slope, None, relative, smooth, note)
+            found[name, number.key] = one
+    return found
 
 
 def _variants(case: Case, number: Number, step: float) -> list[tuple[str, ...]]:

@@ -1,0 +1,353 @@
+"""Evolution of small disturbances along a motion, including contact events and impacts.
+
+Disturbances of the initial state and those by parameters follow the same equations. The derivatives of the steps of the
+average acceleration between successive instants of a run are multiplied, so that the result is the derivative of the
+numerical motion. The time of an event depends on the disturbance: a step ends with it, the velocities may jump, and the
+next step begins with it. For short steps the three together are the saltation matrix, ``R_x + (f+ - R_x f- - R_t)
+g_x'/g'`` for an impact R at g = 0: R. I. Leine and H. Nijmeijer, Dynamics and Bifurcations of Non-Smooth Mechanical
+Systems (2004), ch. 7 and 8; M. di Bernardo et al., Piecewise-smooth Dynamical Systems (2008), sec. 2.5.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexcam.core import FloatArray, IntArray
+from flexcam.dynamics.initial_acceleration import InitialAcceleration
+from flexcam.dynamics.linearization import (
+    SAME_LENGTH,
+    Linear,
+    Linearization,
+    LinearSequence,
+    LinearStep,
+    SmallStep,
+    StepSequence,
+    directions,
+    split_state,
+)
+from flexcam.dynamics.local_forces import LocalForces
+from flexcam.dynamics.parameter_forces import ExplicitDerivatives, ParameterForces
+from flexcam.dynamics.problem import Problem
+from flexcam.dynamics.step_state import SensedTrajectory, StepInputs, StepState, Trajectory
+
+_MIN_EQUAL_STEPS = 40
+"""Number of equal steps above which a matrix power is cheaper than single steps."""
+
+_TOUCH = 1e-15
+"""Penetration, m, assigned to a contact that is about to open or close, to select its side."""
+
+_AT_ONCE = 1e-6
+"""Fraction of a step within which a contact is about to switch."""
+
+_BESIDE = 1e-3
+"""Fraction of a step for the limits on both sides of an event."""
+
+_SAME_TIME = 1e-7
+"""Relative difference of a step from the usual one that is rounding of the time."""
+
+Bools = NDArray[np.bool_]
+
+
+class Disturbances:
+    """Evolution of disturbances of displacements, velocities and internal states.
+
+    Parameters
+    ----------
+    problem
+        Of which system, drive and step are used.
+    forces
+        Its local forces.
+    initial
+        Initial disturbances as columns, shape (2n + s, k); None for unit disturbances of each.
+    parameters
+        Parameters that disturb the first columns along the motion; None without.
+    """
+
+    def __init__(
+        self, problem: Problem, forces: LocalForces, initial: FloatArray | None = None,
+        parameters: ParameterForces | None = None,
+    ) -> None:  # fmt: skip
+        self._problem, self._forces = problem, forces
+        self._linear = Linearization(problem.system, forces)
+        self._stepper = LinearStep(problem.system)
+        self._starter = InitialAcceleration(problem.system, forces)
+        self._carried: FloatArray = (
+            np.eye(2 * problem.system.size + len(forces.start_state)) if initial is None else initial.copy()
+        )
+        self._parameters = parameters
+        self._explicit: ExplicitDerivatives | None = None  # of the instants that are followed
+        self._last: Trajectory | None = None
+        self._waiting: SmallStep | None = None
+        self._count = 0
+        self._shift: FloatArray | None = None
+
+    def follow(self, track: Trajectory) -> FloatArray:
+        """Propagate the disturbances over successive instants.
+
+        With parameters, return the disturbances at the ends of steps, shape (steps, 2n + s, k), otherwise nothing.
+        """
+        first = self._last is None
+        every = self._sense(track if self._last is None else Trajectory.concatenate([self._last, track]))
+        time, sides = every.track.time, every.track.pressed
+        if self._parameters is not None:
+            self._explicit = self._parameters.along(every)
+        if first:
+            begin = self._at(every, 0, sides[0])
+            self._carried = self._stepper.initial_disturbances(begin, self._carried, self._source(begin, 0))
+        ends = set[int]() if self._parameters is None else set((track.ends + (not first)).tolist())
+        found = [self._at_fixed_time(every.at(0))] if 0 in ends and first else list[FloatArray]()
+        plain = (np.diff(time) > 0.0) & (sides[1:] == sides[:-1]).all(axis=1)
+        equal = plain & (np.abs(np.diff(time) - self._problem.step) <= _SAME_TIME * self._problem.step)
+        sequence = None if self._parameters is None else self._sequence(every)
+        last: Linear | None = None
+        for i in range(len(time) - 1):
+            if sequence is not None and equal[i] and self._shift is None:
+                self._carried = sequence[0].propagate(i, self._carried, sequence[1][i])
+            elif plain[i] and self._shift is None:
+                end = self._at(every, i + 1, sides[i])
+                self._step(self._small(last or self._at(every, i, sides[i]), end, every, i), every, i)
+                last = end  # the beginning of the next step as well
+            else:
+                last = None
+                self._apply_pending()
+                if time[i + 1] > time[i]:
+                    self._event_step(every, i)
+                elif every.track.impulse[i + 1].any():
+                    self._apply_impact(every, i)
+            if i + 1 in ends:
+                found.append(self._at_fixed_time(every.at(i + 1)))
+        self._last = every.track.last()
+        return np.array(found)
+
+    def _sense(self, track: Trajectory) -> SensedTrajectory:
+        schedule = self._forces.prescribed_inputs(self._problem.drive.at(track.time))
+        penetration, rate, _ = self._forces.sense_motion(track.d, track.v, schedule)
+        return SensedTrajectory(track, schedule, penetration, rate)
+
+    def monodromy(self) -> FloatArray:
+        """Return the propagated disturbances, shape (2n + s, 2n + s)."""
+        self._apply_pending()
+        return self._carried if self._last is None else self._at_fixed_time(self._sense(self._last).at(0))
+
+    def _at_fixed_time(self, moment: StepState) -> FloatArray:
+        """Return the disturbances at the time of an instant; those at the time of an event include its shift."""
+        return self._carried if self._shift is None else self._carried - self._flow(moment)[:, None] * self._shift
+
+    def _at(self, every: SensedTrajectory, i: int, side: Bools) -> Linear:
+        """Return the linear forces at an instant, with every contact on its side within the step."""
+        penetration = self._set_sides(side, every.penetration[i], every.rate[i])
+        return self._linear.at(every.schedule, i, penetration, every.rate[i], every.track.state[i])
+
+    def _set_sides(self, side: Bools, penetration: FloatArray, rate: FloatArray) -> FloatArray:
+        """Return the sensed scalars, with contacts that are about to switch set to their side."""
+        which = self._forces.switching
+        if not len(which):
+            return penetration
+        penetration, depth = penetration.copy(), penetration[which]
+        there = np.abs(depth) <= _AT_ONCE * self._problem.step * np.abs(rate[which])
+        penetration[which] = np.where(there, np.where(side, _TOUCH, -_TOUCH), depth)
+        return penetration
+
+    def _sequence(self, every: SensedTrajectory) -> tuple[StepSequence, FloatArray]:
+        """Return the steps of usual length between all instants, and the contributions of the parameters to them."""
+        forces, schedule, track, step = self._forces, every.schedule, every.track, self._problem.step
+        steps, states, explicit = len(track.time) - 1, len(forces.start_state), self._explicit
+        penetration = every.penetration.copy()
+        for i in range(len(penetration)):
+            penetration[i] = self._set_sides(track.pressed[i], penetration[i], every.rate[i])
+        functions = schedule.rows[:, schedule.functions :]
+        by_x, by_rate = forces.tangents(penetration, every.rate, track.state, functions)
+        act, sense, turning = (
+            (owner * weights[:, None, :]) @ vectors
+            for owner, weights, vectors in (
+                (schedule.acts, schedule.acting_weights, forces.act.vectors),
+                (schedule.senses, schedule.sensing_weights, forces.sense.vectors),
+                (schedule.senses, schedule.sensing_rates, forces.sense.vectors),
+            )
+        )
+        owners = forces.table.owners
+        linear = LinearSequence(
+            act, by_x @ sense + by_rate @ turning, by_rate @ sense, -by_x[:, :, owners], sense[:, owners], by_x, by_rate
+        )
+        travel, begin = np.zeros((2, steps, states))
+        for i in range(steps if states else 0):
+            travel[i], begin[i] = forces.state_steps(
+                step, every.penetration[i + 1], every.penetration[i], track.state[i]
+            )
+        terms = np.zeros((steps, *self._carried.shape))
+        if explicit is not None and self._parameters is not None:
+            local = explicit.answer + by_x @ explicit.penetration + by_rate @ explicit.rate
+            pushed = 0.5 * step * (explicit.force + np.swapaxes(act, 1, 2) @ local)
+            n, count = len(act[0, 0]) if forces.count else track.d.shape[1], self._parameters.count
+            terms[:, n : 2 * n, :count] = pushed[1:]
+            terms[:, n : 2 * n, :count] += (
+                self._stepper.equilibrate(pushed[:-1].transpose(1, 0, 2).reshape(n, steps * count))
+                .reshape(n, steps, count)
+                .swapaxes(0, 1)
+            )
+            for i in range(steps if states else 0):
+                terms[i, 2 * n :, :count] = self._parameters.states_after(every, i)
+            if (stretch := self._parameters.stretch).any():
+                flow = np.hstack([track.v, track.a])
+                mean = 0.5 * (flow[1:] + flow[:-1])
+                mean[:, n:] = self._problem.system.mass.multiply(mean[:, n:].T).T
+                terms[:, : 2 * n, :count] += mean[:, :, None] * (step * stretch)
+        return self._stepper.sequence(step, linear, travel, begin), terms
+
+    def _small(self, begin: Linear, end: Linear, every: SensedTrajectory, i: int) -> SmallStep:
+        """Return what the step after an instant does to disturbances."""
+        (h,), none = np.diff(every.track.time[i : i + 2]).tolist(), np.zeros(0)
+        if not every.track.state.shape[1]:
+            return SmallStep(begin, end, h, none, none)
+        new, old = every.penetration[i + 1], every.penetration[i]
+        return SmallStep(begin, end, h, *self._forces.state_steps(h, new, old, every.track.state[i]))
+
+    def _step(self, step: SmallStep, every: SensedTrajectory, i: int) -> None:
+        if self._parameters is not None:
+            more = self._parameter_terms(step, every, i)
+            self._carried = self._stepper.propagate(step, self._carried, more)
+            return
+        usual = self._waiting
+        same = usual and usual.old is step.old and usual.new is step.new
+        if usual and same and abs(step.length - usual.length) <= SAME_LENGTH * usual.length:
+            self._count += 1
+            return
+        self._apply_pending()
+        self._waiting, self._count = step, 1
+
+    def _apply_pending(self) -> None:
+        """Apply the pending steps, which are all equal."""
+        if self._waiting is None:
+            return
+        if self._count < _MIN_EQUAL_STEPS:
+            for _ in range(self._count):
+                self._carried = self._stepper.propagate(self._waiting, self._carried)
+        else:
+            one = self._stepper.propagate(self._waiting, np.eye(len(self._carried)))
+            self._carried = np.linalg.matrix_power(one, self._count) @ self._carried
+        self._waiting, self._count = None, 0
+
+    def _event_step(self, every: SensedTrajectory, i: int) -> None:
+        """Apply a step that begins or ends at an event, whose time depends on the disturbances.
+
+        An event at g(d, t) = 0 comes later by ``-g_d Y/g'``, with the rate of g by the length of the step.
+        """
+        old, new, side = every.at(i), every.at(i + 1), every.track.pressed[i]
+        step = self._small(self._at(every, i, side), self._at(every, i + 1, side), every, i)
+        h, longer = step.length, self._stepper.impulse(self._flow(old), self._flow(new))
+        moved = self._parameter_terms(step, every, i)
+        if self._shift is not None:
+            moved += (self._stepper.old_terms(0.5 * h * self._prescribed_rates(old, side)) - longer)[
+                :, None
+            ] * self._shift
+        after, self._shift = self._stepper.propagate(step, self._carried, moved), None
+        crossed = np.flatnonzero(side != every.track.pressed[i + 1])
+        if len(crossed):
+            which = self._forces.switching[crossed]
+            which = int(which[np.argmin(np.abs(new.penetration[which] / new.rate[which]))])
+            longer = (longer + 0.5 * h * self._prescribed_rates(new, side))[:, None]
+            by_time = self._stepper.propagate(step, np.zeros_like(longer), longer)[:, 0]
+            sense, n = directions(self._forces, every.schedule, i + 1)[1][which], len(new.d)
+            rate = new.rate[which] + sense @ (by_time[:n] - new.v)
+            self._shift = shift = -(sense @ after[:n] + self._sensed(i + 1, which)) / rate
+            after = after + by_time[:, None] * shift
+        self._carried = after
+
+    def _apply_impact(self, every: SensedTrajectory, i: int) -> None:
+        """Apply an impact R(x, t): the disturbances become ``R_x Y + R_t t'``, with the shift t' of its time."""
+        old, new = every.at(i), every.at(i + 1)
+        n, switching = self._problem.system.size, self._forces.switching
+        impulse = np.zeros_like(new.local) if new.impulse is None else new.impulse
+        held = np.flatnonzero(impulse[switching] > 0.0)
+        hit, rate = self._starter.impact_data(self._instant(old.time), held), old.rate[switching[held]]
+        before, shift = self._carried, self._shift
+        if shift is None:  # at the end of a step
+            first = int(np.argmax(rate))
+            shift = -(hit.sense[first] @ before[:n] + self._sensed(i, int(switching[held[first]]))) / rate[first]
+            before = before + self._flow(old)[:, None] * shift
+        d, v, z = split_state(before, n)
+        factor, beside = hit.reversal(rate), _BESIDE * self._problem.step
+        later, earlier = (self._change(old, held, factor, sign * beside) for sign in (1.0, -1.0))
+        v = v + hit.velocity_change(hit.sense @ v + hit.turning @ d, factor)
+        v = v + (later - earlier)[:, None] * shift / (2.0 * beside)
+        if self._parameters is not None:
+            v[:, : self._parameters.count] += self._parameters.impact_change(old, held)
+        self._carried, self._shift = np.vstack([d, v, z]), shift
+
+    def _change(self, old: StepState, held: IntArray, factor: FloatArray, after: float) -> FloatArray:
+        """Return the change of the impact velocities per delay of the same motion, shape (n,)."""
+        to = self._instant(old.time + after)
+        hit = self._starter.impact_data(to, held)
+        rate = hit.sense @ old.v + hit.turning @ old.d + to.schedule.offset_rate[0][self._forces.switching[held]]
+        return hit.velocity_change(rate, factor)
+
+    def _prescribed_rates(self, moment: StepState, side: Bools) -> FloatArray:
+        """Return the rates of forces (n,) and of internal state rates (s,) due to the cam motion alone, per second.
+
+        Contacts stay on their side: the prescribed penetration rate is multiplied by their stiffness.
+        """
+        beside = _BESIDE * self._problem.step
+        before, there, after = (self._instant(moment.time + one * beside) for one in (-1.0, 0.0, 1.0))
+        forces, state = self._forces, moment.inner
+
+        def slope(earlier: FloatArray, later: FloatArray) -> FloatArray:
+            return (later - earlier) / (2.0 * beside)
+
+        if not forces.count:
+            return np.concatenate([np.zeros_like(moment.d), slope(before.load, after.load)])
+        seen = [forces.sense_motion(moment.d[None], moment.v[None], one.schedule) for one in (before, after)]
+        by_penetration, by_rate = (
+            slope(one[0], other[0]) for one, other in zip(*(part[:2] for part in seen), strict=True)
+        )
+        penetration = self._set_sides(side, moment.penetration, moment.rate)
+        early, now, late = (
+            forces.respond(penetration, moment.rate, state, one.schedule) for one in (before, there, after)
+        )
+        force = slope(early.force, late.force) + now.by_penetration @ by_penetration + now.by_rate @ by_rate
+        act, turned = (
+            there.schedule.acting_matrix(0),
+            slope(before.schedule.acting_matrix(0), after.schedule.acting_matrix(0)),
+        )
+        pushed = slope(before.load, after.load) + (force @ act + now.force @ turned) @ forces.act.vectors
+        return np.concatenate([np.zeros_like(moment.d), pushed, now.flow * by_penetration[forces.table.owners]])
+
+    def _flow(self, moment: StepState) -> FloatArray:
+        """Return velocities, accelerations and rates of internal states in a row."""
+        rates = self._forces.state_rates(moment.penetration, moment.inner) if len(moment.inner) else moment.inner
+        return np.concatenate([moment.v, moment.a, rates])
+
+    def _instant(self, time: float) -> StepInputs:
+        motion = self._problem.drive.at(np.array([time]))
+        return StepInputs(time, self._problem.system.load_vector(motion)[0], self._forces.prescribed_inputs(motion))
+
+    def _source(self, at: Linear, i: int) -> FloatArray:
+        """Return the forces of the parameters on the unknowns at an instant, shape (n, k)."""
+        pushed = np.zeros((self._problem.system.size, self._carried.shape[1]))
+        if self._explicit is not None:
+            one = self._explicit
+            local = one.answer[i] + at.by_penetration @ one.penetration[i] + at.by_rate @ one.rate[i]
+            pushed[:, : one.force.shape[2]] = one.force[i] + at.act.T @ local
+        return pushed
+
+    def _sensed(self, i: int, scalar: int) -> FloatArray:
+        """Return what the parameters change of a sensed scalar at an instant, shape (k,)."""
+        found = np.zeros(self._carried.shape[1])
+        if self._explicit is not None:
+            found[: self._explicit.penetration.shape[2]] = self._explicit.penetration[i, scalar]
+        return found
+
+    def _parameter_terms(self, step: SmallStep, every: SensedTrajectory, i: int) -> FloatArray:
+        """Return the contribution of the parameters to a step, see `LinearStep.propagate`."""
+        terms = np.zeros_like(self._carried)
+        if self._parameters is None:
+            return terms
+        n, count, half = self._problem.system.size, self._parameters.count, 0.5 * step.length
+        pushed = [half * self._source(at, j) for at, j in ((step.old, i), (step.new, i + 1))]
+        terms[n : 2 * n] = self._stepper.equilibrate(pushed[0]) + pushed[1]
+        terms[2 * n :, :count] = self._parameters.states_after(every, i)
+        if self._parameters.stretch.any():
+            longer = self._stepper.impulse(*(self._flow(every.at(j)) for j in (i, i + 1)))
+            longer[2 * n :] = 0.0  # contained in those of the states
+            terms[:, :count] += longer[:, None] * (step.length * self._parameters.stretch)
+        return terms

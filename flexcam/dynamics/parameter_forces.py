@@ -1,0 +1,186 @@
+"""Derivatives of the equations of motion by parameters, along a motion.
+
+Central differences of the equations, evaluated at the same motion, give what a parameter changes: loads, matrices,
+force laws, sensed scalars, internal states and impacts. No run is needed for them. The sensed scalars of a parameter
+act through the tangents of the laws, so that a contact that is about to switch stays on its side.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from flexcam.core import FloatArray, IntArray
+from flexcam.dynamics.initial_acceleration import InitialAcceleration
+from flexcam.dynamics.jit import Functions
+from flexcam.dynamics.local_forces import LocalForces
+from flexcam.dynamics.problem import Problem
+from flexcam.dynamics.step_state import SensedTrajectory, StepInputs, StepState
+
+
+@dataclass(frozen=True, eq=False)
+class Variation:
+    """A problem with a parameter below and above its value.
+
+    Parameters
+    ----------
+    below, above
+        The problem with the parameter reduced and increased by half the width; with as many unknowns, local forces and
+        steps as the problem itself.
+    width
+        Difference of the parameter, in its unit.
+    """
+
+    below: Problem
+    above: Problem
+    width: float
+
+
+class VariedProblem:
+    """A problem with another value of a parameter, evaluated along the motion of the original one.
+
+    Instants keep their fraction of a step if the parameter changes the step.
+    """
+
+    def __init__(self, problem: Problem, original: Problem, compiled: Functions | None) -> None:
+        self.problem, self.forces = problem, LocalForces(problem.system, compiled)
+        self._begin = original.start.time if original.start else 0.0
+        self._matrices = [
+            one.dense() for one in (problem.system.stiffness, problem.system.damping, problem.system.mass)
+        ]
+        self.stretch = problem.step / original.step  #: ratio of the steps
+
+    def times(self, time: FloatArray) -> FloatArray:
+        """Return the instants of this problem for those of the original one, s."""
+        return self._begin + self.stretch * (time - self._begin)
+
+    def inertia_free_forces(self, d: FloatArray, v: FloatArray) -> FloatArray:
+        """Return stiffness and damping forces, N, shape (m, n)."""
+        K, C, _ = self._matrices
+        return -(d @ K.T) - v @ C.T
+
+    def explicit_terms(self, every: SensedTrajectory) -> list[FloatArray]:
+        """Return forces on the unknowns (m, n), sensed scalars and rates (m, c), and answers of the laws (m, c).
+
+        The forces are those of loads, matrices and acting vectors with the local forces of the motion; the answers are
+        those to its sensed scalars.
+        """
+        track, system, forces = every.track, self.problem.system, self.forces
+        motion = self.problem.drive.at(self.times(track.time))
+        schedule = forces.prescribed_inputs(motion)
+        pushed = system.load_vector(motion) + self.inertia_free_forces(track.d, track.v) - track.a @ self._matrices[2].T
+        if not forces.count:
+            return [pushed, every.penetration, every.rate, every.rate]
+        pushed += (track.local @ forces.act.owner * schedule.acting_weights) @ forces.act.vectors
+        sensed, rate, _ = forces.sense_motion(track.d, track.v, schedule)
+        functions = schedule.rows[:, schedule.functions :]
+        answer = forces.evaluate(every.penetration, track.state, functions, rate=every.rate)[1]
+        return [pushed, sensed, rate, answer]
+
+    def states_after(self, every: SensedTrajectory, i: int) -> FloatArray:
+        """Return the internal states after the step that follows an instant, shape (s,)."""
+        track, forces = every.track, self.forces
+        part = slice(i, i + 2)
+        motion = self.problem.drive.at(self.times(track.time[part]))
+        old, new = forces.sense_motion(track.d[part], track.v[part], forces.prescribed_inputs(motion))[0]
+        (step,) = (self.stretch * np.diff(track.time[part])).tolist()
+        return forces.new_states(step, new, old, track.state[i])
+
+    def impact_change(self, old: StepState, contacts: IntArray) -> FloatArray:
+        """Return the change of the velocities by an impact at switching scalars, shape (n,)."""
+        motion = self.problem.drive.at(self.times(np.array([old.time])))
+        inputs = StepInputs(old.time, np.zeros(len(old.d)), self.forces.prescribed_inputs(motion))
+        hit = self.accelerations.impact_data(inputs, contacts)
+        rate = hit.sense @ old.v + hit.turning @ old.d
+        rate = rate + inputs.schedule.offset_rate[0][self.forces.switching[contacts]]
+        return hit.velocity_change(rate, hit.reversal(rate))
+
+    @cached_property
+    def accelerations(self) -> InitialAcceleration:
+        """Solver of this problem for accelerations and impacts."""
+        return InitialAcceleration(self.problem.system, self.forces)
+
+
+@dataclass(frozen=True, eq=False)
+class ExplicitDerivatives:
+    """What p parameters change at m instants of a motion, per unit of each.
+
+    Parameters
+    ----------
+    force
+        On the unknowns, shape (m, n, p).
+    penetration, rate
+        Of the sensed scalars, shape (m, c, p).
+    answer
+        Of the force laws at constant scalars, shape (m, c, p).
+    """
+
+    force: FloatArray
+    penetration: FloatArray
+    rate: FloatArray
+    answer: FloatArray
+
+
+class ParameterForces:
+    """Derivatives of the equations of a problem by several parameters.
+
+    Parameters
+    ----------
+    problem
+        The problem in the unknowns of its engine.
+    variations
+        One per parameter, in the same unknowns.
+    compiled
+        Compiled functions of the laws; None without.
+    """
+
+    def __init__(self, problem: Problem, variations: Sequence[Variation], compiled: Functions | None = None) -> None:
+        self.sides = [
+            (VariedProblem(one.below, problem, compiled), VariedProblem(one.above, problem, compiled))
+            for one in variations
+        ]
+        self.widths: FloatArray = np.array([one.width for one in variations])
+        #: Relative change of the step, shape (p,).
+        self.stretch = self._difference(lambda side: np.array(side.stretch))
+
+    @property
+    def count(self) -> int:
+        """Number of parameters."""
+        return len(self.sides)
+
+    def initial_state(self) -> FloatArray:
+        """Return the derivatives of the initial displacements, velocities and internal states, shape (2n + s, p)."""
+
+        def start(side: VariedProblem) -> FloatArray:
+            state = side.problem.start
+            if state is None:
+                return np.zeros(2 * side.problem.system.size + len(side.forces.start_state))
+            inner = side.forces.start_state if state.inner is None else state.inner
+            return np.concatenate([state.displacement, state.velocity, inner])
+
+        return self._difference(start)
+
+    def along(self, every: SensedTrajectory) -> ExplicitDerivatives:
+        """Return the derivatives at all instants of a motion."""
+        parts = [
+            [(up - low) / width for low, up in zip(*(side.explicit_terms(every) for side in pair), strict=True)]
+            for pair, width in zip(self.sides, self.widths.tolist(), strict=True)
+        ]
+        return ExplicitDerivatives(*(np.stack(terms, axis=-1) for terms in zip(*parts, strict=True)))
+
+    def states_after(self, every: SensedTrajectory, i: int) -> FloatArray:
+        """Return the derivatives of the internal states after the step that follows an instant, shape (s, p)."""
+        if not every.track.state.shape[1]:
+            return np.zeros((0, self.count))
+        return self._difference(lambda side: side.states_after(every, i))
+
+    def impact_change(self, old: StepState, contacts: IntArray) -> FloatArray:
+        """Return the derivatives of the velocity change by an impact at switching scalars, shape (n, p)."""
+        return self._difference(lambda side: side.impact_change(old, contacts))
+
+    def _difference(self, function: Callable[[VariedProblem], FloatArray]) -> FloatArray:
+        """Return the derivatives of a function of the problem by all parameters, as last axis."""
+        return np.stack([function(up) - function(low) for low, up in self.sides], axis=-1) / self.widths

@@ -1,0 +1,264 @@
+"""Exact derivatives of a run by parameters: one run, and the evolution of the disturbances by all parameters.
+
+A run with a parameter a little below or above its value is, to first order, the motion plus the disturbances by this
+parameter. All results of such neighbouring runs are evaluated from these motions as from any other, so that a central
+difference of two of them is the derivative of a result. Differences of two integrated runs would contain the noise of
+contact events; these do not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flexcam.core import FloatArray, IntArray
+from flexcam.core.errors import refuse
+from flexcam.dynamics.active_dofs import reduce_problem
+from flexcam.dynamics.blocks import Arrays, SaveAt
+from flexcam.dynamics.disturbances import Disturbances
+from flexcam.dynamics.engine_selection import SelectedEngine, create_engine, forces_of, select_engine
+from flexcam.dynamics.generalized_alpha import Scheme
+from flexcam.dynamics.integrator import Method
+from flexcam.dynamics.kernel_engine import compiled_functions
+from flexcam.dynamics.local_forces import LocalForces
+from flexcam.dynamics.parameter_forces import ParameterForces, Variation, VariedProblem
+from flexcam.dynamics.problem import Problem
+from flexcam.dynamics.response import Response
+from flexcam.dynamics.solve import outline, pilot, record
+from flexcam.dynamics.status import RunFailedError, Stats, Status
+from flexcam.dynamics.step_state import Trajectory
+
+_BLOCK = 500
+"""Number of steps whose instants are evaluated together."""
+
+
+@dataclass(frozen=True, eq=False)
+class TangentRun:
+    """A run and its neighbours by parameters.
+
+    Parameters
+    ----------
+    response
+        Results at the values of the parameters.
+    neighbours
+        Results with each parameter below and above its value, to first order.
+    growth
+        Factor by which a small disturbance of the initial state grows over the run, in the energy norm. Above some
+        thousands the motion is chaotic: the derivatives hold for very small changes only.
+    """
+
+    response: Response
+    neighbours: tuple[tuple[Response, Response], ...]
+    growth: float
+
+
+def tangent_run(
+    problem: Problem, method: Method, variations: Sequence[Variation], *, save: SaveAt | None = None,
+    period: int | None = None,
+) -> TangentRun:  # fmt: skip
+    """Integrate a problem together with the disturbances by parameters.
+
+    Parameters
+    ----------
+    problem
+        The problem; it is integrated in all its unknowns.
+    method
+        The average acceleration (`newmark`).
+    variations
+        The problem with each parameter below and above its value. Step and drive may differ as well.
+    save
+        Output settings.
+    period
+        Steps of a revolution if the run begins with a periodic state, which then depends on the parameters; None if
+        the variations give the initial state.
+
+    Returns
+    -------
+    TangentRun
+        The results and their neighbours.
+
+    Raises
+    ------
+    InputError
+        If the method is another one, or a parameter changes the number of unknowns or forces.
+    RunFailedError
+        If the run fails.
+
+    Examples
+    --------
+    The stiffness of an oscillator under a constant force; its deflection is (1 - cos(omega t))/k:
+
+    >>> from flexcam.core import Triplets
+    >>> from flexcam.dynamics import ConstantSpeed, Load, Probe, Problem, System, newmark
+    >>> def oscillator(k):
+    ...     one, push = (
+    ...         Triplets.from_dense([[1.0]]),
+    ...         Load("push", np.ones(1), lambda motion: np.ones_like(motion.angle)),
+    ...     )
+    ...     probe = Probe("x", ("x",), np.eye(1), (None,))
+    ...     system = System(one, Triplets.zeros(1), one.scale(k), ("x",), (push,), probes=(probe,))
+    ...     return Problem(system, ConstantSpeed(1.0), step=1e-3, steps=1000)
+    >>> found = tangent_run(oscillator(4.0), newmark(), [Variation(oscillator(3.999), oscillator(4.001), 0.002)])
+    >>> low, high = (one["x"].displacement[-1] for one in found.neighbours[0])
+    >>> exact = (np.sin(2.0) / 4.0 - (1.0 - np.cos(2.0)) / 4.0) / 4.0
+    >>> bool(abs((high - low) / 0.002 - exact) < 1e-6)
+    True
+    """
+    if not isinstance(method, Scheme) or not method.average:
+        raise refuse("run.integrator", "another method", "newmark with beta 1/4 and gamma 1/2", "its steps are derived")
+    if problem.adaptive is not None or problem.basis is not None:
+        raise refuse("case", "adaptive steps or a reduced basis", "constant steps in all unknowns", "")
+    save = save or SaveAt()
+    selected = select_engine(replace(problem, prune=False), method, save)
+    inside = [_project(one, selected) for one in variations]
+    compiled = compiled_functions() if selected.engine == "kernel" else None
+    parameters = ParameterForces(selected.problem, inside, compiled)
+    _check_structure(selected.problem, parameters)
+    forces = forces_of(selected, method)
+    initial = _initial_disturbances(selected.problem, forces, parameters)
+    if period is not None:
+        initial = _periodic_disturbances(selected, method, forces, parameters, initial, period)
+    motion = _integrate(selected, method, forces, initial, parameters)
+    names = outline(problem.system, channels=save.channels)
+
+    def result(side: VariedProblem, parameter: int, part: float) -> Response:
+        way = replace(selected, problem=side.problem)
+        return record(way, _NeighbourEngine(side, motion, parameter, part), side.forces, method, names, save)
+
+    neighbours = [
+        (result(low, i, -0.5 * width), result(high, i, 0.5 * width))
+        for i, ((low, high), width) in enumerate(zip(parameters.sides, parameters.widths.tolist(), strict=True))
+    ]
+    itself = VariedProblem(selected.problem, selected.problem, compiled)
+    return TangentRun(result(itself, 0, 0.0), tuple(neighbours), motion.growth(selected.problem))
+
+
+def _project(variation: Variation, selected: SelectedEngine) -> Variation:
+    """Return a variation in the unknowns of the engine."""
+    below, above = variation.below, variation.above
+    for basis in reversed(selected.bases):
+        if below.system.size != basis.held.size or above.system.size != basis.held.size:
+            raise refuse("--to", "a number that changes the unknowns", "one that leaves them as they are", "")
+        below, above = reduce_problem(below, basis), reduce_problem(above, basis)
+    return Variation(below, above, variation.width)
+
+
+def _check_structure(problem: Problem, parameters: ParameterForces) -> None:
+    """Raise an error if a parameter changes the number of unknowns, local forces or steps."""
+
+    def size(one: Problem) -> tuple[int, ...]:
+        laws = [len(force.sense) for force in one.system.local_forces]
+        return (one.system.size, one.steps, *laws)
+
+    if any(size(side.problem) != size(problem) for pair in parameters.sides for side in pair):
+        why = "the equations must keep their structure"
+        raise refuse("--to", "a number that changes the unknowns, contacts or steps", "another number", why)
+
+
+def _initial_disturbances(problem: Problem, forces: LocalForces, parameters: ParameterForces) -> FloatArray:
+    """Return the disturbances of the initial state by the parameters, and by a velocity of all masses."""
+    begin, n = parameters.initial_state(), problem.system.size
+    more = np.zeros((len(begin), 1))
+    mass = problem.system.mass.diagonal()
+    more[n : 2 * n, 0] = np.where(mass > 0.0, 1.0 / np.sqrt(np.where(mass > 0.0, mass, 1.0)), 0.0)
+    return np.hstack([begin, more])
+
+
+@dataclass(frozen=True, eq=False)
+class _Motion:
+    """Motion of a run at the ends of its steps, and its disturbances."""
+
+    track: Trajectory
+    disturbances: FloatArray  #: shape (steps + 1, 2n + s, p + 1); the last column is that of the initial state
+
+    def growth(self, problem: Problem) -> float:
+        """Return the largest ratio of the energies of a disturbance, as a ratio of amplitudes."""
+        n, system = problem.system.size, problem.system
+        d, v = self.disturbances[:, :n, -1], self.disturbances[:, n : 2 * n, -1]
+        energy = np.einsum("tn,tn->t", v, system.mass.multiply(v.T).T) + np.einsum(
+            "tn,tn->t", d, system.stiffness.multiply(d.T).T
+        )
+        return float(np.sqrt(energy.max() / energy[0])) if len(energy) and energy[0] > 0.0 else 1.0
+
+
+def _integrate(
+    selected: SelectedEngine, method: Method, forces: LocalForces, initial: FloatArray, parameters: ParameterForces
+) -> _Motion:
+    """Return the motion of a problem with the disturbances by its parameters."""
+    problem = selected.problem
+    engine = create_engine(selected, method, forces, SaveAt(field_every=problem.steps + 1), lambda: False, pilot)
+    disturbances = Disturbances(problem, forces, initial, parameters)
+    tracks, found = list[Trajectory](), list[FloatArray]()
+    for begin in range(0, problem.steps + 1, _BLOCK):
+        track, status = engine.advance(np.arange(begin, min(begin + _BLOCK, problem.steps + 1)))
+        if not status.ok:
+            raise RunFailedError(status)
+        found.append(disturbances.follow(track))
+        tracks.append(_ends(track))
+    return _Motion(Trajectory.concatenate(tracks), np.concatenate(found))
+
+
+def _ends(track: Trajectory) -> Trajectory:
+    """Return the instants at the ends of steps alone."""
+    time, d, v, a, local, state, impulse, pressed = (rows[track.ends] for rows in track.rows)
+    return Trajectory(time, d, v, a, local, state, impulse, pressed, np.arange(len(time)))
+
+
+def _periodic_disturbances(
+    selected: SelectedEngine, method: Method, forces: LocalForces, parameters: ParameterForces, initial: FloatArray,
+    period: int,
+) -> FloatArray:  # fmt: skip
+    """Return the disturbances of a periodic initial state: those that a revolution returns.
+
+    With the derivative Phi of a revolution by its initial state and the disturbances b that the parameters add within
+    it, the periodic state changes by x = Phi x + b.
+    """
+    size, count = len(initial), parameters.count
+    one = replace(selected, problem=replace(selected.problem, steps=period))
+    begin = np.hstack([np.zeros((size, count)), np.eye(size)])
+    end = _integrate(one, method, forces, begin, parameters).disturbances[-1]
+    found = initial.copy()
+    found[:, :count] = np.linalg.lstsq(np.eye(size) - end[:, count:], end[:, :count], rcond=_FREE)[0]
+    return found
+
+
+_FREE = 1e-10
+"""Relative change per revolution below which a motion is excluded, as in the search for the periodic state."""
+
+
+class _NeighbourEngine:
+    """Engine of a run with a parameter beside its value, to first order."""
+
+    def __init__(self, side: VariedProblem, motion: _Motion, parameter: int, part: float) -> None:
+        self._side, self._motion, self._parameter, self._part = side, motion, parameter, part
+
+    def advance(self, steps: IntArray) -> tuple[Trajectory, Status]:
+        """Return the instants of successive steps, see `Engine`."""
+        side, rows, system = self._side, slice(int(steps[0]), int(steps[-1]) + 1), self._side.problem.system
+        track, n, forces = self._motion.track, system.size, side.forces
+        change = self._part * self._motion.disturbances[rows, :, self._parameter]
+        time = side.times(track.time[rows])
+        d, v = track.d[rows] + change[:, :n], track.v[rows] + change[:, n : 2 * n]
+        state, drive = track.state[rows] + change[:, 2 * n :], side.problem.drive.at(time)
+        pushed, local = system.load_vector(drive) + side.inertia_free_forces(d, v), np.zeros((len(time), forces.count))
+        if forces.count:
+            schedule = forces.prescribed_inputs(drive)
+            sensed, rate, _ = forces.sense_motion(d, v, schedule)
+            local = forces.evaluate(sensed, state, schedule.rows[:, schedule.functions :], rate=rate)[1]
+            pushed += (local @ forces.act.owner * schedule.acting_weights) @ forces.act.vectors
+        a = side.accelerations.accelerations(pushed.T).T
+        each, pressed = np.arange(len(time)), track.pressed[rows]
+        return Trajectory(time, d, v, a, local, state, np.zeros_like(local), pressed, each), Status()
+
+    def statistics(self, stats: Stats) -> Stats:
+        """Return the statistics unchanged."""
+        return stats
+
+    def state(self) -> Arrays:
+        """Return no state: such a run is not resumed."""
+        return {}
+
+    def restore(self, state: Arrays) -> None:
+        """Restore nothing."""

@@ -1,0 +1,163 @@
+"""Derivatives of results by numbers of a case, exact through the time integration.
+
+Results of a run are derived along its motion (`flexcam.dynamics.tangent`), all others, such as natural frequencies and
+properties of a cam, by central differences: they are smooth functions without noise.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
+
+from flexcam.analysis.initial_state import steps_per_revolution
+from flexcam.analysis.preparation import PreparedRun, prepare, prepare_without_periodic_search
+from flexcam.case.case import Case
+from flexcam.case.reader import CaseFile
+from flexcam.core.errors import refuse
+from flexcam.dynamics import RunFailedError, Scheme
+from flexcam.dynamics.parameter_forces import Variation
+from flexcam.dynamics.tangent import tangent_run
+from flexcam.studies.evaluation import compute_scalars
+from flexcam.studies.quantities import Number, compute_quantities, is_run_scalar, make_overrides
+from flexcam.valvetrain import Metric
+
+RELATIVE_WIDTH = 1e-5
+"""Half the difference of a number, relative to it: results are first-order functions of it, so that only rounding and
+the curvature of the equations themselves matter."""
+
+_SIMILAR_RUNS = 10
+"""Number of runs whose time the derivatives of a run take, for the selection of the engine."""
+
+COUNTED = (".bounces", ".open_on_the_lift")
+"""Ends of the names of results that count instants or events, and have no derivative."""
+
+
+@dataclass(frozen=True, eq=False)
+class Gradient:
+    """Results of a case and their derivatives.
+
+    Parameters
+    ----------
+    values, units
+        Value and SI unit by name of the result.
+    derivatives
+        By name of the result and key of the number, SI; NaN for a result that a neighbouring case lacks.
+    growth
+        Growth of a small disturbance over the run, see `flexcam.dynamics.tangent.TangentRun`; 1 without a run.
+    """
+
+    values: Mapping[str, float]
+    units: Mapping[str, str]
+    derivatives: Mapping[tuple[str, str], float]
+    growth: float
+
+
+def exact_refusal(case: Case) -> str:
+    """Return why the runs of a case cannot be derived; empty if they can."""
+    fidelity, scheme = case.record.fidelity, case.record.run.integrator.part
+    if fidelity.model != "beams" or fidelity.modes is not None or fidelity.tolerances:
+        return "the model is reduced (fidelity)"
+    if not isinstance(scheme, Scheme) or not scheme.average:
+        return "the integrator is not newmark with beta 1/4 and gamma 1/2"
+    return "the steps are adaptive" if case.record.run.adaptive else ""
+
+
+def compute_gradient(
+    file: CaseFile, overrides: Sequence[str], names: Sequence[str], numbers: Sequence[Number]
+) -> Gradient:
+    """Return results of a case and their derivatives by some of its numbers.
+
+    Parameters
+    ----------
+    file, overrides
+        The case.
+    names
+        Results: scalars of a run, natural frequencies, properties of cams, or keys; no speed limits.
+    numbers
+        Numbers of the case, none of them zero.
+
+    Returns
+    -------
+    Gradient
+        Values and derivatives, SI.
+
+    Raises
+    ------
+    InputError
+        If the runs of the case cannot be derived, or a number changes the structure of the equations.
+    RunFailedError
+        If the run fails.
+
+    Examples
+    --------
+    ``compute_gradient(file, (), ["springs.valve.force.largest"], get_numbers(case, ["springs.valve.stiffness"]))``
+    """
+    case = file.read(overrides)
+    pairs = [
+        tuple(file.read((*overrides, *one)) for one in make_neighbours(case, number, RELATIVE_WIDTH))
+        for number in numbers
+    ]
+    of_runs = [name for name in names if is_run_scalar(case, name)]
+    others = [name for name in names if name not in of_runs]
+    results, growth = [], 1.0
+    if of_runs:
+        found, growth = _run_scalars(case, pairs, [_width(number) for number in numbers])
+        results.append(({one.name for one in found[0]} & set(of_runs), [_by_name(one) for one in found]))
+    if others:
+        each = [compute_quantities(one, others) for one in (case, *chain.from_iterable(pairs))]
+        rows = [{name: Metric(name, one.value, one.unit) for name, one in row.items()} for row in each]
+        results.append((set(others), rows))
+    values, units, derivatives = dict[str, float](), dict[str, str](), dict[tuple[str, str], float]()
+    for known, rows in results:
+        for name in known:
+            values[name], units[name] = rows[0][name].value, rows[0][name].unit
+            for i, number in enumerate(numbers):
+                low, high = (row.get(name) for row in rows[1 + 2 * i : 3 + 2 * i])
+                missing = low is None or high is None or name.endswith(COUNTED)
+                derivatives[name, number.key] = (
+                    math.nan if missing else (high.value - low.value) / _width(number)  # pyright: ignore[reportOptionalMemberAccess]
+                )
+    return Gradient(values, units, derivatives, growth)
+
+
+def make_neighbours(case: Case, number: Number, relative: float) -> list[tuple[str, ...]]:
+    """Return the overrides of two cases with a number a little below and above its value."""
+    step = relative * abs(number.value)
+    return [make_overrides(case, {number.key: repr(number.value + sign * step)}) for sign in (-1.0, 1.0)]
+
+
+def _width(number: Number) -> float:
+    return 2.0 * RELATIVE_WIDTH * abs(number.value)
+
+
+def _by_name(metrics: Sequence[Metric]) -> dict[str, Metric]:
+    return {one.name: one for one in metrics}
+
+
+def _run_scalars(
+    case: Case, pairs: Sequence[tuple[Case, ...]], widths: Sequence[float]
+) -> tuple[list[list[Metric]], float]:
+    """Return the scalars of a run, those of its neighbours in pairs, and the growth of disturbances."""
+    if why := exact_refusal(case):
+        raise refuse("--method", "exact", "differences", why)
+    ready = _prepare(case)
+    beside = [tuple(prepare_without_periodic_search(one) for one in pair) for pair in pairs]
+    variations = [
+        Variation(low.problem, high.problem, width) for (low, high), width in zip(beside, widths, strict=True)
+    ]
+    periodic = case.record.run.start == "periodic"
+    period = steps_per_revolution(case, ready.problem) if periodic else None
+    found = tangent_run(ready.problem, ready.scheme, variations, save=ready.save, period=period)
+    if not found.response.status.ok:
+        raise RunFailedError(found.response.status)
+    rows = [compute_scalars(ready, found.response)]
+    for pair, responses in zip(beside, found.neighbours, strict=True):
+        rows += [compute_scalars(one, response) for one, response in zip(pair, responses, strict=True)]
+    return rows, found.growth
+
+
+def _prepare(case: Case) -> PreparedRun:
+    ready = prepare(case, runs=_SIMILAR_RUNS)
+    return replace(ready, problem=replace(ready.problem, prune=False))
