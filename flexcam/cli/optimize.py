@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from cyclopts import Parameter
@@ -24,6 +24,7 @@ from flexcam.cli.app import (
     app,
     check_distinct_files,
     check_figure_path,
+    refuse_without,
     write_answer,
 )
 from flexcam.cli.sensitivity import Highest, LimitAccuracy, Lowest, StudyOptions, WorkerCount
@@ -41,6 +42,7 @@ from flexcam.report.terminal import (
     plain_table,
 )
 from flexcam.studies.evaluators import PointEvaluator, case_text, variables_of
+from flexcam.studies.gradients import gradient_function
 from flexcam.studies.optimization import (
     Evaluations,
     Goal,
@@ -48,11 +50,13 @@ from flexcam.studies.optimization import (
     find_pareto_front,
     is_active,
     is_feasible,
+    optimize_by_gradient,
     pareto_indices,
     parse_constraints,
     row_value,
 )
 from flexcam.studies.optimization import optimize as minimize
+from flexcam.studies.sensitivity import exact_names
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -87,7 +91,9 @@ def write_variant(file: OpenCase, overrides: Sequence[str], target: Path, title:
 flexcam optimize case.toml --vary springs.valve.stiffness=30:90kN/m --vary springs.valve.installed_force=300:900N \\
     --least springs.valve.force.largest --subject 'contacts.intake.open_on_the_lift <= 0' --set run.crank_speed=6500rpm
 flexcam optimize case.toml --vary cams.intake.rise=60:90deg --least cams.intake.deceleration --most cams.intake.area
-"""
+flexcam optimize case.toml --method gradient --vary springs.valve.stiffness=30:90kN/m --vary run.crank_speed=5000:7000rpm \\
+    --most run.crank_speed --subject 'contacts.intake.nose_force.least >= 50 N' --subject 'springs.valve.stress.largest <= 0.9 GPa'
+"""  # noqa: E501 - a command to a line
 )
 def optimize(
     case: CaseFile, *,
@@ -99,6 +105,13 @@ def optimize(
     subject: Annotated[
         list[str] | None,
         Parameter("--subject", negative=(), help="Constraint: 'NAME <= VALUE' or 'NAME >= VALUE'. Repeatable."),
+    ] = None,
+    method: Annotated[
+        Literal["evolution", "gradient"],
+        Parameter(help="Search of the whole intervals without derivatives, or from the case along exact gradients."),
+    ] = "evolution",
+    starts: Annotated[
+        int | None, Parameter(help="With --method gradient: number of starting points; 1, the case itself, by default.")
     ] = None,
     evaluations: Annotated[int, Parameter(help="Approximate number of variants to run.")] = 200,
     seed: Annotated[int, Parameter(help="Random seed; the same seed gives the same search.")] = 0,
@@ -121,12 +134,19 @@ def optimize(
         case, overrides, names, lowest, highest, accuracy, option=options, workers=workers, allow_large=allow_large
     )
     variables = variables_of(asked.case, vary, "--vary")
+    refuse_without("--starts", starts, "--method gradient", present=method == "gradient")
+    if method == "gradient":
+        exact_names(asked.case, names, "exact")
     with suppress(RunFailedError):  # a case that fails may have better variants
         asked.initial_quantities(evaluations)
     with asked.evaluators(evaluations) as runs:
         design = OptimizationProblem(PointEvaluator(asked.case, variables, runs), goals, bounds)
-        search = minimize if len(goals) == 1 else find_pareto_front
-        found = search(design, evaluations=evaluations, seed=seed)
+        if method == "gradient":
+            derive = gradient_function(asked.file, asked.fixed, design.points, names)
+            found = optimize_by_gradient(design, derive, evaluations=evaluations, starts=starts or 1, seed=seed)
+        else:
+            search = minimize if len(goals) == 1 else find_pareto_front
+            found = search(design, evaluations=evaluations, seed=seed)
     written: list[Path] = []
     if target is not None and found.best is not None:
         best = (*asked.fixed, *design.points.overrides(found.points[found.best]))

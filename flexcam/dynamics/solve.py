@@ -18,6 +18,7 @@ import numpy as np
 from flexcam.core import FloatArray, IntArray, SingularMatrixError
 from flexcam.core.errors import refuse
 from flexcam.dynamics.active_dofs import expand_block
+from flexcam.dynamics.basis import Basis
 from flexcam.dynamics.blocks import Arrays, Block, Checkpoint, CheckpointSink, CompletedPart, SaveAt, Series, Sink
 from flexcam.dynamics.cam_motion import CamMotion, PrescribedInputs
 from flexcam.dynamics.energy import PARTS, EnergyBalance, EquilibriumResidual
@@ -183,15 +184,19 @@ def solve(
     return memory.response()
 
 
-def record(
-    way: SelectedEngine, engine: Engine, forces: LocalForces, method: Method, names: Outline, save: SaveAt
-) -> Response:
-    """Return the response of an engine that is ready to start; it is not written to sinks."""
-    memory = MemorySink(names, way.problem.steps + 1, way.problem.steps // save.field_every + 2)
-    run = _Run(way.problem, engine, forces, save, method.order)
+def record(problem: Problem, engine: Engine, forces: LocalForces, method: Method, bases: Sequence[Basis]) -> Response:
+    """Return the response of an engine that is ready to start: probes and channels of its system, without energies.
+
+    The bases lead from the unknowns of the engine to those of the response, innermost first; no fields are saved.
+    """
+    system, save = problem.system, SaveAt(field_every=problem.steps)
+    names = Outline(system.names, tuple((p.name, p.components) for p in system.probes),
+                    tuple((c.name, c.unit) for c in system.channels))  # fmt: skip
+    memory = MemorySink(names, problem.steps + 1, 2)
+    run = _Run(problem, engine, forces, save, method.order, energies=False)
     for block in run.blocks():
-        memory.write(reduce(expand_block, way.bases, block))
-    memory.close(run.status, Stats(engine=way.engine, steps=way.problem.steps))
+        memory.write(reduce(expand_block, bases, block))
+    memory.close(run.status, Stats(steps=problem.steps))
     return memory.response()
 
 
@@ -237,8 +242,11 @@ def singular_status(fault: SingularMatrixError, system: System) -> Status:
 class _Run:
     """A run: blocks of an engine with all observations."""
 
-    def __init__(self, problem: Problem, engine: Engine, forces: LocalForces, save: SaveAt, order: int) -> None:
+    def __init__(
+        self, problem: Problem, engine: Engine, forces: LocalForces, save: SaveAt, order: int, *, energies: bool = True
+    ) -> None:
         self._problem, self._engine, self._system, self._save = problem, engine, problem.system, save
+        self._energies = energies
         self._forces = forces
         width = 1 if isinstance(engine, ProbeEngine) else max(problem.system.size, 1)
         self._at_once = max(AT_ONCE // width, LEAST_AT_ONCE)
@@ -319,6 +327,9 @@ class _Run:
         """Return channels, energies and internal states at the ends of steps."""
         schedule = self._forces.prescribed_inputs(motion)
         seen, carried = self._observe(track, motion, schedule)
+        if not self._energies:
+            each = [channel.value(seen) for channel in self._system.channels]
+            return np.column_stack(each) if each else np.zeros((len(track.time), 0))
         last = steps == self._problem.steps  # a short run may have no other evaluated instants
         between = (steps + 1) % self._save.field_every == 0  # at saved fields some engines restart their state
         self._imbalance.evaluate(track, seen, schedule, track.ends[between | last])

@@ -15,7 +15,8 @@ import numpy as np
 
 from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import refuse
-from flexcam.dynamics.active_dofs import reduce_problem
+from flexcam.dynamics.active_dofs import basis_of, reduce_problem
+from flexcam.dynamics.basis import DofSubset
 from flexcam.dynamics.blocks import Arrays, SaveAt
 from flexcam.dynamics.disturbances import Disturbances
 from flexcam.dynamics.engine_selection import SelectedEngine, create_engine, forces_of, select_engine
@@ -26,7 +27,7 @@ from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.parameter_forces import ParameterForces, Variation, VariedProblem
 from flexcam.dynamics.problem import Problem
 from flexcam.dynamics.response import Response
-from flexcam.dynamics.solve import outline, pilot, record
+from flexcam.dynamics.solve import pilot, record
 from flexcam.dynamics.status import RunFailedError, Stats, Status
 from flexcam.dynamics.step_state import Trajectory
 
@@ -41,7 +42,7 @@ class TangentRun:
     Parameters
     ----------
     response
-        Results at the values of the parameters.
+        Results at the values of the parameters: probes and channels, without energies.
     neighbours
         Results with each parameter below and above its value, to first order.
     growth
@@ -55,21 +56,18 @@ class TangentRun:
 
 
 def tangent_run(
-    problem: Problem, method: Method, variations: Sequence[Variation], *, save: SaveAt | None = None,
-    period: int | None = None,
-) -> TangentRun:  # fmt: skip
+    problem: Problem, method: Method, variations: Sequence[Variation], *, period: int | None = None
+) -> TangentRun:
     """Integrate a problem together with the disturbances by parameters.
 
     Parameters
     ----------
     problem
-        The problem; it is integrated in all its unknowns.
+        The problem; a basis is not permitted.
     method
         The average acceleration (`newmark`).
     variations
         The problem with each parameter below and above its value. Step and drive may differ as well.
-    save
-        Output settings.
     period
         Steps of a revolution if the run begins with a periodic state, which then depends on the parameters; None if
         the variations give the initial state.
@@ -110,8 +108,7 @@ def tangent_run(
         raise refuse("run.integrator", "another method", "newmark with beta 1/4 and gamma 1/2", "its steps are derived")
     if problem.adaptive is not None or problem.basis is not None:
         raise refuse("case", "adaptive steps or a reduced basis", "constant steps in all unknowns", "")
-    save = save or SaveAt()
-    selected = select_engine(replace(problem, prune=False), method, save)
+    selected = select_engine(replace(problem, prune=_same_active_dofs(problem, variations)), method, SaveAt())
     inside = [_project(one, selected) for one in variations]
     compiled = compiled_functions() if selected.engine == "kernel" else None
     parameters = ParameterForces(selected.problem, inside, compiled)
@@ -121,11 +118,10 @@ def tangent_run(
     if period is not None:
         initial = _periodic_disturbances(selected, method, forces, parameters, initial, period)
     motion = _integrate(selected, method, forces, initial, parameters)
-    names = outline(problem.system, channels=save.channels)
 
     def result(side: VariedProblem, parameter: int, part: float) -> Response:
-        way = replace(selected, problem=side.problem)
-        return record(way, _NeighbourEngine(side, motion, parameter, part), side.forces, method, names, save)
+        engine = _NeighbourEngine(side, motion, parameter, part)
+        return record(side.problem, engine, side.forces, method, selected.bases)
 
     neighbours = [
         (result(low, i, -0.5 * width), result(high, i, 0.5 * width))
@@ -133,6 +129,18 @@ def tangent_run(
     ]
     itself = VariedProblem(selected.problem, selected.problem, compiled)
     return TangentRun(result(itself, 0, 0.0), tuple(neighbours), motion.growth(selected.problem))
+
+
+def _same_active_dofs(problem: Problem, variations: Sequence[Variation]) -> bool:
+    """Return whether the parameters change neither which unknowns move nor the displacement of the others."""
+    found = basis_of(problem)
+    if not isinstance(found, DofSubset):
+        return False
+    others = [basis_of(side) for one in variations for side in (one.below, one.above)]
+    return all(
+        isinstance(one, DofSubset) and np.array_equal(one.kept, found.kept) and np.array_equal(one.held, found.held)
+        for one in others
+    )
 
 
 def _project(variation: Variation, selected: SelectedEngine) -> Variation:

@@ -43,12 +43,13 @@ from flexcam.studies.plan import Bundle, open_case
 from flexcam.valvetrain import ANY_SPEED, Metric, Model, build_rigid, train_metric_names
 
 
-def compute_scalars(ready: PreparedRun, response: Response) -> list[Metric]:
-    """Return the scalars of a run."""
+def compute_scalars(ready: PreparedRun, response: Response, names: Sequence[str] | None = None) -> list[Metric]:
+    """Return the scalars of a run: all, or those of the kinds of given names."""
+    kinds = None if names is None else {name.partition(".")[0] for name in names}
     figures = [
         *(compute_metrics(ready, response) if response.outline.channels else ()),
-        *_probe_scalars(response, ready.revolution),
-        *_deviation_scalars(ready, response),
+        *(_probe_scalars(response, ready.revolution) if kinds is None or "probes" in kinds else ()),
+        *(_deviation_scalars(ready, response) if kinds is None or "deviation" in kinds else ()),
         *_energy_residual(response),
     ]
     return [figure for figure in figures if np.isfinite(figure.value)]

@@ -7,7 +7,7 @@ properties of a cam, by central differences: they are smooth functions without n
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 
@@ -15,12 +15,14 @@ from flexcam.analysis.initial_state import steps_per_revolution
 from flexcam.analysis.preparation import PreparedRun, prepare, prepare_without_periodic_search
 from flexcam.case.case import Case
 from flexcam.case.reader import CaseFile
+from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
 from flexcam.dynamics import RunFailedError, Scheme
 from flexcam.dynamics.parameter_forces import Variation
 from flexcam.dynamics.tangent import tangent_run
 from flexcam.studies.evaluation import compute_scalars
-from flexcam.studies.quantities import Number, compute_quantities, is_run_scalar, make_overrides
+from flexcam.studies.evaluators import PointEvaluator
+from flexcam.studies.quantities import Number, compute_quantities, get_number, is_run_scalar, make_overrides
 from flexcam.valvetrain import Metric
 
 RELATIVE_WIDTH = 1e-5
@@ -101,25 +103,43 @@ def compute_gradient(
     ]
     of_runs = [name for name in names if is_run_scalar(case, name)]
     others = [name for name in names if name not in of_runs]
-    results, growth = [], 1.0
+    rows: list[dict[str, Metric]] = [{} for _ in range(1 + 2 * len(numbers))]
+    growth = 1.0
     if of_runs:
-        found, growth = _run_scalars(case, pairs, [_width(number) for number in numbers])
-        results.append(({one.name for one in found[0]} & set(of_runs), [_by_name(one) for one in found]))
+        found, growth = _run_scalars(case, pairs, [_width(number) for number in numbers], of_runs)
+        for row, metrics in zip(rows, found, strict=True):
+            row |= {one.name: one for one in metrics if one.name in of_runs}
     if others:
-        each = [compute_quantities(one, others) for one in (case, *chain.from_iterable(pairs))]
-        rows = [{name: Metric(name, one.value, one.unit) for name, one in row.items()} for row in each]
-        results.append((set(others), rows))
-    values, units, derivatives = dict[str, float](), dict[str, str](), dict[tuple[str, str], float]()
-    for known, rows in results:
-        for name in known:
-            values[name], units[name] = rows[0][name].value, rows[0][name].unit
-            for i, number in enumerate(numbers):
-                low, high = (row.get(name) for row in rows[1 + 2 * i : 3 + 2 * i])
-                missing = low is None or high is None or name.endswith(COUNTED)
-                derivatives[name, number.key] = (
-                    math.nan if missing else (high.value - low.value) / _width(number)  # pyright: ignore[reportOptionalMemberAccess]
-                )
+        for row, one in zip(rows, (case, *chain.from_iterable(pairs)), strict=True):
+            row |= {name: Metric(name, q.value, q.unit) for name, q in compute_quantities(one, others).items()}
+    derivatives = {
+        (name, number.key): _slope(*rows[1 + 2 * i : 3 + 2 * i], name) / _width(number)
+        for name in rows[0]
+        for i, number in enumerate(numbers)
+    }
+    values, units = ({name: getattr(one, kind) for name, one in rows[0].items()} for kind in ("value", "unit"))
     return Gradient(values, units, derivatives, growth)
+
+
+def _slope(below: Mapping[str, Metric], above: Mapping[str, Metric], name: str) -> float:
+    if name not in below or name not in above or name.endswith(COUNTED):
+        return math.nan
+    return above[name].value - below[name].value
+
+
+def gradient_function(
+    file: CaseFile, fixed: Sequence[str], points: PointEvaluator, names: Sequence[str]
+) -> Callable[[FloatArray], Gradient]:
+    """Return the function from a point of some variables to the gradient of quantities by them."""
+
+    def derive(point: FloatArray) -> Gradient:
+        overrides = (*fixed, *points.overrides(point))
+        case = file.read(overrides)
+        return compute_gradient(
+            file, overrides, names, [get_number(case, one.key, "--vary") for one in points.variables]
+        )
+
+    return derive
 
 
 def make_neighbours(case: Case, number: Number, relative: float) -> list[tuple[str, ...]]:
@@ -132,32 +152,36 @@ def _width(number: Number) -> float:
     return 2.0 * RELATIVE_WIDTH * abs(number.value)
 
 
-def _by_name(metrics: Sequence[Metric]) -> dict[str, Metric]:
-    return {one.name: one for one in metrics}
-
-
 def _run_scalars(
-    case: Case, pairs: Sequence[tuple[Case, ...]], widths: Sequence[float]
+    case: Case, pairs: Sequence[tuple[Case, ...]], widths: Sequence[float], names: Sequence[str]
 ) -> tuple[list[list[Metric]], float]:
     """Return the scalars of a run, those of its neighbours in pairs, and the growth of disturbances."""
     if why := exact_refusal(case):
         raise refuse("--method", "exact", "differences", why)
-    ready = _prepare(case)
-    beside = [tuple(prepare_without_periodic_search(one) for one in pair) for pair in pairs]
+    kinds = {name.partition(".")[0] for name in names}
+    ready = _with_channels(prepare(case, runs=_SIMILAR_RUNS), kinds)
+    beside = [tuple(_with_channels(prepare_without_periodic_search(one), kinds) for one in pair) for pair in pairs]
     variations = [
         Variation(low.problem, high.problem, width) for (low, high), width in zip(beside, widths, strict=True)
     ]
     periodic = case.record.run.start == "periodic"
     period = steps_per_revolution(case, ready.problem) if periodic else None
-    found = tangent_run(ready.problem, ready.scheme, variations, save=ready.save, period=period)
+    found = tangent_run(ready.problem, ready.scheme, variations, period=period)
     if not found.response.status.ok:
         raise RunFailedError(found.response.status)
-    rows = [compute_scalars(ready, found.response)]
+    rows = [compute_scalars(ready, found.response, names)]
     for pair, responses in zip(beside, found.neighbours, strict=True):
-        rows += [compute_scalars(one, response) for one, response in zip(pair, responses, strict=True)]
+        rows += [compute_scalars(one, response, names) for one, response in zip(pair, responses, strict=True)]
     return rows, found.growth
 
 
-def _prepare(case: Case) -> PreparedRun:
-    ready = prepare(case, runs=_SIMILAR_RUNS)
-    return replace(ready, problem=replace(ready.problem, prune=False))
+def _with_channels(ready: PreparedRun, kinds: set[str]) -> PreparedRun:
+    """Return a run with the channels of some kinds alone; metrics of all parts need those of the contacts."""
+    system = ready.problem.system
+    needed = set[str]() if kinds <= _PROBE_KINDS else {*kinds, "contacts"}
+    channels = tuple(one for one in system.channels if one.name.partition(".")[0] in needed)
+    return replace(ready, problem=replace(ready.problem, system=replace(system, channels=channels)))
+
+
+_PROBE_KINDS = {"probes", "deviation"}
+"""First parts of the names of scalars that need no channels."""

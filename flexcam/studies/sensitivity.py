@@ -263,7 +263,7 @@ def _matrices(file: CaseFile, overrides: Sequence[str], like: Structure) -> Matr
 
 
 CHAOTIC_GROWTH = 1e3
-"""Growth of a small disturbance over a run above which derivatives hold for very small changes only."""
+"""Growth of a small disturbance over a run above which derivatives say nothing about changes of practical size."""
 
 
 def _exact_sensitivities(
@@ -273,15 +273,16 @@ def _exact_sensitivities(
     smooth, note = gradient.growth <= CHAOTIC_GROWTH, ""
     if not smooth:
         note = (
-            f"chaotic: a small disturbance grows {gradient.growth:.1g} times over the run; the derivative holds for "
-            "very small changes only"
+            f"no derivative: the motion is chaotic, a small disturbance grows {gradient.growth:.1g} times over the "
+            "run; run fewer revolutions, or take the mean over several"
         )
     found = dict[tuple[str, str], Sensitivity]()
     for name in names:
         if name not in gradient.values:
             raise refuse("--of", name, "a result that this run has", "the run did not give it")
         for number in numbers:
-            value, slope = gradient.values[name], gradient.derivatives[name, number.key]
+            value = gradient.values[name]
+            slope = gradient.derivatives[name, number.key] if smooth else math.nan
             relative = logarithmic_derivative(slope, number.value, value)
             one = Sensitivity(name, gradient.units[name], value, number, slope, None, relative, smooth, note)
             found[name, number.key] = one

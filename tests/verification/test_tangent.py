@@ -1,0 +1,191 @@
+"""Exact derivatives of runs by parameters: complex step, closed forms with impacts, and differences of runs.
+
+- A linear system: the recursion of the average acceleration in complex numbers, with a step of 1e-30 i in a parameter.
+  W. Squire and G. Trapp, SIAM Review 40 (1998) 110.
+- A ball that falls on a floor: its height after the impact by initial height, gravity, restitution and mass.
+- Valve trains in contact, with an adjuster, and from a periodic state: central differences of whole runs, extrapolated.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexcam import prepare, read_case
+from flexcam.case.reader import CaseFile
+from flexcam.core import Triplets
+from flexcam.core.errors import InputError
+from flexcam.dynamics import ConstantSpeed, Load, Probe, Problem, State, System, hht, newmark
+from flexcam.dynamics.parameter_forces import Variation
+from flexcam.dynamics.tangent import tangent_run
+from flexcam.studies.evaluation import evaluate
+from flexcam.studies.gradients import compute_gradient, make_neighbours
+from flexcam.studies.sensitivity import get_numbers
+
+BUCKET = "cases/direct-acting/bucket.toml"
+FINGER = "cases/direct-acting/finger.toml"
+INTAKE = "cases/pushrod-engine/intake.toml"
+DIFFERENCES = "Central differences of runs, extrapolated"
+
+
+def matrices(p):
+    """Return M, C, K and the load of a chain of three masses whose entries are polynomials of p."""
+    M = np.diag([1.0, 0.5 + 0.25 * p, 2.0])
+    K = np.array([[300.0, -100.0, 0.0], [-100.0, 100.0 + 40.0 * p**2, -40.0 * p**2], [0.0, -40.0 * p**2, 40.0 * p**2]])
+    return M, 0.01 * M + 2e-4 * K, K, np.array([0.0, 0.0, 1.0 + p])
+
+
+def chain(p, engine="direct"):
+    M, C, K, load = matrices(p)
+    push = Load("push", load, lambda motion: np.sin(3.0 * motion.angle))
+    probe = Probe("end", ("x",), np.eye(3)[2:], (None,))
+    whole = (Triplets.from_dense(one) for one in (M, C, K))
+    system = System(*whole, ("a", "b", "c"), (push,), probes=(probe,))
+    return Problem(system, ConstantSpeed(2.0), step=5e-3, steps=1000, engine=engine)
+
+
+def complex_step(p):
+    """Return the history of the last displacement by the average acceleration, and its derivative by p."""
+    M, C, K, load = matrices(p + 1e-30j)
+    h, d, v = 5e-3, np.zeros(3, complex), np.zeros(3, complex)
+    a, S = np.linalg.solve(M, -C @ v - K @ d), M + 0.5 * h * C + 0.25 * h**2 * K
+    found = [d[2]]
+    for k in range(1, 1001):
+        there, moving = d + h * v + 0.25 * h**2 * a, v + 0.5 * h * a
+        a = np.linalg.solve(S, load * np.sin(6.0 * k * h) - C @ moving - K @ there)
+        d, v = there + 0.25 * h**2 * a, moving + 0.5 * h * a
+        found.append(d[2])
+    return np.real(found), np.imag(found) / 1e-30
+
+
+@pytest.mark.parametrize("engine", ["direct", "modal", "kernel"])
+def test_linear_systems_against_the_complex_step(record, engine):
+    p, e = 1.0, 1e-5
+    found = tangent_run(chain(p, engine), newmark(), [Variation(chain(p - e, engine), chain(p + e, engine), 2.0 * e)])
+    low, high = (one["end"].displacement for one in found.neighbours[0])
+    moved, exact = complex_step(p)
+    assert found.response["end"].displacement == pytest.approx(moved, rel=1e-9, abs=1e-12)
+    worst = np.abs((high - low) / (2.0 * e) - exact).max() / np.abs(exact).max()
+    record(source="Complex step", case=f"chain of three masses, {engine} engine",
+           quantity="relative error of d(history)/dp", unit="1", reference=0.0, computed=float(worst),
+           tolerance=1e-9, absolute=True,
+           reason="differences of the matrices over 2e-5: rounding 1e-16/1e-5")  # fmt: skip
+
+
+BALL = """
+format = 1
+nodes = {{ ground = [0.0, -1.0, 0.0], body = [0.0, 0.0, 0.0] }}
+supports = {{ body = ["ux", "uz"] }}
+output = {{ probes = ["body"] }}
+masses.body = {{ at = "body", mass = "2 kg" }}
+contacts.floor = {{ at = "body", model = "seat", direction = "uy", stiffness = 1e9, restitution = {e!r} }}
+[run]
+speed = "1 rad/s"
+gravity = [0, {g!r}, 0]
+step = {step!r}
+revolutions = {turns!r}
+start = {{ displacement = {{ "body.uy" = {h!r} }}, velocity = {{ "body.uy" = {v!r} }} }}
+"""
+
+
+def ball(folder, **values):
+    given = {"e": 0.8, "g": -9.81, "h": 0.5, "v": -1e-6, "T": 0.7, **values}
+    T = given["T"]
+    path = folder / "ball.toml"
+    path.write_text(BALL.format(**given, step=T / 1000, turns=T / (2.0 * math.pi)), encoding="utf-8")
+    return prepare(read_case(path)).problem
+
+
+def height(e=0.8, g=-9.81, h=0.5, v=-1e-6, T=0.7):
+    """Return the height at the time T, after one impact."""
+    fall = (math.sqrt(v * v - 2.0 * g * h) + v) / -g if g else -h / v
+    speed, left = e * math.sqrt(v * v - 2.0 * g * h), T - fall
+    return speed * left + 0.5 * g * left**2
+
+
+@pytest.mark.parametrize("key", ["h", "v", "e", "g"])
+@pytest.mark.parametrize("gravity", [-9.81, 0.0])
+def test_a_ball_after_an_impact(record, tmp_path, key, gravity):
+    fixed = {"g": gravity, "v": -1.5 if gravity == 0.0 else -0.2}
+    value = {"h": 0.5, "e": 0.8, **fixed}[key]
+    step = 1e-6 * (abs(value) or 1.0)
+    sides = [ball(tmp_path, **{**fixed, key: value + sign * step}) for sign in (-1.0, 1.0)]
+    found = tangent_run(ball(tmp_path, **fixed), newmark(), [Variation(*sides, 2.0 * step)])
+    low, high = (one["body.uy"].displacement[-1] for one in found.neighbours[0])
+    near = 1e-4 * (abs(value) or 1.0)
+    far = [height(**{**fixed, key: value + k * near}) for k in (-2, -1, 1, 2)]
+    reference = (far[0] - 8.0 * far[1] + 8.0 * far[2] - far[3]) / (12.0 * near)
+    computed = float((high - low) / (2.0 * step))
+    record(source="Ball on a floor", case=f"fall from 0.5 m, restitution 0.8, gravity {-gravity:g} m/s^2",
+           quantity=f"d(height at the end)/d{key}", unit="", reference=reference, computed=computed,
+           tolerance=2e-7, reason="the motion is exact; differences over 1e-6, of the closed form over 1e-4")  # fmt: skip
+
+
+def differences(file, fixed, number, name):
+    """Return the derivative of a scalar by differences of runs over two step sizes, extrapolated."""
+    slopes = list[float]()
+    for relative in (1e-4, 5e-5):
+        low, high = (
+            evaluate(file.read((*fixed, *one)), runs=100).scalars[name]
+            for one in make_neighbours(file.read(fixed), number, relative)
+        )
+        slopes.append((high - low) / (2.0 * relative * abs(number.value)))
+    return (4.0 * slopes[1] - slopes[0]) / 3.0
+
+
+ONE_REVOLUTION = ("run.revolutions=1", "run.steps_per_revolution=1440")
+
+
+@pytest.mark.parametrize(
+    ("path", "key", "names", "fixed"),
+    [
+        (BUCKET, "run.crank_speed", ("contacts.seat.seating_velocity", "contacts.intake.force.largest"), ()),
+        (BUCKET, "cams.intake.lift", ("contacts.intake.torque.mean", "springs.outer.force.largest"), ()),
+        (BUCKET, "masses.bucket.mass", ("contacts.intake.pressure.largest", "deviation.peak"), ()),
+        (INTAKE, "springs.valve.stiffness", ("contacts.intake.nose_force.least", "contacts.seat.seating_velocity"), ()),
+        (FINGER, "contacts.adjuster.leak",
+         ("contacts.adjuster.leak_down.largest", "contacts.intake.force.largest"), ()),
+        (FINGER, "run.crank_speed", ("contacts.adjuster.force.largest", "contacts.seat.seating_velocity"),
+         ("run.start=periodic",)),
+    ],
+    ids=["speed", "lift", "mass", "spring", "adjuster", "periodic"],
+)  # fmt: skip
+def test_trains_in_contact_against_differences(record, path, key, names, fixed):
+    file, fixed = CaseFile.open(Path(path)), (*ONE_REVOLUTION, "run.engine=kernel", *fixed)
+    (number,) = get_numbers(file.read(fixed), [key])
+    found = compute_gradient(file, fixed, names, [number])
+    for name in names:
+        record(source=DIFFERENCES, case=f"{Path(path).stem}, by {key}{', periodic' if len(fixed) > 3 else ''}",
+               quantity=f"d({name})", unit="", reference=differences(file, fixed, number, name),
+               computed=found.derivatives[name, key], tolerance=2e-5,
+               reason="differences of contact runs over 1e-4 contain the noise of events")  # fmt: skip
+
+
+def test_a_chaotic_motion_is_known_by_its_growth():
+    """Six revolutions of the pushrod train hop on the base circle: neighbouring motions part by many powers of ten."""
+    file = CaseFile.open(Path(INTAKE))
+    numbers = get_numbers(file.read(), ["springs.valve.stiffness"])
+    calm, wild = (
+        compute_gradient(file, (f"run.revolutions={n}", *ONE_REVOLUTION[1:], "run.engine=kernel"),
+                         ["contacts.seat.seating_velocity"], numbers).growth
+        for n in (1, 6)
+    )  # fmt: skip
+    assert calm < 10.0
+    assert wild > 1e5
+
+
+def test_other_methods_and_structures_are_refused(tmp_path):
+    problem = chain(1.0)
+    with pytest.raises(InputError, match="newmark with beta 1/4"):
+        tangent_run(problem, hht(alpha=-0.1), [])
+    shorter = replace(problem, steps=999)
+    with pytest.raises(InputError, match="unknowns, contacts or steps"):
+        tangent_run(problem, newmark(), [Variation(shorter, shorter, 1.0)])
+    start = State(np.zeros(3), np.ones(3))
+    moved = tangent_run(problem, newmark(), [Variation(problem, replace(problem, start=start), 1.0)])
+    low, high = moved.neighbours[0]
+    assert (high["end"].velocity - low["end"].velocity)[0] == pytest.approx(1.0, rel=1e-12)
