@@ -1,4 +1,4 @@
-"""Make the pictures of the physics: contact-frame, contact-laws, rockers and spring-model of docs/pictures."""
+"""Make pictures of the physics: contact-frame, contact-laws, element-signs, rockers, spring-model in docs/pictures."""
 
 from __future__ import annotations
 
@@ -151,6 +151,37 @@ def rebound(mass: float, speed: float, step: float = 2e-8) -> tuple[FloatArray, 
     return np.array(rows)[:, 0], np.array(rows)[:, 1]
 
 
+def element_signs() -> Figure:
+    """Return the picture of the positive directions of a beam element in both planes."""
+    figure = Figure(figsize=(9.0, 2.6), layout="constrained")
+    planes = zip(figure.subplots(1, 2), ("y", "z"), (True, False), strict=True)
+    for axes, across, left_turn in planes:
+        moment, other = ("z", "toward") if left_turn else ("y", "away from")
+        clear(axes, f"x-{across} plane, {moment} {other} the reader", (-14.0, 104.0), (-16.0, 30.0))
+        axes.add_patch(Rectangle((0.0, -3.0), 70.0, 6.0, **FACE))
+        arrow(axes, (-10.0, -14.0), (4.0, -14.0), "$x$", shift=(2.0, -3.0))
+        arrow(axes, (-10.0, -14.0), (-10.0, 0.0), f"${across}$", shift=(-10.0, -4.0))
+        axes.plot([0.0, 70.0], [0.0, 0.0], "ko", markersize=4)
+        axes.annotate("1", (-1.0, -9.0))
+        axes.annotate("2", (63.0, -9.0))
+        arrow(axes, (0.0, 4.0), (0.0, 16.0), f"$u_{across}$", BLUE)
+        turn(axes, (13.0, 9.0), left_turn, f"$r_{moment}$", BLUE)
+        arrow(axes, (71.0, 0.0), (84.0, 0.0), "$N$", RED, (3.0, -3.0))
+        arrow(axes, (71.0, 4.0), (71.0, 18.0), f"$V_{across}$", RED)
+        turn(axes, (90.0, 10.0), left_turn, f"$M_{moment}$", RED)
+    return figure
+
+
+def turn(axes: Axes, centre: Point, left: bool, text: str, colour: str) -> None:
+    """Draw a turning arrow with its name."""
+    style = f"arc3,rad={0.7 if left else -0.7}"
+    start, end = ((5.0, -4.0), (-5.0, -4.0)) if left else ((-5.0, -4.0), (5.0, -4.0))
+    arrow_style = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.6, "connectionstyle": style}
+    first, last = ((centre[0] + x, centre[1] + y) for x, y in (start, end))
+    axes.annotate("", last, first, arrowprops=arrow_style)
+    axes.annotate(text, (centre[0], centre[1] + 4.0), color=colour, ha="center")
+
+
 def rockers() -> Figure:
     """Return the picture of the three kinds of rocker."""
     figure = Figure(figsize=(9.0, 2.8), layout="constrained")
@@ -253,7 +284,7 @@ def damper(axes: Axes, left: float, right: float, y: float) -> None:
 
 def main() -> None:
     """Write the pictures."""
-    for make in (contact_frame, contact_laws, rockers, spring_model):
+    for make in (contact_frame, contact_laws, element_signs, rockers, spring_model):
         save_figure(make(), PICTURES / f"{make.__name__.replace('_', '-')}.svg", overwrite=True)
 
 
