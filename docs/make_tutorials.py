@@ -44,7 +44,8 @@ def cantilever() -> dict[str, Figure]:
     def deflection(values: FloatArray) -> FloatArray:
         return dofs.nodal_modes(values[None, :], 0.5)[0].reshape(len(x), -1)[order, 1]
 
-    sketch, (bent, shapes) = create_stacked_axes(("deflection, mm", "mode shape, 1"), "x, mm", height=1.9)
+    pushed, (bent,) = create_stacked_axes(("deflection, mm",), "x, mm", height=1.9)
+    free, (shapes,) = create_stacked_axes(("mode shape, 1",), "x, mm", height=1.9)
     fine, EI = np.linspace(0.0, 0.5, 201), steel.E * circle.Iz
     theory = 100.0 * fine**2 * (1.5 - fine) / (6.0 * EI)
     static = static_displacement(k, push, dofs.names)
@@ -78,7 +79,7 @@ def cantilever() -> dict[str, Figure]:
     motion.plot(1e3 * response.time, 1e3 * moved, color=RED, linestyle="--", label="Newmark, 200 steps per period")
     apart.plot(1e3 * response.time, 1e3 * (moved - wanted), color="black")
     add_legend(stepped, motion, 2)
-    return {"cantilever": sketch, "cantilever-step": stepped}
+    return {"cantilever-force": pushed, "cantilever-modes": free, "cantilever-step": stepped}
 
 
 def published_cam() -> dict[str, Figure]:
@@ -154,6 +155,11 @@ def pushrod_engine(folder: Path) -> dict[str, Figure]:
             draw(axis, one, values, name, colour, dashes)
     draw(rows[2], flexible, flexible.channels["springs.valve.force"], "flexible", BLUE, "-")
     add_legend(ran, rows[0], 2)
+    speeds, (nose,) = create_stacked_axes(("cam force of the\nrigid train, kN",), "cam angle, deg", height=2.4)
+    for rpm, (colour, dashes) in zip((5000, 5611, 6348), line_styles(), strict=False):
+        one = run(path, f"run.crank_speed={rpm}rpm", rigid=True)
+        draw(nose, one, 1e-3 * one.channels["contacts.intake.force"], f"{rpm} rpm", colour, dashes)
+    add_legend(speeds, nose, 3)
     lost, ways = create_stacked_axes(("50 kN/m:\ncam force, kN", "70 kN/m:\ncam force, kN"), "cam angle, deg")
     for axis, rate in zip(ways, (50, 70), strict=True):
         one = run(
@@ -164,7 +170,13 @@ def pushrod_engine(folder: Path) -> dict[str, Figure]:
         open_ = (force == 0.0) & (degrees > 105.0) & (degrees < 255.0)
         axis.fill_between(degrees, 0.0, 1.0, where=open_, transform=axis.get_xaxis_transform(), color=RED, alpha=0.25)
         axis.set_xlim(75.0, 285.0)
-    return {"engine-points": points, "engine-cam": shape, "engine-run": ran, "engine-loss": lost}
+    return {
+        "engine-points": points,
+        "engine-cam": shape,
+        "engine-run": ran,
+        "engine-limits": speeds,
+        "engine-loss": lost,
+    }
 
 
 def measured_lift(folder: Path) -> dict[str, Figure]:
