@@ -101,7 +101,7 @@ def test_all_laws_side_by_side(told, tmp_path):
     ("pavlovic-new", ["not symmetric: s(1/2) = 0.498047", "by 9.8696 at z = 0", "1.39843 at z = 0.766805"]),
 ])  # fmt: skip
 def test_words(name, said, told):
-    """What docs/motion.md says openly of the laws in print: s' = 1/48, s(1/2) = 0.498047, a step of pi^2."""
+    """Check the errata of docs/verification/pavlovic-lutovac.md: s' = 1/48, s(1/2) = 0.498047, a step of pi^2."""
     words = told("law", name).out
     assert [one for one in said if one not in words] == []
 

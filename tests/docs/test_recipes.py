@@ -78,7 +78,7 @@ TOUCHED = {  # new files of flexcam, changed ones, changed ones of tests
     "add-a-force-law": (0, 5, 2), "add-a-law": (1, 1, 1), "add-an-element": (1, 2, 1), "add-an-integrator": (1, 2, 2),
     "add-an-output": (1, 2, 1),
 }  # fmt: skip
-"""How many files an addition touches; the index of the recipes says so too."""
+"""Number of files that each recipe adds and changes."""
 
 
 @pytest.mark.parametrize("page", RECIPES, ids=name_of)

@@ -1,4 +1,4 @@
-"""The page of result fields names every dataset of results, with its unit and its dimensions; nothing else."""
+"""The page of the result file names every dataset of results, with its unit and its dimensions; nothing else."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from flexcam.analysis.run import open_result_file
 from flexcam.dynamics import Stats
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs/reference/result-fields.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs/result-format.md").read_text(encoding="utf-8")
 CASES = ("tayeb/model-1-shm", "direct-acting/bucket", "direct-acting/finger", "checks/cantilever")
 """Together they have every channel."""
 
