@@ -143,7 +143,8 @@ def optimize(
         design = OptimizationProblem(PointEvaluator(asked.case, variables, runs), goals, bounds)
         if method == "gradient":
             derive = gradient_function(asked.file, asked.fixed, design.points, names)
-            found = optimize_by_gradient(design, derive, evaluations=evaluations, starts=starts or 1, seed=seed)
+            begins = 1 if starts is None else starts
+            found = optimize_by_gradient(design, derive, evaluations=evaluations, starts=begins, seed=seed)
         else:
             search = minimize if len(goals) == 1 else find_pareto_front
             found = search(design, evaluations=evaluations, seed=seed)

@@ -430,7 +430,7 @@ def _solve_in_box(
         return min(float(evaluate(x)[0][0, 0]) / size, _LARGE_COST)
 
     def inside(x: FloatArray) -> FloatArray:
-        return -np.minimum(evaluate(x)[1][0, :-1], _MAX_VIOLATION)
+        return -np.minimum(evaluate(x)[1][0, :-1], _MAX_VIOLATION) - _INSIDE
 
     def cost_slopes(x: FloatArray) -> FloatArray:
         return at(x).cost / size
@@ -451,6 +451,9 @@ class _EnoughError(Exception):
 
 _BOX, _SMALLEST_BOX, _STEPS_PER_BOX = 0.1, 2e-3, 8
 """First and smallest half width of a box, relative to the intervals, and iterations of the search in one."""
+
+_INSIDE = 1e-6
+"""Distance from a bound, relative to it, that a search by gradients keeps, so that its result satisfies the bound."""
 
 _SETTLED = 1e-6
 """Relative change of the goal below which a search by gradients ends."""

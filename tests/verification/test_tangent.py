@@ -122,7 +122,7 @@ def test_a_ball_after_an_impact(record, tmp_path, key, gravity):
     computed = float((high - low) / (2.0 * step))
     record(source="Ball on a floor", case=f"fall from 0.5 m, restitution 0.8, gravity {-gravity:g} m/s^2",
            quantity=f"d(height at the end)/d{key}", unit="", reference=reference, computed=computed,
-           tolerance=2e-7, reason="the motion is exact; differences over 1e-6, of the closed form over 1e-4")  # fmt: skip
+           tolerance=2e-7, reason="the motion is exact; differences over 1e-6 and 1e-4")  # fmt: skip
 
 
 def differences(file, fixed, number, name):
