@@ -112,6 +112,19 @@ def _changed(old: Row, new: Row) -> bool:
     )
 
 
+def joined(texts: list[str]) -> str:
+    """Return texts as one list, with the words that all share at their beginning and end written once."""
+    if len(set(texts)) == 1:
+        return texts[0]
+    words = [text.split() for text in texts]
+    shortest = min(map(len, words))
+    start = next((i for i in range(shortest) if len({line[i] for line in words}) > 1), shortest)
+    end = next((i for i in range(shortest - start) if len({line[-1 - i] for line in words}) > 1), shortest - start)
+    *parts, last = (" ".join(line[start : len(line) - end]) for line in words)
+    middle = "; ".join([*(part.rstrip(",") for part in parts), last])
+    return " ".join([*words[0][:start], middle, *words[0][len(words[0]) - end :]])
+
+
 def markdown_table(head: Collection[str], rows: list[list[str]]) -> str:
     """Return a table in Markdown."""
     lines = [[text.replace("|", "\\|").replace("<", "&lt;") for text in row] for row in rows]
