@@ -19,8 +19,8 @@ HEAD = """# Extreme parameters: right, warning, refused
 
 How far steps, speeds, ratios of masses and stiffnesses, slenderness, loads and damping may go before flexcam warns or refuses. Every
 row is an assertion of a test in `tests/extremes`, which gives the reason for its tolerance. Deviations are relative unless a unit is
-given. A line of the tables sums up the rows of a test; [extremes.csv](extremes.csv) has all {count}. `make extremes` runs the
-tests and generates this page.
+given. A line of the tables sums up the rows of a test; [extremes.csv](extremes.csv) has all {count} with
+the names of their tests. `make extremes` runs the tests and generates this page.
 """
 EXTREMES = (
     "step times frequency", "steps per revolution", "camshaft speed", "many revolutions", "ratio of masses",
@@ -56,7 +56,7 @@ def line(rows: list[Row]) -> list[str]:
     given = joined([row["given"] for row in rows]) if every else first["given"] + more
     messages = first["happens"] + (f" (first of {len(rows)})" if more else "")
     happens = joined([row["happens"] for row in rows]) if every and section(first) == "right" else messages
-    return [first["extreme"], given, happens, f"`{function(first).removeprefix('tests/extremes/')}`"]
+    return [first["extreme"], given, happens]
 
 
 def page(rows: list[Row]) -> str:
@@ -67,7 +67,7 @@ def page(rows: list[Row]) -> str:
         lines = [line(list(group)) for _, group in groupby(its, lambda row: (row["extreme"], function(row)))]
         if lines:
             parts.append(f"## {head}\n\n{words}\n")
-            parts.append(markdown_table(("extreme", "value", "behaviour", "test"), lines) + "\n")
+            parts.append(markdown_table(("extreme", "value", "behaviour"), lines) + "\n")
     return "\n".join(parts)
 
 

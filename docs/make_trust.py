@@ -18,7 +18,7 @@ HEAD = """# Robustness tests
 
 The damaged, hostile and random input and the machine faults that tests try on flexcam, with the outcome. The count is the number of
 inputs or faults in the last run of the test. A line of the tables sums up rows with one outcome; [trust.csv](trust.csv) has all of
-them. `make trust` generates this page from the rows that the tests record after their assertions.
+them with the names of their tests. `make trust` generates this page from the rows that the tests record after their assertions.
 """
 
 KINDS = {
@@ -42,8 +42,7 @@ def ordered(rows: list[Row]) -> list[Row]:
 def line(rows: list[Row]) -> list[str]:
     """Return the cells of the line that sums up rows of one test and one outcome."""
     count = f"{sum(row['count'] for row in rows):,}".replace(",", " ")
-    test = f"`{function(rows[0]).removeprefix('tests/')}`"
-    return [joined([row["what"] for row in rows]), count, rows[0]["outcome"], test]
+    return [joined([row["what"] for row in rows]), count, rows[0]["outcome"]]
 
 
 def page(rows: list[Row]) -> str:
@@ -54,7 +53,7 @@ def page(rows: list[Row]) -> str:
         lines = [line(list(group)) for _, group in groupby(its, lambda row: (function(row), row["outcome"]))]
         if lines:
             parts.append(f"## {head}\n\n{words}\n")
-            parts.append(markdown_table(("input or fault", "count", "outcome", "test"), lines) + "\n")
+            parts.append(markdown_table(("input or fault", "count", "outcome"), lines) + "\n")
     return "\n".join(parts)
 
 
