@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from itertools import groupby
 
-from manual.rows import ROOT, Row, function, joined, markdown_table, merged, read, read_recorded, write
+from manual.rows import ROOT, Row, function, join_texts, markdown_table, merge_rows, read, read_recorded, write
 
 TESTS = ROOT / "tests/extremes"
 RECORDED = ROOT / "build/extremes.json"
@@ -39,7 +39,7 @@ SHOWN = 8
 """Rows of a test up to which its line shows the values of all; otherwise it shows the first."""
 
 
-def ordered(rows: list[Row]) -> list[Row]:
+def sort_rows(rows: list[Row]) -> list[Row]:
     """Return the rows in the order of the page."""
     rows = [{name: value for name, value in row.items() if name != "place"} for row in rows]
     return sorted(rows, key=lambda row: (EXTREMES.index(row["extreme"]), function(row)))
@@ -53,9 +53,9 @@ def line(rows: list[Row]) -> list[str]:
     """Return the cells of the line that sums up the rows of a test."""
     first, more = rows[0], f" and {len(rows) - 1} more" if len(rows) > 1 else ""
     every = len(rows) <= SHOWN
-    given = joined([row["given"] for row in rows]) if every else first["given"] + more
+    given = join_texts([row["given"] for row in rows]) if every else first["given"] + more
     messages = first["happens"] + (f" (first of {len(rows)})" if more else "")
-    happens = joined([row["happens"] for row in rows]) if every and section(first) == "right" else messages
+    happens = join_texts([row["happens"] for row in rows]) if every and section(first) == "right" else messages
     return [first["extreme"], given, happens]
 
 
@@ -72,7 +72,7 @@ def page(rows: list[Row]) -> str:
 
 
 if __name__ == "__main__":
-    rows = ordered(merged(read(KEPT), read_recorded(RECORDED), TESTS))
+    rows = sort_rows(merge_rows(read(KEPT), read_recorded(RECORDED), TESTS))
     if failed := [row["test"] for row in rows if not row["holds"] and not row["known"]]:
         message = f"these tests failed; the page shows assertions that hold: {failed}"
         raise SystemExit(message)

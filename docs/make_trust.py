@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from itertools import groupby
 
-from manual.rows import ROOT, Row, function, joined, markdown_table, merged, read, read_recorded, write
+from manual.rows import ROOT, Row, function, join_texts, markdown_table, merge_rows, read, read_recorded, write
 
 RECORDED = ROOT / "build/trust.json"
 KEPT = ROOT / "docs/trust.csv"
@@ -33,7 +33,7 @@ KINDS = {
 """Parts of the page, in order: heading and words."""
 
 
-def ordered(rows: list[Row]) -> list[Row]:
+def sort_rows(rows: list[Row]) -> list[Row]:
     """Return the rows in the order of the page."""
     kinds = list(KINDS)
     return sorted(rows, key=lambda row: (kinds.index(row["kind"]), function(row), row["what"]))
@@ -42,7 +42,7 @@ def ordered(rows: list[Row]) -> list[Row]:
 def line(rows: list[Row]) -> list[str]:
     """Return the cells of the line that sums up rows of one test and one outcome."""
     count = f"{sum(row['count'] for row in rows):,}".replace(",", " ")
-    return [joined([row["what"] for row in rows]), count, rows[0]["outcome"]]
+    return [join_texts([row["what"] for row in rows]), count, rows[0]["outcome"]]
 
 
 def page(rows: list[Row]) -> str:
@@ -58,6 +58,6 @@ def page(rows: list[Row]) -> str:
 
 
 if __name__ == "__main__":
-    rows = ordered(merged(read(KEPT), read_recorded(RECORDED), ROOT / "tests", lambda row: row["test"]))
+    rows = sort_rows(merge_rows(read(KEPT), read_recorded(RECORDED), ROOT / "tests", lambda row: row["test"]))
     write(rows, KEPT)
     PAGE.write_text(page(rows), encoding="utf-8")

@@ -10,7 +10,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from manual.rows import RECORDED, Row, differences, merged, ordered, read, read_recorded, write
+from manual.rows import RECORDED, Row, differences, merge_rows, read, read_recorded, sort_rows, write
 
 FOLDER = Path(__file__).parent / "verification"
 
@@ -21,7 +21,7 @@ def take() -> None:
     if names := [row["test"] for row in recorded if not row["passed"]]:
         message = f"these tests failed; the manual shows assertions that hold: {names}"
         raise SystemExit(message)
-    write(ordered(merged(read(), recorded)))
+    write(sort_rows(merge_rows(read(), recorded)))
 
 
 def check() -> None:
@@ -37,14 +37,14 @@ def check() -> None:
 
 def make(rows: list[Row], folder: Path = FOLDER) -> None:
     """Write all pages and figures."""
-    from manual.figures import FIGURES, svg
+    from manual.figures import FIGURES, figure_text
     from manual.pages import pages
 
     (folder / "figures").mkdir(parents=True, exist_ok=True)
     for name, text in pages(rows).items():
         (folder / name).write_text(text, encoding="utf-8")
     for name, draw in FIGURES.items():
-        (folder / "figures" / f"{name}.svg").write_text(svg(draw), encoding="utf-8")
+        (folder / "figures" / f"{name}.svg").write_text(figure_text(draw), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ from manual.tables import anchor, by_source, largest_error, sections
 
 @dataclass(frozen=True)
 class Published:
-    """A published system: the name of its page and figures, its title, the sources of its rows, and their references."""
+    """A published system or benchmark: name of its page, title, sources of its rows, kind of their references."""
 
     name: str
     title: str
@@ -97,7 +97,7 @@ def _environment() -> Environment:
 
 
 class Numbers:
-    """What templates ask the rows of a page, so that no number in a text can be out of date."""
+    """Computed numbers of a page, for its template: no number in a text can be out of date."""
 
     def __init__(self, rows: list[Row]) -> None:
         self._computed = {(row["case"], row["quantity"]): row["computed"] for row in rows}
@@ -107,8 +107,8 @@ class Numbers:
         return format(factor * self._computed[case, quantity], digits)
 
 
-def _sorted_out(rows: list[Row]) -> tuple[dict[str, list[Row]], list[Row]]:
-    """Return the rows of each published system, and those of none."""
+def _group_rows(rows: list[Row]) -> tuple[dict[str, list[Row]], list[Row]]:
+    """Return the rows of each published system and benchmark, and the other rows."""
     its = {one.name: [row for row in rows if row["source"] in one.sources] for one in (*SYSTEMS, *BENCHMARKS)}
     taken = {source for one in (*SYSTEMS, *BENCHMARKS) for source in one.sources}
     return its, [row for row in rows if row["source"] not in taken]
@@ -116,7 +116,7 @@ def _sorted_out(rows: list[Row]) -> tuple[dict[str, list[Row]], list[Row]]:
 
 def pages(rows: list[Row]) -> dict[str, str]:
     """Return the texts of all pages."""
-    made, (its, others) = _environment(), _sorted_out(rows)
+    made, (its, others) = _environment(), _group_rows(rows)
     found = {
         f"{one.name}.md": made.get_template(f"{one.name}.md.j2").render(
             title=one.title, n=Numbers(its[one.name]), tables=sections(its[one.name])

@@ -25,10 +25,10 @@ TYPES: dict[str, Callable[[str], Any]] = {
     "holds": "True".__eq__,
     "known": "True".__eq__,
 }
-"""Columns of a CSV file that are no texts."""
+"""Columns of a CSV file other than texts."""
 
 SAME = ("source", "case", "quantity", "unit", "absolute", "reason")
-"""Values of a row that must not change without the manual being made anew."""
+"""Values of a row whose change requires a new manual."""
 
 SLACK = 1e-6
 """Relative; references are computed too, and their last digits differ between machines."""
@@ -62,7 +62,7 @@ def file(row: Row) -> str:
     return row["test"].partition("::")[0]
 
 
-def existing(folder: Path) -> set[str]:
+def list_tests(folder: Path) -> set[str]:
     """Return the test functions and methods below a folder, as ``file::name`` and ``file::Class::name``."""
     found = set()
     for path in folder.rglob("test_*.py"):
@@ -73,15 +73,15 @@ def existing(folder: Path) -> set[str]:
     return found
 
 
-def merged(
+def merge_rows(
     kept: list[Row], recorded: list[Row], folder: Path = VERIFICATION, same: Callable[[Row], str] = function
 ) -> list[Row]:
-    """Return the rows that ran, and of those kept the ones whose test did not run but exists; `same` tells tests apart."""
-    ran, known = {same(row) for row in recorded}, existing(folder)
+    """Return the recorded rows, and the kept rows of tests that exist and did not run; `same` identifies a test."""
+    ran, known = {same(row) for row in recorded}, list_tests(folder)
     return [row for row in kept if same(row) not in ran and function(row) in known] + recorded
 
 
-def ordered(rows: list[Row]) -> list[Row]:
+def sort_rows(rows: list[Row]) -> list[Row]:
     """Return the rows of the manual in the order of its pages, without `passed`."""
     rows = [{name: value for name, value in row.items() if name != "passed"} for row in rows]
     return sorted(rows, key=lambda row: (row["source"], file(row), row["case"], row["quantity"], row["test"]))
@@ -93,7 +93,7 @@ def _key(row: Row) -> tuple[str, ...]:
 
 def differences(kept: list[Row], recorded: list[Row]) -> list[str]:
     """Return where a test run differs from the manual: rows that are new, gone or of another reference."""
-    ran, known = {function(row) for row in recorded}, existing(VERIFICATION)
+    ran, known = {function(row) for row in recorded}, list_tests(VERIFICATION)
     old = {_key(row): row for row in kept if function(row) in ran or function(row) not in known}
     new = {_key(row): row for row in recorded}
     found = [f"not in the manual: {' | '.join(key)}" for key in new.keys() - old.keys()]
@@ -112,8 +112,8 @@ def _changed(old: Row, new: Row) -> bool:
     )
 
 
-def joined(texts: list[str]) -> str:
-    """Return texts as one list, with the words that all share at their beginning and end written once."""
+def join_texts(texts: list[str]) -> str:
+    """Return texts as one list; words that all share at the beginning and at the end occur once."""
     if len(set(texts)) == 1:
         return texts[0]
     words = [text.split() for text in texts]

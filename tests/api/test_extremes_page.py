@@ -54,7 +54,7 @@ def test_rows_of_tests_that_did_not_run_are_kept(maker, rows):
     """A run of the normal suite keeps the rows of slow tests, replaces its own, and drops those of no test."""
     one, other = rows[0], next(row for row in rows if maker.function(row) != maker.function(rows[0]))
     gone = one | {"test": "tests/extremes/test_no_such.py::test_nothing"}
-    again = maker.merged([one, other, gone], [one | {"given": "new"}], maker.TESTS)
+    again = maker.merge_rows([one, other, gone], [one | {"given": "new"}], maker.TESTS)
     assert [row["given"] for row in again if maker.function(row) == maker.function(one)] == ["new"]
     assert other in again
     assert gone not in again

@@ -44,7 +44,7 @@ def test_every_row_names_a_test_and_every_test_has_a_row(maker, rows):
 def test_rows_of_tests_that_did_not_run_are_kept(maker, rows):
     one, other = rows[0], next(row for row in rows if maker.function(row) != maker.function(rows[0]))
     gone = one | {"test": "tests/fuzz/test_no_such.py::test_nothing"}
-    again = maker.merged([one, other, gone], [one | {"count": 7}], ROOT / "tests", lambda row: row["test"])
+    again = maker.merge_rows([one, other, gone], [one | {"count": 7}], ROOT / "tests", lambda row: row["test"])
     assert [row["count"] for row in again if row["test"] == one["test"]] == [7]
     assert other in again
     assert gone not in again
