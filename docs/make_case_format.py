@@ -156,17 +156,29 @@ def page() -> str:
     return "\n".join([*parts, *laws()])
 
 
+FORMULAS = {
+    "polynomial": r"$s = \sum_j a_j z^j$ with given exponents; by default $s(1) = 1$ and as many zero derivatives at 1 as possible",
+    "quinquinomial": r"exponents $2,\ 2 + n,\ 2 + 2n,\ 2 + 3n,\ 2 + 4n$ with $n = 3$ times the row",
+    "harmonic": r"$s = z - \sum_n c_n \sin(2\pi n z)/(2\pi n)$; $c_1 = 1$ alone gives the cycloidal law",
+    "harmonic-acceleration": r"$s'' = \sum_n b_n \sin 2\pi n z$, $n$ from 1",
+    "cosine": r"$s = \sum_k d_k \cos k\pi z$, $k$ from 0; $d = (1/2, -1/2)$ is the simple harmonic law",
+    "fb2": r"rise of a valve cam without dwell: $s'' = A \sin(\pi z/p)$ up to $z = p$, then $-B \sin(\pi (z - p)/(2 (1 - p)))$",
+    "bspline": r"$s = \sum_i c_i B_i(z)$ on clamped knots",
+}
+"""Formulas of laws; the others are described by the first line of their docstrings."""
+
+
 def laws() -> list[str]:
     """Return the laws by name and the kinds with their parameters."""
     lines = ["## Motion laws", "", "By name alone: " + ", ".join(f"`{name}`" for name in LAWS) + ".", ""]
-    lines += ["With parameters, `law = { id = ..., ... }`:", "", "| id | parameters | |", "|---|---|---|"]
+    lines += ["With parameters, `law = { id = ..., ... }`:", "", "| id | parameters | law |", "|---|---|---|"]
     for name, make in KINDS.items():
         parameters = [
             f"`{p.name}`" + ("" if p.default is p.empty else f" = {p.default}")
             for p in inspect.signature(make, eval_str=True).parameters.values()
         ]
         first = re.sub("^Return (a|the) law", "Law", (inspect.getdoc(make) or "").splitlines()[0])
-        lines.append(f"| `{name}` | {', '.join(parameters)} | {first} |")
+        lines.append(f"| `{name}` | {', '.join(parameters)} | {FORMULAS.get(name, first)} |")
     return [
         *lines,
         "",
