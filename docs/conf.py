@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 HERE = Path(__file__).parent
-sys.path[:0] = [str(HERE.parent), str(HERE / "extensions")]
+sys.path[:0] = [str(HERE.parent), str(HERE), str(HERE / "extensions")]
 
 from flexcam import __version__  # noqa: E402 - found by the path above
 
@@ -31,6 +31,7 @@ extensions = [
     "mathml",
     "reference",
     "linking",
+    "verification",
 ]
 exclude_patterns = ["gallery/**/*.ipynb", "**/*.py", "extensions"]
 source_suffix = {".md": "markdown", ".rst": "restructuredtext"}

@@ -4,43 +4,65 @@ from __future__ import annotations
 
 import inspect
 import json
+import re
 from pathlib import Path
 
 from flexcam.cams import KINDS, LAWS
 from flexcam.case.records import CaseRecord
+from flexcam.core.units import DIMENSIONS
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs/case-format.md"
 
 HEAD = """# The case file
 
-The case file is TOML. `make docs-pages` generates this page from the records that check a case; `flexcam schema` prints them as
-JSON Schema for editors (for example `#:schema case.schema.json` on the first line).
+Every key of a case file with its type, unit, range, default and meaning. The file is TOML. `flexcam schema` prints the same records
+as JSON Schema, with which an editor completes and checks a case (`#:schema case.schema.json` on its first line). `make docs-pages`
+generates this page.
 
-Numbers are SI, or texts with a unit: `"6 mm"`, `"40 kN/m"`, `"3000 rpm"`, `"180 deg"`. A number without a unit is SI: an angle in
-rad, a speed in rad/s. The command line can override every key: `--set run.speed=4000rpm`; the index of a number in a list counts
-from 0: `--set rockers.rocker.arms.1="42 mm"`. An override also replaces a key that excludes it: `crank_speed` and `speed`, `step` and
-`steps_per_revolution`.
+## Values
 
-A direction is a component with an optional sign (`"uy"`, `"-rx"`) or three numbers in global axes. Points are named nodes: the
-mesh's point groups, or `[nodes]`; a rocker defines one more. A node without member moves if a mass at it has inertia, and along springs
-at it; a train of masses and springs needs no material, section or member (`cases/li`). The published cases are in `cases/tayeb`.
+| value | examples |
+|---|---|
+| quantity: a text with a unit, or a number in the SI unit that the tables give | `"6 mm"`, `0.006`, `"40 kN/m"` |
+| direction: a component with an optional sign, or three numbers in global axes | `"uy"`, `"-rx"`, `[0, 1, 0]` |
+| point: the name of a node, from the mesh's point groups, `[nodes]` or a rocker | `"tip"` |
+| file: in the folder of the case, up to two folders above it, or below these ([security](security.md)) | `"../meshes/tayeb-1.msh"` |
 
-Files that a case names must be in its folder, up to two folders above it, or below these; [security.md](security.md) gives the
-reasons and the way to allow others. flexcam accepts an implausible number such as `E = 207` (207 Pa instead of 207 GPa) and
-[warns of it](long-runs.md#checks-of-a-run). A complete case without a mesh file:
+Units are m, g, s, N, Pa, J, W, Hz and rad, with the prefixes G, M, k, d, c, m, u or µ, n; and %, t, bar, deg or °, rev, rpm, min, h,
+in, ft, lb (mass), lbf (force), psi, K. They combine with a space or `*`, `/` and `^`: `"2 kN s/m"`, `"490 mm^2"`.
+
+The command line overrides every key; numbers in a list count from 0: `--set run.speed=4000rpm`, `--set rockers.rocker.arms.1="42 mm"`.
+An override replaces a key that excludes it: `crank_speed` and `speed`, `step` and `steps_per_revolution`. flexcam accepts an
+implausible number such as `E = 207` (Pa instead of GPa) and [warns](long-runs.md#checks-of-a-run).
+
+A node without a member moves if a mass at it has inertia, and along the springs at it: a train of masses and springs needs no
+material, section or member (`cases/li`). A complete case without a mesh file:
 
 ```toml
+EXAMPLE```
+
+In the tables below *type* is the SI unit of a quantity, with its range. A key without a default may be absent. The user names the
+entries of *tables*: `[materials.steel]`.
 """
 
+EXAMPLES = {kind.example: kind for kind in DIMENSIONS.values()}
+"""Quantities by their examples, by which the schema names them."""
 
-def kind(schema: dict, definitions: dict) -> str:
-    """Return the type of a key in a few words."""
+
+def kind(schema: dict) -> str:
+    """Return type, unit and range of a key in a few words."""
     if "$ref" in schema:
-        return f"table [{title(schema['$ref'])}]"
+        return link(schema["$ref"])
+    if found := next((EXAMPLES[e] for e in schema.get("examples", ()) if e in EXAMPLES), None):
+        number = next((s for s in schema.get("anyOf", ()) if s.get("type") == "number"), {})
+        return (found.si or "number") + limits(number | schema)
     if "anyOf" in schema or "oneOf" in schema:
-        parts = [kind(s, definitions) for s in schema.get("anyOf") or schema["oneOf"] if s.get("type") != "null"]
-        return "quantity" if parts == ["number", "text"] else " or ".join(dict.fromkeys(parts))
+        parts = [s for s in schema.get("anyOf") or schema["oneOf"] if s.get("type") != "null"]
+        words = [link(s["$ref"]) if "$ref" in s else kind(s) for s in parts]
+        if words == ["number", "text"]:
+            return "quantity"
+        return (", " if len(words) > 2 else " or ").join(dict.fromkeys(words))
     if "const" in schema:
         return f"`{schema['const']}`"
     if "enum" in schema:
@@ -48,69 +70,115 @@ def kind(schema: dict, definitions: dict) -> str:
     if schema.get("type") == "object" and "properties" in schema:
         return (
             "table of "
-            + ", ".join(f"`{key}`" for key in schema["properties"])
+            + ", ".join(f"`{k}`" for k in schema["properties"])
             + (" …" if "id" in schema["properties"] else "")
         )
     inner = next(iter(schema.get("patternProperties", {}).values()), schema.get("additionalProperties"))
     if schema.get("type") == "object" and isinstance(inner, dict):
-        return f"by name: {kind(inner, definitions)}"
+        return f"tables: {kind(inner)}" if "Record" in str(inner) else f"by name: {kind(inner)}"
     if schema.get("type") == "array":
         inside = schema.get("prefixItems") or [schema.get("items", {})]
-        return (
-            f"{len(inside)} x {kind(inside[0], definitions)}"
-            if len(inside) > 1
-            else f"list of {kind(inside[0], definitions)}"
-        )
-    names = {"string": "text", "integer": "whole number", "number": "number", "boolean": "true or false"}
-    return names.get(schema.get("type", ""), "value")
+        first, *others = dict.fromkeys(map(several, inside))
+        count = f"{len(inside)}" if len(inside) > 1 else "list of"
+        return f"pairs of {first} and {others[0]}" if others else f"{count} {first}"
+    names = {"string": "text", "integer": "integer", "number": "number", "boolean": "true or false"}
+    return names.get(schema.get("type", ""), "value") + limits(schema)
+
+
+def several(schema: dict) -> str:
+    """Return the type of the elements of a list in a few words."""
+    words = kind(schema)
+    if "examples" in schema:
+        return words.replace("number", "numbers") if words.startswith("number") else f"values in {words}"
+    return {"text": "texts", "number": "numbers"}.get(words, words)
+
+
+def limits(schema: dict) -> str:
+    """Return the range of a number."""
+    least, most = schema.get("minimum"), schema.get("maximum", schema.get("le"))
+    if least is not None and least == most:
+        return f" {least}"
+    if least is not None and most is not None:
+        return f", {least} to {most:g}"
+    if least is not None:
+        return f" ≥ {least}"
+    return f" > {schema['exclusiveMinimum']:g}" if "exclusiveMinimum" in schema else ""
 
 
 def title(reference: str) -> str:
     return reference.rpartition("/")[2].removesuffix("Record")
 
 
+def link(reference: str) -> str:
+    return f"[{title(reference)}](#{title(reference).lower()})"
+
+
 def about(schema: dict) -> str:
-    texts = [schema.get("description", "")]
-    examples = schema.get("examples") or [e for s in schema.get("anyOf", []) for e in s.get("examples", [])]
-    return "; ".join(t for t in [*texts, f"such as `{json.dumps(examples[0])}`" if examples else ""] if t)
+    """Return the description of a key; that of its kind says nothing more, and an example is shown if no quantity's."""
+    text = schema.get("description", "")
+    examples = [json.dumps(e) for e in schema.get("examples", []) if e not in EXAMPLES]
+    return "; ".join(t for t in ["" if "SI number" in text else text, *(f"such as `{e}`" for e in examples[:1])] if t)
 
 
-def rows(schema: dict, definitions: dict) -> list[str]:
-    required = schema.get("required", [])
-    lines = ["| key | type | default | |", "|---|---|---|---|"]
+def default(name: str, key: dict, required: list[str]) -> str:
+    if name in required:
+        return "required"
+    value = key.get("default")
+    return "" if value in (None, "", [], {}) else f"`{json.dumps(value)}`"
+
+
+def rows(schema: dict) -> list[str]:
+    lines = ["| key | type | default | meaning |", "|---|---|---|---|"]
     for name, key in schema["properties"].items():
-        default = (
-            "required"
-            if name in required
-            else f"`{json.dumps(key['default'])}`"
-            if key.get("default") is not None
-            else ""
-        )
-        lines.append(f"| `{name}` | {kind(key, definitions)} | {default} | {about(key)} |".replace("\n", " "))
+        if "const" in key:
+            continue
+        cells = [f"`{name}`", kind(key), default(name, key, schema.get("required", [])), about(key)]
+        lines.append(f"| {' | '.join(cells)} |".replace("\n", " "))
     return lines
 
 
+def section(name: str, record: dict) -> list[str]:
+    """Return the section of a record: its description, the key that selects it, and its other keys."""
+    constants = [f'`{key} = "{value["const"]}"`' for key, value in record["properties"].items() if "const" in value]
+    selected = [f"Select it with {key}." for key in constants]
+    text = " ".join([record.get("description", "").strip(), *selected])
+    table = rows(record)
+    return [f"## {name}", "", text, "", *([*table, ""] if len(table) > 2 else [])]
+
+
 def page() -> str:
+    """Return the text of the page."""
     schema = CaseRecord.model_json_schema(by_alias=True)
-    definitions = schema["$defs"]
     example = (ROOT / "cases/checks/cantilever.toml").read_text(encoding="utf-8")
-    parts = [HEAD + example + "```\n", "## Case", "", *rows(schema, definitions), ""]
-    for name, record in definitions.items():
-        parts += [f"## {title(name)}", "", record.get("description", "").strip(), "", *rows(record, definitions), ""]
+    parts = [HEAD.replace("EXAMPLE", example), "## Case", "", *rows(schema), ""]
+    for name, record in schema["$defs"].items():
+        parts += section(title(name), record)
     return "\n".join([*parts, *laws()])
+
+
+FORMULAS = {
+    "polynomial": r"$s = \sum_j a_j z^j$ with given exponents; by default $s(1) = 1$ and as many zero derivatives at 1 as possible",
+    "quinquinomial": r"exponents $2,\ 2 + n,\ 2 + 2n,\ 2 + 3n,\ 2 + 4n$ with $n = 3$ times the row",
+    "harmonic": r"$s = z - \sum_n c_n \sin(2\pi n z)/(2\pi n)$; $c_1 = 1$ alone gives the cycloidal law",
+    "harmonic-acceleration": r"$s'' = \sum_n b_n \sin 2\pi n z$, $n$ from 1",
+    "cosine": r"$s = \sum_k d_k \cos k\pi z$, $k$ from 0; $d = (1/2, -1/2)$ is the simple harmonic law",
+    "fb2": r"rise of a valve cam without dwell: $s'' = A \sin(\pi z/p)$ up to $z = p$, then $-B \sin(\pi (z - p)/(2 (1 - p)))$",
+    "bspline": r"$s = \sum_i c_i B_i(z)$ on clamped knots",
+}
+"""Formulas of laws; the others are described by the first line of their docstrings."""
 
 
 def laws() -> list[str]:
     """Return the laws by name and the kinds with their parameters."""
     lines = ["## Motion laws", "", "By name alone: " + ", ".join(f"`{name}`" for name in LAWS) + ".", ""]
-    lines += ["With parameters, `law = { id = ..., ... }`:", "", "| id | parameters | |", "|---|---|---|"]
+    lines += ["With parameters, `law = { id = ..., ... }`:", "", "| id | parameters | law |", "|---|---|---|"]
     for name, make in KINDS.items():
         parameters = [
             f"`{p.name}`" + ("" if p.default is p.empty else f" = {p.default}")
             for p in inspect.signature(make, eval_str=True).parameters.values()
         ]
-        first = (inspect.getdoc(make) or "").splitlines()[0]
-        lines.append(f"| `{name}` | {', '.join(parameters)} | {first} |")
+        first = re.sub("^Return (a|the) law", "Law", (inspect.getdoc(make) or "").splitlines()[0])
+        lines.append(f"| `{name}` | {', '.join(parameters)} | {FORMULAS.get(name, first)} |")
     return [
         *lines,
         "",

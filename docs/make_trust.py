@@ -1,4 +1,4 @@
-"""Make ``docs/trust.md`` from ``docs/trust.json``, first brought up to date from the last test run.
+"""Make ``docs/trust.md`` from ``docs/trust.csv``, first brought up to date from the last test run.
 
 ``python docs/make_trust.py``: rows of tests that ran replace the earlier ones; those of tests that did not run (the
 slow ones, on most days) are kept, and those of tests that no longer exist are dropped.
@@ -6,20 +6,19 @@ slow ones, on most days) are kept, and those of tests that no longer exist are d
 
 from __future__ import annotations
 
-import ast
-import json
-from pathlib import Path
+from itertools import groupby
 
-ROOT = Path(__file__).resolve().parents[1]
+from manual.rows import ROOT, Row, function, join_texts, markdown_table, merge_rows, read, read_recorded, write
+
 RECORDED = ROOT / "build/trust.json"
-KEPT = ROOT / "docs/trust.json"
+KEPT = ROOT / "docs/trust.csv"
 PAGE = ROOT / "docs/trust.md"
 
 HEAD = """# Robustness tests
 
-This page lists the damaged, hostile and random input and the machine faults that tests try, with the outcome. `make trust`
-generates it from `docs/trust.json`. Tests record a row with the fixture `tried` after their assertions; the count is the number of
-inputs or faults in the last run of the test.
+The damaged, hostile and random input and the machine faults that tests try on flexcam, with the outcome. The count is the number of
+inputs or faults in the last run of the test. A line of the tables sums up rows with one outcome; [trust.csv](trust.csv) has all of
+them with the names of their tests. `make trust` generates this page from the rows that the tests record after their assertions.
 """
 
 KINDS = {
@@ -34,57 +33,31 @@ KINDS = {
 """Parts of the page, in order: heading and words."""
 
 
-def function(row: dict) -> str:
-    """Return file and function of a row's test, without parameters."""
-    return row["test"].partition("[")[0]
-
-
-def existing() -> set[str]:
-    """Return all test functions, as ``file::name``."""
-    found = set()
-    for path in (ROOT / "tests").rglob("test_*.py"):
-        tree = ast.parse(path.read_text(encoding="utf-8"))
-        names = (node.name for node in tree.body if isinstance(node, ast.FunctionDef))
-        found |= {f"{path.relative_to(ROOT)}::{name}" for name in names if name.startswith("test_")}
-    return found
-
-
-def merged(kept: list[dict], recorded: list[dict]) -> list[dict]:
-    """Return the rows that ran, and of those kept the ones whose test did not run but exists, in the page's order."""
-    ran, known = {row["test"] for row in recorded}, existing()
-    rows = [row for row in kept if row["test"] not in ran and function(row) in known] + recorded
+def sort_rows(rows: list[Row]) -> list[Row]:
+    """Return the rows in the order of the page."""
     kinds = list(KINDS)
     return sorted(rows, key=lambda row: (kinds.index(row["kind"]), function(row), row["what"]))
 
 
-def cell(text: str) -> str:
-    return text.replace("|", "\\|").replace("<", "&lt;")
+def line(rows: list[Row]) -> list[str]:
+    """Return the cells of the line that sums up rows of one test and one outcome."""
+    count = f"{sum(row['count'] for row in rows):,}".replace(",", " ")
+    return [join_texts([row["what"] for row in rows]), count, rows[0]["outcome"]]
 
 
-def table(rows: list[dict], kind: str) -> list[str]:
-    head, words = KINDS[kind]
-    lines = [f"## {head}", "", words, "", "| input or fault | count | outcome | test |", "|---|---|---|---|"]
-    for row in rows:
-        count = f"{row['count']:,}".replace(",", " ")
-        test = function(row).removeprefix("tests/")
-        lines.append(f"| {cell(row['what'])} | {count} | {cell(row['outcome'])} | `{test}` |")
-    return [*lines, ""]
-
-
-def page(rows: list[dict]) -> str:
+def page(rows: list[Row]) -> str:
     """Return the text of the page."""
     parts = [HEAD]
-    for kind in KINDS:
-        if its := [row for row in rows if row["kind"] == kind]:
-            parts += table(its, kind)
+    for kind, (head, words) in KINDS.items():
+        its = [row for row in rows if row["kind"] == kind]
+        lines = [line(list(group)) for _, group in groupby(its, lambda row: (function(row), row["outcome"]))]
+        if lines:
+            parts.append(f"## {head}\n\n{words}\n")
+            parts.append(markdown_table(("input or fault", "count", "outcome"), lines) + "\n")
     return "\n".join(parts)
 
 
-def read(path: Path) -> list[dict]:
-    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else []
-
-
 if __name__ == "__main__":
-    rows = merged(read(KEPT), read(RECORDED))
-    KEPT.write_text(json.dumps(rows, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    rows = sort_rows(merge_rows(read(KEPT), read_recorded(RECORDED), ROOT / "tests", lambda row: row["test"]))
+    write(rows, KEPT)
     PAGE.write_text(page(rows), encoding="utf-8")

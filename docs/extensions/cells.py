@@ -1,4 +1,4 @@
-"""Cells of tables: one that holds a number must not break, and a head without a word is no head."""
+"""Classes of table cells for the style sheet: numbers do not break, an empty head is hidden."""
 
 from __future__ import annotations
 

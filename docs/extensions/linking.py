@@ -1,4 +1,4 @@
-"""Links of the reference: names in docstrings and types in signatures lead to where they are told."""
+"""Links of the reference: names in docstrings and types in signatures lead to their entries."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from sphinx.ext.autosummary import AutoLink, ImportExceptionGroup, import_by_nam
 
 
 def resolve(app: Sphinx, env: BuildEnvironment, node: pending_xref, content: nodes.Node) -> nodes.Node | None:
-    """Link a name of flexcam to where it is told; one that exists but is not public stays plain text."""
+    """Link a name of flexcam to its entry; a name that is not public stays plain text."""
     target = node.get("reftarget", "")
     if node.get("refdomain") != "py" or not target.startswith("flexcam"):
         return None

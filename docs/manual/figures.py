@@ -1,4 +1,4 @@
-"""Figures of the verification manual, computed by flexcam and drawn by its own functions, the same on every run."""
+"""Figures of the verification manual, computed and drawn by flexcam."""
 
 from __future__ import annotations
 
@@ -25,33 +25,33 @@ ROOT = Path(__file__).resolve().parents[2]
 STYLE = {"svg.hashsalt": "flexcam", "svg.fonttype": "none", "path.simplify": True, "path.simplify_threshold": 0.05}
 DIGITS = re.compile(r"\d+\.\d{3,}")
 NAMED = re.compile(r'(?<=id=")[a-zA-Z][0-9a-f]{10}(?=["_])')
-"""Names of clips, markers and pieces of curves, which matplotlib makes from all digits of what they hold."""
+"""Names of clips, markers and curves, which matplotlib derives from all digits of their data."""
 
 INSTANTS = 240
-"""Of a revolution, as drawn."""
+"""Instants per revolution in a figure."""
 
 
 def case(name: str, *over: str) -> Case:
     return read_case(ROOT / f"cases/{name}.toml", list(over))
 
 
-def svg(draw: Callable[[], Figure]) -> str:
-    """Return a figure as text: no date, two decimals, which rounding of a run does not reach, and numbers for names."""
+def figure_text(draw: Callable[[], Figure]) -> str:
+    """Return a figure as SVG text that does not depend on the machine: no date, two decimals, numbers for names."""
     written = io.StringIO()
     with rc_context(STYLE):
         draw().savefig(written, format="svg", metadata={"Date": None, "Creator": None})
-    return numbered(DIGITS.sub(lambda number: f"{float(number[0]):.2f}", written.getvalue()))
+    return number_parts(DIGITS.sub(lambda number: f"{float(number[0]):.2f}", written.getvalue()))
 
 
-def numbered(text: str) -> str:
-    """Return a figure whose parts are named by their order, so that another machine's last digits do not show."""
+def number_parts(text: str) -> str:
+    """Name the parts of a figure by their order, independent of the last digits of the data."""
     for number, name in enumerate(dict.fromkeys(NAMED.findall(text)), start=1):
         text = text.replace(name, f"{name[0]}{number}")
     return text
 
 
-def drawn(one: Case, *, rigid: bool = False) -> Response:
-    """Return a run at as many instants as a picture shows."""
+def run_for_figure(one: Case, *, rigid: bool = False) -> Response:
+    """Return a run at the instants of a figure."""
     response = run(one, rigid=rigid)
     turns = response.angle[-1] / (2.0 * np.pi)
     return response.at(np.linspace(0.0, response.time[-1], round(INSTANTS * turns) + 1)[1:])
@@ -59,18 +59,18 @@ def drawn(one: Case, *, rigid: bool = False) -> Response:
 
 def tayeb_sliman() -> Figure:
     speeds = {f"{rpm} rpm": case("tayeb/model-3-shm", f"run.speed={rpm}rpm") for rpm in (1000, 2000, 3000)}
-    rigid = {name: drawn(one, rigid=True) for name, one in speeds.items()}
-    return motion_figure({name: drawn(one) for name, one in speeds.items()}, "valve", rigid=rigid)
+    rigid = {name: run_for_figure(one, rigid=True) for name, one in speeds.items()}
+    return motion_figure({name: run_for_figure(one) for name, one in speeds.items()}, "valve", rigid=rigid)
 
 
 def tayeb_sliman_growth() -> Figure:
     one = case("tayeb/model-3-shm", "run.speed=4000rpm", "run.revolutions=8")
-    return motion_figure({"": drawn(one)}, "valve", rigid={"": drawn(one, rigid=True)})
+    return motion_figure({"": run_for_figure(one)}, "valve", rigid={"": run_for_figure(one, rigid=True)})
 
 
 def li() -> Figure:
     one = case("li/valve-train")
-    return motion_figure({"": drawn(one)}, "valve.uy", rigid={"": drawn(one, rigid=True)})
+    return motion_figure({"": run_for_figure(one)}, "valve.uy", rigid={"": run_for_figure(one, rigid=True)})
 
 
 def li_cam() -> Figure:
@@ -112,4 +112,4 @@ FIGURES: dict[str, Callable[[], Figure]] = {
     "roussev": roussev,
     "roussev-cams": roussev_cams,
 }
-"""By the names of their files."""
+"""Figures by the names of their files."""

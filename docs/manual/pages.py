@@ -8,16 +8,17 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from manual.rows import Row
-from manual.tables import by_source, compared, escaped, sections
+from manual.tables import anchor, by_source, largest_error, sections
 
 
 @dataclass(frozen=True)
 class Published:
-    """A published system: the name of its page and figures, its title, and the sources that its rows name."""
+    """A published system or benchmark: name of its page, title, sources of its rows, kind of their references."""
 
     name: str
     title: str
     sources: tuple[str, ...]
+    reference: str = ""
 
 
 SYSTEMS = (
@@ -56,6 +57,7 @@ BENCHMARKS = (
         "corner-impact",
         "A cam follower at a corner of its cam's curvature (Alzate, di Bernardo et al.)",
         ("Alzate, di Bernardo et al., corner impact of a cam follower",),
+        "closed form",
     ),
     Published(
         "code-aster",
@@ -67,6 +69,7 @@ BENCHMARKS = (
             "Tube in loose supports, DOP853 on 25 modes",
             "SDND101 of code_aster, closed form",
         ),
+        "computed by others and by another method; closed form",
     ),
     Published(
         "impacts",
@@ -77,22 +80,15 @@ BENCHMARKS = (
             "One-dimensional wave theory",
             "Sustained unilateral contact, closed form",
         ),
+        "closed form",
     ),
     Published(
         "spin-test",
         "Spin tests of valve masses (partial validation)",
         ("Spin tests of valve masses, small-block V8 (measured)",),
+        "measured",
     ),
 )
-
-ORIGINS = {
-    "SDNL32 of code_aster, hinged beam on an elastic stop": "computed by others",
-    "SDNL301 of code_aster, tube in loose supports": "computed by others",
-    "Hinged beam on a stop, natural modes in closed form and DOP853": "computed here by another method",
-    "Tube in loose supports, DOP853 on 25 modes": "computed here by another method",
-    "Spin tests of valve masses, small-block V8 (measured)": "measured",
-}
-"""What the references of a source are, where they are no closed form."""
 
 
 def _environment() -> Environment:
@@ -101,7 +97,7 @@ def _environment() -> Environment:
 
 
 class Numbers:
-    """What templates ask the rows of a page, so that no number in a text can be out of date."""
+    """Computed numbers of a page, for its template: no number in a text can be out of date."""
 
     def __init__(self, rows: list[Row]) -> None:
         self._computed = {(row["case"], row["quantity"]): row["computed"] for row in rows}
@@ -111,8 +107,8 @@ class Numbers:
         return format(factor * self._computed[case, quantity], digits)
 
 
-def _sorted_out(rows: list[Row]) -> tuple[dict[str, list[Row]], list[Row]]:
-    """Return the rows of each published system, and those of none."""
+def _group_rows(rows: list[Row]) -> tuple[dict[str, list[Row]], list[Row]]:
+    """Return the rows of each published system and benchmark, and the other rows."""
     its = {one.name: [row for row in rows if row["source"] in one.sources] for one in (*SYSTEMS, *BENCHMARKS)}
     taken = {source for one in (*SYSTEMS, *BENCHMARKS) for source in one.sources}
     return its, [row for row in rows if row["source"] not in taken]
@@ -120,29 +116,22 @@ def _sorted_out(rows: list[Row]) -> tuple[dict[str, list[Row]], list[Row]]:
 
 def pages(rows: list[Row]) -> dict[str, str]:
     """Return the texts of all pages."""
-    made, (its, others) = _environment(), _sorted_out(rows)
+    made, (its, others) = _environment(), _group_rows(rows)
     found = {
         f"{one.name}.md": made.get_template(f"{one.name}.md.j2").render(
             title=one.title, n=Numbers(its[one.name]), tables=sections(its[one.name])
         )
         for one in (*SYSTEMS, *BENCHMARKS)
     }
-    of_benchmarks = [row for one in BENCHMARKS for row in its[one.name]]
-    found["benchmarks.md"] = made.get_template("benchmarks.md.j2").render(table=compared(of_benchmarks, ORIGINS))
     found["numbers.md"] = made.get_template("numbers.md.j2").render(tables=sections(others))
-    summary = [
-        (
-            escaped(source),
-            path,
-            len(group),
-            next((s.name for s in (*SYSTEMS, *BENCHMARKS) if source in s.sources), "numbers"),
-        )
-        for source, path, group in by_source(rows)
-    ]
+    page = {source: one.name for one in (*SYSTEMS, *BENCHMARKS) for source in one.sources}
     found["index.md"] = made.get_template("index.md.j2").render(
         systems=[(one.name, one.title, len(its[one.name])) for one in SYSTEMS],
-        benchmarks=[(one.name, one.title, len(its[one.name])) for one in BENCHMARKS],
-        summary=summary,
+        benchmarks=[(one.name, one.title, one.reference, len(its[one.name])) for one in BENCHMARKS],
+        summary=[
+            (source, f"{page.get(source, 'numbers')}.md#{anchor(source)}", path, len(group), largest_error(group))
+            for source, path, group in by_source(rows)
+        ],
         total=len(rows),
     )
     return found

@@ -1,32 +1,56 @@
-"""The rows of the verification manual: those kept with the pages, and those of the last test run."""
+"""Rows that tests record for the generated pages: those of the last run (JSON) and those kept with the pages (CSV)."""
 
 from __future__ import annotations
 
 import ast
+import csv
 import json
 import math
+from collections.abc import Callable, Collection
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]
 RECORDED = ROOT / "build/verification.json"
-KEPT = ROOT / "docs/verification.json"
+KEPT = ROOT / "docs/verification/rows.csv"
+VERIFICATION = ROOT / "tests/verification"
 
 Row = dict
+TYPES: dict[str, Callable[[str], Any]] = {
+    "reference": float,
+    "computed": float,
+    "tolerance": float,
+    "count": int,
+    "absolute": "True".__eq__,
+    "holds": "True".__eq__,
+    "known": "True".__eq__,
+}
+"""Columns of a CSV file other than texts."""
+
 SAME = ("source", "case", "quantity", "unit", "absolute", "reason")
-"""What a row must not change without the manual being made anew."""
+"""Values of a row whose change requires a new manual."""
 
 SLACK = 1e-6
 """Relative; references are computed too, and their last digits differ between machines."""
 
 
-def read(path: Path) -> list[Row]:
+def read_recorded(path: Path) -> list[Row]:
+    """Return the rows of the last test run; none if it recorded none."""
     return json.loads(path.read_text(encoding="utf-8")) if path.exists() else []
 
 
+def read(path: Path = KEPT) -> list[Row]:
+    """Return the rows of a CSV file."""
+    with path.open(encoding="utf-8", newline="") as file:
+        return [{name: TYPES.get(name, str)(text) for name, text in row.items()} for row in csv.DictReader(file)]
+
+
 def write(rows: list[Row], path: Path = KEPT) -> None:
-    """Write a row to a line, so that a change of one is a change of one line."""
-    lines = ",\n".join(json.dumps(row, ensure_ascii=False) for row in rows)
-    path.write_text(f"[\n{lines}\n]\n", encoding="utf-8")
+    """Write the rows as a CSV file."""
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, rows[0], lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
 
 
 def function(row: Row) -> str:
@@ -38,35 +62,29 @@ def file(row: Row) -> str:
     return row["test"].partition("::")[0]
 
 
-def existing() -> set[str]:
-    """Return the test functions and methods of the verification, as ``file::name`` and ``file::Class::name``."""
+def list_tests(folder: Path) -> set[str]:
+    """Return the test functions and methods below a folder, as ``file::name`` and ``file::Class::name``."""
     found = set()
-    for path in (ROOT / "tests/verification").glob("test_*.py"):
+    for path in folder.rglob("test_*.py"):
         for node in ast.parse(path.read_text(encoding="utf-8")).body:
-            inner = (
-                [f"{node.name}::{one.name}" for one in _functions(node.body)] if isinstance(node, ast.ClassDef) else []
-            )
-            own = [node.name] if isinstance(node, ast.FunctionDef) else []
-            found |= {f"tests/verification/{path.name}::{name}" for name in [*own, *inner]}
+            own, prefix = (node.body, f"{node.name}::") if isinstance(node, ast.ClassDef) else ([node], "")
+            names = [one.name for one in own if isinstance(one, ast.FunctionDef) and one.name.startswith("test_")]
+            found |= {f"{path.relative_to(ROOT)}::{prefix}{name}" for name in names}
     return found
 
 
-def _functions(body: list[ast.stmt]) -> list[ast.FunctionDef]:
-    return [node for node in body if isinstance(node, ast.FunctionDef)]
+def merge_rows(
+    kept: list[Row], recorded: list[Row], folder: Path = VERIFICATION, same: Callable[[Row], str] = function
+) -> list[Row]:
+    """Return the recorded rows, and the kept rows of tests that exist and did not run; `same` identifies a test."""
+    ran, known = {same(row) for row in recorded}, list_tests(folder)
+    return [row for row in kept if same(row) not in ran and function(row) in known] + recorded
 
 
-def ordered(rows: list[Row]) -> list[Row]:
+def sort_rows(rows: list[Row]) -> list[Row]:
+    """Return the rows of the manual in the order of its pages, without `passed`."""
+    rows = [{name: value for name, value in row.items() if name != "passed"} for row in rows]
     return sorted(rows, key=lambda row: (row["source"], file(row), row["case"], row["quantity"], row["test"]))
-
-
-def merged(kept: list[Row], recorded: list[Row]) -> list[Row]:
-    """Return the rows that ran, and of those kept the ones whose test did not run but exists, in the pages' order."""
-    ran, known = {function(row) for row in recorded}, existing()
-    return ordered([row for row in kept if function(row) not in ran and function(row) in known] + recorded)
-
-
-def failed(rows: list[Row]) -> list[str]:
-    return [row["test"] for row in rows if not row["passed"]]
 
 
 def _key(row: Row) -> tuple[str, ...]:
@@ -74,8 +92,8 @@ def _key(row: Row) -> tuple[str, ...]:
 
 
 def differences(kept: list[Row], recorded: list[Row]) -> list[str]:
-    """Return what a test run says otherwise than the manual: rows that are new, gone or of another reference."""
-    ran, known = {function(row) for row in recorded}, existing()
+    """Return where a test run differs from the manual: rows that are new, gone or of another reference."""
+    ran, known = {function(row) for row in recorded}, list_tests(VERIFICATION)
     old = {_key(row): row for row in kept if function(row) in ran or function(row) not in known}
     new = {_key(row): row for row in recorded}
     found = [f"not in the manual: {' | '.join(key)}" for key in new.keys() - old.keys()]
@@ -92,3 +110,22 @@ def _changed(old: Row, new: Row) -> bool:
         or abs(old["reference"] - new["reference"]) > allowed
         or not math.isclose(old["tolerance"], new["tolerance"], rel_tol=1e-2)
     )
+
+
+def join_texts(texts: list[str]) -> str:
+    """Return texts as one list; words that all share at the beginning and at the end occur once."""
+    if len(set(texts)) == 1:
+        return texts[0]
+    words = [text.split() for text in texts]
+    shortest = min(map(len, words))
+    start = next((i for i in range(shortest) if len({line[i] for line in words}) > 1), shortest)
+    end = next((i for i in range(shortest - start) if len({line[-1 - i] for line in words}) > 1), shortest - start)
+    *parts, last = (" ".join(line[start : len(line) - end]) for line in words)
+    middle = "; ".join([*(part.rstrip(",") for part in parts), last])
+    return " ".join([*words[0][:start], middle, *words[0][len(words[0]) - end :]])
+
+
+def markdown_table(head: Collection[str], rows: list[list[str]]) -> str:
+    """Return a table in Markdown."""
+    lines = [[text.replace("|", "\\|").replace("<", "&lt;") for text in row] for row in rows]
+    return "\n".join("| " + " | ".join(row) + " |" for row in [list(head), ["---"] * len(head), *lines])

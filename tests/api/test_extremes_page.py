@@ -1,9 +1,9 @@
-"""The page of extremes is that of its JSON, and names only tests that exist, and all that record a row."""
+"""The page of extremes is made from its CSV file, and names only tests that exist, and all that record a row."""
 
 from __future__ import annotations
 
 import ast
-import importlib.util
+import importlib
 from pathlib import Path
 
 import pytest
@@ -14,15 +14,14 @@ ASSERTS = "expect"
 
 @pytest.fixture(scope="module")
 def maker():
-    spec = importlib.util.spec_from_file_location("make_extremes", ROOT / "docs/make_extremes.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(ROOT / "docs"))
+        return importlib.import_module("make_extremes")
 
 
 @pytest.fixture(scope="module")
 def rows(maker):
-    return maker.read(ROOT / "docs/extremes.json")
+    return maker.read(maker.KEPT)
 
 
 def recording():
@@ -35,7 +34,7 @@ def recording():
     return {name for name in found if "::test_" in name}
 
 
-def test_the_page_is_that_of_the_json(maker, rows):
+def test_the_page_is_made_from_the_rows(maker, rows):
     assert (ROOT / "docs/extremes.md").read_text(encoding="utf-8") == maker.page(rows)
 
 
@@ -55,7 +54,7 @@ def test_rows_of_tests_that_did_not_run_are_kept(maker, rows):
     """A run of the normal suite keeps the rows of slow tests, replaces its own, and drops those of no test."""
     one, other = rows[0], next(row for row in rows if maker.function(row) != maker.function(rows[0]))
     gone = one | {"test": "tests/extremes/test_no_such.py::test_nothing"}
-    again = maker.merged([one, other, gone], [one | {"given": "new"}])
+    again = maker.merge_rows([one, other, gone], [one | {"given": "new"}], maker.TESTS)
     assert [row["given"] for row in again if maker.function(row) == maker.function(one)] == ["new"]
     assert other in again
     assert gone not in again

@@ -1,9 +1,9 @@
-"""The page of trust is that of its JSON, and names only tests that exist, and all that keep a row."""
+"""The page of trust is made from its CSV file, and names only tests that exist, and all that keep a row."""
 
 from __future__ import annotations
 
 import ast
-import importlib.util
+import importlib
 from pathlib import Path
 
 import pytest
@@ -13,15 +13,14 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.fixture(scope="module")
 def maker():
-    spec = importlib.util.spec_from_file_location("make_trust", ROOT / "docs/make_trust.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(ROOT / "docs"))
+        return importlib.import_module("make_trust")
 
 
 @pytest.fixture(scope="module")
 def rows(maker):
-    return maker.read(ROOT / "docs/trust.json")
+    return maker.read(maker.KEPT)
 
 
 def keeping():
@@ -34,7 +33,7 @@ def keeping():
     return {name for name in found if "::test_" in name}
 
 
-def test_the_page_is_that_of_the_json(maker, rows):
+def test_the_page_is_made_from_the_rows(maker, rows):
     assert (ROOT / "docs/trust.md").read_text(encoding="utf-8") == maker.page(rows)
 
 
@@ -45,7 +44,7 @@ def test_every_row_names_a_test_and_every_test_has_a_row(maker, rows):
 def test_rows_of_tests_that_did_not_run_are_kept(maker, rows):
     one, other = rows[0], next(row for row in rows if maker.function(row) != maker.function(rows[0]))
     gone = one | {"test": "tests/fuzz/test_no_such.py::test_nothing"}
-    again = maker.merged([one, other, gone], [one | {"count": 7}])
+    again = maker.merge_rows([one, other, gone], [one | {"count": 7}], ROOT / "tests", lambda row: row["test"])
     assert [row["count"] for row in again if row["test"] == one["test"]] == [7]
     assert other in again
     assert gone not in again

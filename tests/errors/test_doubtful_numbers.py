@@ -49,7 +49,7 @@ DOUBTFUL = {
     "speed in rpm": (CASE, "run.speed=3000", "3000 rad/s is no usual camshaft speed", "did you mean 3000 rpm?"),
     "a spring as soft as nothing": (CASE, "springs.valve.stiffness=1e-5", "stiffness of a spring", ""),
     "gravity in mm/s^2": (CASE, "run.gravity=[0,-9810,0]", "9810 m/s^2", "did you mean 9810 mm/s^2?"),
-    "play in mm": (ENGINE, "contacts.play.gap=0.3", "play", "did you mean 0.3 mm?"),
+    "lash in mm": (ENGINE, "contacts.play.gap=0.3", "play", "did you mean 0.3 mm?"),
     "a member thicker than long": (CASE, "sections.shaft.diameter=1", "1 m thick", "same unit?"),
 }  # fmt: skip
 

@@ -37,9 +37,9 @@ def test_no_input_breaks_flexcam(inputs, processes, tried):
         done[name] += count
     assert sum(done.values()) == inputs
     assert set(done) == set(targets.TARGETS), "every kind of input had its share"
-    for name, count in sorted(done.items()):
+    for name, count in sorted(done.items()) if inputs == ALL else ():  # the page shows the larger run
         of_it = {key: n for key, n in found.outcomes.items() if key[0] == name}
-        tried("mutated", f"{name}, {inputs} inputs in all", count, _outcome(of_it))
+        tried("mutated", name, count, _outcome(of_it))
 
 
 @pytest.fixture(scope="module", autouse=True)

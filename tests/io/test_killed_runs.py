@@ -171,7 +171,7 @@ def test_h5py_reads_every_chunk(kills, tried):
                 file.visititems(lambda _, item: item[()] if isinstance(item, h5py.Dataset) else None)
             seen += 1
     assert seen >= len(kills.runs) // 2
-    tried("killed", "the same, read by h5py alone", seen, "every chunk is present, with its checksum")
+    tried("killed", "kill -9, file read by h5py alone", seen, "every chunk is present, with its checksum")
 
 
 READ = """
@@ -194,7 +194,7 @@ def test_vtk_reads_every_step(kills, tried):
     pytest.importorskip("vtkmodules.vtkIOHDF")
     some = [one.path for one in kills.runs if one.reported]
     script(READ, *some)
-    tried("killed", "the same, read by VTK", len(some), "every step is readable")
+    tried("killed", "kill -9, file read by VTK", len(some), "every step is readable")
 
 
 def test_killed_runs_go_on_to_the_same_end(kills, tried):
@@ -208,4 +208,4 @@ def test_killed_runs_go_on_to_the_same_end(kills, tried):
         assert read.status.ok
         assert np.array_equal(read.channels["energy.residual"], kills.whole.channels["energy.residual"])
         assert np.array_equal(read.fields.acceleration, kills.whole.fields.acceleration)
-    tried("killed", "the same, gone on with by --resume", len(some), "bit by bit the result of the uninterrupted run")
+    tried("killed", "kill -9, continued with --resume", len(some), "bit by bit the result of the uninterrupted run")

@@ -15,6 +15,7 @@ from pydantic import (
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
     ValidationInfo,
+    WithJsonSchema,
     model_validator,
 )
 from pydantic.fields import FieldInfo
@@ -106,7 +107,12 @@ class Unit:
             "description": f"{kind.name}, SI number ({kind.si or '-'}) or text with a unit",
             "examples": [kind.example],
         }
-        return {"anyOf": [{"type": "number"}, {"type": "string"}], **example}
+        number: dict[str, Any] = {"type": "number"}
+        if not self.signed:
+            number["exclusiveMinimum" if self.above else "minimum"] = 0
+        if self.most is not None:
+            number["maximum"] = self.most
+        return {"anyOf": [number, {"type": "string"}], **example}
 
 
 def _component(value: Any) -> str:  # noqa: ANN401 - any TOML value
@@ -165,6 +171,9 @@ DirectionValue = Annotated[Any, Check(_direction, "direction")]
 
 LineValue = Annotated[Any, Check(_line, "line")]
 """Direction without rotations, for motions and forces in contacts and rockers."""
+
+Quantity = Annotated[float, WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string"}]})]
+"""Quantity whose unit depends on other keys of its table: along a line or about an axis."""
 
 Length = Annotated[float, Unit("length", above=True)]
 Position = Annotated[float, Unit("length", signed=True)]

@@ -27,6 +27,7 @@ from flexcam.case.schema.base import (
     PartRecord,
     Position,
     PositiveAngle,
+    Quantity,
     Record,
     SignedAngle,
     Unit,
@@ -127,13 +128,13 @@ class CamDesignRecord(PartRecord[valvetrain.Cam]):
     return_law: LawDefinition | None = Field(
         None, description="law of the return, reversed; that of the rise by default"
     )
-    lift: float | None = Field(
+    lift: Quantity | None = Field(
         None, gt=0.0, description='above the ramps; a text such as "10 deg" where the follower swings'
     )
     lift_table: LiftDefinition | None = Field(None, description="file of the whole lift, instead of a law")
-    rise: PositiveAngle | None = None
-    dwell: Angle = Field(0.0, description="upper dwell")
-    fall: PositiveAngle | None = Field(None, alias="return")
+    rise: PositiveAngle | None = Field(None, description="cam angle of the rise")
+    dwell: Angle = Field(0.0, description="cam angle of the upper dwell")
+    fall: PositiveAngle | None = Field(None, alias="return", description="cam angle of the return")
     phase: SignedAngle = Field(0.0, description="cam angle at which the rise (or the table's zero) lies")
     centreline: SignedAngle | None = Field(
         None, description="cam angle of the maximum lift (the middle of an upper dwell), instead of phase"
@@ -141,7 +142,7 @@ class CamDesignRecord(PartRecord[valvetrain.Cam]):
     tdc: SignedAngle | None = Field(
         None, description="cam angle at the top dead centre of the gas exchange of its cylinder, for the cam card"
     )
-    ramps: RampsRecord | None = None
+    ramps: RampsRecord | None = Field(None, description="before the rise and after the return")
     single_dwell: Literal["high", "low"] | None = Field(
         None, description="where the only dwell lies, for laws that begin under acceleration"
     )

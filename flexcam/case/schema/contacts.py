@@ -23,6 +23,8 @@ from flexcam.case.schema.base import (
 )
 from flexcam.valvetrain import DAMPING_DEPTH, Lubrication, OilChamber
 
+_CamName = Annotated[Name, Field(description="name of a cam")]
+_FollowerName = Annotated[Name, Field(description="point that the cam moves")]
 _LiftDirection = Annotated[LineValue | None, Field(description="of the lift; from cam to follower by default")]
 _Restitution = Annotated[
     Ratio | None, Field(le=1.0, description="coefficient of restitution: speed of separation per speed of approach")
@@ -36,8 +38,8 @@ class PublishedLoadRecord(Record):
     """Published contact model of a cam and its follower: a force drives the follower."""
 
     model: Literal["published-load"]
-    cam: Name
-    follower: Name
+    cam: _CamName
+    follower: _FollowerName
     direction: _LiftDirection = None
     preload_factor: Ratio = Field(2.5, description="preload by the force that the rigid train needs for contact")
     cam_deflection: bool = Field(
@@ -50,8 +52,8 @@ class BilateralRecord(Record):
     """Bilateral contact: the cam moves its follower through a stiffness and cannot separate from it."""
 
     model: Literal["bilateral"]
-    cam: Name
-    follower: Name
+    cam: _CamName
+    follower: _FollowerName
     direction: _LiftDirection = None
     stiffness: PositiveStiffness
 
@@ -91,8 +93,8 @@ class UnilateralRecord(Record):
     """Unilateral contact: the cam lifts its follower and may separate from it."""
 
     model: Literal["unilateral"]
-    cam: Name
-    follower: Name
+    cam: _CamName
+    follower: _FollowerName
     direction: _LiftDirection = None
     stiffness: Literal["hertz"] | PositiveStiffness = Field(
         description="a number, or hertz for line contact with the cam's own curvature", union_mode="left_to_right"

@@ -21,6 +21,7 @@ from flexcam.case.schema.base import (
     Position,
     PositiveNumber,
     PositiveStiffness,
+    Quantity,
     Record,
     SecondMoment,
     SignedAngle,
@@ -47,7 +48,9 @@ class MaterialRecord(PartRecord[Material]):
     """Isotropic material."""
 
     E: Stress = Field(description="Young's modulus")
-    nu: Annotated[SignedNumber, AfterValidator(_check_poisson_ratio)] = Field(description="Poisson's ratio")
+    nu: Annotated[SignedNumber, AfterValidator(_check_poisson_ratio)] = Field(
+        description="Poisson's ratio, above -1 and up to 0.5"
+    )
     density: Annotated[float, Unit("density")] = Field(description="mass per volume")
     ultimate_strength: Stress | None = Field(None, description="for the margin against fatigue")
     endurance_limit: Stress | None = Field(
@@ -186,11 +189,11 @@ class FrictionRecord(PartRecord[valvetrain.Friction]):
     at: Name
     to: Name | None = Field(None, description="the other side; ground where absent")
     direction: DirectionValue
-    force: float = Field(description="Coulomb's force, N, or moment about an axis, N m")
-    breakaway_force: float | None = Field(None, description="when sliding begins; as force by default")
-    stribeck_speed: float = Field(0.1, description="over which it falls to force, m/s, or rad/s about an axis")
-    friction_speed: float = Field(0.01, description="over which it reverses, m/s, or rad/s about an axis")
-    damping: float = Field(0.0, description="viscous part, N s/m, or N m s/rad about an axis")
+    force: Quantity = Field(description="Coulomb's force, N, or moment about an axis, N m")
+    breakaway_force: Quantity | None = Field(None, description="when sliding begins; as force by default")
+    stribeck_speed: Quantity = Field(0.1, description="over which it falls to force, m/s, or rad/s about an axis")
+    friction_speed: Quantity = Field(0.01, description="over which it reverses, m/s, or rad/s about an axis")
+    damping: Quantity = Field(0.0, description="viscous part, N s/m, or N m s/rad about an axis")
 
     @field_validator("force", "breakaway_force", "stribeck_speed", "friction_speed", "damping", mode="before")
     @classmethod
@@ -229,7 +232,7 @@ class LoadRecord(PartRecord[valvetrain.GivenLoad]):
     at: Name | None = Field(None, description="point of application")
     member: Name | None = Field(None, description="member it is distributed over")
     direction: DirectionValue
-    force: float | None = Field(None, description="N at a point, N m about an axis")
+    force: Quantity | None = Field(None, description="N at a point, N m about an axis")
     force_per_length: Annotated[float, Unit("stiffness", signed=True)] | None = Field(
         None, description="N/m over a member"
     )

@@ -18,6 +18,7 @@ from flexcam.case.schema.base import (
     PartRecord,
     PositiveNumber,
     PositiveStiffness,
+    Quantity,
     Ratio,
     Record,
     SignedAngle,
@@ -105,8 +106,8 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
     at: Name
     to: Name | None = Field(None, description="the other end; ground where absent")
     direction: DirectionValue
-    stiffness: float = Field(0.0, description="N/m, or N m/rad about an axis")
-    damping: float = Field(0.0, description="N s/m, or N m s/rad about an axis")
+    stiffness: Quantity = Field(0.0, description="N/m, or N m/rad about an axis")
+    damping: Quantity = Field(0.0, description="N s/m, or N m s/rad about an axis")
     link: bool = Field(
         False, strict=True, description="represents a part of the train, which is rigid in the rigid model"
     )

@@ -1,0 +1,60 @@
+"""Directive ``verification``: the rows of a source in the verification manual, and the reasons of their tolerances."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import ClassVar
+
+from docutils import nodes
+from docutils.parsers.rst import directives
+from manual.rows import KEPT, Row, file, read
+from manual.tables import HEAD, cells
+from sphinx.application import Sphinx
+from sphinx.util.docutils import SphinxDirective
+
+
+@cache
+def kept() -> list[Row]:
+    return read(KEPT)
+
+
+class Verification(SphinxDirective):
+    """Rows of the source given as argument that a file of tests asserts."""
+
+    required_arguments = 1
+    final_argument_whitespace = True
+    option_spec: ClassVar = {"test": directives.unchanged_required}
+
+    def run(self) -> list[nodes.Node]:
+        """Return the name of the test, the table and the reasons."""
+        self.env.note_dependency(str(KEPT))
+        source, test = self.arguments[0], self.options["test"]
+        rows = [row for row in kept() if row["source"] == source and file(row) == test]
+        if not rows:
+            message = f"no rows of {source!r} in {test}"
+            raise self.error(message)
+        reasons = dict.fromkeys(row["reason"] for row in rows)
+        items = [nodes.list_item("", nodes.paragraph("", reason)) for reason in reasons]
+        return [
+            nodes.paragraph("", "", nodes.literal("", test)),
+            table(HEAD, [cells(row) for row in rows]),
+            nodes.paragraph("", "Reasons of the tolerances:"),
+            nodes.bullet_list("", *items),
+        ]
+
+
+def table(head: tuple[str, ...], rows: list[list[str]]) -> nodes.table:
+    """Return a table of texts."""
+
+    def line(texts: list[str] | tuple[str, ...]) -> nodes.row:
+        return nodes.row("", *(nodes.entry("", nodes.paragraph("", text)) for text in texts))
+
+    group = nodes.tgroup("", *(nodes.colspec("", colwidth=1) for _ in head), cols=len(head))
+    group += nodes.thead("", line(head))
+    group += nodes.tbody("", *map(line, rows))
+    return nodes.table("", group, classes=["colwidths-auto"])
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    app.add_directive("verification", Verification)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
