@@ -41,9 +41,10 @@ from flexcam.report.terminal import (
     format_number,
     plain_table,
 )
-from flexcam.studies.evaluators import PointEvaluator, case_text, variables_of
+from flexcam.studies.evaluators import PointEvaluator, WorstCase, case_text, variables_of
 from flexcam.studies.gradients import gradient_function
 from flexcam.studies.optimization import (
+    Constraint,
     Evaluations,
     Goal,
     OptimizationProblem,
@@ -56,6 +57,7 @@ from flexcam.studies.optimization import (
     row_value,
 )
 from flexcam.studies.optimization import optimize as minimize
+from flexcam.studies.plan import make_plan, parse_axes
 from flexcam.studies.sensitivity import exact_names
 
 if TYPE_CHECKING:
@@ -106,6 +108,15 @@ def optimize(
         list[str] | None,
         Parameter("--subject", negative=(), help="Constraint: 'NAME <= VALUE' or 'NAME >= VALUE'. Repeatable."),
     ] = None,
+    at: Annotated[
+        list[str] | None,
+        Parameter(
+            "--at",
+            negative=(),
+            help="Conditions, such as run.crank_speed=4000:6000:500rpm: every result is that of its worst condition. "
+            "Repeatable.",
+        ),
+    ] = None,
     method: Annotated[
         Literal["evolution", "gradient"],
         Parameter(help="Search of the whole intervals without derivatives, or from the case along exact gradients."),
@@ -140,9 +151,11 @@ def optimize(
     with suppress(RunFailedError):  # a case that fails may have better variants
         asked.initial_quantities(evaluations)
     with asked.evaluators(evaluations) as runs:
-        design = OptimizationProblem(PointEvaluator(asked.case, variables, runs), goals, bounds)
+        worst = worst_case(at, goals, bounds) if at else None
+        evaluate = worst.over(runs) if worst else runs
+        design = OptimizationProblem(PointEvaluator(asked.case, variables, evaluate), goals, bounds)
         if method == "gradient":
-            derive = gradient_function(asked.file, asked.fixed, design.points, names)
+            derive = gradient_function(asked.file, asked.fixed, design.points, design.spans, names, worst)
             begins = 1 if starts is None else starts
             found = optimize_by_gradient(design, derive, evaluations=evaluations, starts=begins, seed=seed)
         else:
@@ -163,6 +176,17 @@ def optimize(
     if ended.ok and found.best is None:
         return Status(Cause.TOLERANCE, "no variant meets all constraints", "widen the intervals, or relax a constraint")
     return ended
+
+
+def worst_case(at: Sequence[str], goals: Sequence[Goal], bounds: Sequence[Constraint]) -> WorstCase:
+    """Return the conditions, and which end of every result is its worst one."""
+    largest = {goal.name: not goal.most for goal in goals}
+    for bound in bounds:
+        upper = bound.relation == "<="
+        if largest.setdefault(bound.name, upper) != upper:
+            why = "with --at a result has one worst condition"
+            raise refuse("--at", f"{bound.name} with an upper and a lower goal", "one of them", why)
+    return WorstCase(make_plan(parse_axes(at)).variants, largest)
 
 
 def _search_figure(design: OptimizationProblem, found: Evaluations) -> Figure:

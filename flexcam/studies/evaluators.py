@@ -208,6 +208,39 @@ class InterruptibleRuns:
         return Status(Cause.INTERRUPTED, text, "the same command evaluates all of them")
 
 
+@dataclass(frozen=True)
+class WorstCase:
+    """Worst result of a variant under several conditions, such as the speeds of a band."""
+
+    conditions: tuple[tuple[str, ...], ...]  #: overrides of each condition
+    largest: Mapping[str, bool]  #: whether the largest value of a quantity is the worst, otherwise the smallest
+
+    def over(self, runs: Runs) -> Runs:
+        """Return a function that evaluates variants under all conditions and yields a row for each variant."""
+
+        def worst(variants: Sequence[tuple[str, ...]]) -> Iterator[Row]:
+            rows = iter(runs([(*variant, *one) for variant in variants for one in self.conditions]))
+            for _ in variants:
+                yield self.combine([next(rows) for _ in self.conditions])
+
+        return worst
+
+    def combine(self, rows: Sequence[Row]) -> Row:
+        """Return the worst values of several rows; a row that failed is the worst of all."""
+        for row in rows:
+            if not row.status.ok:
+                return row
+        return replace(rows[0], scalars={
+            name: rows[self.worst(name, [row.scalars.get(name, np.nan) for row in rows])].scalars[name]
+            for name in rows[0].scalars
+        })  # fmt: skip
+
+    def worst(self, name: str, values: Sequence[float]) -> int:
+        """Return the position of the worst of the values of a quantity, the first missing one if there is any."""
+        array = np.array(values)
+        return int(np.argmax(array) if self.largest.get(name, True) else np.argmin(array))
+
+
 @dataclass(frozen=True, eq=False)
 class LimitMap:
     """Speed limits over two numbers."""

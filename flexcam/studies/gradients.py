@@ -21,12 +21,12 @@ from flexcam.dynamics import RunFailedError, Scheme
 from flexcam.dynamics.parameter_forces import Variation
 from flexcam.dynamics.tangent import tangent_run
 from flexcam.studies.evaluation import compute_scalars
-from flexcam.studies.evaluators import PointEvaluator
+from flexcam.studies.evaluators import PointEvaluator, WorstCase
 from flexcam.studies.quantities import Number, compute_quantities, get_number, is_run_scalar, make_overrides
 from flexcam.valvetrain import Metric
 
 RELATIVE_WIDTH = 1e-5
-"""Half the difference of a number, relative to it: results are first-order functions of it, so that only rounding and
+"""Half the difference of a number, relative to its size: results are first-order functions of it, so that only rounding and
 the curvature of the equations themselves matter."""
 
 _SIMILAR_RUNS = 10
@@ -67,8 +67,9 @@ def exact_refusal(case: Case) -> str:
 
 
 def compute_gradient(
-    file: CaseFile, overrides: Sequence[str], names: Sequence[str], numbers: Sequence[Number]
-) -> Gradient:
+    file: CaseFile, overrides: Sequence[str], names: Sequence[str], numbers: Sequence[Number],
+    sizes: Sequence[float] | None = None,
+) -> Gradient:  # fmt: skip
     """Return results of a case and their derivatives by some of its numbers.
 
     Parameters
@@ -78,7 +79,9 @@ def compute_gradient(
     names
         Results: scalars of a run, natural frequencies, properties of cams, or keys; no speed limits.
     numbers
-        Numbers of the case, none of them zero.
+        Numbers of the case.
+    sizes
+        Usual size of each number, SI; None for its value, which then must not be zero.
 
     Returns
     -------
@@ -97,59 +100,68 @@ def compute_gradient(
     ``compute_gradient(file, (), ["springs.valve.force.largest"], get_numbers(case, ["springs.valve.stiffness"]))``
     """
     case = file.read(overrides)
+    steps = [RELATIVE_WIDTH * abs(size) for size in sizes or [number.value for number in numbers]]
     pairs = [
-        tuple(file.read((*overrides, *one)) for one in make_neighbours(case, number, RELATIVE_WIDTH))
-        for number in numbers
+        tuple(file.read((*overrides, *one)) for one in make_neighbours(case, number, step))
+        for number, step in zip(numbers, steps, strict=True)
     ]
     of_runs = [name for name in names if is_run_scalar(case, name)]
     others = [name for name in names if name not in of_runs]
     rows: list[dict[str, Metric]] = [{} for _ in range(1 + 2 * len(numbers))]
     growth = 1.0
     if of_runs:
-        found, growth = _run_scalars(case, pairs, [_width(number) for number in numbers], of_runs)
+        found, growth = _run_scalars(case, pairs, [2.0 * step for step in steps], of_runs)
         for row, metrics in zip(rows, found, strict=True):
             row |= {one.name: one for one in metrics if one.name in of_runs}
     if others:
         for row, one in zip(rows, (case, *chain.from_iterable(pairs)), strict=True):
             row |= {name: Metric(name, q.value, q.unit) for name, q in compute_quantities(one, others).items()}
     derivatives = {
-        (name, number.key): _slope(*rows[1 + 2 * i : 3 + 2 * i], name) / _width(number)
+        (name, number.key): _difference(rows[1 + 2 * i], rows[2 + 2 * i], name) / (2.0 * step)
         for name in rows[0]
-        for i, number in enumerate(numbers)
+        for i, (number, step) in enumerate(zip(numbers, steps, strict=True))
     }
     values, units = ({name: getattr(one, kind) for name, one in rows[0].items()} for kind in ("value", "unit"))
     return Gradient(values, units, derivatives, growth)
 
 
-def _slope(below: Mapping[str, Metric], above: Mapping[str, Metric], name: str) -> float:
+def _difference(below: Mapping[str, Metric], above: Mapping[str, Metric], name: str) -> float:
     if name not in below or name not in above or name.endswith(COUNTED):
         return math.nan
     return above[name].value - below[name].value
 
 
 def gradient_function(
-    file: CaseFile, fixed: Sequence[str], points: PointEvaluator, names: Sequence[str]
-) -> Callable[[FloatArray], Gradient]:
-    """Return the function from a point of some variables to the gradient of quantities by them."""
+    file: CaseFile, fixed: Sequence[str], points: PointEvaluator, sizes: FloatArray, names: Sequence[str],
+    worst: WorstCase | None = None,
+) -> Callable[[FloatArray], Gradient]:  # fmt: skip
+    """Return the function from a point of some variables to the gradient of quantities by them.
+
+    `sizes` are those of the variables, SI. With conditions, every quantity is that of its worst one.
+    """
 
     def derive(point: FloatArray) -> Gradient:
-        overrides = (*fixed, *points.overrides(point))
-        case = file.read(overrides)
-        return compute_gradient(
-            file, overrides, names, [get_number(case, one.key, "--vary") for one in points.variables]
-        )
+        found = list[Gradient]()
+        for condition in worst.conditions if worst else ((),):
+            overrides = (*fixed, *points.overrides(point), *condition)
+            case = file.read(overrides)
+            numbers = [get_number(case, one.key, "--vary") for one in points.variables]
+            found.append(compute_gradient(file, overrides, names, numbers, sizes.tolist()))
+        return found[0] if worst is None else _worst_gradient(found, worst)
 
     return derive
 
 
-def make_neighbours(case: Case, number: Number, relative: float) -> list[tuple[str, ...]]:
-    """Return the overrides of two cases with a number a little below and above its value."""
-    step = relative * abs(number.value)
+def _worst_gradient(found: Sequence[Gradient], worst: WorstCase) -> Gradient:
+    at = {name: found[worst.worst(name, [one.values[name] for one in found])] for name in found[0].values}
+    derivatives = {(name, key): at[name].derivatives[name, key] for name, key in found[0].derivatives}
+    values = {name: one.values[name] for name, one in at.items()}
+    return Gradient(values, found[0].units, derivatives, max(one.growth for one in found))
+
+
+def make_neighbours(case: Case, number: Number, step: float) -> list[tuple[str, ...]]:
+    """Return the overrides of two cases with a number a step below and above its value."""
     return [make_overrides(case, {number.key: repr(number.value + sign * step)}) for sign in (-1.0, 1.0)]
-
-
-def _width(number: Number) -> float:
-    return 2.0 * RELATIVE_WIDTH * abs(number.value)
 
 
 def _run_scalars(

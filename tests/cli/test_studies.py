@@ -233,6 +233,19 @@ def test_a_search_by_gradients_takes_few_runs(flexcam, oscillator, tmp_path):
     assert flexcam("optimize", oscillator, *told[:-2], "--starts", "2").code == 2
 
 
+@pytest.mark.parametrize("method", ["evolution", "gradient"])
+def test_a_result_over_several_conditions_is_the_worst(flexcam, oscillator, method):
+    """Least stiffness with f >= 110 Hz for three masses: the heaviest rules."""
+    told = ("--vary", "springs.one.stiffness=20:80kN/m", "--least", "springs.one.stiffness",
+            "--subject", "frequency.1 >= 110 Hz", "--at", "masses.one.mass=80:120:20g", "--evaluations", "60")  # fmt: skip
+    found = flexcam("optimize", oscillator, *told, "--method", method, "--json").json["best"]["values"]
+    assert found["springs.one.stiffness"] == pytest.approx(0.12 * (2.0 * math.pi * 110.0) ** 2, rel=1e-3)
+    assert found["frequency.1"] == pytest.approx(110.0, rel=1e-3)
+    twice = flexcam("optimize", oscillator, *told, "--subject", "frequency.1 <= 120 Hz", "--method", method)
+    assert twice.code == 2
+    assert "an upper and a lower goal" in twice.err
+
+
 def test_a_search_by_gradients_through_contact(flexcam):
     """Most speed at which the contact on the nose keeps a force: the bound is met to rounding, with contact events."""
     told = ("--vary", "run.crank_speed=4500:6500rpm", "--vary", "springs.valve.installed_force=300:500N",
@@ -344,7 +357,16 @@ def test_a_worker_that_is_killed_costs_a_study_nothing(oscillator):
 
 
 STUDIES = {
-    "derivatives": ("sensitivity", "--of", "probes.valve.acceleration.largest", "--to", "cams.intake.lift", *QUICK),
+    "derivatives": (
+        "sensitivity",
+        "--of",
+        "probes.valve.acceleration.largest",
+        "--to",
+        "cams.intake.lift",
+        *QUICK,
+        "--method",
+        "differences",
+    ),  # fmt: skip
     "shares": ("sensitivity", "--of", "frequency.1", "--to", "springs.one.stiffness=20:80kN/m", "--sobol", "8"),
     "scatter": ("sensitivity", "--of", "frequency.1", "--tolerance", "springs.one.stiffness=±5%", "--count", "20"),
 }

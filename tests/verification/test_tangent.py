@@ -131,7 +131,7 @@ def differences(file, fixed, number, name):
     for relative in (1e-4, 5e-5):
         low, high = (
             evaluate(file.read((*fixed, *one)), runs=100).scalars[name]
-            for one in make_neighbours(file.read(fixed), number, relative)
+            for one in make_neighbours(file.read(fixed), number, relative * abs(number.value))
         )
         slopes.append((high - low) / (2.0 * relative * abs(number.value)))
     return (4.0 * slopes[1] - slopes[0]) / 3.0
