@@ -26,8 +26,10 @@ from flexcam.studies.quantities import Number, compute_quantities, get_number, i
 from flexcam.valvetrain import Metric
 
 RELATIVE_WIDTH = 1e-5
-"""Half the difference of a number, relative to its size: results are first-order functions of it, so that only rounding and
-the curvature of the equations themselves matter."""
+"""Half the difference of a number, relative to its size.
+
+Results of a run are first-order functions of it, so that only rounding and the curvature of the equations matter.
+"""
 
 _SIMILAR_RUNS = 10
 """Number of runs whose time the derivatives of a run take, for the selection of the engine."""

@@ -237,7 +237,8 @@ def test_a_search_by_gradients_takes_few_runs(flexcam, oscillator, tmp_path):
 def test_a_result_over_several_conditions_is_the_worst(flexcam, oscillator, method):
     """Least stiffness with f >= 110 Hz for three masses: the heaviest rules."""
     told = ("--vary", "springs.one.stiffness=20:80kN/m", "--least", "springs.one.stiffness",
-            "--subject", "frequency.1 >= 110 Hz", "--at", "masses.one.mass=80:120:20g", "--evaluations", "60")  # fmt: skip
+            "--subject", "frequency.1 >= 110 Hz", "--evaluations", "60",
+            "--at", "masses.one.mass=80:120:20g")  # fmt: skip
     found = flexcam("optimize", oscillator, *told, "--method", method, "--json").json["best"]["values"]
     assert found["springs.one.stiffness"] == pytest.approx(0.12 * (2.0 * math.pi * 110.0) ** 2, rel=1e-3)
     assert found["frequency.1"] == pytest.approx(110.0, rel=1e-3)
@@ -366,7 +367,7 @@ STUDIES = {
         *QUICK,
         "--method",
         "differences",
-    ),  # fmt: skip
+    ),
     "shares": ("sensitivity", "--of", "frequency.1", "--to", "springs.one.stiffness=20:80kN/m", "--sobol", "8"),
     "scatter": ("sensitivity", "--of", "frequency.1", "--tolerance", "springs.one.stiffness=±5%", "--count", "20"),
 }
