@@ -19,7 +19,6 @@ from flexcam.dynamics.linearization import (
     SAME_LENGTH,
     Linear,
     Linearization,
-    LinearSequence,
     LinearStep,
     SmallStep,
     StepSequence,
@@ -140,60 +139,43 @@ class Disturbances:
         return self._linear.at(every.schedule, i, penetration, every.rate[i], every.track.state[i])
 
     def _set_sides(self, side: Bools, penetration: FloatArray, rate: FloatArray) -> FloatArray:
-        """Return the sensed scalars, with contacts that are about to switch set to their side."""
+        """Return the sensed scalars, shape (..., c), with contacts that are about to switch set to their side."""
         which = self._forces.switching
         if not len(which):
             return penetration
-        penetration, depth = penetration.copy(), penetration[which]
-        there = np.abs(depth) <= _AT_ONCE * self._problem.step * np.abs(rate[which])
-        penetration[which] = np.where(there, np.where(side, _TOUCH, -_TOUCH), depth)
+        penetration, depth = penetration.copy(), penetration[..., which]
+        there = np.abs(depth) <= _AT_ONCE * self._problem.step * np.abs(rate[..., which])
+        penetration[..., which] = np.where(there, np.where(side, _TOUCH, -_TOUCH), depth)
         return penetration
 
     def _sequence(self, every: SensedTrajectory) -> tuple[StepSequence, FloatArray]:
         """Return the steps of usual length between all instants, and the contributions of the parameters to them."""
-        forces, schedule, track, step = self._forces, every.schedule, every.track, self._problem.step
-        steps, states, explicit = len(track.time) - 1, len(forces.start_state), self._explicit
-        penetration = every.penetration.copy()
-        for i in range(len(penetration)):
-            penetration[i] = self._set_sides(track.pressed[i], penetration[i], every.rate[i])
-        functions = schedule.rows[:, schedule.functions :]
-        by_x, by_rate = forces.tangents(penetration, every.rate, track.state, functions)
-        act, sense, turning = (
-            (owner * weights[:, None, :]) @ vectors
-            for owner, weights, vectors in (
-                (schedule.acts, schedule.acting_weights, forces.act.vectors),
-                (schedule.senses, schedule.sensing_weights, forces.sense.vectors),
-                (schedule.senses, schedule.sensing_rates, forces.sense.vectors),
-            )
-        )
-        owners = forces.table.owners
-        linear = LinearSequence(
-            act, by_x @ sense + by_rate @ turning, by_rate @ sense, -by_x[:, :, owners], sense[:, owners], by_x, by_rate
-        )
-        travel, begin = np.zeros((2, steps, states))
-        for i in range(steps if states else 0):
-            travel[i], begin[i] = forces.state_steps(
-                step, every.penetration[i + 1], every.penetration[i], track.state[i]
-            )
-        terms = np.zeros((steps, *self._carried.shape))
-        if explicit is not None and self._parameters is not None:
-            local = explicit.answer + by_x @ explicit.penetration + by_rate @ explicit.rate
-            pushed = 0.5 * step * (explicit.force + np.swapaxes(act, 1, 2) @ local)
-            n, count = len(act[0, 0]) if forces.count else track.d.shape[1], self._parameters.count
-            terms[:, n : 2 * n, :count] = pushed[1:]
-            terms[:, n : 2 * n, :count] += (
-                self._stepper.equilibrate(pushed[:-1].transpose(1, 0, 2).reshape(n, steps * count))
-                .reshape(n, steps, count)
-                .swapaxes(0, 1)
-            )
-            for i in range(steps if states else 0):
-                terms[i, 2 * n :, :count] = self._parameters.states_after(every, i)
-            if (stretch := self._parameters.stretch).any():
-                flow = np.hstack([track.v, track.a])
-                mean = 0.5 * (flow[1:] + flow[:-1])
-                mean[:, n:] = self._problem.system.mass.multiply(mean[:, n:].T).T
-                terms[:, : 2 * n, :count] += mean[:, :, None] * (step * stretch)
-        return self._stepper.sequence(step, linear, travel, begin), terms
+        forces, track, step = self._forces, every.track, self._problem.step
+        penetration = self._set_sides(track.pressed, every.penetration, every.rate)
+        linear = self._linear.along(every.schedule, penetration, every.rate, track.state)
+        travel, begin = np.zeros((2, len(track.time) - 1, len(forces.start_state)))
+        for i in range(len(travel) if travel.shape[1] else 0):
+            ends = every.penetration[i + 1], every.penetration[i]
+            travel[i], begin[i] = forces.state_steps(step, *ends, track.state[i])
+        return self._stepper.sequence(step, linear, travel, begin), self._sequence_terms(every, linear)
+
+    def _sequence_terms(self, every: SensedTrajectory, linear: Linear) -> FloatArray:
+        """Return the contributions of the parameters to all steps of usual length, as `_parameter_terms`."""
+        track, step, n = every.track, self._problem.step, self._problem.system.size
+        terms = np.zeros((len(track.time) - 1, *self._carried.shape))
+        if self._parameters is None or self._explicit is None:
+            return terms
+        count, pushed = self._parameters.count, 0.5 * step * self._explicit.source(linear, slice(None))
+        old = pushed[:-1].swapaxes(0, 1).reshape(n, -1)
+        terms[:, n : 2 * n, :count] = pushed[1:]
+        terms[:, n : 2 * n, :count] += self._stepper.equilibrate(old).reshape(n, -1, count).swapaxes(0, 1)
+        if track.state.shape[1]:
+            terms[:, 2 * n :, :count] = [self._parameters.states_after(every, i) for i in range(len(terms))]
+        if (stretch := self._parameters.stretch).any():
+            flow = np.hstack([track.v, self._problem.system.mass.multiply(track.a.T).T])
+            mean = 0.5 * (flow[1:] + flow[:-1])
+            terms[:, : 2 * n, :count] += mean[:, :, None] * (step * stretch)
+        return terms
 
     def _small(self, begin: Linear, end: Linear, every: SensedTrajectory, i: int) -> SmallStep:
         """Return what the step after an instant does to disturbances."""
@@ -325,9 +307,8 @@ class Disturbances:
         """Return the forces of the parameters on the unknowns at an instant, shape (n, k)."""
         pushed = np.zeros((self._problem.system.size, self._carried.shape[1]))
         if self._explicit is not None:
-            one = self._explicit
-            local = one.answer[i] + at.by_penetration @ one.penetration[i] + at.by_rate @ one.rate[i]
-            pushed[:, : one.force.shape[2]] = one.force[i] + at.act.T @ local
+            found = self._explicit.source(at, i)
+            pushed[:, : found.shape[1]] = found
         return pushed
 
     def _sensed(self, i: int, scalar: int) -> FloatArray:

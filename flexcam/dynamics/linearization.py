@@ -19,7 +19,10 @@ SAME_LENGTH = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Linear:
-    """Linearized local forces at an instant: the forces ``by_d d + by_v v + by_state z`` act along the rows `act`."""
+    """Linearized local forces at an instant: the forces ``by_d d + by_v v + by_state z`` act along the rows `act`.
+
+    For several instants all arrays have a first axis of instants.
+    """
 
     act: FloatArray  #: shape (c, n)
     by_d: FloatArray  #: derivatives of the forces by displacement, shape (c, n)
@@ -53,6 +56,16 @@ class Linearization:
         if told != self._told:
             self._last, self._told = self._with(answer, *directions(self._forces, schedule, i)), told
         return self._last
+
+    def along(self, schedule: PrescribedInputs, penetration: FloatArray, rate: FloatArray, state: FloatArray) -> Linear:
+        """Return the linear forces at all rows of the prescribed inputs."""
+        forces, functions = self._forces, schedule.rows[:, schedule.functions :]
+        by_x, by_rate = forces.tangents(penetration, rate, state, functions)
+        act = (schedule.acts * schedule.acting_weights[:, None]) @ forces.act.vectors
+        sense = (schedule.senses * schedule.sensing_weights[:, None]) @ forces.sense.vectors
+        turning = (schedule.senses * schedule.sensing_rates[:, None]) @ forces.sense.vectors
+        by_d, owners = by_x @ sense + by_rate @ turning, forces.table.owners
+        return Linear(act, by_d, by_rate @ sense, -by_x[:, :, owners], sense[:, owners], by_x, by_rate)
 
     def _with(self, answer: Reaction, act: FloatArray, sense: FloatArray, turning: FloatArray) -> Linear:
         by_d, by_v = answer.by_penetration @ sense + answer.by_rate @ turning, answer.by_rate @ sense
@@ -227,28 +240,13 @@ class LinearStep:
         """Return forces of the old end, shape (n, ...), without their part on massless motions."""
         return self._light.condense_force(forces) if self._light.any else forces
 
-    def sequence(
-        self, length: float, linear: LinearSequence, by_travel: FloatArray, by_begin: FloatArray
-    ) -> StepSequence:
+    def sequence(self, length: float, linear: Linear, by_travel: FloatArray, by_begin: FloatArray) -> StepSequence:
         """Return equal steps between successive instants, prepared together.
 
-        The arguments are those of `SmallStep` for all m instants, with a row per step of the derivatives of the states.
+        The arguments are those of `SmallStep`, with a first axis of instants or of steps.
         """
         self._set_length(length)
         return StepSequence(self, self._solve, 0.5 * length, linear, by_travel, by_begin)
-
-
-@dataclass(frozen=True, eq=False)
-class LinearSequence:
-    """Linearized local forces at m instants; the arrays of `Linear` with a first axis of instants."""
-
-    act: FloatArray
-    by_d: FloatArray
-    by_v: FloatArray
-    by_state: FloatArray
-    followed: FloatArray
-    by_penetration: FloatArray
-    by_rate: FloatArray
 
 
 class StepSequence:
@@ -258,7 +256,7 @@ class StepSequence:
     """
 
     def __init__(
-        self, stepper: LinearStep, solve: Callable[[FloatArray], FloatArray], half: float, linear: LinearSequence,
+        self, stepper: LinearStep, solve: Callable[[FloatArray], FloatArray], half: float, linear: Linear,
         by_travel: FloatArray, by_begin: FloatArray,
     ) -> None:  # fmt: skip
         m, c, n = linear.act.shape

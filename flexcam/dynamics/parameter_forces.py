@@ -16,6 +16,7 @@ import numpy as np
 from flexcam.core import FloatArray, IntArray
 from flexcam.dynamics.initial_acceleration import InitialAcceleration
 from flexcam.dynamics.jit import Functions
+from flexcam.dynamics.linearization import Linear
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.problem import Problem
 from flexcam.dynamics.step_state import SensedTrajectory, StepInputs, StepState
@@ -122,6 +123,11 @@ class ExplicitDerivatives:
     penetration: FloatArray
     rate: FloatArray
     answer: FloatArray
+
+    def source(self, linear: Linear, which: int | slice) -> FloatArray:
+        """Return the forces on the unknowns at some instants, shape (..., n, p), with the tangents there."""
+        local = linear.by_penetration @ self.penetration[which] + linear.by_rate @ self.rate[which]
+        return self.force[which] + np.swapaxes(linear.act, -1, -2) @ (self.answer[which] + local)
 
 
 class ParameterForces:
