@@ -47,6 +47,7 @@ from flexcam.dynamics.modes import (
     modes,
     normalized_response,
 )
+from flexcam.dynamics.parameter_forces import Variation
 from flexcam.dynamics.periodic import solve_periodic
 from flexcam.dynamics.problem import Adaptive, Engine, Problem, State
 from flexcam.dynamics.reference_integrators import Exact, ScipyIntegrator, dop853, exact, radau
@@ -81,6 +82,7 @@ from flexcam.dynamics.system import (
     observable_sum,
     row_of,
 )
+from flexcam.dynamics.tangent import TangentRun, tangent_run
 
 __all__ = [
     "NOT_POSITIVE",
@@ -140,7 +142,9 @@ __all__ = [
     "Stats",
     "Status",
     "System",
+    "TangentRun",
     "Tangents",
+    "Variation",
     "active_dofs_of",
     "basis_of",
     "bathe",
@@ -187,6 +191,7 @@ __all__ = [
     "solve_periodic",
     "spring_damper",
     "static_displacement",
+    "tangent_run",
     "track_progress",
     "turning_points",
     "value_range",

@@ -17,9 +17,7 @@ from flexcam.case.case import Case
 from flexcam.case.reader import CaseFile
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
-from flexcam.dynamics import RunFailedError, Scheme
-from flexcam.dynamics.parameter_forces import Variation
-from flexcam.dynamics.tangent import tangent_run
+from flexcam.dynamics import RunFailedError, Scheme, Variation, tangent_run
 from flexcam.studies.evaluation import compute_scalars
 from flexcam.studies.evaluators import PointEvaluator, WorstCase
 from flexcam.studies.quantities import Number, compute_quantities, get_number, is_run_scalar, make_overrides

@@ -19,9 +19,18 @@ from flexcam import prepare, read_case
 from flexcam.case.reader import CaseFile
 from flexcam.core import Triplets
 from flexcam.core.errors import InputError
-from flexcam.dynamics import ConstantSpeed, Load, Probe, Problem, State, System, hht, newmark
-from flexcam.dynamics.parameter_forces import Variation
-from flexcam.dynamics.tangent import tangent_run
+from flexcam.dynamics import (
+    ConstantSpeed,
+    Load,
+    Probe,
+    Problem,
+    State,
+    System,
+    Variation,
+    hht,
+    newmark,
+    tangent_run,
+)
 from flexcam.studies.evaluation import evaluate
 from flexcam.studies.gradients import compute_gradient, make_neighbours
 from flexcam.studies.sensitivity import get_numbers
