@@ -13,6 +13,7 @@ from benchmarks.measure import (
     bounds,
     compiler,
     contact,
+    gradients,
     linear,
     modes,
     peaks,
@@ -35,6 +36,9 @@ def smallest(monkeypatch):
     monkeypatch.setattr(accuracy, "STEPS", accuracy.STEPS[:1])
     monkeypatch.setattr(accuracy, "REFERENCE", 1800)
     monkeypatch.setattr(sweep, "SPEEDS", 3)
+    monkeypatch.setattr(gradients, "NUMBERS", {"direct-acting/bucket": ("run.crank_speed",)})
+    monkeypatch.setattr(gradients, "COUNTS", (1,))
+    monkeypatch.setattr(gradients, "REPEATS", 1)
     monkeypatch.setattr(assembly, "ELEMENTS", (10,))
     monkeypatch.setattr(modes, "SHAFTS", modes.SHAFTS[:1])
     monkeypatch.setattr(peaks, "WORKS", {"Python": "pass"})

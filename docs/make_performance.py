@@ -246,6 +246,26 @@ def _sweep(tables: dict) -> list[str]:
     ]
 
 
+def _gradients(tables: dict) -> list[str]:
+    """Return what derivatives of a run cost."""
+    rows = [
+        f"| `{row['case']}` | {row['parameters']} | {_number(row['run_ms'])} | {_number(row['gradient_ms'])} | "
+        f"{row['gradient_ms'] / row['run_ms']:.1f} | {_number(row['differences_ms'])} |"
+        for row in tables["gradients"]
+    ]
+    return [
+        "## Derivatives",
+        "",
+        "One revolution with the kernel engine: time of a run with its metrics, of the run with exact",
+        "[derivatives](topics/derivatives.md) of two metrics, and of central differences, two runs per parameter.",
+        "",
+        "| case | parameters | run, ms | exact, ms | exact/run | differences, ms |",
+        "|---|---|---|---|---|---|",
+        *rows,
+        "",
+    ]
+
+
 def _assembly(tables: dict) -> list[str]:
     """Return the way from a mesh to matrices."""
     rows = [
@@ -352,7 +372,7 @@ def _process(tables: dict) -> list[str]:
 
 
 SECTIONS: dict[str, Callable[[dict], list[str]]] = {
-    "linear": _linear, "contact": _contact, "accuracy": _accuracy, "sweep": _sweep, "assembly": _assembly, "modes": _modes, "peaks": _peaks,
+    "linear": _linear, "contact": _contact, "accuracy": _accuracy, "sweep": _sweep, "gradients": _gradients, "assembly": _assembly, "modes": _modes, "peaks": _peaks,
     "saving": _saving, "process": _process, "compiler": _compiler,
 }  # fmt: skip
 """Their order on the page, by the table of the JSON each shows."""

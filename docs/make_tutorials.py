@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,6 +14,8 @@ from matplotlib.figure import Figure
 
 import flexcam
 from flexcam.cams import cam_profile, lift_table, profile_at
+from flexcam.case.builder import build_model
+from flexcam.case.reader import CaseFile
 from flexcam.case.starters import new_case
 from flexcam.core import FloatArray, Triplets
 from flexcam.dynamics import Load, Probe, Response, modes, static_displacement
@@ -23,6 +27,7 @@ from flexcam.fem.mesh import refine
 from flexcam.io import read_lift
 from flexcam.plotting.curves import draw_profile
 from flexcam.plotting.figures import COLOURS, add_legend, create_stacked_axes, line_styles, save_figure
+from flexcam.studies.evaluation import evaluate
 
 DOCS = Path(__file__).parent
 TAYEB = DOCS.parent / "cases/tayeb/model-3-shm.toml"
@@ -214,6 +219,43 @@ def measured_lift(folder: Path) -> dict[str, Figure]:
     return {"lift-table": read, "lift-smooth": smooth, "lift-residuals": rest, "lift-force": ran}
 
 
+BSPLINE = '{{ id = "bspline", degree = 11, coefficients = [0, 0, 0, 0, {}, 1, 1, 1, 1] }}'
+REDESIGN = (
+    "cams.intake.law=" + BSPLINE.format("0.197226, 0.452423, 0.62249, 0.794574"),
+    "cams.intake.return_law=" + BSPLINE.format("0.153712, 0.400536, 0.616477, 0.831937"),
+    "springs.valve.stiffness=57.0311kN/m", "springs.valve.installed_force=366.72N",
+)  # fmt: skip
+_FLAT = 'base_radius = "24.1 mm", width = "12 mm", follower = { type = "flat" }'
+POLYDYNE = (f'cams.intake={{ at = "cam", lift_table = "polydyne.toml", phase = "105 deg", {_FLAT} }}',)
+
+
+def redesign(folder: Path) -> dict[str, Figure]:
+    """Return lift and acceleration of the cams, and contact force and valve float over speed."""
+    case = folder / "engine.toml"
+    case.write_text((DOCS.parent / "cases/pushrod-engine/intake.toml").read_text(encoding="utf-8"), encoding="utf-8")
+    table = ["synthesize", "polydyne", str(case), "--frequency", "1163 Hz", "--speed", "2750rpm"]
+    subprocess.run(
+        [sys.executable, "-m", "flexcam", *table, "-o", str(folder / "polydyne.toml")], check=True, capture_output=True
+    )
+    laws, (lift, bent) = create_stacked_axes(("lift, mm", "acceleration, mm/rad²"), "cam angle, deg")
+    over, (force, above) = create_stacked_axes(("min force over\nthe nose, N", "valve float, mm"), "crank speed, rpm")
+    angle, speeds = np.linspace(0.0, 2.0 * np.pi, 1441), range(4000, 6601, 200)
+    file = CaseFile.open(case)
+    for name, changes, colour, dashes in (
+        ("4-5-6-7", (), BLUE, "-"), ("polydyne", POLYDYNE, GREEN, "--"), ("redesigned", REDESIGN, RED, "-")
+    ):  # fmt: skip
+        event = build_model(file.read(changes)).cams["intake"].event
+        for axis, order in ((lift, 0), (bent, 2)):
+            axis.plot(np.degrees(angle), 1e3 * event(angle, order), label=name, color=colour, linestyle=dashes)
+        rows = [evaluate(file.read([*changes, f"run.crank_speed={n}rpm"]), runs=99).scalars for n in speeds]
+        for axis, key, scale in ((force, "intake.nose_force.least", 1.0), (above, "seat.valve_float", 1e3)):
+            values = [scale * row[f"contacts.{key}"] for row in rows]
+            axis.plot(speeds, values, ".", label=name, color=colour, linestyle=dashes)
+    add_legend(laws, lift, 3)
+    add_legend(over, force, 3)
+    return {"redesign-laws": laws, "redesign-speed": over}
+
+
 def run(path: Path, *overrides: str, rigid: bool = False) -> Response:
     """Return the response of a case."""
     return flexcam.run(flexcam.read_case(path, overrides), rigid=rigid)
@@ -232,6 +274,7 @@ def main() -> None:
     """Write the pictures."""
     with tempfile.TemporaryDirectory() as folder:
         made = cantilever() | published_cam() | pushrod_engine(Path(folder)) | measured_lift(Path(folder))
+        made |= redesign(Path(folder))
         for name, figure in made.items():
             save_figure(figure, DOCS / "pictures" / f"tutorial-{name}.svg", overwrite=True)
 

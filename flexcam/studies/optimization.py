@@ -401,8 +401,7 @@ def _descend(
         with suppress(RunFailedError, _EnoughError):  # a variant that cannot be derived ends the search in its box
             _solve_in_box(judge, design, slopes, best, box, end)
         new = judge.best_from(best)
-        moved = float(np.abs(new - best).max())
-        radius = radius if moved >= 0.9 * radius else 0.4 * radius
+        radius = radius if np.abs(new - best).max() > 0.1 * radius else 0.4 * radius
         best = new
 
 

@@ -1,0 +1,55 @@
+"""Derivatives of contact runs: one run with its tangent against differences of runs."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from benchmarks.processes import ROOT
+from benchmarks.timing import least
+from flexcam.case.reader import CaseFile
+from flexcam.studies.evaluation import evaluate
+from flexcam.studies.gradients import compute_gradient, make_neighbours
+from flexcam.studies.sensitivity import get_numbers
+
+NUMBERS = {
+    "pushrod-engine/intake": ("springs.valve.stiffness", "run.crank_speed", "springs.valve.installed_force",
+                              "masses.valve.mass", "masses.follower.mass", "contacts.lash.gap", "cams.intake.lift",
+                              "rockers.rocker.inertia"),
+    "direct-acting/bucket": ("run.crank_speed", "masses.bucket.mass", "contacts.lash.gap", "cams.intake.lift",
+                             "masses.head.mass", "masses.retainer.mass", "contacts.seat.stiffness",
+                             "springs.outer.installed_force"),
+}  # fmt: skip
+"""Numbers by case, of which 1, 4 and 8 are taken."""
+COUNTS = (1, 4, 8)
+SCALARS = ("contacts.intake.force.largest", "contacts.seat.seating_velocity")
+FIXED = ("run.revolutions=1", "run.engine=kernel")
+REPEATS = 3
+
+
+def measured() -> list[dict[str, object]]:
+    """Return times of a run, of its gradient and of central differences, by case and number of parameters."""
+    return [row for name in NUMBERS for row in _rows(name)]
+
+
+def _rows(name: str) -> list[dict[str, object]]:
+    file = CaseFile.open(ROOT / f"cases/{name}.toml")
+    case = file.read(FIXED)
+    numbers = get_numbers(case, NUMBERS[name])
+    run = least(lambda: evaluate(file.read(FIXED)), REPEATS)
+
+    def differences(count: int) -> None:
+        for number in numbers[:count]:
+            for one in make_neighbours(case, number, 1e-3 * number.value):
+                evaluate(file.read((*FIXED, *one)))
+
+    def exact(count: int) -> None:
+        compute_gradient(file, FIXED, SCALARS, numbers[:count])
+
+    return [
+        {
+            "case": name, "parameters": count, "run_ms": 1e3 * run,
+            "gradient_ms": 1e3 * least(partial(exact, count), REPEATS),
+            "differences_ms": 1e3 * least(partial(differences, count), REPEATS),
+        }
+        for count in COUNTS
+    ]  # fmt: skip
