@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -313,9 +314,12 @@ _ROUNDING = 1e-9
 """Relative size of rounding errors."""
 
 
-def compute_metrics(ready: PreparedRun, response: Response) -> list[Metric]:
-    """Return the metrics of the last revolution of a run, without those that its model cannot compute."""
-    found = train_metrics(ready.model, response, ready.revolution)
+def compute_metrics(ready: PreparedRun, response: Response, names: Sequence[str] | None = None) -> list[Metric]:
+    """Return the metrics of the last revolution of a run, without those that its model cannot compute.
+
+    With names, costly metrics that are not among them are left out.
+    """
+    found = train_metrics(ready.model, response, ready.revolution, names)
     if ready.case.record.fidelity.model not in _CHAINS:
         return found
 

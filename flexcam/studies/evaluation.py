@@ -47,7 +47,7 @@ def compute_scalars(ready: PreparedRun, response: Response, names: Sequence[str]
     """Return the scalars of a run: all, or those of the kinds of given names."""
     kinds = None if names is None else {name.partition(".")[0] for name in names}
     figures = [
-        *(compute_metrics(ready, response) if response.outline.channels else ()),
+        *(compute_metrics(ready, response, names) if response.outline.channels else ()),
         *(_probe_scalars(response, ready.revolution) if kinds is None or "probes" in kinds else ()),
         *(_deviation_scalars(ready, response) if kinds is None or "deviation" in kinds else ()),
         *_energy_residual(response),

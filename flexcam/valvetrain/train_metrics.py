@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -98,8 +98,8 @@ class Metric:
     unit: str  #: SI unit
 
 
-def train_metrics(model: Model, response: Response, period: float) -> list[Metric]:
-    """Return the metrics of the last revolution of a run."""
+def train_metrics(model: Model, response: Response, period: float, names: Sequence[str] | None = None) -> list[Metric]:
+    """Return the metrics of the last revolution of a run; with names at least those, without costly other ones."""
     if not len(response.time):
         return []
     last = response.latest(period)
@@ -112,7 +112,9 @@ def train_metrics(model: Model, response: Response, period: float) -> list[Metri
             figures += _nose_force(model, response, name, last)
     for name, contact in model.contacts.items():
         if isinstance(contact, Seat) and f"contacts.{name}.gap" in response.channels:  # the rigid model has no seat
-            figures += [*_seat(response, f"contacts.{name}", last), *_valve_float(model, response, name, contact, last)]
+            figures += _seat(response, f"contacts.{name}", last)
+            if names is None or f"contacts.{name}.{_FLOAT}" in names:
+                figures += _valve_float(model, response, name, contact, last)
     figures += _drive(model, response, last)
     for channel, unit in response.outline.channels:
         name, values = _metric_name(channel), response.channels[channel][last]
