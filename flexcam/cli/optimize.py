@@ -42,6 +42,7 @@ from flexcam.report.terminal import (
     plain_table,
 )
 from flexcam.studies.evaluators import PointEvaluator, WorstCase, case_text, variables_of
+from flexcam.studies.gradient_search import optimize_by_gradient
 from flexcam.studies.gradients import gradient_function
 from flexcam.studies.optimization import (
     Constraint,
@@ -51,7 +52,6 @@ from flexcam.studies.optimization import (
     find_pareto_front,
     is_active,
     is_feasible,
-    optimize_by_gradient,
     pareto_indices,
     parse_constraints,
     row_value,

@@ -1,4 +1,4 @@
-"""Optimization of a case: by exact gradients, or by differential evolution and a trust region without derivatives."""
+"""Optimization of a case: goals, constraints, and searches without derivatives (by gradients: `gradient_search`)."""
 
 # pyright: reportMissingTypeStubs=false, reportUnknownMemberType=false
 
@@ -7,7 +7,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from typing import Any, Literal
@@ -18,10 +17,8 @@ from numpy.typing import NDArray
 from flexcam.core import FloatArray
 from flexcam.core.errors import InputError, parse_all, refuse
 from flexcam.core.units import DIMENSIONS, RPM, parse
-from flexcam.dynamics import RunFailedError
 from flexcam.studies.evaluation import Row
 from flexcam.studies.evaluators import PointEvaluator, number_after_override
-from flexcam.studies.gradients import Gradient
 from flexcam.studies.plan import check_seed
 
 _CONSTRAINT = re.compile(r"\s*([^<>=]+?)\s*(<=|>=)\s*([^<>=]+?)\s*$")
@@ -31,7 +28,7 @@ _FAILED_VIOLATION = 1e6
 _UNIT_NAMES = {"1": "", "Hz": "1/s"}
 """Units of scalars and the corresponding units of dimensions."""
 
-_ROUNDING = 1e-9
+ROUNDING = 1e-9
 """Tolerance of a bound for rounding, relative to the bound."""
 
 _ACTIVE_TOLERANCE = 0.01
@@ -146,7 +143,7 @@ def compute_violations(rows: Sequence[Row], bounds: Sequence[Constraint], goals:
 
 def is_feasible(violations: FloatArray) -> NDArray[np.bool_]:
     """Return which variants satisfy all constraints."""
-    return np.asarray((violations <= _ROUNDING).all(axis=1))
+    return np.asarray((violations <= ROUNDING).all(axis=1))
 
 
 def is_active(violation: float) -> bool:
@@ -276,15 +273,6 @@ class ProblemEvaluator:
         points, rows = np.array(list(self._rows)), tuple(self._rows.values())
         return Evaluations(points, self._design.parts(points), rows, *self._judge(rows))
 
-    def best_from(self, start: FloatArray) -> FloatArray:
-        """Return the best point that satisfies all constraints, as fractions of the intervals, shape (k,).
-
-        Without such a point it is the one with the smallest violation, or the start if none is better.
-        """
-        found = self.evaluations()
-        at = found.nearest if found.best is None else found.best
-        return found.parts[at] if np.isfinite(found.costs[at, 0]) else start
-
     def run_search(self, search: Callable[[], None]) -> Evaluations:
         """Run a search and return all evaluations, also after Ctrl-C."""
         try:
@@ -318,144 +306,6 @@ def optimize(design: OptimizationProblem, *, evaluations: int = 200, seed: int =
             _refine(judge, judge.evaluations(), design, left)
 
     return judge.run_search(search)
-
-
-@dataclass(frozen=True, eq=False)
-class Slopes:
-    """Derivatives at a point by fractions of the intervals."""
-
-    cost: FloatArray  #: of the quantity to be minimized, shape (k,)
-    violations: FloatArray  #: of the relative violations of the constraints, shape (bounds, k)
-
-
-def optimize_by_gradient(
-    design: OptimizationProblem, derive: Callable[[FloatArray], Gradient], *, evaluations: int = 200, starts: int = 1,
-    seed: int = 0,
-) -> Evaluations:  # fmt: skip
-    """Search for the best variant with exact gradients, from the case and further random points.
-
-    Sequential quadratic programming: D. Kraft, DFVLR-FB 88-28 (1988), as implemented in scipy (SLSQP).
-
-    Parameters
-    ----------
-    design
-        One goal, and constraints with derivatives.
-    derive
-        Function from a point in the units of the variables, shape (k,), to the gradient of all quantities.
-    evaluations
-        Maximum number of runs and gradients.
-    starts
-        Number of points from which the search starts: that of the case, or the centre of the intervals, then random
-        ones.
-    seed
-        Of the random points.
-
-    Returns
-    -------
-    Evaluations
-        All runs of the search in their order.
-    """
-    if len(design.goals) != 1:
-        raise refuse("goals", len(design.goals), "one", "a gradient search has one goal")
-    if starts < 1:
-        raise refuse("--starts", starts, "1 or more")
-    check_seed(seed)
-    judge, variables = ProblemEvaluator(design), design.points.variables
-    first = np.full(len(variables), 0.5) if design.start is None else design.start
-    others = np.random.default_rng(seed).random((starts - 1, len(variables)))
-    spans = design.spans
-
-    def slopes(x: FloatArray) -> Slopes:
-        found = derive(design.points_at(x))
-        rows = {
-            name: spans * np.array([found.derivatives[name, one.key] for one in variables]) for name in found.values
-        }
-        goal = design.goals[0]
-        units = [found.units[one.name] for one in design.bounds]
-        signed = [(1.0 if one.relation == "<=" else -1.0) / (abs(one.bound(unit)) or 1.0)
-                  for one, unit in zip(design.bounds, units, strict=True)]  # fmt: skip
-        violations = [sign * rows[one.name] for one, sign in zip(design.bounds, signed, strict=True)]
-        cost = (-1.0 if goal.most else 1.0) * rows[goal.name]
-        return Slopes(cost, np.array(violations).reshape(len(design.bounds), len(variables)))
-
-    def search() -> None:
-        for start in (first, *others):
-            if judge.count < evaluations:
-                _descend(judge, design, slopes, start, evaluations - judge.count)
-
-    return judge.run_search(search)
-
-
-def _descend(
-    judge: ProblemEvaluator, design: OptimizationProblem, slopes: Callable[[FloatArray], Slopes], start: FloatArray,
-    most: int,
-) -> None:  # fmt: skip
-    """Search from a point within boxes that move with the best variant.
-
-    A box limits the steps: a contact force is constant where the contact is lost, and its slope then says nothing.
-    """
-    judge.evaluate(start[None])
-    best, radius, end = start, _BOX, judge.count + most - 1
-    while radius > _SMALLEST_BOX and judge.count < end:
-        box = np.clip([best - radius, best + radius], 0.0, 1.0)
-        with suppress(RunFailedError, _EnoughError):  # a variant that cannot be derived ends the search in its box
-            _solve_in_box(judge, design, slopes, best, box, end)
-        new = judge.best_from(best)
-        radius = radius if np.abs(new - best).max() > 0.1 * radius else 0.4 * radius
-        best = new
-
-
-def _solve_in_box(
-    judge: ProblemEvaluator, design: OptimizationProblem, slopes: Callable[[FloatArray], Slopes], start: FloatArray,
-    box: FloatArray, end: int,
-) -> None:  # fmt: skip
-    from scipy.optimize import Bounds, minimize
-
-    size = abs(float(judge.evaluate(start[None])[0][0, 0]))
-    size = size if math.isfinite(size) and size > 0.0 else 1.0
-    known: dict[bytes, Slopes] = {}
-
-    def evaluate(x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        if judge.count >= end:
-            raise _EnoughError
-        return judge.evaluate(x[None])
-
-    def at(x: FloatArray) -> Slopes:
-        if x.tobytes() not in known:
-            known[x.tobytes()] = slopes(x)
-        return known[x.tobytes()]
-
-    def cost(x: FloatArray) -> float:
-        return min(float(evaluate(x)[0][0, 0]) / size, _LARGE_COST)
-
-    def inside(x: FloatArray) -> FloatArray:
-        return -np.minimum(evaluate(x)[1][0, :-1], _MAX_VIOLATION) - _INSIDE
-
-    def cost_slopes(x: FloatArray) -> FloatArray:
-        return at(x).cost / size
-
-    def inside_slopes(x: FloatArray) -> FloatArray:
-        return -at(x).violations
-
-    bounds: Any = [{"type": "ineq", "fun": inside, "jac": inside_slopes}] if design.bounds else []
-    minimize(
-        cost, start, jac=cost_slopes, method="SLSQP", bounds=Bounds(*box), constraints=bounds,
-        options={"maxiter": _STEPS_PER_BOX, "ftol": _SETTLED},
-    )  # fmt: skip
-
-
-class _EnoughError(Exception):
-    """The search has used its evaluations."""
-
-
-_BOX, _SMALLEST_BOX, _STEPS_PER_BOX = 0.1, 2e-3, 8
-"""First and smallest half width of a box, relative to the intervals, and iterations of the search in one."""
-
-_INSIDE = 1e-6
-"""Distance from a bound, relative to it, that a search by gradients keeps, so that its result satisfies the bound."""
-
-_SETTLED = 1e-6
-"""Relative change of the goal below which a search by gradients ends."""
 
 
 def generation_size(variables: int) -> int:
