@@ -28,7 +28,7 @@ module.exports = ({ Syntax, RuleError, getSource, locator, report }) => {
         complain(match.index, match.index + match[0].length, `"${match[0].trim()}": ${say}`);
       }
     }
-    if (node.type !== Syntax.Paragraph) return;
+    if (node.type !== Syntax.Paragraph || text.includes("====")) return; // a table of a docstring
     for (const sentence of text.matchAll(/\S.*?(?:[.!?](?=\s|$)|$)/g)) {
       const words = sentence[0].split(/\s+/).filter((word) => /[A-Za-z]{2}/.test(word)).length;
       if (words > LONGEST) {

@@ -28,8 +28,8 @@ def python_as_markdown(source: str) -> str:
     """Return the texts of a Python file as Markdown."""
     lines = [""] * (source.count("\n") + 1)
     for first, text in texts(ast.parse(source)):
-        if len(text.split()) < 3:
-            continue  # a key, a name or a unit
+        if len(text.split()) < 3 or re.search(r"^(import|from) \w", text, re.M):
+            continue  # a key, a name, a unit or a script
         for number, line in enumerate(text.split("\n"), start=first - 1):
             code = re.match(r"\s*(>>>|\.\.\.|\.\. )", line)
             line = "" if code else line.strip()

@@ -346,14 +346,20 @@ def harmonic_cam(
     contact = _contact_name(model, name)
     excited = modes_on_the_lift(model, contact, case.speed)
     if not excited.relevant_modes:
-        why = "the train on this contact has no mode of its own"
+        why = "no vibration mode moves this contact"
         raise refuse(f"contacts.{contact}", "no spring that it moves", "a train on a spring", why, "add a spring")
     frequency = float(excited.found.modes.omegas[excited.relevant_modes[0]])
     limit = harmonics_below(frequency, case.speed)
     if count is None and limit < 1:
         given = f"{frequency / (2.0 * math.pi):.4g} Hz at {case.speed / RPM:.6g} rpm"
         why = "not one harmonic lies below the first mode"
-        raise refuse("count", given, "a lower speed, a stiffer train, or a number of harmonics", why, "give --count")
+        raise refuse(
+            "count",
+            given,
+            "a lower speed, a stiffer train, or a number of harmonics",
+            why,
+            "give the number with --count",
+        )
     number = limit if count is None else count
     fit = harmonic_fit(model.cams[name].event, number, tolerance=tolerance, bound=bound)
     return HarmonicCam(fit, number, frequency, limit, case.record.cams[name].start_angle)

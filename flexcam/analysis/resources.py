@@ -189,7 +189,7 @@ def check_mesh_memory(mesh: Mesh) -> None:
     if free is None or _ELEMENT * count <= _USABLE_FRACTION * free:
         return
     given = f"{count} elements, whose matrices take {format_size(_ELEMENT * count)}"
-    remedy = "fewer elements, or flexcam run --allow-large to try it all the same"
+    remedy = "take fewer elements, or use flexcam run --allow-large"
     raise InputError([_lack("memory", given, free, f"{format_size(free)} are free", remedy)])
 
 

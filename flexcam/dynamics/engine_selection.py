@@ -129,7 +129,9 @@ def _modal_problem(
         _require_compiler(system)
     found = find_modal_coordinates(system)
     if found is None:
-        raise _UnsuitableEngineError("mass or stiffness are not symmetric and positive, or modes cannot be told apart")
+        raise _UnsuitableEngineError(
+            "mass or stiffness are not symmetric and positive, or modes cannot be distinguished"
+        )
     inside = modal_problem(problem, found)
     if engine == "modal" and diagonal(inside.system.damping) is None:
         raise _UnsuitableEngineError("the damping couples the modes")

@@ -187,7 +187,7 @@ class Disturbances:
         return penetration
 
     def _small(self, begin: Linear, end: Linear, every: _Instants, i: int) -> SmallStep:
-        """Return what the step after an instant does to disturbances."""
+        """Return the effect of the step after an instant on disturbances."""
         (h,), none = np.diff(every.track.time[i : i + 2]).tolist(), np.zeros(0)
         if not every.track.state.shape[1]:
             return SmallStep(begin, end, h, none, none)
@@ -376,7 +376,9 @@ def floquet(problem: Problem, method: Method | None = None) -> Floquet:
     selected = select_engine(whole, chosen, SaveAt(field_every=problem.steps + 1))
     n = selected.problem.system.size
     if not 0 < n <= MAX_UNKNOWNS:
-        raise refuse("system", f"{n} unknowns", f"1 to {MAX_UNKNOWNS}", "a basis of disturbances is carried along")
+        raise refuse(
+            "system", f"{n} unknowns", f"1 to {MAX_UNKNOWNS}", "the time grows with the square of the unknowns"
+        )
     found = period_map(selected, chosen, lambda: False)
     values, vectors = np.linalg.eig(found.derivative)
     order = np.argsort(-np.abs(values))

@@ -27,10 +27,10 @@ REFUSED = {
     "no picture of that kind": (("compare", ENGINE, "--plot", "x.bmp"), ".svg"),
     "a limit over speed": (
         ("limits", ENGINE, "--over", "run.crank_speed=1000:2000:500rpm", "--and", "masses.valve.mass=80:90:10g"),
-        "--over: given run.crank_speed; allowed: another value",
+        "--over: got run.crank_speed, expected another value",
     ),
     "an interval without its option": (
-        ("optimize", INLINE, "--vary", STIFF, "--least", "frequency.1"), f"no interval; allowed: {STIFF}=LOW:HIGH",
+        ("optimize", INLINE, "--vary", STIFF, "--least", "frequency.1"), f"no interval, expected {STIFF}=LOW:HIGH",
     ),
     "one goal twice": (
         ("optimize", INLINE, "--vary", f"{STIFF}=30:60kN/m", "--least", "frequency.1", "--most", "frequency.1"),
@@ -54,7 +54,7 @@ REFUSED = {
     "no cam": (("cam",), "or --from-profile FILE"),
     "a profile without a follower": (("cam", "--from-profile", "p.csv"), "--follower: given nothing"),
     "a huge scale": (("view", INLINE, "--scale", "1e300", "--save", "x.png"), "at most 1e+06"),
-    "no folder": (("run", INLINE, "-o", ""), "-o: given nothing; allowed: a file or a folder"),
+    "no folder": (("run", INLINE, "-o", ""), "-o: missing, expected a file or a folder"),
     "no folder at all": (("run", INLINE, "--output="), "--output: given nothing"),
     "no table": (("trade", INLINE, "--csv", ""), "--csv: given nothing"),
     "a word that is missing": (("synthesize", "law"), "MINIMIZE (--minimize) is missing"),
@@ -105,7 +105,7 @@ def result(flexcam):
 def test_what_is_laid_over_results_is_refused(flexcam, result):
     done = flexcam("compare", result, "--against", result, "--set", "run.speed=1rpm")
     assert done.code == 2
-    assert "--set: given run.speed=1rpm; allowed: --set with a case only" in done.err
+    assert "--set: got run.speed=1rpm, expected --set with a case only" in done.err
     few = ("--set", "run.steps_per_revolution=360")
     assert flexcam("compare", result, "--against", INLINE, *few).code == 0
 
@@ -123,7 +123,7 @@ def test_a_result_that_is_there_is_told_before_a_model_is_chosen(flexcam, result
     monkeypatch.setattr("flexcam.analysis.model_choice.select_case", choosing)
     done = flexcam("run", INLINE, "--set", "fidelity.tolerance=1%")
     assert done.code == 2
-    assert "result: given results/inline.vtkhdf; allowed: a file that does not exist yet" in done.err
+    assert "result: got results/inline.vtkhdf, expected a file that does not exist yet" in done.err
 
 
 def test_a_key_laid_over_twice_is_told(flexcam):

@@ -95,7 +95,7 @@ def test_a_folder_that_may_not_be_written_is_told_before_anything_is_computed(
     for below in (locked, locked / "deeper"):
         done = flexcam(command, case, *options, below / name)
         assert done.code == 2
-        assert f"folder: given {below}; allowed: a folder that takes files; it may not be written" in done.err
+        assert f"folder: got {below}, expected a folder that takes files; it may not be written" in done.err
     assert not list(locked.iterdir())
 
 
@@ -109,7 +109,7 @@ def test_a_device_takes_what_is_written(monkeypatch):
 def test_two_files_of_one_name(flexcam, case, command):
     done = flexcam(command, case, *WORDS[command], "--csv", "one.svg", "--plot", "./one.svg")
     assert done.code == 2
-    assert "--plot: given one.svg; allowed: a file other than --csv; one would replace the other" in done.err
+    assert "--plot: got one.svg, expected a file other than --csv; one would replace the other" in done.err
     assert not Path("one.svg").exists()
 
 
@@ -119,7 +119,7 @@ def test_the_case_itself_is_never_written_over(flexcam, case, command):
     Path("link.toml").symlink_to(case)
     done = flexcam(command, case, *WORDS[command], "--csv", "link.toml", "--overwrite")
     assert done.code == 2
-    assert "--csv: given link.toml; allowed: a file other than the input; it would be lost" in done.err
+    assert "--csv: got link.toml, expected a file other than the input; it would be lost" in done.err
     assert case.read_bytes() == INLINE.read_bytes()
 
 
@@ -139,7 +139,7 @@ def test_the_best_variant_is_another_file(flexcam, case):
     assert "--output: given" in done.err
     done = flexcam("optimize", case, *WORDS["optimize"], "-o", "best.toml", "--csv", "best.toml")
     assert done.code == 2
-    assert "--csv: given best.toml; allowed: a file other than --output" in done.err
+    assert "--csv: got best.toml, expected a file other than --output" in done.err
     assert not Path("best.toml").exists()
 
 

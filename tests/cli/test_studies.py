@@ -548,7 +548,7 @@ def test_a_seed_below_zero_is_refused(words, flexcam, oscillator):
     """Generators of random numbers raise an error of their own."""
     done = flexcam(words[0], oscillator, *words[1:], "--seed", "-3")
     assert (done.code, done.out) == (2, "")
-    assert done.err.startswith("--seed: given -3; allowed: a whole number from 0")
+    assert done.err.startswith("--seed: got -3, expected a whole number from 0")
 
 
 def test_a_seed_of_derivatives_is_refused(flexcam, oscillator):
@@ -562,16 +562,16 @@ def test_a_part_that_scatters_twice_is_refused(flexcam, oscillator):
     told = ("--tolerance", "springs.one.stiffness=±5%", "--tolerance", "springs.one.stiffness=normal:±1%")
     done = flexcam("sensitivity", oscillator, "--of", "frequency.1", *told)
     assert done.code == 2
-    assert done.err.startswith("--tolerance: given 'springs.one.stiffness'; allowed: every key once")
+    assert done.err.startswith("--tolerance: got 'springs.one.stiffness', expected every key once")
 
 
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (("--lowest", "9000rpm", "--highest", "8000rpm"), "--highest: given 8000rpm; allowed: above the lowest"),
-        (("--lowest", "12000rpm"), "--highest: given 10000 rpm, 2 times that of the case; allowed: above the lowest"),
-        (("--lowest", "0rpm"), "--lowest: given 0rpm; allowed: a speed above zero"),
-        (("--accuracy", "0rpm"), "--accuracy: given 0rpm; allowed: a speed above zero"),
+        (("--lowest", "9000rpm", "--highest", "8000rpm"), "--highest: got 8000rpm, expected above the lowest"),
+        (("--lowest", "12000rpm"), "--highest: got 10000 rpm, 2 times that of the case, expected above the lowest"),
+        (("--lowest", "0rpm"), "--lowest: got 0rpm, expected a speed above zero"),
+        (("--accuracy", "0rpm"), "--accuracy: got 0rpm, expected a speed above zero"),
     ],
 )  # fmt: skip
 def test_speeds_of_limits_are_told_as_they_were_given(words, told, flexcam):
@@ -584,7 +584,7 @@ def test_speeds_of_limits_are_told_as_they_were_given(words, told, flexcam):
 def test_a_bracket_of_no_width_is_refused_by_its_option(flexcam):
     done = flexcam("limits", ENGINE, "--accuracy", "0rpm")
     assert (done.code, done.out) == (2, "")
-    assert done.err.startswith("--accuracy: given 0rpm; allowed: a speed above zero")
+    assert done.err.startswith("--accuracy: got 0rpm, expected a speed above zero")
 
 
 def test_a_limit_that_no_case_has_is_no_lacking_part(flexcam):

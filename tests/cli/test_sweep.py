@@ -90,7 +90,7 @@ def test_histories_of_an_earlier_sweep_are_not_written_over_and_not_mixed_in(fle
     other = ("sweep", case, "--set", "run.speed=2000,4000rpm", *told, "-o", out)
     refused = flexcam(*other)
     assert refused.code == 2
-    assert refused.err.startswith(f"--histories: given 3 in {kept}; allowed: none from an earlier sweep")
+    assert refused.err.startswith(f"--histories: got 3 in {kept}, expected none from an earlier sweep")
     assert {path.name: path.read_bytes() for path in kept.iterdir()} == before
     assert flexcam(*other, "--overwrite").code == 0
     assert sorted(path.name for path in kept.iterdir()) == ["variant-00001.vtkhdf", "variant-00002.vtkhdf"]
@@ -256,12 +256,12 @@ def test_options_that_do_not_fit(flexcam, case):
 @pytest.mark.parametrize(
     ("words", "where"),
     [
-        (("--seed", "5"), "--seed: given 5; allowed: --seed with --sample only"),
-        (("--seed", "-1", "--sample", "lhs:4"), "--seed: given -1; allowed: a whole number from 0"),
-        (("--sample", ""), "--sample: given ''; allowed: lhs:N"),
-        (("--limit", "-5"), "--limit: given -5; allowed: a whole number from 1"),
-        (("--workers", "-1"), "--workers: given -1; allowed: a whole number from 0"),
-        (("--workers", "0", "--scheduler", "local"), "--workers: given 0; allowed: a whole number from 1"),
+        (("--seed", "5"), "--seed: got 5, expected --seed with --sample only"),
+        (("--seed", "-1", "--sample", "lhs:4"), "--seed: got -1, expected a whole number from 0"),
+        (("--sample", ""), "--sample: got '', expected lhs:N"),
+        (("--limit", "-5"), "--limit: got -5, expected a whole number from 1"),
+        (("--workers", "-1"), "--workers: got -1, expected a whole number from 0"),
+        (("--workers", "0", "--scheduler", "local"), "--workers: got 0, expected a whole number from 1"),
     ],
 )
 def test_options_that_would_be_ignored_or_mean_nothing(words, where, flexcam, case, tmp_path):
