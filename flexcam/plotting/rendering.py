@@ -124,7 +124,7 @@ def check_output_path(path: Path, size: tuple[int, int], *, overwrite: bool = Fa
     extra, modules = REQUIREMENTS[path.suffix]
     lacking = [name for name in modules if find_spec(name) is None]
     if lacking:
-        why = f"{' and '.join(lacking)} cannot be imported"
+        why = f"cannot import {' and '.join(lacking)}"
         raise refuse("--save", str(path), "a kind of file whose packages are installed", why,
                      f"run pip install 'flexcam[{extra}]'")  # fmt: skip
     if path.suffix == ".mp4" and (size[0] % 2 or size[1] % 2):

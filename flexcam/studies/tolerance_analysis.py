@@ -63,7 +63,7 @@ def _parse_scatter(case: Case, setting: str, where: str) -> PartScatter:
     key, equals, spec = setting.partition("=")
     match = _SPEC.match(spec)
     if not equals or match is None:
-        raise refuse(where, repr(spec or setting), f"KEY={FORMS}", "", "such as springs.valve.stiffness=±5%")
+        raise refuse(where, repr(spec or setting), f"KEY={FORMS}", "", "write it as in springs.valve.stiffness=±5%")
     number = get_number(case, key.strip(), where)
     kind: Literal["uniform", "normal"] = "normal" if match[1] == "normal" else "uniform"
     half = _half_width(match[2], number.value, number.unit, where)
@@ -73,7 +73,7 @@ def _parse_scatter(case: Case, setting: str, where: str) -> PartScatter:
     widest = 100.0 if kind == "uniform" else 100.0 * _SIGMAS / _TRUNCATION
     if match[2].endswith("%") and half >= 0.01 * widest * abs(number.value):
         why = "some parts would have zero or the other sign"
-        raise refuse(where, repr(spec), f"less than ±{widest:g} %", why, f"such as {key}=±5%")
+        raise refuse(where, repr(spec), f"less than ±{widest:g} %", why, f"give less, such as {key}=±5%")
     for end in (0.0, 1.0):
         number_after_override(case, number.key, repr(found.value(end)), where)  # raises an error for an invalid value
     return found
