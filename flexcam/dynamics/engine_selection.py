@@ -124,7 +124,7 @@ def _modal_problem(
             f"the system has {system.size} unknowns; all modes of 1 to {MAX_MODES} are computed"
         )
     if engine == "modal" and system.local_forces:
-        raise _UnsuitableEngineError(f"{system.local_forces[0].name} depends on the motion")
+        raise _UnsuitableEngineError(f"the force {system.local_forces[0].name} depends on the motion")
     if engine == "kernel":
         _require_compiler(system)
     found = find_modal_coordinates(system)
