@@ -353,13 +353,7 @@ def harmonic_cam(
     if count is None and limit < 1:
         given = f"{frequency / (2.0 * math.pi):.4g} Hz at {case.speed / RPM:.6g} rpm"
         why = "not one harmonic lies below the first mode"
-        raise refuse(
-            "count",
-            given,
-            "a lower speed, a stiffer train, or a number of harmonics",
-            why,
-            "give the number with --count",
-        )
+        raise refuse("count", given, "a lower speed, a stiffer train, or a number of harmonics", why, "give --count")
     number = limit if count is None else count
     fit = harmonic_fit(model.cams[name].event, number, tolerance=tolerance, bound=bound)
     return HarmonicCam(fit, number, frequency, limit, case.record.cams[name].start_angle)

@@ -120,9 +120,7 @@ def compare_responses(
         raise refuse("responses", "no time in common", "runs that overlap", "results are compared instant by instant")
     both = one.at(times), other.at(times)
     if np.abs(both[0].angle - both[1].angle).max() > _SAME_ANGLE:
-        raise refuse(
-            "responses", "the cam at different angles", "runs at one speed", "results are compared at equal times"
-        )
+        raise refuse("responses", "the cam at different angles", "runs at one speed", "times are compared")
     return replace(compare(*both, probe, speed_rpm), names=names)
 
 

@@ -162,8 +162,6 @@ def _last_state(case: Case, model: Model, system: System, name: str) -> tuple[St
         raise refuse(where, name, "a result of the same model", why) from None
     inner, states = response.inner, sum(force.states for force in system.local_forces)
     if len(inner) != states:
-        raise refuse(
-            where, name, "a result of the same contacts", f"it contains {len(inner)} of {states} internal states"
-        )
+        raise refuse(where, name, "a result of the same contacts", f"it has {len(inner)} of {states} internal states")
     moved, moving, pushed = fields.displacement[-1], fields.velocity[-1], fields.acceleration[-1]
     return State(moved, moving, time, inner if states else None, acceleration=pushed), angle

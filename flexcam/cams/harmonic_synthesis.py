@@ -126,17 +126,11 @@ def _order_error(
     if reach is not None and reach > tolerance:
         given = f"{count} harmonics within {1e6 * tolerance:.4g} um on the strict sections"
         remedy = f"allow {1e6 * reach:.4g} um there, or more harmonics"
-        return refuse("tolerance", given, "a value that these harmonics can meet", why, remedy)
+        return refuse("tolerance", given, "an attainable value", why, remedy)
     wide = _minimize_deviation(rows[~held], target[~held], rows[held], target[held], tolerance)
     given = f"{count} harmonics within {1e6 * (bound or 0.0):.4g} um outside the strict sections"
     room = "a wider one" if wide is None else f"{1e6 * wide:.4g} um there"
-    return refuse(
-        "bound",
-        given,
-        "a value that these harmonics can meet",
-        why,
-        f"allow {room}, a wider tolerance, or more harmonics",
-    )
+    return refuse("bound", given, "an attainable value", why, f"allow {room}, a wider tolerance, or more harmonics")
 
 
 def _minimize_deviation(
@@ -205,9 +199,7 @@ def polydyne(wanted: Event, transfer: Transfer, speed: float, *, count: int = 60
     silent = ~np.isfinite(answer[:1]) if not np.isfinite(answer[0]) else np.abs(answer) < _MIN_RESPONSE * abs(answer[0])
     if silent.any():
         given = f"a train that does not respond to harmonic {int(np.argmax(silent))} at {speed / RPM:g} rpm"
-        raise refuse(
-            "speed", given, "a train that responds to every harmonic", "", "choose another speed, or add damping"
-        )
+        raise refuse("speed", given, "a response to every harmonic", "", "choose another speed, or add damping")
     goal = HarmonicLift.of(amplitude)
     # A harmonic in resonance must be absent from the cam.
     resonant = ~np.isfinite(answer)

@@ -157,9 +157,7 @@ class LiftEvent:
             if ramp and ramp.slope * span > height:
                 given = f"a slope of {ramp.slope * 1e3:.4g} mm/rad"
                 why = "the main lift cannot continue such a slope"
-                raise refuse(
-                    "ramps", given, f"up to {1e3 * height / span:.4g} mm/rad", why, "make the ramp longer or lower"
-                )
+                raise refuse("ramps", given, f"up to {1e3 * height / span:.4g} mm/rad", why, "lengthen or lower it")
 
     @property
     def _ramps(self) -> tuple[Ramp | None, Ramp | None]:

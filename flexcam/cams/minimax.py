@@ -117,13 +117,7 @@ class Program:
         if found.status == _INFEASIBLE:
             raise self._impossible()
         if found.x is None:
-            raise refuse(
-                "family",
-                self.family.name,
-                "a family for which the optimization converges",
-                str(found.message),
-                "take fewer terms",
-            )
+            raise refuse("family", self.family.name, "a family that converges", str(found.message), "take fewer terms")
         dual = float(b @ found.ineqlin.marginals + e @ found.eqlin.marginals)
         return np.asarray(found.x[: self.family.size], dtype=float), dual
 
@@ -146,9 +140,7 @@ class Program:
         remedy = "use a wider bound, a higher degree or more pieces"
         if self.conditions and isinstance(self.family, SplineFamily) and self.family.symmetric:
             remedy += ", or laws without symmetry (--asymmetric)"
-        return refuse(
-            "bounds", given, f"bounds that {self.family.name} can meet", "no law of the family satisfies them", remedy
-        )
+        return refuse("bounds", given, f"bounds that {self.family.name} can meet", "no law satisfies them", remedy)
 
     def _inequalities(
         self, places: Mapping[int, FloatArray], cuts: Sequence[TangentPlane], around: tuple[FloatArray, float] | None

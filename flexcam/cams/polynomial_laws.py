@@ -182,7 +182,7 @@ class BSplineLaw(SmoothLaw):
         if not fits:
             allowed = f"{least}" if self.knots is not None else f"{least} or more"
             raise refuse(
-                "coefficients", f"{len(self.coefficients)} values", allowed, "degree, knots and coefficients must fit"
+                "coefficients", f"{len(self.coefficients)} values", allowed, "degree and knots define their number"
             )
         if self.coefficients[0] != 0.0 or self.coefficients[-1] != 1.0 or not np.isfinite(self.coefficients).all():
             raise refuse(

@@ -243,9 +243,7 @@ def minimum_base_radius(
     good = [fits(float(base)) for base in candidates]
     if not any(good):
         given = f"no base circle between {candidates[0]:.3g} and {high:.3g} m"
-        raise refuse(
-            "base_radius", given, "a base circle that meets the limits", "", "take a longer event or wider limits"
-        )
+        raise refuse("base_radius", given, "a base circle within the limits", "", "take a longer event or wider limits")
     first = good.index(True)
     if first == 0:
         return 0.0
@@ -317,9 +315,7 @@ def lift_from_profile(points: ArrayLike, follower: Follower, angle: ArrayLike, *
     starts = _find_highest_peaks(np.asarray(x + 1j * y, dtype=np.complex128), at, follower, turned)
     found = -np.min([refine_minima(depth, start - at[1], start + at[1])[0] for start in starts.T], axis=0)
     if not np.isfinite(found).all():
-        raise refuse(
-            "points", "a profile the follower does not touch", "a profile within its reach", "", "check the unit"
-        )
+        raise refuse("points", "a profile that the follower misses", "one within its reach", "", "check the unit")
     return found.reshape(np.shape(angle))
 
 

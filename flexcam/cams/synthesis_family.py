@@ -104,9 +104,7 @@ class SplineFamily:
             raise refuse("family", given, allowed, "larger families take minutes without any gain")
         if self._count < 2 * (self.rest + 1) + 1 or not self.size:
             given = f"{self._count} coefficients with {self.rest + 1} held at each end"
-            raise refuse(
-                "family", given, "more coefficients than conditions", "", "take a higher degree or more pieces"
-            )
+            raise refuse("family", given, "free coefficients", "", "take a higher degree or more pieces")
 
     @property
     def name(self) -> str:

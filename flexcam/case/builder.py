@@ -70,7 +70,7 @@ def parse_follower(follower: str, base_radius: str | None = None, *, clockwise: 
     found = record.follower.build(record.base_radius)
     if found is None:
         raise refuse(
-            "base_radius", "nothing", "the radius of the base circle", "the lift is measured from it", "add base_radius"
+            "base_radius", "nothing", "the radius of the base circle", "the lift starts there", "add base_radius"
         )
     return found, -1 if clockwise else 1
 

@@ -320,9 +320,7 @@ def _read_toml_table(path: Path, name: str, text: str | None) -> dict[str, Any]:
         content = parse_toml(read_text(path) if text is None else text)
     except FileNotFoundError:
         near = suggest_name(path.name, [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else [])
-        raise refuse(
-            str(path), "a file that does not exist", f"an existing file with a table [{name}]", "", near
-        ) from None
+        raise refuse(str(path), "a missing file", f"an existing file with a table [{name}]", "", near) from None
     except (OSError, ValueError) as fault:
         raise refuse(
             str(path), "no TOML document", f"a readable file with a table [{name}]", system_message(fault)
@@ -340,9 +338,7 @@ def _parse_lift_value(value: object, files: _Files) -> LiftDefinition:
     record = _LiftFile(**_validate(_LiftFile, table, "a file name, or a table of", "lift_table"))
     if Path(record.file).suffix == ".toml":
         if beside := [key for key in ("angle", "unit", "tolerance") if getattr(record, key) is not None]:
-            raise refuse(
-                beside[0], str(getattr(record, beside[0])), "no unit with a file of harmonics", "the file is in m"
-            )
+            raise refuse(beside[0], str(getattr(record, beside[0])), "no unit", "files of harmonics are in m")
         event = files.read(record.file, "lift_table", read_harmonic_lift)
         return LiftDefinition(cast("str | dict[str, Any]", value), event, None)
     columns = files.read(

@@ -129,9 +129,7 @@ def _modal_problem(
         _require_compiler(system)
     found = find_modal_coordinates(system)
     if found is None:
-        raise _UnsuitableEngineError(
-            "mass or stiffness are not symmetric and positive, or modes cannot be distinguished"
-        )
+        raise _UnsuitableEngineError("mass or stiffness are not symmetric and positive, or modes coincide")
     inside = modal_problem(problem, found)
     if engine == "modal" and diagonal(inside.system.damping) is None:
         raise _UnsuitableEngineError("the damping couples the modes")

@@ -83,9 +83,7 @@ class LocalForce:
     def __post_init__(self) -> None:
         if isinstance(self.law, ForceLaw) and len(self.sense) % self.law.scalars:
             given, allowed = f"{len(self.sense)} sensed scalars", f"multiples of {self.law.scalars}"
-            raise refuse(
-                self.name, given, allowed, "its law senses that many scalars", "give a vector for each of them"
-            )
+            raise refuse(self.name, given, allowed, "its law needs them", "give a vector for each")
 
     @property
     def switching(self) -> range:

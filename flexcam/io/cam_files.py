@@ -117,9 +117,7 @@ def _lift_columns(head: str, path: Path) -> tuple[str, str]:
     parts = [part.strip() for part in re.split(r"[,;\t]", head) if part.strip()]
     parts = parts if len(parts) == 2 else head.split()
     if len(parts) != 2:
-        raise refuse(
-            f"{path.name}, head", repr(head), "two names, such as cam_deg, lift_mm", "the table has two columns"
-        )
+        raise refuse(f"{path.name}, head", repr(head), "two names, such as cam_deg, lift_mm", "there are two columns")
     if _header_words(parts[1])[:1] in (["cam"], ["crank"], ["angle"]) or "lift" in _header_words(parts[0]):
         raise refuse(f"{path.name}, head", repr(head), "the angle first, then the lift", "", "swap the columns")
     return parts[0], parts[1]

@@ -143,9 +143,7 @@ def resolve_file(case: Path, name: str, where: str) -> Path:
     if there and not regular:
         raise refuse(where, repr(name), "a regular file", "folders and devices cannot be read")
     if size > _MAX_FILE_SIZE:
-        raise refuse(
-            where, f"{name!r} of {size} bytes", f"up to {_MAX_FILE_SIZE} bytes", "flexcam reads the whole file"
-        )
+        raise refuse(where, f"{name!r} of {size} bytes", f"up to {_MAX_FILE_SIZE} bytes", "it is read whole")
     if not there and len(tried := _search_folders(case)) > 1:
         allowed, why = f"a file from {tried[0]} or from {tried[1]}", f"{case} is a symbolic link, and neither has it"
         raise refuse(where, repr(name), allowed, why, "put it in the folder of the link or of the case")

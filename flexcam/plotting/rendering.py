@@ -128,9 +128,7 @@ def check_output_path(path: Path, size: tuple[int, int], *, overwrite: bool = Fa
         raise refuse("--save", str(path), "a kind of file whose packages are installed", why,
                      f"run pip install 'flexcam[{extra}]'")  # fmt: skip
     if path.suffix == ".mp4" and (size[0] % 2 or size[1] % 2):
-        raise refuse(
-            "--size", f"{size[0]}x{size[1]}", "even numbers", "video files store colours in blocks of 2 x 2 pixels"
-        )
+        raise refuse("--size", f"{size[0]}x{size[1]}", "even numbers", "colours are stored for 2 x 2 pixels")
     check_writable("picture", path, overwrite=overwrite)
 
 

@@ -57,7 +57,7 @@ class Measurement:
             end = float(response.angle[-1])
             if end - response.angle[0] < 2.0 * math.pi * (1.0 - 1e-9):
                 raise refuse(
-                    "run.revolutions", case.record.run.revolutions, "1 or more", "angles count within a revolution"
+                    "run.revolutions", case.record.run.revolutions, "1 or more", "an angle needs a full revolution"
                 )
             turn = np.mod(self.instants - end + 1e-9, 2.0 * math.pi) - 1e-9
             turn[(turn < 1e-9) & (self.instants > self.instants.min() + math.pi)] = 2.0 * math.pi  # the end of it

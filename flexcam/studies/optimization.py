@@ -70,9 +70,7 @@ class Constraint:
             return values["bare"]
         wanted = _UNIT_NAMES.get(unit, unit)
         if wanted not in values:
-            raise refuse(
-                "--subject", self.words, f"a bound in {unit or 'no unit'}, or a bare number", "the units differ"
-            )
+            raise refuse("--subject", self.words, f"a bound in {unit or 'no unit'}, or a bare number", "units differ")
         return values[wanted]
 
     def violation(self, value: float, unit: str) -> float:
@@ -91,7 +89,7 @@ def parse_constraint(text: str) -> Constraint:
             repr(text),
             "NAME <= VALUE or NAME >= VALUE, in quotes",
             "",
-            "write it as in 'frequency.1 >= 900 Hz'",
+            "write 'frequency.1 >= 900 Hz'",
         )
     _bound_by_unit(found[3], text)
     return Constraint(found[1], "<=" if found[2] == "<=" else ">=", found[3])

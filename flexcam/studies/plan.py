@@ -110,9 +110,7 @@ def parse_axes(settings: Sequence[str], *, limit: int = MAX_VARIANTS) -> tuple[A
         key, equals, spec = setting.partition("=")
         key, where = key.strip(), f"--set {setting}"
         if not equals or not key:
-            faults.append(
-                Fault(where, repr(setting), f"key=values: {FORMS}", "", "write it as in run.speed=1000:4000:50rpm")
-            )
+            faults.append(Fault(where, repr(setting), f"key=values: {FORMS}", "", "write run.speed=1000:4000:50rpm"))
         elif key in found:
             faults.append(Fault(where, repr(key), "every key once", "it is given twice", "write a list"))
         else:

@@ -238,7 +238,7 @@ def _lift_property(event: Event, kind: str) -> float:
         return 2.0 * math.pi * float(harmonics(event, 1)[0].real)
     if kind == "jerk" and any(one.steps[2] for one in joints(event)):
         raise refuse(
-            "scalar", "the jerk of a lift", "a lift whose acceleration does not step", "the jerk is infinite at a step"
+            "scalar", "the jerk of a lift", "a lift whose acceleration does not step", "it is infinite at a step"
         )
     low, high = event_extremes(event, _DERIVATIVE_ORDERS[kind])
     if kind == "deceleration":

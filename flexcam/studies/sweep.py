@@ -263,7 +263,7 @@ def _axes(file: CaseFile, settings: Sequence[str], limit: int) -> tuple[Axis, ..
         faults += refusal.faults
     allowed, why, remedy = (
         "a key of the mechanism or its run",
-        "the key defines the sweep itself",
+        "it defines the sweep",
         "use --sample or --seed",
     )
     own_keys = [one for one in found.values() if one.key.partition(".")[0] == "sweep"]

@@ -300,9 +300,7 @@ def hertz_line(
     if cam.follower is None or cam.width is None:
         other = "or a stiffness" if key == "stiffness" else "or leave lubrication out"
         remedy = f"give base_radius, follower and width of the cam, {other}"
-        raise refuse(
-            where, given, "a cam with a profile and a width", "the stiffness depends on the radius of curvature", remedy
-        )
+        raise refuse(where, given, "a cam with a profile and a width", "it depends on the radius of curvature", remedy)
     material = _cam_material(structure, cam)
     if material is None:
         given, why = f"{given}, of a cam at {cam.at!r} on no member", "the material is that of the member"

@@ -58,9 +58,7 @@ def preload(structure: Structure, contact: PublishedLoad, train: FollowerTrain, 
         force = sum(float(train.motion @ row) * size for size, row in springs)
         if force <= 0.0:
             given, why = f"springs that pull the follower with {-force:g} N", "contact needs a force against the lift"
-            raise refuse(
-                "springs", given, "installed forces that close the contact", why, "reverse the direction of a spring"
-            )
+            raise refuse("springs", given, "installed forces that close the contact", why, "reverse a spring")
         return force
     deceleration = -event_extremes(cam.event, 2)[0].value * speed**2
     return contact.preload_factor * train.mass * deceleration

@@ -105,6 +105,6 @@ def test_faults_of_the_table_of_a_case_name_its_line(case, text):
 
 
 def test_a_sweep_of_its_own_keys_and_of_estimates(case):
-    assert faults(lambda: make_sweep(case, ["sweep.seed=1,2"]))[0].why == "the key defines the sweep itself"
+    assert faults(lambda: make_sweep(case, ["sweep.seed=1,2"]))[0].why == "it defines the sweep"
     found = faults(lambda: make_sweep(case, ["run.speed=1000,2000rpm", "fidelity.estimate=true"]))
     assert found[0].remedy == "--set fidelity.estimate=false"

@@ -204,9 +204,7 @@ class FrictionRecord(PartRecord[valvetrain.Friction]):
     def _check(self) -> None:
         if self.breakaway_force is not None and self.breakaway_force < self.force:
             given = f"{self.breakaway_force:g}"
-            raise value_error(
-                f"{self.force:g} or more", "it exceeds the sliding force", inside="breakaway_force", given=given
-            )
+            raise value_error(f"{self.force:g} or more", "it is the maximum", inside="breakaway_force", given=given)
         super()._check()
 
     def build(self) -> valvetrain.Friction:
