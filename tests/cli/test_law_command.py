@@ -47,7 +47,7 @@ def refused(told, *words):
     (fault,) = report["errors"]
     assert list(fault) == ["where", "given", "allowed", "why", "remedy"]
     assert fault["allowed"] or fault["why"]
-    printed = plain.err.lower().replace("missing", "nothing")
+    printed = plain.err.lower().replace(": missing", ": nothing")
     shown = [fault[key] for key in fault if key != "given" or fault["allowed"]]
     assert [part for part in shown if part.replace(" --json", "").lower() not in printed] == []
     return fault
