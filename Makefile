@@ -54,6 +54,18 @@ lint: $(VENV)/.dev
 	$(BIN)/ruff format --check flexcam tests meshes benchmarks docs examples
 	$(BIN)/basedpyright --pythonpath $(BIN)/python
 	$(BIN)/lint-imports
+	$(MAKE) --no-print-directory prose
+
+# Plain English in pages, messages, help and comments of cases: rules of docs/prose, by textlint of the npm registry.
+TEXTLINT := $(VENV)/textlint-15.8.0
+.PHONY: prose
+prose: $(TEXTLINT)/node_modules/.package-lock.json
+	rm -rf build/prose && $(BIN)/python docs/prose/python_text.py build/prose
+	PATH="$(abspath $(BIN)):$$PATH" $(TEXTLINT)/node_modules/.bin/textlint --rulesdir docs/prose --format unix \
+	  README.md CONTRIBUTING.md CHANGELOG.md SECURITY.md docs build/prose
+
+$(TEXTLINT)/node_modules/.package-lock.json: | $(VENV)/.dev
+	PATH="$(abspath $(BIN)):$$PATH" npm install --silent --no-audit --no-fund --prefix $(TEXTLINT) textlint@15.8.0
 
 bench: $(VENV)/.dev
 	$(BIN)/python -m pytest benchmarks --benchmark-only

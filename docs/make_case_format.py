@@ -182,7 +182,7 @@ def laws() -> list[str]:
     return [
         *lines,
         "",
-        "Other packages add kinds by entry points of the group `flexcam.laws`. A law in a file of its own,",
+        "Other packages add kinds by entry points of the group `flexcam.laws`. A law in a separate file,",
         '`law = "NAME.toml"`, is a table `[law]` with the same keys; a lift in a file, `lift_table = "NAME.toml"`, is a',
         "table `[lift]` with `mean`, `cosine` and `sine`, the harmonics in m.",
         "",

@@ -346,7 +346,7 @@ def harmonic_cam(
     contact = _contact_name(model, name)
     excited = modes_on_the_lift(model, contact, case.speed)
     if not excited.relevant_modes:
-        why = "the train on this contact has no mode of its own"
+        why = "no vibration mode moves this contact"
         raise refuse(f"contacts.{contact}", "no spring that it moves", "a train on a spring", why, "add a spring")
     frequency = float(excited.found.modes.omegas[excited.relevant_modes[0]])
     limit = harmonics_below(frequency, case.speed)

@@ -99,12 +99,12 @@ def compare(flexible: Response, rigid: Response, probe: str, speed_rpm: float) -
     """
     count = len(flexible.time)
     if not np.array_equal(flexible.time, rigid.time[:count]):
-        why = "they are compared one by one"
+        why = "the results are compared instant by instant"
         raise refuse("responses", "responses at different instants", "the same instants", why)
     moved, still = scalar_history(flexible, probe), rigid[probe]
     lift = value_range(rigid.time, still.displacement, still.velocity)
     if lift == 0.0:
-        why, remedy = "nothing moves it in what is compared with", "add a follower's point to output.probes"
+        why, remedy = "it does not move in the other result", "add a follower's point to output.probes"
         raise refuse("probe", repr(probe), "a point that the cam moves", why, remedy)
     found = [_compute_deviation(name, moved, still, flexible) for name in ("displacement", "velocity", "acceleration")]
     return Comparison(probe, speed_rpm, lift, (found[0], found[1], found[2]), flexible.status)
@@ -117,10 +117,10 @@ def compare_responses(
     first, last = max(one.time[0], other.time[0]), min(one.time[-1], other.time[-1])
     times = one.time[(one.time >= first) & (one.time <= last)]
     if len(times) < _MIN_INSTANTS:
-        raise refuse("responses", "no time in common", "runs that overlap", "they are compared instant by instant")
+        raise refuse("responses", "no time in common", "runs that overlap", "results are compared instant by instant")
     both = one.at(times), other.at(times)
     if np.abs(both[0].angle - both[1].angle).max() > _SAME_ANGLE:
-        raise refuse("responses", "the cam at different angles", "runs at one speed", "they are compared at one time")
+        raise refuse("responses", "the cam at different angles", "runs at one speed", "times are compared")
     return replace(compare(*both, probe, speed_rpm), names=names)
 
 
@@ -214,7 +214,7 @@ def distance(one: Histories, other: Histories, *, norm: Norm | None = "max") -> 
     every = max(round(step / shorter), 1) if shorter > 0.0 else 1
     count = min(len(coarse.time), (len(fine.time) - 1) // every + 1)
     if np.abs(fine.time[::every][:count] - coarse.time[:count]).max(initial=0.0) > _INSTANT_TOLERANCE * step:
-        raise refuse("responses", "instants that do not meet", "steps that divide each other")
+        raise refuse("responses", "instants that differ", "one step a multiple of the other")
     found: dict[str, float] = {}
     for name in (name for name in coarse.values if name in fine.values):
         difference = fine.values[name][::every][:count] - coarse.values[name][:count]

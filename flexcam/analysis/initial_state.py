@@ -154,14 +154,14 @@ def _last_state(case: Case, model: Model, system: System, name: str) -> tuple[St
         return State(np.zeros(0), np.zeros(0), time), angle
     free = build_structure(model).dofs.numbers >= 0
     if any(values[-1].reshape(-1, 6)[~free].any() for values in vars(response.fields).values()):
-        raise refuse(where, name, "a result of the same supports", "it moves where this model is fixed")
+        raise refuse(where, name, "a result of the same supports", "it moves nodes that this model fixes")
     try:
         fields = unknown_fields(response, free, system.names[int(free.sum()) :])
     except InputError as refusal:
-        why = f"it does not hold {refusal.faults[0].given}"
+        why = f"it does not contain {refusal.faults[0].given}"
         raise refuse(where, name, "a result of the same model", why) from None
     inner, states = response.inner, sum(force.states for force in system.local_forces)
     if len(inner) != states:
-        raise refuse(where, name, "a result of the same contacts", f"it holds {len(inner)} of {states} internal states")
+        raise refuse(where, name, "a result of the same contacts", f"it has {len(inner)} of {states} internal states")
     moved, moving, pushed = fields.displacement[-1], fields.velocity[-1], fields.acceleration[-1]
     return State(moved, moving, time, inner if states else None, acceleration=pushed), angle

@@ -248,7 +248,7 @@ def _bisect_limit(name: str, words: str, search: Search, ask: Callable[[float], 
     for high in search.speeds():
         answers = ask(high)
         if isinstance(answers, str):
-            return Limit(None, width, f"{words}: not known from there on; {answers}", known=False)
+            return Limit(None, width, f"{words}: not known above this speed; {answers}", known=False)
         if parts := answers[name]:
             break
         low = high

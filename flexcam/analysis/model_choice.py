@@ -111,7 +111,7 @@ def reference_run(case: Case, probe: str, until: float | None = None, *, work: i
 
 def _refuse_result(case: Case) -> None:
     if isinstance(case.record.run.start, ResultStartRecord):
-        where, why = case.place(("run", "start")), "a result fits one mesh, and others are tried"
+        where, why = case.place(("run", "start")), "the result fits one mesh only, and flexcam tries others"
         raise refuse(where, "a start from a result", "another start", why, "give rest, equilibrium, periodic or values")
 
 
@@ -252,7 +252,7 @@ def choose_model(
     against = reference_run(case, probe, until, work=work)
     known = list(dict.fromkeys(name.partition(" ")[0] for name in against.errors))
     if missing := [name for name in tolerance if name not in known]:
-        where, why = case.place(("fidelity", "tolerance")), "no other quantity is in the case"
+        where, why = case.place(("fidelity", "tolerance")), "the case has no such quantity"
         raise refuse(where, ", ".join(missing), ", ".join(known), why, "leave it out")
     met: list[tuple[ModelLevel, ModelEvaluation]] = []
     missed: list[tuple[ModelLevel, ModelEvaluation]] = []
@@ -286,7 +286,7 @@ def select_case(case: Case, until: float | None = None) -> tuple[Case, Choice | 
 
 
 _TIME_LIMIT_STATUS = Status(
-    Cause.TIME_LIMIT, "the time given to the command was over while a model within fidelity.tolerance was sought: "
+    Cause.TIME_LIMIT, "the time limit was reached during the search for a model within fidelity.tolerance: "
     "nothing is kept", "allow more time, or run `flexcam trade` once and choose the model by hand",
 )  # fmt: skip
 

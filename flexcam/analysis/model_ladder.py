@@ -90,7 +90,7 @@ def _interpolate_member(structure: Structure, nodal: FloatArray, elements: slice
 
 
 _ELEMENTS = (1, 2)
-"""Elements per segment of every member, besides those of the case and twice as many."""
+"""Elements per segment of every member, in addition to those of the case and twice as many."""
 
 _MODE_COUNTS = (3, 10, 30)
 """Numbers of modes of the reduced models."""
@@ -106,7 +106,7 @@ class ModelLevel:
 
 
 def run_count(case: Case, work: int) -> int:
-    """Return how many runs like that of a case have together so many steps per revolution, one at least.
+    """Return the number of runs like that of a case with this sum of steps per revolution, at least one.
 
     Setup that speeds up many short runs may not pay for a single run.
     """
@@ -192,6 +192,6 @@ def model_ladder(case: Case) -> tuple[ModelLevel, ...]:
         *(rung for rung in chains if _is_applicable(rung)),
         *modes,
         *fewer,
-        ModelLevel("beams", "the case as it stands", beams),
+        ModelLevel("beams", "the unchanged case", beams),
         ModelLevel("beams x2", "twice its elements", with_elements(beams, factor=2)),
     )

@@ -84,7 +84,7 @@ def last_revolution_orders(response: Response, values: FloatArray, count: int) -
     return order_spectrum(response.angle[begin:], values[begin:], count)
 
 
-_MIN_STEPS_REASON = "an order needs two steps of its own"
+_MIN_STEPS_REASON = "each order needs two steps"
 
 
 def _required_steps(count: int) -> int:

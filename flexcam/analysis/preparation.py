@@ -195,7 +195,7 @@ def _make_problem(case: Case, model: Model, system: System) -> Problem:
     steps = round(run.revolutions * revolution / step)
     if steps < 1:
         given = f"{run.revolutions:g} revolutions with a step of {step:g} s"
-        raise refuse("run", given, "at least one step", "", "more revolutions or a smaller step")
+        raise refuse("run", given, "at least one step", "", "take more revolutions or a smaller step")
     adaptive, prune = run.adaptive.part if run.adaptive else None, case.record.fidelity.prune
     return Problem(system, drive, step, steps, adaptive=adaptive, prune=prune, engine=run.engine)
 
@@ -283,7 +283,7 @@ class RevolutionChange:
 
 
 def revolution_change(ready: PreparedRun, response: Response) -> RevolutionChange | None:
-    """Return how far the last revolution of a run is from periodic; None without two revolutions."""
+    """Return the deviation of the last revolution of a run from periodic; None without two revolutions."""
     time, period = response.time, ready.revolution
     if not len(time) or time[-1] - time[0] < (2.0 - _ROUNDING) * period - ready.problem.step:
         return None

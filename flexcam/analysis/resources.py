@@ -172,7 +172,7 @@ _SMALL = 1_000_000
 
 _UNITS = ("B", "kB", "MB", "GB", "TB", "PB")
 
-_LARGE = "or --allow-large to try it all the same"
+_LARGE = "or use --allow-large"
 
 
 def check_resources(needs: ResourceEstimate, folder: Path | None = None, *, together: int = 1) -> None:
@@ -189,7 +189,7 @@ def check_mesh_memory(mesh: Mesh) -> None:
     if free is None or _ELEMENT * count <= _USABLE_FRACTION * free:
         return
     given = f"{count} elements, whose matrices take {format_size(_ELEMENT * count)}"
-    remedy = "fewer elements, or flexcam run --allow-large to try it all the same"
+    remedy = "take fewer elements, or use flexcam run --allow-large"
     raise InputError([_lack("memory", given, free, f"{format_size(free)} are free", remedy)])
 
 
@@ -209,7 +209,7 @@ def _check_memory(needs: ResourceEstimate, together: int) -> Fault | None:
     }
     shares = ", ".join(f"{format_size(size)} of {name}" for name, size in parts.items())
     given = f"a run of {format_size(needs.memory)}: {shares}" + (f"; {together} side by side" if together > 1 else "")
-    remedy = f"fewer elements, steps or probes, fields saved more seldom (output.field_every), {_LARGE}"
+    remedy = f"take fewer elements, steps or probes, save fewer fields (output.field_every), {_LARGE}"
     return _lack("memory", given, free, f"{format_size(free)} are free", remedy)
 
 
@@ -217,7 +217,7 @@ def _check_disk(needs: ResourceEstimate, folder: Path) -> Fault | None:
     free = free_disk(folder)
     if free is None or needs.file <= _USABLE_FRACTION * free:
         return None
-    remedy = f"fewer steps or probes, fields saved more seldom (output.field_every), another disk (-o), {_LARGE}"
+    remedy = f"take fewer steps or probes, save fewer fields (output.field_every), choose another disk (-o), {_LARGE}"
     given = f"a result file of {format_size(needs.file)}"
     return _lack("disk", given, free, f"{format_size(free)} are free at {folder}", remedy)
 

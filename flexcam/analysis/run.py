@@ -71,7 +71,7 @@ def _check_same_case(ready: PreparedRun, earlier: PartialResult) -> None:
     """Raise an error if a run with another case, other package versions or another problem is resumed."""
     found = find_differences(_metadata(ready.case), earlier.about)
     if not found and earlier.checkpoint.problem != fingerprint(ready.problem, ready.scheme, ready.save):
-        found = [_difference("a mesh or a table beside the case", "another one", "the one it began with")]
+        found = [_difference("a mesh or a table of the case", "another one", "the one at the start of the run")]
     if found:
         raise InputError(found)
 
@@ -181,14 +181,14 @@ def reload_result(case: Case, result: Result) -> tuple[PreparedRun, Response]:
     response = result.response
     free = build_structure(ready.model).dofs.numbers >= 0
     if response.fields.displacement.shape[1] != free.size:
-        raise refuse("result", "another number of nodes", "a result of its case")
+        raise refuse("result", "a result with another number of nodes", "a result of this case")
     internal = names.unknowns[int(free.sum()) :]
     try:
         fields = unknown_fields(response, free, internal)
     except InputError as refusal:
         if response.stats.unknowns:
-            why = f"it does not hold {refusal.faults[0].given}"
-            raise refuse("result", "a result without an unknown of its case", "a result of its case", why) from None
+            why = f"it does not contain {refusal.faults[0].given}"
+            raise refuse("result", "a result without an unknown of the case", "a result of this case", why) from None
         # Internal nodes of a spring do not move in the rigid model and are not stored.
         still = np.zeros((len(response.field_time), len(internal)))
         known = unknown_fields(response, free, ())
@@ -229,7 +229,8 @@ def find_differences(now: Mapping[str, str], then: Mapping[str, str]) -> list[Fa
 
 
 def _difference(what: str, given: str, allowed: str) -> Fault:
-    why, remedy = "a run can only be resumed unchanged", "restore it, or run the case again with --overwrite"
+    why = "a run can only be resumed with an unchanged case"
+    remedy = "restore the old value, or run the case again with --overwrite"
     return Fault(f"--resume: {what}", _shorten(given), _shorten(allowed), why, remedy)
 
 

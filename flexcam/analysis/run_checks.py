@@ -172,7 +172,7 @@ def _check_shared_lobes(model: Model) -> Iterator[str]:
         later = math.degrees(math.atan2(float(np.cross(a, b) @ one.shaft_axis), float(a @ b))) % 360.0
         if min(later, 360.0 - later) > _SAME_LOBE_ANGLE:
             why = f"it lifts {other.follower} and {one.follower} at the same cam angle, but its lobe reaches the second"
-            remedy = f"give {one.follower} a cam of its own with a phase greater by that"
+            remedy = f"give {one.follower} its own cam with a phase greater by that"
             yield f"Warning: cams.{one.cam}: {why} {later:.4g} deg later; {remedy}"
 
 
@@ -310,7 +310,7 @@ def check_events(metrics: Iterable[Metric]) -> list[str]:
     return [
         *(
             f"Warning: the follower of {name!r} loses contact with its cam for {math.degrees(angle):.3g} deg of the "
-            f"lift: the motion after that is no valve event to design by"
+            f"lift: do not use the motion after that for design"
             for name, angle in _metrics_with_suffix(known, ".open_on_the_lift")
             if angle > OPEN
         ),

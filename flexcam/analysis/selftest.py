@@ -288,7 +288,7 @@ def train_checks() -> Iterator[Check]:
 def _balance_check(run: Response) -> Check:
     residual = float(np.abs(run.channels["energy.residual"]).max() / np.ptp(run.channels["energy.work"]))
     source = "exact for the average acceleration"
-    return Check("energy that does not add up, over the work", source, 0.0, residual, 1e-9)
+    return Check("residual of the energy balance, over the work", source, 0.0, residual, 1e-9)
 
 
 def _engine_checks(ready: PreparedRun, run: Response) -> Iterator[Check]:
@@ -310,7 +310,7 @@ def _result_file_check(run: Response, read: Response) -> Check:
     pairs = [(getattr(run.probes, kind), getattr(read.probes, kind)) for kind in ("displacement", "velocity")]
     pairs += [(run.time, read.time), *((values, read.channels[name]) for name, values in run.channels.items())]
     apart = max(float(np.abs(a - b).max(initial=0.0)) for a, b in pairs)
-    return Check("result file, read against what was written", "every digit", 0.0, apart, 0.0)
+    return Check("result file, read values against written ones", "every digit", 0.0, apart, 0.0)
 
 
 def _lift_check(case: Case) -> Check:

@@ -167,7 +167,7 @@ class RollerFollower(_OnBaseCircle):
         if not abs(self.offset) < self.base_radius + self.roller_radius:
             given = f"{self.offset:g} m"
             allowed = f"less than base circle and roller together, {self.base_radius + self.roller_radius:g} m"
-            raise refuse("follower.offset", given, allowed, "the roller would miss the cam")
+            raise refuse("follower.offset", given, allowed, "the roller would not touch the cam")
 
     @property
     def lift_direction(self) -> complex:
@@ -228,7 +228,7 @@ class SwingRollerFollower(_OnBaseCircle):
         pitch = math.sqrt(arm**2 + distance**2 - 2.0 * arm * distance * math.cos(angle))
         if pitch <= roller_radius:
             given = f"{math.degrees(angle):g} deg, where the roller's centre is {pitch:g} m from the cam's"
-            raise refuse("follower.angle", given, "an angle that leaves a base circle", "", "a larger angle")
+            raise refuse("follower.angle", given, "an angle with a base circle above zero", "", "take a larger angle")
         return cls(pitch - roller_radius, roller_radius, arm, distance, side)
 
     @property

@@ -69,7 +69,7 @@ def harmonic_fit(
     wanted: Event, count: int, *, strict: Sequence[tuple[float, float]] | None = None, tolerance: float,
     bound: float | None = None,
 ) -> HarmonicFit:  # fmt: skip
-    """Return the lift with a given number of harmonics that has the least squared distance from a target lift.
+    """Return the lift with a given number of harmonics that has the minimum squared distance from a target lift.
 
     C. Li, Cam motion simulation and optimization (2014), eqs. 5-6, with its dwells as constraints instead of weights.
     """
@@ -121,16 +121,16 @@ def _order_error(
     rows: FloatArray, target: FloatArray, held: NDArray[np.bool_], tolerance: float, bound: float | None
 ) -> InputError:
     """Return the error of a tolerance or bound that so few harmonics cannot meet, with the attainable value."""
-    count, why = (rows.shape[1] - 1) // 2, "the constraints leave no such lift"
+    count, why = (rows.shape[1] - 1) // 2, "no lift satisfies all constraints"
     reach = _minimize_deviation(rows[held], target[held], np.zeros((0, rows.shape[1])), np.zeros(0), tolerance)
     if reach is not None and reach > tolerance:
         given = f"{count} harmonics within {1e6 * tolerance:.4g} um on the strict sections"
         remedy = f"allow {1e6 * reach:.4g} um there, or more harmonics"
-        return refuse("tolerance", given, "what they can hold", why, remedy)
+        return refuse("tolerance", given, "an attainable value", why, remedy)
     wide = _minimize_deviation(rows[~held], target[~held], rows[held], target[held], tolerance)
-    given = f"{count} harmonics within {1e6 * (bound or 0.0):.4g} um beside the strict sections"
+    given = f"{count} harmonics within {1e6 * (bound or 0.0):.4g} um outside the strict sections"
     room = "a wider one" if wide is None else f"{1e6 * wide:.4g} um there"
-    return refuse("bound", given, "what they can hold", why, f"allow {room}, a wider tolerance, or more harmonics")
+    return refuse("bound", given, "an attainable value", why, f"allow {room}, a wider tolerance, or more harmonics")
 
 
 def _minimize_deviation(
@@ -198,8 +198,8 @@ def polydyne(wanted: Event, transfer: Transfer, speed: float, *, count: int = 60
     answer = transfer(speed * np.arange(count + 1.0))
     silent = ~np.isfinite(answer[:1]) if not np.isfinite(answer[0]) else np.abs(answer) < _MIN_RESPONSE * abs(answer[0])
     if silent.any():
-        given = f"a train that does not answer to harmonic {int(np.argmax(silent))} at {speed / RPM:g} rpm"
-        raise refuse("speed", given, "one that answers to every harmonic", "", "another speed, or some damping")
+        given = f"a train that does not respond to harmonic {int(np.argmax(silent))} at {speed / RPM:g} rpm"
+        raise refuse("speed", given, "a response to every harmonic", "", "choose another speed, or add damping")
     goal = HarmonicLift.of(amplitude)
     # A harmonic in resonance must be absent from the cam.
     resonant = ~np.isfinite(answer)

@@ -1,7 +1,7 @@
 """Criteria of motion laws and minima of curves over a revolution.
 
 A grid locates the minima between the joints and successive refinement locates their values. The value just before a
-joint is extrapolated from two points beside it, to rounding for curves that are smooth between the joints.
+joint is extrapolated from two points next to it, to rounding for curves that are smooth between the joints.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ class Criteria:
 
     @property
     def violations(self) -> tuple[str, ...]:
-        """Violated requirements of a rise between two dwells, in words."""
+        """Descriptions of the violated requirements of a rise between two dwells."""
         said = [f"s({z}) = {end[0]:.6g}, not {z}" for z, end in enumerate(self.ends) if abs(end[0] - z) > _ZERO]
         for order, name in _STEPS:
             steps = ((0, self.ends[0][order]), (1, -self.ends[1][order]))  # right limit minus left limit

@@ -110,5 +110,5 @@ def law_kind(name: str) -> LawKind | None:
         return point.load()
     except _IMPORT_ERRORS as fault:
         package = point.dist.name if point.dist else point.value
-        why = f"{package} brings it and cannot be loaded: {type(fault).__name__}: {fault}"
-        raise refuse("law", repr(name), "a law that can be loaded", why, f"mend or remove {package}") from None
+        why = f"the package {package}, which defines it, failed: {type(fault).__name__}: {fault}"
+        raise refuse("law", repr(name), "a law that can be loaded", why, f"correct or remove {package}") from None

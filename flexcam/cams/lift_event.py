@@ -152,12 +152,12 @@ class LiftEvent:
         opening, closing = self._ramps
         if closing and closing.height >= self._top:
             given, top = f"a closing ramp of {1e3 * closing.height:.4g} mm", f"below {1e3 * self._top:.4g} mm"
-            raise refuse("ramps.closing_height", given, top, "the return comes down to it", "make it lower")
+            raise refuse("ramps.closing_height", given, top, "the return ends at that height", "make the ramp lower")
         for ramp, span, height in ((opening, self.rise, self.lift), (closing, self.fall, self._fall_lift)):
             if ramp and ramp.slope * span > height:
                 given = f"a slope of {ramp.slope * 1e3:.4g} mm/rad"
-                why = "the main lift could not go on from it"
-                raise refuse("ramps", given, f"up to {1e3 * height / span:.4g} mm/rad", why, "make it longer or lower")
+                why = "the main lift cannot continue such a slope"
+                raise refuse("ramps", given, f"up to {1e3 * height / span:.4g} mm/rad", why, "lengthen or lower it")
 
     @property
     def _ramps(self) -> tuple[Ramp | None, Ramp | None]:

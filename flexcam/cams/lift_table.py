@@ -125,7 +125,7 @@ def _fit_within_tolerance(theta: FloatArray, s: FloatArray, count: int, toleranc
     if tolerance > 0.0:
         given = f"{1e6 * tolerance:.4g} um for {count} points"
         why = f"a spline of {_KNOTS[-1]} knots cannot follow them closer"
-        raise refuse("tolerance", given, f"{1e6 * least:.4g} um or more", why, "allow more: the points scatter")
+        raise refuse("tolerance", given, f"{1e6 * least:.4g} um or more", why, "allow more, because the points scatter")
     if len(theta) > _KNOTS[-1] and least > _INTERPOLATION_TOLERANCE * float(s.max()):
         given, allowed = f"0 for {len(theta)} points", f"{1e6 * least:.4g} um or more, or up to {_KNOTS[-1]} points"
         why = f"a spline of {_KNOTS[-1]} knots cannot pass through them all"
@@ -294,7 +294,7 @@ def find_table_faults(theta: FloatArray, s: FloatArray) -> list[Fault]:
     if lost.size:
         return [
             Fault(f"lift table, row {i + 1}", f"angle {math.degrees(theta[i]):g} deg, lift {1e3 * s[i]:g} mm",
-                  "finite numbers", "", "mend or remove the row")
+                  "finite numbers", "", "correct or remove the row")
             for i in lost[:_MOST_FAULTS].tolist()
         ]  # fmt: skip
     if len(theta) < _LEAST_POINTS:
@@ -309,12 +309,12 @@ def find_table_faults(theta: FloatArray, s: FloatArray) -> list[Fault]:
         found.append(Fault(f"angle, row {i + 2}", given, "angles that ascend", "", "sort the rows, each angle once"))
     elif theta[-1] - theta[0] > _REVOLUTION + 1e-9:
         given = f"{math.degrees(theta[-1] - theta[0]):g} deg of cam angle"
-        remedy = "cut the table; crank angles must be said to be such"
+        remedy = "shorten the table, or mark crank angles with angle = 'crank'"
         found.append(Fault("angle", given, "360 deg at most", "the lift repeats every revolution", remedy))
     elif theta[-1] - theta[0] < _MIN_RANGE:
         given, allowed = f"{math.degrees(theta[-1] - theta[0]):g} deg of cam angle", "20 deg or more"
         remedy = "check the unit of the angles: cam_deg, cam_rad, crank_deg or crank_rad"
-        found.append(Fault("angle", given, allowed, "no lobe is so narrow", remedy))
+        found.append(Fault("angle", given, allowed, "lobes are wider", remedy))
     top, length = float(s.max()), DIMENSIONS["length"]
     if not length.least <= np.abs(s).max() <= length.most or top <= 0.0:
         given, allowed = f"{top:g} m at most", f"a lift above zero, between {length.least:g} and {length.most:g} m"
@@ -325,7 +325,7 @@ def find_table_faults(theta: FloatArray, s: FloatArray) -> list[Fault]:
         i = int(below[0])
         given = f"{1e3 * s[i]:g} mm at {math.degrees(theta[i]):g} deg"
         found.append(Fault(f"lift, row {i + 1}", given, "zero or more", "a follower cannot enter the base circle",
-                           "subtract the base circle's reading"))  # fmt: skip
+                           "subtract the reading on the base circle"))  # fmt: skip
     return found or [*_gaps(theta, s, low), *_periodicity_fault(theta, s, low)]
 
 
@@ -354,7 +354,7 @@ def _gaps(theta: FloatArray, s: FloatArray, low: float) -> list[Fault]:
     i = int(np.argmax(gap))
     given = f"no point between {math.degrees(theta[i]):g} and {math.degrees(theta[i + 1]):g} deg"
     return [
-        Fault(f"angle, row {i + 2}", given, "an even cover of the lift", "a gap would be invented", "measure there")
+        Fault(f"angle, row {i + 2}", given, "points over the whole lift", "the lift there is unknown", "measure there")
     ]
 
 
@@ -392,5 +392,5 @@ def _periodicity_fault(theta: FloatArray, s: FloatArray, low: float) -> list[Fau
     if closes:
         return []
     start, end = (f"{1e3 * s[i]:g} mm at {math.degrees(theta[i]):g} deg" for i in (0, -1))
-    given, allowed = f"{start}, {end}", "a lift that begins and ends on the base circle, or runs on into itself"
+    given, allowed = f"{start}, {end}", "a lift that begins and ends on the base circle or at the same value"
     return [Fault("lift", given, allowed, "the lift repeats every revolution", "measure the whole lift")]

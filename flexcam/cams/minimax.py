@@ -64,7 +64,7 @@ class Program:
         return within and (not self.monotone or _slowest(law) >= -slack - _LIMIT_MARGIN)
 
     def violations(self, law: Law, slack: float) -> list[str]:
-        """Return the violated bounds and conditions of a law, within a slack, in words."""
+        """Describe the violated bounds and conditions of a law, within a slack."""
         values = {name: _criterion(law, name) for name in self.limits}
         said = [f"{name} is {values[name]:.9g}, its bound {limit:.9g}"
                 for name, limit in self.limits.items() if values[name] > limit * (1.0 + slack)]  # fmt: skip
@@ -117,7 +117,7 @@ class Program:
         if found.status == _INFEASIBLE:
             raise self._impossible()
         if found.x is None:
-            raise refuse("family", self.family.name, "a program that can be solved", str(found.message), "fewer terms")
+            raise refuse("family", self.family.name, "a family that converges", str(found.message), "take fewer terms")
         dual = float(b @ found.ineqlin.marginals + e @ found.eqlin.marginals)
         return np.asarray(found.x[: self.family.size], dtype=float), dual
 
@@ -137,10 +137,10 @@ class Program:
 
     def _impossible(self) -> InputError:
         given = ", ".join([f"{name} up to {limit:g}" for name, limit in self.limits.items()]) or "the conditions"
-        remedy = "a wider bound, a higher degree or more pieces"
+        remedy = "use a wider bound, a higher degree or more pieces"
         if self.conditions and isinstance(self.family, SplineFamily) and self.family.symmetric:
             remedy += ", or laws without symmetry (--asymmetric)"
-        return refuse("bounds", given, f"what {self.family.name} can meet", "there is no such law", remedy)
+        return refuse("bounds", given, f"bounds that {self.family.name} can meet", "no law satisfies them", remedy)
 
     def _inequalities(
         self, places: Mapping[int, FloatArray], cuts: Sequence[TangentPlane], around: tuple[FloatArray, float] | None

@@ -108,7 +108,7 @@ class Ramp:
         positive("ramps.height", self.height, "m")
         positive("ramps.duration", self.duration, "rad")
         if not (self.take_off == 0.0 or _SHORTEST <= self.take_off <= 1.0):
-            raise refuse("ramps.take_off", self.take_off, f"0, or a part from {_SHORTEST:g} to 1 of the duration")
+            raise refuse("ramps.take_off", self.take_off, f"0, or a fraction from {_SHORTEST:g} to 1of the duration")
 
     @property
     def slope(self) -> float:

@@ -169,7 +169,7 @@ def order_spectrum(angle: ArrayLike, values: ArrayLike, count: int) -> OrderSpec
     if count < 1:
         raise refuse("count", count, "a whole number from 1")
     if len(at) < 2 * count + 2:
-        why = "an order needs two instants of its own"
+        why = "each order needs two instants"
         raise refuse("angle", f"{len(at)} instants", f"{2 * count + 2} or more for {count} orders", why)
     steps, span = np.diff(at), float(at[-1] - at[0])
     if (steps <= 0.0).any() or abs(span - _REVOLUTION) > 1.5 * float(steps.max()):

@@ -109,7 +109,7 @@ def _exponent_fault(p: tuple[int, ...], least: int) -> str:
     if max(p) > _LARGEST:
         return f"beyond {_LARGEST} too many digits are lost between the ends"
     if twice := [b for a, b in pairwise(sorted(p)) if a == b]:
-        return f"{twice[0]} stands there twice"
+        return f"{twice[0]} is listed twice"
     return "" if list(p) == sorted(p) else "they do not ascend"
 
 
@@ -146,8 +146,8 @@ def quinquinomial(row: int = 1) -> Polynomial:
     (2, 8, 14, 20, 26)
     """
     if not 1 <= row <= 4:
-        remedy = "for others give the exponents to a polynomial"
-        raise refuse("row", row, "1 to 4", "these are printed", remedy)
+        remedy = "for others use a polynomial with its exponents"
+        raise refuse("row", row, "1 to 4", "the paper prints these rows", remedy)
     return Polynomial(tuple(2 + 3 * row * i for i in range(5)))
 
 
@@ -181,7 +181,9 @@ class BSplineLaw(SmoothLaw):
         fits = len(self.coefficients) == least if self.knots is not None else len(self.coefficients) >= least
         if not fits:
             allowed = f"{least}" if self.knots is not None else f"{least} or more"
-            raise refuse("coefficients", f"{len(self.coefficients)} values", allowed, "degree, knots and they must fit")
+            raise refuse(
+                "coefficients", f"{len(self.coefficients)} values", allowed, "degree and knots define their number"
+            )
         if self.coefficients[0] != 0.0 or self.coefficients[-1] != 1.0 or not np.isfinite(self.coefficients).all():
             raise refuse(
                 "coefficients", list(self.coefficients), "finite numbers from 0 to 1 at the ends", "s(0) = 0, s(1) = 1"

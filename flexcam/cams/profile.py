@@ -202,10 +202,8 @@ def find_profile_faults(
         found.append(ProfileFault(what, remedy, seen.convex.at, seen.convex.value, 0.0))
     steep = seen.pressure_angle
     if abs(steep.value) > pressure_angle * (1.0 + _ROUNDING):
-        what, other = (
-            "pressure angle too large",
-            "an offset" if isinstance(follower, RollerFollower) else "another pivot or arm",
-        )
+        what = "pressure angle too large"
+        other = "an offset" if isinstance(follower, RollerFollower) else "another pivot or arm"
         remedy = _remedy([other], base_helps=base_helps)
         found.append(ProfileFault(what, remedy, steep.at, abs(steep.value), pressure_angle, "angle"))
     if cutter is not None and not cut and seen.hollow is not None and seen.hollow.value < cutter:
@@ -221,7 +219,7 @@ def _remedy(others: list[str], *, base_helps: bool) -> str:
 
 
 def undercut(radius: FloatArray, follower: Follower) -> NDArray[np.bool_]:
-    """Return where a profile is undercut: the pitch curve is sharper than the roller, or a flat face meets a hollow."""
+    """Return the undercut points of a profile: a pitch curve sharper than the roller, or a hollow under a flat face."""
     return (radius <= 0.0) & (radius >= -follower.roller_radius)
 
 
@@ -245,7 +243,7 @@ def minimum_base_radius(
     good = [fits(float(base)) for base in candidates]
     if not any(good):
         given = f"no base circle between {candidates[0]:.3g} and {high:.3g} m"
-        raise refuse("base_radius", given, "one that meets the limits", "", "a longer event or wider limits")
+        raise refuse("base_radius", given, "a base circle within the limits", "", "take a longer event or wider limits")
     first = good.index(True)
     if first == 0:
         return 0.0
@@ -317,7 +315,7 @@ def lift_from_profile(points: ArrayLike, follower: Follower, angle: ArrayLike, *
     starts = _find_highest_peaks(np.asarray(x + 1j * y, dtype=np.complex128), at, follower, turned)
     found = -np.min([refine_minima(depth, start - at[1], start + at[1])[0] for start in starts.T], axis=0)
     if not np.isfinite(found).all():
-        raise refuse("points", "a profile the follower does not touch", "one within its reach", "", "check the unit")
+        raise refuse("points", "a profile that the follower misses", "one within its reach", "", "check the unit")
     return found.reshape(np.shape(angle))
 
 

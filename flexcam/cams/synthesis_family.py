@@ -101,10 +101,10 @@ class SplineFamily:
         if self.rest < 1 or not 5 <= self.degree <= _MOST_DEGREE or not 1 <= self.pieces <= _MOST_PIECES:
             given = f"degree {self.degree}, {self.pieces} pieces, rest {self.rest}"
             allowed = f"degree 5 to {_MOST_DEGREE}, 1 to {_MOST_PIECES} pieces, rest from 1"
-            raise refuse("family", given, allowed, "beyond these the programs take minutes and gain nothing")
+            raise refuse("family", given, allowed, "larger families take minutes without any gain")
         if self._count < 2 * (self.rest + 1) + 1 or not self.size:
             given = f"{self._count} coefficients with {self.rest + 1} held at each end"
-            raise refuse("family", given, "some left to choose", "", "a higher degree or more pieces")
+            raise refuse("family", given, "free coefficients", "", "take a higher degree or more pieces")
 
     @property
     def name(self) -> str:

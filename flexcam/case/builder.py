@@ -69,7 +69,9 @@ def parse_follower(follower: str, base_radius: str | None = None, *, clockwise: 
         raise InputError(convert_errors(refusal.errors(include_url=False), KeyLocations({}), _FollowerRecord)) from None
     found = record.follower.build(record.base_radius)
     if found is None:
-        raise refuse("base_radius", "nothing", "the radius of the base circle", "the lift counts from it", "give it")
+        raise refuse(
+            "base_radius", "nothing", "the radius of the base circle", "the lift starts there", "add base_radius"
+        )
     return found, -1 if clockwise else 1
 
 
@@ -257,7 +259,7 @@ class _Geometry:
         members = [name for name, line in self.mesh.lines.items() if np.isin(nodes, line[[0, -1]]).any()]
         if not members:
             why = "no member ends at the lash whose stiffness could be taken"
-            raise refuse("stiffness", "nothing", "a value", why, 'add stiffness = "20 MN/m" or what is meant')
+            raise refuse("stiffness", "nothing", "a value", why, 'add it, such as stiffness = "20 MN/m"')
         return DEFAULT_LASH_STIFFNESS_RATIO * min(map(self._axial_stiffness, members)) / ratio**2
 
     def _axial_stiffness(self, name: str) -> float:
@@ -283,7 +285,7 @@ class _Geometry:
             span = self.mesh.nodes[self.mesh.node(record.follower)] - cam
             if float(span @ lift[:3]) < -_PERPENDICULAR_TOLERANCE * float(np.linalg.norm(span)):
                 why = "the follower lies on the other side, and the cam would pass through it"
-                raise refuse("direction", given, "from the cam to its follower", why, "turn its sign")
+                raise refuse("direction", given, "a direction from the cam to its follower", why, "change its sign")
         return lift
 
     def _rotation_axis(self, name: str) -> FloatArray:
@@ -292,7 +294,7 @@ class _Geometry:
         node = self.mesh.node(cam.at, "at")
         if not self.mesh.on_members()[node]:
             if cam.axis is None or not any(cam.axis):
-                given, why = f"nothing, for a cam at {cam.at!r} on no member", "there is no shaft to take it from"
+                given, why = f"nothing, for a cam at {cam.at!r} on no member", "the case has no shaft that defines it"
                 raise refuse("axis", given, "a vector along the axis of rotation", why, "add axis = [1, 0, 0]")
             return np.array(cam.axis) / np.linalg.norm(cam.axis)
         along = self._tangent(node)
@@ -314,7 +316,7 @@ class _Geometry:
 
 def _finger_direction(record: parts.LumpedRecord | parts.LeverRecord) -> FloatArray:
     if record.direction is None:
-        why = "a finger's point lies on no member whose direction it could take"
+        why = "the point of a finger is on no member that defines it"
         raise refuse("direction", "nothing", "the direction in which the cam drives it", why, 'add direction = "uy"')
     return direction(record.direction)
 

@@ -87,15 +87,15 @@ class RawTables:
         for name, place in self._table("nodes").items():
             at = _node_coordinates(place)
             if at is not None and (other := first.setdefault(at, name)) != name:
-                remedy = f"name {other!r} wherever {name!r} is meant"
+                remedy = f"use {other!r} instead of {name!r}, or move it"
                 yield self._fault(
-                    ("nodes", name), f"the place of {other!r}", "a place of its own", _SHARED_NODE, remedy
+                    ("nodes", name), f"the coordinates of {other!r}", "other coordinates", _SHARED_NODE, remedy
                 )
         for name, table in self._each("members"):
             nodes = [node for node in _as_list(table.get("nodes")) if isinstance(node, str)]
             for node in dict.fromkeys(node for node in nodes if nodes.count(node) > 1):
                 allowed, why = "a chain that contains each node once", "a closed member has no end to start from"
-                yield self._fault(("members", name, "nodes"), repr(node), allowed, why, "make two members of it")
+                yield self._fault(("members", name, "nodes"), repr(node), allowed, why, "divide it into two members")
 
     def _fault(self, path: Path, given: str, allowed: str, why: str = "", remedy: str = "") -> Fault:
         return Fault(self.places.place(path), given, allowed, why, remedy)
@@ -117,7 +117,7 @@ class RawTables:
     def _check_point(self, path: Path, name: object, counts: Mapping[str, int]) -> Iterator[Fault]:
         yield from self._check_name(path, name, list(counts), "a point")
         if isinstance(name, str) and counts.get(name, 1) != 1:
-            why, remedy = f"it names {counts[name]} nodes", "give the node a group of its own"
+            why, remedy = f"it names {counts[name]} nodes", "give the node a separate group"
             yield self._fault(path, repr(name), "a point of one node", why, remedy)
 
     def _part_faults(self) -> Iterator[Fault]:
@@ -183,7 +183,7 @@ class RawTables:
         for name, rocker in self._each("rockers"):
             to = rocker.get("to")
             if isinstance(to, str) and (to in counts or rocker_points.count(to) > 1):
-                why = "a rocker defines a point of its own"
+                why = "a rocker defines a new point"
                 yield self._fault(("rockers", name, "to"), repr(to), "a new name", why, "choose another name")
         for kind, key, rocker_point_allowed in _POINT_REFERENCES:
             for name, table in self._each(kind):
@@ -222,7 +222,7 @@ def _as_list(value: object) -> list[object]:
 
 
 def _is_finger(rocker: Table, nodes: Mapping[str, int]) -> bool:
-    """Return whether a rocker is driven at a point of its own."""
+    """Return whether a rocker is driven at a separate point."""
     return rocker.get("model") == "lever" and isinstance(rocker.get("from"), str) and rocker["from"] not in nodes
 
 
@@ -268,7 +268,7 @@ def _lever_place_faults(case: Case) -> Iterator[Fault]:
     starts = [rocker.start for rocker in case.record.rockers.values()]
     for name, rocker in case.record.rockers.items():
         if starts.count(rocker.start) > 1 and isinstance(rocker, LeverRecord):
-            where, why = case.place(("rockers", name, "from")), "each lever has a driven end of its own"
+            where, why = case.place(("rockers", name, "from")), "two levers cannot share a driven end"
             yield Fault(
                 where, repr(rocker.start), "another point", why, "name another node, or a new name for a finger"
             )
@@ -330,7 +330,7 @@ def _rotation_faults(case: Case, model: Model) -> Iterator[Fault]:
         if float(axis @ axes[other]) < 0.0:
             given = f"{_format_axis(axis)}, against cam {other!r} about {_format_axis(axes[other])}"
             where, why = case.place(("cams", name, "axis")), f"{name!r} and {other!r} sit on one shaft"
-            yield Fault(where, given, "one sense of rotation", why, "turn the sign of one axis")
+            yield Fault(where, given, "one sense of rotation", why, "change the sign of one axis")
 
 
 def _format_axis(axis: FloatArray) -> str:
@@ -353,7 +353,7 @@ def _immovable_lash_faults(case: Case, model: Model) -> Iterator[Fault]:
         if all(_supports_block(model, end, lash.direction) for end in lash.ends):
             where, given = case.place(("contacts", name, "direction")), " and ".join(map(repr, lash.ends))
             allowed, why = "a direction in which one of them can move", "the lash would have no effect"
-            yield Fault(where, f"{given}, both fixed along it", allowed, why, "turn it, or free a node")
+            yield Fault(where, f"{given}, both fixed along it", allowed, why, "change the direction, or free a node")
 
 
 def _supports_block(model: Model, point: str, direction: FloatArray) -> bool:

@@ -115,7 +115,7 @@ class LoadDefinition:
         if period is not None and at[-1] - at[0] > period * (1.0 - _SAME_PLACE):
             if abs(size[-1] - size[0]) > _SAME_END * np.abs(size).max():
                 given = f"{self.values[0]:g} and {self.values[-1]:g} {self.unit}"
-                why, remedy = "the table repeats, and its ends are the same instant", "mend the last row"
+                why, remedy = "the table repeats, and its ends are the same instant", "correct the last row"
                 raise refuse(self.where, given, "the same value in the first and the last row", why, remedy)
             at, size = at[:-1], size[:-1]
         return LoadTable(at, size, self.over_time, period)
@@ -156,7 +156,7 @@ def _period(load: LoadDefinition) -> float:
 
 @dataclass(frozen=True)
 class _Files:
-    """Files beside a case, which are read once; a result has the texts of those of its case.
+    """Files in the folder of a case, which are read once; a result has the texts of those of its case.
 
     Parameters
     ----------
@@ -210,7 +210,7 @@ def _file_schema(record: type[BaseModel]) -> dict[str, Any]:
 
 
 def _from_file_or_value(make: Callable[[object, _Files], object]) -> CoreSchema:
-    """Return the schema of a value that may name a file beside the case; it is serialized as given."""
+    """Return the schema of a value that may name a file in the folder of the case; it is serialized as given."""
 
     def validate(value: object, info: ValidationInfo) -> object:
         context = cast("Mapping[str, Any]", info.context or {})
@@ -320,7 +320,7 @@ def _read_toml_table(path: Path, name: str, text: str | None) -> dict[str, Any]:
         content = parse_toml(read_text(path) if text is None else text)
     except FileNotFoundError:
         near = suggest_name(path.name, [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else [])
-        raise refuse(str(path), "no such file", f"an existing file with a table [{name}]", "", near) from None
+        raise refuse(str(path), "a missing file", f"an existing file with a table [{name}]", "", near) from None
     except (OSError, ValueError) as fault:
         raise refuse(
             str(path), "no TOML document", f"a readable file with a table [{name}]", system_message(fault)
@@ -338,7 +338,7 @@ def _parse_lift_value(value: object, files: _Files) -> LiftDefinition:
     record = _LiftFile(**_validate(_LiftFile, table, "a file name, or a table of", "lift_table"))
     if Path(record.file).suffix == ".toml":
         if beside := [key for key in ("angle", "unit", "tolerance") if getattr(record, key) is not None]:
-            raise refuse(beside[0], str(getattr(record, beside[0])), "nothing beside a file of harmonics", "it is in m")
+            raise refuse(beside[0], str(getattr(record, beside[0])), "no unit", "files of harmonics are in m")
         event = files.read(record.file, "lift_table", read_harmonic_lift)
         return LiftDefinition(cast("str | dict[str, Any]", value), event, None)
     columns = files.read(

@@ -147,11 +147,11 @@ def _range_warnings(case: Case, tables: Mapping[str, Any], usual: TypicalRange) 
         outside = [x for x in numbers if (x or usual.zero) and not usual.least <= x <= usual.most]
         if outside:
             unit, x = si_unit(path) or usual.si, outside[0]
-            bounds = f"{usual.least:g} to {usual.most:g}" if usual.least else f"up to {usual.most:g}"
+            bounds = (f"{usual.least:g} to " if usual.least else "up to ") + f"{usual.most:g} {unit}".rstrip()
             near = [f"{x:g} {name}" for name, size in usual.meant.items() if usual.least <= x * size <= usual.most]
             hint = f": did you mean {near[0]}?" if near else ""
             given = f"{x:g} {unit}".rstrip()
-            yield f"{case.place(path)}: {given} is no usual {usual.what} ({f'{bounds} {unit}'.rstrip()}){hint}"
+            yield f"{case.place(path)}: {given} is an unusual {usual.what} (usually {bounds}){hint}"
 
 
 def _matching_values(
@@ -209,7 +209,7 @@ def _section_warnings(case: Case) -> Iterator[str]:
             yield f"{place}: Iy + Iz = {polar:g} m^4 is below that of a circle of its area, {circle:g} m^4"
         for key in ("kappa_y", "kappa_z"):
             if getattr(section, key) > _ROUNDING_MARGIN:
-                yield f"{place}: {key} = {getattr(section, key):g} is above 1: no more than A bears shear"
+                yield f"{place}: {key} = {getattr(section, key):g} is above 1: the shear area cannot exceed A"
 
 
 def _fidelity_warnings(case: Case) -> Iterator[str]:

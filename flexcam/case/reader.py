@@ -84,7 +84,7 @@ def case_from_result(result: Result) -> Case:
 
 @dataclass(frozen=True, eq=False)
 class CaseFile:
-    """Case file in memory, for reading many variants: it and the files beside it are read from disk once."""
+    """Case file in memory, for reading many variants: it and the files in its folder are read from disk once."""
 
     path: Path  #: path of the file
     text: str  #: text of the file
@@ -219,8 +219,10 @@ def _read_tables(path: Path) -> tuple[str, dict[str, Any]]:
     try:
         text = read_text(path)
     except FileNotFoundError:
-        near = suggest_name(path.name, [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else [])
-        raise refuse("case file", str(path), "an existing file", "", near) from None
+        below = next(path.parent.glob(f"*/{path.stem}.toml"), None)
+        near = suggest_name(path.name, [other.name for other in path.parent.glob("*.toml")])
+        near = near or (f"did you mean {str(below)!r}?" if below else "")
+        raise refuse("case file", str(path), "", f"{path} does not exist", near) from None
     except OSError as fault:
         why, remedy = system_message(fault), ""
         if path.suffix == ".vtkhdf":
@@ -234,7 +236,7 @@ def _parse_case(path: Path, text: str) -> dict[str, Any]:
         return parse_toml(text)
     except ValueError as fault:
         remedy = "strings need quotes, tables need [brackets]"
-        raise refuse(str(path), str(fault), "a TOML document", "", remedy) from None
+        raise refuse(str(path), "text that is not TOML", "a TOML document", str(fault), remedy) from None
 
 
 _REPLACED_KEYS = {

@@ -301,7 +301,7 @@ def cam(
         list[str] | None,
         Parameter(
             "--checking-lift", negative=(), group=_CASE,
-            help="Lift for opening, closing and overlap beside 1 mm and 0.05 in, such as '0.1 mm'. Repeatable.",
+            help="Lift for opening, closing and overlap in addition to 1 mm and 0.05 in, such as '0.1 mm'. Repeatable.",
         ),
     ] = None,
     plot: Annotated[

@@ -114,7 +114,7 @@ def fit_output(variables: Sequence[Variable], measured: Measurement, found: Fit)
         for group in found.undetermined
     ]
     words += [
-        f"{keys[i]} and {keys[j]} are correlated ({found.correlation[i, j]:+.3f}): the curves hardly tell them apart"
+        f"{keys[i]} and {keys[j]} are correlated ({found.correlation[i, j]:+.3f}): the curves hardly distinguish them"
         for i, j in found.correlated_pairs()
     ]
     ends = [

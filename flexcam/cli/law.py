@@ -91,7 +91,9 @@ def find_law(name: str, parameters: list[str] | None = None) -> Law:
         return read_law(Path(name)).law
     if not parameters and name not in LAWS and name not in kind_names():
         known = list(dict.fromkeys([*LAWS, *kind_names()]))
-        raise refuse("law", repr(name), ", ".join(known) + ", or a law file (.toml)", "", suggest_name(name, known))
+        raise refuse(
+            "law", repr(name), f"one of {', '.join(known)}, or a law file (.toml)", "", suggest_name(name, known)
+        )
     given: dict[str, object] = {"id": name}
     for one in parameters or ():
         key, equals, value = one.partition("=")

@@ -101,21 +101,19 @@ def _report_crash(words: Sequence[str], as_json: bool) -> int:
 def _command_line_fault(words: Sequence[str], fault: CycloptsError) -> Fault:
     """Return the fault of an invalid command line."""
     command = [word for word in words[:1] if word in COMMAND_FILES]
-    why, remedy = str(fault), ""
+    why, remedy, usage = str(fault), "", f"see {' '.join(['flexcam', *command])} --help"
     if why.startswith("Unknown command"):
-        why, remedy = why.partition(" Available commands: ")[0], f"the commands are {', '.join(COMMAND_FILES)}"
-    elif found := re.match(r'Command "[^"]+" parameter (--\S+) requires an argument', why):
+        why, remedy = why.partition(" Available commands: ")[0], f"choose one of {', '.join(COMMAND_FILES)}"
+    elif found := re.match(r'Command "[^"]+" parameter (-\S+) requires an argument', why):
         option = found[1]
-        why = f"{option[2:].upper()} ({option}) is missing"
+        why = f"{option.lstrip('-').upper()} ({option}) is missing"
         if option in words:
             followed = words[words.index(option) + 1 :][:1]
             why = f"{option} is followed by {followed[0] if followed else 'nothing'}"
-            remedy = f"a value that begins with - is written {option}={followed[0]}" if followed else ""
+            remedy = f"write a value that begins with - as {option}={followed[0]}" if followed else ""
     elif found := re.match(r"Unused Tokens: \[(.*)\]", why):
         why = f"no argument or option accepts {found[1]}"
-    return Fault(
-        "command line", " ".join(words) or "nothing", f"see {' '.join(['flexcam', *command])} --help", why, remedy
-    )
+    return Fault("command line", " ".join(words), "", why, f"{remedy}, or {usage}" if remedy else usage)
 
 
 _INTERRUPTED = Status(Cause.INTERRUPTED, "stopped by the user before it was finished; nothing is kept")

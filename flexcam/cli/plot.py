@@ -278,7 +278,7 @@ def _force(asked: FigureOptions) -> Figure:
 
     responses, channels = asked.responses(), asked.channels or contact_forces(asked.first.response)
     if not channels:
-        raise refuse("--what", "force", "a run with contacts", "this one has none", "name channels with --channel")
+        raise refuse("--what", "force", "a run with contacts", "this run has none", "name channels with --channel")
     return channel_figure(
         responses, channels, rigid=asked.rigid_responses(), over=asked.over or "angle", title=asked.title
     )

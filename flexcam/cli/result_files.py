@@ -169,7 +169,7 @@ flexcam report results/case.vtkhdf --errors --limits --trade --overwrite
 def report(
     results: Annotated[list[Path], Parameter(help="Result files (.vtkhdf), also of runs that ended early.")], *,
     output: Annotated[
-        Path | None, Parameter(["-o", "--output"], help="HTML file; beside the first result by default.")
+        Path | None, Parameter(["-o", "--output"], help="HTML file; in the folder of the first result by default.")
     ] = None,
     probe: Annotated[str | None, Parameter(help="Probe whose motion is shown first; the valve by default.")] = None,
     errors: Annotated[bool, Parameter(negative=(), help="Also estimate the errors; this runs the case again.")] = False,

@@ -117,7 +117,7 @@ def polydyne_table(found: PolydyneCam) -> Table:
         )
     ]
     head = ("camshaft rpm", "plain cam, um", "polydyne cam, um")
-    title = "Max deviation of the valve from the wanted motion"
+    title = "Max deviation of the valve from the target motion"
     return plain_table(f"{title}; design speed: camshaft {found.speed / RPM:.6g} rpm", head, rows)
 
 

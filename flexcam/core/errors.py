@@ -38,9 +38,26 @@ _MAX_PART = 1000
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 
 
+_LIST = re.compile(r"""^[\w.'"-]+(, [\w.'"-]+){2,}$""")
+"""A list of allowed values."""
+
+_CONDITION = re.compile(r"^(above|below|less than|greater than|between)\b")
+
+
+def _capitalize(text: str) -> str:
+    """Return a sentence with a capital letter, unless it begins with a name, a key or an option."""
+    return text[:1].upper() + text[1:] if re.match(r"(?!flexcam)(?:a|[a-z]{2,})(?:'s)?(?:,? |$)", text) else text
+
+
+def _end(text: str) -> str:
+    return text.rstrip(".") + "." if text[-1] not in "?!" and not text.endswith("...") else text
+
+
 @dataclass(frozen=True)
 class Fault:
     """A fault in an input.
+
+    Its message is one sentence on the fault, one on the reason and one on the remedy.
 
     Parameters
     ----------
@@ -49,7 +66,7 @@ class Fault:
     given
         Value found there.
     allowed
-        Allowed values.
+        Allowed values; empty if the reason alone describes the fault.
     why
         The reason for the limit.
     remedy
@@ -63,11 +80,16 @@ class Fault:
     remedy: str
 
     def __str__(self) -> str:
-        where, given, allowed, *rest = (
-            one if len(one) <= _MAX_PART else f"{one[:_MAX_PART]}..."
-            for one in (self.where, self.given, self.allowed, self.why, self.remedy)
+        where, given, allowed, why, remedy = (
+            part if len(part) <= _MAX_PART else f"{part[:_MAX_PART]}..."
+            for part in (self.where, self.given, self.allowed, self.why, self.remedy)
         )
-        text = "; ".join(filter(None, (f"{where}: given {given}; allowed: {allowed}", *rest)))
+        head = f"{where}: {why}"
+        if allowed:
+            allowed = _LIST.sub(r"one of \g<0>", _CONDITION.sub(r"a value \g<0>", allowed))
+            found = "missing" if given == "nothing" else f"got {given}"
+            head = f"{where}: {found}, expected {allowed}. {_capitalize(why)}"
+        text = " ".join(_end(part.strip()) for part in (head, _capitalize(remedy)) if part.strip())
         return printable(text.replace("\n", "\\n"))
 
     def as_dict(self) -> dict[str, str]:

@@ -29,7 +29,7 @@ DENSE_LIMIT = 300
 
 @dataclass(frozen=True, eq=False)
 class Triplets:
-    """Square matrix as (row, column, value) triplets; duplicate entries add up.
+    """Square matrix as (row, column, value) triplets; duplicate entries are summed.
 
     Parameters
     ----------

@@ -153,10 +153,8 @@ def _unit_product(text: str, where: str) -> tuple[Decimal, Exponents]:
             comma = "write a point in decimal numbers, no comma" if text.startswith(",") else ""
             known = [*_PLAIN, *(prefix + base for base in _PREFIXED for prefix in _PREFIXES)]
             hint = comma or _FOREIGN.get(symbol) or suggest_name(symbol, known)
-            allowed = "units such as mm, kg, kN/m, GPa, rpm, deg"
-            raise refuse(
-                where, f"unit {symbol!r} in {text!r}", allowed, "no such unit is known", hint or "write it in SI"
-            )
+            allowed = "a unit such as mm, kg, kN/m, GPa, rpm, deg"
+            raise refuse(where, f"unit {symbol!r} in {text!r}", allowed, "the unit is unknown", hint or "use SI units")
         # As in print, a '/' applies to all factors up to the next '*' or '/': N s/m, kg/(m s) is kg/m/s.
         divide = match[1] == "/" or (match[1] == "" and divide)
         power = int(match[3] or 1) * (-1 if divide else 1)
@@ -188,12 +186,10 @@ def parse(value: float | str, dimension: str, where: str = "value", *, noise: bo
     factor, exponents = _unit_product(text, where) if text else (Decimal(1), kind.exponents)
     if not _equal_dimension(exponents, kind.exponents):
         why = f"the unit {text!r} does not measure {article} {kind.name}"
-        remedy = (
-            f"give the {kind.name} in a unit of its own, as in {kind.example!r}" if kind.si else "leave the unit out"
-        )
+        remedy = f"use a unit of {kind.name}, as in {kind.example!r}" if kind.si else "leave the unit out"
         force = _POUND.sub("lbf", text)
         if force != text and _equal_dimension(_unit_product(force, where)[1], kind.exponents):
-            remedy = f"lb is a mass: write {force!r}"
+            remedy = f"use {force!r}, because 'lb' is a mass"
         raise refuse(where, repr(value), allowed, why, remedy)
     si = float(_EXACT.multiply(number, factor))
     if isinstance(value, float) and not math.isfinite(value):

@@ -1,7 +1,7 @@
 """The equations of motion of a mechanism, its force laws, and the methods that solve them.
 
-May import `core`; knows neither beams nor cams nor valve trains. A new force law is a function and a row of the table
-in `force_laws`; a new integrator is a file beside `central_difference`.
+May import `core`; independent of beams, cams and valve trains. A new force law is a function and a row of the table
+in `force_laws`; a new integrator is a file next to `central_difference`.
 """
 
 from flexcam.dynamics.active_dofs import (

@@ -45,7 +45,7 @@ class Bathe(Method):
         return np.array([d + a / 9.0, v + a / 3.0, a])
 
     def stepper(self, system: System, forces: LocalForces, step: float, at: At) -> Stepper:
-        """Return what advances a system by steps of one length, as `Method` says."""
+        """Return the stepper of a system for steps of one length."""
         return _Stepper(system, forces, step, at)
 
 

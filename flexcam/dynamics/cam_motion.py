@@ -230,7 +230,7 @@ class FluctuatingSpeed:
             positive("order", order, "per revolution")
         if sum(abs(a) for a in self.amplitudes) >= 1.0:
             why = "the shaft must keep turning"
-            raise refuse("fluctuation", f"amplitudes {list(self.amplitudes)}", "together below 1", why)
+            raise refuse("fluctuation", f"amplitudes {list(self.amplitudes)}", "amplitudes with a sum below 1", why)
 
     def at(self, time: FloatArray) -> CamMotion:
         """Return angle, speed and rate at the given times, s."""
@@ -261,7 +261,7 @@ class SpeedByAngle:
         self._speed, self._start = speed, start
         self._angles = np.linspace(0.0, 2.0 * np.pi, points)
         if float(speed(self._angles, 0).min()) <= 0.0:
-            raise refuse("speed", "zero or less at some angle", "above zero at every cam angle")
+            raise refuse("speed", "a speed of zero or less at some angle", "a speed above zero at every cam angle")
         self._times = np.concatenate([[0.0], np.cumsum(self._travel_times(self._angles[:-1], np.diff(self._angles)))])
         self._first = float(self._time_at(np.array([start % (2.0 * np.pi)]))[0]) - time
 

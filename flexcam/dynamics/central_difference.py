@@ -31,8 +31,8 @@ class CentralDifference(Method):
     """Explicit central difference; intended for lumped masses, whose operator is diagonal.
 
     Massless motions follow the static equilibrium of their springs. The stiffness of closed contacts is not included in
-    the step limit: if a contact limits the step more than the structure, the run diverges and ends with a status that
-    says so.
+    the step limit: if a contact limits the step more than the structure, the run diverges and ends with a status with
+    this reason.
 
     Examples
     --------
@@ -50,7 +50,7 @@ class CentralDifference(Method):
         return family_matrix(0.0, 0.5, omega_dt=omega_dt, damping=damping)
 
     def stepper(self, system: System, forces: LocalForces, step: float, at: At) -> Stepper:
-        """Return what advances a system by steps of one length, as `Method` says."""
+        """Return the stepper of a system for steps of one length."""
         return _Stepper(system, forces, step)
 
     def refusal(self, system: System, step: float) -> InputError | None:

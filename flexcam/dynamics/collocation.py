@@ -55,7 +55,7 @@ class Collocation(Method):
         return np.vstack([moved, -np.array([omega_dt**2, x]) @ moved])
 
     def stepper(self, system: System, forces: LocalForces, step: float, at: At) -> Stepper:
-        """Return what advances a system without unknowns; for others the method needs modes and compiled code."""
+        """Return the stepper of a system without unknowns; for others the method needs modes and compiled code."""
         if system.size:
             raise refuse("run.integrator.method", "collocation", "newmark", "the direct engine has no modes")
         return newmark().stepper(system, forces, step, at)
@@ -74,9 +74,9 @@ def stage_coefficients(mass: FloatArray, damping: FloatArray, stiffness: FloatAr
     Returns
     -------
     ndarray
-        Shape (2, 3, 5, n): at the middle and the end of the step (first axis) displacement, velocity and acceleration
-        (second axis) by displacement and velocity at the beginning and the forces at beginning, middle and end (third
-        axis); the acceleration is by displacement and velocity of its own instant.
+        Shape (2, 3, 5, n). First axis: middle and end of the step. Second axis: displacement, velocity, acceleration.
+        Third axis: displacement and velocity at the beginning, forces at beginning, middle and end. The acceleration
+        is by displacement and velocity of the same instant.
 
     Examples
     --------

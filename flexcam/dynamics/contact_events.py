@@ -95,7 +95,7 @@ class EventStepper:
     """Stepper with stops at events where a contact switches; the regular step is given in s.
 
     `stepper` returns the stepper of a step length, `at` the prescribed inputs at a time; `balances` says whether the
-    acceleration balances the forces of its own instant.
+    acceleration balances the forces of the same instant.
     """
 
     def __init__(

@@ -39,7 +39,7 @@ class Engine(Protocol):
 LARGEST = 1e100
 """Magnitude (SI) above which a motion has diverged; its square, needed for stresses, is still finite."""
 
-STOPPED = Status(Cause.INTERRUPTED, "stopped by the user", "what was finished is kept; --resume goes on from there")
+STOPPED = Status(Cause.INTERRUPTED, "stopped by the user", "the finished part is kept; --resume continues from there")
 
 
 def in_range(
@@ -88,7 +88,7 @@ def instant(at: float, angle: float) -> str:
 
 def convergence_failure(forces: list[str], at: float, angle: float) -> Status:
     """Return the status of a local Newton iteration that did not converge."""
-    text = f"{', '.join(dict.fromkeys(forces))} did not settle within the step {instant(at, angle)}"
+    text = f"{', '.join(dict.fromkeys(forces))} did not converge within the step {instant(at, angle)}"
     return Status(Cause.NO_CONVERGENCE, text, "take a smaller step or a softer contact")
 
 

@@ -124,12 +124,12 @@ def _modal_problem(
             f"the system has {system.size} unknowns; all modes of 1 to {MAX_MODES} are computed"
         )
     if engine == "modal" and system.local_forces:
-        raise _UnsuitableEngineError(f"{system.local_forces[0].name} depends on the motion")
+        raise _UnsuitableEngineError(f"the force {system.local_forces[0].name} depends on the motion")
     if engine == "kernel":
         _require_compiler(system)
     found = find_modal_coordinates(system)
     if found is None:
-        raise _UnsuitableEngineError("mass or stiffness are not symmetric and positive, or modes cannot be told apart")
+        raise _UnsuitableEngineError("mass or stiffness are not symmetric and positive, or modes coincide")
     inside = modal_problem(problem, found)
     if engine == "modal" and diagonal(inside.system.damping) is None:
         raise _UnsuitableEngineError("the damping couples the modes")

@@ -39,9 +39,9 @@ LOCAL_ROWS = 10
 
 STATE, BEGIN, NEW_STATE, STATE_RATE, FLOW, ENERGY_BY_STATE, BY_TRAVEL, BY_BEGIN, SPAN = range(9)
 """Rows of the internal states: at the beginning of a step, the penetration there, at its end; the rate at the end, the
-rate per unit of (penetration - state), the derivative of the stored energy by the state, two of what is left of
-(penetration - state) at the end: by the travel of the penetration and by its value at the beginning; and the length of
-the step, s, zero for an instant."""
+rate per unit of (penetration - state), and the derivative of the stored energy by the state. Two rows are derivatives
+of (penetration - state) at the end: by the travel of the penetration and by its value at the beginning. The last row is
+the length of the step, s, zero for an instant."""
 STATE_ROWS = 9
 
 KIND, FIRST, SCALARS, CONSTANTS, FUNCTIONS, LAW_STATE, FRICTION = range(7)

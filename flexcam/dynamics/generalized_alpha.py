@@ -152,7 +152,7 @@ class Scheme(Method):
         return family_matrix(*weights, omega_dt=omega_dt, damping=damping)
 
     def stepper(self, system: System, forces: LocalForces, step: float, at: At) -> Stepper:
-        """Return what advances a system by steps of one length, as `Method` says."""
+        """Return the stepper of a system for steps of one length."""
         return _Stepper(system, forces, self, step)
 
 

@@ -66,7 +66,7 @@ class Impact:
 def solve_complementarity(W: FloatArray, asked: FloatArray) -> FloatArray:
     """Return p >= 0 with W p >= b and p (W p - b) = 0 for a symmetric W without negative eigenvalues.
 
-    The solution is the smallest change of velocity in the mass norm: least distance programming by non-negative least
+    The solution is the smallest change of velocity in the mass norm: least-distance programming by non-negative least
     squares, C. L. Lawson and R. J. Hanson, Solving Least Squares Problems (1974), ch. 23. All solutions give the same
     velocities; zeros where there is none.
     """

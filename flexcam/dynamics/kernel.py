@@ -4,7 +4,7 @@ A step is one stage of the generalized-alpha family, or the two stages of the co
 local force then is one scalar per stage.
 
 Arrays, a row per quantity: `state` holds q, v, a, the forces on the modes and work rows; `operator` mass, damping,
-stiffness and the coefficients of a step; `answers` the response to each acting vector; `vectors` the sensing vectors
+stiffness and the coefficients of a step. `answers` the response to each acting vector; `vectors` the sensing vectors
 and then the acting ones; `given` a row per step of loads and prescribed inputs.
 """
 # Elements of arrays are numbers to the compiler and arrays to the type checker.
@@ -262,8 +262,8 @@ def march(
     """Advance over rows of the prescribed inputs; return how it ended.
 
     The state, the local forces and the internal states advance; `count` receives the row reached and the iterations.
-    The march ends before a step in which a switching scalar changes sides or the local forces do not converge. Results
-    have a row per stage.
+    The integration ends before a step in which a switching scalar changes sides or the local forces do not converge.
+    Results have a row per stage.
     """
     for k in range(begin, end):
         count[0] = k

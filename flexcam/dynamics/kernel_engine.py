@@ -172,7 +172,7 @@ class KernelState:
 class Kernel:
     """The compiled step of one system.
 
-    The collocation takes a local force at each stage for a force of its own.
+    The collocation takes a local force at each stage for a separate force.
 
     Parameters
     ----------
@@ -260,7 +260,7 @@ class Kernel:
 
 
 def _repeat_places(places: IntArray, stages: int) -> IntArray:
-    """Return where the vectors of each scalar begin, with those of further stages behind."""
+    """Return the first vector of each scalar, followed by those of further stages."""
     later = [places[:, 1:] + stage * places[:, -1:] for stage in range(stages)]
     return np.ascontiguousarray(np.hstack([places[:, :1], *later]))
 

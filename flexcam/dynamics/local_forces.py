@@ -150,7 +150,7 @@ class LawTable:
 
     @classmethod
     def of(cls, forces: Sequence[LocalForce], moved: Callable[[int], bool]) -> LawTable:
-        """Return the table of some local forces; `moved` tells whether a scalar of an arch can differ from zero."""
+        """Return the table of some local forces; `moved` states whether a scalar of an arch can differ from zero."""
         rows: list[tuple[int, ...]] = []
         constants: list[float] = []
         functions: list[AngleFunction] = []

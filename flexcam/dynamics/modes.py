@@ -182,7 +182,7 @@ def modes(mass: Triplets, stiffness: Triplets, count: int | None = None, *, free
     Parameters
     ----------
     mass
-        Symmetric, positive semi-definite, n unknowns; unknowns without mass take part in no mode of their own.
+        Symmetric, positive semi-definite, n unknowns; unknowns without mass have no separate modes.
     stiffness
         Symmetric, positive semi-definite; singular where a motion is free.
     count
@@ -299,7 +299,7 @@ def _by_stiffness(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return omega^2, shapes and relative errors from ``L^-1 M L^-T``, K = L L^T, without the rigid motions.
 
-    A stiffness on the rigid motions alone, felt through M, makes K regular; as every other mode is M-orthogonal to
+    A stiffness on the rigid motions alone, weighted by M, makes K regular; as every other mode is M-orthogonal to
     them it changes none. They are then projected out, which leaves zeros (infinite frequency) at the end.
     """
     M, K = scale[:, None] * M * scale, scale[:, None] * K * scale
@@ -435,8 +435,10 @@ def craig_bampton(
         unit[inner] = -factorize(stiffness.part(inner)).solve(stiffness.multiply(unit)[inner])
     except SingularMatrixError as fault:
         which = ", ".join(str(inner[i]) for i in fault.unknowns[:6]) or "some"
-        why = "a group that moves freely has no static answer"
-        raise refuse("boundary", f"unknowns {which} free while it is held", "one that holds every group", why) from None
+        why = "a group that moves freely has no static solution"
+        raise refuse(
+            "boundary", f"unknowns {which} free while it is held", "a boundary that holds every group", why
+        ) from None
     return np.hstack([unit, *(_fixed_interface_modes(mass, stiffness, group, count) for group in interiors)])
 
 

@@ -31,7 +31,7 @@ _NOTHING = 1e-6
 """Fraction of the motion of the first guess below which the periodic state is rest."""
 
 _TIME_LIMIT_STATUS = Status(
-    Cause.TIME_LIMIT, "the time given to the run was over while its periodic start was sought", "allow more time"
+    Cause.TIME_LIMIT, "the time limit was reached during the search for the periodic start", "allow more time"
 )
 """Status of a run that never began."""
 

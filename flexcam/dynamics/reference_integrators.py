@@ -59,14 +59,14 @@ class Exact(Method):
         return np.column_stack([np.vstack([moved, pulled]), np.zeros(3)])
 
     def stepper(self, system: System, forces: LocalForces, step: float, at: At) -> Stepper:
-        """Return what advances a system by steps of one length, as `Method` says."""
+        """Return the stepper of a system for steps of one length."""
         return _Stepper(system, step)
 
     def refusal(self, system: System, step: float) -> InputError | None:
         """Return the error for local forces, dampers without mass, and large systems."""
         if system.local_forces:
             names = ", ".join([force.name for force in system.local_forces][:6])
-            why = "modes answer exactly to loads that do not depend on the motion"
+            why = "the modal solution is exact only for loads that do not depend on the motion"
             return refuse("run.integrator", _NAME, f"a method that takes {names}", why, "use newmark or bathe")
         if system.size > _MAX_EXACT_UNKNOWNS:
             given = f"{_NAME} with {system.size} unknowns"
@@ -74,7 +74,7 @@ class Exact(Method):
                 "run.integrator",
                 given,
                 f"at most {_MAX_EXACT_UNKNOWNS} unknowns",
-                "all modes are carried",
+                "the method uses all modes",
                 "use newmark",
             )
         return MasslessMotions(system).contact_error(_NAME)
@@ -206,13 +206,13 @@ class ScipyIntegrator(Method):
         return exact().amplification(omega_dt, damping)
 
     def stepper(self, system: System, forces: LocalForces, step: float, at: At) -> Stepper:
-        """Return what advances a system by steps of one length, as `Method` says."""
+        """Return the stepper of a system for steps of one length."""
         return _ScipyStepper(system, forces, self, at)
 
     def refusal(self, system: System, step: float) -> InputError | None:
         """Return the error for contacts and dampers without mass, and for large systems."""
         if system.size > _MAX_SCIPY_UNKNOWNS:
-            why, remedy = "it is a check, and slow", "use bathe, or newmark with smaller steps"
+            why, remedy = "the method is a slow check", "use bathe, or newmark with smaller steps"
             return refuse(
                 "run.integrator",
                 f"{self.name} with {system.size} unknowns",

@@ -95,7 +95,7 @@ def solve(
     problem
         System, drive, step and initial state; not modified.
     scheme
-        From `newmark`, `bathe`, `central_difference`, `exact`, `radau` or their like.
+        From `newmark`, `bathe`, `central_difference`, `exact`, `radau` or another constructor.
     save
         Output settings; None for the defaults of `SaveAt`.
     sinks
@@ -142,7 +142,7 @@ def solve(
     keepers = [sink for sink in sinks if isinstance(sink, CheckpointSink)]
     problem_told = fingerprint(problem, scheme, keep) if keepers or resume else ""
     if resume and resume.checkpoint.problem != problem_told:
-        why = "a run goes on only with the problem it began with"
+        why = "a run continues only with the problem that began it"
         allowed = "what a run of this problem left"
         raise refuse("resume", "what another problem left", allowed, why, "run it from its start")
     started = time.perf_counter()
@@ -228,7 +228,7 @@ def _close(sinks: Sequence[Sink], status: Status, stats: Stats) -> Status:
 
 def _write_failure(fault: OSError) -> Status:
     text = f"the result could not be written: {fault}"
-    remedy = "free space or name another folder; --resume goes on from what was saved, if anything was"
+    remedy = "free space or name another folder; --resume continues from the saved part, if there is one"
     return Status(Cause.NOT_SAVED, text, remedy)
 
 
@@ -376,8 +376,8 @@ def prescribed_probes(system: System, motion: CamMotion) -> Series:
 
 TIME_UP = Status(
     Cause.TIME_LIMIT,
-    "the time given to the run was over before its end",
-    "what was finished is kept; --resume goes on from there",
+    "the time limit of the run was reached before its end",
+    "the finished part is kept; --resume continues from there",
 )
 """Status of a run that reached its time limit."""
 

@@ -63,7 +63,7 @@ class Status:
 
     @property
     def message(self) -> str:
-        """Message with remedy besides the cause; usually empty for a complete run."""
+        """Message with remedy, in addition to the cause; usually empty for a complete run."""
         return "" if self == Status() else "; ".join(filter(None, (self.text, self.remedy)))
 
     def __str__(self) -> str:
@@ -188,5 +188,5 @@ def instability_status(names: Sequence[str], motion: FloatArray, parts: Iterable
         energies[name] += float(motion @ part.times(motion))
     worst = min(energies.values(), default=0.0)
     to_blame = [name for name, energy in energies.items() if energy < 0.0 and energy <= _ALSO * worst]
-    what = f"what gives way is {' and '.join(to_blame)}, {along}" if to_blame else f"it gives way {along}"
+    what = f"the unstable part is {' and '.join(to_blame)}, {along}" if to_blame else f"the instability is {along}"
     return replace(NOT_POSITIVE, text=f"{NOT_POSITIVE.text}: {what}")

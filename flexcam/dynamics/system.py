@@ -83,7 +83,7 @@ class LocalForce:
     def __post_init__(self) -> None:
         if isinstance(self.law, ForceLaw) and len(self.sense) % self.law.scalars:
             given, allowed = f"{len(self.sense)} sensed scalars", f"multiples of {self.law.scalars}"
-            raise refuse(self.name, given, allowed, "its law senses so many", "give a vector for each of them")
+            raise refuse(self.name, given, allowed, "its law needs them", "give a vector for each")
 
     @property
     def switching(self) -> range:
@@ -137,7 +137,7 @@ class FullMotion:
         return (self.displacement, self.velocity, self.acceleration)[order]
 
     def extract(self, rows: FloatArray, order: int = 0) -> FloatArray:
-        """Return what rows pick, see `MotionView`."""
+        """Return the components that rows select, see `MotionView`."""
         return (rows @ self.whole(order).T).T  # contiguous history per row
 
 

@@ -90,7 +90,7 @@ def assemble_loads(beams: Beams, loads: FloatArray, dofs: DofMap) -> FloatArray:
 
 @dataclass(frozen=True)
 class Damping:
-    """Damping of the whole structure; Rayleigh and modal damping add up with the dampers of the model.
+    """Damping of the whole structure; Rayleigh and modal damping add to the dampers of the model.
 
     Parameters
     ----------

@@ -90,7 +90,7 @@ def triads(axes: FloatArray, orientations: FloatArray) -> FloatArray:
     if bad.size:
         raise refuse(
             f"orientation of element {bad[0]}", orientations[bad[0]].tolist(), "a vector that is not along the member",
-            "it fixes the direction of local y", "choose one across the member",
+            "the vector defines local y", "choose a vector across the member",
         )  # fmt: skip
     y = across / length[:, None]
     z = np.cross(axes, y).astype(float, copy=False)

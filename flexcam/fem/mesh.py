@@ -90,7 +90,7 @@ class Mesh:
         """
         index = self.select(name, where)
         if len(index) != 1:
-            raise refuse(where, repr(name), "a point of one node", f"it names {len(index)} nodes")
+            raise refuse(where, repr(name), "a point with one node", f"the name has {len(index)} nodes")
         return int(index[0])
 
     def select(self, name: str, where: str = "point") -> IntArray:
@@ -119,7 +119,7 @@ class Mesh:
         raise refuse(where, repr(name), f"a point of the mesh: {known}", remedy=suggest_name(name, self.points))
 
     def node_name(self, node: int) -> str:
-        """Return the name of a node: that of its own point, or its number.
+        """Return the name of a node: that of its point, or its number.
 
         Parameters
         ----------
@@ -217,7 +217,7 @@ def _range_faults(mesh: Mesh) -> list[Fault]:
 def _length_faults(mesh: Mesh) -> list[Fault]:
     ends = mesh.elements()
     short = np.flatnonzero((mesh.nodes[ends[:, 1]] == mesh.nodes[ends[:, 0]]).all(axis=1))[:_MAX_FAULTS].tolist()
-    why, remedy = "an element has a length", "merge the nodes or move one"
+    why, remedy = "an element needs a length", "merge the nodes or move one"
     return [
         Fault(f"element {e}", f"nodes {ends[e, 0]} and {ends[e, 1]} at the same place", "two nodes apart", why, remedy)
         for e in short

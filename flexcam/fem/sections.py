@@ -50,7 +50,7 @@ class Material:
         if (self.endurance_limit or 0.0) > (self.ultimate_strength or math.inf):
             given = f"{self.endurance_limit:g} Pa"
             allowed = f"up to the ultimate strength, {self.ultimate_strength:g} Pa"
-            raise refuse("endurance_limit", given, allowed, "no amplitude is borne for ever that breaks it at once")
+            raise refuse("endurance_limit", given, allowed, "the endurance limit cannot exceed the strength")
         if not -1.0 < self.nu <= 0.5:
             raise refuse("nu", self.nu, "above -1 and up to 0.5", "the shear modulus E/(2(1+nu)) must be positive")
 

@@ -92,7 +92,7 @@ def read_lift(
 def write_lift_table(path: Path, angle: FloatArray, lift: FloatArray, *, overwrite: bool = False) -> Path:
     """Write a table of angle and lift that `read_lift` reads."""
     if path.suffix != ".csv":
-        raise refuse("output", str(path), "a name that ends in .csv", "a case tells a table by it")
+        raise refuse("output", str(path), "a name that ends in .csv", "a case recognizes a table by this ending")
     check_writable("output", path, overwrite=overwrite)
     create_folder(path.parent)
     rows = np.column_stack([np.degrees(angle), 1e3 * lift])
@@ -135,8 +135,8 @@ def _angle_factor(column: str, given: AngleKind | None, head: str, path: Path) -
     kind = given or (named[0] if len(named) == 1 else None)
     if kind is None:
         remedy = 'add angle = "cam" or angle = "crank", or a first row such as cam_deg, lift_mm'
-        why = "a crank turns twice as fast"
-        raise refuse(f"{path.name}, angle", head or "no head", "cam or crank angles", why, remedy)
+        why = "the crankshaft turns twice as fast as the camshaft"
+        raise refuse(f"{path.name}, angle", repr(head) if head else "no head", "cam or crank angles", why, remedy)
     if any(word in ("grad", "gon", "rev", "revs", "turn", "turns", "min") for word in words):
         raise refuse(f"{path.name}, angle", repr(head), "degrees (deg) or radians (rad)", "", "convert the column")
     return next((_ANGLES[word] for word in words if word in _ANGLES), _DEGREE) * (0.5 if kind == "crank" else 1.0)
@@ -284,5 +284,5 @@ def write_lift(lift: HarmonicLift, path: Path, *, about: Mapping[str, object], o
 
 def _write_toml(path: Path, content: Mapping[str, object], *, overwrite: bool) -> Path:
     if path.suffix != ".toml":
-        raise refuse("output", str(path), "a name that ends in .toml", "so a case tells it from a name of a law")
+        raise refuse("output", str(path), "a name that ends in .toml", "a case recognizes a law file by this ending")
     return write_text(path, format_toml(content), overwrite=overwrite)

@@ -137,7 +137,7 @@ _MACRO = '''\
     paraview --script=MACRO             opens it; MACRO is this file
     pvbatch MACRO picture.png 540       draws it at a cam angle (without a display: xvfb-run -a pvbatch ...)
 
-Or in ParaView: Macros, Import new macro. Change what stands here and run it again.
+Or in ParaView: Macros, Import new macro. Change the values below and run it again.
 """
 
 import os
@@ -153,7 +153,7 @@ WRITTEN_IN = {folder!r}  # where to look if the macro was moved away from its co
 DEGREES = {degrees}  # cam angle of every instant
 
 paraview.simple._DisableFirstRenderCameraReset()
-own = globals().get("__file__")  # ParaView's window does not tell
+own = globals().get("__file__")  # the window of ParaView does not set it
 folders = [os.path.dirname(os.path.abspath(own))] if own else []
 paths = [os.path.join(folder, COLLECTION) for folder in [*folders, os.getcwd(), WRITTEN_IN]]
 source = PVDReader(registrationName={name!r}, FileName=next(filter(os.path.exists, paths), paths[-1]))
@@ -175,8 +175,8 @@ times = list(source.TimestepValues)
 scene = GetAnimationScene()
 scene.UpdateAnimationUsingDataTimeSteps()
 given = sys.argv[1:] if sys.argv[1:] and sys.argv[1].endswith(".png") else []
-wanted = float(given[1]) if len(given) > 1 else DEGREES[0]
-nearest = min(range(len(times)), key=lambda i: abs(DEGREES[i] - wanted))
+angle = float(given[1]) if len(given) > 1 else DEGREES[0]
+nearest = min(range(len(times)), key=lambda i: abs(DEGREES[i] - angle))
 scene.AnimationTime = view.ViewTime = times[nearest]
 shown.RescaleTransferFunctionToDataRangeOverTime()
 shown.SetScalarBarVisibility(view, True)
@@ -206,7 +206,7 @@ if given:
 
 
 def write_macro(collection: Path, fields: Sequence[str], degrees: Sequence[float], *, overwrite: bool = False) -> Path:
-    """Write the macro of an exported collection as ``NAME.paraview.py`` beside it."""
+    """Write the macro of an exported collection as ``NAME.paraview.py`` in its folder."""
     path = macro_path(collection)
     check_writable("export", path, overwrite=overwrite)
     colour = "stress_von_mises" if "stress_von_mises" in fields else fields[0]

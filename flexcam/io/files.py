@@ -30,7 +30,7 @@ def file_size(path: Path) -> int:
     """Return the size of a regular file; devices and pipes are rejected because reading them may never end."""
     found = path.stat()
     if not S_ISREG(found.st_mode):
-        raise OSError("a folder, a device or a pipe stands there")
+        raise OSError("it is a folder, a device or a pipe")
     return found.st_size
 
 
@@ -141,32 +141,32 @@ def resolve_file(case: Path, name: str, where: str) -> Path:
         why = "a case from elsewhere must not open any file"
         raise refuse(where, repr(name), allowed, why, f"move it, or name its folder in {ALLOWED_FOLDERS_VARIABLE}")
     if there and not regular:
-        raise refuse(where, repr(name), "a regular file", "a folder or a device is none")
+        raise refuse(where, repr(name), "a regular file", "folders and devices cannot be read")
     if size > _MAX_FILE_SIZE:
-        raise refuse(where, f"{name!r} of {size} bytes", f"up to {_MAX_FILE_SIZE} bytes", "it is read as a whole")
+        raise refuse(where, f"{name!r} of {size} bytes", f"up to {_MAX_FILE_SIZE} bytes", "it is read whole")
     if not there and len(tried := _search_folders(case)) > 1:
         allowed, why = f"a file from {tried[0]} or from {tried[1]}", f"{case} is a symbolic link, and neither has it"
-        raise refuse(where, repr(name), allowed, why, "put it beside the link or beside the case")
+        raise refuse(where, repr(name), allowed, why, "put it in the folder of the link or of the case")
     return path
 
 
-_REMEDY = "overwrite it by --overwrite or overwrite=True"
+_REMEDY = "use --overwrite (in Python: overwrite=True), or name another file"
 _CREATABLE, _WRITABLE = "a folder that can be made", "a folder that takes files"
 
 
 def check_writable(where: str, path: Path, *, overwrite: bool, remedy: str = _REMEDY) -> None:
     """Raise an error if an output file exists and may not be overwritten."""
     if path.is_symlink() and not path.exists():  # a dangling link: writing would create an unknown target
-        allowed, why = "a file that does not exist yet", "a symbolic link stands there that leads nowhere"
+        allowed, why = "a file that does not exist yet", "it is a symbolic link to a missing file"
         raise refuse(where, str(path), allowed, why, "remove the link, or name another file")
     if path.is_dir():
-        raise refuse(where, str(path), "a file", "a folder stands there", "move it, or name another folder")
+        raise refuse(where, str(path), "a file", "a folder has this name", "move it, or name another folder")
     if path.exists() and not overwrite:
-        raise refuse(where, str(path), "a file that does not exist yet", "nothing is written over", remedy)
+        raise refuse(where, str(path), "a file that does not exist yet", "flexcam overwrites no file by itself", remedy)
     if why := _describe_obstacle(path.parent):
         raise refuse("folder", str(path.parent), _CREATABLE, why, "name another")
     if (path.is_file() or not path.exists()) and not os.access(_nearest_existing(path.parent), os.W_OK | os.X_OK):
-        raise refuse("folder", str(path.parent), _WRITABLE, "it may not be written", "name another")
+        raise refuse("folder", str(path.parent), _WRITABLE, "it is read-only", "name another")
 
 
 def _nearest_existing(folder: Path) -> Path:
@@ -176,7 +176,7 @@ def _nearest_existing(folder: Path) -> Path:
 
 
 def _describe_obstacle(folder: Path) -> str:
-    """Describe a file in the place of a folder or one of its parents; empty if there is none."""
+    """Describe a file at the path of a folder or of one of its parents; empty if there is none."""
     above = _nearest_existing(folder)
     if above.is_dir():
         return ""
@@ -193,7 +193,7 @@ def check_folder_name(path: Path) -> Path:
     """Return the path of an output folder; raise an error for a name with the suffix of an output file."""
     if path.suffix.lower() not in _FILE_SUFFIXES or path.exists():
         return path
-    allowed, why = "a folder", "its files have names of their own, after the case"
+    allowed, why = "a folder", "the files in it are named after the case"
     raise refuse("folder", str(path), allowed, why, f"name a folder, such as -o {path.with_suffix('')}")
 
 

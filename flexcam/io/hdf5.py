@@ -2,8 +2,8 @@
 
 Texts have a fixed length: those of variable length lie on an HDF5 heap without a checksum, and a damaged heap can cause
 an endless loop in HDF5. Every chunk has HDF5's own checksum (fletcher32), but names, attributes and the index have none
-in the format that old readers know: a flipped bit could rename a probe, lose a unit, or make HDF5 read zeros. The root
-therefore has one SHA-256 digest over everything in the file.
+in the format that old readers support: a flipped bit could rename a probe, lose a unit, or make HDF5 read zeros. The
+root therefore has one SHA-256 digest over everything in the file.
 """
 
 from __future__ import annotations
@@ -168,7 +168,7 @@ def datasets(file: Any) -> list[Any]:  # noqa: ANN401
 _ROWS = 1 << 16
 """Rows read at a time for the digest."""
 
-_REMEDY = "compute it again, or take it from a sound copy"
+_REMEDY = "compute the result again, or restore the file from a copy"
 
 
 def digest(file: Any) -> str:  # noqa: ANN401
@@ -195,7 +195,7 @@ def _digest_input(file: Any, faults: list[Fault]) -> Iterator[Any]:  # noqa: ANN
                 for values in _pieces(_module.Dataset(one)):
                     yield np.ascontiguousarray(values).reshape(-1).view(np.uint8).data
             except READ_ERRORS as fault:
-                allowed, why = "numbers as they were written", system_message(fault)
+                allowed, why = "intact numbers", system_message(fault)
                 faults.append(Fault(path, "damaged numbers", allowed, why, _REMEDY))
 
 
@@ -223,11 +223,11 @@ def write_digest(file: Any) -> None:  # noqa: ANN401
 def digest_fault(file: Any) -> Fault | None:  # noqa: ANN401
     """Return the fault of the digest of a file; None if it is correct."""
     if DIGEST not in file.attrs:
-        return Fault("/, seal", "nothing", "the seal every such file has", "its content may be damaged", _REMEDY)
+        return Fault("/, seal", "nothing", "a seal", "without it the content may be damaged", _REMEDY)
     if bytes(file.attrs[DIGEST]).decode("ascii", "replace") == digest(file):
         return None
-    why = "a number, a name, a unit, a text or a length is not what was written"
-    return Fault("/, seal", "a seal that does not fit", "a file as it was written", why, _REMEDY)
+    why = "a number, a name, a unit, a text or a length has changed since the file was written"
+    return Fault("/, seal", "a seal that does not match", "an intact file", why, _REMEDY)
 
 
 _LARGEST = 1e300
@@ -300,7 +300,7 @@ def _faults(file: Any, size: int) -> Iterator[Fault]:  # noqa: ANN401
         elif isinstance(one, _module.h5g.GroupID):
             yield from (*_external_link_faults(one), *_attribute_faults(one))
             if not new:
-                yield Fault(path, "a group that contains itself or stands twice", "a tree of groups", "", "")
+                yield Fault(path, "a group that contains itself or occurs twice", "a tree of groups", "", "")
     if declared > limit:
         given, why = f"{declared:.3g} bytes declared in a file of {size}", "so much of nothing fills the memory"
         yield Fault("/", given, f"up to {limit:.3g} bytes", why, "do not trust where it comes from")
@@ -312,22 +312,22 @@ def _external_link_faults(group: Any) -> Iterator[Fault]:  # noqa: ANN401
         kind = group.links.get_info(name).type
         if kind != _module.h5l.TYPE_HARD:
             given, where = kinds.get(kind, "a link of an unknown kind"), f"{_path(group).rstrip('/')}/{name.decode()}"
-            yield Fault(where, given, "what the file itself holds", "no link is followed", "")
+            yield Fault(where, given, "contents of the file itself", "flexcam follows no links", "")
 
 
 def _dataset_faults(one: Any) -> Iterator[Fault]:  # noqa: ANN401
     made, kind, path = one.get_create_plist(), one.dtype, _path(one)
     if made.get_layout() == _module.h5d.VIRTUAL or made.get_external_count():
-        yield Fault(path, "numbers of another file", "numbers in the file itself", "no other file is opened", "")
+        yield Fault(path, "numbers of another file", "numbers in the file itself", "flexcam opens no other file", "")
     filters = {made.get_filter(i)[0] for i in range(made.get_nfilters())}
     if filters - _FILTERS:
         given = f"filter {min(filters - _FILTERS)}"
-        yield Fault(path, given, "shuffle, gzip and fletcher32", "other filters are code that is loaded", "")
+        yield Fault(path, given, "shuffle, gzip and fletcher32", "other filters would load code", "")
     if kind.kind not in "fiubS":
         given = "references" if _module.check_ref_dtype(kind) else f"values of type {kind}"
         yield Fault(path, given, _PLAIN, _OTHER_KINDS, _OLD_VERSION_REMEDY)
     if _module.h5z.FILTER_FLETCHER32 in filters and _smallest_chunk(one) < _CHECKSUM_BYTES:
-        yield Fault(path, "a chunk shorter than its checksum", "chunks of numbers", "HDF5 crashes on it", _REMEDY)
+        yield Fault(path, "a chunk shorter than its checksum", "chunks of numbers", "HDF5 would crash", _REMEDY)
     yield from _attribute_faults(one)
 
 

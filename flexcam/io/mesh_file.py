@@ -102,7 +102,7 @@ def _node_faults(raw: _GmshMesh) -> Iterator[Fault]:
     numbers, counts = np.unique(raw.numbers, return_counts=True)
     for number in numbers[counts > 1][:_MAX_FAULTS].tolist():
         yield Fault(
-            f"mesh node {number}", "several nodes", "one node of a number", "which one is meant is not known", ""
+            f"mesh node {number}", "several nodes", "one node of a number", "elements cannot refer to one of them", ""
         )
 
 
@@ -123,7 +123,7 @@ def _group_faults(group: _ElementGroup, raw: _GmshMesh) -> Iterator[Fault]:
         why, remedy = "members are beams", "mesh only curves, in order 1"
         yield Fault("mesh", shape, "lines of two nodes and points", why, remedy)
     elif group.kind == _LINE and not _name(group, raw):
-        why, remedy = "the group names the member", "add a physical curve"
+        why, remedy = "the member has the name of the group", "add a physical curve"
         yield Fault("mesh", f"{what} without a physical group", "named line groups", why, remedy)
     elif _name(group, raw) and not re.fullmatch(NAME, _name(group, raw)):
         where, why = f"mesh group {_name(group, raw)!r}", "cases and results name the group"
@@ -157,7 +157,7 @@ def _length_faults(raw: _GmshMesh) -> Iterator[Fault]:
         if at[a] == at[b]
     ]
     for number, a, b in flat[:_MAX_FAULTS]:
-        given, why = f"nodes {a} and {b} at the same place", "an element has a length"
+        given, why = f"nodes {a} and {b} at the same place", "an element needs a length"
         yield Fault(f"mesh element {number}", given, "two nodes apart", why, "merge the nodes or move one")
     inside = {at[a] for _, a, _ in flat}
     twice = [i for i in np.flatnonzero(counts > 1).tolist() if i not in inside]
@@ -277,7 +277,7 @@ class _TextReader:
             return np.array(words, dtype="S").astype(float if kind == "f" else np.int64)
         except (ValueError, OverflowError):
             text = b" ".join(words[:6]).decode("ascii", "replace")
-            raise _invalid(f"{text!r} in ${self._name}", "numbers stand there") from None
+            raise _invalid(f"{text!r} in ${self._name}", "numbers belong there") from None
 
     def end(self) -> None:
         """Raise an error if the section contains more numbers."""

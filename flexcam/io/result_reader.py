@@ -35,7 +35,7 @@ from flexcam.io.vtk_groups import Geometry
 def suggest_alternative(path: Path) -> str:
     """Suggest an alternative file for a result that cannot be read: its partial or final result."""
     if path.suffix == ".toml":
-        return f"a case is solved first: flexcam run {path}"
+        return f"run the case first: flexcam run {path}"
     try:
         return _find_alternative(path)
     except OSError:  # not a valid file name or no access to the folder: the error message says so
@@ -52,10 +52,10 @@ def _find_alternative(path: Path) -> str:
     if final != path and final.exists():
         return f"its run is complete: {final}"
     if partial != path and partial.exists():
-        return f"{partial} is there: what a run that is going on or broke off has finished"
+        return f"{partial} contains the finished part of a run that is running or was stopped"
     if writing.exists():
-        why = "a run is going on, or was killed before its first copy; ask again once it has ended"
-        return f"{writing} is there: {why}"
+        why = "a run is writing it, or was killed before its first copy; try again after its end"
+        return f"{writing} exists: {why}"
     return suggest_name(path.name, [one.name for one in path.parent.glob(f"*{RESULT_SUFFIX}")])
 
 
@@ -291,7 +291,7 @@ def read_status(file: Any) -> Status:  # noqa: ANN401
     """Return the status of the run in an open result file."""
     texts = _status_texts(file)
     if not texts:
-        return Status(Cause.INTERRUPTED, "the run was cut off before it could say why", "flexcam run --resume goes on")
+        return Status(Cause.INTERRUPTED, "the run was killed", "continue it with flexcam run --resume")
     return Status(Cause(texts[schema.CAUSE]), texts[schema.TEXT], texts[schema.REMEDY])
 
 
@@ -353,10 +353,10 @@ class PartialResult:
             self.status: Status = read_status(file)
             found = read_checkpoint(file)
         if self.status.cause in _FAILED:
-            given, why = f"{path}: {self.status.cause}", "it would end the same way again"
+            given, why = f"{path}: {self.status.cause}", "it would end in the same way"
             raise refuse("--resume", given, "a run that was stopped or cut off", why, self.status.remedy)
         if found is None:
-            why = "it broke off before the first block of its steps was saved"
+            why = "it ended before its first steps were saved"
             raise refuse("--resume", str(path), "a result with a checkpoint", why, _RESUME_REMEDY)
         self.checkpoint: Checkpoint = found
 

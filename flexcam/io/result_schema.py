@@ -36,7 +36,7 @@ SERIES = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
 ABOUT = "about"
 ABOUT_FORMAT = "format"
 ABOUT_CASE: dict[str, type] = {"case": str, "case_file": str, "overrides": list, "resolved": dict}
-"""Texts that restore the case of a result, and the types of their JSON; a text stands as it is."""
+"""Texts that restore the case of a result, and the types of their JSON; a text is stored unchanged."""
 
 MODES_KIND, MODES_FREQUENCIES = "kind", "frequencies_hz"
 """Texts about a file of modes."""
@@ -47,7 +47,7 @@ MESH_NODES = "mesh/nodes"
 MESH_POINTS = "mesh/points"
 CHECKPOINT = "checkpoint"
 CHECKPOINT_STEPS, CHECKPOINT_PROBLEM = "steps", "problem"
-"""Arrays in the checkpoint beside those of the engine."""
+"""Arrays in the checkpoint in addition to those of the engine."""
 
 FIELD_CAM_ANGLE = "fields/cam_angle"
 

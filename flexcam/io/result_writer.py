@@ -62,12 +62,12 @@ class TemporaryResult:
     def __init__(self, path: Path, shown: Path, size: int = 0) -> None:
         self.path, self._shown, self._copy = path, shown, path.with_suffix(schema.COPYING_SUFFIX)
         if path.is_symlink():
-            allowed, why = "a file of its own", "a symbolic link stands there: what it leads to would be written over"
+            allowed, why = "a regular file", "it is a symbolic link, and its target would be overwritten"
             raise refuse("result", str(path), allowed, why, "remove the link, or name another folder")
         try:
             self._lock = _lock_file(path)
         except BlockingIOError:
-            allowed, why = "a result that nobody else is writing", "another run is writing it now"
+            allowed, why = "a result that no other run is writing", "another run is writing it now"
             raise refuse("result", str(shown), allowed, why, "wait for its end, or name another folder") from None
         except OSError as fault:
             raise _unwritable(path, fault) from None
@@ -222,7 +222,7 @@ class ResultFile:
         try:
             check_writable(
                 "partial result", self.partial, overwrite=overwrite or resume is not None,
-                remedy="go on with it by --resume, or overwrite it by --overwrite or overwrite=True",
+                remedy="continue it with --resume, or replace it with --overwrite (in Python: overwrite=True)",
             )  # fmt: skip
             with convert_write_errors():
                 self._create(geometry, save, about)

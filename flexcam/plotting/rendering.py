@@ -120,15 +120,15 @@ _PER_SECOND = 24
 def check_output_path(path: Path, size: tuple[int, int], *, overwrite: bool = False) -> None:
     """Raise an error if an output file cannot be written, before rendering."""
     if path.suffix not in REQUIREMENTS:
-        raise refuse("--save", str(path), f"a name that ends in {', '.join(REQUIREMENTS)}")
+        raise refuse("--save", str(path), f"a name that ends in {' or '.join(REQUIREMENTS)}")
     extra, modules = REQUIREMENTS[path.suffix]
     lacking = [name for name in modules if find_spec(name) is None]
     if lacking:
-        why = f"{' and '.join(lacking)} cannot be imported"
+        why = f"cannot import {' and '.join(lacking)}"
         raise refuse("--save", str(path), "a kind of file whose packages are installed", why,
-                     f"pip install 'flexcam[{extra}]'")  # fmt: skip
+                     f"run pip install 'flexcam[{extra}]'")  # fmt: skip
     if path.suffix == ".mp4" and (size[0] % 2 or size[1] % 2):
-        raise refuse("--size", f"{size[0]}x{size[1]}", "even numbers", "the colours of a movie are kept by fours")
+        raise refuse("--size", f"{size[0]}x{size[1]}", "even numbers", "colours are stored for 2 x 2 pixels")
     check_writable("picture", path, overwrite=overwrite)
 
 

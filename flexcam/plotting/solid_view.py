@@ -49,7 +49,7 @@ _FRAME_TIME = 40
 class MechanismView:
     """Mechanism in a window or off-screen, with the elastic part of its motion times a scale.
 
-    The size is in pixels; the title stands above the image.
+    The size is in pixels; the title is above the image.
     """
 
     def __init__(
@@ -108,7 +108,7 @@ class MechanismView:
         )  # fmt: skip
 
     def animate(self) -> None:
-        """Play the instants in a loop."""
+        """Show the instants in a loop."""
 
         def next_one(step: int) -> None:
             self.show(step % len(self._motion))

@@ -96,7 +96,7 @@ def format_number(value: float, digits: int = 6) -> str:
 
 def result_console() -> Console:
     """Return the console for results; redirected tables have a fixed width, and brackets are not markup."""
-    width = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 160
+    width = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 100
     return _ResultConsole(file=sys.stdout, width=width, highlight=False, markup=False, emoji=False, soft_wrap=False)
 
 
@@ -189,8 +189,9 @@ def plain_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]
     heads, most = list(columns), result_console().width
     whole = sum(size + 1 for size in longest if size <= _NUMBER) <= most  # otherwise their digits are wrapped
     if _width(heads, longest) > most:  # numbers are never wrapped: use headers of several lines and small gaps
-        heads = [fill(head, width) for head, width in zip(columns, _widths(columns, longest, most), strict=True)]
-        made.padding = (0, 1, 0, 0)
+        widths, gap = _widths(columns, longest, most)
+        heads = [fill(head, width) for head, width in zip(columns, widths, strict=True)]
+        made.padding = (0, gap, 0, 0)
     for i, (head, size) in enumerate(zip(heads, longest, strict=True)):
         words = i == 0 or (i == len(columns) - 1 and size > _NUMBER)
         made.add_column(head, justify="left" if words else "right", no_wrap=whole and size <= _NUMBER, overflow="fold")
@@ -205,14 +206,20 @@ _NUMBER = 14
 _GAP = 3
 
 
-def _widths(heads: Sequence[str], longest: Sequence[int], most: int) -> list[int]:
-    """Return column widths with wrapped headers; words are wrapped so that numbers need not be."""
+def _widths(heads: Sequence[str], longest: Sequence[int], most: int) -> tuple[list[int], int]:
+    """Return column widths and their gap with wrapped headers; words are wrapped so that numbers need not be."""
     words = [max(map(len, head.split()), default=1) for head in heads]
+    widths = [max(len(head), size) for head, size in zip(heads, longest, strict=True)]
+    spare = [width - max(size, word) for width, size, word in zip(widths, longest, words, strict=True)]
+    for i in sorted(range(len(heads)), key=lambda i: -spare[i]):  # the longest headers first
+        widths[i] -= min(spare[i], max(sum(widths) + 2 * len(widths) - 2 - most, 0))
+    if sum(widths) + 2 * len(widths) - 2 <= most:
+        return widths, 2
     for letters in range(max(words, default=1), 0, -1):
         widths = [max(size, min(letters, word), 1) for size, word in zip(longest, words, strict=True)]
         if sum(widths) + len(widths) <= most:
-            return widths
-    return [max(size, 1) for size in longest]
+            return widths, 1
+    return [max(size, 1) for size in longest], 1
 
 
 def _width(heads: Sequence[str], longest: Sequence[int]) -> int:

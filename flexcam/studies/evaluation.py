@@ -1,8 +1,8 @@
 """Evaluate variants: scalars of a run, each with a stable name, in SI.
 
 ``probes.POINT.SERIES.largest`` (of a component: ``probes.POINT.COMPONENT.SERIES.largest``) is the maximum absolute
-displacement, velocity or acceleration in the last revolution, of the dense output; ``deviation.peak`` and
-``deviation.rms`` are the deviations of the whole run from the rigid train at the default probe, relative to the lift;
+displacement, velocity or acceleration in the last revolution, of the dense output. ``deviation.peak`` and
+``deviation.rms`` are the deviations of the whole run from the rigid train at the default probe, relative to the lift.
 ``energy.residual.largest`` is the residual of the energy balance. All others are metrics of
 `flexcam.valvetrain.train_metrics`.
 """

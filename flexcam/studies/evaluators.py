@@ -66,7 +66,7 @@ def _variable(case: Case, setting: str, where: str) -> Variable:
     ends = parse_axis(key, spec, where=where)
     low, *_, high = ends.values[0], ends.values[-1]
     if not ends.interval or low.number is None or high.number is None:
-        raise refuse(where, repr(spec), "an interval such as 30:60 kN/m", "anything between may be taken")
+        raise refuse(where, repr(spec), "an interval such as 30:60 kN/m", "the search takes any value inside it")
     first, last = (number_after_override(case, key, end.text, where) for end in (low, high))
     start = (number.value - first) / (last - first) if last != first else None
     return Variable(key, low.number, high.number, ends.unit or number.unit.removeprefix("SI"), start)
@@ -262,9 +262,9 @@ def grid_plan(first: Axis, second: Axis, fixed: Sequence[str] = ()) -> Plan:
     """Return the grid plan of two axes."""
     for one in (first, second):
         if not one.is_varied or not one.is_numeric:
-            raise refuse(one.where, f"{len(one.values)} values", "several numbers", "a map is drawn over them")
+            raise refuse(one.where, f"{len(one.values)} values", "several numbers", "the map needs a grid of values")
     if first.key == second.key:
-        raise refuse("--and", second.key, "another key than that of --over", "a map is over two")
+        raise refuse("--and", second.key, "another key than that of --over", "the map needs two different values")
     pairs = [one.partition("=") for one in fixed]
     laid = [Axis(key.strip(), f"--set {key}={text}", (Value(text.strip(), None),)) for key, _, text in pairs]
     return make_plan([*laid, first, second])

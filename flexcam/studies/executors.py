@@ -192,7 +192,7 @@ def _restore_sigpipe() -> Generator[None]:
 
 @contextmanager
 def _block_interrupts() -> Generator[None]:
-    """Block Ctrl-C in processes and threads started in the context: this process decides how a sweep ends."""
+    """Block Ctrl-C in processes and threads started in the context: this process ends the sweep."""
     if not hasattr(signal, "pthread_sigmask"):  # not available on all systems
         yield
         return
@@ -211,7 +211,7 @@ _KILLED_STATUS = Status(
 )
 _NO_WORKERS_STATUS = Status(Cause.WORKER_LOST, "the cluster has no workers left", "start some; --resume does the rest")
 _PATIENCE = 60.0
-"""Time without a finished chunk after which a cluster is asked for its workers, s."""
+"""Time without a finished chunk after which flexcam checks the workers of a cluster, s."""
 
 _CLUSTER_LOST_STATUS = Status(Cause.WORKER_LOST, "the connection to the scheduler was lost", "--resume does the rest")
 
@@ -284,7 +284,7 @@ def _repeat_chunk(start: Callable[[], AbstractContextManager[Pool]], chunk: Chun
 
 
 def _run_alone(start: Callable[[], AbstractContextManager[Pool]], variants: Variants) -> list[Row] | None:
-    """Return the rows of variants run in a pool of their own; None if their worker was killed again."""
+    """Return the rows of variants run in a separate pool; None if their worker was killed again."""
     with start() as pool:
         try:
             return pool.submit(variants).result()
@@ -314,7 +314,7 @@ class ClusterWorkers:
     def open_pool(self, source: Bundle | Path, evaluate: Evaluate) -> Generator[Pool]:
         """Yield the workers of the cluster."""
         if find_spec("distributed") is None:
-            why, remedy = "Dask is not installed", "pip install 'flexcam[cluster]'"
+            why, remedy = "Dask is not installed", "run pip install 'flexcam[cluster]'"
             raise refuse("--scheduler", self.address, "processes of this machine (--workers)", why, remedy)
         from distributed import KilledWorker
         from distributed.comm.core import CommClosedError

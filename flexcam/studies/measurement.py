@@ -56,7 +56,9 @@ class Measurement:
         if self.over == "angle":
             end = float(response.angle[-1])
             if end - response.angle[0] < 2.0 * math.pi * (1.0 - 1e-9):
-                raise refuse("run.revolutions", case.record.run.revolutions, "1 or more", "angles are of a revolution")
+                raise refuse(
+                    "run.revolutions", case.record.run.revolutions, "1 or more", "an angle needs a full revolution"
+                )
             turn = np.mod(self.instants - end + 1e-9, 2.0 * math.pi) - 1e-9
             turn[(turn < 1e-9) & (self.instants > self.instants.min() + math.pi)] = 2.0 * math.pi  # the end of it
             times = np.asarray(np.interp(end - 2.0 * math.pi + turn, response.angle, response.time), dtype=float)
@@ -96,7 +98,7 @@ def _parse_noise(text: str) -> tuple[str, float]:
         return name.strip(), float(size)
     except ValueError:
         allowed = "NAME=VALUE, a standard deviation in the unit of the column"
-        raise refuse("--noise", repr(text), allowed, "", "such as 'valve displacement=0.005'") from None
+        raise refuse("--noise", repr(text), allowed, "", "write it as in 'valve displacement=0.005'") from None
 
 
 def _find_curve(case: Case, name: str) -> Curve:

@@ -85,7 +85,11 @@ def parse_constraint(text: str) -> Constraint:
     found = _CONSTRAINT.match(text)
     if found is None:
         raise refuse(
-            "--subject", repr(text), "NAME <= VALUE or NAME >= VALUE, in quotes", "", "such as 'frequency.1 >= 900 Hz'"
+            "--subject",
+            repr(text),
+            "NAME <= VALUE or NAME >= VALUE, in quotes",
+            "",
+            "write 'frequency.1 >= 900 Hz'",
         )
     _bound_by_unit(found[3], text)
     return Constraint(found[1], "<=" if found[2] == "<=" else ">=", found[3])
@@ -112,7 +116,7 @@ def _bound_by_unit(text: str, where: str = "") -> dict[str, float]:
         except InputError:
             continue
     if not found:
-        raise refuse("--subject", repr(where or text), "NAME <= a number with a unit", "this is no quantity")
+        raise refuse("--subject", repr(where or text), "NAME <= a number with a unit", "a subject needs a quantity")
     return found
 
 
@@ -292,10 +296,10 @@ def optimize(design: OptimizationProblem, *, evaluations: int = 200, seed: int =
     without derivatives (T. M. Ragonneau and Z. Zhang, 2024), refines the best variant.
     """
     if len(design.goals) != 1:
-        raise refuse("goals", len(design.goals), "one", "of several there is a front")
+        raise refuse("goals", len(design.goals), "one", "several goals have a Pareto front instead of one optimum")
     generation = generation_size(len(design.points.variables))
     if evaluations < 2 * generation:
-        raise refuse("--evaluations", evaluations, f"{2 * generation} or more", "two generations")
+        raise refuse("--evaluations", evaluations, f"{2 * generation} or more", "the search needs two generations")
     check_seed(seed)
     judge = ProblemEvaluator(design)
 
@@ -367,12 +371,12 @@ def find_pareto_front(design: OptimizationProblem, *, evaluations: int = 400, se
     NSGA-II: K. Deb et al., IEEE Trans. Evol. Comput. 6 (2002) 182, as implemented in pymoo.
     """
     if len(design.goals) != 2:
-        raise refuse("goals", len(design.goals), "two", "a front is between two")
+        raise refuse("goals", len(design.goals), "two", "a Pareto front needs two goals")
     if find_spec("pymoo") is None:
-        raise refuse("optimize", "two goals", "one goal", "pymoo is not installed", "pip install 'flexcam[design]'")
+        raise refuse("optimize", "two goals", "one goal", "pymoo is not installed", "run pip install 'flexcam[design]'")
     size = 2 * generation_size(len(design.points.variables))
     if evaluations < 2 * size:
-        raise refuse("--evaluations", evaluations, f"{2 * size} or more", "two generations")
+        raise refuse("--evaluations", evaluations, f"{2 * size} or more", "the search needs two generations")
     check_seed(seed)
     judge = ProblemEvaluator(design)
 

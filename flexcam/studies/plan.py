@@ -110,7 +110,7 @@ def parse_axes(settings: Sequence[str], *, limit: int = MAX_VARIANTS) -> tuple[A
         key, equals, spec = setting.partition("=")
         key, where = key.strip(), f"--set {setting}"
         if not equals or not key:
-            faults.append(Fault(where, repr(setting), f"key=values: {FORMS}", "", "such as run.speed=1000:4000:50rpm"))
+            faults.append(Fault(where, repr(setting), f"key=values: {FORMS}", "", "write run.speed=1000:4000:50rpm"))
         elif key in found:
             faults.append(Fault(where, repr(key), "every key once", "it is given twice", "write a list"))
         else:
@@ -255,14 +255,14 @@ def check_power_of_two(where: str, count: int, least: int = 1) -> None:
     """Raise an error if a number of points is not a power of two."""
     if count < least or count & (count - 1):
         below = 1 << (max(count, least).bit_length() - 1)
-        why = "Sobol's sequence is even over the space there only"
+        why = "Sobol's sequence covers the space evenly only then"
         raise refuse(where, count, f"a power of two from {least}", why, f"take {below} or {2 * below}")
 
 
 def check_seed(seed: int) -> int:
     """Return a random seed after checking it."""
     if seed < 0:
-        raise refuse("--seed", seed, "a whole number from 0", "generators of random numbers take no other")
+        raise refuse("--seed", seed, "a whole number from 0", "the random generator takes no other number")
     return seed
 
 
@@ -314,14 +314,14 @@ def make_plan(axes: Sequence[Axis], sampled: Sample | None = None, *, limit: int
     """Return a plan after checking the number of variants."""
     plan = Plan(tuple(axes), sampled)
     if sampled is None and (open_ones := [one for one in axes if one.interval]):
-        why, remedy = "a grid needs its points", "write start:stop:step, or sample it: --sample sobol:512"
+        why, remedy = "a grid needs points", "write start:stop:step, or sample it: --sample sobol:512"
         raise InputError(
             Fault(one.where, "an interval", "a range with a step, or a list", why, remedy) for one in open_ones
         )
     if not plan.varied_axes:
         given = " ".join(one.where for one in axes) or "no --set"
         raise refuse("sweep", given, "at least one key with several values", "nothing varies",
-                     "such as --set run.speed=1000:4000:500rpm")  # fmt: skip
+                     "add values, such as --set run.speed=1000:4000:500rpm")  # fmt: skip
     check_count("--sample" if sampled else "sweep", len(plan), limit)
     return plan
 

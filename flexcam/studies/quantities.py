@@ -45,7 +45,7 @@ def get_number(case: Case, key: str, where: str) -> Number:
     value = known[key]
     if not isinstance(value, float):
         given = f"{key} = {value!r}" if value is not None else f"{key}, which is not given"
-        why = "only a number that may be a little larger can be varied"
+        why = "only a number with a fraction can be varied"
         raise refuse(
             where, given, "the key of a number with a fraction", why, "give it a number" if value is None else ""
         )
@@ -180,7 +180,7 @@ def is_run_scalar(case: Case, name: str) -> bool:
 def _unknown_name_fault(name: str, known: Iterable[str], cams: Iterable[str]) -> Fault:
     of_cams = [f"cams.{cam}.{kind}" for cam in cams for kind in _CAM_UNITS]
     near = suggest_name(name, [*known, "frequency.1", *(_LIMIT + one for one in LIMITS), *of_cams])
-    others = "frequency.N, limits.NAME, cams.NAME.area and its like, or the key of a number"
+    others = "frequency.N, limits.NAME, cams.NAME.area, or the key of a number"
     allowed = f"{unknown_scalar_fault(name, known).allowed}; {others}"
     return Fault("scalar", repr(name), allowed, "the case has no other", near)
 
@@ -188,7 +188,7 @@ def _unknown_name_fault(name: str, known: Iterable[str], cams: Iterable[str]) ->
 def require_complete(row: Row) -> Row:
     """Return a row if it is complete, otherwise raise an error."""
     if row.status.cause is Cause.REFUSED:
-        raise refuse("case", "as it stands", "a case that can be run", row.status.text)
+        raise refuse("case", "a case whose run failed", "a case that can be run", row.status.text)
     if not row.status.ok:
         raise RunFailedError(row.status)
     return row
@@ -242,7 +242,9 @@ def _lift_property(event: Event, kind: str) -> float:
     if kind == "area":
         return 2.0 * math.pi * float(harmonics(event, 1)[0].real)
     if kind == "jerk" and any(one.steps[2] for one in joints(event)):
-        raise refuse("scalar", "the jerk of a lift", "a lift whose acceleration does not step", "it is infinite there")
+        raise refuse(
+            "scalar", "the jerk of a lift", "a lift whose acceleration does not step", "it is infinite at a step"
+        )
     low, high = event_extremes(event, _DERIVATIVE_ORDERS[kind])
     if kind == "deceleration":
         return -low.value

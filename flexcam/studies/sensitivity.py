@@ -174,7 +174,7 @@ def get_numbers(case: Case, keys: Sequence[str], option: str = "--to") -> list[N
 
 def _check_not_zero(number: Number, option: str) -> Number:
     if number.value == 0.0:
-        why, remedy = "a step is a part of the number", f"give it a small value first: --set {number.key}=..."
+        why, remedy = "the step is a fraction of the number", f"give it a small value first: --set {number.key}=..."
         raise refuse(option, f"{number.key} = 0", "a number that is not zero", why, remedy)
     return number
 
@@ -210,7 +210,7 @@ def sensitivities(
 ) -> list[Sensitivity]:  # fmt: skip
     """Return the derivatives of several scalars with respect to several numbers."""
     if not 1e-8 <= relative_step <= 0.2:
-        raise refuse("--relative-step", relative_step, "1e-8 to 0.2", "a part of each number")
+        raise refuse("--relative-step", relative_step, "1e-8 to 0.2", "it is a fraction of each number")
     case = file.read(fixed)
     numbers = get_numbers(case, keys)
     frequencies = [name for name in names if frequency_number(name)]
@@ -256,9 +256,7 @@ def _frequency(
 def _matrices(file: CaseFile, overrides: Sequence[str], like: Structure) -> MatrixPair:
     one = build_structure(build_model(file.read(overrides)))
     if one.mass.size != like.mass.size:
-        raise refuse(
-            "--to", overrides[-1], "a number that leaves the unknowns as they are", "their matrices are compared"
-        )
+        raise refuse("--to", overrides[-1], "a number that does not change the unknowns", "their matrices are compared")
     return one.mass, one.stiffness
 
 

@@ -219,7 +219,7 @@ def make_sweep(
     plan = make_plan(found, None if how == GRID else parse_sample(how, number), limit=limit)
     first = validate_plan(file, plan)
     if first.record.fidelity.estimate:
-        where, why = first.place(("fidelity", "estimate")), "a sweep keeps what was computed, without estimates"
+        where, why = first.place(("fidelity", "estimate")), "a sweep stores no estimates"
         raise refuse(where, "true", "false", why, "--set fidelity.estimate=false")
     kept = tuple(scalars or (own.scalars if own else ()))
     check_names(file, plan, kept)
@@ -261,7 +261,11 @@ def _axes(file: CaseFile, settings: Sequence[str], limit: int) -> tuple[Axis, ..
         found |= {one.key: one for one in parse_axes(settings, limit=limit)}
     except InputError as refusal:
         faults += refusal.faults
-    allowed, why, remedy = "a key of the mechanism or its run", "it says how to sweep", "see --sample, --seed"
+    allowed, why, remedy = (
+        "a key of the mechanism or its run",
+        "it defines the sweep",
+        "use --sample or --seed",
+    )
     own_keys = [one for one in found.values() if one.key.partition(".")[0] == "sweep"]
     faults += [Fault(one.where, one.key, allowed, why, remedy) for one in own_keys]
     if faults:
@@ -400,7 +404,7 @@ def _open_journal(asked: Sweep, target: OutputTarget) -> Generator[Journal]:
     for table in target.tables(asked.name):
         check_writable("table", table, overwrite=target.overwrite or ours)
     if target.histories and not (target.overwrite or ours) and (kept := target.existing_histories(asked.name)):
-        why, remedy = "nothing is written over", "--overwrite replaces them, -o names another folder"
+        why, remedy = "flexcam overwrites no file by itself", "--overwrite replaces them, -o names another folder"
         raise refuse("histories", f"{len(kept)} in {kept[0].parent}", "none from an earlier sweep", why, remedy)
     journal = Journal(path, belongs, resume=target.resume, overwrite=target.overwrite)
     try:

@@ -274,7 +274,7 @@ ENDINGS = (".h5", ".csv", ".parquet")
 def write_table(table: SweepTable, path: Path, *, overwrite: bool = False) -> Path:
     """Write a table in the format of its suffix: ``.h5``, ``.csv`` or ``.parquet``."""
     if path.suffix not in ENDINGS:
-        raise refuse("table", str(path), f"a name that ends in {', '.join(ENDINGS)}")
+        raise refuse("table", str(path), f"a name that ends in {' or '.join(ENDINGS)}")
     if path.suffix == ".parquet":
         require_parquet()
     check_writable("table", path, overwrite=overwrite)
@@ -317,7 +317,7 @@ _WORDS = {
     "case": "the case, or a file it names",
     "plan": "the keys, their values, or how they are sampled",
     "histories": "whether histories are kept",
-    "channels": "whether scalars beside those of the probes are computed",
+    "channels": "whether scalars other than those of the probes are computed",
 }
 """Descriptions of the facts that identify a journal."""
 
@@ -332,7 +332,7 @@ class Journal:
         self, path: Path, belongs: Mapping[str, Any], *, resume: bool = False, overwrite: bool = False
     ) -> None:
         if path.exists() and not (resume or overwrite):
-            why, remedy = "a sweep was begun here", "--resume finishes it, --overwrite begins anew"
+            why, remedy = "a sweep was begun here", "--resume finishes it, --overwrite starts again"
             raise refuse("journal", str(path), "none, or --resume", why, remedy)
         create_folder(path.parent)
         self._path, self._head, self._fresh = path, dict(belongs), True
@@ -401,21 +401,21 @@ def _read_journal(path: Path, belongs: Mapping[str, Any]) -> tuple[dict[int, lis
         other = [words for name, words in _WORDS.items() if head.get(name) != belongs.get(name)]
         if other:
             given, why = f"{path}, of another sweep", f"what differs: {'; '.join(other)}"
-            remedy = "--overwrite begins anew, -o names another folder"
+            remedy = "--overwrite starts again, -o names another folder"
             raise refuse("journal", given, "the journal of this sweep", why, remedy)
         return {int(one["chunk"]): [_parse_row(row, one["units"]) for row in one["rows"]] for one in chunks}, end
     except (ValueError, KeyError, TypeError, AttributeError) as fault:
         if isinstance(fault, InputError):
             raise
         raise refuse(
-            "journal", str(path), "the journal of a sweep", f"it is damaged: {fault}", "--overwrite begins anew"
+            "journal", str(path), "the journal of a sweep", f"it is damaged: {fault}", "--overwrite starts again"
         ) from None
 
 
 def _parse_line(line: bytes) -> dict[str, Any]:
     content = json.loads(line)
     if content.pop("digest", "") != _line_digest(content):
-        raise ValueError("a line is not what was written")
+        raise ValueError("a line has changed since it was written")
     return content
 
 

@@ -63,17 +63,17 @@ def _parse_scatter(case: Case, setting: str, where: str) -> PartScatter:
     key, equals, spec = setting.partition("=")
     match = _SPEC.match(spec)
     if not equals or match is None:
-        raise refuse(where, repr(spec or setting), f"KEY={FORMS}", "", "such as springs.valve.stiffness=±5%")
+        raise refuse(where, repr(spec or setting), f"KEY={FORMS}", "", "write it as in springs.valve.stiffness=±5%")
     number = get_number(case, key.strip(), where)
     kind: Literal["uniform", "normal"] = "normal" if match[1] == "normal" else "uniform"
     half = _half_width(match[2], number.value, number.unit, where)
     if not half > 0.0:
-        raise refuse(where, repr(spec), "a width above zero", "nothing scatters")
+        raise refuse(where, repr(spec), "a width above zero", "the value would not vary")
     found = PartScatter(number.key, number.value, half, kind)
     widest = 100.0 if kind == "uniform" else 100.0 * _SIGMAS / _TRUNCATION
     if match[2].endswith("%") and half >= 0.01 * widest * abs(number.value):
-        why = "some parts would have a number of zero or of the other sign"
-        raise refuse(where, repr(spec), f"less than ±{widest:g} %", why, f"such as {key}=±5%")
+        why = "some parts would have zero or the other sign"
+        raise refuse(where, repr(spec), f"less than ±{widest:g} %", why, f"give less, such as {key}=±5%")
     for end in (0.0, 1.0):
         number_after_override(case, number.key, repr(found.value(end)), where)  # raises an error for an invalid value
     return found
@@ -85,14 +85,14 @@ def _half_width(text: str, middle: float, unit: str, where: str) -> float:
         return abs(middle) * parse(text, "number", where)
     kinds = [name for name, one in DIMENSIONS.items() if one.si == unit]
     if not kinds:
-        raise refuse(where, repr(text), "a part such as ±2%", "the unit of this number depends on other keys")
+        raise refuse(where, repr(text), "a percentage such as ±2%", "the unit of this number depends on other keys")
     return parse(text, kinds[0], where)
 
 
 def sample_parts(scatters: Sequence[PartScatter], count: int, seed: int = 0) -> FloatArray:
     """Return sampled numbers of parts, shape (count, scatters)."""
     if count < 8:
-        raise refuse("--count", count, "a whole number from 8", "fewer give no useful mean and spread")
+        raise refuse("--count", count, "a whole number from 8", "mean and spread need more samples")
     parts = Sample("lhs", count, check_seed(seed)).points(len(scatters))
     return np.array([[one.value(part) for one, part in zip(scatters, row, strict=True)] for row in parts])
 

@@ -170,7 +170,7 @@ def sliding_path(structure: Structure, name: str, contact: CamContact, cam: Cam)
         remedy = "give base_radius and follower of the cam"
         raise refuse(where, contact.friction, "a cam with a profile", "the velocity of sliding follows from it", remedy)
     if np.isfinite(cam.follower.roller_radius):
-        why = "a roller takes the sliding up by turning"
+        why = "a roller rolls without sliding"
         raise refuse(where, contact.friction, "a follower with a flat face", why, "leave friction out")
     twist, right = structure.row(cam.at, contact.rotation), cam.turn * contact.across
     if not isinstance(cam.follower, SwingFlatFollower):
@@ -248,8 +248,8 @@ def _penetration_rows(structure: Structure, contact: CamContact, cam: Cam, where
 def _swing_rows(structure: Structure, contact: CamContact, cam: Cam) -> list[tuple[FloatArray, AngleFunction]]:
     """Return rows and functions of the motion of a swinging follower away from the cam.
 
-    A finger that is a member has its node at the arm's length. A flat face is touched at the distance q from the pivot:
-    there the finger moves by ``u + (q - arm) phi``, with u and phi of its node, and by virtual work the force N bends
+    A finger that is a member has its node at the arm's length. A flat face is touched at the distance q from the pivot.
+    There the finger moves by ``u + (q - arm) phi``, with u and phi of its node, and by virtual work the force N bends
     it as the same force at the node and the couple N (q - arm) do (J. L. Meriam and L. G. Kraige, Engineering
     Mechanics: Statics, ch. 2, force-couple systems): by lift, N and path are taken q/arm times. A roller's force passes
     through its centre; along the finger it is the tangent of the pressure angle, measured from the turned arm.
@@ -276,7 +276,7 @@ def _fixed_follower_error(structure: Structure, follower: str, where: str) -> In
         allowed = "a node of a member, or one with a mass or a spring along the lift"
         if mesh.node(follower) not in mesh.elements():
             return refuse(where, given, allowed, why, "end a member there, or put a mass on it")
-    given, why = f"{follower!r}, held along the lift", "a follower that cannot move feels no cam"
+    given, why = f"{follower!r}, held along the lift", "the cam cannot move this follower"
     return refuse(where, given, "a point that is free along the lift", why, "free it in [supports]")
 
 
@@ -300,17 +300,17 @@ def hertz_line(
     if cam.follower is None or cam.width is None:
         other = "or a stiffness" if key == "stiffness" else "or leave lubrication out"
         remedy = f"give base_radius, follower and width of the cam, {other}"
-        raise refuse(where, given, "a cam with a profile and a width", "the radius of curvature decides", remedy)
+        raise refuse(where, given, "a cam with a profile and a width", "it depends on the radius of curvature", remedy)
     material = _cam_material(structure, cam)
     if material is None:
-        given, why = f"{given}, of a cam at {cam.at!r} on no member", "the member says the material"
+        given, why = f"{given}, of a cam at {cam.at!r} on no member", "the material is that of the member"
         raise refuse(where, given, "a number, or a cam on a member" if key == "stiffness" else "a cam on a member", why)
     follower, roller = cam.follower, cam.follower.roller_radius
     own = profile_table(cam).radius
     curvature = 1.0 / own + 1.0 / roller
     if (undercut(own, follower) | (curvature < 0.0)).any():
         given = "a profile that is undercut or hollow under its follower"
-        raise refuse(where, given, "one that touches along a line", "see flexcam cam", "a larger base circle")
+        raise refuse(where, given, "a profile that touches along a line", "", "take a larger base circle")
     rolls = bool(np.isfinite(roller))
     depth = 2.0 * (follower.base_radius + roller) if rolls else follower.base_radius  # the base circle for the cam
     radius = interpolate_table(1.0 / np.maximum(curvature, 1.0 / (STRAIGHT * depth)))
@@ -368,7 +368,7 @@ def lubrication_channels(
     film = Film(line.plane_strain, lubrication.viscosity, lubrication.pressure_viscosity)
     wear_coefficient = lubrication.wear_coefficient
     if line.rolls and wear_coefficient is not None:
-        given, why = f"{wear_coefficient:g} m^2/N", "a roller takes the sliding up by turning"
+        given, why = f"{wear_coefficient:g} m^2/N", "a roller rolls without sliding"
         key = f"{where}.lubrication.wear_coefficient"
         raise refuse(key, given, "a follower with a flat face", why, "leave wear_coefficient out")
 

@@ -58,7 +58,7 @@ def couple_seat(structure: Structure, name: str, seat: Seat) -> Coupling:
     row = structure.row(seat.at, seat.direction, f"contacts.{name}.at")
     if not row.any():
         given = f"a seat at {seat.at!r} along {seat.direction.tolist()}"
-        why = "what cannot move that way needs no seat"
+        why = "a point that cannot move needs no seat"
         raise refuse(
             f"contacts.{name}", given, "a point that is free along the seat's direction", why, 'add direction = "uy"'
         )

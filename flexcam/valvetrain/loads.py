@@ -40,14 +40,14 @@ def series_stiffness(structure: Structure, contact: PublishedLoad, where: str) -
     """Return K_KE of (22): the static stiffness at the follower along the lift, N/m."""
     push = structure.dofs.vector(find_node(structure.model, contact.follower, where), contact.direction)
     if not push.any():
-        given, why = f"{contact.follower!r}, held along the lift", "a follower that cannot move feels no cam"
+        given, why = f"{contact.follower!r}, held along the lift", "the cam cannot move this follower"
         raise refuse(where, given, "a point that is free along the lift", why, "remove that component from [supports]")
     try:
         give = float(push @ static_displacement(structure.stiffness, push, structure.dofs.names, structure.free))
     except RunFailedError as failure:
         if failure.status.cause is not Cause.SINGULAR:
             raise
-        given, why = "a follower that nothing holds against the lift", str(failure.status.text)
+        given, why = "a follower without a spring against the lift", str(failure.status.text)
         raise refuse(where, given, "a spring on the follower's train", why, "add it under [springs]") from None
     return 1.0 / give
 
@@ -57,8 +57,8 @@ def preload(structure: Structure, contact: PublishedLoad, train: FollowerTrain, 
     if springs := given_forces(structure, train):
         force = sum(float(train.motion @ row) * size for size, row in springs)
         if force <= 0.0:
-            given, why = f"springs that pull the follower with {-force:g} N", "contact needs a push against the lift"
-            raise refuse("springs", given, "installed forces that close the contact", why, "turn a spring's direction")
+            given, why = f"springs that pull the follower with {-force:g} N", "contact needs a force against the lift"
+            raise refuse("springs", given, "installed forces that close the contact", why, "reverse a spring")
         return force
     deceleration = -event_extremes(cam.event, 2)[0].value * speed**2
     return contact.preload_factor * train.mass * deceleration

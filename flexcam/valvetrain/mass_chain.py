@@ -26,7 +26,7 @@ def static_shapes(system: System, rows: FloatArray) -> FloatArray:
     n, m = system.size, len(rows)
     if n > 2 * DENSE_LIMIT:
         given, allowed = f"a model of {n} unknowns", f"up to {2 * DENSE_LIMIT}"
-        raise refuse("chain", given, allowed, "shapes are full", "fewer elements")
+        raise refuse("chain", given, allowed, "mode shapes are dense", "take fewer elements")
     still = _unobserved_motions(np.zeros((n, 0)) if system.free is None else system.free, rows)
     held = np.concatenate([rows, still.T])
     K = system.stiffness.dense()
@@ -73,7 +73,7 @@ def build_chain(model: Model, speed: float, count: int, *, contact: str | None =
     points = _train(structure, driven)
     if not 1 <= count <= len(points):
         given, why = f"{count} masses", "a mass sits at a node of the train"
-        raise refuse("count", given, f"1 to {len(points)}", why, "more elements in its members")
+        raise refuse("count", given, f"1 to {len(points)}", why, "take more elements in its members")
     step = (len(points) - 1) / max(count - 1, 1)
     picked = [points[round(i * step)] for i in range(count)]
     names, rows = _kept_rows(system, picked)
@@ -119,8 +119,8 @@ def _contact(model: Model, name: str | None) -> PublishedLoad | CamContact:
     if name is not None:
         raise refuse("contact", repr(name), f"one of {', '.join(model.cam_contacts) or '(there is none)'}")
     if len(model.cam_contacts) != 1:
-        given, why = f"{len(model.cam_contacts)} contacts of a cam", "few masses stand for the one train of a cam"
-        raise refuse("contact", given, "one", why, "take another model")
+        given, why = f"{len(model.cam_contacts)} contacts of a cam", "the few masses represent the train of one cam"
+        raise refuse("contact", given, "one", why, "choose another model")
     return next(iter(model.cam_contacts.values()))
 
 

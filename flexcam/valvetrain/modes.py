@@ -200,7 +200,7 @@ class ContactModes:
         """Indices of the modes that contribute to the static contact compliance, without free motions.
 
         Compared with the modal force, this criterion gives low modes more weight, so that spring surge is not missed
-        beside the stiff modes of the contact.
+        among the stiff modes of the contact.
         """
         rigid, omegas = self.found.modes.rigid, self.found.modes.omegas
         shares = (self.push[rigid:] / omegas[rigid:]) ** 2
@@ -297,7 +297,7 @@ def lift_transfer(model: Model, contact: str, probe: str, speed: float) -> Calla
         raise refuse("contact", repr(contact), f"one of {', '.join(model.cam_contacts)}")
     if system.size > _MAX_RESPONSE_UNKNOWNS:
         allowed = f"up to {_MAX_RESPONSE_UNKNOWNS} for a polydyne cam"
-        raise refuse("model", f"{system.size} unknowns", allowed, "", "fewer elements")
+        raise refuse("model", f"{system.size} unknowns", allowed, "", "take fewer elements")
     structure, part = build_structure(model), model.cam_contacts[contact]
     where = f"contacts.{contact}.follower"
     lift = part.direction
@@ -307,7 +307,7 @@ def lift_transfer(model: Model, contact: str, probe: str, speed: float) -> Calla
         force = series_stiffness(structure, part, where) * push
     else:
         if part.stiffness is None:
-            raise refuse(f"contacts.{contact}.stiffness", "hertz", "a number", "the answer to a lift must be linear")
+            raise refuse(f"contacts.{contact}.stiffness", "hertz", "a number", "the response to a lift must be linear")
         force = part.stiffness * push
         stiffness, free = stiffness + scalar_matrix(push, part.stiffness), None
     for name, play in model.contacts.items():  # lash is closed while the train is under compression

@@ -363,7 +363,8 @@ class Lever(Rocker):
     def __post_init__(self) -> None:
         beyond = [f"{math.degrees(angle):g} deg" for angle in self.angles if abs(angle) > _MOST]
         if beyond:
-            why, remedy = "an arm nearly along the motion of its end moves it no more", "count it from square"
+            why = "an arm nearly parallel to the motion of its end cannot move it"
+            remedy = "measure the angle from the perpendicular"
             raise refuse("angles", " and ".join(beyond), f"within {math.degrees(_MOST):g} deg of square", why, remedy)
 
     @property
@@ -380,7 +381,8 @@ class Lever(Rocker):
         sine = math.sin(start) + lift / arm
         if float(np.abs(sine).max(initial=0.0)) >= _STEEP:
             given = f"a motion of {1e3 * float(np.abs(lift).max()):.4g} mm at an arm of {1e3 * arm:.4g} mm"
-            why, remedy = "the lever would turn until its arm points along the motion", "a longer arm, or other angles"
+            why = "the lever would turn until its arm points along the motion"
+            remedy = "take a longer arm, or other angles"
             raise refuse(where, given, f"up to {math.degrees(_MOST):g} deg", why, remedy)
         cosine = np.sqrt(1.0 - sine**2)
         return arm * (np.arcsin(sine) - start), 1.0 / cosine, sine / (arm * cosine**3)

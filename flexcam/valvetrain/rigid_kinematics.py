@@ -236,7 +236,7 @@ def _lash_joints(structure: Structure, motion: FloatArray) -> Iterator[_Joint]:
             continue
         driven = float(row @ motion)
         if driven < 0.0 or (driven == 0.0 and float(far @ motion) and not _is_cam_driven(structure, play.ends[0])):
-            allowed, why = "a play that the lift of its cam closes", "a rigid train goes through it from the cam on"
+            allowed, why = "a lash that the lift of its cam closes", "the rigid model follows the train from the cam"
             remedy = "name as `from` the node on the side of the cam, with the direction in which it pushes"
             given = f"from {play.ends[0]!r} to {play.ends[1]!r}"
             raise refuse(f"contacts.{play.name}", given, allowed, why, remedy)

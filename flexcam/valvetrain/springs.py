@@ -183,7 +183,7 @@ class SpringCurve:
     def travel_of(self, compression: FloatArray) -> FloatArray:
         """Return the travel at which, at rest, one of the parts that close last is compressed as given, shape (m,).
 
-        Parts that closed before are stiff: the vibration of closed coils says nothing of the travel that is left.
+        Parts that closed before are stiff: the vibration of closed coils does not affect the remaining travel.
         """
         last = self.parts[-2] - self.parts[-3]
         parts = [pair for pair, own in zip(zip(compression.T, self.parts.T, strict=True), last, strict=True)
@@ -247,7 +247,7 @@ class Coils:
     def gap(self, wire: float) -> float:
         """Return the compression per coil at which it touches the next, m, by the diameter d of the wire.
 
-        Where the coil tapers by r per turn, a touching coil lies beside the next, lower by ``sqrt(d^2 - r^2)`` than it.
+        Where the coil tapers by r per turn, two touching coils differ in height by ``sqrt(d^2 - r^2)``.
         """
         taper = 0.5 * abs(self.ends[1] - self.ends[0]) / self.turns
         return self.pitch - math.sqrt(max(wire**2 - taper**2, 0.0))

@@ -45,7 +45,7 @@ class Structure:
             if abs(along) < _ACROSS:
                 given = "a direction across the motion of a rocker's point"
                 allowed = f"a direction along {[round(float(x), 6) for x in rocker.direction[:3]]}"
-                raise refuse(where, given, allowed, "it moves only along it")
+                raise refuse(where, given, allowed, "the point moves only along this direction")
             if point in self.model.loose_points:
                 return along * self.dofs.unit(point)
             return along * self.reach(rocker)

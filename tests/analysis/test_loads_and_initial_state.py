@@ -276,7 +276,7 @@ def test_a_pulling_spring_counts_against_the_others(tmp_path):
 
 def test_springs_that_pull_the_follower_are_refused(tmp_path):
     case = inline(tmp_path, (SPRING, FORCED), ("[cams.intake]", f"{PULLING.format(500)}[cams.intake]"))
-    with pytest.raises(InputError, match="push"):
+    with pytest.raises(InputError, match="a force against the lift"):
         prepare(case)
 
 
@@ -293,7 +293,7 @@ def test_the_sense_of_a_load_at_a_rockers_point_counts(tmp_path):
 def test_a_valve_spring_that_pulls_is_refused(tmp_path):
     """Along -uy a spring's installed force drives the valve open."""
     case = inline(tmp_path, (SPRING, FORCED), ('direction = "uy"', 'direction = "-uy"'))
-    with pytest.raises(InputError, match="push"):
+    with pytest.raises(InputError, match="a force against the lift"):
         prepare(case)
 
 

@@ -126,7 +126,7 @@ def test_what_a_system_does_not_tell_refuses_nothing(monkeypatch):
 def test_a_run_in_python_is_refused_too(monkeypatch):
     monkeypatch.setattr(within, "free_memory", lambda: 1_000_000)
     case = flexcam.read_case(CASE)
-    with pytest.raises(InputError, match="memory: given a run of"):
+    with pytest.raises(InputError, match="memory: got a run of"):
         flexcam.run(case)
     assert flexcam.run(case, allow_large=True).status.ok
 
@@ -147,7 +147,7 @@ def test_a_sweep_is_refused_for_its_first_variant(monkeypatch, tmp_path):
     check_sweep_resources(asked, together=1)
     with pytest.raises(InputError, match="3 side by side"):
         check_sweep_resources(asked, together=3)
-    with pytest.raises(InputError, match="disk: given a result file"):
+    with pytest.raises(InputError, match="disk: got a result file"):
         check_sweep_resources(asked, tmp_path)
 
 

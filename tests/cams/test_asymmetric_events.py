@@ -161,7 +161,7 @@ class TestSingleDwell:
     ],
 )
 def test_more_than_a_revolution(given):
-    with pytest.raises(InputError, match=r"deg in all; allowed: up to 360 deg, ramps included; .* write '180 deg'"):
+    with pytest.raises(InputError, match=r"deg in all, expected up to 360 deg, ramps included. .* write '180 deg'"):
         event(**given)
 
 

@@ -61,7 +61,7 @@ def test_a_broken_package_is_named_and_breaks_no_other(plugged, target, tmp_path
     plugged({"broken": target, "line": "flexcam.cams.standard_laws:Harmonic"})
     assert law_kind("line") is cams.Harmonic
     assert parse_law({"id": "fb2", "split": 0.3}).law == KINDS["fb2"](0.3)
-    with pytest.raises(InputError, match=f"'broken'.*{target} brings it and cannot be loaded"):
+    with pytest.raises(InputError, match=f"'broken'.*The package {target}, which defines it, failed"):
         parse_law("broken")
 
 

@@ -72,7 +72,7 @@ def test_noise_on_the_base_circle_is_no_negative_lift():
     event, report = lift_table(theta, LOBE(theta) + noise(720, 50e-6))
     assert report.scatter == pytest.approx(50e-6, rel=0.15)
     assert np.abs(event(theta) - LOBE(theta)).max() < 100e-6
-    with pytest.raises(InputError, match="base circle's reading"):
+    with pytest.raises(InputError, match="reading on the base circle"):
         lift_table(theta, LOBE(theta) + noise(720, 50e-6) - 0.6e-3)
 
 

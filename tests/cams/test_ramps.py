@@ -161,7 +161,7 @@ def test_any_ramp_meets_its_main_lift(height, duration, take_off, rise, phase):
     """Lift and velocity at both ends of the opening ramp; a steeper ramp is refused, with the slope it may have."""
     ramp = Ramp(height, duration, take_off)
     if ramp.slope * max(rise, 1.2) > LIFT:
-        with pytest.raises(InputError, match="could not go on from it"):
+        with pytest.raises(InputError, match="cannot continue such a slope"):
             LiftEvent(LAWS["cycloidal"], LIFT, rise, 1.2, phase=phase, ramp=ramp)
         return
     event = LiftEvent(LAWS["cycloidal"], LIFT, rise, 1.2, phase=phase, ramp=ramp)
@@ -189,7 +189,7 @@ def test_ramps_refused(changes):
     ],
 )
 def test_too_steep(changes, allowed):
-    with pytest.raises(InputError, match=f"up to {allowed:.4g} mm/rad; the main lift could not go on"):
+    with pytest.raises(InputError, match=f"up to {allowed:.4g} mm/rad. The main lift cannot continue"):
         ramped(**changes)
 
 

@@ -98,10 +98,10 @@ def test_a_train_that_does_not_answer_is_refused():
     def deaf(omega):
         return np.where(np.abs(omega - 3 * SPEED) < 1.0, 0.0, 1.0 + 0j)
 
-    with pytest.raises(InputError, match=r"does not answer to harmonic 3 at 1432\.39 rpm"):
+    with pytest.raises(InputError, match=r"does not respond to harmonic 3 at 1432\.39 rpm"):
         polydyne(WANTED, deaf, SPEED)
     assert polydyne(WANTED, deaf, SPEED, count=2).left_out > 0.0  # it is not asked for the third
-    with pytest.raises(InputError, match="does not answer"):
+    with pytest.raises(InputError, match="does not respond"):
         polydyne(WANTED, lambda omega: np.where(omega == 0.0, np.inf, 1.0), SPEED)
 
 

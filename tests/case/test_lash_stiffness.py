@@ -40,5 +40,5 @@ def test_without_a_member_it_must_be_given(tmp_path):
     nodes = ("[nodes]", '[nodes]\nloose = ["0 mm", "9 mm", "0 mm"]\nother = ["0 mm", "5 mm", "0 mm"]')
     between = ('from = "bucket-pip", to = "stem-top"', 'from = "loose", to = "other"')
     case = _left_open(BUCKET, tmp_path, between, weight, nodes)
-    with pytest.raises(InputError, match=r"contacts\.lash.*stiffness.*nothing.*no member ends"):
+    with pytest.raises(InputError, match=r"contacts\.lash.*stiffness.*missing.*No member ends"):
         build_model(case)

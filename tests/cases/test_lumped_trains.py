@@ -157,7 +157,7 @@ def test_links_are_rigid_in_the_rigid_mechanism_and_springs_are_not(written):
 
 REFUSED = [
     (("axis = [1, 0, 0]\n", ""), "a cam at 'camshaft' on no member"),
-    (('model = "bilateral", stiffness = "4e6 N/m"', 'model = "unilateral", stiffness = "hertz"'), "radius of curvature decides"),
+    (('model = "bilateral", stiffness = "4e6 N/m"', 'model = "unilateral", stiffness = "hertz"'), "depends on the radius of curvature"),
     (('follower = "tappet"', 'follower = "camshaft"'), "nothing that moves"),
     (('stiffness = "23 kN/m"', 'stiffness = "23 kN/m", link = true'), "a link with an end"),
     (('stiffness = "23 kN/m"', 'stiffness = "23 kN/m", installed_force = "1 N", installed_compression = "1 mm"'), "either installed_force or"),
@@ -175,7 +175,7 @@ def test_hertz_needs_a_member(written):
         ('model = "bilateral", stiffness = "4e6 N/m"', 'model = "unilateral", stiffness = "hertz"'),
         ("[contacts]", 'base_radius = "20 mm"\nwidth = "12 mm"\nfollower = { type = "flat" }\n[contacts]'),
     )
-    with pytest.raises(InputError, match="the member says the material"):
+    with pytest.raises(InputError, match="The material is that of the member"):
         prepare(read_case(path))
 
 

@@ -77,8 +77,8 @@ def test_no_number_is_cut_in_a_narrow_terminal(words, flexcam, case, monkeypatch
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (("check",), "see flexcam check --help; CASE (--case) is missing"),
-        (("run", "case.toml", "other.toml"), "see flexcam run --help; no argument or option accepts 'other.toml'"),
+        (("check",), "CASE (--case) is missing. See flexcam check --help."),
+        (("run", "case.toml", "other.toml"), "no argument or option accepts 'other.toml'. See flexcam run --help."),
         (("run", "case.toml", "--set"), "--set is followed by nothing"),
         (("chek",), 'Did you mean "check"?'),
     ],

@@ -86,12 +86,12 @@ def test_angles_times_and_units(flexcam, files, tmp_path):
 
 @pytest.mark.parametrize(("content", "options", "message"), [
     ("angle,mass.uy [m]\n0,1\n", (), "a column 'time', 'cam angle', 'crank angle', and others over it"),
-    ("time [s],mass.uyy [m]\n0,1\n", (), "the case has no other result"),
+    ("time [s],mass.uyy [m]\n0,1\n", (), "The case has no other result"),
     ("time [s],mass.uy [N]\n0,1\n", (), "a unit of the same quantity as m"),
     ("time [s],mass.uy [m]\n0,1\n0,x\n", (), "rows of as many numbers"),
     ("time [s],mass.uy [m]\n0,1\n", (), "more than the 2 values to be fitted"),
     ("time [s],mass.uy [m]\n0,1\n1,1\n2,1\n", (), "times of the run"),
-    ("time [s],mass.uy [m]\n0,1\n", ("--column", "mass.uz"), "--column: given 'mass.uz'"),
+    ("time [s],mass.uy [m]\n0,1\n", ("--column", "mass.uz"), "--column: got 'mass.uz'"),
     ("time [s],mass.uy [m]\n0,1\n", ("--noise", "mass.uy=much"), "a standard deviation in the unit of the column"),
     ("time [s],mass.uy [m]\n0,1\n", ("--noise", "mass.uy=-1"), "--noise"),
     ("time [s],mass.uy [m]\n0,1\n", ("-o", "best.csv"), "a name that ends in .toml"),

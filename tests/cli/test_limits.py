@@ -79,7 +79,7 @@ MIDDLE, WIDTH = 0.5 * (1.5**14 + 1.5**15), 1.5**15 - 1.5**14
 @pytest.mark.parametrize(
     ("highest", "failed", "rpm", "words"),
     [
-        (600.0, 1.5**15, None, "not known from there on; the run at camshaft 4181.5"),
+        (600.0, 1.5**15, None, "not known above this speed; the run at camshaft 4181.5"),
         (400.0, MIDDLE, None, "not known up to the highest speed of the search; the run at camshaft 3484.6"),
         (350.0, MIDDLE + 0.25 * WIDTH, None, "not up to the highest speed of the search"),
         (450.0, MIDDLE, 1.5**15 / RPM, "(k); the run at camshaft 3484.6"),

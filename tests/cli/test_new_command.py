@@ -69,7 +69,7 @@ def test_nothing_is_written_over(flexcam, tmp_path):
     refused = flexcam("new", "measured-lift")
     assert refused.code == 2
     assert "measured-lift.csv" in refused.err
-    assert "--overwrite or overwrite=True" in refused.err
+    assert "--overwrite (in Python: overwrite=True)" in refused.err
     assert not (tmp_path / "measured-lift.toml").exists()
     assert (tmp_path / "measured-lift.csv").read_text() == "mine"
     assert flexcam("new", "measured-lift", "--overwrite").code == 0
@@ -78,7 +78,7 @@ def test_nothing_is_written_over(flexcam, tmp_path):
 def test_a_misspelled_name_is_told(flexcam):
     refused = flexcam("new", "pushrod-engin")
     assert refused.code == 2
-    assert "did you mean 'pushrod-engine'" in refused.err
+    assert "Did you mean 'pushrod-engine'" in refused.err
 
 
 def test_a_case_file_ends_in_toml(flexcam, tmp_path):

@@ -22,15 +22,15 @@ REFUSED = {
     "too many orders": (("campbell", INLINE, "--orders", "1:9999"), "1 to 1000"),
     "speeds of no map": (("stability", INLINE, "--count", "5"), "--lowest, --highest or --plot only"),
     "a negative height": (("limits", ENGINE, "--bounce-height=-1mm"), "zero or more"),
-    "a negative part": (("compare", ENGINE, "--lowest", "1000rpm", "--tolerance=-5%"), "--tolerance: given -0.05"),
-    "a part in mm": (("compare", ENGINE, "--lowest", "1000rpm", "--tolerance", "5mm"), "--tolerance: given '5mm'"),
+    "a negative part": (("compare", ENGINE, "--lowest", "1000rpm", "--tolerance=-5%"), "--tolerance: got -0.05"),
+    "a part in mm": (("compare", ENGINE, "--lowest", "1000rpm", "--tolerance", "5mm"), "--tolerance: got '5mm'"),
     "no picture of that kind": (("compare", ENGINE, "--plot", "x.bmp"), ".svg"),
     "a limit over speed": (
         ("limits", ENGINE, "--over", "run.crank_speed=1000:2000:500rpm", "--and", "masses.valve.mass=80:90:10g"),
-        "--over: given run.crank_speed; allowed: another value",
+        "--over: got run.crank_speed, expected another value",
     ),
     "an interval without its option": (
-        ("optimize", INLINE, "--vary", STIFF, "--least", "frequency.1"), f"no interval; allowed: {STIFF}=LOW:HIGH",
+        ("optimize", INLINE, "--vary", STIFF, "--least", "frequency.1"), f"no interval, expected {STIFF}=LOW:HIGH",
     ),
     "one goal twice": (
         ("optimize", INLINE, "--vary", f"{STIFF}=30:60kN/m", "--least", "frequency.1", "--most", "frequency.1"),
@@ -38,25 +38,25 @@ REFUSED = {
     ),
     "forms without a folder": (("cam", CAM, "--format", "csv"), "--format with -o only"),
     "a kind without pictures": (("cam", CAM, "--plot-format", "png"), "--plot-format with --plot only"),
-    "a mesh at instants": (("export", INLINE, "--format", "msh", "--every", "2"), "a mesh has no instants"),
+    "a mesh at instants": (("export", INLINE, "--format", "msh", "--every", "2"), "A mesh has no instants"),
     "speeds of no comparison": (("compare", ENGINE, "--count", "5"), "--count with --lowest, --highest or --plot only"),
     "a probe over speed": (("compare", ENGINE, "--lowest", "1000rpm", "--probe", "valve"), "contact forces"),
     "a channel without a response": (
         ("campbell", INLINE, "--channel", "contacts.intake.force"), "--channel with --response only",
     ),
-    "modes of a response": (("campbell", "--response", INLINE, "--modes", "3"), "--modes: given 3"),
-    "some orders of a response": (("campbell", "--response", INLINE, "--orders", "2,4"), "write 1:4"),
+    "modes of a response": (("campbell", "--response", INLINE, "--modes", "3"), "--modes: got 3"),
+    "some orders of a response": (("campbell", "--response", INLINE, "--orders", "2,4"), "Write 1:4"),
     "a law beside the list": (("law", "--list", "shm"), "--list alone"),
     "no law": (("law",), "or --list"),
     "a cam beside a profile": (("cam", CAM, "--from-profile", "p.csv"), "nothing with --from-profile"),
     "a cutter for a profile": (("cam", "--from-profile", "p.csv", "--cutter", "9 mm"), "nothing with --from-profile"),
     "a follower without a profile": (("cam", CAM, "--follower", "{}"), "--follower with --from-profile only"),
     "no cam": (("cam",), "or --from-profile FILE"),
-    "a profile without a follower": (("cam", "--from-profile", "p.csv"), "--follower: given nothing"),
+    "a profile without a follower": (("cam", "--from-profile", "p.csv"), "--follower: missing"),
     "a huge scale": (("view", INLINE, "--scale", "1e300", "--save", "x.png"), "at most 1e+06"),
-    "no folder": (("run", INLINE, "-o", ""), "-o: given nothing; allowed: a file or a folder"),
-    "no folder at all": (("run", INLINE, "--output="), "--output: given nothing"),
-    "no table": (("trade", INLINE, "--csv", ""), "--csv: given nothing"),
+    "no folder": (("run", INLINE, "-o", ""), "-o: missing, expected a file or a folder"),
+    "no folder at all": (("run", INLINE, "--output="), "--output: missing"),
+    "no table": (("trade", INLINE, "--csv", ""), "--csv: missing"),
     "a word that is missing": (("synthesize", "law"), "MINIMIZE (--minimize) is missing"),
     "a port beyond all ports": (
         ("sweep", INLINE, "--set", "run.speed=1000,2000rpm", "--scheduler", "tcp://127.0.0.1:99999"), "out of range",
@@ -105,7 +105,7 @@ def result(flexcam):
 def test_what_is_laid_over_results_is_refused(flexcam, result):
     done = flexcam("compare", result, "--against", result, "--set", "run.speed=1rpm")
     assert done.code == 2
-    assert "--set: given run.speed=1rpm; allowed: --set with a case only" in done.err
+    assert "--set: got run.speed=1rpm, expected --set with a case only" in done.err
     few = ("--set", "run.steps_per_revolution=360")
     assert flexcam("compare", result, "--against", INLINE, *few).code == 0
 
@@ -123,7 +123,7 @@ def test_a_result_that_is_there_is_told_before_a_model_is_chosen(flexcam, result
     monkeypatch.setattr("flexcam.analysis.model_choice.select_case", choosing)
     done = flexcam("run", INLINE, "--set", "fidelity.tolerance=1%")
     assert done.code == 2
-    assert "result: given results/inline.vtkhdf; allowed: a file that does not exist yet" in done.err
+    assert "result: got results/inline.vtkhdf, expected a file that does not exist yet" in done.err
 
 
 def test_a_key_laid_over_twice_is_told(flexcam):
@@ -138,4 +138,4 @@ def test_a_key_laid_over_twice_is_told(flexcam):
 def test_a_wrong_name_is_reported_at_its_option(flexcam, words):
     refused = flexcam("campbell", ROOT / "cases/tayeb/model-3-shm.toml", *words)
     assert refused.code == 2
-    assert refused.err.startswith(f"{words[-2] if words[-1] == 'nope' else words[0].partition('=')[0]}: given 'nope'")
+    assert refused.err.startswith(f"{words[-2] if words[-1] == 'nope' else words[0].partition('=')[0]}: got 'nope'")

@@ -29,7 +29,7 @@ def test_a_link_that_leads_nowhere(check, tmp_path):
     """What would stand there then, and whether the link was meant to stay, is the user's to say."""
     link = tmp_path / "link"
     link.symlink_to("nowhere")
-    with pytest.raises(InputError, match=r"symbolic link .*leads nowhere"):
+    with pytest.raises(InputError, match=r"symbolic link (to a missing file|that leads nowhere)"):
         CHECKS[check](link)
     assert link.is_symlink()
     assert not link.exists()
@@ -57,14 +57,14 @@ def test_a_folder_that_takes_no_file(flexcam, case):
     """Before the budget, which is none there."""
     for given in ("/proc", "/proc/x/y.vtkhdf"):
         told = flexcam("run", case, "-o", given).err
-        assert f"folder: given {given}" in told
+        assert f"folder: got {given}" in told
         assert "[Errno" not in told
 
 
 def test_a_folder_named_like_a_file(flexcam, case, tmp_path):
     """It is refused with the name that was likely meant; one that is there already is taken."""
     told = flexcam("sweep", case, "--set", "run.speed=1000,2000rpm", "-o", "sub/grid.h5").err
-    assert "folder: given sub/grid.h5" in told
+    assert "folder: got sub/grid.h5" in told
     assert "-o sub/grid" in told
     (tmp_path / "mine.h5").mkdir()
     for name in ("mine.h5", "results.v2", "0.5"):
@@ -95,7 +95,7 @@ def test_a_folder_that_may_not_be_written_is_told_before_anything_is_computed(
     for below in (locked, locked / "deeper"):
         done = flexcam(command, case, *options, below / name)
         assert done.code == 2
-        assert f"folder: given {below}; allowed: a folder that takes files; it may not be written" in done.err
+        assert f"folder: got {below}, expected a folder that takes files. It is read-only" in done.err
     assert not list(locked.iterdir())
 
 
@@ -109,7 +109,7 @@ def test_a_device_takes_what_is_written(monkeypatch):
 def test_two_files_of_one_name(flexcam, case, command):
     done = flexcam(command, case, *WORDS[command], "--csv", "one.svg", "--plot", "./one.svg")
     assert done.code == 2
-    assert "--plot: given one.svg; allowed: a file other than --csv; one would replace the other" in done.err
+    assert "--plot: got one.svg, expected a file other than --csv. One would replace the other" in done.err
     assert not Path("one.svg").exists()
 
 
@@ -119,7 +119,7 @@ def test_the_case_itself_is_never_written_over(flexcam, case, command):
     Path("link.toml").symlink_to(case)
     done = flexcam(command, case, *WORDS[command], "--csv", "link.toml", "--overwrite")
     assert done.code == 2
-    assert "--csv: given link.toml; allowed: a file other than the input; it would be lost" in done.err
+    assert "--csv: got link.toml, expected a file other than the input. It would be lost" in done.err
     assert case.read_bytes() == INLINE.read_bytes()
 
 
@@ -136,10 +136,10 @@ def test_the_best_variant_is_another_file(flexcam, case):
         "optimize", case, *WORDS["optimize"], "-o", case, "--csv", "t.toml", "--plot", "t.svg", "--overwrite"
     )
     assert done.code == 2
-    assert "--output: given" in done.err
+    assert "--output: got" in done.err
     done = flexcam("optimize", case, *WORDS["optimize"], "-o", "best.toml", "--csv", "best.toml")
     assert done.code == 2
-    assert "--csv: given best.toml; allowed: a file other than --output" in done.err
+    assert "--csv: got best.toml, expected a file other than --output" in done.err
     assert not Path("best.toml").exists()
 
 
@@ -165,7 +165,7 @@ def test_laws_of_a_front_are_written_together_or_not_at_all(flexcam):
     words = ("--family", "harmonic", "--orders", "1", "--orders", "3", "--minimize", "Ca", "--pareto", "Cv")
     done = flexcam("synthesize", "law", *words, "--count", "3", "-o", "best.toml")
     assert done.code == 2
-    assert "output: given best-3.toml" in done.err
+    assert "output: got best-3.toml" in done.err
     assert not Path("best-1.toml").exists()
 
 

@@ -130,14 +130,14 @@ def test_a_profile_coloured_by_a_channel(flexcam, intake, tmp_path):
     for words, said in (
         (["contacts.seat.force"], "one channel of a cam's contact, such as contacts.intake.force"),
         (["contacts.intake.force", "--channel", "contacts.intake.gap"], "one channel of a cam's contact"),
-        (["contacts.intake.presure"], "did you mean 'contacts.intake.pressure'"),
-        (["contacts.intake.force", "--cam", "exhaust"], "it is the cam of the channel"),
+        (["contacts.intake.presure"], "Did you mean 'contacts.intake.pressure'"),
+        (["contacts.intake.force", "--cam", "exhaust"], "It is the cam of the channel"),
     ):
         told = flexcam(*coloured, *words, "-o", "none.svg")
         assert told.code == 2
         assert said in told.err
     alone = Path(__file__).parents[2] / "cases/cams/li-swing.toml"
-    assert "a file of cams is not run" in flexcam("plot", alone, *coloured[2:], "contacts.intake.force").err
+    assert "A file of cams is not run" in flexcam("plot", alone, *coloured[2:], "contacts.intake.force").err
 
 
 @pytest.mark.parametrize(("what", "said"), [("svaj", "Swinging roller follower of Li (2014)"), ("profile", "pivot")])
@@ -171,19 +171,19 @@ def test_orders_over_speed(what, said, flexcam, case, tmp_path):
     [
         (["nosuch.vtkhdf"], "no such file"),
         (["text.vtkhdf"], "a result file of flexcam"),
-        (["out/case.vtkhdf", "--probe", "valv"], "did you mean 'valve'"),
+        (["out/case.vtkhdf", "--probe", "valv"], "Did you mean 'valve'"),
         (["out/case.vtkhdf", "--probe", "cam"], "cam.uy"),
-        (["out/case.vtkhdf", "--channel", "contacts.intake.forc"], "did you mean 'contacts.intake.force'"),
-        (["out/case.vtkhdf", "-o", "a.jpg"], ".svg, .png, .pdf"),
+        (["out/case.vtkhdf", "--channel", "contacts.intake.forc"], "Did you mean 'contacts.intake.force'"),
+        (["out/case.vtkhdf", "-o", "a.jpg"], ".svg or .png or .pdf"),
         (["out/case.vtkhdf", "-o", "case.toml/a.svg"], "a folder that can be made"),
         (["out/case.vtkhdf", "-o", "taken.svg"], "--overwrite"),
-        (["out/case.vtkhdf", "--set", "run.speed=1000rpm"], "a result cannot be changed"),
+        (["out/case.vtkhdf", "--set", "run.speed=1000rpm"], "A result cannot be changed"),
         (
             ["out/case.vtkhdf", "--what", "energy", "--probe", "valve", "--rigid"],
             "--what motion or waterfall or work-precision",
         ),
         (["case.toml", "--what", "profile"], "base_radius and follower"),
-        (["case.toml", "--what", "svaj", "--cam", "intak"], "did you mean 'intake'"),
+        (["case.toml", "--what", "svaj", "--cam", "intak"], "Did you mean 'intake'"),
         (["case.toml", "--what", "modes", "--count", "0"], "a whole number from 1"),
         (["case.toml", "out/case.vtkhdf", "--what", "modes"], "one file"),
         (["out/case.vtkhdf", "--what", "nosuch"], "motion"),

@@ -158,7 +158,7 @@ def test_what_is_asked_for_beside(flexcam, case, tmp_path):
     [
         (["nosuch.vtkhdf"], "no such file"),
         (["case.toml"], "a result file of flexcam"),
-        (["out/case.vtkhdf", "--probe", "valv"], "did you mean 'valve'"),
+        (["out/case.vtkhdf", "--probe", "valv"], "Did you mean 'valve'"),
         (["out/case.vtkhdf", "--probe", "cam"], "cam.uy"),
         (["out/case.vtkhdf", "-o", "a.pdf"], ".html"),
         (["out/case.vtkhdf", "-o", "case.toml/a.html"], "a folder that can be made"),

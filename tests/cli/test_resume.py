@@ -109,7 +109,7 @@ def test_causes_that_go_on(cause, broken, flexcam):
 
 @pytest.mark.parametrize("cause", [Cause.NOT_FINITE, Cause.NO_CONVERGENCE, Cause.STEP_TOO_SMALL])
 def test_causes_that_would_come_again(cause, broken, flexcam, refused):
-    refused(broken(cause), SAME, str(cause), "same way", "do this")
+    refused(broken(cause), SAME, str(cause), "same way", "Do this")
 
 
 @pytest.fixture
@@ -129,16 +129,16 @@ def refused(flexcam, tmp_path):
 
 
 def test_nothing_to_resume(case, refused, tmp_path):
-    refused(tmp_path / "out/case.partial.vtkhdf", SAME, "no such file", "leave out --resume")
+    refused(tmp_path / "out/case.partial.vtkhdf", SAME, "no such file", "Leave out --resume")
 
 
 def test_complete_already(case, flexcam, refused, tmp_path):
     assert flexcam("run", "case.toml", "-o", "out").code == 0
-    refused(tmp_path / "out/case.partial.vtkhdf", ["--resume"], "is complete", "leave out --resume")
+    refused(tmp_path / "out/case.partial.vtkhdf", ["--resume"], "is complete", "Leave out --resume")
 
 
 def test_cut_off_before_the_first_block(broken, refused):
-    refused(broken(blocks=0), SAME, "before the first block", "--overwrite")
+    refused(broken(blocks=0), SAME, "before its first steps", "--overwrite")
 
 
 def test_another_override(broken, refused):
@@ -150,8 +150,8 @@ def test_another_case(broken, case, refused):
     case.write_text(case.read_text().replace("6 mm", "7 mm"))
     line = next(i for i, one in enumerate(case.read_text().splitlines(), start=1) if "7 mm" in one)
     refused(
-        partial, SAME, f'the text of the case, line {line}: given lift = "7 mm"; allowed: lift = "6 mm"',
-        "values of the case, cams.intake.lift: given 0.007; allowed: 0.006", "--overwrite",
+        partial, SAME, f'the text of the case, line {line}: got lift = "7 mm", expected lift = "6 mm"',
+        "values of the case, cams.intake.lift: got 0.007, expected 0.006", "--overwrite",
     )  # fmt: skip
 
 
@@ -161,7 +161,7 @@ def test_another_version(package, broken, refused, monkeypatch):
 
     partial, known = broken(), run._version
     monkeypatch.setattr(run, "_version", lambda name: "99.0" if name == package else known(name))
-    refused(partial, SAME, f"--resume: {package}: given 99.0", known(package))
+    refused(partial, SAME, f"--resume: {package}: got 99.0", known(package))
 
 
 def test_another_table_beside_the_case(flexcam, case, refused, broken, tmp_path):
@@ -178,7 +178,7 @@ def test_another_table_beside_the_case(flexcam, case, refused, broken, tmp_path)
     case.write_text(case.read_text().replace(old, 'lift_table = "lift.csv"'))
     partial = broken()
     write(1.01)
-    refused(partial, SAME, "a mesh or a table beside the case", "restore it")
+    refused(partial, SAME, "a mesh or a table of the case", "Restore the old value")
 
 
 def test_a_damaged_partial_result(flexcam, broken, whole, tried, tmp_path):

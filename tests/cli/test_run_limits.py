@@ -22,7 +22,7 @@ HUGE = ("--set", "run.revolutions=1e9")
 def test_a_result_beyond_the_disk_is_refused(flexcam, case):
     ended = flexcam("run", case, *HUGE)
     assert ended.code == 2
-    assert "disk: given a result file of" in ended.err
+    assert "disk: got a result file of" in ended.err
     assert "output.field_every" in ended.err
     assert "--allow-large" in ended.err
     assert not Path("results").exists()
@@ -37,7 +37,7 @@ def test_in_json_it_has_five_facts(flexcam, case):
 
 def test_it_may_be_tried_all_the_same(flexcam, case, monkeypatch):
     monkeypatch.setattr(resources, "free_memory", lambda: 100_000)
-    assert "memory: given a run of" in flexcam("run", case, "-o", "out").err
+    assert "memory: got a run of" in flexcam("run", case, "-o", "out").err
     assert flexcam("run", case, "-o", "out", "--allow-large").code == 0
 
 
@@ -52,7 +52,7 @@ def test_many_runs_are_refused_before_the_first(flexcam, case, monkeypatch, word
     monkeypatch.setattr(resources, "free_memory", lambda: 100_000)
     ended = flexcam(words[0], case, *words[1:])
     assert ended.code == 2
-    assert "memory: given a run of" in ended.err
+    assert "memory: got a run of" in ended.err
     assert flexcam(words[0], case, *words[1:], "--allow-large").code == 0
 
 

@@ -33,7 +33,7 @@ def test_every_mishap_is_told_with_number_and_place():
     assert check_events(FIGURES) == [
         (
             "Warning: the follower of 'intake' loses contact with its cam for 81.6 deg of the lift: "
-            "the motion after that is no valve event to design by"
+            "do not use the motion after that for design"
         ),
         "Warning: the valve bounces 4 times at 'seat', up to 0.164 mm above its seat",
         "Warning: coils of 'valve' touch: 0.231 mm beyond coil bind",

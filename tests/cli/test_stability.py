@@ -148,7 +148,7 @@ def test_what_does_not_return_with_the_camshaft_has_no_multipliers(flexcam, odd)
     assert "does not repeat with the camshaft" in found["note"]
     assert "not assessed" in flexcam("stability", MATHIEU, "--set", odd).out
     done = flexcam("run", MATHIEU, "--set", odd, "--set", "run.start=periodic")
-    assert (done.code, "the state repeats with the camshaft" in done.err) == (2, True)
+    assert (done.code, "The state repeats with the camshaft" in done.err) == (2, True)
 
 
 def test_map_over_speed(flexcam, tmp_path):

@@ -42,7 +42,7 @@ def test_tables_journal_and_summary(flexcam, case, tmp_path):
     assert "run.speed [rpm],springs.valve.stiffness [kN/m]" in (tmp_path / "results/case.sweep.csv").read_text()
     told = flexcam("info", tmp_path / "results/case.sweep.h5")
     assert told.code == 2
-    assert "it is the table of a sweep" in told.err
+    assert "It is the table of a sweep" in told.err
 
 
 def test_json_and_chosen_scalars(flexcam, case):
@@ -90,7 +90,7 @@ def test_histories_of_an_earlier_sweep_are_not_written_over_and_not_mixed_in(fle
     other = ("sweep", case, "--set", "run.speed=2000,4000rpm", *told, "-o", out)
     refused = flexcam(*other)
     assert refused.code == 2
-    assert refused.err.startswith(f"--histories: given 3 in {kept}; allowed: none from an earlier sweep")
+    assert refused.err.startswith(f"--histories: got 3 in {kept}, expected none from an earlier sweep")
     assert {path.name: path.read_bytes() for path in kept.iterdir()} == before
     assert flexcam(*other, "--overwrite").code == 0
     assert sorted(path.name for path in kept.iterdir()) == ["variant-00001.vtkhdf", "variant-00002.vtkhdf"]
@@ -117,8 +117,8 @@ def test_misspelt_scalars_are_refused_before_anything_runs(flexcam, case, tmp_pa
     words = ("sweep", case, *QUICK, "--set", "run.speed=1000,2000rpm", "--workers", "0")
     wrong = flexcam(*words, "--scalars", "deviaton,probes.valve.acceleration.larges,energy")
     assert wrong.code == 2
-    assert "did you mean 'deviation'?" in wrong.err
-    assert "did you mean 'probes.valve.acceleration.largest'?" in wrong.err
+    assert "Did you mean 'deviation'?" in wrong.err
+    assert "Did you mean 'probes.valve.acceleration.largest'?" in wrong.err
     assert len(wrong.err.splitlines()) == 2
     assert not (tmp_path / "results").exists()
 
@@ -152,7 +152,7 @@ def test_the_motion_of_the_probes_alone(flexcam, case, tmp_path):
     before = journal(tmp_path / "results")
     refused = flexcam(*words, "--scalars", "probes,contacts", "--resume")
     assert refused.code == 2
-    assert "whether scalars beside those of the probes are computed" in refused.err
+    assert "whether scalars other than those of the probes are computed" in refused.err
     assert journal(tmp_path / "results") == before
     assert flexcam(*words, "--scalars", "probes", "--resume").code == 0
     assert flexcam(*words, "--overwrite").code == 0
@@ -193,7 +193,7 @@ def test_a_scheduler_that_does_not_answer(flexcam, case, tmp_path, monkeypatch, 
     with nobody(listening) as address:
         done = flexcam("sweep", "case.toml", *SPEEDS, "--scheduler", address)
     assert done.code == 2
-    assert "none answers there within 0.5 s" in done.err
+    assert "None answers there within 0.5 s" in done.err
     assert ("it keeps silent" in done.err) is listening
     assert ("the connection is refused" in done.err) is not listening
     assert not list((tmp_path / "results").iterdir())
@@ -202,9 +202,9 @@ def test_a_scheduler_that_does_not_answer(flexcam, case, tmp_path, monkeypatch, 
 @pytest.mark.parametrize(
     ("address", "why", "remedy"),
     [
-        ("tcp://nobody.invalid:8786", "no machine is known by that name", "check the name"),  # RFC 2606: never one
-        ("tcp://127.0.0.1", "missing port number", "write it as tcp://HOST:PORT"),
-        ("http://127.0.0.1:8786", "unknown address scheme", "write it as tcp://HOST:PORT"),
+        ("tcp://nobody.invalid:8786", "no machine is known by that name", "Check the name"),  # RFC 2606: never one
+        ("tcp://127.0.0.1", "missing port number", "Write it as tcp://HOST:PORT"),
+        ("http://127.0.0.1:8786", "unknown address scheme", "Write it as tcp://HOST:PORT"),
     ],
 )
 def test_an_address_that_is_none(flexcam, case, monkeypatch, address, why, remedy):
@@ -226,7 +226,7 @@ def test_a_scheduler_that_does_not_answer_is_refused_within_ten_seconds(spawned,
     with nobody(listening) as address:
         done = spawned("sweep", "case.toml", *SPEEDS, "--scheduler", address)
     assert done.code == 2
-    assert "none answers there" in done.err
+    assert "None answers there" in done.err
     assert time.monotonic() - begun < 10.0
 
 
@@ -244,7 +244,7 @@ def test_something_else_that_answers(flexcam, case):
         done = flexcam("sweep", case, *SPEEDS, "--scheduler", f"tcp://127.0.0.1:{server.getsockname()[1]}")
         answer.join()
     assert done.code == 2
-    assert "none answers there" in done.err
+    assert "None answers there" in done.err
 
 
 def test_options_that_do_not_fit(flexcam, case):
@@ -256,12 +256,12 @@ def test_options_that_do_not_fit(flexcam, case):
 @pytest.mark.parametrize(
     ("words", "where"),
     [
-        (("--seed", "5"), "--seed: given 5; allowed: --seed with --sample only"),
-        (("--seed", "-1", "--sample", "lhs:4"), "--seed: given -1; allowed: a whole number from 0"),
-        (("--sample", ""), "--sample: given ''; allowed: lhs:N"),
-        (("--limit", "-5"), "--limit: given -5; allowed: a whole number from 1"),
-        (("--workers", "-1"), "--workers: given -1; allowed: a whole number from 0"),
-        (("--workers", "0", "--scheduler", "local"), "--workers: given 0; allowed: a whole number from 1"),
+        (("--seed", "5"), "--seed: got 5, expected --seed with --sample only"),
+        (("--seed", "-1", "--sample", "lhs:4"), "--seed: got -1, expected a whole number from 0"),
+        (("--sample", ""), "--sample: got '', expected lhs:N"),
+        (("--limit", "-5"), "--limit: got -5, expected a whole number from 1"),
+        (("--workers", "-1"), "--workers: got -1, expected a whole number from 0"),
+        (("--workers", "0", "--scheduler", "local"), "--workers: got 0, expected a whole number from 1"),
     ],
 )
 def test_options_that_would_be_ignored_or_mean_nothing(words, where, flexcam, case, tmp_path):
@@ -352,6 +352,6 @@ def test_a_table_of_another_format_is_refused(flexcam, case, tmp_path):
     with h5py.File(path, "r+") as file:
         form = file["about/format"]
         form[...] = np.full(form.shape, b"2", dtype=form.dtype)
-    with pytest.raises(InputError, match="an earlier flexcam wrote it"):
+    with pytest.raises(InputError, match="An earlier flexcam wrote it"):
         read_table(path)
-    assert "an earlier flexcam wrote it" in flexcam("info", "--verify", path).err
+    assert "An earlier flexcam wrote it" in flexcam("info", "--verify", path).err

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import math
-import re
 from fractions import Fraction
 
 import numpy as np
@@ -213,7 +212,7 @@ def test_sizes_that_no_mechanism_has(kind):
     for number in (kind.least, -kind.most):
         assert parse(number, kind.name) == number
     for number in (0.99 * kind.least, -1.01 * kind.most):
-        with pytest.raises(InputError, match="no mechanism"):
+        with pytest.raises(InputError, match="No mechanism"):
             parse(number, kind.name)
 
 
@@ -226,9 +225,9 @@ def test_round_trip(share, row, sign):
 
 
 def test_pounds_of_mass_in_the_place_of_a_force_are_told():
-    with pytest.raises(InputError, match=re.escape("lb is a mass: write 'lbf/in'")):
+    with pytest.raises(InputError, match="Use 'lbf/in', because 'lb' is a mass"):
         parse("320 lb/in", "stiffness")
-    with pytest.raises(InputError, match=re.escape("lb is a mass: write 'lbf'")):
+    with pytest.raises(InputError, match="Use 'lbf', because 'lb' is a mass"):
         parse("80 lb", "force")
-    with pytest.raises(InputError, match="write lb, a mass"):
+    with pytest.raises(InputError, match="Write lb, a mass"):
         parse("0.2 lbm", "mass")

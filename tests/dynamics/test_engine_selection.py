@@ -75,8 +75,8 @@ def refusal(problem, method=None):
     said = str(caught.value)
     assert "run.engine" in said
     assert repr(problem.engine).strip("'") in said
-    assert "leave run.engine out" in said
-    return said
+    assert "Leave run.engine out" in said
+    return said + caught.value.faults[0].why
 
 
 @pytest.mark.parametrize("path", FORCED)

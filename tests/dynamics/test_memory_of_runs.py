@@ -94,7 +94,7 @@ def test_run_keeps_what_it_is_told():
     few, whole = flexcam.run(case, keep="revolution"), flexcam.run(case)
     assert len(few.time) < len(whole.time)
     assert few["valve"].displacement[-1] == whole["valve"].displacement[-1]
-    with pytest.raises(InputError, match="keep: given 'some'; allowed: 'all' or 'revolution'"):
+    with pytest.raises(InputError, match="keep: got 'some', expected 'all' or 'revolution'"):
         flexcam.run(case, keep="some")
 
 

@@ -157,7 +157,7 @@ def test_rest_counts_installed_loads_only(system_of):
 
 
 def test_unknown_channel_is_refused(toy):
-    with pytest.raises(InputError, match=r"'energy\.kinetik'.*did you mean 'energy\.kinetic"):
+    with pytest.raises(InputError, match=r"'energy\.kinetik'.*Did you mean 'energy\.kinetic"):
         free(toy, 10).channels["energy.kinetik"]
 
 

@@ -124,4 +124,4 @@ def test_a_folder_is_no_result(capsys, tmp_path, monkeypatch):
     with pytest.raises(SystemExit) as ended:
         main(["report", "."])
     assert ended.value.code == 2
-    assert "given ." in capsys.readouterr().err
+    assert "got ." in capsys.readouterr().err

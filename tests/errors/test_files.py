@@ -56,13 +56,13 @@ def test_deeply_nested(faults_of):
 
 # changes of the meshed case, and parts of the message
 MESHED = {
-    "missing mesh": ([("tayeb-1.msh", "tayeb-9.msh")], ["mesh (line", "tayeb-9.msh", "did you mean 'tayeb-"]),
+    "missing mesh": ([("tayeb-1.msh", "tayeb-9.msh")], ["mesh (line", "tayeb-9.msh", "Did you mean 'tayeb-"]),
     "other format": ([("tayeb-1.msh", "tayeb-1.vtu")], ["mesh (line", ".msh"]),
-    "member without lines": ([("pushrod = { material", "pushrode = { material")], ["members.pushrode (line", "did you mean 'pushrod'", "mesh group 'pushrod'"]),
+    "member without lines": ([("pushrod = { material", "pushrode = { material")], ["members.pushrode (line", "Did you mean 'pushrod'", "mesh group 'pushrod'"]),
     "nodes beside a mesh": ([("pushrod = { ", 'pushrod = { nodes = ["a", "b"], ')], ["members.pushrod.nodes (line"]),
     "a group for one node": ([('lobe = { at = "cam"', 'lobe = { at = "bearings"')], ["masses.lobe.at (line", "'bearings'", "2 nodes"]),
     "cam at a group": ([('at = "cam"\nlaw', 'at = "bearings"\nlaw')], ["cams.intake.at (line", "2 nodes"]),
-    "point that no group names": ([('bearings = ["uy", "uz"]', 'bearing = ["uy", "uz"]')], ["supports.bearing (line", "did you mean 'bearings'"]),
+    "point that no group names": ([('bearings = ["uy", "uz"]', 'bearing = ["uy", "uz"]')], ["supports.bearing (line", "Did you mean 'bearings'"]),
     "mesh as a number": ([('mesh = "', 'mesh = 3 # "')], ["mesh (line", "3", "text"]),
 }  # fmt: skip
 
@@ -128,11 +128,11 @@ def test_a_table_that_the_file_leaves_out_is_begun(good):
 
 
 OVERRIDES = {
-    "run.adaptiv.tolerance=1e-5": "did you mean 'adaptive'", "run.adaptive.tolerence=1e-5": "did you mean 'tolerance'",
+    "run.adaptiv.tolerance=1e-5": "Did you mean 'adaptive'", "run.adaptive.tolerence=1e-5": "Did you mean 'tolerance'",
     "run.speed": "key=value", "=3": "key=value", "run..speed=3": "key=value", ".=3": "key=value", "": "key=value",
-    "run.sped=4000rpm": "did you mean 'speed'", "rn.speed=4000rpm": "did you mean 'run'", "cams.intak.lift=7mm": "did you mean 'intake'",
+    "run.sped=4000rpm": "Did you mean 'speed'", "rn.speed=4000rpm": "Did you mean 'run'", "cams.intak.lift=7mm": "Did you mean 'intake'",
     "run.speed=fast": "rpm", "run.speed=-3rpm": "above zero", "run.speed=": "speed", "title.x=3": "table",
-    "cams.intake.law=shn": "did you mean 'shm'", "run.speed=3 mm": "speed",
+    "cams.intake.law=shn": "Did you mean 'shm'", "run.speed=3 mm": "speed",
 }  # fmt: skip
 
 

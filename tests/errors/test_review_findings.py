@@ -96,7 +96,7 @@ def test_a_mass_added_on_the_command_line(text, read):
 def test_near_misses_on_the_command_line(text, read, override, meant):
     with pytest.raises(InputError) as refusal:
         read(text, ["masses.new.at=cam", "masses.new.mass=1kg", override])
-    assert any(f"did you mean {meant!r}" in str(fault) for fault in refusal.value.faults), words(refusal.value.faults)
+    assert any(f"Did you mean {meant!r}" in str(fault) for fault in refusal.value.faults), words(refusal.value.faults)
 
 
 def test_near_miss_of_a_table(text, changed, faults_of):

@@ -61,7 +61,7 @@ def test_no_sample(how):
 
 
 def test_plans_that_cannot_be():
-    assert [f.why for f in faults(lambda: make_plan(parse_axes(["a=1:2", "b=3:4"])))] == ["a grid needs its points"] * 2
+    assert [f.why for f in faults(lambda: make_plan(parse_axes(["a=1:2", "b=3:4"])))] == ["a grid needs points"] * 2
     assert faults(lambda: make_plan(parse_axes(["a=1"])))[0].why == "nothing varies"
     assert "--limit 10201" in faults(lambda: make_plan(parse_axes(["a=0:100:1", "b=0:100:1"])))[0].remedy
     assert len(make_plan(parse_axes(["a=0:100:1", "b=0:100:1"]), limit=10201)) == 10201
@@ -105,6 +105,6 @@ def test_faults_of_the_table_of_a_case_name_its_line(case, text):
 
 
 def test_a_sweep_of_its_own_keys_and_of_estimates(case):
-    assert faults(lambda: make_sweep(case, ["sweep.seed=1,2"]))[0].why == "it says how to sweep"
+    assert faults(lambda: make_sweep(case, ["sweep.seed=1,2"]))[0].why == "it defines the sweep"
     found = faults(lambda: make_sweep(case, ["run.speed=1000,2000rpm", "fidelity.estimate=true"]))
     assert found[0].remedy == "--set fidelity.estimate=false"

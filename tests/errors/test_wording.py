@@ -75,9 +75,9 @@ def test_a_table_given_twice(tmp_path):
 
 
 def test_numbers_of_arrays():
-    assert "given [0.5, 1.5]" in str(refuse("x", np.array([0.5, 1.5]), "one"))
-    assert "given 0.5" in str(refuse("x", np.float64(0.5), "one"))
-    with pytest.raises(InputError, match="given shape 2 x 3; allowed: shape any x 2"):
+    assert "got [0.5, 1.5]" in str(refuse("x", np.array([0.5, 1.5]), "one"))
+    assert "got 0.5" in str(refuse("x", np.float64(0.5), "one"))
+    with pytest.raises(InputError, match="got shape 2 x 3, expected shape any x 2"):
         finite_array("x", np.zeros((2, 3)), (None, 2))
 
 

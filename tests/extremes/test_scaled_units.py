@@ -169,4 +169,4 @@ def test_a_case_in_wrong_units_is_refused(expect, command, tmp_path, key, value)
     (tmp_path / "case.toml").write_text(CASE.format(contact=CONTACTS["Hertz"], **numbers), encoding="utf-8")
     code, said = command("check", "case.toml")
     assert code == 2
-    expect.refuses(UNITS, f"case with {key} = {value:g} in SI; exit code 2", said, key, "check the unit")
+    expect.refuses(UNITS, f"case with {key} = {value:g} in SI; exit code 2", said, key, "Check the unit")

@@ -48,7 +48,7 @@ def test_rigid_motion_is_translation_plus_w_cross_r():
 
 @pytest.mark.parametrize("supports", [[("rot", ("ux",))], [("root", ("uxx",))]])
 def test_misspelled_names_are_refused_with_the_nearest(supports):
-    with pytest.raises(InputError, match="did you mean"):
+    with pytest.raises(InputError, match="Did you mean"):
         dof_map(MESH, supports)
 
 

@@ -265,7 +265,7 @@ def test_a_journal_of_another_sweep_or_in_use_is_refused_and_left_alone(tmp_path
     with pytest.raises(InputError, match="--resume finishes it"):
         Journal(path, HEAD)
     first = Journal(path, HEAD, resume=True)
-    with pytest.raises(InputError, match="another sweep is running here"):
+    with pytest.raises(InputError, match="Another sweep is running here"):
         Journal(path, HEAD, resume=True)
     first.close()
     Journal(path, HEAD, overwrite=True).close()  # nothing was kept yet

@@ -130,7 +130,7 @@ def test_refusals(table, tmp_path):
     path.write_bytes(path.read_bytes()[:500])
     with pytest.raises(InputError):
         read_table(path)
-    with pytest.raises(InputError, match=r"did you mean 'deviation\.peak'"):
+    with pytest.raises(InputError, match=r"Did you mean 'deviation\.peak'"):
         table["deviation.peek"]
     with pytest.raises(InputError, match="deviaton"):
         table.select(["contacts", "deviaton"])

@@ -101,7 +101,7 @@ REFUSED = {
     "one of two thermal properties": ([RUBBING, oil('conductivity="46 W/m/K"')], "lubrication", "conductivity"),
     "flash temperature without friction": ([oil(THERMAL)], "lubrication.conductivity", "friction"),
     "viscosity without unit": ([oil().replace("10 mPa s", "10")], "viscosity", "10 mPa s"),
-    "a coefficient in 1/GPa as SI": ([oil().replace('"15 1/GPa"', "15")], "pressure_viscosity", "check the unit"),
+    "a coefficient in 1/GPa as SI": ([oil().replace('"15 1/GPa"', "15")], "pressure_viscosity", "Check the unit"),
     "bilateral": ([oil().replace("intake", "other", 1)], "contacts.other", "lubrication"),
 }
 

@@ -190,5 +190,5 @@ def test_results_do_not_depend_on_what_is_saved():
     ],
 )
 def test_what_it_cannot_be_combined_with_is_refused_with_the_case(override, remedy):
-    with pytest.raises(InputError, match=rf"method = collocation.*remove {remedy}"):
+    with pytest.raises(InputError, match=rf"method = collocation.*Remove {remedy}"):
         read_case(BUCKET, [override, "run.integrator.method=collocation"])

@@ -112,5 +112,5 @@ def test_a_breakaway_force_below_the_friction_is_refused(tmp_path):
 
 
 def test_a_slide_that_cannot_move_is_refused(tmp_path):
-    with pytest.raises(InputError, match="it cannot move that way"):
+    with pytest.raises(InputError, match="It cannot move that way"):
         solved(tmp_path, FOLLOWER, 'friction.guide.direction="ux"')

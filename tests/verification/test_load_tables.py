@@ -139,7 +139,7 @@ def test_force_of_a_cam_under_gas(record, tmp_path):
         ("time [s],force [N]\n0,0\n1,1\n", {"loads.push.direction": '"rx"', "loads.push.area": 1.0}, "no area"),
         ("time [s],force [N]\n0,0\n1,1\n", {"loads.push.force": 1.0}, "either at with force or table"),
         ("time [s],force [N]\n0,0\n1,1\n", {"loads.push.table": '"none.csv"'}, "none.csv"),
-        ("time [s],gas [bar]\n0,0\n1,1\n", {}, r"gas \[bar\].*give area with a pressure"),
+        ("time [s],gas [bar]\n0,0\n1,1\n", {}, r"gas \[bar\].*Give area with a pressure"),
         ("time [s],force\n0,0\n1,1\n", {}, "force, without a unit"),
         ("time [s]\n0\n1\n", {}, "push.csv with time only"),
         ("time [s],force [N]\n0,0\n1,1,2\n", {}, "line 3: '1,1,2'"),

@@ -78,7 +78,7 @@ class Unit:
         kind = DIMENSIONS[self.dimension]
         if isinstance(value, str) and kind.si and _BARE.fullmatch(value.strip()) and float(value) != 0.0:
             unit = kind.example.split(" ", 1)[1]
-            remedy = f"write '{value.strip()} {unit}', or what is meant"
+            remedy = f"write '{value.strip()} {unit}', or another unit"
             raise value_error(self.description, "the text has no unit", remedy)
         try:
             number = parse(value, self.dimension, noise=self.signed or self.noise)
@@ -132,7 +132,7 @@ def _direction(value: Any) -> Any:  # noqa: ANN401
 
 
 def is_rotation(info: ValidationInfo) -> bool:
-    """Return whether the direction of a table, which stands before the validated key, is about an axis."""
+    """Return whether the direction of a table, which precedes the validated key, is about an axis."""
     return not direction(info.data.get("direction", "uy"))[:3].any()
 
 

@@ -105,7 +105,7 @@ class SwingingFollowerRecord(Record):
             return SwingRollerFollower.from_angle(self.radius, self.arm, self.distance, self.angle, side)
         if self.angle is not None and self.radius is None:
             why = "the base circle defines the place of a flat face"
-            raise refuse("follower.angle", "an angle", "base_radius of the cam in its place", why, "give base_radius")
+            raise refuse("follower.angle", "an angle", "base_radius of the cam instead", why, "give base_radius")
         if self.angle is not None:
             why = "for a roller, either this or base_radius defines the base circle"
             raise refuse("follower.angle", "an angle", "no angle", why, "leave one of them out")

@@ -113,12 +113,12 @@ class UnilateralRecord(Record):
     def _check_friction_speed(self) -> Self:
         if "friction_speed" in self.model_fields_set and "friction" not in self.model_fields_set:
             given, why = f"{self.friction_speed:g} m/s", "it has no effect without friction"
-            raise value_error("friction beside it", why, "add friction", inside="friction_speed", given=given)
+            raise value_error("friction with it", why, "add friction", inside="friction_speed", given=given)
         oil = self.lubrication
         if oil is not None and oil.conductivity is not None and "friction" not in self.model_fields_set:
             why, remedy = "the heat of a flash temperature is that of friction", "add friction, or leave it out"
             given = f"{oil.conductivity:g} W/m/K"
-            raise value_error("friction beside it", why, remedy, inside="lubrication.conductivity", given=given)
+            raise value_error("friction with it", why, remedy, inside="lubrication.conductivity", given=given)
         return self
 
 
@@ -190,7 +190,7 @@ class OilRecord(PartRecord[OilChamber]):
 
 
 class AdjusterRecord(_GapRecord):
-    """Hydraulic lash adjuster, in the place of a lash."""
+    """Hydraulic lash adjuster, instead of a lash."""
 
     model: Literal["lash-adjuster"]
     stiffness: PositiveStiffness | None = Field(None, description="of the oil column; from oil where absent")

@@ -207,7 +207,7 @@ class FrictionRecord(PartRecord[valvetrain.Friction]):
     def _check(self) -> None:
         if self.breakaway_force is not None and self.breakaway_force < self.force:
             given = f"{self.breakaway_force:g}"
-            raise value_error(f"{self.force:g} or more", "it is the larger one", inside="breakaway_force", given=given)
+            raise value_error(f"{self.force:g} or more", "it is the maximum", inside="breakaway_force", given=given)
         super()._check()
 
     def build(self) -> valvetrain.Friction:
@@ -265,7 +265,7 @@ class LoadRecord(PartRecord[valvetrain.GivenLoad]):
         if self.table is None:
             for key in ("area", "phase", "repeat"):
                 if getattr(self, key) is not None:
-                    raise value_error("table beside it", "it describes a table", "add table", inside=key)
+                    raise value_error("table with it", "the key describes a table", "add table", inside=key)
         return self
 
     def build(self) -> valvetrain.GivenLoad:

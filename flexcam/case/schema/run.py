@@ -87,7 +87,7 @@ class FidelityRecord(Record):
         if self.tolerance is not None and self.model != "beams":
             raise value_error("either model or tolerance", "a tolerance chooses the model")
         if self.reduction != "modes" and self.modes is None:
-            raise value_error("modes beside a reduction", "the reduction needs their number")
+            raise value_error("modes with a reduction", "the reduction needs their number")
         if self.modes is not None and self.model != "beams":
             raise value_error("modes with model = beams", "they are modes of the beams")
         return self
@@ -258,7 +258,7 @@ class FluctuationRecord(Record):
     """Fluctuation of the camshaft speed about its mean, in orders of its rotation."""
 
     orders: list[PositiveNumber] = Field(min_length=1, description="periods per camshaft revolution")
-    amplitudes: list[Ratio] = Field(description='fractions of the mean speed, such as "2 %"; together below 1')
+    amplitudes: list[Ratio] = Field(description='fractions of the mean speed, such as "2 %"; their sum is below 1')
     phases: list[SignedAngle] = Field(default=[], description="of the harmonics; zero by default")
 
     @model_validator(mode="after")
@@ -266,7 +266,7 @@ class FluctuationRecord(Record):
         if len(self.amplitudes) != len(self.orders) or len(self.phases) not in (0, len(self.orders)):
             raise value_error("an amplitude (and a phase, or none) for every order", "they belong together")
         if sum(self.amplitudes) >= 1.0:
-            raise value_error("amplitudes that together are below 1", "the shaft must keep turning")
+            raise value_error("amplitudes with a sum below 1", "the shaft must keep turning")
         return self
 
 

@@ -53,7 +53,7 @@ class WireRecord(Record):
         if self.coil_diameter is not None and self.coil_diameter < 2.0 * self.diameter:
             raise value_error("a coil_diameter of twice the wire's or more", _WAHL)
         if self.active_coils is not None and self.shear_modulus is None:
-            raise value_error("active_coils and shear_modulus together, or neither", "the stiffness takes both")
+            raise value_error("active_coils and shear_modulus together, or neither", "the stiffness follows from both")
         return self
 
     @property
@@ -178,16 +178,16 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
             why, remedy = "the key is required without coils", "add 'coil_diameter'"
             raise value_error("a length", why, remedy, inside="wire.coil_diameter", given="nothing")
         if wire.active_coils is None and wire.shear_modulus is not None:
-            raise value_error("no shear_modulus without active_coils or coils", "the stiffness takes both")
+            raise value_error("no shear_modulus without active_coils or coils", "the stiffness follows from both")
         if wire.density is not None:
-            raise value_error("a density of the wire beside coils only", "it takes their length", "give the mass")
+            raise value_error("a density of the wire with coils only", "it needs their length", "give the mass")
 
     def _check_coils(self, entries: list[CoilsRecord]) -> None:
         wire = self.wire
         if wire is None or wire.shear_modulus is None:
-            raise value_error("a wire with diameter and shear_modulus beside coils", "the stiffness takes both")
+            raise value_error("a wire with diameter and shear_modulus with coils", "the stiffness follows from both")
         if wire.coil_diameter is not None or self.clash_travel is not None:
-            raise value_error("coils without clash_travel and coil_diameter", "coils have these themselves")
+            raise value_error("coils without clash_travel and coil_diameter", "each table of coils has its own")
         if wire.density is not None and self.mass:
             raise value_error("either a mass or a density of the wire", "both define the mass")
         for i, coils in enumerate(entry.part for entry in entries):
@@ -212,7 +212,7 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
             raise value_error(allowed, "the travel counts from there", inside="force_table")
 
     def _check_force(self, key: str) -> None:
-        """Check the keys beside a force table or coils."""
+        """Check the keys that a force table or coils exclude."""
         if self.force_table is not None and self.coils is not None:
             raise value_error("either force_table or coils", "both define the force")
         if not direction(self.direction)[:3].any():
@@ -220,7 +220,7 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
         if self.stiffness or (self.wire is not None and self.wire.active_coils is not None):
             raise value_error(f"either {key} or a stiffness", f"the stiffness follows from {key}")
         if self.pulsation is not None or self.link:
-            raise value_error(f"{key} without pulsation and link", "these take a constant stiffness")
+            raise value_error(f"{key} without pulsation and link", "these need a constant stiffness")
 
     @field_validator("stiffness", "damping", mode="before")
     @classmethod

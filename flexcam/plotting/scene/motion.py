@@ -187,7 +187,7 @@ def case_motion(structure: Structure, speed: float, colour: str | None = None, c
     if colour is None:
         return motion
     if colour not in series:
-        why, remedy = "a case is shown as its rigid mechanism moves", "solve it with flexcam run and view the result"
+        why, remedy = "a case is shown as a rigid mechanism", "solve it with flexcam run and view the result"
         raise refuse("--color", repr(colour), ", ".join(series), why, remedy)
     values = _display_unit(colour)[1] * _lengths(_member_translations(structure, series[colour]))
     return replace(motion, values=values, label=_label(colour))
