@@ -178,7 +178,7 @@ class Disturbances:
         return terms
 
     def _small(self, begin: Linear, end: Linear, every: SensedTrajectory, i: int) -> SmallStep:
-        """Return what the step after an instant does to disturbances."""
+        """Return the step after an instant, linearized."""
         (h,), none = np.diff(every.track.time[i : i + 2]).tolist(), np.zeros(0)
         if not every.track.state.shape[1]:
             return SmallStep(begin, end, h, none, none)
@@ -312,7 +312,7 @@ class Disturbances:
         return pushed
 
     def _sensed(self, i: int, scalar: int) -> FloatArray:
-        """Return what the parameters change of a sensed scalar at an instant, shape (k,)."""
+        """Return the derivatives of a sensed scalar at an instant by the parameters, shape (k,)."""
         found = np.zeros(self._carried.shape[1])
         if self._explicit is not None:
             found[: self._explicit.penetration.shape[2]] = self._explicit.penetration[i, scalar]

@@ -164,7 +164,7 @@ class InitialAcceleration:
         return StepState(to.time, d, v, np.zeros(len(d)), applied, answer.force, penetration, rate, inner)
 
     def accelerations(self, right: FloatArray) -> FloatArray:
-        """Return ``M^-1 f`` for columns f, shape (n, k); massless motions have no acceleration of their own."""
+        """Return ``M^-1 f`` for columns f, shape (n, k); massless motions have no acceleration."""
         if self._factor is None:
             self._factor = self._massless.inverse(self._system.mass)
         return self._factor.solve(right)

@@ -212,7 +212,7 @@ class LinearStep:
         return moved + half * self._moves(v)
 
     def impulse_at_end(self, push: FloatArray, moved: FloatArray, force: FloatArray, half: float) -> FloatArray:
-        """Return the impulse that the new velocity follows, without the effect of its own local forces."""
+        """Return the impulse that the new velocity follows, without the effect of the local forces there."""
         return push - half * (self._stiffness(moved) - force)
 
     def travelled(self, rows: FloatArray) -> FloatArray:

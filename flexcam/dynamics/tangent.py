@@ -148,7 +148,7 @@ def _project(variation: Variation, selected: SelectedEngine) -> Variation:
     below, above = variation.below, variation.above
     for basis in reversed(selected.bases):
         if below.system.size != basis.held.size or above.system.size != basis.held.size:
-            raise refuse("--to", "a number that changes the unknowns", "one that leaves them as they are", "")
+            raise refuse("--to", "a number that changes the unknowns", "one that does not change them", "")
         below, above = reduce_problem(below, basis), reduce_problem(above, basis)
     return Variation(below, above, variation.width)
 
@@ -237,7 +237,7 @@ _FREE = 1e-10
 
 
 class _NeighbourEngine:
-    """Engine of a run with a parameter beside its value, to first order."""
+    """Engine of a run with a parameter near its value, to first order."""
 
     def __init__(self, side: VariedProblem, motion: _Motion, parameter: int, part: float) -> None:
         self._side, self._motion, self._parameter, self._part = side, motion, parameter, part

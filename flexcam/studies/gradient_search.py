@@ -30,7 +30,7 @@ _SHRINK, _GROW = 0.6, 1.5
 _NEAR, _PLANES = 3.0, 16
 """Distance of the planes that count, in half widths of the box, and their number."""
 _PENALTY = 100.0
-"""Weight of the largest relative violation of a constraint beside the relative change of the goal."""
+"""Weight of the largest relative violation of a constraint, relative to that of the goal."""
 _INSIDE = 1e-6
 """Distance from a bound, relative to it, that a step keeps, so that its result satisfies the bound."""
 
