@@ -11,6 +11,7 @@ from flexcam.case.fault_report import Path as KeyPath
 from flexcam.case.records import CaseRecord
 from flexcam.case.schema.base import Record
 from flexcam.case.schema.run import NewmarkRecord
+from flexcam.core.html import html_table
 from flexcam.core.units import shaft_speed
 from flexcam.fem.mesh import Mesh
 
@@ -52,6 +53,12 @@ class Case:
     def __repr__(self) -> str:
         """Return title and path."""
         return f"<Case {self.title!r}, {self.path}>"
+
+    def _repr_html_(self) -> str:
+        """Return a table of the case, for notebooks."""
+        parts = ("members", "masses", "springs", "rockers", "cams", "contacts", "loads")
+        rows = {"file": str(self.path), "speed": self.speed_text, "overrides": ", ".join(self.overrides)}
+        return html_table(self.title, rows | {name: ", ".join(getattr(self.record, name)) for name in parts})
 
     @property
     def name(self) -> str:

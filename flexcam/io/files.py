@@ -189,7 +189,7 @@ def resolve_file(case: Path, name: str, where: str) -> Path:
     return path
 
 
-_REMEDY = "overwrite it by --overwrite or overwrite=True"
+_REMEDY = "replace it by --overwrite"
 _CREATABLE, _WRITABLE = "a folder that can be made", "a folder that takes files"
 
 
@@ -233,7 +233,7 @@ def check_folder_name(path: Path) -> Path:
     if path.suffix.lower() not in _FILE_SUFFIXES or path.exists():
         return path
     allowed, why = "a folder", "its files have names of their own, after the case"
-    raise refuse("folder", str(path), allowed, why, f"name a folder, such as -o {path.with_suffix('')}")
+    raise refuse("folder", str(path), allowed, why, f"name a folder, such as {path.with_suffix('')}")
 
 
 def create_folder(path: Path) -> Path:
@@ -242,7 +242,7 @@ def create_folder(path: Path) -> Path:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as fault:
         why = _describe_obstacle(path) or system_message(fault)
-        raise refuse("folder", str(path), _CREATABLE, why, "name another with -o") from None
+        raise refuse("folder", str(path), _CREATABLE, why, "name another") from None
     return path
 
 
@@ -253,7 +253,7 @@ def check_folder_writable(folder: Path) -> None:
         with tempfile.TemporaryFile(dir=create_folder(folder)):
             pass
     except OSError as fault:
-        raise refuse("folder", str(folder), _WRITABLE, system_message(fault), "name another with -o") from None
+        raise refuse("folder", str(folder), _WRITABLE, system_message(fault), "name another") from None
     finally:
         for one in missing:
             with suppress(OSError):

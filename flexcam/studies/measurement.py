@@ -16,9 +16,8 @@ from flexcam.case.case import Case
 from flexcam.core import FloatArray
 from flexcam.core.errors import InputError, positive, refuse, suggest_name
 from flexcam.core.units import conversion_factor
-from flexcam.dynamics import RunFailedError, SaveAt, Status, outline, reraise_interrupt, solve
-from flexcam.io import SERIES
-from flexcam.io.exports import component_unit, scalar_probes
+from flexcam.dynamics import SERIES, RunFailedError, SaveAt, Status, component_unit, outline, reraise_interrupt, solve
+from flexcam.io.exports import scalar_probes
 from flexcam.io.files import ABSCISSAS, find_abscissa, read_columns, read_mdf
 from flexcam.studies.evaluation import Row, rejected_row
 from flexcam.studies.executors import Variants

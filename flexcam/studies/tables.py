@@ -27,7 +27,6 @@ from flexcam.core.errors import Fault, InputError, format_shape, refuse, suggest
 from flexcam.dynamics import Cause, Response, Status
 from flexcam.io import atomic_write_path, check_writable, create_folder, lock_file, open_hdf5, write_digest
 from flexcam.io import result_schema as schema
-from flexcam.io.exports import iterate_motions
 from flexcam.io.hdf5 import read_numbers, read_text_column, read_texts, write_text_column, write_texts
 from flexcam.io.result_reader import check_integrity
 from flexcam.studies.evaluation import Row
@@ -163,35 +162,14 @@ def table_dataset(table: SweepTable) -> xr.Dataset:
     return xr.Dataset({**data, "status": (dimensions, causes)}, coords=coordinates, attrs=dict(table.about))
 
 
-def history_frame(response: Response) -> pd.DataFrame:
-    """Return the histories of a run as a data frame."""
-    _require_package("pandas")
-    import pandas as pd
-
-    columns = _columns(response)
-    frame = pd.DataFrame(
-        {name: values for name, (values, _) in columns.items()}, index=pd.Index(response.time, name="time")
-    )
-    frame.attrs["units"] = {"time": "s", **{name: unit for name, (_, unit) in columns.items()}}
-    return frame
-
-
 def history_dataset(response: Response) -> xr.Dataset:
     """Return the histories of a run as an xarray dataset over time."""
     _require_package("xarray")
     import xarray as xr
 
-    columns = {name: (["time"], values, {"units": unit}) for name, (values, unit) in _columns(response).items()}
+    columns = {name: (["time"], values, {"units": unit}) for name, (values, unit) in response.columns().items()}
     angle = columns.pop("cam_angle")
     return xr.Dataset(columns, coords={"time": (["time"], response.time, {"units": "s"}), "cam_angle": angle})
-
-
-def _columns(response: Response) -> dict[str, tuple[Any, str]]:
-    """Return every history and its unit by name."""
-    found: dict[str, tuple[Any, str]] = {"cam_angle": (response.angle, "rad")}
-    found |= {f"{name}.{series}": (values, unit) for name, series, unit, values in iterate_motions(response)}
-    units = dict(response.outline.channels)
-    return found | {name: (values, units[name]) for name, values in response.channels.items()}
 
 
 def _require_package(package: str) -> None:
@@ -401,7 +379,7 @@ def _read_journal(path: Path, belongs: Mapping[str, Any]) -> tuple[dict[int, lis
         other = [words for name, words in _WORDS.items() if head.get(name) != belongs.get(name)]
         if other:
             given, why = f"{path}, of another sweep", f"what differs: {'; '.join(other)}"
-            remedy = "--overwrite begins anew, -o names another folder"
+            remedy = "--overwrite begins anew; or name another folder"
             raise refuse("journal", given, "the journal of this sweep", why, remedy)
         return {int(one["chunk"]): [_parse_row(row, one["units"]) for row in one["rows"]] for one in chunks}, end
     except (ValueError, KeyError, TypeError, AttributeError) as fault:
