@@ -222,7 +222,7 @@ class ResultFile:
         try:
             check_writable(
                 "partial result", self.partial, overwrite=overwrite or resume is not None,
-                remedy="go on with it by --resume, or overwrite it by --overwrite or overwrite=True",
+                remedy="go on with it by --resume, or replace it by --overwrite",
             )  # fmt: skip
             with convert_write_errors():
                 self._create(geometry, save, about)
