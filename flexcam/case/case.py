@@ -36,6 +36,8 @@ class Case:
         Source of every key: line or override.
     files
         Texts of the law and lift files, by name in the case.
+    result_name
+        Name of its results; that of its file by default.
 
     Examples
     --------
@@ -49,6 +51,7 @@ class Case:
     mesh: Mesh | None
     places: KeyLocations
     files: Mapping[str, str] = field(default_factory=dict[str, str])
+    result_name: str = ""
 
     def __repr__(self) -> str:
         """Return title and path."""
@@ -62,8 +65,8 @@ class Case:
 
     @property
     def name(self) -> str:
-        """Name of the file without suffix; the default name of results."""
-        return self.path.stem
+        """Name of results: that of the file without suffix by default."""
+        return self.result_name or self.path.stem
 
     @property
     def title(self) -> str:

@@ -24,6 +24,7 @@ import numpy as np
 
 from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, format_shape, refuse, suggest_name, system_message
+from flexcam.core.units import to_display_unit
 from flexcam.dynamics import Cause, Response, Status
 from flexcam.io import atomic_write_path, check_writable, create_folder, lock_file, open_hdf5, write_digest
 from flexcam.io import result_schema as schema
@@ -277,13 +278,15 @@ def require_parquet() -> None:
 
 
 def format_csv(table: SweepTable) -> str:
-    """Return a table as CSV: a header with units, and an empty cell for a missing number."""
+    """Return a table as CSV in mm, deg and MPa: a header with units, and an empty cell for a missing number."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    names = [*((one.name, one.unit) for one in table.inputs), *((name, table.units[name]) for name in table.scalars)]
+    scales = {name: to_display_unit(table.units[name]) for name in table.scalars}
+    names = [*((one.name, one.unit) for one in table.inputs), *((name, unit) for name, (_, unit) in scales.items())]
     writer.writerow(["variant", *(f"{name} [{unit}]" if unit else name for name, unit in names), "status", "message"])
     columns = [one.values if isinstance(one.values, tuple) else one.values.tolist() for one in table.inputs]
-    columns += [[x if np.isfinite(x) else None for x in values.tolist()] for values in table.scalars.values()]
+    for name, values in table.scalars.items():
+        columns.append([x if np.isfinite(x) else None for x in (scales[name][0] * values).tolist()])
     for i, status in enumerate(table.statuses):
         writer.writerow([i + 1, *(values[i] for values in columns), status.cause, status.message])
     return text.getvalue()

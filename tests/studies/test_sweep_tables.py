@@ -33,7 +33,7 @@ def rows(count):
         Row(Status(), {"contacts.a.force.largest": 1.0 / (i + 1), "deviation.peak": 0.1 * i}) for i in range(count)
     ]
     found[1] = Row(FAILED)
-    found[-1] = replace(found[-1], scalars={**found[-1].scalars, "late": -0.0})
+    found[-1] = replace(found[-1], scalars={**found[-1].scalars, "late": -0.25})
     return [replace(row, units={name: units[name] for name in row.scalars}) for row in found]
 
 
@@ -81,10 +81,11 @@ def test_csv(table):
     read = list(csv.DictReader(format_csv(table).splitlines(keepends=True)))
     assert [row["variant"] for row in read] == list("123456")
     assert [float(row["run.speed [rpm]"]) for row in read] == [1000, 1000, 2000, 2000, 3000, 3000]
-    assert read[1]["deviation.peak [1]"] == ""
+    assert read[1]["deviation.peak"] == ""
     assert read[1]["status"] == "not-finite"
     assert read[1]["message"] == f"{FAILED.text}; {FAILED.remedy}"
     assert float(read[5]["contacts.a.force.largest [N]"]) == table["contacts.a.force.largest"][5]
+    assert float(read[5]["late [mm]"]) == 1e3 * table["late"][5]
 
 
 def test_frames(table):
