@@ -192,7 +192,7 @@ class RawTables:
                 of_lash = kind == "contacts" and key == "at" and table.get("model") != "seat"
                 own = next((r for r, one in self._each("rockers") if one.get("to") == table.get(key)), None)
                 if kind == "contacts" and key in ("from", "to") and own is not None:
-                    remedy = f"write at = {own!r}: the lash is before its point; a spring joins the point to a node"
+                    remedy = f"write at = {own!r} for a lash before it; a spring with link = true joins it to a node"
                     why = f"it is the point of rocker {own!r}"
                     yield self._fault((kind, name, key), repr(table.get(key)), "a node", why, remedy)
                 elif not of_lash and not (kind == "rockers" and _is_finger(table, counts)):
