@@ -196,7 +196,10 @@ def test_cylinders_of_a_camshaft(told):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--set", "cams.intake.phase=10deg", "--set", "cams.intake.centreline=1rad"], "one of phase, centreline, timing"),
+        (
+            ["--set", "cams.intake.phase=10deg", "--set", "cams.intake.centreline=1rad"],
+            "one of phase, centreline, timing",
+        ),
         (["--checking-lift", "0 mm"], "--checking-lift"),
     ],
 )
