@@ -1,4 +1,4 @@
-"""Speed limits of a train (loss of contact, valve bounce, coil clash, buckling) and speeds where its models diverge.
+"""Speed limits of a train (loss of contact, valve bounce, coil clash, buckling).
 
 A limit is a condition on a run at one speed. The lowest speed of a series that meets it is bisected; the next ones show
 whether it lasts. The series is the same for every range.
@@ -7,7 +7,7 @@ whether it lasts. The series is the same for every range.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -29,21 +29,17 @@ from flexcam.dynamics import (
     equilibrium,
     reraise_interrupt,
     solve,
-    track_progress,
 )
-from flexcam.dynamics.force_laws import line_load
 from flexcam.valvetrain import (
     BOUNCE_HEIGHT,
     OPEN,
     CamContact,
     Model,
     Seat,
-    build_structure,
-    build_system,
-    hertz_line,
     main_lift,
     seating,
     separation_by_flank,
+    valve_float,
     valve_ratio,
 )
 
@@ -75,6 +71,10 @@ class Search:
         Width of the bracket, rad/s.
     bounce_height
         Minimum height of a bounce above the seat, m; None for the smaller of 0.1 mm and 2 % of the lift.
+    lift_deviation
+        Lift of the valve over the nose above that of the rigid train, m, from which it floats; None for no such limit.
+    low_pass
+        Cut-off frequency, Hz, of the contact force for a second verdict on contact loss; None for no such limit.
     spacing
         Relative distance of the speeds evaluated before the bracket is bisected.
     """
@@ -83,11 +83,16 @@ class Search:
     highest: float
     tolerance: float = RPM
     bounce_height: float | None = None
+    lift_deviation: float | None = None
+    low_pass: float | None = None
     spacing: float = SPACING
 
     def __post_init__(self) -> None:
         positive("lowest", self.lowest, "rad/s")
         positive("tolerance", self.tolerance, "rad/s")
+        for name, unit in (("lift_deviation", "m"), ("low_pass", "Hz")):
+            if (value := getattr(self, name)) is not None:
+                positive(name, value, unit)
         if not self.highest > self.lowest:
             raise refuse("highest", f"{self.highest / RPM:g} rpm", f"above {self.lowest / RPM:g} rpm")
 
@@ -185,11 +190,9 @@ def search_limits(
     *, runs: int = 1, advance: ProgressCallback | None = None,
 ) -> dict[str, Limit]:  # fmt: skip
     """Find the speed limits of a case without its margins at rest."""
-    model = _unilateral_model(case)
+    model = _checked_model(case)
     seen: dict[float, ConditionResults] = {}
-    questions = {
-        name: one for name, one in _conditions(model, search.bounce_height).items() if among is None or name in among
-    }
+    questions = {name: one for name, one in _conditions(model, search).items() if among is None or name in among}
 
     def ask(speed: float) -> ConditionResults:
         if speed not in seen:
@@ -209,15 +212,15 @@ def search_limits(
 
 def applicable_limits(case: Case) -> tuple[str, ...]:
     """Return the names of the limits that apply to a case."""
-    return tuple(_conditions(_unilateral_model(case), 0.0))
+    return tuple(_conditions(_checked_model(case)))
 
 
-def _unilateral_model(case: Case) -> Model:
-    """Return the model of a case with a unilateral cam contact; raise an error without one."""
+def _checked_model(case: Case) -> Model:
+    """Return the model of a case; raise an error if no limit applies to it."""
     model = build_problem(case)[0]
-    if not any(isinstance(one, CamContact) and one.unilateral for one in model.contacts.values()):
+    if not _conditions(model):
         why, allowed = "only a follower that may leave its cam can lose it", 'a contact with model = "unilateral"'
-        raise refuse("contacts", "no unilateral contact", allowed, why, "change the model")
+        raise refuse("contacts", "no unilateral contact, seat, coil clash or member", allowed, why, "change the model")
     return model
 
 
@@ -293,29 +296,38 @@ _RELATIVE_BOUNCE_HEIGHT = 0.02
 """Bounce height relative to the lift, which is the smaller limit for lifts up to 5 mm."""
 
 
-def _conditions(model: Model, bounce_height: float | None) -> dict[str, tuple[Condition, str]]:
+def _conditions(model: Model, search: Search | None = None) -> dict[str, tuple[Condition, str]]:
     """Return the conditions that apply to a model, with their descriptions."""
+    asked = search or Search(1.0, 2.0)
+    found: dict[str, tuple[Condition, str]] = {}
     lifts = [f"{1e3 * main_lift(model, name):.3g} mm" for name in model.cams]
     loss = f"the follower leaves its cam for over {math.degrees(OPEN):g} deg"
-    found: dict[str, tuple[Condition, str]] = {
-        "loss_of_contact": (_open_contacts, f"{loss} above {' or '.join(dict.fromkeys(lifts))} of lift"),
-        "float": (_floating_contacts, f"{loss} over the nose"),
-    }
+    if any(isinstance(one, CamContact) and one.unilateral for one in model.contacts.values()):
+        lifted = f"above {' or '.join(dict.fromkeys(lifts))} of lift"
+        found["loss_of_contact"] = (_open_contacts, f"{loss} {lifted}")
+        found["float"] = (_floating_contacts, f"{loss} over the nose")
+        if (cutoff := asked.low_pass) is not None:
+            words = f"the cam force below {cutoff:g} Hz vanishes for over {math.degrees(OPEN):g} deg {lifted}"
+            found["filtered_loss"] = (lambda response, ready: _filtered_contacts(response, ready, cutoff), words)
     if any(isinstance(one, Seat) for one in model.contacts.values()):
         heights = [valve_ratio(model, name) * cam.event.height for name, cam in model.cams.items()]
         default = min(BOUNCE_HEIGHT, _RELATIVE_BOUNCE_HEIGHT * max(heights, default=math.inf))
-        height = default if bounce_height is None else bounce_height
+        height = default if asked.bounce_height is None else asked.bounce_height
         words = f"the valve leaves its seat again by more than {1e3 * height:g} mm"
         found["bounce"] = (lambda response, ready: _bouncing_seats(response, ready, height), words)
+        if (most := asked.lift_deviation) is not None:
+            words = f"over the nose the valve lifts more than {1e3 * most:g} mm above the rigid train"
+            found["lift_deviation"] = (lambda response, ready: _lofted_valves(response, ready, most), words)
     if any(spring.clash_travel is not None for spring in model.springs.values()):
         found["coil_clash"] = (
             lambda response, ready: _parts_above(response, ready, ".clash", 0.0),
             "coils of a spring touch",
         )
-    found["buckling"] = (
-        lambda response, ready: _parts_above(response, ready, ".buckling_use", 1.0),
-        "a member's compression passes its buckling load",
-    )
+    if found or model.members:
+        found["buckling"] = (
+            lambda response, ready: _parts_above(response, ready, ".buckling_use", 1.0),
+            "a member's compression passes its buckling load",
+        )
     return found
 
 
@@ -359,112 +371,43 @@ def _bouncing_seats(response: Response, ready: PreparedRun, height: float) -> li
     return found
 
 
+def _lofted_valves(response: Response, ready: PreparedRun, most: float) -> list[str]:
+    """Return the seats whose valve rises above the lift of the rigid train over the nose."""
+    seats = {name: one for name, one in ready.model.contacts.items() if isinstance(one, Seat)}
+    found = (
+        (name, valve_float(ready.model, response, name, seat, revolution))
+        for revolution in _revolutions(response, ready)
+        for name, seat in seats.items()
+    )
+    return list(dict.fromkeys(name for name, above in found if above is not None and above > most))
+
+
+_FILTER_ORDER = 4
+_VANISHED = 0.01  # fraction of its maximum below which a filtered force counts as zero: the filter rings
+
+
+def _filtered_contacts(response: Response, ready: PreparedRun, cutoff: float) -> list[str]:
+    """Return the contacts that are open on the main lift by their force after a Butterworth low pass without phase."""
+    from scipy.signal import butter, sosfiltfilt
+
+    begin, end = float(response.time[0]), float(response.time[-1])
+    time: FloatArray = np.linspace(begin, end, len(response.time))
+    rate = (len(time) - 1) / (end - begin)
+    channels: dict[str, FloatArray] = dict(response.channels)
+    if 2.0 * cutoff >= rate:
+        given, allowed = f"{cutoff:g} Hz", f"below {0.5 * rate:g} Hz, half the steps per second"
+        raise refuse("low_pass", given, allowed, "", "more run.steps_per_revolution")
+    low_pass = butter(_FILTER_ORDER, cutoff, fs=rate, output="sos")
+    for name in ready.model.cam_contacts:
+        key = f"contacts.{name}.force"
+        filtered: FloatArray = sosfiltfilt(low_pass, np.interp(time, response.time, channels[key]))
+        force = np.interp(response.time, time, filtered)
+        channels[key] = np.where(force < _VANISHED * force.max(), 0.0, force)
+    return _open_contacts(replace(response, channels=channels), ready)
+
+
 def _parts_above(response: Response, ready: PreparedRun, end: str, least: float) -> list[str]:
     """Return the parts with a channel of a given name above a threshold after the first revolution."""
     later = response.time > ready.revolution
     own = {name: values[later] for name, values in response.channels.items() if name.endswith(end)}
     return [name.split(".")[1] for name, values in own.items() if float(values.max()) > least]
-
-
-MODELS = ("rigid", "bilateral", "unilateral")
-
-
-@dataclass(frozen=True)
-class ForceRange:
-    """Contact force of one model at one speed, on the main lift in the last revolution."""
-
-    least: float  #: minimum, N
-    largest: float  #: maximum, N
-
-
-@dataclass(frozen=True)
-class SpeedResult:
-    """Contact forces of the models at one speed.
-
-    Parameters
-    ----------
-    rpm
-        Camshaft speed, rpm.
-    forces
-        Forces by model: ``rigid``, ``bilateral``, ``unilateral``; None if the run did not reach its end.
-    """
-
-    rpm: float
-    forces: Mapping[str, ForceRange | None]
-
-    def models_differ(self, first: str, second: str, tolerance: float) -> bool:
-        """Return whether the extremes of two models differ by more than a fraction of the larger maximum."""
-        one, other = self.forces[first], self.forces[second]
-        if one is None or other is None:
-            return True
-        size = max(one.largest, other.largest)
-        return max(abs(one.largest - other.largest), abs(one.least - other.least)) > tolerance * size
-
-
-def compare_models_over_speed(
-    case: Case, speeds: Sequence[float], *, contact: str | None = None, advance: ProgressCallback | None = None
-) -> list[SpeedResult]:
-    """Run a case over speeds with a rigid train, a bilateral contact and a unilateral contact."""
-    model = prepare(case).model
-    known = [name for name, one in model.contacts.items() if isinstance(one, CamContact) and one.unilateral]
-    if not known or (contact is not None and contact not in known):
-        given = "no unilateral contact" if contact is None else repr(contact)
-        raise refuse("contacts", given, f"one of {', '.join(known)}" if known else "a unilateral contact")
-    return [_evaluate_speed(case, speed, contact or known[0], len(speeds)) for speed in track_progress(speeds, advance)]
-
-
-def divergence_speed(found: Sequence[SpeedResult], first: str, second: str, tolerance: float = 0.05) -> float | None:
-    """Return the lowest speed, rpm, at which two models differ by more than a fraction of the force; None if never."""
-    return next((one.rpm for one in found if one.models_differ(first, second, tolerance)), None)
-
-
-def _evaluate_speed(case: Case, speed: float, contact: str, runs: int) -> SpeedResult:
-    one = case.at_speed(speed)
-    rigid, free = prepare(one, rigid=True), prepare(one)
-    still = _force_range(_solve_run(rigid, runs), free, contact)
-    held = _with_bilateral_contact(free, contact, still.largest if still else 0.0)
-    responses = {name: _solve_run(ready, runs) for name, ready in (("bilateral", held), ("unilateral", free))}
-    forces = {name: _force_range(response, free, contact) for name, response in responses.items()}
-    return SpeedResult(speed / RPM, {"rigid": still, **forces})
-
-
-def _solve_run(ready: PreparedRun, runs: int) -> Response:
-    """Return one of several runs; an interruption stops all of them."""
-    response = solve(replace(ready.problem, runs=runs), ready.scheme)
-    reraise_interrupt(response.status)
-    return response
-
-
-def _force_range(response: Response, ready: PreparedRun, contact: str) -> ForceRange | None:
-    if not response.status.ok:
-        return None
-    model = ready.model
-    cam = model.cam_contacts[contact].cam
-    lifted = response.latest(ready.revolution) & (model.cams[cam].event(response.angle) > main_lift(model, cam))
-    force: FloatArray = response.channels[f"contacts.{contact}.force"][lifted]
-    return ForceRange(float(force.min()), float(force.max()))
-
-
-def _with_bilateral_contact(ready: PreparedRun, contact: str, force: float) -> PreparedRun:
-    """Return the same train with a bilateral contact."""
-    part = ready.model.contacts[contact]
-    if not isinstance(part, CamContact):
-        raise refuse("contacts", repr(contact), "a contact with a stiffness")
-    stiffness = part.stiffness or _secant_stiffness(ready.model, contact, part, force)
-    held = replace(part, unilateral=False, stiffness=stiffness, restitution=None)
-    model = replace(ready.model, contacts={**ready.model.contacts, contact: held})
-    system = build_system(model, ready.case.speed)
-    start = equilibrium(system, ready.problem.drive)
-    return replace(ready, model=model, problem=replace(ready.problem, system=system, start=start))
-
-
-def _secant_stiffness(model: Model, name: str, part: CamContact, force: float) -> float:
-    """Return the secant stiffness of a Hertz contact at full lift, N/m."""
-    structure = build_structure(model)
-    cam = model.cams[part.cam]
-    line = hertz_line(structure, name, part, cam)
-    width, give, rest, reference, _, limit = line.law().constants
-    limit *= float(line.radius(np.array([event_extremes(cam.event)[1].at]), 0)[0])
-    depth = np.geomspace(1e-8, 1e-4, 400)
-    there = [width * line_load(x, limit, give, rest, reference)[0] for x in depth.tolist()]
-    return force / float(np.interp(force, there, depth))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -159,13 +159,21 @@ def with_beam_model(case: Case) -> Case:
     )
 
 
-def _is_applicable(rung: ModelLevel) -> bool:
-    """Return whether a model exists for its case: a chain requires a single train with enough nodes."""
+def _count_unknowns(rung: ModelLevel) -> int | None:
+    """Return the unknowns of a model; None if its case has none such: a chain requires a single train with nodes."""
     try:
-        prepare_without_periodic_search(rung.case)
+        problem = prepare_without_periodic_search(rung.case).problem
     except (InputError, RunFailedError):
-        return False
-    return True
+        return None
+    return problem.system.size if problem.basis is None else problem.basis.size
+
+
+def _remove_equal_bases(rungs: Iterable[ModelLevel]) -> list[ModelLevel]:
+    """Return mode models of increasing size: among the static answers of one are the next modes of a short train."""
+    found: dict[int | None, ModelLevel] = {}
+    for rung in rungs:
+        found.setdefault(_count_unknowns(rung), rung)
+    return list(found.values())
 
 
 def model_ladder(case: Case) -> tuple[ModelLevel, ...]:
@@ -178,18 +186,18 @@ def model_ladder(case: Case) -> tuple[ModelLevel, ...]:
         for n in _ELEMENTS
         if n < min(own, default=0)
     ]
-    modes = [
+    modes = _remove_equal_bases(
         ModelLevel(f"modes {n}", f"{n} modes with the static answers they miss", beams.with_fidelity({"modes": n}))
         for n in _MODE_COUNTS
         if 2 * n < unknowns
-    ]
+    )
     chains = [
         ModelLevel("sdof", "one mass for the train", beams.with_fidelity({"model": "sdof"})),
         ModelLevel("chain 3", "three masses along the train", beams.with_fidelity({"model": "chain", "masses": 3})),
     ]
     return (
         ModelLevel("rigid", "rigid members", beams.with_fidelity({"model": "rigid"}).with_run({"engine": "auto"})),
-        *(rung for rung in chains if _is_applicable(rung)),
+        *(rung for rung in chains if _count_unknowns(rung) is not None),
         *modes,
         *fewer,
         ModelLevel("beams", "the unchanged case", beams),

@@ -19,11 +19,11 @@ from flexcam.dynamics import (
     Response,
     RunFailedError,
     Status,
+    component_unit,
     reraise_interrupt,
     solve,
     track_progress,
 )
-from flexcam.io.exports import component_unit
 
 _REVOLUTION = 2.0 * math.pi
 _SAME_ANGLE = 1e-9

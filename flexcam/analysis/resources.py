@@ -217,7 +217,7 @@ def _check_disk(needs: ResourceEstimate, folder: Path) -> Fault | None:
     free = free_disk(folder)
     if free is None or needs.file <= _USABLE_FRACTION * free:
         return None
-    remedy = f"take fewer steps or probes, save fewer fields (output.field_every), choose another disk (-o), {_LARGE}"
+    remedy = f"take fewer steps or probes, save fewer fields (output.field_every), choose another disk, {_LARGE}"
     given = f"a result file of {format_size(needs.file)}"
     return _lack("disk", given, free, f"{format_size(free)} are free at {folder}", remedy)
 

@@ -77,6 +77,7 @@ _EXTRAS = {
     "movie": ("imageio", "imageio_ffmpeg"),
     "html": ("trame_vtk",),
     "design": ("pymoo",),
+    "mdf": ("asammdf",),
 }
 """Extras of the package and their required modules."""
 

@@ -11,6 +11,7 @@ from flexcam.case.fault_report import Path as KeyPath
 from flexcam.case.records import CaseRecord
 from flexcam.case.schema.base import Record
 from flexcam.case.schema.run import NewmarkRecord
+from flexcam.core.html import html_table
 from flexcam.core.units import shaft_speed
 from flexcam.fem.mesh import Mesh
 
@@ -35,6 +36,8 @@ class Case:
         Source of every key: line or override.
     files
         Texts of the law and lift files, by name in the case.
+    result_name
+        Name of its results; that of its file by default.
 
     Examples
     --------
@@ -48,15 +51,22 @@ class Case:
     mesh: Mesh | None
     places: KeyLocations
     files: Mapping[str, str] = field(default_factory=dict[str, str])
+    result_name: str = ""
 
     def __repr__(self) -> str:
         """Return title and path."""
         return f"<Case {self.title!r}, {self.path}>"
 
+    def _repr_html_(self) -> str:
+        """Return a table of the case, for notebooks."""
+        parts = ("members", "masses", "springs", "rockers", "cams", "contacts", "loads")
+        rows = {"file": str(self.path), "speed": self.speed_text, "overrides": ", ".join(self.overrides)}
+        return html_table(self.title, rows | {name: ", ".join(getattr(self.record, name)) for name in parts})
+
     @property
     def name(self) -> str:
-        """Name of the file without suffix; the default name of results."""
-        return self.path.stem
+        """Name of results: that of the file without suffix by default."""
+        return self.result_name or self.path.stem
 
     @property
     def title(self) -> str:

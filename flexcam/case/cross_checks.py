@@ -73,9 +73,11 @@ class RawTables:
     def exclusive_key_faults(self) -> Iterator[Fault]:
         """Yield missing tables and keys that exclude each other."""
         yield from _exclusive_keys(self.raw, ("mesh", "nodes"), 1, "case file", "the geometry comes from one place")
-        if "members" not in self.raw and "masses" not in self.raw:
-            why = "a mechanism consists of beams, of masses at points, or of both"
-            yield Fault("case file", "no members and no masses", "[members] or [masses]", why, "add [members]")
+        with_mass = any("mass" in table for _, table in self._each("springs"))
+        if "members" not in self.raw and "masses" not in self.raw and not with_mass:
+            allowed = "[members], [masses] or a spring with mass"
+            why = "a mechanism consists of beams, of masses at points, or of coils"
+            yield Fault("case file", "no members and no masses", allowed, why, "add [members]")
         if isinstance(self.raw.get("run"), Mapping):
             run, where = self._table("run"), self.places.place(("run",))
             for pair, minimum in ((("speed", "crank_speed"), 1), (("steps_per_revolution", "step"), 0)):
@@ -188,7 +190,12 @@ class RawTables:
         for kind, key, rocker_point_allowed in _POINT_REFERENCES:
             for name, table in self._each(kind):
                 of_lash = kind == "contacts" and key == "at" and table.get("model") != "seat"
-                if not of_lash and not (kind == "rockers" and _is_finger(table, counts)):
+                own = next((r for r, one in self._each("rockers") if one.get("to") == table.get(key)), None)
+                if kind == "contacts" and key in ("from", "to") and own is not None:
+                    remedy = f"write at = {own!r} for a lash before it; a spring with link = true joins it to a node"
+                    why = f"it is the point of rocker {own!r}"
+                    yield self._fault((kind, name, key), repr(table.get(key)), "a node", why, remedy)
+                elif not of_lash and not (kind == "rockers" and _is_finger(table, counts)):
                     allowed = with_rockers if rocker_point_allowed else counts
                     yield from self._check_point((kind, name, key), table.get(key), allowed)
         for name in self._table("supports"):

@@ -186,7 +186,8 @@ class _LiftFile(BaseModel):
     """Lift table file with the units that its header lacks."""
 
     model_config = ConfigDict(extra="forbid")
-    file: str = Field(description="CSV with angle and lift, or TOML with harmonics; relative to the case file")
+    file: str = Field(description="table of angle and lift, or TOML with harmonics; relative to the case file")
+    column: str | None = Field(None, description="name of the column of the lift, or of the lobe, if there are several")
     angle: Literal["cam", "crank"] | None = Field(None, description="of which shaft the angles are")
     unit: Literal["mm", "um", "m", "in"] | None = Field(None, description="of the lift")
     tolerance: Annotated[float, Unit("length")] | None = Field(
@@ -337,12 +338,14 @@ def _parse_lift_value(value: object, files: _Files) -> LiftDefinition:
     table = {"file": value} if isinstance(value, str) else value
     record = _LiftFile(**_validate(_LiftFile, table, "a file name, or a table of", "lift_table"))
     if Path(record.file).suffix == ".toml":
-        if beside := [key for key in ("angle", "unit", "tolerance") if getattr(record, key) is not None]:
-            raise refuse(beside[0], str(getattr(record, beside[0])), "no unit", "files of harmonics are in m")
+        if beside := [key for key in ("angle", "unit", "tolerance", "column") if getattr(record, key) is not None]:
+            raise refuse(beside[0], str(getattr(record, beside[0])), "no such key", "files of harmonics are in m")
         event = files.read(record.file, "lift_table", read_harmonic_lift)
         return LiftDefinition(cast("str | dict[str, Any]", value), event, None)
     columns = files.read(
-        record.file, "lift_table", lambda path, text: read_lift(path, angle=record.angle, unit=record.unit, text=text)
+        record.file,
+        "lift_table",
+        lambda path, text: read_lift(path, angle=record.angle, unit=record.unit, column=record.column, text=text),
     )
     try:
         event, report = lift_table(columns.angle, columns.lift, tolerance=record.tolerance)

@@ -240,12 +240,13 @@ def _parse_case(path: Path, text: str) -> dict[str, Any]:
 
 
 _REPLACED_KEYS = {
-    "speed": "crank_speed",
-    "crank_speed": "speed",
-    "steps_per_revolution": "step",
-    "step": "steps_per_revolution",
-    "phase": "centreline",
-    "centreline": "phase",
+    "speed": ("crank_speed",),
+    "crank_speed": ("speed",),
+    "steps_per_revolution": ("step",),
+    "step": ("steps_per_revolution",),
+    "phase": ("centreline", "timing"),
+    "centreline": ("phase", "timing"),
+    "timing": ("phase", "centreline"),
 }
 """Keys of ``[run]`` and of cams, and the keys they replace."""
 
@@ -261,10 +262,10 @@ def _apply_overrides(raw: dict[str, Any], text: str, overrides: Sequence[str]) -
         found += _apply_override(raw, key, override)
         places = places.with_override(key, override)
     for *parents, key in keys:
-        other, table = _REPLACED_KEYS.get(key), _table_at(raw, parents)
-        # two overrides that exclude each other remain
-        if other and parents[:1] in (["run"], ["cams"]) and table is not None and (*parents, other) not in keys:
-            table.pop(other, None)
+        table = _table_at(raw, parents) if parents[:1] in (["run"], ["cams"]) else None
+        for other in _REPLACED_KEYS.get(key, ()):
+            if table is not None and (*parents, other) not in keys:  # two overrides that exclude each other remain
+                table.pop(other, None)
     return places, found
 
 

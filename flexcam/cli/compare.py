@@ -11,12 +11,12 @@ import numpy as np
 from cyclopts import Group, Parameter
 from rich.table import Table
 
-from flexcam.analysis.comparison import compare_responses
-from flexcam.analysis.limits import (
+from flexcam.analysis.comparison import (
     MODELS,
     ForceRange,
     SpeedResult,
     compare_models_over_speed,
+    compare_responses,
     divergence_speed,
 )
 from flexcam.analysis.model_choice import evaluate_ladder

@@ -37,7 +37,7 @@ from flexcam.studies.sweep import check_case_resources
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_TO = "Measured curves (.csv) with headings such as 'crank angle [deg]' or 'time [s]', and 'valve displacement [mm]'."
+_TO = "Measured curves (.csv, .mf4) named such as 'crank angle [deg]' or 'time [s]', and 'valve displacement [mm]'."
 
 
 @app.command(

@@ -72,5 +72,5 @@ def print_lift_files(files: Sequence[Path], phase: float = 0.0) -> None:
     """Print the names of lift files, and the keys of a case with which they replace the lift of a cam."""
     delay = f', phase = "{math.degrees(phase):.10g} deg"' if phase else ""
     for path in files:
-        keys = f'lift_table = "{path.name}"{delay} instead of law, lift, rise, dwell, return, ramps, phase, centreline'
+        keys = f'lift_table = "{path.name}"{delay} instead of the law with its keys, and phase, centreline, timing'
         result_console().print(f"{path}  (in a case: {keys})")

@@ -66,6 +66,12 @@ def limits(
     bounce_height: Annotated[
         str | None, Parameter(help="Min height of a bounce; 0.1 mm by default, 2 % of a small lift.")
     ] = None,
+    lift_deviation: Annotated[
+        str | None, Parameter(help="Also find where the valve lifts so far above the rigid train over the nose.")
+    ] = None,
+    low_pass: Annotated[
+        str | None, Parameter(help="Also judge contact loss by the cam force below this frequency, such as 5kHz.")
+    ] = None,
     over: Annotated[
         str | None, Parameter("--over", group=_MAP, help="First value: KEY=SPEC as in flexcam sweep --set.")
     ] = None,
@@ -96,11 +102,16 @@ def limits(
     height = None if bounce_height is None else parse_quantity("--bounce-height", bounce_height, "length", "mm")
     if height is not None:
         positive("--bounce-height", height, "m", zero=True)
-    search = Search(low, high, width, height)
+    deviation = None if lift_deviation is None else parse_quantity("--lift-deviation", lift_deviation, "length", "mm")
+    cutoff = None if low_pass is None else parse_quantity("--low-pass", low_pass, "rate", "kHz")
+    search = Search(low, high, width, height, deviation, cutoff)
     if any(one is not None for one in (over, beside, which, workers, csv, plot)):
         if over is None or beside is None:
             given = "--over alone" if over else "--and alone" if beside else "--limit, --workers, --csv or --plot alone"
             raise refuse("limits", given, "--over KEY=SPEC and --and KEY=SPEC", "they belong to a map over two values")
+        if deviation is not None or cutoff is not None:
+            given = "--lift-deviation or --low-pass with --over"
+            raise refuse("limits", given, "one of them", "a map has the other limits only")
         check_targets(csv, plot, case, overwrite=overwrite)
         return _map_limits(
             case, overrides, (over, beside), which or ["loss_of_contact"], search, 1 if workers is None else workers,

@@ -6,7 +6,7 @@ import math
 import re
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -37,7 +37,7 @@ from flexcam.analysis.run_checks import (
 )
 from flexcam.case.case import Case
 from flexcam.cli.app import AllowLarge, CaseFile, Folder, Json, Overrides, Overwrite, app, load_case, run_state
-from flexcam.core.errors import InputError, collect_errors, refuse
+from flexcam.core.errors import NAME, NAMES, InputError, collect_errors, refuse
 from flexcam.dynamics import Cause, Response, RunFailedError, Stats, Status, solve
 from flexcam.io import check_folder_name, check_folder_writable, check_writable
 from flexcam.report.fidelity_tables import choice_json, describe_choice, error_table
@@ -168,12 +168,15 @@ def _refuse_duration(where: str, text: str, why: str) -> InputError:
     help_prologue="""\
 flexcam run case.toml
 flexcam run case.toml -o results --set run.revolutions=4 --overwrite
+flexcam run case.toml --set run.speed=4000rpm --name fast
 flexcam run case.toml -o results --resume
 flexcam run case.toml --time-limit 5min
 """
 )
 def run(
-    case: CaseFile, *, folder: Folder = Path("results"), overrides: Overrides = None,
+    case: CaseFile, *, folder: Folder = Path("results"),
+    name: Annotated[str | None, Parameter(help="Name of the result; that of the case file by default.")] = None,
+    overrides: Overrides = None,
     time_limit: Annotated[
         str | None,
         Parameter(help="End the command after this time, such as 30s, 5min30s or 2h; a partial result stays."),
@@ -194,6 +197,10 @@ def run(
         lambda: None if time_limit is None else parse_duration("--time-limit", time_limit),
         lambda: check_folder_writable(check_folder_name(folder)),
     )
+    if name is not None:
+        if not re.match(NAME, name):
+            raise refuse("--name", repr(name), NAMES, "it is the name of a file")
+        given = replace(given, result_name=name)
     until = None if duration is None else begun + duration
     if not resume:  # before the model is chosen, which requires computations
         check_writable("result", folder / f"{given.name}.vtkhdf", overwrite=overwrite)

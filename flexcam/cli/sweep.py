@@ -14,6 +14,7 @@ from rich.table import Table as RichTable
 from flexcam.cli.app import AllowLarge, CaseFile, Folder, Json, Overwrite, app, print_files
 from flexcam.core import FloatArray
 from flexcam.core.errors import collect_errors, refuse
+from flexcam.core.units import to_display_unit
 from flexcam.dynamics import Cause, Status
 from flexcam.io import check_folder_name
 from flexcam.report.terminal import plain_table, print_json, result_console, show_count
@@ -33,15 +34,16 @@ def sweep_table(found: SweepTable) -> RichTable:
     for name, values in found.scalars.items():
         if _is_varying(values):
             low, high = int(np.nanargmin(values)), int(np.nanargmax(values))
+            scale, unit = to_display_unit(found.units[name])
             ends = (
-                f"{values[low]:.5g}",
+                f"{scale * values[low]:.5g}",
                 _format_inputs(found, low),
-                f"{values[high]:.5g}",
+                f"{scale * values[high]:.5g}",
                 _format_inputs(found, high),
             )
-            rows.append((name, found.units[name], *ends))
+            rows.append((name, unit, *ends))
     title = f"{len(found)} variants over {', '.join(one.name for one in found.inputs)}"
-    return plain_table(title, ("scalar", "SI unit", "min", "at", "max", "at"), rows)
+    return plain_table(title, ("scalar", "unit", "min", "at", "max", "at"), rows)
 
 
 def _is_varying(values: FloatArray) -> bool:

@@ -120,7 +120,16 @@ class InputError(FlexcamError, ValueError):
 
     def __init__(self, faults: Iterable[Fault]) -> None:
         self.faults: tuple[Fault, ...] = tuple(faults)
-        super().__init__("\n".join(map(str, self.faults)))
+        super().__init__(speak_python("\n".join(map(str, self.faults))))
+
+
+_OPTION = re.compile(r"(flexcam \w+ )?(?<![\w'\"-])--([a-z][a-z-]+)")
+
+
+def speak_python(text: str) -> str:
+    """Return a message with command-line options as arguments of Python; commands to type keep theirs."""
+    words = {"set": "override", "overwrite": "overwrite=True"}
+    return _OPTION.sub(lambda at: at[0] if at[1] else words.get(at[2], at[2].replace("-", "_")), text)
 
 
 def refuse(where: str, given: object, allowed: str, why: str = "", remedy: str = "") -> InputError:

@@ -51,7 +51,17 @@ from flexcam.dynamics.parameter_forces import Variation
 from flexcam.dynamics.periodic import solve_periodic
 from flexcam.dynamics.problem import Adaptive, Engine, Problem, State
 from flexcam.dynamics.reference_integrators import Exact, ScipyIntegrator, dop853, exact, radau
-from flexcam.dynamics.response import STATE, History, Outline, Response, peak, turning_points, value_range
+from flexcam.dynamics.response import (
+    SERIES,
+    STATE,
+    History,
+    Outline,
+    Response,
+    component_unit,
+    peak,
+    turning_points,
+    value_range,
+)
 from flexcam.dynamics.solve import fingerprint, outline, prescribed_probes, solve
 from flexcam.dynamics.statics import equilibrium, installed_state, moving_equilibrium, static_displacement
 from flexcam.dynamics.status import (
@@ -88,6 +98,7 @@ __all__ = [
     "NOT_POSITIVE",
     "ONE",
     "ROUNDING_STATUS",
+    "SERIES",
     "SLOPES",
     "STATE",
     "ActiveDofs",
@@ -150,6 +161,7 @@ __all__ = [
     "bathe",
     "central_difference",
     "collocation",
+    "component_unit",
     "constant",
     "corrected_modes",
     "craig_bampton",

@@ -8,16 +8,30 @@ such as a force, is linear between its instants.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from importlib.util import find_spec
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexcam.core import FloatArray
-from flexcam.core.errors import finite_array, refuse, suggest_name
+from flexcam.core.errors import finite_array, refuse, speak_python, suggest_name
+from flexcam.core.html import html_table
 from flexcam.dynamics.blocks import Series
 from flexcam.dynamics.status import Stats, Status
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+SERIES = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
+"""Series of every probe and their SI units."""
+
+
+def component_unit(component: str, unit: str) -> str:
+    """Return the SI unit of one component of a motion."""
+    return unit.replace("m", "rad", 1) if component in ("rx", "ry", "rz") else unit
 
 
 def turning_points(time: FloatArray, values: FloatArray, slopes: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -176,6 +190,77 @@ class Response:
         probes = ", ".join(name for name, _ in self.outline.probes) or "none"
         held = f"{len(self.time)} instants, {len(self.field_time)} fields; probes: {probes}"
         return f"<Response, {self.status}; {held}; {len(self.channels)} channels>"
+
+    def _repr_html_(self) -> str:
+        """Return a table of the contents, for notebooks."""
+        last = f"{self.time[-1]:.6g} s, {np.degrees(self.angle[-1]):.6g} deg of cam angle" if len(self.time) else "none"
+        return html_table(
+            "Response",
+            {
+                "status": speak_python(str(self.status)),
+                "end": last,
+                "instants": f"{len(self.time)}, {len(self.field_time)} with all unknowns",
+                "engine": f"{self.stats.engine}, {self.stats.steps} steps, {self.stats.unknowns} unknowns",
+                "probes": ", ".join(name for name, _ in self.outline.probes),
+                "channels": ", ".join(self.channels),
+            },
+        )
+
+    def motions(self, probes: Sequence[str] | None = None) -> Iterator[tuple[str, str, str, FloatArray]]:
+        """Yield every scalar history of the probes, all or those named.
+
+        Parameters
+        ----------
+        probes
+            Names of probes, or of components such as ``cam.uy``.
+
+        Yields
+        ------
+        tuple
+            Name, series, SI unit and values, shape (steps + 1,).
+        """
+        for probe in probes or [name for name, _ in self.outline.probes]:
+            history = self[probe]
+            for series, unit in SERIES.items():
+                values = getattr(history, series).reshape(len(self.time), -1)
+                for component, column in zip(history.components, values.T, strict=True):
+                    name = probe if len(history.components) == 1 else f"{probe}.{component}"
+                    yield name, series, component_unit(component, unit), column
+
+    def columns(self) -> dict[str, tuple[FloatArray, str]]:
+        """Return the values and the SI unit of the cam angle, every motion and every channel, by name."""
+        found = {"cam_angle": (self.angle, "rad")}
+        found |= {f"{name}.{series}": (values, unit) for name, series, unit, values in self.motions()}
+        units = dict(self.outline.channels)
+        return found | {name: (values, units[name]) for name, values in self.channels.items()}
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return all histories as a pandas data frame over time.
+
+        Returns
+        -------
+        pandas.DataFrame
+            A column ``cam_angle``, a column such as ``valve.displacement`` per motion and one per channel;
+            ``frame.attrs["units"]`` has their SI units.
+
+        Raises
+        ------
+        InputError
+            If pandas is not installed.
+
+        Examples
+        --------
+        ``response.to_frame()["valve.velocity"].min()``
+        """
+        if find_spec("pandas") is None:
+            raise refuse("data frames", "pandas", "an installed package", "", "pip install 'flexcam[tables]'")
+        import pandas as pd
+
+        columns = self.columns()
+        index = pd.Index(self.time, name="time")
+        frame = pd.DataFrame({name: values for name, (values, _) in columns.items()}, index=index)
+        frame.attrs["units"] = {"time": "s", **{name: unit for name, (_, unit) in columns.items()}}
+        return frame
 
     @property
     def inner(self) -> FloatArray:

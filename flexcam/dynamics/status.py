@@ -10,7 +10,7 @@ from enum import StrEnum
 import numpy as np
 
 from flexcam.core import FloatArray, Triplets
-from flexcam.core.errors import FlexcamError
+from flexcam.core.errors import FlexcamError, speak_python
 
 
 class Cause(StrEnum):
@@ -90,7 +90,7 @@ class RunFailedError(FlexcamError, RuntimeError):
 
     def __init__(self, status: Status) -> None:
         self.status = status
-        super().__init__(str(status))
+        super().__init__(speak_python(str(status)))
 
 
 @dataclass(frozen=True)

@@ -20,11 +20,12 @@ import numpy as np
 
 from flexcam.cams import KINDS, HarmonicLift, Law
 from flexcam.core import FloatArray
-from flexcam.core.errors import Fault, InputError, refuse, system_message
+from flexcam.core.errors import Fault, InputError, refuse, suggest_name, system_message
 from flexcam.io.exports import write_polylines
 from flexcam.io.files import atomic_write_path, check_writable, create_folder, format_toml, read_text, write_text
 
-_LENGTHS = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "μm": 1e-6, "inch": 0.0254, '"': 0.0254}
+_LENGTHS = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "μm": 1e-6, "inch": 0.0254, '"': 0.0254,
+            "thou": 2.54e-5}  # fmt: skip
 _MAX_FAULTS = 10
 
 Row = tuple[int, str]
@@ -53,6 +54,11 @@ _DEGREE = math.pi / 180.0
 _ANGLES = {"deg": _DEGREE, "°": _DEGREE, "degree": _DEGREE, "degrees": _DEGREE, "rad": 1.0}
 _SEPARATOR = re.compile(r"[,;\t]|\s+")
 _DECIMAL_COMMA = re.compile(r"\d,\d+\s*[;\t]")
+_SAMPLE = re.compile(
+    r"\bfunction\s+(?P<lobe>\w+)|\.add_(?P<sym>sym_)?sample\(\s*(?P<at>[-+\d.eE]+)\s*(?:\*\s*units\.(?P<angle>\w+)\s*)?,"
+    r"\s*(?P<lift>[-+\d.eE]+)\s*(?:\*\s*units\.(?P<length>\w+)\s*)?\)"
+)
+"""Lobe of engine-sim, and a sample of it: cam angle from its centre and lift; symmetric ones are in deg and thou."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,28 +71,87 @@ class LiftColumns:
 
 
 def read_lift(
-    path: Path, *, angle: AngleKind | None = None, unit: str | None = None, text: str | None = None
+    path: Path,
+    *,
+    angle: AngleKind | None = None,
+    unit: str | None = None,
+    column: str | None = None,
+    text: str | None = None,
 ) -> LiftColumns:
     """Read a table of angle and lift from a file, or from its known text.
 
-    Rows contain two numbers separated by commas, semicolons, tabs or blanks; ``#`` starts a comment. An optional header
-    names the columns, such as ``crank_deg, lift_mm``: an angle of ``cam`` or ``crank`` in ``deg`` or ``rad``, a lift in
-    ``mm``, ``um``, ``m`` or ``in``. Without a header, both units must be given as arguments; there is no default.
+    Rows contain two numbers or more, separated by commas, semicolons, tabs or blanks; ``#`` starts a comment. Beside
+    semicolons or tabs a comma may be the decimal sign. Any lines may precede the table; the last of them may name the
+    columns, such as ``crank_deg, lift_mm``: an angle of ``cam`` or ``crank`` in ``deg`` or ``rad``, a lift in ``mm``,
+    ``um``, ``m`` or ``in``. Without such a header, both units must be given as arguments and the first two columns
+    count; there is no default. A file ``.mr`` has the lobes of engine-sim. `column` names the lift, or the lobe.
     """
     rows = _read_rows(path, "lift table", "rows of angle and lift", text)
-    head = rows.pop(0)[1] if not _pair(rows[0][1]) else ""
-    of_angle, of_lift = _lift_columns(head, path)
-    to_rad = _angle_factor(of_angle, angle, head, path)
-    scale = _lift_factor(of_lift, unit, head, path)
-    bad = [(number, text) for number, text in rows if not _pair(text)]
+    if path.suffix.lower() == ".mr":
+        return _read_lobe(path, rows, column)
+    if any(_DECIMAL_COMMA.search(line) for _, line in rows) and not any(re.search(r"\d\.\d", line) for _, line in rows):
+        rows = [(number, re.sub(r"(?<=\d),(?=\d)", ".", line)) for number, line in rows]
+    start = _table_start(rows)
+    width = len(_numbers(rows[start][1]))
+    if width < 2:
+        number, line = rows[start]
+        raise refuse(f"{path.name}, line {number}", repr(line[:40]), "rows of an angle and a lift")
+    head = rows[start - 1][1] if start else ""
+    names = _lift_columns(head, width, path)
+    lifts = [i for i, name in enumerate(names) if i and "lift" in _header_words(name)] or [1]
+    if column is not None:
+        lifts = [i for i, name in enumerate(names) if i and column == name]
+    if len(lifts) != 1:
+        named = ", ".join(names) or "no head"
+        remedy = suggest_name(column, names) if column else 'name one: lift_table = { file = ..., column = "..." }'
+        raise refuse(f"{path.name}, column of the lift", column or named, named, "", remedy)
+    bad = [(number, line) for number, line in rows[start:] if len(_numbers(line)) != width]
     if bad:
+        allowed, remedy = f"{width} numbers in each row", "correct or remove the row, or write # before it"
         raise InputError(
-            Fault(f"{path.name}, line {number}", repr(text[:40]), "an angle and a lift", "",
-                  "write decimal points: 90.5; 1.25" if _DECIMAL_COMMA.search(text) else "correct or remove the row")
-            for number, text in bad[:_MAX_FAULTS]
-        )  # fmt: skip
-    values = np.array([_pair(text) for _, text in rows], dtype=float).reshape(-1, 2)
-    return LiftColumns(values[:, 0] * to_rad, values[:, 1] * scale, tuple(number for number, _ in rows))
+            Fault(f"{path.name}, line {number}", repr(line[:40]), allowed, "", remedy)
+            for number, line in bad[:_MAX_FAULTS]
+        )
+    to_rad = _angle_factor(names[0] if names else "", angle, head, path)
+    scale = _lift_factor(names[lifts[0]] if names else "", unit, head, path)
+    values = np.array([_numbers(line) for _, line in rows[start:]])[:, [0, lifts[0]]]
+    return LiftColumns(values[:, 0] * to_rad, values[:, 1] * scale, tuple(number for number, _ in rows[start:]))
+
+
+def _table_start(rows: Sequence[Row]) -> int:
+    """Return the index of the first row of the table: the first with as many numbers as three rows in succession."""
+    counts = [len(_numbers(line)) for _, line in rows]
+    runs = zip(counts, counts[1:], counts[2:], strict=False)
+    width = next((a for a, b, c in runs if a == b == c > 1), max(counts))
+    return counts.index(width)
+
+
+def _read_lobe(path: Path, rows: Sequence[Row], wanted: str | None) -> LiftColumns:
+    """Return the lift of a lobe in a file of engine-sim."""
+    lobes: dict[str, dict[float, tuple[float, int]]] = {}
+    name = ""
+    for number, line in rows:
+        for found in _SAMPLE.finditer(line.partition("//")[0]):
+            units = ("deg", "thou") if found["sym"] else ("", "")
+            angle, length = found["angle"] or units[0], found["length"] or units[1]
+            name = found["lobe"] or name
+            if found["lobe"] or angle not in _ANGLES or length not in _LENGTHS:  # a curve of another quantity
+                continue
+            try:
+                at, lift = float(found["at"]) * _ANGLES[angle], float(found["lift"]) * _LENGTHS[length]
+            except ValueError:
+                raise refuse(f"{path.name}, line {number}", repr(line[:40]), "two numbers") from None
+            for side in (-at, at) if found["sym"] else (at,):
+                lobes.setdefault(name, {})[side] = (lift, number)
+    chosen = wanted or (next(iter(lobes)) if len(lobes) == 1 else "")
+    if chosen not in lobes:
+        allowed = ", ".join(lobes) or "samples .add_sample(10 * units.deg, 410 * units.thou) of a lobe"
+        remedy = suggest_name(chosen, lobes) if chosen else 'name one: lift_table = { file = ..., column = "..." }'
+        raise refuse(f"{path.name}, lobe", chosen or f"{len(lobes)} lobes", allowed, "", remedy)
+    samples = sorted((at, lift, number) for at, (lift, number) in lobes[chosen].items())
+    return LiftColumns(
+        np.array([at for at, *_ in samples]), np.array([lift for _, lift, _ in samples]), tuple(n for *_, n in samples)
+    )
 
 
 def write_lift_table(path: Path, angle: FloatArray, lift: FloatArray, *, overwrite: bool = False) -> Path:
@@ -101,26 +166,31 @@ def write_lift_table(path: Path, angle: FloatArray, lift: FloatArray, *, overwri
     return path
 
 
-def _pair(text: str) -> tuple[float, float] | None:
-    """Return the two numbers of a row; None if it has others."""
+def _numbers(text: str) -> list[float]:
+    """Return the numbers of a row; empty if it has anything else."""
     try:
-        first, second = (float(part) for part in _SEPARATOR.split(text) if part)
+        return [float(part) for part in _SEPARATOR.split(text) if part]
     except ValueError:
-        return None
-    return first, second
+        return []
 
 
-def _lift_columns(head: str, path: Path) -> tuple[str, str]:
-    """Return the headers of both columns; empty strings without a header."""
-    if not head:
-        return "", ""
-    parts = [part.strip() for part in re.split(r"[,;\t]", head) if part.strip()]
-    parts = parts if len(parts) == 2 else head.split()
-    if len(parts) != 2:
-        raise refuse(f"{path.name}, head", repr(head), "two names, such as cam_deg, lift_mm", "there are two columns")
+def _lift_columns(head: str, width: int, path: Path) -> list[str]:
+    """Return the names of the columns; an empty list if the line before the table is no header."""
+    if not head or _numbers(head):
+        return []
+    for separator in (r"[,;\t]", r"\s{2,}", r"\s+"):
+        parts = [part.strip() for part in re.split(separator, head) if part.strip()]
+        if len(parts) == width:
+            break
+    else:
+        words = _header_words(head)
+        if words[:1] in (["cam"], ["crank"], ["angle"]) and "lift" in words:
+            allowed, remedy = f"{width} names, as the rows have numbers", "name all columns; write decimal points"
+            raise refuse(f"{path.name}, head", repr(head), allowed, "", remedy)
+        return []
     if _header_words(parts[1])[:1] in (["cam"], ["crank"], ["angle"]) or "lift" in _header_words(parts[0]):
         raise refuse(f"{path.name}, head", repr(head), "the angle first, then the lift", "", "swap the columns")
-    return parts[0], parts[1]
+    return parts
 
 
 def _header_words(head: str) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,21 +14,11 @@ import numpy as np
 from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import refuse, suggest_name
 from flexcam.dynamics import Outline, Response
-from flexcam.fem.frames import ROTATIONS
 from flexcam.fem.mesh import Mesh
 from flexcam.io.files import atomic_write_path, check_writable, create_folder
 from flexcam.io.hdf5 import write_digest, write_texts
 from flexcam.io.result_reader import Result
-from flexcam.io.result_schema import (
-    ABOUT,
-    MODES_FREQUENCIES,
-    MODES_KIND,
-    NODE,
-    RADIUS,
-    RECOVERED_FIELDS,
-    SERIES,
-    VECTORS,
-)
+from flexcam.io.result_schema import ABOUT, MODES_FREQUENCIES, MODES_KIND, NODE, RADIUS, RECOVERED_FIELDS, VECTORS
 from flexcam.io.vtk_groups import Geometry, VtkGroup, constant_data
 
 _TYPES = {"float64": "Float64", "int64": "Int64"}
@@ -233,7 +223,7 @@ def write_csv(
         raise refuse("every", every, "a whole number from 1")
     check_writable("export", path, overwrite=overwrite)
     columns: dict[str, FloatArray] = {"time [s]": response.time, "cam angle [deg]": np.degrees(response.angle)}
-    columns |= {f"{name} {series} [{unit}]": column for name, series, unit, column in iterate_motions(response, probes)}
+    columns |= {f"{name} {series} [{unit}]": column for name, series, unit, column in response.motions(probes)}
     units = dict(response.outline.channels)
     columns.update({f"{name} [{units[name]}]": values for name, values in response.channels.items()})
     header = ",".join(columns)
@@ -243,27 +233,9 @@ def write_csv(
     return path
 
 
-def component_unit(component: str, unit: str) -> str:
-    """Return the SI unit of one component of a motion."""
-    return unit.replace("m", "rad", 1) if component in ROTATIONS else unit
-
-
 def scalar_probes(outline: Outline) -> dict[str, str]:
     """Return the component of every scalar probe by name, such as ``cam.uy``; a probe of one keeps its name."""
     return {name if len(parts) == 1 else f"{name}.{part}": part for name, parts in outline.probes for part in parts}
-
-
-def iterate_motions(
-    response: Response, probes: Sequence[str] | None = None
-) -> Iterator[tuple[str, str, str, FloatArray]]:
-    """Yield name, series, SI unit and values of every scalar history of the probes, all or those named."""
-    for probe in probes or [name for name, _ in response.outline.probes]:
-        history = response[probe]
-        for series, unit in SERIES.items():
-            values = getattr(history, series).reshape(len(response.time), -1)
-            for component, column in zip(history.components, values.T, strict=True):
-                name = probe if len(history.components) == 1 else f"{probe}.{component}"
-                yield name, series, component_unit(component, unit), column
 
 
 FRAMES_PER_PERIOD = 24

@@ -10,15 +10,16 @@ import os
 import re
 import shutil
 import tempfile
-from collections.abc import Generator, Mapping
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from importlib.util import find_spec
 from pathlib import Path
 from stat import S_ISREG
 
 import numpy as np
 
 from flexcam.core import FloatArray
-from flexcam.core.errors import refuse, system_message
+from flexcam.core.errors import InputError, refuse, suggest_name, system_message
 from flexcam.core.units import conversion_factor
 from flexcam.dynamics import Cause, RunFailedError, Status
 
@@ -78,6 +79,44 @@ def read_columns(path: Path, where: str, text: str | None = None) -> dict[str, t
     if not all(matches) or len({match[1] for match in matches if match}) < len(head):
         raise refuse(where, ", ".join(head), allowed, "a name is missing, or given twice")
     return {match[1]: (match[2] or "", values) for match, values in zip(matches, table.T, strict=True) if match}
+
+
+def read_mdf(path: Path, where: str, names: Sequence[str] = ()) -> dict[str, tuple[str, FloatArray]]:
+    """Read channels of an MDF file, all or those named, as `read_columns` does, at the instants of its angle channel.
+
+    Channels of other rates are interpolated; values that are invalid or outside the time of a channel are NaN.
+    """
+    if find_spec("asammdf") is None:
+        raise refuse(where, path.name, "a CSV file", "asammdf is not installed", "pip install 'flexcam[mdf]'")
+    from asammdf import MDF
+
+    try:
+        file_size(path)
+        with MDF(path) as file:
+            masters = set(file.masters_db.items())
+            known = [one for one, at in file.channels_db.items() if "angle" in one or masters.isdisjoint(at)]
+            angle = next((name for name in ("cam angle", "crank angle") if name in known), "")
+            if not angle:
+                allowed = "a channel 'cam angle' or 'crank angle', with its unit"
+                raise refuse(where, f"{path.name} with {', '.join(known)}"[:200], allowed)
+            if unknown := [name for name in names if name not in known]:
+                near = suggest_name(unknown[0], known)
+                raise refuse(where, repr(unknown[0]), f"a channel of {path.name}", "there is no such channel", near)
+            signals = {name: file.get(name) for name in (angle, *(names or known))}
+            instants = signals[angle].timestamps
+            found: dict[str, tuple[str, FloatArray]] = {}
+            for name, signal in signals.items():
+                values = np.array(signal.samples, dtype=float)
+                if signal.invalidation_bits is not None:
+                    values[signal.invalidation_bits] = np.nan
+                if name != angle:
+                    values = np.interp(instants, signal.timestamps, values, left=np.nan, right=np.nan)
+                found[name] = (signal.unit, values)
+            return found
+    except InputError:
+        raise
+    except Exception as fault:  # noqa: BLE001 - asammdf raises errors of many kinds for damaged files
+        raise refuse(where, str(path), "a readable MDF file", system_message(fault)) from None
 
 
 def find_abscissa(columns: Mapping[str, tuple[str, FloatArray]], where: str) -> tuple[str, FloatArray]:
@@ -150,7 +189,7 @@ def resolve_file(case: Path, name: str, where: str) -> Path:
     return path
 
 
-_REMEDY = "use --overwrite (in Python: overwrite=True), or name another file"
+_REMEDY = "use --overwrite, or name another file"
 _CREATABLE, _WRITABLE = "a folder that can be made", "a folder that takes files"
 
 
@@ -194,7 +233,7 @@ def check_folder_name(path: Path) -> Path:
     if path.suffix.lower() not in _FILE_SUFFIXES or path.exists():
         return path
     allowed, why = "a folder", "the files in it are named after the case"
-    raise refuse("folder", str(path), allowed, why, f"name a folder, such as -o {path.with_suffix('')}")
+    raise refuse("folder", str(path), allowed, why, f"name a folder, such as {path.with_suffix('')}")
 
 
 def create_folder(path: Path) -> Path:
@@ -203,7 +242,7 @@ def create_folder(path: Path) -> Path:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as fault:
         why = _describe_obstacle(path) or system_message(fault)
-        raise refuse("folder", str(path), _CREATABLE, why, "name another with -o") from None
+        raise refuse("folder", str(path), _CREATABLE, why, "name another") from None
     return path
 
 
@@ -214,7 +253,7 @@ def check_folder_writable(folder: Path) -> None:
         with tempfile.TemporaryFile(dir=create_folder(folder)):
             pass
     except OSError as fault:
-        raise refuse("folder", str(folder), _WRITABLE, system_message(fault), "name another with -o") from None
+        raise refuse("folder", str(folder), _WRITABLE, system_message(fault), "name another") from None
     finally:
         for one in missing:
             with suppress(OSError):

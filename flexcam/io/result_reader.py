@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import InputError, refuse, suggest_name
-from flexcam.dynamics import Block, Cause, Outline, Response, SaveAt, Series, Stats, Status
+from flexcam.dynamics import SERIES, Block, Cause, Outline, Response, SaveAt, Series, Stats, Status
 from flexcam.dynamics.blocks import Checkpoint
 from flexcam.fem.frames import COMPONENTS
 from flexcam.fem.mesh import Mesh
@@ -27,7 +27,7 @@ from flexcam.io.hdf5 import (
     read_text_list,
     read_texts,
 )
-from flexcam.io.result_schema import PARTIAL_SUFFIX, RESULT_SUFFIX, SERIES, VECTORS
+from flexcam.io.result_schema import PARTIAL_SUFFIX, RESULT_SUFFIX, VECTORS
 from flexcam.io.result_writer import partial_path, read_checkpoint
 from flexcam.io.vtk_groups import Geometry
 

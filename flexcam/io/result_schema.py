@@ -29,8 +29,6 @@ CAM_ANGLE = "history/cam_angle"
 PROBES = "history/probes"
 CHANNELS = "history/channels"
 TIME_SCALE = "time"
-SERIES = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
-"""Datasets of every probe and their units."""
 
 # Texts, status, mesh and checkpoint.
 ABOUT = "about"

@@ -18,7 +18,7 @@ import numpy as np
 
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse, system_message
-from flexcam.dynamics import Block, Outline, SaveAt, Stats, Status
+from flexcam.dynamics import SERIES, Block, Outline, SaveAt, Stats, Status
 from flexcam.dynamics.blocks import Checkpoint
 from flexcam.fem.frames import ROTATIONS
 from flexcam.fem.mesh import Mesh
@@ -32,7 +32,7 @@ from flexcam.io.hdf5 import (
     write_text_attribute,
     write_texts,
 )
-from flexcam.io.result_schema import RECOVERED_FIELDS, SERIES, VECTORS
+from flexcam.io.result_schema import RECOVERED_FIELDS, VECTORS
 from flexcam.io.vtk_groups import Geometry, VtkGroup, constant_data
 
 _module: Any = h5py
@@ -222,7 +222,7 @@ class ResultFile:
         try:
             check_writable(
                 "partial result", self.partial, overwrite=overwrite or resume is not None,
-                remedy="continue it with --resume, or replace it with --overwrite (in Python: overwrite=True)",
+                remedy="continue it with --resume, or replace it with --overwrite",
             )  # fmt: skip
             with convert_write_errors():
                 self._create(geometry, save, about)

@@ -19,9 +19,7 @@ from flexcam.analysis.model_choice import ModelEvaluation
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse, suggest_name
 from flexcam.core.units import to_display_unit
-from flexcam.dynamics import Response
-from flexcam.io.exports import component_unit
-from flexcam.io.result_writer import SERIES
+from flexcam.dynamics import SERIES, Response, component_unit
 from flexcam.plotting.figures import COLOURS, add_legend, create_stacked_axes, escape_math, line_styles, wrap_title
 
 # matplotlib does not type its keyword arguments.

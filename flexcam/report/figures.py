@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 
 from flexcam.core import FloatArray, IntArray
 from flexcam.core.units import to_display_unit
-from flexcam.dynamics import STATE, Response
+from flexcam.dynamics import SERIES, STATE, Response, component_unit
 from flexcam.fem.elements.beam import Beams
 from flexcam.fem.mesh import Mesh
 from flexcam.fem.recovery import deflection
-from flexcam.io.exports import component_unit, scalar_probes
-from flexcam.io.result_writer import SERIES
+from flexcam.io.exports import scalar_probes
 from flexcam.report.content import Chart, ChartGroup, Curve, Panel, ReportSubject, Scene, Shape
 from flexcam.valvetrain import Structure
 

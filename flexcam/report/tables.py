@@ -413,7 +413,7 @@ def limits_json(found: Limits, scale: float) -> dict[str, object]:
 
     width = max(one.tolerance_rpm for one in found.limits.values())
     rpm = {name: one.rpm for name, one in found.limits.items()}
-    met = {f"{name}_rpm": None if (at := rpm.get(name)) is None else scale * at for name in LIMITS}
+    met = {f"{name}_rpm": None if (at := rpm.get(name)) is None else scale * at for name in (*LIMITS, *rpm)}
     lasting = {f"{name}_lasting_rpm": one.lasting_rpm and scale * one.lasting_rpm for name, one in found.limits.items()}
     return {
         **met, **lasting, "first": found.first, "shaft": shaft_name(scale),

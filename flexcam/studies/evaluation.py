@@ -26,19 +26,21 @@ from flexcam.case.case import Case
 from flexcam.core.errors import InputError
 from flexcam.core.units import RPM
 from flexcam.dynamics import (
+    SERIES,
     SLOPES,
     Cause,
     Response,
     RunFailedError,
     SaveAt,
     Status,
+    component_unit,
     outline,
     peak,
     prescribed_probes,
     solve,
 )
-from flexcam.io import SERIES, temporary_folder
-from flexcam.io.exports import component_unit, scalar_probes
+from flexcam.io import temporary_folder
+from flexcam.io.exports import scalar_probes
 from flexcam.studies.plan import Bundle, open_case
 from flexcam.valvetrain import ANY_SPEED, Metric, Model, build_rigid, train_metric_names
 

@@ -16,10 +16,9 @@ from flexcam.case.case import Case
 from flexcam.core import FloatArray
 from flexcam.core.errors import InputError, positive, refuse, suggest_name
 from flexcam.core.units import conversion_factor
-from flexcam.dynamics import RunFailedError, SaveAt, Status, outline, reraise_interrupt, solve
-from flexcam.io import SERIES
-from flexcam.io.exports import component_unit, scalar_probes
-from flexcam.io.files import ABSCISSAS, find_abscissa, read_columns
+from flexcam.dynamics import SERIES, RunFailedError, SaveAt, Status, component_unit, outline, reraise_interrupt, solve
+from flexcam.io.exports import scalar_probes
+from flexcam.io.files import ABSCISSAS, find_abscissa, read_columns, read_mdf
 from flexcam.studies.evaluation import Row, rejected_row
 from flexcam.studies.executors import Variants
 from flexcam.studies.plan import Bundle, open_case
@@ -72,8 +71,9 @@ class Measurement:
 
 
 def read_measurement(path: Path, case: Case, only: Sequence[str] = (), noises: Sequence[str] = ()) -> Measurement:
-    """Read the columns of a CSV file, all or those named; noises are ``NAME=VALUE`` in the unit of the column."""
-    columns = read_columns(path, "--to")
+    """Read columns of a CSV or MDF file, all or those named; noises are ``NAME=VALUE`` in the unit of the column."""
+    is_mdf = path.suffix.lower() in (".mf4", ".mdf")
+    columns = read_mdf(path, "--to", only) if is_mdf else read_columns(path, "--to")
     over, instants = find_abscissa(columns, "--to")
     wanted = list(only) or [name for name in columns if name not in ABSCISSAS]
     if not wanted:
@@ -111,7 +111,8 @@ def _find_curve(case: Case, name: str) -> Curve:
     probe, _, series = name.rpartition(" ") if name.rpartition(" ")[2] in SERIES else (name, "", "displacement")
     if probe not in probes:
         known = [*(f"{one} {series}" for one in probes), *units]
-        raise refuse("--to", repr(name), ", ".join(known), "the case has no other result", suggest_name(name, known))
+        near = suggest_name(name, [*probes, *known])
+        raise refuse("--to", repr(name), ", ".join(known), "the case has no other result", near)
     return Curve(f"{probe} {series}", probe, series, component_unit(probes[probe], SERIES[series]), np.zeros(0))
 
 

@@ -404,7 +404,7 @@ def _open_journal(asked: Sweep, target: OutputTarget) -> Generator[Journal]:
     for table in target.tables(asked.name):
         check_writable("table", table, overwrite=target.overwrite or ours)
     if target.histories and not (target.overwrite or ours) and (kept := target.existing_histories(asked.name)):
-        why, remedy = "flexcam overwrites no file by itself", "--overwrite replaces them, -o names another folder"
+        why, remedy = "flexcam overwrites no file by itself", "--overwrite replaces them; or name another folder"
         raise refuse("histories", f"{len(kept)} in {kept[0].parent}", "none from an earlier sweep", why, remedy)
     journal = Journal(path, belongs, resume=target.resume, overwrite=target.overwrite)
     try:

@@ -24,10 +24,10 @@ import numpy as np
 
 from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, format_shape, refuse, suggest_name, system_message
+from flexcam.core.units import to_display_unit
 from flexcam.dynamics import Cause, Response, Status
 from flexcam.io import atomic_write_path, check_writable, create_folder, lock_file, open_hdf5, write_digest
 from flexcam.io import result_schema as schema
-from flexcam.io.exports import iterate_motions
 from flexcam.io.hdf5 import read_numbers, read_text_column, read_texts, write_text_column, write_texts
 from flexcam.io.result_reader import check_integrity
 from flexcam.studies.evaluation import Row
@@ -163,35 +163,14 @@ def table_dataset(table: SweepTable) -> xr.Dataset:
     return xr.Dataset({**data, "status": (dimensions, causes)}, coords=coordinates, attrs=dict(table.about))
 
 
-def history_frame(response: Response) -> pd.DataFrame:
-    """Return the histories of a run as a data frame."""
-    _require_package("pandas")
-    import pandas as pd
-
-    columns = _columns(response)
-    frame = pd.DataFrame(
-        {name: values for name, (values, _) in columns.items()}, index=pd.Index(response.time, name="time")
-    )
-    frame.attrs["units"] = {"time": "s", **{name: unit for name, (_, unit) in columns.items()}}
-    return frame
-
-
 def history_dataset(response: Response) -> xr.Dataset:
     """Return the histories of a run as an xarray dataset over time."""
     _require_package("xarray")
     import xarray as xr
 
-    columns = {name: (["time"], values, {"units": unit}) for name, (values, unit) in _columns(response).items()}
+    columns = {name: (["time"], values, {"units": unit}) for name, (values, unit) in response.columns().items()}
     angle = columns.pop("cam_angle")
     return xr.Dataset(columns, coords={"time": (["time"], response.time, {"units": "s"}), "cam_angle": angle})
-
-
-def _columns(response: Response) -> dict[str, tuple[Any, str]]:
-    """Return every history and its unit by name."""
-    found: dict[str, tuple[Any, str]] = {"cam_angle": (response.angle, "rad")}
-    found |= {f"{name}.{series}": (values, unit) for name, series, unit, values in iterate_motions(response)}
-    units = dict(response.outline.channels)
-    return found | {name: (values, units[name]) for name, values in response.channels.items()}
 
 
 def _require_package(package: str) -> None:
@@ -299,13 +278,15 @@ def require_parquet() -> None:
 
 
 def format_csv(table: SweepTable) -> str:
-    """Return a table as CSV: a header with units, and an empty cell for a missing number."""
+    """Return a table as CSV in mm, deg and MPa: a header with units, and an empty cell for a missing number."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    names = [*((one.name, one.unit) for one in table.inputs), *((name, table.units[name]) for name in table.scalars)]
+    scales = {name: to_display_unit(table.units[name]) for name in table.scalars}
+    names = [*((one.name, one.unit) for one in table.inputs), *((name, unit) for name, (_, unit) in scales.items())]
     writer.writerow(["variant", *(f"{name} [{unit}]" if unit else name for name, unit in names), "status", "message"])
     columns = [one.values if isinstance(one.values, tuple) else one.values.tolist() for one in table.inputs]
-    columns += [[x if np.isfinite(x) else None for x in values.tolist()] for values in table.scalars.values()]
+    for name, values in table.scalars.items():
+        columns.append([x if np.isfinite(x) else None for x in (scales[name][0] * values).tolist()])
     for i, status in enumerate(table.statuses):
         writer.writerow([i + 1, *(values[i] for values in columns), status.cause, status.message])
     return text.getvalue()
@@ -401,7 +382,7 @@ def _read_journal(path: Path, belongs: Mapping[str, Any]) -> tuple[dict[int, lis
         other = [words for name, words in _WORDS.items() if head.get(name) != belongs.get(name)]
         if other:
             given, why = f"{path}, of another sweep", f"what differs: {'; '.join(other)}"
-            remedy = "--overwrite starts again, -o names another folder"
+            remedy = "--overwrite starts again; or name another folder"
             raise refuse("journal", given, "the journal of this sweep", why, remedy)
         return {int(one["chunk"]): [_parse_row(row, one["units"]) for row in one["rows"]] for one in chunks}, end
     except (ValueError, KeyError, TypeError, AttributeError) as fault:

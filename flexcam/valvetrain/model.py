@@ -9,6 +9,7 @@ from types import MappingProxyType
 import numpy as np
 
 from flexcam.core import IntArray
+from flexcam.core.html import html_table
 from flexcam.fem.assembly import Damping
 from flexcam.fem.members import Member
 from flexcam.fem.mesh import Mesh
@@ -79,6 +80,12 @@ class Model:
     def __post_init__(self) -> None:
         for name in ("members", "supports", "masses", "springs", "rockers", "cams", "contacts", "friction", "loads"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+
+    def _repr_html_(self) -> str:
+        """Return a table of the parts, for notebooks."""
+        parts = ("members", "masses", "springs", "rockers", "cams", "contacts", "friction", "loads")
+        rows = {"nodes": str(len(self.mesh.nodes)), "probes": ", ".join(self.probes)}
+        return html_table("Model", rows | {name: ", ".join(getattr(self, name)) for name in parts})
 
     @property
     def cam_contacts(self) -> dict[str, PublishedLoad | CamContact]:

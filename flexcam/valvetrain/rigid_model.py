@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from flexcam.dynamics import (
     DerivedCamFunction,
     ForceLaw,
     Load,
+    Observation,
     PrescribedMotion,
     Probe,
     System,
@@ -37,10 +38,10 @@ from flexcam.valvetrain.cam_functions import cam_sliding, normal_force_ratio, sl
 from flexcam.valvetrain.contacts import check_lever_rotation, couple_friction, opposed_force
 from flexcam.valvetrain.loads import given_loads, preload, steady_load
 from flexcam.valvetrain.model import Model
-from flexcam.valvetrain.parts import CamContact, PublishedLoad
+from flexcam.valvetrain.parts import CamContact, PublishedLoad, Spring
 from flexcam.valvetrain.rigid_kinematics import Body, Coordinate, divide_train, find_rest
-from flexcam.valvetrain.springs import condense_spring, couple_springs
-from flexcam.valvetrain.structure import Structure, build_structure, spring_parts
+from flexcam.valvetrain.springs import condense_spring, couple_springs, force_unit, has_channels, spring_curve
+from flexcam.valvetrain.structure import Structure, build_structure, spring_parts, spring_row
 from flexcam.valvetrain.system_builder import probe_of
 from flexcam.valvetrain.train_topology import follower_train
 
@@ -292,6 +293,7 @@ def build_rigid(model: Model, speed: float) -> System:
         channels += own[1]
     nothing = Triplets.zeros(0)
     moved = _prescribed_motion(structure, trains)
+    channels += _spring_channels(structure, moved)
     probes = tuple(_rigid_probe(probe_of(structure, point), moved) for point in model.probes)
     shown = PrescribedMotion(structure.dofs.names, moved)
     return System(nothing, nothing, nothing, (), tuple(loads), (), probes, tuple(channels), carried=shown)
@@ -313,6 +315,24 @@ def _contact_histories(structure: Structure, name: str, train: RigidTrain, at: i
             more.append(Channel(f"{where}.friction", "N", load_sum(at + 1, factor=normal_force_ratio(cam))))
         more += lubrication_channels(structure, name, contact, force, load_sum(at + 1))
     return loads, [Channel(f"{where}.force", "N", force), Channel(f"{where}.torque", "N m", torque), *more]
+
+
+def _spring_channels(structure: Structure, moved: AngleVector) -> list[Channel]:
+    """Return the static forces of the springs at their travel."""
+    found: list[Channel] = []
+    for name, spring in structure.model.springs.items():
+        if has_channels(spring):
+            share = moved.vectors @ spring_row(structure, name, spring)
+            travel = _Combination(share, moved.functions) if share.any() else constant(0.0)
+            found.append(Channel(f"springs.{name}.force", force_unit(spring), partial(_static_force, spring, travel)))
+    return found
+
+
+def _static_force(spring: Spring, travel: AngleFunction, seen: Observation) -> FloatArray:
+    """Return the static force of a spring at its travel, N, shape (m,)."""
+    curve, moved = spring_curve(spring), seen.cam(travel, 0)
+    pulsating = 0.0 if spring.pulsation is None else spring.stiffness * spring.pulsation.part(seen.motion.angle)
+    return np.interp(moved, curve.travel, curve.force) + pulsating * moved
 
 
 def _prescribed_motion(structure: Structure, trains: Mapping[str, RigidTrain]) -> AngleVector:

@@ -38,7 +38,7 @@ def couple_springs(structure: Structure) -> Coupling:
     channels: list[Channel] = []
     count = 0
     for name, spring in structure.model.springs.items():
-        if not _has_channels(spring) and spring.pulsation is None and spring.clash_travel is None:
+        if not has_channels(spring) and spring.pulsation is None and spring.clash_travel is None:
             continue
         rows = np.array([high - low for low, high in spring_parts(structure, name, spring)])
         scalars: dict[str, list[int]] = {}
@@ -91,9 +91,14 @@ def _closed_forces(spring: Spring) -> list[float]:
     return [spring.clash_stiffness * max(-(part.travel or 0.0), 0.0) for part in spring.parts]
 
 
-def _has_channels(spring: Spring) -> bool:
+def has_channels(spring: Spring) -> bool:
     """Return whether the force of a spring is an output: not of a bearing or a substitute for a stiff part."""
     return spring.installed_force is not None or spring.elements > 1 or spring.wire is not None
+
+
+def force_unit(spring: Spring) -> str:
+    """Return the unit of the force of a spring."""
+    return "N m" if spring.turns else "N"
 
 
 def _channels(where: str, spring: Spring, rows: FloatArray, scalars: dict[str, list[int]]) -> list[Channel]:
@@ -131,8 +136,8 @@ def _channels(where: str, spring: Spring, rows: FloatArray, scalars: dict[str, l
         return np.maximum(seen.forces[:, clash] - solid, 0.0).sum(axis=1)
 
     found: list[Channel] = []
-    if _has_channels(spring):
-        found.append(Channel(f"{where}.force", "N m" if spring.turns else "N", end))
+    if has_channels(spring):
+        found.append(Channel(f"{where}.force", force_unit(spring), end))
         if spring.elements > 1:
             found.append(Channel(f"{where}.surge", "rad" if spring.turns else "m", surge))
         if spring.wire is not None:

@@ -114,7 +114,8 @@ def train_metrics(model: Model, response: Response, period: float, names: Sequen
         if isinstance(contact, Seat) and f"contacts.{name}.gap" in response.channels:  # the rigid model has no seat
             figures += _seat(response, f"contacts.{name}", last)
             if names is None or f"contacts.{name}.{_FLOAT}" in names:
-                figures += _valve_float(model, response, name, contact, last)
+                above = valve_float(model, response, name, contact, last)
+                figures += [] if above is None else [Metric(f"contacts.{name}.{_FLOAT}", above, "m")]
     figures += _drive(model, response, last)
     for channel, unit in response.outline.channels:
         name, values = _metric_name(channel), response.channels[channel][last]
@@ -197,21 +198,21 @@ _FLOAT, _NOSE_FORCE, _FRICTION_POWER = "valve_float", "nose_force.least", "frict
 _DRIVE = ("torque.mean", "power.mean")
 
 
-def _valve_float(model: Model, response: Response, name: str, seat: Seat, last: Bools) -> list[Metric]:
-    """Return the largest lift of a valve over the nose of its cam above that of the rigid train."""
-    contact, angle = driving_contact(model, seat.at), response.angle[last]
+def valve_float(model: Model, response: Response, name: str, seat: Seat, instants: Bools) -> float | None:
+    """Return the largest lift of a valve over the nose of its cam above that of the rigid train, m, if there is one."""
+    contact, angle = driving_contact(model, seat.at), response.angle[instants]
     if contact is None:
-        return []
+        return None
     try:
         motion = build_rigid(model, ANY_SPEED).carried
     except InputError:  # no rigid train exists
-        return []
+        return None
     over = _flanks(model.cams[model.cam_contacts[contact].cam].event, angle)["nose"]
     if motion is None or not over.any():
-        return []
+        return None
     moved = motion.motion.vectors @ build_structure(model).row(seat.at, seat.direction)
-    above = response.channels[f"contacts.{name}.gap"][last] - motion.motion.weights(angle) @ moved
-    return [Metric(f"contacts.{name}.{_FLOAT}", float(above[over].max()), "m")]
+    above = response.channels[f"contacts.{name}.gap"][instants] - motion.motion.weights(angle) @ moved
+    return float(above[over].max())
 
 
 def _nose_force(model: Model, response: Response, name: str, last: Bools) -> list[Metric]:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from flexcam import InputError, build_model, read_case
-from flexcam.cams import centreline
+from flexcam.cams import centreline, valve_event
 
 FINGER = Path(__file__).parents[2] / "cases/direct-acting/finger.toml"
 
@@ -45,3 +46,23 @@ def test_an_override_replaces_the_key_that_excludes_it():
     assert centreline(build_model(case).cams["intake"].event) == pytest.approx(np.radians(230.0))
     with pytest.raises(InputError, match="centreline"):
         read_case(FINGER, ["cams.intake.centreline=230deg", "cams.intake.phase=10deg"])
+
+
+@pytest.mark.parametrize("key", ["opening", "closing", "centre"])
+def test_timing_places_a_cam_by_a_lift_of_its_follower(key):
+    """The timing at 0.050 in is found again in the built cam; a lift at TDC is an opening or a closing there."""
+    case = read_case(FINGER, [f'cams.intake.timing={{ lift = "0.050 in", {key} = "-30 deg" }}'])
+    event = valve_event(build_model(case).cams["intake"].event, 0.00127)
+    found = {"opening": 0.5 * event.opens, "closing": 0.5 * event.closes, "centre": 0.5 * event.centre}[key]
+    assert math.remainder(found - np.radians(-30.0), 2.0 * np.pi) == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(("timing", "more", "message"), [
+    ('{ lift = "1 mm" }', [], "one of opening, closing, centre"),
+    ('{ lift = "1 mm", opening = "1 deg", centre = "1 deg" }', [], "opening and centre"),
+    ('{ lift = "1 m", opening = "1 deg" }', [], "below the maximum lift"),
+    ('{ lift = "1 mm", opening = "1 deg" }', ["cams.intake.phase=1"], "one of phase, centreline, timing"),
+])  # fmt: skip
+def test_refused_timings(timing, more, message):
+    with pytest.raises(InputError, match=message):
+        read_case(FINGER, [f"cams.intake.timing={timing}", *more])

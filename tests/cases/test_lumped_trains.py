@@ -182,3 +182,25 @@ def test_hertz_needs_a_member(written):
 def test_compression_is_force_by_stiffness(written):
     path = written(('stiffness = "23 kN/m"', 'stiffness = "23 kN/m", installed_compression = "10 mm"'))
     assert build_model(read_case(path)).springs["k4"].installed_force == pytest.approx(230.0, rel=1e-12)
+
+
+def test_a_spring_with_mass_needs_no_other_mass(tmp_path):
+    """A coil held at one end alone has the first frequency sqrt(k/m)/4 (Wahl 1963), and its run keeps its energy."""
+    text = """
+        format = 1
+        nodes = { end = [0.0, 0.0, 0.0] }
+        supports = { end = ["ux", "uz"] }
+        springs.coil = { at = "end", direction = "uy", stiffness = "40 kN/m", mass = "60 g", elements = 16 }
+        loads.push = { at = "end", direction = "uy", force = "-10 N" }
+        run = { speed = "3000 rpm", revolutions = 1, steps_per_revolution = 720, start = "rest" }
+        output.probes = ["end"]
+    """
+    (tmp_path / "coil.toml").write_text(text, encoding="utf-8")
+    case = read_case(tmp_path / "coil.toml")
+    assert modes(case, 1).modes.frequencies[0] == pytest.approx(math.sqrt(40e3 / 0.06) / 4.0, rel=1e-3)
+    response = run(case)
+    assert response.status.ok
+    assert np.abs(response.channels["energy.residual"]).max() < 1e-9
+    (tmp_path / "coil.toml").write_text(text.replace(', mass = "60 g", elements = 16', ""), encoding="utf-8")
+    with pytest.raises(InputError, match="a spring with mass"):
+        read_case(tmp_path / "coil.toml")

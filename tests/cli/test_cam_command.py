@@ -196,7 +196,10 @@ def test_cylinders_of_a_camshaft(told):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--set", "cams.intake.phase=10deg", "--set", "cams.intake.centreline=1rad"], "centreline or phase, not both"),
+        (
+            ["--set", "cams.intake.phase=10deg", "--set", "cams.intake.centreline=1rad"],
+            "one of phase, centreline, timing",
+        ),
         (["--checking-lift", "0 mm"], "--checking-lift"),
     ],
 )
@@ -312,7 +315,7 @@ REFUSED = {  # words, where, what is given, a part of the message
     "--set=cams.exhaust.lft=7 mm": ("cams.exhaust.lft", "lft", "did you mean 'lift'"),
     "--set=cams.exhaust.lift=7 kg": ("cams.exhaust.lift", "7 kg", "a length"),
     "--set=cams.exhuast.lift=7 mm": ("--set", "exhuast", "did you mean 'exhaust'"),
-    f"-o={FILES['li-fb2']}/x": ("folder", "li-fb2.toml/x", "-o"),
+    f"-o={FILES['li-fb2']}/x": ("folder", "li-fb2.toml/x", "name another"),
 }  # fmt: skip
 
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
+from asammdf import MDF, Signal
 
 from flexcam import read_case
 from flexcam.core.units import conversion_factor
+from flexcam.studies.measurement import read_measurement
 
 CASE = """\
 format = 1
@@ -102,6 +105,55 @@ def test_refused_measurements(flexcam, tmp_path, content, options, message):
     done = flexcam("fit", "case.toml", "--to", "m.csv", *VARIED, *options)
     assert done.code in (2, 3)
     assert message in done.err
+
+
+def write_mdf(path, *groups):
+    """Write an MDF4 file with asammdf: a group per list of (name, unit, times, values)."""
+    with MDF(version="4.10") as file:
+        for group in groups:
+            file.append([Signal(np.array(y), np.array(t), unit=unit, name=name) for name, unit, t, y in group])
+        file.save(path, overwrite=True)
+
+
+def test_mdf_file(flexcam, files, tmp_path):
+    """An MDF4 file gives the values of the CSV file: crank angle, another unit and rate, and a foreign channel."""
+    case, export = files
+    head, *rows = export.read_text(encoding="utf-8").splitlines()
+    cells = np.array([[float(cell) for cell in row.split(",")] for row in rows])
+    column = dict(zip(head.split(","), cells.T, strict=True))
+    time, place = column["time [s]"], 1e3 * column["mass.uy displacement [m]"]
+    last = column["cam angle [deg]"] >= 360.0
+    angles = [("crank angle", "deg", time[last], 2.0 * column["cam angle [deg]"][last])]
+    write_mdf(tmp_path / "m.mf4", angles, [("mass.uy", "mm", time[1:-1], place[1:-1])], [("oil", "bar", time, place)])
+    found = flexcam("fit", case, "--to", "m.mf4", *VARIED, "--column", "mass.uy", "--json").json
+    assert found["values"][0]["value"] == pytest.approx(44.0, rel=1e-4)
+    (curve,) = read_measurement(tmp_path / "m.mf4", read_case(case), ["mass.uy"]).curves
+    np.testing.assert_allclose(curve.values[:-1], 1e-3 * place[last][:-1], rtol=1e-12)
+    assert np.isnan(curve.values[-1]), "the channel ends before the angle"
+
+
+@pytest.mark.parametrize(("channels", "options", "message"), [
+    ([("angle", "deg"), ("mass.uy", "m")], (), "a channel 'cam angle' or 'crank angle', with its unit"),
+    ([("cam angle", "deg"), ("mass.uyy", "m")], (), "did you mean"),
+    ([("cam angle", "deg"), ("mass.uy", "m")], ("--column", "mass.uyy"), "did you mean 'mass.uy'?"),
+    ([("cam angle", ""), ("mass.uy", "m")], (), "--to, cam angle"),
+    ([], (), "a readable MDF file"),
+])  # fmt: skip
+def test_refused_mdf_files(flexcam, tmp_path, channels, options, message):
+    (tmp_path / "case.toml").write_text(CASE, encoding="utf-8")
+    (tmp_path / "m.mf4").write_bytes(b"angle,lift")
+    if channels:
+        write_mdf(tmp_path / "m.mf4", [(name, unit, [0.0, 0.1], [0.0, 1.0]) for name, unit in channels])
+    done = flexcam("fit", "case.toml", "--to", "m.mf4", *VARIED, *options)
+    assert done.code == 2
+    assert message in done.err
+
+
+def test_mdf_file_without_asammdf(flexcam, tmp_path, monkeypatch):
+    (tmp_path / "case.toml").write_text(CASE, encoding="utf-8")
+    (tmp_path / "m.mf4").touch()
+    monkeypatch.setattr("flexcam.io.files.find_spec", lambda name: None)
+    assert "pip install 'flexcam[mdf]'" in flexcam("fit", "case.toml", "--to", "m.mf4", *VARIED).err
 
 
 def test_conversion_factors():

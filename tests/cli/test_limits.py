@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexcam import prepare, read_case, solve
-from flexcam.analysis.limits import Search, search_limits
+from flexcam import InputError, prepare, read_case, solve
+from flexcam.analysis.limits import Search, _filtered_contacts, _lofted_valves, _open_contacts, search_limits
 from flexcam.core.units import RPM
 from flexcam.dynamics import Cause, Status
 from flexcam.valvetrain import separation_by_flank
@@ -71,6 +71,47 @@ def test_contact_loss_is_told_apart_by_flanks(one_mass, part, begin, end):
     lost = separation_by_flank(ready.model, response, "k", np.ones(len(force), dtype=bool))
     assert {name for name, angle in lost.items() if angle} == {part}
     assert lost[part] == pytest.approx(np.radians(10.0), rel=0.02)  # a step at an end
+
+
+def test_a_low_pass_leaves_chatter_out(one_mass):
+    """A force that vanishes for 4 deg is lost at any frequency, one with bursts of 20 kHz not below 5 kHz."""
+    ready = prepare(read_case(one_mass(), ["run.steps_per_revolution=7200", "run.revolutions=2", "run.speed=3000rpm"]))
+    response = solve(ready.problem, ready.scheme)
+    force, nose = response.channels["contacts.k.force"], np.abs(np.degrees(response.angle) - 455.0) < 5.0
+    steady = np.full(len(force), 100.0)
+    force[:] = np.where(nose & (np.sin(2.0 * np.pi * 20e3 * response.time) > 0.8), 0.0, steady)
+    assert _open_contacts(response, ready) == ["k, nose"]
+    assert _filtered_contacts(response, ready, 5e3) == []
+    force[:] = np.where(np.abs(np.degrees(response.angle) - 455.0) < 2.0, 0.0, steady)
+    assert _filtered_contacts(response, ready, 5e3) == ["k, nose"]
+    with pytest.raises(InputError, match=r"below 180000 Hz"):
+        _filtered_contacts(response, ready, 2e5)
+
+
+def test_lift_deviation_over_the_nose():
+    """A valve that rises 0.3 mm above the rigid train floats at a threshold of 0.25 mm, and not at 0.5 mm."""
+    ready = prepare(read_case(CASE, ["run.steps_per_revolution=360", "run.crank_speed=1000rpm"]))
+    response = solve(ready.problem, ready.scheme)
+    assert _lofted_valves(response, ready, 0.25e-3) == []
+    response.channels["contacts.seat.gap"][response.angle > 2.0 * np.pi] += 0.4e-3  # 0.1 mm less: the train gives way
+    assert _lofted_valves(response, ready, 0.25e-3) == ["seat"]
+    assert _lofted_valves(response, ready, 0.5e-3) == []
+
+
+def test_limits_asked_for_and_those_of_a_bilateral_contact(flexcam, one_mass):
+    """Float and filtered loss are asked for; a follower that cannot leave its cam has other limits only."""
+    few = ("--lowest", "3000rpm", "--highest", "3010rpm", "--accuracy", "2500rpm", *QUICK)
+    found = flexcam("limits", CASE, *few, "--lift-deviation", "1 mm", "--low-pass", "2kHz", "--json").json
+    assert {"lift_deviation_rpm", "filtered_loss_rpm"} <= set(found)
+    held = ("--set", 'contacts.intake={ model="bilateral", cam="intake", follower="tappet", stiffness="50 MN/m" }')
+    told = flexcam("limits", CASE, *few, *held).out
+    assert "buckling" in told
+    assert "loss of contact of the rigid train" in told
+    assert "float" not in told
+    case = one_mass(('model = "unilateral"', 'model = "bilateral"'))
+    assert "no unilateral contact" in flexcam("limits", case, *few).err
+    assert "one of them" in flexcam("limits", CASE, "--low-pass", "2kHz", "--over", "a=1", "--and", "b=2").err
+    assert flexcam("limits", CASE, "--low-pass", "5").code == 2
 
 
 MIDDLE, WIDTH = 0.5 * (1.5**14 + 1.5**15), 1.5**15 - 1.5**14

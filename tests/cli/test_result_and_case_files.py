@@ -8,6 +8,7 @@ import re
 import sys
 import tomllib
 from importlib.metadata import version
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -140,3 +141,15 @@ def test_many_runs_are_counted_where_somebody_looks(verb, flexcam, case, monkeyp
     done = flexcam(command, case, *options, "--set", "run.steps_per_revolution=360")
     assert done.code == 0
     assert re.search(r"(speeds|variants) .*\d+/\d+", done.err)
+
+
+def test_name_of_a_result(flexcam, tmp_path):
+    """Two runs of a case in one folder, by name; a name with a path or a suffix of a partial result is refused."""
+    case = Path(__file__).parents[1] / "data/inline.toml"
+    told = ("run", case, "-o", "out", "--set", "run.revolutions=0.1")
+    for name in ((), ("--name", "fast 2")):
+        assert flexcam(*told, *name).code == 0
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["fast 2.vtkhdf", "inline.vtkhdf"]
+    assert flexcam(*told, "--name", "fast 2").code == 2
+    for name in ("../away", "", "a.partial"):
+        assert "--name" in flexcam(*told, "--name", name).err

@@ -122,6 +122,62 @@ def test_what_is_given_goes_before_the_head(head, given, half, to_m, read):
     np.testing.assert_allclose(columns.lift, to_m * LIFTS, **ONCE)
 
 
+TRADE = {  # file name, content, what is given; each has the rows
+    "decimal commas": ("a.csv", "cam_deg; lift_mm\n" + rows("; ").replace(".", ","), {}),
+    "decimal commas and tabs": ("a.txt", rows("\t").replace(".", ","), {"angle": "cam", "unit": "mm"}),
+    "header lines": ("a.dvl", "Intake 276\n5\ncam, no. 3\n" + rows("  "), {"angle": "cam", "unit": "mm"}),
+    "header lines, named columns": ("a.prn", "11/23/2026  Cam Doctor, 2\n\nCAM DEG  LIFT(MM)\n" + rows("  "), {}),
+    "velocity and acceleration": (
+        "a.svl", "\n".join(f"{a} {s} {0.1 * s} {-0.2 * s}" for a, s in ROWS), {"angle": "cam", "unit": "mm"},
+    ),
+    "named lift": (
+        "a.csv", "cam_deg, velocity, valve lift [mm]\n" + "\n".join(f"{a}, 7, {s}" for a, s in ROWS), {},
+    ),
+    "chosen lift": (
+        "a.csv", "cam_deg, lift_ex_mm, lift_in_mm\n" + "\n".join(f"{a}, 7, {s}" for a, s in ROWS),
+        {"column": "lift_in_mm"},
+    ),
+    "engine-sim": (
+        "a.mr", "function timing(10 * units.rpm)\ntiming.add_sample(0 * units.rpm, 25 * units.deg)\nfunction lobe(1)\n"
+        "lobe\n" + "".join(f"    .add_sample({a} * units.deg, {s}* units.mm) // row\n" for a, s in ROWS), {},
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", TRADE)
+def test_files_of_the_trade(name, tmp_path):
+    file, content, given = TRADE[name]
+    (tmp_path / file).write_text(content, encoding="utf-8")
+    assert are_the_rows(read_lift(tmp_path / file, **given))
+
+
+def test_symmetric_lobes_of_engine_sim(tmp_path):
+    """Angles are cam angles from the lobe centre, lifts are thousandths of an inch; of two lobes one is named."""
+    lobe = "function {}(10 * units.deg)\n{}\n    .add_sym_sample(0.0, {})\n    .add_sym_sample(60.0, 0.0)\n"
+    (tmp_path / "a.mr").write_text(lobe.format("intake", "intake", 430.0) + lobe.format("other", "other", 400.0))
+    columns = read_lift(tmp_path / "a.mr", column="intake")
+    np.testing.assert_allclose(columns.angle, np.radians([-60.0, 0.0, 60.0]), **ONCE)
+    np.testing.assert_allclose(columns.lift, [0.0, 0.010922, 0.0], rtol=1e-15)
+    assert columns.lines == (4, 3, 4)
+    for column, said in ((None, "name one"), ("intak", "did you mean 'intake'")):
+        with pytest.raises(InputError, match=said):
+            read_lift(tmp_path / "a.mr", column=column)
+    (tmp_path / "a.mr").write_text("node\n.add_sym_sample(1.0.0, 2)\n")
+    with pytest.raises(InputError, match="line 2"):
+        read_lift(tmp_path / "a.mr")
+
+
+def test_refused_columns(refusal):
+    (fault,) = refusal("cam_deg, lift_ex_mm, lift_in_mm\n" + "1, 2, 3\n" * 4)
+    assert "column = " in fault.remedy
+    (fault,) = refusal("cam_deg, lift_mm, v\n" + "1, 2, 3\n" * 4, column="lift_m")
+    assert "did you mean 'lift_mm'" in fault.remedy
+    (fault,) = refusal("lift\n" + "1.5\n" * 4)
+    assert (fault.where, fault.given) == ("lift.csv, line 2", "'1.5'")
+    (fault,) = refusal("5 7\ncam_deg, lift_mm\n" + rows())
+    assert (fault.where, fault.given) == ("lift.csv, line 2", "'cam_deg, lift_mm'")
+
+
 UNSAID = {  # head, what is given, what is asked for, a part of the remedy
     "no head": ("", {}, "angle", 'angle = "cam"'),
     "no head, shaft given": ("", {"angle": "cam"}, "unit", 'unit = "mm"'),
@@ -129,7 +185,7 @@ UNSAID = {  # head, what is given, what is asked for, a part of the remedy
     "no shaft": ("angle_deg, lift_mm\n", {}, "angle", "cam_deg, lift_mm"),
     "two shafts": ("cam crank, lift_mm\n", {}, "angle", "cam_deg, lift_mm"),
     "no unit": ("cam_deg, lift\n", {}, "unit", "cam_deg, lift_mm"),
-    "unknown unit": ("cam_deg, lift_thou\n", {}, "unit", 'unit = "in"'),
+    "unknown unit": ("cam_deg, lift_ft\n", {}, "unit", 'unit = "in"'),
     "unknown unit given": ("cam_deg, lift_mm\n", {"unit": "ft"}, "unit", 'unit = "in"'),
 }
 

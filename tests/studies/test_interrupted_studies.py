@@ -10,7 +10,8 @@ import pytest
 
 from flexcam import read_case
 from flexcam.analysis.campbell import campbell
-from flexcam.analysis.limits import Search, compare_models_over_speed, search_limits
+from flexcam.analysis.comparison import compare_models_over_speed
+from flexcam.analysis.limits import Search, search_limits
 from flexcam.analysis.model_choice import evaluate_ladder
 from flexcam.analysis.orders import Signal, waterfall
 from flexcam.analysis.stability import stability_over_speeds
@@ -30,7 +31,7 @@ STUDIES = {
     "limits": ("limits", ONE_MASS, lambda case, **o: search_limits(case, BROAD, ["loss_of_contact"], **o)),
     "campbell": ("orders", ENGINE, lambda case, **o: campbell(case, SPEEDS, orders=[1], **o)),
     "orders": ("orders", ENGINE, lambda case, **o: waterfall(case, SPEEDS, [FORCE], 4, **o)),
-    "models": ("limits", ENGINE, lambda case, **o: compare_models_over_speed(case, SPEEDS, **o)),
+    "models": ("comparison", ENGINE, lambda case, **o: compare_models_over_speed(case, SPEEDS, **o)),
     "stability": ("stability", TAYEB, lambda case, **o: stability_over_speeds(case, SPEEDS, **o)),
     "trade": ("model_choice", TAYEB, lambda case, **o: evaluate_ladder(case, "valve", repeats=1, **o)),
 }

@@ -262,7 +262,7 @@ def test_a_journal_of_another_sweep_or_in_use_is_refused_and_left_alone(tmp_path
     for words, change in (("version", {"flexcam": "2"}), ("a file it names", {"case": "d"}), ("values", {"plan": "q"})):
         with pytest.raises(InputError, match=words):
             Journal(path, HEAD | change, resume=True)
-    with pytest.raises(InputError, match="--resume finishes it"):
+    with pytest.raises(InputError, match="resume finishes it"):
         Journal(path, HEAD)
     first = Journal(path, HEAD, resume=True)
     with pytest.raises(InputError, match="Another sweep is running here"):

@@ -9,14 +9,13 @@ import h5py
 import numpy as np
 import pytest
 
-from flexcam import InputError, read_case, run
+from flexcam import InputError, build_model, read_case, run
 from flexcam.dynamics import Cause, Status
 from flexcam.studies.evaluation import Row
 from flexcam.studies.plan import Plan, make_plan, parse_axes, parse_sample
 from flexcam.studies.tables import (
     format_csv,
     history_dataset,
-    history_frame,
     is_scalar_prefix,
     make_table,
     read_table,
@@ -34,7 +33,7 @@ def rows(count):
         Row(Status(), {"contacts.a.force.largest": 1.0 / (i + 1), "deviation.peak": 0.1 * i}) for i in range(count)
     ]
     found[1] = Row(FAILED)
-    found[-1] = replace(found[-1], scalars={**found[-1].scalars, "late": -0.0})
+    found[-1] = replace(found[-1], scalars={**found[-1].scalars, "late": -0.25})
     return [replace(row, units={name: units[name] for name in row.scalars}) for row in found]
 
 
@@ -82,10 +81,11 @@ def test_csv(table):
     read = list(csv.DictReader(format_csv(table).splitlines(keepends=True)))
     assert [row["variant"] for row in read] == list("123456")
     assert [float(row["run.speed [rpm]"]) for row in read] == [1000, 1000, 2000, 2000, 3000, 3000]
-    assert read[1]["deviation.peak [1]"] == ""
+    assert read[1]["deviation.peak"] == ""
     assert read[1]["status"] == "not-finite"
     assert read[1]["message"] == f"{FAILED.text}; {FAILED.remedy}"
     assert float(read[5]["contacts.a.force.largest [N]"]) == table["contacts.a.force.largest"][5]
+    assert float(read[5]["late [mm]"]) == 1e3 * table["late"][5]
 
 
 def test_frames(table):
@@ -111,17 +111,38 @@ def test_parquet_has_nulls(table, tmp_path):
 
 def test_histories_as_frames():
     response = run(read_case("tests/data/inline.toml", ["run.revolutions=0.1"]))
-    frame, data = history_frame(response), history_dataset(response)
+    frame, data = response.to_frame(), history_dataset(response)
     assert np.array_equal(frame["valve.displacement"], response["valve"].displacement)
     assert np.array_equal(data["contacts.intake.force"].values, response.channels["contacts.intake.force"])
     assert frame.index.name == "time"
+    assert frame.attrs["units"]["valve.acceleration"] == "m/s^2"
     assert data["valve.velocity"].attrs["units"] == "m/s"
     assert np.array_equal(data["cam_angle"].values, response.angle)
 
 
+def test_data_frame_without_pandas(monkeypatch):
+    response = run(read_case("tests/data/inline.toml", ["run.revolutions=0.1"]))
+    monkeypatch.setattr("flexcam.dynamics.response.find_spec", lambda name: None)
+    with pytest.raises(InputError, match=r"flexcam\[tables\]"):
+        response.to_frame()
+
+
+def test_tables_in_notebooks():
+    """Case, model and response show a table with the names of their parts, escaped."""
+    case = read_case("tests/data/inline.toml", ["run.revolutions=0.1", "title='a < b'"])
+    shown = case._repr_html_()
+    assert "a &lt; b" in shown
+    assert "run.revolutions=0.1" in shown
+    assert all(name in build_model(case)._repr_html_() for name in case.record.contacts)
+    response = run(case)
+    assert str(len(response.time)) in response._repr_html_()
+    assert "contacts.intake.force" in response._repr_html_()
+    assert "done: the run is complete" in response._repr_html_()
+
+
 def test_refusals(table, tmp_path):
     path = write_table(table, tmp_path / "t.h5")
-    with pytest.raises(InputError, match="--overwrite"):
+    with pytest.raises(InputError, match="replace it by overwrite=True"):
         write_table(table, path)
     with pytest.raises(InputError, match="ends in"):
         write_table(table, tmp_path / "t.xlsx")

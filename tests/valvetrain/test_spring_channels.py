@@ -150,3 +150,29 @@ def test_check_tells_its_unit(case):
     assert "wound 30 N m/rad" in told
     assert not [one for one in check_values(made) if "springs.wound" in one]  # 30 N/m were hardly a spring
     assert [one for one in check_values(made) if "0.0001 N m/rad" in one]
+
+
+BASE = 'at = "valve", direction = "uy", installed_force = "400 N"'
+PUSHROD = "cases/pushrod-engine/intake.toml"
+
+
+def test_force_in_the_rigid_train():
+    """Installed force plus rate times rigid lift; a spring that a cam does not move keeps its installed force."""
+    idle = "springs.idle={ at='cam', direction='ux', stiffness=1.0, installed_force=7.0 }"
+    case = read_case(PUSHROD, [f'springs.valve={{ {BASE}, stiffness = "50 kN/m" }}', idle])
+    response = run(case, rigid=True)
+    wanted = 400.0 + 50e3 * response["valve"].displacement
+    np.testing.assert_allclose(response.channels["springs.valve.force"], wanted, rtol=1e-12)
+    np.testing.assert_array_equal(response.channels["springs.idle.force"], 7.0)
+
+
+@pytest.mark.parametrize("more", [
+    'force_table = [["0 mm", "400 N"], ["4 mm", "550 N"], ["12 mm", "1100 N"]]',
+    'stiffness = "50 kN/m", clash_travel = "8 mm", clash_stiffness = "0.1 MN/m", mass = "60 g"',
+    'stiffness = "50 kN/m", pulsation = { order = 3, amplitude = 0.2 }',
+])  # fmt: skip
+def test_force_in_the_rigid_train_is_the_slow_limit(more):
+    case = read_case(PUSHROD, [f"springs.valve={{ {BASE}, {more} }}", "run.crank_speed=200rpm"])
+    rigid, slow = (run(case, rigid=one).channels["springs.valve.force"] for one in (True, False))
+    assert np.abs(rigid - slow).max() < 0.03 * slow.max()
+    assert np.median(np.abs(rigid - slow)) < 0.005 * slow.max()

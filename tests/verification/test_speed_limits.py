@@ -7,7 +7,8 @@ import math
 import pytest
 
 import flexcam
-from flexcam.analysis.limits import Search, compare_models_over_speed, divergence_speed, find_limits
+from flexcam.analysis.comparison import compare_models_over_speed, divergence_speed
+from flexcam.analysis.limits import Search, find_limits
 from flexcam.valvetrain import separation
 
 RPM = math.pi / 30.0

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from flexcam import valvetrain
 from flexcam.cams import (
@@ -18,6 +18,8 @@ from flexcam.cams import (
     SwingFlatFollower,
     SwingRollerFollower,
     centreline,
+    event_extremes,
+    valve_event,
 )
 from flexcam.case.curves import LawDefinition, LiftDefinition
 from flexcam.case.schema.base import (
@@ -32,6 +34,7 @@ from flexcam.case.schema.base import (
     SignedAngle,
     Unit,
     Vector,
+    value_error,
 )
 from flexcam.core.errors import InputError, refuse
 from flexcam.core.units import parse
@@ -61,6 +64,32 @@ class RampsRecord(Record):
         """Build the opening and the closing ramp."""
         closing = (self.closing_height or self.height, self.closing_duration or self.duration)
         return Ramp(self.height, self.duration, self.take_off), Ramp(*closing, self.take_off)
+
+
+class TimingRecord(Record):
+    """Place of a cam on its shaft by the angle at which its follower passes a lift."""
+
+    lift: Length = Field(description="of the follower, such as 0.050 in")
+    opening: SignedAngle | None = Field(None, description="cam angle at which the follower opens above the lift")
+    closing: SignedAngle | None = Field(None, description="cam angle at which it closes, instead of opening")
+    centre: SignedAngle | None = Field(None, description="lobe centre halfway between both, instead of these")
+
+    @model_validator(mode="after")
+    def _check_angle(self) -> Self:
+        given = [key for key in ("opening", "closing", "centre") if getattr(self, key) is not None]
+        if len(given) != 1:
+            raise value_error("one of opening, closing, centre", given=" and ".join(given) or "none of them")
+        return self
+
+    def phase_of(self, event: Event) -> float:
+        """Return the phase, rad, that places a lift event of phase zero."""
+        found = valve_event(event, self.lift)
+        if found is None:
+            allowed = f"below the maximum lift {event_extremes(event)[1].value:g} m"
+            raise refuse("timing.lift", f"{self.lift:g} m", allowed, "the follower never passes it")
+        if self.centre is not None:
+            return self.centre - 0.5 * found.centre
+        return (self.opening or 0.0) - 0.5 * found.opens if self.closing is None else self.closing - 0.5 * found.closes
 
 
 class FlatRecord(Record):
@@ -139,6 +168,7 @@ class CamDesignRecord(PartRecord[valvetrain.Cam]):
     centreline: SignedAngle | None = Field(
         None, description="cam angle of the maximum lift (the middle of an upper dwell), instead of phase"
     )
+    timing: TimingRecord | None = Field(None, description="place by a lift of the follower, instead of phase")
     tdc: SignedAngle | None = Field(
         None, description="cam angle at the top dead centre of the gas exchange of its cylinder, for the cam card"
     )
@@ -176,14 +206,18 @@ class CamDesignRecord(PartRecord[valvetrain.Cam]):
 
     @property
     def start_angle(self) -> float:
-        """Cam angle at which the rise (or the table's zero) lies, rad: the phase, or that of the centreline."""
+        """Cam angle at which the rise (or the table's zero) lies, rad, by phase, centreline or timing."""
+        if self.timing is not None:
+            return self.timing.phase_of(self._event_at(0.0))
         return self.phase if self.centreline is None else self.centreline - centreline(self._event_at(0.0))
 
     def _check(self) -> None:
         """Check the cam; missing keys are reported with the references of all tables."""
-        if self.centreline is not None and self.phase != 0.0:
-            given, why = "a centreline and a phase", "each of them places the cam on its shaft"
-            raise refuse("centreline", given, "centreline or phase, not both", why, "leave one of them out")
+        places = {"phase": self.phase or None, "centreline": self.centreline, "timing": self.timing}
+        given = [key for key, value in places.items() if value is not None]
+        if len(given) > 1:
+            why = "each of them places the cam on its shaft"
+            raise refuse(given[1], " and ".join(given), f"one of {', '.join(places)}", why, "leave the others out")
         if not self.missing_keys:
             super()._check()
         elif self.follower is not None:
