@@ -80,7 +80,8 @@ def _metadata(case: Case) -> dict[str, str]:
     """Return the texts stored with a result: the case as written and resolved, and the versions."""
     return {
         "title": case.record.title,
-        "case_file": str(case.path),
+        # Relative paths as given; an absolute one would tell others the folders of this machine.
+        "case_file": case.path.name if case.path.is_absolute() else case.path.as_posix(),
         "case": case.text,
         "overrides": json.dumps(case.overrides),
         "files": json.dumps(case.files),

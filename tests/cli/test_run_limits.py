@@ -13,7 +13,7 @@ from flexcam.analysis import resources
 from flexcam.analysis.error_estimate import estimate_errors
 from flexcam.analysis.preparation import prepare
 from flexcam.analysis.run import estimate_case_resources
-from flexcam.cli.run import parse_duration
+from flexcam.cli.app import parse_duration
 from flexcam.dynamics import Cause
 
 HUGE = ("--set", "run.revolutions=1e9")

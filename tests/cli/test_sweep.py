@@ -54,6 +54,17 @@ def test_json_and_chosen_scalars(flexcam, case):
     assert all(Path(path).exists() for path in done.json["files"])
 
 
+def test_a_variant_beyond_the_time_limit_fails_alone(flexcam, case, tmp_path):
+    """A resumed sweep runs it again, and keeps the others."""
+    words = ("sweep", case, "--set", "run.revolutions=0.1,1e6", "--workers", "0", "--time-limit", "1s", "--json")
+    done = flexcam(*words)
+    assert done.json["failed"] == {"time-limit": [2]}
+    assert read_table(tmp_path / "results/case.sweep.h5").statuses[0].ok
+    flexcam(*words, "--resume")
+    assert [json.loads(line)["chunk"] for line in journal(tmp_path / "results")[1:]] == [0, 1, 1]
+    assert "--time-limit" in flexcam(*words[:-2], "1 parsec", "--overwrite").err
+
+
 def test_variants_that_are_all_alike_are_told_so(flexcam, case, tmp_path):
     done = flexcam("sweep", case, "--set", "title=one,other", "--set", "run.revolutions=0.1", "--workers", "0",
                    "-o", tmp_path / "out")  # fmt: skip
