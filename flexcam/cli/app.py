@@ -199,35 +199,17 @@ def parse_quantity(where: str, text: str, dimension: str, unit: str) -> float:
 
 
 _TIME_UNITS = {"h": 3600.0, "min": 60.0, "s": 1.0, "ms": 1e-3}
-_DURATION = re.compile(r"\s*(\d+\.?\d*|\.\d+)\s*([A-Za-z]+)\s*")
-_BARE_TIME = re.compile(r"\s*(\d+\.?\d*|\.\d+)\s*$")
-_ALLOWED_TIME = "a time above zero with its unit, such as 90s, 5min30s or 2h"
+_PART_OF_TIME = r"\s*(\d+(?:\.\d*)?|\.\d+)\s*(h|min|ms|s)\s*"
 
 
 def parse_duration(where: str, text: str) -> float:
-    """Parse a duration."""
-    seconds = 0.0
-    position = 0
-    while found := _DURATION.match(text, position):
-        if found[2] not in _TIME_UNITS:
-            raise _refuse_duration(where, text, f"{found[2]!r} is not one of {', '.join(_TIME_UNITS)}")
-        seconds += float(found[1]) * _TIME_UNITS[found[2]]
-        position = found.end()
-    if position < len(text) or not position:
-        rest = text[position:]
-        why = f"{rest.strip()} has no unit" if _BARE_TIME.match(rest) else f"{rest!r} is not a number with a unit"
-        raise _refuse_duration(where, text, why)
-    if not 0.0 < seconds < math.inf:
-        raise _refuse_duration(where, text, "it is zero" if seconds == 0.0 else "it is not finite")
+    """Return a duration such as ``5min30s``, s."""
+    parts: list[tuple[str, str]] = re.findall(_PART_OF_TIME, text)
+    seconds = sum(float(number) * _TIME_UNITS[unit] for number, unit in parts)
+    if not re.fullmatch(f"(?:{_PART_OF_TIME})+", text) or not 0.0 < seconds < math.inf:
+        allowed = "a time above zero with its unit (h, min, s or ms), such as 90s, 5min30s or 2h"
+        raise refuse(where, text or "nothing", allowed, "it is no such time", "write a unit, or leave the option out")
     return seconds
-
-
-def _refuse_duration(where: str, text: str, why: str) -> InputError:
-    bare = _BARE_TIME.match(text)
-    remedy = (
-        f"write {bare[1]}s or {bare[1]}min" if bare else "write a number and h, min or s; leave it out for no limit"
-    )
-    return refuse(where, text or "nothing", _ALLOWED_TIME, why, remedy)
 
 
 def load_case(path: Path, overrides: Sequence[str] | None) -> Case:

@@ -205,20 +205,19 @@ def test_a_scheduler_that_does_not_answer(flexcam, case, tmp_path, monkeypatch, 
         done = flexcam("sweep", "case.toml", *SPEEDS, "--scheduler", address)
     assert done.code == 2
     assert "none answers there within 0.5 s" in done.err
-    assert ("it keeps silent" in done.err) is listening
-    assert ("the connection is refused" in done.err) is not listening
+    assert ("Connection refused" in done.err) is not listening
     assert not list((tmp_path / "results").iterdir())
 
 
 @pytest.mark.parametrize(
-    ("address", "why", "remedy"),
+    ("address", "why"),
     [
-        ("tcp://nobody.invalid:8786", "no machine is known by that name", "check the name"),  # RFC 2606: never one
-        ("tcp://127.0.0.1", "missing port number", "write it as tcp://HOST:PORT"),
-        ("http://127.0.0.1:8786", "unknown address scheme", "write it as tcp://HOST:PORT"),
+        ("tcp://nobody.invalid:8786", "Name or service not known"),  # RFC 2606: never one
+        ("tcp://127.0.0.1", "missing port number"),
+        ("http://127.0.0.1:8786", "unknown address scheme"),
     ],
 )
-def test_an_address_that_is_none(flexcam, case, monkeypatch, address, why, remedy):
+def test_an_address_that_is_none(flexcam, case, monkeypatch, address, why):
     def unknown(*asked, **more):
         raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
 
@@ -227,7 +226,7 @@ def test_an_address_that_is_none(flexcam, case, monkeypatch, address, why, remed
     done = flexcam("sweep", "case.toml", *SPEEDS, "--scheduler", address)
     assert done.code == 2
     assert why in done.err
-    assert remedy in done.err
+    assert "tcp://HOST:PORT" in done.err
 
 
 @pytest.mark.slow
