@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 JOBS ?= 2
 
-.PHONY: demo test test-slow test-slow-rotation planted lint meshes bench bench-smoke bench-peers performance verification extremes trust docs-pages wheel-check clean
+.PHONY: demo test test-slow test-slow-rotation dependencies planted lint meshes bench bench-smoke bench-peers performance verification extremes trust docs-pages wheel-check clean
 .DEFAULT_GOAL := demo
 
 # The matrices are small: threads of the linear algebra would only hinder each other.
@@ -100,6 +100,10 @@ wheel-check: $(VENV)/.dev
 # Each benchmark once, so that none rots.
 bench-smoke: $(VENV)/.dev
 	$(BIN)/python -m pytest benchmarks --benchmark-disable -q
+
+# The normal suite with the lowest dependencies, and with the newest on every Python that is found.
+dependencies:
+	$(PYTHON) tests/dependencies.py
 
 test-slow-rotation: $(VENV)/.dev
 	$(BIN)/python tests/slow_rotation.py 480

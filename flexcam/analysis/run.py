@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 import platform
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
-from typing import Any, Literal, cast
+from typing import Literal
 
 import numpy as np
 
@@ -80,7 +80,8 @@ def _metadata(case: Case) -> dict[str, str]:
     """Return the texts stored with a result: the case as written and resolved, and the versions."""
     return {
         "title": case.record.title,
-        "case_file": str(case.path),
+        # Relative paths as given; an absolute one would tell others the folders of this machine.
+        "case_file": case.path.name if case.path.is_absolute() else case.path.as_posix(),
         "case": case.text,
         "overrides": json.dumps(case.overrides),
         "files": json.dumps(case.files),
@@ -243,23 +244,9 @@ def _text_lines(text: str) -> dict[str, str]:
     return {f", line {number}": line for number, line in enumerate(text.split("\n"), start=1)}
 
 
-def _text_values(text: str) -> dict[str, str]:
-    """Return the text of every value in nested tables by its dotted key."""
-
-    def flatten(value: object, path: str) -> Iterator[tuple[str, str]]:
-        if isinstance(value, dict):
-            for name, inner in cast("dict[str, Any]", value).items():
-                yield from flatten(inner, f"{path}.{name}".removeprefix("."))
-        else:
-            yield f", {path}", json.dumps(value)
-
-    return dict(flatten(json.loads(text or "{}"), ""))
-
-
 _COMPARED_TEXTS: dict[str, tuple[str, Callable[[str], dict[str, str]]]] = {
     "case": ("the text of the case", _text_lines),
     "overrides": ("--set", lambda text: {"": ", ".join(json.loads(text or "[]"))}),
-    "resolved": ("values of the case", _text_values),
     **{name: (name, lambda text: {"": text}) for name in ("flexcam", "python", "numpy", "scipy", "numba")},
 }
 """Texts of a result that must be equal for identical numbers, their description, and their parts by place."""

@@ -21,7 +21,7 @@ from flexcam.core.errors import Fault, InputError, suggest_name
 from flexcam.core.units import parse
 from flexcam.fem.frames import component, default_orientation, triads
 from flexcam.fem.mesh import Mesh
-from flexcam.valvetrain import Adjuster, Lash, Model
+from flexcam.valvetrain import Model
 
 Table = Mapping[str, Any]
 
@@ -298,11 +298,10 @@ _ROUNDNESS_TOLERANCE = 0.01
 
 
 def model_faults(case: Case, model: Model) -> Iterator[Fault]:
-    """Yield the faults of shafts that are not round, opposite cams on a shaft, and immovable rockers and lashes."""
+    """Yield the faults of shafts that are not round, opposite cams on a shaft, and immovable rockers."""
     yield from _unsymmetric_shaft_faults(case, model)
     yield from _rotation_faults(case, model)
     yield from _undriven_rocker_faults(case, model)
-    yield from _immovable_lash_faults(case, model)
 
 
 def _unsymmetric_shaft_faults(case: Case, model: Model) -> Iterator[Fault]:
@@ -350,17 +349,6 @@ def _undriven_rocker_faults(case: Case, model: Model) -> Iterator[Fault]:
             given, why = f"{rocker.start!r}, fixed along the rocker's direction", "nothing could drive the rocker"
             allowed, remedy = "a node that can move along it", "give the direction in which the node moves, or free it"
             yield Fault(case.place(("rockers", name, "from")), given, allowed, why, remedy)
-
-
-def _immovable_lash_faults(case: Case, model: Model) -> Iterator[Fault]:
-    """Yield lashes between two fixed nodes; with one fixed node a lash is a valid stop."""
-    for name, lash in model.contacts.items():
-        if not isinstance(lash, Lash | Adjuster) or lash.ends is None or lash.direction is None:
-            continue
-        if all(_supports_block(model, end, lash.direction) for end in lash.ends):
-            where, given = case.place(("contacts", name, "direction")), " and ".join(map(repr, lash.ends))
-            allowed, why = "a direction in which one of them can move", "the lash would have no effect"
-            yield Fault(where, f"{given}, both fixed along it", allowed, why, "change the direction, or free a node")
 
 
 def _supports_block(model: Model, point: str, direction: FloatArray) -> bool:

@@ -16,20 +16,17 @@ import numpy as np
 from flexcam.case.case import Case
 from flexcam.case.fault_report import parse_toml
 from flexcam.case.records import resolve_record, si_unit
-from flexcam.core.errors import FlexcamError
 from flexcam.core.units import RPM
 from flexcam.dynamics import (
-    ConstantSpeed,
     Method,
     Problem,
     RunFailedError,
     SaveAt,
     Scheme,
-    equilibrium,
     newmark,
     solve,
 )
-from flexcam.valvetrain import Adjuster, CamContact, Lash, Model, Seat, build_system, shared_forces, touching_coils
+from flexcam.valvetrain import Adjuster, CamContact, Lash, Model, Seat, shared_forces, touching_coils
 
 
 @dataclass(frozen=True)
@@ -295,9 +292,6 @@ _OVERSHOOT_TOLERANCE = 0.01
 _IMPACT_LIFT = 1e-3
 """Lift relative to its maximum from which a start causes an impact; measured lifts may have noise below it."""
 
-_ANGLES = np.linspace(0.0, 2.0 * math.pi, 721)
-"""Cam angles, rad, at which the base circle is searched."""
-
 
 def check_open_contacts(model: Model, problem: Problem) -> list[str]:
     """Return warnings about cam contacts and seats that are open on the base circle at the start."""
@@ -413,27 +407,8 @@ def check_shared_seat_load(model: Model, speed: float) -> list[str]:
     return [
         f"Warning: contacts.{name}: no lash separates the cam from a closed seat, and both share the {force:.4g} N of "
         "the springs by their stiffness: on the base circle the rigid train leaves all to the seat"
-        + _describe_base_circle_force(model, name, speed)
         for name, force in shared_forces(model, speed).items()
     ]
-
-
-def _describe_base_circle_force(model: Model, contact: str, speed: float) -> str:
-    """Describe the force on a cam on its base circle in the flexible train; empty if not known."""
-    event = model.cams[model.cam_contacts[contact].cam].event
-    low = _ANGLES[np.abs(event(_ANGLES, 0)) <= _LIFT_TOLERANCE * event.height]
-    if not len(low):
-        return ""
-    drive = ConstantSpeed(speed, float(low[0]))
-    try:
-        system = build_system(model, speed)
-        if system.size > _MAX_DOFS:
-            return ""
-        standstill = Problem(system, drive, 1e-6 / speed, 1, equilibrium(system, drive), engine="direct")
-        force = float(solve(standstill, newmark()).channels[f"contacts.{contact}.force"][0])
-    except FlexcamError:  # data not needed by a rigid train may be missing
-        return ""
-    return f", the flexible one leaves {force:.4g} N to the cam"
 
 
 def check_coil_bind(model: Model, speed: float) -> list[str]:

@@ -78,6 +78,9 @@ def case_from_result(result: Result) -> Case:
     source, text = Path(about["case_file"]), about["case"]
     file = CaseFile(source, text, _parse_case(source, text), files=json.loads(about.get("files", "{}")))
     case = file.read(json.loads(about["overrides"]), mesh=result.mesh)
+    named = ((case.record.nodes, result.mesh.points), (case.record.members, result.mesh.lines))
+    if lacking := [name for names, found in named for name in names if name not in found]:
+        raise refuse("result", f"a mesh without {', '.join(lacking)}", "the mesh of its case", "", "compute it again")
     members = {name: one.model_copy(update={"elements": 1}) for name, one in case.record.members.items()}
     return replace(case, record=case.record.model_copy(update={"members": members}), mesh=result.mesh)
 

@@ -6,6 +6,7 @@ the first, and in the second if it does not use every key.
 
 from __future__ import annotations
 
+import math
 import os
 import platform
 import re
@@ -62,25 +63,17 @@ class IgnoredKeys:
         Behaviour of the commands instead.
     remedy
         Suggested action.
-    overrides_only
-        Whether only keys set by ``--set`` are reported. A file is written for all commands, so its unused keys are not
-        reported; an override is intended for the current command.
-    but
-        Exceptions below `keys` that the commands use.
     """
 
     commands: tuple[str, ...]
     keys: tuple[str, ...]
     why: str
     remedy: str
-    overrides_only: bool = False
-    but: tuple[str, ...] = ()
 
 
 _ACCURACY = ("fidelity.tolerance", "fidelity.estimate")
 _MODEL = ("fidelity.model", "fidelity.masses", "fidelity.modes", "fidelity.reduction")
 _NORM = ("fidelity.norm",)
-_SPEEDS = ("run.speed", "run.crank_speed")
 _OMIT = "leave it out"
 
 IGNORED_KEYS = (
@@ -106,67 +99,23 @@ IGNORED_KEYS = (
         _OMIT,
     ),
     IgnoredKeys(("cam",), (*_MODEL, *_ACCURACY, *_NORM), "a cam needs no model of the train", _OMIT),
-    IgnoredKeys(
-        ("modes",),
-        ("run", "output"),
-        "natural modes need no run",
-        _OMIT,
-        overrides_only=True,
-        but=(*_SPEEDS, "run.gravity", "run.fluctuation", "run.free_running"),
-    ),
-    IgnoredKeys(
-        ("cam",),
-        ("run", "output"),
-        "a cam needs no run",
-        _OMIT,
-        overrides_only=True,
-        but=_SPEEDS,
-    ),
-    IgnoredKeys(
-        ("cam",),
-        ("springs", "masses", "loads", "materials", "sections", "bearings"),
-        "it evaluates the cams only",
-        _OMIT,
-        overrides_only=True,
-    ),
-    IgnoredKeys(("limits",), ("run.revolutions",), "it runs a few revolutions at each speed", _OMIT, True),
 )
 """Ignored keys by command."""
-
-_REPORTING_COMMANDS = ("check", "run")
-"""Commands that report ignored keys with their other warnings."""
-
-_COMMAND_TABLES = {"paper": "compare", "sweep": "sweep"}
-"""Tables used by a single command."""
 
 
 def ignored_key_warnings(command: str, overrides: Sequence[str], case: Case | None = None) -> list[str]:
     """Return messages about the given keys that a command ignores."""
     keys = [one.partition("=")[0].strip() for one in overrides]
-    repeated = [
+    notes = [
         f"Note: --set {one} has no effect: --set {overrides[last]} replaces it; leave one out"
         for i, one in enumerate(overrides)
         if (last := len(keys) - 1 - keys[::-1].index(keys[i])) != i
     ]
-    found: dict[tuple[str, str], list[str]] = {}
     for row in IGNORED_KEYS:
-        if command in row.commands:
-            if row.overrides_only or case is None:
-                ignored = [f"{key} (--set)" for key in keys if _is_below(key, row.keys) and not _is_below(key, row.but)]
-            else:
-                ignored = [case.place(key) for key in _changed_keys(case, row.keys)]
-            found.setdefault((row.why, row.remedy), []).extend(ignored)
-    sentences = [_sentence(ignored, command, *reason) for reason, ignored in found.items() if ignored]
-    return [*repeated, *sentences, *_other_command_overrides(command, keys), *_ineffective_keys(command, case)]
-
-
-def _sentence(keys: Sequence[str], command: str, why: str, remedy: str) -> str:
-    return f"Note: {', '.join(keys)} {'has' if len(keys) == 1 else 'have'} no effect in {command}: {why}; {remedy}"
-
-
-def _is_below(key: str, above: Sequence[str]) -> bool:
-    """Return whether a key equals or is below one of several keys."""
-    return any(key == one or key.startswith(f"{one}.") for one in above)
+        if case is not None and command in row.commands and (changed := list(_changed_keys(case, row.keys))):
+            given, has = ", ".join(map(case.place, changed)), "has" if len(changed) == 1 else "have"
+            notes.append(f"Note: {given} {has} no effect in {command}: {row.why}; {row.remedy}")
+    return notes
 
 
 def _changed_keys(case: Case, keys: Sequence[str]) -> Iterator[tuple[str, str]]:
@@ -176,27 +125,6 @@ def _changed_keys(case: Case, keys: Sequence[str]) -> Iterator[tuple[str, str]]:
         default: object = type(record).model_fields[name].default
         if name in record.model_fields_set and getattr(record, name) != default:
             yield table, name
-
-
-def _other_command_overrides(command: str, keys: Sequence[str]) -> Iterator[str]:
-    """Yield messages about overrides of tables of other commands."""
-    for key in keys:
-        its = _COMMAND_TABLES.get(key.partition(".")[0])
-        if its not in (None, command) and command != "check":
-            yield _sentence([f"{key} (--set)"], command, f"that table is for flexcam {its}", _OMIT)
-
-
-def _ineffective_keys(command: str, case: Case | None) -> Iterator[str]:
-    """Yield messages about keys without effect because of another key of the case."""
-    if (
-        case is None
-        or command in _REPORTING_COMMANDS
-        or any(command in row.commands and "fidelity.masses" in row.keys for row in IGNORED_KEYS)
-    ):
-        return
-    if case.record.fidelity.model != "chain" and (given := list(_changed_keys(case, ["fidelity.masses"]))):
-        why = f"it is a number of masses of a chain, and the model is {case.record.fidelity.model}"
-        yield _sentence([case.place(key) for key in given], "this case", why, 'give fidelity.model = "chain"')
 
 
 @dataclass
@@ -268,6 +196,20 @@ def parse_quantity(where: str, text: str, dimension: str, unit: str) -> float:
         allowed = f"a number with its unit, such as '{text.strip()} {unit}'"
         raise refuse(where, text, allowed, "the unit is missing", f"write '{text.strip()} {unit}'")
     return parse(text, dimension, where)
+
+
+_TIME_UNITS = {"h": 3600.0, "min": 60.0, "s": 1.0, "ms": 1e-3}
+_PART_OF_TIME = r"\s*(\d+(?:\.\d*)?|\.\d+)\s*(h|min|ms|s)\s*"
+
+
+def parse_duration(where: str, text: str) -> float:
+    """Return a duration such as ``5min30s``, s."""
+    parts: list[tuple[str, str]] = re.findall(_PART_OF_TIME, text)
+    seconds = sum(float(number) * _TIME_UNITS[unit] for number, unit in parts)
+    if not re.fullmatch(f"(?:{_PART_OF_TIME})+", text) or not 0.0 < seconds < math.inf:
+        allowed = "a time above zero with its unit (h, min, s or ms), such as 90s, 5min30s or 2h"
+        raise refuse(where, text or "nothing", allowed, "it is no such time", "write a unit, or leave the option out")
+    return seconds
 
 
 def load_case(path: Path, overrides: Sequence[str] | None) -> Case:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -36,7 +35,18 @@ from flexcam.analysis.run_checks import (
     numerical_dissipation,
 )
 from flexcam.case.case import Case
-from flexcam.cli.app import AllowLarge, CaseFile, Folder, Json, Overrides, Overwrite, app, load_case, run_state
+from flexcam.cli.app import (
+    AllowLarge,
+    CaseFile,
+    Folder,
+    Json,
+    Overrides,
+    Overwrite,
+    app,
+    load_case,
+    parse_duration,
+    run_state,
+)
 from flexcam.core.errors import NAME, NAMES, InputError, collect_errors, refuse
 from flexcam.dynamics import Cause, Response, RunFailedError, Stats, Status, solve
 from flexcam.io import check_folder_name, check_folder_writable, check_writable
@@ -130,38 +140,6 @@ def _tables(ran: FinishedRun) -> Iterator[Table]:
         yield metrics_table(others)
     if ran.errors:
         yield error_table(ran.errors)
-
-
-_TIME_UNITS = {"h": 3600.0, "min": 60.0, "s": 1.0, "ms": 1e-3}
-_DURATION = re.compile(r"\s*(\d+\.?\d*|\.\d+)\s*([A-Za-z]+)\s*")
-_BARE = re.compile(r"\s*(\d+\.?\d*|\.\d+)\s*$")
-_ALLOWED = "a time above zero with its unit, such as 90s, 5min30s or 2h"
-
-
-def parse_duration(where: str, text: str) -> float:
-    """Parse a duration."""
-    seconds = 0.0
-    position = 0
-    while found := _DURATION.match(text, position):
-        if found[2] not in _TIME_UNITS:
-            raise _refuse_duration(where, text, f"{found[2]!r} is not one of {', '.join(_TIME_UNITS)}")
-        seconds += float(found[1]) * _TIME_UNITS[found[2]]
-        position = found.end()
-    if position < len(text) or not position:
-        rest = text[position:]
-        why = f"{rest.strip()} has no unit" if _BARE.match(rest) else f"{rest!r} is not a number with a unit"
-        raise _refuse_duration(where, text, why)
-    if not 0.0 < seconds < math.inf:
-        raise _refuse_duration(where, text, "it is zero" if seconds == 0.0 else "it is not finite")
-    return seconds
-
-
-def _refuse_duration(where: str, text: str, why: str) -> InputError:
-    bare = _BARE.match(text)
-    remedy = (
-        f"write {bare[1]}s or {bare[1]}min" if bare else "write a number and h, min or s; leave it out for no limit"
-    )
-    return refuse(where, text or "nothing", _ALLOWED, why, remedy)
 
 
 @app.command(

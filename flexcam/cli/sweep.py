@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -11,7 +12,7 @@ import numpy as np
 from cyclopts import Group, Parameter
 from rich.table import Table as RichTable
 
-from flexcam.cli.app import AllowLarge, CaseFile, Folder, Json, Overwrite, app, print_files
+from flexcam.cli.app import AllowLarge, CaseFile, Folder, Json, Overwrite, app, parse_duration, print_files
 from flexcam.core import FloatArray
 from flexcam.core.errors import collect_errors, refuse
 from flexcam.core.units import to_display_unit
@@ -143,6 +144,9 @@ def sweep(
         str | None, Parameter(group=_WORKERS, help="Dask scheduler tcp://HOST:PORT, or local with --workers processes.")
     ] = None,
     limit: Annotated[int, Parameter(group=_WORKERS, help="Max number of variants.")] = MAX_VARIANTS,
+    time_limit: Annotated[
+        str | None, Parameter(group=_WORKERS, help="Max time of a variant, such as 30s or 5min; a longer one fails.")
+    ] = None,
     allow_large: AllowLarge = False, overwrite: Overwrite = False, as_json: Json = False,
 ) -> Status | None:  # fmt: skip
     """Run many variants of a case and write one table with a row per variant.
@@ -151,11 +155,15 @@ def sweep(
     run and its status.
     """
     kept = [name.strip() for words in scalars or [] for name in words.split(",")]
-    asked, runners = collect_errors(
+    asked, (runners, seconds) = collect_errors(
         lambda: make_sweep(case, settings or (), sampled=sample, seed=seed, scalars=kept, limit=limit),
-        lambda: _create_workers(scheduler, workers),
+        lambda: collect_errors(
+            lambda: _create_workers(scheduler, workers),
+            lambda: None if time_limit is None else parse_duration("--time-limit", time_limit),
+        ),
         lambda: check_folder_name(folder),
     )
+    asked = replace(asked, time_limit=seconds)
     target = OutputTarget(folder, resume, overwrite, histories, parquet)
     if not allow_large:
         at_once = 1 if scheduler or workers == 0 else workers or _count_cores()

@@ -8,7 +8,6 @@ from __future__ import annotations
 import csv
 import os
 import re
-import shutil
 import tempfile
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -195,9 +194,6 @@ _CREATABLE, _WRITABLE = "a folder that can be made", "a folder that takes files"
 
 def check_writable(where: str, path: Path, *, overwrite: bool, remedy: str = _REMEDY) -> None:
     """Raise an error if an output file exists and may not be overwritten."""
-    if path.is_symlink() and not path.exists():  # a dangling link: writing would create an unknown target
-        allowed, why = "a file that does not exist yet", "it is a symbolic link to a missing file"
-        raise refuse(where, str(path), allowed, why, "remove the link, or name another file")
     if path.is_dir():
         raise refuse(where, str(path), "a file", "a folder has this name", "move it, or name another folder")
     if path.exists() and not overwrite:
@@ -217,9 +213,7 @@ def _nearest_existing(folder: Path) -> Path:
 def _describe_obstacle(folder: Path) -> str:
     """Describe a file at the path of a folder or of one of its parents; empty if there is none."""
     above = _nearest_existing(folder)
-    if above.is_dir():
-        return ""
-    return f"{above} is a symbolic link that leads nowhere" if above.is_symlink() else f"{above} is a file"
+    return "" if above.is_dir() else f"{above} is not a folder"
 
 
 _FILE_SUFFIXES = frozenset((
@@ -323,50 +317,8 @@ def lock_file(file: int) -> bool:
     return True
 
 
-_PREFIX = "flexcam-scratch-"
-_FLAGS = os.O_RDONLY | getattr(os, "O_DIRECTORY", 0) | getattr(os, "O_NOFOLLOW", 0)
-
-
 @contextmanager
 def temporary_folder() -> Generator[Path]:
-    """Yield a new temporary folder, removed at the end; first remove folders left by earlier processes of this user.
-
-    Without file locks (Windows, some network drives) only the new folder is removed.
-    """
-    for left in Path(tempfile.gettempdir()).glob(f"{_PREFIX}*"):
-        with suppress(OSError):  # locked or removed by another process
-            _remove_stale(left)
-    folder, lock = _locked_folder()
-    try:
-        yield folder
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
-        if lock is not None:
-            os.close(lock)
-
-
-def _remove_stale(folder: Path) -> None:
-    """Remove a folder of this user that no process has locked."""
-    lock = os.open(folder, _FLAGS)
-    try:
-        if os.fstat(lock).st_uid == os.getuid() and lock_file(lock):
-            shutil.rmtree(folder, ignore_errors=True)
-    finally:
-        os.close(lock)
-
-
-def _locked_folder() -> tuple[Path, int | None]:
-    """Return a new folder and the descriptor of its lock; None without file locks."""
-    while True:  # another process may remove the new folder before it is locked
-        folder = Path(tempfile.mkdtemp(prefix=_PREFIX))
-        try:
-            lock = os.open(folder, _FLAGS)
-        except FileNotFoundError:
-            continue
-        except OSError:  # this system cannot open folders
-            return folder, None
-        with suppress(BlockingIOError):
-            lock_file(lock)
-            if folder.exists():
-                return folder, lock
-        os.close(lock)
+    """Yield a new temporary folder, removed at the end."""
+    with tempfile.TemporaryDirectory(prefix="flexcam-", ignore_cleanup_errors=True) as folder:
+        yield Path(folder)

@@ -124,12 +124,14 @@ class Row:
 
 
 def evaluate(
-    case: Case, *, folder: Path | None = None, model: Model | None = None, runs: int = 1, channels: bool = True
-) -> Row:
-    """Run a case and return its row."""
+    case: Case, *, folder: Path | None = None, model: Model | None = None, runs: int = 1, channels: bool = True,
+    time_limit: float | None = None,
+) -> Row:  # fmt: skip
+    """Run a case, no longer than `time_limit`, s, and return its row."""
     begun = time.perf_counter()
+    until = None if time_limit is None else time.monotonic() + time_limit
     try:
-        row = _run(case, folder, model, runs, channels)
+        row = _run(case, folder, model, runs, channels, until)
     except InputError as refusal:
         row = rejected_row(refusal)
     except RunFailedError as failure:
@@ -145,14 +147,16 @@ _SPARSE_OUTPUT = SaveAt(field_every=4096)
 """Output of one of many linear runs without saved fields: blocks are long; rows agree with a single run to rounding."""
 
 
-def _run(case: Case, folder: Path | None, model: Model | None, runs: int, channels: bool) -> Row:
-    read, choice = select_case(case)
-    ready = prepare(read, model=model)
+def _run(
+    case: Case, folder: Path | None, model: Model | None, runs: int, channels: bool, until: float | None
+) -> Row:  # fmt: skip
+    read, choice = select_case(case, until)
+    ready = prepare(read, model=model, until=until)
     sinks = [] if folder is None else [open_result_file(ready, folder)]
     alone = sinks or runs == 1 or ready.problem.system.local_forces
     save = ready.save if alone else _SPARSE_OUTPUT
     save = save if channels or sinks else replace(save, channels=False)
-    response = solve(replace(ready.problem, runs=runs), ready.scheme, save=save, sinks=sinks)
+    response = solve(replace(ready.problem, runs=runs), ready.scheme, save=save, sinks=sinks, until=until)
     if not response.status.ok:
         return Row(response.status)
     figures = compute_scalars(ready, response)
@@ -179,7 +183,7 @@ def _internal_error_status(fault: Exception) -> Status:
 
 def evaluate_chunk(
     source: Bundle | Path, variants: Sequence[tuple[str, ...]], *, histories: bool = False, runs: int = 1,
-    channels: bool = True,
+    channels: bool = True, time_limit: float | None = None,
 ) -> list[Row]:  # fmt: skip
     """Run consecutive variants of a sweep, in a worker; variants that differ only in speed share their model."""
     file, rows = open_case(source), list[Row]()
@@ -195,9 +199,9 @@ def evaluate_chunk(
             model = _build_model(case)
         before = case
         rows.append(
-            _evaluate_with_history(case, model, runs)
+            _evaluate_with_history(case, model, runs, time_limit)
             if histories
-            else evaluate(case, model=model, runs=runs, channels=channels)
+            else evaluate(case, model=model, runs=runs, channels=channels, time_limit=time_limit)
         )
         if rows[-1].status.cause is Cause.INTERRUPTED:
             raise KeyboardInterrupt
@@ -217,9 +221,9 @@ def _build_model(case: Case) -> Model | None:
         return None
 
 
-def _evaluate_with_history(case: Case, model: Model | None, runs: int) -> Row:
+def _evaluate_with_history(case: Case, model: Model | None, runs: int, time_limit: float | None) -> Row:
     with temporary_folder() as folder:
-        row = evaluate(case, folder=folder, model=model, runs=runs)
+        row = evaluate(case, folder=folder, model=model, runs=runs, time_limit=time_limit)
         written = next(folder.iterdir(), None)
         return (
             row

@@ -9,7 +9,6 @@ import logging
 import multiprocessing
 import os
 import signal
-import socket
 import threading
 import warnings
 from collections import deque
@@ -388,33 +387,15 @@ def _check_address(asked: ClusterWorkers) -> None:
     try:
         _ = urlsplit(asked.address).port  # Dask maps a port above 65535 to another one
         asyncio.run(greet())
-    except OSError as fault:  # includes the timeout
-        raise _no_scheduler_error(asked, *_describe_timeout(fault)) from None
-    except (ValueError, TypeError) as fault:
-        raise _no_scheduler_error(asked, str(fault), "write it as tcp://HOST:PORT") from None
-    except (MemoryError, EOFError, RuntimeError, LookupError, AttributeError):
-        raise _no_scheduler_error(asked, "something else does", "check the port") from None
-
-
-def _describe_timeout(fault: BaseException) -> tuple[str, str]:
-    """Return why the scheduler did not answer, which Dask retries until the timeout, and a remedy."""
-    first = fault
-    while (behind := first.__cause__ or first.__context__) is not None:
-        first = behind
-    if isinstance(first, ConnectionRefusedError):
-        return "the connection is refused: no program listens on that port", "start one there: dask scheduler"
-    if isinstance(first, socket.gaierror):
-        return f"no machine is known by that name ({first.strerror})", "check the name, or give the number"
-    if isinstance(first, OSError) and first.errno:
-        return system_message(first), "check the address and the network"
-    why = "it keeps silent: no scheduler, or a firewall or a machine that is off"
-    return why, "check that a scheduler runs there and its port is open"
-
-
-def _no_scheduler_error(asked: ClusterWorkers, why: str, remedy: str) -> InputError:
-    why = f"none answers there within {_TIMEOUT:g} s: {why}"
-    given = asked.address or "nothing"
-    return refuse("--scheduler", given, "the address of a Dask scheduler", why, f"{remedy}; or use --workers N")
+    except (OSError, ValueError, TypeError, MemoryError, EOFError, RuntimeError, LookupError, AttributeError) as fault:
+        first: BaseException = fault
+        while (behind := first.__cause__ or first.__context__) is not None:  # Dask tries again until the timeout
+            first = behind
+        reason = system_message(first) if isinstance(first, OSError) and first.errno else "no scheduler answers"
+        reason = str(fault) if isinstance(fault, ValueError) else reason
+        why, allowed = f"none answers there within {_TIMEOUT:g} s: {reason}", "the address of a Dask scheduler"
+        remedy = "write tcp://HOST:PORT, check host, port and network, start a dask scheduler, or use --workers N"
+        raise refuse("--scheduler", asked.address or "nothing", allowed, why, remedy) from None
 
 
 def _check_workers(client: Any, asked: ClusterWorkers) -> None:  # noqa: ANN401 - distributed has no types

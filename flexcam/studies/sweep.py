@@ -164,6 +164,7 @@ class Sweep:
     scalars: tuple[str, ...] = ()  #: names or prefixes of the scalars to keep; empty for all
     #: whether contacts, members and energies are computed; otherwise only the motion of the probes
     channels: bool = True
+    time_limit: float | None = None  #: maximum time of a variant, s; None for no limit
 
     @property
     def chunks(self) -> tuple[Chunk, ...]:
@@ -172,7 +173,9 @@ class Sweep:
 
     def evaluate(self, *, histories: bool = False) -> Evaluate:
         """Return the function that evaluates a chunk."""
-        return partial(evaluate_chunk, histories=histories, runs=len(self.plan), channels=self.channels)
+        return partial(
+            evaluate_chunk, histories=histories, runs=len(self.plan), channels=self.channels, time_limit=self.time_limit
+        )
 
     def about(self) -> dict[str, str]:
         """Return the metadata of the table: case, plan and versions."""
@@ -360,7 +363,7 @@ def _run_missing_chunks(
     rows = dict(journal.rows)
     if advance:
         advance(sum(len(some) for some in rows.values()))
-    left = [chunk for chunk in asked.chunks if chunk.index not in rows]
+    left = [chunk for chunk in asked.chunks if chunk.index not in rows or _has_late_row(rows[chunk.index])]
     stale = target.existing_histories(asked.name) if target.histories and not rows else []
     with open_runner(workers, asked.bundle, asked.evaluate(histories=target.histories)) as run_chunks:
         for chunk, found in run_chunks(left):
@@ -372,6 +375,11 @@ def _run_missing_chunks(
             if advance:
                 advance(len(found))
     return _make_table(asked, rows)
+
+
+def _has_late_row(rows: Sequence[Row]) -> bool:
+    """Return whether a variant of a chunk reached the time limit; a resumed sweep runs the chunk again."""
+    return any(row.status.cause is Cause.TIME_LIMIT for row in rows)
 
 
 def _interrupted_status(asked: Sweep, target: OutputTarget) -> Status:

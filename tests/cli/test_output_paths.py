@@ -20,26 +20,24 @@ WORDS = {
 CHECKS = {
     "folder": create_folder,
     "try": check_folder_writable,
-    "file": lambda path: check_writable("result", path, overwrite=True),
 }
 
 
 @pytest.mark.parametrize("check", CHECKS)
 def test_a_link_that_leads_nowhere(check, tmp_path):
-    """What would stand there then, and whether the link was meant to stay, is the user's to say."""
     link = tmp_path / "link"
     link.symlink_to("nowhere")
-    with pytest.raises(InputError, match=r"symbolic link (to a missing file|that leads nowhere)"):
+    with pytest.raises(InputError, match="link is not a folder"):
         CHECKS[check](link)
     assert link.is_symlink()
     assert not link.exists()
 
 
-@pytest.mark.parametrize("check", ["folder", "try"])
+@pytest.mark.parametrize("check", CHECKS)
 @pytest.mark.parametrize("below", ["", "x", "x/y"])
 def test_a_file_in_the_place_of_a_folder(check, below, tmp_path):
     (tmp_path / "file").touch()
-    with pytest.raises(InputError, match=f"{tmp_path}/file is a file"):
+    with pytest.raises(InputError, match=f"{tmp_path}/file is not a folder"):
         CHECKS[check](tmp_path / "file" / below)
 
 

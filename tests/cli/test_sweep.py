@@ -54,6 +54,17 @@ def test_json_and_chosen_scalars(flexcam, case):
     assert all(Path(path).exists() for path in done.json["files"])
 
 
+def test_a_variant_beyond_the_time_limit_fails_alone(flexcam, case, tmp_path):
+    """A resumed sweep runs it again, and keeps the others."""
+    words = ("sweep", case, "--set", "run.revolutions=0.1,1e6", "--workers", "0", "--time-limit", "1s", "--json")
+    done = flexcam(*words)
+    assert done.json["failed"] == {"time-limit": [2]}
+    assert read_table(tmp_path / "results/case.sweep.h5").statuses[0].ok
+    flexcam(*words, "--resume")
+    assert [json.loads(line)["chunk"] for line in journal(tmp_path / "results")[1:]] == [0, 1, 1]
+    assert "--time-limit" in flexcam(*words[:-2], "1 parsec", "--overwrite").err
+
+
 def test_variants_that_are_all_alike_are_told_so(flexcam, case, tmp_path):
     done = flexcam("sweep", case, "--set", "title=one,other", "--set", "run.revolutions=0.1", "--workers", "0",
                    "-o", tmp_path / "out")  # fmt: skip
@@ -194,20 +205,19 @@ def test_a_scheduler_that_does_not_answer(flexcam, case, tmp_path, monkeypatch, 
         done = flexcam("sweep", "case.toml", *SPEEDS, "--scheduler", address)
     assert done.code == 2
     assert "None answers there within 0.5 s" in done.err
-    assert ("it keeps silent" in done.err) is listening
-    assert ("the connection is refused" in done.err) is not listening
+    assert ("Connection refused" in done.err) is not listening
     assert not list((tmp_path / "results").iterdir())
 
 
 @pytest.mark.parametrize(
-    ("address", "why", "remedy"),
+    ("address", "why"),
     [
-        ("tcp://nobody.invalid:8786", "no machine is known by that name", "Check the name"),  # RFC 2606: never one
-        ("tcp://127.0.0.1", "missing port number", "Write it as tcp://HOST:PORT"),
-        ("http://127.0.0.1:8786", "unknown address scheme", "Write it as tcp://HOST:PORT"),
+        ("tcp://nobody.invalid:8786", "Name or service not known"),  # RFC 2606: never one
+        ("tcp://127.0.0.1", "missing port number"),
+        ("http://127.0.0.1:8786", "unknown address scheme"),
     ],
 )
-def test_an_address_that_is_none(flexcam, case, monkeypatch, address, why, remedy):
+def test_an_address_that_is_none(flexcam, case, monkeypatch, address, why):
     def unknown(*asked, **more):
         raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
 
@@ -216,7 +226,7 @@ def test_an_address_that_is_none(flexcam, case, monkeypatch, address, why, remed
     done = flexcam("sweep", "case.toml", *SPEEDS, "--scheduler", address)
     assert done.code == 2
     assert why in done.err
-    assert remedy in done.err
+    assert "tcp://HOST:PORT" in done.err
 
 
 @pytest.mark.slow

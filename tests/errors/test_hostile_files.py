@@ -15,6 +15,7 @@ import pytest
 
 from flexcam import InputError, prepare, read_case, read_mesh, read_result
 from flexcam.analysis.run import open_result_file
+from flexcam.case.reader import case_from_result
 from flexcam.dynamics import solve
 from flexcam.io import open_hdf5, verify_file, write_digest
 from flexcam.report.content import load_subject
@@ -169,6 +170,17 @@ def test_a_result_without_its_case(name, sound, tmp_path):
         write_digest(file)
     with pytest.raises(InputError, match=f"nothing about '{name}'"):
         read_result(path)
+
+
+def test_a_result_whose_mesh_is_not_that_of_its_case(sound, tmp_path):
+    """Found by the fuzzer: sealed again, with a point under another name."""
+    path = tmp_path / "foreign.vtkhdf"
+    path.write_bytes(sound.read_bytes())
+    with h5py.File(path, "r+") as file:
+        file.move("mesh/points/front", "x")
+        write_digest(file)
+    with pytest.raises(InputError, match="a mesh without front"):
+        case_from_result(read_result(path))
 
 
 def test_a_result_whose_case_runs_for_years_is_not_run_again(sound, tmp_path):

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+# ruff: noqa: E501 - tables, a row to a line
 import atexit
 import contextlib
 import io
 import os
+import re
 import shutil
 import tempfile
 import warnings
@@ -14,6 +16,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from random import Random
 
+import h5py
 import numpy as np
 
 from flexcam.analysis.natural_modes import modes
@@ -22,10 +25,12 @@ from flexcam.cams import lift_table
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.case.reader import read_cams, read_case
+from flexcam.cli.app import run_state
 from flexcam.cli.main import main
 from flexcam.core.errors import InputError
 from flexcam.dynamics import Response, RunFailedError, solve
-from flexcam.io import read_lift, read_mesh, read_profile, read_result
+from flexcam.io import open_hdf5, read_lift, read_mesh, read_profile, read_result, write_digest
+from flexcam.io.hdf5 import READ_ERRORS
 from flexcam.studies.tables import read_table
 from tests.fuzz import damage, mutate
 
@@ -76,23 +81,121 @@ def case(path: Path, random: Random) -> str:
     return "accepted"
 
 
-def command(path: Path, random: Random) -> str:
-    """Run a command line on a case, to its exit code."""
-    words = random.choice((["check"], ["check", "--json"], ["modes"], ["compare", "--json"], ["cam"]))
-    with contextlib.suppress(InputError):
-        if _large(read_case(path)):
-            return "accepted"
+def call(*words: object) -> str:
+    """Run a command line in this process, to its exit code."""
     said, wrong = io.StringIO(), io.StringIO()
+    run_state.solving = False
+    run_state.signals.clear()
     try:
         with contextlib.redirect_stdout(said), contextlib.redirect_stderr(wrong):
-            main([*words[:1], str(path), *words[1:], "--set", "run.revolutions=0.02"])
+            main([str(word) for word in words])
     except SystemExit as ended:
-        if ended.code not in (0, 2, 3):
-            raise BrokenError(f"exit code {ended.code}: {wrong.getvalue()}") from None
-        if "Traceback" in wrong.getvalue() or "NaN" in said.getvalue():
-            raise BrokenError(said.getvalue()[-500:] + wrong.getvalue()[-500:]) from None
-        return {0: "accepted", 2: "refused", 3: "failed"}[ended.code]
+        if ended.code not in CODES:
+            raise BrokenError(f"exit code {ended.code}: {' '.join(map(str, words))}: {wrong.getvalue()}") from None
+        no_number = JSON_NAN if "--json" in words else PRINTED_NAN
+        if "Traceback" in wrong.getvalue() or no_number.search(said.getvalue()):
+            raise BrokenError(said.getvalue()[-2000:] + wrong.getvalue()[-500:]) from None
+        return CODES[ended.code]
     raise BrokenError("no exit code")
+
+
+CODES = {0: "accepted", 2: "refused", 3: "failed"}
+"""Words for the exit codes that may be; 70 is a fault of flexcam."""
+
+JSON_NAN = re.compile(r"[:\[,]\s*(?:NaN|-?Infinity)\b")
+PRINTED_NAN = re.compile(r"(?<![\w'\"./=-])(?:nan|-?inf)(?![\w'\"./=-])")
+"""Printed values that are no numbers; texts of the input stand in quotes or words."""
+
+LINES = (
+    ["check"], ["check", "--json"], ["modes"], ["modes", "--json"], ["compare", "--json"], ["cam"], ["cam", "--json"], ["run"],
+    ["run", "--json"], ["stability", "--json", "--count", "2"], ["campbell", "--json", "--count", "3"], ["export", "--format", "inp"],
+    ["sweep", "--json", "--workers", "0", "--set", "run.speed=100,200rpm"], ["sensitivity", "--json", "--of", "frequency.1"],
+)  # fmt: skip
+"""Commands that a case is given to."""
+
+WRITING = ("run", "sweep", "export")
+
+
+def _line(words: list[str], path: Path) -> list[object]:
+    written = ["-o", path.parent / "out", "--overwrite"] if words[0] in WRITING else []
+    return [words[0], path, *words[1:], *written]
+
+
+SHORT = ("--set", "run.revolutions=0.005")
+
+
+def command(path: Path, random: Random) -> str:
+    """Run a command line on a case, to its exit code."""
+    words = random.choice(LINES)
+    with contextlib.suppress(InputError):
+        read = read_case(path)
+        if _large(read) or read.record.run.start == "periodic":
+            return "accepted"
+    if words[0] in WRITING:
+        shutil.rmtree(path.parent / "out", ignore_errors=True)
+    return call(*_line(words, path), *(SHORT if words[0] != "export" else ()))
+
+
+def option(path: Path, random: Random) -> str:
+    """Run a command line with changed options on a sound case."""
+    path.write_text(SOUND.read_text(encoding="utf-8"), encoding="utf-8")
+    line = [str(one) for one in _line(random.choice(LINES), path)]
+    for _ in range(random.choice((1, 1, 2, 3))):
+        a, one = random.randrange(2, len(line) + 1), random.choice(OPTIONS)
+        line[a:a] = one.split(" ", 1) if random.random() < 0.5 else [mutate.text(one, random)]
+    return call(*line, *SHORT)
+
+
+SOUND = ROOT / "tests/data/inline.toml"
+
+OPTIONS = (
+    "--set run.speed=3000rpm", "--set springs.valve.stiffness=3:6:1kN/m", "--set masses.new.at=cam", "--json", "--time-limit 1s",
+    "--sample lhs:3", "--sample sobol:4", "--seed 1", "--scalars deviation", "--count 4", "--lowest 100rpm", "--highest 5000rpm",
+    "--accuracy 10rpm", "--workers 0", "--limit 5", "--resume", "--histories", "--set title=a", "--set output.probes=['cam']",
+    "--set run.step=20us", "--set fidelity.model=rigid", "--set fidelity.modes=4", "--set run.start=periodic", "--csv -",
+    "--set run.integrator.method=bathe", "--set members.camshaft.elements=3", "--help", "--probe cam",
+)  # fmt: skip
+
+
+def result_command(path: Path, random: Random) -> str:
+    """Run a command line on a result whose structure was changed and whose digest fits again."""
+    seal_again(path)
+    words = random.choice(
+        (["info"], ["info", "--json"], ["info", "--verify"], ["export", "--format", "csv"], ["export", "--every", "7"],
+         ["plot", "-o", str(path.with_suffix(".svg"))], ["report"]),
+    )  # fmt: skip
+    return call(words[0], path, *words[1:], *(["--overwrite"] if words[0] != "info" else []))
+
+
+def seal_again(path: Path) -> None:
+    """Give a changed file without forbidden content the digest of its content: what else is wrong must be refused."""
+    with contextlib.suppress(InputError):
+        with open_hdf5(path, "", ""):
+            pass
+        with contextlib.suppress(*READ_ERRORS, InputError), h5py.File(path, "r+", locking=False) as file:
+            write_digest(file)
+
+
+def mesh_command(path: Path, random: Random) -> str:
+    """Run a command line on a case with a changed mesh."""
+    return call(random.choice(("check", "modes", "compare")), _naming(MESHED, 'mesh = "', path), "--json")
+
+
+def lift_command(path: Path, random: Random) -> str:
+    """Run a command line on a case with a changed lift table."""
+    return call(random.choice(("check", "cam", "compare")), _naming(MEASURED, 'lift_table = "', path), "--json")
+
+
+MESHED = ROOT / "cases/tayeb/model-1-shm.toml"
+MEASURED = ROOT / "flexcam/templates/measured-lift.toml"
+
+
+def _naming(case: Path, key: str, named: Path) -> Path:
+    """Write a case that names another file beside it."""
+    before, _, after = case.read_text(encoding="utf-8").partition(key)
+    path = named.with_name("naming.toml")
+    path.write_text(f'{before}{key}{named.name}"{after.partition(chr(34))[2]}', encoding="utf-8")
+    return path
 
 
 def cams(path: Path, random: Random) -> str:
@@ -156,7 +259,7 @@ class Target:
     seeds
         Sound files, from which the inputs are made.
     share
-        Of all inputs.
+        Number of inputs in the slow tests.
     binary
         Whether bytes are changed and not texts.
     """
@@ -204,16 +307,42 @@ def make_seeds() -> None:
 
 
 TARGETS = {
-    "case": Target(case, _cases(), 40),
-    "command": Target(command, _cases(), 12),
-    "cams": Target(cams, (*sorted((ROOT / "cases/cams").glob("*.toml")), ROOT / "tests/data/every-cam.toml"), 3),
-    "mesh": Target(mesh, (MADE / "ascii22.msh", MADE / "ascii41.msh"), 12),
-    "binary mesh": Target(mesh, (MADE / "binary22.msh", MADE / "binary41.msh"), 5, binary=True),
-    "lift": Target(lift, (ROOT / "tests/data/lift.csv", ROOT / "flexcam/templates/measured-lift.csv"), 4),
-    "profile": Target(profile, (MADE / "profile.csv",), 3),
-    "result": Target(result, (MADE / "small.vtkhdf",), 16, binary=True),
-    "table": Target(table, (MADE / "small.sweep.h5",), 5, binary=True),
+    "case": Target(case, _cases(), 7500),
+    "command": Target(command, _cases(), 1500),
+    "option": Target(option, (SOUND,), 2000),
+    "cams": Target(cams, (*sorted((ROOT / "cases/cams").glob("*.toml")), ROOT / "tests/data/every-cam.toml"), 600),
+    "mesh": Target(mesh, (MADE / "ascii22.msh", MADE / "ascii41.msh"), 1400),
+    "binary mesh": Target(mesh, (MADE / "binary22.msh", MADE / "binary41.msh"), 700, binary=True),
+    "mesh of a case": Target(mesh_command, (MADE / "ascii22.msh",), 900),
+    "lift": Target(lift, (ROOT / "tests/data/lift.csv", ROOT / "flexcam/templates/measured-lift.csv"), 600),
+    "lift of a case": Target(lift_command, (ROOT / "flexcam/templates/measured-lift.csv",), 600),
+    "profile": Target(profile, (MADE / "profile.csv",), 400),
+    "result": Target(result, (MADE / "small.vtkhdf",), 2200, binary=True),
+    "result, sealed again": Target(result_command, (MADE / "small.vtkhdf",), 1000, binary=True),
+    "table": Target(table, (MADE / "small.sweep.h5",), 600, binary=True),
 }
+"""What is fed, by name; the shares add up to the 20 000 inputs of the slow tests."""
+
+GROUPS = {
+    "cases": ("case", "cams"),
+    "commands": ("command", "option", "mesh of a case", "lift of a case", "result, sealed again"),
+    "files": ("mesh", "binary mesh", "lift", "profile", "result", "table"),
+}
+"""Targets by the file of slow tests that feeds them."""
+
+WORDS = {"accepted": "accepted and run", "refused": "refused", "failed": "ended with a status"}
+
+
+def check_all(name: str, keep: Callable[[str, str, int, str], None]) -> None:
+    """Feed all inputs of a target: no traceback, ten seconds of a processor, 3 GB, no wrong number; keep the row."""
+    from tests.fuzz.run import fuzz
+
+    inputs = TARGETS[name].share
+    found = fuzz(inputs, 1, 1, name)
+    assert not found.broken, found.broken
+    assert sum(found.outcomes.values()) == inputs
+    outcomes = {word: found.outcomes[name, one] for one, word in WORDS.items()}
+    keep("mutated", name, inputs, ", ".join(f"{count} {word}" for word, count in outcomes.items() if count))
 
 
 def copied(seed: Path, folder: Path) -> Path:

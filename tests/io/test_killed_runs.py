@@ -34,14 +34,14 @@ from flexcam.io import result_writer
 from flexcam.analysis.preparation import prepare
 from flexcam.analysis.run import open_partial_result, open_result_file
 
-case, folder, kills, seed = Path(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3]), int(sys.argv[4])
+case, folder, kills, override = Path(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3]), sys.argv[4]
 result_writer._MAX_COPY_TIME = float("inf")
-ready = prepare(read_case(case, ["run.engine=direct"]))
+ready = prepare(read_case(case, [override]))
 ready = replace(ready, save=SaveAt(field_every=5, fields_per_block=8))
 
 def run(into, told=None, resume=False):
     earlier = open_partial_result(ready, into) if resume else None
-    file = open_result_file(ready, into, resume=earlier)
+    file = open_result_file(ready, into, resume=earlier, overwrite=(into / f"{case.stem}.vtkhdf").exists())
     if told is not None:
         keep = file.write_checkpoint
         def kept(checkpoint):
@@ -68,9 +68,12 @@ calls = at_call(0)
 run(folder / "whole")
 sys.setprofile(None)
 most, size = next(calls), (folder / "whole" / f"{case.stem}.vtkhdf").stat().st_size
-draws, rows = random.Random(seed), []
+draws, rows = random.Random(kills), []
 for i in range(kills):
     into, (told, tell) = folder / str(i), os.pipe()
+    if i % 4 > 1:
+        into.mkdir()
+        (into / f"{case.stem}.vtkhdf").write_bytes(b"the result before")
     ends, last = ((at_call, most), (at_size, size))[i % 2]
     where = draws.randrange(last // 4, last * 19 // 20)  # behind the last block there is nothing left to show
     if not os.fork():
@@ -110,6 +113,7 @@ class Kills:
     folder: Path
     runs: list[Killed]
     whole: Any
+    engine: str
 
 
 def script(text, *words):
@@ -117,15 +121,25 @@ def script(text, *words):
     assert done.returncode == 0, done.stderr
 
 
-@pytest.fixture(scope="module", params=[12, pytest.param(200, marks=pytest.mark.slow)])
+ENGINES = {
+    "direct": "run.engine=direct", "modal": "run.engine=modal", "kernel": "run.engine=kernel",
+    "kinematic": "fidelity.model=rigid",
+}  # fmt: skip
+
+
+@pytest.fixture(
+    scope="module",
+    params=[("direct", 12), *(pytest.param((engine, 100), marks=pytest.mark.slow) for engine in ENGINES)],
+    ids=lambda given: f"{given[0]}-{given[1]}",
+)
 def kills(request, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("kills")
-    script(RUNS, CASE, folder, request.param, request.param)
+    folder, (engine, count) = tmp_path_factory.mktemp("kills"), request.param
+    script(RUNS, CASE, folder, count, ENGINES[engine])
     rows = json.loads((folder / "rows.json").read_text())
     whole = folder / "whole/inline.vtkhdf"
     killed = [Killed(partial_path(folder / str(i) / whole.name), said) for i, said in rows]
-    assert sum(one.reported > 0 for one in killed) >= 0.2 * request.param, "many had saved something"
-    return Kills(folder, killed, read_result(whole).response)
+    assert sum(one.reported > 0 for one in killed) >= 0.2 * count, "many had saved something"
+    return Kills(folder, killed, read_result(whole).response, engine)
 
 
 def first_difference(path, whole):
@@ -158,8 +172,16 @@ def test_every_reported_step_is_there_and_right(kills, tried):
         except (AssertionError, InputError) as fault:
             wrong[one.path.parent.name] = str(fault)
     assert not wrong
-    what = "kill -9 at any call, or where a file grows"
+    what = f"kill -9 at any call, or where a file grows: {kills.engine} engine"
     tried("killed", what, len(kills.runs), "every saved step is present, bit by bit")
+
+
+def test_the_result_before_stays(kills, tried):
+    """A killed run leaves the name of its result free, or the earlier result as it was."""
+    for i, one in enumerate(kills.runs):
+        target = one.path.with_name(f"{CASE.stem}.vtkhdf")
+        assert target.read_bytes() == b"the result before" if i % 4 > 1 else not target.exists()
+    tried("killed", f"the same: {kills.engine} engine", len(kills.runs), "the earlier result is unchanged")
 
 
 def test_h5py_reads_every_chunk(kills, tried):
@@ -171,7 +193,8 @@ def test_h5py_reads_every_chunk(kills, tried):
                 file.visititems(lambda _, item: item[()] if isinstance(item, h5py.Dataset) else None)
             seen += 1
     assert seen >= len(kills.runs) // 2
-    tried("killed", "kill -9, file read by h5py alone", seen, "every chunk is present, with its checksum")
+    what = f"kill -9, file read by h5py alone: {kills.engine} engine"
+    tried("killed", what, seen, "every chunk is present, with its checksum")
 
 
 READ = """
@@ -194,18 +217,20 @@ def test_vtk_reads_every_step(kills, tried):
     pytest.importorskip("vtkmodules.vtkIOHDF")
     some = [one.path for one in kills.runs if one.reported]
     script(READ, *some)
-    tried("killed", "kill -9, file read by VTK", len(some), "every step is readable")
+    tried("killed", f"kill -9, file read by VTK: {kills.engine} engine", len(some), "every step is readable")
 
 
 def test_killed_runs_go_on_to_the_same_end(kills, tried):
     """And leave nothing of what the killed process was writing."""
     some = [one.path.parent for one in kills.runs if one.reported][:60:5]
-    script(RESUMED, CASE, kills.folder, 0, 0, *(folder.name for folder in some))
+    script(RESUMED, CASE, kills.folder, 0, ENGINES[kills.engine], *(folder.name for folder in some))
     assert some
     for folder in some:
         assert [path.name for path in folder.iterdir()] == ["inline.vtkhdf"]
         read = read_result(folder / "inline.vtkhdf").response
         assert read.status.ok
-        assert np.array_equal(read.channels["energy.residual"], kills.whole.channels["energy.residual"])
+        for name, values in kills.whole.channels.items():
+            assert np.array_equal(read.channels[name], values), name
         assert np.array_equal(read.fields.acceleration, kills.whole.fields.acceleration)
-    tried("killed", "kill -9, continued with --resume", len(some), "bit by bit the result of the uninterrupted run")
+    what = f"kill -9, continued with --resume: {kills.engine} engine"
+    tried("killed", what, len(some), "bit by bit the result of the uninterrupted run")

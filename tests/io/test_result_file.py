@@ -98,7 +98,8 @@ def test_the_case_is_kept_as_written(done):
     case = done.ready.case
     assert done.result.about["case"] == case.text == case.path.read_text(encoding="utf-8")
     assert done.result.about["title"] == "Nodes in the file"
-    assert done.result.about["case_file"] == str(case.path)
+    assert case.path.is_absolute()
+    assert done.result.about["case_file"] == case.path.name, "no folder of this machine"
     assert {"flexcam", "python", "numpy", "platform", "created", "resolved", "overrides"} <= set(done.result.about)
 
 

@@ -1,0 +1,63 @@
+"""Runs in threads and processes give the numbers of a run alone."""
+
+from __future__ import annotations
+
+import multiprocessing
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import flexcam
+
+ROOT = Path(__file__).parents[2]
+BUCKET = ROOT / "cases/direct-acting/bucket.toml"
+LINEAR = ROOT / "tests/data/inline.toml"
+
+RUNS = [
+    (LINEAR, ("run.engine=modal",)),
+    (LINEAR, ("run.engine=direct", "run.steps_per_revolution=360")),
+    (LINEAR, ("fidelity.model=rigid",)),
+    (BUCKET, ("run.engine=kernel", "run.revolutions=0.5")),
+    (BUCKET, ("run.engine=direct", "run.revolutions=0.05")),
+    (BUCKET, ("run.engine=kernel", "run.revolutions=0.2", "run.crank_speed=3000rpm")),
+    (BUCKET, ("fidelity.model=sdof", "run.revolutions=0.5")),
+    (BUCKET, ("run.engine=kernel", "run.integrator.method=collocation", "run.revolutions=0.2")),
+]
+"""Every engine, and contacts."""
+
+
+def numbers(case):
+    """Return the motion and the channels of a run as bytes."""
+    response = flexcam.run(case)
+    assert response.status.ok
+    arrays = [response.probes.displacement, response.fields.acceleration, *response.channels.values()]
+    return b"".join(np.ascontiguousarray(one).tobytes() for one in arrays)
+
+
+@pytest.fixture(scope="module")
+def cases():
+    return [flexcam.read_case(path, overrides) for path, overrides in RUNS]
+
+
+@pytest.fixture(scope="module")
+def alone(cases):
+    return [numbers(case) for case in cases]
+
+
+def test_eight_threads(cases, alone, tried):
+    """Every case twice, eight at a time."""
+    with ThreadPoolExecutor(8) as threads:
+        assert list(threads.map(numbers, [*cases, *cases])) == alone * 2
+    tried("together", "eight threads of runs in one process", 2 * len(cases), "bit by bit the results of one thread")
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
+@pytest.mark.parametrize("method", ["fork", "spawn"])
+def test_processes(method, cases, alone, tried):
+    """The cases are sent, and the kernel is compiled or loaded in the parent before the fork."""
+    with ProcessPoolExecutor(2, multiprocessing.get_context(method)) as processes:
+        assert list(processes.map(numbers, cases)) == alone
+    tried("together", f"worker processes, {method}", len(cases), "bit by bit the results of this process")
