@@ -44,9 +44,12 @@ _LIST = re.compile(r"""^[\w.'"-]+(, [\w.'"-]+){2,}$""")
 _CONDITION = re.compile(r"^(above|below|less than|greater than|between)\b")
 
 
+_PLAIN_START = re.compile(r"(?!flexcam|pip|asammdf|pymoo|pandas)(?:a|[a-z]{2,})(?:'s)?(?:,? |$)")
+
+
 def _capitalize(text: str) -> str:
     """Return a sentence with a capital letter, unless it begins with a name, a key or an option."""
-    return text[:1].upper() + text[1:] if re.match(r"(?!flexcam)(?:a|[a-z]{2,})(?:'s)?(?:,? |$)", text) else text
+    return text[:1].upper() + text[1:] if _PLAIN_START.match(text) else text
 
 
 def _end(text: str) -> str:

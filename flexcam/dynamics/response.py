@@ -253,7 +253,7 @@ class Response:
         ``response.to_frame()["valve.velocity"].min()``
         """
         if find_spec("pandas") is None:
-            raise refuse("data frames", "pandas", "an installed package", "", "pip install 'flexcam[tables]'")
+            raise refuse("data frames", "pandas", "an installed package", "", "run pip install 'flexcam[tables]'")
         import pandas as pd
 
         columns = self.columns()

@@ -86,7 +86,7 @@ def read_mdf(path: Path, where: str, names: Sequence[str] = ()) -> dict[str, tup
     Channels of other rates are interpolated; values that are invalid or outside the time of a channel are NaN.
     """
     if find_spec("asammdf") is None:
-        raise refuse(where, path.name, "a CSV file", "asammdf is not installed", "pip install 'flexcam[mdf]'")
+        raise refuse(where, path.name, "a CSV file", "asammdf is not installed", "run pip install 'flexcam[mdf]'")
     from asammdf import MDF
 
     try:

@@ -27,6 +27,8 @@ _BOX, _SMALLEST_BOX = 0.1, 1e-3
 """First and smallest half width of the box, relative to the intervals."""
 _SHRINK, _GROW = 0.6, 1.5
 """Factors of the box after a step without and with success at its border."""
+_CORRECTIONS = 1
+"""Steps without success before the box shrinks."""
 _NEAR, _PLANES = 3.0, 16
 """Distance of the planes that count, in half widths of the box, and their number."""
 _PENALTY = 100.0
@@ -132,7 +134,7 @@ def _descend(tangents: _Tangents, judge: ProblemEvaluator, start: FloatArray, en
     best = tangents.plane(start)
     if best is None:
         return
-    planes, radius = [best], _BOX
+    planes, radius, failed = [best], _BOX, 0
     while radius > _SMALLEST_BOX and judge.count < end:
         near = [one for one in planes if np.abs(one.at - best.at).max() <= _NEAR * radius][-_PLANES:]
         x = _lowest(near if best in near else [best, *near], best, radius)
@@ -140,9 +142,11 @@ def _descend(tangents: _Tangents, judge: ProblemEvaluator, start: FloatArray, en
         if new is not None:
             planes.append(new)
         if new is None or new.merit >= best.merit:
-            radius *= _SHRINK
+            failed += 1  # the planes of a point that is no better correct the next step in the same box
+            radius *= _SHRINK if new is None or failed > _CORRECTIONS else 1.0
             continue
-        if np.abs(new.at - best.at).max() > 0.99 * radius:
+        failed = 0
+        if np.abs(new.at - best.at).max() > 0.8 * radius:
             radius = min(_GROW * radius, 0.5)
         best = new
 
@@ -151,18 +155,24 @@ def _lowest(planes: list[Plane], best: Plane, radius: float) -> FloatArray:
     """Return the lowest point of all planes in the box about the best variant, shape (k,)."""
     from scipy.optimize import linprog
 
-    k, size = len(best.at), abs(best.cost) or 1.0
-    costs = [(one.cost_slope / size, -1.0, 0.0, one.cost / size, one.at) for one in planes]
-    bounds = [
-        (slope, 0.0, -1.0, value + _INSIDE, one.at)
-        for one in planes
-        for slope, value in zip(one.violation_slopes, one.violations.tolist(), strict=True)
-    ]
-    each = [*costs, *bounds]
-    A = np.array([[*slope, by_cost, by_violation] for slope, by_cost, by_violation, _, _ in each])
-    b = np.array([float(slope @ at) - value for slope, _, _, value, at in each])
+    size, rows, limits = abs(best.cost) or 1.0, list[list[float]](), list[float]()
+
+    def add(value: float, known: float, slope: FloatArray, at: FloatArray, by_cost: float, by_violation: float) -> None:
+        here = min(value + float(slope @ (best.at - at)), known)  # a plane that is too high there is lowered
+        rows.append([*slope.tolist(), by_cost, by_violation])
+        limits.append(float(slope @ best.at) - here)
+
+    for one in planes:
+        add(one.cost / size, best.cost / size, one.cost_slope / size, one.at, -1.0, 0.0)
+        for i, slope in enumerate(one.violation_slopes):
+            known = float(best.violations[i]) + _INSIDE
+            add(float(one.violations[i]) + _INSIDE, known, slope, one.at, 0.0, -1.0)
     box = [(max(one - radius, 0.0), min(one + radius, 1.0)) for one in best.at.tolist()]
     found = linprog(
-        [*np.zeros(k), 1.0, _PENALTY], A_ub=A, b_ub=b, bounds=[*box, (None, None), (0.0, None)], method="highs"
+        [*(0.0 * best.at), 1.0, _PENALTY],
+        A_ub=rows,
+        b_ub=limits,
+        bounds=[*box, (None, None), (0.0, None)],
+        method="highs",
     )
-    return best.at if found.x is None else np.clip(np.asarray(found.x[:k], dtype=float), 0.0, 1.0)
+    return best.at if found.x is None else np.clip(np.asarray(found.x[:-2], dtype=float), 0.0, 1.0)

@@ -177,7 +177,7 @@ def _require_package(package: str) -> None:
     if find_spec(package) is None:
         raise refuse(
             "data frames", package, "a package that is installed", "it comes with the extra 'tables'",
-            "pip install 'flexcam[tables]'",
+            "run pip install 'flexcam[tables]'",
         )  # fmt: skip
 
 
@@ -273,7 +273,7 @@ def require_parquet() -> None:
     """Raise an error if the packages for Parquet are not installed."""
     missing = [name for name in ("pandas", "pyarrow") if find_spec(name) is None]
     if missing:
-        why, remedy = f"{' and '.join(missing)} are not installed", "pip install 'flexcam[tables]'"
+        why, remedy = f"{' and '.join(missing)} are not installed", "run pip install 'flexcam[tables]'"
         raise refuse("--parquet", "a Parquet table", "an HDF5 or a CSV one", why, remedy)
 
 

@@ -120,9 +120,9 @@ REFUSED = {
     "a point twice": (REPEATED, FlatFollower(0.018), "twice"),
     "closed by a repeated point": (np.vstack([CIRCLE, CIRCLE[:1]]), FlatFollower(0.018), "not repeated"),
     "in three dimensions": (np.hstack([CIRCLE, CIRCLE[:, :1]]), FlatFollower(0.018), "shape"),
-    "a roller far beside": (0.01 * CIRCLE, RollerFollower(0.018, 0.005, 0.02), "does not touch.*unit"),
-    "an arm that misses": (0.01 * CIRCLE, SwingRollerFollower(0.030, 0.002, 0.020, 0.05), "does not touch"),
-    "a face that misses": (0.01 * CIRCLE, SwingFlatFollower(0.050, 0.05, 0.006, face=0.0545), "does not touch"),
+    "a roller far beside": (0.01 * CIRCLE, RollerFollower(0.018, 0.005, 0.02), "the follower misses.*unit"),
+    "an arm that misses": (0.01 * CIRCLE, SwingRollerFollower(0.030, 0.002, 0.020, 0.05), "the follower misses"),
+    "a face that misses": (0.01 * CIRCLE, SwingFlatFollower(0.050, 0.05, 0.006, face=0.0545), "the follower misses"),
 }
 
 

@@ -134,8 +134,8 @@ def test_mdf_file(flexcam, files, tmp_path):
 
 @pytest.mark.parametrize(("channels", "options", "message"), [
     ([("angle", "deg"), ("mass.uy", "m")], (), "a channel 'cam angle' or 'crank angle', with its unit"),
-    ([("cam angle", "deg"), ("mass.uyy", "m")], (), "did you mean"),
-    ([("cam angle", "deg"), ("mass.uy", "m")], ("--column", "mass.uyy"), "did you mean 'mass.uy'?"),
+    ([("cam angle", "deg"), ("mass.uyy", "m")], (), "Did you mean"),
+    ([("cam angle", "deg"), ("mass.uy", "m")], ("--column", "mass.uyy"), "Did you mean 'mass.uy'?"),
     ([("cam angle", ""), ("mass.uy", "m")], (), "--to, cam angle"),
     ([], (), "a readable MDF file"),
 ])  # fmt: skip

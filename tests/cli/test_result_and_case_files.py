@@ -129,7 +129,7 @@ def test_no_bar_where_nobody_looks(flexcam, case):
 COUNTED = {
     "response": ("campbell", "--response", "--count", "2"),
     "campbell": ("campbell", "--count", "2"),
-    "sensitivity": ("sensitivity", "--of", "deviation.peak", "--to", "masses.valve.mass"),
+    "sensitivity": ("sensitivity", "--of", "deviation.peak", "--to", "masses.valve.mass", "--method", "differences"),
     "optimize": ("optimize", "--vary", "masses.valve.mass=80:90g", "--least", "frequency.1", "--evaluations", "24"),
 }
 

@@ -129,9 +129,9 @@ def test_response_follows_what_it_is_proportional_to(flexcam, tmp_path):
 @pytest.mark.parametrize(
     ("names", "fixed", "said"),
     [
-        (("limits.loss_of_contact",), (), "a limit is the result of a search"),
-        (("contacts.intake.open_on_the_lift",), (), "it counts instants"),
-        (("contacts.intake.force.largest",), ("--set", "fidelity.modes=5"), "the model is reduced"),
+        (("limits.loss_of_contact",), (), "A limit is the result of a search"),
+        (("contacts.intake.open_on_the_lift",), (), "It counts instants"),
+        (("contacts.intake.force.largest",), ("--set", "fidelity.modes=5"), "The model is reduced"),
         (("contacts.intake.force.largest",), ("--set", "run.integrator={ method = 'bathe' }"), "newmark"),
     ],
     ids=["limit", "count", "modes", "integrator"],
@@ -248,14 +248,17 @@ def test_a_result_over_several_conditions_is_the_worst(flexcam, oscillator, meth
 
 
 def test_a_search_by_gradients_through_contact(flexcam):
-    """Most speed at which the contact on the nose keeps a force: the bound is met to rounding, with contact events."""
+    """Most speed at which the contact on the nose keeps a force: every variant is better or corrects the last one."""
     told = ("--vary", "run.crank_speed=4500:6500rpm", "--vary", "springs.valve.installed_force=300:500N",
             "--most", "run.crank_speed", "--subject", "contacts.intake.nose_force.least >= 150 N",
             "--subject", "springs.valve.stress.largest <= 0.86 GPa", "--method", "gradient")  # fmt: skip
-    fixed = ("--set", "run.revolutions=1", "--set", "run.steps_per_revolution=720", "--evaluations", "12")
+    fixed = ("--set", "run.revolutions=1", "--set", "run.steps_per_revolution=720", "--evaluations", "10")
     found = flexcam("optimize", ENGINE, *told, *fixed, "--json").json
     values = found["best"]["values"]
-    assert values["contacts.intake.nose_force.least"] == pytest.approx(150.0, rel=1e-3)
+    assert found["evaluations"] <= 10
+    assert values["run.crank_speed"] > 5100.0 * 2.0 * math.pi / 60.0
+    assert values["contacts.intake.nose_force.least"] >= 150.0
+    assert values["springs.valve.stress.largest"] == pytest.approx(0.86e9, rel=1e-3)
 
 
 def test_the_table_has_no_digits_that_say_nothing(flexcam, oscillator, tmp_path):

@@ -142,7 +142,7 @@ def test_tables_in_notebooks():
 
 def test_refusals(table, tmp_path):
     path = write_table(table, tmp_path / "t.h5")
-    with pytest.raises(InputError, match="replace it by overwrite=True"):
+    with pytest.raises(InputError, match="Use overwrite=True"):
         write_table(table, path)
     with pytest.raises(InputError, match="ends in"):
         write_table(table, tmp_path / "t.xlsx")
