@@ -159,7 +159,7 @@ def test_symmetric_lobes_of_engine_sim(tmp_path):
     np.testing.assert_allclose(columns.angle, np.radians([-60.0, 0.0, 60.0]), **ONCE)
     np.testing.assert_allclose(columns.lift, [0.0, 0.010922, 0.0], rtol=1e-15)
     assert columns.lines == (4, 3, 4)
-    for column, said in ((None, "Name one"), ("intak", "did you mean 'intake'")):
+    for column, said in ((None, "Name one"), ("intak", "Did you mean 'intake'")):
         with pytest.raises(InputError, match=said):
             read_lift(tmp_path / "a.mr", column=column)
     (tmp_path / "a.mr").write_text("node\n.add_sym_sample(1.0.0, 2)\n")
