@@ -188,8 +188,9 @@ def plain_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]
     longest = [max((len(row[i]) for row in cells), default=0) for i in range(len(columns))]
     heads, most = list(columns), result_console().width
     whole = sum(size + 1 for size in longest if size <= _NUMBER) <= most  # otherwise their digits are wrapped
-    if _width(heads, longest) > most:  # numbers are never wrapped: use headers of several lines and small gaps
-        widths, gap = _widths(columns, longest, most)
+    needed = [size if size <= _NUMBER else min(size, _WORDS) for size in longest]
+    if _width(heads, needed) > most:  # numbers are never wrapped: use headers of several lines and small gaps
+        widths, gap = _widths(columns, needed, most)
         heads = [fill(head, width) for head, width in zip(columns, widths, strict=True)]
         made.padding = (0, gap, 0, 0)
     for i, (head, size) in enumerate(zip(heads, longest, strict=True)):
@@ -202,6 +203,9 @@ def plain_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]
 
 _NUMBER = 14
 """Maximum length of a cell that counts as a number, with its unit, characters; longer ones are words and may wrap."""
+
+_WORDS = 40
+"""Width that a column of words needs at least, characters."""
 
 _GAP = 3
 
