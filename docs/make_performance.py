@@ -75,7 +75,7 @@ def _peers(found: dict) -> list[str]:
         B1,
         "| B5 | B1 at 100 speeds from 500 to 5000 rpm; slow solvers run some of them, and their time is scaled |",
         "",
-        "flexcam and OpenSees build their own elements, the others get matrices. The solvers run in turn, each in a process of its own.",
+        "flexcam and OpenSees build their own elements, the others get matrices. The solvers run in turn, each in its own process.",
         "Times count only if all solvers give the same displacement of the middle (maximum difference from the scipy loop relative to",
         f"the motion: {allowed}). *µs per step* is that of the call that integrates, with factorization; *process* includes",
         "imports, B5 does not. Ratios refer to the first row.",

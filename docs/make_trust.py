@@ -22,7 +22,7 @@ them with the names of their tests. `make trust` generates this page from the ro
 """
 
 KINDS = {
-    "mutated": ("Mutated input", "Random changes of cases, meshes and results, with fixed seeds. flexcam accepts or refuses each with a message of its own, within ten seconds and a memory limit."),
+    "mutated": ("Mutated input", "Random changes of cases, meshes and results, with fixed seeds. flexcam accepts or refuses each with its own message, within ten seconds and a memory limit."),
     "planted": ("Invalid input", "One fault per input. The message names the place, the given value, the permitted values and the remedy."),
     "damaged": ("Damaged results", "Results with flipped bits, cut-off files and files of other formats. flexcam refuses the file, or reads correct data."),
     "hostile": ("Hostile files", "Files that try to execute code, read other files or exhaust memory."),

@@ -221,9 +221,9 @@ def measured_lift(folder: Path) -> dict[str, Figure]:
 
 BSPLINE = '{{ id = "bspline", degree = 11, coefficients = [0, 0, 0, 0, {}, 1, 1, 1, 1] }}'
 REDESIGN = (
-    "cams.intake.law=" + BSPLINE.format("0.197226, 0.452423, 0.62249, 0.794574"),
-    "cams.intake.return_law=" + BSPLINE.format("0.153712, 0.400536, 0.616477, 0.831937"),
-    "springs.valve.stiffness=57.0311kN/m", "springs.valve.installed_force=366.72N",
+    "cams.intake.law=" + BSPLINE.format("0.155797, 0.482755, 0.462963, 0.799235"),
+    "cams.intake.return_law=" + BSPLINE.format("0.171681, 0.303019, 0.523128, 0.796514"),
+    "springs.valve.stiffness=53.8921kN/m", "springs.valve.installed_force=374.235N",
 )  # fmt: skip
 _FLAT = 'base_radius = "24.1 mm", width = "12 mm", follower = { type = "flat" }'
 POLYDYNE = (f'cams.intake={{ at = "cam", lift_table = "polydyne.toml", phase = "105 deg", {_FLAT} }}',)
@@ -232,7 +232,7 @@ POLYDYNE = (f'cams.intake={{ at = "cam", lift_table = "polydyne.toml", phase = "
 def redesign(folder: Path) -> dict[str, Figure]:
     """Return lift and acceleration of the cams, and contact force and valve float over speed."""
     case = folder / "engine.toml"
-    case.write_text((DOCS.parent / "cases/pushrod-engine/intake.toml").read_text(encoding="utf-8"), encoding="utf-8")
+    new_case("pushrod-engine", case)
     table = ["synthesize", "polydyne", str(case), "--frequency", "1163 Hz", "--speed", "2750rpm"]
     subprocess.run(
         [sys.executable, "-m", "flexcam", *table, "-o", str(folder / "polydyne.toml")], check=True, capture_output=True
@@ -247,7 +247,10 @@ def redesign(folder: Path) -> dict[str, Figure]:
         event = build_model(file.read(changes)).cams["intake"].event
         for axis, order in ((lift, 0), (bent, 2)):
             axis.plot(np.degrees(angle), 1e3 * event(angle, order), label=name, color=colour, linestyle=dashes)
-        rows = [evaluate(file.read([*changes, f"run.crank_speed={n}rpm"]), runs=99).scalars for n in speeds]
+        rows = [
+            evaluate(file.read([*changes, "run.revolutions=2", f"run.crank_speed={n}rpm"]), runs=99).scalars
+            for n in speeds
+        ]
         for axis, key, scale in ((force, "intake.nose_force.least", 1.0), (above, "seat.valve_float", 1e3)):
             values = [scale * row[f"contacts.{key}"] for row in rows]
             axis.plot(speeds, values, ".", label=name, color=colour, linestyle=dashes)

@@ -70,7 +70,7 @@ def limits(
         str | None, Parameter(help="Also find where the valve lifts so far above the rigid train over the nose.")
     ] = None,
     low_pass: Annotated[
-        str | None, Parameter(help="Also judge contact loss by the cam force below this frequency, such as 5kHz.")
+        str | None, Parameter(help="Also evaluate contact loss by the cam force below this frequency, such as 5kHz.")
     ] = None,
     over: Annotated[
         str | None, Parameter("--over", group=_MAP, help="First value: KEY=SPEC as in flexcam sweep --set.")

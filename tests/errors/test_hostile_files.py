@@ -309,4 +309,4 @@ def test_a_pipe_is_no_file(tmp_path, tried):
     (tmp_path / "case.toml").write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match="regular file"):
         read_case(tmp_path / "case.toml")
-    tried("hostile", "a pipe in the place of a table", 1, "refused before opening")
+    tried("hostile", "a pipe instead of a table", 1, "refused before opening")

@@ -30,7 +30,7 @@ GOOD = ("7 1 2 1 1 10 20", "8 1 2 1 1 20 30", "9 1 2 2 1 20 40", "11 15 2 3 1 40
 
 FAULTS = {
     "nodes at one place": (msh(*GOOD, nodes={**NODES, 50: "1 0 0"}), ["nodes 20 and 50", "1, 0, 0", "Merge"]),
-    "nodes parted by rounding": (msh(*GOOD, nodes={**NODES, 50: "1.0000000000000002 0 0"}), ["nodes 20 and 50"]),
+    "nodes apart by rounding": (msh(*GOOD, nodes={**NODES, 50: "1.0000000000000002 0 0"}), ["nodes 20 and 50"]),
     "an element without length": (msh(*GOOD, nodes={**NODES, 30: "1 0 0"}), ["element 8", "nodes 20 and 30", "length"]),
     "a coordinate that is no number": (msh(*GOOD, nodes={**NODES, 40: "1 nan 0"}), ["node 40", "1, nan, 0", "finite"]),
     "an infinite coordinate": (msh(*GOOD, nodes={**NODES, 40: "1 1e999 0"}), ["node 40", "inf", "finite"]),
