@@ -232,7 +232,7 @@ class Disturbances:
             by_time = self._stepper.propagate(step, np.zeros_like(longer), longer)[:, 0]
             sense, n = directions(self._forces, every.schedule, i + 1)[1][which], len(new.d)
             rate = new.rate[which] + sense @ (by_time[:n] - new.v)
-            self._shift = shift = -(sense @ after[:n] + self._sensed(i + 1, which)) / rate
+            self._shift = shift = -(sense @ after[:n] + self._scalar_derivatives(i + 1, which)) / rate
             after = after + by_time[:, None] * shift
         self._carried = after
 
@@ -246,7 +246,10 @@ class Disturbances:
         before, shift = self._carried, self._shift
         if shift is None:  # at the end of a step
             first = int(np.argmax(rate))
-            shift = -(hit.sense[first] @ before[:n] + self._sensed(i, int(switching[held[first]]))) / rate[first]
+            shift = (
+                -(hit.sense[first] @ before[:n] + self._scalar_derivatives(i, int(switching[held[first]])))
+                / rate[first]
+            )
             before = before + self._flow(old)[:, None] * shift
         d, v, z = split_state(before, n)
         factor, beside = hit.reversal(rate), _BESIDE * self._problem.step
@@ -311,7 +314,7 @@ class Disturbances:
             pushed[:, : found.shape[1]] = found
         return pushed
 
-    def _sensed(self, i: int, scalar: int) -> FloatArray:
+    def _scalar_derivatives(self, i: int, scalar: int) -> FloatArray:
         """Return the derivatives of a sensed scalar at an instant by the parameters, shape (k,)."""
         found = np.zeros(self._carried.shape[1])
         if self._explicit is not None:

@@ -185,7 +185,7 @@ class LinearStep:
         n, old, new, half = self._size, step.old, step.new, 0.5 * step.length
         d, v, z = split_state(before, n)
         push = self.momentum(d, v, old.act.T @ (old.by_d @ d + old.by_v @ v + old.by_state @ z), half)
-        d = self.moved(d, v, half)
+        d = self.displacement_by_old_velocity(d, v, half)
         own = np.zeros((len(before) - 2 * n, 1))
         if more is not None:
             d, push, own = d + more[:n], push + more[n : 2 * n], more[2 * n :]
@@ -194,20 +194,20 @@ class LinearStep:
         self._set_length(step.length)
         v = self._solve(self.impulse_at_end(push, d, new.act.T @ (by_new @ d + new.by_state @ z), half))
         if len(new.act):
-            answer, sense = self._solve(new.act.T), half * (new.by_v + half * self.travelled(by_new))
+            answer, sense = self._solve(new.act.T), half * (new.by_v + half * self.rows_over_velocity(by_new))
             v = v + answer @ np.linalg.solve(np.eye(len(sense)) - sense @ answer, sense @ v)
-        d = self.arrived(d, v, half)
+        d = self.displacement_at_end(d, v, half)
         return np.vstack([d, v, z + by_d @ d])
 
     def momentum(self, d: FloatArray, v: FloatArray, force: FloatArray, half: float) -> FloatArray:
         """Return the momentum with the impulse of the old end in half a step, under a disturbance of force."""
         return self._mass(v) - half * self._equilibrate(self._damping(v) + self._stiffness(d) - force)
 
-    def moved(self, d: FloatArray, v: FloatArray, half: float) -> FloatArray:
+    def displacement_by_old_velocity(self, d: FloatArray, v: FloatArray, half: float) -> FloatArray:
         """Return the displacement by the old velocity alone."""
         return d + half * (2.0 * v - self._moves(v))
 
-    def arrived(self, moved: FloatArray, v: FloatArray, half: float) -> FloatArray:
+    def displacement_at_end(self, moved: FloatArray, v: FloatArray, half: float) -> FloatArray:
         """Return the displacement at the new end."""
         return moved + half * self._moves(v)
 
@@ -215,7 +215,7 @@ class LinearStep:
         """Return the impulse that the new velocity follows, without the effect of the local forces there."""
         return push - half * (self._stiffness(moved) - force)
 
-    def travelled(self, rows: FloatArray) -> FloatArray:
+    def rows_over_velocity(self, rows: FloatArray) -> FloatArray:
         """Return rows over displacements, shape (..., n), as rows over new velocities per half step."""
         return rows @ self._travel
 
@@ -269,7 +269,7 @@ class StepSequence:
         self._by_new = linear.by_d[1:] + linear.by_state[1:] @ (self._rest * linear.followed[1:])
         answer = solve(self._turned[1:].transpose(1, 0, 2).reshape(n, (m - 1) * c))
         self._answer = np.ascontiguousarray(answer.reshape(n, m - 1, c).swapaxes(0, 1))
-        sense = half * (linear.by_v[1:] + half * stepper.travelled(self._by_new))
+        sense = half * (linear.by_v[1:] + half * stepper.rows_over_velocity(self._by_new))
         self._gain = np.linalg.solve(np.eye(c) - sense @ self._answer, sense)
 
     def propagate(self, i: int, before: FloatArray, more: FloatArray) -> FloatArray:
@@ -277,14 +277,14 @@ class StepSequence:
         stepper, half, n = self._stepper, self._half, self._size
         d, v, z = split_state(before, n)
         push = stepper.momentum(d, v, self._turned[i] @ (self._force[i] @ before), half) + more[n : 2 * n]
-        moved = stepper.moved(d, v, half) + more[:n]
+        moved = stepper.displacement_by_old_velocity(d, v, half) + more[:n]
         local = self._by_new[i] @ moved
         if len(z):
             z = self._by_begin[i] * z + self._difference[i] * (self._followed[i] @ d) + more[2 * n :]
             local += self._by_state[i + 1] @ z
         v = self._solve(stepper.impulse_at_end(push, moved, self._turned[i + 1] @ local, half))
         v = v + self._answer[i] @ (self._gain[i] @ v)
-        d = stepper.arrived(moved, v, half)
+        d = stepper.displacement_at_end(moved, v, half)
         return np.concatenate([d, v, z + self._rest[i] * (self._followed[i + 1] @ d)] if len(z) else [d, v])
 
 

@@ -107,7 +107,7 @@ class VariedProblem:
 
 @dataclass(frozen=True, eq=False)
 class ExplicitDerivatives:
-    """What p parameters change at m instants of a motion, per unit of each.
+    """Derivatives of the equations by p parameters at m instants of a motion.
 
     Parameters
     ----------

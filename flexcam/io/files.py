@@ -8,6 +8,7 @@ from __future__ import annotations
 import csv
 import os
 import re
+import struct
 import tempfile
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -88,6 +89,7 @@ def read_mdf(path: Path, where: str, names: Sequence[str] = ()) -> dict[str, tup
     if find_spec("asammdf") is None:
         raise refuse(where, path.name, "a CSV file", "asammdf is not installed", "run pip install 'flexcam[mdf]'")
     from asammdf import MDF
+    from asammdf.blocks.utils import MdfException
 
     try:
         file_size(path)
@@ -114,8 +116,12 @@ def read_mdf(path: Path, where: str, names: Sequence[str] = ()) -> dict[str, tup
             return found
     except InputError:
         raise
-    except Exception as fault:  # noqa: BLE001 - asammdf raises errors of many kinds for damaged files
+    except (MdfException, *_DAMAGED) as fault:
         raise refuse(where, str(path), "a readable MDF file", system_message(fault)) from None
+
+
+_DAMAGED = (ArithmeticError, AttributeError, LookupError, OSError, RuntimeError, TypeError, ValueError, struct.error)
+"""Exceptions that asammdf raises for damaged files."""
 
 
 def find_abscissa(columns: Mapping[str, tuple[str, FloatArray]], where: str) -> tuple[str, FloatArray]:
