@@ -103,7 +103,7 @@ def limits(
     if height is not None:
         positive("--bounce-height", height, "m", zero=True)
     deviation = None if lift_deviation is None else parse_quantity("--lift-deviation", lift_deviation, "length", "mm")
-    cutoff = None if low_pass is None else parse_quantity("--low-pass", low_pass, "rate", "kHz")
+    cutoff = None if low_pass is None else parse_quantity("--low-pass", low_pass, "rate", "Hz")
     search = Search(low, high, width, height, deviation, cutoff)
     if any(one is not None for one in (over, beside, which, workers, csv, plot)):
         if over is None or beside is None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -113,13 +114,16 @@ def optimize(
         Parameter(
             "--at",
             negative=(),
-            help="Conditions, such as run.crank_speed=4000:6000:500rpm: every result is that of its worst condition. "
-            "Repeatable.",
+            help="Also evaluate at these conditions, such as masses.valve.mass=85:95:5g: each goal and constraint is "
+            "that of its worst condition. Repeatable.",
         ),
     ] = None,
     method: Annotated[
         Literal["evolution", "gradient"],
-        Parameter(help="Search of the whole intervals without derivatives, or from the case along exact gradients."),
+        Parameter(
+            help="evolution searches the whole intervals without derivatives; gradient starts at the case and follows "
+            "exact derivatives to the nearest optimum."
+        ),
     ] = "evolution",
     starts: Annotated[
         int | None, Parameter(help="With --method gradient: number of starting points; 1, the case itself, by default.")
@@ -147,11 +151,11 @@ def optimize(
     variables = variables_of(asked.case, vary, "--vary")
     refuse_without("--starts", starts, "--method gradient", present=method == "gradient")
     if method == "gradient":
-        exact_names(asked.case, names, "exact")
+        exact_names(asked.case, names, "exact", option="--method gradient", other="use --method evolution")
     with suppress(RunFailedError):  # a case that fails may have better variants
         asked.initial_quantities(evaluations)
     with asked.evaluators(evaluations) as runs:
-        worst = worst_case(at, goals, bounds) if at else None
+        worst = worst_case(asked, at, goals, bounds, [one.key for one in variables]) if at else None
         evaluate = worst.over(runs) if worst else runs
         design = OptimizationProblem(PointEvaluator(asked.case, variables, evaluate), goals, bounds)
         if method == "gradient":
@@ -171,6 +175,9 @@ def optimize(
         done = f"stopped by the user after {len(found.rows)} of about {evaluations} variants; the result is their best"
         ended = Status(Cause.INTERRUPTED, done, "run the same command with the same --seed again for the whole search")
     output = optimum_output(design, found) if len(goals) == 1 else front_output(design, found)
+    if method == "gradient" and design.start is None:
+        note = "The case is outside the intervals: the search started from their centre."
+        output = replace(output, words=[*output.words, note])
     answer = output, lambda: _search_figure(design, found)
     write_answer(answer, csv, plot, ended, overwrite=overwrite, as_json=as_json, written=written)
     if ended.ok and found.best is None:
@@ -178,15 +185,25 @@ def optimize(
     return ended
 
 
-def worst_case(at: Sequence[str], goals: Sequence[Goal], bounds: Sequence[Constraint]) -> WorstCase:
+def worst_case(
+    asked: StudyOptions, at: Sequence[str], goals: Sequence[Goal], bounds: Sequence[Constraint], varied: Sequence[str]
+) -> WorstCase:
     """Return the conditions, and which end of every result is its worst one."""
+    axes = parse_axes(at, option="--at")
+    for axis in axes:
+        if axis.key in varied:
+            raise refuse("--at", axis.key, "a key that --vary does not name", "it would override the variable")
+        if not axis.is_varied:
+            allowed = "several values, such as 4000:6000:500rpm or 1,2,5mm"
+            raise refuse("--at", axis.where.removeprefix("--at "), allowed, "", "for one condition use --set")
+        asked.file.read((*asked.fixed, f"{axis.key}={axis.values[0].text}"))  # raises an error for an unknown key
     largest = {goal.name: not goal.most for goal in goals}
     for bound in bounds:
         upper = bound.relation == "<="
         if largest.setdefault(bound.name, upper) != upper:
             why = "with --at a result has one worst condition"
             raise refuse("--at", f"{bound.name} with an upper and a lower goal", "one of them", why)
-    return WorstCase(make_plan(parse_axes(at)).variants, largest)
+    return WorstCase(make_plan(axes).variants, largest)
 
 
 def _search_figure(design: OptimizationProblem, found: Evaluations) -> Figure:

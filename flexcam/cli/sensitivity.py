@@ -196,6 +196,7 @@ def sensitivity(
     refuse_without("--seed", seed, "--sobol or --tolerance", present=tolerances is not None or sobol is not None)
     refuse_without("--relative-step", relative_step, "derivatives", present=tolerances is None and sobol is None)
     refuse_without("--method", method, "derivatives", present=tolerances is None and sobol is None)
+    refuse_without("--relative-step", relative_step, "differences", present=method != "exact")
     asked = StudyOptions(
         case, overrides, names, lowest, highest, accuracy, option="--of", workers=workers, allow_large=allow_large
     )

@@ -42,6 +42,9 @@ _AT_ONCE = 1e-6
 _BESIDE = 1e-3
 """Fraction of a step for the limits on both sides of an event."""
 
+_AT_REST = 1e-6
+"""Rate, m/s, below which a contact that switches rests on its side: a force that begins at zero has no jump."""
+
 _SAME_TIME = 1e-7
 """Relative difference of a step from the usual one that is rounding of the time."""
 
@@ -225,6 +228,7 @@ class Disturbances:
             ] * self._shift
         after, self._shift = self._stepper.propagate(step, self._carried, moved), None
         crossed = np.flatnonzero(side != every.track.pressed[i + 1])
+        crossed = crossed[np.abs(new.rate[self._forces.switching[crossed]]) > _AT_REST]
         if len(crossed):
             which = self._forces.switching[crossed]
             which = int(which[np.argmin(np.abs(new.penetration[which] / new.rate[which]))])

@@ -108,6 +108,13 @@ def tangent_run(
         raise refuse("run.integrator", "another method", "newmark with beta 1/4 and gamma 1/2", "its steps are derived")
     if problem.adaptive is not None or problem.basis is not None:
         raise refuse("case", "adaptive steps or a reduced basis", "constant steps in all unknowns", "")
+    problem, variations = (
+        _without_acceleration(problem),
+        [
+            Variation(_without_acceleration(one.below), _without_acceleration(one.above), one.width)
+            for one in variations
+        ],
+    )
     selected = select_engine(replace(problem, prune=_same_active_dofs(problem, variations)), method, SaveAt())
     inside = [_project(one, selected) for one in variations]
     compiled = compiled_functions() if selected.engine == "kernel" else None
@@ -131,6 +138,11 @@ def tangent_run(
     return TangentRun(result(itself, 0, 0.0), tuple(neighbours), motion.growth(selected.problem))
 
 
+def _without_acceleration(problem: Problem) -> Problem:
+    """Return a problem whose first acceleration follows from equilibrium: that of a result would be constant."""
+    return replace(problem, start=problem.start and replace(problem.start, acceleration=None))
+
+
 def _same_active_dofs(problem: Problem, variations: Sequence[Variation]) -> bool:
     """Return whether the parameters change neither which unknowns move nor the displacement of the others."""
     found = basis_of(problem)
@@ -148,7 +160,9 @@ def _project(variation: Variation, selected: SelectedEngine) -> Variation:
     below, above = variation.below, variation.above
     for basis in reversed(selected.bases):
         if below.system.size != basis.held.size or above.system.size != basis.held.size:
-            raise refuse("--to", "a number that changes the unknowns", "one that does not change them", "")
+            raise refuse(
+                "parameter", "a number that changes the unknowns", "another one", "", "take differences of runs"
+            )
         below, above = reduce_problem(below, basis), reduce_problem(above, basis)
     return Variation(below, above, variation.width)
 
@@ -162,7 +176,8 @@ def _check_structure(problem: Problem, parameters: ParameterForces) -> None:
 
     if any(size(side.problem) != size(problem) for pair in parameters.sides for side in pair):
         why = "the equations must keep their structure"
-        raise refuse("--to", "a number that changes the unknowns, contacts or steps", "another number", why)
+        remedy = "take differences of runs"
+        raise refuse("parameter", "a number that changes the unknowns, contacts or steps", "another one", why, remedy)
 
 
 def _initial_disturbances(problem: Problem, forces: LocalForces, parameters: ParameterForces) -> FloatArray:
@@ -256,7 +271,7 @@ class _NeighbourEngine:
             sensed, rate, _ = forces.sense_motion(d, v, schedule)
             local = forces.evaluate(sensed, state, schedule.rows[:, schedule.functions :], rate=rate)[1]
             pushed += (local @ forces.act.owner * schedule.acting_weights) @ forces.act.vectors
-        a = side.accelerations.accelerations(pushed.T).T
+        a = track.a[rows] if self._part == 0.0 else side.accelerations.accelerations(pushed.T).T
         each, pressed = np.arange(len(time)), track.pressed[rows]
         return Trajectory(time, d, v, a, local, state, np.zeros_like(local), pressed, each), Status()
 

@@ -233,6 +233,7 @@ class WorstCase:
         return replace(rows[0], scalars={
             name: rows[self.worst(name, [row.scalars.get(name, np.nan) for row in rows])].scalars[name]
             for name in rows[0].scalars
+            if all(name in row.scalars for row in rows)
         })  # fmt: skip
 
     def worst(self, name: str, values: Sequence[float]) -> int:

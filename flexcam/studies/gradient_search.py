@@ -93,7 +93,10 @@ def optimize_by_gradient(
         for i, begin in enumerate(begins):
             _descend(tangents, judge, begin, judge.count + (evaluations - judge.count) // (starts - i))
 
-    return judge.run_search(search)
+    found = judge.run_search(search)
+    if tangents.doubt and judge.count == starts:
+        raise refuse("--method gradient", tangents.doubt, "a start with derivatives", "", "use --method evolution")
+    return found
 
 
 class _Tangents:
@@ -103,6 +106,7 @@ class _Tangents:
         self, design: OptimizationProblem, judge: ProblemEvaluator, derive: Callable[[FloatArray], Gradient]
     ) -> None:
         self._design, self._judge, self._derive, self._spans = design, judge, derive, design.spans
+        self.doubt = ""  #: why the last variant without derivatives has none
 
     def plane(self, x: FloatArray) -> Plane | None:
         """Return the tangents at a point; None if its run fails or has no derivative."""
@@ -112,6 +116,9 @@ class _Tangents:
         try:
             found = self._derive(self._design.points_at(x))
         except RunFailedError:
+            return None
+        if found.doubt:
+            self.doubt = found.doubt
             return None
         goal, bounds, variables = self._design.goals[0], self._design.bounds, self._design.points.variables
 

@@ -16,24 +16,31 @@ from flexcam.analysis.preparation import PreparedRun, prepare, prepare_without_p
 from flexcam.case.case import Case
 from flexcam.case.reader import CaseFile
 from flexcam.core import FloatArray
-from flexcam.core.errors import refuse
-from flexcam.dynamics import RunFailedError, Scheme, Variation, tangent_run
+from flexcam.core.errors import InputError, refuse
+from flexcam.dynamics import RunFailedError, Scheme, System, Variation, tangent_run
+from flexcam.dynamics.massless import FORCE_TOLERANCE, MasslessMotions
 from flexcam.studies.evaluation import compute_scalars
 from flexcam.studies.evaluators import PointEvaluator, WorstCase
 from flexcam.studies.quantities import Number, compute_quantities, get_number, is_run_scalar, make_overrides
 from flexcam.valvetrain import Metric
 
-RELATIVE_WIDTH = 1e-5
-"""Half the difference of a number, relative to its size.
+RELATIVE_WIDTH = 1e-6
+"""Half the difference of a number, relative to its size: a compromise of rounding, and of contacts that it switches."""
 
-Results of a run are first-order functions of it, so that only rounding and the curvature of the equations matter.
-"""
+CHAOTIC_GROWTH = 1e3
+"""Growth of a small disturbance over a run above which derivatives say nothing about changes of practical size."""
+
+_PERIODIC = 1e-6
+"""Relative residual of a periodic start above which its derivative does not exist."""
 
 _SIMILAR_RUNS = 10
 """Number of runs whose time the derivatives of a run take, for the selection of the engine."""
 
 COUNTED = (".bounces", ".open_on_the_lift")
 """Ends of the names of results that count instants or events, and have no derivative."""
+
+_RATES = (".velocity.largest", ".acceleration.largest")
+"""Ends of the names of results that need the rates of a point, which one without mass does not have."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,12 +55,15 @@ class Gradient:
         By name of the result and key of the number, SI; NaN for a result that a neighbouring case lacks.
     growth
         Growth of a small disturbance over the run, see `flexcam.dynamics.tangent.TangentRun`; 1 without a run.
+    doubt
+        Why the derivatives of the run say nothing; empty if they are sound.
     """
 
     values: Mapping[str, float]
     units: Mapping[str, str]
     derivatives: Mapping[tuple[str, str], float]
     growth: float
+    doubt: str = ""
 
 
 def exact_refusal(case: Case) -> str:
@@ -101,28 +111,37 @@ def compute_gradient(
     """
     case = file.read(overrides)
     steps = [RELATIVE_WIDTH * abs(size) for size in sizes or [number.value for number in numbers]]
-    pairs = [
-        tuple(file.read((*overrides, *one)) for one in make_neighbours(case, number, step))
-        for number, step in zip(numbers, steps, strict=True)
-    ]
+    pairs, widths = list[tuple[Case, ...]](), list[float]()
+    for number, step in zip(numbers, steps, strict=True):
+        sides = [_read(file, (*overrides, *one)) for one in make_neighbours(case, number, step)]
+        pairs.append(tuple(case if side is None else side for side in sides))
+        widths.append(step * (2 - sides.count(None)))  # one side alone at the end of the permitted values
     of_runs = [name for name in names if is_run_scalar(case, name)]
     others = [name for name in names if name not in of_runs]
     rows: list[dict[str, Metric]] = [{} for _ in range(1 + 2 * len(numbers))]
-    growth = 1.0
+    growth, doubt = 1.0, ""
     if of_runs:
-        found, growth = _run_scalars(case, pairs, [2.0 * step for step in steps], of_runs)
+        found, growth, doubt = _run_scalars(case, pairs, widths, of_runs)
         for row, metrics in zip(rows, found, strict=True):
             row |= {one.name: one for one in metrics if one.name in of_runs}
     if others:
         for row, one in zip(rows, (case, *chain.from_iterable(pairs)), strict=True):
             row |= {name: Metric(name, q.value, q.unit) for name, q in compute_quantities(one, others).items()}
     derivatives = {
-        (name, number.key): _difference(rows[1 + 2 * i], rows[2 + 2 * i], name) / (2.0 * step)
+        (name, number.key): _difference(rows[1 + 2 * i], rows[2 + 2 * i], name) / width
         for name in rows[0]
-        for i, (number, step) in enumerate(zip(numbers, steps, strict=True))
+        for i, (number, width) in enumerate(zip(numbers, widths, strict=True))
     }
     values, units = ({name: getattr(one, kind) for name, one in rows[0].items()} for kind in ("value", "unit"))
-    return Gradient(values, units, derivatives, growth)
+    return Gradient(values, units, derivatives, growth, doubt)
+
+
+def _read(file: CaseFile, overrides: Sequence[str]) -> Case | None:
+    """Return a case, or None if its values are not permitted."""
+    try:
+        return file.read(overrides)
+    except InputError:
+        return None
 
 
 def _difference(below: Mapping[str, Metric], above: Mapping[str, Metric], name: str) -> float:
@@ -153,10 +172,12 @@ def gradient_function(
 
 
 def _worst_gradient(found: Sequence[Gradient], worst: WorstCase) -> Gradient:
-    at = {name: found[worst.worst(name, [one.values[name] for one in found])] for name in found[0].values}
-    derivatives = {(name, key): at[name].derivatives[name, key] for name, key in found[0].derivatives}
+    names = [name for name in found[0].values if all(name in one.values for one in found)]
+    at = {name: found[worst.worst(name, [one.values[name] for one in found])] for name in names}
+    derivatives = {(name, key): at[name].derivatives[name, key] for name, key in found[0].derivatives if name in at}
     values = {name: one.values[name] for name, one in at.items()}
-    return Gradient(values, found[0].units, derivatives, max(one.growth for one in found))
+    doubt = next((one.doubt for one in found if one.doubt), "")
+    return Gradient(values, found[0].units, derivatives, max(one.growth for one in found), doubt)
 
 
 def make_neighbours(case: Case, number: Number, step: float) -> list[tuple[str, ...]]:
@@ -166,8 +187,8 @@ def make_neighbours(case: Case, number: Number, step: float) -> list[tuple[str, 
 
 def _run_scalars(
     case: Case, pairs: Sequence[tuple[Case, ...]], widths: Sequence[float], names: Sequence[str]
-) -> tuple[list[list[Metric]], float]:
-    """Return the scalars of a run, those of its neighbours in pairs, and the growth of disturbances."""
+) -> tuple[list[list[Metric]], float, str]:
+    """Return the scalars of a run, those of its neighbours in pairs, the growth of disturbances, and a doubt."""
     if why := exact_refusal(case):
         raise refuse("--method", "exact", "differences", why)
     kinds = {name.partition(".")[0] for name in names}
@@ -184,7 +205,25 @@ def _run_scalars(
     rows = [compute_scalars(ready, found.response, names)]
     for pair, responses in zip(beside, found.neighbours, strict=True):
         rows += [compute_scalars(one, response, names) for one, response in zip(pair, responses, strict=True)]
-    return rows, found.growth
+    light = _massless_probes(ready.problem.system)
+    rows[1:] = [
+        [one for one in row if not (one.name.endswith(_RATES) and one.name.startswith(light))] for row in rows[1:]
+    ]
+    if found.growth > CHAOTIC_GROWTH:
+        return rows, found.growth, f"the motion is chaotic: a small disturbance grows {found.growth:.1g} times"
+    residual = (ready.problem.start.periodicity or 0.0) if periodic and ready.problem.start else 0.0
+    return rows, found.growth, f"the periodic start repeats to {residual:.1g} only" if residual > _PERIODIC else ""
+
+
+def _massless_probes(system: System) -> tuple[str, ...]:
+    """Return the beginnings of the names of results of points without mass."""
+    light = MasslessMotions(system)
+    return tuple(
+        f"probes.{probe.name}." + (f"{component}." if len(probe.components) > 1 else "")
+        for probe in system.probes
+        for component, row in zip(probe.components, probe.rows, strict=True)
+        if (light.force_on_massless(row[None]) > FORCE_TOLERANCE).any()
+    )
 
 
 def _with_channels(ready: PreparedRun, kinds: set[str]) -> PreparedRun:

@@ -103,19 +103,19 @@ def parse_axis(key: str, spec: str, *, where: str = "", limit: int = MAX_VARIANT
     return _list(key, place, spec, limit)
 
 
-def parse_axes(settings: Sequence[str], *, limit: int = MAX_VARIANTS) -> tuple[Axis, ...]:
+def parse_axes(settings: Sequence[str], *, limit: int = MAX_VARIANTS, option: str = "--set") -> tuple[Axis, ...]:
     """Return the axes of several ``key=spec``."""
     found, faults = dict[str, Axis](), list[Fault]()
     for setting in settings:
         key, equals, spec = setting.partition("=")
-        key, where = key.strip(), f"--set {setting}"
+        key, where = key.strip(), f"{option} {setting}"
         if not equals or not key:
             faults.append(Fault(where, repr(setting), f"key=values: {FORMS}", "", "write run.speed=1000:4000:50rpm"))
         elif key in found:
             faults.append(Fault(where, repr(key), "every key once", "it is given twice", "write a list"))
         else:
             try:
-                found[key] = parse_axis(key, spec, limit=limit)
+                found[key] = parse_axis(key, spec, where=where, limit=limit)
             except InputError as refusal:
                 faults += refusal.faults
     if faults:

@@ -45,10 +45,9 @@ def get_number(case: Case, key: str, where: str) -> Number:
     value = known[key]
     if not isinstance(value, float):
         given = f"{key} = {value!r}" if value is not None else f"{key}, which is not given"
-        why = "only a number with a fraction can be varied"
-        raise refuse(
-            where, given, "the key of a number with a fraction", why, "give it a number" if value is None else ""
-        )
+        why = "" if value is None else "a whole number, a choice or a switch has no derivative"
+        remedy = "give it a number" if value is None else "compare its values with flexcam sweep"
+        raise refuse(where, given, "the key of a number that may have decimals", why, remedy)
     unit = find_unit(case.record, key.split("."))
     return Number(key, value, "SI" if unit is None else unit)
 

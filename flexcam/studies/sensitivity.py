@@ -183,7 +183,10 @@ Method = Literal["exact", "differences"]
 """Methods for derivatives of runs: along the motion, or by differences of runs."""
 
 
-def exact_names(case: Case, names: Sequence[str], method: Method | None) -> list[str]:
+def exact_names(
+    case: Case, names: Sequence[str], method: Method | None, *, option: str = "--method exact",
+    other: str = "use --method differences",
+) -> list[str]:  # fmt: skip
     """Return the scalars whose derivatives follow from the tangent of the time integration.
 
     With the method ``exact`` a scalar of a run for which it does not apply raises an error; None selects it where it
@@ -192,15 +195,15 @@ def exact_names(case: Case, names: Sequence[str], method: Method | None) -> list
     of_runs = [name for name in names if is_run_scalar(case, name)]
     if method == "differences":
         return []
-    counted = [name for name in of_runs if name.endswith(COUNTED)]
+    counted = [name for name in of_runs if name.endswith(COUNTED) or name.startswith("energy.")]
     if method is None:
         return [] if exact_refusal(case) else [name for name in of_runs if name not in counted]
     if why := exact_refusal(case):
-        raise refuse("--method", "exact", "differences", why)
+        raise refuse(option, case.name, "a case whose runs have exact derivatives", why, other)
     limits = [name for name in names if name.startswith("limits.")]
     if others := counted + limits:
-        why = "it counts instants" if counted else "a limit is the result of a search"
-        raise refuse("--method", f"exact for {others[0]}", "differences", why)
+        why = "it counts instants, or is a residual" if counted else "a limit is the result of a search"
+        raise refuse(option, others[0], "a result with an exact derivative", why, other)
     return of_runs
 
 
@@ -260,28 +263,21 @@ def _matrices(file: CaseFile, overrides: Sequence[str], like: Structure) -> Matr
     return one.mass, one.stiffness
 
 
-CHAOTIC_GROWTH = 1e3
-"""Growth of a small disturbance over a run above which derivatives say nothing about changes of practical size."""
-
-
 def _exact_sensitivities(
     file: CaseFile, fixed: Sequence[str], names: Sequence[str], numbers: Sequence[Number]
 ) -> dict[tuple[str, str], Sensitivity]:
     gradient = compute_gradient(file, fixed, names, numbers)
-    smooth, note = gradient.growth <= CHAOTIC_GROWTH, ""
-    if not smooth:
-        note = (
-            f"no derivative: the motion is chaotic, a small disturbance grows {gradient.growth:.1g} times over the "
-            "run; run fewer revolutions, or take the mean over several"
-        )
+    doubt = f"no derivative: {gradient.doubt}; --method differences shows what remains" if gradient.doubt else ""
     found = dict[tuple[str, str], Sensitivity]()
     for name in names:
         if name not in gradient.values:
             raise refuse("--of", name, "a result that this run has", "the run did not give it")
         for number in numbers:
             value = gradient.values[name]
-            slope = gradient.derivatives[name, number.key] if smooth else math.nan
+            slope = math.nan if doubt else gradient.derivatives[name, number.key]
+            lacks = "no exact derivative: use --method differences" if math.isnan(slope) else ""
             relative = logarithmic_derivative(slope, number.value, value)
+            smooth, note = not math.isnan(slope), doubt or lacks
             one = Sensitivity(name, gradient.units[name], value, number, slope, None, relative, smooth, note)
             found[name, number.key] = one
     return found

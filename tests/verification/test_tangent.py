@@ -29,6 +29,7 @@ from flexcam.dynamics import (
     Variation,
     hht,
     newmark,
+    solve,
     tangent_run,
 )
 from flexcam.studies.evaluation import evaluate
@@ -132,6 +133,25 @@ def test_a_ball_after_an_impact(record, tmp_path, key, gravity):
     record(source="Ball on a floor", case=f"fall from 0.5 m, restitution 0.8, gravity {-gravity:g} m/s^2",
            quantity=f"d(height at the end)/d{key}", unit="", reference=reference, computed=computed,
            tolerance=2e-7, reason="the motion is exact; differences over 1e-6 and 1e-4")  # fmt: skip
+
+
+def test_a_cam_that_strikes_its_follower(record):
+    """The lift moves the time of every impact; the motion half a revolution later against differences of runs."""
+    fixed = ["run.speed=3000rpm", "contacts.k.restitution=0.6", "springs.one.installed_force=20 N",
+             "springs.one.stiffness=10 kN/m", "run.steps_per_revolution=1440"]  # fmt: skip
+
+    def follower(lift):
+        return prepare(read_case("tests/verification/cam-follower.toml", [*fixed, f"cams.c.lift={lift!r}"])).problem
+
+    e = 1e-6 * 0.006
+    found = tangent_run(follower(0.006), newmark(), [Variation(follower(0.006 - e), follower(0.006 + e), 2.0 * e)])
+    low, high = (one["mass.uy"].displacement[-1] for one in found.neighbours[0])
+    assert solve(follower(0.006), newmark()).stats.events > 2
+    far = [solve(follower(0.006 + k * 10.0 * e), newmark())["mass.uy"].displacement[-1] for k in (-2, -1, 1, 2)]
+    record(source=DIFFERENCES, case="follower struck by its cam, by the lift", quantity="d(displacement at the end)",
+           unit="1", reference=float((far[0] - 8.0 * far[1] + 8.0 * far[2] - far[3]) / (120.0 * e)),
+           computed=float((high - low) / (2.0 * e)), tolerance=1e-4,
+           reason="differences over 1e-5 of the lift")  # fmt: skip
 
 
 def differences(file, fixed, number, name):
