@@ -50,7 +50,7 @@ def smallest(monkeypatch):
 
 @pytest.mark.usefixtures("smallest")
 def test_the_page_is_made_of_what_is_measured():
-    rooms = (bounds, linear, contact, accuracy, sweep, assembly, modes, peaks, saving, process, compiler)
+    rooms = (bounds, linear, contact, accuracy, sweep, gradients, assembly, modes, peaks, saving, process, compiler)
     tables = {room.__name__.rpartition(".")[2]: room.measured() for room in rooms}
     found = {"machine": machine.described(), "date": machine.today(), "versions": machine.versions("flexcam")}
     spec = importlib.util.spec_from_file_location("make_performance", ROOT / "docs/make_performance.py")

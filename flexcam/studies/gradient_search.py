@@ -94,8 +94,8 @@ def optimize_by_gradient(
             _descend(tangents, judge, begin, judge.count + (evaluations - judge.count) // (starts - i))
 
     found = judge.run_search(search)
-    if tangents.doubt and judge.count == starts:
-        raise refuse("--method gradient", tangents.doubt, "a start with derivatives", "", "use --method evolution")
+    if tangents.warning and judge.count == starts:
+        raise refuse("--method gradient", tangents.warning, "a start with derivatives", "", "use --method evolution")
     return found
 
 
@@ -106,7 +106,7 @@ class _Tangents:
         self, design: OptimizationProblem, judge: ProblemEvaluator, derive: Callable[[FloatArray], Gradient]
     ) -> None:
         self._design, self._judge, self._derive, self._spans = design, judge, derive, design.spans
-        self.doubt = ""  #: why the last variant without derivatives has none
+        self.warning = ""  #: why the last variant without derivatives has none
 
     def plane(self, x: FloatArray) -> Plane | None:
         """Return the tangents at a point; None if its run fails or has no derivative."""
@@ -117,8 +117,8 @@ class _Tangents:
             found = self._derive(self._design.points_at(x))
         except RunFailedError:
             return None
-        if found.doubt:
-            self.doubt = found.doubt
+        if found.warning:
+            self.warning = found.warning
             return None
         goal, bounds, variables = self._design.goals[0], self._design.bounds, self._design.points.variables
 

@@ -55,7 +55,7 @@ class Gradient:
         By name of the result and key of the number, SI; NaN for a result that a neighbouring case lacks.
     growth
         Growth of a small disturbance over the run, see `flexcam.dynamics.tangent.TangentRun`; 1 without a run.
-    doubt
+    warning
         Why the derivatives of the run say nothing; empty if they are sound.
     """
 
@@ -63,7 +63,7 @@ class Gradient:
     units: Mapping[str, str]
     derivatives: Mapping[tuple[str, str], float]
     growth: float
-    doubt: str = ""
+    warning: str = ""
 
 
 def exact_refusal(case: Case) -> str:
@@ -119,9 +119,9 @@ def compute_gradient(
     of_runs = [name for name in names if is_run_scalar(case, name)]
     others = [name for name in names if name not in of_runs]
     rows: list[dict[str, Metric]] = [{} for _ in range(1 + 2 * len(numbers))]
-    growth, doubt = 1.0, ""
+    growth, warning = 1.0, ""
     if of_runs:
-        found, growth, doubt = _run_scalars(case, pairs, widths, of_runs)
+        found, growth, warning = _run_scalars(case, pairs, widths, of_runs)
         for row, metrics in zip(rows, found, strict=True):
             row |= {one.name: one for one in metrics if one.name in of_runs}
     if others:
@@ -133,7 +133,7 @@ def compute_gradient(
         for i, (number, width) in enumerate(zip(numbers, widths, strict=True))
     }
     values, units = ({name: getattr(one, kind) for name, one in rows[0].items()} for kind in ("value", "unit"))
-    return Gradient(values, units, derivatives, growth, doubt)
+    return Gradient(values, units, derivatives, growth, warning)
 
 
 def _read(file: CaseFile, overrides: Sequence[str]) -> Case | None:
@@ -176,8 +176,8 @@ def _worst_gradient(found: Sequence[Gradient], worst: WorstCase) -> Gradient:
     at = {name: found[worst.worst(name, [one.values[name] for one in found])] for name in names}
     derivatives = {(name, key): at[name].derivatives[name, key] for name, key in found[0].derivatives if name in at}
     values = {name: one.values[name] for name, one in at.items()}
-    doubt = next((one.doubt for one in found if one.doubt), "")
-    return Gradient(values, found[0].units, derivatives, max(one.growth for one in found), doubt)
+    warning = next((one.warning for one in found if one.warning), "")
+    return Gradient(values, found[0].units, derivatives, max(one.growth for one in found), warning)
 
 
 def make_neighbours(case: Case, number: Number, step: float) -> list[tuple[str, ...]]:
@@ -188,7 +188,7 @@ def make_neighbours(case: Case, number: Number, step: float) -> list[tuple[str, 
 def _run_scalars(
     case: Case, pairs: Sequence[tuple[Case, ...]], widths: Sequence[float], names: Sequence[str]
 ) -> tuple[list[list[Metric]], float, str]:
-    """Return the scalars of a run, those of its neighbours in pairs, the growth of disturbances, and a doubt."""
+    """Return the scalars of a run, those of its neighbours in pairs, the growth of disturbances, and a warning."""
     if why := exact_refusal(case):
         raise refuse("--method", "exact", "differences", why)
     kinds = {name.partition(".")[0] for name in names}

@@ -267,7 +267,7 @@ def _exact_sensitivities(
     file: CaseFile, fixed: Sequence[str], names: Sequence[str], numbers: Sequence[Number]
 ) -> dict[tuple[str, str], Sensitivity]:
     gradient = compute_gradient(file, fixed, names, numbers)
-    doubt = f"no derivative: {gradient.doubt}; --method differences shows what remains" if gradient.doubt else ""
+    doubt = f"no derivative: {gradient.warning}; --method differences shows what remains" if gradient.warning else ""
     found = dict[tuple[str, str], Sensitivity]()
     for name in names:
         if name not in gradient.values:
