@@ -154,12 +154,12 @@ def optimize(
         exact_names(asked.case, names, "exact", option="--method gradient", other="use --method evolution")
     with suppress(RunFailedError):  # a case that fails may have better variants
         asked.initial_quantities(evaluations)
+    worst = worst_case(asked, at, goals, bounds, [one.key for one in variables]) if at else None
     with asked.evaluators(evaluations) as runs:
-        worst = worst_case(asked, at, goals, bounds, [one.key for one in variables]) if at else None
-        evaluate = worst.over(runs) if worst else runs
-        design = OptimizationProblem(PointEvaluator(asked.case, variables, evaluate), goals, bounds)
+        points = PointEvaluator(asked.case, variables, worst.over(runs) if worst else runs)
+        design = OptimizationProblem(points, goals, bounds)
         if method == "gradient":
-            derive = gradient_function(asked.file, asked.fixed, design.points, design.spans, names, worst)
+            derive = gradient_function(asked.file, asked.fixed, points, design.spans, names, worst)
             begins = 1 if starts is None else starts
             found = optimize_by_gradient(design, derive, evaluations=evaluations, starts=begins, seed=seed)
         else:

@@ -160,25 +160,40 @@ class Disturbances:
         for i in range(len(travel) if travel.shape[1] else 0):
             ends = every.penetration[i + 1], every.penetration[i]
             travel[i], begin[i] = forces.state_steps(step, *ends, track.state[i])
-        return self._stepper.sequence(step, linear, travel, begin), self._sequence_terms(every, linear)
+        sequence, steps = self._stepper.sequence(step, linear, travel, begin), np.arange(len(travel))
+        if self._explicit is None:
+            return sequence, np.zeros((len(steps), *self._carried.shape))
+        source = self._explicit.source(linear, slice(None))
+        return sequence, self._parameter_terms(every, steps, np.full(len(steps), step), source[:-1], source[1:])
 
-    def _sequence_terms(self, every: SensedTrajectory, linear: Linear) -> FloatArray:
-        """Return the contributions of the parameters to all steps of usual length, as `_parameter_terms`."""
-        track, step, n = every.track, self._problem.step, self._problem.system.size
-        terms = np.zeros((len(track.time) - 1, *self._carried.shape))
-        if self._parameters is None or self._explicit is None:
+    def _parameter_terms(
+        self, every: SensedTrajectory, steps: IntArray, lengths: FloatArray, old: FloatArray, new: FloatArray
+    ) -> FloatArray:
+        """Return the contributions of the parameters to some steps, see `LinearStep.propagate`.
+
+        Lengths in s, and forces of the parameters at both ends of the steps, shape (m, n, p).
+        """
+        track, n, half = every.track, self._problem.system.size, 0.5 * lengths[:, None, None]
+        terms = np.zeros((len(steps), *self._carried.shape))
+        if self._parameters is None:
             return terms
-        count, pushed = self._parameters.count, 0.5 * step * self._explicit.source(linear, slice(None))
-        old = pushed[:-1].swapaxes(0, 1).reshape(n, -1)
-        terms[:, n : 2 * n, :count] = pushed[1:]
-        terms[:, n : 2 * n, :count] += self._stepper.equilibrate(old).reshape(n, -1, count).swapaxes(0, 1)
+        count, begin = self._parameters.count, (half * old).swapaxes(0, 1).reshape(n, -1)
+        terms[:, n : 2 * n, :count] = half * new
+        terms[:, n : 2 * n, :count] += self._stepper.equilibrate(begin).reshape(n, -1, count).swapaxes(0, 1)
         if track.state.shape[1]:
-            terms[:, 2 * n :, :count] = [self._parameters.states_after(every, i) for i in range(len(terms))]
+            terms[:, 2 * n :, :count] = [self._parameters.states_after(every, i) for i in steps.tolist()]
         if (stretch := self._parameters.stretch).any():
-            flow = np.hstack([track.v, self._problem.system.mass.multiply(track.a.T).T])
-            mean = 0.5 * (flow[1:] + flow[:-1])
-            terms[:, : 2 * n, :count] += mean[:, :, None] * (step * stretch)
+            v, a = (0.5 * (one[steps] + one[steps + 1]) for one in (track.v, track.a))
+            mean = np.hstack([v, self._problem.system.mass.multiply(a.T).T])
+            terms[:, : 2 * n, :count] += mean[:, :, None] * (lengths[:, None, None] * stretch)
         return terms
+
+    def _terms_of_step(self, step: SmallStep, every: SensedTrajectory, i: int) -> FloatArray:
+        """Return the contribution of the parameters to the step after an instant."""
+        if self._explicit is None:
+            return np.zeros_like(self._carried)
+        old, new = (self._explicit.source(at, j)[None] for at, j in ((step.old, i), (step.new, i + 1)))
+        return self._parameter_terms(every, np.array([i]), np.array([step.length]), old, new)[0]
 
     def _small(self, begin: Linear, end: Linear, every: SensedTrajectory, i: int) -> SmallStep:
         """Return the step after an instant, linearized."""
@@ -190,7 +205,7 @@ class Disturbances:
 
     def _step(self, step: SmallStep, every: SensedTrajectory, i: int) -> None:
         if self._parameters is not None:
-            more = self._parameter_terms(step, every, i)
+            more = self._terms_of_step(step, every, i)
             self._carried = self._stepper.propagate(step, self._carried, more)
             return
         usual = self._waiting
@@ -221,7 +236,7 @@ class Disturbances:
         old, new, side = every.at(i), every.at(i + 1), every.track.pressed[i]
         step = self._small(self._at(every, i, side), self._at(every, i + 1, side), every, i)
         h, longer = step.length, self._stepper.impulse(self._flow(old), self._flow(new))
-        moved = self._parameter_terms(step, every, i)
+        moved = self._terms_of_step(step, every, i)
         if self._shift is not None:
             moved += (self._stepper.old_terms(0.5 * h * self._prescribed_rates(old, side)) - longer)[
                 :, None
@@ -324,18 +339,3 @@ class Disturbances:
         if self._explicit is not None:
             found[: self._explicit.penetration.shape[2]] = self._explicit.penetration[i, scalar]
         return found
-
-    def _parameter_terms(self, step: SmallStep, every: SensedTrajectory, i: int) -> FloatArray:
-        """Return the contribution of the parameters to a step, see `LinearStep.propagate`."""
-        terms = np.zeros_like(self._carried)
-        if self._parameters is None:
-            return terms
-        n, count, half = self._problem.system.size, self._parameters.count, 0.5 * step.length
-        pushed = [half * self._source(at, j) for at, j in ((step.old, i), (step.new, i + 1))]
-        terms[n : 2 * n] = self._stepper.equilibrate(pushed[0]) + pushed[1]
-        terms[2 * n :, :count] = self._parameters.states_after(every, i)
-        if self._parameters.stretch.any():
-            longer = self._stepper.impulse(*(self._flow(every.at(j)) for j in (i, i + 1)))
-            longer[2 * n :] = 0.0  # contained in those of the states
-            terms[:, :count] += longer[:, None] * (step.length * self._parameters.stretch)
-        return terms

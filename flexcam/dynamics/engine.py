@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Protocol
 
 import numpy as np
@@ -11,7 +12,7 @@ from flexcam.dynamics.blocks import Arrays
 from flexcam.dynamics.initial_acceleration import InitialAcceleration
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.problem import Problem, State
-from flexcam.dynamics.status import Cause, Stats, Status
+from flexcam.dynamics.status import Cause, RunFailedError, Stats, Status
 from flexcam.dynamics.step_state import StepInputs, StepState, Trajectory
 from flexcam.dynamics.system import System
 
@@ -34,6 +35,20 @@ class Engine(Protocol):
     def restore(self, state: Arrays) -> None:
         """Restore a state, in this process or another one."""
         ...
+
+
+_BLOCK = 500
+"""Number of steps whose instants are in memory together."""
+
+
+def iterate_tracks(engine: Engine, steps: int) -> Iterator[Trajectory]:
+    """Yield the instants of all steps of an engine in blocks; a failed run raises `RunFailedError`."""
+    for begin in range(0, steps + 1, _BLOCK):
+        with np.errstate(over="ignore", invalid="ignore"):
+            track, status = engine.advance(np.arange(begin, min(begin + _BLOCK, steps + 1)))
+        if not status.ok:
+            raise RunFailedError(status)
+        yield track
 
 
 LARGEST = 1e100

@@ -12,6 +12,7 @@ from flexcam.core import ComplexArray, FloatArray, SingularMatrixError
 from flexcam.core.errors import refuse
 from flexcam.dynamics.blocks import SaveAt
 from flexcam.dynamics.disturbances import Disturbances
+from flexcam.dynamics.engine import iterate_tracks
 from flexcam.dynamics.engine_selection import SelectedEngine, create_engine, forces_of, select_engine
 from flexcam.dynamics.generalized_alpha import newmark
 from flexcam.dynamics.integrator import Method
@@ -21,9 +22,6 @@ from flexcam.dynamics.status import RunFailedError, Stats
 
 MAX_UNKNOWNS = 400
 """Maximum number of unknowns."""
-
-_BLOCK = 500
-"""Number of steps whose instants are in memory together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,11 +51,7 @@ def _integrate_period(
     engine = create_engine(selected, method, forces, SaveAt(field_every=problem.steps + 1), stop, pilot)
     disturbances, fields = Disturbances(problem, forces) if derived else None, list[FloatArray]()
     end = np.zeros(0)
-    for begin in range(0, problem.steps + 1, _BLOCK):
-        with np.errstate(over="ignore", invalid="ignore"):
-            track, status = engine.advance(np.arange(begin, min(begin + _BLOCK, problem.steps + 1)))
-        if not status.ok:
-            raise RunFailedError(status)
+    for track in iterate_tracks(engine, problem.steps):
         if disturbances is not None:
             disturbances.follow(track)
         fields.append(np.hstack([track.d, track.v])[track.ends])

@@ -162,9 +162,9 @@ class LinearStep:
         if found is not None:
             self._travel += found.free @ found.amounts[: found.free.shape[1]]
         self._moves, self._solve = _operator(self._travel), self._mass
-        self._equilibrate = _operator(
-            self._light.condense_force(np.eye(self._size)) if self._light.any else np.eye(self._size)
-        )
+        one = np.eye(self._size)
+        #: Forces of the old end, shape (n, k), without their part on massless motions.
+        self.equilibrate = _operator(self._light.condense_force(one) if self._light.any else one)
         self._length: float = 0.0
 
     def initial_disturbances(self, at: Linear, given: FloatArray, source: FloatArray) -> FloatArray:
@@ -201,7 +201,7 @@ class LinearStep:
 
     def momentum(self, d: FloatArray, v: FloatArray, force: FloatArray, half: float) -> FloatArray:
         """Return the momentum with the impulse of the old end in half a step, under a disturbance of force."""
-        return self._mass(v) - half * self._equilibrate(self._damping(v) + self._stiffness(d) - force)
+        return self._mass(v) - half * self.equilibrate(self._damping(v) + self._stiffness(d) - force)
 
     def displacement_by_old_velocity(self, d: FloatArray, v: FloatArray, half: float) -> FloatArray:
         """Return the displacement by the old velocity alone."""
@@ -234,11 +234,7 @@ class LinearStep:
     def old_terms(self, more: FloatArray) -> FloatArray:
         """Return the contribution of the old end, without its residual on massless motions."""
         n = self._size
-        return np.concatenate([more[:n], self.equilibrate(more[n : 2 * n]), more[2 * n :]])
-
-    def equilibrate(self, forces: FloatArray) -> FloatArray:
-        """Return forces of the old end, shape (n, ...), without their part on massless motions."""
-        return self._light.condense_force(forces) if self._light.any else forces
+        return np.concatenate([more[:n], self.equilibrate(more[n : 2 * n, None])[:, 0], more[2 * n :]])
 
     def sequence(self, length: float, linear: Linear, by_travel: FloatArray, by_begin: FloatArray) -> StepSequence:
         """Return equal steps between successive instants, prepared together.

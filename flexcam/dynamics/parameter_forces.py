@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from flexcam.core import FloatArray, IntArray
+from flexcam.dynamics.cam_motion import CamMotion, PrescribedInputs
 from flexcam.dynamics.initial_acceleration import InitialAcceleration
 from flexcam.dynamics.jit import Functions
 from flexcam.dynamics.linearization import Linear
@@ -58,10 +59,15 @@ class VariedProblem:
         """Return the instants of this problem for those of the original one, s."""
         return self._begin + self.stretch * (time - self._begin)
 
-    def inertia_free_forces(self, d: FloatArray, v: FloatArray) -> FloatArray:
-        """Return stiffness and damping forces, N, shape (m, n)."""
+    def forces_without_inertia(
+        self, motion: CamMotion, schedule: PrescribedInputs, d: FloatArray, v: FloatArray, local: FloatArray
+    ) -> FloatArray:
+        """Return the sum of loads, stiffness, damping and local forces on the unknowns, N, shape (m, n)."""
         K, C, _ = self._matrices
-        return -(d @ K.T) - v @ C.T
+        return (
+            self.problem.system.load_vector(motion) - d @ K.T - v @ C.T
+            + (local @ self.forces.act.owner * schedule.acting_weights) @ self.forces.act.vectors
+        )  # fmt: skip
 
     def explicit_terms(self, every: SensedTrajectory) -> list[FloatArray]:
         """Return forces on the unknowns (m, n), sensed scalars and rates (m, c), and answers of the laws (m, c).
@@ -69,13 +75,13 @@ class VariedProblem:
         The forces are those of loads, matrices and acting vectors with the local forces of the motion; the answers are
         those to its sensed scalars.
         """
-        track, system, forces = every.track, self.problem.system, self.forces
+        track, forces = every.track, self.forces
         motion = self.problem.drive.at(self.times(track.time))
         schedule = forces.prescribed_inputs(motion)
-        pushed = system.load_vector(motion) + self.inertia_free_forces(track.d, track.v) - track.a @ self._matrices[2].T
+        pushed = self.forces_without_inertia(motion, schedule, track.d, track.v, track.local)
+        pushed -= track.a @ self._matrices[2].T
         if not forces.count:
             return [pushed, every.penetration, every.rate, every.rate]
-        pushed += (track.local @ forces.act.owner * schedule.acting_weights) @ forces.act.vectors
         sensed, rate, _ = forces.sense_motion(track.d, track.v, schedule)
         functions = schedule.rows[:, schedule.functions :]
         answer = forces.evaluate(every.penetration, track.state, functions, rate=every.rate)[1]

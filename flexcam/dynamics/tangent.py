@@ -19,6 +19,7 @@ from flexcam.dynamics.active_dofs import basis_of, reduce_problem
 from flexcam.dynamics.basis import DofSubset
 from flexcam.dynamics.blocks import Arrays, SaveAt
 from flexcam.dynamics.disturbances import Disturbances
+from flexcam.dynamics.engine import iterate_tracks
 from flexcam.dynamics.engine_selection import SelectedEngine, create_engine, forces_of, select_engine
 from flexcam.dynamics.generalized_alpha import Scheme
 from flexcam.dynamics.integrator import Method
@@ -28,11 +29,8 @@ from flexcam.dynamics.parameter_forces import ParameterForces, Variation, Varied
 from flexcam.dynamics.problem import Problem
 from flexcam.dynamics.response import Response
 from flexcam.dynamics.solve import pilot, record
-from flexcam.dynamics.status import RunFailedError, Stats, Status
+from flexcam.dynamics.status import Stats, Status
 from flexcam.dynamics.step_state import Trajectory
-
-_BLOCK = 500
-"""Number of steps whose instants are evaluated together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,10 +89,8 @@ def tangent_run(
     >>> from flexcam.core import Triplets
     >>> from flexcam.dynamics import ConstantSpeed, Load, Probe, Problem, System, newmark
     >>> def oscillator(k):
-    ...     one, push = (
-    ...         Triplets.from_dense([[1.0]]),
-    ...         Load("push", np.ones(1), lambda motion: np.ones_like(motion.angle)),
-    ...     )
+    ...     one = Triplets.from_dense([[1.0]])
+    ...     push = Load("push", np.ones(1), lambda motion: np.ones_like(motion.angle))
     ...     probe = Probe("x", ("x",), np.eye(1), (None,))
     ...     system = System(one, Triplets.zeros(1), one.scale(k), ("x",), (push,), probes=(probe,))
     ...     return Problem(system, ConstantSpeed(1.0), step=1e-3, steps=1000)
@@ -108,13 +104,10 @@ def tangent_run(
         raise refuse("run.integrator", "another method", "newmark with beta 1/4 and gamma 1/2", "its steps are derived")
     if problem.adaptive is not None or problem.basis is not None:
         raise refuse("case", "adaptive steps or a reduced basis", "constant steps in all unknowns", "")
-    problem, variations = (
-        _without_acceleration(problem),
-        [
-            Variation(_without_acceleration(one.below), _without_acceleration(one.above), one.width)
-            for one in variations
-        ],
-    )
+    problem, variations = _without_acceleration(problem), [
+        replace(one, below=_without_acceleration(one.below), above=_without_acceleration(one.above))
+        for one in variations
+    ]  # fmt: skip
     selected = select_engine(replace(problem, prune=_same_active_dofs(problem, variations)), method, SaveAt())
     inside = [_project(one, selected) for one in variations]
     compiled = compiled_functions() if selected.engine == "kernel" else None
@@ -214,10 +207,7 @@ def _integrate(
     engine = create_engine(selected, method, forces, SaveAt(field_every=problem.steps + 1), lambda: False, pilot)
     disturbances = Disturbances(problem, forces, initial, parameters)
     tracks, found = list[Trajectory](), list[FloatArray]()
-    for begin in range(0, problem.steps + 1, _BLOCK):
-        track, status = engine.advance(np.arange(begin, min(begin + _BLOCK, problem.steps + 1)))
-        if not status.ok:
-            raise RunFailedError(status)
+    for track in iterate_tracks(engine, problem.steps):
         found.append(disturbances.follow(track))
         tracks.append(_ends(track))
     return _Motion(Trajectory.concatenate(tracks), np.concatenate(found))
@@ -259,18 +249,17 @@ class _NeighbourEngine:
 
     def advance(self, steps: IntArray) -> tuple[Trajectory, Status]:
         """Return the instants of successive steps, see `Engine`."""
-        side, rows, system = self._side, slice(int(steps[0]), int(steps[-1]) + 1), self._side.problem.system
-        track, n, forces = self._motion.track, system.size, side.forces
+        side, rows = self._side, slice(int(steps[0]), int(steps[-1]) + 1)
+        track, n, forces = self._motion.track, side.problem.system.size, side.forces
         change = self._part * self._motion.disturbances[rows, :, self._parameter]
         time = side.times(track.time[rows])
         d, v = track.d[rows] + change[:, :n], track.v[rows] + change[:, n : 2 * n]
         state, drive = track.state[rows] + change[:, 2 * n :], side.problem.drive.at(time)
-        pushed, local = system.load_vector(drive) + side.inertia_free_forces(d, v), np.zeros((len(time), forces.count))
+        schedule, local = forces.prescribed_inputs(drive), np.zeros((len(time), forces.count))
         if forces.count:
-            schedule = forces.prescribed_inputs(drive)
             sensed, rate, _ = forces.sense_motion(d, v, schedule)
             local = forces.evaluate(sensed, state, schedule.rows[:, schedule.functions :], rate=rate)[1]
-            pushed += (local @ forces.act.owner * schedule.acting_weights) @ forces.act.vectors
+        pushed = side.forces_without_inertia(drive, schedule, d, v, local)
         a = track.a[rows] if self._part == 0.0 else side.accelerations.accelerations(pushed.T).T
         each, pressed = np.arange(len(time)), track.pressed[rows]
         return Trajectory(time, d, v, a, local, state, np.zeros_like(local), pressed, each), Status()

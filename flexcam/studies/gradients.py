@@ -113,7 +113,10 @@ def compute_gradient(
     steps = [RELATIVE_WIDTH * abs(size) for size in sizes or [number.value for number in numbers]]
     pairs, widths = list[tuple[Case, ...]](), list[float]()
     for number, step in zip(numbers, steps, strict=True):
-        sides = [_read(file, (*overrides, *one)) for one in make_neighbours(case, number, step)]
+        below, above = ((*overrides, *one) for one in make_neighbours(case, number, step))
+        sides = [_read(file, below), _read(file, above)]
+        if sides == [None, None]:
+            file.read(above)  # raises the reason
         pairs.append(tuple(case if side is None else side for side in sides))
         widths.append(step * (2 - sides.count(None)))  # one side alone at the end of the permitted values
     of_runs = [name for name in names if is_run_scalar(case, name)]

@@ -267,17 +267,17 @@ def _exact_sensitivities(
     file: CaseFile, fixed: Sequence[str], names: Sequence[str], numbers: Sequence[Number]
 ) -> dict[tuple[str, str], Sensitivity]:
     gradient = compute_gradient(file, fixed, names, numbers)
-    doubt = f"no derivative: {gradient.warning}; --method differences shows what remains" if gradient.warning else ""
+    warning = f"no derivative: {gradient.warning}; --method differences shows what remains" if gradient.warning else ""
     found = dict[tuple[str, str], Sensitivity]()
     for name in names:
         if name not in gradient.values:
             raise refuse("--of", name, "a result that this run has", "the run did not give it")
         for number in numbers:
             value = gradient.values[name]
-            slope = math.nan if doubt else gradient.derivatives[name, number.key]
+            slope = math.nan if warning else gradient.derivatives[name, number.key]
             lacks = "no exact derivative: use --method differences" if math.isnan(slope) else ""
             relative = logarithmic_derivative(slope, number.value, value)
-            smooth, note = not math.isnan(slope), doubt or lacks
+            smooth, note = not math.isnan(slope), warning or lacks
             one = Sensitivity(name, gradient.units[name], value, number, slope, None, relative, smooth, note)
             found[name, number.key] = one
     return found

@@ -32,6 +32,7 @@ from flexcam.dynamics import (
     solve,
     tangent_run,
 )
+from flexcam.dynamics.linearization import Linear, LinearStep, SmallStep
 from flexcam.studies.evaluation import evaluate
 from flexcam.studies.gradients import compute_gradient, make_neighbours
 from flexcam.studies.sensitivity import get_numbers
@@ -130,7 +131,7 @@ def test_a_ball_after_an_impact(record, tmp_path, key, gravity):
     far = [height(**{**fixed, key: value + k * near}) for k in (-2, -1, 1, 2)]
     reference = (far[0] - 8.0 * far[1] + 8.0 * far[2] - far[3]) / (12.0 * near)
     computed = float((high - low) / (2.0 * step))
-    record(source="Ball on a floor", case=f"fall from 0.5 m, restitution 0.8, gravity {-gravity:g} m/s^2",
+    record(source="Ball on a floor", case=f"fall from 0.5 m, restitution 0.8, gravity {abs(gravity):g} m/s^2",
            quantity=f"d(height at the end)/d{key}", unit="", reference=reference, computed=computed,
            tolerance=2e-7, reason="the motion is exact; differences over 1e-6 and 1e-4")  # fmt: skip
 
@@ -217,3 +218,26 @@ def test_other_methods_and_structures_are_refused(tmp_path):
     moved = tangent_run(problem, newmark(), [Variation(problem, replace(problem, start=start), 1.0)])
     low, high = moved.neighbours[0]
     assert (high["end"].velocity - low["end"].velocity)[0] == pytest.approx(1.0, rel=1e-12)
+
+
+def test_a_sequence_of_steps_equals_single_steps():
+    """Of a random system with local forces and an internal state; rounding, since sums have another order."""
+    rng, n, c, m, h = np.random.default_rng(3), 4, 3, 5, 1e-3
+    A = rng.normal(size=(n, n))
+    matrices = (Triplets.from_dense(one) for one in (A @ A.T + np.eye(n), 0.1 * A @ A.T, 1e4 * np.eye(n)))
+    stepper = LinearStep(System(*matrices, tuple("abcd")))
+    whole = Linear(
+        act=rng.normal(size=(m, c, n)), by_d=1e3 * rng.normal(size=(m, c, n)), by_v=rng.normal(size=(m, c, n)),
+        by_state=1e3 * rng.normal(size=(m, c, 1)), followed=rng.normal(size=(m, 1, n)),
+        by_penetration=np.zeros((m, c, c)), by_rate=np.zeros((m, c, c)),
+    )  # fmt: skip
+    each = [Linear(**{name: rows[i] for name, rows in vars(whole).items()}) for i in range(m)]
+    travel, begin = rng.random((2, m - 1, 1))
+    sequence = stepper.sequence(h, whole, travel, begin)
+    state, more = rng.normal(size=(2 * n + 1, 2)), rng.normal(size=(m - 1, 2 * n + 1, 2))
+    one = many = state
+    for i in range(m - 1):
+        one = stepper.propagate(SmallStep(each[i], each[i + 1], h, travel[i], begin[i]), one, more[i])
+        stepper.propagate(SmallStep(each[i], each[i + 1], 0.3 * h, travel[i], begin[i]), one)  # another length between
+        many = sequence.propagate(i, many, more[i])
+    assert many == pytest.approx(one, rel=1e-10, abs=1e-10)
