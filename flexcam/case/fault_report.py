@@ -7,7 +7,7 @@ import re
 import tomllib
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, cast, get_args
 
 from pydantic import BaseModel
@@ -28,6 +28,8 @@ class KeyLocations:
     r"""Source of every key of a case: a line of the file or an override."""
 
     notes: Mapping[Path, str]  #: source by key path, such as ``line 12`` or ``--set run.speed=4000rpm``
+    #: template by path of a copy, such as ``springs.valve-{cylinder}`` of ``springs.valve-1``
+    templates: Mapping[Path, Path] = field(default_factory=dict[Path, Path])
 
     @classmethod
     def of_text(cls, text: str) -> KeyLocations:
@@ -44,13 +46,15 @@ class KeyLocations:
 
     def with_override(self, path: Path, override: str) -> KeyLocations:
         """Return the sources with one key given by an override."""
-        return KeyLocations({**self.notes, path: f"--set {override}"})
+        return replace(self, notes={**self.notes, path: f"--set {override}"})
 
     def place(self, path: Path) -> str:
-        """Return a key path with the source of its nearest listed ancestor."""
+        """Return a key path with the source of its nearest listed ancestor; a copy has the source of its template."""
         for end in range(len(path), 0, -1):
             if path[:end] in self.notes:
                 return f"{'.'.join(path)} ({self.notes[path[:end]]})"
+            if path[:end] in self.templates:
+                return self.place(self.templates[path[:end]] + path[end:])
         return ".".join(path) or "case file"
 
 
@@ -196,7 +200,8 @@ def _fault(error: ErrorDetails, path: Path, places: KeyLocations, root: type[Bas
                 where, given, "1", "it is the version of the case format", "a newer flexcam may have written it"
             )
         case "string_pattern_mismatch":
-            return Fault(where, given, NAMES, "", "")
+            mark = re.search(r"\{([^{}]*)\}", path[-1] if path else "")
+            return Fault(where, given, NAMES, f"there is no [repeat.{mark[1]}]" if mark else "", "")
         case _:
             return Fault(where, given, describe_type_error(error), "", "")
 
@@ -226,8 +231,8 @@ def _shorten(value: object) -> str:
 
 def _describe_field(path: Path, root: type[BaseModel]) -> str:
     """Return the quantity or the description of a key."""
-    for name, field in fields_at(path[:-1], root):
+    for name, key in fields_at(path[:-1], root):
         if name == path[-1]:
-            units = [unit for part in (*field.metadata, field.annotation) for unit in units_in(part)]
-            return ", ".join(filter(None, (*(unit.description for unit in units[:1]), field.description)))
+            units = [unit for part in (*key.metadata, key.annotation) for unit in units_in(part)]
+            return ", ".join(filter(None, (*(unit.description for unit in units[:1]), key.description)))
     return ""

@@ -18,9 +18,19 @@ from flexcam.case.case import Case
 from flexcam.case.cross_checks import RawTables
 from flexcam.case.fault_report import KeyLocations, convert_errors, parse_toml, sort_faults
 from flexcam.case.fault_report import Path as KeyPath
-from flexcam.case.records import CamsRecord, CaseRecord, SweepFileRecord, SweepRecord, resolve_record, si_unit
+from flexcam.case.records import (
+    CamsRecord,
+    CaseRecord,
+    RepeatFileRecord,
+    SweepFileRecord,
+    SweepRecord,
+    resolve_record,
+    si_unit,
+)
+from flexcam.case.repetition import Repetition
 from flexcam.case.schema.base import Record
 from flexcam.case.schema.cams import LIFT_TABLE_CONFLICTS
+from flexcam.case.schema.parts import RepeatRecord
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name, system_message
 from flexcam.fem.mesh import Mesh
 from flexcam.io import Result, read_mesh, read_text, resolve_file
@@ -109,8 +119,7 @@ class CaseFile:
 
     def read(self, overrides: Sequence[str] = (), *, mesh: Mesh | None = None) -> Case:
         """Return the checked case with overrides."""
-        raw = deepcopy(dict(self.raw))
-        places, found = _apply_overrides(raw, self.text, overrides)
+        raw, places, found = _complete_tables(self.path, self.text, self.raw, overrides)
         if mesh is None or "mesh" not in raw:
             mesh, mesh_faults = self._mesh(raw, places)
             found += mesh_faults
@@ -119,7 +128,7 @@ class CaseFile:
         found += [*record_faults, *tables.reference_faults(), *tables.exclusive_key_faults()]
         found += tables.coincident_node_faults()
         if found or record is None:
-            raise InputError(sort_faults(found))
+            raise InputError(sort_faults(dict.fromkeys(found)))  # the copies of a part have the same fault
         return with_spring_parts(Case(self.path, self.text, tuple(overrides), record, mesh, places, self.files))
 
     @property
@@ -149,9 +158,7 @@ class CaseFile:
 
 def case_tables(case: Case) -> dict[str, Any]:
     """Return the tables of a case as written, with its overrides."""
-    raw = _parse_case(case.path, case.text)
-    _apply_overrides(raw, case.text, case.overrides)
-    return raw
+    return _complete_tables(case.path, case.text, _parse_case(case.path, case.text), case.overrides)[0]
 
 
 def complete_case_tables(case: Case) -> dict[str, Any]:
@@ -209,7 +216,7 @@ def read_cams(path: str | Path, overrides: Sequence[str] = ()) -> CamsRecord:
     """Read and check a file that contains only cams."""
     source = Path(path)
     text, raw = _read_tables(source)
-    places, found = _apply_overrides(raw, text, overrides)
+    raw, places, found = _complete_tables(source, text, raw, overrides)
     record, record_faults = _record(CamsRecord, raw, places, source)
     found += [*record_faults, *RawTables(raw, None, places).reference_faults()]
     if found or record is None:
@@ -257,9 +264,30 @@ _OPTIONAL_TABLES = {"adaptive", "damping", "fluctuation", "free_running", "integ
 """Optional nested tables."""
 
 
-def _apply_overrides(raw: dict[str, Any], text: str, overrides: Sequence[str]) -> tuple[KeyLocations, list[Fault]]:
+def _complete_tables(
+    path: Path, text: str, raw: Mapping[str, Any], overrides: Sequence[str]
+) -> tuple[dict[str, Any], KeyLocations, list[Fault]]:
+    """Return the tables with overrides and copies, the sources of all keys and the faults."""
+    tables, places = deepcopy(dict(raw)), KeyLocations.of_text(text)
+    first = [one for one in overrides if one.startswith("repeat.") or "{" in one.partition("=")[0]]
+    places, found = _apply_overrides(tables, places, first)
+    repeats: Mapping[str, RepeatRecord] = {}
+    if "repeat" in tables:
+        record, faults = _record(RepeatFileRecord, {"repeat": tables["repeat"]}, places, path)
+        if record is None:
+            raise InputError([*found, *faults])
+        repeats = record.repeat
+    copies = Repetition.of(tables, repeats)
+    places = replace(places, templates=copies.templates)
+    places, more = _apply_overrides(copies.tables, places, [one for one in overrides if one not in first])
+    return copies.tables, places, [*found, *copies.faults(places), *more]
+
+
+def _apply_overrides(
+    raw: dict[str, Any], places: KeyLocations, overrides: Sequence[str]
+) -> tuple[KeyLocations, list[Fault]]:
     """Apply overrides ``a.b.c=value`` to raw tables; return the sources of all keys and the faults."""
-    places, found = KeyLocations.of_text(text), list[Fault]()
+    found = list[Fault]()
     keys = [tuple(step.strip() for step in override.partition("=")[0].split(".")) for override in overrides]
     for key, override in zip(keys, overrides, strict=True):
         found += _apply_override(raw, key, override)

@@ -28,6 +28,7 @@ from flexcam.case.schema.parts import (
     MassRecord,
     MaterialRecord,
     MemberRecord,
+    RepeatRecord,
     RockerRecord,
     SectionRecord,
 )
@@ -74,6 +75,7 @@ class CaseRecord(Record):
     cams: dict[Name, CamRecord] = Field(default={})
     contacts: dict[Name, ContactRecord] = Field(default={})
     friction: dict[Name, FrictionRecord] = Field(default={}, description="of guides, seals and pivots")
+    repeat: dict[Name, RepeatRecord] = Field(default={}, description="copies of parts, such as those of each cylinder")
     run: RunRecord
     fidelity: FidelityRecord = Field(default_factory=lambda: FidelityRecord.model_validate({}))
     sweep: SweepRecord | None = Field(None, description="variants that `sweep` runs")
@@ -93,6 +95,12 @@ class SweepFileRecord(Record):
     """Case of which only the table ``[sweep]`` is read."""
 
     sweep: SweepRecord
+
+
+class RepeatFileRecord(Record):
+    """Case of which only the table ``[repeat]`` is read, before its copies exist."""
+
+    repeat: dict[Name, RepeatRecord]
 
 
 def si_unit(path: tuple[str, ...]) -> str | None:

@@ -9,11 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexcam.core import FloatArray, IntArray
+from flexcam.core import FloatArray, IntArray, component_members, connected_components
 from flexcam.dynamics.blocks import Arrays, flatten
 from flexcam.dynamics.cam_motion import CamFunctionCache, PrescribedInputs
 from flexcam.dynamics.collocation import Collocation, stage_coefficients
@@ -118,6 +119,17 @@ class ModalSystem:
         modes = np.array([system.mass.diagonal(), own, system.stiffness.diagonal()])
         return cls(modes, beside if beside.any() else _NONE, forces.sense.vectors, forces.act.vectors)
 
+    @cached_property
+    def groups(self) -> list[tuple[IntArray, FloatArray]]:
+        """Groups of modes that dampers couple, such as those of one valve train, by size.
+
+        Arrays (groups, size), and their acting vectors, shape (groups, size, acts).
+        """
+        found = component_members(connected_components(len(self.coupled), *np.nonzero(self.coupled)))
+        sizes = sorted({len(group) for group in found})
+        groups = [np.array([group for group in found if len(group) == size]) for size in sizes]
+        return [(group, np.ascontiguousarray(self.acting.T[group])) for group in groups]
+
     def operator(self, scheme: Scheme | Collocation, step: float) -> StepOperator:
         """Return the step of a method, s."""
         return self._one_stage(scheme, step) if isinstance(scheme, Scheme) else self._two_stages(step)
@@ -128,8 +140,13 @@ class ModalSystem:
         whole = scheme.effective_mass(mass, damping, stiffness, step)
         single, inverse = np.zeros_like(whole), _NONE
         if len(self.coupled):
-            inverse = np.linalg.inv(np.diag(whole) + new * scheme.gamma * step * self.coupled).astype(np.float64)
-            answering = new * self.acting @ inverse.T
+            inverse, answering = np.zeros_like(self.coupled), np.empty_like(self.acting)
+            full = np.diag(whole) + new * scheme.gamma * step * self.coupled
+            for group, acting in self.groups:
+                rows, columns = group[:, :, None], group[:, None, :]
+                blocks = np.linalg.inv(full[rows, columns])
+                inverse[rows, columns] = blocks
+                answering[:, group.ravel()] = new * (blocks @ acting).reshape(-1, len(self.acting)).T
         else:
             single = 1.0 / whole
             answering = new * self.acting * single

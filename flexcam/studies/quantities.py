@@ -15,6 +15,7 @@ from flexcam.cams import Event, event_extremes, harmonics, joints
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.case.records import find_unit
+from flexcam.case.repetition import name_pattern
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name
 from flexcam.core.units import RPM, shaft_name
 from flexcam.dynamics import Cause, RunFailedError, Status, reraise_interrupt
@@ -36,19 +37,23 @@ def get_number(case: Case, key: str, where: str) -> Number:
     """Return a number of a case by key."""
     known = dict(_iterate_values(case.record.model_dump(mode="json", by_alias=True), ""))
     numbers = [name for name, value in known.items() if isinstance(value, float)]
-    if key not in known:
+    copies = [key] if key in known else [name for name in known if name_pattern(key).fullmatch(name)]
+    if not copies:
         near = suggest_name(key, numbers) or suggest_name(
             key.rpartition(".")[2], [n.rpartition(".")[2] for n in numbers]
         )
         allowed = f"the key of a number of the case, such as {', '.join(numbers[:6])}"
         raise refuse(where, repr(key), allowed, "there is no such key", near or "flexcam check --echo prints them all")
-    value = known[key]
+    value = known[copies[0]]
+    if different := [name for name in copies if known[name] != value]:
+        given = f"{known[different[0]]!r} for {different[0]} and {value!r} for {copies[0]}"
+        raise refuse(where, given, "a number that all copies share", "one value replaces all", "name one of the copies")
     if not isinstance(value, float):
         given = f"{key} = {value!r}" if value is not None else f"{key}, which is not given"
         why = "" if value is None else "a whole number, a choice or a switch has no derivative"
         remedy = "give it a number" if value is None else "compare its values with flexcam sweep"
         raise refuse(where, given, "the key of a number that may have decimals", why, remedy)
-    unit = find_unit(case.record, key.split("."))
+    unit = find_unit(case.record, copies[0].split("."))
     return Number(key, value, "SI" if unit is None else unit)
 
 

@@ -33,11 +33,12 @@ from flexcam.valvetrain.cam_functions import (
     cached_profile,
     cam_sliding,
     face_sliding,
-    interpolate_table,
     lift_ratio,
     normal_force_ratio,
     pressure_tangent,
     profile_table,
+    reach,
+    relative_radius,
     sliding_distance,
     sliding_ratio,
     transverse_lift_ratio,
@@ -288,7 +289,7 @@ def _cam_law(structure: Structure, name: str, contact: CamContact, cam: Cam) -> 
     line = hertz_line(structure, name, contact, cam)
     if isinstance(cam.follower, FlatFollower):
         return line.law()
-    return line.law(interpolate_table(profile_table(cam).touch.reach))
+    return line.law(reach(cam))
 
 
 def hertz_line(
@@ -313,7 +314,7 @@ def hertz_line(
         raise refuse(where, given, "a profile that touches along a line", "", "take a larger base circle")
     rolls = bool(np.isfinite(roller))
     depth = 2.0 * (follower.base_radius + roller) if rolls else follower.base_radius  # the base circle for the cam
-    radius = interpolate_table(1.0 / np.maximum(curvature, 1.0 / (STRAIGHT * depth)))
+    radius = relative_radius(cam, STRAIGHT * depth)
     return HertzLine(cam.width, material.E, material.nu, radius, depth, contact.dissipation, rolls)
 
 

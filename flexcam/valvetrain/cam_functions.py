@@ -16,7 +16,7 @@ from flexcam.dynamics import AngleFunction, CamFunctionCache, DerivedCamFunction
 from flexcam.valvetrain.parts import Cam
 
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 7201)
-"""Cam angles of the curvature table, which is interpolated at every iteration."""
+"""Cam angles of the profile that is checked, and of the sums of the sliding path."""
 
 
 def _profile(cam: Cam, angle: FloatArray, motion: Motion | None = None) -> CamProfile:
@@ -101,6 +101,9 @@ sliding_ratio = _profile_function(lambda made: made.touch.sliding, lambda made: 
 normal_force_ratio = _profile_function(lambda made: 1.0 / made.touch.reach, lambda made: _by_reach_rate(made, 1.0, 0.0))
 """Force along the normal per force along the lift."""
 
+reach = _profile_function(lambda made: made.touch.reach, lambda made: made.touch.reach_rate)
+"""Lift per motion along the normal."""
+
 cam_sliding = _profile_function(
     lambda made: _along_face(made) / made.touch.reach,
     lambda made: _by_reach_rate(made, _along_face(made), _along_face_rate(made)),
@@ -111,6 +114,17 @@ _sliding_by_reach = _profile_function(
     lambda made: made.touch.sliding / made.touch.reach,
     lambda made: _by_reach_rate(made, made.touch.sliding, made.touch.sliding_rate),
 )
+
+
+@lru_cache(maxsize=8)
+def relative_radius(cam: Cam, most: float) -> AngleFunction:
+    """Return the relative radius of curvature of cam and follower, m, up to a limit, without derivative."""
+    roller = cam.follower.roller_radius if cam.follower else np.inf
+
+    def radius(made: CamProfile) -> FloatArray:
+        return 1.0 / np.maximum(1.0 / made.radius + 1.0 / roller, 1.0 / most)
+
+    return _OfProfile(cam, radius, lambda made: np.zeros_like(made.radius))
 
 
 @lru_cache(maxsize=8)
@@ -151,13 +165,3 @@ class _SlidingDistance(DerivedCamFunction):
         # Hermite's cubic through sums and slopes.
         ends = y * y * (1.0 + 2.0 * z) * sums[i] + z * z * (3.0 - 2.0 * z) * sums[i + 1]
         return turns * sums[-1] + ends + width * z * y * (y * slopes[i] - z * slopes[i + 1])
-
-
-def interpolate_table(values: FloatArray) -> AngleFunction:
-    """Return the interpolation of values at `ANGLES`, without derivatives."""
-
-    def looked_up(angle: FloatArray, order: int) -> FloatArray:
-        del order
-        return np.interp(np.mod(angle, 2.0 * np.pi), ANGLES, values)
-
-    return looked_up

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -40,7 +41,26 @@ def shaft_channels(structure: Structure) -> Coupling:
                 Channel(f"cams.{contact.cam}.twist", "rad", row_of(structure.row(at, contact.rotation))),
                 Channel(f"cams.{contact.cam}.deflection", "m", row_of(structure.row(at, contact.direction))),
             ]
+    channels += [channel for name in model.springs for channel in _drive_torque(structure, name)]
     return Coupling(_inertias(structure), (), tuple(channels))
+
+
+def _drive_torque(structure: Structure, name: str) -> Iterator[Channel]:
+    """Yield the torque of a spring that drives a shaft, such as a chain: its other end turns at the camshaft speed."""
+    spring, mesh = structure.model.springs[name], structure.model.mesh
+    if not spring.turns or spring.to is not None or spring.at not in mesh.points:
+        return
+    axis = _shaft_axes(structure.model).get(mesh.node(spring.at))
+    if axis is None or abs(float(axis @ spring.direction[3:])) < _ALONG:
+        return
+    row = structure.row(spring.at, np.concatenate([np.zeros(3), axis]))[None]
+    installed = math.copysign(spring.installed_force or 0.0, float(axis @ spring.direction[3:]))
+
+    def torque(seen: Observation) -> FloatArray:
+        twist, rate = (seen.moved.extract(row, order)[:, 0] for order in range(2))
+        return -installed - spring.stiffness * twist - spring.damping * rate
+
+    yield Channel(f"springs.{name}.torque", "N m", torque)
 
 
 def _inertias(structure: Structure) -> tuple[Load, ...]:
@@ -95,16 +115,22 @@ def find_shaft_drives(structure: Structure) -> tuple[ShaftDrive, ...]:
 def _prescribed_rotations(structure: Structure) -> Iterator[tuple[str, int, FloatArray]]:
     """Yield name, node and axis of every prescribed shaft rotation."""
     model = structure.model
-    driven: dict[int, FloatArray] = {}
-    for contact in model.cam_contacts.values():
-        nodes = model.mesh.connected_nodes(model.mesh.node(model.cams[contact.cam].at))
-        driven |= dict.fromkeys(nodes.tolist(), contact.shaft_axis)
+    driven = _shaft_axes(model)
     for point, held in model.supports.items():
         for node in model.mesh.select(point).tolist():
             along = driven.get(node, np.zeros(3))
             axis = int(np.argmax(np.abs(along)))
             if abs(float(along[axis])) > _ALONG and ROTATIONS[axis] in held:
                 yield point if len(model.mesh.select(point)) == 1 else model.mesh.node_name(node), node, along
+
+
+def _shaft_axes(model: Model) -> dict[int, FloatArray]:
+    """Return the axis of rotation at every node of a camshaft."""
+    axes: dict[int, FloatArray] = {}
+    for contact in model.cam_contacts.values():
+        nodes = model.mesh.connected_nodes(model.mesh.node(model.cams[contact.cam].at))
+        axes |= dict.fromkeys(nodes.tolist(), contact.shaft_axis)
+    return axes
 
 
 def _release_rotation(structure: Structure, name: str, node: int, along: FloatArray) -> ShaftDrive:

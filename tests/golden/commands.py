@@ -19,8 +19,8 @@ CAMS = (*sorted((CASES / "cams").glob("*.toml")), ROOT / "tests/data/every-cam.t
 COARSE = ("--set", "run.steps_per_revolution=360", "--set", "run.revolutions=1")
 FLAT = '{ type = "roller", radius = "10 mm" }'
 TEMPLATES = (
-    "direct-acting", "exhaust-valve", "finger-follower", "lumped-train", "measured-lift", "published-model",
-    "pushrod-engine",
+    "direct-acting", "dohc-16-valve", "exhaust-valve", "finger-follower", "lumped-train", "measured-lift",
+    "published-model", "pushrod-engine", "v8-bank",
 )  # fmt: skip
 
 Taken = Callable[[Sequence[str], Path], Record]

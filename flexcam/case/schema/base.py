@@ -200,7 +200,10 @@ CamshaftSpeed = Annotated[Speed | None, Field(description="camshaft speed")]
 CrankshaftSpeed = Annotated[Speed | None, Field(description="crankshaft speed, twice the camshaft's")]
 
 Part = TypeVar("Part")
-Name = Annotated[str, Field(min_length=1, pattern=NAME)]
+_MARKED_NAME = r"^[A-Za-z0-9_{][A-Za-z0-9_{} -]*$"
+"""Pattern of a name in a file, where it may contain marks such as ``{cylinder}``."""
+
+Name = Annotated[str, Field(pattern=NAME), WithJsonSchema({"type": "string", "pattern": _MARKED_NAME})]
 Vector = tuple[SignedNumber, SignedNumber, SignedNumber]
 Point = tuple[Position, Position, Position]
 _Acceleration = Annotated[float, Unit("acceleration", signed=True)]

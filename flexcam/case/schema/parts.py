@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import tau
 from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
@@ -318,3 +319,57 @@ class LeverRecord(Record):
 
 
 RockerRecord = Annotated[LumpedRecord | LeverRecord, Field(discriminator="model")]
+
+
+class RepeatRecord(Record):
+    """Copies of the parts whose names contain the mark, such as ``{cylinder}`` for the table `[repeat.cylinder]`."""
+
+    names: list[Name] = Field(
+        default=[], description="that replace the mark; the numbers of the firing order by default"
+    )
+    spacing: Point | None = Field(None, description="from each copy to the next, global axes")
+    offsets: list[Point] | None = Field(None, description="of every copy from the given nodes, instead of spacing")
+    firing_order: str | None = Field(
+        None, description="of the whole engine; its cylinders fire at equal intervals of one camshaft revolution",
+        examples=["1-3-4-2"],
+    )  # fmt: skip
+    phases: list[SignedAngle] | None = Field(
+        None, description="cam angle by which every copy is later, instead of firing_order"
+    )
+
+    @model_validator(mode="after")
+    def _check_lengths(self) -> Self:
+        names = self.copy_names
+        if not names or len(set(names)) < len(names):
+            why = "each copy needs its own name"
+            raise value_error("different names", why, inside="names", given=", ".join(names) or "nothing")
+        for key, other in (("offsets", "spacing"), ("phases", "firing_order")):
+            values = getattr(self, key)
+            if values is not None and getattr(self, other) is not None:
+                raise value_error(f"either {key} or {other}", given=f"{key} and {other}")
+            if values is not None and len(values) != len(names):
+                raise value_error(f"{len(names)} values, one for each name", inside=key, given=f"{len(values)} values")
+        missing = [name for name in names if self.firing_order is not None and name not in self._order]
+        if missing or len(set(self._order)) < len(self._order):
+            allowed = f"an order such as '1-3-4-2' that contains {', '.join(names)} once"
+            raise value_error(allowed, inside="firing_order", given=repr(self.firing_order))
+        return self
+
+    @property
+    def copy_names(self) -> list[str]:
+        """Names of the copies."""
+        return self.names or sorted(self._order, key=lambda name: (len(name), name))
+
+    def copies(self) -> list[tuple[str, Point, float]]:
+        """Return name, offset, m, and delay, rad of cam angle, of every copy."""
+        step, order = self.spacing or (0.0, 0.0, 0.0), self._order
+        found: list[tuple[str, Point, float]] = []
+        for i, name in enumerate(self.copy_names):
+            offset = self.offsets[i] if self.offsets else (i * step[0], i * step[1], i * step[2])
+            phase = self.phases[i] if self.phases else tau * order.index(name) / len(order) if order else 0.0
+            found.append((name, offset, phase))
+        return found
+
+    @property
+    def _order(self) -> list[str]:
+        return [name.strip() for name in self.firing_order.split("-")] if self.firing_order is not None else []

@@ -1,0 +1,143 @@
+"""Copies of a valve train: parts whose names contain a mark such as ``{cylinder}``.
+
+A mark in the name of a part repeats the part for every name in `[repeat.cylinder]`. In a list of names, consecutive
+names with a mark are repeated together: ``["front", "bearing-{cylinder}", "lobe-{cylinder}"]`` becomes the front, then
+the bearing and the lobe of each cylinder.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import groupby
+from math import tau
+from typing import Any, cast
+
+from flexcam.case.fault_report import KeyLocations, Path
+from flexcam.case.schema.parts import RepeatRecord
+from flexcam.core.errors import Fault, InputError
+from flexcam.core.units import parse
+
+_MARK = re.compile(r"\{([^{}]*)\}")
+
+_ANGLES = {"cams": ("phase", "centreline", "tdc"), "loads": ("phase",)}
+"""Cam angles of a part, which the phase of a copy delays."""
+
+_TIMING_ANGLES = ("opening", "closing", "centre")
+"""Cam angles in the timing of a cam."""
+
+
+def name_pattern(key: str) -> re.Pattern[str]:
+    """Return the pattern of the keys that a key with marks stands for."""
+    return re.compile("[^.]+".join(re.escape(part) for part in _MARK.split(key)[::2]))
+
+
+@dataclass(frozen=True)
+class Repetition:
+    """Tables of a case with all copies."""
+
+    tables: dict[str, Any]  #: raw tables without `repeat`
+    repeats: Mapping[str, RepeatRecord]  #: copies by mark
+    templates: dict[Path, Path] = field(default_factory=dict[Path, Path])  #: template by path of a part: table and name
+
+    @classmethod
+    def of(cls, raw: Mapping[str, Any], repeats: Mapping[str, RepeatRecord]) -> Repetition:
+        """Return the tables of a case with all copies of its parts."""
+        tables = {name: table for name, table in raw.items() if name != "repeat"}
+        found = cls(tables, repeats)
+        for kind, table in tables.items():
+            if isinstance(table, dict):
+                tables[kind] = found._expand_table(kind, cast("dict[str, Any]", table))
+        return found
+
+    def faults(self, places: KeyLocations) -> Iterator[Fault]:
+        """Yield the marks that no part has in its name."""
+        used = {mark for template in self.templates.values() for mark in _MARK.findall(template[-1])}
+        for mark in self.repeats:
+            if mark not in used:
+                allowed = f'a part with {{{mark}}} in its name, such as "valve-{{{mark}}}"'
+                yield Fault(places.place(("repeat", mark)), "no such part", allowed, "nothing is repeated", "")
+
+    def _expand_table(self, kind: str, table: dict[str, Any]) -> dict[str, Any]:
+        """Return a table of parts with all copies."""
+        found: dict[str, Any] = {}
+        for name, part in table.items():
+            for copied, value in self._copies(kind, name, part):
+                found[copied] = self._expand_lists(value)
+                if copied != name:
+                    self.templates[kind, copied] = (kind, name)
+        return found
+
+    def _copies(self, kind: str, name: str, part: object) -> Iterator[tuple[str, object]]:
+        """Yield the names and values of the copies of a part."""
+        mark = next((mark for mark in self.repeats if f"{{{mark}}}" in name), None)
+        if mark is None:
+            yield name, part
+            return
+        for copy, offset, phase in self.repeats[mark].copies():
+            moved = _shift(kind, _substitute(part, mark, copy), offset, phase)
+            yield from self._copies(kind, name.replace(f"{{{mark}}}", copy), moved)
+
+    def _expand_lists(self, value: object) -> object:
+        """Return a value with the marks in its lists of names expanded."""
+        if isinstance(value, dict):
+            return {name: self._expand_lists(one) for name, one in cast("dict[str, object]", value).items()}
+        if isinstance(value, list):
+            names = cast("list[object]", value)
+            return self._expand_names(names) if all(isinstance(one, str) for one in names) else names
+        return value
+
+    def _expand_names(self, names: list[Any], marks: tuple[str, ...] | None = None) -> list[Any]:
+        """Return names with every run of names that share a mark repeated; the first mark is outermost."""
+        if not (left := tuple(self.repeats) if marks is None else marks):
+            return names
+        mark, *inner = left
+        found: list[Any] = []
+        for marked, run in groupby(names, lambda name: f"{{{mark}}}" in name):
+            each = list(run)
+            for copy in self.repeats[mark].copy_names if marked else ("",):
+                copied = [name.replace(f"{{{mark}}}", copy) for name in each]
+                found += self._expand_names(copied, tuple(inner))
+        return found
+
+
+def _substitute(value: object, mark: str, copy: str) -> object:
+    """Return a value with a mark replaced in all its texts."""
+    if isinstance(value, dict):
+        return {name: _substitute(one, mark, copy) for name, one in cast("dict[str, object]", value).items()}
+    if isinstance(value, list):
+        return [_substitute(one, mark, copy) for one in cast("list[object]", value)]
+    return value.replace(f"{{{mark}}}", copy) if isinstance(value, str) else value
+
+
+def _shift(kind: str, part: object, offset: Sequence[float], phase: float) -> object:
+    """Return a part moved by an offset, m, and delayed by a cam angle, rad; invalid values stay for their own fault."""
+    if kind == "nodes" and isinstance(part, list) and len(cast("list[object]", part)) == 3:
+        return [_add(value, x, "length") for value, x in zip(cast("list[object]", part), offset, strict=True)]
+    if kind not in _ANGLES or not phase or not isinstance(part, dict):
+        return cast("object", part)
+    table = dict(cast("dict[str, object]", part))
+    if kind == "cams" and not {"centreline", "timing"} & table.keys():
+        table.setdefault("phase", 0.0)
+    if kind == "loads" and "table" in table:
+        table.setdefault("phase", 0.0)
+    for key in _ANGLES[kind]:
+        if key in table:
+            table[key] = _add(table[key], phase, "angle")
+    timing = table.get("timing")
+    if isinstance(timing, dict):
+        inner = cast("dict[str, object]", timing)
+        table["timing"] = {
+            key: _add(value, phase, "angle") if key in _TIMING_ANGLES else value for key, value in inner.items()
+        }
+    return table
+
+
+def _add(value: Any, change: float, dimension: str) -> object:  # noqa: ANN401 - any TOML value
+    """Return the sum of a quantity of a case and a change, SI; an invalid quantity is returned unchanged."""
+    try:
+        total = parse(value, dimension, noise=True) + change
+    except InputError:
+        return value
+    return total % tau if dimension == "angle" else total
