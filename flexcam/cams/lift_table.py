@@ -278,9 +278,9 @@ def _remarks(theta: FloatArray, s: FloatArray, spline: DelayedEvent, noise: floa
 
 
 def _find_outliers(theta: FloatArray, s: FloatArray, noise: float) -> NDArray[np.intp]:
-    """Return the rows whose lift is far from a cubic through four neighbours, while it spoils the cubics beside it.
+    """Return the rows whose lift is far from a cubic through four neighbours, while it spoils the cubics next to it.
 
-    A single wrong lift at equal spacing moves the cubics beside it by two thirds; a bend of a sharp lift by less.
+    A single wrong lift at equal spacing moves the cubics next to it by two thirds; a bend of a sharp lift by less.
     """
     from scipy.ndimage import median_filter
 

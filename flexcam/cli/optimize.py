@@ -42,7 +42,7 @@ from flexcam.report.terminal import (
     format_number,
     plain_table,
 )
-from flexcam.studies.evaluators import PointEvaluator, WorstCase, case_text, variables_of
+from flexcam.studies.evaluators import PointEvaluator, WorstCase, case_text, require_unit, variables_of
 from flexcam.studies.gradient_search import optimize_by_gradient
 from flexcam.studies.gradients import gradient_function
 from flexcam.studies.optimization import (
@@ -197,6 +197,7 @@ def worst_case(
             allowed = "several values, such as 4000:6000:500rpm or 1,2,5mm"
             raise refuse("--at", axis.where.removeprefix("--at "), allowed, "", "for one condition use --set")
         asked.file.read((*asked.fixed, f"{axis.key}={axis.values[0].text}"))  # raises an error for an unknown key
+        require_unit(asked.case, axis)
     largest = {goal.name: not goal.most for goal in goals}
     for bound in bounds:
         upper = bound.relation == "<="
