@@ -13,6 +13,7 @@ import numpy as np
 from cyclopts import Parameter
 from rich.table import Table
 
+from flexcam.analysis.run_checks import check_events
 from flexcam.case.reader import CaseFile as OpenCase
 from flexcam.cli.app import (
     AllowLarge,
@@ -42,6 +43,7 @@ from flexcam.report.terminal import (
     format_number,
     plain_table,
 )
+from flexcam.studies.evaluation import evaluate
 from flexcam.studies.evaluators import PointEvaluator, WorstCase, case_text, require_unit, variables_of
 from flexcam.studies.gradient_search import optimize_by_gradient
 from flexcam.studies.gradients import gradient_function
@@ -59,7 +61,9 @@ from flexcam.studies.optimization import (
 )
 from flexcam.studies.optimization import optimize as minimize
 from flexcam.studies.plan import make_plan, parse_axes
+from flexcam.studies.quantities import is_run_scalar
 from flexcam.studies.sensitivity import exact_names
+from flexcam.valvetrain import Metric
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -178,11 +182,30 @@ def optimize(
     if method == "gradient" and design.start is None:
         note = "The case is outside the intervals: the search started from their centre."
         output = replace(output, words=[*output.words, note])
+    if not found.stopped and found.best is not None and len(goals) == 1:
+        conditions = worst.conditions if worst else ((),)
+        events = _check_variant(asked, design.points.overrides(found.points[found.best]), conditions)
+        output = replace(output, words=[*output.words, *events], json={**output.json, "warnings": events})
     answer = output, lambda: _search_figure(design, found)
     write_answer(answer, csv, plot, ended, overwrite=overwrite, as_json=as_json, written=written)
     if ended.ok and found.best is None:
         return Status(Cause.TOLERANCE, "no variant meets all constraints", "widen the intervals, or relax a constraint")
     return ended
+
+
+def _check_variant(
+    asked: StudyOptions, variant: Sequence[str], conditions: Sequence[Sequence[str]]
+) -> list[str]:  # fmt: skip
+    """Return warnings about events of the best variant, such as contact loss, in each of its conditions."""
+    if not any(is_run_scalar(asked.case, name) for name in asked.names):
+        return []
+    found: list[str] = []
+    for condition in conditions:
+        row = evaluate(asked.file.read((*asked.fixed, *variant, *condition)))
+        metrics = [Metric(name, value, row.units[name]) for name, value in row.scalars.items()]
+        where = " at ".join(["the best variant", *([", ".join(condition)] if condition else [])])
+        found += [said.replace("Warning: ", f"Warning: {where}: ", 1) for said in check_events(metrics)]
+    return found
 
 
 def worst_case(

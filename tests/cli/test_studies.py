@@ -241,6 +241,17 @@ def test_a_search_by_gradients_takes_few_runs(flexcam, oscillator, tmp_path):
     assert "got numbers without a unit, expected numbers with a unit, such as that of '40 kN/m'" in bare.err
 
 
+def test_events_of_the_best_variant_are_warned_of(flexcam):
+    """The softest spring has the smallest force, and the follower leaves its cam."""
+    quick = ("--set", "run.steps_per_revolution=360", "--set", "run.revolutions=1", "--evaluations", "2")
+    found = flexcam("optimize", ENGINE, *quick, "--vary", "springs.valve.stiffness=34:36kN/m", "--method", "gradient",
+                    "--least", "springs.valve.force.largest", "--at", "run.crank_speed=5000,5200rpm", "--json").json  # fmt: skip
+    assert any(
+        "best variant at run.crank_speed=5200rpm: the follower of 'intake' loses contact" in said
+        for said in found["warnings"]
+    )
+
+
 @pytest.mark.parametrize("method", ["evolution", "gradient"])
 def test_a_result_over_several_conditions_is_the_worst(flexcam, oscillator, method):
     """Least stiffness with f >= 110 Hz for three masses: the heaviest rules."""
