@@ -162,7 +162,8 @@ class LiftEvent:
             if ramp and ramp.slope * span > height:
                 given = f"a slope of {ramp.slope * 1e3:.4g} mm/rad"
                 why = "the main lift cannot continue such a slope"
-                raise refuse("ramps", given, f"up to {1e3 * height / span:.4g} mm/rad", why, "lengthen or lower it")
+                allowed = f"a slope up to {1e3 * height / span:.4g} mm/rad, height by duration"
+                raise refuse("ramps", given, allowed, why, "make the ramp longer or lower")
 
     @property
     def _ramps(self) -> tuple[Ramp | None, Ramp | None]:

@@ -106,7 +106,7 @@ def optimize(
     case: CaseFile, *,
     vary: Vary,
     least: Annotated[
-        list[str] | None, Parameter("--least", negative=(), help="Result to minimize: a scalar of a run.")
+        list[str] | None, Parameter("--least", negative=(), help="Result to minimize, as in flexcam sensitivity --of.")
     ] = None,
     most: Annotated[list[str] | None, Parameter("--most", negative=(), help="Result to maximize.")] = None,
     subject: Annotated[
@@ -118,8 +118,8 @@ def optimize(
         Parameter(
             "--at",
             negative=(),
-            help="Also evaluate at these conditions, such as masses.valve.mass=85:95:5g: each goal and constraint is "
-            "that of its worst condition. Repeatable.",
+            help="Evaluate every variant at these conditions, such as masses.valve.mass=85:95:5g; the worst counts for "
+            "each goal and constraint. Repeatable.",
         ),
     ] = None,
     method: Annotated[
@@ -142,7 +142,7 @@ def optimize(
     check_outputs(target, csv, plot, [case], overwrite)
     goals = (*(Goal(name) for name in least or ()), *(Goal(name, most=True) for name in most or ()))
     if len(goals) not in (1, 2):
-        raise refuse("goals", f"{len(goals)} of --least and --most", "one, or two for a Pareto front")
+        raise refuse("--least, --most", f"{len(goals) or 'no'} goals", "one goal, or two for a Pareto front")
     if len({goal.name for goal in goals}) < len(goals):
         why = "a Pareto front needs two quantities"
         raise refuse("--least, --most", f"{goals[0].name} twice", "two different quantities", why, "leave one out")
