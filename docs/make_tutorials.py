@@ -230,7 +230,7 @@ POLYDYNE = (f'cams.intake={{ at = "cam", lift_table = "polydyne.toml", phase = "
 
 
 def redesign(folder: Path) -> dict[str, Figure]:
-    """Return lift and acceleration of the cams, and contact force and valve float over speed."""
+    """Return lift and acceleration of the cams, and contact force and valve loft over speed."""
     case = folder / "engine.toml"
     new_case("pushrod-engine", case)
     table = ["synthesize", "polydyne", str(case), "--frequency", "1163 Hz", "--speed", "2750rpm"]
@@ -238,7 +238,7 @@ def redesign(folder: Path) -> dict[str, Figure]:
         [sys.executable, "-m", "flexcam", *table, "-o", str(folder / "polydyne.toml")], check=True, capture_output=True
     )
     laws, (lift, bent) = create_stacked_axes(("lift, mm", "acceleration, mm/rad²"), "cam angle, deg")
-    over, (force, above) = create_stacked_axes(("min force over\nthe nose, N", "valve float, mm"), "crank speed, rpm")
+    over, (force, above) = create_stacked_axes(("min force over\nthe nose, N", "valve loft, mm"), "crank speed, rpm")
     angle, speeds = np.linspace(0.0, 2.0 * np.pi, 1441), range(4000, 6601, 200)
     file = CaseFile.open(case)
     for name, changes, colour, dashes in (

@@ -43,8 +43,8 @@ class Peer:
 REFERENCE = Peer("with_scipy", "scipy `splu`, Python loop", "scipy")
 PEERS = (
     Peer("with_flexcam", "flexcam", "flexcam"),
-    Peer("with_flexcam_compiled", "flexcam, kernel engine", "flexcam"),
-    Peer("with_flexcam_general", "flexcam, direct engine", "flexcam"),
+    Peer("with_flexcam_compiled", "flexcam, kernel solver", "flexcam"),
+    Peer("with_flexcam_general", "flexcam, direct solver", "flexcam"),
     Peer("with_exudyn", "Exudyn, tuned (sparse, modified Newton)", "exudyn"),
     Peer("with_exudyn_default", "Exudyn, default (dense, modified Newton)", "exudyn"),
     Peer("with_exudyn_full", "Exudyn, full Newton", "exudyn"),

@@ -17,7 +17,7 @@ from flexcam.dynamics import solve
 from flexcam.valvetrain import Metric, main_lift
 
 _WORDS = {
-    "valve_float": "valve float over the nose",
+    "valve_float": "valve loft over the nose",
     "seating_velocity": "seating velocity",
     "bounces": "bounces",
     "bounce_height": "highest bounce",

@@ -39,7 +39,7 @@ from flexcam.valvetrain import (
     main_lift,
     seating,
     separation_by_flank,
-    valve_float,
+    valve_loft,
     valve_ratio,
 )
 
@@ -72,7 +72,7 @@ class Search:
     bounce_height
         Minimum height of a bounce above the seat, m; None for the smaller of 0.1 mm and 2 % of the lift.
     lift_deviation
-        Lift of the valve over the nose above that of the rigid train, m, from which it floats; None for no such limit.
+        Loft of the valve over the nose, m: its lift above that of the rigid train; None for no such limit.
     low_pass
         Cut-off frequency, Hz, of the contact force for a second verdict on contact loss; None for no such limit.
     spacing
@@ -375,7 +375,7 @@ def _lofted_valves(response: Response, ready: PreparedRun, most: float) -> list[
     """Return the seats whose valve rises above the lift of the rigid train over the nose."""
     seats = {name: one for name, one in ready.model.contacts.items() if isinstance(one, Seat)}
     found = (
-        (name, valve_float(ready.model, response, name, seat, revolution))
+        (name, valve_loft(ready.model, response, name, seat, revolution))
         for revolution in _revolutions(response, ready)
         for name, seat in seats.items()
     )

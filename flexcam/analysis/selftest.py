@@ -297,7 +297,11 @@ def _engine_checks(ready: PreparedRun, run: Response) -> Iterator[Check]:
     for path in ("modal", "kernel") if is_available() else ("modal",):
         other = solve(replace(ready.problem, engine=path), ready.scheme, save=ready.save)
         yield Check(
-            f"{path} engine, against the direct one", "the same scheme", 0.0, _relative_difference(run, other), 1e-8
+            f"{path} solver engine, against the direct one",
+            "the same scheme",
+            0.0,
+            _relative_difference(run, other),
+            1e-8,
         )
 
 

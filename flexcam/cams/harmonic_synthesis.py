@@ -75,9 +75,8 @@ def harmonic_fit(
     """
     positive("tolerance", tolerance, "m")
     if not 1 <= count <= _MOST_FITTED:
-        raise refuse(
-            "count", count, f"a whole number from 1 to {_MOST_FITTED}", "", "a lower speed leaves room for more"
-        )
+        remedy = "give more harmonics, or take a lower speed" if count < 1 else ""
+        raise refuse("count", count, f"a whole number from 1 to {_MOST_FITTED}", "", remedy)
     points = max(_LEAST_POINTS, _POINTS_PER_HARMONIC * count)
     ends = [end for section in strict or () for end in section] if strict is not None else list(wanted.joints)
     even = np.linspace(0.0, _REVOLUTION, points, endpoint=False)

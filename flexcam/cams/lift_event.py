@@ -132,8 +132,13 @@ class LiftEvent:
         total = sum(one.duration for one in self._ramps if one) + self.rise + self.dwell + self.fall
         if total > _REVOLUTION + _SNAP:
             given = f"{math.degrees(total):g} deg in all"
-            why, remedy = "the event repeats every revolution", "a number without a unit is in rad: write '180 deg'"
-            raise refuse("rise + dwell + return", given, "up to 360 deg, ramps included", why, remedy)
+            why, remedy = (
+                "the event repeats every revolution",
+                "shorten it; 2 deg of crank angle are 1 deg of cam angle",
+            )
+            if max(self.rise, self.dwell, self.fall) > 2.0 * _REVOLUTION:  # degrees without a unit
+                remedy = "a number without a unit is in rad: write '180 deg'"
+            raise refuse("rise + dwell + return", given, "up to 360 deg of cam angle, ramps included", why, remedy)
         self._check_dwells(total)
         self._check_ramps()
 
@@ -157,7 +162,8 @@ class LiftEvent:
             if ramp and ramp.slope * span > height:
                 given = f"a slope of {ramp.slope * 1e3:.4g} mm/rad"
                 why = "the main lift cannot continue such a slope"
-                raise refuse("ramps", given, f"up to {1e3 * height / span:.4g} mm/rad", why, "lengthen or lower it")
+                allowed = f"a slope up to {1e3 * height / span:.4g} mm/rad, height by duration"
+                raise refuse("ramps", given, allowed, why, "make the ramp longer or lower")
 
     @property
     def _ramps(self) -> tuple[Ramp | None, Ramp | None]:

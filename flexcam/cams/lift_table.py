@@ -253,20 +253,51 @@ def _report(theta: FloatArray, s: FloatArray, spline: DelayedEvent, weight: floa
 
 
 def _remarks(theta: FloatArray, s: FloatArray, spline: DelayedEvent, noise: float) -> list[str]:
-    """Return warnings: outliers, and ripple below the base circle."""
+    """Return warnings: outliers, large changes by smoothing, and ripple below the base circle."""
+    if (rows := _find_outliers(theta, s, noise)).size:
+        given = (
+            f"a lift of {1e3 * s[rows[0]]:.4g} mm between {1e3 * s[rows[0] - 1]:.4g} and {1e3 * s[rows[0] + 1]:.4g} mm"
+        )
+        others = f", as are {rows.size - 1} further rows" if rows.size > 1 else ""
+        place = f"row {rows[0] + 1}, at {math.degrees(theta[rows[0]]):.4g} deg of cam angle"
+        return [f"{place}: {given} is an outlier{others}: correct or remove it"]
     change, top = np.abs(spline(theta) - s), float(s.max())
     far = np.flatnonzero(change > _FAR * noise + _SMALL * top)
     said: list[str] = []
     if far.size:
         at = int(far[np.argmax(change[far])])
-        which = "point is" if far.size == 1 else "points are"
-        moved = f"{far.size} {which} moved by more than {_FAR:g} times the scatter of {1e6 * noise:.2g} um"
-        worst = f"{1e6 * change[at]:.3g} um at {math.degrees(theta[at]):.4g} deg"
-        said.append(f"{moved}, {worst}: outliers, or a lobe too narrow (give a tolerance)")
+        points = "1 point" if far.size == 1 else f"{far.size} points"
+        moved = f"smoothing moves {points} by more than {_FAR:g} times the scatter of {1e6 * noise:.2g} um"
+        worst = f"{1e6 * change[at]:.3g} um at {math.degrees(theta[at]):.4g} deg of cam angle"
+        said.append(f"{moved}, by up to {worst}: outliers, or a lobe too narrow (give a tolerance)")
     least, lowest = float(spline(_RIPPLE).min()), min(float(s.min()), 0.0)
     if least < -max(_BELOW * top, -1.5 * lowest):
-        said.append(f"it dips {-1e6 * least:.3g} um below the base circle, the points {abs(1e6 * lowest):.3g} um")
+        given = f"the points {abs(1e6 * lowest):.3g} um"
+        said.append(f"the smoothed lift is up to {-1e6 * least:.3g} um below the base circle, {given}")
     return said
+
+
+def _find_outliers(theta: FloatArray, s: FloatArray, noise: float) -> NDArray[np.intp]:
+    """Return the rows whose lift is far from a cubic through four neighbours, while it spoils the cubics next to it.
+
+    A single wrong lift at equal spacing moves the cubics next to it by two thirds; a bend of a sharp lift by less.
+    """
+    from scipy.ndimage import median_filter
+
+    ahead = np.arange(2, len(s) - 2)[:, None] + np.array([-2, -1, 1, 2])
+    angles, middle = theta[ahead], theta[2:-2, None]
+    cubic = np.zeros(len(ahead))
+    for k in range(4):
+        others = np.delete(angles, k, axis=1)
+        cubic += s[ahead[:, k]] * ((middle - others) / (angles[:, [k]] - others)).prod(axis=1)
+    miss = s[2:-2] - cubic
+    far = np.abs(miss) > _FAR * np.maximum(noise, median_filter(np.abs(miss), _AROUND)) + _BASE * np.quantile(s, _HIGH)
+    beside = -np.stack([miss[:-2], miss[2:]]) / np.where(far, miss, np.inf)[1:-1]
+    return 3 + np.flatnonzero(far[1:-1] & (np.abs(beside - _SPOILED) < _BAND).all(axis=0))
+
+
+_HIGH, _AROUND, _SPOILED, _BAND = 0.9, 17, 2.0 / 3.0, 0.1
+"""Quantile of the lifts that a few outliers do not change, rows around an outlier, and share of its neighbours."""
 
 
 _LEAST_POINTS, _MOST_POINTS = 12, 20_000

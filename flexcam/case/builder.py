@@ -299,7 +299,7 @@ class _Geometry:
             return np.array(cam.axis) / np.linalg.norm(cam.axis)
         along = self._tangent(node)
         side = np.array(cam.axis) if cam.axis is not None else np.sign(along[np.argmax(np.abs(along))]) * along
-        if abs(float(side @ along)) < 0.5 * float(np.linalg.norm(side)):
+        if abs(float(side @ along)) <= 0.5 * float(np.linalg.norm(side)):
             raise refuse("axis", side.tolist(), "a vector along the shaft", "the cam turns with the shaft")
         return along if float(side @ along) > 0.0 else -along
 

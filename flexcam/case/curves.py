@@ -6,7 +6,7 @@ import inspect
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, cast
@@ -355,7 +355,8 @@ def _parse_lift_value(value: object, files: _Files) -> LiftDefinition:
         why = "; ".join(part for part in (fault.why, *also) if part)
         where = f"{Path(record.file).name}: {_place_with_line(fault.where, columns.lines)}"
         raise refuse(where, fault.given, fault.allowed, why, fault.remedy) from None
-    return LiftDefinition(cast("str | dict[str, Any]", value), event, report)
+    remarks = tuple(_place_with_line(f"{Path(record.file).name}, {one}", columns.lines) for one in report.remarks)
+    return LiftDefinition(cast("str | dict[str, Any]", value), event, replace(report, remarks=remarks))
 
 
 def _parse_load_value(value: object, files: _Files) -> LoadDefinition:

@@ -178,9 +178,12 @@ def _fault(error: ErrorDetails, path: Path, places: KeyLocations, root: type[Bas
             return _missing_key_fault((*path, tag), allowed, places)
         case "extra_forbidden":
             known = list(dict.fromkeys(name for name, _ in fields_at(path[:-1], root)))
+            others = ", ".join(name for name in known if name != path[-1])
+            why = "there is no such key"
             hint = suggest_name(path[-1], known) or "remove it"
-            hint = "remove it: another kind has it" if path[-1] in known else hint
-            return Fault(where, f"key {path[-1]!r}", ", ".join(known), "there is no such key", hint)
+            if path[-1] in known:
+                why, hint = "only another kind has this key", "remove it, or change the kind"
+            return Fault(where, f"key {path[-1]!r}", others, why, hint)
         case "literal_error" | "union_tag_invalid":
             allowed = str(context.get("expected") or context.get("expected_tags"))
             if tag:  # pydantic converts the value of a tag to text

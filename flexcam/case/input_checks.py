@@ -127,6 +127,7 @@ def check_values(case: Case) -> list[str]:
     found += _speed_unit_warnings(case)
     found += _section_warnings(case)
     found += _fidelity_warnings(case)
+    found += _lift_table_warnings(case)
     found += _unused_part_warnings(case)
     for usual, is_torsional in ((SPRING_RANGE, False), (TORSION_SPRING_RANGE, True)):
         springs = {n: one for n, one in tables["springs"].items() if (n in torsional) == is_torsional}
@@ -207,6 +208,13 @@ def _section_warnings(case: Case) -> Iterator[str]:
         for key in ("kappa_y", "kappa_z"):
             if getattr(section, key) > _ROUNDING_MARGIN:
                 yield f"{place}: {key} = {getattr(section, key):g} is above 1: the shear area cannot exceed A"
+
+
+def _lift_table_warnings(case: Case) -> Iterator[str]:
+    """Yield outliers of lift tables, and changes by smoothing that are larger than their scatter."""
+    for name, cam in case.record.cams.items():
+        if cam.lift_table is not None and cam.lift_table.report is not None:
+            yield from (f"{case.place(('cams', name, 'lift_table'))}: {said}" for said in cam.lift_table.report.remarks)
 
 
 def _fidelity_warnings(case: Case) -> Iterator[str]:

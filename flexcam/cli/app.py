@@ -158,7 +158,7 @@ AllowLarge = Annotated[
 ]
 Lowest = Annotated[str | None, Parameter("--lowest", help="Lowest speed, such as 1000rpm; half the case's by default.")]
 Highest = Annotated[str | None, Parameter("--highest", help="Highest speed; 1.5 times the case's by default.")]
-Accuracy = Annotated[str, Parameter("--accuracy", help="Accuracy of the speeds of limits.")]
+Accuracy = Annotated[str, Parameter("--accuracy", help="Accuracy of the computed speeds.")]
 Count = Annotated[int, Parameter("--count", help="Number of speeds, evenly spaced.")]
 
 
@@ -208,7 +208,8 @@ def parse_duration(where: str, text: str) -> float:
     seconds = sum(float(number) * _TIME_UNITS[unit] for number, unit in parts)
     if not re.fullmatch(f"(?:{_PART_OF_TIME})+", text) or not 0.0 < seconds < math.inf:
         allowed = "a time above zero with its unit (h, min, s or ms), such as 90s, 5min30s or 2h"
-        raise refuse(where, text or "nothing", allowed, "it is no such time", "write a unit, or leave the option out")
+        why = "the unit is missing" if _BARE.match(text) else ""
+        raise refuse(where, text or "nothing", allowed, why, "write a time, or leave the option out")
     return seconds
 
 

@@ -91,7 +91,7 @@ def compare(
         int | None, Parameter(group=_SPEEDS, help="Number of speeds, evenly spaced; 8 by default.")
     ] = None,
     tolerance: Annotated[
-        str | None, Parameter(group=_SPEEDS, help="Difference of forces from which models diverge; 5 % by default.")
+        str | None, Parameter(group=_SPEEDS, help="Max difference of the forces of models that agree; 5 % by default.")
     ] = None,
     contact: Annotated[str | None, Parameter(group=_SPEEDS, help="Cam contact, if a case has several.")] = None,
     plot: Annotated[

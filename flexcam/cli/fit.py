@@ -37,7 +37,7 @@ from flexcam.studies.sweep import check_case_resources
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_TO = "Measured curves (.csv, .mf4) named such as 'crank angle [deg]' or 'time [s]', and 'valve displacement [mm]'."
+_TO = "Measured curves (.csv, .mf4): columns such as 'crank angle [deg]' or 'time [s]', and 'valve displacement [mm]'."
 
 
 @app.command(
@@ -63,8 +63,8 @@ def fit(
 ) -> Status:  # fmt: skip
     """Fit values of a case to measured curves, print 95 % confidence intervals and warn about correlated values.
 
-    Angles are compared with the last revolution of the run, times with the whole run. A column without --noise is
-    weighted by its own residuals.
+    Curves over an angle are compared with the last revolution, curves over time with the whole run. A column without
+    --noise is weighted by its own residuals.
     """
     check_outputs(target, csv, plot, [case, to], overwrite)
     check_positive("--steps", steps)

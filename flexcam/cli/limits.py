@@ -64,10 +64,10 @@ def limits(
     highest: Annotated[str | None, Parameter(help="Highest speed of the search; twice the case's by default.")] = None,
     accuracy: Accuracy = "10 rpm",
     bounce_height: Annotated[
-        str | None, Parameter(help="Min height of a bounce; 0.1 mm by default, 2 % of a small lift.")
+        str | None, Parameter(help="Min height of a bounce; by default the smaller of 0.1 mm and 2 % of the lift.")
     ] = None,
     lift_deviation: Annotated[
-        str | None, Parameter(help="Also find where the valve lifts so far above the rigid train over the nose.")
+        str | None, Parameter(help="Also find the speed at which the valve loft over the nose exceeds this.")
     ] = None,
     low_pass: Annotated[
         str | None, Parameter(help="Also evaluate contact loss by the cam force below this frequency, such as 5kHz.")
@@ -89,11 +89,11 @@ def limits(
     plot: Annotated[Picture, Parameter(group=_MAP)] = None,
     overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
 ) -> Status:  # fmt: skip
-    """Find the speed limits of a valve train: contact loss, float, valve bounce, coil clash, buckling.
+    """Find the speed limits of a valve train: contact loss, valve float, valve bounce, coil clash, buckling.
 
     It runs the case at many speeds between --lowest and --highest. With --over and --and it maps the limits over two
-    values of the case. Speeds are those of the crankshaft if the case gives crank_speed, otherwise those of the
-    camshaft.
+    values of the case. Valve float is contact loss over the nose; valve loft is valve lift above that of the rigid
+    train. Speeds are those of the crankshaft if the case gives crank_speed, otherwise those of the camshaft.
     """
     read = load_beams(case, overrides)
     scale = read.turns
@@ -108,7 +108,7 @@ def limits(
     if any(one is not None for one in (over, beside, which, workers, csv, plot)):
         if over is None or beside is None:
             given = "--over alone" if over else "--and alone" if beside else "--limit, --workers, --csv or --plot alone"
-            raise refuse("limits", given, "--over KEY=SPEC and --and KEY=SPEC", "they belong to a map over two values")
+            raise refuse("limits", given, "--over KEY=SPEC and --and KEY=SPEC", "a map needs two values")
         if deviation is not None or cutoff is not None:
             given = "--lift-deviation or --low-pass with --over"
             raise refuse("limits", given, "one of them", "a map has the other limits only")

@@ -13,6 +13,7 @@ import numpy as np
 from cyclopts import Parameter
 from rich.table import Table
 
+from flexcam.analysis.run_checks import check_events
 from flexcam.case.reader import CaseFile as OpenCase
 from flexcam.cli.app import (
     AllowLarge,
@@ -42,7 +43,8 @@ from flexcam.report.terminal import (
     format_number,
     plain_table,
 )
-from flexcam.studies.evaluators import PointEvaluator, WorstCase, case_text, variables_of
+from flexcam.studies.evaluation import evaluate
+from flexcam.studies.evaluators import PointEvaluator, WorstCase, case_text, require_unit, variables_of
 from flexcam.studies.gradient_search import optimize_by_gradient
 from flexcam.studies.gradients import gradient_function
 from flexcam.studies.optimization import (
@@ -59,7 +61,9 @@ from flexcam.studies.optimization import (
 )
 from flexcam.studies.optimization import optimize as minimize
 from flexcam.studies.plan import make_plan, parse_axes
+from flexcam.studies.quantities import is_run_scalar
 from flexcam.studies.sensitivity import exact_names
+from flexcam.valvetrain import Metric
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -102,7 +106,7 @@ def optimize(
     case: CaseFile, *,
     vary: Vary,
     least: Annotated[
-        list[str] | None, Parameter("--least", negative=(), help="Result to minimize: a scalar of a run.")
+        list[str] | None, Parameter("--least", negative=(), help="Result to minimize, as in flexcam sensitivity --of.")
     ] = None,
     most: Annotated[list[str] | None, Parameter("--most", negative=(), help="Result to maximize.")] = None,
     subject: Annotated[
@@ -114,8 +118,8 @@ def optimize(
         Parameter(
             "--at",
             negative=(),
-            help="Also evaluate at these conditions, such as masses.valve.mass=85:95:5g: each goal and constraint is "
-            "that of its worst condition. Repeatable.",
+            help="Evaluate every variant at these conditions, such as masses.valve.mass=85:95:5g; the worst counts for "
+            "each goal and constraint. Repeatable.",
         ),
     ] = None,
     method: Annotated[
@@ -138,7 +142,7 @@ def optimize(
     check_outputs(target, csv, plot, [case], overwrite)
     goals = (*(Goal(name) for name in least or ()), *(Goal(name, most=True) for name in most or ()))
     if len(goals) not in (1, 2):
-        raise refuse("goals", f"{len(goals)} of --least and --most", "one, or two for a Pareto front")
+        raise refuse("--least, --most", f"{len(goals) or 'no'} goals", "one goal, or two for a Pareto front")
     if len({goal.name for goal in goals}) < len(goals):
         why = "a Pareto front needs two quantities"
         raise refuse("--least, --most", f"{goals[0].name} twice", "two different quantities", why, "leave one out")
@@ -178,11 +182,30 @@ def optimize(
     if method == "gradient" and design.start is None:
         note = "The case is outside the intervals: the search started from their centre."
         output = replace(output, words=[*output.words, note])
+    if not found.stopped and found.best is not None and len(goals) == 1:
+        conditions = worst.conditions if worst else ((),)
+        events = _check_variant(asked, design.points.overrides(found.points[found.best]), conditions)
+        output = replace(output, words=[*output.words, *events], json={**output.json, "warnings": events})
     answer = output, lambda: _search_figure(design, found)
     write_answer(answer, csv, plot, ended, overwrite=overwrite, as_json=as_json, written=written)
     if ended.ok and found.best is None:
         return Status(Cause.TOLERANCE, "no variant meets all constraints", "widen the intervals, or relax a constraint")
     return ended
+
+
+def _check_variant(
+    asked: StudyOptions, variant: Sequence[str], conditions: Sequence[Sequence[str]]
+) -> list[str]:  # fmt: skip
+    """Return warnings about events of the best variant, such as contact loss, in each of its conditions."""
+    if not any(is_run_scalar(asked.case, name) for name in asked.names):
+        return []
+    found: list[str] = []
+    for condition in conditions:
+        row = evaluate(asked.file.read((*asked.fixed, *variant, *condition)))
+        metrics = [Metric(name, value, row.units[name]) for name, value in row.scalars.items()]
+        where = " at ".join(["the best variant", *([", ".join(condition)] if condition else [])])
+        found += [said.replace("Warning: ", f"Warning: {where}: ", 1) for said in check_events(metrics)]
+    return found
 
 
 def worst_case(
@@ -197,6 +220,7 @@ def worst_case(
             allowed = "several values, such as 4000:6000:500rpm or 1,2,5mm"
             raise refuse("--at", axis.where.removeprefix("--at "), allowed, "", "for one condition use --set")
         asked.file.read((*asked.fixed, f"{axis.key}={axis.values[0].text}"))  # raises an error for an unknown key
+        require_unit(asked.case, axis)
     largest = {goal.name: not goal.most for goal in goals}
     for bound in bounds:
         upper = bound.relation == "<="

@@ -212,7 +212,7 @@ def plot(
 ) -> Status | None:  # fmt: skip
     """Draw a figure of results or cases: motion, forces, energy, cams, modes, orders, or error over run time.
 
-    By default it draws motion and contact force over the cam angle. A run that ended early is drawn up to its end.
+    By default it draws motion and contact force over the cam angle. A run that ended early is drawn as far as it came.
     """
     from flexcam.plotting.figures import check_figure_path, save_figure
 

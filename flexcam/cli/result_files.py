@@ -154,8 +154,9 @@ def _interpolate(response: Response, count: int | None) -> Response:
     if count is None:
         return response
     if not 2 <= count <= _MAX_INSTANTS or len(response.time) < 2:
-        given = f"{count} of a run of {len(response.time)} instants"
-        raise refuse("--instants", given, f"2 to {_MAX_INSTANTS}, of a run of 2 or more")
+        if len(response.time) < 2:
+            raise refuse("--instants", "a result with one instant", "two or more", "", "leave --instants out")
+        raise refuse("--instants", count, f"a whole number from 2 to {_MAX_INSTANTS}")
     return response.at(np.linspace(float(response.time[0]), float(response.time[-1]), count))
 
 

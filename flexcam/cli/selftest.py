@@ -55,7 +55,7 @@ flexcam selftest --json
 """
 )
 def selftest(*, as_json: Json = False) -> Status:
-    """Check this installation against closed forms, published values and its own engines.
+    """Check this installation: closed forms, published values, and a comparison of the solver engines.
 
     It takes some seconds, or half a minute when code is compiled for the first time. The exit code is 3 if a check
     fails.

@@ -171,7 +171,7 @@ flexcam stability case.toml --lowest 1000rpm --highest 6000rpm --count 11 --plot
 def stability(
     case: CaseFile, *,
     lowest: Annotated[
-        str | None, Parameter(help="Lowest speed; without a range, the case's speed only is assessed.")
+        str | None, Parameter(help="Lowest speed of a range; without a range, only the speed of the case is assessed.")
     ] = None,
     highest: Annotated[str | None, Parameter(help="Highest speed; 1.5 times the case's by default.")] = None,
     count: Annotated[int | None, Parameter(help="Number of speeds, evenly spaced; 11 by default.")] = None,
@@ -189,7 +189,7 @@ def stability(
     scale = read.turns
     if lowest is None and highest is None and plot is None:
         if count is not None:
-            why, remedy = "without a range, the case's speed only is assessed", "add a range, or leave it out"
+            why, remedy = "without a range, only the speed of the case is assessed", "add a range, or leave it out"
             raise refuse("--count", count, "--count with --lowest, --highest or --plot only", why, remedy)
         found = assess_stability(read)
         if as_json:

@@ -131,21 +131,21 @@ def sweep(
     seed: Annotated[int | None, Parameter(help="Random seed of the samples; 0 by default.")] = None,
     scalars: Annotated[
         list[str] | None,
-        Parameter(negative=(), help="Write only these scalars, by name or first part: deviation,contacts.seat."),
+        Parameter(negative=(), help="Write only these scalars, by (beginning of) name: deviation,contacts.seat."),
     ] = None,
     folder: Folder = Path("results"),
     histories: Annotated[bool, Parameter(negative=(), help="Also keep the result file of every variant.")] = False,
     parquet: Annotated[bool, Parameter(negative=(), help="Also write a Parquet table.")] = False,
     resume: Annotated[bool, Parameter(negative=(), help="Continue a sweep that was stopped.")] = False,
     workers: Annotated[
-        int | None, Parameter(group=_WORKERS, help="Number of processes; one per core by default, 0 for this one.")
+        int | None, Parameter(group=_WORKERS, help="Number of processes; one per core by default, 0 for no others.")
     ] = None,
     scheduler: Annotated[
         str | None, Parameter(group=_WORKERS, help="Dask scheduler tcp://HOST:PORT, or local with --workers processes.")
     ] = None,
     limit: Annotated[int, Parameter(group=_WORKERS, help="Max number of variants.")] = MAX_VARIANTS,
     time_limit: Annotated[
-        str | None, Parameter(group=_WORKERS, help="Max time of a variant, such as 30s or 5min; a longer one fails.")
+        str | None, Parameter(group=_WORKERS, help="Max time of a variant, such as 5min; otherwise it fails.")
     ] = None,
     allow_large: AllowLarge = False, overwrite: Overwrite = False, as_json: Json = False,
 ) -> Status | None:  # fmt: skip

@@ -354,7 +354,7 @@ def synthesize_polydyne(
     count: Annotated[int, Parameter(help="Number of harmonics.")] = 60,
     output: Output = None, overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
 ) -> None:  # fmt: skip
-    """Design a polydyne cam: at the design speed the flexible train moves the valve like a rigid one would."""
+    """Design a polydyne cam: at the design speed the flexible train moves the valve as a rigid one would."""
     check_distinct_files({"--output": output}, [case])
     at = None if speed is None else positive("--speed", parse_quantity("--speed", speed, "speed", "rpm"), "rad/s")
     if damping and frequency is None:

@@ -32,7 +32,7 @@ flexcam view case.toml --mode 2 --save mode.mp4
 )
 def view(
     source: Annotated[
-        Path, Parameter(help="Result file (.vtkhdf), or case file (.toml), of which the rigid motion is shown.")
+        Path, Parameter(help="Result file (.vtkhdf), or case file (.toml) to show the rigid motion.")
     ], *,
     picture: Annotated[
         Path | None, Parameter("--save", help="Write a file (.png, .gif, .mp4 or .html) instead of opening a window.")
@@ -44,7 +44,7 @@ def view(
         float, Parameter(help="Magnification of the elastic deformation; the rigid motion is not scaled.")
     ] = 1.0,
     at: Annotated[
-        str | None, Parameter("--at", help="Cam angle of a still picture or of the start, such as 120deg.")
+        str | None, Parameter("--at", help="Cam angle of a still picture, or of the start of the motion: 120deg.")
     ] = None,
     mode: Annotated[
         int | None, Parameter(help="Animate a natural mode, by its number in flexcam modes.")

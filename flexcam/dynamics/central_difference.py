@@ -62,7 +62,8 @@ class CentralDifference(Method):
         if step * omega <= _LIMIT:
             return None
         allowed = f"at most {_LIMIT / omega:.6g} s with {_NAME}"
-        why = f"a motion of {', '.join(names)} at {omega / (2.0 * np.pi):.5g} Hz grows beyond it"
+        mode = f"the mode of {', '.join(names)} at {omega / (2.0 * np.pi):.5g} Hz"
+        why = f"with longer steps {mode} is unstable"
         return refuse("run.step", f"{step:.6g} s", allowed, why, "take smaller steps, or an implicit method")
 
 

@@ -57,7 +57,7 @@ class Collocation(Method):
     def stepper(self, system: System, forces: LocalForces, step: float, at: At) -> Stepper:
         """Return the stepper of a system without unknowns; for others the method needs modes and compiled code."""
         if system.size:
-            raise refuse("run.integrator.method", "collocation", "newmark", "the direct engine has no modes")
+            raise refuse("run.integrator.method", "collocation", "newmark", "the direct solver engine has no modes")
         return newmark().stepper(system, forces, step, at)
 
 

@@ -77,8 +77,8 @@ def select_engine(problem: Problem, method: Method, save: SaveAt) -> SelectedEng
             return SelectedEngine(engine, inside, (natural, *outer), natural)
     if isinstance(method, Collocation):
         raise refuse("run.integrator.method", "collocation", "newmark, hht, generalized-alpha", refusals[-1])
-    remedy = "leave run.engine out: flexcam then chooses the fastest engine that fits"
-    raise refuse("run.engine", problem.engine, "another engine", refusals[-1], remedy)
+    remedy = "leave run.engine out: flexcam then chooses the fastest solver engine that fits"
+    raise refuse("run.engine", problem.engine, "another solver engine", refusals[-1], remedy)
 
 
 def candidate_engines(problem: Problem, method: Method) -> tuple[EngineName, ...]:

@@ -151,7 +151,7 @@ def solve(
     inside = way.problem
     sizes = len(names.unknowns), inside.system.size
     stats = Stats(engine=way.engine, size=sizes[0], unknowns=sizes[1], periodicity=-1.0 if returns is None else returns)
-    status = Status()
+    status, can_resume = Status(), resume is not None
     try:
         forces = forces_of(way, scheme)
         engine = create_engine(way, scheme, forces, keep, clock.should_stop, pilot)
@@ -169,6 +169,7 @@ def solve(
                     reached = Checkpoint(stats.steps, problem_told, run.state())
                     for sink in keepers:
                         sink.write_checkpoint(reached)
+                    can_resume = True
         status = TIME_UP if clock.late and run.status is STOPPED else run.status
     except KeyboardInterrupt:
         status = STOPPED
@@ -176,6 +177,8 @@ def solve(
         status = singular_status(fault, inside.system)
     except OSError as fault:  # error of a sink: the results so far are still in memory
         status = _write_failure(fault)
+    if keepers and not can_resume and status.cause in (Cause.TIME_LIMIT, Cause.INTERRUPTED):
+        status = replace(status, remedy=_NOTHING_TO_RESUME)
     stats = replace(stats, steps=max(stats.steps - 1, 0), seconds=time.perf_counter() - started)
     status = _close(sinks, status, stats)
     memory.close(status, stats)
@@ -380,6 +383,8 @@ TIME_UP = Status(
     "the finished part is kept; --resume continues from there",
 )
 """Status of a run that reached its time limit."""
+
+_NOTHING_TO_RESUME = "it ended before its first checkpoint: --resume cannot continue it; run it again with --overwrite"
 
 
 class _Clock:

@@ -166,7 +166,7 @@ class Section:
         outer = positive("outer_diameter", outer_diameter, "m") / 2.0
         inner = positive("inner_diameter", inner_diameter, "m", zero=True) / 2.0
         if inner >= outer:
-            raise refuse("inner_diameter", f"{inner_diameter:g} m", f"less than the outer {outer_diameter:g} m")
+            raise refuse("inner_diameter", f"{inner_diameter:g} m", f"less than outer_diameter, {outer_diameter:g} m")
         second = math.pi * (outer**4 - inner**4) / 4.0
         kappa = _cowper_tube(inner / outer)
         area = math.pi * (outer**2 - inner**2)

@@ -52,6 +52,10 @@ AngleKind = Literal["cam", "crank"]
 
 _DEGREE = math.pi / 180.0
 _ANGLES = {"deg": _DEGREE, "°": _DEGREE, "degree": _DEGREE, "degrees": _DEGREE, "rad": 1.0}
+_HEADER_UNIT = re.compile(r"_[^_\s]+$|[\[(][^\])]*[\])]?$")
+"""Unit at the end of the name of a column: ``crank_deg``, ``crank [deg]``."""
+_NO_UNITS = [[], ["cam"], ["crank"], ["angle"], ["angles"], ["shaft"], ["position"], ["cad"]]
+"""Ends of names of columns of angles that are no units, but for crank angle degrees."""
 _SEPARATOR = re.compile(r"[,;\t]|\s+")
 _DECIMAL_COMMA = re.compile(r"\d,\d+\s*[;\t]")
 _SAMPLE = re.compile(
@@ -207,8 +211,11 @@ def _angle_factor(column: str, given: AngleKind | None, head: str, path: Path) -
         remedy = 'add angle = "cam" or angle = "crank", or a first row such as cam_deg, lift_mm'
         why = "the crankshaft turns twice as fast as the camshaft"
         raise refuse(f"{path.name}, angle", repr(head) if head else "no head", "cam or crank angles", why, remedy)
-    if any(word in ("grad", "gon", "rev", "revs", "turn", "turns", "min") for word in words):
-        raise refuse(f"{path.name}, angle", repr(head), "degrees (deg) or radians (rad)", "", "convert the column")
+    unit = _HEADER_UNIT.search(column)
+    other = unit and set(words).isdisjoint(_ANGLES) and _header_words(unit[0])[-1:] not in _NO_UNITS
+    if other or any(word in ("grad", "gon", "rev", "revs", "turn", "turns", "min") for word in words):
+        remedy = f"convert the column, or write {kind}_deg or {kind}_rad"
+        raise refuse(f"{path.name}, unit of the angle", repr(column), "degrees (deg) or radians (rad)", "", remedy)
     return next((_ANGLES[word] for word in words if word in _ANGLES), _DEGREE) * (0.5 if kind == "crank" else 1.0)
 
 
@@ -218,7 +225,9 @@ def _lift_factor(column: str, given: str | None, head: str, path: Path) -> float
     unit = given or (named[-1] if named else None)
     if unit not in _LENGTHS:
         remedy = 'add unit = "mm" or unit = "in", or a first row such as cam_deg, lift_mm'
-        raise refuse(f"{path.name}, unit of the lift", unit or head or "no head", ", ".join(_LENGTHS), "", remedy)
+        raise refuse(
+            f"{path.name}, unit of the lift", unit or head or "no head", "um, mm, cm, m, in or thou", "", remedy
+        )
     return _LENGTHS[unit]
 
 
@@ -275,7 +284,7 @@ def _profile_factor(head: list[str], given: str | None, path: Path) -> float:
         raise refuse(where, " and ".join(units), "one unit", why, remedy)
     if not units or units[0] not in _LENGTHS:
         remedy = "add --unit mm, or a first row such as x [mm], y [mm]"
-        raise refuse(where, given or ", ".join(head)[:60] or "no head", ", ".join(_LENGTHS), "", remedy)
+        raise refuse(where, given or ", ".join(head)[:60] or "no head", "um, mm, cm, m, in or thou", "", remedy)
     return _LENGTHS[units[0]]
 
 

@@ -348,7 +348,7 @@ def describe_dofs(response: Response) -> str:
     return count + _ENGINES.get(response.stats.engine, "")
 
 
-_ENGINES = {"modal": ", modal engine", "kernel": ", kernel engine"}  # names of solver engines
+_ENGINES = {"modal": ", modal solver", "kernel": ", kernel solver"}
 
 
 def describe_verification(path: Path, found: VerificationSummary) -> str:

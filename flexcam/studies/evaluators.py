@@ -18,6 +18,7 @@ from flexcam.case.reader import CaseFile, case_tables
 from flexcam.case.records import find_unit
 from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, parse_all, refuse
+from flexcam.core.units import DIMENSIONS
 from flexcam.dynamics import Cause, ProgressCallback, Status, track_progress
 from flexcam.io import find_referenced_file, format_toml
 from flexcam.studies.evaluation import Row, rejected_row, restore_file_names
@@ -67,9 +68,19 @@ def _variable(case: Case, setting: str, where: str) -> Variable:
     low, *_, high = ends.values[0], ends.values[-1]
     if not ends.interval or low.number is None or high.number is None:
         raise refuse(where, repr(spec), "an interval such as 30:60 kN/m", "the search takes any value inside it")
+    require_unit(case, ends)
     first, last = (number_after_override(case, key, end.text, where) for end in (low, high))
     start = (number.value - first) / (last - first) if last != first else None
     return Variable(key, low.number, high.number, ends.unit or number.unit.removeprefix("SI"), start)
+
+
+def require_unit(case: Case, axis: Axis) -> None:
+    """Raise an error if the numbers of an axis lack the unit of their key."""
+    unit = find_unit(case.record, axis.key.split("."))
+    if unit and axis.is_numeric and not axis.unit:
+        example = next((kind.example for kind in DIMENSIONS.values() if kind.si == unit), f"1 {unit}")
+        given, allowed = "numbers without a unit", f"numbers with a unit, such as that of {example!r}"
+        raise refuse(axis.where, given, allowed, "", "write the unit after the last number")
 
 
 def number_after_override(case: Case, key: str, text: str, where: str) -> float:

@@ -95,7 +95,8 @@ def optimize_by_gradient(
 
     found = judge.run_search(search)
     if tangents.warning and judge.count == starts:
-        raise refuse("--method gradient", tangents.warning, "a start with derivatives", "", "use --method evolution")
+        why, remedy = tangents.warning, "use --method evolution"
+        raise refuse("--method gradient", "a start without derivatives", "a run with derivatives", why, remedy)
     return found
 
 

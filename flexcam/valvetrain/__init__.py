@@ -65,7 +65,7 @@ from flexcam.valvetrain.train_metrics import (
     separation_by_flank,
     train_metric_names,
     train_metrics,
-    valve_float,
+    valve_loft,
 )
 from flexcam.valvetrain.train_topology import driving_contact, follower_train, largest_lash
 
@@ -79,5 +79,5 @@ __all__ = [
     "element_loads", "follower_train", "free_running", "free_speed", "hertz_line", "largest_lash", "lift_transfer",
     "main_lift", "member_masses", "modal_basis", "model_modes", "modes_on_the_lift", "seating", "separation",
     "separation_by_flank", "shared_forces", "stiff_struts", "straighten", "touching_coils", "train_metric_names",
-    "train_metrics", "valve_float", "valve_ratio", "without_compression",
+    "train_metrics", "valve_loft", "valve_ratio", "without_compression",
 ]  # fmt: skip

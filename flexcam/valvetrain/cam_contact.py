@@ -30,6 +30,7 @@ from flexcam.dynamics import (
 from flexcam.dynamics.force_laws import LINE_CONTACT
 from flexcam.fem.sections import Material
 from flexcam.valvetrain.cam_functions import (
+    ANGLES,
     cached_profile,
     cam_sliding,
     face_sliding,
@@ -309,9 +310,14 @@ def hertz_line(
     follower, roller = cam.follower, cam.follower.roller_radius
     own = profile_table(cam).radius
     curvature = 1.0 / own + 1.0 / roller
-    if (undercut(own, follower) | (curvature < 0.0)).any():
-        given = "a profile that is undercut or hollow under its follower"
-        raise refuse(where, given, "a profile that touches along a line", "", "take a larger base circle")
+    if (crossed := undercut(own, follower) | (curvature < 0.0)).any():
+        at = f"from {math.degrees(ANGLES[np.argmax(crossed)]):.4g} deg of cam angle on"
+        why = f"{at}, the profile is undercut (it would cross itself)"
+        if np.isfinite(roller) and not undercut(own, follower).any():
+            why = f"{at}, the profile has a hollow that is narrower than the roller"
+        radius = f"{1e3 * follower.base_radius:g} mm"
+        remedy = "flexcam cam prints the min base circle; a longer event also helps"
+        raise refuse(f"cams.{contact.cam}.base_radius", radius, "a larger base circle", why, remedy)
     rolls = bool(np.isfinite(roller))
     depth = 2.0 * (follower.base_radius + roller) if rolls else follower.base_radius  # the base circle for the cam
     radius = relative_radius(cam, STRAIGHT * depth)

@@ -113,9 +113,9 @@ def train_metrics(model: Model, response: Response, period: float, names: Sequen
     for name, contact in model.contacts.items():
         if isinstance(contact, Seat) and f"contacts.{name}.gap" in response.channels:  # the rigid model has no seat
             figures += _seat(response, f"contacts.{name}", last)
-            if names is None or f"contacts.{name}.{_FLOAT}" in names:
-                above = valve_float(model, response, name, contact, last)
-                figures += [] if above is None else [Metric(f"contacts.{name}.{_FLOAT}", above, "m")]
+            if names is None or f"contacts.{name}.{_LOFT}" in names:
+                above = valve_loft(model, response, name, contact, last)
+                figures += [] if above is None else [Metric(f"contacts.{name}.{_LOFT}", above, "m")]
     figures += _drive(model, response, last)
     for channel, unit in response.outline.channels:
         name, values = _metric_name(channel), response.channels[channel][last]
@@ -140,7 +140,7 @@ def train_metric_names(model: Model, channels: Iterable[str]) -> list[str]:
     pressed = [name for name, one in model.cam_contacts.items() if isinstance(one, CamContact)]
     names = [f"contacts.{name}.open_on_the_lift" for name in free]
     names += [f"contacts.{name}.{_NOSE_FORCE}" for name in pressed]
-    names += [f"contacts.{name}.{one}" for name in seats for one in (*_SEATING, _FLOAT)]
+    names += [f"contacts.{name}.{one}" for name in seats for one in (*_SEATING, _LOFT)]
     names += [f"{where}.{mean}" for where in _parts_with(known, "torque") for mean in _DRIVE]
     names += [f"{where}.{_FRICTION_POWER}" for kind in ("friction", "power") for where in _parts_with(known, kind)]
     return [*names, *filter(None, map(_metric_name, known))]
@@ -194,11 +194,11 @@ def _seat(response: Response, where: str, last: Bools) -> list[Metric]:
     return [Metric(f"{where}.{name}", *one) for name, one in zip(_SEATING, told, strict=True)]
 
 
-_FLOAT, _NOSE_FORCE, _FRICTION_POWER = "valve_float", "nose_force.least", "friction_power.mean"
+_LOFT, _NOSE_FORCE, _FRICTION_POWER = "valve_float", "nose_force.least", "friction_power.mean"
 _DRIVE = ("torque.mean", "power.mean")
 
 
-def valve_float(model: Model, response: Response, name: str, seat: Seat, instants: Bools) -> float | None:
+def valve_loft(model: Model, response: Response, name: str, seat: Seat, instants: Bools) -> float | None:
     """Return the largest lift of a valve over the nose of its cam above that of the rigid train, m, if there is one."""
     contact, angle = driving_contact(model, seat.at), response.angle[instants]
     if contact is None:

@@ -161,7 +161,9 @@ class TestSingleDwell:
     ],
 )
 def test_more_than_a_revolution(given):
-    with pytest.raises(InputError, match=r"deg in all, expected up to 360 deg, ramps included. .* write '180 deg'"):
+    with pytest.raises(
+        InputError, match=r"deg in all, expected up to 360 deg of cam angle, ramps included. .* crank angle"
+    ):
         event(**given)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexcam.cams import LAWS, LiftEvent, lift_table
-from flexcam.cams.lift_table import scatter
+from flexcam.cams.lift_table import _find_outliers, scatter
 from flexcam.core.errors import InputError
 
 TURN, DEGREE = 2 * math.pi, math.radians(1.0)
@@ -57,8 +57,22 @@ def test_an_outlier_is_said():
     assert lift_table(theta, lift)[1].remarks == ()
     lift[300] += 200e-6
     (said,) = lift_table(theta, lift)[1].remarks
-    assert "at 150 deg" in said
+    assert "row 301, at 150 deg" in said
+    assert "a lift of 1.31 mm between 1.195 and 1.027 mm is an outlier" in said
+    lift[300] -= 160e-6  # within 1 % of the lift: the spline moves it
+    (said,) = lift_table(theta, lift)[1].remarks
+    assert "smoothing moves 1 point" in said
     assert "outliers" in said
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("points", [72, 360])
+def test_sharp_laws_have_no_outliers_and_wild_rows_are_found(law, points):
+    theta = np.linspace(0.0, TURN, points + 1)[:-1]
+    lift = LiftEvent(LAWS[law], 0.008, 40 * DEGREE, 60 * DEGREE, phase=0.7)(theta)
+    assert not _find_outliers(theta, lift, scatter(theta, lift)).size
+    lift[points // 5] *= 10.0
+    assert _find_outliers(theta, lift, scatter(theta, lift)).tolist() == [points // 5]
 
 
 def test_scatter_of_uneven_points():

@@ -89,7 +89,7 @@ def test_a_low_pass_leaves_chatter_out(one_mass):
 
 
 def test_lift_deviation_over_the_nose():
-    """A valve that rises 0.3 mm above the rigid train floats at a threshold of 0.25 mm, and not at 0.5 mm."""
+    """A valve loft of 0.3 mm exceeds a threshold of 0.25 mm, and not one of 0.5 mm."""
     ready = prepare(read_case(CASE, ["run.steps_per_revolution=360", "run.crank_speed=1000rpm"]))
     response = solve(ready.problem, ready.scheme)
     assert _lofted_valves(response, ready, 0.25e-3) == []

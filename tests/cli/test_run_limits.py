@@ -90,6 +90,14 @@ def test_time_passes(flexcam, case):
     assert 0.3 < time.perf_counter() - begun < 20.0  # a busy machine
 
 
+def test_a_run_without_a_checkpoint_is_not_offered_for_resuming(flexcam, case):
+    late = flexcam("run", case, "--time-limit", "1 ms")
+    assert late.code == 3
+    assert "it ended before its first checkpoint" in late.err
+    assert flexcam("run", case, "--resume").code == 2
+    assert flexcam("run", case, "--overwrite").code == 0
+
+
 def test_the_search_for_a_start_ends_too(flexcam, case):
     ended = flexcam("run", case, "--set", "run.start=periodic", "--time-limit", "1 ms", "--json")
     assert ended.code == 3

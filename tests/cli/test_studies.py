@@ -237,6 +237,17 @@ def test_a_search_by_gradients_takes_few_runs(flexcam, oscillator, tmp_path):
     assert found["evaluations"] < 40
     assert flexcam("optimize", oscillator, *told, "--starts", "0").code == 2
     assert flexcam("optimize", oscillator, *told[:-2], "--starts", "2").code == 2
+    bare = flexcam("optimize", oscillator, "--vary", "springs.one.stiffness=20e3:80e3", *told[2:])
+    assert "got numbers without a unit, expected numbers with a unit, such as that of '40 kN/m'" in bare.err
+
+
+def test_events_of_the_best_variant_are_warned_of(flexcam, one_mass):
+    """The softest spring has the smallest force, and the follower leaves its cam at the higher speed."""
+    asked = ("--vary", "springs.held.stiffness=20:42kN/m", "--least", "springs.held.force.largest")
+    quick = ("--set", "run.revolutions=1", "--set", "run.steps_per_revolution=180", "--evaluations", "24")
+    found = flexcam("optimize", one_mass(), *asked, *quick, "--at", "run.speed=1000,4500rpm", "--json").json
+    (said,) = found["warnings"]
+    assert "the best variant at run.speed=4500rpm: the follower of 'k' loses contact" in said
 
 
 @pytest.mark.parametrize("method", ["evolution", "gradient"])
@@ -253,7 +264,7 @@ def test_a_result_over_several_conditions_is_the_worst(flexcam, oscillator, meth
     assert "an upper and a lower goal" in twice.err
     for wrong, said in (
         ("springs.one.stiffness=30:40:10kN/m", "does not name"), ("masses.one.mass=80g", "several values"),
-        ("masses.one.mas=80:120:20g", "Did you mean 'mass'"),
+        ("masses.one.mas=80:120:20g", "Did you mean 'mass'"), ("masses.one.mass=0.08,0.12", "numbers without a unit"),
     ):  # fmt: skip
         refused = flexcam("optimize", oscillator, *told[:-1], wrong, "--method", method)
         assert refused.code == 2

@@ -201,6 +201,13 @@ def test_a_lobe_that_cannot_be_made(override, said):
     assert said in told
 
 
+def test_a_lobe_without_a_line_of_contact_names_its_base_circle():
+    with pytest.raises(
+        InputError, match=r"^cams\.intake\.base_radius .*: got 17\.4 mm, .* 154\.6 deg of cam angle .*undercut"
+    ):
+        prepare(read_case(PUSHROD, ["cams.intake.base_radius=17.4mm"]))
+
+
 BOTH = """
 format = 1
 [nodes]

@@ -29,8 +29,9 @@ _BARE = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 """Number without a unit."""
 
 _TYPE_NAMES = {
-    "string_type": "a text", "bool_type": "true or false", "bool_parsing": "true or false", "list_type": "a list",
-    "tuple_type": "a list", "dict_type": "a table", "float_type": "a number", "float_parsing": "a number",
+    "string_type": "a text", "bool_type": "true or false", "bool_parsing": "true or false",
+    "list_type": "a list in brackets",
+    "tuple_type": "a list in brackets", "dict_type": "a table", "float_type": "a number", "float_parsing": "a number",
     "int_type": "a whole number", "int_parsing": "a whole number", "int_from_float": "a whole number",
 }  # fmt: skip
 """Names of pydantic's types in messages: string, boolean, list, tuple, dictionary, number."""

@@ -332,7 +332,7 @@ class RunRecord(Record):
                     "fixed steps with method = collocation", "it has no adaptive steps", "remove adaptive"
                 )
             if self.engine not in ("auto", "kernel"):
-                raise value_error("the kernel engine with method = collocation", "", "remove engine")
+                raise value_error("the kernel solver engine with method = collocation", "", "remove engine")
         return self
 
 

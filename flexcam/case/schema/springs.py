@@ -153,7 +153,8 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
                 "a link with an end `to` and no preload", "it joins two points as a part of the train does"
             )
         if self.clash_travel is not None and not self.part.stiffness:
-            raise value_error("a stiffness where coils can touch", "a spring without one has no coils")
+            given, allowed = "clash_travel of a spring without stiffness", "a stiffness above zero, or no clash_travel"
+            raise value_error(allowed, "such a spring has no coils", given=given)
         return self
 
     def _check(self) -> None:
