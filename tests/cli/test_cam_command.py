@@ -33,7 +33,7 @@ def one(told, *words):
     return next(iter(facts(told, *words)["cams"].values()))
 
 
-@pytest.mark.parametrize("name", FILES)
+@pytest.mark.parametrize("name", [name for name in FILES if name[:8] not in ("model-1-", "model-2-")])
 def test_every_file(name, told):
     found, words = facts(told, name), told(name)
     assert list(found) == ["status", "cams", "overlaps", "lobe_separations", "files"]

@@ -175,6 +175,7 @@ def test_refusals(words, said, flexcam, result, tmp_path):
     assert sorted(tmp_path.rglob("*")) == before, "nothing is written"
 
 
+@pytest.mark.slow
 def test_no_display_and_no_gl_library_is_needed(spawned, result, monkeypatch):
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)

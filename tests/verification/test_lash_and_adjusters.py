@@ -195,10 +195,20 @@ SEAT = 'seat = { at = "end", direction = "uy", model = "seat", stiffness = "40 M
 SEATED = {"installed": ", installed_force = 300", "speed": 300.0, "revolutions": 1.0, "contacts": SEAT}
 
 
-def test_a_revolution_on_its_seat(record, case):
+SEATED_RUN = []
+"""The run of this revolution, once two tests have asked for it."""
+
+
+@pytest.fixture
+def seated(case):
+    if not SEATED_RUN:
+        SEATED_RUN.append(run(case(ADJUSTER, **SEATED)))
+    return SEATED_RUN[0]
+
+
+def test_a_revolution_on_its_seat(record, seated):
     """On the lift it leaks, on the seat it refills, within tens of microseconds: it takes its play up again."""
-    response = run(case(ADJUSTER, **SEATED))
-    channels = response.channels
+    response, channels = seated, seated.channels
     depth = response["top.uy"].displacement - response["bottom.uy"].displacement
     z = channels["contacts.play.leak_down"]
     exact = leaked(response.time, depth)
@@ -217,9 +227,9 @@ def test_a_revolution_on_its_seat(record, case):
            reason="the check valve opens within steps")  # fmt: skip
 
 
-def test_refill_is_fast(record, case):
+def test_refill_is_fast(record, seated):
     """Drawn apart at a rate, the oil lags by c0/k of it: z is the depth plus c0/k of its rate."""
-    response = run(case(ADJUSTER, **SEATED))
+    response = seated
     depth = response["top.uy"].displacement - response["bottom.uy"].displacement
     rate = response["top.uy"].velocity - response["bottom.uy"].velocity
     z = response.channels["contacts.play.leak_down"]
