@@ -67,9 +67,8 @@ OPENING = (
 """A few steps on the opening flank, so that something moves."""
 
 
-@pytest.mark.parametrize(
-    "way", [pytest.param(way, marks=() if way == "lever and adjuster" else pytest.mark.slow) for way in WAYS]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("way", WAYS)
 def test_a_restart_is_the_uninterrupted_run(way, engine, flexcam, tmp_path):
     """Half and half of 0.25 revolutions, through the opening flank; a step is a step wherever it begins."""
     about = ("--set", "run.steps_per_revolution=720", "--set", "cams.intake.phase=0", "--set", "output.field_every=6")

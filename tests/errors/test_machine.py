@@ -210,7 +210,7 @@ def test_two_processes_and_one_result(ready, tried, tmp_path):
 
 
 def test_standard_output_is_full(tmp_path):
-    command = [sys.executable, "-m", "flexcam", "law", "--list"]
+    command = [sys.executable, "-m", "flexcam", "check", str(CASE)]
     with open("/dev/full", "w") as full:
         done = subprocess.run(command, cwd=tmp_path, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60)
     assert done.returncode == 3
@@ -219,7 +219,7 @@ def test_standard_output_is_full(tmp_path):
 
 def test_no_standard_streams(tmp_path):
     """As under a daemon that closes them."""
-    command = f"exec {sys.executable} -m flexcam law --list >&- 2>&-"
+    command = f"exec {sys.executable} -m flexcam check {CASE} >&- 2>&-"
     assert subprocess.run(["/bin/sh", "-c", command], cwd=tmp_path, timeout=60).returncode == 0
 
 
