@@ -195,20 +195,10 @@ SEAT = 'seat = { at = "end", direction = "uy", model = "seat", stiffness = "40 M
 SEATED = {"installed": ", installed_force = 300", "speed": 300.0, "revolutions": 1.0, "contacts": SEAT}
 
 
-SEATED_RUN = []
-"""The run of this revolution, once two tests have asked for it."""
-
-
-@pytest.fixture
-def seated(case):
-    if not SEATED_RUN:
-        SEATED_RUN.append(run(case(ADJUSTER, **SEATED)))
-    return SEATED_RUN[0]
-
-
-def test_a_revolution_on_its_seat(record, seated):
+def test_a_revolution_on_its_seat(record, case):
     """On the lift it leaks, on the seat it refills, within tens of microseconds: it takes its play up again."""
-    response, channels = seated, seated.channels
+    response = run(case(ADJUSTER, **SEATED))
+    channels = response.channels
     depth = response["top.uy"].displacement - response["bottom.uy"].displacement
     z = channels["contacts.play.leak_down"]
     exact = leaked(response.time, depth)
@@ -227,9 +217,9 @@ def test_a_revolution_on_its_seat(record, seated):
            reason="the check valve opens within steps")  # fmt: skip
 
 
-def test_refill_is_fast(record, seated):
+def test_refill_is_fast(record, case):
     """Drawn apart at a rate, the oil lags by c0/k of it: z is the depth plus c0/k of its rate."""
-    response = seated
+    response = run(case(ADJUSTER, **SEATED))
     depth = response["top.uy"].displacement - response["bottom.uy"].displacement
     rate = response["top.uy"].velocity - response["bottom.uy"].velocity
     z = response.channels["contacts.play.leak_down"]
