@@ -80,6 +80,7 @@ def pytest_collection_finish():
     """Take what stays to the end out of what Python's collector walks through again and again."""
     gc.collect()
     gc.freeze()
+    gc.set_threshold(100_000, 50, 1000)
 
 
 def pytest_sessionfinish(session):

@@ -13,6 +13,8 @@ from flexcam.analysis.limits import compute_margins
 from flexcam.analysis.preparation import compute_metrics
 from flexcam.core.units import RPM
 
+pytestmark = pytest.mark.usefixtures("machine_code")
+
 MASS, SPRING, INSTALLED, DAMPING, LIFT, CONTACT = 0.25, 20e3, 300.0, 6.0, 8e-3, 2e9
 CASE = f"""
 format = 1

@@ -22,6 +22,9 @@ QUICK = ("--set", "run.steps_per_revolution=360")
 RANGE = ("--lowest", "1000rpm", "--highest", "6000rpm", "--count", "3")
 
 
+pytestmark = pytest.mark.usefixtures("machine_code")
+
+
 def test_published_mode_meets_the_first_order(flexcam, tmp_path):
     """The loaded mode at 67.114 Hz meets order 1 at 4026.9 rpm; simple harmonic motion has no other order."""
     picture = tmp_path / "campbell.svg"

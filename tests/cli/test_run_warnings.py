@@ -91,6 +91,7 @@ def test_a_spring_that_opens_the_valve_is_told(flexcam, direct):
     assert "no spring presses the valve to its seat" in warning
 
 
+@pytest.mark.usefixtures("machine_code")
 def test_a_transient_of_an_adjuster_is_told(flexcam):
     """One revolution from rest reports the transient; a periodic start does not. Several say how far they are."""
     case = Path(__file__).parents[2] / "cases/direct-acting/finger.toml"

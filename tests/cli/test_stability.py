@@ -64,6 +64,7 @@ def test_the_surge_of_the_spring_is_met(flexcam):
     assert "resonance" not in near["verdict"] + between["verdict"]
 
 
+@pytest.mark.slow
 def test_the_verdict_of_a_sound_train_is_none(flexcam):
     """Contacts chatter behind the ramps at 2000 rpm: two revolutions differ by a few per cent of the force."""
     told = flexcam("stability", ENGINE, "--set", "run.crank_speed=2000rpm", *QUICK).out

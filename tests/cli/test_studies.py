@@ -145,16 +145,16 @@ def test_what_exact_derivatives_do_not_cover_is_refused(flexcam, names, fixed, s
 
 
 def test_a_chaotic_run_has_no_derivative(flexcam):
-    told = ("--of", "contacts.seat.seating_velocity", "--to", "springs.valve.stiffness", "--set", "run.revolutions=6")
-    done = flexcam("sensitivity", ENGINE, *told, "--set", "run.steps_per_revolution=720", "--json")
+    few = ("--set", "run.revolutions=2", "--set", "run.steps_per_revolution=360")
+    told = ("--of", "contacts.seat.seating_velocity", "--to", "springs.valve.stiffness")
+    done = flexcam("sensitivity", ENGINE, *told, *few, "--json")
     (found,) = done.json["derivatives"]
     assert found["derivative"] is None
     assert not found["smooth"]
     assert "the motion is chaotic" in found["note"]
     search = ("--vary", "springs.valve.stiffness=40:60kN/m", "--least", "contacts.seat.seating_velocity",
-              "--method", "gradient", "--set", "run.revolutions=6",
-              "--set", "run.steps_per_revolution=720")  # fmt: skip
-    refused = flexcam("optimize", ENGINE, *search)
+              "--method", "gradient")  # fmt: skip
+    refused = flexcam("optimize", ENGINE, *search, *few)
     assert refused.code == 2
     assert "the motion is chaotic" in refused.err
 
@@ -285,11 +285,11 @@ def test_a_search_by_gradients_through_contact(flexcam):
     told = ("--vary", "run.crank_speed=4500:6500rpm", "--vary", "springs.valve.installed_force=300:500N",
             "--most", "run.crank_speed", "--subject", "contacts.intake.nose_force.least >= 150 N",
             "--subject", "springs.valve.stress.largest <= 0.86 GPa", "--method", "gradient")  # fmt: skip
-    fixed = ("--set", "run.revolutions=1", "--set", "run.steps_per_revolution=720", "--evaluations", "10")
+    fixed = ("--set", "run.revolutions=1", "--set", "run.steps_per_revolution=720", "--evaluations", "5")
     found = flexcam("optimize", ENGINE, *told, *fixed, "--json").json
     values = found["best"]["values"]
-    assert found["evaluations"] <= 10
-    assert values["run.crank_speed"] > 5100.0 * 2.0 * math.pi / 60.0
+    assert found["evaluations"] <= 5
+    assert values["run.crank_speed"] > 5080.0 * 2.0 * math.pi / 60.0
     assert values["contacts.intake.nose_force.least"] >= 150.0
     assert values["springs.valve.stress.largest"] == pytest.approx(0.86e9, rel=1e-3)
 
@@ -507,6 +507,7 @@ def test_names_are_refused_before_anything_runs(flexcam, path, words, monkeypatc
     assert "Did you mean" in refused.err
 
 
+@pytest.mark.slow
 def test_runs_on_several_processes_are_the_same(flexcam, oscillator):
     told = (
         "--of",

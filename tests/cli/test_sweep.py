@@ -56,7 +56,7 @@ def test_json_and_chosen_scalars(flexcam, case):
 
 def test_a_variant_beyond_the_time_limit_fails_alone(flexcam, case, tmp_path):
     """A resumed sweep runs it again, and keeps the others."""
-    words = ("sweep", case, "--set", "run.revolutions=0.1,1e6", "--workers", "0", "--time-limit", "1s", "--json")
+    words = ("sweep", case, "--set", "run.revolutions=0.1,1e6", "--workers", "0", "--time-limit", "0.3s", "--json")
     done = flexcam(*words)
     assert done.json["failed"] == {"time-limit": [2]}
     assert read_table(tmp_path / "results/case.sweep.h5").statuses[0].ok
@@ -298,11 +298,6 @@ def with_rows(process, folder, count):
         time.sleep(0.01)
 
 
-def completed(process):
-    out, err = process.communicate(timeout=120)
-    assert process.returncode == 0, out + err
-
-
 @pytest.mark.parametrize(("number", "code", "workers"), [(signal.SIGINT, 130, 2), (signal.SIGTERM, 143, 0)])
 def test_a_stopped_sweep_says_what_it_kept(case, tmp_path, number, code, workers):
     process = begun(tmp_path, "--workers", str(workers), "--json")
@@ -318,20 +313,11 @@ def test_a_stopped_sweep_says_what_it_kept(case, tmp_path, number, code, workers
     assert not (tmp_path / "out/case.sweep.h5").exists()
 
 
-@pytest.fixture(scope="module")
-def untouched(tmp_path_factory):
-    """Return the tables of a sweep that nobody disturbed."""
-    folder = tmp_path_factory.mktemp("untouched")
-    (folder / "case.toml").write_bytes((Path(__file__).parents[1] / "data/inline.toml").read_bytes())
-    completed(begun(folder, "--workers", "0"))
-    return {name: (folder / "out" / name).read_bytes() for name in NAMES}
-
-
-def killed_and_resumed(folder, untouched, kills, seed):
-    """Kill a sweep so many times at random moments, and finish it."""
+def killed_and_resumed(flexcam, folder, kills, seed, workers):
+    """Kill a sweep so many times at random moments, and finish it; compare it with one that nobody disturbed."""
     chance, before = random.Random(seed), list[bytes]()
     for _ in range(kills):
-        process = begun(folder, "--workers", "2", "--resume")
+        process = begun(folder, "--workers", workers, "--resume")
         if chance.random() < 0.7:
             with_rows(process, folder / "out", min(len(before) + chance.randrange(20), 55))
         time.sleep(chance.random())
@@ -341,19 +327,17 @@ def killed_and_resumed(folder, untouched, kills, seed):
         whole = [line for line in before if line.endswith(b"\n")]
         assert after[: len(whole)] == whole  # what was finished stays as it was
         before = after
-    completed(begun(folder, "--workers", "0", "--resume"))
+    for words in (("out", "--resume"), ("untouched",)):
+        assert flexcam("sweep", "case.toml", *MANY, "--workers", "0", "-o", *words).code == 0
     chunks = [json.loads(line)["chunk"] for line in journal(folder / "out")[1:]]
     assert sorted(chunks) == list(range(60))  # each once
-    assert {name: (folder / "out" / name).read_bytes() for name in NAMES} == untouched
+    one, other = ([(folder / where / name).read_bytes() for name in NAMES] for where in ("out", "untouched"))
+    assert one == other
 
 
-def test_a_sweep_killed_and_resumed_is_the_one_nobody_disturbed(case, tmp_path, untouched):
-    killed_and_resumed(tmp_path, untouched, 1, seed=1)
-
-
-@pytest.mark.slow
-def test_a_sweep_killed_twenty_times(case, tmp_path, untouched):
-    killed_and_resumed(tmp_path, untouched, 20, seed=2)
+@pytest.mark.parametrize(("kills", "workers"), [(1, 0), pytest.param(20, 2, marks=pytest.mark.slow)])
+def test_a_sweep_killed_and_resumed_is_the_one_nobody_disturbed(kills, workers, flexcam, case, tmp_path):
+    killed_and_resumed(flexcam, tmp_path, kills, seed=kills, workers=workers)
 
 
 def test_a_table_of_another_format_is_refused(flexcam, case, tmp_path):

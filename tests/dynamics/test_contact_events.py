@@ -34,7 +34,7 @@ from flexcam.dynamics import (
 
 G, W, V0 = 9.81, 300.0, 1.0
 CONTACT = 2.0 / W * (math.pi - math.atan(V0 * W / G))
-PHASES = np.linspace(0.0, 1.0, 40, endpoint=False)
+PHASES = np.linspace(0.0, 1.0, 16, endpoint=False)
 
 
 def falling(law, restitution=None, *, mass=1.0):

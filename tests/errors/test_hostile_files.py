@@ -133,8 +133,10 @@ NUMBERS = (
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("name", NUMBERS)
-@pytest.mark.parametrize("what", CHANGED)
+@pytest.mark.parametrize(
+    ("what", "name"),
+    [(what, name) for i, what in enumerate(CHANGED) for j, name in enumerate(NUMBERS) if (i + j) % 3 == 0],
+)
 def test_numbers_of_another_type_shape_or_size(what, name, sound, tmp_path):
     """With a valid checksum, as another program may write it."""
     path = tmp_path / "foreign.vtkhdf"

@@ -46,7 +46,7 @@ WAYS = {
     "central difference": (LINEAR, "run.integrator.method=central-difference", "run.steps_per_revolution=36000"),
     "exact": (LINEAR, "run.integrator.method=exact"),
     "scipy's Radau": (LINEAR, "run.integrator.method=radau", "run.steps_per_revolution=3600"),
-    "scipy's DOP853": (LINEAR, "run.integrator.method=dop853", "run.steps_per_revolution=1440"),
+    "scipy's DOP853": (LINEAR, "run.integrator.method=dop853", "run.steps_per_revolution=7200"),
     "adaptive steps": (BUCKET, "run.adaptive={ tolerance = 1e-6 }"),
     "adaptive steps, linear": (LINEAR, "run.adaptive={ tolerance = 1e-7 }"),
     "four modes": (BUCKET, "fidelity.modes=4"),

@@ -41,7 +41,7 @@ from tests import integrators as tried
 from tests.rounding import stronger
 
 SCHEMES = {name: one for name, one in tried.SCHEMES.items() if name in (*tried.METHODS, "newmark damped")}
-STEPS = 100
+STEPS = 60
 SETTLED = 1e-12
 """Of the largest force, as `settle` and the compiled step leave it."""
 
@@ -200,9 +200,7 @@ def test_one_force_of_every_kind(kind, scheme):
         np.testing.assert_allclose(found.channels[name], values, rtol=0.0, atol=1e-9 * np.abs(values).max())
 
 
-@pytest.mark.parametrize(
-    ("scheme", "restitution"), [("newmark", None), ("newmark", 0.0), ("newmark", 0.5), ("hht", 0.5)]
-)
+@pytest.mark.parametrize(("scheme", "restitution"), [("newmark", 0.0), ("newmark", 0.5), ("hht", 0.5)])
 @pytest.mark.parametrize("kind", sorted(TOUCHING))
 def test_steps_that_end_where_contacts_open_and_close(kind, scheme, restitution):
     rng = np.random.default_rng(10 + list(KINDS).index(kind))

@@ -106,10 +106,8 @@ class Package:
     def __init__(self, tree: Path) -> None:
         self.tree = tree
         self.symbols: dict[str, list[Definition]] = defaultdict(list)
-        self.trees: dict[str, ast.Module] = {}
         for path in sorted((tree / PACKAGE).rglob("*.py")):
             source = Source(tree, path)
-            self.trees[source.path] = source.tree
             for symbol, node in _definitions(source.tree):
                 self.symbols[symbol].append(Definition(symbol, source, node))
 
@@ -117,8 +115,7 @@ class Package:
         """Return the replacement that plants the fault."""
         edit = self._by_symbol(fault) if "symbol" in fault else self._by_text(fault)
         if edit.path.endswith(".py"):
-            content = (self.tree / edit.path).read_bytes()
-            _refuse_invalid(fault, self.trees.get(edit.path) or ast.parse(content), edit.changed(content))
+            _refuse_invalid(fault, edit.changed((self.tree / edit.path).read_bytes()))
         return edit
 
     def _by_symbol(self, fault: Fault) -> Edit:
@@ -160,6 +157,9 @@ def finder(fault: Fault) -> Finder:
     for read, replacements in ((_expression, _expressions), (_header, _headers), (_block, _blocks)):
         before, after = read(old), read(new)
         if before is not None and after is not None:
+            if same(before, after):
+                message = f"{fault['name']}: `new` says the same as `old`"
+                raise AnchorError(message)
             return lambda one: replacements(one, before, new)
     message = f"{fault['name']}: `old` and `new` are not both expressions, headers or statements"
     raise AnchorError(message)
@@ -240,17 +240,13 @@ def _blocks_in(node: ast.AST) -> Iterator[list[ast.stmt]]:
     )
 
 
-def _refuse_invalid(fault: Fault, sound: ast.Module, changed: bytes) -> None:
-    """Refuse a replacement that is a syntax error or changes nothing."""
+def _refuse_invalid(fault: Fault, changed: bytes) -> None:
+    """Refuse a replacement that is a syntax error."""
     try:
-        planted = ast.parse(changed)
-        compile(planted, fault["name"], "exec", dont_inherit=True)
+        compile(changed, fault["name"], "exec", dont_inherit=True)
     except SyntaxError as error:
         message = f"{fault['name']}: the file with the fault is not Python: {error}"
         raise AnchorError(message) from error
-    if same(planted, sound):
-        message = f"{fault['name']}: `new` says the same as `old`"
-        raise AnchorError(message)
 
 
 def _definitions(owner: ast.AST, prefix: str = "") -> Iterator[tuple[str, ast.stmt]]:

@@ -50,6 +50,7 @@ def test_one_mass_has_no_camshaft():
 def test_a_row_says_which_model_was_chosen(asked, cause):
     row = evaluate(read_case("tests/data/inline.toml", ["run.steps_per_revolution=120", f"fidelity.tolerance={asked}"]))
     assert row.status.cause is cause
+    assert row.scalars  # those of the closest model where none is within the tolerance
     named = r"chosen within the tolerance: sdof, \d+ steps" if row.status.ok else r"that is [a-z0-9 ]+, \d+ steps"
     assert re.search(named + " per revolution", row.status.message)
     assert not evaluate(read_case("tests/data/inline.toml", ["run.steps_per_revolution=120"])).status.message
@@ -82,8 +83,7 @@ def test_a_row_is_what_run_and_compare_say(path):
     assert all(math.isfinite(value) for value in row.scalars.values())
 
 
-@pytest.mark.parametrize("path", CASES)
-@pytest.mark.parametrize("runs", [1, 100])
+@pytest.mark.parametrize(("path", "runs"), [*((path, 100) for path in CASES), ("cases/tayeb/model-1-shm.toml", 1)])
 def test_without_channels_a_row_has_the_motion_of_the_probes(path, runs):
     """Equal to rounding: 1e-9 is some hundred roundings of an acceleration of stiff parts."""
     case = read_case(path, CASES[path])
@@ -120,15 +120,6 @@ def test_a_rigid_case_has_no_deviation():
     row = evaluate(read_case("cases/tayeb/model-1-shm.toml", ["fidelity.model=rigid", "run.revolutions=0.1"]))
     assert row.status.ok
     assert not any(name.startswith("deviation") for name in row.scalars)
-
-
-def test_a_tolerance_chooses_the_model_and_is_a_cause_where_none_meets_it():
-    words = ["run.steps_per_revolution=180", "run.revolutions=0.5"]
-    met = evaluate(read_case("tests/data/inline.toml", [*words, "fidelity.tolerance=0.5"]))
-    assert met.status.ok
-    missed = evaluate(read_case("tests/data/inline.toml", [*words, "fidelity.tolerance=1e-9"]))
-    assert missed.status.cause is Cause.TOLERANCE
-    assert missed.scalars  # of the closest model
 
 
 def test_largest_values_are_those_of_the_last_revolution():

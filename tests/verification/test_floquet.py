@@ -226,6 +226,7 @@ def test_a_seat_that_moves_against_differences():
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("speed", "engine"), [
     ("6000rpm", "direct"), ("8500rpm", "direct"), ("8500rpm", "kernel"),
 ])  # fmt: skip

@@ -155,13 +155,14 @@ def test_a_cam_that_strikes_its_follower(record):
            reason="differences over 1e-5 of the lift")  # fmt: skip
 
 
-def differences(file, fixed, number, name):
-    """Return the derivative of a scalar by differences of runs over two step sizes, extrapolated."""
-    slopes = list[float]()
+def differences(file, fixed, number, names):
+    """Return the derivatives of scalars by differences of runs over two step sizes, extrapolated."""
+    slopes = list[np.ndarray]()
     for relative in (1e-4, 5e-5):
         low, high = (
-            evaluate(file.read((*fixed, *one)), runs=100).scalars[name]
+            np.array([scalars[name] for name in names])
             for one in make_neighbours(file.read(fixed), number, relative * abs(number.value))
+            for scalars in (evaluate(file.read((*fixed, *one)), runs=100).scalars,)
         )
         slopes.append((high - low) / (2.0 * relative * abs(number.value)))
     return (4.0 * slopes[1] - slopes[0]) / 3.0
@@ -187,23 +188,23 @@ def test_trains_in_contact_against_differences(record, path, key, names, fixed):
     file, fixed = CaseFile.open(Path(path)), (*ONE_REVOLUTION, "run.engine=kernel", *fixed)
     (number,) = get_numbers(file.read(fixed), [key])
     found = compute_gradient(file, fixed, names, [number])
-    for name in names:
+    for name, reference in zip(names, differences(file, fixed, number, names), strict=True):
         record(source=DIFFERENCES, case=f"{Path(path).stem}, by {key}{', periodic' if len(fixed) > 3 else ''}",
-               quantity=f"d({name})", unit="", reference=differences(file, fixed, number, name),
+               quantity=f"d({name})", unit="", reference=reference,
                computed=found.derivatives[name, key], tolerance=2e-5,
                reason="differences of contact runs over 1e-4 contain the noise of events")  # fmt: skip
 
 
 def test_a_chaotic_motion_is_known_by_its_growth():
-    """Six revolutions of the pushrod train hop on the base circle: neighbouring motions part by many powers of ten."""
+    """Three revolutions of the pushrod train hop on the base circle: neighbouring motions part by powers of ten."""
     file = CaseFile.open(Path(INTAKE))
     numbers = get_numbers(file.read(), ["springs.valve.stiffness"])
     calm, wild = (
-        compute_gradient(file, (f"run.revolutions={n}", *ONE_REVOLUTION[1:], "run.engine=kernel"),
+        compute_gradient(file, (f"run.revolutions={n}", "run.steps_per_revolution=720", "run.engine=kernel"),
                          ["contacts.seat.seating_velocity"], numbers).growth
-        for n in (1, 6)
+        for n in (1, 3)
     )  # fmt: skip
-    assert calm < 10.0
+    assert calm < 100.0
     assert wild > 1e5
 
 
