@@ -59,21 +59,18 @@ from flexcam.cams.profile import (
 from flexcam.cams.standard_laws import (
     CompoundCycloid,
     CosineSum,
-    Cycloidal,
     Harmonic,
-    Parabolic,
     Scca,
-    SimpleHarmonic,
     harmonic_acceleration,
 )
 from flexcam.cams.synthesis_family import Family, HarmonicFamily, SplineFamily
 
 __all__ = [
     "KINDS", "LAWS", "PRESSURE_ANGLE", "THRESHOLDS", "BSplineLaw", "Bridge", "CamProfile", "CompoundCycloid",
-    "CosineSum", "Criteria", "Cycloidal", "DelayedEvent", "Event", "Extreme", "Family", "FlatFollower", "Follower",
+    "CosineSum", "Criteria", "DelayedEvent", "Event", "Extreme", "Family", "FlatFollower", "Follower",
     "FollowerContact", "Harmonic", "HarmonicFamily", "HarmonicFit", "HarmonicLift", "Joint", "Law", "LawKind",
-    "LiftEvent", "LiftReport", "OrderSpectrum", "Parabolic", "PeriodicSpline", "Polydyne", "Polynomial",
-    "ProfileFault", "Ramp", "ReversedLaw", "RollerFollower", "Scca", "SimpleHarmonic", "SingleMass", "SplineFamily",
+    "LiftEvent", "LiftReport", "OrderSpectrum", "PeriodicSpline", "Polydyne", "Polynomial",
+    "ProfileFault", "Ramp", "ReversedLaw", "RollerFollower", "Scca", "SingleMass", "SplineFamily",
     "SwingFlatFollower", "SwingRollerFollower", "Synthesis", "Transfer", "Turn", "ValveEvent", "cam_profile",
     "centreline", "criteria", "curve_minimum", "event_extremes", "find_bridges", "find_profile_faults",
     "harmonic_acceleration", "harmonic_fit", "harmonics", "harmonics_below", "joints", "kind_names", "law_kind",

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from flexcam.cams.lift_event import Event
 from flexcam.cams.periodic_lift import HarmonicLift, harmonic_rows, harmonics
-from flexcam.core import ComplexArray, FloatArray, IntArray
+from flexcam.core import ComplexArray, FloatArray
 from flexcam.core.errors import InputError, positive, refuse
 from flexcam.core.units import RPM
 
@@ -83,7 +83,12 @@ def harmonic_fit(
     even = np.linspace(0.0, _REVOLUTION, points, endpoint=False)
     angle = np.unique(np.concatenate([even, np.mod(np.array(ends, dtype=float), _REVOLUTION)]))
     target = wanted(angle)
-    held = _strict_mask(wanted, angle, strict)
+    if strict is None:  # the dwells
+        held = np.abs(wanted(angle, 1)) + np.abs(wanted(angle, 2)) < 1e-9 * wanted.height
+    else:
+        held = np.zeros(len(angle), dtype=np.bool_)
+        for start, end in strict:
+            held |= np.mod(angle - start, _REVOLUTION) <= end - start
     rows = harmonic_rows(angle, count)
     limit = np.where(held, tolerance, math.inf if bound is None else positive("bound", bound, "m"))
     bounded = np.isfinite(limit)
@@ -105,16 +110,6 @@ def harmonic_fit(
 def harmonics_below(frequency: float, speed: float) -> int:
     """Return the number of harmonics of a cam below a natural frequency: n < w0/w."""
     return max(0, math.ceil(positive("frequency", frequency, "rad/s") / positive("speed", speed, "rad/s")) - 1)
-
-
-def _strict_mask(wanted: Event, angle: FloatArray, sections: Sequence[tuple[float, float]] | None) -> NDArray[np.bool_]:
-    """Return which angles lie on strict sections; by default those are the dwells."""
-    if sections is None:
-        return np.abs(wanted(angle, 1)) + np.abs(wanted(angle, 2)) < 1e-9 * wanted.height
-    inside: NDArray[np.bool_] = np.zeros(len(angle), dtype=np.bool_)
-    for start, end in sections:
-        inside |= np.mod(angle - start, _REVOLUTION) <= (end - start)
-    return inside
 
 
 def _order_error(
@@ -207,19 +202,16 @@ def polydyne(wanted: Event, transfer: Transfer, speed: float, *, count: int = 60
     return Polydyne(HarmonicLift.of(cam), goal, float(np.abs(goal(_GRID) - wanted(_GRID)).max()))
 
 
-def _response_harmonics(cam: Event, transfer: Transfer, speed: float, count: int) -> tuple[ComplexArray, IntArray]:
-    """Return the harmonics of the motion on a cam, and which of the cam's harmonics are in resonance."""
-    amplitude, answer = harmonics(cam, count), transfer(speed * np.arange(count + 1.0))
-    held = np.abs(amplitude) > _ROUNDING * np.abs(amplitude).max()
-    return amplitude * np.where(np.isfinite(answer), answer, 0.0), np.flatnonzero(held & ~np.isfinite(answer))
-
-
 def off_design_deviation(design: Polydyne, transfer: Transfer, speeds: Sequence[float]) -> FloatArray:
     """Return the largest deviation from the target motion at other speeds."""
     count, wanted = len(design.event.cosine), design.wanted(_GRID)
 
     def away(speed: float) -> float:
-        amplitude, resonant = _response_harmonics(design.event, transfer, speed, count)
-        return math.inf if resonant.size else float(np.abs(HarmonicLift.of(amplitude)(_GRID) - wanted).max())
+        amplitude, answer = harmonics(design.event, count), transfer(speed * np.arange(count + 1.0))
+        present = np.abs(amplitude) > _ROUNDING * np.abs(amplitude).max()
+        if (present & ~np.isfinite(answer)).any():  # in resonance
+            return math.inf
+        moved = HarmonicLift.of(amplitude * np.where(np.isfinite(answer), answer, 0.0))
+        return float(np.abs(moved(_GRID) - wanted).max())
 
     return np.array([away(positive("speed", float(speed), "rad/s")) for speed in speeds])

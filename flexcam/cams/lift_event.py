@@ -105,8 +105,8 @@ class LiftEvent:
 
     Examples
     --------
-    >>> from flexcam.cams import SimpleHarmonic
-    >>> event = LiftEvent(SimpleHarmonic(), lift=0.006, rise=math.pi, fall=math.pi)
+    >>> from flexcam.cams import LAWS
+    >>> event = LiftEvent(LAWS["shm"], lift=0.006, rise=math.pi, fall=math.pi)
     >>> event(np.array([0.0, math.pi, 2.0 * math.pi]))
     array([0.   , 0.006, 0.   ])
     """

@@ -98,13 +98,13 @@ def _fit_by_cross_validation(theta: FloatArray, s: FloatArray, count: int, noise
 
     If more knots do not halve the deviation, the point is an outlier and the coarser spline is used.
     """
-    fit = _Fit.of(theta, s, count, _KNOTS[0])
+    fit = _Fit(theta, s, count, _KNOTS[0])
     weight = _minimize_cross_validation(fit)
     allowed = _FAR * noise + _SMALL * float(s.max())
     for most in _KNOTS[1:]:
         if fit.largest_change(weight) <= allowed or fit.rows.shape[1] >= len(theta):
             break
-        finer = _Fit.of(theta, s, count, most)
+        finer = _Fit(theta, s, count, most)
         found = _minimize_cross_validation(finer, near=math.log10(weight) + _WEIGHT_PER_HALVING)
         if finer.largest_change(found) <= 0.5 * fit.largest_change(weight):
             fit, weight = finer, found
@@ -113,12 +113,12 @@ def _fit_by_cross_validation(theta: FloatArray, s: FloatArray, count: int, noise
 
 def _fit_within_tolerance(theta: FloatArray, s: FloatArray, count: int, tolerance: float) -> tuple[_Fit, float]:
     """Return the fit with the largest roughness weight and the fewest knots within a tolerance."""
-    fit = _Fit.of(theta, s, count, _KNOTS[0])
+    fit = _Fit(theta, s, count, _KNOTS[0])
     least = fit.rms_change(_LEAST)
     for most in _KNOTS[1:]:
         if least <= tolerance or fit.rows.shape[1] >= len(theta):
             break
-        fit = _Fit.of(theta, s, count, most)
+        fit = _Fit(theta, s, count, most)
         least = fit.rms_change(_LEAST)
     if least <= tolerance:
         return fit, _max_roughness_weight(fit, tolerance)
@@ -147,39 +147,30 @@ def _add_base_circle(theta: FloatArray, s: FloatArray) -> tuple[FloatArray, Floa
     return np.concatenate(angles), np.concatenate(heights)
 
 
-@dataclass(frozen=True, eq=False)
 class _Fit:
-    """Matrices of the smoothing problem.
+    """Smoothing problem: spline through points of which the first `count` are measured.
 
-    Rows of the spline at the points and their square, those of the measured points alone, third differences of the
-    coefficients (which stand for the third derivative) and their square, and the lifts.
+    `third` holds third differences of the coefficients, which stand for the third derivative.
     """
 
-    rows: FloatArray
-    square: FloatArray
-    measured: FloatArray
-    third: FloatArray
-    rough: FloatArray
-    lift: FloatArray
-    count: int
-
-    @classmethod
-    def of(cls, theta: FloatArray, s: FloatArray, count: int, most: int) -> _Fit:
+    def __init__(self, theta: FloatArray, s: FloatArray, count: int, most: int) -> None:
         from scipy.interpolate import BSpline
 
         knots = min(most, max(len(theta), 2 * (DEGREE + 1)))
         all_rows = BSpline.design_matrix(np.mod(theta, _REVOLUTION), spline_knots(knots), DEGREE).toarray()
-        rows = all_rows[:, :knots]
-        rows[:, :DEGREE] += all_rows[:, knots:]
+        self.rows: FloatArray = all_rows[:, :knots]
+        self.rows[:, :DEGREE] += all_rows[:, knots:]
         third = np.eye(knots)
         for _ in range(3):
             third = np.roll(third, -1, axis=0) - third
-        square, rough = rows.T @ rows, third.T @ third
-        scale = float(np.trace(square) / np.trace(rough))
-        measured = rows[:count].T @ rows[:count]
-        return cls(rows, square, measured, math.sqrt(scale) * third, scale * rough, s, count)
+        self.square, rough = self.rows.T @ self.rows, third.T @ third
+        scale = float(np.trace(self.square) / np.trace(rough))
+        self.third, self.rough = math.sqrt(scale) * third, scale * rough
+        self.measured = self.rows[:count].T @ self.rows[:count]
+        self.lift, self.count = s, count
 
     def coefficients(self, weight: float) -> FloatArray:
+        """Return the coefficients of the spline at a roughness weight."""
         if weight > _ILL:
             found = np.linalg.solve(self.square + weight * self.rough, self.rows.T @ self.lift)
         else:  # the normal equations would lose so small a weight

@@ -145,12 +145,12 @@ class Program:
     def _inequalities(
         self, places: Mapping[int, FloatArray], cuts: Sequence[TangentPlane], around: tuple[FloatArray, float] | None
     ) -> tuple[FloatArray, FloatArray]:
-        blocks = [
-            self._objective_constraints(n, *self.family.rows(places[k], k))
-            for n, k in ORDERS.items()
-            if n in self.weights
-        ]
-        blocks += [self._limit_constraints(n, *self.family.rows(places[ORDERS[n]], ORDERS[n])) for n in self.limits]
+        blocks = [self._constraints(n, *self.family.rows(places[k], k)) for n, k in ORDERS.items() if n in self.weights]
+        for name, limit in self.limits.items():
+            order = ORDERS[name]
+            blocks.append(
+                self._constraints(name, *self.family.rows(places[order], order), limit * (1.0 - _LIMIT_MARGIN))
+            )
         if self.monotone:
             rows, offset = self.family.rows(places[1], 1)
             # If a law reverses by rounding, a short step could only correct that.
@@ -159,27 +159,23 @@ class Program:
             slopes = np.array([slope for slope, _ in cuts])
             blocks.append((np.hstack([slopes, -self._pick("rms", len(cuts))]), -np.array([value for _, value in cuts])))
         if around is not None and "Cm" in self.weights:
-            blocks.append(self._objective_constraints("Cm", *self._moment(places[2], around[0])))
+            (V, v), (A, a), x = self.family.rows(places[2], 1), self.family.rows(places[2], 2), around[0]
+            first, second = V @ x + v, A @ x + a
+            rows = second[:, None] * V + first[:, None] * A  # s' s'' linearized about x
+            blocks.append(self._constraints("Cm", rows, first * second - rows @ x))
         blocks.append((np.zeros((0, self.family.size + len(self.weights))), np.zeros(0)))
         return np.vstack([A for A, _ in blocks]), np.concatenate([b for _, b in blocks])
 
-    def _moment(self, z: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return rows and offset of s' s'' linearized about given coefficients."""
-        (V, v), (A, a) = self.family.rows(z, 1), self.family.rows(z, 2)
-        first, second = V @ x + v, A @ x + a
-        rows = second[:, None] * V + first[:, None] * A
-        return rows, first * second - rows @ x
-
-    def _objective_constraints(self, name: str, rows: FloatArray, offset: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the inequalities abs(rows x + offset) <= the largest value of a criterion."""
-        pick = self._pick(name, len(rows))
-        return np.vstack([np.hstack([rows, -pick]), np.hstack([-rows, -pick])]), np.concatenate([-offset, offset])
-
-    def _limit_constraints(self, name: str, rows: FloatArray, offset: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the inequalities abs(rows x + offset) <= the limit."""
-        limit = self.limits[name] * (1.0 - _LIMIT_MARGIN)
-        rows, offset = self._dense_rows(rows) / limit, offset / limit
-        return np.vstack([rows, -rows]), np.concatenate([1.0 - offset, 1.0 + offset])
+    def _constraints(
+        self, name: str, rows: FloatArray, offset: FloatArray, limit: float | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the inequalities abs(rows x + offset) <= a limit, or <= the largest value of a criterion."""
+        if limit is None:
+            right, columns = 0.0, self._pick(name, len(rows))
+        else:
+            rows, offset, right, columns = rows / limit, offset / limit, 1.0, np.zeros((len(rows), len(self.weights)))
+        both = np.vstack([np.hstack([rows, -columns]), np.hstack([-rows, -columns])])
+        return both, np.concatenate([right - offset, right + offset])
 
     def _dense_rows(self, rows: FloatArray) -> FloatArray:
         return np.hstack([rows, np.zeros((len(rows), len(self.weights)))])
