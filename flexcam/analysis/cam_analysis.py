@@ -53,95 +53,51 @@ NEGATIVE_LIFT_TOLERANCE = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class CamSet:
-    """Cams of a file.
+    """Cams of a file."""
 
-    Parameters
-    ----------
-    name, title
-        Name and title of the file.
-    cams
-        Cams by name.
-    ratios
-        Valve lift per cam lift, by cam; 1 without a rocker.
-    lashes
-        Lash that the lift takes up, reduced to the follower, m, by cam.
-    phases
-        Cam angle at which the rise or the zero of the lift table lies, rad, by cam.
-    tdcs
-        Cam angle at the top dead centre of gas exchange, rad, by cam; None if not given.
-    reports
-        Smoothing reports, by cam with a lift table.
-    speed
-        Camshaft speed, rad/s; None if not given.
-    turns
-        Revolutions of the shaft whose angle events are given in, per camshaft revolution: 1 if the case gives the speed
-        of the camshaft, otherwise 2.
-    """
-
+    #: `name`, `title`: name and title of the file
     name: str
     title: str
-    cams: Mapping[str, Cam]
-    ratios: Mapping[str, float]
-    lashes: Mapping[str, float]
-    phases: Mapping[str, float]
+    cams: Mapping[str, Cam]  #: cams by name
+    ratios: Mapping[str, float]  #: valve lift per cam lift, by cam; 1 without a rocker
+    lashes: Mapping[str, float]  #: lash that the lift takes up, reduced to the follower, m, by cam
+    phases: Mapping[str, float]  #: cam angle at which the rise or the zero of the lift table lies, rad, by cam
+    #: cam angle at the top dead centre of gas exchange, rad, by cam; None if not given
     tdcs: Mapping[str, float | None]
-    reports: Mapping[str, LiftReport]
-    speed: float | None
+    reports: Mapping[str, LiftReport]  #: smoothing reports, by cam with a lift table
+    speed: float | None  #: camshaft speed, rad/s; None if not given
+    #: revolutions of the shaft whose angle events are given in, per camshaft revolution: 1 if the case gives the speed
+    #: of the camshaft, otherwise 2
     turns: float = 2.0
 
 
 @dataclass(frozen=True, eq=False)
 class CamFacts:
-    """Facts about one cam.
-
-    Parameters
-    ----------
-    cam
-        Cam.
-    lift
-        Minimum and maximum, m, with their cam angles, rad.
-    velocity, acceleration, jerk
-        Maximum absolute values, m/rad, m/rad^2, m/rad^3; None for a jerk that is infinite at an acceleration step.
-    harmonics
-        Amplitudes of the lift's harmonics 1 to 10, m.
-    joints
-        Boundaries of lift segments, with jumps.
-    events, follower_events
-        Events of the valve and of the follower at several lift thresholds, by name of the threshold; None if it never
-        exceeds it.
-    profile
-        Profile; None without a follower and base circle.
-    findings
-        Problems of lift and profile.
-    least_base_radius
-        Minimum base radius within the limits, m; None without a profile or if there is none.
-    centreline
-        Cam angle of the maximum lift, rad.
-    ratio, lash
-        Valve lift per cam lift, and the lash at the follower, m, which delays the valve.
-    tdc
-        Cam angle at the top dead centre of gas exchange, rad; None if not given.
-    checking_lifts
-        Lifts at which the events are evaluated, m, by name.
-    """
+    """Facts about one cam."""
 
     cam: Cam
-    lift: tuple[Extreme, Extreme]
+    lift: tuple[Extreme, Extreme]  #: minimum and maximum, m, with their cam angles, rad
+    #: `velocity`, `acceleration`, `jerk`: maximum absolute values, m/rad, m/rad^2, m/rad^3; None for a jerk that is
+    #: infinite at an acceleration step
     velocity: float
     acceleration: float
     jerk: float | None
-    harmonics: tuple[float, ...]
-    joints: Sequence[Joint]
+    harmonics: tuple[float, ...]  #: amplitudes of the lift's harmonics 1 to 10, m
+    joints: Sequence[Joint]  #: boundaries of lift segments, with jumps
+    #: `events`, `follower_events`: events of the valve and of the follower at several lift thresholds, by name of the
+    #: threshold; None if it never exceeds it
     events: Mapping[str, ValveEvent | None]
     follower_events: Mapping[str, ValveEvent | None]
-    profile: CamProfile | None
-    findings: Sequence[ProfileFault]
+    profile: CamProfile | None  #: profile; None without a follower and base circle
+    findings: Sequence[ProfileFault]  #: problems of lift and profile
+    #: minimum base radius within the limits, m; None without a profile or if there is none
     least_base_radius: float | None
-    centreline: float
+    centreline: float  #: cam angle of the maximum lift, rad
+    #: `ratio`, `lash`: valve lift per cam lift, and the lash at the follower, m, which delays the valve
     ratio: float
     lash: float
-    tdc: float | None
-    checking_lifts: Mapping[str, float]
+    tdc: float | None  #: cam angle at the top dead centre of gas exchange, rad; None if not given
+    checking_lifts: Mapping[str, float]  #: lifts at which the events are evaluated, m, by name
 
     def valve_lift(self, lift: FloatArray) -> FloatArray:
         """Return the lift of the valve for a lift of the cam, m."""
@@ -280,57 +236,29 @@ SPEED_RATIOS = (0.25, 0.5, 0.75, 0.9, 1.0, 1.1)
 
 @dataclass(frozen=True, eq=False)
 class HarmonicCam:
-    """Harmonic lift for a train.
+    """Harmonic lift for a train."""
 
-    Parameters
-    ----------
-    fit
-        Fitted lift and its deviation from the desired one.
-    count
-        Number of harmonics.
-    frequency
-        First natural frequency of the train that the cam contact excites, rad/s.
-    limit
-        Maximum number of harmonics below that frequency at the speed of the case.
-    phase
-        Cam angle of the start of the rise, rad, which the fitted lift contains.
-    """
-
-    fit: HarmonicFit
-    count: int
-    frequency: float
-    limit: int
-    phase: float
+    fit: HarmonicFit  #: fitted lift and its deviation from the desired one
+    count: int  #: number of harmonics
+    frequency: float  #: first natural frequency of the train that the cam contact excites, rad/s
+    limit: int  #: maximum number of harmonics below that frequency at the speed of the case
+    phase: float  #: cam angle of the start of the rise, rad, which the fitted lift contains
 
 
 @dataclass(frozen=True, eq=False)
 class PolydyneCam:
-    """Polydyne cam for a train.
-
-    Parameters
-    ----------
-    design
-        Cam.
-    speed
-        Design speed, rad/s.
-    speeds
-        Evaluated speeds, rad/s, shape (n,).
-    plain, compensated
-        Maximum deviation of the train's output from the desired motion at these speeds, m, shape (n,): with the
-        original cam and with this one. Infinite at resonance.
-    ratio
-        Ratio of output displacement to cam lift of the rigid train; 1 for a simple train. The deviations include it.
-    phase
-        Cam angle of the start of the rise, rad, which the design contains.
-    """
+    """Polydyne cam for a train."""
 
     design: Polydyne
-    speed: float
-    speeds: FloatArray
+    speed: float  #: design speed, rad/s
+    speeds: FloatArray  #: evaluated speeds, rad/s, shape (n,)
+    #: `plain`, `compensated`: maximum deviation of the train's output from the desired motion at these speeds, m, shape
+    #: (n,): with the original cam and with this one. Infinite at resonance.
     plain: FloatArray
     compensated: FloatArray
+    #: ratio of output displacement to cam lift of the rigid train; 1 for a simple train. The deviations include it.
     ratio: float
-    phase: float
+    phase: float  #: cam angle of the start of the rise, rad, which the design contains
 
 
 def harmonic_cam(

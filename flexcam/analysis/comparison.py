@@ -269,17 +269,10 @@ class ForceRange:
 
 @dataclass(frozen=True)
 class SpeedResult:
-    """Contact forces of the models at one speed.
+    """Contact forces of the models at one speed."""
 
-    Parameters
-    ----------
-    rpm
-        Camshaft speed, rpm.
-    forces
-        Forces by model: ``rigid``, ``bilateral``, ``unilateral``; None if the run did not reach its end.
-    """
-
-    rpm: float
+    rpm: float  #: camshaft speed, rpm
+    #: forces by model: ``rigid``, ``bilateral``, ``unilateral``; None if the run did not reach its end
     forces: Mapping[str, ForceRange | None]
 
     def models_differ(self, first: str, second: str, tolerance: float) -> bool:

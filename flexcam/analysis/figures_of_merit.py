@@ -36,23 +36,13 @@ SPRING_MARGIN = "spring margin of the rigid train"
 
 @dataclass(frozen=True)
 class FigureOfMerit:
-    """Figure of merit.
+    """Figure of merit."""
 
-    Parameters
-    ----------
-    name
-        Name, such as ``seating velocity``.
-    part
-        Contact, spring or drive, such as ``seat``; empty for the train.
-    metric
-        Name among the metrics of the run, such as ``contacts.seat.seating_velocity``; empty for a figure of the case.
-    value, unit
-        Value in its SI unit.
-    """
-
-    name: str
-    part: str
+    name: str  #: name, such as ``seating velocity``
+    part: str  #: contact, spring or drive, such as ``seat``; empty for the train
+    #: name among the metrics of the run, such as ``contacts.seat.seating_velocity``; empty for a figure of the case
     metric: str
+    #: `value`, `unit`: value in its SI unit
     value: float
     unit: str
 
