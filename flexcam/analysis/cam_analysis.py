@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
@@ -142,39 +143,27 @@ def cam_facts(
     checking_lifts: Mapping[str, float] = THRESHOLDS,
 ) -> CamFacts:  # fmt: skip
     """Return the facts about a cam; the lash at the follower, m, delays the valve."""
-    event, profile = cam.event, None
+    event, profile, least = cam.event, None, None
+    lift, met = event_extremes(event), joints(event)
+    findings: list[ProfileFault] = []
+    if lift[0].value < -NEGATIVE_LIFT_TOLERANCE * lift[1].value:
+        what = "the lift is negative: the cam would be cut into its base circle"
+        remedy = "take another law or table, or smooth less"
+        findings.append(ProfileFault(what, remedy, lift[0].at, lift[0].value, 0.0))
     if cam.follower is not None:
         profile = cam_profile(event, cam.follower, count=count, turn=cam.turn)
-    peaks = [max(abs(end.value) for end in event_extremes(event, order)) for order in (1, 2, 3)]
-    met = joints(event)
-    jerk = None if any(one.steps[2] for one in met) else peaks[2]
-    lift, least = event_extremes(event), _minimum_base_radius(cam, event, pressure_angle)
+        with suppress(InputError):  # no base radius is sufficient: the findings explain the faults of the given one
+            least = minimum_base_radius(event, cam.follower, pressure_angle=pressure_angle, turn=cam.turn)
+        helps = least is not None
+        findings += find_profile_faults(profile, pressure_angle=pressure_angle, cutter=cutter, base_helps=helps)
+    velocity, acceleration, jerk = (max(abs(end.value) for end in event_extremes(event, n)) for n in (1, 2, 3))
     return CamFacts(
-        cam, lift, peaks[0], peaks[1], jerk, tuple(np.abs(harmonics(event, _HARMONICS))[1:].tolist()), met,
-        {name: valve_event(event, lift, ratio=ratio, lash=ratio * lash) for name, lift in checking_lifts.items()},
-        {name: valve_event(event, lift) for name, lift in checking_lifts.items()}, profile,
-        [*_negative_lift_findings(lift), *(find_profile_faults(
-            profile, pressure_angle=pressure_angle, cutter=cutter, base_helps=least is not None) if profile else ())],
-        least, centreline(event), ratio, lash, tdc, checking_lifts,
+        cam, lift, velocity, acceleration, None if any(one.steps[2] for one in met) else jerk,
+        tuple(np.abs(harmonics(event, _HARMONICS))[1:].tolist()), met,
+        {name: valve_event(event, at, ratio=ratio, lash=ratio * lash) for name, at in checking_lifts.items()},
+        {name: valve_event(event, at) for name, at in checking_lifts.items()}, profile, findings, least,
+        centreline(event), ratio, lash, tdc, checking_lifts,
     )  # fmt: skip
-
-
-def _negative_lift_findings(lift: tuple[Extreme, Extreme]) -> list[ProfileFault]:
-    """Return the finding of a negative lift larger than the grinding tolerance."""
-    least, largest = lift
-    if least.value >= -NEGATIVE_LIFT_TOLERANCE * largest.value:
-        return []
-    what = "the lift is negative: the cam would be cut into its base circle"
-    return [ProfileFault(what, "take another law or table, or smooth less", least.at, least.value, 0.0)]
-
-
-def _minimum_base_radius(cam: Cam, event: Event, pressure_angle: float) -> float | None:
-    if cam.follower is None:
-        return None
-    try:
-        return minimum_base_radius(event, cam.follower, pressure_angle=pressure_angle, turn=cam.turn)
-    except InputError:  # no base radius is sufficient: the findings explain the faults of the given one
-        return None
 
 
 def valve_overlaps(facts: Mapping[str, CamFacts]) -> list[tuple[str, str, str, float]]:

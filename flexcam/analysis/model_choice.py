@@ -25,7 +25,7 @@ from flexcam.analysis.model_ladder import (
 from flexcam.analysis.preparation import PreparedRun, prepare, prepare_without_periodic_search, scalar_probe
 from flexcam.case.case import Case
 from flexcam.case.schema.run import ResultStartRecord
-from flexcam.core.errors import Fault, InputError, refuse
+from flexcam.core.errors import InputError, refuse
 from flexcam.dynamics import (
     Cause,
     ProgressCallback,
@@ -104,7 +104,11 @@ def reference_run(case: Case, probe: str, until: float | None = None, *, work: i
             status = replace(status, text=f"{_REFERENCE_NAME}: {status.text}")
         raise RunFailedError(status) from None
     except InputError as refusal:
-        raise InputError(_reference_fault(fault) for fault in refusal.faults) from None
+        why = f"asked of {_REFERENCE_NAME}"  # faults of the case itself are reported before
+        raise InputError(
+            replace(fault, why="; ".join(filter(None, (why, fault.why)))) if fault.where.startswith("run.") else fault
+            for fault in refusal.faults
+        ) from None
     errors = {name: _SAFETY_FACTOR * value for name, value in distance(finest, coarser, norm=norm).items()}
     return Reference(finest, errors, {name: finest.size(name) for name in errors}, _REFERENCE_STEPS_RATIO * steps, norm)
 
@@ -129,13 +133,6 @@ def _with_stable_method(case: Case) -> Case:
 
 
 _REFERENCE_NAME = f"the reference, of {_FINER} times the elements and {_REFERENCE_STEPS_RATIO} times the steps"
-
-
-def _reference_fault(fault: Fault) -> Fault:
-    """Return a fault with a note that it concerns the reference; faults of the case itself are reported before."""
-    if not fault.where.startswith("run."):
-        return fault
-    return replace(fault, why="; ".join(filter(None, (f"asked of {_REFERENCE_NAME}", fault.why))))
 
 
 def candidate_models(case: Case) -> list[ModelLevel]:
