@@ -82,12 +82,8 @@ class Comparison:
 
 
 _MIN_INSTANTS = 2
-
-_SAME_ANGLE = 1e-6
-"""Tolerance for equal cam angles, rad."""
-
-_INSTANT_TOLERANCE = 1e-6
-"""Tolerance for equal instants relative to a step."""
+_SAME_ANGLE = 1e-6  # tolerance for equal cam angles, rad
+_INSTANT_TOLERANCE = 1e-6  # tolerance for equal instants relative to a step
 
 
 def compare(flexible: Response, rigid: Response, probe: str, speed_rpm: float) -> Comparison:

@@ -29,8 +29,7 @@ from flexcam.io.result_reader import unknown_fields
 from flexcam.valvetrain import Model, build_structure, free_running
 
 _REVOLUTION = 2.0 * math.pi
-_SAME_ANGLE = 1e-9
-"""Tolerance for equal cam angles, rad: rounding of speed times time."""
+_SAME_ANGLE = 1e-9  # tolerance for equal cam angles, rad: rounding of speed times time
 
 
 def camshaft_drive(case: Case, model: Model, start: float = 0.0) -> Drive:

@@ -46,8 +46,7 @@ from flexcam.valvetrain import (
 _REVOLUTIONS = 6.0
 """Revolutions of a run. Contact is lost in some revolutions only just above a limit; the first is a transient."""
 
-_ROUNDING = 1e-6
-"""Relative tolerance of a time at the end of a revolution."""
+_ROUNDING = 1e-6  # relative tolerance of a time at the end of a revolution
 
 LIMITS = ("loss_of_contact", "float", "bounce", "coil_clash", "buckling")
 """Names of the limits."""
@@ -55,8 +54,7 @@ LIMITS = ("loss_of_contact", "float", "bounce", "coil_clash", "buckling")
 SPACING = 0.05
 """Relative distance of the examined speeds; narrower ranges of speed that meet a condition may be missed."""
 
-_LASTING_SPEEDS = 3
-"""Number of speeds above a limit at which its condition is examined again."""
+_LASTING_SPEEDS = 3  # number of speeds above a limit at which its condition is examined again
 
 
 @dataclass(frozen=True)
@@ -254,8 +252,7 @@ def _lasting_speed(name: str, first: float, search: Search, ask: Callable[[float
     return lasting
 
 
-_RELATIVE_BOUNCE_HEIGHT = 0.02
-"""Bounce height relative to the lift, which is the smaller limit for lifts up to 5 mm."""
+_RELATIVE_BOUNCE_HEIGHT = 0.02  # bounce height relative to the lift, which is the smaller limit for lifts up to 5 mm
 
 
 def _conditions(model: Model, search: Search | None = None) -> dict[str, tuple[Condition, str]]:

@@ -1,6 +1,7 @@
-"""Cost and error of the models of a case, and choice of the cheapest one within a tolerance.
+"""Cost and error of the models of a case, choice of the cheapest one within a tolerance, and error of one run.
 
-Models are compared with a converged reference run, in ascending order of work.
+Models are compared with a converged reference run, in ascending order of work; the error of one run follows from runs
+with other steps and elements.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import statistics
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 from flexcam.analysis.comparison import Histories, Norm, distance, extract_histories
 from flexcam.analysis.model_ladder import (
@@ -42,13 +44,11 @@ _REFERENCE_STEPS_RATIO = 4
 """Ratio of the steps of the reference to those of the case; it has three times as many elements."""
 
 _FINER = 3
-
 _REFERENCES = (_FINER, _REFERENCE_STEPS_RATIO), (_FINER - 1, _REFERENCE_STEPS_RATIO // 2)
 """Elements and steps, relative to the case, of the reference and of the run that estimates its error."""
 
 _SAFETY_FACTOR = 2.0
-_MIN_STEPS = 60
-"""Minimum steps per revolution of an evaluated model."""
+_MIN_STEPS = 60  # minimum steps per revolution of an evaluated model
 
 
 @dataclass(frozen=True, eq=False)
@@ -292,8 +292,7 @@ def _percent(share: float) -> str:
     return f"{100.0 * share:.2g} %"
 
 
-_MIN_TOLERANCE = 1e-300
-"""Replaces a tolerance of zero, which no model meets, so that the closest model is still found."""
+_MIN_TOLERANCE = 1e-300  # replaces a tolerance of zero, which no model meets, so that the closest model is still found
 
 
 def _error_ratio(found: ModelEvaluation, against: Reference, tolerance: Mapping[str, float]) -> float:
@@ -305,3 +304,51 @@ def _error_ratio(found: ModelEvaluation, against: Reference, tolerance: Mapping[
             error = found.errors.get(name, math.inf) + own / against.size[name]
             shares.append(error / max(allowed, _MIN_TOLERANCE))
     return max(shares, default=math.inf)
+
+
+_CONVERGENCE_RATIO = 0.75  # maximum ratio of the distances at the step and at twice the step for convergent runs
+_ROUNDING = 1e-12  # distances below this fraction of a quantity's size are rounding
+
+
+@dataclass(frozen=True)
+class Error:
+    """Value of a run with its estimated error."""
+
+    quantity: str  #: name as in `Histories`
+    unit: str  #: SI unit
+    size: float  #: maximum absolute value; for the lift its range
+    #: `time`, `space`, `model`: maximum estimated errors of the history due to steps, elements, and a model coarser
+    #: than beams (its distance from the beam model)
+    time: float
+    space: float
+    model: float
+    holds: bool  #: whether runs with shorter steps converge; otherwise the estimate is invalid
+
+    @property
+    def total(self) -> float:
+        """Sum of all errors."""
+        return self.time + self.space + self.model
+
+
+def estimate_errors(case: Case, probe: str, until: float | None = None) -> list[Error]:
+    """Return the estimated errors of a case's run."""
+    steps = steps_per_revolution_of(case)
+    own, finer = with_steps(case, steps), with_steps(with_elements(case, factor=2), steps)
+    # An odd number of steps cannot be halved: convergence is then checked with shorter steps.
+    counts = (steps // 2, steps, 2 * steps) if steps % 2 == 0 else (steps, 2 * steps, 4 * steps)
+    asked = own.record.fidelity
+    coarse = asked.model != "beams" or asked.modes is not None
+    work = sum(counts) + steps * (2 if coarse else 1)
+    runs = {n: run_histories(with_steps(own, n), probe, until, work) for n in counts}
+    longer, shorter = (distance(runs[a], runs[b]) for a, b in pairwise(counts))
+    base, better = runs[steps], runs[2 * steps]
+    model = distance(base, run_histories(with_beam_model(own), probe, until, work)) if coarse else {}
+    mesh = distance(base, run_histories(finer, probe, until, work))
+    step = distance(base, better)
+    errors: list[Error] = []
+    for name in step:
+        size = base.size(name)
+        holds = shorter[name] <= max(_CONVERGENCE_RATIO * longer[name], _ROUNDING * size)
+        parts = _SAFETY_FACTOR * step[name], _SAFETY_FACTOR * mesh[name], model.get(name, 0.0)
+        errors.append(Error(name, base.unit(name), size, *parts, holds))
+    return errors

@@ -89,11 +89,8 @@ def _interpolate_member(structure: Structure, nodal: FloatArray, elements: slice
     return line[::parts]
 
 
-_ELEMENTS = (1, 2)
-"""Elements per segment of every member, in addition to those of the case and twice as many."""
-
-_MODE_COUNTS = (3, 10, 30)
-"""Numbers of modes of the reduced models."""
+_ELEMENTS = (1, 2)  # elements per segment of every member, in addition to those of the case and twice as many
+_MODE_COUNTS = (3, 10, 30)  # numbers of modes of the reduced models
 
 
 @dataclass(frozen=True, eq=False)

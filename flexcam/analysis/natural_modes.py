@@ -67,8 +67,7 @@ class ClosedModes:
     full_lift: ModelModes
 
 
-_MAX_UNKNOWNS = 1000
-"""Number of unknowns up to which the modes of every cam take seconds."""
+_MAX_UNKNOWNS = 1000  # number of unknowns up to which the modes of every cam take seconds
 
 
 def closed_modes(case: Case) -> tuple[list[ClosedModes], str]:

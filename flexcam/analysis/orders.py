@@ -26,8 +26,7 @@ from flexcam.dynamics import (
 )
 
 _REVOLUTION = 2.0 * math.pi
-_SAME_ANGLE = 1e-9
-"""Tolerance of the start of a revolution, relative to a revolution (rounding)."""
+_SAME_ANGLE = 1e-9  # tolerance of the start of a revolution, relative to a revolution (rounding)
 
 
 @dataclass(frozen=True)

@@ -310,8 +310,7 @@ def _ratio(part: float | np.floating, whole: float | np.floating) -> float:
     return float(part / whole) if whole > 0.0 else 1.0
 
 
-_ROUNDING = 1e-9
-"""Relative size of rounding errors."""
+_ROUNDING = 1e-9  # relative size of rounding errors
 
 
 def compute_metrics(ready: PreparedRun, response: Response, names: Sequence[str] | None = None) -> list[Metric]:

@@ -67,8 +67,7 @@ def open_partial_result(ready: PreparedRun, folder: str | Path) -> PartialResult
     return earlier
 
 
-_PARTIAL = ".partial"
-"""Suffix of a partial result."""
+_PARTIAL = ".partial"  # suffix of a partial result
 
 
 def _metadata(case: Case) -> dict[str, str]:
@@ -118,8 +117,7 @@ def run(
 ) -> Response:  # fmt: skip
     """Run a time-domain simulation of a case with the model set in it.
 
-    `flexcam.analysis.model_choice` chooses a model within ``fidelity.tolerance``; `flexcam.analysis.error_estimate`
-    estimates errors.
+    `flexcam.analysis.model_choice` chooses a model within ``fidelity.tolerance`` and estimates errors.
 
     Parameters
     ----------
@@ -209,8 +207,7 @@ def response_block(response: Response) -> Block:
     return Block(response.time, response.angle, response.probes, channels, *saved)
 
 
-_MAX_CHARACTERS, _MAX_VALUES = 60, 4
-"""Maximum length of a reported value, characters, and maximum number of values."""
+_MAX_CHARACTERS, _MAX_VALUES = 60, 4  # maximum length of a reported value, characters, and maximum number of values
 
 
 def find_differences(now: Mapping[str, str], then: Mapping[str, str]) -> list[Fault]:

@@ -96,9 +96,7 @@ def installation_info() -> dict[str, str]:
     return found
 
 
-_G, _V0, _STIFFNESS = 9.81, 1.2, 4e6
-"""Gravity, initial impact speed, stiffness of the stop; the mass is 1 kg."""
-
+_G, _V0, _STIFFNESS = 9.81, 1.2, 4e6  # gravity, initial impact speed, stiffness of the stop; the mass is 1 kg
 _STILL = ConstantSpeed(1.0)
 _PROBE = Probe("x", ("x",), np.eye(1), (None,))
 
@@ -182,8 +180,7 @@ class _Beam:
         return 1.0 / float(np.linalg.eigvals(np.linalg.solve(stiff, -softened)).real.max())
 
 
-_CANTILEVER_ROOTS = (1.8751040687119611, 4.694091132974174, 7.854757438237613)
-"""Roots of cos(x) cosh(x) = -1."""
+_CANTILEVER_ROOTS = (1.8751040687119611, 4.694091132974174, 7.854757438237613)  # roots of cos(x) cosh(x) = -1
 
 
 def _structure_checks() -> Iterator[Check]:

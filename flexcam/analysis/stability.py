@@ -42,8 +42,7 @@ without contacts."""
 _EVALUATED_INSTANTS = 24
 """Instants evaluated in the last revolution: contacts open and close, and their stiffness changes."""
 
-_RIGID_BODY_RATIO = 1e-9
-"""Ratio to the highest squared frequency below which a mode is a rigid-body mode."""
+_RIGID_BODY_RATIO = 1e-9  # ratio to the highest squared frequency below which a mode is a rigid-body mode
 
 
 @dataclass(frozen=True)
@@ -139,8 +138,7 @@ def force_harmonics(response: Response, contact: str, count: int) -> FloatArray:
 
 
 _HARMONICS = 24
-_SMALL = 1e-3
-"""Amplitude relative to the largest harmonic of the lift below which a harmonic is ignored."""
+_SMALL = 1e-3  # amplitude relative to the largest harmonic of the lift below which a harmonic is ignored
 
 
 @dataclass(frozen=True)
@@ -185,26 +183,15 @@ def lift_harmonics(event: Event, count: int) -> dict[int, float]:
     return {n: float(size) for n, size in enumerate(sizes, start=1) if size >= _SMALL * sizes.max()}
 
 
-_RESONANCE_WIDTH = 0.03
-"""Relative distance of a harmonic from a mode that counts as resonance."""
-
+_RESONANCE_WIDTH = 0.03  # relative distance of a harmonic from a mode that counts as resonance
 _MIN_FORCE_RATIO = 0.05
 """Amplitude relative to the maximum contact force from which a resonant harmonic counts; weaker ones are listed."""
 
-_MIN_CHANGE = 0.01, 0.1
-"""Differences of two revolutions, of the motion and the force, from which chatter counts."""
-
-_LISTED_SPEED_RATIO = 2.0
-"""Multiple of the case's speed up to which resonances are listed individually."""
-
-_PERIODICITY_TOLERANCE = 1e-3
-"""Allowed difference between start and end of a periodic motion, relative to the motion."""
-
+_MIN_CHANGE = 0.01, 0.1  # differences of two revolutions, of the motion and the force, from which chatter counts
+_LISTED_SPEED_RATIO = 2.0  # multiple of the case's speed up to which resonances are listed individually
+_PERIODICITY_TOLERANCE = 1e-3  # allowed difference between start and end of a periodic motion, relative to the motion
 _GROWTH_THRESHOLD = 1.0 + 1e-6
-
-_MIN_STEPS = 360
-"""Minimum steps per revolution for the Floquet analysis: coarse steps miss parametric growth."""
-
+_MIN_STEPS = 360  # minimum steps per revolution for the Floquet analysis: coarse steps miss parametric growth
 _MAX_STEPS = 36_000
 """Maximum steps per revolution: every step requires a linearization, and a hundredth of a degree is sufficient."""
 

@@ -149,7 +149,6 @@ Transfer = Callable[[FloatArray], ComplexArray]
 """
 
 _MIN_RESPONSE = 1e-9  # frequency response, relative to the static one, below which a harmonic cannot be prescribed
-
 _ROUNDING = 1e-12
 _MOST = 1000
 _GRID = np.linspace(0.0, 2.0 * math.pi, 1441)

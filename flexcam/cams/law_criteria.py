@@ -19,12 +19,10 @@ from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import refuse
 
 _POINTS = 2001  # samples per smooth piece: two extremes closer than 1/2000 of it are not distinguished
-
 _HALVINGS = 60
 _ZERO = 1e-9  # size of a derivative (normalized law) that counts as zero
 _SAME_CRITERIA = 1e-9  # relative difference of two extremes below which both positions are reported
 _MOST_PLACES = 40  # number of equal extremes above which only the first is reported, as on a plateau
-
 _HARMONICS = 12
 _STEPS = ((1, "velocity"), (2, "acceleration"), (3, "jerk"))
 

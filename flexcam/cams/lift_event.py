@@ -302,9 +302,7 @@ def centreline(event: Event) -> float:
 
 _DWELL_TOLERANCE = 1e-9  # relative difference of lifts within a dwell
 _PEAK_WIDTH, _JOINT_TOLERANCE = 1e-3, 1e-5  # half the width of a peak, and its distance from a joint, rad
-
 _STEP_TOLERANCE = 1e-6  # relative size of a step, to the largest value of its curve, below which it is zero
-
 _GRID = np.linspace(0.0, _REVOLUTION, 7201)
 
 

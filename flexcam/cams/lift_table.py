@@ -17,7 +17,6 @@ from flexcam.core.units import DIMENSIONS
 _REVOLUTION = 2.0 * math.pi
 _STEP, _MIN_STEP = math.radians(1.0), math.radians(0.1)  # spacing of the points added on the base circle
 _KNOTS = (360, 720, 1440)  # initial number of knots, one per degree of cam angle; the tolerance may require more
-
 _FAR, _SMALL = 8.0, 5e-4
 """A point is an outlier if it moves by more than eight times the scatter and 1/2000 of the lift."""
 
@@ -25,9 +24,7 @@ _INTERPOLATION_TOLERANCE = 1e-5
 """RMS deviation, relative to the largest lift, up to which a spline interpolates the points."""
 
 _BELOW = 1e-4  # fraction of the largest lift by which a spline may fall below the base circle without a warning
-
 _RIPPLE = np.linspace(0.0, 2.0 * math.pi, 7201)
-
 _DOF_WEIGHT = 1.4
 """Weight of the degrees of freedom in cross-validation; 1 sometimes follows the noise (Kim and Gu 2004)."""
 
@@ -262,7 +259,6 @@ def _remarks(theta: FloatArray, s: FloatArray, spline: DelayedEvent, noise: floa
 
 _LEAST_POINTS, _MOST_POINTS = 12, 20_000
 _MOST_FAULTS = 10
-
 _MIN_RANGE = math.radians(20.0)
 """Minimum cam angle that a table covers; a table of a shorter range usually has its angles in another unit."""
 
@@ -271,7 +267,6 @@ _BASE = 0.01
 
 _SCATTERS = 6.0  # standard deviations of the noise allowed for a point on the base circle: one in 1e9 lies outside
 _OF_MEDIAN = 1.4826  # ratio of standard deviation to median absolute value of normal noise
-
 _GAP, _GAP_RATIO, _WIDE = math.radians(3.0), 3.0, math.radians(20.0)
 """A step is wide above 3 deg and three times its neighbours, or above 20 deg."""
 

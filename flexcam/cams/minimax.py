@@ -30,7 +30,6 @@ FEASIBILITY_TOLERANCE = 1e-7
 CRITERIA = (*ORDERS, "rms", "Cm")
 
 _LIMIT_MARGIN = 1e-8  # relative margin to a limit, so that rounding does not violate it
-
 _PRECISE = 1e-10
 _INFEASIBLE = 2  # status of `scipy.optimize.linprog`
 
@@ -220,7 +219,6 @@ def _criterion(law: Law, name: str) -> float:
 _START = np.linspace(0.0, 1.0, 161)
 _ROUNDS = 200
 _GAP = 1e-8  # relative violation of the bound allowed before positions are added
-
 _OPTIMALITY_TOLERANCE = 1e-6
 """Relative duality gap above which the law is not reported as optimal: a hundred times the target of the search."""
 

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 DEGREE = 5
 _REVOLUTION = 2.0 * math.pi
 _GRID = np.linspace(0.0, _REVOLUTION, 7201)
-
 _AT_ONCE = 64  # number of harmonics evaluated together: ten thousand would need tens of GB
 
 

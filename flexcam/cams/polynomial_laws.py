@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 
 _LARGEST = 60  # exponent above which too many digits are lost between the ends
-
 _NEAR_END = 0.05
 """Distance from z = 1 within which the law is evaluated in powers of 1 - z, so that its end conditions are exact."""
 

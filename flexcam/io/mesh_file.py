@@ -20,14 +20,9 @@ from flexcam.core.errors import NAME, NAMES, Fault, InputError, refuse, suggest_
 from flexcam.fem.mesh import Mesh
 from flexcam.io.files import write_text
 
-_MAX_FAULTS = 20
-"""Maximum number of reported faults of one kind: a mesh with thousands has one cause."""
-
-_MAX_COORDINATE = 1e12
-"""Maximum absolute coordinate, m: squares of larger ones overflow."""
-
-_COINCIDENCE_TOLERANCE = 1e-9
-"""Distance, relative to the mesh size, below which nodes count as coincident (rounding)."""
+_MAX_FAULTS = 20  # maximum number of reported faults of one kind: a mesh with thousands has one cause
+_MAX_COORDINATE = 1e12  # maximum absolute coordinate, m: squares of larger ones overflow
+_COINCIDENCE_TOLERANCE = 1e-9  # distance, relative to the mesh size, below which nodes count as coincident (rounding)
 
 
 def read_mesh(path: Path) -> Mesh:
@@ -302,8 +297,7 @@ class _BinaryReader:
 _Reader = _TextReader | _BinaryReader
 
 
-_LINE, _POINT = 1, 15
-"""Gmsh element types of members and named points."""
+_LINE, _POINT = 1, 15  # Gmsh element types of members and named points
 
 _NODES = {
     1: 2, 2: 3, 3: 4, 4: 4, 5: 8, 6: 6, 7: 5, 8: 3, 9: 6, 10: 9, 11: 10, 12: 27, 13: 18, 14: 14, 15: 1, 16: 8, 17: 20,
