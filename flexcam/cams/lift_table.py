@@ -118,7 +118,13 @@ def _fit_within_tolerance(theta: FloatArray, s: FloatArray, count: int, toleranc
         fit = _Fit(theta, s, count, most)
         least = fit.rms_change(_LEAST)
     if least <= tolerance:
-        return fit, _max_roughness_weight(fit, tolerance)
+        low, high = _LOWEST, _HIGHEST
+        if fit.rms_change(10.0**low) > tolerance:
+            return fit, _LEAST
+        for _ in range(30):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if fit.rms_change(10.0**middle) <= tolerance else (low, middle)
+        return fit, 10.0**low
     if tolerance > 0.0:
         given = f"{1e6 * tolerance:.4g} um for {count} points"
         why = f"a spline of {_KNOTS[-1]} knots cannot follow them closer"
@@ -201,17 +207,6 @@ _LEAST, _LOWEST, _HIGHEST = 1e-9, -7.0, 8.0
 
 The roughness is scaled to the square of the rows.
 """
-
-
-def _max_roughness_weight(fit: _Fit, tolerance: float) -> float:
-    """Return the largest roughness weight whose change of the points is within the tolerance."""
-    low, high = _LOWEST, _HIGHEST
-    if fit.rms_change(10.0**low) > tolerance:
-        return _LEAST
-    for _ in range(30):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if fit.rms_change(10.0**middle) <= tolerance else (low, middle)
-    return 10.0**low
 
 
 _WEIGHT_PER_HALVING = 6.0 * math.log10(2.0)

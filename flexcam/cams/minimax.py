@@ -29,6 +29,7 @@ FEASIBILITY_TOLERANCE = 1e-7
 
 CRITERIA = (*ORDERS, "rms", "Cm")
 
+_MOST_ORDER = 4
 _LIMIT_MARGIN = 1e-8  # relative margin to a limit, so that rounding does not violate it
 _PRECISE = 1e-10
 _INFEASIBLE = 2  # status of `scipy.optimize.linprog`
@@ -261,8 +262,17 @@ def minimax(
     weights, limits = _check_weights("minimize", minimize, CRITERIA), _check_weights("bounds", bounds or {}, ORDERS)
     if not weights:
         raise refuse("minimize", "nothing", f"one or more of {', '.join(CRITERIA)}")
-    program = Program(family, weights, limits, _check_conditions(conditions), monotone)
-    x, bound = (_local_optimum(program), None) if "Cm" in weights else _exchange(program)
+    for z, order, value in conditions:
+        if not (0.0 <= z <= 1.0 and 0 <= order <= _MOST_ORDER and math.isfinite(value)):
+            allowed = f"[z from 0 to 1, order of the derivative from 0 to {_MOST_ORDER}, finite value]"
+            raise refuse("conditions", [z, order, value], allowed)
+    program = Program(family, weights, limits, tuple(conditions), monotone)
+    if "Cm" in weights:
+        starts = [_exchange(replace(program, weights={name: 1.0}))[0] for name in ("Ca", "rms")]
+        found = (_trust_region_descent(program, start) for start in starts)
+        x, bound = min(found, key=lambda x: program.objective(family.law(x))), None
+    else:
+        x, bound = _exchange(program)
     law = family.law(x)
     found = criteria(law)
     least = universal_bound(weights, limits, free_ends=max(abs(end[2]) for end in found.ends) > 1e-9)
@@ -292,15 +302,6 @@ def _exchange(program: Program) -> tuple[FloatArray, float]:
 
 _FIRST, _SMALLEST, _LARGEST = 0.1, 1e-8, 0.2  # trust region radii for the linearized moment
 _MAX_REPEATS = 8  # number of repetitions of a step with more positions before it is shortened
-
-
-def _local_optimum(program: Program) -> FloatArray:
-    """Return the better of the local optima from the laws of minimum acceleration and of minimum rms."""
-    starts = [_exchange(replace(program, weights={name: 1.0}))[0] for name in ("Ca", "rms")]
-    return min(
-        (_trust_region_descent(program, start) for start in starts),
-        key=lambda x: program.objective(program.family.law(x)),
-    )
 
 
 def _trust_region_descent(program: Program, x: FloatArray) -> FloatArray:
@@ -359,17 +360,6 @@ def _check_weights(where: str, given: Mapping[str, float], known: Iterable[str])
         if not (math.isfinite(value) and value > 0.0):
             raise refuse(f"{where}.{name}", value, "a finite number above zero")
     return dict(given)
-
-
-_MOST_ORDER = 4
-
-
-def _check_conditions(conditions: Sequence[Condition]) -> tuple[Condition, ...]:
-    for z, order, value in conditions:
-        if not (0.0 <= z <= 1.0 and 0 <= order <= _MOST_ORDER and math.isfinite(value)):
-            allowed = f"[z from 0 to 1, order of the derivative from 0 to {_MOST_ORDER}, finite value]"
-            raise refuse("conditions", [z, order, value], allowed)
-    return tuple(conditions)
 
 
 def _value(found: Criteria, name: str) -> float:
