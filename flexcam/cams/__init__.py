@@ -13,14 +13,18 @@ from flexcam.cams.followers import (
     SwingRollerFollower,
     Turn,
 )
-from flexcam.cams.harmonic_synthesis import (
+from flexcam.cams.harmonic_lift import (
     HarmonicFit,
+    HarmonicLift,
+    OrderSpectrum,
     Polydyne,
     SingleMass,
     Transfer,
     harmonic_fit,
+    harmonics,
     harmonics_below,
     off_design_deviation,
+    order_spectrum,
     polydyne,
 )
 from flexcam.cams.law_criteria import Criteria, Extreme, criteria, curve_minimum, residual_spectrum
@@ -38,10 +42,9 @@ from flexcam.cams.lift_event import (
     overlap,
     valve_event,
 )
-from flexcam.cams.lift_table import LiftReport, lift_table
+from flexcam.cams.lift_table import LiftReport, PeriodicSpline, lift_table
 from flexcam.cams.minimax import Synthesis, minimax, pareto
 from flexcam.cams.motion_law import Law, Ramp, ReversedLaw
-from flexcam.cams.periodic_lift import HarmonicLift, OrderSpectrum, PeriodicSpline, harmonics, order_spectrum
 from flexcam.cams.polynomial_laws import BSplineLaw, Polynomial, quinquinomial, through_points
 from flexcam.cams.profile import (
     PRESSURE_ANGLE,

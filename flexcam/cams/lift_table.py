@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexcam.cams.lift_event import DelayedEvent
-from flexcam.cams.periodic_lift import DEGREE, PeriodicSpline, spline_knots
+from flexcam.cams.lift_event import DelayedEvent, Event
 from flexcam.core import FloatArray
-from flexcam.core.errors import Fault, InputError, format_shape, refuse
+from flexcam.core.errors import Fault, InputError, finite_array, format_shape, refuse
 from flexcam.core.units import DIMENSIONS
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
 
 _REVOLUTION = 2.0 * math.pi
 _STEP, _MIN_STEP = math.radians(1.0), math.radians(0.1)  # spacing of the points added on the base circle
@@ -27,6 +31,39 @@ _BELOW = 1e-4  # fraction of the largest lift by which a spline may fall below t
 _RIPPLE = np.linspace(0.0, 2.0 * math.pi, 7201)
 _DOF_WEIGHT = 1.4
 """Weight of the degrees of freedom in cross-validation; 1 sometimes follows the noise (Kim and Gu 2004)."""
+
+
+_DEGREE = 5  # of the spline
+
+
+def _spline_knots(count: int) -> FloatArray:
+    """Return the knots of the periodic B-splines of degree 5, which begin and end outside of the revolution."""
+    return _REVOLUTION / count * np.arange(-_DEGREE, count + _DEGREE + 1, dtype=np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class PeriodicSpline(Event):
+    """Lift over a revolution as a spline of degree 5 with equally spaced knots and continuous fourth derivative."""
+
+    coefficients: FloatArray  #: m, shape (n,), one per knot, 12 or more
+
+    def __post_init__(self) -> None:
+        values = finite_array("coefficients", self.coefficients, (None,))
+        if len(values) < 2 * (_DEGREE + 1):
+            raise refuse("coefficients", f"{len(values)} values", f"{2 * (_DEGREE + 1)} or more")
+        object.__setattr__(self, "coefficients", values)
+
+    def __call__(self, angle: FloatArray, order: int = 0) -> FloatArray:
+        """Return the derivative of the given order (0 to 4) by the cam angle (rad), m/rad^order, shape as `angle`."""
+        return np.asarray(self._derivatives[order](np.mod(angle, _REVOLUTION)), dtype=float)
+
+    @cached_property
+    def _derivatives(self) -> tuple[BSpline[np.float64], ...]:
+        from scipy.interpolate import BSpline
+
+        around = np.append(self.coefficients, self.coefficients[:_DEGREE])
+        spline = BSpline(_spline_knots(len(self.coefficients)), around, _DEGREE)
+        return tuple(spline.derivative(order) if order else spline for order in range(_DEGREE))
 
 
 @dataclass(frozen=True)
@@ -159,10 +196,10 @@ class _Fit:
     def __init__(self, theta: FloatArray, s: FloatArray, count: int, most: int) -> None:
         from scipy.interpolate import BSpline
 
-        knots = min(most, max(len(theta), 2 * (DEGREE + 1)))
-        all_rows = BSpline.design_matrix(np.mod(theta, _REVOLUTION), spline_knots(knots), DEGREE).toarray()
+        knots = min(most, max(len(theta), 2 * (_DEGREE + 1)))
+        all_rows = BSpline.design_matrix(np.mod(theta, _REVOLUTION), _spline_knots(knots), _DEGREE).toarray()
         self.rows: FloatArray = all_rows[:, :knots]
-        self.rows[:, :DEGREE] += all_rows[:, knots:]
+        self.rows[:, :_DEGREE] += all_rows[:, knots:]
         third = np.eye(knots)
         for _ in range(3):
             third = np.roll(third, -1, axis=0) - third

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from flexcam.cams.harmonic_synthesis import constrained_least_squares
+from flexcam.cams.harmonic_lift import constrained_least_squares
 from flexcam.cams.law_criteria import Criteria, criteria, root_mean_square, stationary_points
 from flexcam.cams.motion_law import Law, quadrature
 from flexcam.cams.synthesis_family import Family, SplineFamily, universal_bound
