@@ -280,9 +280,17 @@ def polydyne_cam(case: Case, cam: str | None, *, speed: float | None = None, cou
     """Return the cam with which the flexible valve follows the rigid valve lift of the case's cam."""
     model = build_model(case)
     name, at = _select_cam(model.cams, cam), case.speed if speed is None else speed
-    ratio = valve_ratio(model, name)
-    transfer, phase = _valve_transfer(model, name, at, ratio), case.record.cams[name].start_angle
-    return _evaluate_design(model.cams[name].event, phase, transfer, at, ratio, count)
+    ratio, phase, contact = valve_ratio(model, name), case.record.cams[name].start_angle, _contact_name(model, name)
+    start = model.cam_contacts[contact].follower
+    finger = model.rocker_at(start)
+    if finger is not None:
+        valve = finger.point
+    else:
+        follower = model.mesh.connected_nodes(model.mesh.node(start))
+        points = [r.point for r in model.rockers.values() if not r.finger and model.mesh.node(r.start) in follower]
+        valve = points[0] if points else start
+    transfer = lift_transfer(model, contact, valve, at)
+    return _evaluate_design(model.cams[name].event, phase, lambda omega: transfer(omega) / ratio, at, ratio, count)
 
 
 def design_polydyne(cams: CamSet, cam: str | None, transfer: Transfer, speed: float, count: int) -> PolydyneCam:
@@ -299,20 +307,6 @@ def _evaluate_design(
     speeds = speed * np.array(SPEED_RATIOS)
     before, after = (ratio * off_design_deviation(cam, transfer, speeds.tolist()) for cam in (plain, design))
     return PolydyneCam(design, speed, speeds, before, after, ratio, phase)
-
-
-def _valve_transfer(model: Model, cam: str, speed: float, ratio: float) -> Transfer:
-    """Return the transfer function of the valve: its motion relative to that of the rigid train."""
-    contact = _contact_name(model, cam)
-    start = model.cam_contacts[contact].follower
-    finger = model.rocker_at(start)
-    if finger is not None:
-        points = [finger.point]
-    else:
-        follower = model.mesh.connected_nodes(model.mesh.node(start))
-        points = [r.point for r in model.rockers.values() if not r.finger and model.mesh.node(r.start) in follower]
-    transfer = lift_transfer(model, contact, points[0] if points else start, speed)
-    return lambda omega: transfer(omega) / ratio
 
 
 def _contact_name(model: Model, cam: str) -> str:
