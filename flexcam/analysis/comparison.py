@@ -271,14 +271,6 @@ class SpeedResult:
     #: forces by model: ``rigid``, ``bilateral``, ``unilateral``; None if the run did not reach its end
     forces: Mapping[str, ForceRange | None]
 
-    def models_differ(self, first: str, second: str, tolerance: float) -> bool:
-        """Return whether the extremes of two models differ by more than a fraction of the larger maximum."""
-        one, other = self.forces[first], self.forces[second]
-        if one is None or other is None:
-            return True
-        size = max(one.largest, other.largest)
-        return max(abs(one.largest - other.largest), abs(one.least - other.least)) > tolerance * size
-
 
 def compare_models_over_speed(
     case: Case, speeds: Sequence[float], *, contact: str | None = None, advance: ProgressCallback | None = None
@@ -304,7 +296,14 @@ def compare_models_over_speed(
 
 def divergence_speed(found: Sequence[SpeedResult], first: str, second: str, tolerance: float = 0.05) -> float | None:
     """Return the lowest speed, rpm, at which two models differ by more than a fraction of the force; None if never."""
-    return next((one.rpm for one in found if one.models_differ(first, second, tolerance)), None)
+    for result in found:
+        one, other = result.forces[first], result.forces[second]
+        if one is None or other is None:
+            return result.rpm
+        size = max(one.largest, other.largest)
+        if max(abs(one.largest - other.largest), abs(one.least - other.least)) > tolerance * size:
+            return result.rpm
+    return None
 
 
 def _solve_run(ready: PreparedRun, runs: int) -> Response:

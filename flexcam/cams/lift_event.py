@@ -142,10 +142,6 @@ class LiftEvent(Event):
             given = f"{math.degrees(total):g} deg in all"
             why, remedy = "the event repeats every revolution", "a number without a unit is in rad: write '180 deg'"
             raise refuse("rise + dwell + return", given, "up to 360 deg, ramps included", why, remedy)
-        self._check_dwells(total)
-        self._check_ramps()
-
-    def _check_dwells(self, total: float) -> None:
         if self.single_dwell == "low" and self.dwell > 0.0:
             raise refuse("dwell", f"{math.degrees(self.dwell):g} deg", "0", 'single_dwell = "low" has no upper dwell')
         if self.single_dwell == "high" and total < _REVOLUTION - _SNAP:
@@ -155,8 +151,6 @@ class LiftEvent(Event):
             raise refuse("single_dwell", repr(self.single_dwell), "'high' or 'low'")
         if self.single_dwell == "high" and (self.ramp or self.closing_ramp):
             raise refuse("ramps", "ramps", "none", 'single_dwell = "high" has no lower dwell to ramp from')
-
-    def _check_ramps(self) -> None:
         opening, closing = self._ramps
         if closing and closing.height >= self._top:
             given, top = f"a closing ramp of {1e3 * closing.height:.4g} mm", f"below {1e3 * self._top:.4g} mm"

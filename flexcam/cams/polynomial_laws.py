@@ -48,10 +48,8 @@ class Polynomial(SmoothLaw):
         if why := _exponent_fault(p, least):
             allowed = f"two or more whole numbers, ascending from {least}, up to {_LARGEST}"
             raise refuse("exponents", list(p), allowed, why)
-        if self.conditions:
-            self._check_conditions()
-
-    def _check_conditions(self) -> None:
+        if not self.conditions:
+            return
         given, needed = f"{len(self.conditions)} conditions", len(self.exponents)
         if len(self.conditions) != needed:
             raise refuse("conditions", given, f"{needed}, one per exponent")
