@@ -153,31 +153,26 @@ def evaluate_model(
     rung: ModelLevel, probe: str, against: Reference, *, repeats: int = 1, until: float | None = None, work: int = 0
 ) -> ModelEvaluation:  # fmt: skip
     """Return cost and error of a model; `work` is the steps per revolution of all planned runs."""
+    steps = steps_per_revolution_of(rung.case)
     try:
         ready = prepare(rung.case, until=until, runs=run_count(rung.case, work))
-    except InputError as refusal:
-        return _rejected_model(rung, refusal)
+    except InputError as refusal:  # the method of the model does not accept its steps
+        if not all(fault.where.startswith("run.") for fault in refusal.faults):
+            raise
+        problem = prepare(_with_stable_method(rung.case)).problem
+        unknowns, status = integrated_size(problem), Status(Cause.REFUSED, "; ".join(map(str, refusal.faults)))
+        return ModelEvaluation(rung.name, rung.words, steps, unknowns, unknowns * problem.steps, 0.0, {}, status)
     response, first = _timed_run(ready, until)
     seconds = [first, *(_timed_run(ready, until)[1] for _ in range(repeats - 1))]
     errors: dict[str, float] = {}
     if response.status.ok:
         apart = distance(extract_histories(response, probe), against.measured, norm=against.norm)
         errors = {name: value / against.size[name] for name, value in apart.items() if against.size[name] > 0.0}
+    unknowns = response.stats.unknowns
     return ModelEvaluation(
-        rung.name, rung.words, steps_per_revolution_of(rung.case), response.stats.unknowns,
-        response.stats.unknowns * ready.problem.steps, statistics.median(seconds), errors, response.status,
+        rung.name, rung.words, steps, unknowns, unknowns * ready.problem.steps, statistics.median(seconds), errors,
+        response.status,
     )  # fmt: skip
-
-
-def _rejected_model(rung: ModelLevel, refusal: InputError) -> ModelEvaluation:
-    """Return a model whose method does not accept its steps; other errors are raised."""
-    if not all(fault.where.startswith("run.") for fault in refusal.faults):
-        raise refusal
-    problem = prepare(_with_stable_method(rung.case)).problem
-    unknowns, status = integrated_size(problem), Status(Cause.REFUSED, "; ".join(map(str, refusal.faults)))
-    return ModelEvaluation(
-        rung.name, rung.words, steps_per_revolution_of(rung.case), unknowns, unknowns * problem.steps, 0.0, {}, status
-    )
 
 
 def _timed_run(ready: PreparedRun, until: float | None) -> tuple[Response, float]:
