@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
@@ -53,95 +54,51 @@ NEGATIVE_LIFT_TOLERANCE = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class CamSet:
-    """Cams of a file.
+    """Cams of a file."""
 
-    Parameters
-    ----------
-    name, title
-        Name and title of the file.
-    cams
-        Cams by name.
-    ratios
-        Valve lift per cam lift, by cam; 1 without a rocker.
-    lashes
-        Lash that the lift takes up, reduced to the follower, m, by cam.
-    phases
-        Cam angle at which the rise or the zero of the lift table lies, rad, by cam.
-    tdcs
-        Cam angle at the top dead centre of gas exchange, rad, by cam; None if not given.
-    reports
-        Smoothing reports, by cam with a lift table.
-    speed
-        Camshaft speed, rad/s; None if not given.
-    turns
-        Revolutions of the shaft whose angle events are given in, per camshaft revolution: 1 if the case gives the speed
-        of the camshaft, otherwise 2.
-    """
-
+    #: `name`, `title`: name and title of the file
     name: str
     title: str
-    cams: Mapping[str, Cam]
-    ratios: Mapping[str, float]
-    lashes: Mapping[str, float]
-    phases: Mapping[str, float]
+    cams: Mapping[str, Cam]  #: cams by name
+    ratios: Mapping[str, float]  #: valve lift per cam lift, by cam; 1 without a rocker
+    lashes: Mapping[str, float]  #: lash that the lift takes up, reduced to the follower, m, by cam
+    phases: Mapping[str, float]  #: cam angle at which the rise or the zero of the lift table lies, rad, by cam
+    #: cam angle at the top dead centre of gas exchange, rad, by cam; None if not given
     tdcs: Mapping[str, float | None]
-    reports: Mapping[str, LiftReport]
-    speed: float | None
+    reports: Mapping[str, LiftReport]  #: smoothing reports, by cam with a lift table
+    speed: float | None  #: camshaft speed, rad/s; None if not given
+    #: revolutions of the shaft whose angle events are given in, per camshaft revolution: 1 if the case gives the speed
+    #: of the camshaft, otherwise 2
     turns: float = 2.0
 
 
 @dataclass(frozen=True, eq=False)
 class CamFacts:
-    """Facts about one cam.
-
-    Parameters
-    ----------
-    cam
-        Cam.
-    lift
-        Minimum and maximum, m, with their cam angles, rad.
-    velocity, acceleration, jerk
-        Maximum absolute values, m/rad, m/rad^2, m/rad^3; None for a jerk that is infinite at an acceleration step.
-    harmonics
-        Amplitudes of the lift's harmonics 1 to 10, m.
-    joints
-        Boundaries of lift segments, with jumps.
-    events, follower_events
-        Events of the valve and of the follower at several lift thresholds, by name of the threshold; None if it never
-        exceeds it.
-    profile
-        Profile; None without a follower and base circle.
-    findings
-        Problems of lift and profile.
-    least_base_radius
-        Minimum base radius within the limits, m; None without a profile or if there is none.
-    centreline
-        Cam angle of the maximum lift, rad.
-    ratio, lash
-        Valve lift per cam lift, and the lash at the follower, m, which delays the valve.
-    tdc
-        Cam angle at the top dead centre of gas exchange, rad; None if not given.
-    checking_lifts
-        Lifts at which the events are evaluated, m, by name.
-    """
+    """Facts about one cam."""
 
     cam: Cam
-    lift: tuple[Extreme, Extreme]
+    lift: tuple[Extreme, Extreme]  #: minimum and maximum, m, with their cam angles, rad
+    #: `velocity`, `acceleration`, `jerk`: maximum absolute values, m/rad, m/rad^2, m/rad^3; None for a jerk that is
+    #: infinite at an acceleration step
     velocity: float
     acceleration: float
     jerk: float | None
-    harmonics: tuple[float, ...]
-    joints: Sequence[Joint]
+    harmonics: tuple[float, ...]  #: amplitudes of the lift's harmonics 1 to 10, m
+    joints: Sequence[Joint]  #: boundaries of lift segments, with jumps
+    #: `events`, `follower_events`: events of the valve and of the follower at several lift thresholds, by name of the
+    #: threshold; None if it never exceeds it
     events: Mapping[str, ValveEvent | None]
     follower_events: Mapping[str, ValveEvent | None]
-    profile: CamProfile | None
-    findings: Sequence[ProfileFault]
+    profile: CamProfile | None  #: profile; None without a follower and base circle
+    findings: Sequence[ProfileFault]  #: problems of lift and profile
+    #: minimum base radius within the limits, m; None without a profile or if there is none
     least_base_radius: float | None
-    centreline: float
+    centreline: float  #: cam angle of the maximum lift, rad
+    #: `ratio`, `lash`: valve lift per cam lift, and the lash at the follower, m, which delays the valve
     ratio: float
     lash: float
-    tdc: float | None
-    checking_lifts: Mapping[str, float]
+    tdc: float | None  #: cam angle at the top dead centre of gas exchange, rad; None if not given
+    checking_lifts: Mapping[str, float]  #: lifts at which the events are evaluated, m, by name
 
     def valve_lift(self, lift: FloatArray) -> FloatArray:
         """Return the lift of the valve for a lift of the cam, m."""
@@ -186,39 +143,27 @@ def cam_facts(
     checking_lifts: Mapping[str, float] = THRESHOLDS,
 ) -> CamFacts:  # fmt: skip
     """Return the facts about a cam; the lash at the follower, m, delays the valve."""
-    event, profile = cam.event, None
+    event, profile, least = cam.event, None, None
+    lift, met = event_extremes(event), joints(event)
+    findings: list[ProfileFault] = []
+    if lift[0].value < -NEGATIVE_LIFT_TOLERANCE * lift[1].value:
+        what = "the lift is negative: the cam would be cut into its base circle"
+        remedy = "take another law or table, or smooth less"
+        findings.append(ProfileFault(what, remedy, lift[0].at, lift[0].value, 0.0))
     if cam.follower is not None:
         profile = cam_profile(event, cam.follower, count=count, turn=cam.turn)
-    peaks = [max(abs(end.value) for end in event_extremes(event, order)) for order in (1, 2, 3)]
-    met = joints(event)
-    jerk = None if any(one.steps[2] for one in met) else peaks[2]
-    lift, least = event_extremes(event), _minimum_base_radius(cam, event, pressure_angle)
+        with suppress(InputError):  # no base radius is sufficient: the findings explain the faults of the given one
+            least = minimum_base_radius(event, cam.follower, pressure_angle=pressure_angle, turn=cam.turn)
+        helps = least is not None
+        findings += find_profile_faults(profile, pressure_angle=pressure_angle, cutter=cutter, base_helps=helps)
+    velocity, acceleration, jerk = (max(abs(end.value) for end in event_extremes(event, n)) for n in (1, 2, 3))
     return CamFacts(
-        cam, lift, peaks[0], peaks[1], jerk, tuple(np.abs(harmonics(event, _HARMONICS))[1:].tolist()), met,
-        {name: valve_event(event, lift, ratio=ratio, lash=ratio * lash) for name, lift in checking_lifts.items()},
-        {name: valve_event(event, lift) for name, lift in checking_lifts.items()}, profile,
-        [*_negative_lift_findings(lift), *(find_profile_faults(
-            profile, pressure_angle=pressure_angle, cutter=cutter, base_helps=least is not None) if profile else ())],
-        least, centreline(event), ratio, lash, tdc, checking_lifts,
+        cam, lift, velocity, acceleration, None if any(one.steps[2] for one in met) else jerk,
+        tuple(np.abs(harmonics(event, _HARMONICS))[1:].tolist()), met,
+        {name: valve_event(event, at, ratio=ratio, lash=ratio * lash) for name, at in checking_lifts.items()},
+        {name: valve_event(event, at) for name, at in checking_lifts.items()}, profile, findings, least,
+        centreline(event), ratio, lash, tdc, checking_lifts,
     )  # fmt: skip
-
-
-def _negative_lift_findings(lift: tuple[Extreme, Extreme]) -> list[ProfileFault]:
-    """Return the finding of a negative lift larger than the grinding tolerance."""
-    least, largest = lift
-    if least.value >= -NEGATIVE_LIFT_TOLERANCE * largest.value:
-        return []
-    what = "the lift is negative: the cam would be cut into its base circle"
-    return [ProfileFault(what, "take another law or table, or smooth less", least.at, least.value, 0.0)]
-
-
-def _minimum_base_radius(cam: Cam, event: Event, pressure_angle: float) -> float | None:
-    if cam.follower is None:
-        return None
-    try:
-        return minimum_base_radius(event, cam.follower, pressure_angle=pressure_angle, turn=cam.turn)
-    except InputError:  # no base radius is sufficient: the findings explain the faults of the given one
-        return None
 
 
 def valve_overlaps(facts: Mapping[str, CamFacts]) -> list[tuple[str, str, str, float]]:
@@ -280,57 +225,29 @@ SPEED_RATIOS = (0.25, 0.5, 0.75, 0.9, 1.0, 1.1)
 
 @dataclass(frozen=True, eq=False)
 class HarmonicCam:
-    """Harmonic lift for a train.
+    """Harmonic lift for a train."""
 
-    Parameters
-    ----------
-    fit
-        Fitted lift and its deviation from the desired one.
-    count
-        Number of harmonics.
-    frequency
-        First natural frequency of the train that the cam contact excites, rad/s.
-    limit
-        Maximum number of harmonics below that frequency at the speed of the case.
-    phase
-        Cam angle of the start of the rise, rad, which the fitted lift contains.
-    """
-
-    fit: HarmonicFit
-    count: int
-    frequency: float
-    limit: int
-    phase: float
+    fit: HarmonicFit  #: fitted lift and its deviation from the desired one
+    count: int  #: number of harmonics
+    frequency: float  #: first natural frequency of the train that the cam contact excites, rad/s
+    limit: int  #: maximum number of harmonics below that frequency at the speed of the case
+    phase: float  #: cam angle of the start of the rise, rad, which the fitted lift contains
 
 
 @dataclass(frozen=True, eq=False)
 class PolydyneCam:
-    """Polydyne cam for a train.
-
-    Parameters
-    ----------
-    design
-        Cam.
-    speed
-        Design speed, rad/s.
-    speeds
-        Evaluated speeds, rad/s, shape (n,).
-    plain, compensated
-        Maximum deviation of the train's output from the desired motion at these speeds, m, shape (n,): with the
-        original cam and with this one. Infinite at resonance.
-    ratio
-        Ratio of output displacement to cam lift of the rigid train; 1 for a simple train. The deviations include it.
-    phase
-        Cam angle of the start of the rise, rad, which the design contains.
-    """
+    """Polydyne cam for a train."""
 
     design: Polydyne
-    speed: float
-    speeds: FloatArray
+    speed: float  #: design speed, rad/s
+    speeds: FloatArray  #: evaluated speeds, rad/s, shape (n,)
+    #: `plain`, `compensated`: maximum deviation of the train's output from the desired motion at these speeds, m, shape
+    #: (n,): with the original cam and with this one. Infinite at resonance.
     plain: FloatArray
     compensated: FloatArray
+    #: ratio of output displacement to cam lift of the rigid train; 1 for a simple train. The deviations include it.
     ratio: float
-    phase: float
+    phase: float  #: cam angle of the start of the rise, rad, which the design contains
 
 
 def harmonic_cam(
@@ -363,9 +280,17 @@ def polydyne_cam(case: Case, cam: str | None, *, speed: float | None = None, cou
     """Return the cam with which the flexible valve follows the rigid valve lift of the case's cam."""
     model = build_model(case)
     name, at = _select_cam(model.cams, cam), case.speed if speed is None else speed
-    ratio = valve_ratio(model, name)
-    transfer, phase = _valve_transfer(model, name, at, ratio), case.record.cams[name].start_angle
-    return _evaluate_design(model.cams[name].event, phase, transfer, at, ratio, count)
+    ratio, phase, contact = valve_ratio(model, name), case.record.cams[name].start_angle, _contact_name(model, name)
+    start = model.cam_contacts[contact].follower
+    finger = model.rocker_at(start)
+    if finger is not None:
+        valve = finger.point
+    else:
+        follower = model.mesh.connected_nodes(model.mesh.node(start))
+        points = [r.point for r in model.rockers.values() if not r.finger and model.mesh.node(r.start) in follower]
+        valve = points[0] if points else start
+    transfer = lift_transfer(model, contact, valve, at)
+    return _evaluate_design(model.cams[name].event, phase, lambda omega: transfer(omega) / ratio, at, ratio, count)
 
 
 def design_polydyne(cams: CamSet, cam: str | None, transfer: Transfer, speed: float, count: int) -> PolydyneCam:
@@ -382,20 +307,6 @@ def _evaluate_design(
     speeds = speed * np.array(SPEED_RATIOS)
     before, after = (ratio * off_design_deviation(cam, transfer, speeds.tolist()) for cam in (plain, design))
     return PolydyneCam(design, speed, speeds, before, after, ratio, phase)
-
-
-def _valve_transfer(model: Model, cam: str, speed: float, ratio: float) -> Transfer:
-    """Return the transfer function of the valve: its motion relative to that of the rigid train."""
-    contact = _contact_name(model, cam)
-    start = model.cam_contacts[contact].follower
-    finger = model.rocker_at(start)
-    if finger is not None:
-        points = [finger.point]
-    else:
-        follower = model.mesh.connected_nodes(model.mesh.node(start))
-        points = [r.point for r in model.rockers.values() if not r.finger and model.mesh.node(r.start) in follower]
-    transfer = lift_transfer(model, contact, points[0] if points else start, speed)
-    return lambda omega: transfer(omega) / ratio
 
 
 def _contact_name(model: Model, cam: str) -> str:

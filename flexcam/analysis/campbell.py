@@ -12,7 +12,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexcam.analysis.orders import run_over_speeds
 from flexcam.analysis.preparation import PreparedRun
@@ -27,12 +26,8 @@ from flexcam.core.units import RPM
 from flexcam.dynamics import ProgressCallback, Response, RunFailedError, Status
 from flexcam.valvetrain import ContactModes, build_structure, contact_modes, contact_stiffness
 
-_EXTRA_MODES = 8
-"""Additional modes, among which a mode is found again after others have crossed it."""
-
-_MIN_MAC = 0.5
-"""Minimum modal assurance criterion, weighted by mass, for modes at two speeds to count as the same."""
-
+_EXTRA_MODES = 8  # additional modes, among which a mode is found again after others have crossed it
+_MIN_MAC = 0.5  # minimum modal assurance criterion, weighted by mass, for modes at two speeds to count as the same
 _MAX_FREQUENCY_CHANGE = 0.2
 """Maximum relative change of a frequency between adjacent speeds; a larger one indicates a change of contact."""
 
@@ -120,6 +115,8 @@ def _stiffness_at_full_lift(ready: PreparedRun, response: Response, event: Event
 
 def _extend_lines(lines: list[_ModeLine], i: int, count: int, here: ContactModes, mass: Triplets, modes: int) -> None:
     """Extend the lines by the modes at the next speed; a mode that matches no line starts a new one."""
+    from scipy.optimize import linear_sum_assignment
+
     first = here.found.modes.rigid
     last = min(first + modes + _EXTRA_MODES, len(here.found.modes.omegas))
     shapes, hit = here.found.modes.shapes[:, first:last], set(here.relevant_modes)
@@ -128,7 +125,8 @@ def _extend_lines(lines: list[_ModeLine], i: int, count: int, here: ContactModes
     here_hz = here.found.modes.frequencies[first:last]
     leaps = np.abs(here_hz / np.array([line.latest for line in lines])[:, None] - 1.0) > _MAX_FREQUENCY_CHANGE
     alike = np.where(leaps, 0.0, likeness)
-    pairs = [(k, j) for k, j in np.argwhere(_match_modes(alike)).tolist() if alike[k, j] >= _MIN_MAC]
+    best: list[list[int]] = np.column_stack(linear_sum_assignment(-alike)).tolist()
+    pairs = [(k, j) for k, j in best if alike[k, j] >= _MIN_MAC]
     new = set(range(min(modes, last - first))) - {j for _, j in pairs}
     for j in sorted(new):
         lines.append(_ModeLine(np.full(count, math.nan), shapes[:, j], here.found.words(first + j)))
@@ -137,15 +135,6 @@ def _extend_lines(lines: list[_ModeLine], i: int, count: int, here: ContactModes
         lines[k].frequencies[i] = here_hz[j]
         lines[k].shape = shapes[:, j]
         lines[k].reached |= first + j in hit
-
-
-def _match_modes(likeness: FloatArray) -> NDArray[np.bool_]:
-    """Return the pairs of highest likeness, with every row and column used at most once."""
-    from scipy.optimize import linear_sum_assignment
-
-    taken = np.zeros(likeness.shape, dtype=bool)
-    taken[linear_sum_assignment(-likeness)] = True
-    return taken
 
 
 def _find_crossings(

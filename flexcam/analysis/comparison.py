@@ -29,7 +29,7 @@ from flexcam.dynamics import (
     value_range,
 )
 from flexcam.dynamics.force_laws import line_load
-from flexcam.valvetrain import CamContact, Model, build_structure, build_system, hertz_line, main_lift
+from flexcam.valvetrain import CamContact, build_structure, build_system, hertz_line, main_lift
 
 
 @dataclass(frozen=True)
@@ -82,12 +82,8 @@ class Comparison:
 
 
 _MIN_INSTANTS = 2
-
-_SAME_ANGLE = 1e-6
-"""Tolerance for equal cam angles, rad."""
-
-_INSTANT_TOLERANCE = 1e-6
-"""Tolerance for equal instants relative to a step."""
+_SAME_ANGLE = 1e-6  # tolerance for equal cam angles, rad
+_INSTANT_TOLERANCE = 1e-6  # tolerance for equal instants relative to a step
 
 
 def compare(flexible: Response, rigid: Response, probe: str, speed_rpm: float) -> Comparison:
@@ -269,26 +265,11 @@ class ForceRange:
 
 @dataclass(frozen=True)
 class SpeedResult:
-    """Contact forces of the models at one speed.
+    """Contact forces of the models at one speed."""
 
-    Parameters
-    ----------
-    rpm
-        Camshaft speed, rpm.
-    forces
-        Forces by model: ``rigid``, ``bilateral``, ``unilateral``; None if the run did not reach its end.
-    """
-
-    rpm: float
+    rpm: float  #: camshaft speed, rpm
+    #: forces by model: ``rigid``, ``bilateral``, ``unilateral``; None if the run did not reach its end
     forces: Mapping[str, ForceRange | None]
-
-    def models_differ(self, first: str, second: str, tolerance: float) -> bool:
-        """Return whether the extremes of two models differ by more than a fraction of the larger maximum."""
-        one, other = self.forces[first], self.forces[second]
-        if one is None or other is None:
-            return True
-        size = max(one.largest, other.largest)
-        return max(abs(one.largest - other.largest), abs(one.least - other.least)) > tolerance * size
 
 
 def compare_models_over_speed(
@@ -300,22 +281,29 @@ def compare_models_over_speed(
     if not known or (contact is not None and contact not in known):
         given = "no unilateral contact" if contact is None else repr(contact)
         raise refuse("contacts", given, f"one of {', '.join(known)}" if known else "a unilateral contact")
-    return [_evaluate_speed(case, speed, contact or known[0], len(speeds)) for speed in track_progress(speeds, advance)]
+    chosen, found = contact or known[0], list[SpeedResult]()
+    for speed in track_progress(speeds, advance):
+        one = case.at_speed(speed)
+        rigid, free = prepare(one, rigid=True), prepare(one)
+        still = _force_range(_solve_run(rigid, len(speeds)), free, chosen)
+        forces: dict[str, ForceRange | None] = {"rigid": still}
+        held = _with_bilateral_contact(free, chosen, still.largest if still else 0.0)
+        for name, ready in (("bilateral", held), ("unilateral", free)):
+            forces[name] = _force_range(_solve_run(ready, len(speeds)), free, chosen)
+        found.append(SpeedResult(speed / RPM, forces))
+    return found
 
 
 def divergence_speed(found: Sequence[SpeedResult], first: str, second: str, tolerance: float = 0.05) -> float | None:
     """Return the lowest speed, rpm, at which two models differ by more than a fraction of the force; None if never."""
-    return next((one.rpm for one in found if one.models_differ(first, second, tolerance)), None)
-
-
-def _evaluate_speed(case: Case, speed: float, contact: str, runs: int) -> SpeedResult:
-    one = case.at_speed(speed)
-    rigid, free = prepare(one, rigid=True), prepare(one)
-    still = _force_range(_solve_run(rigid, runs), free, contact)
-    held = _with_bilateral_contact(free, contact, still.largest if still else 0.0)
-    responses = {name: _solve_run(ready, runs) for name, ready in (("bilateral", held), ("unilateral", free))}
-    forces = {name: _force_range(response, free, contact) for name, response in responses.items()}
-    return SpeedResult(speed / RPM, {"rigid": still, **forces})
+    for result in found:
+        one, other = result.forces[first], result.forces[second]
+        if one is None or other is None:
+            return result.rpm
+        size = max(one.largest, other.largest)
+        if max(abs(one.largest - other.largest), abs(one.least - other.least)) > tolerance * size:
+            return result.rpm
+    return None
 
 
 def _solve_run(ready: PreparedRun, runs: int) -> Response:
@@ -340,21 +328,17 @@ def _with_bilateral_contact(ready: PreparedRun, contact: str, force: float) -> P
     part = ready.model.contacts[contact]
     if not isinstance(part, CamContact):
         raise refuse("contacts", repr(contact), "a contact with a stiffness")
-    stiffness = part.stiffness or _secant_stiffness(ready.model, contact, part, force)
+    stiffness = part.stiffness
+    if stiffness is None:  # the secant stiffness of the Hertz contact at full lift
+        cam = ready.model.cams[part.cam]
+        line = hertz_line(build_structure(ready.model), contact, part, cam)
+        width, give, rest, reference, _, limit = line.law().constants
+        limit *= float(line.radius(np.array([event_extremes(cam.event)[1].at]), 0)[0])
+        depth = np.geomspace(1e-8, 1e-4, 400)
+        there = [width * line_load(x, limit, give, rest, reference)[0] for x in depth.tolist()]
+        stiffness = force / float(np.interp(force, there, depth))
     held = replace(part, unilateral=False, stiffness=stiffness, restitution=None)
     model = replace(ready.model, contacts={**ready.model.contacts, contact: held})
     system = build_system(model, ready.case.speed)
     start = equilibrium(system, ready.problem.drive)
     return replace(ready, model=model, problem=replace(ready.problem, system=system, start=start))
-
-
-def _secant_stiffness(model: Model, name: str, part: CamContact, force: float) -> float:
-    """Return the secant stiffness of a Hertz contact at full lift, N/m."""
-    structure = build_structure(model)
-    cam = model.cams[part.cam]
-    line = hertz_line(structure, name, part, cam)
-    width, give, rest, reference, _, limit = line.law().constants
-    limit *= float(line.radius(np.array([event_extremes(cam.event)[1].at]), 0)[0])
-    depth = np.geomspace(1e-8, 1e-4, 400)
-    there = [width * line_load(x, limit, give, rest, reference)[0] for x in depth.tolist()]
-    return force / float(np.interp(force, there, depth))

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -36,64 +37,30 @@ SPRING_MARGIN = "spring margin of the rigid train"
 
 @dataclass(frozen=True)
 class FigureOfMerit:
-    """Figure of merit.
+    """Figure of merit."""
 
-    Parameters
-    ----------
-    name
-        Name, such as ``seating velocity``.
-    part
-        Contact, spring or drive, such as ``seat``; empty for the train.
-    metric
-        Name among the metrics of the run, such as ``contacts.seat.seating_velocity``; empty for a figure of the case.
-    value, unit
-        Value in its SI unit.
-    """
-
-    name: str
-    part: str
+    name: str  #: name, such as ``seating velocity``
+    part: str  #: contact, spring or drive, such as ``seat``; empty for the train
+    #: name among the metrics of the run, such as ``contacts.seat.seating_velocity``; empty for a figure of the case
     metric: str
+    #: `value`, `unit`: value in its SI unit
     value: float
     unit: str
 
 
 def figures_of_merit(case: Case, metrics: Sequence[Metric]) -> list[FigureOfMerit]:
-    """Return the figures of merit of a run.
-
-    Parameters
-    ----------
-    case
-        Case of the run.
-    metrics
-        Metrics of its last revolution, of `flexcam.analysis.preparation.compute_metrics`.
-
-    Returns
-    -------
-    list of FigureOfMerit
-        Those that the train has, sorted by kind.
-
-    Examples
-    --------
-    ``figures_of_merit(case, compute_metrics(prepare(case), flexcam.run(case)))``
-    """
+    """Return the figures of merit that a train has, sorted by kind, from the metrics of `compute_metrics`."""
     found = [
         FigureOfMerit(words, metric.name.split(".")[1], metric.name, metric.value, metric.unit)
         for end, words in _WORDS.items()
         for metric in metrics
         if metric.name.split(".", 2)[2:] == [end]
     ]
-    margin = _spring_margin(case)
-    return found if margin is None else [*found, FigureOfMerit(SPRING_MARGIN, "", "", margin, "1")]
-
-
-def _spring_margin(case: Case) -> float | None:
-    """Return the spring margin of a train whose follower may leave its cam, if it can be computed."""
-    if all(contact.model != "unilateral" for contact in case.record.contacts.values()):
-        return None
-    try:
-        return rigid_margin(case)[1]
-    except FlexcamError:  # no rigid train exists
-        return None
+    if any(contact.model == "unilateral" for contact in case.record.contacts.values()):
+        with suppress(FlexcamError):  # no rigid train exists
+            if (margin := rigid_margin(case)[1]) is not None:
+                found.append(FigureOfMerit(SPRING_MARGIN, "", "", margin, "1"))
+    return found
 
 
 _ANGLES = np.linspace(0.0, 2.0 * math.pi, 7201)
@@ -115,20 +82,17 @@ def _rigid_limit_speed(case: Case) -> float | None:
         return None
     bare = replace(case, record=case.record.model_copy(update={"friction": {}}))
     model, speeds = prepare(bare, rigid=True).model, [factor * case.speed for factor in (0.5, 1.0, 2.0)]
-    forces = [_rigid_forces(bare, speed) for speed in speeds]
+    channels: list[Mapping[str, FloatArray]] = []
+    for speed in speeds:
+        ready = prepare(bare.at_speed(speed), rigid=True)
+        problem = replace(ready.problem, step=(_ANGLES[1] - _ANGLES[0]) / speed, steps=len(_ANGLES) - 1)
+        channels.append(solve(problem, ready.scheme).channels)
     worst: list[float] = []
     for name, contact in model.cam_contacts.items():
         lifted = model.cams[contact.cam].event(_ANGLES) > main_lift(model, contact.cam)
-        still, _, inertia = np.linalg.solve(np.vander(speeds, increasing=True), [one[name][lifted] for one in forces])
+        forces = [one[f"contacts.{name}.force"][lifted] for one in channels]
+        still, _, inertia = np.linalg.solve(np.vander(speeds, increasing=True), forces)
         pulls = inertia < 0.0
         if pulls.any():
             worst.append(float(np.sqrt((np.maximum(still[pulls], 0.0) / -inertia[pulls]).min())))
     return min(worst) / RPM if worst else None
-
-
-def _rigid_forces(case: Case, speed: float) -> dict[str, FloatArray]:
-    """Return the forces of the cams on the rigid train over a revolution, N, shape (angles,), by contact."""
-    ready = prepare(case.at_speed(speed), rigid=True)
-    steps = replace(ready.problem, step=(_ANGLES[1] - _ANGLES[0]) / speed, steps=len(_ANGLES) - 1)
-    channels = solve(steps, ready.scheme).channels
-    return {name: channels[f"contacts.{name}.force"] for name in ready.model.cam_contacts}

@@ -29,8 +29,7 @@ from flexcam.io.result_reader import unknown_fields
 from flexcam.valvetrain import Model, build_structure, free_running
 
 _REVOLUTION = 2.0 * math.pi
-_SAME_ANGLE = 1e-9
-"""Tolerance for equal cam angles, rad: rounding of speed times time."""
+_SAME_ANGLE = 1e-9  # tolerance for equal cam angles, rad: rounding of speed times time
 
 
 def camshaft_drive(case: Case, model: Model, start: float = 0.0) -> Drive:
@@ -51,15 +50,6 @@ def _free_running_drive(
     return free_running(model, case.speed, free.cam, free.cam_mass, free.follower_mass, angle, time)
 
 
-def _drive_at_angle(case: Case, model: Model, drive: Drive, angle: float, time: float) -> Drive:
-    """Return the drive that passes a given cam angle at a given time."""
-    missing = angle - float(drive.at(np.array([time])).angle[0])
-    if abs(missing) <= _SAME_ANGLE:
-        return drive
-    free = case.record.run.free_running
-    return camshaft_drive(case, model, missing) if free is None else _free_running_drive(case, model, free, angle, time)
-
-
 def revolution_time(case: Case, drive: Drive) -> float:
     """Return the duration of a camshaft revolution, s."""
     return drive.period if isinstance(drive, SpeedByAngle) else _REVOLUTION / case.speed
@@ -74,12 +64,21 @@ def set_initial_state(case: Case, model: Model, problem: Problem, *, until: floa
         case "equilibrium":
             return replace(problem, start=_equilibrium_state(problem))
         case "periodic":
-            return _periodic_state(case, replace(problem, start=_equilibrium_state(problem)), until)
+            if not system.size:
+                return replace(problem, start=replace(State.rest(0), periodicity=0.0))
+            one = replace(problem, start=_equilibrium_state(problem), steps=steps_per_revolution(case, problem))
+            start = solve_periodic(one, case.record.run.integrator.part, until=until)
+            return replace(problem, start=start)
         case ResultStartRecord(result=name):
             state, angle = _last_state(case, model, system, name)
             taken = round(state.time / problem.step)
             state = replace(state, taken=taken if taken * problem.step == state.time else 0)
-            drive = _drive_at_angle(case, model, problem.drive, angle, state.time)
+            drive, free = problem.drive, case.record.run.free_running
+            missing = angle - float(drive.at(np.array([state.time])).angle[0])
+            if abs(missing) > _SAME_ANGLE and free is not None:
+                drive = _free_running_drive(case, model, free, angle, state.time)
+            elif abs(missing) > _SAME_ANGLE:
+                drive = camshaft_drive(case, model, missing)
             return replace(problem, drive=drive, start=state)
         case GivenStartRecord(displacement=displacement, velocity=velocity):
             given = {"displacement": displacement, "velocity": velocity}
@@ -118,14 +117,6 @@ def excitation_without_period(case: Case) -> dict[str, str]:
         if load.table is not None and (load.table.over_time or load.repeat is False):
             found[f"loads.{name}.table"] = "a load over time or without repetition"
     return found
-
-
-def _periodic_state(case: Case, problem: Problem, until: float | None) -> Problem:
-    """Return the problem with its periodic initial state."""
-    if not problem.system.size:
-        return replace(problem, start=replace(State.rest(0), periodicity=0.0))
-    one = replace(problem, steps=steps_per_revolution(case, problem))
-    return replace(problem, start=solve_periodic(one, case.record.run.integrator.part, until=until))
 
 
 def _unknown_dof_faults(case: Case, system: System, values: Mapping[str, float], kind: str) -> list[Fault]:

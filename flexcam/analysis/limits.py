@@ -46,8 +46,7 @@ from flexcam.valvetrain import (
 _REVOLUTIONS = 6.0
 """Revolutions of a run. Contact is lost in some revolutions only just above a limit; the first is a transient."""
 
-_ROUNDING = 1e-6
-"""Relative tolerance of a time at the end of a revolution."""
+_ROUNDING = 1e-6  # relative tolerance of a time at the end of a revolution
 
 LIMITS = ("loss_of_contact", "float", "bounce", "coil_clash", "buckling")
 """Names of the limits."""
@@ -55,37 +54,24 @@ LIMITS = ("loss_of_contact", "float", "bounce", "coil_clash", "buckling")
 SPACING = 0.05
 """Relative distance of the examined speeds; narrower ranges of speed that meet a condition may be missed."""
 
-_LASTING_SPEEDS = 3
-"""Number of speeds above a limit at which its condition is examined again."""
+_LASTING_SPEEDS = 3  # number of speeds above a limit at which its condition is examined again
 
 
 @dataclass(frozen=True)
 class Search:
-    """Range and tolerance of a search for limits.
+    """Range and tolerance of a search for limits."""
 
-    Parameters
-    ----------
-    lowest, highest
-        Camshaft speeds of the range, rad/s.
-    tolerance
-        Width of the bracket, rad/s.
-    bounce_height
-        Minimum height of a bounce above the seat, m; None for the smaller of 0.1 mm and 2 % of the lift.
-    lift_deviation
-        Loft of the valve over the nose, m: its lift above that of the rigid train; None for no such limit.
-    low_pass
-        Cut-off frequency, Hz, of the contact force for a second verdict on contact loss; None for no such limit.
-    spacing
-        Relative distance of the speeds evaluated before the bracket is bisected.
-    """
-
+    #: `lowest`, `highest`: camshaft speeds of the range, rad/s
     lowest: float
     highest: float
-    tolerance: float = RPM
+    tolerance: float = RPM  #: width of the bracket, rad/s
+    #: minimum height of a bounce above the seat, m; None for the smaller of 0.1 mm and 2 % of the lift
     bounce_height: float | None = None
+    #: loft of the valve over the nose, m: its lift above that of the rigid train; None for no such limit
     lift_deviation: float | None = None
+    #: cut-off frequency, Hz, of the contact force for a second verdict on contact loss; None for no such limit
     low_pass: float | None = None
-    spacing: float = SPACING
+    spacing: float = SPACING  #: relative distance of the speeds evaluated before the bracket is bisected
 
     def __post_init__(self) -> None:
         positive("lowest", self.lowest, "rad/s")
@@ -105,63 +91,37 @@ class Search:
 
 @dataclass(frozen=True)
 class Limit:
-    """Speed limit.
+    """Speed limit."""
 
-    Parameters
-    ----------
-    rpm
-        Camshaft speed, rpm; None if the condition is not met up to the highest speed of the range, or is not known.
-    tolerance_rpm
-        Width of the bracket, rpm.
-    words
-        Description of the event, and in brackets the contact, seat, spring or member.
-    lasting_rpm
-        Camshaft speed from which the condition is met at all examined speeds up to 15 % above `rpm`; None if it is not
-        met at the last of them.
-    known
-        False if a run failed before the condition was met within the range.
-    """
-
+    #: camshaft speed, rpm; None if the condition is not met up to the highest speed of the range, or is not known
     rpm: float | None
-    tolerance_rpm: float
-    words: str
+    tolerance_rpm: float  #: width of the bracket, rpm
+    words: str  #: description of the event, and in brackets the contact, seat, spring or member
+    #: camshaft speed from which the condition is met at all examined speeds up to 15 % above `rpm`; None if it is not
+    #: met at the last of them
     lasting_rpm: float | None = None
-    known: bool = True
+    known: bool = True  #: false if a run failed before the condition was met within the range
 
 
 @dataclass(frozen=True)
 class Margins:
-    """Margins of a train at its speed, from the rigid train and statics.
+    """Margins of a train at its speed, from the rigid train and statics."""
 
-    Parameters
-    ----------
-    rigid_rpm
-        Camshaft speed at which a rigid train loses contact, as its inertia equals its spring forces; None if never.
-    spring_margin
-        Minimum excess of the spring force over the inertia of the rigid train at the case's speed, relative to the
-        inertia; None if the inertia never pulls.
-    buckling_margins
-        Ratio of buckling load to compression at full lift at rest, by member.
-    """
-
+    #: camshaft speed at which a rigid train loses contact, as its inertia equals its spring forces; None if never
     rigid_rpm: float | None
+    #: minimum excess of the spring force over the inertia of the rigid train at the case's speed, relative to the
+    #: inertia; None if the inertia never pulls
     spring_margin: float | None
-    buckling_margins: Mapping[str, float]
+    buckling_margins: Mapping[str, float]  #: ratio of buckling load to compression at full lift at rest, by member
 
 
 @dataclass(frozen=True)
 class Limits(Margins):
-    """Speed limits and margins of a train.
+    """Speed limits and margins of a train."""
 
-    Parameters
-    ----------
-    limits
-        Limits by name: ``loss_of_contact``, ``float``, ``bounce``, ``coil_clash``, ``buckling``.
-    lowest_rpm, highest_rpm
-        Camshaft speeds of the search range.
-    """
-
+    #: limits by name: ``loss_of_contact``, ``float``, ``bounce``, ``coil_clash``, ``buckling``
     limits: Mapping[str, Limit]
+    #: `lowest_rpm`, `highest_rpm`: camshaft speeds of the search range
     lowest_rpm: float
     highest_rpm: float
 
@@ -292,8 +252,7 @@ def _lasting_speed(name: str, first: float, search: Search, ask: Callable[[float
     return lasting
 
 
-_RELATIVE_BOUNCE_HEIGHT = 0.02
-"""Bounce height relative to the lift, which is the smaller limit for lifts up to 5 mm."""
+_RELATIVE_BOUNCE_HEIGHT = 0.02  # bounce height relative to the lift, which is the smaller limit for lifts up to 5 mm
 
 
 def _conditions(model: Model, search: Search | None = None) -> dict[str, tuple[Condition, str]]:

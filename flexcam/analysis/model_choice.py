@@ -1,6 +1,7 @@
-"""Cost and error of the models of a case, and choice of the cheapest one within a tolerance.
+"""Cost and error of the models of a case, choice of the cheapest one within a tolerance, and error of one run.
 
-Models are compared with a converged reference run, in ascending order of work.
+Models are compared with a converged reference run, in ascending order of work; the error of one run follows from runs
+with other steps and elements.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import statistics
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 from flexcam.analysis.comparison import Histories, Norm, distance, extract_histories
 from flexcam.analysis.model_ladder import (
@@ -25,7 +27,7 @@ from flexcam.analysis.model_ladder import (
 from flexcam.analysis.preparation import PreparedRun, prepare, prepare_without_periodic_search, scalar_probe
 from flexcam.case.case import Case
 from flexcam.case.schema.run import ResultStartRecord
-from flexcam.core.errors import Fault, InputError, refuse
+from flexcam.core.errors import InputError, refuse
 from flexcam.dynamics import (
     Cause,
     ProgressCallback,
@@ -42,13 +44,11 @@ _REFERENCE_STEPS_RATIO = 4
 """Ratio of the steps of the reference to those of the case; it has three times as many elements."""
 
 _FINER = 3
-
 _REFERENCES = (_FINER, _REFERENCE_STEPS_RATIO), (_FINER - 1, _REFERENCE_STEPS_RATIO // 2)
 """Elements and steps, relative to the case, of the reference and of the run that estimates its error."""
 
 _SAFETY_FACTOR = 2.0
-_MIN_STEPS = 60
-"""Minimum steps per revolution of an evaluated model."""
+_MIN_STEPS = 60  # minimum steps per revolution of an evaluated model
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +104,11 @@ def reference_run(case: Case, probe: str, until: float | None = None, *, work: i
             status = replace(status, text=f"{_REFERENCE_NAME}: {status.text}")
         raise RunFailedError(status) from None
     except InputError as refusal:
-        raise InputError(_reference_fault(fault) for fault in refusal.faults) from None
+        why = f"asked of {_REFERENCE_NAME}"  # faults of the case itself are reported before
+        raise InputError(
+            replace(fault, why="; ".join(filter(None, (why, fault.why)))) if fault.where.startswith("run.") else fault
+            for fault in refusal.faults
+        ) from None
     errors = {name: _SAFETY_FACTOR * value for name, value in distance(finest, coarser, norm=norm).items()}
     return Reference(finest, errors, {name: finest.size(name) for name in errors}, _REFERENCE_STEPS_RATIO * steps, norm)
 
@@ -131,13 +135,6 @@ def _with_stable_method(case: Case) -> Case:
 _REFERENCE_NAME = f"the reference, of {_FINER} times the elements and {_REFERENCE_STEPS_RATIO} times the steps"
 
 
-def _reference_fault(fault: Fault) -> Fault:
-    """Return a fault with a note that it concerns the reference; faults of the case itself are reported before."""
-    if not fault.where.startswith("run."):
-        return fault
-    return replace(fault, why="; ".join(filter(None, (f"asked of {_REFERENCE_NAME}", fault.why))))
-
-
 def candidate_models(case: Case) -> list[ModelLevel]:
     """Return the models of a case with its own steps and fewer, in ascending order of work."""
     _refuse_result(case)
@@ -156,31 +153,26 @@ def evaluate_model(
     rung: ModelLevel, probe: str, against: Reference, *, repeats: int = 1, until: float | None = None, work: int = 0
 ) -> ModelEvaluation:  # fmt: skip
     """Return cost and error of a model; `work` is the steps per revolution of all planned runs."""
+    steps = steps_per_revolution_of(rung.case)
     try:
         ready = prepare(rung.case, until=until, runs=run_count(rung.case, work))
-    except InputError as refusal:
-        return _rejected_model(rung, refusal)
+    except InputError as refusal:  # the method of the model does not accept its steps
+        if not all(fault.where.startswith("run.") for fault in refusal.faults):
+            raise
+        problem = prepare(_with_stable_method(rung.case)).problem
+        unknowns, status = integrated_size(problem), Status(Cause.REFUSED, "; ".join(map(str, refusal.faults)))
+        return ModelEvaluation(rung.name, rung.words, steps, unknowns, unknowns * problem.steps, 0.0, {}, status)
     response, first = _timed_run(ready, until)
     seconds = [first, *(_timed_run(ready, until)[1] for _ in range(repeats - 1))]
     errors: dict[str, float] = {}
     if response.status.ok:
         apart = distance(extract_histories(response, probe), against.measured, norm=against.norm)
         errors = {name: value / against.size[name] for name, value in apart.items() if against.size[name] > 0.0}
+    unknowns = response.stats.unknowns
     return ModelEvaluation(
-        rung.name, rung.words, steps_per_revolution_of(rung.case), response.stats.unknowns,
-        response.stats.unknowns * ready.problem.steps, statistics.median(seconds), errors, response.status,
+        rung.name, rung.words, steps, unknowns, unknowns * ready.problem.steps, statistics.median(seconds), errors,
+        response.status,
     )  # fmt: skip
-
-
-def _rejected_model(rung: ModelLevel, refusal: InputError) -> ModelEvaluation:
-    """Return a model whose method does not accept its steps; other errors are raised."""
-    if not all(fault.where.startswith("run.") for fault in refusal.faults):
-        raise refusal
-    problem = prepare(_with_stable_method(rung.case)).problem
-    unknowns, status = integrated_size(problem), Status(Cause.REFUSED, "; ".join(map(str, refusal.faults)))
-    return ModelEvaluation(
-        rung.name, rung.words, steps_per_revolution_of(rung.case), unknowns, unknowns * problem.steps, 0.0, {}, status
-    )
 
 
 def _timed_run(ready: PreparedRun, until: float | None) -> tuple[Response, float]:
@@ -295,8 +287,7 @@ def _percent(share: float) -> str:
     return f"{100.0 * share:.2g} %"
 
 
-_MIN_TOLERANCE = 1e-300
-"""Replaces a tolerance of zero, which no model meets, so that the closest model is still found."""
+_MIN_TOLERANCE = 1e-300  # replaces a tolerance of zero, which no model meets, so that the closest model is still found
 
 
 def _error_ratio(found: ModelEvaluation, against: Reference, tolerance: Mapping[str, float]) -> float:
@@ -308,3 +299,51 @@ def _error_ratio(found: ModelEvaluation, against: Reference, tolerance: Mapping[
             error = found.errors.get(name, math.inf) + own / against.size[name]
             shares.append(error / max(allowed, _MIN_TOLERANCE))
     return max(shares, default=math.inf)
+
+
+_CONVERGENCE_RATIO = 0.75  # maximum ratio of the distances at the step and at twice the step for convergent runs
+_ROUNDING = 1e-12  # distances below this fraction of a quantity's size are rounding
+
+
+@dataclass(frozen=True)
+class Error:
+    """Value of a run with its estimated error."""
+
+    quantity: str  #: name as in `Histories`
+    unit: str  #: SI unit
+    size: float  #: maximum absolute value; for the lift its range
+    #: `time`, `space`, `model`: maximum estimated errors of the history due to steps, elements, and a model coarser
+    #: than beams (its distance from the beam model)
+    time: float
+    space: float
+    model: float
+    holds: bool  #: whether runs with shorter steps converge; otherwise the estimate is invalid
+
+    @property
+    def total(self) -> float:
+        """Sum of all errors."""
+        return self.time + self.space + self.model
+
+
+def estimate_errors(case: Case, probe: str, until: float | None = None) -> list[Error]:
+    """Return the estimated errors of a case's run."""
+    steps = steps_per_revolution_of(case)
+    own, finer = with_steps(case, steps), with_steps(with_elements(case, factor=2), steps)
+    # An odd number of steps cannot be halved: convergence is then checked with shorter steps.
+    counts = (steps // 2, steps, 2 * steps) if steps % 2 == 0 else (steps, 2 * steps, 4 * steps)
+    asked = own.record.fidelity
+    coarse = asked.model != "beams" or asked.modes is not None
+    work = sum(counts) + steps * (2 if coarse else 1)
+    runs = {n: run_histories(with_steps(own, n), probe, until, work) for n in counts}
+    longer, shorter = (distance(runs[a], runs[b]) for a, b in pairwise(counts))
+    base, better = runs[steps], runs[2 * steps]
+    model = distance(base, run_histories(with_beam_model(own), probe, until, work)) if coarse else {}
+    mesh = distance(base, run_histories(finer, probe, until, work))
+    step = distance(base, better)
+    errors: list[Error] = []
+    for name in step:
+        size = base.size(name)
+        holds = shorter[name] <= max(_CONVERGENCE_RATIO * longer[name], _ROUNDING * size)
+        parts = _SAFETY_FACTOR * step[name], _SAFETY_FACTOR * mesh[name], model.get(name, 0.0)
+        errors.append(Error(name, base.unit(name), size, *parts, holds))
+    return errors

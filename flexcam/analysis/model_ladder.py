@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -89,11 +89,8 @@ def _interpolate_member(structure: Structure, nodal: FloatArray, elements: slice
     return line[::parts]
 
 
-_ELEMENTS = (1, 2)
-"""Elements per segment of every member, in addition to those of the case and twice as many."""
-
-_MODE_COUNTS = (3, 10, 30)
-"""Numbers of modes of the reduced models."""
+_ELEMENTS = (1, 2)  # elements per segment of every member, in addition to those of the case and twice as many
+_MODE_COUNTS = (3, 10, 30)  # numbers of modes of the reduced models
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,11 +139,10 @@ def with_elements(case: Case, factor: int | None = None, each: int | None = None
         name: one.model_copy(update={"elements": each or one.elements * (factor or 1)})
         for name, one in case.record.members.items()
     }
-    springs = {
+    springs = case.record.springs | {
         name: one.model_copy(update={"elements": one.elements * (factor or 1)})
-        if one.part.mass or one.elements > 1
-        else one
         for name, one in case.record.springs.items()
+        if one.part.mass or one.elements > 1
     }
     made = replace(case, record=case.record.model_copy(update={"members": members, "springs": springs}))
     return map_initial_state(case, made)
@@ -168,14 +164,6 @@ def _count_unknowns(rung: ModelLevel) -> int | None:
     return problem.system.size if problem.basis is None else problem.basis.size
 
 
-def _remove_equal_bases(rungs: Iterable[ModelLevel]) -> list[ModelLevel]:
-    """Return mode models of increasing size: among the static answers of one are the next modes of a short train."""
-    found: dict[int | None, ModelLevel] = {}
-    for rung in rungs:
-        found.setdefault(_count_unknowns(rung), rung)
-    return list(found.values())
-
-
 def model_ladder(case: Case) -> tuple[ModelLevel, ...]:
     """Return the models of a case from coarse to fine."""
     beams = with_beam_model(case)
@@ -186,11 +174,13 @@ def model_ladder(case: Case) -> tuple[ModelLevel, ...]:
         for n in _ELEMENTS
         if n < min(own, default=0)
     ]
-    modes = _remove_equal_bases(
-        ModelLevel(f"modes {n}", f"{n} modes with the static answers they miss", beams.with_fidelity({"modes": n}))
-        for n in _MODE_COUNTS
-        if 2 * n < unknowns
-    )
+    modes: dict[int | None, ModelLevel] = {}
+    for n in _MODE_COUNTS:
+        if 2 * n < unknowns:
+            words, case_n = f"{n} modes with the static answers they miss", beams.with_fidelity({"modes": n})
+            level = ModelLevel(f"modes {n}", words, case_n)
+            # Among the static answers of one basis are the next modes of a short train.
+            modes.setdefault(_count_unknowns(level), level)
     chains = [
         ModelLevel("sdof", "one mass for the train", beams.with_fidelity({"model": "sdof"})),
         ModelLevel("chain 3", "three masses along the train", beams.with_fidelity({"model": "chain", "masses": 3})),
@@ -198,7 +188,7 @@ def model_ladder(case: Case) -> tuple[ModelLevel, ...]:
     return (
         ModelLevel("rigid", "rigid members", beams.with_fidelity({"model": "rigid"}).with_run({"engine": "auto"})),
         *(rung for rung in chains if _count_unknowns(rung) is not None),
-        *modes,
+        *modes.values(),
         *fewer,
         ModelLevel("beams", "the unchanged case", beams),
         ModelLevel("beams x2", "twice its elements", with_elements(beams, factor=2)),

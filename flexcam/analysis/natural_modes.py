@@ -67,8 +67,7 @@ class ClosedModes:
     full_lift: ModelModes
 
 
-_MAX_UNKNOWNS = 1000
-"""Number of unknowns up to which the modes of every cam take seconds."""
+_MAX_UNKNOWNS = 1000  # number of unknowns up to which the modes of every cam take seconds
 
 
 def closed_modes(case: Case) -> tuple[list[ClosedModes], str]:
@@ -78,16 +77,13 @@ def closed_modes(case: Case) -> tuple[list[ClosedModes], str]:
         return [], f"No modes with contacts closed: {size} unknowns, computed up to {_MAX_UNKNOWNS}"
     contacts = [name for name, one in model.cam_contacts.items() if isinstance(one, CamContact)]
     try:
-        return [
-            ClosedModes(
-                name,
-                modes_on_the_lift(model, name, case.speed, base_circle=True).found,
-                modes_on_the_lift(model, name, case.speed).found,
-            )
-            for name in contacts
-        ], ""
+        found: list[ClosedModes] = []
+        for name in contacts:
+            base = modes_on_the_lift(model, name, case.speed, base_circle=True).found
+            found.append(ClosedModes(name, base, modes_on_the_lift(model, name, case.speed).found))
     except (InputError, RunFailedError) as failure:
         return [], f"No modes with contacts closed: {failure}"
+    return found, ""
 
 
 def modal_assurance(case: Case, found: ModelModes, other: Case, others: ModelModes) -> tuple[FloatArray, int]:

@@ -26,8 +26,7 @@ from flexcam.dynamics import (
 )
 
 _REVOLUTION = 2.0 * math.pi
-_SAME_ANGLE = 1e-9
-"""Tolerance of the start of a revolution, relative to a revolution (rounding)."""
+_SAME_ANGLE = 1e-9  # tolerance of the start of a revolution, relative to a revolution (rounding)
 
 
 @dataclass(frozen=True)
@@ -112,13 +111,9 @@ def _revolution_start(response: Response) -> int:
 
 
 def waterfall(
-    case: Case,
-    speeds: Sequence[float],
-    signals: Sequence[Signal],
-    count: int,
-    *,
-    advance: ProgressCallback | None = None,
-) -> list[Waterfall]:
+    case: Case, speeds: Sequence[float], signals: Sequence[Signal], count: int,
+    *, advance: ProgressCallback | None = None,
+) -> list[Waterfall]:  # fmt: skip
     """Return the orders of histories over speed."""
     _check_steps(case, max(speeds), count)
     rpm = np.array(speeds) / RPM
@@ -133,7 +128,13 @@ def waterfall(
                 continue
             its.append(last_revolution_orders(run[1], one.of(run[1]), count))
             units[one] = one.unit(run[1])
-    return [_join_spectra(one, units.get(one, ""), rpm, its, tuple(statuses), count) for one, its in found.items()]
+    nothing = np.full(count + 1, math.nan)
+    waterfalls: list[Waterfall] = []
+    for signal, spectra in found.items():
+        amplitudes = np.array([nothing if one is None else one.amplitudes for one in spectra])
+        gaps = np.array([math.nan if one is None else one.gap for one in spectra])
+        waterfalls.append(Waterfall(signal, units.get(signal, ""), rpm, amplitudes, gaps, tuple(statuses)))
+    return waterfalls
 
 
 def _check_steps(case: Case, fastest: float, count: int) -> None:
@@ -168,16 +169,6 @@ def run_over_speeds(
         response = solve(replace(ready.problem, runs=len(speeds)), ready.scheme, save=ready.save)
         reraise_interrupt(response.status)
         yield ready, response
-
-
-def _join_spectra(
-    signal: Signal, unit: str, rpm: FloatArray, found: Sequence[OrderSpectrum | None], ended: tuple[Status, ...],
-    count: int,
-) -> Waterfall:  # fmt: skip
-    nothing = np.full(count + 1, math.nan)
-    amplitudes = np.array([nothing if one is None else one.amplitudes for one in found])
-    gaps = np.array([math.nan if one is None else one.gap for one in found])
-    return Waterfall(signal, unit, rpm, amplitudes, gaps, ended)
 
 
 def largest_orders(found: Waterfall, count: int = 3) -> Mapping[int, tuple[float, float]]:

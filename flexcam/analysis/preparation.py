@@ -123,12 +123,9 @@ def prepare_without_periodic_search(case: Case) -> PreparedRun:
     return ready
 
 
-def build_problem(
-    case: Case, *, rigid: bool = False, model: Model | None = None, allow_large: bool = False
-) -> tuple[Model, System]:  # fmt: skip
+def build_problem(case: Case) -> tuple[Model, System]:
     """Return the model of a case and its equations without an initial state."""
-    kind = "rigid" if rigid else case.record.fidelity.model
-    return _build_equations(case, model, kind, allow_large=allow_large)[:2]
+    return _build_equations(case, None, case.record.fidelity.model, allow_large=False)[:2]
 
 
 _CHAINS = {"sdof": 1, "chain": None}
@@ -310,8 +307,7 @@ def _ratio(part: float | np.floating, whole: float | np.floating) -> float:
     return float(part / whole) if whole > 0.0 else 1.0
 
 
-_ROUNDING = 1e-9
-"""Relative size of rounding errors."""
+_ROUNDING = 1e-9  # relative size of rounding errors
 
 
 def compute_metrics(ready: PreparedRun, response: Response, names: Sequence[str] | None = None) -> list[Metric]:

@@ -42,10 +42,18 @@ def deviation(case: Case, probe: str) -> Comparison:
 def check_claims(case: Case, probe: str, here: Comparison) -> list[Claim]:
     """Return the claims of the paper with the results of the case."""
     slow = deviation(case.at_speed(2000.0 * RPM), probe)
-    laws = {name: deviation(_replace_law(case, name), probe) for name in _PUBLISHED_LAWS}
+    laws: dict[str, Comparison] = {}
+    for name in _PUBLISHED_LAWS:
+        cams = {key: cam.model_copy(update={"law": parse_law(name)}) for key, cam in case.record.cams.items()}
+        with_law = replace(case, record=case.record.model_copy(update={"cams": cams}))
+        laws[name] = deviation(with_law, probe)
     largest = max(laws, key=lambda name: laws[name].peak_deviation)
     deviations = ", ".join(f"{name} {one.peak_deviation:.3f}" for name, one in laws.items())
-    others = _peak_deviations(case, probe)
+    # The meshes of all three models in the folder of the case's mesh.
+    folder = (find_referenced_file(case.path, case.record.mesh or "") or case.path).parent
+    meshes = {f"model {k}": folder / f"tayeb-{k}.msh" for k in (1, 2, 3)}
+    cases = {name: replace(case, mesh=read_mesh(path)) for name, path in meshes.items() if path.is_file()}
+    others = {name: deviation(one, probe).peak_deviation for name, one in (cases or {"this model": case}).items()}
     models = ", ".join(f"{name} {value:.4f}" for name, value in others.items())
     spread = max(others.values()) - min(others.values())
     angle = here.deviations[0].angle_deg
@@ -85,19 +93,6 @@ def _check_instability(case: Case, probe: str) -> Claim:
                  f"their largest multiplier is {abs(multipliers.multipliers[0]):.5g}; the follower's mass on its "
                  f"spring resonates at {mode:.0f} rpm. Near this speed an undamped motion beats: within "
                  f"{revolutions:.0f} revolutions up to {bound:.0f} of the lift (SHM) and back")  # fmt: skip
-
-
-def _replace_law(case: Case, law: str) -> Case:
-    cams = {name: cam.model_copy(update={"law": parse_law(law)}) for name, cam in case.record.cams.items()}
-    return replace(case, record=case.record.model_copy(update={"cams": cams}))
-
-
-def _peak_deviations(case: Case, probe: str) -> dict[str, float]:
-    """Return the peak deviation on the meshes of all three models found in the folder of the case's mesh."""
-    folder = (find_referenced_file(case.path, case.record.mesh or "") or case.path).parent
-    meshes = {f"model {k}": folder / f"tayeb-{k}.msh" for k in (1, 2, 3)}
-    found = {name: replace(case, mesh=read_mesh(path)) for name, path in meshes.items() if path.is_file()}
-    return {name: deviation(other, probe).peak_deviation for name, other in (found or {"this model": case}).items()}
 
 
 def excited_mode(case: Case) -> tuple[float, float]:

@@ -59,21 +59,15 @@ def open_partial_result(ready: PreparedRun, folder: str | Path) -> PartialResult
         why = f"{path} is complete" if path.exists() else "there is no such file"
         raise refuse("--resume", str(partial_path(path)), "the partial result of a run", why, "leave out --resume")
     earlier = PartialResult(partial_path(path), output_geometry(ready.model), outline(ready.problem.system), ready.save)
-    _check_same_case(ready, earlier)
-    return earlier
-
-
-_PARTIAL = ".partial"
-"""Suffix of a partial result."""
-
-
-def _check_same_case(ready: PreparedRun, earlier: PartialResult) -> None:
-    """Raise an error if a run with another case, other package versions or another problem is resumed."""
     found = find_differences(_metadata(ready.case), earlier.about)
     if not found and earlier.checkpoint.problem != fingerprint(ready.problem, ready.scheme, ready.save):
         found = [_difference("a mesh or a table of the case", "another one", "the one at the start of the run")]
     if found:
         raise InputError(found)
+    return earlier
+
+
+_PARTIAL = ".partial"  # suffix of a partial result
 
 
 def _metadata(case: Case) -> dict[str, str]:
@@ -123,8 +117,7 @@ def run(
 ) -> Response:  # fmt: skip
     """Run a time-domain simulation of a case with the model set in it.
 
-    `flexcam.analysis.model_choice` chooses a model within ``fidelity.tolerance``; `flexcam.analysis.error_estimate`
-    estimates errors.
+    `flexcam.analysis.model_choice` chooses a model within ``fidelity.tolerance`` and estimates errors.
 
     Parameters
     ----------
@@ -214,8 +207,7 @@ def response_block(response: Response) -> Block:
     return Block(response.time, response.angle, response.probes, channels, *saved)
 
 
-_MAX_CHARACTERS, _MAX_VALUES = 60, 4
-"""Maximum length of a reported value, characters, and maximum number of values."""
+_MAX_CHARACTERS, _MAX_VALUES = 60, 4  # maximum length of a reported value, characters, and maximum number of values
 
 
 def find_differences(now: Mapping[str, str], then: Mapping[str, str]) -> list[Fault]:
@@ -232,20 +224,16 @@ def find_differences(now: Mapping[str, str], then: Mapping[str, str]) -> list[Fa
 def _difference(what: str, given: str, allowed: str) -> Fault:
     why = "a run can only be resumed with an unchanged case"
     remedy = "restore the old value, or run the case again with --overwrite"
-    return Fault(f"--resume: {what}", _shorten(given), _shorten(allowed), why, remedy)
-
-
-def _shorten(text: str) -> str:
-    shown = text.strip() or "nothing"
-    return shown if len(shown) <= _MAX_CHARACTERS else f"{shown[: _MAX_CHARACTERS - 3]}..."
-
-
-def _text_lines(text: str) -> dict[str, str]:
-    return {f", line {number}": line for number, line in enumerate(text.split("\n"), start=1)}
+    texts = [text.strip() or "nothing" for text in (given, allowed)]
+    shown = [text if len(text) <= _MAX_CHARACTERS else f"{text[: _MAX_CHARACTERS - 3]}..." for text in texts]
+    return Fault(f"--resume: {what}", shown[0], shown[1], why, remedy)
 
 
 _COMPARED_TEXTS: dict[str, tuple[str, Callable[[str], dict[str, str]]]] = {
-    "case": ("the text of the case", _text_lines),
+    "case": (
+        "the text of the case",
+        lambda text: {f", line {n}": line for n, line in enumerate(text.split("\n"), start=1)},
+    ),
     "overrides": ("--set", lambda text: {"": ", ".join(json.loads(text or "[]"))}),
     **{name: (name, lambda text: {"": text}) for name in ("flexcam", "python", "numpy", "scipy", "numba")},
 }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -42,8 +42,7 @@ without contacts."""
 _EVALUATED_INSTANTS = 24
 """Instants evaluated in the last revolution: contacts open and close, and their stiffness changes."""
 
-_RIGID_BODY_RATIO = 1e-9
-"""Ratio to the highest squared frequency below which a mode is a rigid-body mode."""
+_RIGID_BODY_RATIO = 1e-9  # ratio to the highest squared frequency below which a mode is a rigid-body mode
 
 
 @dataclass(frozen=True)
@@ -63,55 +62,40 @@ class StepAmplification:
         return bool(self.moving)
 
 
-@dataclass(frozen=True, eq=False)
-class _ModeSet:
-    """Modes at an instant: angular frequencies, damping ratios, shapes as columns."""
-
-    omegas: FloatArray
-    ratios: FloatArray
-    shapes: FloatArray
-
-
 def step_amplification(ready: PreparedRun, method: Method, response: Response) -> StepAmplification:
     """Return the mode with the largest amplification by the time integration."""
     step, names = ready.problem.step, ready.problem.system.names
     if ready.problem.system.size > MAX_DOFS:
-        return _highest_mode_amplification(ready, method)
+        # The highest mode without contacts limits conditionally stable methods.
+        basis, system = basis_of(ready.problem), ready.problem.system
+        omega, moving = highest_frequency(project_system(system, basis) if basis is not None and basis.size else system)
+        radius, limit = method.spectral_radius(omega * step), method.stability_limit()
+        longest = limit / omega if omega else math.inf
+        return StepAmplification(radius, omega / (2.0 * math.pi), 0.0, tuple(moving), 0.0, longest)
     worst, critical = StepAmplification(0.0, 0.0, 0.0, (), 0.0, math.inf), math.inf
     limited = method.stability_limit() < math.inf
-    for angle, swings in _modes_along_motion(ready, response):
-        if not len(swings.omegas):
-            continue
-        pairs = zip(swings.omegas.tolist(), swings.ratios.tolist(), strict=True)
+    for angle, omegas, ratios, shapes in _modes_along_motion(ready, response):
+        pairs = zip(omegas.tolist(), ratios.tolist(), strict=True)
         radii = [method.spectral_radius(omega * step, max(ratio, 0.0)) for omega, ratio in pairs]
-        most = max(range(len(radii)), key=lambda i: (round(radii[i], 9), swings.omegas[i]))
-        here = StepAmplification(
-            radii[most], float(swings.omegas[most]) / (2.0 * math.pi), float(swings.ratios[most]),
-            _main_motions(swings.shapes[:, most], names), angle, math.inf,
-        )  # fmt: skip
+        most = max(range(len(radii)), key=lambda i: (round(radii[i], 9), omegas[i]))
+        order: list[int] = np.argsort(-np.abs(shapes[:, most])).tolist()
+        moving = tuple(names[i] for i in order[:3])
+        frequency, ratio = float(omegas[most]) / (2.0 * math.pi), float(ratios[most])
+        here = StepAmplification(radii[most], frequency, ratio, moving, angle, math.inf)
         if limited:
-            ratio = max(float(swings.ratios[-1]), 0.0)
-            critical = min(critical, method.stability_limit(ratio) / float(swings.omegas[-1]))
+            critical = min(critical, method.stability_limit(max(float(ratios[-1]), 0.0)) / float(omegas[-1]))
         if (round(here.radius, 9), here.frequency) > (round(worst.radius, 9), worst.frequency):
             worst = here
-    return StepAmplification(worst.radius, worst.frequency, worst.damping, worst.moving, worst.angle, critical)
+    return replace(worst, critical_step=critical)
 
 
-def _highest_mode_amplification(ready: PreparedRun, method: Method) -> StepAmplification:
-    """Return the amplification of the highest mode without contacts, which limits conditionally stable methods."""
-    basis, system = basis_of(ready.problem), ready.problem.system
-    omega, moving = highest_frequency(project_system(system, basis) if basis is not None and basis.size else system)
-    radius, limit = method.spectral_radius(omega * ready.problem.step), method.stability_limit()
-    return StepAmplification(
-        radius, omega / (2.0 * math.pi), 0.0, tuple(moving), 0.0, limit / omega if omega else math.inf
-    )
-
-
-def _modes_along_motion(ready: PreparedRun, response: Response) -> list[tuple[float, _ModeSet]]:
-    """Return cam angle and modes at some instants of the last revolution."""
+def _modes_along_motion(
+    ready: PreparedRun, response: Response
+) -> Iterator[tuple[float, FloatArray, FloatArray, FloatArray]]:
+    """Yield cam angle and modes (angular frequencies, damping ratios, columns) at instants of the last revolution."""
     system = ready.problem.system
     if not 0 < system.size <= MAX_DOFS or not len(response.field_time):
-        return []
+        return
     late: list[int] = np.flatnonzero(response.field_time > response.field_time[-1] - ready.revolution).tolist()
     chosen = late[:: max(len(late) // _EVALUATED_INSTANTS, 1)]
     fields = response.fields.at(np.isin(np.arange(len(response.field_time)), chosen))
@@ -120,18 +104,16 @@ def _modes_along_motion(ready: PreparedRun, response: Response) -> list[tuple[fl
     basis = basis_of(ready.problem)
     within = basis.spread(np.eye(basis.size)).T if basis is not None and basis.size else np.eye(system.size)
     last = None
-    found: list[tuple[float, _ModeSet]] = []
     for i in range(len(chosen)):
         C, K = tangents.at(i)
         if last is None or not np.array_equal(K, last):
-            swings = _oscillatory_modes(*(within.T @ matrix @ within for matrix in (tangents.mass, C, K)))
-            shown = replace(swings, shapes=within @ swings.shapes)
-            found.append((float(response.field_angle[chosen[i]]), shown))
+            omegas, ratios, shapes = _oscillatory_modes(*(within.T @ A @ within for A in (tangents.mass, C, K)))
+            if len(omegas):
+                yield float(response.field_angle[chosen[i]]), omegas, ratios, within @ shapes
         last = K
-    return found
 
 
-def _oscillatory_modes(M: FloatArray, C: FloatArray, K: FloatArray) -> _ModeSet:
+def _oscillatory_modes(M: FloatArray, C: FloatArray, K: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the oscillatory modes of possibly unsymmetric matrices, lowest first, without free and growing ones."""
     from scipy.linalg import eig
 
@@ -143,12 +125,7 @@ def _oscillatory_modes(M: FloatArray, C: FloatArray, K: FloatArray) -> _ModeSet:
     omegas, shapes = np.sqrt(squares[order]), np.real(vectors[:, order])
     heavy = np.einsum("ik,ik->k", shapes, M @ shapes)
     slowed = np.einsum("ik,ik->k", shapes, C @ shapes)
-    return _ModeSet(omegas, slowed / np.where(heavy > 0.0, 2.0 * omegas * heavy, np.inf), shapes)
-
-
-def _main_motions(shape: FloatArray, names: tuple[str, ...]) -> tuple[str, ...]:
-    order: list[int] = np.argsort(-np.abs(shape)).tolist()
-    return tuple(names[i] for i in order[:3])
+    return omegas, slowed / np.where(heavy > 0.0, 2.0 * omegas * heavy, np.inf), shapes
 
 
 def force_harmonics(response: Response, contact: str, count: int) -> FloatArray:
@@ -161,8 +138,7 @@ def force_harmonics(response: Response, contact: str, count: int) -> FloatArray:
 
 
 _HARMONICS = 24
-_SMALL = 1e-3
-"""Amplitude relative to the largest harmonic of the lift below which a harmonic is ignored."""
+_SMALL = 1e-3  # amplitude relative to the largest harmonic of the lift below which a harmonic is ignored
 
 
 @dataclass(frozen=True)
@@ -207,26 +183,15 @@ def lift_harmonics(event: Event, count: int) -> dict[int, float]:
     return {n: float(size) for n, size in enumerate(sizes, start=1) if size >= _SMALL * sizes.max()}
 
 
-_RESONANCE_WIDTH = 0.03
-"""Relative distance of a harmonic from a mode that counts as resonance."""
-
+_RESONANCE_WIDTH = 0.03  # relative distance of a harmonic from a mode that counts as resonance
 _MIN_FORCE_RATIO = 0.05
 """Amplitude relative to the maximum contact force from which a resonant harmonic counts; weaker ones are listed."""
 
-_MIN_CHANGE = 0.01, 0.1
-"""Differences of two revolutions, of the motion and the force, from which chatter counts."""
-
-_LISTED_SPEED_RATIO = 2.0
-"""Multiple of the case's speed up to which resonances are listed individually."""
-
-_PERIODICITY_TOLERANCE = 1e-3
-"""Allowed difference between start and end of a periodic motion, relative to the motion."""
-
+_MIN_CHANGE = 0.01, 0.1  # differences of two revolutions, of the motion and the force, from which chatter counts
+_LISTED_SPEED_RATIO = 2.0  # multiple of the case's speed up to which resonances are listed individually
+_PERIODICITY_TOLERANCE = 1e-3  # allowed difference between start and end of a periodic motion, relative to the motion
 _GROWTH_THRESHOLD = 1.0 + 1e-6
-
-_MIN_STEPS = 360
-"""Minimum steps per revolution for the Floquet analysis: coarse steps miss parametric growth."""
-
+_MIN_STEPS = 360  # minimum steps per revolution for the Floquet analysis: coarse steps miss parametric growth
 _MAX_STEPS = 36_000
 """Maximum steps per revolution: every step requires a linearization, and a hundredth of a degree is sufficient."""
 

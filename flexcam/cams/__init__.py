@@ -13,14 +13,18 @@ from flexcam.cams.followers import (
     SwingRollerFollower,
     Turn,
 )
-from flexcam.cams.harmonic_synthesis import (
+from flexcam.cams.harmonic_lift import (
     HarmonicFit,
+    HarmonicLift,
+    OrderSpectrum,
     Polydyne,
     SingleMass,
     Transfer,
     harmonic_fit,
+    harmonics,
     harmonics_below,
     off_design_deviation,
+    order_spectrum,
     polydyne,
 )
 from flexcam.cams.law_criteria import Criteria, Extreme, criteria, curve_minimum, residual_spectrum
@@ -38,10 +42,9 @@ from flexcam.cams.lift_event import (
     overlap,
     valve_event,
 )
-from flexcam.cams.lift_table import LiftReport, lift_table
+from flexcam.cams.lift_table import LiftReport, PeriodicSpline, lift_table
 from flexcam.cams.minimax import Synthesis, minimax, pareto
 from flexcam.cams.motion_law import Law, Ramp, ReversedLaw
-from flexcam.cams.periodic_lift import HarmonicLift, OrderSpectrum, PeriodicSpline, harmonics, order_spectrum
 from flexcam.cams.polynomial_laws import BSplineLaw, Polynomial, quinquinomial, through_points
 from flexcam.cams.profile import (
     PRESSURE_ANGLE,
@@ -59,21 +62,18 @@ from flexcam.cams.profile import (
 from flexcam.cams.standard_laws import (
     CompoundCycloid,
     CosineSum,
-    Cycloidal,
     Harmonic,
-    Parabolic,
     Scca,
-    SimpleHarmonic,
     harmonic_acceleration,
 )
 from flexcam.cams.synthesis_family import Family, HarmonicFamily, SplineFamily
 
 __all__ = [
     "KINDS", "LAWS", "PRESSURE_ANGLE", "THRESHOLDS", "BSplineLaw", "Bridge", "CamProfile", "CompoundCycloid",
-    "CosineSum", "Criteria", "Cycloidal", "DelayedEvent", "Event", "Extreme", "Family", "FlatFollower", "Follower",
+    "CosineSum", "Criteria", "DelayedEvent", "Event", "Extreme", "Family", "FlatFollower", "Follower",
     "FollowerContact", "Harmonic", "HarmonicFamily", "HarmonicFit", "HarmonicLift", "Joint", "Law", "LawKind",
-    "LiftEvent", "LiftReport", "OrderSpectrum", "Parabolic", "PeriodicSpline", "Polydyne", "Polynomial",
-    "ProfileFault", "Ramp", "ReversedLaw", "RollerFollower", "Scca", "SimpleHarmonic", "SingleMass", "SplineFamily",
+    "LiftEvent", "LiftReport", "OrderSpectrum", "PeriodicSpline", "Polydyne", "Polynomial",
+    "ProfileFault", "Ramp", "ReversedLaw", "RollerFollower", "Scca", "SingleMass", "SplineFamily",
     "SwingFlatFollower", "SwingRollerFollower", "Synthesis", "Transfer", "Turn", "ValveEvent", "cam_profile",
     "centreline", "criteria", "curve_minimum", "event_extremes", "find_bridges", "find_profile_faults",
     "harmonic_acceleration", "harmonic_fit", "harmonics", "harmonics_below", "joints", "kind_names", "law_kind",

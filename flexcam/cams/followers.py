@@ -13,8 +13,9 @@ Handbook, 2nd ed. (2009), ch. 7. The equations for the swinging follower with a 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from typing import Any, Literal, Protocol, Self
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,46 +46,29 @@ class FollowerContact:
     turning: FloatArray  #: angle by which the normal turns per cam angle, counterclockwise, 1
 
 
-class Follower(Protocol):
-    """Interface of a follower on a cam.
+@dataclass(frozen=True)
+class Follower(ABC):
+    """Base class of followers.
 
     `lift` is in metres along the path of the part that follows the cam: of the roller's centre where it swings, of a
     point at the arm's length for a swinging flat face.
     """
 
-    @property
-    def base_radius(self) -> float:
-        """Radius of the cam's base circle, m."""
-        ...
-
-    @property
-    def roller_radius(self) -> float:
-        """Roller radius, m; infinite for a flat face."""
-        ...
+    base_radius: float  #: of the cam, m
+    roller_radius: float  #: m; infinite for a flat face
 
     @property
     def lift_direction(self) -> complex:
-        """Unit direction in which the lift begins, fixed frame."""
-        ...
+        """Unit direction in which the lift begins, fixed frame: upwards, or normal to the arm on the base circle."""
+        return 1j
 
+    @abstractmethod
     def contact(self, lift: FloatArray, velocity: FloatArray, acceleration: FloatArray, turn: Turn) -> FollowerContact:
         """Return the contact at given lift (m), velocity (m/rad) and acceleration (m/rad^2), shape (n,) each."""
-        ...
 
+    @abstractmethod
     def lift_at(self, point: ComplexArray) -> FloatArray:
         """Return the lift at which the follower would contact points in the fixed frame, m; -inf if unreachable."""
-        ...
-
-    def with_base(self, base_radius: float) -> Follower:
-        """Return the same follower on another base circle."""
-        ...
-
-
-@dataclass(frozen=True)
-class _OnBaseCircle:
-    """Base class of followers."""
-
-    base_radius: float  #: of the cam, m
 
     def with_base(self, base_radius: float) -> Self:
         """Return the same follower on another base circle."""
@@ -92,21 +76,13 @@ class _OnBaseCircle:
 
 
 @dataclass(frozen=True)
-class FlatFollower(_OnBaseCircle):
+class FlatFollower(Follower):
     """Translating follower with a flat face normal to its motion."""
+
+    roller_radius: float = field(default=math.inf, init=False, repr=False)
 
     def __post_init__(self) -> None:
         positive("base_radius", self.base_radius, "m")
-
-    @property
-    def roller_radius(self) -> float:
-        """Infinite: a flat face."""
-        return math.inf
-
-    @property
-    def lift_direction(self) -> complex:
-        """Upwards."""
-        return 1j
 
     def contact(self, lift: FloatArray, velocity: FloatArray, acceleration: FloatArray, turn: Turn) -> FollowerContact:
         """Return the contact, at the distance s' from the axis, where the velocities along the normal agree."""
@@ -154,10 +130,9 @@ def _roller_contact(
 
 
 @dataclass(frozen=True)
-class RollerFollower(_OnBaseCircle):
+class RollerFollower(Follower):
     """Translating follower with a roller."""
 
-    roller_radius: float  #: m
     #: distance of the follower's axis from the cam's, m; positive to the right of the upward motion
     offset: float = 0.0
 
@@ -168,11 +143,6 @@ class RollerFollower(_OnBaseCircle):
             given = f"{self.offset:g} m"
             allowed = f"less than base circle and roller together, {self.base_radius + self.roller_radius:g} m"
             raise refuse("follower.offset", given, allowed, "the roller would not touch the cam")
-
-    @property
-    def lift_direction(self) -> complex:
-        """Upwards."""
-        return 1j
 
     @property
     def _start(self) -> float:
@@ -200,11 +170,10 @@ def _normal_direction(angle: float, side: Turn) -> complex:
 
 
 @dataclass(frozen=True)
-class SwingRollerFollower(_OnBaseCircle):
+class SwingRollerFollower(Follower):
     """Swinging follower with a roller at the end of its arm."""
 
-    #: `roller_radius`, `arm`, `distance`: roller, pivot to roller centre, pivot to cam centre, m
-    roller_radius: float
+    #: `arm`, `distance`: pivot to roller centre, pivot to cam centre, m
     arm: float
     distance: float
     side: Turn = 1  #: 1 where the arm turns clockwise on the rise (roller above the line of centres), else -1
@@ -263,9 +232,10 @@ class SwingRollerFollower(_OnBaseCircle):
 
 
 @dataclass(frozen=True)
-class SwingFlatFollower(_OnBaseCircle):
+class SwingFlatFollower(Follower):
     """Swinging follower with a flat face."""
 
+    roller_radius: float = field(default=math.inf, init=False, repr=False)
     #: `arm`, `distance`: length at which the lift is measured, and pivot to cam centre, m
     arm: float
     distance: float
@@ -279,11 +249,6 @@ class SwingFlatFollower(_OnBaseCircle):
         if not abs(self.base_radius - self.face) < self.distance:
             allowed = f"within {self.distance:g} m (the distance) of the base radius"
             raise refuse("follower.face", f"{self.face:g} m", allowed, "the face must touch the base circle")
-
-    @property
-    def roller_radius(self) -> float:
-        """Infinite: a flat face."""
-        return math.inf
 
     @property
     def start_angle(self) -> float:

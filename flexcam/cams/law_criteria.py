@@ -19,12 +19,10 @@ from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import refuse
 
 _POINTS = 2001  # samples per smooth piece: two extremes closer than 1/2000 of it are not distinguished
-
 _HALVINGS = 60
 _ZERO = 1e-9  # size of a derivative (normalized law) that counts as zero
 _SAME_CRITERIA = 1e-9  # relative difference of two extremes below which both positions are reported
 _MOST_PLACES = 40  # number of equal extremes above which only the first is reported, as on a plateau
-
 _HARMONICS = 12
 _STEPS = ((1, "velocity"), (2, "acceleration"), (3, "jerk"))
 
@@ -128,8 +126,7 @@ def criteria(law: Law) -> Criteria:
 
 def stationary_points(law: Law, order: int) -> FloatArray:
     """Return candidate positions of an extreme of a derivative: joints, ends and stationary points."""
-    pieces = _pieces(law.breaks)
-    return np.sort(np.concatenate([_candidates(lambda z: law(z, order + 1), *piece) for piece in pieces]))
+    return _candidates(lambda z: law(z, order + 1), law.breaks)
 
 
 def root_mean_square(law: Law, order: int) -> float:
@@ -150,14 +147,8 @@ def _largest(extremes: tuple[Extreme, Extreme]) -> float:
     return max(abs(one.value) for one in extremes)
 
 
-def _pieces(breaks: tuple[float, ...]) -> list[tuple[float, float]]:
-    """Return the smooth pieces; each ends just before its joint because a law's value there is the right limit."""
-    ends = list(pairwise([0.0, *breaks, 1.0]))
-    return [(a, b if b == 1.0 else float(np.nextafter(b, 0.0))) for a, b in ends]
-
-
 def _extremes(curve: Curve, slope: Curve, breaks: tuple[float, ...]) -> tuple[Extreme, Extreme]:
-    places = np.sort(np.concatenate([_candidates(slope, *piece) for piece in _pieces(breaks)]))
+    places = _candidates(slope, breaks)
     values = curve(places)
     return _extreme(values, places, int(np.argmin(values))), _extreme(values, places, int(np.argmax(values)))
 
@@ -172,13 +163,17 @@ def _extreme(values: FloatArray, places: FloatArray, best: int) -> Extreme:
     return Extreme(value, float(apart[0]), tuple(apart[1:].tolist()))
 
 
-def _candidates(slope: Curve, start: float, end: float) -> FloatArray:
-    """Return the ends of a smooth piece and the zeros of the slope between them."""
-    grid = np.linspace(start, end, _POINTS)
-    signs = np.sign(slope(grid))
-    left = np.flatnonzero(signs[:-1] * signs[1:] < 0.0)
-    zeros = bisect(lambda z: np.sign(slope(z)) != signs[left], grid[left], grid[left + 1])
-    return np.concatenate([[start, end], grid[signs == 0.0], zeros])
+def _candidates(slope: Curve, breaks: tuple[float, ...]) -> FloatArray:
+    """Return the ends of all smooth pieces and the zeros of the slope between them."""
+    found: list[FloatArray] = []
+    for start, end in pairwise([0.0, *breaks, 1.0]):
+        # A piece ends just before its joint because a law's value there is the right limit.
+        grid = np.linspace(start, end if end == 1.0 else float(np.nextafter(end, 0.0)), _POINTS)
+        signs = np.sign(slope(grid))
+        left = np.flatnonzero(signs[:-1] * signs[1:] < 0.0)
+        zeros = bisect(lambda z, below=signs[left]: np.sign(slope(z)) != below, grid[left], grid[left + 1])
+        found += [grid[[0, -1]], grid[signs == 0.0], zeros]
+    return np.sort(np.concatenate(found))
 
 
 def bisect(beyond: Callable[[FloatArray], NDArray[np.bool_]], low: FloatArray, high: FloatArray) -> FloatArray:

@@ -19,11 +19,8 @@ from flexcam.cams.standard_laws import (
     PAVLOVIC_TRIGONOMETRIC,
     CompoundCycloid,
     CosineSum,
-    Cycloidal,
     Harmonic,
-    Parabolic,
     Scca,
-    SimpleHarmonic,
     harmonic_acceleration,
 )
 from flexcam.core.errors import refuse
@@ -33,10 +30,10 @@ LawKind = Callable[..., Law]
 
 LAWS: Mapping[str, Law] = MappingProxyType(
     {
-        "shm": SimpleHarmonic(),
-        "cos": SimpleHarmonic(),
-        "parabolic": Parabolic(),
-        "cycloidal": Cycloidal(),
+        "shm": CosineSum((0.5, -0.5)),
+        "cos": CosineSum((0.5, -0.5)),
+        "parabolic": Scca(0.0, 1.0, 0.0),
+        "cycloidal": Harmonic(((1, 1.0),)),
         "modified-trapezoid": Scca(0.25, 0.5, 0.25),
         "modified-sine": Scca(0.25, 0.0, 0.75),
         "2-3": Polynomial((2, 3)),

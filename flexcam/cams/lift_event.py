@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import accumulate
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 
@@ -20,25 +21,32 @@ _SNAP = 1e-9
 """
 
 _REVOLUTION = 2.0 * math.pi
+_GRID = np.linspace(0.0, _REVOLUTION, 7201)
 _ROUNDING = 1e-12
 
 
-class Event(Protocol):
-    """Interface of a periodic lift over the cam angle."""
-
-    @property
-    def height(self) -> float:
-        """Largest lift, m."""
-        ...
+class Event(ABC):
+    """Periodic lift over the cam angle."""
 
     @property
     def joints(self) -> tuple[float, ...]:
-        """Cam angles, rad from 0 to 2 pi, where a derivative may jump."""
-        ...
+        """Cam angles, rad from 0 to 2 pi, where a derivative may jump; none for a smooth lift."""
+        return ()
 
+    @property
+    def height(self) -> float:
+        """Largest lift, ramps included, m."""
+        return self._height
+
+    @cached_property
+    def _height(self) -> float:
+        """Largest lift with a relative accuracy of 1e-9."""
+        at = float(_GRID[np.argmax(self(_GRID))])
+        return float(self(at + np.linspace(-1.0, 1.0, 2001) * (_GRID[1] - _GRID[0])).max())
+
+    @abstractmethod
     def __call__(self, angle: FloatArray, order: int = 0) -> FloatArray:
         """Return the derivative of the given order (0 to 4) by the cam angle (rad), m/rad^order, shape as `angle`."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +83,7 @@ class Segment:
 
 
 @dataclass(frozen=True)
-class LiftEvent:
+class LiftEvent(Event):
     """Lift of a follower over the cam angle: ramps, rise, dwell and return.
 
     Parameters
@@ -105,8 +113,8 @@ class LiftEvent:
 
     Examples
     --------
-    >>> from flexcam.cams import SimpleHarmonic
-    >>> event = LiftEvent(SimpleHarmonic(), lift=0.006, rise=math.pi, fall=math.pi)
+    >>> from flexcam.cams import LAWS
+    >>> event = LiftEvent(LAWS["shm"], lift=0.006, rise=math.pi, fall=math.pi)
     >>> event(np.array([0.0, math.pi, 2.0 * math.pi]))
     array([0.   , 0.006, 0.   ])
     """
@@ -139,10 +147,6 @@ class LiftEvent:
             if max(self.rise, self.dwell, self.fall) > 2.0 * _REVOLUTION:  # degrees without a unit
                 remedy = "a number without a unit is in rad: write '180 deg'"
             raise refuse("rise + dwell + return", given, "up to 360 deg of cam angle, ramps included", why, remedy)
-        self._check_dwells(total)
-        self._check_ramps()
-
-    def _check_dwells(self, total: float) -> None:
         if self.single_dwell == "low" and self.dwell > 0.0:
             raise refuse("dwell", f"{math.degrees(self.dwell):g} deg", "0", 'single_dwell = "low" has no upper dwell')
         if self.single_dwell == "high" and total < _REVOLUTION - _SNAP:
@@ -152,8 +156,6 @@ class LiftEvent:
             raise refuse("single_dwell", repr(self.single_dwell), "'high' or 'low'")
         if self.single_dwell == "high" and (self.ramp or self.closing_ramp):
             raise refuse("ramps", "ramps", "none", 'single_dwell = "high" has no lower dwell to ramp from')
-
-    def _check_ramps(self) -> None:
         opening, closing = self._ramps
         if closing and closing.height >= self._top:
             given, top = f"a closing ramp of {1e3 * closing.height:.4g} mm", f"below {1e3 * self._top:.4g} mm"
@@ -179,13 +181,9 @@ class LiftEvent:
         """Lift of the upper dwell, ramp included, m."""
         return self.lift + (self.ramp.height if self.ramp else 0.0)
 
-    @property
-    def height(self) -> float:
-        """Largest lift including the ramp, m; above that of the upper dwell if a law overshoots 1."""
-        return self._height
-
     @cached_property
     def _height(self) -> float:
+        """Largest lift including the ramp, m; above that of the upper dwell if a law overshoots 1."""
         top = -curve_minimum(lambda angle: -self(angle), self.joints).value
         return top if top > self._top * (1.0 + _ROUNDING) else self._top
 
@@ -236,7 +234,7 @@ class LiftEvent:
 
 
 @dataclass(frozen=True, eq=False)
-class DelayedEvent:
+class DelayedEvent(Event):
     """Event delayed by a phase.
 
     Examples
@@ -308,10 +306,7 @@ def centreline(event: Event) -> float:
 
 _DWELL_TOLERANCE = 1e-9  # relative difference of lifts within a dwell
 _PEAK_WIDTH, _JOINT_TOLERANCE = 1e-3, 1e-5  # half the width of a peak, and its distance from a joint, rad
-
 _STEP_TOLERANCE = 1e-6  # relative size of a step, to the largest value of its curve, below which it is zero
-
-_GRID = np.linspace(0.0, _REVOLUTION, 7201)
 
 
 @dataclass(frozen=True)

@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexcam.cams.lift_event import DelayedEvent
-from flexcam.cams.periodic_lift import DEGREE, PeriodicSpline, spline_knots
+from flexcam.cams.lift_event import DelayedEvent, Event
 from flexcam.core import FloatArray
-from flexcam.core.errors import Fault, InputError, format_shape, refuse
+from flexcam.core.errors import Fault, InputError, finite_array, format_shape, refuse
 from flexcam.core.units import DIMENSIONS
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
 
 _REVOLUTION = 2.0 * math.pi
 _STEP, _MIN_STEP = math.radians(1.0), math.radians(0.1)  # spacing of the points added on the base circle
 _KNOTS = (360, 720, 1440)  # initial number of knots, one per degree of cam angle; the tolerance may require more
-
 _FAR, _SMALL = 8.0, 5e-4
 """A point is an outlier if it moves by more than eight times the scatter and 1/2000 of the lift."""
 
@@ -25,11 +28,42 @@ _INTERPOLATION_TOLERANCE = 1e-5
 """RMS deviation, relative to the largest lift, up to which a spline interpolates the points."""
 
 _BELOW = 1e-4  # fraction of the largest lift by which a spline may fall below the base circle without a warning
-
 _RIPPLE = np.linspace(0.0, 2.0 * math.pi, 7201)
-
 _DOF_WEIGHT = 1.4
 """Weight of the degrees of freedom in cross-validation; 1 sometimes follows the noise (Kim and Gu 2004)."""
+
+
+_DEGREE = 5  # of the spline
+
+
+def _spline_knots(count: int) -> FloatArray:
+    """Return the knots of the periodic B-splines of degree 5, which begin and end outside of the revolution."""
+    return _REVOLUTION / count * np.arange(-_DEGREE, count + _DEGREE + 1, dtype=np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class PeriodicSpline(Event):
+    """Lift over a revolution as a spline of degree 5 with equally spaced knots and continuous fourth derivative."""
+
+    coefficients: FloatArray  #: m, shape (n,), one per knot, 12 or more
+
+    def __post_init__(self) -> None:
+        values = finite_array("coefficients", self.coefficients, (None,))
+        if len(values) < 2 * (_DEGREE + 1):
+            raise refuse("coefficients", f"{len(values)} values", f"{2 * (_DEGREE + 1)} or more")
+        object.__setattr__(self, "coefficients", values)
+
+    def __call__(self, angle: FloatArray, order: int = 0) -> FloatArray:
+        """Return the derivative of the given order (0 to 4) by the cam angle (rad), m/rad^order, shape as `angle`."""
+        return np.asarray(self._derivatives[order](np.mod(angle, _REVOLUTION)), dtype=float)
+
+    @cached_property
+    def _derivatives(self) -> tuple[BSpline[np.float64], ...]:
+        from scipy.interpolate import BSpline
+
+        around = np.append(self.coefficients, self.coefficients[:_DEGREE])
+        spline = BSpline(_spline_knots(len(self.coefficients)), around, _DEGREE)
+        return tuple(spline.derivative(order) if order else spline for order in range(_DEGREE))
 
 
 @dataclass(frozen=True)
@@ -98,13 +132,13 @@ def _fit_by_cross_validation(theta: FloatArray, s: FloatArray, count: int, noise
 
     If more knots do not halve the deviation, the point is an outlier and the coarser spline is used.
     """
-    fit = _Fit.of(theta, s, count, _KNOTS[0])
+    fit = _Fit(theta, s, count, _KNOTS[0])
     weight = _minimize_cross_validation(fit)
     allowed = _FAR * noise + _SMALL * float(s.max())
     for most in _KNOTS[1:]:
         if fit.largest_change(weight) <= allowed or fit.rows.shape[1] >= len(theta):
             break
-        finer = _Fit.of(theta, s, count, most)
+        finer = _Fit(theta, s, count, most)
         found = _minimize_cross_validation(finer, near=math.log10(weight) + _WEIGHT_PER_HALVING)
         if finer.largest_change(found) <= 0.5 * fit.largest_change(weight):
             fit, weight = finer, found
@@ -113,15 +147,21 @@ def _fit_by_cross_validation(theta: FloatArray, s: FloatArray, count: int, noise
 
 def _fit_within_tolerance(theta: FloatArray, s: FloatArray, count: int, tolerance: float) -> tuple[_Fit, float]:
     """Return the fit with the largest roughness weight and the fewest knots within a tolerance."""
-    fit = _Fit.of(theta, s, count, _KNOTS[0])
+    fit = _Fit(theta, s, count, _KNOTS[0])
     least = fit.rms_change(_LEAST)
     for most in _KNOTS[1:]:
         if least <= tolerance or fit.rows.shape[1] >= len(theta):
             break
-        fit = _Fit.of(theta, s, count, most)
+        fit = _Fit(theta, s, count, most)
         least = fit.rms_change(_LEAST)
     if least <= tolerance:
-        return fit, _max_roughness_weight(fit, tolerance)
+        low, high = _LOWEST, _HIGHEST
+        if fit.rms_change(10.0**low) > tolerance:
+            return fit, _LEAST
+        for _ in range(30):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if fit.rms_change(10.0**middle) <= tolerance else (low, middle)
+        return fit, 10.0**low
     if tolerance > 0.0:
         given = f"{1e6 * tolerance:.4g} um for {count} points"
         why = f"a spline of {_KNOTS[-1]} knots cannot follow them closer"
@@ -147,39 +187,30 @@ def _add_base_circle(theta: FloatArray, s: FloatArray) -> tuple[FloatArray, Floa
     return np.concatenate(angles), np.concatenate(heights)
 
 
-@dataclass(frozen=True, eq=False)
 class _Fit:
-    """Matrices of the smoothing problem.
+    """Smoothing problem: spline through points of which the first `count` are measured.
 
-    Rows of the spline at the points and their square, those of the measured points alone, third differences of the
-    coefficients (which stand for the third derivative) and their square, and the lifts.
+    `third` holds third differences of the coefficients, which stand for the third derivative.
     """
 
-    rows: FloatArray
-    square: FloatArray
-    measured: FloatArray
-    third: FloatArray
-    rough: FloatArray
-    lift: FloatArray
-    count: int
-
-    @classmethod
-    def of(cls, theta: FloatArray, s: FloatArray, count: int, most: int) -> _Fit:
+    def __init__(self, theta: FloatArray, s: FloatArray, count: int, most: int) -> None:
         from scipy.interpolate import BSpline
 
-        knots = min(most, max(len(theta), 2 * (DEGREE + 1)))
-        all_rows = BSpline.design_matrix(np.mod(theta, _REVOLUTION), spline_knots(knots), DEGREE).toarray()
-        rows = all_rows[:, :knots]
-        rows[:, :DEGREE] += all_rows[:, knots:]
+        knots = min(most, max(len(theta), 2 * (_DEGREE + 1)))
+        all_rows = BSpline.design_matrix(np.mod(theta, _REVOLUTION), _spline_knots(knots), _DEGREE).toarray()
+        self.rows: FloatArray = all_rows[:, :knots]
+        self.rows[:, :_DEGREE] += all_rows[:, knots:]
         third = np.eye(knots)
         for _ in range(3):
             third = np.roll(third, -1, axis=0) - third
-        square, rough = rows.T @ rows, third.T @ third
-        scale = float(np.trace(square) / np.trace(rough))
-        measured = rows[:count].T @ rows[:count]
-        return cls(rows, square, measured, math.sqrt(scale) * third, scale * rough, s, count)
+        self.square, rough = self.rows.T @ self.rows, third.T @ third
+        scale = float(np.trace(self.square) / np.trace(rough))
+        self.third, self.rough = math.sqrt(scale) * third, scale * rough
+        self.measured = self.rows[:count].T @ self.rows[:count]
+        self.lift, self.count = s, count
 
     def coefficients(self, weight: float) -> FloatArray:
+        """Return the coefficients of the spline at a roughness weight."""
         if weight > _ILL:
             found = np.linalg.solve(self.square + weight * self.rough, self.rows.T @ self.lift)
         else:  # the normal equations would lose so small a weight
@@ -213,17 +244,6 @@ _LEAST, _LOWEST, _HIGHEST = 1e-9, -7.0, 8.0
 
 The roughness is scaled to the square of the rows.
 """
-
-
-def _max_roughness_weight(fit: _Fit, tolerance: float) -> float:
-    """Return the largest roughness weight whose change of the points is within the tolerance."""
-    low, high = _LOWEST, _HIGHEST
-    if fit.rms_change(10.0**low) > tolerance:
-        return _LEAST
-    for _ in range(30):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if fit.rms_change(10.0**middle) <= tolerance else (low, middle)
-    return 10.0**low
 
 
 _WEIGHT_PER_HALVING = 6.0 * math.log10(2.0)
@@ -302,7 +322,6 @@ _HIGH, _AROUND, _SPOILED, _BAND = 0.9, 17, 2.0 / 3.0, 0.1
 
 _LEAST_POINTS, _MOST_POINTS = 12, 20_000
 _MOST_FAULTS = 10
-
 _MIN_RANGE = math.radians(20.0)
 """Minimum cam angle that a table covers; a table of a shorter range usually has its angles in another unit."""
 
@@ -311,7 +330,6 @@ _BASE = 0.01
 
 _SCATTERS = 6.0  # standard deviations of the noise allowed for a point on the base circle: one in 1e9 lies outside
 _OF_MEDIAN = 1.4826  # ratio of standard deviation to median absolute value of normal noise
-
 _GAP, _GAP_RATIO, _WIDE = math.radians(3.0), 3.0, math.radians(20.0)
 """A step is wide above 3 deg and three times its neighbours, or above 20 deg."""
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from flexcam.cams.harmonic_synthesis import constrained_least_squares
+from flexcam.cams.harmonic_lift import constrained_least_squares
 from flexcam.cams.law_criteria import Criteria, criteria, root_mean_square, stationary_points
 from flexcam.cams.motion_law import Law, quadrature
 from flexcam.cams.synthesis_family import Family, SplineFamily, universal_bound
@@ -29,8 +29,8 @@ FEASIBILITY_TOLERANCE = 1e-7
 
 CRITERIA = (*ORDERS, "rms", "Cm")
 
+_MOST_ORDER = 4
 _LIMIT_MARGIN = 1e-8  # relative margin to a limit, so that rounding does not violate it
-
 _PRECISE = 1e-10
 _INFEASIBLE = 2  # status of `scipy.optimize.linprog`
 
@@ -145,12 +145,12 @@ class Program:
     def _inequalities(
         self, places: Mapping[int, FloatArray], cuts: Sequence[TangentPlane], around: tuple[FloatArray, float] | None
     ) -> tuple[FloatArray, FloatArray]:
-        blocks = [
-            self._objective_constraints(n, *self.family.rows(places[k], k))
-            for n, k in ORDERS.items()
-            if n in self.weights
-        ]
-        blocks += [self._limit_constraints(n, *self.family.rows(places[ORDERS[n]], ORDERS[n])) for n in self.limits]
+        blocks = [self._constraints(n, *self.family.rows(places[k], k)) for n, k in ORDERS.items() if n in self.weights]
+        for name, limit in self.limits.items():
+            order = ORDERS[name]
+            blocks.append(
+                self._constraints(name, *self.family.rows(places[order], order), limit * (1.0 - _LIMIT_MARGIN))
+            )
         if self.monotone:
             rows, offset = self.family.rows(places[1], 1)
             # If a law reverses by rounding, a short step could only correct that.
@@ -159,27 +159,23 @@ class Program:
             slopes = np.array([slope for slope, _ in cuts])
             blocks.append((np.hstack([slopes, -self._pick("rms", len(cuts))]), -np.array([value for _, value in cuts])))
         if around is not None and "Cm" in self.weights:
-            blocks.append(self._objective_constraints("Cm", *self._moment(places[2], around[0])))
+            (V, v), (A, a), x = self.family.rows(places[2], 1), self.family.rows(places[2], 2), around[0]
+            first, second = V @ x + v, A @ x + a
+            rows = second[:, None] * V + first[:, None] * A  # s' s'' linearized about x
+            blocks.append(self._constraints("Cm", rows, first * second - rows @ x))
         blocks.append((np.zeros((0, self.family.size + len(self.weights))), np.zeros(0)))
         return np.vstack([A for A, _ in blocks]), np.concatenate([b for _, b in blocks])
 
-    def _moment(self, z: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return rows and offset of s' s'' linearized about given coefficients."""
-        (V, v), (A, a) = self.family.rows(z, 1), self.family.rows(z, 2)
-        first, second = V @ x + v, A @ x + a
-        rows = second[:, None] * V + first[:, None] * A
-        return rows, first * second - rows @ x
-
-    def _objective_constraints(self, name: str, rows: FloatArray, offset: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the inequalities abs(rows x + offset) <= the largest value of a criterion."""
-        pick = self._pick(name, len(rows))
-        return np.vstack([np.hstack([rows, -pick]), np.hstack([-rows, -pick])]), np.concatenate([-offset, offset])
-
-    def _limit_constraints(self, name: str, rows: FloatArray, offset: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the inequalities abs(rows x + offset) <= the limit."""
-        limit = self.limits[name] * (1.0 - _LIMIT_MARGIN)
-        rows, offset = self._dense_rows(rows) / limit, offset / limit
-        return np.vstack([rows, -rows]), np.concatenate([1.0 - offset, 1.0 + offset])
+    def _constraints(
+        self, name: str, rows: FloatArray, offset: FloatArray, limit: float | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the inequalities abs(rows x + offset) <= a limit, or <= the largest value of a criterion."""
+        if limit is None:
+            right, columns = 0.0, self._pick(name, len(rows))
+        else:
+            rows, offset, right, columns = rows / limit, offset / limit, 1.0, np.zeros((len(rows), len(self.weights)))
+        both = np.vstack([np.hstack([rows, -columns]), np.hstack([-rows, -columns])])
+        return both, np.concatenate([right - offset, right + offset])
 
     def _dense_rows(self, rows: FloatArray) -> FloatArray:
         return np.hstack([rows, np.zeros((len(rows), len(self.weights)))])
@@ -224,7 +220,6 @@ def _criterion(law: Law, name: str) -> float:
 _START = np.linspace(0.0, 1.0, 161)
 _ROUNDS = 200
 _GAP = 1e-8  # relative violation of the bound allowed before positions are added
-
 _OPTIMALITY_TOLERANCE = 1e-6
 """Relative duality gap above which the law is not reported as optimal: a hundred times the target of the search."""
 
@@ -267,8 +262,17 @@ def minimax(
     weights, limits = _check_weights("minimize", minimize, CRITERIA), _check_weights("bounds", bounds or {}, ORDERS)
     if not weights:
         raise refuse("minimize", "nothing", f"one or more of {', '.join(CRITERIA)}")
-    program = Program(family, weights, limits, _check_conditions(conditions), monotone)
-    x, bound = (_local_optimum(program), None) if "Cm" in weights else _exchange(program)
+    for z, order, value in conditions:
+        if not (0.0 <= z <= 1.0 and 0 <= order <= _MOST_ORDER and math.isfinite(value)):
+            allowed = f"[z from 0 to 1, order of the derivative from 0 to {_MOST_ORDER}, finite value]"
+            raise refuse("conditions", [z, order, value], allowed)
+    program = Program(family, weights, limits, tuple(conditions), monotone)
+    if "Cm" in weights:
+        starts = [_exchange(replace(program, weights={name: 1.0}))[0] for name in ("Ca", "rms")]
+        found = (_trust_region_descent(program, start) for start in starts)
+        x, bound = min(found, key=lambda x: program.objective(family.law(x))), None
+    else:
+        x, bound = _exchange(program)
     law = family.law(x)
     found = criteria(law)
     least = universal_bound(weights, limits, free_ends=max(abs(end[2]) for end in found.ends) > 1e-9)
@@ -298,15 +302,6 @@ def _exchange(program: Program) -> tuple[FloatArray, float]:
 
 _FIRST, _SMALLEST, _LARGEST = 0.1, 1e-8, 0.2  # trust region radii for the linearized moment
 _MAX_REPEATS = 8  # number of repetitions of a step with more positions before it is shortened
-
-
-def _local_optimum(program: Program) -> FloatArray:
-    """Return the better of the local optima from the laws of minimum acceleration and of minimum rms."""
-    starts = [_exchange(replace(program, weights={name: 1.0}))[0] for name in ("Ca", "rms")]
-    return min(
-        (_trust_region_descent(program, start) for start in starts),
-        key=lambda x: program.objective(program.family.law(x)),
-    )
 
 
 def _trust_region_descent(program: Program, x: FloatArray) -> FloatArray:
@@ -365,17 +360,6 @@ def _check_weights(where: str, given: Mapping[str, float], known: Iterable[str])
         if not (math.isfinite(value) and value > 0.0):
             raise refuse(f"{where}.{name}", value, "a finite number above zero")
     return dict(given)
-
-
-_MOST_ORDER = 4
-
-
-def _check_conditions(conditions: Sequence[Condition]) -> tuple[Condition, ...]:
-    for z, order, value in conditions:
-        if not (0.0 <= z <= 1.0 and 0 <= order <= _MOST_ORDER and math.isfinite(value)):
-            allowed = f"[z from 0 to 1, order of the derivative from 0 to {_MOST_ORDER}, finite value]"
-            raise refuse("conditions", [z, order, value], allowed)
-    return tuple(conditions)
 
 
 def _value(found: Criteria, name: str) -> float:

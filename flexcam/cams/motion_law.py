@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from itertools import pairwise
 from typing import Protocol
 
@@ -87,13 +86,11 @@ _SHORTEST = 1e-3
 _GAIN_AT_END = 0.4  # value of the integral at z = 1
 
 
-@lru_cache
-def _gain_coefficients(order: int) -> FloatArray:
-    return np.asarray(polyder(_GAIN, order), dtype=float)
+_GAIN_DERIVATIVES = [polyder(_GAIN, order) for order in range(5)]
 
 
 def _gain(z: FloatArray, order: int) -> FloatArray:
-    return np.asarray(polyval(z, _gain_coefficients(order)), dtype=float)
+    return np.asarray(polyval(z, _GAIN_DERIVATIVES[order]), dtype=float)
 
 
 @dataclass(frozen=True)
@@ -108,7 +105,7 @@ class Ramp:
         positive("ramps.height", self.height, "m")
         positive("ramps.duration", self.duration, "rad")
         if not (self.take_off == 0.0 or _SHORTEST <= self.take_off <= 1.0):
-            raise refuse("ramps.take_off", self.take_off, f"0, or a fraction from {_SHORTEST:g} to 1of the duration")
+            raise refuse("ramps.take_off", self.take_off, f"0, or a fraction from {_SHORTEST:g} to 1 of the duration")
 
     @property
     def slope(self) -> float:
@@ -128,7 +125,7 @@ class Ramp:
     def __call__(self, z: FloatArray, order: int = 0) -> FloatArray:
         """Return the derivative of the given order of the normalized ramp, from 0 to 1 over 0 to 1."""
         t = self.take_off
-        line = ((z - (1.0 - _GAIN_AT_END) * t), np.ones_like(z))[order] if order < 2 else np.zeros_like(z)
+        line = linear(z, order) - ((1.0 - _GAIN_AT_END) * t if order == 0 else 0.0)
         if t > 0.0:
             # The take-off is the mirror image of the gain at the end of the main lift.
             backwards = np.clip(1.0 - z / t, 0.0, 1.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property, lru_cache
+from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 
 _LARGEST = 60  # exponent above which too many digits are lost between the ends
-
 _NEAR_END = 0.05
 """Distance from z = 1 within which the law is evaluated in powers of 1 - z, so that its end conditions are exact."""
 
@@ -49,10 +48,8 @@ class Polynomial(SmoothLaw):
         if why := _exponent_fault(p, least):
             allowed = f"two or more whole numbers, ascending from {least}, up to {_LARGEST}"
             raise refuse("exponents", list(p), allowed, why)
-        if self.conditions:
-            self._check_conditions()
-
-    def _check_conditions(self) -> None:
+        if not self.conditions:
+            return
         given, needed = f"{len(self.conditions)} conditions", len(self.exponents)
         if len(self.conditions) != needed:
             raise refuse("conditions", given, f"{needed}, one per exponent")
@@ -67,7 +64,9 @@ class Polynomial(SmoothLaw):
     def _exact(self) -> tuple[Fraction, ...]:
         p = self.exponents
         if self.conditions:
-            rows = [[_power(z, order, q) for q in p] for z, order, _ in self.conditions]
+            rows = [
+                [math.perm(q, order) * Fraction(z) ** max(q - order, 0) for q in p] for z, order, _ in self.conditions
+            ]
             return _solve_exact(rows, [Fraction(value) for _, _, value in self.conditions])
         return tuple(math.prod((Fraction(q, q - own) for q in p if q != own), start=Fraction(1)) for own in p)
 
@@ -76,28 +75,22 @@ class Polynomial(SmoothLaw):
         """Coefficients of the powers of z, in the order of the exponents."""
         return tuple(float(a) for a in self._exact)
 
-    @cached_property
-    def _from_end(self) -> FloatArray:
-        """Coefficients of the powers of w = 1 - z, from w^0; vanishing ones are exactly zero."""
-        terms = list(zip(self._exact, self.exponents, strict=True))
-        powers = range(self.exponents[-1] + 1)
-        return np.array([float((-1) ** m * sum(a * math.comb(p, m) for a, p in terms)) for m in powers])
-
     def __call__(self, z: FloatArray, order: int = 0) -> FloatArray:
         """Return the derivative of the given order at z."""
-        powers, powers_of_rest = self._derivative_powers(order)
+        powers, powers_of_rest = self._derivatives[order]
         near, from_start = 1.0 - z < _NEAR_END, np.asarray(polyval(z, powers), dtype=float)
         if not near.any():
             return from_start
         return np.where(near, (-1.0) ** order * polyval(1.0 - z, powers_of_rest), from_start)
 
-    @lru_cache(maxsize=64)  # noqa: B019 - of a frozen value with a handful of numbers
-    def _derivative_powers(self, order: int) -> tuple[FloatArray, FloatArray]:
-        """Return the powers of a derivative, of z and of 1 - z."""
-        dense = np.zeros(self.exponents[-1] + 1)
-        dense[list(self.exponents)] = self.coefficients
-        from_start, from_end = (np.asarray(polyder(c, order), dtype=float) for c in (dense, self._from_end))
-        return from_start, from_end
+    @cached_property
+    def _derivatives(self) -> list[tuple[FloatArray, ...]]:
+        """Coefficients of every derivative, in powers of z and of 1 - z; vanishing ones are exactly zero."""
+        highest, terms = self.exponents[-1], list(zip(self._exact, self.exponents, strict=True))
+        from_start = np.zeros(highest + 1)
+        from_start[list(self.exponents)] = self.coefficients
+        from_end = [float((-1) ** m * sum(a * math.comb(p, m) for a, p in terms)) for m in range(highest + 1)]
+        return [tuple(np.asarray(polyder(c, n), dtype=float) for c in (from_start, from_end)) for n in range(5)]
 
 
 def _exponent_fault(p: tuple[int, ...], least: int) -> str:
@@ -111,11 +104,6 @@ def _exponent_fault(p: tuple[int, ...], least: int) -> str:
     if twice := [b for a, b in pairwise(sorted(p)) if a == b]:
         return f"{twice[0]} is listed twice"
     return "" if list(p) == sorted(p) else "they do not ascend"
-
-
-def _power(z: float, order: int, exponent: int) -> Fraction:
-    """Return the derivative of z^exponent."""
-    return math.perm(exponent, order) * Fraction(z) ** max(exponent - order, 0)
 
 
 def _solve_exact(rows: list[list[Fraction]], right: list[Fraction]) -> tuple[Fraction, ...]:

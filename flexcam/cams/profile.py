@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexcam.cams.followers import Follower, FollowerContact, RollerFollower, Turn
 from flexcam.cams.law_criteria import LIMIT_OFFSET, Extreme, curve_minimum, refine_minima
 from flexcam.cams.lift_event import Event
-from flexcam.core import ComplexArray, FloatArray, IntArray
+from flexcam.core import ComplexArray, FloatArray
 from flexcam.core.errors import InputError, finite_array, positive, refuse
 
 _REVOLUTION = 2.0 * math.pi
@@ -65,11 +65,6 @@ class CamProfile:
     def pressure_angle(self) -> FloatArray:
         """Angle from the normal to the follower's motion on the rise, rad, counterclockwise, shape (n,)."""
         return np.angle(self.touch.motion * np.conj(self.touch.normal))
-
-    @property
-    def pressure_rate(self) -> FloatArray:
-        """Derivative of the pressure angle by the cam angle, 1, shape (n,)."""
-        return self.touch.pressure_rate
 
     @property
     def push(self) -> ComplexArray:
@@ -143,27 +138,21 @@ def profile_extremes(event: Event, follower: Follower, turn: Turn = 1) -> Profil
         ends = seen(measure), seen(measure, -1.0)
         return max(ends, key=lambda one: abs(one.value))
 
-    convex, hollow = _curvatures(seen, follower)
-    offset = seen(lambda made: made.offset), seen(lambda made: made.offset, -1.0)
-    steepest, fastest = largest(lambda made: made.pressure_angle), largest(lambda made: made.touch.sliding)
-    return ProfileExtremes(convex, hollow, steepest, offset, fastest)
-
-
-def _curvatures(
-    seen: Callable[[Callable[[CamProfile], FloatArray], float], Extreme], follower: Follower
-) -> tuple[Extreme, Extreme | None]:
-    """Return the minimum radius of convex parts and that of the tightest hollow."""
-    roller = follower.roller_radius
-    if not math.isfinite(roller):
-        return seen(lambda made: made.radius, 1.0), None
-
     def bend(made: CamProfile) -> FloatArray:
         with np.errstate(divide="ignore"):
             return 1.0 / (made.radius + roller)
 
-    tight, deep = seen(bend, -1.0), seen(bend, 1.0)
-    hollow = Extreme(roller - 1.0 / deep.value, deep.at) if deep.value < -_STRAIGHT / roller else None
-    return Extreme(1.0 / tight.value - roller, tight.at), hollow
+    roller, hollow = follower.roller_radius, None
+    if math.isfinite(roller):
+        tight, deep = seen(bend, -1.0), seen(bend)
+        convex = Extreme(1.0 / tight.value - roller, tight.at)
+        if deep.value < -_STRAIGHT / roller:
+            hollow = Extreme(roller - 1.0 / deep.value, deep.at)
+    else:
+        convex = seen(lambda made: made.radius)
+    offset = seen(lambda made: made.offset), seen(lambda made: made.offset, -1.0)
+    steepest, fastest = largest(lambda made: made.pressure_angle), largest(lambda made: made.touch.sliding)
+    return ProfileExtremes(convex, hollow, steepest, offset, fastest)
 
 
 PRESSURE_ANGLE = math.radians(30.0)
@@ -229,7 +218,8 @@ def minimum_base_radius(
 ) -> float:  # fmt: skip
     """Return the smallest base circle without undercut, within limits of pressure angle and convex radius."""
     high = 100.0 * positive("lift", event.height, "m")
-    angles = np.union1d(np.linspace(0.0, 2.0 * math.pi, count, endpoint=False), _one_sided_angles(event.joints))
+    even = np.linspace(0.0, 2.0 * math.pi, count, endpoint=False)
+    angles = np.union1d(even, [*event.joints, *(at - LIMIT_OFFSET for at in event.joints)])
     motion = event(angles), event(angles, 1), event(angles, 2)
 
     def fits(base: float) -> bool:
@@ -237,7 +227,10 @@ def minimum_base_radius(
             made = profile_at(event, follower.with_base(base), angles, turn, motion)
         except InputError:  # the follower does not reach such a circle
             return False
-        return _satisfies_limits(made, pressure_angle, radius)
+        if undercut(made.radius, made.follower).any() or float(np.abs(made.pressure_angle).max()) > pressure_angle:
+            return False
+        convex = made.radius > -made.follower.roller_radius
+        return bool((made.radius[convex] >= radius).all())
 
     candidates = np.geomspace(1e-4 * high, high, 81)
     good = [fits(float(base)) for base in candidates]
@@ -251,23 +244,10 @@ def minimum_base_radius(
     least = _bisect(fits, low, high)
     # The worst angles lie between the samples and hardly move with the base circle, so one more pass suffices.
     seen = profile_extremes(event, follower.with_base(least), turn)
-    worst = (seen.convex.at, seen.pressure_angle.at)
-    angles = np.union1d(angles, [*worst, *_one_sided_angles(worst)])
+    worst = np.array([seen.convex.at, seen.pressure_angle.at])
+    angles = np.union1d(angles, [worst, worst - LIMIT_OFFSET])
     motion = event(angles), event(angles, 1), event(angles, 2)
     return least if fits(least) else _bisect(fits, least, high)
-
-
-def _satisfies_limits(made: CamProfile, pressure_angle: float, radius: float) -> bool:
-    """Return whether a profile is within limits at its points."""
-    if undercut(made.radius, made.follower).any() or float(np.abs(made.pressure_angle).max()) > pressure_angle:
-        return False
-    convex = made.radius > -made.follower.roller_radius
-    return bool((made.radius[convex] >= radius).all())
-
-
-def _one_sided_angles(joints: Sequence[float]) -> list[float]:
-    """Return angles on both sides of joints, rad."""
-    return [at - step for at in joints for step in (0.0, LIMIT_OFFSET)]
 
 
 def _bisect(fits: Callable[[float], bool], low: float, high: float) -> float:
@@ -351,13 +331,12 @@ _CANDIDATES = 3  # peaks evaluated per angle: at a jump of the contact two are a
 
 
 def _find_highest_peaks(points: ComplexArray, at: FloatArray, follower: Follower, turned: ComplexArray) -> FloatArray:
-    """Return the positions of the highest peaks on the curve, shape (angles, candidates)."""
+    """Return the positions of the highest peaks on the closed curve, shape (angles, candidates)."""
+    found: list[FloatArray] = []
     rows = max(1, _AT_ONCE // len(points))
-    parts = [turned[i : i + rows, None] for i in range(0, len(turned), rows)]
-    return np.concatenate([at[_peaks(follower.lift_at(points * part))] for part in parts])
-
-
-def _peaks(values: FloatArray) -> IntArray:
-    """Return the positions of the highest peaks of every row, each row a closed curve."""
-    peak = (values >= np.roll(values, 1, axis=1)) & (values >= np.roll(values, -1, axis=1))
-    return np.argpartition(-np.where(peak, values, -math.inf), _CANDIDATES, axis=1)[:, :_CANDIDATES]
+    for i in range(0, len(turned), rows):
+        lift = follower.lift_at(points * turned[i : i + rows, None])
+        peak = (lift >= np.roll(lift, 1, axis=1)) & (lift >= np.roll(lift, -1, axis=1))
+        highest = np.argpartition(-np.where(peak, lift, -math.inf), _CANDIDATES, axis=1)
+        found.append(at[highest[:, :_CANDIDATES]])
+    return np.concatenate(found)

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexcam.cams.motion_law import SmoothLaw, linear
 from flexcam.core import FloatArray
@@ -20,7 +19,8 @@ _ROUNDING = 1e-9
 class Harmonic(SmoothLaw):
     """s = z - sum c_n sin(2 pi n z)/(2 pi n); c_1 = 1 alone gives the cycloidal law.
 
-    s' vanishes at both ends if the c_n sum to 1.
+    s' vanishes at both ends if the c_n sum to 1. Source of the cycloidal law: R. L. Norton, Cam Design and
+    Manufacturing Handbook, 2nd ed. (2009), ch. 2.
 
     Examples
     --------
@@ -59,26 +59,8 @@ FREUDENSTEIN = Harmonic(((1, 27.0 / 28.0), (3, 1.0 / 28.0)))
 
 
 @dataclass(frozen=True)
-class SimpleHarmonic(SmoothLaw):
-    """s = (1 - cos pi z)/2; its acceleration steps at a dwell.
-
-    Source: R. L. Norton, Cam Design and Manufacturing Handbook, 2nd ed. (2009), ch. 2.
-
-    Examples
-    --------
-    >>> SimpleHarmonic()(np.array([0.0, 0.5, 1.0]))
-    array([0. , 0.5, 1. ])
-    """
-
-    def __call__(self, z: FloatArray, order: int = 0) -> FloatArray:
-        """Return the derivative of the given order at z."""
-        offset = 0.5 if order == 0 else 0.0
-        return offset - 0.5 * math.pi**order * np.cos(math.pi * z + order * math.pi / 2.0)
-
-
-@dataclass(frozen=True)
 class CosineSum(SmoothLaw):
-    """s = sum d_k cos(k pi z), k from 0; d = (1/2, -1/2) is the simple harmonic law.
+    """s = sum d_k cos(k pi z), k from 0; d = (1/2, -1/2) is the simple harmonic law (Norton, 2009, ch. 2).
 
     The velocity vanishes at both ends for all coefficients; the acceleration only for some.
 
@@ -107,72 +89,26 @@ class CosineSum(SmoothLaw):
         return value
 
 
-def _products(terms: Sequence[tuple[int, int, float]]) -> tuple[float, ...]:
+def _sum_of_products(terms: Sequence[tuple[int, int, float]]) -> CosineSum:
     """Return sum c cos(i pi z) cos(j pi z) as a plain sum: cos a cos b = (cos(a + b) + cos(a - b))/2."""
     sums = np.zeros(1 + max(i + j for i, j, _ in terms))
     for i, j, c in terms:
         sums[i + j] += 0.5 * c
         sums[abs(i - j)] += 0.5 * c
-    return tuple(sums.tolist())
+    return CosineSum(tuple(sums.tolist()))
 
 
-PAVLOVIC_NEW = CosineSum(
-    _products(
-        [
-            (0, 0, 0.462615966796875), (1, 0, -0.4375), (1, 1, 0.095703125), (2, 0, -0.059814453125),
-            (2, 2, -0.02392578125), (3, 0, -0.0625), (1, 3, 0.02734375), (3, 3, 0.001953125),
-            (4, 0, -0.00213623046875), (2, 4, -0.001708984375), (4, 4, -0.000030517578125),
-        ]
-    )
+PAVLOVIC_NEW = _sum_of_products(
+    [
+        (0, 0, 0.462615966796875), (1, 0, -0.4375), (1, 1, 0.095703125), (2, 0, -0.059814453125),
+        (2, 2, -0.02392578125), (3, 0, -0.0625), (1, 3, 0.02734375), (3, 3, 0.001953125),
+        (4, 0, -0.00213623046875), (2, 4, -0.001708984375), (4, 4, -0.000030517578125),
+    ]
 )  # fmt: skip
 """Equation (21) of V. D. Pavlovic and M. M. Lutovac, New class of camshaft transfer functions, as printed.
 
 The law is not symmetric, s(1/2) = 0.498047, and its acceleration steps by pi^2 at both ends.
 """
-
-
-@dataclass(frozen=True)
-class Cycloidal(SmoothLaw):
-    """s = z - sin(2 pi z)/(2 pi); its acceleration is continuous at dwells.
-
-    Source: R. L. Norton, Cam Design and Manufacturing Handbook, 2nd ed. (2009), ch. 2.
-
-    Examples
-    --------
-    >>> Cycloidal()(np.array([0.0, 0.5, 1.0])).round(12)
-    array([0. , 0.5, 1. ])
-    """
-
-    def __call__(self, z: FloatArray, order: int = 0) -> FloatArray:
-        """Return the derivative of the given order at z."""
-        line = linear(z, order)
-        return line - (2.0 * math.pi) ** (order - 1) * np.sin(2.0 * math.pi * z + order * math.pi / 2.0)
-
-
-@dataclass(frozen=True)
-class Parabolic:
-    """s = 2 z^2 up to the middle, 1 - 2 (1 - z)^2 after it; the acceleration is 4, then -4.
-
-    Source: R. L. Norton, Cam Design and Manufacturing Handbook, 2nd ed. (2009), ch. 2 (constant acceleration).
-
-    Examples
-    --------
-    >>> Parabolic()(np.array([0.0, 0.5, 1.0]), order=2)
-    array([ 4., -4., -4.])
-    """
-
-    @property
-    def breaks(self) -> tuple[float, ...]:
-        """Positions of inner jumps."""
-        return (0.5,)
-
-    def __call__(self, z: FloatArray, order: int = 0) -> FloatArray:
-        """Return the derivative of the given order at z."""
-        if order > 2:
-            return np.zeros_like(z)
-        first = (2.0 * z**2, 4.0 * z, np.full_like(z, 4.0))[order]
-        second = (1.0 - 2.0 * (1.0 - z) ** 2, 4.0 * (1.0 - z), np.full_like(z, -4.0))[order]
-        return np.where(z < 0.5, first, second)
 
 
 def harmonic_acceleration(b: tuple[float, ...] = (2.0 * math.pi,)) -> Harmonic:
@@ -239,22 +175,15 @@ class Scca:
         mirrored = np.where(second, 1.0 - z, z)
         for part in (self.b, 1.0 - self.d):  # 1 - z at a joint is the other joint up to rounding
             mirrored = np.where(z == 1.0 - 0.5 * part, 0.5 * part, mirrored)
-        half = self._first_half(mirrored, order, second)
+        # The first half; at a joint the right limit, or the left limit in the mirrored half.
+        rising, flat = (
+            (mirrored < joint) | (second & (mirrored == joint) & (joint > 0.0))
+            for joint in (0.5 * self.b, 0.5 * (1.0 - self.d))
+        )
+        parts = [_sine(mirrored, self.b, order), _constant(mirrored, self.b, order)]
+        half = self.peak * np.select([rising, flat], parts, _cosine(mirrored, self.b, self.c, self.d, order))
         turned = (1.0 if order == 0 else 0.0) + (-1.0) ** (order + 1) * half
         return np.where(second, turned, half)
-
-    def _first_half(self, x: FloatArray, order: int, left: NDArray[np.bool_]) -> FloatArray:
-        """Return the derivative on 0 to 1/2; at a joint the right limit, or the left limit if requested."""
-        end, start = 0.5 * self.b, 0.5 * (1.0 - self.d)
-        rising = _is_before(x, end, left)
-        flat = _is_before(x, start, left)
-        parts = [_sine(x, self.b, order), _constant(x, self.b, order)]
-        return self.peak * np.select([rising, flat], parts, _cosine(x, self.b, self.c, self.d, order))
-
-
-def _is_before(x: FloatArray, joint: float, left: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return whether z lies before a joint; at the joint, true for the left limit."""
-    return (x < joint) | (left & (x == joint) & (joint > 0.0))
 
 
 def _sine(x: FloatArray, b: float, order: int) -> FloatArray:
@@ -308,21 +237,9 @@ class CompoundCycloid:
 
     def __call__(self, z: FloatArray, order: int = 0) -> FloatArray:
         """Return the derivative of the given order at z."""
-        return np.where(z < self.split, self._sine(z, order), self._cosine(z, order))
-
-    @property
-    def _peak(self) -> float:
-        """Amplitude A, from s(1) = 1."""
         p, pi = self.split, math.pi
-        return 1.0 / (p**2 / pi + 4.0 * p * (1.0 - p) / pi**2)
-
-    def _sine(self, z: FloatArray, order: int) -> FloatArray:
-        w = math.pi / self.split
-        line = linear(z, order) / w
-        return self._peak * (line - w ** (order - 2) * np.sin(w * z + order * math.pi / 2.0))
-
-    def _cosine(self, z: FloatArray, order: int) -> FloatArray:
-        p, q = self.split, 1.0 - self.split
-        w = math.pi / (2.0 * q)
-        speed, height = 2.0 * self._peak * p / math.pi, self._peak * p**2 / math.pi
-        return (height if order == 0 else 0.0) + speed * w ** (order - 1) * np.sin(w * (z - p) + order * math.pi / 2.0)
+        peak = 1.0 / (p**2 / pi + 4.0 * p * (1.0 - p) / pi**2)  # from s(1) = 1
+        w = pi / (2.0 * (1.0 - p))
+        speed, height = 2.0 * peak * p / pi, peak * p**2 / pi
+        wave = speed * w ** (order - 1) * np.sin(w * (z - p) + order * pi / 2.0)
+        return np.where(z < p, peak * _sine(z, p, order), (height if order == 0 else 0.0) + wave)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 
@@ -62,34 +62,34 @@ def least_acceleration(jerk: float, *, free_ends: bool) -> float:
 _MOST_DEGREE, _MOST_PIECES = 40, 300
 
 
-class Family(Protocol):
+class Family(ABC):
     """Laws s = offset(z) + rows(z) x with free coefficients x."""
 
     @property
+    @abstractmethod
     def size(self) -> int:
         """Number of free coefficients."""
-        ...
 
     @property
+    @abstractmethod
     def name(self) -> str:
         """Description of the family."""
-        ...
 
+    @abstractmethod
     def rows(self, z: FloatArray, order: int) -> tuple[FloatArray, FloatArray]:
         """Return rows (m, size) and offset (m,) of a derivative at positions of shape (m,)."""
-        ...
 
     def equalities(self) -> tuple[FloatArray, FloatArray]:
-        """Return the equality constraints A x = b of the coefficients."""
-        ...
+        """Return the equality constraints A x = b of the coefficients: none if ends and symmetry are built in."""
+        return np.zeros((0, self.size)), np.zeros(0)
 
+    @abstractmethod
     def law(self, x: FloatArray) -> Law:
         """Return the law of given coefficients."""
-        ...
 
 
 @dataclass(frozen=True)
-class SplineFamily:
+class SplineFamily(Family):
     """B-splines on equally spaced knots; with one piece, polynomials of their degree."""
 
     degree: int = 5  #: 5 or more
@@ -121,19 +121,16 @@ class SplineFamily:
     def _map(self) -> tuple[FloatArray, FloatArray]:
         """Matrix and offset from the free coefficients to all coefficients."""
         n, held = self._count, self.rest + 1
-        offset = np.concatenate([np.zeros(held), np.zeros(n - 2 * held), np.ones(held)])
+        offset = np.repeat([0.0, 1.0], [n - held, held])
         free = np.arange(held, n - held)
-        if not self.symmetric:
-            matrix = np.zeros((n, len(free)))
-            matrix[free, np.arange(len(free))] = 1.0
-            return matrix, offset
-        left = free[: len(free) // 2]
+        left = free[: len(free) // 2] if self.symmetric else free
         matrix = np.zeros((n, len(left)))
         matrix[left, np.arange(len(left))] = 1.0
-        matrix[n - 1 - left, np.arange(len(left))] = -1.0
-        offset[n - 1 - left] = 1.0
-        if len(free) % 2:
-            offset[n // 2] = 0.5
+        if self.symmetric:
+            matrix[n - 1 - left, np.arange(len(left))] = -1.0
+            offset[n - 1 - left] = 1.0
+            if len(free) % 2:
+                offset[n // 2] = 0.5
         return matrix, offset
 
     @property
@@ -153,10 +150,6 @@ class SplineFamily:
         matrix, offset = self._map
         return basis @ matrix, basis @ offset
 
-    def equalities(self) -> tuple[FloatArray, FloatArray]:
-        """Return no constraints: ends and symmetry are built in."""
-        return np.zeros((0, self.size)), np.zeros(0)
-
     def law(self, x: FloatArray) -> Law:
         """Return the law of given coefficients."""
         matrix, offset = self._map
@@ -164,7 +157,7 @@ class SplineFamily:
 
 
 @dataclass(frozen=True)
-class HarmonicFamily:
+class HarmonicFamily(Family):
     """s = z - sum c_n sin(2 pi n z)/(2 pi n), symmetric, with zero velocity and acceleration at the ends."""
 
     orders: tuple[int, ...] = (1, 2, 3, 4, 5)  #: orders n: two or more distinct positive integers

@@ -12,9 +12,8 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.table import Table
 
-from flexcam.analysis.error_estimate import Error, estimate_errors
 from flexcam.analysis.figures_of_merit import FigureOfMerit, figures_of_merit
-from flexcam.analysis.model_choice import Choice, select_case
+from flexcam.analysis.model_choice import Choice, Error, estimate_errors, select_case
 from flexcam.analysis.preparation import (
     PreparedRun,
     compute_metrics,

@@ -35,13 +35,25 @@ def _assemble_blocks(beams: Beams, local: Callable[[slice], FloatArray], dofs: D
 
 def _entries(beams: Beams, local: FloatArray, dofs: DofMap) -> tuple[IntArray, IntArray, FloatArray]:
     """Return rows, columns and values of the entries of a block of elements."""
-    matrices = beam.to_global(beams, local)
+    matrices = to_global(beams, local)
     unknowns = dofs.numbers[beams.nodes].reshape(-1, 12)
     free = unknowns >= 0
     keep = (matrices != 0.0) & free[:, :, None] & free[:, None, :]
     rows = np.broadcast_to(unknowns[:, :, None], matrices.shape)
     cols = np.broadcast_to(unknowns[:, None, :], matrices.shape)
     return rows[keep], cols[keep], matrices[keep]
+
+
+def to_global(beams: Beams, local: FloatArray) -> FloatArray:
+    """Return element matrices, shape (e, 12, 12), transformed from local to global axes, ``T^T k T``."""
+    rows_turned = _rotate_rows(beams, local)
+    return _rotate_rows(beams, rows_turned.swapaxes(1, 2)).swapaxes(1, 2)
+
+
+def _rotate_rows(beams: Beams, matrices: FloatArray) -> FloatArray:
+    """Return ``T^T m``; each group of three rows is a vector at one end."""
+    back = np.swapaxes(beams.triads, -1, -2)[:, None]
+    return (back @ matrices.reshape(-1, 4, 3, 12)).reshape(-1, 12, 12)
 
 
 def stiffness(beams: Beams, dofs: DofMap) -> Triplets:

@@ -10,7 +10,6 @@ import numpy as np
 
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse, suggest_name
-from flexcam.fem.elements.arch import initial_bow
 from flexcam.fem.elements.beam import Beams
 from flexcam.fem.frames import default_orientation, triads
 from flexcam.fem.mesh import Mesh
@@ -67,7 +66,7 @@ def beams(mesh: Mesh, members: Mapping[str, Member]) -> Beams:
     axes = span / length[:, None]
     orientations, bow = default_orientation(axes), np.zeros((len(length), 6))
     for member, part in zip(chosen, mesh.element_ranges().values(), strict=True):
-        bow[part] = initial_bow(member.bow, length[part])
+        bow[part] = _initial_bow(member.bow, length[part])
         if member.orientation is not None:
             orientations[part] = member.orientation
 
@@ -88,3 +87,13 @@ def beams(mesh: Mesh, members: Mapping[str, Member]) -> Beams:
         lumped=each([float(m.mass == "lumped") for m in chosen]),
         arched=each([float(m.geometric_stiffness) for m in chosen]), bow=bow,
     )  # fmt: skip
+
+
+def _initial_bow(bow: float, length: FloatArray) -> FloatArray:
+    """Return slopes and rotations, shape (e, 6), of elements with a half wave of given height in their x-y plane."""
+    x = np.concatenate([[0.0], np.cumsum(length)])
+    wave = np.pi / x[-1]
+    y0 = np.zeros((len(length), 6))
+    y0[:, 0] = bow * np.diff(np.sin(wave * x)) / length
+    y0[:, 1], y0[:, 2] = bow * wave * np.cos(wave * x[:-1]), bow * wave * np.cos(wave * x[1:])
+    return y0

@@ -38,12 +38,23 @@ def section_forces(
         moving = _local(beams, velocity)
         strained = local + damping.beta * moving
         pushed = damping.alpha * moving + (0.0 if pushed is None else pushed)
-    on_nodes = np.einsum("eij,...ej->...ei", beam.stiffness(beams), strained) + arch.nonlinear_end_forces(beams, local)
+    on_nodes = np.einsum("eij,...ej->...ei", beam.stiffness(beams), strained) + _arch_forces(beams, local)
     if pushed is not None:
         on_nodes += np.einsum("eij,...ej->...ei", beam.mass(beams), pushed)
     if spread is not None:
         on_nodes -= spread
     return on_nodes.reshape(*on_nodes.shape[:-1], 2, 6) * np.array([-1.0, 1.0])[:, None]
+
+
+def _arch_forces(beams: Beams, local: FloatArray) -> FloatArray:
+    """Return the end forces of shallow arches beyond those of linear bars and beams, from local displacements."""
+    forces = np.zeros_like(local)
+    arched = np.flatnonzero(beams.arched)
+    if len(arched):
+        D = arch.deformation_matrix(beams, arched)
+        values = np.einsum("eij,...ej->...ei", D, local[..., arched, :])
+        forces[..., arched, :] = np.einsum("eij,...ei->...ej", D, arch.Arch.of(beams, arched).forces(values))
+    return forces
 
 
 def _local(beams: Beams, nodal: FloatArray) -> FloatArray:

@@ -168,7 +168,8 @@ class Section:
         if inner >= outer:
             raise refuse("inner_diameter", f"{inner_diameter:g} m", f"less than outer_diameter, {outer_diameter:g} m")
         second = math.pi * (outer**4 - inner**4) / 4.0
-        kappa = _cowper_tube(inner / outer)
+        nu, square = _COWPER_NU, (1.0 + (inner / outer) ** 2) ** 2
+        kappa = 6.0 * (1.0 + nu) * square / ((7.0 + 6.0 * nu) * square + (20.0 + 12.0 * nu) * (inner / outer) ** 2)
         area = math.pi * (outer**2 - inner**2)
         return cls(
             A=area, Iy=second, Iz=second, J=2.0 * second, kappa_y=kappa, kappa_z=kappa,
@@ -195,10 +196,10 @@ class Section:
             If a side is not above zero.
         """
         h, b = positive("width_y", width_y, "m"), positive("width_z", width_z, "m")
+        J, arm = _rectangle_torsion(b, h)
         return cls(
-            A=b * h, Iy=h * b**3 / 12.0, Iz=b * h**3 / 12.0, J=_rectangle_torsion(b, h),
-            kappa_y=5.0 / 6.0, kappa_z=5.0 / 6.0, fibre_y=h / 2.0, fibre_z=b / 2.0,
-            torsion_arm=_rectangle_torsion_arm(b, h), radius=math.hypot(b, h) / 2.0,
+            A=b * h, Iy=h * b**3 / 12.0, Iz=b * h**3 / 12.0, J=J, kappa_y=5.0 / 6.0, kappa_z=5.0 / 6.0,
+            fibre_y=h / 2.0, fibre_z=b / 2.0, torsion_arm=arm, radius=math.hypot(b, h) / 2.0,
         )  # fmt: skip
 
     def given(self, *, J: float | None = None, kappa_y: float | None = None, kappa_z: float | None = None) -> Section:
@@ -220,27 +221,17 @@ class Section:
         return replace(self, **{name: value for name, value in given.items() if value is not None})
 
 
-def _cowper_tube(ratio: float) -> float:
-    """Return Cowper's shear factor of a round tube with r/R = ratio."""
-    nu, square = _COWPER_NU, (1.0 + ratio**2) ** 2
-    return 6.0 * (1.0 + nu) * square / ((7.0 + 6.0 * nu) * square + (20.0 + 12.0 * nu) * ratio**2)
-
-
 _ODD_FIFTH_POWERS = 31.0 / 32.0 * 1.0369277551433699263  # sum of 1/n^5 over odd n, (1 - 2^-5) zeta(5)
 
 
-def _rectangle_torsion(side: float, other: float) -> float:
-    """Return Saint-Venant's J = a b^3 (1/3 - 64 b/(pi^5 a) sum tanh(n pi a/2b)/n^5), n odd, a >= b."""
-    a, b = max(side, other), min(side, other)
-    small = math.fsum((1.0 - math.tanh(n * math.pi * a / (2.0 * b))) / n**5 for n in range(1, 15, 2))
-    return a * b**3 * (1.0 / 3.0 - 64.0 * b / (math.pi**5 * a) * (_ODD_FIFTH_POWERS - small))
+def _rectangle_torsion(side: float, other: float) -> tuple[float, float]:
+    """Return Saint-Venant's torsion constant and the length c of tau = T c/J at the middle of the long side.
 
-
-def _rectangle_torsion_arm(side: float, other: float) -> float:
-    """Return c of tau = T c/J at the middle of the long side: c = b (1 - 8/pi^2 sum 1/(n^2 cosh(n pi a/2b))), n odd."""
+    J = a b^3 (1/3 - 64 b/(pi^5 a) sum tanh(n pi a/2b)/n^5), c = b (1 - 8/pi^2 sum 1/(n^2 cosh(n pi a/2b))), n odd, a >=
+    b.
+    """
     a, b = max(side, other), min(side, other)
-    terms = (n * math.pi * a / (2.0 * b) for n in range(1, 15, 2))
-    return b * (
-        1.0
-        - 8.0 / math.pi**2 * math.fsum(1.0 / ((2 * i + 1) ** 2 * math.cosh(min(x, 700.0))) for i, x in enumerate(terms))
-    )
+    terms = [(n, n * math.pi * a / (2.0 * b)) for n in range(1, 15, 2)]
+    small = math.fsum((1.0 - math.tanh(x)) / n**5 for n, x in terms)
+    J = a * b**3 * (1.0 / 3.0 - 64.0 * b / (math.pi**5 * a) * (_ODD_FIFTH_POWERS - small))
+    return J, b * (1.0 - 8.0 / math.pi**2 * math.fsum(1.0 / (n**2 * math.cosh(min(x, 700.0))) for n, x in terms))

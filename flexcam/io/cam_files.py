@@ -75,13 +75,9 @@ class LiftColumns:
 
 
 def read_lift(
-    path: Path,
-    *,
-    angle: AngleKind | None = None,
-    unit: str | None = None,
-    column: str | None = None,
+    path: Path, *, angle: AngleKind | None = None, unit: str | None = None, column: str | None = None,
     text: str | None = None,
-) -> LiftColumns:
+) -> LiftColumns:  # fmt: skip
     """Read a table of angle and lift from a file, or from its known text.
 
     Rows contain two numbers or more, separated by commas, semicolons, tabs or blanks; ``#`` starts a comment. Beside
@@ -95,8 +91,10 @@ def read_lift(
         return _read_lobe(path, rows, column)
     if any(_DECIMAL_COMMA.search(line) for _, line in rows) and not any(re.search(r"\d\.\d", line) for _, line in rows):
         rows = [(number, re.sub(r"(?<=\d),(?=\d)", ".", line)) for number, line in rows]
-    start = _table_start(rows)
-    width = len(_numbers(rows[start][1]))
+    counts = [len(_numbers(line)) for _, line in rows]
+    runs = zip(counts, counts[1:], counts[2:], strict=False)
+    width = next((a for a, b, c in runs if a == b == c > 1), max(counts))
+    start = counts.index(width)  # the first row with as many numbers as three rows in succession
     if width < 2:
         number, line = rows[start]
         raise refuse(f"{path.name}, line {number}", repr(line[:40]), "rows of an angle and a lift")
@@ -120,14 +118,6 @@ def read_lift(
     scale = _lift_factor(names[lifts[0]] if names else "", unit, head, path)
     values = np.array([_numbers(line) for _, line in rows[start:]])[:, [0, lifts[0]]]
     return LiftColumns(values[:, 0] * to_rad, values[:, 1] * scale, tuple(number for number, _ in rows[start:]))
-
-
-def _table_start(rows: Sequence[Row]) -> int:
-    """Return the index of the first row of the table: the first with as many numbers as three rows in succession."""
-    counts = [len(_numbers(line)) for _, line in rows]
-    runs = zip(counts, counts[1:], counts[2:], strict=False)
-    width = next((a for a, b, c in runs if a == b == c > 1), max(counts))
-    return counts.index(width)
 
 
 def _read_lobe(path: Path, rows: Sequence[Row], wanted: str | None) -> LiftColumns:
@@ -233,7 +223,8 @@ def _lift_factor(column: str, given: str | None, head: str, path: Path) -> float
 
 def read_profile(path: Path, *, unit: str | None = None) -> FloatArray:
     """Read the points of a profile, m, shape (n, 2), from two columns or from a table of flexcam."""
-    rows = [(number, _split(line)) for number, line in _read_rows(path, "profile", "rows of x and y")]
+    lines = _read_rows(path, "profile", "rows of x and y")
+    rows = [(number, [part.strip() for part in re.split(r"[,;\t]", line)]) for number, line in lines]
     head = [] if _coordinates(rows[0][1], (0, 1)) else rows.pop(0)[1]
     columns = _profile_columns(head, path)
     scale = _profile_factor([head[column] for column in columns] if head else [], unit, path)
@@ -244,10 +235,6 @@ def read_profile(path: Path, *, unit: str | None = None) -> FloatArray:
     points = scale * np.array([_coordinates(parts, columns) for _, parts in rows], dtype=float).reshape(-1, 2)
     closed = len(points) > 1 and bool(np.abs(points[0] - points[-1]).max() < 1e-9 * np.abs(points).max())
     return points[:-1] if closed else points
-
-
-def _split(line: str) -> list[str]:
-    return [part.strip() for part in re.split(r"[,;\t]", line)]
 
 
 def _coordinates(parts: list[str], columns: tuple[int, int]) -> list[float]:

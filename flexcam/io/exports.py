@@ -27,14 +27,9 @@ Data = Mapping[str, FloatArray | IntArray]
 
 
 def write_polylines(
-    path: Path,
-    points: FloatArray,
-    lengths: Sequence[int],
-    *,
-    point_data: Data,
-    cell_data: Data,
+    path: Path, points: FloatArray, lengths: Sequence[int], *, point_data: Data, cell_data: Data,
     field_data: Data | None = None,
-) -> None:
+) -> None:  # fmt: skip
     """Write polylines with consecutive points; points after the last polyline become vertices."""
     drawn = sum(lengths)
     vertices, ends = np.arange(drawn, len(points)), np.cumsum([0, *lengths])[1:]
@@ -256,7 +251,14 @@ def write_modes(
     still_path, collection = path.with_suffix(".vtp"), path.with_suffix(".pvd")
     for target in (path, still_path, collection):
         check_writable("modes", target, overwrite=overwrite)
-    drawn = _scaled_shapes(geometry, frequencies, shapes)
+    size = geometry.mesh.extent
+    drawn: dict[str, FloatArray] = {}
+    nodal = geometry.dofs.nodal_modes(shapes.T, size)[:, geometry.node, :3]
+    for i, (frequency, moved) in enumerate(zip(frequencies, nodal, strict=True), start=1):
+        largest = float(np.linalg.norm(moved, axis=1).max())
+        # Pure torsion or an internal mode moves no point.
+        scale = _DRAWN_AMPLITUDE * size / largest if largest > 0.0 else 0.0
+        drawn[f"mode_{i:02d}_{frequency:.1f}Hz"] = scale * moved
     phase = np.arange(FRAMES_PER_PERIOD) / FRAMES_PER_PERIOD
     swing = np.cos(2.0 * np.pi * phase)
     still = constant_data(geometry)
@@ -277,15 +279,3 @@ def write_modes(
     nothing: dict[str, float] = {}
     frames = (({**constant, **{n: s * d for n, d in drawn.items()}}, nothing) for s in swing)
     return [path, still_path, *_write_collection(collection, geometry.mesh, geometry.node, phase, frames)]
-
-
-def _scaled_shapes(geometry: Geometry, frequencies: FloatArray, shapes: FloatArray) -> dict[str, FloatArray]:
-    size = geometry.mesh.extent
-    drawn: dict[str, FloatArray] = {}
-    nodal = geometry.dofs.nodal_modes(shapes.T, size)[:, geometry.node, :3]
-    for i, (frequency, moved) in enumerate(zip(frequencies, nodal, strict=True), start=1):
-        largest = float(np.linalg.norm(moved, axis=1).max())
-        # Pure torsion or an internal mode moves no point.
-        scale = _DRAWN_AMPLITUDE * size / largest if largest > 0.0 else 0.0
-        drawn[f"mode_{i:02d}_{frequency:.1f}Hz"] = scale * moved
-    return drawn

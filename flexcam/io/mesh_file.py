@@ -20,14 +20,9 @@ from flexcam.core.errors import NAME, NAMES, Fault, InputError, refuse, suggest_
 from flexcam.fem.mesh import Mesh
 from flexcam.io.files import write_text
 
-_MAX_FAULTS = 20
-"""Maximum number of reported faults of one kind: a mesh with thousands has one cause."""
-
-_MAX_COORDINATE = 1e12
-"""Maximum absolute coordinate, m: squares of larger ones overflow."""
-
-_COINCIDENCE_TOLERANCE = 1e-9
-"""Distance, relative to the mesh size, below which nodes count as coincident (rounding)."""
+_MAX_FAULTS = 20  # maximum number of reported faults of one kind: a mesh with thousands has one cause
+_MAX_COORDINATE = 1e12  # maximum absolute coordinate, m: squares of larger ones overflow
+_COINCIDENCE_TOLERANCE = 1e-9  # distance, relative to the mesh size, below which nodes count as coincident (rounding)
 
 
 def read_mesh(path: Path) -> Mesh:
@@ -59,12 +54,12 @@ def read_mesh(path: Path) -> Mesh:
         near = suggest_name(path.name, [other.name for other in path.parent.glob("*.msh")])
         raise refuse("mesh", str(path), "an existing file", "the path is relative to the case file", near)
     raw = _read_msh(path)
-    groups = _groups(raw)
     faults = [*_node_faults(raw), *_reference_faults(raw)]
-    faults += [fault for group in groups for fault in _group_faults(group, raw)]
+    faults += [fault for group in raw.groups for fault in _group_faults(group)]
     if not faults:
         faults = [*_length_faults(raw)]
-    if not faults and not any(group.kind == _LINE for group in groups):
+    members = [group for group in raw.groups if group.kind == _LINE]
+    if not faults and not members:
         faults.append(Fault("mesh", "no lines", "at least one line group", "", "add a physical curve"))
     if faults:
         raise InputError(faults)
@@ -73,26 +68,10 @@ def read_mesh(path: Path) -> Mesh:
     def index(numbers: IntArray) -> IntArray:
         return place[np.searchsorted(raw.numbers, numbers, sorter=place)]
 
-    chains = ((_name(group, raw), _order_chain(group.nodes)) for group in groups if group.kind == _LINE)
+    chains = ((group.name, _order_chain(group.nodes)) for group in members)
     lines = {name: index(chain) for name, chain in chains if chain is not None}
-    points = {_name(g, raw): np.unique(index(g.nodes)) for g in groups if g.kind == _POINT and _name(g, raw)}
+    points = {g.name: np.unique(index(g.nodes)) for g in raw.groups if g.kind == _POINT and g.name}
     return Mesh(raw.points, lines, points)
-
-
-def _name(group: _ElementGroup, raw: _GmshMesh) -> str:
-    return raw.names.get((1 if group.kind == _LINE else 0, group.group), "")
-
-
-def _groups(raw: _GmshMesh) -> list[_ElementGroup]:
-    """Merge elements of one type and group; a group may consist of several curves."""
-    parts: dict[tuple[int, int], list[_ElementGroup]] = {}
-    for one in raw.elements:
-        if len(one.numbers):
-            parts.setdefault((one.kind, one.group), []).append(one)
-    return [
-        _ElementGroup(*key, np.concatenate([one.numbers for one in its]), np.concatenate([one.nodes for one in its]))
-        for key, its in parts.items()
-    ]
 
 
 def _node_faults(raw: _GmshMesh) -> Iterator[Fault]:
@@ -107,7 +86,7 @@ def _node_faults(raw: _GmshMesh) -> Iterator[Fault]:
 
 
 def _reference_faults(raw: _GmshMesh) -> Iterator[Fault]:
-    for one in raw.elements:
+    for one in raw.groups:
         bad = np.flatnonzero(~np.isin(one.nodes, raw.numbers).all(axis=1))
         for i in bad[:_MAX_FAULTS].tolist():
             missing = [n for n in one.nodes[i].tolist() if n not in raw.numbers]
@@ -115,22 +94,22 @@ def _reference_faults(raw: _GmshMesh) -> Iterator[Fault]:
             yield Fault(where, given, "a node of the file", "there is no such node", "export it again from Gmsh")
 
 
-def _group_faults(group: _ElementGroup, raw: _GmshMesh) -> Iterator[Fault]:
+def _group_faults(group: _ElementGroup) -> Iterator[Fault]:
     tags = ", ".join(map(str, group.numbers[:3].tolist())) + (", ..." if len(group.numbers) > 3 else "")
     what = f"{len(group.numbers)} cells (elements {tags})"
     if group.kind not in (_LINE, _POINT):
         shape = f"{len(group.numbers)} cells of {group.nodes.shape[1]} nodes (elements {tags})"
         why, remedy = "members are beams", "mesh only curves, in order 1"
         yield Fault("mesh", shape, "lines of two nodes and points", why, remedy)
-    elif group.kind == _LINE and not _name(group, raw):
+    elif group.kind == _LINE and not group.name:
         why, remedy = "the member has the name of the group", "add a physical curve"
         yield Fault("mesh", f"{what} without a physical group", "named line groups", why, remedy)
-    elif _name(group, raw) and not re.fullmatch(NAME, _name(group, raw)):
-        where, why = f"mesh group {_name(group, raw)!r}", "cases and results name the group"
-        yield Fault(where, repr(_name(group, raw)), NAMES, why, "rename the physical group in Gmsh")
+    elif group.name and not re.fullmatch(NAME, group.name):
+        where, why = f"mesh group {group.name!r}", "cases and results name the group"
+        yield Fault(where, repr(group.name), NAMES, why, "rename the physical group in Gmsh")
     elif group.kind == _LINE and _order_chain(group.nodes) is None:
         why = f"a member is a chain without branches, loops or gaps{_describe_breaks(group.nodes)}"
-        where, remedy = f"mesh group {_name(group, raw)!r}", "give each chain its own group"
+        where, remedy = f"mesh group {group.name!r}", "give each chain its own group"
         yield Fault(where, what, "one open chain", why, remedy)
 
 
@@ -151,7 +130,7 @@ def _length_faults(raw: _GmshMesh) -> Iterator[Fault]:
     at = dict(zip(raw.numbers.tolist(), place.ravel().tolist(), strict=True))
     flat = [
         (number, a, b)
-        for one in raw.elements
+        for one in raw.groups
         if one.kind == _LINE
         for number, (a, b) in zip(one.numbers.tolist(), one.nodes.tolist(), strict=True)
         if at[a] == at[b]
@@ -318,8 +297,7 @@ class _BinaryReader:
 _Reader = _TextReader | _BinaryReader
 
 
-_LINE, _POINT = 1, 15
-"""Gmsh element types of members and named points."""
+_LINE, _POINT = 1, 15  # Gmsh element types of members and named points
 
 _NODES = {
     1: 2, 2: 3, 3: 4, 4: 4, 5: 8, 6: 6, 7: 5, 8: 3, 9: 6, 10: 9, 11: 10, 12: 27, 13: 18, 14: 14, 15: 1, 16: 8, 17: 20,
@@ -330,26 +308,28 @@ _NODES = {
 
 @dataclass(frozen=True, eq=False)
 class _ElementGroup:
-    """Elements of one Gmsh type in one physical group (0 for none): tags, shape (k,), and node tags, shape (k, m)."""
+    """Elements of one Gmsh type in one physical group: its name, tags, shape (k,), and node tags, shape (k, m)."""
 
     kind: int
-    group: int
+    name: str
     numbers: IntArray
     nodes: IntArray
 
 
 @dataclass(frozen=True, eq=False)
 class _GmshMesh:
-    """Content of a Gmsh file: node tags, coordinates, elements, and names by dimension and tag of the group."""
+    """Content of a Gmsh file: node tags, coordinates and groups of elements."""
 
     numbers: IntArray
     points: FloatArray
-    elements: list[_ElementGroup]
-    names: dict[tuple[int, int], str]
+    groups: list[_ElementGroup]
+
+
+Elements = tuple[int, int, IntArray, IntArray]
+"""Type, physical group (0 for none), tags and nodes of some elements."""
 
 
 def _read_msh(path: Path) -> _GmshMesh:
-    """Read a Gmsh file."""
     try:
         data = path.read_bytes()
     except OSError as fault:
@@ -366,11 +346,31 @@ def _read_msh(path: Path) -> _GmshMesh:
         raise _invalid(f"format {version}", "save it as version 4.1")
     if binary and data[head.end() : head.end() + 4] != b"\x01\x00\x00\x00":
         raise _invalid(path.name, "its bytes are in the order of another machine")
-    sections = _Sections(data, head.end(), size if binary else 0)
-    numbers, points, elements = _read_4(sections) if newer else _read_2(sections, binary)
-    section = data.partition(b"$PhysicalNames")[2].partition(b"$EndPhysicalNames")[0].decode("utf-8", "replace")
-    names = {(int(dimension), int(tag)): name for dimension, tag, name in _PHYSICAL_NAME.findall(section)}
-    return _GmshMesh(numbers, points, elements, names)
+
+    def section(name: str) -> _Reader:
+        return _open_section(data, head.end(), name, size if binary else 0)
+
+    if newer:
+        groups = _read_entities(section("Entities"))
+        numbers, points = _read_nodes_4(section("Nodes"))
+        found = list(_read_elements_4(section("Elements"), groups))
+    else:
+        numbers, points = _read_nodes_2(section("Nodes"), binary)
+        found = list(_read_elements_2(section("Elements"), binary))
+    text = data.partition(b"$PhysicalNames")[2].partition(b"$EndPhysicalNames")[0].decode("utf-8", "replace")
+    names = {(int(dimension), int(tag)): name for dimension, tag, name in _PHYSICAL_NAME.findall(text)}
+    parts: dict[tuple[int, int], list[Elements]] = {}  # a group may consist of several curves
+    for one in found:
+        if len(one[2]):
+            parts.setdefault(one[:2], []).append(one)
+    merged = [
+        _ElementGroup(
+            kind, names.get((int(kind == _LINE), group), ""),
+            np.concatenate([tags for *_, tags, _ in its]), np.concatenate([nodes for *_, nodes in its]),
+        )
+        for (kind, group), its in parts.items()
+    ]  # fmt: skip
+    return _GmshMesh(numbers, points, merged)
 
 
 _COMMENTS = re.compile(rb"\s*\$Comments\b.*?\$EndComments", re.S)
@@ -378,85 +378,53 @@ _HEAD = re.compile(rb"\s*\$MeshFormat\s+(\S{1,8})\s+([01])\s+(\d)\s*?\n")
 _PHYSICAL_NAME = re.compile(r'^[ \t]*(\d{1,9})[ \t]+(\d{1,9})[ \t]+"(.*)"[ \t\r]*$', re.M)
 
 
-class _Sections:
-    """Sequential reader of the sections of a file."""
-
-    def __init__(self, data: bytes, first: int, size: int) -> None:
-        self._data, self._first, self._size = data, first, size
-
-    def numbers(self, name: str) -> _Reader:
-        """Return the reader of a section."""
-        start = self._data.find(b"\n$%s" % name.encode(), self._first - 1)
-        if start < 0:
-            raise _invalid(f"no ${name}", f"of {_ALLOWED}")
-        first = self._data.find(b"\n", start + 1) + 1
-        if self._size:
-            return _BinaryReader(name, self._data[first:] if first else b"", self._size)
-        end = self._data.find(b"$End%s" % name.encode(), first)
-        if end < 0 or not first:
-            raise _invalid(f"no $End{name}", "the file is cut off")
-        return _TextReader(name, self._data[first:end])
+def _open_section(data: bytes, begin: int, name: str, size: int) -> _Reader:
+    """Return the reader of a section; `size` is that of Gmsh's ``size_t``, zero for text."""
+    start = data.find(b"\n$%s" % name.encode(), begin - 1)
+    if start < 0:
+        raise _invalid(f"no ${name}", f"of {_ALLOWED}")
+    first = data.find(b"\n", start + 1) + 1
+    if size:
+        return _BinaryReader(name, data[first:] if first else b"", size)
+    end = data.find(b"$End%s" % name.encode(), first)
+    if end < 0 or not first:
+        raise _invalid(f"no $End{name}", "the file is cut off")
+    return _TextReader(name, data[first:end])
 
 
-Parts = tuple[IntArray, FloatArray, list[_ElementGroup]]
-
-
-def _read_2(sections: _Sections, binary: bool) -> Parts:
-    nodes = sections.numbers("Nodes")
+def _read_nodes_2(nodes: _Reader, binary: bool) -> tuple[IntArray, FloatArray]:
     count = nodes.read_count()
-    numbers, points = _nodes_2(nodes, count, binary)
-    nodes.end()
-    elements = sections.numbers("Elements")
-    parts: dict[tuple[int, int], list[Row]] = {}
-    for row in _elements_2(elements, elements.read_count(), binary):
-        parts.setdefault(row[:2], []).append(row)
-    elements.end()
-    groups = [
-        _ElementGroup(*key, np.array([row[2] for row in its]), np.array([row[3] for row in its]))
-        for key, its in parts.items()
-    ]
-    return numbers, points, groups
-
-
-def _nodes_2(nodes: _Reader, count: int, binary: bool) -> tuple[IntArray, FloatArray]:
     if binary:
         rows = nodes.read("i", 7 * count).astype("<i4").reshape(count, 7)
-        return rows[:, 0].astype(np.intp), np.ascontiguousarray(rows[:, 1:]).view("<f8").astype(float)
-    rows: FloatArray = nodes.read("f", 4 * count).reshape(count, 4)
-    if not (rows[:, 0] == np.round(rows[:, 0])).all() or (np.abs(rows[:, 0]) > 2.0**53).any():
-        raise _invalid("a node whose number is not whole")
-    return rows[:, 0].astype(np.intp), rows[:, 1:]
+        points: FloatArray = np.ascontiguousarray(rows[:, 1:]).view("<f8").astype(float)
+    else:
+        rows = nodes.read("f", 4 * count).reshape(count, 4)
+        tags: FloatArray = rows[:, 0]
+        if not (tags == np.round(tags)).all() or (np.abs(tags) > 2.0**53).any():
+            raise _invalid("a node whose number is not whole")
+        points = rows[:, 1:]
+    nodes.end()
+    return rows[:, 0].astype(np.intp), points
 
 
-Row = tuple[int, int, int, tuple[int, ...]]
-"""Type, physical group, tag and nodes of one element."""
-
-
-def _elements_2(elements: _Reader, count: int, binary: bool) -> Iterator[Row]:
-    done = 0
+def _read_elements_2(elements: _Reader, binary: bool) -> Iterator[Elements]:
+    count, done = elements.read_count(), 0
     while done < count:
-        if binary:
-            kind, several, tags = elements.read("i", 3).tolist()
-            numbers = None
-        else:
-            number, kind, tags = elements.read("i", 3).tolist()
-            numbers, several = [number], 1
+        # In binary files a header serves several elements, and the tag of each precedes its row.
+        first, second, tags = elements.read("i", 3).tolist()
+        kind, several = (first, second) if binary else (second, 1)
         if kind not in _NODES or tags < 0 or several < 1:
             raise _invalid(f"an element of type {kind} with {tags} tags", "Gmsh has no such element")
-        width = tags + _NODES[kind] + (numbers is None)
-        for row in elements.read("i", several * width).reshape(several, width).tolist():
-            number, *rest = row if numbers is None else [*numbers, *row]
-            yield kind, rest[0] if tags else 0, number, tuple(rest[tags:])
+        at = int(binary)
+        width = at + tags + _NODES[kind]
+        for row in elements.read("i", several * width).reshape(several, width):
+            number = row[:1] if binary else np.array([first])
+            yield kind, int(row[at]) if tags else 0, number, row[None, at + tags :]
         done += several
+    elements.end()
 
 
-def _read_4(sections: _Sections) -> Parts:
-    groups = _entities(sections.numbers("Entities"))
-    numbers, points = _nodes_4(sections.numbers("Nodes"))
-    return numbers, points, list(_elements_4(sections.numbers("Elements"), groups))
-
-
-def _entities(entities: _Reader) -> dict[tuple[int, int], list[int]]:
+def _read_entities(entities: _Reader) -> dict[tuple[int, int], list[int]]:
     """Return the physical groups by dimension and tag of the entity."""
     groups: dict[tuple[int, int], list[int]] = {}
     for dimension, count in enumerate(entities.read("u", 4).tolist()):
@@ -470,7 +438,7 @@ def _entities(entities: _Reader) -> dict[tuple[int, int], list[int]]:
     return groups
 
 
-def _nodes_4(nodes: _Reader) -> tuple[IntArray, FloatArray]:
+def _read_nodes_4(nodes: _Reader) -> tuple[IntArray, FloatArray]:
     blocks, total, _, _ = nodes.read("u", 4).tolist()
     numbers: list[Any] = []
     points: list[Any] = []
@@ -490,7 +458,7 @@ def _nodes_4(nodes: _Reader) -> tuple[IntArray, FloatArray]:
     return np.concatenate(numbers), np.concatenate(points)
 
 
-def _elements_4(elements: _Reader, groups: dict[tuple[int, int], list[int]]) -> Iterator[_ElementGroup]:
+def _read_elements_4(elements: _Reader, groups: dict[tuple[int, int], list[int]]) -> Iterator[Elements]:
     blocks, total, _, _ = elements.read("u", 4).tolist()
     done = 0
     for _ in range(blocks):
@@ -501,7 +469,7 @@ def _elements_4(elements: _Reader, groups: dict[tuple[int, int], list[int]]) -> 
         rows = elements.read("u", count * (1 + _NODES[kind])).reshape(count, 1 + _NODES[kind])
         done += count
         for group in groups.get((dimension, entity), []) or [0]:
-            yield _ElementGroup(kind, group, rows[:, 0], rows[:, 1:])
+            yield kind, group, rows[:, 0], rows[:, 1:]
     elements.end()
     if done != total:
         raise _invalid(f"{done} elements, {total} announced")

@@ -11,9 +11,8 @@ import numpy as np
 from rich.table import Table
 
 from flexcam.analysis.comparison import Comparison
-from flexcam.analysis.error_estimate import estimate_errors
 from flexcam.analysis.limits import Margins, Search, find_limits
-from flexcam.analysis.model_choice import evaluate_ladder
+from flexcam.analysis.model_choice import estimate_errors, evaluate_ladder
 from flexcam.analysis.natural_modes import modes
 from flexcam.analysis.preparation import PreparedRun
 from flexcam.analysis.run import member_strength, reload_result, run

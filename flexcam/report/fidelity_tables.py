@@ -7,8 +7,7 @@ from collections.abc import Sequence
 
 from rich.table import Table
 
-from flexcam.analysis.error_estimate import Error
-from flexcam.analysis.model_choice import Choice, ModelEvaluation, Reference
+from flexcam.analysis.model_choice import Choice, Error, ModelEvaluation, Reference
 from flexcam.dynamics import Cause
 from flexcam.report.terminal import format_csv, plain_table
 

@@ -91,7 +91,7 @@ transverse_lift_ratio = _profile_function(lambda made: -made.push.imag, lambda m
 """Lift per motion of the cam to the right; for a translating follower the tangent of the pressure angle."""
 
 pressure_tangent = _profile_function(
-    lambda made: np.tan(made.pressure_angle), lambda made: made.pressure_rate / made.touch.reach**2
+    lambda made: np.tan(made.pressure_angle), lambda made: made.touch.pressure_rate / made.touch.reach**2
 )
 """Tangent of the pressure angle relative to the rotated arm."""
 

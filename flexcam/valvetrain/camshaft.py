@@ -22,7 +22,7 @@ from flexcam.dynamics import (
     SpeedByAngle,
     row_of,
 )
-from flexcam.fem.assembly import rayleigh_damping
+from flexcam.fem.assembly import rayleigh_damping, to_global
 from flexcam.fem.elements import beam
 from flexcam.fem.frames import ROTATIONS
 from flexcam.valvetrain.contacts import Coupling
@@ -77,7 +77,7 @@ def _inertia(structure: Structure, nodes: IntArray, turning: FloatArray) -> Load
     """Return the load of a shaft's rotary inertia at variable speed: unknowns are relative to the rotation."""
     dofs, mesh = structure.dofs, structure.model.mesh
     beams = structure.beams.part(np.flatnonzero(np.isin(structure.beams.nodes[:, 0], nodes)))
-    pulled = beam.to_global(beams, beam.mass(beams)) @ np.tile(turning, 2)
+    pulled = to_global(beams, beam.mass(beams)) @ np.tile(turning, 2)
     vector = _assemble_vector(dofs.size, dofs.numbers[beams.nodes], pulled)
     for part in structure.model.masses.values():
         if structure.is_node(part.at) and mesh.node(part.at) in nodes:

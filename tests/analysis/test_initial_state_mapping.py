@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexcam import build_model, prepare, read_case
-from flexcam.analysis.error_estimate import estimate_errors
+from flexcam.analysis.model_choice import estimate_errors
 from flexcam.analysis.model_ladder import with_elements
 from flexcam.valvetrain import build_structure
 

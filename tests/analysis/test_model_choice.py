@@ -11,12 +11,13 @@ import pytest
 
 from flexcam import InputError, prepare, read_case, solve
 from flexcam.analysis.comparison import Histories, distance, extract_histories
-from flexcam.analysis.error_estimate import Error, estimate_errors
 from flexcam.analysis.model_choice import (
     Choice,
+    Error,
     ModelEvaluation,
     Reference,
     candidate_models,
+    estimate_errors,
     evaluate_model,
     mark_pareto_front,
     reference_run,

@@ -193,7 +193,7 @@ def test_slopes_of_pressure_angle_sliding_and_push(follower, turn, smooth_event)
     angle = np.linspace(0.3, 6.0, 50)
     made, before, after = (profile_at(smooth_event, follower, angle + side, turn) for side in (0.0, -5e-4, 5e-4))
     for measure, slope in (
-        (lambda one: one.pressure_angle, made.pressure_rate),
+        (lambda one: one.pressure_angle, made.touch.pressure_rate),
         (lambda one: one.touch.sliding, made.touch.sliding_rate),
         (lambda one: one.touch.reach, made.touch.reach_rate),
         (lambda one: one.push.real, made.push_rate.real),

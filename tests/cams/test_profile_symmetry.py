@@ -30,7 +30,7 @@ def mirrored(follower):
 
 
 def scaled(follower, factor):
-    lengths = [field.name for field in fields(follower) if field.name != "side"]
+    lengths = [field.name for field in fields(follower) if field.init and field.name != "side"]
     return replace(follower, **{name: factor * getattr(follower, name) for name in lengths})
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexcam.cams.harmonic_synthesis import constrained_least_squares
+from flexcam.cams.harmonic_lift import constrained_least_squares
 
 
 def problem(seed):

@@ -10,7 +10,7 @@ import pytest
 
 from flexcam import read_case, read_result
 from flexcam.analysis import resources
-from flexcam.analysis.error_estimate import estimate_errors
+from flexcam.analysis.model_choice import estimate_errors
 from flexcam.analysis.preparation import prepare
 from flexcam.analysis.run import estimate_case_resources
 from flexcam.cli.app import parse_duration

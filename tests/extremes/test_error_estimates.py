@@ -7,7 +7,7 @@ import pytest
 
 from flexcam import read_case
 from flexcam.analysis.comparison import distance
-from flexcam.analysis.error_estimate import estimate_errors
+from flexcam.analysis.model_choice import estimate_errors
 from flexcam.analysis.model_ladder import run_histories, steps_per_revolution_of, with_elements, with_steps
 
 TRAIN = """\

@@ -64,13 +64,3 @@ def test_rotary_inertia_can_be_switched_off():
     plain = beams(mesh, {"bar": Member(MATERIAL, SECTION, rotary_inertia=False)})
     assert plain.rho_Iy[0] == plain.rho_Iz[0] == 0.0
     assert plain.rho_Ip[0] == pytest.approx(MATERIAL.density * (SECTION.Iy + SECTION.Iz))
-
-
-def test_axial_force_of_a_turned_bar(readonly):
-    ends = readonly([[1.0, 2.0, -1.0], [1.4, 2.3, 0.2]])
-    bar = beams(Mesh(ends, {"bar": [0, 1]}, {}), {"bar": Member(MATERIAL, SECTION)})
-    along = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
-    nodal = np.zeros((2, 6))
-    nodal[1, :3] = 1e-4 * along + np.cross(along, [3.0, 1.0, 2.0])  # a stretch, and a motion across
-    expected = MATERIAL.E * SECTION.A * 1e-4 / bar.length[0]
-    assert beam.axial_force(bar, nodal)[0] == pytest.approx(expected, rel=1e-9)  # the motion across is 1e4 larger

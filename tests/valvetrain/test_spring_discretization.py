@@ -11,7 +11,7 @@ from scipy.linalg import eigh
 
 from flexcam import build_model, prepare, read_case
 from flexcam.analysis.comparison import distance
-from flexcam.analysis.error_estimate import estimate_errors
+from flexcam.analysis.model_choice import estimate_errors
 from flexcam.analysis.model_ladder import run_histories, with_elements
 from flexcam.cams import HarmonicLift
 from flexcam.valvetrain import Spring, build_structure

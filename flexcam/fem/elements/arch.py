@@ -44,42 +44,9 @@ def deformation_matrix(beams: Beams, elements: IntArray) -> FloatArray:
     return D
 
 
-def shortening_matrix(beams: Beams, elements: IntArray) -> FloatArray:
-    """Return g for slopes and rotations of both planes.
-
-    Parameters
-    ----------
-    beams, elements
-        As for `deformation_matrix`.
-
-    Returns
-    -------
-    ndarray
-        Shape (e, 6, 6), m.
-    """
-    L = beams.length[elements]
-    g = np.zeros((len(L), 6, 6))
-    from_chord = np.zeros((len(L), 4, 3))  # v1 = 0, rotation 1, v2, rotation 2
-    from_chord[:, 1, 1] = from_chord[:, 3, 2] = 1.0
-    from_chord[:, 2, 0] = L
-    for first, phi in ((0, beams.phi_y), (3, beams.phi_z)):
-        whole = bending.geometric(np.ones(len(L)), L, phi[elements])
-        g[:, first : first + 3, first : first + 3] = np.swapaxes(from_chord, 1, 2) @ whole @ from_chord
-    return g
-
-
 @dataclass(frozen=True, eq=False)
 class Arch:
     """Shallow arch elements in terms of their seven deformation parameters.
-
-    Parameters
-    ----------
-    axial
-        EA/L, N/m, shape (e,).
-    shortening
-        g over slopes and rotations of both planes, m, shape (e, 6, 6).
-    bow
-        y0, shape (e, 6).
 
     Examples
     --------
@@ -88,15 +55,22 @@ class Arch:
     array([[0.5, 1. , 0. , 0. , 0. , 0. , 0. ]])
     """
 
-    axial: FloatArray
-    shortening: FloatArray
-    bow: FloatArray
+    axial: FloatArray  #: EA/L, N/m, shape (e,)
+    shortening: FloatArray  #: g over slopes and rotations of both planes, m, shape (e, 6, 6)
+    bow: FloatArray  #: y0, shape (e, 6)
 
     @classmethod
     def of(cls, beams: Beams, elements: IntArray) -> Arch:
         """Return the arches of selected elements, shape (e,)."""
-        axial = beams.EA[elements] / beams.length[elements]
-        return cls(axial, shortening_matrix(beams, elements), beams.bow[elements])
+        L = beams.length[elements]
+        from_chord = np.zeros((len(L), 4, 3))  # v1 = 0, rotation 1, v2, rotation 2
+        from_chord[:, 1, 1] = from_chord[:, 3, 2] = 1.0
+        from_chord[:, 2, 0] = L
+        g = np.zeros((len(L), 6, 6))
+        for first, phi in ((0, beams.phi_y), (3, beams.phi_z)):
+            whole = bending.geometric(np.ones(len(L)), L, phi[elements])
+            g[:, first : first + 3, first : first + 3] = np.swapaxes(from_chord, 1, 2) @ whole @ from_chord
+        return cls(beams.EA[elements] / L, g, beams.bow[elements])
 
     def forces(self, values: FloatArray) -> FloatArray:
         """Return the forces beyond those of the linear bar and beam, shape (..., e, 7), for that shape.
@@ -110,51 +84,3 @@ class Arch:
         found[..., 0] = 0.5 * self.axial * np.sum(y * (pulled + start), axis=-1)
         found[..., 1:] = (self.axial * values[..., 0] + found[..., 0])[..., None] * pulled
         return found
-
-
-def nonlinear_end_forces(beams: Beams, local: FloatArray) -> FloatArray:
-    """Return the end forces of shallow arches beyond those of linear bars and beams.
-
-    Parameters
-    ----------
-    beams
-        All elements.
-    local
-        Displacements of both ends, shape (..., e, 12), local axes.
-
-    Returns
-    -------
-    ndarray
-        Shape (..., e, 12), local axes, N and N m; zero for members without geometric stiffness.
-    """
-    forces = np.zeros_like(local)
-    arched = np.flatnonzero(beams.arched)
-    if not len(arched):
-        return forces
-    D = deformation_matrix(beams, arched)
-    values = np.einsum("eij,...ej->...ei", D, local[..., arched, :])
-    forces[..., arched, :] = np.einsum("eij,...ei->...ej", D, Arch.of(beams, arched).forces(values))
-    return forces
-
-
-def initial_bow(bow: float, length: FloatArray) -> FloatArray:
-    """Return the initial bow y0 of the elements of a member with a half wave in its x-y plane.
-
-    Parameters
-    ----------
-    bow
-        At mid-length, m.
-    length
-        Element lengths in order, m, shape (e,).
-
-    Returns
-    -------
-    ndarray
-        Shape (e, 6).
-    """
-    x = np.concatenate([[0.0], np.cumsum(length)])
-    wave = np.pi / x[-1]
-    y0 = np.zeros((len(length), 6))
-    y0[:, 0] = bow * np.diff(np.sin(wave * x)) / length
-    y0[:, 1], y0[:, 2] = bow * wave * np.cos(wave * x[:-1]), bow * wave * np.cos(wave * x[1:])
-    return y0

@@ -24,48 +24,32 @@ _ROTATION_SIGNS = np.outer([1.0, -1.0, 1.0, -1.0], [1.0, -1.0, 1.0, -1.0])
 class Beams:
     """Properties of e straight beam elements, every field an array over the elements.
 
-    Parameters
-    ----------
-    nodes
-        Node numbers of both ends, shape (e, 2).
-    length
-        Lengths, m, shape (e,).
-    triads
-        Local axes as rows, shape (e, 3, 3): ``u_local = R u_global``.
-    EA, GJ, EIy, EIz
-        Rigidities, N and N m^2, shape (e,).
-    rho_A, rho_Ip, rho_Iy, rho_Iz
-        Mass (kg/m), polar and rotary inertia (kg m) per length, shape (e,). Switched-off rotary inertia is zero.
-    phi_y, phi_z
-        Shear parameters of bending in the x-y and x-z plane, shape (e,); zero without shear deformation.
-    lumped
-        1 where the mass is lumped, else 0, shape (e,).
-    arched
-        1 where axial force and bending are coupled, else 0, shape (e,).
-    bow
-        Initial slopes and rotations of such elements, see `arch`, shape (e, 6).
-
     Examples
     --------
     `flexcam.fem.members.beams` makes them from a mesh and its members.
     """
 
-    nodes: IntArray
-    length: FloatArray
-    triads: FloatArray
+    nodes: IntArray  #: node numbers of both ends, shape (e, 2)
+    length: FloatArray  #: lengths, m, shape (e,)
+    triads: FloatArray  #: local axes as rows, shape (e, 3, 3): ``u_local = R u_global``
+    #: `EA`, `GJ`, `EIy`, `EIz`: rigidities, N and N m^2, shape (e,)
     EA: FloatArray
     GJ: FloatArray
     EIy: FloatArray
     EIz: FloatArray
+    #: `rho_A`, `rho_Ip`, `rho_Iy`, `rho_Iz`: mass (kg/m), polar and rotary inertia (kg m) per length, shape (e,).
+    #: Switched-off rotary inertia is zero.
     rho_A: FloatArray
     rho_Ip: FloatArray
     rho_Iy: FloatArray
     rho_Iz: FloatArray
+    #: `phi_y`, `phi_z`: shear parameters of bending in the x-y and x-z plane, shape (e,); zero without shear
+    #: deformation
     phi_y: FloatArray
     phi_z: FloatArray
-    lumped: FloatArray
-    arched: FloatArray
-    bow: FloatArray
+    lumped: FloatArray  #: 1 where the mass is lumped, else 0, shape (e,)
+    arched: FloatArray  #: 1 where axial force and bending are coupled, else 0, shape (e,)
+    bow: FloatArray  #: initial slopes and rotations of such elements, see `arch`, shape (e, 6)
 
     def __len__(self) -> int:
         return len(self.length)
@@ -151,47 +135,3 @@ def geometric(beams: Beams, axial_force: FloatArray) -> FloatArray:
     nothing = np.zeros((len(beams), 2, 2))
     xy, xz = (bending.geometric(axial_force, beams.length, phi) for phi in (beams.phi_y, beams.phi_z))
     return _place(nothing, nothing, xy, xz)
-
-
-def to_global(beams: Beams, local: FloatArray) -> FloatArray:
-    """Return element matrices transformed from local to global axes, ``T^T k T``.
-
-    Parameters
-    ----------
-    beams
-        The elements.
-    local
-        Shape (e, 12, 12), local axes.
-
-    Returns
-    -------
-    ndarray
-        Shape (e, 12, 12), global axes.
-    """
-    rows_turned = _rotate_rows(beams, local)
-    return _rotate_rows(beams, rows_turned.swapaxes(1, 2)).swapaxes(1, 2)
-
-
-def _rotate_rows(beams: Beams, matrices: FloatArray) -> FloatArray:
-    """Return ``T^T m``; each group of three rows is a vector at one end."""
-    back = np.swapaxes(beams.triads, -1, -2)[:, None]
-    return (back @ matrices.reshape(-1, 4, 3, 12)).reshape(-1, 12, 12)
-
-
-def axial_force(beams: Beams, nodal: FloatArray) -> FloatArray:
-    """Return the axial force of every element from nodal displacements.
-
-    Parameters
-    ----------
-    beams
-        The elements.
-    nodal
-        Displacements in global axes, shape (nodes, 6), m and rad.
-
-    Returns
-    -------
-    ndarray
-        N, tension positive, shape (e,).
-    """
-    stretch = nodal[beams.nodes[:, 1], :3] - nodal[beams.nodes[:, 0], :3]
-    return beams.EA / beams.length * np.sum(stretch * beams.triads[:, 0], axis=1)

@@ -1,4 +1,4 @@
-"""Synthesis of lifts with few harmonics: fit to a lift by constrained least squares, and polydyne cams.
+"""Lifts with few harmonics: harmonics of a lift, fit to a lift by constrained least squares, and polydyne cams.
 
 A polydyne cam gives a prescribed motion of an elastic train at one speed: each harmonic of that motion is divided by
 the train's frequency response. Reference: D. A. Stoddart, Polydyne Cam Design, Machine Design 25 (1953), for one mass,
@@ -10,15 +10,124 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from flexcam.cams.lift_event import Event
-from flexcam.cams.periodic_lift import HarmonicLift, harmonic_rows, harmonics
-from flexcam.core import ComplexArray, FloatArray, IntArray
-from flexcam.core.errors import InputError, positive, refuse
+from flexcam.cams.lift_event import Event, unique_angles
+from flexcam.core import ComplexArray, FloatArray
+from flexcam.core.errors import InputError, finite_array, positive, refuse
 from flexcam.core.units import RPM
+
+_REVOLUTION = 2.0 * math.pi
+_AT_ONCE = 64  # number of harmonics evaluated together: ten thousand would need tens of GB
+
+
+@dataclass(frozen=True)
+class HarmonicLift(Event):
+    """Lift as a mean and a few harmonics of the cam angle, which bounds the excitation spectrum.
+
+    C. Li, Cam motion simulation and optimization (2014), eq. 5.
+    """
+
+    mean: float  #: m
+    #: `cosine`, `sine`: amplitudes a_n and b_n of cos(n angle) and sin(n angle), m, n from 1, as many of both
+    cosine: tuple[float, ...]
+    sine: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        if len(self.cosine) != len(self.sine) or not self.cosine:
+            given = f"{len(self.cosine)} and {len(self.sine)} values"
+            raise refuse("cosine, sine", given, "as many of both, one or more")
+        if not np.isfinite([self.mean, *self.cosine, *self.sine]).all():
+            raise refuse("mean, cosine, sine", "numbers that are not finite", "finite numbers")
+
+    @classmethod
+    def of(cls, amplitudes: ComplexArray) -> HarmonicLift:
+        """Return the lift Re sum c_n exp(i n angle) of complex amplitudes c_n, n from 0, m."""
+        cosine, sine = amplitudes[1:].real.tolist(), (-amplitudes[1:].imag).tolist()
+        return cls(float(amplitudes[0].real), tuple(cosine), tuple(sine))
+
+    def with_delay(self, angle: float) -> HarmonicLift:
+        """Return the same lift later by a cam angle, rad."""
+        n, amplitude = self._amplitudes
+        return HarmonicLift.of(np.append(self.mean, amplitude * np.exp(-1j * angle * n)))
+
+    @cached_property
+    def _amplitudes(self) -> tuple[FloatArray, ComplexArray]:
+        """Orders and complex amplitudes: lift = mean + Re sum c_n exp(i n angle)."""
+        n = np.linspace(1.0, len(self.cosine), len(self.cosine))
+        return n, np.array(self.cosine) - 1j * np.array(self.sine)
+
+    def __call__(self, angle: FloatArray, order: int = 0) -> FloatArray:
+        """Return the derivative of the given order (0 to 4) by the cam angle (rad), m/rad^order, shape as `angle`."""
+        angle = np.asarray(angle, dtype=float)
+        n, amplitude = self._amplitudes
+        turned = np.exp(1j * angle[..., None] * n) @ ((1j * n) ** order * amplitude)
+        return np.asarray(turned.real + (self.mean if order == 0 else 0.0), dtype=float)
+
+
+def harmonics(event: Event, count: int, order: int = 0) -> ComplexArray:
+    """Return the harmonics of an event's lift or of its derivative."""
+    points, weights = np.polynomial.legendre.leggauss(8)
+    even = np.linspace(0.0, _REVOLUTION, max(361, 2 * count + 1))
+    edges = np.concatenate([unique_angles(np.concatenate([even[:-1], event.joints])), [_REVOLUTION]])
+    half = 0.5 * np.diff(edges)
+    angle = (edges[:-1] + half)[:, None] + half[:, None] * points
+    values = (half[:, None] * weights * event(angle, order)).ravel()
+    parts = np.array_split(np.arange(count + 1), count // _AT_ONCE + 1)
+    swung = np.concatenate([np.exp(-1j * np.outer(n, angle.ravel())) @ values for n in parts])
+    amplitude = np.asarray(swung / math.pi, dtype=np.complex128)
+    amplitude[0] *= 0.5
+    return amplitude
+
+
+def harmonic_rows(angle: FloatArray, count: int) -> FloatArray:
+    """Return 1, the cosines and the sines of the multiples of angles up to a count, shape (n, 2 count + 1)."""
+    turned = np.outer(angle, np.arange(1, count + 1))
+    return np.hstack([np.ones((len(angle), 1)), np.cos(turned), np.sin(turned)])
+
+
+@dataclass(frozen=True, eq=False)
+class OrderSpectrum:
+    """Order spectrum of a time history."""
+
+    #: complex amplitudes c_0 to c_count, shape (count + 1,): value = Re sum c_n exp(i n angle)
+    coefficients: ComplexArray
+    #: difference of the values at both ends, in their own unit; it leaks into every order by about gap/(pi n)
+    gap: float
+
+    @property
+    def amplitudes(self) -> FloatArray:
+        """Amplitudes from order 0 (the size of the mean), shape (count + 1,)."""
+        return np.abs(self.coefficients)
+
+
+def order_spectrum(angle: ArrayLike, values: ArrayLike, count: int) -> OrderSpectrum:
+    """Return the order spectrum of a history over one revolution.
+
+    No window is applied because a revolution is the period. The orders are those of the least-squares trigonometric
+    polynomial, weighted by the angle of each sample. They are exact for a polynomial of degree `count` at any samples,
+    and equal the discrete Fourier transform for equally spaced ones.
+    """
+    at = finite_array("angle", angle, (None,))
+    history = finite_array("values", values, (len(at),))
+    if count < 1:
+        raise refuse("count", count, "a whole number from 1")
+    if len(at) < 2 * count + 2:
+        why = "each order needs two instants"
+        raise refuse("angle", f"{len(at)} instants", f"{2 * count + 2} or more for {count} orders", why)
+    steps, span = np.diff(at), float(at[-1] - at[0])
+    if (steps <= 0.0).any() or abs(span - _REVOLUTION) > 1.5 * float(steps.max()):
+        raise refuse("angle", f"{math.degrees(span):.6g} deg", "rising angles over one revolution, 360 deg")
+    weights = 0.5 * (np.append(steps, 0.0) + np.append(0.0, steps))
+    waves = harmonic_rows(at, count)
+    heavy = waves * weights[:, None]
+    found = np.linalg.solve(heavy.T @ waves, heavy.T @ history)
+    coefficients = np.append(found[:1].astype(np.complex128), found[1 : count + 1] - 1j * found[count + 1 :])
+    return OrderSpectrum(coefficients, abs(float(history[-1] - history[0])))
+
 
 _FEASIBLE = 1e-10  # residual of the dual problem below which the inequalities are contradictory
 
@@ -49,7 +158,6 @@ def constrained_least_squares(E: FloatArray, f: FloatArray, G: FloatArray, h: Fl
     return best + np.asarray(np.linalg.solve(R, -r[:-1] / r[-1] * size), dtype=float)
 
 
-_REVOLUTION = 2.0 * math.pi
 _MOST_FITTED = 200
 _POINTS_PER_HARMONIC, _LEAST_POINTS = 24, 720
 
@@ -82,7 +190,12 @@ def harmonic_fit(
     even = np.linspace(0.0, _REVOLUTION, points, endpoint=False)
     angle = np.unique(np.concatenate([even, np.mod(np.array(ends, dtype=float), _REVOLUTION)]))
     target = wanted(angle)
-    held = _strict_mask(wanted, angle, strict)
+    if strict is None:  # the dwells
+        held = np.abs(wanted(angle, 1)) + np.abs(wanted(angle, 2)) < 1e-9 * wanted.height
+    else:
+        held = np.zeros(len(angle), dtype=np.bool_)
+        for start, end in strict:
+            held |= np.mod(angle - start, _REVOLUTION) <= end - start
     rows = harmonic_rows(angle, count)
     limit = np.where(held, tolerance, math.inf if bound is None else positive("bound", bound, "m"))
     bounded = np.isfinite(limit)
@@ -104,16 +217,6 @@ def harmonic_fit(
 def harmonics_below(frequency: float, speed: float) -> int:
     """Return the number of harmonics of a cam below a natural frequency: n < w0/w."""
     return max(0, math.ceil(positive("frequency", frequency, "rad/s") / positive("speed", speed, "rad/s")) - 1)
-
-
-def _strict_mask(wanted: Event, angle: FloatArray, sections: Sequence[tuple[float, float]] | None) -> NDArray[np.bool_]:
-    """Return which angles lie on strict sections; by default those are the dwells."""
-    if sections is None:
-        return np.abs(wanted(angle, 1)) + np.abs(wanted(angle, 2)) < 1e-9 * wanted.height
-    inside: NDArray[np.bool_] = np.zeros(len(angle), dtype=np.bool_)
-    for start, end in sections:
-        inside |= np.mod(angle - start, _REVOLUTION) <= (end - start)
-    return inside
 
 
 def _order_error(
@@ -153,7 +256,6 @@ Transfer = Callable[[FloatArray], ComplexArray]
 """
 
 _MIN_RESPONSE = 1e-9  # frequency response, relative to the static one, below which a harmonic cannot be prescribed
-
 _ROUNDING = 1e-12
 _MOST = 1000
 _GRID = np.linspace(0.0, 2.0 * math.pi, 1441)
@@ -206,19 +308,16 @@ def polydyne(wanted: Event, transfer: Transfer, speed: float, *, count: int = 60
     return Polydyne(HarmonicLift.of(cam), goal, float(np.abs(goal(_GRID) - wanted(_GRID)).max()))
 
 
-def _response_harmonics(cam: Event, transfer: Transfer, speed: float, count: int) -> tuple[ComplexArray, IntArray]:
-    """Return the harmonics of the motion on a cam, and which of the cam's harmonics are in resonance."""
-    amplitude, answer = harmonics(cam, count), transfer(speed * np.arange(count + 1.0))
-    held = np.abs(amplitude) > _ROUNDING * np.abs(amplitude).max()
-    return amplitude * np.where(np.isfinite(answer), answer, 0.0), np.flatnonzero(held & ~np.isfinite(answer))
-
-
 def off_design_deviation(design: Polydyne, transfer: Transfer, speeds: Sequence[float]) -> FloatArray:
     """Return the largest deviation from the target motion at other speeds."""
     count, wanted = len(design.event.cosine), design.wanted(_GRID)
 
     def away(speed: float) -> float:
-        amplitude, resonant = _response_harmonics(design.event, transfer, speed, count)
-        return math.inf if resonant.size else float(np.abs(HarmonicLift.of(amplitude)(_GRID) - wanted).max())
+        amplitude, answer = harmonics(design.event, count), transfer(speed * np.arange(count + 1.0))
+        present = np.abs(amplitude) > _ROUNDING * np.abs(amplitude).max()
+        if (present & ~np.isfinite(answer)).any():  # in resonance
+            return math.inf
+        moved = HarmonicLift.of(amplitude * np.where(np.isfinite(answer), answer, 0.0))
+        return float(np.abs(moved(_GRID) - wanted).max())
 
     return np.array([away(positive("speed", float(speed), "rad/s")) for speed in speeds])
