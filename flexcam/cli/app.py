@@ -146,16 +146,14 @@ CaseFile = Annotated[Path, Parameter(help="Case file (.toml).")]
 ResultPath = Annotated[Path, Parameter(help="Result file (.vtkhdf).")]
 Overrides = Annotated[
     list[str] | None,
-    Parameter("--set", negative=(), help="Override a value of the case, such as run.speed=4000rpm. Repeatable."),
+    Parameter("--set", help="Override a value of the case, such as run.speed=4000rpm. Repeatable."),
 ]
-Json = Annotated[bool, Parameter("--json", negative=(), help="Print one JSON object instead of tables.")]
+Json = Annotated[bool, Parameter("--json", help="Print one JSON object instead of tables.")]
 Picture = Annotated[Path | None, Parameter("--plot", help="Also draw a figure to this file (.svg, .png or .pdf).")]
 Csv = Annotated[Path | None, Parameter("--csv", help="Also write a table to this file (.csv).")]
 Folder = Annotated[Path, Parameter(["-o", "--output"], help="Folder of the results.")]
-Overwrite = Annotated[bool, Parameter("--overwrite", negative=(), help="Replace existing files.")]
-AllowLarge = Annotated[
-    bool, Parameter("--allow-large", negative=(), help="Run even if memory or disk space seem too small.")
-]
+Overwrite = Annotated[bool, Parameter("--overwrite", help="Replace existing files.")]
+AllowLarge = Annotated[bool, Parameter("--allow-large", help="Run even if memory or disk space seem too small.")]
 Lowest = Annotated[str | None, Parameter("--lowest", help="Lowest speed, such as 1000rpm; half the case's by default.")]
 Highest = Annotated[str | None, Parameter("--highest", help="Highest speed; 1.5 times the case's by default.")]
 Accuracy = Annotated[str, Parameter("--accuracy", help="Accuracy of the speeds of limits.")]
@@ -173,7 +171,7 @@ app = App(
     name="flexcam",
     version=_versions,
     help_format="plaintext",
-    default_parameter=Parameter(negative_iterable=()),
+    default_parameter=Parameter(negative=()),
     help="Simulate flexible valve trains and cam mechanisms by finite elements.",
     help_prologue="""\
 flexcam new pushrod-engine -o engine.toml

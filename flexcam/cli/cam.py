@@ -282,56 +282,35 @@ flexcam cam --from-profile points.csv --unit mm --follower '{ type = "flat" }' -
 """  # noqa: E501 - a command to a line
 )
 def cam(
-    case: Annotated[
-        Path | None, Parameter(group=_CASE, help="Case file, or a file with format = 1 and [cams.NAME] tables only.")
-    ] = None, *,
+    case: Annotated[Path | None, Parameter(
+        group=_CASE, help="Case file, or a file with format = 1 and [cams.NAME] tables only.")] = None, *,
     name: Annotated[CamName, Parameter(group=_CASE)] = None,
-    forms: Annotated[
-        list[Literal["csv", "dxf", "vtp"]] | None,
-        Parameter("--format", negative=(), group=_CASE, help="Format of the profile files with -o; all by default."),
-    ] = None,
-    cutter: Annotated[
-        str | None, Parameter(group=_CASE, help="Radius of the cutter or grinding wheel, such as '40 mm'.")
-    ] = None,
-    pressure_angle: Annotated[
-        str | None,
-        Parameter(group=_CASE, help=f"Allowed pressure angle; {math.degrees(PRESSURE_ANGLE):g} deg by default."),
-    ] = None,
-    checking_lifts: Annotated[
-        list[str] | None,
-        Parameter(
-            "--checking-lift", negative=(), group=_CASE,
-            help="Lift for opening, closing and overlap in addition to 1 mm and 0.05 in, such as '0.1 mm'. Repeatable.",
-        ),
-    ] = None,
-    plot: Annotated[
-        Path | None,
-        Parameter(group=_CASE, help="Also draw lift, profile, pressure angle and valve timing to this folder."),
-    ] = None,
-    plot_format: Annotated[
-        Literal["svg", "png", "pdf"] | None, Parameter(group=_CASE, help="Format of the figures; svg by default.")
-    ] = None,
+    forms: Annotated[list[Literal["csv", "dxf", "vtp"]] | None, Parameter(
+        "--format", group=_CASE, help="Format of the profile files with -o; all by default.")] = None,
+    cutter: Annotated[str | None, Parameter(
+        group=_CASE, help="Radius of the cutter or grinding wheel, such as '40 mm'.")] = None,
+    pressure_angle: Annotated[str | None, Parameter(
+        group=_CASE, help=f"Allowed pressure angle; {math.degrees(PRESSURE_ANGLE):g} deg by default.")] = None,
+    checking_lifts: Annotated[list[str] | None, Parameter(
+        "--checking-lift", group=_CASE, help="Lift for opening, closing and overlap in addition to 1 mm and "
+        "0.05 in, such as '0.1 mm'. Repeatable.")] = None,
+    plot: Annotated[Path | None, Parameter(
+        group=_CASE, help="Also draw lift, profile, pressure angle and valve timing to this folder.")] = None,
+    plot_format: Annotated[Literal["svg", "png", "pdf"] | None, Parameter(
+        group=_CASE, help="Format of the figures; svg by default.")] = None,
     overrides: Annotated[Overrides, Parameter(group=_CASE)] = None,
-    profile: Annotated[
-        Path | None,
-        Parameter("--from-profile", group=_PROFILE, help="Points of a cam profile (.csv), in the frame of the cam."),
-    ] = None,
-    follower: Annotated[
-        str | None, Parameter(group=_PROFILE, help="Follower as in a case, such as '{ type = \"flat\" }'.")
-    ] = None,
-    base_radius: Annotated[
-        str | None, Parameter(group=_PROFILE, help="Radius of the base circle, where the lift is zero.")
-    ] = None,
-    unit: Annotated[
-        Literal["um", "mm", "cm", "m", "in"] | None,
-        Parameter(group=_PROFILE, help="Unit of the points, if the header of the file names none."),
-    ] = None,
-    clockwise: Annotated[bool, Parameter(negative=(), group=_PROFILE, help="The cam turns clockwise.")] = False,
+    profile: Annotated[Path | None, Parameter(
+        "--from-profile", group=_PROFILE, help="Points of a cam profile (.csv), in the frame of the cam.")] = None,
+    follower: Annotated[str | None, Parameter(
+        group=_PROFILE, help="Follower as in a case, such as '{ type = \"flat\" }'.")] = None,
+    base_radius: Annotated[str | None, Parameter(
+        group=_PROFILE, help="Radius of the base circle, where the lift is zero.")] = None,
+    unit: Annotated[Literal["um", "mm", "cm", "m", "in"] | None, Parameter(
+        group=_PROFILE, help="Unit of the points, if the header of the file names none.")] = None,
+    clockwise: Annotated[bool, Parameter(group=_PROFILE, help="The cam turns clockwise.")] = False,
     points: Annotated[int, Parameter(help="Points of the profile or of the lift table per revolution.")] = 720,
-    output: Annotated[
-        Path | None,
-        Parameter(["-o", "--output"], help="Folder of the profile files; with --from-profile: lift table (.csv)."),
-    ] = None,
+    output: Annotated[Path | None, Parameter(
+        ["-o", "--output"], help="Folder of the profile files; with --from-profile: lift table (.csv).")] = None,
     overwrite: Overwrite = False, as_json: Json = False,
 ) -> None:  # fmt: skip
     """Show cam card, profile and limits of the cams in a file, or compute the lift of a measured profile.

@@ -206,33 +206,18 @@ def campbell(
     case: CaseFile, *,
     lowest: Lowest = None, highest: Highest = None, count: Count = 9,
     orders: Annotated[str, Parameter(help="Orders of the camshaft: 1:24, or 1,2,4; with --response 1:N.")] = "1:24",
-    modes: Annotated[
-        int | None, Parameter(group=_MODES, help="Number of modes, from the lowest; 8 by default.")
-    ] = None,
-    contact: Annotated[
-        str | None, Parameter(group=_MODES, help="Contact whose cam excites the modes, if there are several.")
-    ] = None,
-    response: Annotated[
-        bool, Parameter(negative=(), group=_RESPONSE, help="Run each speed and show the orders of its last revolution.")
-    ] = False,
-    channels: Annotated[
-        list[str] | None,
-        Parameter(
-            "--channel",
-            negative=(),
-            group=_RESPONSE,
-            help="Channel such as a contact force; that of the first cam by default. Repeatable.",
-        ),
-    ] = None,
-    probes: Annotated[
-        list[str] | None,
-        Parameter(
-            "--probe",
-            negative=(),
-            group=_RESPONSE,
-            help="Probe whose acceleration is shown; the valve by default. Repeatable.",
-        ),
-    ] = None,
+    modes: Annotated[int | None, Parameter(
+        group=_MODES, help="Number of modes, from the lowest; 8 by default.")] = None,
+    contact: Annotated[str | None, Parameter(
+        group=_MODES, help="Contact whose cam excites the modes, if there are several.")] = None,
+    response: Annotated[bool, Parameter(
+        group=_RESPONSE, help="Run each speed and show the orders of its last revolution.")] = False,
+    channels: Annotated[list[str] | None, Parameter(
+        "--channel", group=_RESPONSE, help="Channel such as a contact force; that of the first cam by "
+        "default. Repeatable.")] = None,
+    probes: Annotated[list[str] | None, Parameter(
+        "--probe", group=_RESPONSE, help="Probe whose acceleration is shown; the valve by default. "
+        "Repeatable.")] = None,
     csv: Annotated[Csv, Parameter(group=_RESPONSE)] = None,
     plot: Picture = None, overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
 ) -> Status | None:  # fmt: skip

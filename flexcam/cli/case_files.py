@@ -66,9 +66,7 @@ flexcam check case.toml --echo
 )
 def check(
     case: CaseFile, *,
-    echo: Annotated[
-        bool, Parameter("--echo", negative=(), help="Also print the case as TOML with all default values.")
-    ] = False,
+    echo: Annotated[bool, Parameter("--echo", help="Also print the case as TOML with all default values.")] = False,
     overrides: Overrides = None, as_json: Json = False,
 ) -> None:  # fmt: skip
     """Check a case file and summarize its model: size, masses, natural frequencies, warnings.

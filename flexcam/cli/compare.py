@@ -74,29 +74,20 @@ flexcam compare case.toml --lowest 2000rpm --highest 7000rpm --count 6 --plot fo
 )
 def compare(
     case: Annotated[Path, Parameter(help="Case file (.toml), or result file (.vtkhdf) with --against.")], *,
-    probe: Annotated[
-        str | None,
-        Parameter(help="Point or component to compare; by default that of a rocker, or the first driven by a cam."),
-    ] = None,
-    against: Annotated[
-        str | None, Parameter(help="Simpler model of the case, other case or result; the rigid model by default.")
-    ] = None,
-    lowest: Annotated[
-        str | None, Parameter(group=_SPEEDS, help="Lowest speed; half the case's by default.")
-    ] = None,
-    highest: Annotated[
-        str | None, Parameter(group=_SPEEDS, help="Highest speed; 1.5 times the case's by default.")
-    ] = None,
-    count: Annotated[
-        int | None, Parameter(group=_SPEEDS, help="Number of speeds, evenly spaced; 8 by default.")
-    ] = None,
-    tolerance: Annotated[
-        str | None, Parameter(group=_SPEEDS, help="Difference of forces from which models diverge; 5 % by default.")
-    ] = None,
+    probe: Annotated[str | None, Parameter(
+        help="Point or component to compare; by default that of a rocker, or the first driven by a cam.")] = None,
+    against: Annotated[str | None, Parameter(
+        help="Simpler model of the case, other case or result; the rigid model by default.")] = None,
+    lowest: Annotated[str | None, Parameter(group=_SPEEDS, help="Lowest speed; half the case's by default.")] = None,
+    highest: Annotated[str | None, Parameter(
+        group=_SPEEDS, help="Highest speed; 1.5 times the case's by default.")] = None,
+    count: Annotated[int | None, Parameter(
+        group=_SPEEDS, help="Number of speeds, evenly spaced; 8 by default.")] = None,
+    tolerance: Annotated[str | None, Parameter(
+        group=_SPEEDS, help="Difference of forces from which models diverge; 5 % by default.")] = None,
     contact: Annotated[str | None, Parameter(group=_SPEEDS, help="Cam contact, if a case has several.")] = None,
-    plot: Annotated[
-        Path | None, Parameter(group=_SPEEDS, help="Also draw the forces over speed (.svg, .png or .pdf).")
-    ] = None,
+    plot: Annotated[Path | None, Parameter(
+        group=_SPEEDS, help="Also draw the forces over speed (.svg, .png or .pdf).")] = None,
     overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
 ) -> Status:  # fmt: skip
     """Compare the flexible model with the rigid one, or any two models, cases or results.
@@ -287,8 +278,8 @@ def trade(
     case: CaseFile, *,
     probe: Annotated[str | None, Parameter(help="Probe whose motion is compared; the valve by default.")] = None,
     repeats: Annotated[int, Parameter(help="Runs of every model; their median time is shown.")] = 3,
-    csv: Csv = None, plot: Picture = None,
-    overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
+    csv: Csv = None, plot: Picture = None, overrides: Overrides = None, overwrite: Overwrite = False,
+    as_json: Json = False,
 ) -> None:  # fmt: skip
     """Compare error and run time of all models of a case, from rigid to flexible.
 

@@ -50,13 +50,10 @@ def fit(
     case: CaseFile, *,
     to: Annotated[Path, Parameter(help=_TO)],
     vary: Vary,
-    column: Annotated[
-        list[str] | None, Parameter("--column", negative=(), help="Column to fit; all by default. Repeatable.")
-    ] = None,
-    noise: Annotated[
-        list[str] | None,
-        Parameter("--noise", negative=(), help="Standard deviation of a column, in its unit: NAME=VALUE. Repeatable."),
-    ] = None,
+    column: Annotated[list[str] | None, Parameter(
+        "--column", help="Column to fit; all by default. Repeatable.")] = None,
+    noise: Annotated[list[str] | None, Parameter(
+        "--noise", help="Standard deviation of a column, in its unit: NAME=VALUE. Repeatable.")] = None,
     steps: Annotated[int, Parameter(help="Maximum number of steps of the search.")] = 50,
     workers: WorkerCount = 1, target: NewCase = None, csv: Csv = None, plot: Picture = None,
     overrides: Overrides = None, allow_large: AllowLarge = False, overwrite: Overwrite = False, as_json: Json = False,

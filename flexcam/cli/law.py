@@ -120,23 +120,15 @@ flexcam law best.toml --residual 1.5 --plot best.svg
 )
 def law(
     name: Annotated[str | None, Parameter(help="Name of a motion law, or a law file (.toml).")] = None, *,
-    every: Annotated[bool, Parameter("--list", negative=(), help="List all motion laws with their criteria.")] = False,
-    parameters: Annotated[
-        list[str] | None, Parameter("--with", negative=(), help="Parameter of the law: KEY=VALUE. Repeatable.")
-    ] = None,
-    residual: Annotated[
-        list[float] | None,
-        Parameter(
-            "--residual",
-            negative=(),
-            help="Rise time divided by the period of an oscillator, for the residual vibration. Repeatable.",
-        ),
-    ] = None,
+    every: Annotated[bool, Parameter("--list", help="List all motion laws with their criteria.")] = False,
+    parameters: Annotated[list[str] | None, Parameter(
+        "--with", help="Parameter of the law: KEY=VALUE. Repeatable.")] = None,
+    residual: Annotated[list[float] | None, Parameter(
+        "--residual", help="Rise time divided by the period of an oscillator, for the residual vibration. "
+        "Repeatable.")] = None,
     plot: Picture = None,
-    spectrum: Annotated[
-        Path | None,
-        Parameter("--spectrum", help="Also draw the residual vibration over the rise time (.svg, .png or .pdf)."),
-    ] = None,
+    spectrum: Annotated[Path | None, Parameter(
+        "--spectrum", help="Also draw the residual vibration over the rise time (.svg, .png or .pdf).")] = None,
     overwrite: Overwrite = False, as_json: Json = False,
 ) -> None:  # fmt: skip
     """Show the criteria of a motion law, or compare all laws: max velocity, acceleration, jerk, residual vibration.

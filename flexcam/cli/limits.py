@@ -63,28 +63,19 @@ def limits(
     lowest: Annotated[str | None, Parameter(help="Lowest speed of the search; half the case's by default.")] = None,
     highest: Annotated[str | None, Parameter(help="Highest speed of the search; twice the case's by default.")] = None,
     accuracy: Accuracy = "10 rpm",
-    bounce_height: Annotated[
-        str | None, Parameter(help="Min height of a bounce; 0.1 mm by default, 2 % of a small lift.")
-    ] = None,
-    lift_deviation: Annotated[
-        str | None, Parameter(help="Also find where the valve lifts so far above the rigid train over the nose.")
-    ] = None,
-    low_pass: Annotated[
-        str | None, Parameter(help="Also evaluate contact loss by the cam force below this frequency, such as 5kHz.")
-    ] = None,
-    over: Annotated[
-        str | None, Parameter("--over", group=_MAP, help="First value: KEY=SPEC as in flexcam sweep --set.")
-    ] = None,
+    bounce_height: Annotated[str | None, Parameter(
+        help="Min height of a bounce; 0.1 mm by default, 2 % of a small lift.")] = None,
+    lift_deviation: Annotated[str | None, Parameter(
+        help="Also find where the valve lifts so far above the rigid train over the nose.")] = None,
+    low_pass: Annotated[str | None, Parameter(
+        help="Also evaluate contact loss by the cam force below this frequency, such as 5kHz.")] = None,
+    over: Annotated[str | None, Parameter(
+        "--over", group=_MAP, help="First value: KEY=SPEC as in flexcam sweep --set.")] = None,
     beside: Annotated[str | None, Parameter("--and", group=_MAP, help="Second value: KEY=SPEC.")] = None,
-    which: Annotated[
-        list[Literal["loss_of_contact", "float", "bounce", "coil_clash", "buckling"]] | None,
-        Parameter(
-            "--limit", negative=(), group=_MAP, help="Limit of the map; loss_of_contact by default. Repeatable."
-        ),
-    ] = None,
-    workers: Annotated[
-        int | None, Parameter("--workers", group=_MAP, help="Number of processes; one by default.")
-    ] = None,
+    which: Annotated[list[Literal["loss_of_contact", "float", "bounce", "coil_clash", "buckling"]] | None, Parameter(
+        "--limit", group=_MAP, help="Limit of the map; loss_of_contact by default. Repeatable.")] = None,
+    workers: Annotated[int | None, Parameter(
+        "--workers", group=_MAP, help="Number of processes; one by default.")] = None,
     csv: Annotated[Csv, Parameter(group=_MAP)] = None,
     plot: Annotated[Picture, Parameter(group=_MAP)] = None,
     overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,

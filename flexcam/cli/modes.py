@@ -58,16 +58,12 @@ flexcam modes case.toml --mac finer.toml
 def modes(
     case: CaseFile, *,
     count: Annotated[int, Parameter(help="Number of modes, from the lowest.")] = 12,
-    prestress: Annotated[
-        Literal["rest", "equilibrium"] | None,
-        Parameter(help="Include axial forces: as installed (rest), or under all loads (equilibrium)."),
-    ] = None,
-    mac: Annotated[
-        Path | None, Parameter(help="Second case file, whose modes are compared by the modal assurance criterion.")
-    ] = None,
-    folder: Annotated[
-        Path | None, Parameter(["-o", "--output"], help="Also write the mode shapes for ParaView to this folder.")
-    ] = None,
+    prestress: Annotated[Literal["rest", "equilibrium"] | None, Parameter(
+        help="Include axial forces: as installed (rest), or under all loads (equilibrium).")] = None,
+    mac: Annotated[Path | None, Parameter(
+        help="Second case file, whose modes are compared by the modal assurance criterion.")] = None,
+    folder: Annotated[Path | None, Parameter(
+        ["-o", "--output"], help="Also write the mode shapes for ParaView to this folder.")] = None,
     overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
 ) -> None:  # fmt: skip
     """Compute natural frequencies and mode shapes, and name the parts that move in each mode.

@@ -66,7 +66,7 @@ if TYPE_CHECKING:
 
 Vary = Annotated[
     list[str],
-    Parameter("--vary", negative=(), help="Value of the case and its interval: KEY=LOW:HIGHunit. Repeatable."),
+    Parameter("--vary", help="Value of the case and its interval: KEY=LOW:HIGHunit. Repeatable."),
 ]
 NewCase = Annotated[Path | None, Parameter(["-o", "--output"], help="Also write the best variant to this case file.")]
 
@@ -101,38 +101,23 @@ flexcam optimize case.toml --method gradient --vary springs.valve.stiffness=30:9
 def optimize(
     case: CaseFile, *,
     vary: Vary,
-    least: Annotated[
-        list[str] | None, Parameter("--least", negative=(), help="Result to minimize: a scalar of a run.")
-    ] = None,
-    most: Annotated[list[str] | None, Parameter("--most", negative=(), help="Result to maximize.")] = None,
-    subject: Annotated[
-        list[str] | None,
-        Parameter("--subject", negative=(), help="Constraint: 'NAME <= VALUE' or 'NAME >= VALUE'. Repeatable."),
-    ] = None,
-    at: Annotated[
-        list[str] | None,
-        Parameter(
-            "--at",
-            negative=(),
-            help="Also evaluate at these conditions, such as masses.valve.mass=85:95:5g: each goal and constraint is "
-            "that of its worst condition. Repeatable.",
-        ),
-    ] = None,
-    method: Annotated[
-        Literal["evolution", "gradient"],
-        Parameter(
-            help="evolution searches the whole intervals without derivatives; gradient starts at the case and follows "
-            "exact derivatives to the nearest optimum."
-        ),
-    ] = "evolution",
-    starts: Annotated[
-        int | None, Parameter(help="With --method gradient: number of starting points; 1, the case itself, by default.")
-    ] = None,
+    least: Annotated[list[str] | None, Parameter("--least", help="Result to minimize: a scalar of a run.")] = None,
+    most: Annotated[list[str] | None, Parameter("--most", help="Result to maximize.")] = None,
+    subject: Annotated[list[str] | None, Parameter(
+        "--subject", help="Constraint: 'NAME <= VALUE' or 'NAME >= VALUE'. Repeatable.")] = None,
+    at: Annotated[list[str] | None, Parameter(
+        "--at", help="Also evaluate at these conditions, such as masses.valve.mass=85:95:5g: each goal and "
+        "constraint is that of its worst condition. Repeatable.")] = None,
+    method: Annotated[Literal["evolution", "gradient"], Parameter(
+        help="evolution searches the whole intervals without derivatives; gradient starts at the case "
+        "and follows exact derivatives to the nearest optimum.")] = "evolution",
+    starts: Annotated[int | None, Parameter(
+        help="With --method gradient: number of starting points; 1, the case itself, by default.")] = None,
     evaluations: Annotated[int, Parameter(help="Approximate number of variants to run.")] = 200,
     seed: Annotated[int, Parameter(help="Random seed; the same seed gives the same search.")] = 0,
     workers: WorkerCount = 1, lowest: Lowest = None, highest: Highest = None, accuracy: LimitAccuracy = "10 rpm",
-    target: NewCase = None, csv: Csv = None, plot: Picture = None,
-    overrides: Overrides = None, allow_large: AllowLarge = False, overwrite: Overwrite = False, as_json: Json = False,
+    target: NewCase = None, csv: Csv = None, plot: Picture = None, overrides: Overrides = None,
+    allow_large: AllowLarge = False, overwrite: Overwrite = False, as_json: Json = False,
 ) -> Status:  # fmt: skip
     """Find the best variant of a case under constraints, or the Pareto front of two goals."""
     check_outputs(target, csv, plot, [case], overwrite)

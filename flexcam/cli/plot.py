@@ -184,30 +184,20 @@ flexcam plot results/case.vtkhdf --what profile --channel contacts.intake.pressu
 def plot(
     files: Annotated[list[Path], Parameter(help="Result files (.vtkhdf), or case files (.toml), which are run.")], *,
     what: Annotated[FigureKind, Parameter(help="Kind of figure; svaj: lift and its derivatives.")] = "motion",
-    probe: Annotated[
-        str | None, Parameter(help="motion, waterfall, work-precision: point or component; the valve by default.")
-    ] = None,
-    channels: Annotated[
-        list[str] | None,
-        Parameter(
-            "--channel",
-            negative=(),
-            help="motion, force, waterfall: force or other channel, repeatable; profile: channel that colours the cam.",
-        ),
-    ] = None,
-    over: Annotated[
-        Literal["angle", "time"] | None, Parameter(help="motion, force, energy: abscissa; cam angle by default.")
-    ] = None,
-    rigid: Annotated[bool, Parameter(negative=(), help="motion, force: also draw the rigid model.")] = False,
+    probe: Annotated[str | None, Parameter(
+        help="motion, waterfall, work-precision: point or component; the valve by default.")] = None,
+    channels: Annotated[list[str] | None, Parameter(
+        "--channel", help="motion, force, waterfall: force or other channel, repeatable; profile: channel "
+        "that colours the cam.")] = None,
+    over: Annotated[Literal["angle", "time"] | None, Parameter(
+        help="motion, force, energy: abscissa; cam angle by default.")] = None,
+    rigid: Annotated[bool, Parameter(help="motion, force: also draw the rigid model.")] = False,
     cam: Annotated[str | None, Parameter(help="svaj, profile: draw this cam only.")] = None,
     angle: Annotated[str | None, Parameter(help="profile: cam angle at which it is drawn, such as '90 deg'.")] = None,
-    count: Annotated[
-        int | None,
-        Parameter(help="modes: number of modes, 6 by default; campbell, waterfall: number of speeds, 9 by default."),
-    ] = None,
-    output: Annotated[
-        Path | None, Parameter(["-o", "--output"], help="File of the figure (.svg, .png or .pdf).")
-    ] = None,
+    count: Annotated[int | None, Parameter(
+        help="modes: number of modes, 6 by default; campbell, waterfall: number of speeds, 9 by default.")] = None,
+    output: Annotated[Path | None, Parameter(
+        ["-o", "--output"], help="File of the figure (.svg, .png or .pdf).")] = None,
     overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
 ) -> Status | None:  # fmt: skip
     """Draw a figure of results or cases: motion, forces, energy, cams, modes, orders, or error over run time.

@@ -152,16 +152,13 @@ flexcam run case.toml --time-limit 5min
 """
 )
 def run(
-    case: CaseFile, *, folder: Folder = Path("results"),
+    case: CaseFile, *,
+    folder: Folder = Path("results"),
     name: Annotated[str | None, Parameter(help="Name of the result; that of the case file by default.")] = None,
     overrides: Overrides = None,
-    time_limit: Annotated[
-        str | None,
-        Parameter(help="End the command after this time, such as 30s, 5min30s or 2h; a partial result stays."),
-    ] = None,
-    resume: Annotated[
-        bool, Parameter(negative=(), help="Continue the run that left a partial result in the folder.")
-    ] = False,
+    time_limit: Annotated[str | None, Parameter(
+        help="End the command after this time, such as 30s, 5min30s or 2h; a partial result stays.")] = None,
+    resume: Annotated[bool, Parameter(help="Continue the run that left a partial result in the folder.")] = False,
     allow_large: AllowLarge = False, overwrite: Overwrite = False, as_json: Json = False,
 ) -> Status:  # fmt: skip
     """Run a case and write its result file: motion, forces, stresses and energy over time.

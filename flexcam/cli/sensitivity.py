@@ -130,56 +130,27 @@ flexcam sensitivity case.toml --of limits.loss_of_contact --tolerance springs.va
 )
 def sensitivity(
     case: CaseFile, *,
-    names: Annotated[
-        list[str],
-        Parameter(
-            "--of",
-            negative=(),
-            help="Result: a scalar of a run, a natural frequency (frequency.1) or a speed limit "
-            "(limits.loss_of_contact). Repeatable.",
-        ),
-    ],
-    keys: Annotated[
-        list[str] | None,
-        Parameter(
-            "--to",
-            negative=(),
-            group=_DERIVATIVES,
-            help="Value of the case: KEY; with --sobol KEY=LOW:HIGHunit. Repeatable.",
-        ),
-    ] = None,
-    method: Annotated[
-        Method | None,
-        Parameter(
-            group=_DERIVATIVES,
-            help="Derivatives of runs: exact, along the motion of one run, or by differences of runs. By default exact "
-            "where it applies.",
-        ),
-    ] = None,
-    relative_step: Annotated[
-        float | None,
-        Parameter(group=_DERIVATIVES, help="Step of differences, relative to the value; 0.01 by default."),
-    ] = None,
-    sobol: Annotated[
-        int | None,
-        Parameter("--sobol", group=_DERIVATIVES, help="Sobol indices from this many base points, a power of 2."),
-    ] = None,
-    tolerances: Annotated[
-        list[str] | None,
-        Parameter(
-            "--tolerance",
-            negative=(),
-            group=_TOLERANCES,
-            help="Tolerance of a part: KEY=±2%, KEY=±0.05mm, or KEY=normal:±2%. Repeatable.",
-        ),
-    ] = None,
-    count: Annotated[
-        int | None, Parameter("--count", group=_TOLERANCES, help="Number of sets of parts; 100 by default.")
-    ] = None,
+    names: Annotated[list[str], Parameter(
+        "--of", help="Result: a scalar of a run, a natural frequency (frequency.1) or a speed limit "
+        "(limits.loss_of_contact). Repeatable.")],
+    keys: Annotated[list[str] | None, Parameter(
+        "--to", group=_DERIVATIVES, help="Value of the case: KEY; with --sobol KEY=LOW:HIGHunit. Repeatable.")] = None,
+    method: Annotated[Method | None, Parameter(
+        group=_DERIVATIVES, help="Derivatives of runs: exact, along the motion of one run, or by differences "
+        "of runs. By default exact where it applies.")] = None,
+    relative_step: Annotated[float | None, Parameter(
+        group=_DERIVATIVES, help="Step of differences, relative to the value; 0.01 by default.")] = None,
+    sobol: Annotated[int | None, Parameter(
+        "--sobol", group=_DERIVATIVES, help="Sobol indices from this many base points, a power of 2.")] = None,
+    tolerances: Annotated[list[str] | None, Parameter(
+        "--tolerance", group=_TOLERANCES, help="Tolerance of a part: KEY=±2%, KEY=±0.05mm, or "
+        "KEY=normal:±2%. Repeatable.")] = None,
+    count: Annotated[int | None, Parameter(
+        "--count", group=_TOLERANCES, help="Number of sets of parts; 100 by default.")] = None,
     seed: Annotated[int | None, Parameter(help="Random seed of --sobol and --tolerance; 0 by default.")] = None,
     workers: WorkerCount = 1, lowest: Lowest = None, highest: Highest = None, accuracy: LimitAccuracy = "10 rpm",
-    csv: Csv = None, plot: Picture = None,
-    overrides: Overrides = None, allow_large: AllowLarge = False, overwrite: Overwrite = False, as_json: Json = False,
+    csv: Csv = None, plot: Picture = None, overrides: Overrides = None, allow_large: AllowLarge = False,
+    overwrite: Overwrite = False, as_json: Json = False,
 ) -> Status:  # fmt: skip
     """Compute how results depend on values of the case: derivatives, Sobol indices, or the effect of tolerances.
 

@@ -170,14 +170,12 @@ flexcam stability case.toml --lowest 1000rpm --highest 6000rpm --count 11 --plot
 )
 def stability(
     case: CaseFile, *,
-    lowest: Annotated[
-        str | None, Parameter(help="Lowest speed; without a range, the case's speed only is assessed.")
-    ] = None,
+    lowest: Annotated[str | None, Parameter(
+        help="Lowest speed; without a range, the case's speed only is assessed.")] = None,
     highest: Annotated[str | None, Parameter(help="Highest speed; 1.5 times the case's by default.")] = None,
     count: Annotated[int | None, Parameter(help="Number of speeds, evenly spaced; 11 by default.")] = None,
-    plot: Annotated[
-        Path | None, Parameter(help="Also draw the growth rate over speed to this file (.svg, .png or .pdf).")
-    ] = None,
+    plot: Annotated[Path | None, Parameter(
+        help="Also draw the growth rate over speed to this file (.svg, .png or .pdf).")] = None,
     overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
 ) -> None:  # fmt: skip
     """Assess stability at one speed or over a range: time step, parametric growth, resonance, contact loss.

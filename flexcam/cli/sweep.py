@@ -116,37 +116,25 @@ flexcam sweep case.toml --resume
 )
 def sweep(
     case: CaseFile, *,
-    settings: Annotated[
-        list[str] | None,
-        Parameter(
-            "--set",
-            negative=(),
-            help="Value, list or range: KEY=4kN/m, KEY=3,4kN/m, KEY=3:6:0.5kN/m (step), KEY=3:6#7kN/m (count), "
-            "KEY=3:6kN/m (with --sample). Repeatable.",
-        ),
-    ] = None,
-    sample: Annotated[
-        str | None, Parameter(help="Sample ranges with lhs:N or sobol:N points instead of a full grid.")
-    ] = None,
+    settings: Annotated[list[str] | None, Parameter(
+        "--set", help="Value, list or range: KEY=4kN/m, KEY=3,4kN/m, KEY=3:6:0.5kN/m (step), KEY=3:6#7kN/m "
+        "(count), KEY=3:6kN/m (with --sample). Repeatable.")] = None,
+    sample: Annotated[str | None, Parameter(
+        help="Sample ranges with lhs:N or sobol:N points instead of a full grid.")] = None,
     seed: Annotated[int | None, Parameter(help="Random seed of the samples; 0 by default.")] = None,
-    scalars: Annotated[
-        list[str] | None,
-        Parameter(negative=(), help="Write only these scalars, by name or first part: deviation,contacts.seat."),
-    ] = None,
+    scalars: Annotated[list[str] | None, Parameter(
+        help="Write only these scalars, by name or first part: deviation,contacts.seat.")] = None,
     folder: Folder = Path("results"),
-    histories: Annotated[bool, Parameter(negative=(), help="Also keep the result file of every variant.")] = False,
-    parquet: Annotated[bool, Parameter(negative=(), help="Also write a Parquet table.")] = False,
-    resume: Annotated[bool, Parameter(negative=(), help="Continue a sweep that was stopped.")] = False,
-    workers: Annotated[
-        int | None, Parameter(group=_WORKERS, help="Number of processes; one per core by default, 0 for this one.")
-    ] = None,
-    scheduler: Annotated[
-        str | None, Parameter(group=_WORKERS, help="Dask scheduler tcp://HOST:PORT, or local with --workers processes.")
-    ] = None,
+    histories: Annotated[bool, Parameter(help="Also keep the result file of every variant.")] = False,
+    parquet: Annotated[bool, Parameter(help="Also write a Parquet table.")] = False,
+    resume: Annotated[bool, Parameter(help="Continue a sweep that was stopped.")] = False,
+    workers: Annotated[int | None, Parameter(
+        group=_WORKERS, help="Number of processes; one per core by default, 0 for this one.")] = None,
+    scheduler: Annotated[str | None, Parameter(
+        group=_WORKERS, help="Dask scheduler tcp://HOST:PORT, or local with --workers processes.")] = None,
     limit: Annotated[int, Parameter(group=_WORKERS, help="Max number of variants.")] = MAX_VARIANTS,
-    time_limit: Annotated[
-        str | None, Parameter(group=_WORKERS, help="Max time of a variant, such as 30s or 5min; a longer one fails.")
-    ] = None,
+    time_limit: Annotated[str | None, Parameter(
+        group=_WORKERS, help="Max time of a variant, such as 30s or 5min; a longer one fails.")] = None,
     allow_large: AllowLarge = False, overwrite: Overwrite = False, as_json: Json = False,
 ) -> Status | None:  # fmt: skip
     """Run many variants of a case and write one table with a row per variant.

@@ -175,36 +175,25 @@ flexcam synthesize law --family harmonic --orders 1 --orders 3 --orders 5 --mini
 )
 def synthesize_law(
     *,
-    minimize: Annotated[
-        list[str],
-        Parameter("--minimize", negative=(), help="Cv, Ca, Cj, Cm or rms; CRITERION=WEIGHT for a sum. Repeatable."),
-    ],
-    bound: Annotated[
-        list[str] | None, Parameter("--bound", negative=(), help="Upper bound: CRITERION=VALUE. Repeatable.")
-    ] = None,
-    against: Annotated[
-        str | None, Parameter("--pareto", help="Second criterion: find a Pareto front instead of one law.")
-    ] = None,
+    minimize: Annotated[list[str], Parameter(
+        "--minimize", help="Cv, Ca, Cj, Cm or rms; CRITERION=WEIGHT for a sum. Repeatable.")],
+    bound: Annotated[list[str] | None, Parameter("--bound", help="Upper bound: CRITERION=VALUE. Repeatable.")] = None,
+    against: Annotated[str | None, Parameter(
+        "--pareto", help="Second criterion: find a Pareto front instead of one law.")] = None,
     count: Annotated[int | None, Parameter(help="Number of laws of the front; 9 by default.")] = None,
-    condition: Annotated[
-        list[str] | None,
-        Parameter("--condition", negative=(), help="Prescribed derivative: POSITION,ORDER,VALUE. Repeatable."),
-    ] = None,
-    turning_back: Annotated[bool, Parameter(negative=(), help="Allow negative velocity.")] = False,
-    family: Annotated[
-        Literal["spline", "polynomial", "harmonic"], Parameter(group=_FAMILY, help="Family of the law.")
-    ] = "spline",
-    degree: Annotated[
-        int | None, Parameter(group=_FAMILY, help="Degree of a spline (5 by default) or polynomial (11).")
-    ] = None,
+    condition: Annotated[list[str] | None, Parameter(
+        "--condition", help="Prescribed derivative: POSITION,ORDER,VALUE. Repeatable.")] = None,
+    turning_back: Annotated[bool, Parameter(help="Allow negative velocity.")] = False,
+    family: Annotated[Literal["spline", "polynomial", "harmonic"], Parameter(
+        group=_FAMILY, help="Family of the law.")] = "spline",
+    degree: Annotated[int | None, Parameter(
+        group=_FAMILY, help="Degree of a spline (5 by default) or polynomial (11).")] = None,
     pieces: Annotated[int | None, Parameter(group=_FAMILY, help="Pieces of a spline; 24 by default.")] = None,
-    orders: Annotated[
-        list[int] | None, Parameter(negative=(), group=_FAMILY, help="Orders of a harmonic law; 1 to 5 by default.")
-    ] = None,
-    rest: Annotated[
-        int | None, Parameter(group=_FAMILY, help="Number of derivatives that are zero at both ends; 2 by default.")
-    ] = None,
-    asymmetric: Annotated[bool, Parameter(negative=(), group=_FAMILY, help="Allow asymmetric laws.")] = False,
+    orders: Annotated[list[int] | None, Parameter(
+        group=_FAMILY, help="Orders of a harmonic law; 1 to 5 by default.")] = None,
+    rest: Annotated[int | None, Parameter(
+        group=_FAMILY, help="Number of derivatives that are zero at both ends; 2 by default.")] = None,
+    asymmetric: Annotated[bool, Parameter(group=_FAMILY, help="Allow asymmetric laws.")] = False,
     output: Output = None, plot: Picture = None, overwrite: Overwrite = False, as_json: Json = False,
 ) -> None:  # fmt: skip
     """Find the motion law of a family with minimum peak values, with a proven lower bound."""
@@ -308,7 +297,8 @@ flexcam synthesize harmonic case.toml --cam intake --count 12 --bound "0.2 mm"
 """,
 )
 def synthesize_harmonic(
-    case: CaseFile, *, name: CamName = None,
+    case: CaseFile, *,
+    name: CamName = None,
     tolerance: Annotated[str, Parameter(help="Max deviation from the cam's lift in its dwells.")] = "20 um",
     bound: Annotated[str | None, Parameter(help="Max deviation elsewhere.")] = None,
     count: Annotated[int | None, Parameter(help="Number of harmonics; by default those below the first mode.")] = None,
@@ -345,11 +335,11 @@ flexcam synthesize polydyne cams.toml --frequency "400 Hz" --damping 0.02 --spee
 """,
 )
 def synthesize_polydyne(
-    case: CamsPath, *, name: CamName = None,
+    case: CamsPath, *,
+    name: CamName = None,
     speed: Annotated[str | None, Parameter(help="Design speed of the camshaft; the case's by default.")] = None,
-    frequency: Annotated[
-        str | None, Parameter(help="Natural frequency of one mass on a spring, instead of the case's train.")
-    ] = None,
+    frequency: Annotated[str | None, Parameter(
+        help="Natural frequency of one mass on a spring, instead of the case's train.")] = None,
     damping: Annotated[float, Parameter(help="Damping ratio of that mass.")] = 0.0,
     count: Annotated[int, Parameter(help="Number of harmonics.")] = 60,
     output: Output = None, overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,

@@ -31,24 +31,17 @@ flexcam view case.toml --mode 2 --save mode.mp4
 """
 )
 def view(
-    source: Annotated[
-        Path, Parameter(help="Result file (.vtkhdf), or case file (.toml), of which the rigid motion is shown.")
-    ], *,
-    picture: Annotated[
-        Path | None, Parameter("--save", help="Write a file (.png, .gif, .mp4 or .html) instead of opening a window.")
-    ] = None,
-    color: Annotated[
-        str | None, Parameter(help="Color the members by a saved field or a stress, such as stress_von_mises.")
-    ] = None,
-    scale: Annotated[
-        float, Parameter(help="Magnification of the elastic deformation; the rigid motion is not scaled.")
-    ] = 1.0,
-    at: Annotated[
-        str | None, Parameter("--at", help="Cam angle of a still picture or of the start, such as 120deg.")
-    ] = None,
-    mode: Annotated[
-        int | None, Parameter(help="Animate a natural mode, by its number in flexcam modes.")
-    ] = None,
+    source: Annotated[Path, Parameter(
+        help="Result file (.vtkhdf), or case file (.toml), of which the rigid motion is shown.")], *,
+    picture: Annotated[Path | None, Parameter(
+        "--save", help="Write a file (.png, .gif, .mp4 or .html) instead of opening a window.")] = None,
+    color: Annotated[str | None, Parameter(
+        help="Color the members by a saved field or a stress, such as stress_von_mises.")] = None,
+    scale: Annotated[float, Parameter(
+        help="Magnification of the elastic deformation; the rigid motion is not scaled.")] = 1.0,
+    at: Annotated[str | None, Parameter(
+        "--at", help="Cam angle of a still picture or of the start, such as 120deg.")] = None,
+    mode: Annotated[int | None, Parameter(help="Animate a natural mode, by its number in flexcam modes.")] = None,
     size: Annotated[str, Parameter(help="Size of the window or picture in pixels.")] = "1024x768",
     overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
 ) -> None:  # fmt: skip
