@@ -16,6 +16,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
 
+import numpy as np
 from cyclopts import App, Parameter
 
 from flexcam import __version__
@@ -26,10 +27,11 @@ from flexcam.core.errors import Fault, InputError, collect_errors, refuse
 from flexcam.core.units import RPM, parse
 from flexcam.dynamics import Status
 from flexcam.io import check_writable, write_text
-from flexcam.report.terminal import StudyOutput, print_json, print_message, result_console
+from flexcam.report.terminal import print_json, print_message, result_console
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from rich.table import Table
 
 COMMANDS: Mapping[str, Mapping[str, str]] = {
     "Cases and runs": {
@@ -145,8 +147,7 @@ run_state = RunState()
 CaseFile = Annotated[Path, Parameter(help="Case file (.toml).")]
 ResultPath = Annotated[Path, Parameter(help="Result file (.vtkhdf).")]
 Overrides = Annotated[
-    list[str] | None,
-    Parameter("--set", help="Override a value of the case, such as run.speed=4000rpm. Repeatable."),
+    list[str] | None, Parameter("--set", help="Override a value of the case, such as run.speed=4000rpm. Repeatable.")
 ]
 Json = Annotated[bool, Parameter("--json", help="Print one JSON object instead of tables.")]
 Picture = Annotated[Path | None, Parameter("--plot", help="Also draw a figure to this file (.svg, .png or .pdf).")]
@@ -257,11 +258,12 @@ _MAX_SPEEDS = 10_000
 
 
 def speed_range(
-    lowest: str | None, highest: str | None, count: int, speed: float, scale: float, most: float = 1.5
+    lowest: str | None, highest: str | None, count: int, case: Case, most: float = 1.5
 ) -> tuple[float, float]:
     """Return the range of camshaft speeds of a command, rad/s; by default half to `most` times the case's speed."""
     if not 2 <= count <= _MAX_SPEEDS:
         raise refuse("--count", count, f"a whole number from 2 to {_MAX_SPEEDS}", "each speed is a run")
+    speed, scale = case.speed, case.turns
     low = 0.5 * speed if lowest is None else parse_quantity("--lowest", lowest, "speed", "rpm") / scale
     high = most * speed if highest is None else parse_quantity("--highest", highest, "speed", "rpm") / scale
     if not high > low:
@@ -270,6 +272,11 @@ def speed_range(
     if not low > 0.0:
         raise refuse("--lowest", lowest, "a speed above zero")
     return low, high
+
+
+def spaced_speeds(lowest: str | None, highest: str | None, count: int, case: Case) -> list[float]:
+    """Return evenly spaced camshaft speeds of the range of a command, rad/s."""
+    return np.linspace(*speed_range(lowest, highest, count, case), count).tolist()
 
 
 def parse_accuracy(text: str, scale: float) -> float:
@@ -309,35 +316,47 @@ def check_targets(csv: Path | None, plot: Path | None, read: Path, *, overwrite:
     )
 
 
-def print_files(files: Sequence[Path]) -> None:
-    """Print the names of written files."""
-    for path in files:
-        result_console().print(str(path))
+def _no_figure() -> Figure:
+    """Raise an error for an output without a figure."""
+    raise NotImplementedError("this output has no figure")
 
 
-StudyAnswer = tuple[StudyOutput, Callable[[], "Figure"]]
-"""Output of a study, and the function that draws it."""
+@dataclass(frozen=True)
+class CommandOutput:
+    """Output of a command."""
+
+    parts: Sequence[Table | str]  # tables and sentences, printed with empty lines between them
+    json: Mapping[str, object]  # content as one JSON object; null for missing numbers
+    csv: str = ""  # content as CSV text
+    draw: Callable[[], Figure] = _no_figure  # function that draws the figure
+    title: str = ""  # title of the figure
+
+    def figure(self) -> Figure:
+        """Return the figure with its title."""
+        from flexcam.plotting.figures import add_title
+
+        return add_title(self.draw(), self.title)
 
 
-def write_answer(
-    answer: StudyAnswer, csv: Path | None, plot: Path | None, ended: Status, *, overwrite: bool, as_json: bool,
-    written: Sequence[Path] = (),
+def write_output(
+    output: CommandOutput, csv: Path | None = None, plot: Path | None = None, ended: Status | None = None, *,
+    as_json: bool, overwrite: bool = False, written: Sequence[Path] = (), describe_file: Callable[[Path], str] = str,
 ) -> None:  # fmt: skip
-    """Print the output of a study and write its table and figure, also after an interruption; name every file."""
-    output, draw = answer
+    """Write the table and figure of a command, also after an interruption, print its output and name every file."""
     if csv is not None:
         write_text(csv, output.csv, overwrite=overwrite)
     if plot is not None:
         from flexcam.plotting.figures import save_figure
 
-        save_figure(draw(), plot, overwrite=overwrite)
+        save_figure(output.figure(), plot, overwrite=overwrite)
     files = [path for path in (csv, plot, *written) if path is not None]
     if as_json:
-        status = "ok" if ended.ok else str(ended.cause)
-        print_json({"status": status, **output.json, "files": [str(path) for path in files]})
+        status = "ok" if ended is None or ended.ok else str(ended.cause)
+        content: dict[str, object] = {"status": status, **output.json}
+        content.setdefault("files", [str(path) for path in files])
+        print_json(content)
         return
-    for i, table in enumerate(output.tables):
-        result_console().print(*([""] if i else []), table, sep="\n")
-    for sentence in output.words:
-        result_console().print("\n" + sentence)
-    print_files(files)
+    for i, part in enumerate(output.parts):
+        result_console().print(*([""] if i else []), part, sep="\n")
+    for path in files:
+        result_console().print(describe_file(path))

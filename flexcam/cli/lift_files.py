@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Literal
@@ -14,11 +13,11 @@ from rich.table import Table
 from flexcam.analysis.cam_analysis import NEGATIVE_LIFT_TOLERANCE
 from flexcam.cams import Bridge, Extreme, find_bridges, lift_from_profile
 from flexcam.case.builder import parse_follower
-from flexcam.cli.app import check_distinct_files, parse_quantity
+from flexcam.cli.app import CommandOutput, check_distinct_files, parse_quantity, write_output
 from flexcam.core import FloatArray
 from flexcam.core.errors import positive, refuse
 from flexcam.io import read_profile, write_lift_table
-from flexcam.report.terminal import facts_table, format_mm, print_json, result_console
+from flexcam.report.terminal import facts_table, format_mm
 
 _MIN_POINTS, _MAX_POINTS = 12, 100_000
 
@@ -58,19 +57,16 @@ def print_lift_of_profile(
     angle, xy = np.linspace(0.0, 2.0 * math.pi, points, endpoint=False), read_profile(profile, unit=unit)
     lift, bridge = lift_from_profile(xy, made, angle, turn=turn), find_bridges(xy, made, turn=turn)
     files = [] if output is None else [write_lift_table(output, angle, lift, overwrite=overwrite)]
-    if as_json:
-        print_json({
-            "status": "ok", "points": len(xy), "angle": angle.tolist(), "lift": lift.tolist(),
-            "bridged": None if bridge is None else asdict(bridge), "files": [str(path) for path in files],
-        })  # fmt: skip
-        return
-    result_console().print(lift_from_profile_table(profile.name, len(xy), angle, lift, bridge))
-    print_lift_files(files)
+    json = {
+        "points": len(xy), "angle": angle.tolist(), "lift": lift.tolist(),
+        "bridged": None if bridge is None else asdict(bridge),
+    }  # fmt: skip
+    table = lift_from_profile_table(profile.name, len(xy), angle, lift, bridge)
+    write_output(CommandOutput([table], json), as_json=as_json, written=files, describe_file=describe_lift_file)
 
 
-def print_lift_files(files: Sequence[Path], phase: float = 0.0) -> None:
-    """Print the names of lift files, and the keys of a case with which they replace the lift of a cam."""
+def describe_lift_file(path: Path, phase: float = 0.0) -> str:
+    """Return the name of a lift file, and the keys of a case with which it replaces the lift of a cam."""
     delay = f', phase = "{math.degrees(phase):.10g} deg"' if phase else ""
-    for path in files:
-        keys = f'lift_table = "{path.name}"{delay} instead of the law with its keys, and phase, centreline, timing'
-        result_console().print(f"{path}  (in a case: {keys})")
+    keys = f'lift_table = "{path.name}"{delay} instead of the law with its keys, and phase, centreline, timing'
+    return f"{path}  (in a case: {keys})"

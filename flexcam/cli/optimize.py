@@ -14,37 +14,15 @@ from cyclopts import Parameter
 from rich.table import Table
 
 from flexcam.case.reader import CaseFile as OpenCase
-from flexcam.cli.app import (
-    AllowLarge,
-    CaseFile,
-    Csv,
-    Json,
-    Overrides,
-    Overwrite,
-    Picture,
-    app,
-    check_distinct_files,
-    check_figure_path,
-    refuse_without,
-    write_answer,
-)
+from flexcam.cli import app as cli
 from flexcam.cli.sensitivity import Highest, LimitAccuracy, Lowest, StudyOptions, WorkerCount
 from flexcam.core.errors import refuse
 from flexcam.core.units import to_display_unit
 from flexcam.dynamics import Cause, RunFailedError, Status
 from flexcam.io import check_writable, write_text
-from flexcam.report.terminal import (
-    StudyOutput,
-    facts_table,
-    finite_or_none,
-    format_csv,
-    format_decimals,
-    format_number,
-    plain_table,
-)
+from flexcam.report.terminal import facts_table, finite_or_none, format_csv, format_decimals, format_number, plain_table
 from flexcam.studies.evaluators import PointEvaluator, WorstCase, case_text, variables_of
-from flexcam.studies.gradient_search import optimize_by_gradient
-from flexcam.studies.gradients import gradient_function
+from flexcam.studies.gradients import gradient_function, optimize_by_gradient
 from flexcam.studies.optimization import (
     Constraint,
     Evaluations,
@@ -65,16 +43,15 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Vary = Annotated[
-    list[str],
-    Parameter("--vary", help="Value of the case and its interval: KEY=LOW:HIGHunit. Repeatable."),
+    list[str], Parameter("--vary", help="Value of the case and its interval: KEY=LOW:HIGHunit. Repeatable.")
 ]
 NewCase = Annotated[Path | None, Parameter(["-o", "--output"], help="Also write the best variant to this case file.")]
 
 
 def check_outputs(target: Path | None, csv: Path | None, plot: Path | None, read: list[Path], overwrite: bool) -> None:
     """Raise an error if a case, a table or a figure cannot be written, before a computation."""
-    check_distinct_files({"--output": target, "--csv": csv, "--plot": plot}, read)
-    check_figure_path(plot, overwrite)
+    cli.check_distinct_files({"--output": target, "--csv": csv, "--plot": plot}, read)
+    cli.check_figure_path(plot, overwrite)
     for path in (csv, target):
         if path is not None:
             check_writable("output", path, overwrite=overwrite)
@@ -89,7 +66,7 @@ def write_variant(file: OpenCase, overrides: Sequence[str], target: Path, title:
     return [target]
 
 
-@app.command(
+@cli.app.command(
     help_prologue="""\
 flexcam optimize case.toml --vary springs.valve.stiffness=30:90kN/m --vary springs.valve.installed_force=300:900N \\
     --least springs.valve.force.largest --subject 'contacts.intake.open_on_the_lift <= 0' --set run.crank_speed=6500rpm
@@ -99,7 +76,7 @@ flexcam optimize case.toml --method gradient --vary springs.valve.stiffness=30:9
 """  # noqa: E501 - a command to a line
 )
 def optimize(
-    case: CaseFile, *,
+    case: cli.CaseFile, *,
     vary: Vary,
     least: Annotated[list[str] | None, Parameter("--least", help="Result to minimize: a scalar of a run.")] = None,
     most: Annotated[list[str] | None, Parameter("--most", help="Result to maximize.")] = None,
@@ -116,8 +93,8 @@ def optimize(
     evaluations: Annotated[int, Parameter(help="Approximate number of variants to run.")] = 200,
     seed: Annotated[int, Parameter(help="Random seed; the same seed gives the same search.")] = 0,
     workers: WorkerCount = 1, lowest: Lowest = None, highest: Highest = None, accuracy: LimitAccuracy = "10 rpm",
-    target: NewCase = None, csv: Csv = None, plot: Picture = None, overrides: Overrides = None,
-    allow_large: AllowLarge = False, overwrite: Overwrite = False, as_json: Json = False,
+    target: NewCase = None, csv: cli.Csv = None, plot: cli.Picture = None, overrides: cli.Overrides = None,
+    allow_large: cli.AllowLarge = False, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
 ) -> Status:  # fmt: skip
     """Find the best variant of a case under constraints, or the Pareto front of two goals."""
     check_outputs(target, csv, plot, [case], overwrite)
@@ -134,7 +111,7 @@ def optimize(
         case, overrides, names, lowest, highest, accuracy, option=options, workers=workers, allow_large=allow_large
     )
     variables = variables_of(asked.case, vary, "--vary")
-    refuse_without("--starts", starts, "--method gradient", present=method == "gradient")
+    cli.refuse_without("--starts", starts, "--method gradient", present=method == "gradient")
     if method == "gradient":
         exact_names(asked.case, names, "exact", option="--method gradient", other="use --method evolution")
     with suppress(RunFailedError):  # a case that fails may have better variants
@@ -162,9 +139,9 @@ def optimize(
     output = optimum_output(design, found) if len(goals) == 1 else front_output(design, found)
     if method == "gradient" and design.start is None:
         note = "The case is outside the intervals: the search started from their centre."
-        output = replace(output, words=[*output.words, note])
-    answer = output, lambda: _search_figure(design, found)
-    write_answer(answer, csv, plot, ended, overwrite=overwrite, as_json=as_json, written=written)
+        output = replace(output, parts=[*output.parts, note])
+    output = replace(output, draw=lambda: _search_figure(design, found))
+    cli.write_output(output, csv, plot, ended, overwrite=overwrite, as_json=as_json, written=written)
     if ended.ok and found.best is None:
         return Status(Cause.TOLERANCE, "no variant meets all constraints", "widen the intervals, or relax a constraint")
     return ended
@@ -206,14 +183,12 @@ def _search_figure(design: OptimizationProblem, found: Evaluations) -> Figure:
     return progress_figure(signs[0] * costs, inside, signs[0] * best, labels[0])
 
 
-_ROUNDING = 1e-9
-"""Tolerance of a constraint for rounding, relative to its bound."""
-
+_ROUNDING = 1e-9  # tolerance of a constraint for rounding, relative to its bound
 _ACTIVE_DISTANCE = 0.01
 """Distance to a variant that violates a constraint, relative to the intervals, below which the constraint is active."""
 
 
-def optimum_output(design: OptimizationProblem, found: Evaluations) -> StudyOutput:
+def optimum_output(design: OptimizationProblem, found: Evaluations) -> cli.CommandOutput:
     """Return the output of an optimization with one goal."""
     at = found.nearest if found.best is None else found.best
     title = f"Best of {len(found.rows)} variants" if found.best is not None else "Smallest violation of constraints"
@@ -236,10 +211,10 @@ def optimum_output(design: OptimizationProblem, found: Evaluations) -> StudyOutp
     json = {"best": None if found.best is None else _variant_json(design, found, found.best),
             "nearest": _variant_json(design, found, at),
             "evaluations": len(found.rows), "failed": _count_failures(found)}  # fmt: skip
-    return StudyOutput(tables, words, json, _csv(design, found))
+    return cli.CommandOutput([*tables, *words], json, _csv(design, found))
 
 
-def front_output(design: OptimizationProblem, found: Evaluations) -> StudyOutput:
+def front_output(design: OptimizationProblem, found: Evaluations) -> cli.CommandOutput:
     """Return the output of a Pareto front."""
     best = pareto_indices(found)
     names = [goal.name for goal in design.goals]
@@ -255,7 +230,7 @@ def front_output(design: OptimizationProblem, found: Evaluations) -> StudyOutput
     title = f"Pareto front of {len(found.rows)} variants" if rows else "No variant meets all constraints"
     json = {"front": [_variant_json(design, found, i) for i in best], "evaluations": len(found.rows),
             "failed": _count_failures(found)}  # fmt: skip
-    return StudyOutput([plain_table(title, head, rows)], _describe_failures(found), json, _csv(design, found))
+    return cli.CommandOutput([plain_table(title, head, rows), *_describe_failures(found)], json, _csv(design, found))
 
 
 def _key(key: str, unit: str) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from itertools import compress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -15,28 +16,11 @@ from rich.table import Table
 
 from flexcam.analysis.limits import Search
 from flexcam.case.reader import CaseFile as OpenCase
-from flexcam.cli.app import (
-    Accuracy,
-    AllowLarge,
-    CaseFile,
-    Csv,
-    Json,
-    Overrides,
-    Overwrite,
-    Picture,
-    StudyAnswer,
-    app,
-    check_targets,
-    parse_accuracy,
-    refuse_without,
-    speed_range,
-    warn_ignored_keys,
-    write_answer,
-)
+from flexcam.cli import app as cli
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
 from flexcam.dynamics import Cause, RunFailedError, Status, reraise_interrupt
-from flexcam.report.terminal import StudyOutput, finite_or_none, format_csv, format_number, plain_table, show_count
+from flexcam.report.terminal import finite_numbers, finite_or_none, format_csv, format_number, plain_table, show_count
 from flexcam.studies.evaluation import Row
 from flexcam.studies.evaluators import (
     InterruptibleRuns,
@@ -72,7 +56,7 @@ Lowest = Annotated[str | None, Parameter("--lowest", group=_LIMITS, help="Lowest
 Highest = Annotated[
     str | None, Parameter("--highest", group=_LIMITS, help="Highest speed; twice the case's by default.")
 ]
-LimitAccuracy = Annotated[Accuracy, Parameter(group=_LIMITS)]
+LimitAccuracy = Annotated[cli.Accuracy, Parameter(group=_LIMITS)]
 
 
 class StudyOptions:
@@ -84,13 +68,13 @@ class StudyOptions:
     ) -> None:  # fmt: skip
         self.file, self.fixed = OpenCase.open(path), tuple(overrides or ())
         self.case = self.file.read(self.fixed)
-        warn_ignored_keys(self.fixed, self.case)
+        cli.warn_ignored_keys(self.fixed, self.case)
         self.names, self.workers = tuple(dict.fromkeys(names)), workers
         of_limits = any(name.startswith("limits.") for name in names)
         for end, given in (("--lowest", lowest), ("--highest", highest)):
-            refuse_without(end, given, "limits.NAME", present=of_limits)
-        low, high = speed_range(lowest, highest, 2, self.case.speed, self.case.turns, most=2.0)
-        self.search = Search(low, high, parse_accuracy(accuracy, self.case.turns))
+            cli.refuse_without(end, given, "limits.NAME", present=of_limits)
+        low, high = cli.speed_range(lowest, highest, 2, self.case, most=2.0)
+        self.search = Search(low, high, cli.parse_accuracy(accuracy, self.case.turns))
         check_names(self.case, self.names, option)
         if not allow_large and any(frequency_number(name) is None for name in names):
             check_case_resources(self.case, together=workers)
@@ -120,7 +104,7 @@ _DERIVATIVES = Group("Derivatives or Sobol indices", sort_key=1)
 _TOLERANCES = Group("Tolerances of parts", sort_key=1)
 
 
-@app.command(
+@cli.app.command(
     help_prologue="""\
 flexcam sensitivity case.toml --of frequency.1 --to springs.valve.stiffness --to masses.valve.mass
 flexcam sensitivity case.toml --of contacts.intake.force.largest --to springs.valve.stiffness --to run.crank_speed
@@ -129,7 +113,7 @@ flexcam sensitivity case.toml --of limits.loss_of_contact --tolerance springs.va
 """  # noqa: E501 - a command to a line
 )
 def sensitivity(
-    case: CaseFile, *,
+    case: cli.CaseFile, *,
     names: Annotated[list[str], Parameter(
         "--of", help="Result: a scalar of a run, a natural frequency (frequency.1) or a speed limit "
         "(limits.loss_of_contact). Repeatable.")],
@@ -149,41 +133,41 @@ def sensitivity(
         "--count", group=_TOLERANCES, help="Number of sets of parts; 100 by default.")] = None,
     seed: Annotated[int | None, Parameter(help="Random seed of --sobol and --tolerance; 0 by default.")] = None,
     workers: WorkerCount = 1, lowest: Lowest = None, highest: Highest = None, accuracy: LimitAccuracy = "10 rpm",
-    csv: Csv = None, plot: Picture = None, overrides: Overrides = None, allow_large: AllowLarge = False,
-    overwrite: Overwrite = False, as_json: Json = False,
+    csv: cli.Csv = None, plot: cli.Picture = None, overrides: cli.Overrides = None, allow_large: cli.AllowLarge = False,
+    overwrite: cli.Overwrite = False, as_json: cli.Json = False,
 ) -> Status:  # fmt: skip
     """Compute how results depend on values of the case: derivatives, Sobol indices, or the effect of tolerances.
 
     Use --to to see which value matters most, --sobol for large ranges and interactions, --tolerance for the scatter of
     manufactured parts.
     """
-    check_targets(csv, plot, case, overwrite=overwrite)
+    cli.check_targets(csv, plot, case, overwrite=overwrite)
     if sobol is not None and tolerances is not None:
         raise refuse("--sobol", "--sobol and --tolerance", "one of them", "they are different studies")
     if (tolerances is not None) == (keys is not None):
         given = "both --to and --tolerance" if keys else "neither --to nor --tolerance"
         raise refuse("sensitivity", given, "--to KEY, or --tolerance KEY=±SPEC")
-    refuse_without("--count", count, "--tolerance", present=tolerances is not None)
-    refuse_without("--seed", seed, "--sobol or --tolerance", present=tolerances is not None or sobol is not None)
-    refuse_without("--relative-step", relative_step, "derivatives", present=tolerances is None and sobol is None)
-    refuse_without("--method", method, "derivatives", present=tolerances is None and sobol is None)
-    refuse_without("--relative-step", relative_step, "differences", present=method != "exact")
+    cli.refuse_without("--count", count, "--tolerance", present=tolerances is not None)
+    cli.refuse_without("--seed", seed, "--sobol or --tolerance", present=tolerances is not None or sobol is not None)
+    cli.refuse_without("--relative-step", relative_step, "derivatives", present=tolerances is None and sobol is None)
+    cli.refuse_without("--method", method, "derivatives", present=tolerances is None and sobol is None)
+    cli.refuse_without("--relative-step", relative_step, "differences", present=method != "exact")
     asked = StudyOptions(
         case, overrides, names, lowest, highest, accuracy, option="--of", workers=workers, allow_large=allow_large
     )
     if tolerances is not None:
-        answer, ended = _tolerance_analysis(asked, tolerances, 100 if count is None else count, seed or 0)
+        output, ended = _tolerance_analysis(asked, tolerances, 100 if count is None else count, seed or 0)
     elif sobol is not None:
-        answer, ended = _sobol_indices(asked, keys or [], sobol, seed or 0)
+        output, ended = _sobol_indices(asked, keys or [], sobol, seed or 0)
     else:
-        answer, ended = _derivatives(asked, keys or [], 0.01 if relative_step is None else relative_step, method)
-    write_answer(answer, csv, plot, ended, overwrite=overwrite, as_json=as_json)
+        output, ended = _derivatives(asked, keys or [], 0.01 if relative_step is None else relative_step, method)
+    cli.write_output(output, csv, plot, ended, overwrite=overwrite, as_json=as_json)
     return ended
 
 
 def _derivatives(
     asked: StudyOptions, keys: list[str], relative_step: float, method: Method | None
-) -> tuple[StudyAnswer, Status]:
+) -> tuple[cli.CommandOutput, Status]:
     exact = exact_names(asked.case, asked.names, method)
     responses = [name for name in asked.names if not frequency_number(name) and name not in exact]
     get_numbers(asked.case, keys)
@@ -203,10 +187,10 @@ def _derivatives(
         groups = {name: {one.by.key: one.logarithmic for one in known if one.scalar == name} for name in asked.names}
         return bars_figure(groups, "percent per percent")
 
-    return (derivative_output(found), draw), kept.status
+    return replace(derivative_output(found), draw=draw), kept.status
 
 
-def derivative_output(found: Sequence[Sensitivity]) -> StudyOutput:
+def derivative_output(found: Sequence[Sensitivity]) -> cli.CommandOutput:
     """Return the output of derivatives."""
     names = list(dict.fromkeys(one.scalar for one in found))
     tables = [_derivative_table(name, [one for one in found if one.scalar == name]) for name in names]
@@ -226,9 +210,8 @@ def derivative_output(found: Sequence[Sensitivity]) -> StudyOutput:
         {name: finite_or_none(x) if isinstance(x, float) and name != "key_value" else x for name, x in row.items()}
         for row in rows
     ]
-    return StudyOutput(
-        tables, words, {"derivatives": json}, format_csv([name.replace("_", " ") for name in head], table)
-    )
+    csv = format_csv([name.replace("_", " ") for name in head], table)
+    return cli.CommandOutput([*tables, *words], {"derivatives": json}, csv)
 
 
 def _is_analytic(one: Sensitivity) -> bool:
@@ -261,7 +244,7 @@ def _describe_doubt(one: Sensitivity) -> str:
     return "equal frequencies" if one.error is None else "not smooth"
 
 
-def _sobol_indices(asked: StudyOptions, keys: list[str], count: int, seed: int) -> tuple[StudyAnswer, Status]:
+def _sobol_indices(asked: StudyOptions, keys: list[str], count: int, seed: int) -> tuple[cli.CommandOutput, Status]:
     variables = variables_of(asked.case, keys, "--to")
     check_power_of_two("--sobol", count, 2)
     asked.initial_quantities(count)
@@ -289,14 +272,15 @@ def _sobol_indices(asked: StudyOptions, keys: list[str], count: int, seed: int) 
         intervals = {name: indices.total_interval for name, indices in pairs}
         return bars_figure(groups, "share of the variance, total", intervals)
 
-    return (sobol_output(asked.names, variables, found), draw), kept.status
+    return replace(sobol_output(asked.names, variables, found), draw=draw), kept.status
 
 
-_MIN_BASE_POINTS = 2
-"""Minimum number of base points for shares of a variance."""
+_MIN_BASE_POINTS = 2  # for shares of a variance
 
 
-def sobol_output(names: Sequence[str], variables: Sequence[Variable], found: Sequence[SobolIndices]) -> StudyOutput:
+def sobol_output(
+    names: Sequence[str], variables: Sequence[Variable], found: Sequence[SobolIndices]
+) -> cli.CommandOutput:
     """Return the output of Sobol indices."""
     keys = [one.key for one in variables]
     tables = [
@@ -330,7 +314,7 @@ def sobol_output(names: Sequence[str], variables: Sequence[Variable], found: Seq
         }
         for name, one in zip(names, found, strict=True)
     }  # fmt: skip
-    return StudyOutput(tables, words, {"sobol": json}, format_csv(head, rows))
+    return cli.CommandOutput([*tables, *words], {"sobol": json}, format_csv(head, rows))
 
 
 def _interval(ends: FloatArray) -> str:
@@ -339,7 +323,7 @@ def _interval(ends: FloatArray) -> str:
 
 def _tolerance_analysis(
     asked: StudyOptions, tolerances: list[str], count: int, seed: int
-) -> tuple[StudyAnswer, Status]:
+) -> tuple[cli.CommandOutput, Status]:
     scatters = parse_scatters(asked.case, tolerances)
     parts = sample_parts(scatters, count, seed)
     initial = asked.initial_quantities(count)
@@ -358,16 +342,13 @@ def _tolerance_analysis(
         known = {name: one[~np.isnan(one)] for name, one in values.items()}
         return scatter_figure(known, units, {name: one.value for name, one in initial.items()})
 
-    return (scatter_output(asked.names, scatters, parts, rows, initial), draw), kept.status
+    return replace(scatter_output(asked.names, scatters, parts, rows, initial), draw=draw), kept.status
 
 
 def scatter_output(
-    names: Sequence[str],
-    scatters: Sequence[PartScatter],
-    parts: FloatArray,
-    rows: Sequence[Row],
+    names: Sequence[str], scatters: Sequence[PartScatter], parts: FloatArray, rows: Sequence[Row],
     initial: Mapping[str, Quantity],
-) -> StudyOutput:
+) -> cli.CommandOutput:  # fmt: skip
     """Return the output of a tolerance analysis."""
     values = np.column_stack([column(rows, name) for name in names])
     units = {name: one.unit for name, one in initial.items()}
@@ -377,17 +358,10 @@ def scatter_output(
     nominal = {name: initial[name].value if name in initial else math.nan for name in names}
     found = {name: scalar_distribution(parts, values[:, i]) for i, name in enumerate(names)}
     summary = [
-        (
-            name,
-            units[name],
-            format_number(nominal[name]),
-            format_number(one.mean),
-            format_number(one.deviation, 4),
-            *(format_number(one.quantiles[part]) for part in QUANTILES),
-            str(one.missing),
-        )
+        (name, units[name], format_number(nominal[name]), format_number(one.mean), format_number(one.deviation, 4),
+         *(format_number(one.quantiles[part]) for part in QUANTILES), str(one.missing))
         for name, one in found.items()
-    ]
+    ]  # fmt: skip
     head = ("scalar", "unit", "nominal", "mean", "std", *(f"{part:.0%}" for part in QUANTILES), "missing")
     ranks = [
         (one.key, *(format_number(float(found[name].ranks[i]), 3) for name in names)) for i, one in enumerate(scatters)
@@ -402,22 +376,17 @@ def scatter_output(
         if one.missing
     ]
     keys = [one.key for one in scatters]
-    columns = (*keys, *names, "status")
+    columns, causes = (*keys, *names, "status"), [str(row.status.cause) for row in rows]
     body = [
-        (*point, *value, str(row.status.cause))
-        for point, value, row in zip(parts.tolist(), values.tolist(), rows, strict=True)
+        (*point, *value, cause) for point, value, cause in zip(parts.tolist(), values.tolist(), causes, strict=True)
     ]
     json = {
         name: {
-            "unit": units[name],
-            "value": finite_or_none(nominal[name]),
-            "mean": finite_or_none(one.mean),
-            "std": finite_or_none(one.deviation),
-            "missing": one.missing,
-            "count": len(parts),
+            "unit": units[name], "value": finite_or_none(nominal[name]), "mean": finite_or_none(one.mean),
+            "std": finite_or_none(one.deviation), "missing": one.missing, "count": len(parts),
             "quantiles": {f"{part:g}": finite_or_none(value) for part, value in one.quantiles.items()},
-            "rank_correlation": {key: finite_or_none(x) for key, x in zip(keys, one.ranks.tolist(), strict=True)},
+            "rank_correlation": dict(zip(keys, finite_numbers(one.ranks), strict=True)),
         }
         for name, one in found.items()
-    }
-    return StudyOutput(tables, words, {"scatter": json}, format_csv(columns, body))
+    }  # fmt: skip
+    return cli.CommandOutput([*tables, *words], {"scatter": json}, format_csv(columns, body))

@@ -12,17 +12,16 @@ from flexcam.analysis.natural_modes import modes as case_modes
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.case.reader import case_from_result
-from flexcam.cli.app import Json, Overrides, Overwrite, app, load_case, parse_quantity
+from flexcam.cli import app as cli
 from flexcam.core.errors import refuse
 from flexcam.io import Result, read_result
-from flexcam.report.terminal import print_json, result_console
 from flexcam.valvetrain import Structure, build_structure
 
 if TYPE_CHECKING:
     from flexcam.plotting.scene.motion import Motion
 
 
-@app.command(
+@cli.app.command(
     help_prologue="""\
 flexcam view results/intake.vtkhdf
 flexcam view results/intake.vtkhdf --color stress_von_mises --scale 50 --save train.gif
@@ -43,7 +42,7 @@ def view(
         "--at", help="Cam angle of a still picture or of the start, such as 120deg.")] = None,
     mode: Annotated[int | None, Parameter(help="Animate a natural mode, by its number in flexcam modes.")] = None,
     size: Annotated[str, Parameter(help="Size of the window or picture in pixels.")] = "1024x768",
-    overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
+    overrides: cli.Overrides = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
 ) -> None:  # fmt: skip
     """Show the moving mechanism in 3D, or write a picture or an animation of it.
 
@@ -53,13 +52,9 @@ def view(
     from flexcam.plotting.scene.mechanism import build_mechanism
 
     if not abs(scale) <= _MAX_SCALE:
-        raise refuse(
-            "--scale",
-            scale,
-            f"a finite number, at most {_MAX_SCALE:g} in size",
-            "the deformation would leave the picture",
-        )
-    angle = None if at is None else parse_quantity("--at", at, "angle", "deg")
+        allowed = f"a finite number, at most {_MAX_SCALE:g} in size"
+        raise refuse("--scale", scale, allowed, "the deformation would leave the picture")
+    angle = None if at is None else cli.parse_quantity("--at", at, "angle", "deg")
     pixels = _pixels(size)
     if picture is not None:
         check_output_path(picture, pixels, overwrite=overwrite)
@@ -75,14 +70,11 @@ def view(
         show_window(stage, still, swings=mode is not None)
     else:
         save_view(stage, picture, motion.spread(FRAMES), still)
-    if as_json:
-        files = [] if picture is None else [str(picture)]
-        print_json({"status": "ok", "files": files, "instants": len(motion), "drawn": list(drawn.notes)})
-        return
-    if drawn.notes:
-        result_console().print("\n".join(["Sizes chosen for the drawing:", *(f"  {note}" for note in drawn.notes)]))
-    if picture is not None:
-        result_console().print(str(picture))
+    parts = (
+        ["\n".join(["Sizes chosen for the drawing:", *(f"  {note}" for note in drawn.notes)])] if drawn.notes else []
+    )
+    output = cli.CommandOutput(parts, {"instants": len(motion), "drawn": list(drawn.notes)})
+    cli.write_output(output, as_json=as_json, written=[] if picture is None else [picture])
 
 
 def _image_instant(case: Case, result: Result | None, motion: Motion, angle: float | None, mode: int | None) -> int:
@@ -106,10 +98,10 @@ _MIN_SIZE, _MAX_SIZE = 64, 8192
 _MAX_SCALE = 1e6
 
 
-def _read_source(source: Path, overrides: Overrides) -> tuple[Case, Result | None]:
+def _read_source(source: Path, overrides: cli.Overrides) -> tuple[Case, Result | None]:
     """Return the case of a case file, or the case of a result with the result."""
     if source.suffix != ".vtkhdf":
-        return load_case(source, overrides), None
+        return cli.load_case(source, overrides), None
     if overrides:
         raise refuse("--set", overrides[0], "--set with a case only", "a result cannot be changed", "give the case")
     result = read_result(source)
@@ -130,9 +122,8 @@ def _displayed_motion(
         if mode > found.shapes.shape[1]:
             raise refuse("--mode", mode, f"1 to {found.shapes.shape[1]}, as flexcam modes counts them")
         if color not in (None, "displacement"):
-            raise refuse(
-                "--color", repr(color), "displacement", "the amplitude of a mode is arbitrary, so it has no stress"
-            )
+            why = "the amplitude of a mode is arbitrary, so it has no stress"
+            raise refuse("--color", repr(color), "displacement", why)
         shown = mode_motion(structure, found.shapes[:, mode - 1], coloured=color is not None)
         return shown, f"{title}: mode {mode}, {found.frequencies[mode - 1]:.4g} Hz"
     if result is not None:

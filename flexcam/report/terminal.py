@@ -6,17 +6,20 @@ import json
 import math
 import os
 import sys
-from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from textwrap import fill
+from typing import Any
 
+import numpy as np
 from rich.console import Console, HighlighterType, JustifyMethod, OverflowMethod
 from rich.style import Style
 from rich.table import Table
 from rich.text import Text
 
+from flexcam.core import FloatArray
 from flexcam.core.errors import printable
 from flexcam.dynamics import Block, Sink, Stats, Status
 
@@ -63,16 +66,6 @@ def make_unique(names: Sequence[str], beside: Sequence[str]) -> list[str]:
     return longer if len(set(longer)) == len(names) else [f"{name} ({i})" for i, name in enumerate(longer, start=1)]
 
 
-@dataclass(frozen=True)
-class StudyOutput:
-    """Output of a study command."""
-
-    tables: Sequence[Table]  # tables for rich
-    words: Sequence[str]  # sentences below the tables
-    json: Mapping[str, object]  # content as one JSON object; null for missing numbers
-    csv: str  # content as CSV text
-
-
 def format_csv(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
     r"""Return a table as CSV text with empty cells for missing numbers."""
     return "".join(",".join(map(_cell, row)) + "\n" for row in (head, *rows))
@@ -87,6 +80,13 @@ def _cell(value: object) -> str:
 def finite_or_none(value: float) -> float | None:
     """Return a number for JSON; None if it is not finite."""
     return value if abs(value) < float("inf") else None
+
+
+def finite_numbers(values: FloatArray) -> list[Any]:
+    """Return an array as nested lists for JSON; None for numbers that are not finite."""
+    found = values.astype(object)
+    found[~np.isfinite(values)] = None
+    return found.tolist()
 
 
 def format_number(value: float, digits: int = 6) -> str:
@@ -204,9 +204,7 @@ def plain_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]
 _NUMBER = 14
 """Maximum length of a cell that counts as a number, with its unit, characters; longer ones are words and may wrap."""
 
-_WORDS = 40
-"""Width that a column of words needs at least, characters."""
-
+_WORDS = 40  # width that a column of words needs at least, characters
 _GAP = 3
 
 

@@ -1,4 +1,4 @@
-"""Optimization of a case: goals, constraints, and searches without derivatives (by gradients: `gradient_search`)."""
+"""Optimization of a case: goals, constraints, and searches without derivatives (by gradients: `gradients`)."""
 
 # pyright: reportMissingTypeStubs=false, reportUnknownMemberType=false
 
@@ -22,17 +22,13 @@ from flexcam.studies.evaluators import PointEvaluator, number_after_override
 from flexcam.studies.plan import check_seed
 
 _CONSTRAINT = re.compile(r"\s*([^<>=]+?)\s*(<=|>=)\s*([^<>=]+?)\s*$")
-_FAILED_VIOLATION = 1e6
-"""Violation of every constraint if a variant has no value: larger than any regular one."""
-
-_UNIT_NAMES = {"1": "", "Hz": "1/s"}
-"""Units of scalars and the corresponding units of dimensions."""
+_FAILED_VIOLATION = 1e6  # violation of every constraint if a variant has no value: larger than any regular one
+_UNIT_NAMES = {"1": "", "Hz": "1/s"}  # units of scalars and the corresponding units of dimensions
 
 ROUNDING = 1e-9
 """Tolerance of a bound for rounding, relative to the bound."""
 
-_ACTIVE_TOLERANCE = 0.01
-"""Distance from a bound, relative to the bound, within which a constraint is active."""
+_ACTIVE_TOLERANCE = 0.01  # distance from a bound, relative to the bound, within which a constraint is active
 
 
 @dataclass(frozen=True)
@@ -85,11 +81,7 @@ def parse_constraint(text: str) -> Constraint:
     found = _CONSTRAINT.match(text)
     if found is None:
         raise refuse(
-            "--subject",
-            repr(text),
-            "NAME <= VALUE or NAME >= VALUE, in quotes",
-            "",
-            "write 'frequency.1 >= 900 Hz'",
+            "--subject", repr(text), "NAME <= VALUE or NAME >= VALUE, in quotes", "", "write 'frequency.1 >= 900 Hz'"
         )
     _bound_by_unit(found[3], text)
     return Constraint(found[1], "<=" if found[2] == "<=" else ">=", found[3])
@@ -158,15 +150,10 @@ def is_active(violation: float) -> bool:
 _POINTS_PER_VARIABLE, _MIN_POINTS, _MAX_POINTS = 6, 12, 64
 """Points of a generation: number per variable, minimum and maximum."""
 
-_GLOBAL_FRACTION = 0.7
-"""Fraction of the evaluations for the global search; the others refine the best variant."""
-
-_TRUST_RADIUS = 0.05
-"""Initial radius of the trust region relative to the intervals."""
-
+_GLOBAL_FRACTION = 0.7  # fraction of the evaluations for the global search; the others refine the best variant
+_TRUST_RADIUS = 0.05  # initial radius of the trust region relative to the intervals
 _LARGE_COST = 1e30
-_MAX_VIOLATION = 10.0
-"""Maximum violation passed to the models of the constraints."""
+_MAX_VIOLATION = 10.0  # maximum violation passed to the models of the constraints
 
 
 @dataclass(frozen=True, eq=False)

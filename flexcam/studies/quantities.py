@@ -155,14 +155,12 @@ def check_names(case: Case, names: Sequence[str], where: str = "scalar") -> None
     known = scalar_names(case) if runs else []
     faults = [_unknown_name_fault(name, known, case.record.cams) for name in runs if name not in known]
     met = [_LIMIT + one for one in applicable_limits(case)] if limits else []
-    faults += [Fault("scalar", repr(name), ", ".join(met), _no_limit_error(name), suggest_name(name, met))
-               for name in limits if name not in met]  # fmt: skip
+    for name in limits:
+        if name not in met:
+            why = "the case lacks the part" if name.removeprefix(_LIMIT) in LIMITS else "there is no such limit"
+            faults.append(Fault("scalar", repr(name), ", ".join(met), why, suggest_name(name, met)))
     if faults:
         raise InputError(replace(fault, where=where) for fault in faults)
-
-
-def _no_limit_error(name: str) -> str:
-    return "the case lacks the part" if name.removeprefix(_LIMIT) in LIMITS else "there is no such limit"
 
 
 def _is_known_name(case: Case, name: str) -> bool:
@@ -255,12 +253,8 @@ _DERIVATIVE_ORDERS = {"velocity": 1, "acceleration": 2, "deceleration": 2, "jerk
 
 
 def _numbers(case: Case, names: Sequence[str]) -> dict[str, Quantity]:
-    found: dict[str, Quantity] = {}
-    for name in names:
-        number = _number(case, name)
-        if number is not None:
-            found[name] = Quantity(number.value, number.unit)
-    return found
+    numbers = {name: number for name in names if (number := _number(case, name)) is not None}
+    return {name: Quantity(number.value, number.unit) for name, number in numbers.items()}
 
 
 def _number(case: Case, name: str) -> Number | None:

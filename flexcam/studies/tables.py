@@ -110,8 +110,7 @@ def is_scalar_prefix(name: str, known: Iterable[str]) -> bool:
     return any(_is_prefix(one, name) for one in known)
 
 
-_MAX_LISTED = 24
-"""Maximum number of scalars listed in a message; of more, only prefixes are listed."""
+_MAX_LISTED = 24  # maximum number of scalars listed in a message; of more, only prefixes are listed
 
 
 def unknown_scalar_fault(name: str, known: Iterable[str]) -> Fault:

@@ -252,8 +252,7 @@ def _lengths(vectors: FloatArray) -> FloatArray:
     return np.linalg.norm(vectors, axis=-1)
 
 
-_DISPLAY_UNITS = {"Pa": ("MPa", 1e-6), "m": ("mm", 1e3)}
-"""Display units, and their number per SI unit."""
+_DISPLAY_UNITS = {"Pa": ("MPa", 1e-6), "m": ("mm", 1e3)}  # display units, and their number per SI unit
 
 
 def _display_unit(colour: str) -> tuple[str, float]:

@@ -244,8 +244,7 @@ class CoilSizes:
 
 _PER_COIL = 20
 _WIRE = 10
-_END_COILS = 1.0
-"""Number of closed coils at each end."""
+_END_COILS = 1.0  # number of closed coils at each end
 
 
 def coil_solid(sizes: CoilSizes, start: FloatArray, axis: FloatArray, moved: FloatArray, length: float) -> Solid:
