@@ -53,23 +53,11 @@ COMMAND_FILES = {command: file for panel in COMMANDS.values() for command, file 
 
 @dataclass(frozen=True)
 class IgnoredKeys:
-    """Keys that some commands ignore.
-
-    Parameters
-    ----------
-    commands
-        Names of the commands.
-    keys
-        Keys of the case, or its tables.
-    why
-        Behaviour of the commands instead.
-    remedy
-        Suggested action.
-    """
+    """Keys that some commands ignore."""
 
     commands: tuple[str, ...]
-    keys: tuple[str, ...]
-    why: str
+    keys: tuple[str, ...]  # keys of the case
+    why: str  # behaviour of the commands instead
     remedy: str
 
 
@@ -79,45 +67,18 @@ _NORM = ("fidelity.norm",)
 _OMIT = "leave it out"
 
 IGNORED_KEYS = (
-    IgnoredKeys(
-        ("campbell", "compare", "limits", "plot", "stability", "view"),
-        (*_ACCURACY, *_NORM),
-        "it uses the model that the case names",
-        "only flexcam run chooses a model and estimates errors; name the model by fidelity.model",
-    ),
-    IgnoredKeys(
-        ("sensitivity", "optimize", "fit"), ("fidelity.estimate",), "it estimates no errors of its runs", _OMIT
-    ),
-    IgnoredKeys(
-        ("trade",),
-        (*_MODEL, *_ACCURACY),
-        "it compares every model of the ladder with a converged one",
-        "flexcam run uses it",
-    ),
-    IgnoredKeys(
-        ("modes", "synthesize"),
-        (*_MODEL, *_ACCURACY, *_NORM),
-        "natural modes are those of all degrees of freedom of the members",
-        _OMIT,
-    ),
+    IgnoredKeys(("campbell", "compare", "limits", "plot", "stability", "view"), (*_ACCURACY, *_NORM),
+                "it uses the model that the case names",
+                "only flexcam run chooses a model and estimates errors; name the model by fidelity.model"),
+    IgnoredKeys(("sensitivity", "optimize", "fit"), ("fidelity.estimate",),
+                "it estimates no errors of its runs", _OMIT),
+    IgnoredKeys(("trade",), (*_MODEL, *_ACCURACY), "it compares every model of the ladder with a converged one",
+                "flexcam run uses it"),
+    IgnoredKeys(("modes", "synthesize"), (*_MODEL, *_ACCURACY, *_NORM),
+                "natural modes are those of all degrees of freedom of the members", _OMIT),
     IgnoredKeys(("cam",), (*_MODEL, *_ACCURACY, *_NORM), "a cam needs no model of the train", _OMIT),
-)
+)  # fmt: skip
 """Ignored keys by command."""
-
-
-def ignored_key_warnings(command: str, overrides: Sequence[str], case: Case | None = None) -> list[str]:
-    """Return messages about the given keys that a command ignores."""
-    keys = [one.partition("=")[0].strip() for one in overrides]
-    notes = [
-        f"Note: --set {one} has no effect: --set {overrides[last]} replaces it; leave one out"
-        for i, one in enumerate(overrides)
-        if (last := len(keys) - 1 - keys[::-1].index(keys[i])) != i
-    ]
-    for row in IGNORED_KEYS:
-        if case is not None and command in row.commands and (changed := list(_changed_keys(case, row.keys))):
-            given, has = ", ".join(map(case.place, changed)), "has" if len(changed) == 1 else "have"
-            notes.append(f"Note: {given} {has} no effect in {command}: {row.why}; {row.remedy}")
-    return notes
 
 
 def _changed_keys(case: Case, keys: Sequence[str]) -> Iterator[tuple[str, str]]:
@@ -220,8 +181,15 @@ def load_case(path: Path, overrides: Sequence[str] | None) -> Case:
 
 def warn_ignored_keys(overrides: Sequence[str] | None, case: Case | None = None) -> None:
     """Report the keys that the current command ignores; for a file of cams, only the overrides."""
-    for sentence in ignored_key_warnings(run_state.command, overrides or (), case):
-        print_message(sentence)
+    given, command = overrides or (), run_state.command
+    keys = [one.partition("=")[0].strip() for one in given]
+    for i, key in enumerate(keys):
+        if (last := len(keys) - 1 - keys[::-1].index(key)) != i:
+            print_message(f"Note: --set {given[i]} has no effect: --set {given[last]} replaces it; leave one out")
+    for row in IGNORED_KEYS:
+        if case is not None and command in row.commands and (changed := list(_changed_keys(case, row.keys))):
+            named, has = ", ".join(map(case.place, changed)), "has" if len(changed) == 1 else "have"
+            print_message(f"Note: {named} {has} no effect in {command}: {row.why}; {row.remedy}")
 
 
 def load_beams(path: Path, overrides: Sequence[str] | None) -> Case:
@@ -244,9 +212,8 @@ def check_positive(option: str, number: int) -> None:
 def refuse_without(option: str, given: object, required: str, *, present: bool) -> None:
     """Raise an error for an option that has no effect without another one."""
     if given is not None and given is not False and not present:
-        raise refuse(
-            option, describe_option(given), f"{option} with {required} only", "it has no effect", "leave it out"
-        )
+        allowed = f"{option} with {required} only"
+        raise refuse(option, describe_option(given), allowed, "it has no effect", "leave it out")
 
 
 def describe_option(given: object) -> str:
@@ -307,12 +274,22 @@ def check_distinct_files(written: Mapping[str, Path | None], read: Sequence[Path
         raise InputError(faults)
 
 
-def check_targets(csv: Path | None, plot: Path | None, read: Path, *, overwrite: bool) -> None:
-    """Raise an error if a table or a figure cannot be written, before a computation."""
+def check_targets(
+    csv: Path | None, plot: Path | None, *read: Path, overwrite: bool, target: Path | None = None
+) -> None:
+    """Raise an error if a table, a figure or a case cannot be written, before a computation."""
+
+    def check_case() -> None:
+        if target is not None:
+            check_writable("output", target, overwrite=overwrite)
+            if target.suffix != ".toml":
+                raise refuse("--output", str(target), "a name that ends in .toml", "it is a case file")
+
     collect_errors(
-        lambda: check_distinct_files({"--csv": csv, "--plot": plot}, [read]),
+        lambda: check_distinct_files({"--output": target, "--csv": csv, "--plot": plot}, read),
         lambda: None if csv is None else check_writable("output", csv, overwrite=overwrite),
         lambda: check_figure_path(plot, overwrite),
+        check_case,
     )
 
 

@@ -13,7 +13,7 @@ from cyclopts import Parameter
 
 from flexcam.case.reader import CaseFile as OpenCase
 from flexcam.cli import app as cli
-from flexcam.cli.optimize import NewCase, Vary, check_outputs, write_variant
+from flexcam.cli.optimize import NewCase, Vary, write_variant
 from flexcam.cli.sensitivity import WorkerCount
 from flexcam.dynamics import Cause, Status
 from flexcam.report.terminal import finite_numbers, finite_or_none, format_csv, format_number, plain_table, show_count
@@ -52,7 +52,7 @@ def fit(
     Angles are compared with the last revolution of the run, times with the whole run. A column without --noise is
     weighted by its own residuals.
     """
-    check_outputs(target, csv, plot, [case, to], overwrite)
+    cli.check_targets(csv, plot, case, to, overwrite=overwrite, target=target)
     cli.check_positive("--steps", steps)
     file, fixed = OpenCase.open(case), tuple(overrides or ())
     given = file.read(fixed)

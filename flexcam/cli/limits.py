@@ -17,7 +17,7 @@ from flexcam.core.errors import positive, refuse
 from flexcam.core.units import shaft_name
 from flexcam.dynamics import Status
 from flexcam.report.tables import limits_json, limits_table
-from flexcam.report.terminal import finite_numbers, format_csv, format_number, plain_table, show_count
+from flexcam.report.terminal import finite_numbers, format_csv, format_number, plain_table, show_count, with_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -120,7 +120,7 @@ def _map_limits(
         from flexcam.plotting.histories import map_figure
 
         first, second = (np.array([value.number for value in one.values]) for one in found.axes)
-        labels = [_describe_axis(one) for one in found.axes]
+        labels = [with_unit(one.key, one.unit) for one in found.axes]
         return map_figure(second, first, found.rpm, (labels[1], labels[0]), shaft)
 
     return replace(limit_map_output(found, shaft), draw=draw), kept.status
@@ -138,18 +138,14 @@ def _axis(option: str, setting: str) -> Axis:
     return parse_axis(key.strip(), spec, where=f"{option} {setting}")
 
 
-def _describe_axis(axis: Axis) -> str:
-    """Return the key of an axis with its unit."""
-    return f"{axis.key}, {axis.unit}" if axis.unit else axis.key
-
-
 def limit_map_output(found: LimitMap, shaft: str) -> cli.CommandOutput:
     """Return the output of a map of limits."""
     first, second = found.axes
+    down, across = (with_unit(one.key, one.unit) for one in found.axes)
     tables = [
         plain_table(
-            f"{name.replace('_', ' ')}, {shaft} rpm; columns: {_describe_axis(second)}",
-            (_describe_axis(first), *(format_number(value.number or 0.0) for value in second.values)),
+            f"{name.replace('_', ' ')}, {shaft} rpm; columns: {across}",
+            (down, *(format_number(value.number or 0.0) for value in second.values)),
             [
                 (format_number(value.number or 0.0), *(format_number(x) for x in row))
                 for value, row in zip(first.values, rpm.tolist(), strict=True)
@@ -162,7 +158,7 @@ def limit_map_output(found: LimitMap, shaft: str) -> cli.CommandOutput:
         words.append("A dash: no limit in the range of the search.")
     if failed := [status for status in found.statuses if not status.ok]:
         words.append(f"{len(failed)} variants failed; the first: {failed[0]}")
-    head = (_describe_axis(first), _describe_axis(second), *(f"{name} [{shaft} rpm]" for name in found.rpm), "status")
+    head = (down, across, *(f"{name} [{shaft} rpm]" for name in found.rpm), "status")
     rows = [
         (one.number or 0.0, other.number or 0.0, *(float(rpm[i, j]) for rpm in found.rpm.values()),
          str(found.statuses[i * len(second.values) + j].cause))

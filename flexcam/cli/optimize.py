@@ -19,8 +19,16 @@ from flexcam.cli.sensitivity import Highest, LimitAccuracy, Lowest, StudyOptions
 from flexcam.core.errors import refuse
 from flexcam.core.units import to_display_unit
 from flexcam.dynamics import Cause, RunFailedError, Status
-from flexcam.io import check_writable, write_text
-from flexcam.report.terminal import facts_table, finite_or_none, format_csv, format_decimals, format_number, plain_table
+from flexcam.io import write_text
+from flexcam.report.terminal import (
+    facts_table,
+    finite_or_none,
+    format_csv,
+    format_decimals,
+    format_number,
+    plain_table,
+    with_unit,
+)
 from flexcam.studies.evaluators import PointEvaluator, WorstCase, case_text, variables_of
 from flexcam.studies.gradients import gradient_function, optimize_by_gradient
 from flexcam.studies.optimization import (
@@ -46,17 +54,6 @@ Vary = Annotated[
     list[str], Parameter("--vary", help="Value of the case and its interval: KEY=LOW:HIGHunit. Repeatable.")
 ]
 NewCase = Annotated[Path | None, Parameter(["-o", "--output"], help="Also write the best variant to this case file.")]
-
-
-def check_outputs(target: Path | None, csv: Path | None, plot: Path | None, read: list[Path], overwrite: bool) -> None:
-    """Raise an error if a case, a table or a figure cannot be written, before a computation."""
-    cli.check_distinct_files({"--output": target, "--csv": csv, "--plot": plot}, read)
-    cli.check_figure_path(plot, overwrite)
-    for path in (csv, target):
-        if path is not None:
-            check_writable("output", path, overwrite=overwrite)
-    if target is not None and target.suffix != ".toml":
-        raise refuse("--output", str(target), "a name that ends in .toml", "it is a case file")
 
 
 def write_variant(file: OpenCase, overrides: Sequence[str], target: Path, title: str, *, overwrite: bool) -> list[Path]:
@@ -97,7 +94,7 @@ def optimize(
     allow_large: cli.AllowLarge = False, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
 ) -> Status:  # fmt: skip
     """Find the best variant of a case under constraints, or the Pareto front of two goals."""
-    check_outputs(target, csv, plot, [case], overwrite)
+    cli.check_targets(csv, plot, case, overwrite=overwrite, target=target)
     goals = (*(Goal(name) for name in least or ()), *(Goal(name, most=True) for name in most or ()))
     if len(goals) not in (1, 2):
         raise refuse("goals", f"{len(goals)} of --least and --most", "one, or two for a Pareto front")
@@ -174,7 +171,7 @@ def _search_figure(design: OptimizationProblem, found: Evaluations) -> Figure:
 
     inside = is_feasible(found.violations)
     signs = np.array([-1.0 if goal.most else 1.0 for goal in design.goals])
-    labels = [f"{goal.name}, {design.unit(goal.name, found.rows)}".rstrip(", ") for goal in design.goals]
+    labels = [with_unit(goal.name, design.unit(goal.name, found.rows)) for goal in design.goals]
     if len(design.goals) > 1:
         return front_figure(found.costs * signs, inside, pareto_indices(found), (labels[0], labels[1]))
     costs = found.costs[:, 0]
@@ -218,8 +215,8 @@ def front_output(design: OptimizationProblem, found: Evaluations) -> cli.Command
     """Return the output of a Pareto front."""
     best = pareto_indices(found)
     names = [goal.name for goal in design.goals]
-    head = (*(f"{goal.words}, {design.unit(goal.name, found.rows)}".rstrip(", ") for goal in design.goals),
-            *(_key(one.key, one.unit) for one in design.points.variables))  # fmt: skip
+    head = (*(with_unit(goal.words, design.unit(goal.name, found.rows)) for goal in design.goals),
+            *(with_unit(one.key, one.unit) for one in design.points.variables))  # fmt: skip
     rows = [
         (
             *(format_number(row_value(found.rows[i], name)) for name in names),
@@ -231,10 +228,6 @@ def front_output(design: OptimizationProblem, found: Evaluations) -> cli.Command
     json = {"front": [_variant_json(design, found, i) for i in best], "evaluations": len(found.rows),
             "failed": _count_failures(found)}  # fmt: skip
     return cli.CommandOutput([plain_table(title, head, rows), *_describe_failures(found)], json, _csv(design, found))
-
-
-def _key(key: str, unit: str) -> str:
-    return f"{key}, {unit}" if unit else key
 
 
 def _value(found: Evaluations, at: int, name: str) -> str:
@@ -294,7 +287,7 @@ def _variant_json(design: OptimizationProblem, found: Evaluations, i: int) -> di
 def _csv(design: OptimizationProblem, found: Evaluations) -> str:
     """Return all evaluations in their order as CSV text."""
     names = list(dict.fromkeys([*(goal.name for goal in design.goals), *(one.name for one in design.bounds)]))
-    head = [*(_key(one.key, one.unit) for one in design.points.variables), *names, "within all bounds", "status"]
+    head = [*(with_unit(one.key, one.unit) for one in design.points.variables), *names, "within all bounds", "status"]
     inside = is_feasible(found.violations).tolist()
     rows: list[Sequence[object]] = [
         (*point, *(row_value(row, name) for name in names), "yes" if good else "no", str(row.status.cause))

@@ -206,10 +206,7 @@ def derivative_output(found: Sequence[Sensitivity]) -> cli.CommandOutput:
     ]  # fmt: skip
     head = ("scalar", "unit", "value", "key", "key_unit", "key_value", "derivative", "error", "logarithmic", "smooth")
     table = [[math.nan if row[name] is None else row[name] for name in head] for row in rows]
-    json = [
-        {name: finite_or_none(x) if isinstance(x, float) and name != "key_value" else x for name, x in row.items()}
-        for row in rows
-    ]
+    json = [{name: finite_or_none(x) if isinstance(x, float) else x for name, x in row.items()} for row in rows]
     csv = format_csv([name.replace("_", " ") for name in head], table)
     return cli.CommandOutput([*tables, *words], {"derivatives": json}, csv)
 
@@ -259,51 +256,43 @@ def _sobol_indices(asked: StudyOptions, keys: list[str], count: int, seed: int) 
                 raise KeyboardInterrupt  # a single base point gives no indices
             return np.column_stack([column(rows, name) for name in asked.names])
 
-        found = sobol_indices(values, len(variables), count, seed=seed)
+        found = dict(zip(asked.names, sobol_indices(values, len(variables), count, seed=seed), strict=True))
 
     def draw() -> Figure:
         from flexcam.plotting.histories import bars_figure
 
-        pairs = list(zip(asked.names, found, strict=True))
-        groups = {
-            name: {one.key: total for one, total in zip(variables, indices.total.tolist(), strict=True)}
-            for name, indices in pairs
-        }
-        intervals = {name: indices.total_interval for name, indices in pairs}
+        keys = [one.key for one in variables]
+        groups = {name: dict(zip(keys, one.total.tolist(), strict=True)) for name, one in found.items()}
+        intervals = {name: one.total_interval for name, one in found.items()}
         return bars_figure(groups, "share of the variance, total", intervals)
 
-    return replace(sobol_output(asked.names, variables, found), draw=draw), kept.status
+    return replace(sobol_output(variables, found), draw=draw), kept.status
 
 
 _MIN_BASE_POINTS = 2  # for shares of a variance
 
 
-def sobol_output(
-    names: Sequence[str], variables: Sequence[Variable], found: Sequence[SobolIndices]
-) -> cli.CommandOutput:
+def sobol_output(variables: Sequence[Variable], found: Mapping[str, SobolIndices]) -> cli.CommandOutput:
     """Return the output of Sobol indices."""
     keys = [one.key for one in variables]
-    tables = [
-        plain_table(
-            f"Sobol indices of {name} (standard deviation {format_number(math.sqrt(one.variance))})",
-            ("by", "interval", "first order", "95 %", "total", "95 %"),
-            [
-                (key, f"{variable.low:g} to {variable.high:g} {variable.unit}", f"{one.first[i]:.3f}",
-                 _interval(one.first_interval[:, i]), f"{one.total[i]:.3f}", _interval(one.total_interval[:, i]))
-                for i, (key, variable) in enumerate(zip(keys, variables, strict=True))
-            ],
-        )
-        for name, one in zip(names, found, strict=True)
-    ]  # fmt: skip
+    tables: list[Table] = []
+    for name, one in found.items():
+        title = f"Sobol indices of {name} (standard deviation {format_number(math.sqrt(one.variance))})"
+        cells = [
+            (by.key, f"{by.low:g} to {by.high:g} {by.unit}", f"{one.first[i]:.3f}",
+             _interval(one.first_interval[:, i]), f"{one.total[i]:.3f}", _interval(one.total_interval[:, i]))
+            for i, by in enumerate(variables)
+        ]  # fmt: skip
+        tables.append(plain_table(title, ("by", "interval", "first order", "95 %", "total", "95 %"), cells))
     words = [
         f"{name}: {one.used} of {one.asked} base points are used; others failed, or exceed a power of 2"
-        for name, one in zip(names, found, strict=True)
+        for name, one in found.items()
         if one.used < one.asked
     ]
     rows = [
         (name, key, float(one.first[i]), *one.first_interval[:, i].tolist(), float(one.total[i]),
          *one.total_interval[:, i].tolist())
-        for name, one in zip(names, found, strict=True)
+        for name, one in found.items()
         for i, key in enumerate(keys)
     ]  # fmt: skip
     head = ("scalar", "key", "first", "first_low", "first_high", "total", "total_low", "total_high")
@@ -312,7 +301,7 @@ def sobol_output(
             "variance": one.variance, "used": one.used, "asked": one.asked,
             "indices": [dict(zip(head[1:], row[1:], strict=True)) for row in rows if row[0] == name],
         }
-        for name, one in zip(names, found, strict=True)
+        for name, one in found.items()
     }  # fmt: skip
     return cli.CommandOutput([*tables, *words], {"sobol": json}, format_csv(head, rows))
 

@@ -24,8 +24,7 @@ from flexcam.analysis.cam_analysis import (
 from flexcam.cams import Family, HarmonicFamily, SingleMass, SplineFamily, Synthesis, event_extremes, minimax, pareto
 from flexcam.case.reader import has_mechanism
 from flexcam.cli import app as cli
-from flexcam.cli.cam import CamName
-from flexcam.cli.lift_files import describe_lift_file
+from flexcam.cli.cam import CamName, describe_lift_file
 from flexcam.core.errors import positive, refuse
 from flexcam.core.units import RPM, parse
 from flexcam.io import check_writable, create_folder, write_law, write_lift

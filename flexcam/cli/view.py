@@ -11,10 +11,10 @@ from cyclopts import Parameter
 from flexcam.analysis.natural_modes import modes as case_modes
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
-from flexcam.case.reader import case_from_result
 from flexcam.cli import app as cli
+from flexcam.cli.plot import open_sources
 from flexcam.core.errors import refuse
-from flexcam.io import Result, read_result
+from flexcam.io import Result
 from flexcam.valvetrain import Structure, build_structure
 
 if TYPE_CHECKING:
@@ -58,7 +58,8 @@ def view(
     pixels = _pixels(size)
     if picture is not None:
         check_output_path(picture, pixels, overwrite=overwrite)
-    case, result = _read_source(source, overrides)
+    (read,) = open_sources([source], overrides)
+    case, result = read.case, read.result
     structure = build_structure(build_model(case))
     motion, title = _displayed_motion(case, structure, result, color, mode)
     drawn, still = build_mechanism(structure), _image_instant(case, result, motion, angle, mode)
@@ -96,16 +97,6 @@ def _pixels(text: str) -> tuple[int, int]:
 
 _MIN_SIZE, _MAX_SIZE = 64, 8192
 _MAX_SCALE = 1e6
-
-
-def _read_source(source: Path, overrides: cli.Overrides) -> tuple[Case, Result | None]:
-    """Return the case of a case file, or the case of a result with the result."""
-    if source.suffix != ".vtkhdf":
-        return cli.load_case(source, overrides), None
-    if overrides:
-        raise refuse("--set", overrides[0], "--set with a case only", "a result cannot be changed", "give the case")
-    result = read_result(source)
-    return case_from_result(result), result
 
 
 def _displayed_motion(

@@ -38,12 +38,8 @@ from flexcam.plotting.figures import (
     line_styles,
 )
 
-LAW_LABELS = ("s", "s'", "s''", "s'''")
-"""Axis labels of laws, from top to bottom."""
-
-LAW_POSITION = "z, part of the rise"
-"""Abscissa label of laws."""
-
+LAW_LABELS = ("s", "s'", "s''", "s'''")  # axis labels of laws, from top to bottom
+LAW_POSITION = "z, part of the rise"  # abscissa label of laws
 _POINTS = 1441
 _RATIOS = np.linspace(0.05, 6.0, 600)
 _JUMP_OFFSET = 1e-6  # angle before a discontinuity, rad, at which its left-hand limit is drawn

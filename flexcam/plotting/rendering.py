@@ -107,9 +107,7 @@ REQUIREMENTS = {
 }
 """Requirements by file type: the extra of flexcam and its modules."""
 
-FRAMES = 72
-"""Frames per revolution."""
-
+FRAMES = 72  # frames per revolution
 _PER_SECOND = 24
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import math
 import os
@@ -26,8 +28,7 @@ from flexcam.dynamics import Block, Sink, Stats, Status
 _ROUNDING = 1e-12
 """Length (m), angle (rad) or fraction of the largest value of a kind below which a value is a rounded zero."""
 
-NOISE = 1e-9
-"""Negative lift relative to the maximum lift below which it is not reported."""
+NOISE = 1e-9  # negative lift relative to the maximum lift below which it is not reported
 
 
 def format_mm(value: float, digits: int = 6) -> str:
@@ -66,15 +67,12 @@ def make_unique(names: Sequence[str], beside: Sequence[str]) -> list[str]:
     return longer if len(set(longer)) == len(names) else [f"{name} ({i})" for i, name in enumerate(longer, start=1)]
 
 
-def format_csv(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    r"""Return a table as CSV text with empty cells for missing numbers."""
-    return "".join(",".join(map(_cell, row)) + "\n" for row in (head, *rows))
-
-
-def _cell(value: object) -> str:
-    number = finite_or_none(value) if isinstance(value, float) else value
-    text = "" if number is None else repr(number) if isinstance(number, float) else str(number)
-    return '"' + text.replace('"', '""') + '"' if any(sign in text for sign in ',"\n') else text
+def format_csv(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """Return a table as CSV text with empty cells for missing numbers."""
+    text = io.StringIO()
+    cells = ([finite_or_none(value) if isinstance(value, float) else value for value in row] for row in rows)
+    csv.writer(text, lineterminator="\n").writerows([head, *cells])
+    return text.getvalue()
 
 
 def finite_or_none(value: float) -> float | None:
@@ -92,6 +90,11 @@ def finite_numbers(values: FloatArray) -> list[Any]:
 def format_number(value: float, digits: int = 6) -> str:
     """Format a number for a table; a dash if it is missing."""
     return "-" if finite_or_none(value) is None else f"{value:.{digits}g}"
+
+
+def with_unit(name: str, unit: str) -> str:
+    """Return a name with its unit, such as ``masses.valve.mass, kg``."""
+    return f"{name}, {unit}" if unit else name
 
 
 def result_console() -> Console:

@@ -84,32 +84,10 @@ def compute_gradient(
 ) -> Gradient:  # fmt: skip
     """Return results of a case and their derivatives by some of its numbers.
 
-    Parameters
-    ----------
-    file, overrides
-        The case.
-    names
-        Results: scalars of a run, natural frequencies, properties of cams, or keys; no speed limits.
-    numbers
-        Numbers of the case.
-    sizes
-        Usual size of each number, SI; None for its value, which then must not be zero.
-
-    Returns
-    -------
-    Gradient
-        Values and derivatives, SI.
-
-    Raises
-    ------
-    InputError
-        If the runs of the case cannot be derived, or a number changes the structure of the equations.
-    RunFailedError
-        If the run fails.
-
-    Examples
-    --------
-    ``compute_gradient(file, (), ["springs.valve.force.largest"], get_numbers(case, ["springs.valve.stiffness"]))``
+    `names` are scalars of a run, natural frequencies, properties of cams, or keys, but no speed limits; `sizes` are the
+    usual sizes of the numbers, SI, instead of their values, which must not be zero then. A case whose runs cannot be
+    derived, or a number that changes the structure of the equations, raises `InputError`, a run that fails
+    `RunFailedError`. Example: ``compute_gradient(file, (), ["springs.valve.force.largest"], get_numbers(case, keys))``.
     """
     case = file.read(overrides)
     steps = [RELATIVE_WIDTH * abs(size) for size in sizes or [number.value for number in numbers]]
@@ -271,26 +249,10 @@ def optimize_by_gradient(
     design: OptimizationProblem, derive: Callable[[FloatArray], Gradient], *, evaluations: int = 200, starts: int = 1,
     seed: int = 0,
 ) -> Evaluations:  # fmt: skip
-    """Search for the best variant with exact gradients, from the case and further random points.
+    """Search for the best variant with exact gradients, each counted as one of the evaluations.
 
-    Parameters
-    ----------
-    design
-        One goal, and constraints with derivatives.
-    derive
-        Function from a point in the units of the variables, shape (k,), to the gradient of all quantities.
-    evaluations
-        Maximum number of variants, each with its gradient.
-    starts
-        Number of points from which the search starts: that of the case, or the centre of the intervals, then random
-        ones.
-    seed
-        Of the random points.
-
-    Returns
-    -------
-    Evaluations
-        All variants of the search in their order.
+    `derive` returns the gradient of all quantities at a point in the units of the variables, shape (k,). The search
+    starts from the case, or the centre of the intervals, and then from random points.
     """
     if len(design.goals) != 1:
         raise refuse("goals", len(design.goals), "one", "a gradient search has one goal")

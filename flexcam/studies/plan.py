@@ -48,9 +48,7 @@ _MIN_FIXED_EXPONENT, _MAX_FIXED_EXPONENT = -6, 16  # range of decimal exponents 
 _FEWEST = 2
 _MANY = 10**15
 
-MAX_VARIANTS = 10_000
-"""Default maximum number of variants."""
-
+MAX_VARIANTS = 10_000  # default maximum number of variants
 FORMS = "a range 1000:8000:50rpm or 1000:8000#141rpm, a list 30,40,50 kN/m, an interval 30:60 kN/m, or one value"
 
 

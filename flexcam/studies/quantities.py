@@ -214,9 +214,8 @@ def _limits(case: Case, names: Sequence[str], search: Search | None, runs: int) 
     where = search or Search(0.5 * case.speed, 2.0 * case.speed, 10.0 * RPM / scale)
     found = search_limits(case, where, asked, runs=runs)
     if lacking := [one for one in asked if one not in found]:
-        raise refuse(
-            "scalar", f"{_LIMIT}{lacking[0]}", ", ".join(_LIMIT + one for one in found), "the case lacks the part"
-        )
+        allowed = ", ".join(_LIMIT + one for one in found)
+        raise refuse("scalar", f"{_LIMIT}{lacking[0]}", allowed, "the case lacks the part")
     if broken := [one for one in found.values() if not one.known]:
         raise RunFailedError(Status(Cause.NO_CONVERGENCE, broken[0].words))
     return {_LIMIT + n: Quantity(scale * one.rpm, unit) for n, one in found.items() if one.rpm is not None}
@@ -239,9 +238,8 @@ def _lift_property(event: Event, kind: str) -> float:
     if kind == "area":
         return 2.0 * math.pi * float(harmonics(event, 1)[0].real)
     if kind == "jerk" and any(one.steps[2] for one in joints(event)):
-        raise refuse(
-            "scalar", "the jerk of a lift", "a lift whose acceleration does not step", "it is infinite at a step"
-        )
+        allowed = "a lift whose acceleration does not step"
+        raise refuse("scalar", "the jerk of a lift", allowed, "it is infinite at a step")
     low, high = event_extremes(event, _DERIVATIVE_ORDERS[kind])
     if kind == "deceleration":
         return -low.value

@@ -35,9 +35,7 @@ from flexcam.studies.quantities import (
 )
 from flexcam.valvetrain import Structure, build_structure
 
-STEP_OFFSETS = (-1.0, -0.5, 0.5, 1.0)
-"""Offsets of the evaluated points, in steps."""
-
+STEP_OFFSETS = (-1.0, -0.5, 0.5, 1.0)  # offsets of the evaluated points, in steps
 _LARGE_ERROR = 0.05  # relative error of a derivative from which it is reported
 _KINK_RATIO = 0.8
 """Ratio of the jump of the slope at half the step to that at the full step: 1/2 for smooth functions, 1 for a kink."""
@@ -133,8 +131,7 @@ def _repeated_groups(omegas: FloatArray) -> list[list[int]]:
 
 _MATRIX_STEP = 1e-3  # relative step for derivatives of matrices: truncation error 1e-12, rounding 1e-13
 
-RELATIVE_STEP = 0.01
-"""Relative step for derivatives of responses: their maxima contain noise of the time step."""
+RELATIVE_STEP = 0.01  # relative step for derivatives of responses: their maxima contain noise of the time step
 
 
 @dataclass(frozen=True)

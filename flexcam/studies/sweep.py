@@ -183,16 +183,12 @@ class Sweep:
             "intervals": [one.key for one in self.plan.axes if one.interval],
             "sample": None if self.plan.sample is None else asdict(self.plan.sample),
         }
-        packages = ("numpy", "scipy", "h5py")
         return {
-            "title": self.title,
-            "case_file": self.bundle.name,
-            "case": self.bundle.files[self.bundle.name].decode(),
-            "files": self.bundle.digest,
-            "plan": json.dumps(plan),
-            "flexcam": __version__,
-            **{package: version(package) for package in packages},
-        }
+            "title": self.title, "case_file": self.bundle.name,
+            "case": self.bundle.files[self.bundle.name].decode(), "files": self.bundle.digest,
+            "plan": json.dumps(plan), "flexcam": __version__,
+            **{package: version(package) for package in ("numpy", "scipy", "h5py")},
+        }  # fmt: skip
 
     def identification(self, *, histories: bool) -> dict[str, object]:
         """Return the identification of the sweep's journal."""

@@ -34,9 +34,7 @@ from flexcam.valvetrain import Lash, Model, Rocker, Seat, Spring, Structure, val
 from flexcam.valvetrain.structure import spring_parts
 from flexcam.valvetrain.train_topology import moved_nodes, rocker_of
 
-SHEAR_MODULUS = 79.3e9
-"""Shear modulus of spring steel, Pa, used to find the number of coils from rate and wire."""
-
+SHEAR_MODULUS = 79.3e9  # shear modulus of spring steel, Pa, used to find the number of coils from rate and wire
 _COILS = 6.0  # number of coils of a spring without wire data
 
 
