@@ -16,6 +16,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
 
+import numpy as np
 from cyclopts import App, Parameter
 
 from flexcam import __version__
@@ -26,10 +27,11 @@ from flexcam.core.errors import Fault, InputError, collect_errors, refuse
 from flexcam.core.units import RPM, parse
 from flexcam.dynamics import Status
 from flexcam.io import check_writable, write_text
-from flexcam.report.terminal import StudyOutput, print_json, print_message, result_console
+from flexcam.report.terminal import print_json, print_message, result_console
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from rich.table import Table
 
 COMMANDS: Mapping[str, Mapping[str, str]] = {
     "Cases and runs": {
@@ -51,23 +53,11 @@ COMMAND_FILES = {command: file for panel in COMMANDS.values() for command, file 
 
 @dataclass(frozen=True)
 class IgnoredKeys:
-    """Keys that some commands ignore.
-
-    Parameters
-    ----------
-    commands
-        Names of the commands.
-    keys
-        Keys of the case, or its tables.
-    why
-        Behaviour of the commands instead.
-    remedy
-        Suggested action.
-    """
+    """Keys that some commands ignore."""
 
     commands: tuple[str, ...]
-    keys: tuple[str, ...]
-    why: str
+    keys: tuple[str, ...]  # keys of the case
+    why: str  # behaviour of the commands instead
     remedy: str
 
 
@@ -77,45 +67,18 @@ _NORM = ("fidelity.norm",)
 _OMIT = "leave it out"
 
 IGNORED_KEYS = (
-    IgnoredKeys(
-        ("campbell", "compare", "limits", "plot", "stability", "view"),
-        (*_ACCURACY, *_NORM),
-        "it uses the model that the case names",
-        "only flexcam run chooses a model and estimates errors; name the model by fidelity.model",
-    ),
-    IgnoredKeys(
-        ("sensitivity", "optimize", "fit"), ("fidelity.estimate",), "it estimates no errors of its runs", _OMIT
-    ),
-    IgnoredKeys(
-        ("trade",),
-        (*_MODEL, *_ACCURACY),
-        "it compares every model of the ladder with a converged one",
-        "flexcam run uses it",
-    ),
-    IgnoredKeys(
-        ("modes", "synthesize"),
-        (*_MODEL, *_ACCURACY, *_NORM),
-        "natural modes are those of all degrees of freedom of the members",
-        _OMIT,
-    ),
+    IgnoredKeys(("campbell", "compare", "limits", "plot", "stability", "view"), (*_ACCURACY, *_NORM),
+                "it uses the model that the case names",
+                "only flexcam run chooses a model and estimates errors; name the model by fidelity.model"),
+    IgnoredKeys(("sensitivity", "optimize", "fit"), ("fidelity.estimate",),
+                "it estimates no errors of its runs", _OMIT),
+    IgnoredKeys(("trade",), (*_MODEL, *_ACCURACY), "it compares every model of the ladder with a converged one",
+                "flexcam run uses it"),
+    IgnoredKeys(("modes", "synthesize"), (*_MODEL, *_ACCURACY, *_NORM),
+                "natural modes are those of all degrees of freedom of the members", _OMIT),
     IgnoredKeys(("cam",), (*_MODEL, *_ACCURACY, *_NORM), "a cam needs no model of the train", _OMIT),
-)
+)  # fmt: skip
 """Ignored keys by command."""
-
-
-def ignored_key_warnings(command: str, overrides: Sequence[str], case: Case | None = None) -> list[str]:
-    """Return messages about the given keys that a command ignores."""
-    keys = [one.partition("=")[0].strip() for one in overrides]
-    notes = [
-        f"Note: --set {one} has no effect: --set {overrides[last]} replaces it; leave one out"
-        for i, one in enumerate(overrides)
-        if (last := len(keys) - 1 - keys[::-1].index(keys[i])) != i
-    ]
-    for row in IGNORED_KEYS:
-        if case is not None and command in row.commands and (changed := list(_changed_keys(case, row.keys))):
-            given, has = ", ".join(map(case.place, changed)), "has" if len(changed) == 1 else "have"
-            notes.append(f"Note: {given} {has} no effect in {command}: {row.why}; {row.remedy}")
-    return notes
 
 
 def _changed_keys(case: Case, keys: Sequence[str]) -> Iterator[tuple[str, str]]:
@@ -145,17 +108,14 @@ run_state = RunState()
 CaseFile = Annotated[Path, Parameter(help="Case file (.toml).")]
 ResultPath = Annotated[Path, Parameter(help="Result file (.vtkhdf).")]
 Overrides = Annotated[
-    list[str] | None,
-    Parameter("--set", negative=(), help="Override a value of the case, such as run.speed=4000rpm. Repeatable."),
+    list[str] | None, Parameter("--set", help="Override a value of the case, such as run.speed=4000rpm. Repeatable.")
 ]
-Json = Annotated[bool, Parameter("--json", negative=(), help="Print one JSON object instead of tables.")]
+Json = Annotated[bool, Parameter("--json", help="Print one JSON object instead of tables.")]
 Picture = Annotated[Path | None, Parameter("--plot", help="Also draw a figure to this file (.svg, .png or .pdf).")]
 Csv = Annotated[Path | None, Parameter("--csv", help="Also write a table to this file (.csv).")]
 Folder = Annotated[Path, Parameter(["-o", "--output"], help="Folder of the results.")]
-Overwrite = Annotated[bool, Parameter("--overwrite", negative=(), help="Replace existing files.")]
-AllowLarge = Annotated[
-    bool, Parameter("--allow-large", negative=(), help="Run even if memory or disk space seem too small.")
-]
+Overwrite = Annotated[bool, Parameter("--overwrite", help="Replace existing files.")]
+AllowLarge = Annotated[bool, Parameter("--allow-large", help="Run even if memory or disk space seem too small.")]
 Lowest = Annotated[str | None, Parameter("--lowest", help="Lowest speed, such as 1000rpm; half the case's by default.")]
 Highest = Annotated[str | None, Parameter("--highest", help="Highest speed; 1.5 times the case's by default.")]
 Accuracy = Annotated[str, Parameter("--accuracy", help="Accuracy of the computed speeds.")]
@@ -173,7 +133,7 @@ app = App(
     name="flexcam",
     version=_versions,
     help_format="plaintext",
-    default_parameter=Parameter(negative_iterable=()),
+    default_parameter=Parameter(negative=()),
     help="Simulate flexible valve trains and cam mechanisms by finite elements.",
     help_prologue="""\
 flexcam new pushrod-engine -o engine.toml
@@ -222,8 +182,15 @@ def load_case(path: Path, overrides: Sequence[str] | None) -> Case:
 
 def warn_ignored_keys(overrides: Sequence[str] | None, case: Case | None = None) -> None:
     """Report the keys that the current command ignores; for a file of cams, only the overrides."""
-    for sentence in ignored_key_warnings(run_state.command, overrides or (), case):
-        print_message(sentence)
+    given, command = overrides or (), run_state.command
+    keys = [one.partition("=")[0].strip() for one in given]
+    for i, key in enumerate(keys):
+        if (last := len(keys) - 1 - keys[::-1].index(key)) != i:
+            print_message(f"Note: --set {given[i]} has no effect: --set {given[last]} replaces it; leave one out")
+    for row in IGNORED_KEYS:
+        if case is not None and command in row.commands and (changed := list(_changed_keys(case, row.keys))):
+            named, has = ", ".join(map(case.place, changed)), "has" if len(changed) == 1 else "have"
+            print_message(f"Note: {named} {has} no effect in {command}: {row.why}; {row.remedy}")
 
 
 def load_beams(path: Path, overrides: Sequence[str] | None) -> Case:
@@ -246,9 +213,8 @@ def check_positive(option: str, number: int) -> None:
 def refuse_without(option: str, given: object, required: str, *, present: bool) -> None:
     """Raise an error for an option that has no effect without another one."""
     if given is not None and given is not False and not present:
-        raise refuse(
-            option, describe_option(given), f"{option} with {required} only", "it has no effect", "leave it out"
-        )
+        allowed = f"{option} with {required} only"
+        raise refuse(option, describe_option(given), allowed, "it has no effect", "leave it out")
 
 
 def describe_option(given: object) -> str:
@@ -260,11 +226,12 @@ _MAX_SPEEDS = 10_000
 
 
 def speed_range(
-    lowest: str | None, highest: str | None, count: int, speed: float, scale: float, most: float = 1.5
+    lowest: str | None, highest: str | None, count: int, case: Case, most: float = 1.5
 ) -> tuple[float, float]:
     """Return the range of camshaft speeds of a command, rad/s; by default half to `most` times the case's speed."""
     if not 2 <= count <= _MAX_SPEEDS:
         raise refuse("--count", count, f"a whole number from 2 to {_MAX_SPEEDS}", "each speed is a run")
+    speed, scale = case.speed, case.turns
     low = 0.5 * speed if lowest is None else parse_quantity("--lowest", lowest, "speed", "rpm") / scale
     high = most * speed if highest is None else parse_quantity("--highest", highest, "speed", "rpm") / scale
     if not high > low:
@@ -273,6 +240,11 @@ def speed_range(
     if not low > 0.0:
         raise refuse("--lowest", lowest, "a speed above zero")
     return low, high
+
+
+def spaced_speeds(lowest: str | None, highest: str | None, count: int, case: Case) -> list[float]:
+    """Return evenly spaced camshaft speeds of the range of a command, rad/s."""
+    return np.linspace(*speed_range(lowest, highest, count, case), count).tolist()
 
 
 def parse_accuracy(text: str, scale: float) -> float:
@@ -303,44 +275,66 @@ def check_distinct_files(written: Mapping[str, Path | None], read: Sequence[Path
         raise InputError(faults)
 
 
-def check_targets(csv: Path | None, plot: Path | None, read: Path, *, overwrite: bool) -> None:
-    """Raise an error if a table or a figure cannot be written, before a computation."""
+def check_targets(
+    csv: Path | None, plot: Path | None, *read: Path, overwrite: bool, target: Path | None = None
+) -> None:
+    """Raise an error if a table, a figure or a case cannot be written, before a computation."""
+
+    def check_case() -> None:
+        if target is not None:
+            check_writable("output", target, overwrite=overwrite)
+            if target.suffix != ".toml":
+                raise refuse("--output", str(target), "a name that ends in .toml", "it is a case file")
+
     collect_errors(
-        lambda: check_distinct_files({"--csv": csv, "--plot": plot}, [read]),
+        lambda: check_distinct_files({"--output": target, "--csv": csv, "--plot": plot}, read),
         lambda: None if csv is None else check_writable("output", csv, overwrite=overwrite),
         lambda: check_figure_path(plot, overwrite),
+        check_case,
     )
 
 
-def print_files(files: Sequence[Path]) -> None:
-    """Print the names of written files."""
-    for path in files:
-        result_console().print(str(path))
+def _no_figure() -> Figure:
+    """Raise an error for an output without a figure."""
+    raise NotImplementedError("this output has no figure")
 
 
-StudyAnswer = tuple[StudyOutput, Callable[[], "Figure"]]
-"""Output of a study, and the function that draws it."""
+@dataclass(frozen=True)
+class CommandOutput:
+    """Output of a command."""
+
+    parts: Sequence[Table | str]  # tables and sentences, printed with empty lines between them
+    json: Mapping[str, object]  # content as one JSON object; null for missing numbers
+    csv: str = ""  # content as CSV text
+    draw: Callable[[], Figure] = _no_figure  # function that draws the figure
+    title: str = ""  # title of the figure
+
+    def figure(self) -> Figure:
+        """Return the figure with its title."""
+        from flexcam.plotting.figures import add_title
+
+        return add_title(self.draw(), self.title)
 
 
-def write_answer(
-    answer: StudyAnswer, csv: Path | None, plot: Path | None, ended: Status, *, overwrite: bool, as_json: bool,
-    written: Sequence[Path] = (),
+def write_output(
+    output: CommandOutput, csv: Path | None = None, plot: Path | None = None, ended: Status | None = None, *,
+    as_json: bool, overwrite: bool = False, written: Sequence[Path] = (), describe_file: Callable[[Path], str] = str,
 ) -> None:  # fmt: skip
-    """Print the output of a study and write its table and figure, also after an interruption; name every file."""
-    output, draw = answer
+    """Write the table and figure of a command, also after an interruption, print its output and name every file."""
     if csv is not None:
         write_text(csv, output.csv, overwrite=overwrite)
     if plot is not None:
         from flexcam.plotting.figures import save_figure
 
-        save_figure(draw(), plot, overwrite=overwrite)
+        save_figure(output.figure(), plot, overwrite=overwrite)
     files = [path for path in (csv, plot, *written) if path is not None]
     if as_json:
-        status = "ok" if ended.ok else str(ended.cause)
-        print_json({"status": status, **output.json, "files": [str(path) for path in files]})
+        status = "ok" if ended is None or ended.ok else str(ended.cause)
+        content: dict[str, object] = {"status": status, **output.json}
+        content.setdefault("files", [str(path) for path in files])
+        print_json(content)
         return
-    for i, table in enumerate(output.tables):
-        result_console().print(*([""] if i else []), table, sep="\n")
-    for sentence in output.words:
-        result_console().print("\n" + sentence)
-    print_files(files)
+    for i, part in enumerate(output.parts):
+        result_console().print(*([""] if i else []), part, sep="\n")
+    for path in files:
+        result_console().print(describe_file(path))

@@ -1,4 +1,4 @@
-"""Command that evaluates cams: cam."""
+"""Command that evaluates cams, and computes the lift of a measured profile: cam."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ from dataclasses import asdict
 from functools import partial
 from itertools import combinations
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from cyclopts import Group, Parameter
 from rich.table import Table
 
 from flexcam.analysis.cam_analysis import (
+    NEGATIVE_LIFT_TOLERANCE,
     CamFacts,
     CamSet,
     cam_facts,
@@ -28,36 +29,25 @@ from flexcam.analysis.cam_analysis import (
 from flexcam.cams import (
     PRESSURE_ANGLE,
     THRESHOLDS,
+    Bridge,
     Extreme,
     Joint,
     LiftReport,
     ProfileFault,
     ValveEvent,
+    find_bridges,
+    lift_from_profile,
 )
-from flexcam.cli.app import (
-    Json,
-    Overrides,
-    Overwrite,
-    app,
-    describe_option,
-    parse_quantity,
-    print_files,
-    refuse_without,
-    warn_ignored_keys,
-)
-from flexcam.cli.lift_files import print_lift_of_profile
+from flexcam.case.builder import parse_follower
+from flexcam.cli import app as cli
+from flexcam.core import FloatArray
 from flexcam.core.errors import positive, refuse, suggest_name
 from flexcam.core.units import RPM
-from flexcam.io import check_folder_name, check_writable, create_folder, write_profile
-from flexcam.report.terminal import (
-    NOISE,
-    facts_table,
-    format_degrees,
-    format_mm,
-    plain_table,
-    print_json,
-    result_console,
-)
+from flexcam.io import check_folder_name, check_writable, create_folder, read_profile, write_lift_table, write_profile
+from flexcam.report.terminal import NOISE, facts_table, format_degrees, format_mm, plain_table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _STEPS = (("lift", "mm"), ("velocity", "mm/rad"), ("acceleration", "mm/rad^2"), ("jerk", "mm/rad^3"))
 
@@ -67,7 +57,10 @@ def cam_json(found: CamFacts, report: LiftReport | None) -> dict[str, object]:
     return {
         "lift": found.lift[1].value, "least_lift": found.lift[0].value, "velocity": found.velocity,
         "acceleration": found.acceleration, "jerk": found.jerk, "harmonics": list(found.harmonics),
-        "joints": [_joint_json(one) for one in found.joints],
+        "joints": [
+            {"angle": one.angle, "steps": {name: step for (name, _), step in zip(_STEPS, one.steps, strict=True)}}
+            for one in found.joints
+        ],
         "valve_events": {name: _event_json(one) for name, one in found.events.items()},
         "follower_events": {name: _event_json(one) for name, one in found.follower_events.items()},
         "profile": _profile_json(found),
@@ -93,10 +86,6 @@ def _after_tdc_json(found: CamFacts) -> dict[str, object] | None:
     return {"centreline": found.centreline_after_tdc, "valve_events": events}
 
 
-def _joint_json(joint: Joint) -> dict[str, object]:
-    return {"angle": joint.angle, "steps": {name: step for (name, _), step in zip(_STEPS, joint.steps, strict=True)}}
-
-
 def _event_json(event: ValveEvent | None) -> dict[str, float] | None:
     return None if event is None else {**asdict(event), "duration": event.duration, "centre": event.centre}
 
@@ -120,6 +109,9 @@ def cam_table(name: str, found: CamFacts, cams: CamSet) -> Table:
     """Return the table of the facts about a cam."""
     speed, ratio, lash = cams.speed, found.ratio, found.lash
     part = "valve open" if cams.turns == 2.0 else "output"  # of a machine
+    jerk = "infinite: the acceleration is discontinuous"
+    if found.jerk is not None:
+        jerk = f"{1e3 * found.jerk:.5g} mm/rad^3"
     events = [(part, found.events, ratio, lash)]
     if ratio != 1.0 or lash:
         events.insert(0, ("follower", found.follower_events, 1.0, 0.0))
@@ -128,7 +120,7 @@ def cam_table(name: str, found: CamFacts, cams: CamSet) -> Table:
         ("lobe centreline", _centreline(found, cams.turns)),
         ("max velocity", _at_speed(found.velocity, "mm/rad", "m/s", 1, speed)),
         ("max acceleration", _at_speed(found.acceleration, "mm/rad^2", "m/s^2", 2, speed)),
-        ("max jerk", _jerk(found.jerk)),
+        ("max jerk", jerk),
         ("harmonics 1 to 10", ", ".join(format_mm(one, 3) for one in found.harmonics) + " mm"),
         *([("lash at the follower", f"{format_mm(lash)} mm")] if lash else []),
         *((f"{part} above {lift}",
@@ -164,10 +156,6 @@ def _from_dead_centre(crank_angle: float | None, name: str = "") -> str:
     offset = angle - 180.0 * nearest
     centre = ("TDC", "BDC", "firing TDC")[abs(nearest)]
     return f"{abs(offset):.2f} deg {'before' if offset < 0.0 else 'after'} {centre}"
-
-
-def _jerk(jerk: float | None) -> str:
-    return "infinite: the acceleration is discontinuous" if jerk is None else f"{1e3 * jerk:.5g} mm/rad^3"
 
 
 def _at_speed(value: float, unit: str, at_speed: str, order: int, speed: float | None) -> str:
@@ -272,7 +260,7 @@ CamName = Annotated[str | None, Parameter("--cam", help="Name of the cam; not ne
 _CASE, _PROFILE = Group("Cams of a case file", sort_key=1), Group("Cam from a measured profile", sort_key=2)
 
 
-@app.command(
+@cli.app.command(
     help_prologue="""\
 flexcam cam case.toml
 flexcam cam cams.toml --cam intake -o profiles --format dxf --cutter "40 mm"
@@ -282,57 +270,36 @@ flexcam cam --from-profile points.csv --unit mm --follower '{ type = "flat" }' -
 """  # noqa: E501 - a command to a line
 )
 def cam(
-    case: Annotated[
-        Path | None, Parameter(group=_CASE, help="Case file, or a file with format = 1 and [cams.NAME] tables only.")
-    ] = None, *,
+    case: Annotated[Path | None, Parameter(
+        group=_CASE, help="Case file, or a file with format = 1 and [cams.NAME] tables only.")] = None, *,
     name: Annotated[CamName, Parameter(group=_CASE)] = None,
-    forms: Annotated[
-        list[Literal["csv", "dxf", "vtp"]] | None,
-        Parameter("--format", negative=(), group=_CASE, help="Format of the profile files with -o; all by default."),
-    ] = None,
-    cutter: Annotated[
-        str | None, Parameter(group=_CASE, help="Radius of the cutter or grinding wheel, such as '40 mm'.")
-    ] = None,
-    pressure_angle: Annotated[
-        str | None,
-        Parameter(group=_CASE, help=f"Allowed pressure angle; {math.degrees(PRESSURE_ANGLE):g} deg by default."),
-    ] = None,
-    checking_lifts: Annotated[
-        list[str] | None,
-        Parameter(
-            "--checking-lift", negative=(), group=_CASE,
-            help="Lift for opening, closing and overlap in addition to 1 mm and 0.05 in, such as '0.1 mm'. Repeatable.",
-        ),
-    ] = None,
-    plot: Annotated[
-        Path | None,
-        Parameter(group=_CASE, help="Also draw lift, profile, pressure angle and valve timing to this folder."),
-    ] = None,
-    plot_format: Annotated[
-        Literal["svg", "png", "pdf"] | None, Parameter(group=_CASE, help="Format of the figures; svg by default.")
-    ] = None,
-    overrides: Annotated[Overrides, Parameter(group=_CASE)] = None,
-    profile: Annotated[
-        Path | None,
-        Parameter("--from-profile", group=_PROFILE, help="Points of a cam profile (.csv), in the frame of the cam."),
-    ] = None,
-    follower: Annotated[
-        str | None, Parameter(group=_PROFILE, help="Follower as in a case, such as '{ type = \"flat\" }'.")
-    ] = None,
-    base_radius: Annotated[
-        str | None, Parameter(group=_PROFILE, help="Radius of the base circle, where the lift is zero.")
-    ] = None,
-    unit: Annotated[
-        Literal["um", "mm", "cm", "m", "in"] | None,
-        Parameter(group=_PROFILE, help="Unit of the points, if the header of the file names none."),
-    ] = None,
-    clockwise: Annotated[bool, Parameter(negative=(), group=_PROFILE, help="The cam turns clockwise.")] = False,
+    forms: Annotated[list[Literal["csv", "dxf", "vtp"]] | None, Parameter(
+        "--format", group=_CASE, help="Format of the profile files with -o; all by default.")] = None,
+    cutter: Annotated[str | None, Parameter(
+        group=_CASE, help="Radius of the cutter or grinding wheel, such as '40 mm'.")] = None,
+    pressure_angle: Annotated[str | None, Parameter(
+        group=_CASE, help=f"Allowed pressure angle; {math.degrees(PRESSURE_ANGLE):g} deg by default.")] = None,
+    checking_lifts: Annotated[list[str] | None, Parameter(
+        "--checking-lift", group=_CASE, help="Lift for opening, closing and overlap in addition to 1 mm and "
+        "0.05 in, such as '0.1 mm'. Repeatable.")] = None,
+    plot: Annotated[Path | None, Parameter(
+        group=_CASE, help="Also draw lift, profile, pressure angle and valve timing to this folder.")] = None,
+    plot_format: Annotated[Literal["svg", "png", "pdf"] | None, Parameter(
+        group=_CASE, help="Format of the figures; svg by default.")] = None,
+    overrides: Annotated[cli.Overrides, Parameter(group=_CASE)] = None,
+    profile: Annotated[Path | None, Parameter(
+        "--from-profile", group=_PROFILE, help="Points of a cam profile (.csv), in the frame of the cam.")] = None,
+    follower: Annotated[str | None, Parameter(
+        group=_PROFILE, help="Follower as in a case, such as '{ type = \"flat\" }'.")] = None,
+    base_radius: Annotated[str | None, Parameter(
+        group=_PROFILE, help="Radius of the base circle, where the lift is zero.")] = None,
+    unit: Annotated[Literal["um", "mm", "cm", "m", "in"] | None, Parameter(
+        group=_PROFILE, help="Unit of the points, if the header of the file names none.")] = None,
+    clockwise: Annotated[bool, Parameter(group=_PROFILE, help="The cam turns clockwise.")] = False,
     points: Annotated[int, Parameter(help="Points of the profile or of the lift table per revolution.")] = 720,
-    output: Annotated[
-        Path | None,
-        Parameter(["-o", "--output"], help="Folder of the profile files; with --from-profile: lift table (.csv)."),
-    ] = None,
-    overwrite: Overwrite = False, as_json: Json = False,
+    output: Annotated[Path | None, Parameter(
+        ["-o", "--output"], help="Folder of the profile files; with --from-profile: lift table (.csv).")] = None,
+    overwrite: cli.Overwrite = False, as_json: cli.Json = False,
 ) -> None:  # fmt: skip
     """Show cam card, profile and limits of the cams in a file, or compute the lift of a measured profile.
 
@@ -352,17 +319,20 @@ def cam(
         return
     if case is None:
         raise refuse("cam", "nothing", "a case file, a file of cams, or --from-profile FILE")
-    refuse_without("--format", forms, "-o", present=output is not None)
-    refuse_without("--plot-format", plot_format, "--plot", present=plot is not None)
+    cli.refuse_without("--format", forms, "-o", present=output is not None)
+    cli.refuse_without("--plot-format", plot_format, "--plot", present=plot is not None)
     if output is not None:
         check_folder_name(output)
     cams = load_cams(case, overrides or ())
-    warn_ignored_keys(overrides)
+    cli.warn_ignored_keys(overrides)
     if name is not None and name not in cams.cams:
         raise refuse("--cam", repr(name), ", ".join(cams.cams), "", suggest_name(name, cams.cams))
-    wheel = parse_quantity("--cutter", cutter, "length", "mm") if cutter is not None else None
+    wheel = cli.parse_quantity("--cutter", cutter, "length", "mm") if cutter is not None else None
     limit = PRESSURE_ANGLE if pressure_angle is None else _pressure_limit(pressure_angle)
-    lifts = {text: _checking_lift(text) for text in checking_lifts or ()}
+    option = "--checking-lift"
+    lifts = {
+        text: positive(option, cli.parse_quantity(option, text, "length", "mm"), "m") for text in checking_lifts or ()
+    }
     facts = partial(cam_facts, count=points, pressure_angle=limit, cutter=wheel, checking_lifts=THRESHOLDS | lifts)
     found = {
         one: facts(part, ratio=cams.ratios[one], lash=cams.lashes[one], tdc=cams.tdcs[one])
@@ -374,7 +344,7 @@ def cam(
         remedy = f"name a folder; --plot-format {plot.suffix[1:]} selects the format"
         raise refuse("--plot", str(plot), "a folder", "a cam has several figures", remedy)
     files = _write_cam_files(cams.name, found, plot, plot_format or "svg", output, forms, wheel, overwrite=overwrite)
-    _print_cams(cams, found, files, as_json=as_json)
+    cli.write_output(_describe_cams(cams, found), as_json=as_json, written=files)
 
 
 def _check_source(of_case: Mapping[str, object], of_profile: Mapping[str, object], profile: Path | None) -> None:
@@ -382,9 +352,9 @@ def _check_source(of_case: Mapping[str, object], of_profile: Mapping[str, object
     for option, given in of_case.items() if profile is not None else ():
         if given is not None:
             allowed, why = "nothing with --from-profile", "it belongs to the cams of a case file"
-            raise refuse(option, describe_option(given), allowed, why, "leave it out")
+            raise refuse(option, cli.describe_option(given), allowed, why, "leave it out")
     for option, given in of_profile.items() if profile is None else ():
-        refuse_without(option, given, "--from-profile", present=False)
+        cli.refuse_without(option, given, "--from-profile", present=False)
 
 
 def _write_cam_files(
@@ -392,48 +362,54 @@ def _write_cam_files(
     forms: Sequence[Literal["csv", "dxf", "vtp"]] | None, cutter: float | None, *, overwrite: bool,
 ) -> list[Path]:  # fmt: skip
     """Write the profiles and figures of the cams of a file with a given name."""
-    stems = {f"{name}-{one}": facts for one, facts in found.items()}
-    figures = [path for stem in stems if plot is not None for path in _figure_paths(plot / stem, form).values()]
-    timings = [] if plot is None else [
-        (plot / f"{name}-{'-'.join(cylinder)}-timing.{form}", cylinder) for cylinder in cylinders(found)
-    ]  # fmt: skip
-    for path in (*figures, *(path for path, _ in timings)):  # before files are written
+    figures = {} if plot is None else {plot / f"{stem}.{form}": one for stem, one in _draw_cams(name, found).items()}
+    for path in figures:  # before files are written
         check_writable("picture", path, overwrite=overwrite)
     files: list[Path] = []
-    for stem, facts in stems.items():
-        if folder is not None and facts.profile is not None:
-            table = profile_table(facts.profile, cutter)
-            files += write_profile(
-                table, create_folder(folder) / stem, forms or ["csv", "dxf", "vtp"], overwrite=overwrite
-            )
-        if plot is not None:
-            files += _save_figures(create_folder(plot) / stem, form, facts, overwrite=overwrite)
-    return [*files, *(_save_timing(path, cylinder, overwrite=overwrite) for path, cylinder in timings)]
-
-
-def _print_cams(cams: CamSet, found: Mapping[str, CamFacts], files: Sequence[Path], *, as_json: bool) -> None:
-    pairs = valve_overlaps(found)
-    if as_json:
-        print_json({
-            "status": "ok",
-            "cams": {one: cam_json(facts, cams.reports.get(one)) for one, facts in found.items()},
-            "overlaps": [dict(zip(("one", "other", "lift", "angle"), pair, strict=True)) for pair in pairs],
-            "lobe_separations": [
-                {"one": one, "other": other, "angle": lobe_separation(found[one], found[other])}
-                for one, other in combinations(found, 2)
-            ],
-            "files": [str(path) for path in files],
-        })  # fmt: skip
-        return
     for one, facts in found.items():
-        result_console().print(cam_table(one, facts, cams))
-        result_console().print()
+        if folder is not None and facts.profile is not None:
+            table, target = profile_table(facts.profile, cutter), create_folder(folder) / f"{name}-{one}"
+            files += write_profile(table, target, forms or ["csv", "dxf", "vtp"], overwrite=overwrite)
+    for path, figure in figures.items():
+        from flexcam.plotting.figures import save_figure
+
+        files.append(save_figure(figure, path, overwrite=overwrite))
+    return files
+
+
+def _draw_cams(name: str, found: Mapping[str, CamFacts]) -> dict[str, Figure]:
+    """Return the figures of cams and cylinders by the stems of their files."""
+    from flexcam.plotting.curves import lift_figure, pressure_figure, profile_figure, timing_figure
+
+    figures: dict[str, Figure] = {}
+    for one, facts in found.items():
+        stem = f"{name}-{one}"
+        figures[f"{stem}-lift"] = lift_figure({stem: facts.cam.event})
+        if facts.profile is not None:
+            figures[f"{stem}-profile"] = profile_figure(facts.profile)
+            figures[f"{stem}-pressure"] = pressure_figure(facts.profile)
+    return figures | {f"{name}-{'-'.join(one)}-timing": timing_figure(one) for one in cylinders(found)}
+
+
+def _describe_cams(cams: CamSet, found: Mapping[str, CamFacts]) -> cli.CommandOutput:
+    """Return the output about the cams of a file."""
+    pairs = valve_overlaps(found)
+    json = {
+        "cams": {one: cam_json(facts, cams.reports.get(one)) for one, facts in found.items()},
+        "overlaps": [dict(zip(("one", "other", "lift", "angle"), pair, strict=True)) for pair in pairs],
+        "lobe_separations": [
+            {"one": one, "other": other, "angle": lobe_separation(found[one], found[other])}
+            for one, other in combinations(found, 2)
+        ],
+    }
+    parts: list[Table] = []
+    for one, facts in found.items():
+        parts.append(cam_table(one, facts, cams))
         if one in cams.reports:
-            result_console().print(smoothing_table(one, cams.reports[one]))
-            result_console().print()
+            parts.append(smoothing_table(one, cams.reports[one]))
     if crossed := [pair for pair in pairs if exhaust_and_intake(found[pair[0]], found[pair[1]])]:
-        result_console().print(overlap_table(crossed, found))
-    print_files(files)
+        parts.append(overlap_table(crossed, found))
+    return cli.CommandOutput(parts, json)
 
 
 def _check_profile_options(found: Mapping[str, CamFacts], folder: Path | None, cutter: str | None) -> None:
@@ -444,34 +420,61 @@ def _check_profile_options(found: Mapping[str, CamFacts], folder: Path | None, c
             raise refuse(option, str(given), "nothing without a profile", why, remedy)
 
 
-def _checking_lift(text: str) -> float:
-    return positive("--checking-lift", parse_quantity("--checking-lift", text, "length", "mm"), "m")
-
-
 def _pressure_limit(text: str) -> float:
-    limit = positive("--pressure-angle", parse_quantity("--pressure-angle", text, "angle", "deg"), "rad")
+    limit = positive("--pressure-angle", cli.parse_quantity("--pressure-angle", text, "angle", "deg"), "rad")
     if limit >= 0.5 * math.pi:
         raise refuse("--pressure-angle", text, "an angle below 90 deg", "at 90 deg the cam jams", "30 deg is common")
     return limit
 
 
-def _figure_paths(stem: Path, form: str) -> dict[str, Path]:
-    return {kind: stem.with_name(f"{stem.name}-{kind}.{form}") for kind in ("lift", "profile", "pressure")}
+_MIN_POINTS, _MAX_POINTS = 12, 100_000
 
 
-def _save_figures(stem: Path, form: str, facts: CamFacts, *, overwrite: bool) -> list[Path]:
-    from flexcam.plotting.curves import lift_figure, pressure_figure, profile_figure
-    from flexcam.plotting.figures import save_figure
+def lift_from_profile_table(
+    name: str, points: int, angle: FloatArray, lift: FloatArray, hollow: Bridge | None
+) -> Table:
+    """Return the table of a lift computed from a profile."""
+    low, high = (Extreme(float(lift[i]), float(angle[i])) for i in (int(np.argmin(lift)), int(np.argmax(lift))))
+    rows = [
+        ("points", str(points)),
+        ("max lift", f"{format_mm(high.value)} mm at {math.degrees(high.at):.4g} deg"),
+        ("min lift", f"{format_mm(low.value)} mm at {math.degrees(low.at):.4g} deg"),
+    ]
+    if low.value < -NEGATIVE_LIFT_TOLERANCE * high.value:
+        rows.append(("warning", "the profile lies inside the base circle; check its radius and the unit"))
+    if hollow is not None:
+        place = f"{format_mm(hollow.point[0], 4)}, {format_mm(hollow.point[1], 4)} mm"
+        said = f"the follower bridges a hollow of the profile, with a gap of {format_mm(hollow.depth, 3)} mm at {place}"
+        rows.append(("warning", f"{said}; a smaller roller follows the profile"))
+    return facts_table(f"Lift of {name}", rows)
 
-    figures = {"lift": lift_figure({stem.name: facts.cam.event})}
-    if facts.profile is not None:
-        figures |= {"profile": profile_figure(facts.profile), "pressure": pressure_figure(facts.profile)}
-    paths = _figure_paths(stem, form)
-    return [save_figure(figure, paths[kind], overwrite=overwrite) for kind, figure in figures.items()]
+
+def print_lift_of_profile(
+    profile: Path, follower: str | None, base_radius: str | None, unit: Literal["um", "mm", "cm", "m", "in"] | None,
+    clockwise: bool, points: int, output: Path | None, *, overwrite: bool, as_json: bool,
+) -> None:  # fmt: skip
+    """Print the lift of a follower on a profile given by points, and write it as a table, if requested."""
+    cli.check_distinct_files({"--output": output}, [profile])
+    if follower is None:
+        raise refuse("--follower", "nothing", "the follower as in a case, such as '{ type = \"flat\" }'")
+    if base_radius is not None:
+        positive("--base-radius", cli.parse_quantity("--base-radius", base_radius, "length", "mm"), "m")
+    if not _MIN_POINTS <= points <= _MAX_POINTS:
+        raise refuse("--points", points, f"a whole number from {_MIN_POINTS} to {_MAX_POINTS}")
+    made, turn = parse_follower(follower, base_radius, clockwise=clockwise)
+    angle, xy = np.linspace(0.0, 2.0 * math.pi, points, endpoint=False), read_profile(profile, unit=unit)
+    lift, bridge = lift_from_profile(xy, made, angle, turn=turn), find_bridges(xy, made, turn=turn)
+    files = [] if output is None else [write_lift_table(output, angle, lift, overwrite=overwrite)]
+    json = {
+        "points": len(xy), "angle": angle.tolist(), "lift": lift.tolist(),
+        "bridged": None if bridge is None else asdict(bridge),
+    }  # fmt: skip
+    table = lift_from_profile_table(profile.name, len(xy), angle, lift, bridge)
+    cli.write_output(cli.CommandOutput([table], json), as_json=as_json, written=files, describe_file=describe_lift_file)
 
 
-def _save_timing(path: Path, cylinder: Mapping[str, CamFacts], *, overwrite: bool) -> Path:
-    from flexcam.plotting.curves import timing_figure
-    from flexcam.plotting.figures import save_figure
-
-    return save_figure(timing_figure(cylinder), path, overwrite=overwrite)
+def describe_lift_file(path: Path, phase: float = 0.0) -> str:
+    """Return the name of a lift file, and the keys of a case with which it replaces the lift of a cam."""
+    delay = f', phase = "{math.degrees(phase):.10g} deg"' if phase else ""
+    keys = f'lift_table = "{path.name}"{delay} instead of the law with its keys, and phase, centreline, timing'
+    return f"{path}  (in a case: {keys})"

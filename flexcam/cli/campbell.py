@@ -6,8 +6,7 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import asdict
-from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from cyclopts import Group, Parameter
@@ -18,83 +17,54 @@ from flexcam.analysis.campbell import campbell as find_crossings
 from flexcam.analysis.orders import Signal, Waterfall, largest_orders, waterfall
 from flexcam.analysis.preparation import prepare, scalar_probe
 from flexcam.case.case import Case
-from flexcam.cli.app import (
-    CaseFile,
-    Count,
-    Csv,
-    Highest,
-    Json,
-    Lowest,
-    Overrides,
-    Overwrite,
-    Picture,
-    app,
-    check_positive,
-    check_targets,
-    load_beams,
-    load_case,
-    print_files,
-    refuse_without,
-    speed_range,
-)
+from flexcam.cli import app as cli
 from flexcam.core import FloatArray
 from flexcam.core.errors import collect_errors, refuse
 from flexcam.core.units import shaft_name
 from flexcam.dynamics import Status
-from flexcam.io import write_text
 from flexcam.report.terminal import (
     NOISE,
+    finite_numbers,
     finite_or_none,
     format_mm,
+    format_number,
     plain_table,
-    print_json,
-    result_console,
     show_count,
 )
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def campbell_table(found: Campbell, scale: float) -> Table:
     """Return the table of the modes over speed, one row per mode."""
     low, high = (f"Hz at {scale * found.rpm[i]:.6g}" for i in (0, -1))
     rows = [
-        (str(i + 1), _hz(column[0]), _hz(column[-1]), "yes" if reached else "no", words)
-        for i, (column, reached, words) in enumerate(zip(found.frequencies.T, found.reached, found.words, strict=True))
+        (str(i), format_number(column[0], 5), format_number(column[-1], 5), "yes" if reached else "no", words)
+        for i, (column, reached, words) in enumerate(
+            zip(found.frequencies.T, found.reached, found.words, strict=True), start=1
+        )
     ]
     title = f"Modes at full lift of {found.contact} over {shaft_name(scale)} rpm"
     return plain_table(title, ("mode", low, high, "excited", "what moves"), rows)
 
 
-def _hz(value: float) -> str:
-    return "-" if math.isnan(value) else f"{value:.5g}"
-
-
 def crossing_table(found: Campbell, scale: float) -> Table:
     """Return the table of the crossings of orders and modes in ascending order of speed."""
     rows = [
-        (
-            f"{scale * one.rpm:.6g}",
-            str(one.harmonic),
-            str(one.mode + 1),
-            f"{one.frequency:.5g}",
-            format_mm(one.amplitude, 3),
-            _force(one.load),
-            one.words,
-        )
+        (f"{scale * one.rpm:.6g}", str(one.harmonic), str(one.mode + 1), f"{one.frequency:.5g}",
+         format_mm(one.amplitude, 3), format_number(one.load, 3), one.words)
         for one in found.crossings
-    ]
+    ]  # fmt: skip
     title = "Resonances: orders of the camshaft that excite modes at the contact"
     head = (f"{shaft_name(scale)} rpm", "order", "mode", "Hz", "lift, mm", "force, N", "what moves")
     return plain_table(title if rows else f"{title}: none between these speeds", head, rows)
 
 
-def _force(value: float) -> str:
-    return "-" if math.isnan(value) else f"{value:.3g}"
-
-
 def campbell_json(found: Campbell, scale: float) -> dict[str, object]:
     """Return a Campbell diagram for ``--json``."""
     modes = [
-        {"frequencies_hz": _json_numbers(column), "reached": reached, "moves": words}
+        {"frequencies_hz": finite_numbers(column), "reached": reached, "moves": words}
         for column, reached, words in zip(found.frequencies.T, found.reached, found.words, strict=True)
     ]
     met = [
@@ -104,9 +74,7 @@ def campbell_json(found: Campbell, scale: float) -> dict[str, object]:
     return {
         "shaft": shaft_name(scale), "contact": found.contact, "rpm": (scale * found.rpm).tolist(), "modes": modes,
         "lift_amplitudes_m": {str(n): size for n, size in found.lifts.items()},
-        "force_amplitudes_n": {
-            str(n): _json_numbers(column) for n, column in zip(found.lifts, found.loads.T, strict=True)
-        },
+        "force_amplitudes_n": dict(zip(map(str, found.lifts), finite_numbers(found.loads.T), strict=True)),
         "crossings": met, "ended": [str(one.cause) for one in found.statuses],
     }  # fmt: skip
 
@@ -128,8 +96,7 @@ def describe_incomplete_runs(statuses: Sequence[Status], rpm: FloatArray, scale:
     ]
 
 
-_MAX_TABLE_ORDERS = 8
-"""Number of orders in the table: those with the largest amplitudes."""
+_MAX_TABLE_ORDERS = 8  # in the table: those with the largest amplitudes
 
 
 def orders_table(found: Waterfall, scale: float) -> Table:
@@ -171,30 +138,20 @@ def orders_json(found: Sequence[Waterfall], scale: float) -> dict[str, object]:
     """Return the orders for ``--json``."""
     histories = {
         one.signal.name: {
-            "unit": one.unit,
-            "amplitudes": [_json_numbers(row) for row in one.amplitudes],
-            "open_by": _json_numbers(one.gaps),
+            "unit": one.unit, "amplitudes": finite_numbers(one.amplitudes), "open_by": finite_numbers(one.gaps),
         }
         for one in found
     }  # fmt: skip
-    first = found[0]
-    ended = [str(status.cause) for status in first.statuses]
     return {
-        "shaft": shaft_name(scale),
-        "rpm": (scale * first.rpm).tolist(),
-        "histories": histories,
-        "ended": ended,
-    }
-
-
-def _json_numbers(values: FloatArray) -> list[float | None]:
-    return [finite_or_none(one) for one in values.tolist()]
+        "shaft": shaft_name(scale), "rpm": (scale * found[0].rpm).tolist(), "histories": histories,
+        "ended": [str(status.cause) for status in found[0].statuses],
+    }  # fmt: skip
 
 
 _MODES, _RESPONSE = Group("Natural modes", sort_key=1), Group("Orders of the response", sort_key=2)
 
 
-@app.command(
+@cli.app.command(
     help_prologue="""\
 flexcam campbell cases/tayeb/model-3-shm.toml --lowest 1000rpm --highest 6000rpm --plot campbell.svg
 flexcam campbell case.toml --orders 1:12 --modes 4 --count 21 --json
@@ -203,38 +160,23 @@ flexcam campbell case.toml --response --channel contacts.intake.force --probe va
 """
 )
 def campbell(
-    case: CaseFile, *,
-    lowest: Lowest = None, highest: Highest = None, count: Count = 9,
+    case: cli.CaseFile, *,
+    lowest: cli.Lowest = None, highest: cli.Highest = None, count: cli.Count = 9,
     orders: Annotated[str, Parameter(help="Orders of the camshaft: 1:24, or 1,2,4; with --response 1:N.")] = "1:24",
-    modes: Annotated[
-        int | None, Parameter(group=_MODES, help="Number of modes, from the lowest; 8 by default.")
-    ] = None,
-    contact: Annotated[
-        str | None, Parameter(group=_MODES, help="Contact whose cam excites the modes, if there are several.")
-    ] = None,
-    response: Annotated[
-        bool, Parameter(negative=(), group=_RESPONSE, help="Run each speed and show the orders of its last revolution.")
-    ] = False,
-    channels: Annotated[
-        list[str] | None,
-        Parameter(
-            "--channel",
-            negative=(),
-            group=_RESPONSE,
-            help="Channel such as a contact force; that of the first cam by default. Repeatable.",
-        ),
-    ] = None,
-    probes: Annotated[
-        list[str] | None,
-        Parameter(
-            "--probe",
-            negative=(),
-            group=_RESPONSE,
-            help="Probe whose acceleration is shown; the valve by default. Repeatable.",
-        ),
-    ] = None,
-    csv: Annotated[Csv, Parameter(group=_RESPONSE)] = None,
-    plot: Picture = None, overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
+    modes: Annotated[int | None, Parameter(
+        group=_MODES, help="Number of modes, from the lowest; 8 by default.")] = None,
+    contact: Annotated[str | None, Parameter(
+        group=_MODES, help="Contact whose cam excites the modes, if there are several.")] = None,
+    response: Annotated[bool, Parameter(
+        group=_RESPONSE, help="Run each speed and show the orders of its last revolution.")] = False,
+    channels: Annotated[list[str] | None, Parameter(
+        "--channel", group=_RESPONSE, help="Channel such as a contact force; that of the first cam by "
+        "default. Repeatable.")] = None,
+    probes: Annotated[list[str] | None, Parameter(
+        "--probe", group=_RESPONSE, help="Probe whose acceleration is shown; the valve by default. "
+        "Repeatable.")] = None,
+    csv: Annotated[cli.Csv, Parameter(group=_RESPONSE)] = None, plot: cli.Picture = None,
+    overrides: cli.Overrides = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
 ) -> Status | None:  # fmt: skip
     """Compute natural frequencies over speed and where orders of the cam excite them, or the orders of the response.
 
@@ -248,78 +190,59 @@ def campbell(
                 why = "the orders of the response need no modes"
                 raise refuse(option, given, "nothing with --response", why, "leave one out")
     for option, given in (("--channel", channels), ("--probe", probes), ("--csv", csv)):
-        refuse_without(option, given, "--response", present=response)
+        cli.refuse_without(option, given, "--response", present=response)
     read, numbers = collect_errors(
-        lambda: load_case(case, overrides) if response else load_beams(case, overrides),
+        lambda: cli.load_case(case, overrides) if response else cli.load_beams(case, overrides),
         lambda: _parse_orders(orders, response),
-        lambda: check_positive("--modes", 8 if modes is None else modes),
-        lambda: check_targets(csv, plot, case, overwrite=overwrite),
+        lambda: cli.check_positive("--modes", 8 if modes is None else modes),
+        lambda: cli.check_targets(csv, plot, case, overwrite=overwrite),
     )
-    scale = read.turns
-    speeds = np.linspace(*speed_range(lowest, highest, count, read.speed, scale), count).tolist()
+    speeds = cli.spaced_speeds(lowest, highest, count, read)
     if response:
-        return _orders_of_response(
-            read, speeds, select_signals(read, channels, probes), numbers[-1], csv, plot,
-            overwrite=overwrite, as_json=as_json,
-        )  # fmt: skip
-    with show_count(count, "speeds") as shown:
-        found = find_crossings(
-            read, speeds, orders=numbers, modes=8 if modes is None else modes, contact=contact, advance=shown
-        )
-    if plot is not None:
-        from flexcam.plotting.figures import add_title, save_figure
-        from flexcam.plotting.spectra import campbell_figure
-
-        figure = campbell_figure(found, scale, shaft_name(scale))
-        save_figure(add_title(figure, read.title), plot, overwrite=overwrite)
-    ended = failed_status(found.statuses)
-    if as_json:
-        files = [] if plot is None else [str(plot)]
-        print_json({"status": _word(ended), **campbell_json(found, scale), "files": files})
-        return ended
-    result_console().print(campbell_table(found, scale))
-    result_console().print()
-    result_console().print(crossing_table(found, scale))
-    for sentence in describe_incomplete_runs(found.statuses, found.rpm, scale):
-        result_console().print("\n" + sentence)
-    if plot is not None:
-        result_console().print(f"\n{plot}")
+        output, ended = orders_of_response(read, speeds, select_signals(read, channels, probes), numbers[-1])
+    else:
+        output, ended = modes_over_speed(read, speeds, numbers, 8 if modes is None else modes, contact)
+    cli.write_output(output, csv, plot, ended, overwrite=overwrite, as_json=as_json)
     return ended
 
 
-def _orders_of_response(
-    case: Case, speeds: list[float], signals: list[Signal], highest_order: int, csv: Path | None, plot: Path | None, *,
-    overwrite: bool, as_json: bool,
-) -> Status | None:  # fmt: skip
-    """Run every speed, and print and write the orders of the last revolution."""
+def modes_over_speed(
+    case: Case, speeds: list[float], orders: Sequence[int], count: int = 8, contact: str | None = None
+) -> tuple[cli.CommandOutput, Status | None]:
+    """Return natural modes over speed and their crossings with orders of the cam."""
+    scale = case.turns
+    with show_count(len(speeds), "speeds") as shown:
+        found = find_crossings(case, speeds, orders=orders, modes=count, contact=contact, advance=shown)
+
+    def draw() -> Figure:
+        from flexcam.plotting.spectra import campbell_figure
+
+        return campbell_figure(found, scale, shaft_name(scale))
+
+    incomplete = describe_incomplete_runs(found.statuses, found.rpm, scale)
+    parts = [campbell_table(found, scale), crossing_table(found, scale), *incomplete]
+    return cli.CommandOutput(parts, campbell_json(found, scale), draw=draw, title=case.title), failed_status(
+        found.statuses
+    )
+
+
+def orders_of_response(
+    case: Case, speeds: list[float], signals: list[Signal], highest_order: int
+) -> tuple[cli.CommandOutput, Status | None]:
+    """Run every speed and return the orders of the last revolution."""
     scale = case.turns
     with show_count(len(speeds), "speeds") as shown:
         found = waterfall(case, speeds, signals, highest_order, advance=shown)
-    if csv is not None:
-        write_text(csv, orders_csv(found, scale), overwrite=overwrite)
-    if plot is not None:
-        from flexcam.plotting.figures import add_title, save_figure
+
+    def draw() -> Figure:
         from flexcam.plotting.spectra import waterfall_figure
 
-        figure = waterfall_figure(found, scale, shaft_name(scale))
-        save_figure(add_title(figure, case.title), plot, overwrite=overwrite)
-    files = [path for path in (csv, plot) if path is not None]
-    ended = failed_status(found[0].statuses)
-    if as_json:
-        files_json = [str(path) for path in files]
-        print_json({"status": _word(ended), **orders_json(found, scale), "files": files_json})
-        return ended
-    for one in found:
-        result_console().print(orders_table(one, scale))
-        result_console().print()
-    for sentence in describe_incomplete_runs(found[0].statuses, found[0].rpm, scale):
-        result_console().print(sentence)
-    print_files(files)
-    return ended
+        return waterfall_figure(found, scale, shaft_name(scale))
 
-
-def _word(ended: Status | None) -> str:
-    return "ok" if ended is None else str(ended.cause)
+    incomplete = describe_incomplete_runs(found[0].statuses, found[0].rpm, scale)
+    parts = [*(orders_table(one, scale) for one in found), *incomplete]
+    output = cli.CommandOutput(parts, orders_json(found, scale), orders_csv(found, scale), draw, case.title)
+    return output, failed_status(found[0].statuses)
 
 
 def select_signals(case: Case, channels: list[str] | None, probes: list[str] | None) -> list[Signal]:
@@ -346,5 +269,4 @@ def _parse_orders(text: str, response: bool) -> list[int]:
     return numbers
 
 
-_MAX_ORDER = 1000
-"""Maximum order: the harmonics of a lift are below a thousandth of the maximum long before."""
+_MAX_ORDER = 1000  # the harmonics of a lift are below a thousandth of the maximum long before

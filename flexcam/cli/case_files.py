@@ -14,7 +14,7 @@ from flexcam.analysis.run_checks import check_input, check_modes
 from flexcam.case.reader import complete_case_tables
 from flexcam.case.records import CaseRecord
 from flexcam.case.starters import new_case, templates
-from flexcam.cli.app import CaseFile, Json, Overrides, Overwrite, app, load_case, print_files
+from flexcam.cli import app as cli
 from flexcam.dynamics import integrated_size
 from flexcam.io import format_toml
 from flexcam.report.tables import describe_inactive, model_table, spring_curve_rows, spring_curve_table
@@ -22,7 +22,7 @@ from flexcam.report.terminal import plain_table, print_json, result_console
 from flexcam.valvetrain import member_masses
 
 
-@app.command(
+@cli.app.command(
     help_prologue="""\
 flexcam new
 flexcam new pushrod-engine
@@ -32,32 +32,26 @@ flexcam new measured-lift -o engine/intake.toml
 def new(
     template: Annotated[str | None, Parameter(help="Name of the starter case; without it, all are listed.")] = None, *,
     target: Annotated[Path | None, Parameter(["-o", "--output"], help="Case file; TEMPLATE.toml by default.")] = None,
-    overwrite: Overwrite = False, as_json: Json = False,
+    overwrite: cli.Overwrite = False, as_json: cli.Json = False,
 ) -> None:  # fmt: skip
     """Write a commented starter case to edit.
 
     Without a name it lists the starter cases. Start here, then check and run the file.
     """
     if template is None:
-        known = templates()
-        if as_json:
-            print_json({"status": "ok", "templates": known})
-            return
         table = plain_table("Starter cases", ("flexcam new",), ())
         table.add_column("content", justify="left")
-        for name, words in known.items():
+        for name, words in templates().items():
             table.add_row(name, words)
-        result_console().print(table)
+        cli.write_output(cli.CommandOutput([table], {"templates": templates()}), as_json=as_json)
         return
     files = new_case(template, target, overwrite=overwrite)
-    if as_json:
-        print_json({"status": "ok", "files": [str(path) for path in files]})
-        return
-    print_files(files)
-    result_console().print(f"\nNext: flexcam check {files[0]}, flexcam run {files[0]}, flexcam view {files[0]}")
+    following = f"Next: flexcam check {files[0]}, flexcam run {files[0]}, flexcam view {files[0]}"
+    names = [str(path) for path in files]
+    cli.write_output(cli.CommandOutput(["\n".join(names), following], {"files": names}), as_json=as_json)
 
 
-@app.command(
+@cli.app.command(
     help_prologue="""\
 flexcam check case.toml
 flexcam check case.toml --set run.speed=4000rpm --json
@@ -65,63 +59,53 @@ flexcam check case.toml --echo
 """
 )
 def check(
-    case: CaseFile, *,
-    echo: Annotated[
-        bool, Parameter("--echo", negative=(), help="Also print the case as TOML with all default values.")
-    ] = False,
-    overrides: Overrides = None, as_json: Json = False,
+    case: cli.CaseFile, *,
+    echo: Annotated[bool, Parameter("--echo", help="Also print the case as TOML with all default values.")] = False,
+    overrides: cli.Overrides = None, as_json: cli.Json = False,
 ) -> None:  # fmt: skip
     """Check a case file and summarize its model: size, masses, natural frequencies, warnings.
 
     It reports all errors of the file at once and estimates the memory and disk space of a run, but does not run the
     case.
     """
-    read = load_case(case, overrides)
+    read = cli.load_case(case, overrides)
     ready = prepare_without_periodic_search(read)
     found, resources = modes(read), estimate_case_resources(ready, "revolution")
     warnings = check_modes(found) + check_input(ready)
-    curved = {name: spring for name, spring in ready.model.springs.items() if spring.table or spring.coils}
-    if as_json:
-        mesh, system = ready.model.mesh, ready.problem.system
-        keys = ("travel_m", "force_n", "stiffness_n_per_m", "frequencies_hz")
-        curves = {
-            name: [dict(zip(keys, row, strict=True)) for row in spring_curve_rows(spring)]
-            for name, spring in curved.items()
-        }
-        print_json({
-            "status": "ok", "title": ready.case.record.title,
-            "elements": len(mesh.elements()), "dof": system.size,
-            "integrated": integrated_size(ready.problem),
-            "left_out": describe_inactive(ready), "nodes": len(mesh.nodes),
-            "members": {name: len(line) - 1 for name, line in mesh.lines.items()},
-            "masses": {name: part.body.mass for name, part in ready.model.masses.items()},
-            "springs": {name: spring.stiffness for name, spring in ready.model.springs.items()},
-            **({"spring_curves": curves} if curves else {}),
-            "supports": {point: list(held) for point, held in ready.model.supports.items()},
-            "member_masses": member_masses(ready.model),
-            "free_motions": found.modes.rigid, "steps": ready.problem.steps, "step_s": ready.problem.step,
-            "memory_bytes": resources.memory, "result_bytes": resources.file,
-            "frequencies_hz": found.modes.frequencies[found.modes.rigid :][:10].tolist(),
-            "warnings": warnings,
-            "loads": {load.name: [system.names[i] for i in load.vector.nonzero()[0]] for load in system.loads},
-            "case": ready.case.record.model_dump(mode="json", by_alias=True),
-        })  # fmt: skip
-        return
-    result_console().print(model_table(ready, found, resources))
-    for name, spring in curved.items():
-        result_console().print("")
-        result_console().print(spring_curve_table(name, spring))
-    for sentence in warnings:
-        result_console().print("\n" + sentence)
-    if echo:
+    springs = {name: spring for name, spring in ready.model.springs.items() if spring.table or spring.coils}
+    mesh, system = ready.model.mesh, ready.problem.system
+    keys = ("travel_m", "force_n", "stiffness_n_per_m", "frequencies_hz")
+    curves = {
+        name: [dict(zip(keys, row, strict=True)) for row in spring_curve_rows(spring)]
+        for name, spring in springs.items()
+    }
+    json = {
+        "title": ready.case.record.title,
+        "elements": len(mesh.elements()), "dof": system.size, "integrated": integrated_size(ready.problem),
+        "left_out": describe_inactive(ready), "nodes": len(mesh.nodes),
+        "members": {name: len(line) - 1 for name, line in mesh.lines.items()},
+        "masses": {name: part.body.mass for name, part in ready.model.masses.items()},
+        "springs": {name: spring.stiffness for name, spring in ready.model.springs.items()},
+        **({"spring_curves": curves} if curves else {}),
+        "supports": {point: list(held) for point, held in ready.model.supports.items()},
+        "member_masses": member_masses(ready.model),
+        "free_motions": found.modes.rigid, "steps": ready.problem.steps, "step_s": ready.problem.step,
+        "memory_bytes": resources.memory, "result_bytes": resources.file,
+        "frequencies_hz": found.modes.frequencies[found.modes.rigid :][:10].tolist(),
+        "warnings": warnings,
+        "loads": {load.name: [system.names[i] for i in load.vector.nonzero()[0]] for load in system.loads},
+        "case": ready.case.record.model_dump(mode="json", by_alias=True),
+    }  # fmt: skip
+    parts = [model_table(ready, found, resources), *(spring_curve_table(*item) for item in springs.items()), *warnings]
+    parts += [] if echo else ["--echo prints the case with all default values."]
+    cli.write_output(cli.CommandOutput(parts, json), as_json=as_json)
+    if echo and not as_json:
         text = format_toml(complete_case_tables(read))
         result_console().print("\n# the case with all default values\n" + text, soft_wrap=True)
-    else:
-        result_console().print("\n--echo prints the case with all default values.")
 
 
-@app.command(help_prologue="flexcam schema > case.schema.json\n")
-def schema(*, as_json: Json = False) -> None:
+@cli.app.command(help_prologue="flexcam schema > case.schema.json\n")
+def schema(*, as_json: cli.Json = False) -> None:
     """Print the JSON Schema of case files, which editors use for completion and checks.
 
     The output is JSON with and without --json.

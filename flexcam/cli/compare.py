@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from cyclopts import Group, Parameter
@@ -27,43 +27,24 @@ from flexcam.analysis.run import reload_result
 from flexcam.analysis.run import run as run_case
 from flexcam.case.case import Case
 from flexcam.case.reader import case_from_result
-from flexcam.cli.app import (
-    CaseFile,
-    Csv,
-    Json,
-    Overrides,
-    Overwrite,
-    Picture,
-    app,
-    check_figure_path,
-    check_positive,
-    check_targets,
-    load_beams,
-    load_case,
-    print_files,
-    refuse_without,
-    speed_range,
-)
+from flexcam.cli import app as cli
 from flexcam.core import FloatArray
 from flexcam.core.errors import collect_errors, positive, refuse, suggest_name
 from flexcam.core.units import RPM, parse, shaft_name
 from flexcam.dynamics import Response, Status, reraise_interrupt
-from flexcam.io import read_result, write_text
+from flexcam.io import read_result
 from flexcam.report.fidelity_tables import TRADE_LEGEND, trade_csv, trade_json, trade_table, trade_warnings
-from flexcam.report.tables import (
-    claim_table,
-    comparison_json,
-    comparison_table,
-    describe_comparison,
-    describe_contacts,
-)
-from flexcam.report.terminal import format_decimals, plain_table, print_json, result_console, show_count
+from flexcam.report.tables import claim_table, comparison_json, comparison_table, describe_comparison, describe_contacts
+from flexcam.report.terminal import format_decimals, plain_table, show_count
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _RESULT = ".vtkhdf"
 _SPEEDS = Group("Contact forces over speed", sort_key=1)
 
 
-@app.command(
+@cli.app.command(
     help_prologue="""\
 flexcam compare case.toml
 flexcam compare case.toml --probe valve --set run.speed=4000rpm
@@ -74,30 +55,21 @@ flexcam compare case.toml --lowest 2000rpm --highest 7000rpm --count 6 --plot fo
 )
 def compare(
     case: Annotated[Path, Parameter(help="Case file (.toml), or result file (.vtkhdf) with --against.")], *,
-    probe: Annotated[
-        str | None,
-        Parameter(help="Point or component to compare; by default that of a rocker, or the first driven by a cam."),
-    ] = None,
-    against: Annotated[
-        str | None, Parameter(help="Simpler model of the case, other case or result; the rigid model by default.")
-    ] = None,
-    lowest: Annotated[
-        str | None, Parameter(group=_SPEEDS, help="Lowest speed; half the case's by default.")
-    ] = None,
-    highest: Annotated[
-        str | None, Parameter(group=_SPEEDS, help="Highest speed; 1.5 times the case's by default.")
-    ] = None,
-    count: Annotated[
-        int | None, Parameter(group=_SPEEDS, help="Number of speeds, evenly spaced; 8 by default.")
-    ] = None,
-    tolerance: Annotated[
-        str | None, Parameter(group=_SPEEDS, help="Max difference of the forces of models that agree; 5 % by default.")
-    ] = None,
+    probe: Annotated[str | None, Parameter(
+        help="Point or component to compare; by default that of a rocker, or the first driven by a cam.")] = None,
+    against: Annotated[str | None, Parameter(
+        help="Simpler model of the case, other case or result; the rigid model by default.")] = None,
+    lowest: Annotated[str | None, Parameter(group=_SPEEDS, help="Lowest speed; half the case's by default.")] = None,
+    highest: Annotated[str | None, Parameter(
+        group=_SPEEDS, help="Highest speed; 1.5 times the case's by default.")] = None,
+    count: Annotated[int | None, Parameter(
+        group=_SPEEDS, help="Number of speeds, evenly spaced; 8 by default.")] = None,
+    tolerance: Annotated[str | None, Parameter(
+        group=_SPEEDS, help="Max difference of the forces of models that agree; 5 % by default.")] = None,
     contact: Annotated[str | None, Parameter(group=_SPEEDS, help="Cam contact, if a case has several.")] = None,
-    plot: Annotated[
-        Path | None, Parameter(group=_SPEEDS, help="Also draw the forces over speed (.svg, .png or .pdf).")
-    ] = None,
-    overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
+    plot: Annotated[Path | None, Parameter(
+        group=_SPEEDS, help="Also draw the forces over speed (.svg, .png or .pdf).")] = None,
+    overrides: cli.Overrides = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
 ) -> Status:  # fmt: skip
     """Compare the flexible model with the rigid one, or any two models, cases or results.
 
@@ -107,7 +79,7 @@ def compare(
     """
     over_speed = any(one is not None for one in (lowest, highest, plot))
     for option, given in (("--count", count), ("--tolerance", tolerance), ("--contact", contact)):
-        refuse_without(option, given, "--lowest, --highest or --plot", present=over_speed)
+        cli.refuse_without(option, given, "--lowest, --highest or --plot", present=over_speed)
     if over_speed:
         for option, given in (("--probe", probe), ("--against", against)):
             if given is not None:
@@ -115,34 +87,27 @@ def compare(
                 raise refuse(option, given, "nothing with --lowest, --highest or --plot", why, "leave it out")
         number = 8 if count is None else count
         part = positive("--tolerance", parse(tolerance or "5 %", "number", "--tolerance"), "1", zero=True)
-        return _compare_over_speed(
-            load_beams(case, overrides), lowest, highest, number, part, contact, plot,
-            overwrite=overwrite, as_json=as_json,
-        )  # fmt: skip
+        read = cli.load_beams(case, overrides)
+        speeds = cli.spaced_speeds(lowest, highest, number, read)
+        cli.check_figure_path(plot, overwrite)
+        output = _compare_over_speed(read, speeds, part, contact)
+        cli.write_output(output, plot=plot, overwrite=overwrite, as_json=as_json)
+        return Status()
     if against is not None:
         return _compare_pair(case, against, probe, overrides, as_json)
-    read = load_beams(case, overrides)
+    read = cli.load_beams(case, overrides)
     at = probe or scalar_probe(prepare(read))
     found = deviation(read, at)
     published = any(contact.model == "published-load" for contact in read.record.contacts.values())
     mode_hz = excited_mode(read)[0] if published else None
     claims = check_claims(read, at, found) if read.record.paper and found.status.ok else []
-    if as_json:
-        print_json({
-            **comparison_json(found), "loaded_mode_hz": mode_hz,
-            "claims": [asdict(claim) for claim in claims],
-        })  # fmt: skip
-        return found.status
-    result_console().print(comparison_table(found, read.turns))
-    for sentence in describe_comparison(found, mode_hz) + describe_contacts(read):
-        result_console().print("\n" + sentence)
-    if claims:
-        result_console().print()
-        result_console().print(claim_table(claims))
+    json = {**comparison_json(found), "loaded_mode_hz": mode_hz, "claims": [asdict(claim) for claim in claims]}
+    parts = [comparison_table(found, read.turns), *describe_comparison(found, mode_hz), *describe_contacts(read)]
+    cli.write_output(cli.CommandOutput([*parts, *([claim_table(claims)] if claims else [])], json), as_json=as_json)
     return found.status
 
 
-def _compare_pair(case: Path, against: str, probe: str | None, overrides: Overrides, as_json: bool) -> Status:
+def _compare_pair(case: Path, against: str, probe: str | None, overrides: cli.Overrides, as_json: bool) -> Status:
     """Compare two models of a case, two cases or two results."""
     if case.suffix == _RESULT:
         if overrides and Path(against).suffix == _RESULT:
@@ -152,38 +117,37 @@ def _compare_pair(case: Path, against: str, probe: str | None, overrides: Overri
         one = result.response
         at = probe or scalar_probe(reload_result(case_from_result(result), result)[0])
     else:
-        read = load_case(case, overrides)
-        one, at = _require_complete(run_case(read)), probe or scalar_probe(prepare(read))
+        read = cli.load_case(case, overrides)
+        one, at = _run(read), probe or scalar_probe(prepare(read))
     other = _second_response(against, read, overrides)
     second = Path(against)
     pairs = (case.stem, second.stem), (case.name, second.name), (str(case), against)
     names = next((pair for pair in pairs if pair[0] != pair[1]), pairs[0])
     found = compare_responses(one, other, at, _speed_rpm(one), names)
-    if as_json:
-        print_json({**comparison_json(found), "compared": list(found.names)})
-        return found.status
-    result_console().print(comparison_table(found))
-    for sentence in describe_comparison(found, None):
-        result_console().print("\n" + sentence)
+    json = {**comparison_json(found), "compared": list(found.names)}
+    cli.write_output(
+        cli.CommandOutput([comparison_table(found), *describe_comparison(found, None)], json), as_json=as_json
+    )
     return found.status
 
 
-def _second_response(against: str, read: Case | None, overrides: Overrides) -> Response:
+def _second_response(against: str, read: Case | None, overrides: cli.Overrides) -> Response:
     """Return the response compared with: of a result, another case, or a model of the case's ladder."""
     path = Path(against)
     if path.suffix == _RESULT:
         return read_result(path).response
     if path.suffix == ".toml":
-        return _require_complete(run_case(load_case(path, overrides)))
+        return _run(cli.load_case(path, overrides))
     models = {} if read is None else {model.name: model for model in model_ladder(read)}
     if against not in models:
         allowed = f"a case, a result, or one of {', '.join(models)}" if models else "a case or a result"
         raise refuse("--against", repr(against), allowed, "", suggest_name(against, list(models)))
-    return _require_complete(run_case(models[against].case))
+    return _run(models[against].case)
 
 
-def _require_complete(response: Response) -> Response:
-    """Return a complete run for a comparison; Ctrl-C during the run ends the command."""
+def _run(case: Case) -> Response:
+    """Run a case for a comparison; Ctrl-C during the run ends the command."""
+    response = run_case(case)
     reraise_interrupt(response.status)
     return response
 
@@ -194,29 +158,23 @@ def _speed_rpm(response: Response) -> float:
     return angle / duration / RPM if duration > 0.0 else 0.0
 
 
-def _compare_over_speed(
-    case: Case, lowest: str | None, highest: str | None, count: int, tolerance: float, contact: str | None,
-    plot: Path | None, *, overwrite: bool, as_json: bool,
-) -> Status:  # fmt: skip
+def _compare_over_speed(case: Case, speeds: list[float], tolerance: float, contact: str | None) -> cli.CommandOutput:
     """Compare the contact forces of the rigid, bilateral and unilateral model over speed."""
-    scale, shaft = case.turns, shaft_name(case.turns)
-    low, high = speed_range(lowest, highest, count, case.speed, scale)
-    check_figure_path(plot, overwrite)
-    with show_count(count, "speeds") as shown:
-        found = compare_models_over_speed(case, np.linspace(low, high, count).tolist(), contact=contact, advance=shown)
-    if plot is not None:
-        from flexcam.plotting.figures import add_title, save_figure
+    scale = case.turns
+    with show_count(len(speeds), "speeds") as shown:
+        found = compare_models_over_speed(case, speeds, contact=contact, advance=shown)
+
+    def draw() -> Figure:
         from flexcam.plotting.spectra import force_figure
 
-        rpm = np.array([scale * one.rpm for one in found])
-        save_figure(add_title(force_figure(rpm, force_ranges(found), shaft), case.title), plot, overwrite=overwrite)
-    if as_json:
-        files = [] if plot is None else [str(plot)]
-        print_json({"status": "ok", **divergence_json(found, scale, tolerance), "shaft": shaft, "files": files})
-    else:
-        result_console().print(divergence_table(found, scale, tolerance))
-        print_files([] if plot is None else [plot])
-    return Status()
+        nothing, ranges = ForceRange(float("nan"), float("nan")), dict[str, tuple[FloatArray, FloatArray]]()
+        for name in MODELS:
+            forces = [speed.forces[name] or nothing for speed in found]
+            ranges[name] = np.array([one.least for one in forces]), np.array([one.largest for one in forces])
+        return force_figure(np.array([scale * one.rpm for one in found]), ranges, shaft_name(scale))
+
+    table = divergence_table(found, scale, tolerance)
+    return cli.CommandOutput([table], divergence_json(found, scale, tolerance), draw=draw, title=case.title)
 
 
 _PAIRS = (("rigid", "bilateral"), ("bilateral", "unilateral"))
@@ -232,11 +190,9 @@ def divergence_table(found: Sequence[SpeedResult], scale: float, tolerance: floa
 
 
 def _format_forces(forces: ForceRange | None) -> str:
-    return (
-        "did not finish"
-        if forces is None
-        else f"{format_decimals(forces.least, 0)} to {format_decimals(forces.largest, 0)}"
-    )
+    if forces is None:
+        return "did not finish"
+    return f"{format_decimals(forces.least, 0)} to {format_decimals(forces.largest, 0)}"
 
 
 def _describe_divergence(found: Sequence[SpeedResult], scale: float, tolerance: float) -> str:
@@ -258,63 +214,41 @@ def divergence_json(found: Sequence[SpeedResult], scale: float, tolerance: float
         name: [None if (one := speed.forces[name]) is None else [one.least, one.largest] for speed in found]
         for name in MODELS
     }
-    return {
-        "shaft": shaft_name(scale),
-        "rpm": [scale * one.rpm for one in found],
-        "forces_n": forces,
-        **part,
-        "tolerance": tolerance,
-    }
+    rpm = [scale * one.rpm for one in found]
+    return {"shaft": shaft_name(scale), "rpm": rpm, "forces_n": forces, **part, "tolerance": tolerance}
 
 
-def force_ranges(found: Sequence[SpeedResult]) -> dict[str, tuple[FloatArray, FloatArray]]:
-    """Return minimum and maximum forces by model for a figure."""
-    nothing = ForceRange(float("nan"), float("nan"))
-    each = {name: [speed.forces[name] or nothing for speed in found] for name in MODELS}
-    return {
-        name: (np.array([one.least for one in forces]), np.array([one.largest for one in forces]))
-        for name, forces in each.items()
-    }
-
-
-@app.command(
+@cli.app.command(
     help_prologue="""\
 flexcam trade cases/tayeb/model-3-shm.toml
 flexcam trade case.toml --csv trade.csv --plot trade.svg --repeats 5
 """
 )
 def trade(
-    case: CaseFile, *,
+    case: cli.CaseFile, *,
     probe: Annotated[str | None, Parameter(help="Probe whose motion is compared; the valve by default.")] = None,
     repeats: Annotated[int, Parameter(help="Runs of every model; their median time is shown.")] = 3,
-    csv: Csv = None, plot: Picture = None,
-    overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
+    csv: cli.Csv = None, plot: cli.Picture = None, overrides: cli.Overrides = None, overwrite: cli.Overwrite = False,
+    as_json: cli.Json = False,
 ) -> None:  # fmt: skip
     """Compare error and run time of all models of a case, from rigid to flexible.
 
     Use it to choose a model by hand (fidelity.model). The reference is a converged run of the flexible model.
     """
     read, _ = collect_errors(
-        lambda: load_case(case, overrides),
-        lambda: check_positive("--repeats", repeats),
-        lambda: check_targets(csv, plot, case, overwrite=overwrite),
+        lambda: cli.load_case(case, overrides),
+        lambda: cli.check_positive("--repeats", repeats),
+        lambda: cli.check_targets(csv, plot, case, overwrite=overwrite),
     )
     at = probe or scalar_probe(prepare(read))
     with show_count(None, "models") as shown:
         against, found = evaluate_ladder(read, at, repeats=repeats, advance=shown)
-    if csv is not None:
-        write_text(csv, trade_csv(against, found), overwrite=overwrite)
-    if plot is not None:
-        from flexcam.plotting.figures import add_title, save_figure
+
+    def draw() -> Figure:
         from flexcam.plotting.histories import work_precision_figure
 
-        save_figure(add_title(work_precision_figure(found), read.title), plot, overwrite=overwrite)
-    files = [path for path in (csv, plot) if path is not None]
-    if as_json:
-        print_json({"status": "ok", **trade_json(against, found), "files": [str(path) for path in files]})
-        return
-    result_console().print(trade_table(against, found))
-    result_console().print(TRADE_LEGEND)
-    for sentence in trade_warnings(against, found):
-        result_console().print("\n" + sentence)
-    print_files(files)
+        return work_precision_figure(found)
+
+    parts = [trade_table(against, found), TRADE_LEGEND, *trade_warnings(against, found)]
+    output = cli.CommandOutput(parts, trade_json(against, found), trade_csv(against, found), draw, read.title)
+    cli.write_output(output, csv, plot, overwrite=overwrite, as_json=as_json)

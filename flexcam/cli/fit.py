@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,26 +12,13 @@ import numpy as np
 from cyclopts import Parameter
 
 from flexcam.case.reader import CaseFile as OpenCase
-from flexcam.cli.app import (
-    AllowLarge,
-    CaseFile,
-    Csv,
-    Json,
-    Overrides,
-    Overwrite,
-    Picture,
-    app,
-    check_positive,
-    warn_ignored_keys,
-    write_answer,
-)
-from flexcam.cli.optimize import NewCase, Vary, check_outputs, write_variant
+from flexcam.cli import app as cli
+from flexcam.cli.optimize import NewCase, Vary, write_variant
 from flexcam.cli.sensitivity import WorkerCount
 from flexcam.dynamics import Cause, Status
-from flexcam.report.terminal import StudyOutput, finite_or_none, format_csv, format_number, plain_table, show_count
+from flexcam.report.terminal import finite_numbers, finite_or_none, format_csv, format_number, plain_table, show_count
 from flexcam.studies.evaluators import PointEvaluator, Variable, open_evaluator, variables_of
-from flexcam.studies.fitting import Fit, fit_curves
-from flexcam.studies.measurement import Measurement, evaluate_curves, read_measurement
+from flexcam.studies.fitting import Fit, Measurement, evaluate_curves, fit_curves, read_measurement
 from flexcam.studies.plan import make_bundle
 from flexcam.studies.sweep import check_case_resources
 
@@ -40,37 +28,35 @@ if TYPE_CHECKING:
 _TO = "Measured curves (.csv, .mf4): columns such as 'crank angle [deg]' or 'time [s]', and 'valve displacement [mm]'."
 
 
-@app.command(
+@cli.app.command(
     help_prologue="""\
 flexcam fit case.toml --to measured.csv --vary springs.valve.stiffness=40:60kN/m --vary cams.intake.phase=100:110deg
 flexcam fit case.toml --to measured.csv --vary masses.valve.mass=80:100g --noise 'valve displacement=0.005' --plot f.svg
 """
 )
 def fit(
-    case: CaseFile, *,
+    case: cli.CaseFile, *,
     to: Annotated[Path, Parameter(help=_TO)],
     vary: Vary,
-    column: Annotated[
-        list[str] | None, Parameter("--column", negative=(), help="Column to fit; all by default. Repeatable.")
-    ] = None,
-    noise: Annotated[
-        list[str] | None,
-        Parameter("--noise", negative=(), help="Standard deviation of a column, in its unit: NAME=VALUE. Repeatable."),
-    ] = None,
+    column: Annotated[list[str] | None, Parameter(
+        "--column", help="Column to fit; all by default. Repeatable.")] = None,
+    noise: Annotated[list[str] | None, Parameter(
+        "--noise", help="Standard deviation of a column, in its unit: NAME=VALUE. Repeatable.")] = None,
     steps: Annotated[int, Parameter(help="Maximum number of steps of the search.")] = 50,
-    workers: WorkerCount = 1, target: NewCase = None, csv: Csv = None, plot: Picture = None,
-    overrides: Overrides = None, allow_large: AllowLarge = False, overwrite: Overwrite = False, as_json: Json = False,
+    workers: WorkerCount = 1, target: NewCase = None, csv: cli.Csv = None, plot: cli.Picture = None,
+    overrides: cli.Overrides = None, allow_large: cli.AllowLarge = False,
+    overwrite: cli.Overwrite = False, as_json: cli.Json = False,
 ) -> Status:  # fmt: skip
     """Fit values of a case to measured curves, print 95 % confidence intervals and warn about correlated values.
 
     Curves over an angle are compared with the last revolution, curves over time with the whole run. A column without
     --noise is weighted by its own residuals.
     """
-    check_outputs(target, csv, plot, [case, to], overwrite)
-    check_positive("--steps", steps)
+    cli.check_targets(csv, plot, case, to, overwrite=overwrite, target=target)
+    cli.check_positive("--steps", steps)
     file, fixed = OpenCase.open(case), tuple(overrides or ())
     given = file.read(fixed)
-    warn_ignored_keys(fixed, given)
+    cli.warn_ignored_keys(fixed, given)
     if not allow_large:
         check_case_resources(given, together=workers)
     variables, measured = variables_of(given, vary, "--vary"), read_measurement(to, given, column or (), noise or ())
@@ -86,8 +72,8 @@ def fit(
     ended = Status()
     if not found.converged:
         ended = Status(Cause.TOLERANCE, "the search ended before its tolerance", "allow more --steps")
-    answer = fit_output(variables, measured, found), lambda: _figure(measured, found)
-    write_answer(answer, csv, plot, ended, overwrite=overwrite, as_json=as_json, written=written)
+    output = replace(fit_output(variables, measured, found), draw=lambda: _figure(measured, found))
+    cli.write_output(output, csv, plot, ended, overwrite=overwrite, as_json=as_json, written=written)
     return ended
 
 
@@ -105,7 +91,7 @@ def _figure(measured: Measurement, found: Fit) -> Figure:
     return fit_figure(np.array(at), label, {f"{c.label}, {c.unit}": (c.values, old, new) for c, old, new in curves})
 
 
-def fit_output(variables: Sequence[Variable], measured: Measurement, found: Fit) -> StudyOutput:
+def fit_output(variables: Sequence[Variable], measured: Measurement, found: Fit) -> cli.CommandOutput:
     """Return the output of a fit."""
     keys, curves = [one.key for one in variables], measured.curves
     words = [
@@ -149,7 +135,7 @@ def fit_output(variables: Sequence[Variable], measured: Measurement, found: Fit)
             {"curve": c.label, "unit": c.unit, "rms_before": a, "rms_after": b, "noise": size}
             for c, (a, b, size) in zip(curves, rms, strict=True)
         ],
-        "correlation": [list(map(finite_or_none, row)) for row in found.correlation.tolist()],
+        "correlation": finite_numbers(found.correlation),
         "misfit": found.misfit, "runs": found.runs,
         "undetermined": [[keys[i] for i in group] for group in found.undetermined],
     }  # fmt: skip
@@ -159,4 +145,4 @@ def fit_output(variables: Sequence[Variable], measured: Measurement, found: Fit)
         plain_table("Residuals, root mean square", ("curve", "before", "after", "noise"),
                     [(f"{c.label}, {c.unit}", *map(format_number, x)) for c, x in zip(curves, rms, strict=True)]),
     ]  # fmt: skip
-    return StudyOutput(tables, words, json, format_csv(head, np.column_stack([at, *every]).tolist()))
+    return cli.CommandOutput([*tables, *words], json, format_csv(head, np.column_stack([at, *every]).tolist()))

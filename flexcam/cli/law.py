@@ -13,9 +13,9 @@ from rich.table import Table
 from flexcam.cams import LAWS, Criteria, Extreme, Law, criteria, kind_names, residual_spectrum
 from flexcam.case.curves import parse_law, read_law
 from flexcam.case.fault_report import parse_toml
-from flexcam.cli.app import Json, Overwrite, Picture, app, check_distinct_files, check_figure_path
+from flexcam.cli import app as cli
 from flexcam.core.errors import refuse, suggest_name
-from flexcam.report.terminal import facts_table, plain_table, print_json, remove_noise, result_console
+from flexcam.report.terminal import facts_table, plain_table, remove_noise
 
 _CURVES = (("velocity", "s'"), ("acceleration", "s''"), ("jerk", "s'''"), ("moment", "s' s''"))
 
@@ -110,7 +110,7 @@ def find_law(name: str, parameters: list[str] | None = None) -> Law:
     return parse_law(given).law
 
 
-@app.command(
+@cli.app.command(
     help_prologue="""\
 flexcam law --list
 flexcam law 4-5-6-7
@@ -120,24 +120,16 @@ flexcam law best.toml --residual 1.5 --plot best.svg
 )
 def law(
     name: Annotated[str | None, Parameter(help="Name of a motion law, or a law file (.toml).")] = None, *,
-    every: Annotated[bool, Parameter("--list", negative=(), help="List all motion laws with their criteria.")] = False,
-    parameters: Annotated[
-        list[str] | None, Parameter("--with", negative=(), help="Parameter of the law: KEY=VALUE. Repeatable.")
-    ] = None,
-    residual: Annotated[
-        list[float] | None,
-        Parameter(
-            "--residual",
-            negative=(),
-            help="Rise time divided by the period of an oscillator, for the residual vibration. Repeatable.",
-        ),
-    ] = None,
-    plot: Picture = None,
-    spectrum: Annotated[
-        Path | None,
-        Parameter("--spectrum", help="Also draw the residual vibration over the rise time (.svg, .png or .pdf)."),
-    ] = None,
-    overwrite: Overwrite = False, as_json: Json = False,
+    every: Annotated[bool, Parameter("--list", help="List all motion laws with their criteria.")] = False,
+    parameters: Annotated[list[str] | None, Parameter(
+        "--with", help="Parameter of the law: KEY=VALUE. Repeatable.")] = None,
+    residual: Annotated[list[float] | None, Parameter(
+        "--residual", help="Rise time divided by the period of an oscillator, for the residual vibration. "
+        "Repeatable.")] = None,
+    plot: cli.Picture = None,
+    spectrum: Annotated[Path | None, Parameter(
+        "--spectrum", help="Also draw the residual vibration over the rise time (.svg, .png or .pdf).")] = None,
+    overwrite: cli.Overwrite = False, as_json: cli.Json = False,
 ) -> None:  # fmt: skip
     """Show the criteria of a motion law, or compare all laws: max velocity, acceleration, jerk, residual vibration.
 
@@ -148,55 +140,48 @@ def law(
         if name is not None or parameters is not None:
             given = name if name is not None else f"--with {', '.join(parameters or ())}"
             raise refuse("--list", given, "--list alone", "it lists every law", "leave one out")
-        _print_laws(ratios, plot, spectrum, overwrite=overwrite, as_json=as_json)
+        files = _draw_laws(LAWS, plot, spectrum, overwrite=overwrite)
+        cli.write_output(_compare_laws(ratios), as_json=as_json, written=files)
         return
     if name is None:
         raise refuse("law", "nothing", "the name of a motion law, a law file (.toml), or --list")
     one = find_law(name, parameters)
     found, vibration = criteria(one), residual_spectrum(one, ratios).tolist()
-    _draw_laws({name: one}, plot, spectrum, overwrite=overwrite)
-    if as_json:
-        pairs = [{"ratio": ratio, "amplitude": value} for ratio, value in zip(ratios, vibration, strict=True)]
-        print_json({"status": "ok", "law": name, **law_json(found), "residual": pairs})
-        return
-    result_console().print(law_facts(name, found))
-    result_console().print()
-    result_console().print(spectrum_table({name: vibration}, ratios))
+    pairs = [{"ratio": ratio, "amplitude": value} for ratio, value in zip(ratios, vibration, strict=True)]
+    output = cli.CommandOutput(
+        [law_facts(name, found), spectrum_table({name: vibration}, ratios)],
+        {"law": name, **law_json(found), "residual": pairs},
+    )
+    files = _draw_laws({name: one}, plot, spectrum, overwrite=overwrite)
+    cli.write_output(output, as_json=as_json, written=files)
 
 
-def _print_laws(
-    ratios: Sequence[float], plot: Path | None, spectrum: Path | None, *, overwrite: bool, as_json: bool
-) -> None:
-    """Print the criteria of all laws that need no parameters, and draw the laws, if requested."""
+def _compare_laws(ratios: Sequence[float]) -> cli.CommandOutput:
+    """Return the criteria of all laws that need no parameters."""
     found = {name: criteria(one) for name, one in LAWS.items()}
     spectra = {name: residual_spectrum(one, ratios).tolist() for name, one in LAWS.items()}
-    _draw_laws(LAWS, plot, spectrum, overwrite=overwrite)
-    if as_json:
-        print_json({
-            "status": "ok", "ratios": list(ratios), "kinds": list(kind_names()),
-            "laws": {name: {**law_json(one), "residual": spectra[name]} for name, one in found.items()},
-        })  # fmt: skip
-        return
     rows: dict[str, str] = {}  # first name of every law, with all its names
     for name, one in LAWS.items():
         first = next((other for other in rows if LAWS[other] == one), name)
         rows[first] = f"{rows[first]}, {name}" if first in rows else name
-    result_console().print(laws_table({names: found[first] for first, names in rows.items()}))
-    result_console().print()
-    result_console().print(spectrum_table({names: spectra[first] for first, names in rows.items()}, ratios))
-    result_console().print(f"\nLaws with parameters (flexcam law NAME --with KEY=VALUE): {', '.join(kind_names())}")
+    parts = [
+        laws_table({names: found[first] for first, names in rows.items()}),
+        spectrum_table({names: spectra[first] for first, names in rows.items()}, ratios),
+        f"Laws with parameters (flexcam law NAME --with KEY=VALUE): {', '.join(kind_names())}",
+    ]
+    laws = {name: {**law_json(one), "residual": spectra[name]} for name, one in found.items()}
+    return cli.CommandOutput(parts, {"ratios": list(ratios), "kinds": list(kind_names()), "laws": laws})
 
 
-def _draw_laws(laws: Mapping[str, Law], plot: Path | None, spectrum: Path | None, *, overwrite: bool) -> None:
-    """Draw laws and their residual vibration, if requested."""
+def _draw_laws(laws: Mapping[str, Law], plot: Path | None, spectrum: Path | None, *, overwrite: bool) -> list[Path]:
+    """Draw laws and their residual vibration, if requested, and return the files."""
     if plot is None and spectrum is None:
-        return
-    check_distinct_files({"--plot": plot, "--spectrum": spectrum})
-    check_figure_path(plot, overwrite)
-    check_figure_path(spectrum, overwrite)
+        return []
+    cli.check_distinct_files({"--plot": plot, "--spectrum": spectrum})
+    cli.check_figure_path(plot, overwrite)
+    cli.check_figure_path(spectrum, overwrite)
     from flexcam.plotting.curves import law_figure, spectrum_figure
     from flexcam.plotting.figures import save_figure
 
-    for path, figure in ((plot, law_figure), (spectrum, spectrum_figure)):
-        if path is not None:
-            save_figure(figure(laws), path, overwrite=overwrite)
+    pairs = ((plot, law_figure), (spectrum, spectrum_figure))
+    return [save_figure(figure(laws), path, overwrite=overwrite) for path, figure in pairs if path is not None]

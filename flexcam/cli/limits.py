@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -11,36 +12,12 @@ from cyclopts import Group, Parameter
 
 from flexcam.analysis.limits import Search, find_limits
 from flexcam.case.reader import CaseFile as OpenCase
-from flexcam.cli.app import (
-    Accuracy,
-    CaseFile,
-    Csv,
-    Json,
-    Overrides,
-    Overwrite,
-    Picture,
-    app,
-    check_targets,
-    load_beams,
-    parse_accuracy,
-    parse_quantity,
-    speed_range,
-    write_answer,
-)
+from flexcam.cli import app as cli
 from flexcam.core.errors import positive, refuse
 from flexcam.core.units import shaft_name
 from flexcam.dynamics import Status
 from flexcam.report.tables import limits_json, limits_table
-from flexcam.report.terminal import (
-    StudyOutput,
-    finite_or_none,
-    format_csv,
-    format_number,
-    plain_table,
-    print_json,
-    result_console,
-    show_count,
-)
+from flexcam.report.terminal import finite_numbers, format_csv, format_number, plain_table, show_count, with_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -51,7 +28,7 @@ if TYPE_CHECKING:
 _MAP = Group("Map over two values", sort_key=1)
 
 
-@app.command(
+@cli.app.command(
     help_prologue="""\
 flexcam limits cases/pushrod-engine/intake.toml
 flexcam limits case.toml --lowest 2000rpm --highest 9000rpm --accuracy 5rpm --json
@@ -59,35 +36,26 @@ flexcam limits case.toml --over springs.valve.stiffness=40:70:5kN/m --and masses
 """
 )
 def limits(
-    case: CaseFile, *,
+    case: cli.CaseFile, *,
     lowest: Annotated[str | None, Parameter(help="Lowest speed of the search; half the case's by default.")] = None,
     highest: Annotated[str | None, Parameter(help="Highest speed of the search; twice the case's by default.")] = None,
-    accuracy: Accuracy = "10 rpm",
-    bounce_height: Annotated[
-        str | None, Parameter(help="Min height of a bounce; by default the smaller of 0.1 mm and 2 % of the lift.")
-    ] = None,
-    lift_deviation: Annotated[
-        str | None, Parameter(help="Also find the speed at which the valve loft over the nose exceeds this.")
-    ] = None,
-    low_pass: Annotated[
-        str | None, Parameter(help="Also evaluate contact loss by the cam force below this frequency, such as 5kHz.")
-    ] = None,
-    over: Annotated[
-        str | None, Parameter("--over", group=_MAP, help="First value: KEY=SPEC as in flexcam sweep --set.")
-    ] = None,
+    accuracy: cli.Accuracy = "10 rpm",
+    bounce_height: Annotated[str | None, Parameter(
+        help="Min height of a bounce; by default the smaller of 0.1 mm and 2 % of the lift.")] = None,
+    lift_deviation: Annotated[str | None, Parameter(
+        help="Also find the speed at which the valve loft over the nose exceeds this.")] = None,
+    low_pass: Annotated[str | None, Parameter(
+        help="Also evaluate contact loss by the cam force below this frequency, such as 5kHz.")] = None,
+    over: Annotated[str | None, Parameter(
+        "--over", group=_MAP, help="First value: KEY=SPEC as in flexcam sweep --set.")] = None,
     beside: Annotated[str | None, Parameter("--and", group=_MAP, help="Second value: KEY=SPEC.")] = None,
-    which: Annotated[
-        list[Literal["loss_of_contact", "float", "bounce", "coil_clash", "buckling"]] | None,
-        Parameter(
-            "--limit", negative=(), group=_MAP, help="Limit of the map; loss_of_contact by default. Repeatable."
-        ),
-    ] = None,
-    workers: Annotated[
-        int | None, Parameter("--workers", group=_MAP, help="Number of processes; one by default.")
-    ] = None,
-    csv: Annotated[Csv, Parameter(group=_MAP)] = None,
-    plot: Annotated[Picture, Parameter(group=_MAP)] = None,
-    overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
+    which: Annotated[list[Literal["loss_of_contact", "float", "bounce", "coil_clash", "buckling"]] | None, Parameter(
+        "--limit", group=_MAP, help="Limit of the map; loss_of_contact by default. Repeatable.")] = None,
+    workers: Annotated[int | None, Parameter(
+        "--workers", group=_MAP, help="Number of processes; one by default.")] = None,
+    csv: Annotated[cli.Csv, Parameter(group=_MAP)] = None,
+    plot: Annotated[cli.Picture, Parameter(group=_MAP)] = None,
+    overrides: cli.Overrides = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
 ) -> Status:  # fmt: skip
     """Find the speed limits of a valve train: contact loss, valve float, valve bounce, coil clash, buckling.
 
@@ -95,15 +63,17 @@ def limits(
     values of the case. Valve float is contact loss over the nose; valve loft is valve lift above that of the rigid
     train. Speeds are those of the crankshaft if the case gives crank_speed, otherwise those of the camshaft.
     """
-    read = load_beams(case, overrides)
+    read = cli.load_beams(case, overrides)
     scale = read.turns
-    low, high = speed_range(lowest, highest, 2, read.speed, scale, most=2.0)
-    width = parse_accuracy(accuracy, scale)
-    height = None if bounce_height is None else parse_quantity("--bounce-height", bounce_height, "length", "mm")
+    low, high = cli.speed_range(lowest, highest, 2, read, most=2.0)
+    width = cli.parse_accuracy(accuracy, scale)
+    height = _optional_quantity("--bounce-height", bounce_height, "length", "mm")
     if height is not None:
         positive("--bounce-height", height, "m", zero=True)
-    deviation = None if lift_deviation is None else parse_quantity("--lift-deviation", lift_deviation, "length", "mm")
-    cutoff = None if low_pass is None else parse_quantity("--low-pass", low_pass, "rate", "Hz")
+    deviation = (
+        None if lift_deviation is None else cli.parse_quantity("--lift-deviation", lift_deviation, "length", "mm")
+    )
+    cutoff = None if low_pass is None else cli.parse_quantity("--low-pass", low_pass, "rate", "Hz")
     search = Search(low, high, width, height, deviation, cutoff)
     if any(one is not None for one in (over, beside, which, workers, csv, plot)):
         if over is None or beside is None:
@@ -112,24 +82,24 @@ def limits(
         if deviation is not None or cutoff is not None:
             given = "--lift-deviation or --low-pass with --over"
             raise refuse("limits", given, "one of them", "a map has the other limits only")
-        check_targets(csv, plot, case, overwrite=overwrite)
-        return _map_limits(
-            case, overrides, (over, beside), which or ["loss_of_contact"], search, 1 if workers is None else workers,
-            csv, plot, overwrite=overwrite, as_json=as_json,
-        )  # fmt: skip
+        cli.check_targets(csv, plot, case, overwrite=overwrite)
+        names = which or ["loss_of_contact"]
+        output, ended = _map_limits(case, overrides, (over, beside), names, search, 1 if workers is None else workers)
+        cli.write_output(output, csv, plot, ended, overwrite=overwrite, as_json=as_json)
+        return ended
     with show_count(None, "runs") as shown:
         found = find_limits(read, search, advance=shown)
-    if as_json:
-        print_json({"status": "ok", **limits_json(found, scale)})
-    else:
-        result_console().print(limits_table(found, scale))
+    cli.write_output(cli.CommandOutput([limits_table(found, scale)], limits_json(found, scale)), as_json=as_json)
     return Status()
 
 
+def _optional_quantity(where: str, text: str | None, dimension: str, unit: str) -> float | None:
+    return None if text is None else cli.parse_quantity(where, text, dimension, unit)
+
+
 def _map_limits(
-    path: Path, overrides: Overrides, settings: tuple[str, str], names: Sequence[str], search: Search,
-    workers: int, csv: Path | None, plot: Path | None, *, overwrite: bool, as_json: bool,
-) -> Status:  # fmt: skip
+    path: Path, overrides: cli.Overrides, settings: tuple[str, str], names: Sequence[str], search: Search, workers: int
+) -> tuple[cli.CommandOutput, Status]:
     """Map limits over two values of a case."""
     from flexcam.studies.evaluators import InterruptibleRuns, create_evaluator, grid_plan, limit_map
     from flexcam.studies.sweep import validate_plan
@@ -150,11 +120,10 @@ def _map_limits(
         from flexcam.plotting.histories import map_figure
 
         first, second = (np.array([value.number for value in one.values]) for one in found.axes)
-        labels = [_describe_axis(one) for one in found.axes]
+        labels = [with_unit(one.key, one.unit) for one in found.axes]
         return map_figure(second, first, found.rpm, (labels[1], labels[0]), shaft)
 
-    write_answer((limit_map_output(found, shaft), draw), csv, plot, kept.status, overwrite=overwrite, as_json=as_json)
-    return kept.status
+    return replace(limit_map_output(found, shaft), draw=draw), kept.status
 
 
 def _axis(option: str, setting: str) -> Axis:
@@ -169,18 +138,14 @@ def _axis(option: str, setting: str) -> Axis:
     return parse_axis(key.strip(), spec, where=f"{option} {setting}")
 
 
-def _describe_axis(axis: Axis) -> str:
-    """Return the key of an axis with its unit."""
-    return f"{axis.key}, {axis.unit}" if axis.unit else axis.key
-
-
-def limit_map_output(found: LimitMap, shaft: str) -> StudyOutput:
+def limit_map_output(found: LimitMap, shaft: str) -> cli.CommandOutput:
     """Return the output of a map of limits."""
     first, second = found.axes
+    down, across = (with_unit(one.key, one.unit) for one in found.axes)
     tables = [
         plain_table(
-            f"{name.replace('_', ' ')}, {shaft} rpm; columns: {_describe_axis(second)}",
-            (_describe_axis(first), *(format_number(value.number or 0.0) for value in second.values)),
+            f"{name.replace('_', ' ')}, {shaft} rpm; columns: {across}",
+            (down, *(format_number(value.number or 0.0) for value in second.values)),
             [
                 (format_number(value.number or 0.0), *(format_number(x) for x in row))
                 for value, row in zip(first.values, rpm.tolist(), strict=True)
@@ -193,7 +158,7 @@ def limit_map_output(found: LimitMap, shaft: str) -> StudyOutput:
         words.append("A dash: no limit in the range of the search.")
     if failed := [status for status in found.statuses if not status.ok]:
         words.append(f"{len(failed)} variants failed; the first: {failed[0]}")
-    head = (_describe_axis(first), _describe_axis(second), *(f"{name} [{shaft} rpm]" for name in found.rpm), "status")
+    head = (down, across, *(f"{name} [{shaft} rpm]" for name in found.rpm), "status")
     rows = [
         (one.number or 0.0, other.number or 0.0, *(float(rpm[i, j]) for rpm in found.rpm.values()),
          str(found.statuses[i * len(second.values) + j].cause))
@@ -204,9 +169,7 @@ def limit_map_output(found: LimitMap, shaft: str) -> StudyOutput:
         "shaft": shaft,
         "over": {"key": first.key, "unit": first.unit, "values": [value.number for value in first.values]},
         "and": {"key": second.key, "unit": second.unit, "values": [value.number for value in second.values]},
-        "limits_rpm": {
-            name: [[finite_or_none(x) for x in row] for row in rpm.tolist()] for name, rpm in found.rpm.items()
-        },
+        "limits_rpm": {name: finite_numbers(rpm) for name, rpm in found.rpm.items()},
         "statuses": [str(status.cause) for status in found.statuses],
     }
-    return StudyOutput(tables, words, json, format_csv(head, rows))
+    return cli.CommandOutput([*tables, *words], json, format_csv(head, rows))

@@ -15,11 +15,11 @@ from flexcam.analysis.run import output_geometry
 from flexcam.analysis.run_checks import check_modes
 from flexcam.case.builder import build_model
 from flexcam.case.reader import read_case
-from flexcam.cli.app import CaseFile, Json, Overrides, Overwrite, app, check_positive, load_case
+from flexcam.cli import app as cli
 from flexcam.core.errors import collect_errors
 from flexcam.io import check_folder_name, create_folder, write_modes
 from flexcam.report.tables import describe_mac, mac_table, mode_table
-from flexcam.report.terminal import plain_table, print_json, result_console
+from flexcam.report.terminal import plain_table
 from flexcam.valvetrain import ModelModes
 
 
@@ -47,7 +47,7 @@ def _closed_json(found: ClosedModes, count: int) -> dict[str, list[float]]:
     return {key: [float(modes.modes.frequencies[i]) for i in _elastic(modes, count)] for key, modes in pairs.items()}
 
 
-@app.command(
+@cli.app.command(
     help_prologue="""\
 flexcam modes case.toml
 flexcam modes case.toml --count 20 --prestress rest
@@ -56,19 +56,15 @@ flexcam modes case.toml --mac finer.toml
 """
 )
 def modes(
-    case: CaseFile, *,
+    case: cli.CaseFile, *,
     count: Annotated[int, Parameter(help="Number of modes, from the lowest.")] = 12,
-    prestress: Annotated[
-        Literal["rest", "equilibrium"] | None,
-        Parameter(help="Include axial forces: as installed (rest), or under all loads (equilibrium)."),
-    ] = None,
-    mac: Annotated[
-        Path | None, Parameter(help="Second case file, whose modes are compared by the modal assurance criterion.")
-    ] = None,
-    folder: Annotated[
-        Path | None, Parameter(["-o", "--output"], help="Also write the mode shapes for ParaView to this folder.")
-    ] = None,
-    overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
+    prestress: Annotated[Literal["rest", "equilibrium"] | None, Parameter(
+        help="Include axial forces: as installed (rest), or under all loads (equilibrium).")] = None,
+    mac: Annotated[Path | None, Parameter(
+        help="Second case file, whose modes are compared by the modal assurance criterion.")] = None,
+    folder: Annotated[Path | None, Parameter(
+        ["-o", "--output"], help="Also write the mode shapes for ParaView to this folder.")] = None,
+    overrides: cli.Overrides = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
 ) -> None:  # fmt: skip
     """Compute natural frequencies and mode shapes, and name the parts that move in each mode.
 
@@ -76,8 +72,8 @@ def modes(
     at full lift.
     """
     read, _ = collect_errors(
-        lambda: load_case(case, overrides),
-        lambda: check_positive("--count", count),
+        lambda: cli.load_case(case, overrides),
+        lambda: cli.check_positive("--count", count),
         lambda: None if folder is None else check_folder_name(folder),
     )
     found = case_modes(read, count, prestress=prestress)
@@ -91,29 +87,19 @@ def modes(
         drawn = output_geometry(build_model(read))
         files = write_modes(path, drawn, found.modes.frequencies, found.modes.shapes, overwrite=overwrite)
     closed, missing = closed_modes(read)
-    if as_json:
-        print_json({
-            "status": "ok", "title": read.record.title,
-            "frequencies_hz": found.modes.frequencies.tolist(), "free_motions": found.modes.rigid,
-            "effective_masses": found.effective.tolist(), "lost": found.modes.lost,
-            "rounding": found.modes.rounding.tolist(), "warnings": check_modes(found),
-            "moves": [found.words(i) for i in range(len(found.shares))],
-            "mac": None if criterion is None else criterion.tolist(), "mac_nodes": compared,
-            "closed": {one.contact: _closed_json(one, count) for one in closed},
-            "files": [str(path) for path in files],
-        })  # fmt: skip
-        return
-    result_console().print(mode_table(found, f"{read.title}: modes, contacts open", read.turns))
-    for one in closed:
-        result_console().print("")
-        result_console().print(closed_mode_table(one, count))
-    for sentence in (*check_modes(found), *filter(None, [missing])):
-        result_console().print("\n" + sentence)
+    parts = [mode_table(found, f"{read.title}: modes, contacts open", read.turns)]
+    parts += [*(closed_mode_table(one, count) for one in closed), *check_modes(found), *filter(None, [missing])]
     if criterion is not None:
-        result_console().print()
-        result_console().print(mac_table(criterion))
-        result_console().print("\n" + describe_mac(criterion, compared))
+        parts += [mac_table(criterion), describe_mac(criterion, compared)]
     if files:
-        result_console().print(
-            f"\n{files[0]}: choose a mode in Warp By Vector and press play; {files[1]} has the static shapes"
-        )
+        parts.append(f"{files[0]}: choose a mode in Warp By Vector and press play; {files[1]} has the static shapes")
+    json = {
+        "title": read.record.title,
+        "frequencies_hz": found.modes.frequencies.tolist(), "free_motions": found.modes.rigid,
+        "effective_masses": found.effective.tolist(), "lost": found.modes.lost,
+        "rounding": found.modes.rounding.tolist(), "warnings": check_modes(found),
+        "moves": [found.words(i) for i in range(len(found.shares))],
+        "mac": None if criterion is None else criterion.tolist(), "mac_nodes": compared,
+        "closed": {one.contact: _closed_json(one, count) for one in closed}, "files": [str(path) for path in files],
+    }  # fmt: skip
+    cli.write_output(cli.CommandOutput(parts, json), as_json=as_json)

@@ -15,38 +15,24 @@ from rich.table import Table
 
 from flexcam.analysis.run_checks import check_events
 from flexcam.case.reader import CaseFile as OpenCase
-from flexcam.cli.app import (
-    AllowLarge,
-    CaseFile,
-    Csv,
-    Json,
-    Overrides,
-    Overwrite,
-    Picture,
-    app,
-    check_distinct_files,
-    check_figure_path,
-    refuse_without,
-    write_answer,
-)
+from flexcam.cli import app as cli
 from flexcam.cli.sensitivity import Highest, LimitAccuracy, Lowest, StudyOptions, WorkerCount
 from flexcam.core.errors import refuse
 from flexcam.core.units import to_display_unit
 from flexcam.dynamics import Cause, RunFailedError, Status
-from flexcam.io import check_writable, write_text
+from flexcam.io import write_text
 from flexcam.report.terminal import (
-    StudyOutput,
     facts_table,
     finite_or_none,
     format_csv,
     format_decimals,
     format_number,
     plain_table,
+    with_unit,
 )
 from flexcam.studies.evaluation import evaluate
 from flexcam.studies.evaluators import PointEvaluator, WorstCase, case_text, require_unit, variables_of
-from flexcam.studies.gradient_search import optimize_by_gradient
-from flexcam.studies.gradients import gradient_function
+from flexcam.studies.gradients import gradient_function, optimize_by_gradient
 from flexcam.studies.optimization import (
     Constraint,
     Evaluations,
@@ -69,21 +55,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Vary = Annotated[
-    list[str],
-    Parameter("--vary", negative=(), help="Value of the case and its interval: KEY=LOW:HIGHunit. Repeatable."),
+    list[str], Parameter("--vary", help="Value of the case and its interval: KEY=LOW:HIGHunit. Repeatable.")
 ]
 NewCase = Annotated[Path | None, Parameter(["-o", "--output"], help="Also write the best variant to this case file.")]
-
-
-def check_outputs(target: Path | None, csv: Path | None, plot: Path | None, read: list[Path], overwrite: bool) -> None:
-    """Raise an error if a case, a table or a figure cannot be written, before a computation."""
-    check_distinct_files({"--output": target, "--csv": csv, "--plot": plot}, read)
-    check_figure_path(plot, overwrite)
-    for path in (csv, target):
-        if path is not None:
-            check_writable("output", path, overwrite=overwrite)
-    if target is not None and target.suffix != ".toml":
-        raise refuse("--output", str(target), "a name that ends in .toml", "it is a case file")
 
 
 def write_variant(file: OpenCase, overrides: Sequence[str], target: Path, title: str, *, overwrite: bool) -> list[Path]:
@@ -93,7 +67,7 @@ def write_variant(file: OpenCase, overrides: Sequence[str], target: Path, title:
     return [target]
 
 
-@app.command(
+@cli.app.command(
     help_prologue="""\
 flexcam optimize case.toml --vary springs.valve.stiffness=30:90kN/m --vary springs.valve.installed_force=300:900N \\
     --least springs.valve.force.largest --subject 'contacts.intake.open_on_the_lift <= 0' --set run.crank_speed=6500rpm
@@ -103,43 +77,29 @@ flexcam optimize case.toml --method gradient --vary springs.valve.stiffness=30:9
 """  # noqa: E501 - a command to a line
 )
 def optimize(
-    case: CaseFile, *,
+    case: cli.CaseFile, *,
     vary: Vary,
-    least: Annotated[
-        list[str] | None, Parameter("--least", negative=(), help="Result to minimize, as in flexcam sensitivity --of.")
-    ] = None,
-    most: Annotated[list[str] | None, Parameter("--most", negative=(), help="Result to maximize.")] = None,
-    subject: Annotated[
-        list[str] | None,
-        Parameter("--subject", negative=(), help="Constraint: 'NAME <= VALUE' or 'NAME >= VALUE'. Repeatable."),
-    ] = None,
-    at: Annotated[
-        list[str] | None,
-        Parameter(
-            "--at",
-            negative=(),
-            help="Evaluate every variant at these conditions, such as masses.valve.mass=85:95:5g; the worst counts for "
-            "each goal and constraint. Repeatable.",
-        ),
-    ] = None,
-    method: Annotated[
-        Literal["evolution", "gradient"],
-        Parameter(
-            help="evolution searches the whole intervals without derivatives; gradient starts at the case and follows "
-            "exact derivatives to the nearest optimum."
-        ),
-    ] = "evolution",
-    starts: Annotated[
-        int | None, Parameter(help="With --method gradient: number of starting points; 1, the case itself, by default.")
-    ] = None,
+    least: Annotated[list[str] | None, Parameter(
+        "--least", help="Result to minimize, as in flexcam sensitivity --of.")] = None,
+    most: Annotated[list[str] | None, Parameter("--most", help="Result to maximize.")] = None,
+    subject: Annotated[list[str] | None, Parameter(
+        "--subject", help="Constraint: 'NAME <= VALUE' or 'NAME >= VALUE'. Repeatable.")] = None,
+    at: Annotated[list[str] | None, Parameter(
+        "--at", help="Evaluate every variant at these conditions, such as masses.valve.mass=85:95:5g; the worst "
+        "counts for each goal and constraint. Repeatable.")] = None,
+    method: Annotated[Literal["evolution", "gradient"], Parameter(
+        help="evolution searches the whole intervals without derivatives; gradient starts at the case "
+        "and follows exact derivatives to the nearest optimum.")] = "evolution",
+    starts: Annotated[int | None, Parameter(
+        help="With --method gradient: number of starting points; 1, the case itself, by default.")] = None,
     evaluations: Annotated[int, Parameter(help="Approximate number of variants to run.")] = 200,
     seed: Annotated[int, Parameter(help="Random seed; the same seed gives the same search.")] = 0,
     workers: WorkerCount = 1, lowest: Lowest = None, highest: Highest = None, accuracy: LimitAccuracy = "10 rpm",
-    target: NewCase = None, csv: Csv = None, plot: Picture = None,
-    overrides: Overrides = None, allow_large: AllowLarge = False, overwrite: Overwrite = False, as_json: Json = False,
+    target: NewCase = None, csv: cli.Csv = None, plot: cli.Picture = None, overrides: cli.Overrides = None,
+    allow_large: cli.AllowLarge = False, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
 ) -> Status:  # fmt: skip
     """Find the best variant of a case under constraints, or the Pareto front of two goals."""
-    check_outputs(target, csv, plot, [case], overwrite)
+    cli.check_targets(csv, plot, case, overwrite=overwrite, target=target)
     goals = (*(Goal(name) for name in least or ()), *(Goal(name, most=True) for name in most or ()))
     if len(goals) not in (1, 2):
         raise refuse("--least, --most", f"{len(goals) or 'no'} goals", "one goal, or two for a Pareto front")
@@ -153,7 +113,7 @@ def optimize(
         case, overrides, names, lowest, highest, accuracy, option=options, workers=workers, allow_large=allow_large
     )
     variables = variables_of(asked.case, vary, "--vary")
-    refuse_without("--starts", starts, "--method gradient", present=method == "gradient")
+    cli.refuse_without("--starts", starts, "--method gradient", present=method == "gradient")
     if method == "gradient":
         exact_names(asked.case, names, "exact", option="--method gradient", other="use --method evolution")
     with suppress(RunFailedError):  # a case that fails may have better variants
@@ -181,13 +141,13 @@ def optimize(
     output = optimum_output(design, found) if len(goals) == 1 else front_output(design, found)
     if method == "gradient" and design.start is None:
         note = "The case is outside the intervals: the search started from their centre."
-        output = replace(output, words=[*output.words, note])
+        output = replace(output, parts=[*output.parts, note])
     if not found.stopped and found.best is not None and len(goals) == 1:
         conditions = worst.conditions if worst else ((),)
         events = _check_variant(asked, design.points.overrides(found.points[found.best]), conditions)
-        output = replace(output, words=[*output.words, *events], json={**output.json, "warnings": events})
-    answer = output, lambda: _search_figure(design, found)
-    write_answer(answer, csv, plot, ended, overwrite=overwrite, as_json=as_json, written=written)
+        output = replace(output, parts=[*output.parts, *events], json={**output.json, "warnings": events})
+    output = replace(output, draw=lambda: _search_figure(design, found))
+    cli.write_output(output, csv, plot, ended, overwrite=overwrite, as_json=as_json, written=written)
     if ended.ok and found.best is None:
         return Status(Cause.TOLERANCE, "no variant meets all constraints", "widen the intervals, or relax a constraint")
     return ended
@@ -236,7 +196,7 @@ def _search_figure(design: OptimizationProblem, found: Evaluations) -> Figure:
 
     inside = is_feasible(found.violations)
     signs = np.array([-1.0 if goal.most else 1.0 for goal in design.goals])
-    labels = [f"{goal.name}, {design.unit(goal.name, found.rows)}".rstrip(", ") for goal in design.goals]
+    labels = [with_unit(goal.name, design.unit(goal.name, found.rows)) for goal in design.goals]
     if len(design.goals) > 1:
         return front_figure(found.costs * signs, inside, pareto_indices(found), (labels[0], labels[1]))
     costs = found.costs[:, 0]
@@ -245,14 +205,12 @@ def _search_figure(design: OptimizationProblem, found: Evaluations) -> Figure:
     return progress_figure(signs[0] * costs, inside, signs[0] * best, labels[0])
 
 
-_ROUNDING = 1e-9
-"""Tolerance of a constraint for rounding, relative to its bound."""
-
+_ROUNDING = 1e-9  # tolerance of a constraint for rounding, relative to its bound
 _ACTIVE_DISTANCE = 0.01
 """Distance to a variant that violates a constraint, relative to the intervals, below which the constraint is active."""
 
 
-def optimum_output(design: OptimizationProblem, found: Evaluations) -> StudyOutput:
+def optimum_output(design: OptimizationProblem, found: Evaluations) -> cli.CommandOutput:
     """Return the output of an optimization with one goal."""
     at = found.nearest if found.best is None else found.best
     title = f"Best of {len(found.rows)} variants" if found.best is not None else "Smallest violation of constraints"
@@ -275,15 +233,15 @@ def optimum_output(design: OptimizationProblem, found: Evaluations) -> StudyOutp
     json = {"best": None if found.best is None else _variant_json(design, found, found.best),
             "nearest": _variant_json(design, found, at),
             "evaluations": len(found.rows), "failed": _count_failures(found)}  # fmt: skip
-    return StudyOutput(tables, words, json, _csv(design, found))
+    return cli.CommandOutput([*tables, *words], json, _csv(design, found))
 
 
-def front_output(design: OptimizationProblem, found: Evaluations) -> StudyOutput:
+def front_output(design: OptimizationProblem, found: Evaluations) -> cli.CommandOutput:
     """Return the output of a Pareto front."""
     best = pareto_indices(found)
     names = [goal.name for goal in design.goals]
-    head = (*(f"{goal.words}, {design.unit(goal.name, found.rows)}".rstrip(", ") for goal in design.goals),
-            *(_key(one.key, one.unit) for one in design.points.variables))  # fmt: skip
+    head = (*(with_unit(goal.words, design.unit(goal.name, found.rows)) for goal in design.goals),
+            *(with_unit(one.key, one.unit) for one in design.points.variables))  # fmt: skip
     rows = [
         (
             *(format_number(row_value(found.rows[i], name)) for name in names),
@@ -294,11 +252,7 @@ def front_output(design: OptimizationProblem, found: Evaluations) -> StudyOutput
     title = f"Pareto front of {len(found.rows)} variants" if rows else "No variant meets all constraints"
     json = {"front": [_variant_json(design, found, i) for i in best], "evaluations": len(found.rows),
             "failed": _count_failures(found)}  # fmt: skip
-    return StudyOutput([plain_table(title, head, rows)], _describe_failures(found), json, _csv(design, found))
-
-
-def _key(key: str, unit: str) -> str:
-    return f"{key}, {unit}" if unit else key
+    return cli.CommandOutput([plain_table(title, head, rows), *_describe_failures(found)], json, _csv(design, found))
 
 
 def _value(found: Evaluations, at: int, name: str) -> str:
@@ -358,7 +312,7 @@ def _variant_json(design: OptimizationProblem, found: Evaluations, i: int) -> di
 def _csv(design: OptimizationProblem, found: Evaluations) -> str:
     """Return all evaluations in their order as CSV text."""
     names = list(dict.fromkeys([*(goal.name for goal in design.goals), *(one.name for one in design.bounds)]))
-    head = [*(_key(one.key, one.unit) for one in design.points.variables), *names, "within all bounds", "status"]
+    head = [*(with_unit(one.key, one.unit) for one in design.points.variables), *names, "within all bounds", "status"]
     inside = is_feasible(found.violations).tolist()
     rows: list[Sequence[object]] = [
         (*point, *(row_value(row, name) for name in names), "yes" if good else "no", str(row.status.cause))

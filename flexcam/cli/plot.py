@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -21,12 +22,12 @@ from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.case.input_checks import check_shared_seat_load
 from flexcam.case.reader import case_from_result, has_mechanism
-from flexcam.cli.app import Json, Overrides, Overwrite, app, load_case, parse_quantity, speed_range
+from flexcam.cli import app as cli
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name
-from flexcam.core.units import shaft_name, to_display_unit
+from flexcam.core.units import to_display_unit
 from flexcam.dynamics import Response, Status, reraise_interrupt, solve
 from flexcam.io import Result, read_result
-from flexcam.report.terminal import make_unique, print_json, result_console, show_count, show_progress
+from flexcam.report.terminal import make_unique, show_progress
 from flexcam.valvetrain import Cam, build_structure, driving_contact
 
 if TYPE_CHECKING:
@@ -54,7 +55,7 @@ class Source:
     @cached_property
     def case(self) -> Case:
         """Case; of a result, the case stored in it."""
-        return load_case(self.path, self.overrides) if self.result is None else case_from_result(self.result)
+        return cli.load_case(self.path, self.overrides) if self.result is None else case_from_result(self.result)
 
     @cached_property
     def ready(self) -> PreparedRun:
@@ -166,14 +167,11 @@ class FigureOptions:
     def rigid_warnings(self) -> list[str]:
         """Return sentences about the limits of a drawn rigid train."""
         ones = self.sources.values() if self.rigid else ()
-        return list(
-            dict.fromkeys(
-                warning for one in ones for warning in check_shared_seat_load(one.ready.model, one.case.speed)
-            )
-        )
+        found = [check_shared_seat_load(one.ready.model, one.case.speed) for one in ones]
+        return list(dict.fromkeys(chain.from_iterable(found)))
 
 
-@app.command(
+@cli.app.command(
     help_prologue="""\
 flexcam plot results/case.vtkhdf --rigid -o motion.pdf
 flexcam plot slow.vtkhdf fast.vtkhdf --probe valve --over time
@@ -184,31 +182,21 @@ flexcam plot results/case.vtkhdf --what profile --channel contacts.intake.pressu
 def plot(
     files: Annotated[list[Path], Parameter(help="Result files (.vtkhdf), or case files (.toml), which are run.")], *,
     what: Annotated[FigureKind, Parameter(help="Kind of figure; svaj: lift and its derivatives.")] = "motion",
-    probe: Annotated[
-        str | None, Parameter(help="motion, waterfall, work-precision: point or component; the valve by default.")
-    ] = None,
-    channels: Annotated[
-        list[str] | None,
-        Parameter(
-            "--channel",
-            negative=(),
-            help="motion, force, waterfall: force or other channel, repeatable; profile: channel that colours the cam.",
-        ),
-    ] = None,
-    over: Annotated[
-        Literal["angle", "time"] | None, Parameter(help="motion, force, energy: abscissa; cam angle by default.")
-    ] = None,
-    rigid: Annotated[bool, Parameter(negative=(), help="motion, force: also draw the rigid model.")] = False,
+    probe: Annotated[str | None, Parameter(
+        help="motion, waterfall, work-precision: point or component; the valve by default.")] = None,
+    channels: Annotated[list[str] | None, Parameter(
+        "--channel", help="motion, force, waterfall: force or other channel, repeatable; profile: channel "
+        "that colours the cam.")] = None,
+    over: Annotated[Literal["angle", "time"] | None, Parameter(
+        help="motion, force, energy: abscissa; cam angle by default.")] = None,
+    rigid: Annotated[bool, Parameter(help="motion, force: also draw the rigid model.")] = False,
     cam: Annotated[str | None, Parameter(help="svaj, profile: draw this cam only.")] = None,
     angle: Annotated[str | None, Parameter(help="profile: cam angle at which it is drawn, such as '90 deg'.")] = None,
-    count: Annotated[
-        int | None,
-        Parameter(help="modes: number of modes, 6 by default; campbell, waterfall: number of speeds, 9 by default."),
-    ] = None,
-    output: Annotated[
-        Path | None, Parameter(["-o", "--output"], help="File of the figure (.svg, .png or .pdf).")
-    ] = None,
-    overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
+    count: Annotated[int | None, Parameter(
+        help="modes: number of modes, 6 by default; campbell, waterfall: number of speeds, 9 by default.")] = None,
+    output: Annotated[Path | None, Parameter(
+        ["-o", "--output"], help="File of the figure (.svg, .png or .pdf).")] = None,
+    overrides: cli.Overrides = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
 ) -> Status | None:  # fmt: skip
     """Draw a figure of results or cases: motion, forces, energy, cams, modes, orders, or error over run time.
 
@@ -224,19 +212,10 @@ def plot(
     sources = name_sources(open_sources(files, overrides, cams=what in _OF_CAMS))
     asked = FigureOptions(sources, probe, channels, over, rigid, cam, angle, count)
     save_figure(_FIGURES[what](asked), target, overwrite=overwrite)
-    doubtful = asked.rigid_warnings()
-    if as_json:
-        print_json({"status": "ok", "files": [str(target)], "warnings": doubtful})
-    else:
-        result_console().print(str(target))
-        for sentence in doubtful:
-            result_console().print("\n" + sentence)
-    return next((run.status for run in _own_runs(asked) if not run.status.ok), None)
-
-
-def _own_runs(asked: FigureOptions) -> list[Response]:
-    """Return the responses computed by this command."""
-    return [one.response for one in asked.sources.values() if one.result is None and "response" in vars(one)]
+    warnings = asked.rigid_warnings()
+    cli.write_output(cli.CommandOutput(warnings, {"warnings": warnings}), as_json=as_json, written=[target])
+    own = [one.response for one in asked.sources.values() if one.result is None and "response" in vars(one)]
+    return next((run.status for run in own if not run.status.ok), None)
 
 
 _OF_CAMS = ("svaj", "profile")
@@ -316,7 +295,7 @@ def _profile(asked: FigureOptions) -> Figure:
         why = f"{cam or 'no cam of it'} has a profile" if cam is None else f"{cam!r} has no profile"
         raise refuse("--what", "profile", "a cam with a follower", why, "give the cam base_radius and follower")
     one = next(iter(cams.values()))
-    turned = 0.0 if asked.angle is None else parse_quantity("--angle", asked.angle, "angle", "deg")
+    turned = 0.0 if asked.angle is None else cli.parse_quantity("--angle", asked.angle, "angle", "deg")
     if one.follower is None:
         raise refuse("--cam", repr(asked.cam), "a cam with a follower")
     profile = cam_profile(one.event, one.follower, count=720, turn=one.turn)
@@ -354,8 +333,7 @@ def _profile_values(source: Source, profile: CamProfile, channel: str) -> tuple[
     return touched, factor * values, ", ".join(filter(None, (short_name(channel), symbol)))
 
 
-_THIN = 1e-4
-"""Length, m, up to which lengths are drawn in micrometres."""
+_THIN = 1e-4  # length, m, up to which lengths are drawn in micrometres
 
 
 def _modes(asked: FigureOptions) -> Figure:
@@ -371,41 +349,26 @@ def _modes(asked: FigureOptions) -> Figure:
 
 def _campbell(asked: FigureOptions) -> Figure:
     """Draw modes and orders from 0.5 to 1.5 times the case's speed."""
-    from flexcam.analysis.campbell import campbell
-    from flexcam.plotting.figures import add_title
-    from flexcam.plotting.spectra import campbell_figure
+    from flexcam.cli.campbell import modes_over_speed
 
     case = _single_source(asked, "campbell").case
-    scale = case.turns
-    speeds = _speeds(asked, case)
-    with show_count(len(speeds), "speeds") as shown:
-        found = campbell(case, speeds, orders=range(1, _ORDERS + 1), advance=shown)
-    return add_title(campbell_figure(found, scale, shaft_name(scale)), case.title)
+    return modes_over_speed(case, _speeds(asked, case), range(1, _ORDERS + 1))[0].figure()
 
 
 def _waterfall(asked: FigureOptions) -> Figure:
     """Draw the orders of a motion and a force from 0.5 to 1.5 times the case's speed."""
-    from flexcam.analysis.orders import waterfall
-    from flexcam.cli.campbell import select_signals
-    from flexcam.plotting.figures import add_title
-    from flexcam.plotting.spectra import waterfall_figure
+    from flexcam.cli.campbell import orders_of_response, select_signals
 
     case = _single_source(asked, "waterfall").case
     seen = select_signals(case, asked.channels, None if asked.probe is None else [asked.probe])
-    scale, speeds = case.turns, _speeds(asked, case)
-    with show_count(len(speeds), "speeds") as shown:
-        found = waterfall(case, speeds, seen, _ORDERS, advance=shown)
-    return add_title(waterfall_figure(found, scale, shaft_name(scale)), case.title)
+    return orders_of_response(case, _speeds(asked, case), seen, _ORDERS)[0].figure()
 
 
-_ORDERS = 24
-"""Highest drawn order of the camshaft."""
+_ORDERS = 24  # highest drawn order of the camshaft
 
 
 def _speeds(asked: FigureOptions, case: Case) -> list[float]:
-    """Return camshaft speeds, rad/s."""
-    count = 9 if asked.count is None else asked.count
-    return np.linspace(*speed_range(None, None, count, case.speed, case.turns), count).tolist()
+    return cli.spaced_speeds(None, None, 9 if asked.count is None else asked.count, case)
 
 
 def _work_precision(asked: FigureOptions) -> Figure:

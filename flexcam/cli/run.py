@@ -34,18 +34,7 @@ from flexcam.analysis.run_checks import (
     numerical_dissipation,
 )
 from flexcam.case.case import Case
-from flexcam.cli.app import (
-    AllowLarge,
-    CaseFile,
-    Folder,
-    Json,
-    Overrides,
-    Overwrite,
-    app,
-    load_case,
-    parse_duration,
-    run_state,
-)
+from flexcam.cli import app as cli
 from flexcam.core.errors import NAME, NAMES, InputError, collect_errors, refuse
 from flexcam.dynamics import Cause, Response, RunFailedError, Stats, Status, solve
 from flexcam.io import check_folder_name, check_folder_writable, check_writable
@@ -60,7 +49,7 @@ from flexcam.report.tables import (
     run_table,
     strength_table,
 )
-from flexcam.report.terminal import print_json, result_console, show_progress
+from flexcam.report.terminal import show_progress
 from flexcam.valvetrain import MemberStrength, Metric, StrengthSink, build_structure
 
 
@@ -85,51 +74,24 @@ def run_json(ran: FinishedRun) -> dict[str, object]:
     response, status = ran.response, ran.response.status
     change = revolution_change(ran.ready, response)
     return {
-        "status": str(status.cause),
-        "message": status.text,
-        "remedy": status.remedy,
-        "result": str(ran.result),
-        "steps": response.stats.steps,
-        "dof": ran.ready.problem.system.size,
-        "integrated": response.stats.unknowns,
-        "seconds": response.stats.seconds,
-        "events": response.stats.events,
-        "periodicity": periodicity_error(response),
+        "status": str(status.cause), "message": status.text, "remedy": status.remedy, "result": str(ran.result),
+        "steps": response.stats.steps, "dof": ran.ready.problem.system.size, "integrated": response.stats.unknowns,
+        "seconds": response.stats.seconds, "events": response.stats.events, "periodicity": periodicity_error(response),
         **({} if change is None else {"revolution_change": asdict(change)}),
         "energy_lost": energy_residual(ran.watched.extremes),
         "energy_numerical": numerical_dissipation(ran.watched.extremes),
-        "imbalance": equilibrium_residual(response),
-        "warnings": list(ran.warnings),
+        "imbalance": equilibrium_residual(response), "warnings": list(ran.warnings),
         "train": {figure.name: figure.value for figure in ran.figures},
         "figures_of_merit": [asdict(one) for one in ran.merit],
         "errors": [asdict(one) for one in ran.errors],
         "choice": None if ran.choice is None else choice_json(ran.choice),
         "strength": {name: asdict(member) for name, member in ran.stressed.items()},
-    }
+    }  # fmt: skip
 
 
 def run_output(ran: FinishedRun) -> Iterator[Table | str]:
     """Yield the printed tables and sentences of a run."""
     yield run_table(ran.ready.case, ran.watched.extremes)
-    for table in _tables(ran):
-        yield ""
-        yield table
-    chosen = describe_choice(ran.choice) if ran.choice else []
-    yield from (
-        "\n" + sentence for sentence in (*chosen, *describe_contacts(ran.ready.case, ran.figures), *ran.warnings)
-    )
-    stats = ran.response.stats
-    if stats.periodicity >= 0.0:
-        yield f"\nPeriodic start: after a revolution the state differs by {stats.periodicity:.3g} of the motion"
-    if change := revolution_change(ran.ready, ran.response):
-        yield f"\nThe last two revolutions differ by {describe_change(change)}"
-    if balance := describe_balance(ran.watched.extremes, stats):
-        yield f"\nEnergy balance: {balance}"
-    yield f"\n{stats.steps} steps of {describe_dofs(ran.response)}; result: {ran.result}"
-    yield f"Open it in ParaView 5.12 or newer; for older versions: flexcam export {ran.result} --format pvd"
-
-
-def _tables(ran: FinishedRun) -> Iterator[Table]:
     if ran.stressed:
         yield strength_table(ran.stressed)
     if ran.merit:
@@ -139,9 +101,22 @@ def _tables(ran: FinishedRun) -> Iterator[Table]:
         yield metrics_table(others)
     if ran.errors:
         yield error_table(ran.errors)
+    yield from describe_choice(ran.choice) if ran.choice else ()
+    yield from (*describe_contacts(ran.ready.case, ran.figures), *ran.warnings)
+    stats = ran.response.stats
+    if stats.periodicity >= 0.0:
+        yield f"Periodic start: after a revolution the state differs by {stats.periodicity:.3g} of the motion"
+    if change := revolution_change(ran.ready, ran.response):
+        yield f"The last two revolutions differ by {describe_change(change)}"
+    if balance := describe_balance(ran.watched.extremes, stats):
+        yield f"Energy balance: {balance}"
+    yield (
+        f"{stats.steps} steps of {describe_dofs(ran.response)}; result: {ran.result}\n"
+        f"Open it in ParaView 5.12 or newer; for older versions: flexcam export {ran.result} --format pvd"
+    )
 
 
-@app.command(
+@cli.app.command(
     help_prologue="""\
 flexcam run case.toml
 flexcam run case.toml -o results --set run.revolutions=4 --overwrite
@@ -151,17 +126,14 @@ flexcam run case.toml --time-limit 5min
 """
 )
 def run(
-    case: CaseFile, *, folder: Folder = Path("results"),
+    case: cli.CaseFile, *,
+    folder: cli.Folder = Path("results"),
     name: Annotated[str | None, Parameter(help="Name of the result; that of the case file by default.")] = None,
-    overrides: Overrides = None,
-    time_limit: Annotated[
-        str | None,
-        Parameter(help="End the command after this time, such as 30s, 5min30s or 2h; a partial result stays."),
-    ] = None,
-    resume: Annotated[
-        bool, Parameter(negative=(), help="Continue the run that left a partial result in the folder.")
-    ] = False,
-    allow_large: AllowLarge = False, overwrite: Overwrite = False, as_json: Json = False,
+    overrides: cli.Overrides = None,
+    time_limit: Annotated[str | None, Parameter(
+        help="End the command after this time, such as 30s, 5min30s or 2h; a partial result stays.")] = None,
+    resume: Annotated[bool, Parameter(help="Continue the run that left a partial result in the folder.")] = False,
+    allow_large: cli.AllowLarge = False, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
 ) -> Status:  # fmt: skip
     """Run a case and write its result file: motion, forces, stresses and energy over time.
 
@@ -170,8 +142,8 @@ def run(
     """
     begun = time.monotonic()
     given, duration = collect_errors(
-        lambda: load_case(case, overrides),
-        lambda: None if time_limit is None else parse_duration("--time-limit", time_limit),
+        lambda: cli.load_case(case, overrides),
+        lambda: None if time_limit is None else cli.parse_duration("--time-limit", time_limit),
         lambda: check_folder_writable(check_folder_name(folder)),
     )
     if name is not None:
@@ -197,13 +169,13 @@ def run(
         return [*check_run(ready, watched, compute_metrics(ready, recent), stats), *transient]
 
     sink = open_result_file(ready, folder, overwrite=overwrite, resume=earlier, warnings=doubtful)
-    run_state.solving = True
+    cli.run_state.solving = True
     with show_progress(ready.problem.steps) as bar:
         response = solve(
             ready.problem, ready.scheme, save=ready.save, sinks=[strength, *watched.sinks, sink, *bar],
-            stop=run_state.should_stop, until=until, memory=kept, resume=earlier,
+            stop=cli.run_state.should_stop, until=until, memory=kept, resume=earlier,
         )  # fmt: skip
-    run_state.solving = False
+    cli.run_state.solving = False
     estimated = _estimate_errors(read, probe, until) if probe and response.status.ok else ((), ())
     figures = tuple(compute_metrics(ready, response))
     ran = FinishedRun(
@@ -212,30 +184,23 @@ def run(
         stressed=strength.members() if read.record.fidelity.model == "beams" else {},
         errors=estimated[0], warnings=(*doubtful(response.stats), *estimated[1]), choice=choice,
     )  # fmt: skip
-    if as_json:
-        print_json(run_json(ran))
-    else:
-        for part in run_output(ran):
-            result_console().print(part)
+    cli.write_output(cli.CommandOutput(list(run_output(ran)), run_json(ran)), as_json=as_json)
     if response.status.ok and choice is not None and not choice.met:
         return Status(Cause.TOLERANCE, f"the tolerance is not met: {choice.why}", "allow more, or refine the case")
     return response.status
 
 
-def _estimate_errors(
-    case: Case, probe: str, until: float | None
-) -> tuple[tuple[Error, ...], tuple[str, ...]]:  # fmt: skip
+def _estimate_errors(case: Case, probe: str, until: float | None) -> tuple[tuple[Error, ...], tuple[str, ...]]:
     """Return the estimated errors, or a sentence with the reason why there are none; the run itself is complete."""
     try:
         return tuple(estimate_errors(case, probe, until)), ()
     except RunFailedError as failure:
         late = failure.status.cause is Cause.TIME_LIMIT
-        why = failure.status.text if not late else "the time limit was reached"
-        return (), (f"Warning: no errors are estimated, because a run with other steps or elements ended: {why}",)
+        why = "the time limit was reached" if late else failure.status.text
+        why = f"a run with other steps or elements ended: {why}"
     except InputError as refusal:  # a method, engine or initial state that does not accept other steps or elements
         faults = "; ".join(str(fault) for fault in refusal.faults)
-        return (), (
-            f"Warning: no errors are estimated, because a run with other steps or elements is refused: {faults}",
-        )
+        why = f"a run with other steps or elements is refused: {faults}"
     except KeyboardInterrupt:
-        return (), ("Warning: no errors are estimated, because the estimate was interrupted",)
+        why = "the estimate was interrupted"
+    return (), (f"Warning: no errors are estimated, because {why}",)

@@ -9,9 +9,9 @@ from rich.console import JustifyMethod
 from rich.table import Table
 
 from flexcam.analysis.selftest import Check, all_checks, installation_info
-from flexcam.cli.app import Json, app
+from flexcam.cli.app import CommandOutput, Json, app, write_output
 from flexcam.dynamics import Cause, Status
-from flexcam.report.terminal import create_table, facts_table, finite_or_none, print_json, result_console
+from flexcam.report.terminal import create_table, facts_table, finite_or_none
 
 
 def check_table(found: Sequence[Check]) -> Table:
@@ -34,14 +34,10 @@ _HEADS: tuple[tuple[str, JustifyMethod], ...] = (
 def selftest_json(found: Sequence[Check], parts: Mapping[str, str], status: Status) -> dict[str, object]:
     """Return checks and installed packages for ``--json``."""
     rows = [
-        {
-            **asdict(one),
-            "computed": finite_or_none(one.computed),
-            "error": finite_or_none(one.error),
-            "passed": one.passed,
-        }
+        {**asdict(one), "computed": finite_or_none(one.computed), "error": finite_or_none(one.error),
+         "passed": one.passed}
         for one in found
-    ]
+    ]  # fmt: skip
     return {
         "status": str(status.cause), "message": status.text, "remedy": status.remedy, "checks": rows,
         "installed": dict(parts),
@@ -68,12 +64,7 @@ def selftest(*, as_json: Json = False) -> Status:
         status = Status(
             Cause.FAULT, text, "install flexcam again in a new environment; if that does not help, please report it"
         )
-    if as_json:
-        print_json(selftest_json(found, installation_info(), status))
-        return status
-    result_console().print(check_table(found))
-    result_console().print()
-    result_console().print(facts_table("Installed packages", installation_info().items()))
-    if status.ok:
-        result_console().print(f"\nAll {len(found)} checks passed")
+    parts = [check_table(found), facts_table("Installed packages", installation_info().items())]
+    parts += [f"All {len(found)} checks passed"] if status.ok else []
+    write_output(CommandOutput(parts, selftest_json(found, installation_info(), status)), as_json=as_json)
     return status

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from itertools import compress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -15,28 +16,11 @@ from rich.table import Table
 
 from flexcam.analysis.limits import Search
 from flexcam.case.reader import CaseFile as OpenCase
-from flexcam.cli.app import (
-    Accuracy,
-    AllowLarge,
-    CaseFile,
-    Csv,
-    Json,
-    Overrides,
-    Overwrite,
-    Picture,
-    StudyAnswer,
-    app,
-    check_targets,
-    parse_accuracy,
-    refuse_without,
-    speed_range,
-    warn_ignored_keys,
-    write_answer,
-)
+from flexcam.cli import app as cli
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
 from flexcam.dynamics import Cause, RunFailedError, Status, reraise_interrupt
-from flexcam.report.terminal import StudyOutput, finite_or_none, format_csv, format_number, plain_table, show_count
+from flexcam.report.terminal import finite_numbers, finite_or_none, format_csv, format_number, plain_table, show_count
 from flexcam.studies.evaluation import Row
 from flexcam.studies.evaluators import (
     InterruptibleRuns,
@@ -72,7 +56,7 @@ Lowest = Annotated[str | None, Parameter("--lowest", group=_LIMITS, help="Lowest
 Highest = Annotated[
     str | None, Parameter("--highest", group=_LIMITS, help="Highest speed; twice the case's by default.")
 ]
-LimitAccuracy = Annotated[Accuracy, Parameter(group=_LIMITS)]
+LimitAccuracy = Annotated[cli.Accuracy, Parameter(group=_LIMITS)]
 
 
 class StudyOptions:
@@ -84,13 +68,13 @@ class StudyOptions:
     ) -> None:  # fmt: skip
         self.file, self.fixed = OpenCase.open(path), tuple(overrides or ())
         self.case = self.file.read(self.fixed)
-        warn_ignored_keys(self.fixed, self.case)
+        cli.warn_ignored_keys(self.fixed, self.case)
         self.names, self.workers = tuple(dict.fromkeys(names)), workers
         of_limits = any(name.startswith("limits.") for name in names)
         for end, given in (("--lowest", lowest), ("--highest", highest)):
-            refuse_without(end, given, "limits.NAME", present=of_limits)
-        low, high = speed_range(lowest, highest, 2, self.case.speed, self.case.turns, most=2.0)
-        self.search = Search(low, high, parse_accuracy(accuracy, self.case.turns))
+            cli.refuse_without(end, given, "limits.NAME", present=of_limits)
+        low, high = cli.speed_range(lowest, highest, 2, self.case, most=2.0)
+        self.search = Search(low, high, cli.parse_accuracy(accuracy, self.case.turns))
         check_names(self.case, self.names, option)
         if not allow_large and any(frequency_number(name) is None for name in names):
             check_case_resources(self.case, together=workers)
@@ -120,7 +104,7 @@ _DERIVATIVES = Group("Derivatives or Sobol indices", sort_key=1)
 _TOLERANCES = Group("Tolerances of parts", sort_key=1)
 
 
-@app.command(
+@cli.app.command(
     help_prologue="""\
 flexcam sensitivity case.toml --of frequency.1 --to springs.valve.stiffness --to masses.valve.mass
 flexcam sensitivity case.toml --of contacts.intake.force.largest --to springs.valve.stiffness --to run.crank_speed
@@ -129,90 +113,61 @@ flexcam sensitivity case.toml --of limits.loss_of_contact --tolerance springs.va
 """  # noqa: E501 - a command to a line
 )
 def sensitivity(
-    case: CaseFile, *,
-    names: Annotated[
-        list[str],
-        Parameter(
-            "--of",
-            negative=(),
-            help="Result: a scalar of a run, a natural frequency (frequency.1) or a speed limit "
-            "(limits.loss_of_contact). Repeatable.",
-        ),
-    ],
-    keys: Annotated[
-        list[str] | None,
-        Parameter(
-            "--to",
-            negative=(),
-            group=_DERIVATIVES,
-            help="Value of the case: KEY; with --sobol KEY=LOW:HIGHunit. Repeatable.",
-        ),
-    ] = None,
-    method: Annotated[
-        Method | None,
-        Parameter(
-            group=_DERIVATIVES,
-            help="Derivatives of runs: exact, along the motion of one run, or by differences of runs. By default exact "
-            "where it applies.",
-        ),
-    ] = None,
-    relative_step: Annotated[
-        float | None,
-        Parameter(group=_DERIVATIVES, help="Step of differences, relative to the value; 0.01 by default."),
-    ] = None,
-    sobol: Annotated[
-        int | None,
-        Parameter("--sobol", group=_DERIVATIVES, help="Sobol indices from this many base points, a power of 2."),
-    ] = None,
-    tolerances: Annotated[
-        list[str] | None,
-        Parameter(
-            "--tolerance",
-            negative=(),
-            group=_TOLERANCES,
-            help="Tolerance of a part: KEY=±2%, KEY=±0.05mm, or KEY=normal:±2%. Repeatable.",
-        ),
-    ] = None,
-    count: Annotated[
-        int | None, Parameter("--count", group=_TOLERANCES, help="Number of sets of parts; 100 by default.")
-    ] = None,
+    case: cli.CaseFile, *,
+    names: Annotated[list[str], Parameter(
+        "--of", help="Result: a scalar of a run, a natural frequency (frequency.1) or a speed limit "
+        "(limits.loss_of_contact). Repeatable.")],
+    keys: Annotated[list[str] | None, Parameter(
+        "--to", group=_DERIVATIVES, help="Value of the case: KEY; with --sobol KEY=LOW:HIGHunit. Repeatable.")] = None,
+    method: Annotated[Method | None, Parameter(
+        group=_DERIVATIVES, help="Derivatives of runs: exact, along the motion of one run, or by differences "
+        "of runs. By default exact where it applies.")] = None,
+    relative_step: Annotated[float | None, Parameter(
+        group=_DERIVATIVES, help="Step of differences, relative to the value; 0.01 by default.")] = None,
+    sobol: Annotated[int | None, Parameter(
+        "--sobol", group=_DERIVATIVES, help="Sobol indices from this many base points, a power of 2.")] = None,
+    tolerances: Annotated[list[str] | None, Parameter(
+        "--tolerance", group=_TOLERANCES, help="Tolerance of a part: KEY=±2%, KEY=±0.05mm, or "
+        "KEY=normal:±2%. Repeatable.")] = None,
+    count: Annotated[int | None, Parameter(
+        "--count", group=_TOLERANCES, help="Number of sets of parts; 100 by default.")] = None,
     seed: Annotated[int | None, Parameter(help="Random seed of --sobol and --tolerance; 0 by default.")] = None,
     workers: WorkerCount = 1, lowest: Lowest = None, highest: Highest = None, accuracy: LimitAccuracy = "10 rpm",
-    csv: Csv = None, plot: Picture = None,
-    overrides: Overrides = None, allow_large: AllowLarge = False, overwrite: Overwrite = False, as_json: Json = False,
+    csv: cli.Csv = None, plot: cli.Picture = None, overrides: cli.Overrides = None, allow_large: cli.AllowLarge = False,
+    overwrite: cli.Overwrite = False, as_json: cli.Json = False,
 ) -> Status:  # fmt: skip
     """Compute how results depend on values of the case: derivatives, Sobol indices, or the effect of tolerances.
 
     Use --to to see which value matters most, --sobol for large ranges and interactions, --tolerance for the scatter of
     manufactured parts.
     """
-    check_targets(csv, plot, case, overwrite=overwrite)
+    cli.check_targets(csv, plot, case, overwrite=overwrite)
     if sobol is not None and tolerances is not None:
         raise refuse("--sobol", "--sobol and --tolerance", "one of them", "they are different studies")
     if (tolerances is not None) == (keys is not None):
         given = "both --to and --tolerance" if keys else "neither --to nor --tolerance"
         raise refuse("sensitivity", given, "--to KEY, or --tolerance KEY=±SPEC")
-    refuse_without("--count", count, "--tolerance", present=tolerances is not None)
-    refuse_without("--seed", seed, "--sobol or --tolerance", present=tolerances is not None or sobol is not None)
-    refuse_without("--relative-step", relative_step, "derivatives", present=tolerances is None and sobol is None)
-    refuse_without("--method", method, "derivatives", present=tolerances is None and sobol is None)
-    refuse_without("--relative-step", relative_step, "differences", present=method != "exact")
+    cli.refuse_without("--count", count, "--tolerance", present=tolerances is not None)
+    cli.refuse_without("--seed", seed, "--sobol or --tolerance", present=tolerances is not None or sobol is not None)
+    cli.refuse_without("--relative-step", relative_step, "derivatives", present=tolerances is None and sobol is None)
+    cli.refuse_without("--method", method, "derivatives", present=tolerances is None and sobol is None)
+    cli.refuse_without("--relative-step", relative_step, "differences", present=method != "exact")
     asked = StudyOptions(
         case, overrides, names, lowest, highest, accuracy, option="--of", workers=workers, allow_large=allow_large
     )
     if tolerances is not None:
-        answer, ended = _tolerance_analysis(asked, tolerances, 100 if count is None else count, seed or 0)
+        output, ended = _tolerance_analysis(asked, tolerances, 100 if count is None else count, seed or 0)
     elif sobol is not None:
-        answer, ended = _sobol_indices(asked, keys or [], sobol, seed or 0)
+        output, ended = _sobol_indices(asked, keys or [], sobol, seed or 0)
     else:
-        answer, ended = _derivatives(asked, keys or [], 0.01 if relative_step is None else relative_step, method)
-    write_answer(answer, csv, plot, ended, overwrite=overwrite, as_json=as_json)
+        output, ended = _derivatives(asked, keys or [], 0.01 if relative_step is None else relative_step, method)
+    cli.write_output(output, csv, plot, ended, overwrite=overwrite, as_json=as_json)
     return ended
 
 
 def _derivatives(
     asked: StudyOptions, keys: list[str], relative_step: float, method: Method | None
-) -> tuple[StudyAnswer, Status]:
+) -> tuple[cli.CommandOutput, Status]:
     exact = exact_names(asked.case, asked.names, method)
     responses = [name for name in asked.names if not frequency_number(name) and name not in exact]
     get_numbers(asked.case, keys)
@@ -232,10 +187,10 @@ def _derivatives(
         groups = {name: {one.by.key: one.logarithmic for one in known if one.scalar == name} for name in asked.names}
         return bars_figure(groups, "percent per percent")
 
-    return (derivative_output(found), draw), kept.status
+    return replace(derivative_output(found), draw=draw), kept.status
 
 
-def derivative_output(found: Sequence[Sensitivity]) -> StudyOutput:
+def derivative_output(found: Sequence[Sensitivity]) -> cli.CommandOutput:
     """Return the output of derivatives."""
     names = list(dict.fromkeys(one.scalar for one in found))
     tables = [_derivative_table(name, [one for one in found if one.scalar == name]) for name in names]
@@ -251,13 +206,9 @@ def derivative_output(found: Sequence[Sensitivity]) -> StudyOutput:
     ]  # fmt: skip
     head = ("scalar", "unit", "value", "key", "key_unit", "key_value", "derivative", "error", "logarithmic", "smooth")
     table = [[math.nan if row[name] is None else row[name] for name in head] for row in rows]
-    json = [
-        {name: finite_or_none(x) if isinstance(x, float) and name != "key_value" else x for name, x in row.items()}
-        for row in rows
-    ]
-    return StudyOutput(
-        tables, words, {"derivatives": json}, format_csv([name.replace("_", " ") for name in head], table)
-    )
+    json = [{name: finite_or_none(x) if isinstance(x, float) else x for name, x in row.items()} for row in rows]
+    csv = format_csv([name.replace("_", " ") for name in head], table)
+    return cli.CommandOutput([*tables, *words], {"derivatives": json}, csv)
 
 
 def _is_analytic(one: Sensitivity) -> bool:
@@ -290,7 +241,7 @@ def _describe_doubt(one: Sensitivity) -> str:
     return "equal frequencies" if one.error is None else "not smooth"
 
 
-def _sobol_indices(asked: StudyOptions, keys: list[str], count: int, seed: int) -> tuple[StudyAnswer, Status]:
+def _sobol_indices(asked: StudyOptions, keys: list[str], count: int, seed: int) -> tuple[cli.CommandOutput, Status]:
     variables = variables_of(asked.case, keys, "--to")
     check_power_of_two("--sobol", count, 2)
     asked.initial_quantities(count)
@@ -305,50 +256,43 @@ def _sobol_indices(asked: StudyOptions, keys: list[str], count: int, seed: int) 
                 raise KeyboardInterrupt  # a single base point gives no indices
             return np.column_stack([column(rows, name) for name in asked.names])
 
-        found = sobol_indices(values, len(variables), count, seed=seed)
+        found = dict(zip(asked.names, sobol_indices(values, len(variables), count, seed=seed), strict=True))
 
     def draw() -> Figure:
         from flexcam.plotting.histories import bars_figure
 
-        pairs = list(zip(asked.names, found, strict=True))
-        groups = {
-            name: {one.key: total for one, total in zip(variables, indices.total.tolist(), strict=True)}
-            for name, indices in pairs
-        }
-        intervals = {name: indices.total_interval for name, indices in pairs}
+        keys = [one.key for one in variables]
+        groups = {name: dict(zip(keys, one.total.tolist(), strict=True)) for name, one in found.items()}
+        intervals = {name: one.total_interval for name, one in found.items()}
         return bars_figure(groups, "share of the variance, total", intervals)
 
-    return (sobol_output(asked.names, variables, found), draw), kept.status
+    return replace(sobol_output(variables, found), draw=draw), kept.status
 
 
-_MIN_BASE_POINTS = 2
-"""Minimum number of base points for shares of a variance."""
+_MIN_BASE_POINTS = 2  # for shares of a variance
 
 
-def sobol_output(names: Sequence[str], variables: Sequence[Variable], found: Sequence[SobolIndices]) -> StudyOutput:
+def sobol_output(variables: Sequence[Variable], found: Mapping[str, SobolIndices]) -> cli.CommandOutput:
     """Return the output of Sobol indices."""
     keys = [one.key for one in variables]
-    tables = [
-        plain_table(
-            f"Sobol indices of {name} (standard deviation {format_number(math.sqrt(one.variance))})",
-            ("by", "interval", "first order", "95 %", "total", "95 %"),
-            [
-                (key, f"{variable.low:g} to {variable.high:g} {variable.unit}", f"{one.first[i]:.3f}",
-                 _interval(one.first_interval[:, i]), f"{one.total[i]:.3f}", _interval(one.total_interval[:, i]))
-                for i, (key, variable) in enumerate(zip(keys, variables, strict=True))
-            ],
-        )
-        for name, one in zip(names, found, strict=True)
-    ]  # fmt: skip
+    tables: list[Table] = []
+    for name, one in found.items():
+        title = f"Sobol indices of {name} (standard deviation {format_number(math.sqrt(one.variance))})"
+        cells = [
+            (by.key, f"{by.low:g} to {by.high:g} {by.unit}", f"{one.first[i]:.3f}",
+             _interval(one.first_interval[:, i]), f"{one.total[i]:.3f}", _interval(one.total_interval[:, i]))
+            for i, by in enumerate(variables)
+        ]  # fmt: skip
+        tables.append(plain_table(title, ("by", "interval", "first order", "95 %", "total", "95 %"), cells))
     words = [
         f"{name}: {one.used} of {one.asked} base points are used; others failed, or exceed a power of 2"
-        for name, one in zip(names, found, strict=True)
+        for name, one in found.items()
         if one.used < one.asked
     ]
     rows = [
         (name, key, float(one.first[i]), *one.first_interval[:, i].tolist(), float(one.total[i]),
          *one.total_interval[:, i].tolist())
-        for name, one in zip(names, found, strict=True)
+        for name, one in found.items()
         for i, key in enumerate(keys)
     ]  # fmt: skip
     head = ("scalar", "key", "first", "first_low", "first_high", "total", "total_low", "total_high")
@@ -357,9 +301,9 @@ def sobol_output(names: Sequence[str], variables: Sequence[Variable], found: Seq
             "variance": one.variance, "used": one.used, "asked": one.asked,
             "indices": [dict(zip(head[1:], row[1:], strict=True)) for row in rows if row[0] == name],
         }
-        for name, one in zip(names, found, strict=True)
+        for name, one in found.items()
     }  # fmt: skip
-    return StudyOutput(tables, words, {"sobol": json}, format_csv(head, rows))
+    return cli.CommandOutput([*tables, *words], {"sobol": json}, format_csv(head, rows))
 
 
 def _interval(ends: FloatArray) -> str:
@@ -368,7 +312,7 @@ def _interval(ends: FloatArray) -> str:
 
 def _tolerance_analysis(
     asked: StudyOptions, tolerances: list[str], count: int, seed: int
-) -> tuple[StudyAnswer, Status]:
+) -> tuple[cli.CommandOutput, Status]:
     scatters = parse_scatters(asked.case, tolerances)
     parts = sample_parts(scatters, count, seed)
     initial = asked.initial_quantities(count)
@@ -387,16 +331,13 @@ def _tolerance_analysis(
         known = {name: one[~np.isnan(one)] for name, one in values.items()}
         return scatter_figure(known, units, {name: one.value for name, one in initial.items()})
 
-    return (scatter_output(asked.names, scatters, parts, rows, initial), draw), kept.status
+    return replace(scatter_output(asked.names, scatters, parts, rows, initial), draw=draw), kept.status
 
 
 def scatter_output(
-    names: Sequence[str],
-    scatters: Sequence[PartScatter],
-    parts: FloatArray,
-    rows: Sequence[Row],
+    names: Sequence[str], scatters: Sequence[PartScatter], parts: FloatArray, rows: Sequence[Row],
     initial: Mapping[str, Quantity],
-) -> StudyOutput:
+) -> cli.CommandOutput:  # fmt: skip
     """Return the output of a tolerance analysis."""
     values = np.column_stack([column(rows, name) for name in names])
     units = {name: one.unit for name, one in initial.items()}
@@ -406,17 +347,10 @@ def scatter_output(
     nominal = {name: initial[name].value if name in initial else math.nan for name in names}
     found = {name: scalar_distribution(parts, values[:, i]) for i, name in enumerate(names)}
     summary = [
-        (
-            name,
-            units[name],
-            format_number(nominal[name]),
-            format_number(one.mean),
-            format_number(one.deviation, 4),
-            *(format_number(one.quantiles[part]) for part in QUANTILES),
-            str(one.missing),
-        )
+        (name, units[name], format_number(nominal[name]), format_number(one.mean), format_number(one.deviation, 4),
+         *(format_number(one.quantiles[part]) for part in QUANTILES), str(one.missing))
         for name, one in found.items()
-    ]
+    ]  # fmt: skip
     head = ("scalar", "unit", "nominal", "mean", "std", *(f"{part:.0%}" for part in QUANTILES), "missing")
     ranks = [
         (one.key, *(format_number(float(found[name].ranks[i]), 3) for name in names)) for i, one in enumerate(scatters)
@@ -431,22 +365,17 @@ def scatter_output(
         if one.missing
     ]
     keys = [one.key for one in scatters]
-    columns = (*keys, *names, "status")
+    columns, causes = (*keys, *names, "status"), [str(row.status.cause) for row in rows]
     body = [
-        (*point, *value, str(row.status.cause))
-        for point, value, row in zip(parts.tolist(), values.tolist(), rows, strict=True)
+        (*point, *value, cause) for point, value, cause in zip(parts.tolist(), values.tolist(), causes, strict=True)
     ]
     json = {
         name: {
-            "unit": units[name],
-            "value": finite_or_none(nominal[name]),
-            "mean": finite_or_none(one.mean),
-            "std": finite_or_none(one.deviation),
-            "missing": one.missing,
-            "count": len(parts),
+            "unit": units[name], "value": finite_or_none(nominal[name]), "mean": finite_or_none(one.mean),
+            "std": finite_or_none(one.deviation), "missing": one.missing, "count": len(parts),
             "quantiles": {f"{part:g}": finite_or_none(value) for part, value in one.quantiles.items()},
-            "rank_correlation": {key: finite_or_none(x) for key, x in zip(keys, one.ranks.tolist(), strict=True)},
+            "rank_correlation": dict(zip(keys, finite_numbers(one.ranks), strict=True)),
         }
         for name, one in found.items()
-    }
-    return StudyOutput(tables, words, {"scatter": json}, format_csv(columns, body))
+    }  # fmt: skip
+    return cli.CommandOutput([*tables, *words], {"scatter": json}, format_csv(columns, body))

@@ -6,26 +6,21 @@ import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from cyclopts import Parameter
-from numpy.typing import NDArray
 from rich.table import Table
 
 from flexcam.analysis.run_checks import describe_change
-from flexcam.analysis.stability import (
-    Resonance,
-    Stability,
-    StepAmplification,
-    assess_stability,
-    stability_over_speeds,
-)
-from flexcam.cli.app import CaseFile, Json, Overrides, Overwrite, app, check_figure_path, load_beams, speed_range
-from flexcam.core import FloatArray
+from flexcam.analysis.stability import Resonance, Stability, StepAmplification, assess_stability, stability_over_speeds
+from flexcam.cli import app as cli
 from flexcam.core.errors import refuse
 from flexcam.core.units import RPM, shaft_name, shaft_speed
-from flexcam.report.terminal import facts_table, plain_table, print_json, result_console, show_count
+from flexcam.report.terminal import facts_table, finite_or_none, plain_table, show_count
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _SHOWN = 5
 
@@ -101,40 +96,27 @@ def _describe_growth(found: Stability) -> str:
 
 def stability_json(found: Stability, scale: float) -> dict[str, object]:
     """Return the stability for ``--json``."""
-    multipliers = [] if found.floquet is None else [[one.real, one.imag] for one in found.floquet.multipliers.tolist()]
+    discrete, floquet = found.discrete, found.floquet
     return {
-        "shaft": shaft_name(scale),
-        "rpm": scale * found.rpm,
-        "run": str(found.status.cause),
-        "spectral_radius": found.discrete.radius,
-        "endangered_mode_hz": found.discrete.frequency,
-        "endangered_moves": list(found.discrete.moving),
-        "critical_step_s": found.discrete.critical_step if math.isfinite(found.discrete.critical_step) else None,
-        "multipliers": multipliers,
-        "growth": None if found.floquet is None else found.floquet.growth,
-        "chatters": found.is_chattering,
-        "revolution_change": None if found.change is None else asdict(found.change),
-        "note": found.why_not,
+        "shaft": shaft_name(scale), "rpm": scale * found.rpm, "run": str(found.status.cause),
+        "spectral_radius": discrete.radius, "endangered_mode_hz": discrete.frequency,
+        "endangered_moves": list(discrete.moving), "critical_step_s": finite_or_none(discrete.critical_step),
+        "multipliers": [] if floquet is None else [[one.real, one.imag] for one in floquet.multipliers.tolist()],
+        "growth": None if floquet is None else floquet.growth, "chatters": found.is_chattering,
+        "revolution_change": None if found.change is None else asdict(found.change), "note": found.why_not,
         "open_on_the_lift_deg": math.degrees(found.open_on_the_lift),
         "resonances": [
             {
-                "contact": one.contact,
-                "rpm": scale * one.rpm,
-                "harmonic": one.harmonic,
-                "amplitude_m": one.amplitude,
-                "load_n": one.load,
-                "load_share": one.share,
-                "frequency_hz": one.frequency,
-                "moves": one.words,
+                "contact": one.contact, "rpm": scale * one.rpm, "harmonic": one.harmonic, "amplitude_m": one.amplitude,
+                "load_n": one.load, "load_share": one.share, "frequency_hz": one.frequency, "moves": one.words,
             }
             for one in found.within[: 4 * _SHOWN]
         ],
-        "resonances_up_to_rpm": scale * found.highest_listed_rpm,
-        "resonances_within": len(found.within),
+        "resonances_up_to_rpm": scale * found.highest_listed_rpm, "resonances_within": len(found.within),
         "resonances_above": len(found.higher_resonances),
         "next_resonance_rpm": scale * found.higher_resonances[0].rpm if found.higher_resonances else None,
         "verdict": list(found.causes),
-    }
+    }  # fmt: skip
 
 
 def growth_table(found: Sequence[Stability], scale: float) -> Table:
@@ -151,66 +133,51 @@ def _row(one: Stability, scale: float) -> list[str]:
     return [f"{scale * one.rpm:.6g}", f"{one.discrete.radius:.9g}", largest, growth, opened, words]
 
 
-def growth_rates(found: Sequence[Stability]) -> FloatArray:
-    """Return the growth rates at several speeds."""
-    return np.array([math.nan if one.floquet is None else one.floquet.growth for one in found])
-
-
-def causes_by_speed(found: Sequence[Stability]) -> dict[str, NDArray[np.bool_]]:
-    """Return the speeds at which each cause of instability occurs."""
-    named = {cause: np.array([cause in one.causes for one in found]) for cause in _WORDS}
-    return {**named, "chatter": np.array([one.is_scattering for one in found])}
-
-
-@app.command(
+@cli.app.command(
     help_prologue="""\
 flexcam stability cases/tayeb/model-3-shm.toml --set run.speed=4000rpm
 flexcam stability case.toml --lowest 1000rpm --highest 6000rpm --count 11 --plot growth.svg
 """
 )
 def stability(
-    case: CaseFile, *,
-    lowest: Annotated[
-        str | None, Parameter(help="Lowest speed of a range; without a range, only the speed of the case is assessed.")
-    ] = None,
+    case: cli.CaseFile, *,
+    lowest: Annotated[str | None, Parameter(
+        help="Lowest speed of a range; without a range, only the speed of the case is assessed.")] = None,
     highest: Annotated[str | None, Parameter(help="Highest speed; 1.5 times the case's by default.")] = None,
     count: Annotated[int | None, Parameter(help="Number of speeds, evenly spaced; 11 by default.")] = None,
-    plot: Annotated[
-        Path | None, Parameter(help="Also draw the growth rate over speed to this file (.svg, .png or .pdf).")
-    ] = None,
-    overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
+    plot: Annotated[Path | None, Parameter(
+        help="Also draw the growth rate over speed to this file (.svg, .png or .pdf).")] = None,
+    overrides: cli.Overrides = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
 ) -> None:  # fmt: skip
     """Assess stability at one speed or over a range: time step, parametric growth, resonance, contact loss.
 
     Use it to see whether disturbances of the periodic motion grow (Floquet multipliers), and why. Speeds are those of
     the crankshaft if the case gives crank_speed, otherwise those of the camshaft.
     """
-    read = load_beams(case, overrides)
+    read = cli.load_beams(case, overrides)
     scale = read.turns
     if lowest is None and highest is None and plot is None:
         if count is not None:
             why, remedy = "without a range, only the speed of the case is assessed", "add a range, or leave it out"
             raise refuse("--count", count, "--count with --lowest, --highest or --plot only", why, remedy)
         found = assess_stability(read)
-        if as_json:
-            print_json({"status": "ok", **stability_json(found, scale)})
-        else:
-            result_console().print(stability_table(found, scale))
+        output = cli.CommandOutput([stability_table(found, scale)], stability_json(found, scale))
+        cli.write_output(output, as_json=as_json)
         return
-    number = 11 if count is None else count
-    low, high = speed_range(lowest, highest, number, read.speed, scale)
-    check_figure_path(plot, overwrite)
-    with show_count(number, "speeds") as shown:
-        every = stability_over_speeds(read, np.linspace(low, high, number).tolist(), advance=shown)
-    if plot is not None:
-        from flexcam.plotting.figures import add_title, save_figure
+    speeds = cli.spaced_speeds(lowest, highest, 11 if count is None else count, read)
+    cli.check_figure_path(plot, overwrite)
+    with show_count(len(speeds), "speeds") as shown:
+        every = stability_over_speeds(read, speeds, advance=shown)
+
+    def draw() -> Figure:
         from flexcam.plotting.spectra import growth_figure
 
         rpm = np.array([scale * one.rpm for one in every])
-        figure = growth_figure(rpm, growth_rates(every), causes_by_speed(every), shaft_name(scale))
-        save_figure(add_title(figure, read.title), plot, overwrite=overwrite)
-    if as_json:
-        files = [] if plot is None else [str(plot)]
-        print_json({"status": "ok", "speeds": [stability_json(one, scale) for one in every], "files": files})
-    else:
-        result_console().print(growth_table(every, scale))
+        growth = np.array([math.nan if one.floquet is None else one.floquet.growth for one in every])
+        causes = {cause: np.array([cause in one.causes for one in every]) for cause in _WORDS}
+        causes["chatter"] = np.array([one.is_scattering for one in every])
+        return growth_figure(rpm, growth, causes, shaft_name(scale))
+
+    json = {"speeds": [stability_json(one, scale) for one in every]}
+    output = cli.CommandOutput([growth_table(every, scale)], json, draw=draw, title=read.title)
+    cli.write_output(output, plot=plot, overwrite=overwrite, as_json=as_json)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import Annotated
 
@@ -12,21 +12,20 @@ import numpy as np
 from cyclopts import Group, Parameter
 from rich.table import Table as RichTable
 
-from flexcam.cli.app import AllowLarge, CaseFile, Folder, Json, Overwrite, app, parse_duration, print_files
+from flexcam.cli import app as cli
 from flexcam.core import FloatArray
 from flexcam.core.errors import collect_errors, refuse
 from flexcam.core.units import to_display_unit
-from flexcam.dynamics import Cause, Status
+from flexcam.dynamics import Status
 from flexcam.io import check_folder_name
-from flexcam.report.terminal import plain_table, print_json, result_console, show_count
+from flexcam.report.terminal import plain_table, show_count
 from flexcam.studies.executors import LOCAL, ClusterWorkers, ProcessWorkers, SerialWorkers, Workers
 from flexcam.studies.plan import MAX_VARIANTS
 from flexcam.studies.sweep import OutputTarget, check_sweep_resources, make_sweep, run_sweep_to_files
 from flexcam.studies.tables import SweepTable
 
 _WORKERS = Group("Workers and limits", sort_key=1)
-_MAX_LISTED = 3
-"""Number of variants named in a sentence."""
+_MAX_LISTED = 3  # number of variants named in a sentence
 
 
 def sweep_table(found: SweepTable) -> RichTable:
@@ -36,13 +35,8 @@ def sweep_table(found: SweepTable) -> RichTable:
         if _is_varying(values):
             low, high = int(np.nanargmin(values)), int(np.nanargmax(values))
             scale, unit = to_display_unit(found.units[name])
-            ends = (
-                f"{scale * values[low]:.5g}",
-                _format_inputs(found, low),
-                f"{scale * values[high]:.5g}",
-                _format_inputs(found, high),
-            )
-            rows.append((name, unit, *ends))
+            ends = ((f"{scale * values[i]:.5g}", _format_inputs(found, i)) for i in (low, high))
+            rows.append((name, unit, *chain.from_iterable(ends)))
     title = f"{len(found)} variants over {', '.join(one.name for one in found.inputs)}"
     return plain_table(title, ("scalar", "unit", "min", "at", "max", "at"), rows)
 
@@ -87,17 +81,14 @@ def sweep_status(found: SweepTable) -> Status | None:
     return Status(first.cause, f"none of {len(found)} variants was completed; the first: {first.text}", first.remedy)
 
 
-def sweep_json(found: SweepTable, ended: Status | None, files: Sequence[Path]) -> dict[str, object]:
+def sweep_json(found: SweepTable, ended: Status | None) -> dict[str, object]:
     """Return a sweep for ``--json``."""
-    status = ended or Status(Cause.DONE, "the sweep is complete")
     return {
-        "status": "ok" if ended is None else str(status.cause),
-        "message": status.text,
+        "message": "the sweep is complete" if ended is None else ended.text,
         "variants": len(found),
         "failed": {cause: [i + 1 for i in rows] for cause, rows in _failures(found).items()},
         "inputs": {one.name: one.unit for one in found.inputs},
         "scalars": {name: _range(found, name) for name in found.scalars},
-        "files": [str(path) for path in files],
     }
 
 
@@ -106,7 +97,7 @@ def _range(found: SweepTable, name: str) -> dict[str, object]:
     return {"unit": found.units[name], "least": float(np.nanmin(values)), "largest": float(np.nanmax(values))}
 
 
-@app.command(
+@cli.app.command(
     help_prologue="""\
 flexcam sweep case.toml --set run.crank_speed=1000:8000:50rpm
 flexcam sweep case.toml --set run.crank_speed=1000:8000:500rpm --set springs.valve.stiffness=30:60:5kN/m --workers 8
@@ -115,39 +106,27 @@ flexcam sweep case.toml --resume
 """
 )
 def sweep(
-    case: CaseFile, *,
-    settings: Annotated[
-        list[str] | None,
-        Parameter(
-            "--set",
-            negative=(),
-            help="Value, list or range: KEY=4kN/m, KEY=3,4kN/m, KEY=3:6:0.5kN/m (step), KEY=3:6#7kN/m (count), "
-            "KEY=3:6kN/m (with --sample). Repeatable.",
-        ),
-    ] = None,
-    sample: Annotated[
-        str | None, Parameter(help="Sample ranges with lhs:N or sobol:N points instead of a full grid.")
-    ] = None,
+    case: cli.CaseFile, *,
+    settings: Annotated[list[str] | None, Parameter(
+        "--set", help="Value, list or range: KEY=4kN/m, KEY=3,4kN/m, KEY=3:6:0.5kN/m (step), KEY=3:6#7kN/m "
+        "(count), KEY=3:6kN/m (with --sample). Repeatable.")] = None,
+    sample: Annotated[str | None, Parameter(
+        help="Sample ranges with lhs:N or sobol:N points instead of a full grid.")] = None,
     seed: Annotated[int | None, Parameter(help="Random seed of the samples; 0 by default.")] = None,
-    scalars: Annotated[
-        list[str] | None,
-        Parameter(negative=(), help="Write only these scalars, by (beginning of) name: deviation,contacts.seat."),
-    ] = None,
-    folder: Folder = Path("results"),
-    histories: Annotated[bool, Parameter(negative=(), help="Also keep the result file of every variant.")] = False,
-    parquet: Annotated[bool, Parameter(negative=(), help="Also write a Parquet table.")] = False,
-    resume: Annotated[bool, Parameter(negative=(), help="Continue a sweep that was stopped.")] = False,
-    workers: Annotated[
-        int | None, Parameter(group=_WORKERS, help="Number of processes; one per core by default, 0 for no others.")
-    ] = None,
-    scheduler: Annotated[
-        str | None, Parameter(group=_WORKERS, help="Dask scheduler tcp://HOST:PORT, or local with --workers processes.")
-    ] = None,
+    scalars: Annotated[list[str] | None, Parameter(
+        help="Write only these scalars, by (beginning of) name: deviation,contacts.seat.")] = None,
+    folder: cli.Folder = Path("results"),
+    histories: Annotated[bool, Parameter(help="Also keep the result file of every variant.")] = False,
+    parquet: Annotated[bool, Parameter(help="Also write a Parquet table.")] = False,
+    resume: Annotated[bool, Parameter(help="Continue a sweep that was stopped.")] = False,
+    workers: Annotated[int | None, Parameter(
+        group=_WORKERS, help="Number of processes; one per core by default, 0 for no others.")] = None,
+    scheduler: Annotated[str | None, Parameter(
+        group=_WORKERS, help="Dask scheduler tcp://HOST:PORT, or local with --workers processes.")] = None,
     limit: Annotated[int, Parameter(group=_WORKERS, help="Max number of variants.")] = MAX_VARIANTS,
-    time_limit: Annotated[
-        str | None, Parameter(group=_WORKERS, help="Max time of a variant, such as 5min; otherwise it fails.")
-    ] = None,
-    allow_large: AllowLarge = False, overwrite: Overwrite = False, as_json: Json = False,
+    time_limit: Annotated[str | None, Parameter(
+        group=_WORKERS, help="Max time of a variant, such as 5min; otherwise it fails.")] = None,
+    allow_large: cli.AllowLarge = False, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
 ) -> Status | None:  # fmt: skip
     """Run many variants of a case and write one table with a row per variant.
 
@@ -159,7 +138,7 @@ def sweep(
         lambda: make_sweep(case, settings or (), sampled=sample, seed=seed, scalars=kept, limit=limit),
         lambda: collect_errors(
             lambda: _create_workers(scheduler, workers),
-            lambda: None if time_limit is None else parse_duration("--time-limit", time_limit),
+            lambda: None if time_limit is None else cli.parse_duration("--time-limit", time_limit),
         ),
         lambda: check_folder_name(folder),
     )
@@ -171,13 +150,8 @@ def sweep(
     with show_count(len(asked.plan), "variants") as shown:
         table, files = run_sweep_to_files(asked, target, runners, advance=shown)
     ended = sweep_status(table)
-    if as_json:
-        print_json(sweep_json(table, ended, files))
-        return ended
-    result_console().print(sweep_table(table))
-    for sentence in describe_sweep(table):
-        result_console().print("\n" + sentence)
-    print_files(files)
+    output = cli.CommandOutput([sweep_table(table), *describe_sweep(table)], sweep_json(table, ended))
+    cli.write_output(output, ended=ended, as_json=as_json, written=files)
     return ended
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -22,26 +23,12 @@ from flexcam.analysis.cam_analysis import (
 )
 from flexcam.cams import Family, HarmonicFamily, SingleMass, SplineFamily, Synthesis, event_extremes, minimax, pareto
 from flexcam.case.reader import has_mechanism
-from flexcam.cli.app import (
-    CaseFile,
-    Json,
-    Overrides,
-    Overwrite,
-    Picture,
-    app,
-    check_distinct_files,
-    check_figure_path,
-    load_case,
-    parse_quantity,
-    refuse_without,
-)
-from flexcam.cli.cam import CamName
-from flexcam.cli.lift_files import print_lift_files
-from flexcam.core import FloatArray
+from flexcam.cli import app as cli
+from flexcam.cli.cam import CamName, describe_lift_file
 from flexcam.core.errors import positive, refuse
 from flexcam.core.units import RPM, parse
 from flexcam.io import check_writable, create_folder, write_law, write_lift
-from flexcam.report.terminal import NOISE, facts_table, format_mm, plain_table, print_json, result_console
+from flexcam.report.terminal import NOISE, facts_table, finite_numbers, format_mm, plain_table
 
 
 def synthesis_json(found: Synthesis) -> dict[str, object]:
@@ -95,12 +82,9 @@ def pareto_table(front: Sequence[Synthesis]) -> Table:
 
 def harmonic_table(found: HarmonicCam) -> Table:
     """Return the table of a harmonic cam."""
-    fit = found.fit
+    fit, hertz = found.fit, found.frequency / (2.0 * math.pi)
     rows = [
-        (
-            "harmonics",
-            f"{found.count}; {found.limit} lie below the first mode, {found.frequency / (2.0 * math.pi):.4g} Hz",
-        ),
+        ("harmonics", f"{found.count}; {found.limit} lie below the first mode, {hertz:.4g} Hz"),
         ("max deviation in the dwells", f"{1e6 * fit.strict_deviation:.4g} um"),
         ("max deviation elsewhere", f"{1e6 * fit.deviation:.4g} um, {1e6 * fit.rms_deviation:.4g} um rms"),
         ("lift", " to ".join(format_mm(end.value) for end in event_extremes(fit.event)) + " mm"),
@@ -140,11 +124,6 @@ def polydyne_properties_table(found: PolydyneCam) -> Table:
     return facts_table("Polydyne cam", rows)
 
 
-def finite_or_null(values: FloatArray) -> list[float | None]:
-    """Return numbers for JSON, which has no infinity."""
-    return [value if math.isfinite(value) else None for value in values.tolist()]
-
-
 _EXAMPLES = """\
 flexcam synthesize law --minimize Ca --bound Cj=52.5 -o best.toml
 flexcam synthesize harmonic case.toml --tolerance "20 um" -o lift.toml
@@ -156,7 +135,7 @@ synthesize = App(
     help_prologue=_EXAMPLES,
     help_format="plaintext",
 )
-app.command(synthesize)
+cli.app.command(synthesize)
 
 Output = Annotated[
     Path | None, Parameter(["-o", "--output"], help="Also write it to this file (.toml), which a case can name.")
@@ -175,73 +154,60 @@ flexcam synthesize law --family harmonic --orders 1 --orders 3 --orders 5 --mini
 )
 def synthesize_law(
     *,
-    minimize: Annotated[
-        list[str],
-        Parameter("--minimize", negative=(), help="Cv, Ca, Cj, Cm or rms; CRITERION=WEIGHT for a sum. Repeatable."),
-    ],
-    bound: Annotated[
-        list[str] | None, Parameter("--bound", negative=(), help="Upper bound: CRITERION=VALUE. Repeatable.")
-    ] = None,
-    against: Annotated[
-        str | None, Parameter("--pareto", help="Second criterion: find a Pareto front instead of one law.")
-    ] = None,
+    minimize: Annotated[list[str], Parameter(
+        "--minimize", help="Cv, Ca, Cj, Cm or rms; CRITERION=WEIGHT for a sum. Repeatable.")],
+    bound: Annotated[list[str] | None, Parameter("--bound", help="Upper bound: CRITERION=VALUE. Repeatable.")] = None,
+    against: Annotated[str | None, Parameter(
+        "--pareto", help="Second criterion: find a Pareto front instead of one law.")] = None,
     count: Annotated[int | None, Parameter(help="Number of laws of the front; 9 by default.")] = None,
-    condition: Annotated[
-        list[str] | None,
-        Parameter("--condition", negative=(), help="Prescribed derivative: POSITION,ORDER,VALUE. Repeatable."),
-    ] = None,
-    turning_back: Annotated[bool, Parameter(negative=(), help="Allow negative velocity.")] = False,
-    family: Annotated[
-        Literal["spline", "polynomial", "harmonic"], Parameter(group=_FAMILY, help="Family of the law.")
-    ] = "spline",
-    degree: Annotated[
-        int | None, Parameter(group=_FAMILY, help="Degree of a spline (5 by default) or polynomial (11).")
-    ] = None,
+    condition: Annotated[list[str] | None, Parameter(
+        "--condition", help="Prescribed derivative: POSITION,ORDER,VALUE. Repeatable.")] = None,
+    turning_back: Annotated[bool, Parameter(help="Allow negative velocity.")] = False,
+    family: Annotated[Literal["spline", "polynomial", "harmonic"], Parameter(
+        group=_FAMILY, help="Family of the law.")] = "spline",
+    degree: Annotated[int | None, Parameter(
+        group=_FAMILY, help="Degree of a spline (5 by default) or polynomial (11).")] = None,
     pieces: Annotated[int | None, Parameter(group=_FAMILY, help="Pieces of a spline; 24 by default.")] = None,
-    orders: Annotated[
-        list[int] | None, Parameter(negative=(), group=_FAMILY, help="Orders of a harmonic law; 1 to 5 by default.")
-    ] = None,
-    rest: Annotated[
-        int | None, Parameter(group=_FAMILY, help="Number of derivatives that are zero at both ends; 2 by default.")
-    ] = None,
-    asymmetric: Annotated[bool, Parameter(negative=(), group=_FAMILY, help="Allow asymmetric laws.")] = False,
-    output: Output = None, plot: Picture = None, overwrite: Overwrite = False, as_json: Json = False,
+    orders: Annotated[list[int] | None, Parameter(
+        group=_FAMILY, help="Orders of a harmonic law; 1 to 5 by default.")] = None,
+    rest: Annotated[int | None, Parameter(
+        group=_FAMILY, help="Number of derivatives that are zero at both ends; 2 by default.")] = None,
+    asymmetric: Annotated[bool, Parameter(group=_FAMILY, help="Allow asymmetric laws.")] = False,
+    output: Output = None, plot: cli.Picture = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
 ) -> None:  # fmt: skip
     """Find the motion law of a family with minimum peak values, with a proven lower bound."""
-    refuse_without("--count", count, "--pareto", present=against is not None)
-    check_figure_path(plot, overwrite)
+    cli.refuse_without("--count", count, "--pareto", present=against is not None)
+    cli.check_figure_path(plot, overwrite)
     where = _family(family, degree, pieces, orders, rest, symmetric=not asymmetric)
     weights, limits = _numbers("--minimize", minimize, 1.0), _numbers("--bound", bound or [], None)
     fixed = [_condition(one) for one in condition or []]
     if against is not None:
         if len(weights) != 1 or limits:
-            raise refuse(
-                "--pareto", "with --bound or several --minimize", "one criterion of --minimize, and no --bound"
-            )
+            allowed = "one criterion of --minimize, and no --bound"
+            raise refuse("--pareto", "with --bound or several --minimize", allowed)
         number, first = 9 if count is None else count, next(iter(weights))
         front = pareto(where, first, against, count=number, conditions=fixed, monotone=not turning_back)
     else:
         front = [minimax(where, weights, bounds=limits, conditions=fixed, monotone=not turning_back)]
     goals = None if against is None else (next(iter(weights)), against)
     files = _write_law_files(front, goals, output, plot, overwrite=overwrite)
-    if as_json:
-        laws = [synthesis_json(one) for one in front]
-        print_json({"status": "ok", "laws": laws, "files": [str(path) for path in files]})
-        return
-    result_console().print(pareto_table(front) if against else synthesis_table(front[0]))
-    result_console().print(_LEGEND)
-    for path in files:
-        result_console().print(f'{path}  (in a case: law = "{path.name}")' if path.suffix == ".toml" else str(path))
+    parts = [pareto_table(front) if against else synthesis_table(front[0]), _LEGEND]
+    answer = cli.CommandOutput(parts, {"laws": [synthesis_json(one) for one in front]})
+    cli.write_output(answer, as_json=as_json, written=files, describe_file=_describe_law_file)
+
+
+def _describe_law_file(path: Path) -> str:
+    return f'{path}  (in a case: law = "{path.name}")' if path.suffix == ".toml" else str(path)
 
 
 def _family(
     kind: str, degree: int | None, pieces: int | None, orders: list[int] | None, rest: int | None, *, symmetric: bool
 ) -> Family:
     harmonic = kind == "harmonic"
-    refuse_without("--orders", orders, "--family harmonic", present=harmonic)
-    refuse_without("--pieces", pieces, "--family spline", present=kind == "spline")
+    cli.refuse_without("--orders", orders, "--family harmonic", present=harmonic)
+    cli.refuse_without("--pieces", pieces, "--family spline", present=kind == "spline")
     for option, given in (("--degree", degree), ("--rest", rest), ("--asymmetric", not symmetric)):
-        refuse_without(option, given, "--family spline or polynomial", present=not harmonic)
+        cli.refuse_without(option, given, "--family spline or polynomial", present=not harmonic)
     if harmonic:
         return HarmonicFamily(tuple(orders)) if orders else HarmonicFamily()
     order = 2 if rest is None else rest
@@ -271,21 +237,14 @@ def _condition(text: str) -> tuple[float, int, float]:
         raise refuse("--condition", repr(text), allowed) from None
 
 
-def _output_paths(output: Path | None, count: int) -> list[Path]:
-    """Return the file names of laws, numbered if there are several; none without an output option."""
-    if output is None:
-        return []
-    if count == 1:
-        return [output]
-    return [output.with_name(f"{output.stem}-{i}{output.suffix}") for i in range(1, count + 1)]
-
-
 def _write_law_files(
     front: list[Synthesis], goals: tuple[str, str] | None, output: Path | None, plot: Path | None, *, overwrite: bool
 ) -> list[Path]:
     """Write the requested files of a law, or of a front of two criteria, the goals."""
     files: list[Path] = []
-    paths = _output_paths(output, len(front))
+    paths = [] if output is None else [output]
+    if output is not None and len(front) > 1:  # numbered
+        paths = [output.with_name(f"{output.stem}-{i}{output.suffix}") for i in range(1, len(front) + 1)]
     for path in paths:  # before files are written
         check_writable("output", path, overwrite=overwrite)
     for found, path in zip(front, paths, strict=False):
@@ -308,33 +267,31 @@ flexcam synthesize harmonic case.toml --cam intake --count 12 --bound "0.2 mm"
 """,
 )
 def synthesize_harmonic(
-    case: CaseFile, *, name: CamName = None,
+    case: cli.CaseFile, *,
+    name: CamName = None,
     tolerance: Annotated[str, Parameter(help="Max deviation from the cam's lift in its dwells.")] = "20 um",
     bound: Annotated[str | None, Parameter(help="Max deviation elsewhere.")] = None,
     count: Annotated[int | None, Parameter(help="Number of harmonics; by default those below the first mode.")] = None,
-    output: Output = None, overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
+    output: Output = None, overrides: cli.Overrides = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
 ) -> None:  # fmt: skip
     """Replace the lift of a cam by its low harmonics, which do not excite the first mode; the dwells stay."""
-    check_distinct_files({"--output": output}, [case])
-    strict, wide = (
-        parse_quantity("--tolerance", tolerance, "length", "um"),
-        None if bound is None else parse_quantity("--bound", bound, "length", "mm"),
-    )
-    found = harmonic_cam(load_case(case, overrides), name, tolerance=strict, count=count, bound=wide)
+    cli.check_distinct_files({"--output": output}, [case])
+    strict = cli.parse_quantity("--tolerance", tolerance, "length", "um")
+    wide = None if bound is None else cli.parse_quantity("--bound", bound, "length", "mm")
+    found = harmonic_cam(cli.load_case(case, overrides), name, tolerance=strict, count=count, bound=wide)
     about = {"flexcam": __version__, "made_for": str(case), "harmonics": found.count}
     lift = found.fit.event.with_delay(-found.phase)
     files = [] if output is None else [write_lift(lift, output, about=about, overwrite=overwrite)]
-    if as_json:
-        print_json({
-            "status": "ok", "harmonics": found.count, "harmonics_below_first_mode": found.limit,
-            "first_mode_hz": found.frequency / (2.0 * math.pi), "dwell_deviation": found.fit.strict_deviation,
-            "deviation": found.fit.deviation, "rms_deviation": found.fit.rms_deviation,
-            "lift": [end.value for end in event_extremes(found.fit.event)],
-            "files": [str(path) for path in files],
-        })  # fmt: skip
-        return
-    result_console().print(harmonic_table(found))
-    print_lift_files(files, found.phase)
+    json = {
+        "harmonics": found.count, "harmonics_below_first_mode": found.limit,
+        "first_mode_hz": found.frequency / (2.0 * math.pi), "dwell_deviation": found.fit.strict_deviation,
+        "deviation": found.fit.deviation, "rms_deviation": found.fit.rms_deviation,
+        "lift": [end.value for end in event_extremes(found.fit.event)],
+    }  # fmt: skip
+    describe_file = partial(describe_lift_file, phase=found.phase)
+    cli.write_output(
+        cli.CommandOutput([harmonic_table(found)], json), as_json=as_json, written=files, describe_file=describe_file
+    )
 
 
 @synthesize.command(
@@ -345,45 +302,42 @@ flexcam synthesize polydyne cams.toml --frequency "400 Hz" --damping 0.02 --spee
 """,
 )
 def synthesize_polydyne(
-    case: CamsPath, *, name: CamName = None,
+    case: CamsPath, *,
+    name: CamName = None,
     speed: Annotated[str | None, Parameter(help="Design speed of the camshaft; the case's by default.")] = None,
-    frequency: Annotated[
-        str | None, Parameter(help="Natural frequency of one mass on a spring, instead of the case's train.")
-    ] = None,
+    frequency: Annotated[str | None, Parameter(
+        help="Natural frequency of one mass on a spring, instead of the case's train.")] = None,
     damping: Annotated[float, Parameter(help="Damping ratio of that mass.")] = 0.0,
     count: Annotated[int, Parameter(help="Number of harmonics.")] = 60,
-    output: Output = None, overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
+    output: Output = None, overrides: cli.Overrides = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
 ) -> None:  # fmt: skip
     """Design a polydyne cam: at the design speed the flexible train moves the valve as a rigid one would."""
-    check_distinct_files({"--output": output}, [case])
-    at = None if speed is None else positive("--speed", parse_quantity("--speed", speed, "speed", "rpm"), "rad/s")
+    cli.check_distinct_files({"--output": output}, [case])
+    at = None if speed is None else positive("--speed", cli.parse_quantity("--speed", speed, "speed", "rpm"), "rad/s")
     if damping and frequency is None:
         raise refuse("--damping", damping, "--damping with --frequency only", "the train of the case has its own")
     if frequency is not None:
-        omega = 2.0 * math.pi * parse_quantity("--frequency", frequency, "rate", "Hz")
+        omega = 2.0 * math.pi * cli.parse_quantity("--frequency", frequency, "rate", "Hz")
         cams = load_cams(case, overrides or ())
         found = design_polydyne(cams, name, SingleMass(omega, damping), _design_speed(cams, at), count)
     elif has_mechanism(case):
-        found = polydyne_cam(load_case(case, overrides), name, speed=at, count=count)
+        found = polydyne_cam(cli.load_case(case, overrides), name, speed=at, count=count)
     else:
         given, remedy = f"{case.name}, which has cams only", "add --frequency for one mass on a spring"
         raise refuse("case", given, "a case with the train that the cam drives", "", remedy)
     about = {"flexcam": __version__, "made_for": str(case), "design_speed_rpm": found.speed / RPM}
     lift = found.design.event.with_delay(-found.phase)
     files = [] if output is None else [write_lift(lift, output, about=about, overwrite=overwrite)]
-    if as_json:
-        print_json({
-            "status": "ok", "design_speed_rpm": found.speed / RPM, "left_out": found.design.left_out,
-            "lift": [end.value for end in event_extremes(found.design.event)],
-            "acceleration": [end.value for end in event_extremes(found.design.event, 2)], "ratio": found.ratio,
-            "speeds_rpm": (found.speeds / RPM).tolist(), "plain": finite_or_null(found.plain),
-            "polydyne": finite_or_null(found.compensated), "files": [str(path) for path in files],
-        })  # fmt: skip
-        return
-    result_console().print(polydyne_properties_table(found))
-    result_console().print()
-    result_console().print(polydyne_table(found))
-    print_lift_files(files, found.phase)
+    json = {
+        "design_speed_rpm": found.speed / RPM, "left_out": found.design.left_out,
+        "lift": [end.value for end in event_extremes(found.design.event)],
+        "acceleration": [end.value for end in event_extremes(found.design.event, 2)], "ratio": found.ratio,
+        "speeds_rpm": (found.speeds / RPM).tolist(), "plain": finite_numbers(found.plain),
+        "polydyne": finite_numbers(found.compensated),
+    }  # fmt: skip
+    answer = cli.CommandOutput([polydyne_properties_table(found), polydyne_table(found)], json)
+    describe_file = partial(describe_lift_file, phase=found.phase)
+    cli.write_output(answer, as_json=as_json, written=files, describe_file=describe_file)
 
 
 def _design_speed(cams: CamSet, given: float | None) -> float:

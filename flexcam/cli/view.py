@@ -11,18 +11,17 @@ from cyclopts import Parameter
 from flexcam.analysis.natural_modes import modes as case_modes
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
-from flexcam.case.reader import case_from_result
-from flexcam.cli.app import Json, Overrides, Overwrite, app, load_case, parse_quantity
+from flexcam.cli import app as cli
+from flexcam.cli.plot import open_sources
 from flexcam.core.errors import refuse
-from flexcam.io import Result, read_result
-from flexcam.report.terminal import print_json, result_console
+from flexcam.io import Result
 from flexcam.valvetrain import Structure, build_structure
 
 if TYPE_CHECKING:
     from flexcam.plotting.scene.motion import Motion
 
 
-@app.command(
+@cli.app.command(
     help_prologue="""\
 flexcam view results/intake.vtkhdf
 flexcam view results/intake.vtkhdf --color stress_von_mises --scale 50 --save train.gif
@@ -31,26 +30,19 @@ flexcam view case.toml --mode 2 --save mode.mp4
 """
 )
 def view(
-    source: Annotated[
-        Path, Parameter(help="Result file (.vtkhdf), or case file (.toml) to show the rigid motion.")
-    ], *,
-    picture: Annotated[
-        Path | None, Parameter("--save", help="Write a file (.png, .gif, .mp4 or .html) instead of opening a window.")
-    ] = None,
-    color: Annotated[
-        str | None, Parameter(help="Color the members by a saved field or a stress, such as stress_von_mises.")
-    ] = None,
-    scale: Annotated[
-        float, Parameter(help="Magnification of the elastic deformation; the rigid motion is not scaled.")
-    ] = 1.0,
-    at: Annotated[
-        str | None, Parameter("--at", help="Cam angle of a still picture, or of the start of the motion: 120deg.")
-    ] = None,
-    mode: Annotated[
-        int | None, Parameter(help="Animate a natural mode, by its number in flexcam modes.")
-    ] = None,
+    source: Annotated[Path, Parameter(
+        help="Result file (.vtkhdf), or case file (.toml) to show the rigid motion.")], *,
+    picture: Annotated[Path | None, Parameter(
+        "--save", help="Write a file (.png, .gif, .mp4 or .html) instead of opening a window.")] = None,
+    color: Annotated[str | None, Parameter(
+        help="Color the members by a saved field or a stress, such as stress_von_mises.")] = None,
+    scale: Annotated[float, Parameter(
+        help="Magnification of the elastic deformation; the rigid motion is not scaled.")] = 1.0,
+    at: Annotated[str | None, Parameter(
+        "--at", help="Cam angle of a still picture, or of the start of the motion: 120deg.")] = None,
+    mode: Annotated[int | None, Parameter(help="Animate a natural mode, by its number in flexcam modes.")] = None,
     size: Annotated[str, Parameter(help="Size of the window or picture in pixels.")] = "1024x768",
-    overrides: Overrides = None, overwrite: Overwrite = False, as_json: Json = False,
+    overrides: cli.Overrides = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
 ) -> None:  # fmt: skip
     """Show the moving mechanism in 3D, or write a picture or an animation of it.
 
@@ -60,17 +52,14 @@ def view(
     from flexcam.plotting.scene.mechanism import build_mechanism
 
     if not abs(scale) <= _MAX_SCALE:
-        raise refuse(
-            "--scale",
-            scale,
-            f"a finite number, at most {_MAX_SCALE:g} in size",
-            "the deformation would leave the picture",
-        )
-    angle = None if at is None else parse_quantity("--at", at, "angle", "deg")
+        allowed = f"a finite number, at most {_MAX_SCALE:g} in size"
+        raise refuse("--scale", scale, allowed, "the deformation would leave the picture")
+    angle = None if at is None else cli.parse_quantity("--at", at, "angle", "deg")
     pixels = _pixels(size)
     if picture is not None:
         check_output_path(picture, pixels, overwrite=overwrite)
-    case, result = _read_source(source, overrides)
+    (read,) = open_sources([source], overrides)
+    case, result = read.case, read.result
     structure = build_structure(build_model(case))
     motion, title = _displayed_motion(case, structure, result, color, mode)
     drawn, still = build_mechanism(structure), _image_instant(case, result, motion, angle, mode)
@@ -82,14 +71,11 @@ def view(
         show_window(stage, still, swings=mode is not None)
     else:
         save_view(stage, picture, motion.spread(FRAMES), still)
-    if as_json:
-        files = [] if picture is None else [str(picture)]
-        print_json({"status": "ok", "files": files, "instants": len(motion), "drawn": list(drawn.notes)})
-        return
-    if drawn.notes:
-        result_console().print("\n".join(["Sizes chosen for the drawing:", *(f"  {note}" for note in drawn.notes)]))
-    if picture is not None:
-        result_console().print(str(picture))
+    parts = (
+        ["\n".join(["Sizes chosen for the drawing:", *(f"  {note}" for note in drawn.notes)])] if drawn.notes else []
+    )
+    output = cli.CommandOutput(parts, {"instants": len(motion), "drawn": list(drawn.notes)})
+    cli.write_output(output, as_json=as_json, written=[] if picture is None else [picture])
 
 
 def _image_instant(case: Case, result: Result | None, motion: Motion, angle: float | None, mode: int | None) -> int:
@@ -113,16 +99,6 @@ _MIN_SIZE, _MAX_SIZE = 64, 8192
 _MAX_SCALE = 1e6
 
 
-def _read_source(source: Path, overrides: Overrides) -> tuple[Case, Result | None]:
-    """Return the case of a case file, or the case of a result with the result."""
-    if source.suffix != ".vtkhdf":
-        return load_case(source, overrides), None
-    if overrides:
-        raise refuse("--set", overrides[0], "--set with a case only", "a result cannot be changed", "give the case")
-    result = read_result(source)
-    return case_from_result(result), result
-
-
 def _displayed_motion(
     case: Case, structure: Structure, result: Result | None, color: str | None, mode: int | None
 ) -> tuple[Motion, str]:
@@ -137,9 +113,8 @@ def _displayed_motion(
         if mode > found.shapes.shape[1]:
             raise refuse("--mode", mode, f"1 to {found.shapes.shape[1]}, as flexcam modes counts them")
         if color not in (None, "displacement"):
-            raise refuse(
-                "--color", repr(color), "displacement", "the amplitude of a mode is arbitrary, so it has no stress"
-            )
+            why = "the amplitude of a mode is arbitrary, so it has no stress"
+            raise refuse("--color", repr(color), "displacement", why)
         shown = mode_motion(structure, found.shapes[:, mode - 1], coloured=color is not None)
         return shown, f"{title}: mode {mode}, {found.frequencies[mode - 1]:.4g} Hz"
     if result is not None:

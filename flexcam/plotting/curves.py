@@ -28,18 +28,21 @@ from flexcam.cams import (
     residual_spectrum,
 )
 from flexcam.core import ComplexArray, FloatArray
-from flexcam.plotting.figures import COLOURS, add_legend, add_stacked_axes, add_title, create_stacked_axes, line_styles
+from flexcam.plotting.figures import (
+    COLOURS,
+    add_legend,
+    add_stacked_axes,
+    add_title,
+    create_axes,
+    create_stacked_axes,
+    line_styles,
+)
 
-LAW_LABELS = ("s", "s'", "s''", "s'''")
-"""Axis labels of laws, from top to bottom."""
-
-LAW_POSITION = "z, part of the rise"
-"""Abscissa label of laws."""
-
+LAW_LABELS = ("s", "s'", "s''", "s'''")  # axis labels of laws, from top to bottom
+LAW_POSITION = "z, part of the rise"  # abscissa label of laws
 _POINTS = 1441
 _RATIOS = np.linspace(0.05, 6.0, 600)
-_JUMP_OFFSET = 1e-6
-"""Angle before a discontinuity, rad, at which its left-hand limit is drawn."""
+_JUMP_OFFSET = 1e-6  # angle before a discontinuity, rad, at which its left-hand limit is drawn
 
 
 def law_figure(laws: Mapping[str, Law]) -> Figure:
@@ -66,27 +69,20 @@ def lift_figure(events: Mapping[str, Event]) -> Figure:
     for (name, event), (color, dashes) in zip(events.items(), line_styles(), strict=False):
         met = joints(event)
         ends = np.array([joint.angle for joint in met])
-        angle = np.sort(
-            np.concatenate([even, ends, ends[ends > _JUMP_OFFSET] - _JUMP_OFFSET])
-        )  # both sides of every jump
+        both_sides = [even, ends, ends[ends > _JUMP_OFFSET] - _JUMP_OFFSET]  # of every jump
+        angle = np.sort(np.concatenate(both_sides))
         for order, one in enumerate(axes):
             steps = tuple(math.degrees(joint.angle - 0.5 * _JUMP_OFFSET) for joint in met if joint.steps[order])
-            one.plot(
-                *_insert_gaps(np.degrees(angle), steps, 1e3 * event(angle, order)),
-                label=name,
-                color=color,
-                linestyle=dashes,
-            )
+            curve = _insert_gaps(np.degrees(angle), steps, 1e3 * event(angle, order))
+            one.plot(*curve, label=name, color=color, linestyle=dashes)
     add_legend(figure, axes[0], len(events))
-    axes[-1].set_xticks(range(0, 361, 45))
-    axes[-1].set_xlim(0.0, 360.0)
+    axes[-1].set(xticks=range(0, 361, 45), xlim=(0.0, 360.0))
     return figure
 
 
 def timing_figure(cylinder: Mapping[str, CamFacts]) -> Figure:
     """Return a figure with the valve lifts of a cylinder over the crank angle from top dead centre of gas exchange."""
-    figure = Figure(figsize=(7.0, 4.2), layout="constrained")
-    axes = figure.add_subplot()
+    figure, (axes,) = create_axes((7.0, 4.2))
     crank = np.linspace(-360.0, 360.0, _POINTS)
     lifts: dict[str, FloatArray] = {}
     for (name, one), (color, dashes) in zip(cylinder.items(), line_styles(), strict=False):
@@ -104,10 +100,8 @@ def timing_figure(cylinder: Mapping[str, CamFacts]) -> Figure:
     for angle, centre in _DEAD_CENTRES.items():
         axes.axvline(angle, color="0.4", linewidth=0.8)
         axes.text(angle, 1.01, centre, transform=axes.get_xaxis_transform(), ha="center", fontsize="small")
-    axes.set_xlabel("crank angle from top dead centre of gas exchange, deg")
-    axes.set_ylabel("valve lift, mm")
-    axes.set_xlim(-360.0, 360.0)
-    axes.set_xticks(range(-360, 361, 90))
+    axes.set(xlabel="crank angle from top dead centre of gas exchange, deg", ylabel="valve lift, mm")
+    axes.set(xlim=(-360.0, 360.0), xticks=range(-360, 361, 90))
     axes.set_ylim(bottom=0.0)
     axes.grid(alpha=0.3)
     lines, names = axes.get_legend_handles_labels()
@@ -121,14 +115,11 @@ _DEAD_CENTRES = {-360: "firing TDC", -180: "BDC", 0: "TDC", 180: "BDC", 360: "fi
 
 def spectrum_figure(laws: Mapping[str, Law]) -> Figure:
     """Return a figure with the residual vibration of laws over the rise time."""
-    figure = Figure(figsize=(7.0, 4.0), layout="constrained")
-    axes = figure.add_subplot()
+    figure, (axes,) = create_axes((7.0, 4.0))
     for (name, law), (color, dashes) in zip(laws.items(), line_styles(), strict=False):
         axes.plot(_RATIOS, residual_spectrum(law, _RATIOS), label=name, color=color, linestyle=dashes)
-    axes.set_xlabel("rise time over the period of the oscillator")
-    axes.set_ylabel("residual amplitude over lift")
-    axes.set_ylim(0.0, 1.1)
-    axes.set_xlim(0.0, float(_RATIOS[-1]))
+    axes.set(xlabel="rise time over the period of the oscillator", ylabel="residual amplitude over lift")
+    axes.set(ylim=(0.0, 1.1), xlim=(0.0, float(_RATIOS[-1])))
     axes.grid(alpha=0.3)
     add_legend(figure, axes, len(laws))
     return add_title(figure, _single_name(laws))
@@ -146,14 +137,12 @@ def profile_figure(
 
     With `coloured`, values at the angles of a profile of the same cam colour it; the text is the label of their scale.
     """
-    figure = Figure(figsize=(6.0, 6.0), layout="constrained")
-    axes = figure.add_subplot()
+    figure, (axes,) = create_axes((6.0, 6.0))
     if coloured is not None:
         line = _colour_cam(axes, coloured[0], coloured[1], angle)
         figure.colorbar(line, ax=axes, orientation="horizontal", shrink=0.8, label=coloured[2])
     draw_profile(axes, profile, angle, thin=coloured is not None)
-    axes.set_xlabel("x, mm")
-    axes.set_ylabel("y, mm")
+    axes.set(xlabel="x, mm", ylabel="y, mm")
     return figure
 
 
@@ -165,14 +154,8 @@ def draw_profile(axes: Axes, profile: CamProfile, angle: float, *, thin: bool = 
     around = np.exp(1j * np.linspace(0.0, 2.0 * math.pi, 361))
     colour, width = ("black", 0.8) if thin else (COLOURS[0], 2.0)
     _line(axes, _close_curve(profile.points) * turned, "cam", color=colour, linewidth=width)
-    _line(
-        axes,
-        np.asarray(follower.base_radius * around, dtype=np.complex128),
-        "base circle",
-        color="0.6",
-        linewidth=0.8,
-        linestyle="--",
-    )
+    base = np.asarray(follower.base_radius * around, dtype=np.complex128)
+    _line(axes, base, "base circle", color="0.6", linewidth=0.8, linestyle="--")
     if math.isfinite(follower.roller_radius):
         _line(axes, _close_curve(profile.pitch) * turned, "pitch curve", color="0.6", linewidth=0.8, linestyle=":")
         _line(axes, touch.trace[at] + follower.roller_radius * around, "roller", color=COLOURS[1], linewidth=1.5)
@@ -222,8 +205,7 @@ def pressure_figure(profile: CamProfile) -> Figure:
     most = 10.0 * float(np.abs(profile.touch.trace).max())
     lower.plot(angle, np.where(np.abs(profile.radius) < most, 1e3 * profile.radius, np.nan), color=COLOURS[0])
     lower.axhline(0.0, color="0.4", linewidth=0.8)
-    lower.set_xlim(0.0, 360.0)
-    lower.set_xticks(range(0, 361, 45))
+    lower.set(xlim=(0.0, 360.0), xticks=range(0, 361, 45))
     return figure
 
 
@@ -244,9 +226,7 @@ def _line(axes: Axes, curve: ComplexArray, label: str, *, color: str, linewidth:
 
 _WORDS = {"Cv": "C_v, max velocity", "Ca": "C_a, max acceleration", "Cj": "C_j, max jerk"}
 _COLUMNS = 10
-_DIGITS = 4
-"""Digits to which coincident laws agree; they share a label."""
-
+_DIGITS = 4  # digits to which coincident laws agree; they share a label
 _UNIT = "lift 1 over angle 1"
 
 
@@ -257,8 +237,7 @@ def law_front_figure(front: Sequence[Synthesis], first: str, second: str) -> Fig
     axes, right = figure.add_subfigure(halves[0]).add_subplot(), figure.add_subfigure(halves[1])
     values = np.array([[_value(one.criteria, name) for name in (first, second)] for one in front])
     draw_front(axes, values, [one.converged for one in front])
-    axes.set_xlabel(f"{_WORDS[first]}, {_UNIT}")
-    axes.set_ylabel(f"{_WORDS[second]}, {_UNIT}")
+    axes.set(xlabel=f"{_WORDS[first]}, {_UNIT}", ylabel=f"{_WORDS[second]}, {_UNIT}")
     axes.set_title(f"Pareto front of {front[0].family}", fontsize="medium")
     below = add_stacked_axes(right, LAW_LABELS, LAW_POSITION)
     draw_laws(below, {str(i): one.law for i, one in enumerate(front, start=1)})
@@ -271,9 +250,8 @@ def draw_front(axes: Axes, values: FloatArray, converged: Sequence[bool]) -> Non
     """Draw two criteria against each other, numbered from 1, in the colours of the laws."""
     axes.plot(*values.T, color="0.65", linewidth=1.2, zorder=1)
     named: dict[tuple[str, str], str] = {}
-    for i, ((x, y), whole, (color, _)) in enumerate(
-        zip(values.tolist(), converged, line_styles(), strict=False), start=1
-    ):
+    points = zip(values.tolist(), converged, line_styles(), strict=False)
+    for i, ((x, y), whole, (color, _)) in enumerate(points, start=1):
         if not (math.isfinite(x) and math.isfinite(y)):
             continue
         axes.scatter(x, y, s=36, facecolors=color if whole else "none", edgecolors=color, zorder=2)

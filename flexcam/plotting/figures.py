@@ -29,12 +29,8 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0
 
 _DASHES = ("-", "--", "-.", ":")
 _FORMATS = (".svg", ".png", ".pdf")
-_TITLE_PAD = 14.0
-"""Space between axes and title, points: the order numbers of a Campbell diagram are placed there."""
-
-_TITLE_WIDTH = 76
-"""Characters per line of a title above axes of standard width."""
-
+_TITLE_PAD = 14.0  # space between axes and title, points: the order numbers of a Campbell diagram are placed there
+_TITLE_WIDTH = 76  # characters per line of a title above axes of standard width
 _DPI, _COLOUR_COUNT = 160, 64
 """Resolution of an image for printing, dots per inch, and its number of colours; curves need few."""
 
@@ -95,6 +91,12 @@ def check_figure_path(path: Path, *, overwrite: bool = False) -> None:
 def line_styles() -> Iterator[tuple[str, str]]:
     """Yield pairs of colour and dashes; seven colours and four dash patterns repeat after 28 curves."""
     return zip(cycle(COLOURS), cycle(_DASHES), strict=False)
+
+
+def create_axes(size: tuple[float, float], rows: int = 1, *, sharex: bool = True) -> tuple[Figure, list[Axes]]:
+    """Return a figure of a size in inches with axes in rows."""
+    figure = Figure(figsize=size, layout="constrained")
+    return figure, list(np.atleast_1d(np.asarray(figure.subplots(rows, sharex=sharex))))
 
 
 def create_stacked_axes(labels: Sequence[str], below: str, *, height: float = 1.6) -> tuple[Figure, list[Axes]]:

@@ -1,13 +1,14 @@
 """Figures over time, cam angle or a study: motion of a probe, forces, energies, results of studies."""
 
 # pyright: reportUnknownMemberType=false
+# matplotlib does not type its keyword arguments.
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -20,10 +21,15 @@ from flexcam.core import FloatArray
 from flexcam.core.errors import refuse, suggest_name
 from flexcam.core.units import to_display_unit
 from flexcam.dynamics import SERIES, Response, component_unit
-from flexcam.plotting.figures import COLOURS, add_legend, create_stacked_axes, escape_math, line_styles, wrap_title
-
-# matplotlib does not type its keyword arguments.
-
+from flexcam.plotting.figures import (
+    COLOURS,
+    add_legend,
+    create_axes,
+    create_stacked_axes,
+    escape_math,
+    line_styles,
+    wrap_title,
+)
 
 Abscissa = Literal["angle", "time"]
 """Abscissa of the curves of a run: cam angle or time."""
@@ -32,8 +38,7 @@ _TICKS = (5, 10, 15, 30, 45, 90, 180, 360, 720)
 _MOST_TICKS = 9
 _BELOW = {"angle": "cam angle, deg", "time": "time, s"}
 _FORCES = (".force",)
-_SHORT_NAME = 10
-"""Length of a name, characters, that shares a line of an axis label with a quantity."""
+_SHORT_NAME = 10  # length of a name, characters, that shares a line of an axis label with a quantity
 
 
 @dataclass(frozen=True)
@@ -41,8 +46,7 @@ class CurveStyle:
     """Style and name of a curve."""
 
     label: str = ""  #: label in the legend
-    #: `colour`, `dashes`: colour and dashes in the format of matplotlib
-    colour: str = COLOURS[0]
+    colour: str = COLOURS[0]  #: colour and dashes in the format of matplotlib
     dashes: str = "-"
     width: float = 1.4  #: width of the line, points
 
@@ -92,10 +96,9 @@ def motion_figure(
     first = next(iter(responses.values()))
     component = probe.rpartition(".")[2]
     name, gap = lift or probe, " " if len(lift or probe) <= _SHORT_NAME else "\n"
+    words = {"displacement": "lift"} if lift else {}
     motions = [
-        axis_label(
-            f"{name}{gap}{'lift' if lift and series == 'displacement' else series}", component_unit(component, unit)
-        )
+        axis_label(f"{name}{gap}{words.get(series, series)}", component_unit(component, unit))
         for series, unit in SERIES.items()
     ]
     called = [axis_label(short_name(name), channel_unit(first, name)) for name in channels]
@@ -112,9 +115,8 @@ def channel_figure(
 ) -> Figure:  # fmt: skip
     """Return a figure with channels of several runs."""
     first = next(iter(responses.values()))
-    figure, axes = create_stacked_axes(
-        [axis_label(short_name(name), channel_unit(first, name)) for name in channels], _BELOW[over]
-    )
+    called = [axis_label(short_name(name), channel_unit(first, name)) for name in channels]
+    figure, axes = create_stacked_axes(called, _BELOW[over])
     _draw_channels(axes, responses, rigid or {}, channels, over)
     for one, channel in zip(axes, channels, strict=True):
         if channel.endswith(_FORCES):
@@ -198,9 +200,6 @@ def _tick_spacing(span: float) -> float:
     return next((float(one) for one in _TICKS if span / one <= _MOST_TICKS), 720.0 * np.ceil(span / 720.0 / 8.0))
 
 
-# matplotlib does not type its keyword arguments.
-
-
 _LEVELS = 10
 
 
@@ -209,8 +208,7 @@ def bars_figure(
 ) -> Figure:
     """Return a bar chart by key, one diagram per scalar."""
     keys = max(len(one) for one in groups.values())
-    figure = Figure(figsize=(7.0, 0.8 + len(groups) * (0.5 + 0.35 * keys)), layout="constrained")
-    axes = list(np.atleast_1d(np.asarray(figure.subplots(len(groups)))))
+    figure, axes = create_axes((7.0, 0.8 + len(groups) * (0.5 + 0.35 * keys)), len(groups), sharex=False)
     for axis, (name, values) in zip(axes, groups.items(), strict=True):
         order = sorted(range(len(values)), key=lambda i: abs(list(values.values())[i]))
         sizes = np.array(list(values.values()))[order]
@@ -225,8 +223,7 @@ def bars_figure(
 
 def scatter_figure(values: Mapping[str, FloatArray], units: Mapping[str, str], middle: Mapping[str, float]) -> Figure:
     """Return histograms of scalars, one diagram per scalar."""
-    figure = Figure(figsize=(7.0, 0.8 + 2.4 * len(values)), layout="constrained")
-    axes = list(np.atleast_1d(np.asarray(figure.subplots(len(values)))))
+    figure, axes = create_axes((7.0, 0.8 + 2.4 * len(values)), len(values), sharex=False)
     for axis, (name, of) in zip(axes, values.items(), strict=True):
         axis.hist(of, bins="auto" if np.ptp(of) > 0.0 else 3, color=COLOURS[5], edgecolor="black", linewidth=0.6)
         for part in np.quantile(of, [0.05, 0.95]).tolist() if len(of) else ():
@@ -234,8 +231,7 @@ def scatter_figure(values: Mapping[str, FloatArray], units: Mapping[str, str], m
         if name in middle:
             axis.axvline(middle[name], color=COLOURS[1], linewidth=1.8, label="nominal case")
         unit = units.get(name, "")
-        axis.set_xlabel(name if unit in ("", "1") else f"{name}, {unit}")
-        axis.set_ylabel("sets of parts")
+        axis.set(xlabel=name if unit in ("", "1") else f"{name}, {unit}", ylabel="sets of parts")
     named = {label: line for axis in axes for line, label in zip(*axis.get_legend_handles_labels(), strict=True)}
     figure.legend(list(named.values()), list(named), loc="outside upper center", fontsize="small", ncols=2)
     return figure
@@ -243,17 +239,14 @@ def scatter_figure(values: Mapping[str, FloatArray], units: Mapping[str, str], m
 
 def progress_figure(costs: FloatArray, inside: np.ndarray, best: FloatArray, label: str) -> Figure:
     """Return a figure with the goal over the evaluations of an optimization."""
-    figure = Figure(figsize=(7.0, 4.0), layout="constrained")
-    axes = figure.add_subplot()
+    figure, (axes,) = create_axes((7.0, 4.0))
     at = np.arange(1, len(costs) + 1)
     known = np.isfinite(costs)
+    outline: dict[str, Any] = {"s": 16, "edgecolors": COLOURS[0], "linewidths": 0.8}
     for chosen, fill, name in ((inside & known, COLOURS[0], "feasible"), (~inside & known, "none", "infeasible")):
-        axes.scatter(
-            at[chosen], costs[chosen], s=16, facecolors=fill, edgecolors=COLOURS[0], linewidths=0.8, label=name
-        )
+        axes.scatter(at[chosen], costs[chosen], facecolors=fill, label=name, **outline)
     axes.plot(at, best, color=COLOURS[1], linewidth=1.5, drawstyle="steps-post", label="best so far")
-    axes.set_xlabel("evaluation")
-    axes.set_ylabel(label)
+    axes.set(xlabel="evaluation", ylabel=label)
     axes.grid(alpha=0.3)
     figure.legend(loc="outside upper center", ncols=3, fontsize="small")
     return figure
@@ -263,8 +256,8 @@ def fit_figure(
     instants: FloatArray, label: str, curves: Mapping[str, tuple[FloatArray, FloatArray, FloatArray]]
 ) -> Figure:
     """Return measured curves with those of the model before and after a fit, one diagram per curve."""
-    figure = Figure(figsize=(7.0, 0.8 + 2.6 * len(curves)), layout="constrained")
-    axes, order = list(np.atleast_1d(np.asarray(figure.subplots(len(curves), sharex=True)))), np.argsort(instants)
+    figure, axes = create_axes((7.0, 0.8 + 2.6 * len(curves)), len(curves))
+    order = np.argsort(instants)
     for axis, (name, (measured, before, after)) in zip(axes, curves.items(), strict=True):
         axis.plot(instants[order], measured[order], ".", color="0.55", markersize=3.0, label="measured")
         axis.plot(instants[order], before[order], "--", color=COLOURS[1], linewidth=1.2, label="before")
@@ -278,13 +271,11 @@ def fit_figure(
 
 def front_figure(values: FloatArray, inside: np.ndarray, front: Sequence[int], labels: tuple[str, str]) -> Figure:
     """Return a figure with two goals against each other and their Pareto front."""
-    figure = Figure(figsize=(7.0, 5.0), layout="constrained")
-    axes = figure.add_subplot()
+    figure, (axes,) = create_axes((7.0, 5.0))
     known = np.isfinite(values).all(axis=1) & inside
     axes.scatter(*values[known].T, s=8, color="0.65", label="feasible")
     axes.plot(*values[list(front)].T, color=COLOURS[1], marker="o", markersize=5, linewidth=1.2, label="front")
-    axes.set_xlabel(labels[0])
-    axes.set_ylabel(labels[1])
+    axes.set(xlabel=labels[0], ylabel=labels[1])
     axes.grid(alpha=0.3)
     figure.legend(loc="outside upper center", ncols=2, fontsize="small")
     return figure
@@ -294,16 +285,14 @@ def map_figure(
     along: FloatArray, down: FloatArray, rpm: Mapping[str, FloatArray], labels: tuple[str, str], shaft: str
 ) -> Figure:
     """Return a map of limits over two numbers as filled contours, one diagram per limit."""
-    figure = Figure(figsize=(7.0, 0.8 + 4.0 * len(rpm)), layout="constrained")
-    axes = list(np.atleast_1d(np.asarray(figure.subplots(len(rpm), sharex=True))))
+    figure, axes = create_axes((7.0, 0.8 + 4.0 * len(rpm)), len(rpm))
     for axis, (name, speeds) in zip(axes, rpm.items(), strict=True):
         axis.set_facecolor("0.92")
         axis.patch.set_hatch("//")
         axis.patch.set_edgecolor("0.7")
         if np.isfinite(speeds).any():
-            levels = (
-                _LEVELS if np.nanmax(speeds) > np.nanmin(speeds) else [np.nanmin(speeds) - 1, np.nanmin(speeds) + 1]
-            )
+            low, high = np.nanmin(speeds), np.nanmax(speeds)
+            levels = _LEVELS if high > low else [low - 1, low + 1]
             filled = axis.contourf(along, down, speeds, levels=levels, cmap="cividis")
             axis.clabel(axis.contour(along, down, speeds, levels=filled.levels, colors="white", linewidths=0.6),
                         fmt="%.0f", fontsize="x-small")  # fmt: skip
@@ -324,12 +313,12 @@ def work_precision_figure(found: Sequence[ModelEvaluation]) -> Figure:
     names = 0
     for (name, group), (colour, dashes) in zip(groupby(runs, key=lambda one: one.rung), line_styles(), strict=False):
         of, names = list(group), names + 1
+        best = [one for one in of if one.best]
+        line = {"label": name, "linestyle": dashes, "marker": "o", "markersize": 4}
+        square = {"linestyle": "none", "marker": "s", "markersize": 8, "fillstyle": "none"}
         for axis, kind in zip(axes, _KINDS, strict=True):
-            work = [max(one.work, 1) for one in of]
-            axis.loglog(work, [100.0 * one.errors[kind] for one in of], label=name, color=colour, linestyle=dashes,
-                        marker="o", markersize=4)  # fmt: skip
-            best = [one for one in of if one.best]
-            axis.loglog([max(one.work, 1) for one in best], [100.0 * one.errors[kind] for one in best],
-                        color=colour, linestyle="none", marker="s", markersize=8, fillstyle="none")  # fmt: skip
+            for some, style in ((of, line), (best, square)):
+                errors = [100.0 * one.errors[kind] for one in some]
+                axis.loglog([max(one.work, 1) for one in some], errors, color=colour, **style)
     add_legend(figure, axes[0], names)
     return figure

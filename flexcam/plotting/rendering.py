@@ -30,9 +30,7 @@ from flexcam.io import atomic_write_path, check_writable, create_folder
 if TYPE_CHECKING:
     from flexcam.plotting.solid_view import MechanismView
 
-_WINDOW = "VTK_DEFAULT_OPENGL_WINDOW"
-"""Environment variable of VTK with the class of its window."""
-
+_WINDOW = "VTK_DEFAULT_OPENGL_WINDOW"  # environment variable of VTK with the class of its window
 _PROBE = """
 import sys, pyvista
 plotter = pyvista.Plotter(off_screen=sys.argv[1] == "off", window_size=(32, 32))
@@ -48,9 +46,7 @@ else:
 sys.exit(0 if image.min() < 100 < image.max() else "the picture is empty")
 """
 
-_TIMEOUT = 60.0
-"""Timeout of a rendering test, s."""
-
+_TIMEOUT = 60.0  # timeout of a rendering test, s
 _REMEDY = (
     "install a renderer: on Debian and Ubuntu `apt-get install libgl1 libegl1 libegl-mesa0 libx11-6`, and for a window "
     "without a screen `xvfb`, then `xvfb-run flexcam view ...`; curves (flexcam plot) need none of it"
@@ -111,9 +107,7 @@ REQUIREMENTS = {
 }
 """Requirements by file type: the extra of flexcam and its modules."""
 
-FRAMES = 72
-"""Frames per revolution."""
-
+FRAMES = 72  # frames per revolution
 _PER_SECOND = 24
 
 
@@ -192,8 +186,7 @@ def _write_page(window: Any, path: Path, title: str) -> None:  # noqa: ANN401 - 
     path.write_text(alone.replace("<head>", f"<head><title>{html.escape(title)}</title>", 1), encoding="utf-8")
 
 
-_ICONS = re.compile(r"`https?://[^`]*/favicon[^`]*`")
-"""Icons that the viewer would download."""
+_ICONS = re.compile(r"`https?://[^`]*/favicon[^`]*`")  # icons that the viewer would download
 
 
 def _serialize_window(window: Any) -> dict[str, Any]:  # noqa: ANN401

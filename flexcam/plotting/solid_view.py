@@ -26,24 +26,17 @@ COLOURS = {
 }  # fmt: skip
 """Colours by kind of part: those of Okabe and Ito for moving parts."""
 
-_NEUTRAL_COLOUR = "#d5d9dd"
-"""Colour of parts without a value if members are coloured by one."""
-
+_NEUTRAL_COLOUR = "#d5d9dd"  # colour of parts without a value if members are coloured by one
 _CLEAR = {"bearing": 0.45, "seat": 0.6, "ground": 0.8}
-_SHARP_ANGLE = 35.0
-"""Angle between triangles, deg, above which an edge is drawn sharp."""
-
-_BELOW_WORDS, _BESIDE_BAR = 1.08, 0.8
-"""Fractions of height and width left by the title and the colour bar."""
-
+_SHARP_ANGLE = 35.0  # angle between triangles, deg, above which an edge is drawn sharp
+_BELOW_WORDS, _BESIDE_BAR = 1.08, 0.8  # fractions of height and width left by the title and the colour bar
 _BAR = {
     "color": "black", "n_labels": 5, "fmt": "%.3g", "vertical": True,
     "position_x": 0.84, "position_y": 0.2, "height": 0.55,
 }  # fmt: skip
 """Style of the colour bar."""
 
-_FRAME_TIME = 40
-"""Time between two instants of a mode in the window, ms."""
+_FRAME_TIME = 40  # time between two instants of a mode in the window, ms
 
 
 class MechanismView:

@@ -20,20 +20,16 @@ from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
 from flexcam.core.units import to_display_unit
 from flexcam.fem.recovery import deflection
-from flexcam.plotting.figures import add_legend, create_stacked_axes, line_styles, wrap_title
+from flexcam.plotting.figures import add_legend, create_axes, create_stacked_axes, line_styles, wrap_title
 from flexcam.plotting.histories import axis_label, short_name
 from flexcam.valvetrain import ModelModes, Structure
 
-_MAX_CIRCLE_AREA = 160.0
-"""Area of the largest circle, points squared."""
-
-_CROSSING_LABEL = "order meets mode; area: share of the force"
+_MAX_CIRCLE_AREA = 160.0  # area of the largest circle, points squared
 
 
 def campbell_figure(found: Campbell, scale: float, shaft: str) -> Figure:
     """Return a Campbell diagram: natural frequencies over speed with the orders of a cam."""
-    figure = Figure(figsize=(8.0, 5.0), layout="constrained")
-    axes = figure.add_subplot()
+    figure, (axes,) = create_axes((8.0, 5.0))
     rpm = scale * found.rpm
     top = _highest_drawn_frequency(found)
     _rays(axes, found, rpm, top)
@@ -48,10 +44,7 @@ def campbell_figure(found: Campbell, scale: float, shaft: str) -> Figure:
             axes.plot(rpm, column, color="0.5", linewidth=1.2, label="without force at the contact" * first)
             labelled = labelled or first
     _circles(axes, found, scale)
-    axes.set_xlim(rpm[0], rpm[-1])
-    axes.set_ylim(0.0, top)
-    axes.set_xlabel(f"{shaft} speed, rpm")
-    axes.set_ylabel("natural frequency, Hz")
+    axes.set(xlim=(rpm[0], rpm[-1]), ylim=(0.0, top), xlabel=f"{shaft} speed, rpm", ylabel="natural frequency, Hz")
     if axes.get_legend_handles_labels()[0]:
         figure.legend(loc="outside lower center", fontsize="small", ncols=2)
     return figure
@@ -90,20 +83,17 @@ def _circles(axes: Axes, found: Campbell, scale: float) -> None:
     met = [one for one in found.crossings if not math.isnan(one.load)]
     largest = max((one.load for one in met), default=0.0) or 1.0
     sizes = [max(_MAX_CIRCLE_AREA * one.load / largest, 8.0) for one in met]
-    axes.scatter(
-        [scale * one.rpm for one in met], [one.frequency for one in met], s=sizes, facecolors="none",
-        edgecolors="black", linewidths=1.2, zorder=3, label=_CROSSING_LABEL * bool(met),
-    )  # fmt: skip
+    places = [scale * one.rpm for one in met], [one.frequency for one in met]
+    label = "order meets mode; area: share of the force" if met else ""
+    axes.scatter(*places, s=sizes, facecolors="none", edgecolors="black", linewidths=1.2, zorder=3, label=label)
 
 
-_DECADES = 3.0
-"""Decades below the largest amplitude covered by the colour scale."""
+_DECADES = 3.0  # decades below the largest amplitude covered by the colour scale
 
 
 def waterfall_figure(found: Sequence[Waterfall], scale: float, shaft: str) -> Figure:
     """Return a figure with orders over speed as colours, one diagram per history."""
-    figure = Figure(figsize=(7.0, 0.8 + 2.8 * len(found)), layout="constrained")
-    axes = list(np.atleast_1d(np.asarray(figure.subplots(len(found), sharex=True))))
+    figure, axes = create_axes((7.0, 0.8 + 2.8 * len(found)), len(found))
     for axis, one in zip(axes, found, strict=True):
         _draw(figure, axis, one, scale)
     axes[-1].set_xlabel("order of the camshaft")
@@ -159,15 +149,10 @@ def growth_figure(rpm: FloatArray, growth: FloatArray, dangers: Mapping[str, NDA
     return figure
 
 
-_PARTS = 8
-"""Drawn segments per element, enough for a cubic."""
-
+_PARTS = 8  # drawn segments per element, enough for a cubic
 _MOTIONS = ("along", "across y", "across z", "twist times radius")
-_MIN_MOTION = 1e-6
-"""Motion relative to the maximum of a mode below which a curve is not drawn."""
-
-_TITLE_WIDTH = 58
-"""Characters per line of a title of one column."""
+_MIN_MOTION = 1e-6  # motion relative to the maximum of a mode below which a curve is not drawn
+_TITLE_WIDTH = 58  # characters per line of a title of one column
 
 
 def draw_mode(axes: Axes, structure: Structure, member: str, nodal: FloatArray, size: float) -> None:
@@ -181,8 +166,7 @@ def draw_mode(axes: Axes, structure: Structure, member: str, nodal: FloatArray, 
         if np.abs(values).max() > _MIN_MOTION:
             axes.plot(place, values, label=name, color=colour, linestyle=dashes)
     axes.axhline(0.0, color="0.4", linewidth=0.8)
-    axes.set_xlim(0.0, float(place[-1]))
-    axes.set_ylim(-1.1, 1.1)
+    axes.set(xlim=(0.0, float(place[-1])), ylim=(-1.1, 1.1))
     axes.grid(alpha=0.3)
 
 
@@ -193,8 +177,7 @@ def mode_figure(structure: Structure, found: ModelModes, *, title: str = "") -> 
         why = "shapes are drawn along members; flexcam modes says what moves in a train of masses"
         raise refuse("members", "none", "one or more", why)
     count = len(found.shares)
-    size = (2.0 + 3.0 * len(members), 1.4 + 1.7 * count)
-    figure = Figure(figsize=size, layout="constrained")
+    figure = Figure(figsize=(2.0 + 3.0 * len(members), 1.4 + 1.7 * count), layout="constrained")
     grid = figure.subplots(count, len(members), squeeze=False, sharex="col", sharey=True)
     shapes = structure.dofs.nodal_modes(found.modes.shapes.T, structure.model.mesh.extent)
     for mode, (row, nodal) in enumerate(zip(grid, shapes, strict=True)):

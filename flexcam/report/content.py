@@ -42,8 +42,7 @@ from flexcam.report.tables import (
 )
 from flexcam.valvetrain import Metric, ModelModes, Structure, build_structure
 
-MODES = 12
-"""Number of modes, as in `flexcam modes`."""
+MODES = 12  # number of modes, as in `flexcam modes`
 
 
 @dataclass(frozen=True, eq=False)

@@ -126,8 +126,7 @@ def spring_curve_rows(spring: Spring) -> list[SpringCurveRow]:
     ]
 
 
-_CURVE_ROWS = 12
-"""Maximum number of printed rows of a spring's curve."""
+_CURVE_ROWS = 12  # maximum number of printed rows of a spring's curve
 
 
 def spring_curve_table(name: str, spring: Spring) -> Table:
@@ -374,13 +373,7 @@ _REST_AMPLITUDE, _RELATIVE_REST_AMPLITUDE = 5e-5, 1e-5
 """A probe is at rest if it moves less than this, mm or mrad, and less than this fraction of the largest motion."""
 
 _FOUR_DECIMAL_AMPLITUDE = 1e-3  # motion, mm or mrad, for which four decimals are sufficient
-_OMITTED_TEXTS = (
-    "case",
-    "files",
-    "resolved",
-    "overrides",
-    "warnings",
-)  # texts of a result not shown here
+_OMITTED_TEXTS = ("case", "files", "resolved", "overrides", "warnings")  # texts of a result not shown here
 
 
 def info_table(result: Result) -> Table:

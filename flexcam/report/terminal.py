@@ -2,29 +2,33 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import math
 import os
 import sys
-from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from textwrap import fill
+from typing import Any
 
+import numpy as np
 from rich.console import Console, HighlighterType, JustifyMethod, OverflowMethod
 from rich.style import Style
 from rich.table import Table
 from rich.text import Text
 
+from flexcam.core import FloatArray
 from flexcam.core.errors import printable
 from flexcam.dynamics import Block, Sink, Stats, Status
 
 _ROUNDING = 1e-12
 """Length (m), angle (rad) or fraction of the largest value of a kind below which a value is a rounded zero."""
 
-NOISE = 1e-9
-"""Negative lift relative to the maximum lift below which it is not reported."""
+NOISE = 1e-9  # negative lift relative to the maximum lift below which it is not reported
 
 
 def format_mm(value: float, digits: int = 6) -> str:
@@ -63,25 +67,12 @@ def make_unique(names: Sequence[str], beside: Sequence[str]) -> list[str]:
     return longer if len(set(longer)) == len(names) else [f"{name} ({i})" for i, name in enumerate(longer, start=1)]
 
 
-@dataclass(frozen=True)
-class StudyOutput:
-    """Output of a study command."""
-
-    tables: Sequence[Table]  # tables for rich
-    words: Sequence[str]  # sentences below the tables
-    json: Mapping[str, object]  # content as one JSON object; null for missing numbers
-    csv: str  # content as CSV text
-
-
-def format_csv(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    r"""Return a table as CSV text with empty cells for missing numbers."""
-    return "".join(",".join(map(_cell, row)) + "\n" for row in (head, *rows))
-
-
-def _cell(value: object) -> str:
-    number = finite_or_none(value) if isinstance(value, float) else value
-    text = "" if number is None else repr(number) if isinstance(number, float) else str(number)
-    return '"' + text.replace('"', '""') + '"' if any(sign in text for sign in ',"\n') else text
+def format_csv(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """Return a table as CSV text with empty cells for missing numbers."""
+    text = io.StringIO()
+    cells = ([finite_or_none(value) if isinstance(value, float) else value for value in row] for row in rows)
+    csv.writer(text, lineterminator="\n").writerows([head, *cells])
+    return text.getvalue()
 
 
 def finite_or_none(value: float) -> float | None:
@@ -89,9 +80,21 @@ def finite_or_none(value: float) -> float | None:
     return value if abs(value) < float("inf") else None
 
 
+def finite_numbers(values: FloatArray) -> list[Any]:
+    """Return an array as nested lists for JSON; None for numbers that are not finite."""
+    found = values.astype(object)
+    found[~np.isfinite(values)] = None
+    return found.tolist()
+
+
 def format_number(value: float, digits: int = 6) -> str:
     """Format a number for a table; a dash if it is missing."""
     return "-" if finite_or_none(value) is None else f"{value:.{digits}g}"
+
+
+def with_unit(name: str, unit: str) -> str:
+    """Return a name with its unit, such as ``masses.valve.mass, kg``."""
+    return f"{name}, {unit}" if unit else name
 
 
 def result_console() -> Console:
@@ -204,9 +207,7 @@ def plain_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]
 _NUMBER = 14
 """Maximum length of a cell that counts as a number, with its unit, characters; longer ones are words and may wrap."""
 
-_WORDS = 40
-"""Width that a column of words needs at least, characters."""
-
+_WORDS = 40  # width that a column of words needs at least, characters
 _GAP = 3
 
 

@@ -1,8 +1,16 @@
-"""Derivatives of results by numbers of a case, exact through the time integration.
+"""Derivatives of results by numbers of a case, exact through the time integration, and the search along them.
 
 Results of a run are derived along its motion (`flexcam.dynamics.tangent`), all others, such as natural frequencies and
 properties of a cam, by central differences: they are smooth functions without noise.
+
+Maxima and minima over a revolution have kinks where another instant becomes the extreme one. A step of the search
+therefore takes all planes that are known near the best variant, tangents of the goal and of the constraints: a linear
+program within a box about it, which moves with the best variant and shrinks when no better one is found. This is the
+cutting-plane method with a trust region: J. E. Kelley, J. SIAM 8 (1960) 703; K. Madsen, J. Inst. Maths Applics 16
+(1975) 321.
 """
+
+# pyright: reportMissingTypeStubs=false, reportUnknownMemberType=false
 
 from __future__ import annotations
 
@@ -10,6 +18,8 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
+
+import numpy as np
 
 from flexcam.analysis.initial_state import steps_per_revolution
 from flexcam.analysis.preparation import PreparedRun, prepare, prepare_without_periodic_search
@@ -21,6 +31,8 @@ from flexcam.dynamics import RunFailedError, Scheme, System, Variation, tangent_
 from flexcam.dynamics.massless import FORCE_TOLERANCE, MasslessMotions
 from flexcam.studies.evaluation import compute_scalars
 from flexcam.studies.evaluators import PointEvaluator, WorstCase
+from flexcam.studies.optimization import ROUNDING, Evaluations, OptimizationProblem, ProblemEvaluator
+from flexcam.studies.plan import check_seed
 from flexcam.studies.quantities import Number, compute_quantities, get_number, is_run_scalar, make_overrides
 from flexcam.valvetrain import Metric
 
@@ -30,11 +42,8 @@ RELATIVE_WIDTH = 1e-6
 CHAOTIC_GROWTH = 1e3
 """Growth of a small disturbance over a run above which derivatives say nothing about changes of practical size."""
 
-_PERIODIC = 1e-6
-"""Relative residual of a periodic start above which its derivative does not exist."""
-
-_SIMILAR_RUNS = 10
-"""Number of runs whose time the derivatives of a run take, for the selection of the engine."""
+_PERIODIC = 1e-6  # relative residual of a periodic start above which its derivative does not exist
+_SIMILAR_RUNS = 10  # number of runs whose time the derivatives of a run take, for the selection of the engine
 
 COUNTED = (".bounces", ".open_on_the_lift")
 """Ends of the names of results that count instants or events, and have no derivative."""
@@ -47,20 +56,13 @@ _RATES = (".velocity.largest", ".acceleration.largest")
 class Gradient:
     """Results of a case and their derivatives.
 
-    Parameters
-    ----------
-    values, units
-        Value and SI unit by name of the result.
-    derivatives
-        By name of the result and key of the number, SI; NaN for a result that a neighbouring case lacks.
-    growth
-        Growth of a small disturbance over the run, see `flexcam.dynamics.tangent.TangentRun`; 1 without a run.
-    warning
-        Why the derivatives of the run say nothing; empty if they are sound.
+    `growth` is that of a small disturbance over the run (`flexcam.dynamics.tangent.TangentRun`), 1 without a run;
+    `warning` says why the derivatives of the run say nothing.
     """
 
-    values: Mapping[str, float]
+    values: Mapping[str, float]  #: value and SI unit by name of the result
     units: Mapping[str, str]
+    #: by name of the result and key of the number, SI; NaN for a result that a neighbouring case lacks
     derivatives: Mapping[tuple[str, str], float]
     growth: float
     warning: str = ""
@@ -82,32 +84,10 @@ def compute_gradient(
 ) -> Gradient:  # fmt: skip
     """Return results of a case and their derivatives by some of its numbers.
 
-    Parameters
-    ----------
-    file, overrides
-        The case.
-    names
-        Results: scalars of a run, natural frequencies, properties of cams, or keys; no speed limits.
-    numbers
-        Numbers of the case.
-    sizes
-        Usual size of each number, SI; None for its value, which then must not be zero.
-
-    Returns
-    -------
-    Gradient
-        Values and derivatives, SI.
-
-    Raises
-    ------
-    InputError
-        If the runs of the case cannot be derived, or a number changes the structure of the equations.
-    RunFailedError
-        If the run fails.
-
-    Examples
-    --------
-    ``compute_gradient(file, (), ["springs.valve.force.largest"], get_numbers(case, ["springs.valve.stiffness"]))``
+    `names` are scalars of a run, natural frequencies, properties of cams, or keys, but no speed limits; `sizes` are the
+    usual sizes of the numbers, SI, instead of their values, which must not be zero then. A case whose runs cannot be
+    derived, or a number that changes the structure of the equations, raises `InputError`, a run that fails
+    `RunFailedError`. Example: ``compute_gradient(file, (), ["springs.valve.force.largest"], get_numbers(case, keys))``.
     """
     case = file.read(overrides)
     steps = [RELATIVE_WIDTH * abs(size) for size in sizes or [number.value for number in numbers]]
@@ -237,5 +217,140 @@ def _with_channels(ready: PreparedRun, kinds: set[str]) -> PreparedRun:
     return replace(ready, problem=replace(ready.problem, system=replace(system, channels=channels)))
 
 
-_PROBE_KINDS = {"probes", "deviation"}
-"""First parts of the names of scalars that need no channels."""
+_PROBE_KINDS = {"probes", "deviation"}  # first parts of the names of scalars that need no channels
+
+
+_BOX, _SMALLEST_BOX = 0.1, 1e-3  # first and smallest half width of the box, relative to the intervals
+_SHRINK, _GROW = 0.6, 1.5  # factors of the box after a step without and with success at its border
+_CORRECTIONS = 1  # steps without success before the box shrinks
+_NEAR, _PLANES = 3.0, 16  # distance of the planes that count, in half widths of the box, and their number
+_PENALTY = 100.0  # weight of the largest relative violation of a constraint, relative to that of the goal
+_INSIDE = 1e-6  # distance from a bound, relative to it, that a step keeps, so that its result satisfies the bound
+
+
+@dataclass(frozen=True, eq=False)
+class Plane:
+    """Tangents at a point, by fractions of the intervals."""
+
+    at: FloatArray  #: shape (k,)
+    cost: float  #: quantity to be minimized
+    cost_slope: FloatArray  #: shape (k,)
+    violations: FloatArray  #: relative violations of the constraints, shape (b,)
+    violation_slopes: FloatArray  #: shape (b, k)
+
+    @property
+    def merit(self) -> tuple[float, float]:
+        """Violation of the constraints, then the cost: the smaller pair is the better variant."""
+        passed = float(np.maximum(self.violations, 0.0).sum())
+        return (passed if passed > ROUNDING else 0.0, self.cost)
+
+
+def optimize_by_gradient(
+    design: OptimizationProblem, derive: Callable[[FloatArray], Gradient], *, evaluations: int = 200, starts: int = 1,
+    seed: int = 0,
+) -> Evaluations:  # fmt: skip
+    """Search for the best variant with exact gradients, each counted as one of the evaluations.
+
+    `derive` returns the gradient of all quantities at a point in the units of the variables, shape (k,). The search
+    starts from the case, or the centre of the intervals, and then from random points.
+    """
+    if len(design.goals) != 1:
+        raise refuse("goals", len(design.goals), "one", "a gradient search has one goal")
+    if starts < 1:
+        raise refuse("--starts", starts, "1 or more")
+    check_seed(seed)
+    judge, count = ProblemEvaluator(design), len(design.points.variables)
+    first = np.full(count, 0.5) if design.start is None else design.start
+    begins = [first, *np.random.default_rng(seed).random((starts - 1, count))]
+    tangents = _Tangents(design, judge, derive)
+
+    def search() -> None:
+        for i, begin in enumerate(begins):
+            _descend(tangents, judge, begin, judge.count + (evaluations - judge.count) // (starts - i))
+
+    found = judge.run_search(search)
+    if tangents.warning and judge.count == starts:
+        why, remedy = tangents.warning, "use --method evolution"
+        raise refuse("--method gradient", "a start without derivatives", "a run with derivatives", why, remedy)
+    return found
+
+
+class _Tangents:
+    """Evaluates points with their planes."""
+
+    def __init__(
+        self, design: OptimizationProblem, judge: ProblemEvaluator, derive: Callable[[FloatArray], Gradient]
+    ) -> None:
+        self._design, self._judge, self._derive, self._spans = design, judge, derive, design.spans
+        self.warning = ""  #: why the last variant without derivatives has none
+
+    def plane(self, x: FloatArray) -> Plane | None:
+        """Return the tangents at a point; None if its run fails or has no derivative."""
+        costs, violations = self._judge.evaluate(x[None])
+        if not math.isfinite(costs[0, 0]):
+            return None
+        try:
+            found = self._derive(self._design.points_at(x))
+        except RunFailedError:
+            return None
+        if found.warning:
+            self.warning = found.warning
+            return None
+        goal, bounds, variables = self._design.goals[0], self._design.bounds, self._design.points.variables
+
+        def slope(name: str) -> FloatArray:
+            return self._spans * np.array([found.derivatives[name, one.key] for one in variables])
+
+        rows = [
+            slope(one.name) * (1.0 if one.relation == "<=" else -1.0) / (abs(one.bound(found.units[one.name])) or 1.0)
+            for one in bounds
+        ]
+        cost_slope = (-1.0 if goal.most else 1.0) * slope(goal.name)
+        slopes = np.array(rows).reshape(len(bounds), len(variables))
+        if not (np.isfinite(cost_slope).all() and np.isfinite(slopes).all()):
+            return None
+        return Plane(x, float(costs[0, 0]), cost_slope, violations[0, :-1], slopes)
+
+
+def _descend(tangents: _Tangents, judge: ProblemEvaluator, start: FloatArray, end: int) -> None:
+    """Search from a point until the box is small or a number of variants is reached."""
+    best = tangents.plane(start)
+    if best is None:
+        return
+    planes, radius, failed = [best], _BOX, 0
+    while radius > _SMALLEST_BOX and judge.count < end:
+        near = [one for one in planes if np.abs(one.at - best.at).max() <= _NEAR * radius][-_PLANES:]
+        x = _lowest(near if best in near else [best, *near], best, radius)
+        new = tangents.plane(x) if np.abs(x - best.at).max() > 0.01 * _SMALLEST_BOX else None
+        if new is not None:
+            planes.append(new)
+        if new is None or new.merit >= best.merit:
+            failed += 1  # the planes of a point that is no better correct the next step in the same box
+            radius *= _SHRINK if new is None or failed > _CORRECTIONS else 1.0
+            continue
+        failed = 0
+        if np.abs(new.at - best.at).max() > 0.8 * radius:
+            radius = min(_GROW * radius, 0.5)
+        best = new
+
+
+def _lowest(planes: list[Plane], best: Plane, radius: float) -> FloatArray:
+    """Return the lowest point of all planes in the box about the best variant, shape (k,)."""
+    from scipy.optimize import linprog
+
+    size, rows, limits = abs(best.cost) or 1.0, list[list[float]](), list[float]()
+
+    def add(value: float, known: float, slope: FloatArray, at: FloatArray, by_cost: float, by_violation: float) -> None:
+        here = min(value + float(slope @ (best.at - at)), known)  # a plane that is too high there is lowered
+        rows.append([*slope.tolist(), by_cost, by_violation])
+        limits.append(float(slope @ best.at) - here)
+
+    for one in planes:
+        add(one.cost / size, best.cost / size, one.cost_slope / size, one.at, -1.0, 0.0)
+        for i, slope in enumerate(one.violation_slopes):
+            known = float(best.violations[i]) + _INSIDE
+            add(float(one.violations[i]) + _INSIDE, known, slope, one.at, 0.0, -1.0)
+    box = [(max(one - radius, 0.0), min(one + radius, 1.0)) for one in best.at.tolist()]
+    goal, bounds = [*(0.0 * best.at), 1.0, _PENALTY], [*box, (None, None), (0.0, None)]
+    found = linprog(goal, A_ub=rows, b_ub=limits, bounds=bounds, method="highs")
+    return best.at if found.x is None else np.clip(np.asarray(found.x[:-2], dtype=float), 0.0, 1.0)

@@ -1,4 +1,4 @@
-"""Optimization of a case: goals, constraints, and searches without derivatives (by gradients: `gradient_search`)."""
+"""Optimization of a case: goals, constraints, and searches without derivatives (by gradients: `gradients`)."""
 
 # pyright: reportMissingTypeStubs=false, reportUnknownMemberType=false
 
@@ -22,17 +22,11 @@ from flexcam.studies.evaluators import PointEvaluator, number_after_override
 from flexcam.studies.plan import check_seed
 
 _CONSTRAINT = re.compile(r"\s*([^<>=]+?)\s*(<=|>=)\s*([^<>=]+?)\s*$")
-_FAILED_VIOLATION = 1e6
-"""Violation of every constraint if a variant has no value: larger than any regular one."""
+_FAILED_VIOLATION = 1e6  # violation of every constraint if a variant has no value: larger than any regular one
+_UNIT_NAMES = {"1": "", "Hz": "1/s"}  # units of scalars and the corresponding units of dimensions
 
-_UNIT_NAMES = {"1": "", "Hz": "1/s"}
-"""Units of scalars and the corresponding units of dimensions."""
-
-ROUNDING = 1e-9
-"""Tolerance of a bound for rounding, relative to the bound."""
-
-_ACTIVE_TOLERANCE = 0.01
-"""Distance from a bound, relative to the bound, within which a constraint is active."""
+ROUNDING = 1e-9  # tolerance of a bound for rounding, relative to the bound
+_ACTIVE_TOLERANCE = 0.01  # distance from a bound, relative to the bound, within which a constraint is active
 
 
 @dataclass(frozen=True)
@@ -84,13 +78,8 @@ def parse_constraint(text: str) -> Constraint:
     """Parse a constraint."""
     found = _CONSTRAINT.match(text)
     if found is None:
-        raise refuse(
-            "--subject",
-            repr(text),
-            "NAME <= VALUE or NAME >= VALUE, in quotes",
-            "",
-            "write 'frequency.1 >= 900 Hz'",
-        )
+        allowed = "NAME <= VALUE or NAME >= VALUE, in quotes"
+        raise refuse("--subject", repr(text), allowed, "", "write 'frequency.1 >= 900 Hz'")
     _bound_by_unit(found[3], text)
     return Constraint(found[1], "<=" if found[2] == "<=" else ">=", found[3])
 
@@ -126,25 +115,6 @@ def row_value(row: Row, name: str) -> float:
     return row.scalars.get(name, missing)
 
 
-def compute_costs(rows: Sequence[Row], goals: Sequence[Goal]) -> FloatArray:
-    """Return the quantities to be minimized, shape (variants, goals)."""
-    values = np.array([[row_value(row, goal.name) for goal in goals] for row in rows], dtype=float)
-    signed = values.reshape(len(rows), len(goals)) * np.array([-1.0 if goal.most else 1.0 for goal in goals])
-    return np.where(np.isnan(signed), math.inf, signed)
-
-
-def compute_violations(rows: Sequence[Row], bounds: Sequence[Constraint], goals: Sequence[Goal]) -> FloatArray:
-    """Return the relative violations of the constraints, shape (variants, bounds + 1)."""
-    found = np.full((len(rows), len(bounds) + 1), _FAILED_VIOLATION)
-    for i, row in enumerate(rows):
-        values = [row_value(row, one.name) for one in bounds]
-        if row.status.ok and not any(math.isnan(x) for x in [*values, *(row_value(row, one.name) for one in goals)]):
-            units = [row.units.get(one.name, "rpm") for one in bounds]
-            pairs = zip(bounds, values, units, strict=True)
-            found[i] = [*(min(one.violation(value, unit), _FAILED_VIOLATION) for one, value, unit in pairs), 0.0]
-    return np.maximum(found, -_FAILED_VIOLATION)
-
-
 def is_feasible(violations: FloatArray) -> NDArray[np.bool_]:
     """Return which variants satisfy all constraints."""
     return np.asarray((violations <= ROUNDING).all(axis=1))
@@ -158,15 +128,10 @@ def is_active(violation: float) -> bool:
 _POINTS_PER_VARIABLE, _MIN_POINTS, _MAX_POINTS = 6, 12, 64
 """Points of a generation: number per variable, minimum and maximum."""
 
-_GLOBAL_FRACTION = 0.7
-"""Fraction of the evaluations for the global search; the others refine the best variant."""
-
-_TRUST_RADIUS = 0.05
-"""Initial radius of the trust region relative to the intervals."""
-
+_GLOBAL_FRACTION = 0.7  # fraction of the evaluations for the global search; the others refine the best variant
+_TRUST_RADIUS = 0.05  # initial radius of the trust region relative to the intervals
 _LARGE_COST = 1e30
-_MAX_VIOLATION = 10.0
-"""Maximum violation passed to the models of the constraints."""
+_MAX_VIOLATION = 10.0  # maximum violation passed to the models of the constraints
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,8 +234,16 @@ class ProblemEvaluator:
         return self._judge([self._rows[point] for point in points])
 
     def _judge(self, rows: Sequence[Row]) -> tuple[FloatArray, FloatArray]:
-        design = self._design
-        return compute_costs(rows, design.goals), compute_violations(rows, design.bounds, design.goals)
+        """Return the costs of rows, and the relative violations of the constraints with a zero for a complete run."""
+        goals, bounds = self._design.goals, self._design.bounds
+        values = np.array([[row_value(row, goal.name) for goal in goals] for row in rows], dtype=float)
+        signed = values.reshape(len(rows), len(goals)) * np.array([-1.0 if goal.most else 1.0 for goal in goals])
+        violations = np.full((len(rows), len(bounds) + 1), _FAILED_VIOLATION)
+        for i, row in enumerate(rows):
+            found = [(one, row_value(row, one.name), row.units.get(one.name, "rpm")) for one in bounds]
+            if row.status.ok and not np.isnan([*values[i], *(value for _, value, _ in found)]).any():
+                violations[i] = [*(min(b.violation(x, unit), _FAILED_VIOLATION) for b, x, unit in found), 0.0]
+        return np.where(np.isnan(signed), math.inf, signed), np.maximum(violations, -_FAILED_VIOLATION)
 
     def evaluations(self) -> Evaluations:
         """Return all evaluations so far."""

@@ -43,16 +43,12 @@ _RANGE = re.compile(rf"\s*({_NUMBER}){_UNIT}:\s*({_NUMBER}){_UNIT}(?::\s*({_NUMB
 _LIKE_A_RANGE = re.compile(rf"\s*{_NUMBER}[^,:]*:")
 _DIGITS = Context(prec=17)
 _SAMPLED = Context(prec=10)
-_MAX_EXPONENT = 300
-"""Maximum exponent of a number."""
-_MIN_FIXED_EXPONENT, _MAX_FIXED_EXPONENT = -6, 16
-"""Range of decimal exponents written in fixed notation."""
+_MAX_EXPONENT = 300  # maximum exponent of a number
+_MIN_FIXED_EXPONENT, _MAX_FIXED_EXPONENT = -6, 16  # range of decimal exponents written in fixed notation
 _FEWEST = 2
 _MANY = 10**15
 
-MAX_VARIANTS = 10_000
-"""Default maximum number of variants."""
-
+MAX_VARIANTS = 10_000  # default maximum number of variants
 FORMS = "a range 1000:8000:50rpm or 1000:8000#141rpm, a list 30,40,50 kN/m, an interval 30:60 kN/m, or one value"
 
 
@@ -326,8 +322,7 @@ def make_plan(axes: Sequence[Axis], sampled: Sample | None = None, *, limit: int
     return plan
 
 
-_MAX_NAME_LENGTH = 255
-"""Maximum length of a file name, characters."""
+_MAX_NAME_LENGTH = 255  # maximum length of a file name, characters
 
 
 @dataclass(frozen=True)

@@ -160,14 +160,12 @@ def check_names(case: Case, names: Sequence[str], where: str = "scalar") -> None
     known = scalar_names(case) if runs else []
     faults = [_unknown_name_fault(name, known, case.record.cams) for name in runs if name not in known]
     met = [_LIMIT + one for one in applicable_limits(case)] if limits else []
-    faults += [Fault("scalar", repr(name), ", ".join(met), _no_limit_error(name), suggest_name(name, met))
-               for name in limits if name not in met]  # fmt: skip
+    for name in limits:
+        if name not in met:
+            why = "the case lacks the part" if name.removeprefix(_LIMIT) in LIMITS else "there is no such limit"
+            faults.append(Fault("scalar", repr(name), ", ".join(met), why, suggest_name(name, met)))
     if faults:
         raise InputError(replace(fault, where=where) for fault in faults)
-
-
-def _no_limit_error(name: str) -> str:
-    return "the case lacks the part" if name.removeprefix(_LIMIT) in LIMITS else "there is no such limit"
 
 
 def _is_known_name(case: Case, name: str) -> bool:
@@ -221,9 +219,8 @@ def _limits(case: Case, names: Sequence[str], search: Search | None, runs: int) 
     where = search or Search(0.5 * case.speed, 2.0 * case.speed, 10.0 * RPM / scale)
     found = search_limits(case, where, asked, runs=runs)
     if lacking := [one for one in asked if one not in found]:
-        raise refuse(
-            "scalar", f"{_LIMIT}{lacking[0]}", ", ".join(_LIMIT + one for one in found), "the case lacks the part"
-        )
+        allowed = ", ".join(_LIMIT + one for one in found)
+        raise refuse("scalar", f"{_LIMIT}{lacking[0]}", allowed, "the case lacks the part")
     if broken := [one for one in found.values() if not one.known]:
         raise RunFailedError(Status(Cause.NO_CONVERGENCE, broken[0].words))
     return {_LIMIT + n: Quantity(scale * one.rpm, unit) for n, one in found.items() if one.rpm is not None}
@@ -246,9 +243,8 @@ def _lift_property(event: Event, kind: str) -> float:
     if kind == "area":
         return 2.0 * math.pi * float(harmonics(event, 1)[0].real)
     if kind == "jerk" and any(one.steps[2] for one in joints(event)):
-        raise refuse(
-            "scalar", "the jerk of a lift", "a lift whose acceleration does not step", "it is infinite at a step"
-        )
+        allowed = "a lift whose acceleration does not step"
+        raise refuse("scalar", "the jerk of a lift", allowed, "it is infinite at a step")
     low, high = event_extremes(event, _DERIVATIVE_ORDERS[kind])
     if kind == "deceleration":
         return -low.value
@@ -260,12 +256,8 @@ _DERIVATIVE_ORDERS = {"velocity": 1, "acceleration": 2, "deceleration": 2, "jerk
 
 
 def _numbers(case: Case, names: Sequence[str]) -> dict[str, Quantity]:
-    found: dict[str, Quantity] = {}
-    for name in names:
-        number = _number(case, name)
-        if number is not None:
-            found[name] = Quantity(number.value, number.unit)
-    return found
+    numbers = {name: number for name in names if (number := _number(case, name)) is not None}
+    return {name: Quantity(number.value, number.unit) for name, number in numbers.items()}
 
 
 def _number(case: Case, name: str) -> Number | None:

@@ -35,17 +35,12 @@ from flexcam.studies.quantities import (
 )
 from flexcam.valvetrain import Structure, build_structure
 
-STEP_OFFSETS = (-1.0, -0.5, 0.5, 1.0)
-"""Offsets of the evaluated points, in steps."""
-
-_LARGE_ERROR = 0.05
-"""Relative error of a derivative from which it is reported."""
-
+STEP_OFFSETS = (-1.0, -0.5, 0.5, 1.0)  # offsets of the evaluated points, in steps
+_LARGE_ERROR = 0.05  # relative error of a derivative from which it is reported
 _KINK_RATIO = 0.8
 """Ratio of the jump of the slope at half the step to that at the full step: 1/2 for smooth functions, 1 for a kink."""
 
-_ROUNDING = 1e-9
-"""Relative change of a function below which it is rounding."""
+_ROUNDING = 1e-9  # relative change of a function below which it is rounding
 
 
 @dataclass(frozen=True)
@@ -73,16 +68,8 @@ def central_derivative(middle: float, beside: FloatArray, step: float) -> Deriva
     return Derivative(value, error, not (kink or error > _LARGE_ERROR * size))
 
 
-def logarithmic_derivative(derivative: float, parameter: float, value: float) -> float:
-    """Return the change of a value in percent per percent change of a parameter."""
-    return parameter * derivative / value if value != 0.0 else math.nan
-
-
-_REPEATED_TOLERANCE = 1e-6
-"""Relative difference below which frequencies count as repeated."""
-
-_EXTRA_MODES = 6
-"""Additional modes beyond the highest requested one, which contain its repeated frequencies."""
+_REPEATED_TOLERANCE = 1e-6  # relative difference below which frequencies count as repeated
+_EXTRA_MODES = 6  # additional modes beyond the highest requested one, which contain its repeated frequencies
 
 MatrixPair = tuple[Triplets, Triplets]
 """Mass and stiffness matrices."""
@@ -142,11 +129,9 @@ def _repeated_groups(omegas: FloatArray) -> list[list[int]]:
     return found
 
 
-_MATRIX_STEP = 1e-3
-"""Relative step for derivatives of matrices: truncation error 1e-12, rounding 1e-13."""
+_MATRIX_STEP = 1e-3  # relative step for derivatives of matrices: truncation error 1e-12, rounding 1e-13
 
-RELATIVE_STEP = 0.01
-"""Relative step for derivatives of responses: their maxima contain noise of the time step."""
+RELATIVE_STEP = 0.01  # relative step for derivatives of responses: their maxima contain noise of the time step
 
 
 @dataclass(frozen=True)
@@ -159,9 +144,13 @@ class Sensitivity:
     by: Number  #: number of the case
     derivative: float  #: derivative in the scalar's unit per the number's unit; NaN if there is none
     error: float | None  #: estimated error; None for an analytic derivative
-    logarithmic: float  #: percent of the scalar per percent of the number; NaN if the scalar is zero
     smooth: bool  #: whether the scalar appears smooth there; False for repeated frequencies that split
     note: str  #: remark; empty if there is none
+
+    @property
+    def logarithmic(self) -> float:
+        """Percent of the scalar per percent of the number; NaN if the scalar is zero."""
+        return self.by.value * self.derivative / self.value if self.value != 0.0 else math.nan
 
 
 def get_numbers(case: Case, keys: Sequence[str], option: str = "--to") -> list[Number]:
@@ -252,8 +241,7 @@ def _frequency(
         raise refuse("--of", name, f"frequency.1 to frequency.{len(frequencies)}", "the model has no more modes")
     value, slope = float(frequencies[i]), float(values[i])
     note = "one of several equal frequencies: the slopes are those of their branches" if repeated[i] else ""
-    relative = logarithmic_derivative(slope, number.value, value)
-    return Sensitivity(name, "Hz", value, number, slope, None, relative, not repeated[i], note)
+    return Sensitivity(name, "Hz", value, number, slope, None, not repeated[i], note)
 
 
 def _matrices(file: CaseFile, overrides: Sequence[str], like: Structure) -> MatrixPair:
@@ -276,10 +264,8 @@ def _exact_sensitivities(
             value = gradient.values[name]
             slope = math.nan if warning else gradient.derivatives[name, number.key]
             lacks = "no exact derivative: use --method differences" if math.isnan(slope) else ""
-            relative = logarithmic_derivative(slope, number.value, value)
-            smooth, note = not math.isnan(slope), warning or lacks
-            one = Sensitivity(name, gradient.units[name], value, number, slope, None, relative, smooth, note)
-            found[name, number.key] = one
+            smooth, unit = not math.isnan(slope), gradient.units[name]
+            found[name, number.key] = Sensitivity(name, unit, value, number, slope, None, smooth, warning or lacks)
     return found
 
 
@@ -308,15 +294,11 @@ def _response(name: str, middle: Row, beside: Sequence[Row], number: Number, ste
     if math.isnan(value) or np.isnan(values).any():
         failed = next((row.status for row in (middle, *beside) if not row.status.ok), None)
         note = "no value on both sides: " + (str(failed) if failed else "the limit is outside the search range")
-        return Sensitivity(name, unit, value, number, math.nan, None, math.nan, False, note)
+        return Sensitivity(name, unit, value, number, math.nan, None, False, note)
     found: Derivative = central_derivative(value, values, step)
-    note = (
-        ""
-        if found.smooth
-        else "not smooth here: contacts open or close, or the values have noise; the derivative is unreliable"
-    )
-    relative = logarithmic_derivative(found.value, number.value, value)
-    return Sensitivity(name, unit, value, number, found.value, found.error, relative, found.smooth, note)
+    doubt = "not smooth here: contacts open or close, or the values have noise; the derivative is unreliable"
+    note = "" if found.smooth else doubt
+    return Sensitivity(name, unit, value, number, found.value, found.error, found.smooth, note)
 
 
 _CONFIDENCE = 0.95

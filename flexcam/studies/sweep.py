@@ -50,8 +50,7 @@ from flexcam.studies.tables import (
 _QUICK_CHECK_LIMIT = 1000
 """Number of variants above which the ends of the axes are checked first: reading a case takes at least 0.5 ms."""
 
-_MAX_LISTED = 3
-"""Number of variants and values listed in a report."""
+_MAX_LISTED = 3  # number of variants and values listed in a report
 
 
 @dataclass
@@ -184,16 +183,12 @@ class Sweep:
             "intervals": [one.key for one in self.plan.axes if one.interval],
             "sample": None if self.plan.sample is None else asdict(self.plan.sample),
         }
-        packages = ("numpy", "scipy", "h5py")
         return {
-            "title": self.title,
-            "case_file": self.bundle.name,
-            "case": self.bundle.files[self.bundle.name].decode(),
-            "files": self.bundle.digest,
-            "plan": json.dumps(plan),
-            "flexcam": __version__,
-            **{package: version(package) for package in packages},
-        }
+            "title": self.title, "case_file": self.bundle.name,
+            "case": self.bundle.files[self.bundle.name].decode(), "files": self.bundle.digest,
+            "plan": json.dumps(plan), "flexcam": __version__,
+            **{package: version(package) for package in ("numpy", "scipy", "h5py")},
+        }  # fmt: skip
 
     def identification(self, *, histories: bool) -> dict[str, object]:
         """Return the identification of the sweep's journal."""
@@ -237,14 +232,9 @@ def chunk_size(plan: Plan, case: Case) -> int:
     return max(1, min(_MAX_CHUNK_SIZE, len(plan) // _CHUNK_COUNT, _MAX_CHUNK_STEPS // max(steps, 1)))
 
 
-_MAX_CHUNK_SIZE = 16
-"""Maximum number of variants per chunk, which limits the loss in a crash."""
-
-_CHUNK_COUNT = 64
-"""Desired number of chunks of a plan, enough for many workers."""
-
-_MAX_CHUNK_STEPS = 120_000
-"""Maximum number of steps per chunk; a longer run is a separate chunk."""
+_MAX_CHUNK_SIZE = 16  # maximum number of variants per chunk, which limits the loss in a crash
+_CHUNK_COUNT = 64  # desired number of chunks of a plan, enough for many workers
+_MAX_CHUNK_STEPS = 120_000  # maximum number of steps per chunk; a longer run is a separate chunk
 
 
 def _axes(file: CaseFile, settings: Sequence[str], limit: int) -> tuple[Axis, ...]:
@@ -264,11 +254,7 @@ def _axes(file: CaseFile, settings: Sequence[str], limit: int) -> tuple[Axis, ..
         found |= {one.key: one for one in parse_axes(settings, limit=limit)}
     except InputError as refusal:
         faults += refusal.faults
-    allowed, why, remedy = (
-        "a key of the mechanism or its run",
-        "it defines the sweep",
-        "use --sample or --seed",
-    )
+    allowed, why, remedy = ("a key of the mechanism or its run", "it defines the sweep", "use --sample or --seed")
     own_keys = [one for one in found.values() if one.key.partition(".")[0] == "sweep"]
     faults += [Fault(one.where, one.key, allowed, why, remedy) for one in own_keys]
     if faults:

@@ -110,8 +110,7 @@ def is_scalar_prefix(name: str, known: Iterable[str]) -> bool:
     return any(_is_prefix(one, name) for one in known)
 
 
-_MAX_LISTED = 24
-"""Maximum number of scalars listed in a message; of more, only prefixes are listed."""
+_MAX_LISTED = 24  # maximum number of scalars listed in a message; of more, only prefixes are listed
 
 
 def unknown_scalar_fault(name: str, known: Iterable[str]) -> Fault:
@@ -175,10 +174,8 @@ def history_dataset(response: Response) -> xr.Dataset:
 
 def _require_package(package: str) -> None:
     if find_spec(package) is None:
-        raise refuse(
-            "data frames", package, "a package that is installed", "it comes with the extra 'tables'",
-            "run pip install 'flexcam[tables]'",
-        )  # fmt: skip
+        why, remedy = "it comes with the extra 'tables'", "run pip install 'flexcam[tables]'"
+        raise refuse("data frames", package, "a package that is installed", why, remedy)
 
 
 def write_hdf5(table: SweepTable, path: Path) -> None:
@@ -388,9 +385,8 @@ def _read_journal(path: Path, belongs: Mapping[str, Any]) -> tuple[dict[int, lis
     except (ValueError, KeyError, TypeError, AttributeError) as fault:
         if isinstance(fault, InputError):
             raise
-        raise refuse(
-            "journal", str(path), "the journal of a sweep", f"it is damaged: {fault}", "--overwrite starts again"
-        ) from None
+        why = f"it is damaged: {fault}"
+        raise refuse("journal", str(path), "the journal of a sweep", why, "--overwrite starts again") from None
 
 
 def _parse_line(line: bytes) -> dict[str, Any]:

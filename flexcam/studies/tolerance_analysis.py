@@ -19,14 +19,10 @@ from flexcam.studies.plan import Sample, check_seed
 from flexcam.studies.quantities import get_number
 
 _SPEC = re.compile(r"\s*(?:(normal|uniform)\s*:)?\s*(?:±|\+-|\+/-)\s*(\S.*?)\s*$")
-_SIGMAS = 3.0
-"""Half width of a normal scatter in standard deviations: 99.7 % of the parts lie within."""
+_SIGMAS = 3.0  # half width of a normal scatter in standard deviations: 99.7 % of the parts lie within
+_TRUNCATION = 5.0  # truncation of a normal scatter in standard deviations: one part in two million lies beyond
 
-_TRUNCATION = 5.0
-"""Truncation of a normal scatter in standard deviations: one part in two million lies beyond."""
-
-QUANTILES = (0.01, 0.05, 0.5, 0.95, 0.99)
-"""Reported quantiles."""
+QUANTILES = (0.01, 0.05, 0.5, 0.95, 0.99)  # reported quantiles
 FORMS = "±2%, ±0.05mm, or normal:±2%"
 
 

@@ -8,7 +8,7 @@ from asammdf import MDF, Signal
 
 from flexcam import read_case
 from flexcam.core.units import conversion_factor
-from flexcam.studies.measurement import read_measurement
+from flexcam.studies.fitting import read_measurement
 
 CASE = """\
 format = 1

@@ -16,7 +16,7 @@ from tests.command import facts
 PI, NEAR = math.pi, math.sin(1.25 * math.pi)
 KEYS = {
     "status", "law", "Cv", "Ca", "Cj", "Cm", "extremes", "jumps", "end_conditions", "rest_at_ends", "symmetric",
-    "broken", "rms", "harmonics", "residual",
+    "broken", "rms", "harmonics", "residual", "files",
 }  # fmt: skip
 CLOSED = {  # Cv, Ca, Cj, Cm of the normalized law, amplitude left behind after 1.25 periods
     "shm": (PI / 2, PI**2 / 2, PI**3 / 2, PI**3 / 8, abs(math.cos(1.25 * PI)) / (4 * 1.25**2 - 1)),
@@ -88,7 +88,7 @@ def test_all_laws_side_by_side(told, tmp_path):
     found = facts(told, "law", "--list", "--residual", "1.5")
     assert (list(found["laws"]), found["kinds"], found["ratios"]) == (list(LAWS), list(KINDS), [1.5])
     for name, law in LAWS.items():
-        assert found["laws"][name].keys() == KEYS - {"status", "law"}
+        assert found["laws"][name].keys() == KEYS - {"status", "law", "files"}
         assert found["laws"][name]["residual"] == residual_spectrum(law, [1.5]).tolist()
     words = told("law", "--list", "--plot", "all.svg").out
     assert [name for name in (*LAWS, *KINDS) if name not in words.replace(",", " ").split()] == []

@@ -267,23 +267,22 @@ def test_cam_follower_and_valve_stay_together_as_the_train_turns(name):
     """The lobe touches its follower all the way round, the valve opens by its lift, away from its seat."""
     structure = structure_of(name)
     motion, drawn = case_motion(structure, 100.0, count=24), build_mechanism(structure)
-    layout = drawn.layout
     gaps, opened = [], []
     for i in range(24):
         instant = motion.instant(i)
         solids = {solid.kind: solid for solid in drawn.solids(instant)}
-        lift = layout.cams[0].lift
+        lift = drawn.cams[0].lift
         cam, touching = solids["lobe"].points @ lift, solids.get("roller", solids.get("follower"))
         if "roller" in solids:
             centre = touching.points.mean(axis=0)
-            plane = layout.cams[0].frame.plane
+            plane = drawn.cams[0].frame.plane
             gaps.append(np.linalg.norm((solids["lobe"].points - centre) @ plane.T, axis=1).min() - 0.0085)
         else:
             gaps.append((touching.points @ lift).min() - cam.max())
-        opened.append(float((solids["valve"].points @ layout.valves[0].away).max()))
+        opened.append(float((solids["valve"].points @ drawn.valves[0].away).max()))
     assert np.abs(gaps).max() < 3e-5  # between the points of a profile a degree apart
-    point = layout.valves[0].point
-    moved = [motion.instant(i).at(point, layout.valves[0].away) @ layout.valves[0].away for i in range(24)]
+    point = drawn.valves[0].point
+    moved = [motion.instant(i).at(point, drawn.valves[0].away) @ drawn.valves[0].away for i in range(24)]
     assert np.array(opened) - opened[0] == pytest.approx(np.array(moved) - moved[0], abs=1e-12)
     assert max(moved) > 0.007
 
@@ -293,8 +292,8 @@ def test_rocker_valve_and_spring_move_together(name):
     """The rocker's end lies on the valve at full lift; the spring is pressed by the lift and stands on the ground."""
     structure = structure_of(name)
     motion, drawn = case_motion(structure, 100.0, count=360), build_mechanism(structure)
-    (frame,), valve = drawn.layout.levers.values(), drawn.layout.valves[0]
-    rocker, along = frame.rocker, drawn.layout.valves[0].away
+    (frame,), valve = drawn.levers.values(), drawn.valves[0]
+    rocker, along = frame.rocker, drawn.valves[0].away
     lifts = [motion.instant(i).at(valve.point, along) @ along for i in range(360)]
     still, full = motion.instant(0), motion.instant(int(np.argmax(lifts)))
     path = full.along(structure.path(rocker))

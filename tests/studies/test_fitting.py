@@ -11,8 +11,7 @@ from flexcam import InputError
 from flexcam.dynamics import Cause, RunFailedError, Status
 from flexcam.studies.evaluation import Row
 from flexcam.studies.evaluators import Variable
-from flexcam.studies.fitting import fit_curves
-from flexcam.studies.measurement import Curve, Measurement
+from flexcam.studies.fitting import Curve, Measurement, fit_curves
 
 INSTANTS = np.linspace(0.0, 1.0, 21)
 

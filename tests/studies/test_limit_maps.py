@@ -25,7 +25,7 @@ def test_units_of_keys():
     told = limit_map_output(found, "crank")
     assert told.csv.startswith('"springs.valve.stiffness, N/m","springs.valve.installed_force, N"')
     assert "[crank rpm]" in told.csv
-    assert "columns: springs.valve.installed_force, N" in str(told.tables[0].title)
+    assert "columns: springs.valve.installed_force, N" in str(told.parts[0].title)
     assert told.json["over"]["unit"] == "N/m"
 
 

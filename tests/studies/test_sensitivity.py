@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from flexcam.core import Triplets
-from flexcam.studies.sensitivity import STEP_OFFSETS, central_derivative, frequency_derivatives, logarithmic_derivative
+from flexcam.studies.quantities import Number
+from flexcam.studies.sensitivity import STEP_OFFSETS, Sensitivity, central_derivative, frequency_derivatives
 
 
 def beside(function, point, step):
@@ -55,8 +56,11 @@ def test_a_constant_is_smooth():
 
 
 def test_logarithmic():
-    assert logarithmic_derivative(3.0 * 2.0**2, 2.0, 2.0**3) == 3.0
-    assert math.isnan(logarithmic_derivative(1.0, 1.0, 0.0))
+    def logarithmic(slope, parameter, value):
+        return Sensitivity("", "", value, Number("", parameter, ""), slope, None, True, "").logarithmic
+
+    assert logarithmic(3.0 * 2.0**2, 2.0, 2.0**3) == 3.0
+    assert math.isnan(logarithmic(1.0, 1.0, 0.0))
 
 
 def test_mass_on_a_spring():

@@ -17,8 +17,7 @@ from scipy.stats import t as student
 
 from flexcam.case.reader import CaseFile
 from flexcam.studies.evaluators import PointEvaluator, open_evaluator, variables_of
-from flexcam.studies.fitting import fit_curves
-from flexcam.studies.measurement import Curve, Measurement, evaluate_curves
+from flexcam.studies.fitting import Curve, Measurement, evaluate_curves, fit_curves
 from flexcam.studies.plan import make_bundle
 
 SOURCE = "Fits to synthetic measurements"

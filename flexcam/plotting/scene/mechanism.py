@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from flexcam.cams import FlatFollower, Follower, cam_profile
+from flexcam.cams import FlatFollower, cam_profile
 from flexcam.core import FloatArray
 from flexcam.plotting.scene.motion import SceneState, centre_line, model_size, sweep_outline
 from flexcam.plotting.scene.parts import (
@@ -30,15 +30,12 @@ from flexcam.plotting.scene.parts import (
     valve_solids,
 )
 from flexcam.plotting.scene.solids import Solid, ball, cylinder, loft, perpendicular_axes, section_outlines, unit_vector
-from flexcam.valvetrain import Cam, Lash, Model, Rocker, Seat, Spring, Structure, valve_ratio
+from flexcam.valvetrain import Lash, Model, Rocker, Seat, Spring, Structure, valve_ratio
 from flexcam.valvetrain.structure import spring_parts
 from flexcam.valvetrain.train_topology import moved_nodes, rocker_of
 
-SHEAR_MODULUS = 79.3e9
-"""Shear modulus of spring steel, Pa, used to find the number of coils from rate and wire."""
-
-_COILS = 6.0
-"""Number of coils of a spring without wire data."""
+SHEAR_MODULUS = 79.3e9  # shear modulus of spring steel, Pa, used to find the number of coils from rate and wire
+_COILS = 6.0  # number of coils of a spring without wire data
 
 
 @dataclass(eq=False)
@@ -64,27 +61,6 @@ def valve_lift(model: Model) -> float:
     return max(lifts, default=0.0) or 0.1 * model_size(model)
 
 
-def default_follower(name: str, cam: Cam, distance: float, notes: Notes) -> Follower:
-    """Return the follower with which a cam is drawn."""
-    if cam.follower is not None:
-        return cam.follower
-    base = distance if distance > 0.0 else 3.0 * cam.event.height
-    return FlatFollower(notes.record("base circle of cam", name, base, "to its follower's node, under a flat face"))
-
-
-def lobe_width(name: str, cam: Cam, follower: Follower, notes: Notes) -> float:
-    """Return the width of a lobe, m."""
-    if cam.width is not None:
-        return cam.width
-    return notes.record("width of cam", name, 0.7 * follower.base_radius, "0.7 of its base radius")
-
-
-def face_radius(cam: Cam, follower: Follower, width: float) -> float:
-    """Return the radius of a flat face that covers the whole contact with a margin of a tenth, m."""
-    away = float(np.abs(cam_profile(cam.event, follower, turn=cam.turn).offset).max())
-    return max(1.1 * math.hypot(away, 0.5 * width), 0.5 * follower.base_radius)
-
-
 def coil_sizes(name: str, spring: Spring, diameter: float, travel: float, notes: Notes) -> CoilSizes:
     """Return the sizes of a drawn spring."""
     if spring.wire is not None:
@@ -94,10 +70,8 @@ def coil_sizes(name: str, spring: Spring, diameter: float, travel: float, notes:
         D, coils = notes.record("coil of spring", name, diameter, "wire from its rate, six coils of steel"), _COILS
         d = min((8.0 * D**3 * coils * spring.stiffness / SHEAR_MODULUS) ** 0.25, D / 5.0)
     d, coils = max(d, D / 40.0), min(max(coils, 2.0), 20.0)
-    room = spring.clash_travel or 1.4 * travel
-    return CoilSizes(
-        D, d, notes.record("length of spring", name, (coils + 2.0) * d + room, "its coils and their travel"), coils
-    )
+    length = (coils + 2.0) * d + (spring.clash_travel or 1.4 * travel)
+    return CoilSizes(D, d, notes.record("length of spring", name, length, "its coils and their travel"), coils)
 
 
 def find_seat(model: Model, point: str) -> Seat | None:
@@ -107,50 +81,14 @@ def find_seat(model: Model, point: str) -> Seat | None:
 
 def closing_spring(model: Model, nodes: set[int]) -> Spring | None:
     """Return the stiffest spring from given nodes to ground that is not a bearing; None if there is none."""
-    own = [
-        one
-        for one in model.springs.values()
-        if one.at in model.mesh.points and one.to is None and model.mesh.node(one.at) in nodes and is_coil(model, one)
-    ]
+    grounded = [one for one in model.springs.values() if one.to is None and one.at in model.mesh.points]
+    own = [one for one in grounded if model.mesh.node(one.at) in nodes and is_coil(model, one)]
     return max(own, key=lambda one: one.stiffness, default=None)
 
 
 def is_coil(model: Model, spring: Spring) -> bool:
     """Return whether a spring is drawn as a coil: translational and not a bearing of a shaft."""
     return bool(spring.direction[:3].any()) and not is_bearing(model, spring)
-
-
-@dataclass(frozen=True, eq=False)
-class Layout:
-    """Positions and sizes of parts."""
-
-    # cams, levers, valves, springs: parts; levers by the name of their rocker
-    cams: tuple[CamPlacement, ...]
-    levers: dict[str, LeverFrame]
-    valves: tuple[ValvePlacement, ...]
-    springs: tuple[CoilPlacement, ...]
-    head: float  # diameter of valve heads, m
-    thick: float  # thickness of rockers, m
-    notes: tuple[str, ...]  # sentences about sizes that the case does not give
-
-
-def build_layout(structure: Structure) -> Layout:
-    """Return the layout of a model."""
-    model, notes = structure.model, Notes()
-    head = 4.0 * valve_lift(model)  # makes the curtain area equal to the port area
-    cams = tuple(_cams(model, notes))
-    levers = {name: _lever(model, one, cams) for name, one in model.rockers.items()}
-    valves = tuple(_valves(model, levers))
-    for one in valves:
-        notes.record("valve head at", one.point, head, "four lifts across")
-        if one.stem:
-            notes.record("valve stem at", one.point, STEM * head, "a sixth of its head across and three heads long")
-    reach = min((arm for one in model.rockers.values() for arm in one.arms), default=0.0)
-    thick = 0.42 * reach
-    for name in levers:
-        notes.record("rocker", name, thick, "thick: 0.42 of the shortest arm")
-    springs = tuple(_springs(structure, cams, levers, head, notes))
-    return Layout(cams, levers, valves, springs, head, thick, notes.lines)
 
 
 def _cams(model: Model, notes: Notes) -> Iterator[CamPlacement]:
@@ -160,12 +98,18 @@ def _cams(model: Model, notes: Notes) -> Iterator[CamPlacement]:
         centre, ahead = model.mesh.nodes[node], 0.0
         if contact.follower in points:
             ahead = float((model.mesh.nodes[model.mesh.node(contact.follower)] - centre) @ lift)
-        follower = default_follower(contact.cam, cam, ahead, notes)
-        width = lobe_width(contact.cam, cam, follower, notes)
+        follower, width, face = cam.follower, cam.width, 0.0
+        if follower is None:
+            base = ahead if ahead > 0.0 else 3.0 * cam.event.height
+            why = "to its follower's node, under a flat face"
+            follower = FlatFollower(notes.record("base circle of cam", contact.cam, base, why))
+        if width is None:
+            why = "0.7 of its base radius"
+            width = notes.record("width of cam", contact.cam, 0.7 * follower.base_radius, why)
         frame = cam_frame(cam, follower, centre, lift, contact.shaft_axis, width)
-        face = 0.0
-        if np.isinf(follower.roller_radius):
-            face = face_radius(cam, follower, width)
+        if np.isinf(follower.roller_radius):  # the face covers the whole contact with a margin of a tenth
+            away = float(np.abs(cam_profile(cam.event, follower, turn=cam.turn).offset).max())
+            face = max(1.1 * math.hypot(away, 0.5 * width), 0.5 * follower.base_radius)
             notes.record("face of follower", contact.follower, face, "radius on which the whole contact lies")
         yield CamPlacement(frame, node, contact, lift, ahead, face)
 
@@ -196,12 +140,11 @@ def _valves(model: Model, levers: dict[str, LeverFrame]) -> Iterator[ValvePlacem
         if rocker_of(model, contact) is not None:
             continue
         nodes = set(moved_nodes(model, contact))
-        seated = [p for p in model.mesh.points if (s := find_seat(model, p)) and model.mesh.node(s.at) in nodes]
-        for point in seated:
-            seat = find_seat(model, point)
-            if seat is not None:
-                on_member = bool(model.mesh.on_members()[model.mesh.node(point)])
-                yield _valve_at(model, point, unit_vector(seat.direction), stem=not on_member, seat=True)
+        seats = {point: seat for point in model.mesh.points if (seat := find_seat(model, point))}
+        seated = {point: seat for point, seat in seats.items() if model.mesh.node(seat.at) in nodes}
+        for point, seat in seated.items():
+            on_member = bool(model.mesh.on_members()[model.mesh.node(point)])
+            yield _valve_at(model, point, unit_vector(seat.direction), stem=not on_member, seat=True)
         spring = closing_spring(model, nodes)
         if not seated and spring is not None:
             yield _valve_at(model, spring.at, unit_vector(contact.direction), stem=True, seat=False)
@@ -266,47 +209,39 @@ _STEEL = 7800.0
 
 @dataclass(frozen=True, eq=False)
 class Mechanism:
-    """Drawable model."""
+    """Drawable model: positions and sizes of its parts."""
 
     structure: Structure  # structure of the model
-    layout: Layout  # positions and sizes of parts outside of the mesh
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """Sentences about sizes that the case does not give."""
-        return self.layout.notes
+    cams: tuple[CamPlacement, ...]
+    levers: dict[str, LeverFrame]  # by the name of the rocker
+    valves: tuple[ValvePlacement, ...]
+    springs: tuple[CoilPlacement, ...]
+    head: float  # diameter of valve heads, m
+    thick: float  # thickness of rockers, m
+    notes: tuple[str, ...]  # sentences about sizes that the case does not give
 
     @property
     def upwards(self) -> FloatArray:
         """Unit vector that points up in figures, shape (3,): along the lift, toward increasing coordinates."""
-        lift = self.layout.cams[0].lift if self.layout.cams else np.array([0.0, 1.0, 0.0])
+        lift = self.cams[0].lift if self.cams else np.array([0.0, 1.0, 0.0])
         return lift * (np.sign(lift[np.argmax(np.abs(lift))]) or 1.0)
 
     @property
     def axis(self) -> FloatArray:
         """Unit vector of the camshaft, or one perpendicular to `upwards` without a camshaft, shape (3,)."""
-        return self.layout.cams[0].frame.axis if self.layout.cams else perpendicular_axes(self.upwards)[1]
+        return self.cams[0].frame.axis if self.cams else perpendicular_axes(self.upwards)[1]
 
     def solids(self, instant: SceneState) -> list[Solid]:
         """Return all parts at an instant."""
-        layout = self.layout
         return [
             *self._members(instant),
-            *(lobe_solid(one.frame, instant.angle, instant.nodal[one.node]) for one in layout.cams),
-            *(part for one in layout.cams for part in follower_solids(one, instant)),
-            *(
-                part
-                for name, one in layout.levers.items()
-                for part in lever_solids(one, self._path(name, instant), layout.thick)
-            ),
-            *(
-                part
-                for one in layout.valves
-                for part in valve_solids(one, instant.at(one.point, one.away), layout.head)
-            ),
-            *(part for one in layout.springs for part in spring_solids(one, instant)),
-            *(axle for one in layout.cams for axle in self._axle(one, instant)),
-            *support_solids(self.structure.model, layout.cams, instant),
+            *(lobe_solid(one.frame, instant.angle, instant.nodal[one.node]) for one in self.cams),
+            *(part for one in self.cams for part in follower_solids(one, instant)),
+            *(part for name, one in self.levers.items() for part in self._lever(name, one, instant)),
+            *(p for one in self.valves for p in valve_solids(one, instant.at(one.point, one.away), self.head)),
+            *(part for one in self.springs for part in spring_solids(one, instant)),
+            *(axle for one in self.cams for axle in self._axle(one, instant)),
+            *support_solids(self.structure.model, self.cams, instant),
             *self._balls(instant),
         ]
 
@@ -323,8 +258,9 @@ class Mechanism:
             yield _section_solid("shaft" if name in turning else "member", rings, values)
             first += count
 
-    def _path(self, name: str, instant: SceneState) -> float:
-        return instant.along(self.structure.path(self.structure.model.rockers[name]))
+    def _lever(self, name: str, frame: LeverFrame, instant: SceneState) -> list[Solid]:
+        path = instant.along(self.structure.path(self.structure.model.rockers[name]))
+        return lever_solids(frame, path, self.thick)
 
     def _axle(self, place: CamPlacement, instant: SceneState) -> list[Solid]:
         """Return the stub shaft through a cam without a member."""
@@ -338,7 +274,7 @@ class Mechanism:
     def _balls(self, instant: SceneState) -> Iterator[Solid]:
         """Yield the masses at nodes without other parts."""
         model = self.structure.model
-        shown = {one.point for one in self.layout.valves} | {one.contact.follower for one in self.layout.cams}
+        shown = {one.point for one in self.valves} | {one.contact.follower for one in self.cams}
         for part in model.masses.values():
             if part.at in shown or part.at not in model.mesh.points:
                 continue
@@ -361,4 +297,17 @@ def _section_solid(kind: str, rings: list[FloatArray], values: FloatArray | None
 
 def build_mechanism(structure: Structure) -> Mechanism:
     """Create the drawable model of a structure."""
-    return Mechanism(structure, build_layout(structure))
+    model, notes = structure.model, Notes()
+    head = 4.0 * valve_lift(model)  # makes the curtain area equal to the port area
+    cams = tuple(_cams(model, notes))
+    levers = {name: _lever(model, one, cams) for name, one in model.rockers.items()}
+    valves = tuple(_valves(model, levers))
+    for one in valves:
+        notes.record("valve head at", one.point, head, "four lifts across")
+        if one.stem:
+            notes.record("valve stem at", one.point, STEM * head, "a sixth of its head across and three heads long")
+    thick = 0.42 * min((arm for one in model.rockers.values() for arm in one.arms), default=0.0)
+    for name in levers:
+        notes.record("rocker", name, thick, "thick: 0.42 of the shortest arm")
+    springs = tuple(_springs(structure, cams, levers, head, notes))
+    return Mechanism(structure, cams, levers, valves, springs, head, thick, notes.lines)

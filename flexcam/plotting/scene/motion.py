@@ -51,8 +51,7 @@ class SceneState:
         return self.along(self.structure.row(point, np.zeros(6))) * away
 
 
-SEGMENTS_PER_ELEMENT = 8
-"""Drawn segments per element."""
+SEGMENTS_PER_ELEMENT = 8  # drawn segments per element
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,8 +98,7 @@ def sweep_outline(outline: FloatArray, line: CentreLine) -> FloatArray:
 
 
 REVOLUTION = 2.0 * math.pi
-MODE_AMPLITUDE = 0.05
-"""Maximum translation of a drawn mode relative to the model size."""
+MODE_AMPLITUDE = 0.05  # maximum translation of a drawn mode relative to the model size
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,8 +250,7 @@ def _lengths(vectors: FloatArray) -> FloatArray:
     return np.linalg.norm(vectors, axis=-1)
 
 
-_DISPLAY_UNITS = {"Pa": ("MPa", 1e-6), "m": ("mm", 1e3)}
-"""Display units, and their number per SI unit."""
+_DISPLAY_UNITS = {"Pa": ("MPa", 1e-6), "m": ("mm", 1e3)}  # display units, and their number per SI unit
 
 
 def _display_unit(colour: str) -> tuple[str, float]:

@@ -26,8 +26,7 @@ from flexcam.plotting.scene.solids import (
 from flexcam.valvetrain import Cam, Lever, Model, Rocker, Spring
 from flexcam.valvetrain.parts import CamPair
 
-PROFILE_POINTS = 360
-"""Number of points of a drawn profile."""
+PROFILE_POINTS = 360  # number of points of a drawn profile
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,12 +196,8 @@ def _outline(frame: LeverFrame, path: float, thick: float) -> tuple[list[complex
     return [driven + 1j * thin, 1j * thin, point + 1j * thin], [thin, 0.85 * thick, thin], 1
 
 
-STEM = 1.0 / 6.0
-"""Ratio of stem diameter to head diameter."""
-
-VALVE_LENGTH = 3.0
-"""Ratio of valve length to head diameter."""
-
+STEM = 1.0 / 6.0  # ratio of stem diameter to head diameter
+VALVE_LENGTH = 3.0  # ratio of valve length to head diameter
 _HALF = 0.5 * STEM
 _HEAD_PROFILE = [(-0.45, _HALF), (-0.2, 1.3 * _HALF), (-0.1, 2.1 * _HALF), (-0.04, 0.47), (0.0, 0.5), (0.03, 0.5)]
 """Axial positions from the valve end and radii there, relative to the head diameter."""
@@ -244,8 +239,7 @@ class CoilSizes:
 
 _PER_COIL = 20
 _WIRE = 10
-_END_COILS = 1.0
-"""Number of closed coils at each end."""
+_END_COILS = 1.0  # number of closed coils at each end
 
 
 def coil_solid(sizes: CoilSizes, start: FloatArray, axis: FloatArray, moved: FloatArray, length: float) -> Solid:

@@ -51,8 +51,7 @@ def _loft_faces(count: int, around: int, cyclic: bool) -> IntArray:
     return skin
 
 
-CIRCLE_POINTS = 32
-"""Points of a circle: a round bar then has 99.4 % of its volume."""
+CIRCLE_POINTS = 32  # points of a circle: a round bar then has 99.4 % of its volume
 
 
 def circle(radius: float, count: int = CIRCLE_POINTS) -> FloatArray:
