@@ -23,7 +23,7 @@ from flexcam.dynamics.blocks import Checkpoint
 from flexcam.fem.frames import ROTATIONS
 from flexcam.fem.mesh import Mesh
 from flexcam.io import result_schema as schema
-from flexcam.io.files import check_writable, lock_file
+from flexcam.io.files import check_writable, open_locked
 from flexcam.io.hdf5 import (
     GrowingDataset,
     chunk_rows,
@@ -65,7 +65,7 @@ class TemporaryResult:
             allowed, why = "a regular file", "it is a symbolic link, and its target would be overwritten"
             raise refuse("result", str(path), allowed, why, "remove the link, or name another folder")
         try:
-            self._lock = _lock_file(path)
+            self._lock = open_locked(path)
         except BlockingIOError:
             allowed, why = "a result that no other run is writing", "another run is writing it now"
             raise refuse("result", str(shown), allowed, why, "wait for its end, or name another folder") from None
@@ -137,21 +137,6 @@ def _sync_folder(folder: Path) -> None:
             os.fsync(held)
         finally:
             os.close(held)
-
-
-def _lock_file(path: Path) -> int:
-    """Return a descriptor that holds the lock of a file until the process ends."""
-    while True:
-        held = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
-        try:
-            lock_file(held)
-            with suppress(FileNotFoundError):
-                if os.path.samestat(os.fstat(held), path.stat()):
-                    return held
-        except OSError:
-            os.close(held)
-            raise
-        os.close(held)  # another process has renamed the file: the path now names a different file
 
 
 @contextmanager

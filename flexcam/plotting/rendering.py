@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 
 from flexcam.core.errors import refuse, system_message
 from flexcam.dynamics import Cause, RunFailedError, Status
-from flexcam.io import atomic_write_path, check_writable, create_folder
+from flexcam.io import atomic_write_path, check_writable
 
 if TYPE_CHECKING:
     from flexcam.plotting.solid_view import MechanismView
@@ -134,7 +134,6 @@ def check_output_path(path: Path, size: tuple[int, int], *, overwrite: bool = Fa
 
 def save_view(stage: MechanismView, path: Path, frames: Sequence[int], still: int) -> None:
     """Write an image or page of one instant, or a movie of several."""
-    create_folder(path.parent)
     with atomic_write_path(path) as draft:
         _save(stage, draft, frames, still)
 

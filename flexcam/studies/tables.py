@@ -26,7 +26,7 @@ from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, format_shape, refuse, suggest_name, system_message
 from flexcam.core.units import to_display_unit
 from flexcam.dynamics import Cause, Response, Status
-from flexcam.io import atomic_write_path, check_writable, create_folder, lock_file, open_hdf5, write_digest
+from flexcam.io import atomic_write_path, check_writable, create_folder, open_hdf5, open_locked, write_digest
 from flexcam.io import result_schema as schema
 from flexcam.io.hdf5 import read_numbers, read_text_column, read_texts, write_text_column, write_texts
 from flexcam.io.result_reader import check_integrity
@@ -257,7 +257,6 @@ def write_table(table: SweepTable, path: Path, *, overwrite: bool = False) -> Pa
     if path.suffix == ".parquet":
         require_parquet()
     check_writable("table", path, overwrite=overwrite)
-    create_folder(path.parent)
     with atomic_write_path(path) as draft:
         match path.suffix:
             case ".h5":
@@ -318,16 +317,14 @@ class Journal:
         create_folder(path.parent)
         self._path, self._head, self._fresh = path, dict(belongs), True
         try:
-            self._file = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+            self._file = open_locked(path)
+        except BlockingIOError:
+            allowed, why = "one that no other process writes", "another sweep is running here"
+            raise refuse("journal", str(path), allowed, why, "wait for it") from None
         except OSError as fault:
             raise refuse("journal", str(path), "a file that can be written", system_message(fault)) from None
         try:
-            lock_file(self._file)  # the lock ends with the process
             self.rows, self._end = _read_journal(path, belongs) if resume else (dict[int, list[Row]](), 0)
-        except BlockingIOError:
-            self.close()
-            allowed, why = "one that no other process writes", "another sweep is running here"
-            raise refuse("journal", str(path), allowed, why, "wait for it") from None
         except InputError:
             self.close()
             raise

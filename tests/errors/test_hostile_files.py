@@ -307,6 +307,6 @@ def test_a_pipe_is_no_file(tmp_path, tried):
         (ROOT / "tests/data/inline.toml").read_text(encoding="utf-8").replace('law = "shm"', 'lift_table = "pipe.csv"')
     )
     (tmp_path / "case.toml").write_text(text, encoding="utf-8")
-    with pytest.raises(InputError, match="regular file"):
+    with pytest.raises(InputError, match="It is a folder, a device or a pipe"):
         read_case(tmp_path / "case.toml")
     tried("hostile", "a pipe instead of a table", 1, "refused before opening")
