@@ -353,8 +353,8 @@ def _check_address(asked: ClusterWorkers) -> None:
         _ = urlsplit(asked.address).port  # Dask maps a port above 65535 to another one
         asyncio.run(greet())
     except Exception as fault:  # noqa: BLE001 - of many kinds, from sockets, Dask and what answers in its place
-        first: Exception = fault
-        while isinstance(behind := first.__cause__ or first.__context__, Exception):  # Dask repeats until the timeout
+        first: Any = fault
+        while behind := first.__cause__ or first.__context__:  # Dask tries again until the timeout
             first = behind
         reason = system_message(fault if isinstance(fault, ValueError) else first) or "no scheduler answers"
         why, allowed = f"none answers there within {_TIMEOUT:g} s: {reason}", "the address of a Dask scheduler"
