@@ -44,7 +44,7 @@ _REQUIRED_SPACE = 2
 """Free space required for a copy, relative to the file size: the rest of the run needs space too."""
 
 _LAYOUT_BYTES = 1 << 19
-"""Bytes of a file before its first step, with a margin for a few hundred nodes."""
+"""Bytes of a file before its first step, without its texts, points and channels."""
 
 
 def partial_path(path: Path) -> Path:
@@ -73,7 +73,7 @@ class TemporaryResult:
             raise _unwritable(path, fault) from None
         try:
             with path.open("wb") as file:
-                file.write(bytes(max(size, _LAYOUT_BYTES)))
+                file.write(bytes(size + _LAYOUT_BYTES))
         except OSError as fault:
             self.discard()
             raise _unwritable(path, fault) from None
@@ -202,7 +202,8 @@ class ResultFile:
         self._warnings = warnings
         self._waiting: list[Block] = []
         self._taken, self._all, self._bytes = 0, steps + 1, 0
-        size = _layout_bytes(geometry, outline, about)
+        size = sum(map(len, about.values())) + _NUMBER * _CONSTANT_VALUES * len(geometry.node)
+        size += _DATASET * len(outline.channels)
         self._draft = TemporaryResult(path.with_suffix(schema.WRITING_SUFFIX), self.partial, size)
         try:
             check_writable(
@@ -211,11 +212,10 @@ class ResultFile:
             )  # fmt: skip
             with convert_write_errors():
                 self._create(geometry, save, about)
-        except OSError as fault:
+        except BaseException as fault:
             self._discard()
-            raise _unwritable(self.path, fault) from None
-        except BaseException:
-            self._draft.discard()
+            if isinstance(fault, OSError):
+                raise _unwritable(self.path, fault) from None
             raise
         self._draft.begin()
 
@@ -355,16 +355,6 @@ def _block_bytes(block: Block) -> int:
     """Return the size of a block without its saved fields, bytes."""
     arrays = (block.channels, *(getattr(one, name) for one in (block.probes, block.fields) for name in SERIES))
     return sum(one.nbytes for one in arrays)
-
-
-def _layout_bytes(geometry: Geometry, outline: Outline, about: Mapping[str, str]) -> int:
-    """Return the estimated size of an empty result, bytes."""
-    datasets = _DATASETS + len(SERIES) * len(outline.probes) + len(outline.channels) + len(geometry.mesh.points)
-    return _HEAD * datasets + sum(map(len, about.values())) + _NUMBER * _CONSTANT_VALUES * len(geometry.node)
-
-
-_DATASETS, _HEAD = 45, 1650
-"""Number of datasets of any result; bytes of a dataset's header and first index."""
 
 
 def _limit_index_cache(file: Any) -> None:  # noqa: ANN401
