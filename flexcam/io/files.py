@@ -12,14 +12,13 @@ import struct
 import tempfile
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from importlib.util import find_spec
 from pathlib import Path
 from stat import S_ISREG
 
 import numpy as np
 
 from flexcam.core import FloatArray
-from flexcam.core.errors import InputError, refuse, suggest_name, system_message
+from flexcam.core.errors import InputError, refuse, require_packages, suggest_name, system_message
 from flexcam.core.units import conversion_factor
 from flexcam.dynamics import Cause, RunFailedError, Status
 
@@ -86,8 +85,7 @@ def read_mdf(path: Path, where: str, names: Sequence[str] = ()) -> dict[str, tup
 
     Channels of other rates are interpolated; values that are invalid or outside the time of a channel are NaN.
     """
-    if find_spec("asammdf") is None:
-        raise refuse(where, path.name, "a CSV file", "asammdf is not installed", "run pip install 'flexcam[mdf]'")
+    require_packages(where, path.name, "mdf", "asammdf")
     from asammdf import MDF
     from asammdf.blocks.utils import MdfException
 

@@ -18,14 +18,13 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
-from importlib.util import find_spec
 from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any, Protocol
 from urllib.parse import urlsplit
 
 from flexcam import __version__
-from flexcam.core.errors import refuse, system_message
+from flexcam.core.errors import refuse, require_packages, system_message
 from flexcam.dynamics import Cause, RunFailedError, Status
 from flexcam.io import temporary_folder
 from flexcam.studies.evaluation import Row
@@ -279,9 +278,7 @@ class ClusterWorkers:
     @contextmanager
     def open_pool(self, source: Bundle | Path, evaluate: Evaluate) -> Generator[Pool]:
         """Yield the workers of the cluster."""
-        if find_spec("distributed") is None:
-            why, remedy = "Dask is not installed", "run pip install 'flexcam[cluster]'"
-            raise refuse("--scheduler", self.address, "processes of this machine (--workers)", why, remedy)
+        require_packages("--scheduler", self.address, "cluster", "distributed")
         from distributed import KilledWorker
         from distributed.comm.core import CommClosedError
 

@@ -19,7 +19,7 @@ from flexcam.analysis.run import estimate_case_resources
 from flexcam.case.case import Case
 from flexcam.case.fault_report import KeyLocations
 from flexcam.case.reader import CaseFile
-from flexcam.core.errors import Fault, InputError, refuse
+from flexcam.core.errors import Fault, InputError, refuse, require_packages
 from flexcam.dynamics import Cause, RunFailedError, Status
 from flexcam.io import check_writable, create_folder
 from flexcam.studies.evaluation import Row, are_probe_scalars, evaluate_chunk, scalar_names
@@ -37,12 +37,12 @@ from flexcam.studies.plan import (
     parse_sample,
 )
 from flexcam.studies.tables import (
+    PARQUET,
     Journal,
     SweepTable,
     is_scalar_prefix,
     journal_contains,
     make_table,
-    require_parquet,
     unknown_scalar_fault,
     write_table,
 )
@@ -338,7 +338,7 @@ def run_sweep_to_files(
 ) -> tuple[SweepTable, list[Path]]:
     """Run a sweep with a journal and write its tables."""
     if target.parquet:
-        require_parquet()
+        require_packages(*PARQUET)
     asked = _with_all_scalars(asked, target)
     try:
         with _open_journal(asked, target) as journal:

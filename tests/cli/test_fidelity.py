@@ -257,7 +257,7 @@ def test_a_quantity_that_a_case_does_not_have(flexcam):
     )
     assert done.code == 2
     assert "fidelity.tolerance (" in done.err
-    assert "got force, expected one of lift, velocity, acceleration" in done.err
+    assert "got force, expected lift, velocity, acceleration" in done.err
 
 
 @pytest.mark.parametrize(("case", "count"), [("checks/cantilever", 0), ("camshaft-4cyl/camshaft", 8)])
