@@ -42,13 +42,20 @@ from flexcam.valvetrain import (
     PublishedLoad,
     ResolutionSink,
     build_structure,
-    coarse_cams,
     compressed_members,
     stiff_struts,
 )
 
 _ANGLES = np.linspace(0.0, 2.0 * math.pi, 720, endpoint=False)
 """Cam angles at which a profile is evaluated."""
+
+_LIFT_ANGLES = np.linspace(0.0, 2.0 * math.pi, 7201)
+"""Cam angles at which the curvature of a lift is evaluated."""
+
+_LIFT_TOLERANCE = 1e-3
+"""Allowed deviation of the lift between two steps, relative to the lift: the published model is then accurate to 1 % at
+3000 rpm.
+"""
 
 _SAME_LOBE_ANGLE = 1.0
 """Angle between two lifts, deg, up to which they may be the same lobe."""
@@ -108,14 +115,18 @@ def check_input(ready: PreparedRun) -> list[str]:
     ]
 
 
-def _check_cam_steps(ready: PreparedRun) -> list[str]:
-    """Return warnings about cams that the steps of a run do not resolve."""
+def _check_cam_steps(ready: PreparedRun) -> Iterator[str]:
+    """Yield warnings about cams whose lift deviates too far from a straight line between two steps."""
     turn = ready.case.speed * ready.problem.step
-    return [
-        f"Warning: too few steps per revolution, {2.0 * math.pi / turn:.4g}: between two of them the lift of cam "
-        f"{one.cam} departs from a straight line by up to {100.0 * one.missed:.3g} % of it; take {one.enough} or more"
-        for one in coarse_cams(ready.model, turn)
-    ]
+    for name, cam in ready.model.cams.items():
+        curvature = float(np.abs(cam.event(_LIFT_ANGLES, 2)).max()) / (8.0 * cam.event.height)
+        if curvature * turn**2 > _LIFT_TOLERANCE:
+            missed, enough = min(curvature * turn**2, 1.0), 2.0 * math.pi * math.sqrt(curvature / _LIFT_TOLERANCE)
+            yield (
+                f"Warning: too few steps per revolution, {2.0 * math.pi / turn:.4g}: between two of them the lift of "
+                f"cam {name} departs from a straight line by up to {100.0 * missed:.3g} % of it; "
+                f"take {math.ceil(enough)} or more"
+            )
 
 
 def _check_geometric_stiffness(ready: PreparedRun) -> Iterator[str]:

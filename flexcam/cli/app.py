@@ -49,58 +49,24 @@ COMMAND_FILES = {command: file for panel in COMMANDS.values() for command, file 
 """File of every command."""
 
 
-@dataclass(frozen=True)
-class IgnoredKeys:
-    """Keys that some commands ignore.
-
-    Parameters
-    ----------
-    commands
-        Names of the commands.
-    keys
-        Keys of the case, or its tables.
-    why
-        Behaviour of the commands instead.
-    remedy
-        Suggested action.
-    """
-
-    commands: tuple[str, ...]
-    keys: tuple[str, ...]
-    why: str
-    remedy: str
-
-
 _ACCURACY = ("fidelity.tolerance", "fidelity.estimate")
 _MODEL = ("fidelity.model", "fidelity.masses", "fidelity.modes", "fidelity.reduction")
 _NORM = ("fidelity.norm",)
-_OMIT = "leave it out"
 
 IGNORED_KEYS = (
-    IgnoredKeys(
-        ("campbell", "compare", "limits", "plot", "stability", "view"),
-        (*_ACCURACY, *_NORM),
-        "it uses the model that the case names",
+    (
+        ("campbell", "compare", "limits", "plot", "stability", "view"), (*_ACCURACY, *_NORM),
         "only flexcam run chooses a model and estimates errors; name the model by fidelity.model",
     ),
-    IgnoredKeys(
-        ("sensitivity", "optimize", "fit"), ("fidelity.estimate",), "it estimates no errors of its runs", _OMIT
-    ),
-    IgnoredKeys(
-        ("trade",),
-        (*_MODEL, *_ACCURACY),
-        "it compares every model of the ladder with a converged one",
-        "flexcam run uses it",
-    ),
-    IgnoredKeys(
-        ("modes", "synthesize"),
-        (*_MODEL, *_ACCURACY, *_NORM),
+    (("sensitivity", "optimize", "fit"), ("fidelity.estimate",), "it estimates no errors of its runs"),
+    (("trade",), (*_MODEL, *_ACCURACY), "it compares every model of the ladder with a converged one"),
+    (
+        ("modes", "synthesize"), (*_MODEL, *_ACCURACY, *_NORM),
         "natural modes are those of all degrees of freedom of the members",
-        _OMIT,
     ),
-    IgnoredKeys(("cam",), (*_MODEL, *_ACCURACY, *_NORM), "a cam needs no model of the train", _OMIT),
-)
-"""Ignored keys by command."""
+    (("cam",), (*_MODEL, *_ACCURACY, *_NORM), "a cam needs no model of the train"),
+)  # fmt: skip
+"""Keys of the case that some commands ignore: the commands, the keys, and what the commands do instead."""
 
 
 def ignored_key_warnings(command: str, overrides: Sequence[str], case: Case | None = None) -> list[str]:
@@ -111,10 +77,10 @@ def ignored_key_warnings(command: str, overrides: Sequence[str], case: Case | No
         for i, one in enumerate(overrides)
         if (last := len(keys) - 1 - keys[::-1].index(keys[i])) != i
     ]
-    for row in IGNORED_KEYS:
-        if case is not None and command in row.commands and (changed := list(_changed_keys(case, row.keys))):
+    for commands, ignored, why in IGNORED_KEYS:
+        if case is not None and command in commands and (changed := list(_changed_keys(case, ignored))):
             given, has = ", ".join(map(case.place, changed)), "has" if len(changed) == 1 else "have"
-            notes.append(f"Note: {given} {has} no effect in {command}: {row.why}; {row.remedy}")
+            notes.append(f"Note: {given} {has} no effect in {command}: {why}")
     return notes
 
 

@@ -29,7 +29,7 @@ from flexcam.io import (
     write_pvd,
     write_text,
 )
-from flexcam.report.tables import describe_verification, info_table, stats_json
+from flexcam.report.tables import info_table, stats_json
 from flexcam.report.terminal import print_json, result_console
 
 
@@ -52,7 +52,9 @@ def info(
         if as_json:
             print_json({"status": "ok", "file": str(result), **asdict(found)})
         else:
-            result_console().print(describe_verification(result, found))
+            partial = "" if found.complete else "; its run did not reach its end"
+            size = f"{found.datasets} datasets, {found.bytes} bytes"
+            result_console().print(f"{result} is sound: {size}, as they were written{partial}")
         return
     read = read_result(result)
     response = read.response

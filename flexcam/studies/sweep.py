@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
@@ -21,7 +20,7 @@ from flexcam.case.fault_report import KeyLocations
 from flexcam.case.reader import CaseFile
 from flexcam.core.errors import Fault, InputError, refuse, require_packages
 from flexcam.dynamics import Cause, RunFailedError, Status
-from flexcam.io import check_writable, create_folder
+from flexcam.io import atomic_write_path, check_writable
 from flexcam.studies.evaluation import Row, are_probe_scalars, evaluate_chunk, scalar_names
 from flexcam.studies.executors import Chunk, Evaluate, SerialWorkers, Workers, divide_variants, open_runner
 from flexcam.studies.plan import (
@@ -264,13 +263,10 @@ def _axes(file: CaseFile, settings: Sequence[str], limit: int) -> tuple[Axis, ..
         found |= {one.key: one for one in parse_axes(settings, limit=limit)}
     except InputError as refusal:
         faults += refusal.faults
-    allowed, why, remedy = (
-        "a key of the mechanism or its run",
-        "it defines the sweep",
-        "use --sample or --seed",
-    )
-    own_keys = [one for one in found.values() if one.key.partition(".")[0] == "sweep"]
-    faults += [Fault(one.where, one.key, allowed, why, remedy) for one in own_keys]
+    for one in found.values():
+        if one.key.partition(".")[0] == "sweep":
+            allowed, remedy = "a key of the mechanism or its run", "use --sample or --seed"
+            faults.append(Fault(one.where, one.key, allowed, "it defines the sweep", remedy))
     if faults:
         raise InputError(faults)
     return tuple(found.values())
@@ -427,10 +423,8 @@ def _write_histories(asked: Sweep, target: OutputTarget, chunk: Chunk, rows: Seq
         if row.history is not None:
             ending, content = row.history
             path = target.history(asked.name, i, ending)
-            create_folder(path.parent)
-            partial_file = path.with_name(f"{path.name}.part")
-            partial_file.write_bytes(content)
-            os.replace(partial_file, path)
+            with atomic_write_path(path) as draft:
+                draft.write_bytes(content)
 
 
 def _make_table(asked: Sweep, rows: dict[int, list[Row]]) -> SweepTable:
