@@ -77,11 +77,13 @@ TYPICAL_RANGES = (
     TypicalRange("run.damping.beta", 0.0, 0.1, {"ms": 1e-3, "us": 1e-6}),
     TypicalRange("run.gravity", 0.0, 100.0, {"mm/s^2": 1e-3}),
 )  # fmt: skip
+"""Typical ranges by key."""
 
 SPRING_RANGE = TypicalRange("springs.*.stiffness", 100.0, 1e12, _STIFFNESS, "N/m")
 """Range for translational springs: retaining springs are stiffer, and a bare 50 is unlikely to mean 50 N/m."""
 
 TORSION_SPRING_RANGE = TypicalRange("springs.*.stiffness", 1e-3, 1e12, {"kN m/rad": 1e3}, "N m/rad")
+"""Range for torsional springs."""
 
 
 def check_values(case: Case) -> list[str]:
@@ -89,15 +91,14 @@ def check_values(case: Case) -> list[str]:
     tables = resolve_record(case.record)
     torsional = {name for name, record in case.record.springs.items() if record.part.turns}
     found = [warning for usual in TYPICAL_RANGES for warning in _range_warnings(case, tables, usual)]
-    found += _speed_unit_warnings(case)
-    found += _section_warnings(case)
-    found += _fidelity_warnings(case)
-    found += _unused_part_warnings(case)
     for usual, is_torsional in ((SPRING_RANGE, False), (TORSION_SPRING_RANGE, True)):
         springs = {n: one for n, one in tables["springs"].items() if (n in torsional) == is_torsional}
         found += _range_warnings(case, {"springs": springs}, usual)
-    found += _support_warnings(case)
-    found += _slenderness_warnings(case)
+    checks = (
+        _speed_unit_warnings, _section_warnings, _fidelity_warnings, _unused_part_warnings, _support_warnings,
+        _slenderness_warnings,
+    )  # fmt: skip
+    found += [warning for check in checks for warning in check(case)]
     return list(dict.fromkeys(f"Warning: {warning}" for warning in found))
 
 

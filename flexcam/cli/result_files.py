@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -50,10 +49,10 @@ def info(
     if verify:
         found = verify_file(result)
         if as_json:
-            print_json({"status": "ok", "file": str(result), **asdict(found)})
+            print_json({"status": "ok", "file": str(result), **found})
         else:
-            partial = "" if found.complete else "; its run did not reach its end"
-            size = f"{found.datasets} datasets, {found.bytes} bytes"
+            partial = "" if found["complete"] else "; its run did not reach its end"
+            size = f"{found['datasets']} datasets, {found['bytes']} bytes"
             result_console().print(f"{result} is sound: {size}, as they were written{partial}")
         return
     read = read_result(result)

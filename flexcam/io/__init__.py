@@ -30,7 +30,7 @@ from flexcam.io.files import (
 )
 from flexcam.io.hdf5 import open_hdf5, write_digest
 from flexcam.io.mesh_file import read_mesh, write_mesh
-from flexcam.io.result_reader import PartialResult, Result, VerificationSummary, read_result, verify_file
+from flexcam.io.result_reader import PartialResult, Result, read_result, verify_file
 from flexcam.io.result_schema import RECOVERED_FIELDS, VECTORS
 from flexcam.io.result_writer import ResultFile, count_output_points, partial_path, result_bytes
 from flexcam.io.vtk_groups import Geometry
@@ -43,7 +43,6 @@ __all__ = [
     "ProfileTable",
     "Result",
     "ResultFile",
-    "VerificationSummary",
     "atomic_write_path",
     "check_folder",
     "check_folder_name",

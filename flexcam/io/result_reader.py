@@ -308,18 +308,12 @@ def _stats(file: Any) -> Stats:  # noqa: ANN401
     return Stats(**kept)
 
 
-@dataclass(frozen=True)
-class VerificationSummary:
-    """Summary of a verified file."""
+def verify_file(path: str | Path) -> dict[str, int | bool]:
+    """Read and verify every dataset of a result or of a sweep table.
 
-    datasets: int  #: number of datasets
-    checked: int  #: number of datasets of numbers; the others are texts
-    bytes: int  #: size of all numbers and texts
-    complete: bool  #: whether the run that wrote the file reached its end
-
-
-def verify_file(path: str | Path) -> VerificationSummary:
-    """Read and verify every dataset of a result or of a sweep table."""
+    It returns the number of datasets, of those of numbers (the others are texts), the bytes of all, and whether the run
+    that wrote the file reached its end.
+    """
     source = Path(path)
     allowed = "a result file of flexcam (.vtkhdf) or the table of a sweep (.h5)"
     with open_hdf5(source, "result", allowed, suggest_alternative(source)) as file:
@@ -328,9 +322,11 @@ def verify_file(path: str | Path) -> VerificationSummary:
         else:
             check_integrity(file, "table", source, schema.TABLE_FORMAT)
         found = datasets(file)
-        numbers = sum(one.dtype.kind != "S" for one in found)
-        complete = schema.HISTORY not in file or read_status(file).ok
-        return VerificationSummary(len(found), numbers, sum(int(one.nbytes) for one in found), complete)
+        return {
+            "datasets": len(found), "checked": sum(one.dtype.kind != "S" for one in found),
+            "bytes": sum(int(one.nbytes) for one in found),
+            "complete": schema.HISTORY not in file or read_status(file).ok,
+        }  # fmt: skip
 
 
 _RESUME_REMEDY = "run the case again, with --overwrite"

@@ -202,20 +202,22 @@ def open_runner(workers: Workers, source: Bundle | Path, evaluate: Evaluate) -> 
         pools: list[Pool] = []
 
         def run(chunks: Iterable[Chunk]) -> Iterator[tuple[Chunk, list[Row]]]:
-            waiting, suspects = deque(chunks), deque[Chunk]()
+            waiting = deque(chunks)
             while waiting:
+                suspects = list[Chunk]()
                 if not pools:
                     pools.append(stack.enter_context(start()))
                 for chunk, future in _submit_chunks(pools[0], waiting):
-                    if _is_worker_lost(pools[0], future):
+                    if future.cancelled():
+                        raise RunFailedError(_CLUSTER_LOST_STATUS)
+                    if isinstance(future.exception(), pools[0].lost):
                         suspects.append(chunk)
                     else:
                         yield chunk, future.result()
                 if suspects or waiting:  # the pool is broken
                     pools.clear()
                     stack.close()
-                while suspects:
-                    chunk = suspects.popleft()
+                for chunk in suspects:
                     yield chunk, _repeat(start, chunk.variants)
 
         yield run
@@ -237,12 +239,6 @@ def _submit_chunks(pool: Pool, waiting: deque[Chunk]) -> Iterator[tuple[Chunk, F
             raise RunFailedError(_NO_WORKERS_STATUS)
         for future in done:
             yield running.pop(future), future
-
-
-def _is_worker_lost(pool: Pool, future: Future[list[Row]]) -> bool:
-    if future.cancelled():
-        raise RunFailedError(_CLUSTER_LOST_STATUS)
-    return isinstance(future.exception(), pool.lost)
 
 
 def _repeat(start: Callable[[], AbstractContextManager[Pool]], variants: Variants) -> list[Row]:
