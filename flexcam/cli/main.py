@@ -17,6 +17,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from importlib import import_module
 from inspect import cleandoc
+from itertools import pairwise
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -108,6 +109,8 @@ def _command_line_fault(words: Sequence[str], fault: CycloptsError) -> Fault:
         )
     elif found := re.match(r'Command "[^"]+" parameter -+(\S+) requires an argument', why):
         why = f"{found[1].upper()} (--{found[1]}) is missing"
+        if f"--{found[1]}" in words:
+            remedy = f"write a value that begins with - as --{found[1]}=VALUE, or {remedy}"
     elif found := re.match(r"Unused Tokens: \[(.*)\]", why):
         why = f"no argument or option accepts {found[1]}"
     return Fault("command line", " ".join(words), "", why, remedy)
@@ -135,13 +138,11 @@ def _signal_code() -> int:
 
 def _word_faults(words: Sequence[str]) -> Iterator[Fault]:
     """Yield a fault for every empty value, which may mean the current folder, and for every word not in UTF-8."""
-    for word in words:
+    for before, word in pairwise(["", *words]):
         if not word or (word.startswith("-") and word.endswith("=")):
-            why, remedy = (
-                "it is empty, perhaps from a shell variable that is not set",
-                "give a value, or omit it",
-            )
-            yield Fault("command line", repr(word), "a value", why, remedy)
+            where = word.removesuffix("=") or (before if before.startswith("-") else "command line")
+            why, remedy = "it is empty, perhaps from a shell variable that is not set", "give a value, or omit it"
+            yield Fault(where, "nothing", "a value", why, remedy)
         if any("\ud800" <= letter <= "\udfff" for letter in word):
             why, remedy = "results and reports name their files", "rename the file or folder"
             yield Fault("command line", ascii(word), "words and file names in UTF-8", why, remedy)

@@ -54,9 +54,9 @@ REFUSED = {
     "no cam": (("cam",), "or --from-profile FILE"),
     "a profile without a follower": (("cam", "--from-profile", "p.csv"), "--follower: missing"),
     "a huge scale": (("view", INLINE, "--scale", "1e300", "--save", "x.png"), "at most 1e+06"),
-    "no folder": (("run", INLINE, "-o", ""), "It is empty, perhaps from a shell variable"),
-    "no folder at all": (("run", INLINE, "--output="), "got '--output='"),
-    "no table": (("trade", INLINE, "--csv", ""), "got ''"),
+    "no folder": (("run", INLINE, "-o", ""), "-o: missing, expected a value"),
+    "no folder at all": (("run", INLINE, "--output="), "--output: missing"),
+    "no table": (("trade", INLINE, "--csv", ""), "--csv: missing"),
     "a word that is missing": (("synthesize", "law"), "MINIMIZE (--minimize) is missing"),
     "a port beyond all ports": (
         ("sweep", INLINE, "--set", "run.speed=1000,2000rpm", "--scheduler", "tcp://127.0.0.1:99999"), "out of range",
