@@ -78,6 +78,9 @@ def _read_lines(file: Path) -> Iterator[str]:
 _NUMBER = 8
 """Bytes per number."""
 
+_BASE, _COMPILER = 4_000_000, 110_000_000
+"""Bytes of any run for modules and output, and of a compiled run for the compiler."""
+
 _DENSE, _NATURAL = 12, 40
 """Square matrices of a small system: M, C and K as triplets and dense, an operator and its inverse; with modal
 coordinates and their refinement.
@@ -86,79 +89,46 @@ coordinates and their refinement.
 _ENTRY = 250
 """Bytes per entry of M, C and K of a large system: triplets, compressed rows, their sums and a factorization."""
 
-_BLOCK_ARRAYS = 24
-"""Arrays over all degrees of freedom and the steps of a block: motion, loads and terms of the energies."""
+_STEP_ARRAYS, _STEP = 24, 3000
+"""Arrays over the degrees of freedom per step computed at once: motion, loads and energies; bytes of Python objects."""
 
-_BASE_BYTES, _COMPILER = 4_000_000, 110_000_000
-"""Bytes of any run for modules and output, and of a compiled run for the compiler."""
-
-_STEP_BYTES = 3000
-"""Bytes per step computed individually, for Python objects."""
-
-_STRESS_POINTS = 36
-"""Points of a section outline at which stresses are recorded."""
+_STRESSES = 216
+"""Numbers of an element for its stresses."""
 
 _POINT_VALUES = 3 * len(VECTORS) + sum(width for _, width in RECOVERED_FIELDS.values())
 """Values per output point."""
-
-_TEMPORARY_COPIES = 2
-"""Temporary copies: blocks are joined from parts, and histories from blocks."""
 
 
 @dataclass(frozen=True)
 class ResourceEstimate:
     """Resources required by a run, bytes."""
 
-    machine: int  #: modules for computation and output
-    equations: int  #: matrices and factorizations
-    blocks: int  #: steps computed and written together
-    histories: int  #: data in memory until the end
+    memory: int  #: memory
     file: int  #: result file on disk
-
-    @property
-    def memory(self) -> int:
-        """Total memory, bytes."""
-        return self.machine + self.equations + self.blocks + self.histories
 
 
 def estimate_resources(
     problem: Problem, method: Method, mesh: Mesh, save: SaveAt, *, kept: int | None = None
 ) -> ResourceEstimate:
-    """Return the resources required by a run."""
-    names = outline(problem.system, channels=save.channels)
+    """Return the resources required by a run that keeps all steps in memory, or only the last `kept`."""
+    system, names = problem.system, outline(problem.system, channels=save.channels)
     row = 2 + 3 * sum(len(components) for _, components in names.probes) + len(names.channels)
     unknowns, rows, fields = len(names.unknowns), problem.steps + 1, problem.steps // save.field_every + 2
-    histories = (
-        rows * row + 3 * unknowns * fields if kept is None else min(kept + save.block, rows) * row + 3 * unknowns
-    )
-    inside, paths = integrated_size(problem), candidate_engines(problem, method)
-    return ResourceEstimate(
-        machine=_BASE_BYTES + (_COMPILER if "kernel" in paths else 0),
-        equations=_equations(problem, inside, natural=paths[0] != "direct" and inside <= MAX_MODES),
-        blocks=_blocks(inside, mesh, save, min(save.block, rows), row, unknowns),
-        histories=_TEMPORARY_COPIES * _NUMBER * histories,
-        file=result_bytes(names, mesh, save, problem.steps),
-    )
-
-
-def _equations(problem: Problem, inside: int, *, natural: bool) -> int:
-    system = problem.system
-    entries = sum(len(matrix.values) for matrix in (system.mass, system.damping, system.stiffness))
-    small = _NUMBER * (_NATURAL * inside**2 if natural else _DENSE * min(inside, DENSE_LIMIT) ** 2)
-    basis = _NUMBER * inside * system.size if problem.basis is not None else 0
-    return small + basis + _ENTRY * entries
-
-
-def _blocks(inside: int, mesh: Mesh, save: SaveAt, block: int, row: int, unknowns: int) -> int:
-    """Return the memory of a block, bytes: computed steps, their joined copy and output fields."""
-    walked = min(max(AT_ONCE // max(inside, 1), LEAST_AT_ONCE), block)
-    fields = block // save.field_every + 1
-    drawn = 2 * (_POINT_VALUES * count_output_points(mesh) + 3 * unknowns)
-    stressed = 3 * 2 * _STRESS_POINTS * len(mesh.elements())
-    numbers = (
-        walked * (_BLOCK_ARRAYS * inside + 3 * row) + _TEMPORARY_COPIES * block * row + fields * (drawn + stressed)
-    )
-    return _NUMBER * numbers + _STEP_BYTES * walked
+    inside, engines = integrated_size(problem), candidate_engines(problem, method)
+    block = min(save.block, rows)
+    together = min(max(AT_ONCE // max(inside, 1), LEAST_AT_ONCE), block)
+    if kept is not None:
+        rows, fields = min(kept + save.block, rows), 1
+    matrices = (_NATURAL if engines[0] != "direct" and inside <= MAX_MODES else _DENSE) * min(inside, DENSE_LIMIT) ** 2
+    matrices += inside * system.size if problem.basis is not None else 0
+    entries = sum(len(one.values) for one in (system.mass, system.damping, system.stiffness))
+    drawn = 2 * _POINT_VALUES * count_output_points(mesh) + 6 * unknowns + _STRESSES * len(mesh.elements())
+    histories = rows * row + 3 * unknowns * fields
+    # blocks are joined from parts, and histories from blocks
+    numbers = matrices + together * (_STEP_ARRAYS * inside + 3 * row) + 2 * (block * row + histories)
+    numbers += (block // save.field_every + 1) * drawn
+    machine = _BASE + (_COMPILER if "kernel" in engines else 0) + _ENTRY * entries + _STEP * together
+    return ResourceEstimate(machine + _NUMBER * numbers, result_bytes(names, mesh, save, problem.steps))
 
 
 _USABLE_FRACTION = 0.9
@@ -172,54 +142,36 @@ _SMALL = 1_000_000
 
 _UNITS = ("B", "kB", "MB", "GB", "TB", "PB")
 
-_LARGE = "or use --allow-large"
-
 
 def check_resources(needs: ResourceEstimate, folder: Path | None = None, *, together: int = 1) -> None:
     """Raise an error if memory or disk space is insufficient for a run."""
-    faults = [_check_memory(needs, together), None if folder is None else _check_disk(needs, folder)]
-    if found := [fault for fault in faults if fault]:
-        raise InputError(found)
+    run = f"a run of {format_size(needs.memory)}" + (f"; {together} side by side" if together > 1 else "")
+    less, fewer = "steps or probes, save fewer fields (output.field_every)", "or use --allow-large"
+    faults = _space_faults(
+        "memory", run, together * needs.memory, free_memory(), f"take fewer elements, {less}, {fewer}"
+    )
+    if folder is not None:
+        file, remedy = f"a result file of {format_size(needs.file)}", f"take fewer {less}, choose another disk, {fewer}"
+        faults += _space_faults("disk", file, needs.file, free_disk(folder), remedy)
+    if faults:
+        raise InputError(faults)
 
 
 def check_mesh_memory(mesh: Mesh) -> None:
     """Raise an error if memory is insufficient for the matrices of a mesh, before they are assembled."""
     count = sum(len(line) - 1 for line in mesh.lines.values())
-    free = free_memory() if _ELEMENT * count > _SMALL else None
-    if free is None or _ELEMENT * count <= _USABLE_FRACTION * free:
-        return
     given = f"{count} elements, whose matrices take {format_size(_ELEMENT * count)}"
     remedy = "take fewer elements, or use flexcam run --allow-large"
-    raise InputError([_lack("memory", given, free, f"{format_size(free)} are free", remedy)])
+    free = free_memory() if _ELEMENT * count > _SMALL else None
+    if faults := _space_faults("memory", given, _ELEMENT * count, free, remedy):
+        raise InputError(faults)
 
 
-def _lack(where: str, given: str, free: int, why: str, remedy: str) -> Fault:
-    return Fault(where, given, f"up to {format_size(int(_USABLE_FRACTION * free))}", why, remedy)
-
-
-def _check_memory(needs: ResourceEstimate, together: int) -> Fault | None:
-    free, asked = free_memory(), together * needs.memory
-    if free is None or asked <= _USABLE_FRACTION * free:
-        return None
-    parts = {
-        "programs": needs.machine,
-        "matrices": needs.equations,
-        "blocks of steps": needs.blocks,
-        "histories": needs.histories,
-    }
-    shares = ", ".join(f"{format_size(size)} of {name}" for name, size in parts.items())
-    given = f"a run of {format_size(needs.memory)}: {shares}" + (f"; {together} side by side" if together > 1 else "")
-    remedy = f"take fewer elements, steps or probes, save fewer fields (output.field_every), {_LARGE}"
-    return _lack("memory", given, free, f"{format_size(free)} are free", remedy)
-
-
-def _check_disk(needs: ResourceEstimate, folder: Path) -> Fault | None:
-    free = free_disk(folder)
-    if free is None or needs.file <= _USABLE_FRACTION * free:
-        return None
-    remedy = f"take fewer steps or probes, save fewer fields (output.field_every), choose another disk, {_LARGE}"
-    given = f"a result file of {format_size(needs.file)}"
-    return _lack("disk", given, free, f"{format_size(free)} are free at {folder}", remedy)
+def _space_faults(where: str, given: str, needed: int, free: int | None, remedy: str) -> list[Fault]:
+    if free is None or needed <= _USABLE_FRACTION * free:
+        return []
+    allowed = f"up to {format_size(int(_USABLE_FRACTION * free))}"
+    return [Fault(where, given, allowed, f"{format_size(free)} are free", remedy)]
 
 
 def format_size(count: float) -> str:

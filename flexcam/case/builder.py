@@ -63,10 +63,12 @@ def parse_follower(follower: str, base_radius: str | None = None, *, clockwise: 
     except ValueError as fault:
         allowed = 'a table such as { type = "roller", radius = "9 mm" }'
         raise refuse("follower", follower, allowed, str(fault), "texts need quotes") from None
+    raw = {"follower": table, "base_radius": base_radius}
     try:
-        record = _FollowerRecord.model_validate({"follower": table, "base_radius": base_radius})
+        record = _FollowerRecord.model_validate(raw)
     except ValidationError as refusal:
-        raise InputError(convert_errors(refusal.errors(include_url=False), KeyLocations({}), _FollowerRecord)) from None
+        faults = convert_errors(refusal.errors(include_url=False), raw, KeyLocations({}), _FollowerRecord)
+        raise InputError(faults) from None
     found = record.follower.build(record.base_radius)
     if found is None:
         raise refuse(

@@ -64,7 +64,7 @@ class RawTables:
         yield from self._part_faults()
         yield from self._lift_faults()
         yield from self._member_node_faults()
-        yield from self._spring_end_faults()
+        yield from self._same_end_faults()
         if self.mesh is not None:
             yield from self._mesh_group_faults(self.mesh)
         if self.mesh is not None or "nodes" in self.raw:
@@ -157,12 +157,13 @@ class RawTables:
             for node in _as_list(table.get("nodes")):
                 yield from self._check_name(("members", name, "nodes"), node, named, "a named node")
 
-    def _spring_end_faults(self) -> Iterator[Fault]:
-        """Yield springs with both ends at one point, which have no elongation."""
-        for name, table in self._each("springs"):
-            if "at" in table and table.get("to") == table["at"]:
-                why, remedy = "a spring from a point to itself has no effect", "leave it out for a spring to ground"
-                yield self._fault(("springs", name, "to"), repr(table["to"]), "another point", why, remedy)
+    def _same_end_faults(self) -> Iterator[Fault]:
+        """Yield springs and lashes with both ends at one point."""
+        for kind, first, last in (("springs", "at", "to"), ("contacts", "from", "to")):
+            for name, table in self._each(kind):
+                if first in table and table.get(last) == table[first]:
+                    why = "between a point and itself it has no effect"
+                    yield self._fault((kind, name, last), repr(table[last]), "another point", why)
 
     def _mesh_group_faults(self, mesh: Mesh) -> Iterator[Fault]:
         for name, table in self._each("members"):
@@ -235,50 +236,28 @@ def _is_finger(rocker: Table, nodes: Mapping[str, int]) -> bool:
 
 def mesh_faults(case: Case, mesh: Mesh) -> Iterator[Fault]:
     """Yield the faults of followers, lashes, levers and orientations on a mesh."""
-    yield from _shared_train_faults(case, mesh)
-    yield from _lash_place_faults(case)
-    yield from _lever_place_faults(case)
+    yield from _shared_point_faults(case, mesh)
     yield from _orientation_faults(case, mesh)
 
 
-def _shared_train_faults(case: Case, mesh: Mesh) -> Iterator[Fault]:
-    """Yield published loads whose followers share a train: each would use all its springs."""
-    seen: dict[int, str] = {}
+def _shared_point_faults(case: Case, mesh: Mesh) -> Iterator[Fault]:
+    """Yield published loads on one train, lashes of one rocker, and levers with one driven end."""
+    owners: dict[tuple[str, str, int | str], str] = {}
+    users: list[tuple[str, str, str, int | str, str]] = []
     for name, contact in case.record.contacts.items():
-        if not isinstance(contact, PublishedLoadRecord) or contact.follower not in mesh.points:
-            continue
-        train = int(mesh.connected_nodes(mesh.node(contact.follower, "follower"))[0])
-        if train in seen:
-            where = case.place(("contacts", name, "follower"))
-            given, allowed = f"{contact.follower!r}, on the train of {seen[train]!r}", "a follower with its own train"
-            why = "the preload of a published load belongs to one follower"
-            yield Fault(where, given, allowed, why, "give each cam its own pushrod")
-        seen.setdefault(train, name)
-
-
-def _lash_place_faults(case: Case) -> Iterator[Fault]:
-    """Yield lashes at the rocker of another one, and lashes between a node and itself."""
-    seen: dict[str, str] = {}
-    for name, lash in case.record.contacts.items():
-        if not isinstance(lash, LashRecord | AdjusterRecord):
-            continue
-        if lash.at is not None and lash.at in seen:
-            given, why = f"{lash.at!r}, as contact {seen[lash.at]!r}", "a rocker has one lash or adjuster"
-            yield Fault(case.place(("contacts", name, "at")), given, "one at a rocker", why, "remove one")
-        if lash.ends is not None and lash.ends[0] == lash.ends[1]:
-            where, why = case.place(("contacts", name, "to")), "a lash lies between two bodies"
-            yield Fault(where, repr(lash.ends[1]), "another node", why, "name two")
-        seen.setdefault(lash.at or "", name)
-
-
-def _lever_place_faults(case: Case) -> Iterator[Fault]:
-    starts = [rocker.start for rocker in case.record.rockers.values()]
+        if isinstance(contact, PublishedLoadRecord) and contact.follower in mesh.points:
+            train = int(mesh.connected_nodes(mesh.node(contact.follower, "follower"))[0])
+            users.append(("contacts", name, "follower", train, "the preload of a published load uses the whole train"))
+        if isinstance(contact, LashRecord | AdjusterRecord) and contact.at is not None:
+            users.append(("contacts", name, "at", contact.at, "a rocker has one lash or adjuster"))
     for name, rocker in case.record.rockers.items():
-        if starts.count(rocker.start) > 1 and isinstance(rocker, LeverRecord):
-            where, why = case.place(("rockers", name, "from")), "two levers cannot share a driven end"
-            yield Fault(
-                where, repr(rocker.start), "another point", why, "name another node, or a new name for a finger"
-            )
+        if isinstance(rocker, LeverRecord):
+            users.append(("rockers", name, "from", rocker.start, "two levers cannot share a driven end"))
+    for table, name, key, owned, why in users:
+        other = owners.setdefault((table, key, owned), name)
+        if other != name:
+            given = repr(owned) if isinstance(owned, str) else "the same train"
+            yield Fault(case.place((table, name, key)), f"{given}, as {table}.{other}", "another one", why, "")
 
 
 def _orientation_faults(case: Case, mesh: Mesh) -> Iterator[Fault]:

@@ -115,17 +115,12 @@ def _inner_values(value: object) -> list[object]:
     return cast("list[object]", value) if isinstance(value, list) else []
 
 
-_VARIANTS = (
-    ("sections", "*"), ("cams", "*", "follower"), ("follower",), ("contacts", "*"), ("rockers", "*"),
-    ("run", "integrator"), ("run", "start"),
-)  # fmt: skip
-"""Tables with variants: pydantic appends the tag of the variant to their path."""
-
-
-def convert_errors(errors: Iterable[ErrorDetails], places: KeyLocations, root: type[BaseModel]) -> list[Fault]:
-    """Return pydantic's errors as faults, one per key path."""
+def convert_errors(
+    errors: Iterable[ErrorDetails], raw: Mapping[str, Any], places: KeyLocations, root: type[BaseModel]
+) -> list[Fault]:
+    """Return pydantic's errors on some tables as faults, one per key path."""
     found: dict[tuple[str, str], Fault] = {}
-    located = [(_path(error), error) for error in errors]
+    located = [(_path(error, raw), error) for error in errors]
     missing = Counter(path for path, error in located if error["type"] == "missing")
     tables = {path[:depth] for path, _ in located for depth in range(len(path))}
     for path, error in located:
@@ -143,17 +138,18 @@ def convert_errors(errors: Iterable[ErrorDetails], places: KeyLocations, root: t
     return list(found.values())
 
 
-def _path(error: ErrorDetails) -> Path:
-    """Return the key path without the parts added by pydantic: tags of variants, names of alternatives."""
-    steps = [str(step) for step in error["loc"]]
-
-    def is_tag(i: int) -> bool:
-        return any(
-            len(table) == i and all(a in (b, "*") for a, b in zip(table, steps, strict=False)) for table in _VARIANTS
-        )
-
-    added = ("function-", "literal[", "nullable", "tuple[", "[key]")
-    return tuple(step for i, step in enumerate(steps) if not is_tag(i) and not step.startswith(added))
+def _path(error: ErrorDetails, raw: Mapping[str, Any]) -> Path:
+    """Return the key path without the steps added by pydantic, such as tags of variants and names of alternatives."""
+    path, value = list[str](), cast("Any", raw)
+    for place, step in enumerate(error["loc"], start=1):
+        if isinstance(step, int) and isinstance(value, list) and step < len(cast("list[Any]", value)):
+            value = cast("list[Any]", value)[step]
+        elif isinstance(value, dict) and step in value:
+            value = cast("dict[Any, Any]", value)[step]
+        elif place < len(error["loc"]) or error["type"] != "missing":
+            continue
+        path.append(str(step))
+    return tuple(path)
 
 
 def _fault(error: ErrorDetails, path: Path, places: KeyLocations, root: type[BaseModel]) -> Fault:

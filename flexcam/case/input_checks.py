@@ -7,115 +7,82 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any, cast
 
 import numpy as np
 
 from flexcam.case.case import Case
-from flexcam.case.fault_report import parse_toml
+from flexcam.case.reader import case_tables
 from flexcam.case.records import resolve_record, si_unit
 from flexcam.core.units import RPM
-from flexcam.dynamics import (
-    Method,
-    Problem,
-    RunFailedError,
-    SaveAt,
-    Scheme,
-    newmark,
-    solve,
-)
+from flexcam.dynamics import Method, Problem, RunFailedError, SaveAt, Scheme, newmark, solve
 from flexcam.valvetrain import Adjuster, CamContact, Lash, Model, Seat, shared_forces, touching_coils
 
 
 @dataclass(frozen=True)
 class TypicalRange:
-    """Typical range of a key."""
+    """Typical range of some keys."""
 
-    key: str  #: path of the key, ``*`` for any name
-    what: str  #: name of the quantity for messages
+    keys: str  #: paths of the keys, separated by spaces; ``*`` for any name
     least: float  #: limits, SI
     most: float
-    meant: Mapping[str, float]  #: units the user may have intended, with their size in SI, the most likely first
+    meant: Mapping[str, float] = field(default_factory=dict[str, float])
+    """Units the user may have intended, with their size in SI, the most likely first."""
     si: str = ""  #: unit, if the path of the key does not determine it
     zero: bool = False  #: whether zero is reported too
 
 
 _LENGTH = {"mm": 1e-3, "um": 1e-6, "in": 0.0254, "m": 1.0}
 _STRESS = {"GPa": 1e9, "MPa": 1e6, "kPa": 1e3}
-_STIFF = {"kN/m": 1e3, "N/mm": 1e3, "MN/m": 1e6, "N/m": 1.0}
-_INERTIA = {"g mm^2": 1e-9, "kg mm^2": 1e-6}
-_MASS = {"g": 1e-3, "kg": 1.0}
-_ANGULAR = {"rpm": RPM}
+_STIFFNESS = {"kN/m": 1e3, "N/mm": 1e3, "MN/m": 1e6, "N/m": 1.0}
+_FORCE = {"N": 1.0, "kN": 1e3, "mN": 1e-3}
 
 TYPICAL_RANGES = (
-    TypicalRange("materials.*.E", "Young's modulus of a solid", 1e6, 1.5e12, _STRESS),
-    TypicalRange("materials.*.density", "density of a solid", 500.0, 2.5e4, {"g/cm^3": 1e3}, zero=True),
-    TypicalRange("materials.*.ultimate_strength", "strength", 1e5, 2e10, {"MPa": 1e6, "GPa": 1e9}),
-    TypicalRange("materials.*.endurance_limit", "strength", 1e5, 2e10, {"MPa": 1e6, "GPa": 1e9}),
-    TypicalRange("nodes.*", "coordinate of a machine", 0.0, 20.0, _LENGTH),
-    TypicalRange("sections.*.diameter", "diameter", 1e-5, 3.0, _LENGTH),
-    TypicalRange("sections.*.outer_diameter", "diameter", 1e-5, 3.0, _LENGTH),
-    TypicalRange("sections.*.inner_diameter", "diameter", 1e-5, 3.0, _LENGTH),
-    TypicalRange("sections.*.width_y", "width of a section", 1e-5, 3.0, _LENGTH),
-    TypicalRange("sections.*.width_z", "width of a section", 1e-5, 3.0, _LENGTH),
-    TypicalRange("sections.*.A", "area of a section", 1e-10, 10.0, {"mm^2": 1e-6, "cm^2": 1e-4}),
-    TypicalRange("sections.*.Iy", "second moment of a section", 1e-20, 10.0, {"mm^4": 1e-12, "cm^4": 1e-8}),
-    TypicalRange("sections.*.Iz", "second moment of a section", 1e-20, 10.0, {"mm^4": 1e-12, "cm^4": 1e-8}),
-    TypicalRange("sections.*.J", "second moment of a section", 1e-20, 10.0, {"mm^4": 1e-12, "cm^4": 1e-8}),
-    TypicalRange("masses.*.mass", "mass in a valve train", 1e-7, 20.0, _MASS),
-    TypicalRange("masses.*.inertia", "inertia in a valve train", 1e-14, 1e5, _INERTIA),
-    TypicalRange("masses.*.offset", "offset of a mass", 0.0, 10.0, _LENGTH),
-    TypicalRange("springs.*.damping", "damping of a spring", 1e-9, 1e8, {"N s/mm": 1e3, "N s/m": 1.0}),
-    TypicalRange("springs.*.installed_force", "force of a spring", 1e-4, 1e6, {"N": 1.0, "mN": 1e-3}),
-    TypicalRange("springs.*.installed_compression", "travel of a spring", 1e-7, 2.0, _LENGTH),
-    TypicalRange("springs.*.clash_travel", "travel of a spring", 1e-7, 2.0, _LENGTH),
-    TypicalRange("springs.*.clash_stiffness", "stiffness of coils that touch", 10.0, 1e13, _STIFF),
-    TypicalRange("springs.*.mass", "mass of a spring", 1e-8, 20.0, _MASS),
-    TypicalRange("springs.*.wire.diameter", "diameter of a wire", 1e-6, 0.3, _LENGTH),
-    TypicalRange("springs.*.wire.coil_diameter", "diameter of a coil", 1e-5, 3.0, _LENGTH),
-    TypicalRange("springs.*.wire.shear_modulus", "shear modulus of a solid", 1e6, 1e12, _STRESS),
-    TypicalRange("springs.*.wire.density", "density of a solid", 100.0, 3e4, {"g/cm^3": 1e3}),
-    TypicalRange("springs.*.coils.*.diameter", "diameter of a coil", 1e-5, 3.0, _LENGTH),
-    TypicalRange("springs.*.coils.*.pitch", "pitch of a coil", 1e-6, 1.0, _LENGTH),
-    TypicalRange("springs.*.force_table.*.0", "travel of a spring", 1e-7, 2.0, _LENGTH),
-    TypicalRange("springs.*.force_table.*.1", "force of a spring", 1e-4, 1e6, {"N": 1.0, "mN": 1e-3}, "N"),
-    TypicalRange("bearings.*.stiffness", "stiffness of a bearing", 1.0, 1e13, _STIFF),
-    TypicalRange("loads.*.force", "force on a mechanism", 1e-6, 1e8, {"N": 1.0, "kN": 1e3}),
-    TypicalRange("rockers.*.arms", "arm of a rocker", 1e-4, 5.0, _LENGTH),
-    TypicalRange("rockers.*.inertia", "inertia of a rocker", 1e-14, 1e3, _INERTIA),
-    TypicalRange("rockers.*.stiffness", "stiffness of a rocker", 1.0, 1e13, _STIFF),
-    TypicalRange("cams.*.lift", "lift of a cam", 1e-6, 0.5, _LENGTH, "m"),
-    TypicalRange("cams.*.base_radius", "base radius", 1e-5, 2.0, _LENGTH),
-    TypicalRange("cams.*.width", "width of a cam", 1e-5, 2.0, _LENGTH),
-    TypicalRange("cams.*.ramps.height", "height of a ramp", 1e-8, 0.05, _LENGTH),
-    TypicalRange("cams.*.follower.radius", "radius of a roller", 1e-5, 2.0, _LENGTH),
-    TypicalRange("cams.*.follower.offset", "offset of a follower", 0.0, 2.0, _LENGTH),
-    TypicalRange("cams.*.follower.arm", "arm of a follower", 1e-4, 5.0, _LENGTH),
-    TypicalRange("cams.*.follower.distance", "distance of a pivot", 1e-4, 5.0, _LENGTH),
-    TypicalRange("contacts.*.stiffness", "stiffness of a contact", 10.0, 1e13, _STIFF),
-    TypicalRange("contacts.*.gap", "lash", 1e-8, 0.02, _LENGTH),
-    TypicalRange("contacts.*.friction", "coefficient of friction", 0.0, 1.0, {"%": 0.01}),
-    TypicalRange("contacts.*.dissipation", "dissipation of a contact", 0.0, 1e4, {}),
-    TypicalRange("contacts.*.preload_factor", "factor of a preload", 0.0, 100.0, {}),
-    TypicalRange("contacts.*.plunger_force", "force of a plunger", 1e-3, 1e4, {"N": 1.0}),
-    TypicalRange("run.speed", "camshaft speed", 1e-3, 1250.0, _ANGULAR),
-    TypicalRange("run.crank_speed", "crankshaft speed", 1e-3, 2500.0, _ANGULAR),
-    TypicalRange("members.*.bow", "bow of a member", 0.0, 0.05, _LENGTH),
-    TypicalRange("run.damping.modal", "damping ratio", 0.0, 0.5, {"%": 0.01}),
-    TypicalRange("run.damping.alpha", "Rayleigh factor of the mass", 0.0, 1e5, {}),
-    TypicalRange("run.damping.beta", "Rayleigh factor of the stiffness", 0.0, 0.1, {"ms": 1e-3, "us": 1e-6}),
-    TypicalRange("run.gravity", "acceleration of gravity", 0.0, 100.0, {"mm/s^2": 1e-3}),
+    TypicalRange("materials.*.E springs.*.wire.shear_modulus", 1e6, 1.5e12, _STRESS),
+    TypicalRange("materials.*.ultimate_strength materials.*.endurance_limit", 1e5, 2e10, {"MPa": 1e6, "GPa": 1e9}),
+    TypicalRange("materials.*.density springs.*.wire.density", 500.0, 3e4, {"g/cm^3": 1e3}, zero=True),
+    TypicalRange("nodes.*", 0.0, 20.0, _LENGTH),
+    TypicalRange(
+        "sections.*.diameter sections.*.outer_diameter sections.*.inner_diameter sections.*.width_y sections.*.width_z "
+        "springs.*.wire.diameter springs.*.wire.coil_diameter springs.*.coils.*.diameter cams.*.base_radius "
+        "cams.*.width cams.*.follower.radius",
+        1e-6, 3.0, _LENGTH,
+    ),
+    TypicalRange(
+        "masses.*.offset springs.*.installed_compression springs.*.clash_travel springs.*.coils.*.pitch "
+        "springs.*.force_table.*.0 cams.*.follower.offset",
+        0.0, 2.0, _LENGTH,
+    ),
+    TypicalRange("rockers.*.arms cams.*.follower.arm cams.*.follower.distance", 1e-4, 5.0, _LENGTH),
+    TypicalRange("cams.*.lift", 1e-6, 0.5, _LENGTH, "m"),
+    TypicalRange("cams.*.ramps.height contacts.*.gap members.*.bow", 0.0, 0.05, _LENGTH),
+    TypicalRange("sections.*.A", 1e-10, 10.0, {"mm^2": 1e-6, "cm^2": 1e-4}),
+    TypicalRange("sections.*.Iy sections.*.Iz sections.*.J", 1e-20, 10.0, {"mm^4": 1e-12, "cm^4": 1e-8}),
+    TypicalRange("masses.*.mass springs.*.mass", 1e-8, 20.0, {"g": 1e-3, "kg": 1.0}),
+    TypicalRange("masses.*.inertia rockers.*.inertia", 1e-14, 1e3, {"g mm^2": 1e-9, "kg mm^2": 1e-6}),
+    TypicalRange("springs.*.damping", 1e-9, 1e8, {"N s/mm": 1e3, "N s/m": 1.0}),
+    TypicalRange("springs.*.installed_force contacts.*.plunger_force loads.*.force", 1e-4, 1e8, _FORCE),
+    TypicalRange("springs.*.force_table.*.1", 1e-4, 1e6, _FORCE, "N"),
+    TypicalRange(
+        "springs.*.clash_stiffness bearings.*.stiffness rockers.*.stiffness contacts.*.stiffness",
+        10.0, 1e13, _STIFFNESS,
+    ),
+    TypicalRange("contacts.*.friction", 0.0, 1.0, {"%": 0.01}),
+    TypicalRange("fidelity.tolerance fidelity.tolerance.*", 0.0, 0.99, {"%": 0.01}),
+    TypicalRange("run.speed", 1e-3, 1250.0, {"rpm": RPM}),
+    TypicalRange("run.crank_speed", 1e-3, 2500.0, {"rpm": RPM}),
+    TypicalRange("run.damping.modal", 0.0, 0.5, {"%": 0.01}),
+    TypicalRange("run.damping.beta", 0.0, 0.1, {"ms": 1e-3, "us": 1e-6}),
+    TypicalRange("run.gravity", 0.0, 100.0, {"mm/s^2": 1e-3}),
 )  # fmt: skip
 """Typical ranges by key."""
 
-SPRING_RANGE = TypicalRange("springs.*.stiffness", "stiffness of a spring", 100.0, 1e12, _STIFF, "N/m")
+SPRING_RANGE = TypicalRange("springs.*.stiffness", 100.0, 1e12, _STIFFNESS, "N/m")
 """Range for translational springs: retaining springs are stiffer, and a bare 50 is unlikely to mean 50 N/m."""
 
-TORSION_SPRING_RANGE = TypicalRange(
-    "springs.*.stiffness", "stiffness of a spring", 1e-3, 1e12, {"kN m/rad": 1e3}, "N m/rad"
-)
+TORSION_SPRING_RANGE = TypicalRange("springs.*.stiffness", 1e-3, 1e12, {"kN m/rad": 1e3}, "N m/rad")
 """Range for torsional springs."""
 
 
@@ -124,22 +91,21 @@ def check_values(case: Case) -> list[str]:
     tables = resolve_record(case.record)
     torsional = {name for name, record in case.record.springs.items() if record.part.turns}
     found = [warning for usual in TYPICAL_RANGES for warning in _range_warnings(case, tables, usual)]
-    found += _speed_unit_warnings(case)
-    found += _section_warnings(case)
-    found += _fidelity_warnings(case)
-    found += _lift_table_warnings(case)
-    found += _unused_part_warnings(case)
     for usual, is_torsional in ((SPRING_RANGE, False), (TORSION_SPRING_RANGE, True)):
         springs = {n: one for n, one in tables["springs"].items() if (n in torsional) == is_torsional}
         found += _range_warnings(case, {"springs": springs}, usual)
-    found += _support_warnings(case)
-    found += _slenderness_warnings(case)
+    checks = (
+        _speed_unit_warnings, _section_warnings, _fidelity_warnings, _lift_table_warnings, _unused_part_warnings,
+        _support_warnings, _slenderness_warnings,
+    )  # fmt: skip
+    found += [warning for check in checks for warning in check(case)]
     return list(dict.fromkeys(f"Warning: {warning}" for warning in found))
 
 
 def _range_warnings(case: Case, tables: Mapping[str, Any], usual: TypicalRange) -> Iterator[str]:
     """Yield the values outside a typical range, one per key."""
-    for path, value in _matching_values(tables, tuple(usual.key.split(".")), ()):
+    keys = usual.keys.split()
+    for path, value in (pair for key in keys for pair in _matching_values(tables, tuple(key.split(".")), ())):
         several = cast("list[object]", value) if isinstance(value, list) else [value]
         numbers = [abs(float(x)) for x in several if isinstance(x, int | float) and not isinstance(x, bool)]
         outside = [x for x in numbers if (x or usual.zero) and not usual.least <= x <= usual.most]
@@ -149,7 +115,7 @@ def _range_warnings(case: Case, tables: Mapping[str, Any], usual: TypicalRange) 
             near = [f"{x:g} {name}" for name, size in usual.meant.items() if usual.least <= x * size <= usual.most]
             hint = f": did you mean {near[0]}?" if near else ""
             given = f"{x:g} {unit}".rstrip()
-            yield f"{case.place(path)}: {given} is an unusual {usual.what} (usually {bounds}){hint}"
+            yield f"{case.place(path)}: {given} is unusual (usually {bounds}){hint}"
 
 
 def _matching_values(
@@ -173,22 +139,12 @@ _IMPLAUSIBLE_SPEED = 300.0
 
 def _speed_unit_warnings(case: Case) -> Iterator[str]:
     """Yield an integer speed without unit that was probably meant in rpm."""
+    run = case_tables(case)["run"]
     for key in ("speed", "crank_speed"):
-        speed = getattr(case.record.run, key)
-        if speed is None or speed < _IMPLAUSIBLE_SPEED or speed != round(speed) or _raw_value(case, key) != speed:
-            continue
-        place, hint = case.place(("run", key)), f"did you mean {speed:g} rpm? Write the unit"
-        yield f"{place}: {speed:g} without a unit is in rad/s, {speed / RPM:.6g} rpm: {hint}"
-
-
-def _raw_value(case: Case, key: str) -> object:
-    """Return the value of a key of ``[run]`` as written; None for a text with a unit."""
-    pairs = [override.partition("=") for override in case.overrides]
-    given = [text for name, _, text in pairs if name.strip() == f"run.{key}"]
-    try:
-        return float(given[-1]) if given else cast("dict[str, Any]", parse_toml(case.text).get("run", {})).get(key)
-    except ValueError:
-        return None
+        speed = run.get(key)
+        if isinstance(speed, int | float) and speed >= _IMPLAUSIBLE_SPEED and speed == round(speed):
+            place, hint = case.place(("run", key)), f"did you mean {speed:g} rpm? Write the unit"
+            yield f"{place}: {speed:g} without a unit is in rad/s, {speed / RPM:.6g} rpm: {hint}"
 
 
 _ROUNDING_MARGIN = 1.02
@@ -218,16 +174,12 @@ def _lift_table_warnings(case: Case) -> Iterator[str]:
 
 
 def _fidelity_warnings(case: Case) -> Iterator[str]:
-    """Yield keys of a model that is not run, and tolerances that every model meets."""
+    """Yield keys of a model that is not run."""
     asked = case.record.fidelity
-    loose = [name for name, tolerance in asked.tolerances.items() if tolerance >= 1.0]
-    place = {key: case.place(("fidelity", key)) for key in ("masses", "modes", "tolerance")}
     if "masses" in asked.model_fields_set and asked.model != "chain":
-        yield f"{place['masses']}: it counts the masses of a chain, and the model is {asked.model}"
+        yield f"{case.place(('fidelity', 'masses'))}: it counts the masses of a chain, and the model is {asked.model}"
     if asked.modes is not None and asked.tolerances:
-        yield f"{place['modes']}: it has no effect, because fidelity.tolerance chooses the model"
-    if loose:
-        yield f"{place['tolerance']}: any model is within 100 % of {', '.join(loose)}: did you mean percent?"
+        yield f"{case.place(('fidelity', 'modes'))}: it has no effect, because fidelity.tolerance chooses the model"
 
 
 def _unused_part_warnings(case: Case) -> Iterator[str]:
@@ -248,18 +200,16 @@ def _unused_part_warnings(case: Case) -> Iterator[str]:
 
 
 def _support_warnings(case: Case) -> Iterator[str]:
-    """Yield components fixed by two supports, and springs to ground at fixed nodes."""
-    supports: dict[tuple[int, str], str] = {}
-    for point, components in case.record.supports.items():
-        for node, component in product(_nodes(case, point), dict.fromkeys(components)):
-            other = supports.setdefault((node, component), point)
-            if other != point:
-                place = case.place(("supports", point))
-                yield f"{place}: {component} is fixed by support {other!r} already, at a node of both"
+    """Yield springs to ground at nodes that a support fixes."""
+    fixed = {
+        (node, component)
+        for point, components in case.record.supports.items()
+        for node, component in product(_nodes(case, point), components)
+    }
     for name, spring in case.record.springs.items():
         along = spring.direction.lstrip("+-") if isinstance(spring.direction, str) else ""
         nodes = _nodes(case, spring.at)
-        if spring.to is None and along and nodes and all((node, along) in supports for node in nodes):
+        if spring.to is None and along and nodes and all((node, along) in fixed for node in nodes):
             place = case.place(("springs", name))
             yield f"{place}: a support fixes {along} of {spring.at!r}, so that the spring acts on nothing"
 

@@ -204,7 +204,7 @@ def _record(
     try:
         return kind.model_validate(raw, context={"case": case, "texts": {} if files is None else files}), []
     except ValidationError as refusal:
-        return None, convert_errors(refusal.errors(include_url=False), places, kind)
+        return None, convert_errors(refusal.errors(include_url=False), raw, places, kind)
 
 
 def has_mechanism(path: Path) -> bool:
@@ -313,39 +313,29 @@ def _apply_override(raw: dict[str, Any], path: KeyPath, override: str) -> list[F
     where, (_, equals, text) = f"--set {override}", override.partition("=")
     if not equals or not all(path):
         return [Fault(where, repr(override), "key=value, such as run.speed=4000rpm", "", "")]
-    value, table = _toml_value(text.strip()), raw
-    for depth, step in enumerate(path[:-1]):
-        new = depth == 1 and path[0] != "run" and not suggest_name(step, table)
-        known = list(CaseRecord.model_fields) if depth == 0 else [*table, *_OPTIONAL_TABLES]
-        inner = table.setdefault(step, {}) if step in known or new else None
-        if isinstance(inner, list):
-            return _override_element(cast("list[Any]", inner), path[depth + 1 :], value, where)
-        if not isinstance(inner, dict):
-            return [Fault(where, repr(step), f"a table: {', '.join(table)}", "", suggest_name(step, known))]
-        table = cast("dict[str, Any]", inner)
-    table[path[-1]] = value
-    return []
-
-
-def _override_element(elements: list[Any], path: KeyPath, value: object, where: str) -> list[Fault]:
-    """Override an element of a list, or a value in a list or table that is an element."""
-    position, *rest = path
-    if not position.isdecimal() or int(position) >= len(elements):
-        return [Fault(where, repr(position), f"a position in the list, 0 to {len(elements) - 1}", "", "")]
-    if not rest:
-        elements[int(position)] = value
-        return []
-    inner: object = elements[int(position)]
-    if isinstance(inner, dict):
-        table = cast("dict[str, Any]", inner)
-        key, *rest = rest
-        if not rest:
-            table[key] = value
+    target: Any = raw
+    for depth, step in enumerate(path):
+        names, key = list[str](), cast("Any", step)
+        if isinstance(target, list):
+            count = len(cast("list[Any]", target))
+            if not step.isdecimal() or int(step) >= count:
+                return [Fault(where, repr(step), f"a position in the list, 0 to {count - 1}", "", "")]
+            key = int(step)
+        else:
+            names = list(cast("dict[str, Any]", target))
+        if depth == len(path) - 1:
+            target[key] = _toml_value(text.strip())
             return []
-        inner = table.get(key)
-    if isinstance(inner, list):
-        return _override_element(cast("list[Any]", inner), tuple(rest), value, where)
-    return [Fault(where, repr(".".join(path[1:])), "a key or a position in the list", "", "")]
+        if isinstance(target, dict):
+            known = list(CaseRecord.model_fields) if depth == 0 else [*names, *_OPTIONAL_TABLES]
+            new = depth == 1 and path[0] != "run" and not suggest_name(step, names)
+            if step not in names and not (step in known or new):
+                return [Fault(where, repr(step), f"a table: {', '.join(names)}", "", suggest_name(step, known))]
+            cast("dict[str, Any]", target).setdefault(step, {})
+        target = cast("Any", target)[key]
+        if not isinstance(target, dict | list):
+            return [Fault(where, repr(step), f"a table: {', '.join(names)}" if names else "a table", "", "")]
+    return []
 
 
 def _toml_value(text: str) -> object:

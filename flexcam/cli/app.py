@@ -51,34 +51,24 @@ COMMAND_FILES = {command: file for panel in COMMANDS.values() for command, file 
 """File of every command."""
 
 
-@dataclass(frozen=True)
-class IgnoredKeys:
-    """Keys that some commands ignore."""
-
-    commands: tuple[str, ...]
-    keys: tuple[str, ...]  # keys of the case
-    why: str  # behaviour of the commands instead
-    remedy: str
-
-
 _ACCURACY = ("fidelity.tolerance", "fidelity.estimate")
 _MODEL = ("fidelity.model", "fidelity.masses", "fidelity.modes", "fidelity.reduction")
 _NORM = ("fidelity.norm",)
-_OMIT = "leave it out"
 
 IGNORED_KEYS = (
-    IgnoredKeys(("campbell", "compare", "limits", "plot", "stability", "view"), (*_ACCURACY, *_NORM),
-                "it uses the model that the case names",
-                "only flexcam run chooses a model and estimates errors; name the model by fidelity.model"),
-    IgnoredKeys(("sensitivity", "optimize", "fit"), ("fidelity.estimate",),
-                "it estimates no errors of its runs", _OMIT),
-    IgnoredKeys(("trade",), (*_MODEL, *_ACCURACY), "it compares every model of the ladder with a converged one",
-                "flexcam run uses it"),
-    IgnoredKeys(("modes", "synthesize"), (*_MODEL, *_ACCURACY, *_NORM),
-                "natural modes are those of all degrees of freedom of the members", _OMIT),
-    IgnoredKeys(("cam",), (*_MODEL, *_ACCURACY, *_NORM), "a cam needs no model of the train", _OMIT),
+    (
+        ("campbell", "compare", "limits", "plot", "stability", "view"), (*_ACCURACY, *_NORM),
+        "only flexcam run chooses a model and estimates errors; name the model by fidelity.model",
+    ),
+    (("sensitivity", "optimize", "fit"), ("fidelity.estimate",), "it estimates no errors of its runs"),
+    (("trade",), (*_MODEL, *_ACCURACY), "it compares every model of the ladder with a converged one"),
+    (
+        ("modes", "synthesize"), (*_MODEL, *_ACCURACY, *_NORM),
+        "natural modes are those of all degrees of freedom of the members",
+    ),
+    (("cam",), (*_MODEL, *_ACCURACY, *_NORM), "a cam needs no model of the train"),
 )  # fmt: skip
-"""Ignored keys by command."""
+"""Keys of the case that some commands ignore: the commands, the keys, and what the commands do instead."""
 
 
 def _changed_keys(case: Case, keys: Sequence[str]) -> Iterator[tuple[str, str]]:
@@ -187,10 +177,10 @@ def warn_ignored_keys(overrides: Sequence[str] | None, case: Case | None = None)
     for i, key in enumerate(keys):
         if (last := len(keys) - 1 - keys[::-1].index(key)) != i:
             print_message(f"Note: --set {given[i]} has no effect: --set {given[last]} replaces it; leave one out")
-    for row in IGNORED_KEYS:
-        if case is not None and command in row.commands and (changed := list(_changed_keys(case, row.keys))):
+    for commands, ignored, why in IGNORED_KEYS:
+        if case is not None and command in commands and (changed := list(_changed_keys(case, ignored))):
             named, has = ", ".join(map(case.place, changed)), "has" if len(changed) == 1 else "have"
-            print_message(f"Note: {named} {has} no effect in {command}: {row.why}; {row.remedy}")
+            print_message(f"Note: {named} {has} no effect in {command}: {why}")
 
 
 def load_beams(path: Path, overrides: Sequence[str] | None) -> Case:

@@ -13,7 +13,7 @@ import signal
 import sys
 import tempfile
 import traceback
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from importlib import import_module
 from inspect import cleandoc
@@ -101,19 +101,19 @@ def _report_crash(words: Sequence[str], as_json: bool) -> int:
 def _command_line_fault(words: Sequence[str], fault: CycloptsError) -> Fault:
     """Return the fault of an invalid command line."""
     command = [word for word in words[:1] if word in COMMAND_FILES]
-    why, remedy, usage = str(fault), "", f"see {' '.join(['flexcam', *command])} --help"
+    why, remedy = str(fault), f"see {' '.join(['flexcam', *command])} --help"
     if why.startswith("Unknown command"):
-        why, remedy = why.partition(" Available commands: ")[0], f"choose one of {', '.join(COMMAND_FILES)}"
-    elif found := re.match(r'Command "[^"]+" parameter (-\S+) requires an argument', why):
-        option = found[1]
-        why = f"{option.lstrip('-').upper()} ({option}) is missing"
-        if option in words:
-            followed = words[words.index(option) + 1 :][:1]
-            why = f"{option} is followed by {followed[0] if followed else 'nothing'}"
-            remedy = f"write a value that begins with - as {option}={followed[0]}" if followed else ""
+        why, remedy = (
+            why.partition(" Available commands: ")[0],
+            f"choose one of {', '.join(COMMAND_FILES)}, or {remedy}",
+        )
+    elif found := re.match(r'Command "[^"]+" parameter -+(\S+) requires an argument', why):
+        why = f"{found[1].upper()} (--{found[1]}) is missing"
+        if f"--{found[1]}" in words:
+            remedy = f"write a value that begins with - as --{found[1]}=VALUE, or {remedy}"
     elif found := re.match(r"Unused Tokens: \[(.*)\]", why):
         why = f"no argument or option accepts {found[1]}"
-    return Fault("command line", " ".join(words), "", why, f"{remedy}, or {usage}" if remedy else usage)
+    return Fault("command line", " ".join(words), "", why, remedy)
 
 
 _INTERRUPTED = Status(Cause.INTERRUPTED, "stopped by the user before it was finished; nothing is kept")
@@ -136,34 +136,21 @@ def _signal_code() -> int:
     return INTERRUPTED if set(run_state.signals) <= {signal.SIGINT} else TERMINATED
 
 
-def _empty_path_faults(words: Sequence[str]) -> list[Fault]:
-    """Return a fault for every file option with an empty value, which Python would interpret as the current folder."""
-    pairs = [*pairwise(words), *(tuple(word.partition("=")[::2]) for word in words if word.endswith("="))]
-    why, remedy = (
-        "the value is empty, perhaps from a shell variable that is not set",
-        "name one, or leave the option out",
-    )
-    return [
-        Fault(one, "nothing", "a file or a folder", why, remedy) for one, other in pairs if one in _FILES and not other
-    ]
-
-
-def _encoding_faults(words: Sequence[str]) -> list[Fault]:
-    """Return a fault for every word that is not UTF-8: files that name it could not be written."""
-    why, remedy = "results and reports name their files", "rename the file or folder"
-    return [
-        Fault("command line", ascii(word), "words and file names in UTF-8", why, remedy)
-        for word in words if any("\ud800" <= letter <= "\udfff" for letter in word)
-    ]  # fmt: skip
-
-
-_FILES = ("-o", "--output", "--csv", "--plot", "--spectrum", "--save", "--mac", "--from-profile")
-"""Options with a file name."""
+def _word_faults(words: Sequence[str]) -> Iterator[Fault]:
+    """Yield a fault for every empty value, which may mean the current folder, and for every word not in UTF-8."""
+    for before, word in pairwise(["", *words]):
+        if not word or (word.startswith("-") and word.endswith("=")):
+            where = word.removesuffix("=") or (before if before.startswith("-") else "command line")
+            why, remedy = "it is empty, perhaps from a shell variable that is not set", "give a value, or omit it"
+            yield Fault(where, "nothing", "a value", why, remedy)
+        if any("\ud800" <= letter <= "\udfff" for letter in word):
+            why, remedy = "results and reports name their files", "rename the file or folder"
+            yield Fault("command line", ascii(word), "words and file names in UTF-8", why, remedy)
 
 
 def _dispatch(words: Sequence[str]) -> int:
     as_json = "--json" in words
-    if faults := [*_empty_path_faults(words), *_encoding_faults(words)]:
+    if faults := [*_word_faults(words)]:
         return _print_faults(faults, as_json)
     try:
         load_commands(words)
@@ -225,10 +212,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def _open_null_streams() -> None:
     """Open null streams for a process started without standard streams, for example by a daemon."""
-    if sys.stdout is None:  # pyright: ignore[reportUnnecessaryComparison]
-        sys.stdout = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - for the life of the process
-    if sys.stderr is None:  # pyright: ignore[reportUnnecessaryComparison]
-        sys.stderr = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115 - for the life of the process
 
 
 def _discard_output() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -29,7 +28,7 @@ from flexcam.io import (
     write_pvd,
     write_text,
 )
-from flexcam.report.tables import describe_verification, info_table, stats_json
+from flexcam.report.tables import info_table, stats_json
 from flexcam.report.terminal import print_json, result_console
 
 
@@ -50,9 +49,11 @@ def info(
     if verify:
         found = verify_file(result)
         if as_json:
-            print_json({"status": "ok", "file": str(result), **asdict(found)})
+            print_json({"status": "ok", "file": str(result), **found})
         else:
-            result_console().print(describe_verification(result, found))
+            partial = "" if found["complete"] else "; its run did not reach its end"
+            size = f"{found['datasets']} datasets, {found['bytes']} bytes"
+            result_console().print(f"{result} is sound: {size}, as they were written{partial}")
         return
     read = read_result(result)
     response = read.response

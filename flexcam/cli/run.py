@@ -37,7 +37,7 @@ from flexcam.case.case import Case
 from flexcam.cli import app as cli
 from flexcam.core.errors import NAME, NAMES, InputError, collect_errors, refuse
 from flexcam.dynamics import Cause, Response, RunFailedError, Stats, Status, solve
-from flexcam.io import check_folder_name, check_folder_writable, check_writable
+from flexcam.io import check_folder, check_folder_name, check_writable
 from flexcam.report.fidelity_tables import choice_json, describe_choice, error_table
 from flexcam.report.tables import (
     describe_contacts,
@@ -144,7 +144,7 @@ def run(
     given, duration = collect_errors(
         lambda: cli.load_case(case, overrides),
         lambda: None if time_limit is None else cli.parse_duration("--time-limit", time_limit),
-        lambda: check_folder_writable(check_folder_name(folder)),
+        lambda: check_folder(check_folder_name(folder)),
     )
     if name is not None:
         if not re.match(NAME, name):

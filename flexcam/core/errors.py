@@ -6,6 +6,7 @@ import difflib
 import re
 from dataclasses import asdict, dataclass
 from datetime import date, time
+from importlib.util import find_spec
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
@@ -38,12 +39,6 @@ _MAX_PART = 1000
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 
 
-_LIST = re.compile(r"""^[\w.'"-]+(, [\w.'"-]+){2,}$""")
-"""A list of allowed values."""
-
-_CONDITION = re.compile(r"^(above|below|less than|greater than|between)\b")
-
-
 _PLAIN_START = re.compile(r"(?!flexcam|pip|asammdf|pymoo|pandas)(?:a|[a-z]{2,})(?:'s)?(?:,? |$)")
 
 
@@ -58,29 +53,13 @@ def _end(text: str) -> str:
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault in an input.
+    """A fault in an input: its message is one sentence on the fault, one on the reason and one on the remedy."""
 
-    Its message is one sentence on the fault, one on the reason and one on the remedy.
-
-    Parameters
-    ----------
-    where
-        Location in the input: a key path with its line, a node, a parameter.
-    given
-        Value found there.
-    allowed
-        Allowed values; empty if the reason alone describes the fault.
-    why
-        The reason for the limit.
-    remedy
-        How to correct it.
-    """
-
-    where: str
-    given: str
-    allowed: str
-    why: str
-    remedy: str
+    where: str  #: location in the input: a key path with its line, a node, a parameter
+    given: str  #: value found there
+    allowed: str  #: allowed values; empty if the reason alone describes the fault
+    why: str  #: reason for the limit
+    remedy: str  #: how to correct it
 
     def __str__(self) -> str:
         where, given, allowed, why, remedy = (
@@ -89,7 +68,6 @@ class Fault:
         )
         head = f"{where}: {why}"
         if allowed:
-            allowed = _LIST.sub(r"one of \g<0>", _CONDITION.sub(r"a value \g<0>", allowed))
             found = "missing" if given == "nothing" else f"got {given}"
             head = f"{where}: {found}, expected {allowed}. {_capitalize(why)}"
         text = " ".join(_end(part.strip()) for part in (head, _capitalize(remedy)) if part.strip())
@@ -123,22 +101,20 @@ class InputError(FlexcamError, ValueError):
 
     def __init__(self, faults: Iterable[Fault]) -> None:
         self.faults: tuple[Fault, ...] = tuple(faults)
-        super().__init__(speak_python("\n".join(map(str, self.faults))))
-
-
-_OPTION = re.compile(r"(flexcam \w+ )?(?<![\w'\"-])--([a-z][a-z-]+)")
-
-
-def speak_python(text: str) -> str:
-    """Return a message with command-line options as arguments of Python; commands to type keep theirs."""
-    words = {"set": "override", "overwrite": "overwrite=True"}
-    return _OPTION.sub(lambda at: at[0] if at[1] else words.get(at[2], at[2].replace("-", "_")), text)
+        super().__init__("\n".join(map(str, self.faults)))
 
 
 def refuse(where: str, given: object, allowed: str, why: str = "", remedy: str = "") -> InputError:
     """Return the error for a single invalid value, to be raised by the caller."""
     shown = given if isinstance(given, str) else format_value(given)
     return InputError([Fault(where, shown, allowed, why, remedy)])
+
+
+def require_packages(where: str, given: str, extra: str, *names: str) -> None:
+    """Raise an error if packages of an extra of flexcam are not installed."""
+    if missing := [name for name in names if find_spec(name) is None]:
+        why, remedy = f"cannot import {' and '.join(missing)}", f"run pip install 'flexcam[{extra}]'"
+        raise refuse(where, given, "installed packages", why, remedy)
 
 
 def parse_all(read: Callable[[str], ParsedValue], given: Iterable[str]) -> tuple[list[ParsedValue], list[Fault]]:

@@ -66,31 +66,29 @@ def compile_functions(
     if not (keep and any((cache_root() / digest).rglob("*.nbi"))):
         _LOGGER.info("compiling the time integration, once per installation: about ten seconds")
     for name in entries:
-        uncached = partial(_uncached_entry, functions, entries, name) if keep else None
-        found[name] = _Entry(found[name], uncached)
+        found[name] = _Entry(
+            found[name], partial(compile_functions, functions, entries, cached=False) if keep else None
+        )
     return found
-
-
-def _uncached_entry(functions: tuple[FunctionType, ...], entries: tuple[str, ...], name: str) -> Callable[..., Any]:
-    return compile_functions(functions, entries, cached=False)[name]
 
 
 class _Entry:
     """An entry whose cached code may be damaged or impossible to write: then it is compiled without a cache."""
 
-    def __init__(self, entry: Any, uncached: Callable[[], Callable[..., Any]] | None = None) -> None:  # noqa: ANN401
+    def __init__(self, entry: Any, uncached: Callable[[], Functions] | None = None) -> None:  # noqa: ANN401
         self._entry: Any = entry
         self._uncached, self._called = uncached, False
 
     def __call__(self, *arguments: object) -> Any:  # noqa: ANN401 - what the entry returns
         if not self._called:
+            typeof: Callable[[object], Any] = import_module("numba").typeof
             try:  # numba loads or compiles before it runs: a failure has changed nothing
                 with _delay_signals():
-                    self._entry.compile(tuple(map(_typeof(), arguments)))
+                    self._entry.compile(tuple(map(typeof, arguments)))
             except (OSError, EOFError, ValueError, pickle.UnpicklingError):
                 if self._uncached is None:
                     raise
-                self._entry = self._uncached()
+                self._entry = self._uncached()[self._entry.__name__]
             self._called = True
         return self._entry(*arguments)
 
@@ -111,11 +109,6 @@ def _delay_signals() -> Generator[None]:
             signal.signal(number, handler)
         for number in received:
             signal.raise_signal(number)
-
-
-def _typeof() -> Callable[[object], Any]:
-    numba: Any = import_module("numba")
-    return numba.typeof
 
 
 def _bind(

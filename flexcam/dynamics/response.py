@@ -10,14 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexcam.core import FloatArray
-from flexcam.core.errors import finite_array, refuse, speak_python, suggest_name
+from flexcam.core.errors import finite_array, refuse, require_packages, suggest_name
 from flexcam.core.html import html_table
 from flexcam.dynamics.blocks import Series
 from flexcam.dynamics.status import Stats, Status
@@ -197,7 +196,7 @@ class Response:
         return html_table(
             "Response",
             {
-                "status": speak_python(str(self.status)),
+                "status": str(self.status),
                 "end": last,
                 "instants": f"{len(self.time)}, {len(self.field_time)} with all unknowns",
                 "engine": f"{self.stats.engine}, {self.stats.steps} steps, {self.stats.unknowns} unknowns",
@@ -252,8 +251,7 @@ class Response:
         --------
         ``response.to_frame()["valve.velocity"].min()``
         """
-        if find_spec("pandas") is None:
-            raise refuse("data frames", "pandas", "an installed package", "", "run pip install 'flexcam[tables]'")
+        require_packages("data frames", "pandas", "tables", "pandas")
         import pandas as pd
 
         columns = self.columns()

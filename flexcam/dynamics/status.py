@@ -10,7 +10,7 @@ from enum import StrEnum
 import numpy as np
 
 from flexcam.core import FloatArray, Triplets
-from flexcam.core.errors import FlexcamError, speak_python
+from flexcam.core.errors import FlexcamError
 
 
 class Cause(StrEnum):
@@ -90,7 +90,7 @@ class RunFailedError(FlexcamError, RuntimeError):
 
     def __init__(self, status: Status) -> None:
         self.status = status
-        super().__init__(speak_python(str(status)))
+        super().__init__(str(status))
 
 
 @dataclass(frozen=True)
@@ -165,13 +165,7 @@ _ALSO = 0.3
 
 
 class NotPositiveError(RunFailedError):
-    """Indefinite stiffness.
-
-    Parameters
-    ----------
-    motion
-        Motion with negative energy, shape (n,); None if unknown.
-    """
+    """Indefinite stiffness; `motion`, shape (n,), has negative energy, None if unknown."""
 
     def __init__(self, motion: FloatArray | None = None) -> None:
         super().__init__(NOT_POSITIVE)

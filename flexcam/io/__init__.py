@@ -16,13 +16,13 @@ from flexcam.io.cam_files import (
 from flexcam.io.exports import macro_path, write_csv, write_macro, write_modes, write_pvd
 from flexcam.io.files import (
     atomic_write_path,
+    check_folder,
     check_folder_name,
-    check_folder_writable,
     check_writable,
     create_folder,
     find_referenced_file,
     format_toml,
-    lock_file,
+    open_locked,
     read_text,
     resolve_file,
     temporary_folder,
@@ -30,7 +30,7 @@ from flexcam.io.files import (
 )
 from flexcam.io.hdf5 import open_hdf5, write_digest
 from flexcam.io.mesh_file import read_mesh, write_mesh
-from flexcam.io.result_reader import PartialResult, Result, VerificationSummary, read_result, verify_file
+from flexcam.io.result_reader import PartialResult, Result, read_result, verify_file
 from flexcam.io.result_schema import RECOVERED_FIELDS, VECTORS
 from flexcam.io.result_writer import ResultFile, count_output_points, partial_path, result_bytes
 from flexcam.io.vtk_groups import Geometry
@@ -43,18 +43,17 @@ __all__ = [
     "ProfileTable",
     "Result",
     "ResultFile",
-    "VerificationSummary",
     "atomic_write_path",
+    "check_folder",
     "check_folder_name",
-    "check_folder_writable",
     "check_writable",
     "count_output_points",
     "create_folder",
     "find_referenced_file",
     "format_toml",
-    "lock_file",
     "macro_path",
     "open_hdf5",
+    "open_locked",
     "partial_path",
     "read_lift",
     "read_mesh",

@@ -22,7 +22,7 @@ from flexcam.cams import KINDS, HarmonicLift, Law
 from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name, system_message
 from flexcam.io.exports import write_polylines
-from flexcam.io.files import atomic_write_path, check_writable, create_folder, format_toml, read_text, write_text
+from flexcam.io.files import atomic_write_path, check_writable, format_toml, read_text, write_text
 
 _LENGTHS = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "μm": 1e-6, "inch": 0.0254, '"': 0.0254,
             "thou": 2.54e-5}  # fmt: skip
@@ -153,7 +153,6 @@ def write_lift_table(path: Path, angle: FloatArray, lift: FloatArray, *, overwri
     if path.suffix != ".csv":
         raise refuse("output", str(path), "a name that ends in .csv", "a case recognizes a table by this ending")
     check_writable("output", path, overwrite=overwrite)
-    create_folder(path.parent)
     rows = np.column_stack([np.degrees(angle), 1e3 * lift])
     with atomic_write_path(path) as draft:
         np.savetxt(draft, rows, fmt="%.12g", delimiter=",", header="cam_deg,lift_mm", comments="")

@@ -12,14 +12,13 @@ import struct
 import tempfile
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from importlib.util import find_spec
 from pathlib import Path
 from stat import S_ISREG
 
 import numpy as np
 
 from flexcam.core import FloatArray
-from flexcam.core.errors import InputError, refuse, suggest_name, system_message
+from flexcam.core.errors import InputError, refuse, require_packages, suggest_name, system_message
 from flexcam.core.units import conversion_factor
 from flexcam.dynamics import Cause, RunFailedError, Status
 
@@ -86,8 +85,7 @@ def read_mdf(path: Path, where: str, names: Sequence[str] = ()) -> dict[str, tup
 
     Channels of other rates are interpolated; values that are invalid or outside the time of a channel are NaN.
     """
-    if find_spec("asammdf") is None:
-        raise refuse(where, path.name, "a CSV file", "asammdf is not installed", "run pip install 'flexcam[mdf]'")
+    require_packages(where, path.name, "mdf", "asammdf")
     from asammdf import MDF
     from asammdf.blocks.utils import MdfException
 
@@ -151,31 +149,24 @@ _MAX_FILE_SIZE = 1 << 30
 def find_referenced_file(case: Path, name: str) -> Path | None:
     """Return the file named by a string of a case, in any folder; None if the string is not a file name."""
     try:
-        path = _base_folder(case, name) / name
+        path = _folder(case) / name
         return path if path.is_file() else None
     except (OSError, ValueError):  # not a valid file name
         return None
 
 
-def _search_folders(case: Path) -> list[Path]:
-    """Return the folders searched for names in a case, in order."""
-    return [case.parent, case.resolve().parent] if case.is_symlink() else [case.parent]
-
-
-def _base_folder(case: Path, name: str) -> Path:
-    """Return the folder to which a name in a case is relative."""
-    folders = _search_folders(case)
-    return next((folder for folder in folders if (folder / name).exists()), folders[0])
+def _folder(case: Path) -> Path:
+    """Return the folder to which names in a case are relative: that of the real file."""
+    return case.resolve().parent if case.is_symlink() else case.parent
 
 
 def resolve_file(case: Path, name: str, where: str) -> Path:
     """Return the path of a file named in a case."""
     try:
-        folder = _base_folder(case, name)
+        folder = _folder(case)
         path = folder / name
         target, home = path.resolve(), folder.resolve()
-        there, regular = path.exists(), path.is_file()
-        size = path.stat().st_size if regular else 0
+        size = file_size(path) if path.exists() else 0
     except (OSError, ValueError, RuntimeError) as fault:
         raise refuse(where, repr(name), "the path of a file", system_message(fault)) from None
     besides = [Path(one).resolve() for one in os.environ.get(ALLOWED_FOLDERS_VARIABLE, "").split(os.pathsep) if one]
@@ -184,18 +175,12 @@ def resolve_file(case: Path, name: str, where: str) -> Path:
         allowed = "a file in the case's folder, up to two folders above it, or below these"
         why = "a case from elsewhere must not open any file"
         raise refuse(where, repr(name), allowed, why, f"move it, or name its folder in {ALLOWED_FOLDERS_VARIABLE}")
-    if there and not regular:
-        raise refuse(where, repr(name), "a regular file", "folders and devices cannot be read")
     if size > _MAX_FILE_SIZE:
         raise refuse(where, f"{name!r} of {size} bytes", f"up to {_MAX_FILE_SIZE} bytes", "it is read whole")
-    if not there and len(tried := _search_folders(case)) > 1:
-        allowed, why = f"a file from {tried[0]} or from {tried[1]}", f"{case} is a symbolic link, and neither has it"
-        raise refuse(where, repr(name), allowed, why, "put it in the folder of the link or of the case")
     return path
 
 
 _REMEDY = "use --overwrite, or name another file"
-_CREATABLE, _WRITABLE = "a folder that can be made", "a folder that takes files"
 
 
 def check_writable(where: str, path: Path, *, overwrite: bool, remedy: str = _REMEDY) -> None:
@@ -204,22 +189,8 @@ def check_writable(where: str, path: Path, *, overwrite: bool, remedy: str = _RE
         raise refuse(where, str(path), "a file", "a folder has this name", "move it, or name another folder")
     if path.exists() and not overwrite:
         raise refuse(where, str(path), "a file that does not exist yet", "flexcam overwrites no file by itself", remedy)
-    if why := _describe_obstacle(path.parent):
-        raise refuse("folder", str(path.parent), _CREATABLE, why, "name another")
-    if (path.is_file() or not path.exists()) and not os.access(_nearest_existing(path.parent), os.W_OK | os.X_OK):
-        raise refuse("folder", str(path.parent), _WRITABLE, "it is read-only", "name another")
-
-
-def _nearest_existing(folder: Path) -> Path:
-    """Return the nearest existing folder: the given one or a parent."""
-    full = folder.absolute()
-    return next(one for one in (full, *full.parents) if os.path.lexists(one))
-
-
-def _describe_obstacle(folder: Path) -> str:
-    """Describe a file at the path of a folder or of one of its parents; empty if there is none."""
-    above = _nearest_existing(folder)
-    return "" if above.is_dir() else f"{above} is not a folder"
+    if path.is_file() or not path.exists():
+        check_folder(path.parent)
 
 
 _FILE_SUFFIXES = frozenset((
@@ -238,31 +209,33 @@ def check_folder_name(path: Path) -> Path:
 
 def create_folder(path: Path) -> Path:
     """Create a folder with its parents if necessary and return it."""
+    check_folder(path)
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as fault:
-        why = _describe_obstacle(path) or system_message(fault)
-        raise refuse("folder", str(path), _CREATABLE, why, "name another") from None
+        raise refuse("folder", str(path), "a folder that can be made", system_message(fault), "name another") from None
     return path
 
 
-def check_folder_writable(folder: Path) -> None:
-    """Raise an error if no file can be created in a folder; called before a computation, leaves no files."""
-    missing = [one for one in (folder, *folder.parents) if not one.exists()]
+def check_folder(folder: Path) -> None:
+    """Raise an error if a folder, or the nearest one above that exists, takes no files; leave none there."""
+    full = folder.absolute()
+    there = next(one for one in (full, *full.parents) if os.path.lexists(one))
     try:
-        with tempfile.TemporaryFile(dir=create_folder(folder)):
+        with tempfile.TemporaryFile(dir=there):
             pass
     except OSError as fault:
-        raise refuse("folder", str(folder), _WRITABLE, system_message(fault), "name another") from None
-    finally:
-        for one in missing:
-            with suppress(OSError):
-                one.rmdir()
+        why = system_message(fault) if there.is_dir() else f"{there} is not a folder"
+        raise refuse("folder", str(folder), "a folder that takes files", why, "name another") from None
 
 
 @contextmanager
 def atomic_write_path(path: Path) -> Generator[Path]:
-    """Yield a temporary path, which replaces the target file once the block completes without error."""
+    """Yield a temporary path, which replaces the target file once the block completes without error.
+
+    Folders that do not exist are created.
+    """
+    create_folder(path.parent)
     draft = path.with_name(f".flexcam-{os.getpid()}{path.suffix}") if path.is_file() or not path.exists() else path
     try:
         yield draft
@@ -280,7 +253,6 @@ def atomic_write_path(path: Path) -> Generator[Path]:
 def write_text(path: Path, text: str, *, overwrite: bool = False) -> Path:
     """Write a text file, such as a table."""
     check_writable("output", path, overwrite=overwrite)
-    create_folder(path.parent)
     with atomic_write_path(path) as draft:
         draft.write_text(text, encoding="utf-8")
     return path
@@ -307,11 +279,24 @@ def _join_array(found: re.Match[str]) -> str:
     return line if len(line) <= _LINE_LENGTH else found[0]
 
 
-def lock_file(file: int) -> bool:
-    """Lock an open file until the process ends or the descriptor is closed; raise BlockingIOError if it is locked.
+def open_locked(path: Path) -> int:
+    """Return a descriptor of a file, locked until the process ends; raise BlockingIOError if another has locked it.
 
-    Without file locks (Windows, some network drives) return False; concurrent access is not prevented then.
+    Without file locks (Windows, some network drives) concurrent access is not prevented.
     """
+    while True:
+        file = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+        try:
+            _lock(file)
+            if path.exists() and os.path.samestat(os.fstat(file), path.stat()):
+                return file
+        except OSError:
+            os.close(file)
+            raise
+        os.close(file)  # another process has renamed the file: the path now names a different file
+
+
+def _lock(file: int) -> None:
     try:
         import fcntl
 
@@ -319,8 +304,7 @@ def lock_file(file: int) -> bool:
     except BlockingIOError:
         raise
     except (ImportError, OSError):
-        return False
-    return True
+        return
 
 
 @contextmanager

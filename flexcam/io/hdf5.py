@@ -130,7 +130,10 @@ SCALES = frozenset({"DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME"})
 
 
 def _walk(file: Any) -> Iterator[tuple[str, Any, bool]]:  # noqa: ANN401
-    """Yield path and object of every hard link, group by group in order of names, and whether the object is new."""
+    """Yield path and object of every link, group by group in order of names, and whether the object is new.
+
+    The object is None for a link that leads to a path or to another file.
+    """
     seen: set[int] = set()
     groups = [file.id]
     while groups:
@@ -138,11 +141,12 @@ def _walk(file: Any) -> Iterator[tuple[str, Any, bool]]:  # noqa: ANN401
         path = _path(group).rstrip("/")
         for name in sorted(group):
             link = group.links.get_info(name)
-            if link.type == _module.h5l.TYPE_HARD:
-                one, new = _module.h5o.open(group, name), int(link.u) not in seen
+            hard = link.type == _module.h5l.TYPE_HARD
+            one, new = _module.h5o.open(group, name) if hard else None, hard and int(link.u) not in seen
+            yield f"{path}/{name.decode()}", one, new
+            if new:
                 seen.add(int(link.u))
-                yield f"{path}/{name.decode()}", one, new
-                if new and not _is_dataset(one):
+                if not _is_dataset(one):
                     groups.append(one)
 
 
@@ -284,65 +288,44 @@ _FILTERS = {_module.h5z.FILTER_DEFLATE, _module.h5z.FILTER_SHUFFLE, _module.h5z.
 _ALLOWED_BYTES, _ALLOWED_RATIO = 1 << 28, 200
 """Limit of the declared size: bytes always allowed, plus a multiple of the file size, as constant data compress."""
 
-_PLAIN = "numbers and texts of fixed length"
-_OTHER_KINDS = "others can lead out of the file, or HDF5 into an endless loop"
-_OLD_VERSION_REMEDY = "if an earlier flexcam wrote it, compute it again"
+_CHECKSUM_BYTES = 4
 
 
 def _faults(file: Any, size: int) -> Iterator[Fault]:  # noqa: ANN401
     """Yield unsupported or unsafe content; a file with any is not read further."""
     declared, limit = 0, max(_ALLOWED_BYTES, _ALLOWED_RATIO * size)
-    yield from (*_external_link_faults(file.id), *_attribute_faults(file.id))
-    for path, one, new in _walk(file):
+    allowed, why = "numbers and texts of fixed length", "others can lead out of the file, load code, or crash HDF5"
+    for path, one, new in (("/", file.id, True), *_walk(file)):
+        for given in _unsafe_contents(one, new):
+            yield Fault(path, given, allowed, why, "if an earlier flexcam wrote it, compute it again")
         if new and _is_dataset(one):
-            yield from _dataset_faults(one)
             declared += math.prod(one.shape or (0,)) * one.dtype.itemsize
-        elif isinstance(one, _module.h5g.GroupID):
-            yield from (*_external_link_faults(one), *_attribute_faults(one))
-            if not new:
-                yield Fault(path, "a group that contains itself or occurs twice", "a tree of groups", "", "")
     if declared > limit:
         given, why = f"{declared:.3g} bytes declared in a file of {size}", "so much of nothing fills the memory"
         yield Fault("/", given, f"up to {limit:.3g} bytes", why, "do not trust where it comes from")
 
 
-def _external_link_faults(group: Any) -> Iterator[Fault]:  # noqa: ANN401
-    kinds = {_module.h5l.TYPE_SOFT: "a soft link", _module.h5l.TYPE_EXTERNAL: "an external link"}
-    for name in group:
-        kind = group.links.get_info(name).type
-        if kind != _module.h5l.TYPE_HARD:
-            given, where = kinds.get(kind, "a link of an unknown kind"), f"{_path(group).rstrip('/')}/{name.decode()}"
-            yield Fault(where, given, "contents of the file itself", "flexcam follows no links", "")
-
-
-def _dataset_faults(one: Any) -> Iterator[Fault]:  # noqa: ANN401
-    made, kind, path = one.get_create_plist(), one.dtype, _path(one)
+def _unsafe_contents(one: Any, new: bool) -> Iterator[str]:  # noqa: ANN401
+    """Yield descriptions of what is unsafe in a link, group or dataset."""
+    if one is None:
+        yield "a soft link or an external link"
+        return
+    if not new and not _is_dataset(one):
+        yield "a group that contains itself or occurs twice"
+    for name in _attribute_names(one) if new else ():
+        if _module.h5a.open(one, name.encode()).dtype.kind not in "fiubS":
+            yield f"attribute {name}, a text of variable length or a reference"
+    if not new or not _is_dataset(one):
+        return
+    made, chunks = one.get_create_plist(), list[Any]()
     if made.get_layout() == _module.h5d.VIRTUAL or made.get_external_count():
-        yield Fault(path, "numbers of another file", "numbers in the file itself", "flexcam opens no other file", "")
+        yield "numbers of another file"
     filters = {made.get_filter(i)[0] for i in range(made.get_nfilters())}
     if filters - _FILTERS:
-        given = f"filter {min(filters - _FILTERS)}"
-        yield Fault(path, given, "shuffle, gzip and fletcher32", "other filters would load code", "")
-    if kind.kind not in "fiubS":
-        given = "references" if _module.check_ref_dtype(kind) else f"values of type {kind}"
-        yield Fault(path, given, _PLAIN, _OTHER_KINDS, _OLD_VERSION_REMEDY)
-    if _module.h5z.FILTER_FLETCHER32 in filters and _smallest_chunk(one) < _CHECKSUM_BYTES:
-        yield Fault(path, "a chunk shorter than its checksum", "chunks of numbers", "HDF5 would crash", _REMEDY)
-    yield from _attribute_faults(one)
-
-
-_CHECKSUM_BYTES = 4
-
-
-def _smallest_chunk(one: Any) -> int:  # noqa: ANN401
-    """Return the size of the smallest stored chunk of a dataset, bytes."""
-    chunks: list[Any] = []
-    one.chunk_iter(chunks.append)
-    return min((chunk.size for chunk in chunks), default=_CHECKSUM_BYTES)
-
-
-def _attribute_faults(one: Any) -> Iterator[Fault]:  # noqa: ANN401
-    for name in _attribute_names(one):
-        if _module.h5a.open(one, name.encode()).dtype.kind not in "fiubS":
-            where, given = f"{_path(one).rstrip('/')}, attribute {name}", "a text of variable length or a reference"
-            yield Fault(where, given, _PLAIN, _OTHER_KINDS, _OLD_VERSION_REMEDY)
+        yield f"filter {min(filters - _FILTERS)}"
+    if one.dtype.kind not in "fiubS":
+        yield "references" if _module.check_ref_dtype(one.dtype) else f"values of type {one.dtype}"
+    if _module.h5z.FILTER_FLETCHER32 in filters:
+        one.chunk_iter(chunks.append)
+    if min((chunk.size for chunk in chunks), default=_CHECKSUM_BYTES) < _CHECKSUM_BYTES:
+        yield "a chunk shorter than its checksum"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,36 +28,34 @@ from flexcam.io.hdf5 import (
     read_text_list,
     read_texts,
 )
-from flexcam.io.result_schema import PARTIAL_SUFFIX, RESULT_SUFFIX, VECTORS
+from flexcam.io.result_schema import RESULT_SUFFIX, VECTORS
 from flexcam.io.result_writer import partial_path, read_checkpoint
 from flexcam.io.vtk_groups import Geometry
+
+_SUFFIXES = re.compile(r"((\.partial)?\.vtkhdf|\.writing|\.copying)$")
 
 
 def suggest_alternative(path: Path) -> str:
     """Suggest an alternative file for a result that cannot be read: its partial or final result."""
     if path.suffix == ".toml":
         return f"run the case first: flexcam run {path}"
-    try:
-        return _find_alternative(path)
-    except OSError:  # not a valid file name or no access to the folder: the error message says so
-        return ""
-
-
-def _find_alternative(path: Path) -> str:
     temporary = (schema.WRITING_SUFFIX, schema.COPYING_SUFFIX)
-    name = path.name.removesuffix(PARTIAL_SUFFIX) + RESULT_SUFFIX if path.name.endswith(PARTIAL_SUFFIX) else path.name
-    final = path.with_suffix(RESULT_SUFFIX) if path.suffix in temporary else path.with_name(name)
-    partial, writing = partial_path(final), final.with_suffix(schema.WRITING_SUFFIX)
-    if path.exists() and path.suffix not in temporary:
+    try:
+        if path.exists() and path.suffix not in temporary:
+            return ""
+        final = path.with_name(_SUFFIXES.sub("", path.name) + RESULT_SUFFIX)
+        partial, writing = partial_path(final), final.with_suffix(schema.WRITING_SUFFIX)
+        others = {
+            final: f"its run is complete: {final}",
+            partial: f"{partial} contains the finished part of a run that is running or was stopped",
+            writing: f"a run is writing {writing}, or was killed before its first copy; try again after its end",
+        }
+        found = [remedy for other, remedy in others.items() if other != path and other.exists()]
+        return (
+            found[0] if found else suggest_name(path.name, [one.name for one in path.parent.glob(f"*{RESULT_SUFFIX}")])
+        )
+    except (OSError, ValueError):  # not a valid file name or no access to the folder: the error message says so
         return ""
-    if final != path and final.exists():
-        return f"its run is complete: {final}"
-    if partial != path and partial.exists():
-        return f"{partial} contains the finished part of a run that is running or was stopped"
-    if writing.exists():
-        why = "a run is writing it, or was killed before its first copy; try again after its end"
-        return f"{writing} exists: {why}"
-    return suggest_name(path.name, [one.name for one in path.parent.glob(f"*{RESULT_SUFFIX}")])
 
 
 @dataclass(frozen=True, eq=False)
@@ -309,18 +308,12 @@ def _stats(file: Any) -> Stats:  # noqa: ANN401
     return Stats(**kept)
 
 
-@dataclass(frozen=True)
-class VerificationSummary:
-    """Summary of a verified file."""
+def verify_file(path: str | Path) -> dict[str, int | bool]:
+    """Read and verify every dataset of a result or of a sweep table.
 
-    datasets: int  #: number of datasets
-    checked: int  #: number of datasets of numbers; the others are texts
-    bytes: int  #: size of all numbers and texts
-    complete: bool  #: whether the run that wrote the file reached its end
-
-
-def verify_file(path: str | Path) -> VerificationSummary:
-    """Read and verify every dataset of a result or of a sweep table."""
+    It returns the number of datasets, of those of numbers (the others are texts), the bytes of all, and whether the run
+    that wrote the file reached its end.
+    """
     source = Path(path)
     allowed = "a result file of flexcam (.vtkhdf) or the table of a sweep (.h5)"
     with open_hdf5(source, "result", allowed, suggest_alternative(source)) as file:
@@ -329,9 +322,11 @@ def verify_file(path: str | Path) -> VerificationSummary:
         else:
             check_integrity(file, "table", source, schema.TABLE_FORMAT)
         found = datasets(file)
-        numbers = sum(one.dtype.kind != "S" for one in found)
-        complete = schema.HISTORY not in file or read_status(file).ok
-        return VerificationSummary(len(found), numbers, sum(int(one.nbytes) for one in found), complete)
+        return {
+            "datasets": len(found), "checked": sum(one.dtype.kind != "S" for one in found),
+            "bytes": sum(int(one.nbytes) for one in found),
+            "complete": schema.HISTORY not in file or read_status(file).ok,
+        }  # fmt: skip
 
 
 _RESUME_REMEDY = "run the case again, with --overwrite"

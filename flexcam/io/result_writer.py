@@ -23,7 +23,7 @@ from flexcam.dynamics.blocks import Checkpoint
 from flexcam.fem.frames import ROTATIONS
 from flexcam.fem.mesh import Mesh
 from flexcam.io import result_schema as schema
-from flexcam.io.files import check_writable, lock_file
+from flexcam.io.files import check_writable, open_locked
 from flexcam.io.hdf5 import (
     GrowingDataset,
     chunk_rows,
@@ -44,7 +44,7 @@ _REQUIRED_SPACE = 2
 """Free space required for a copy, relative to the file size: the rest of the run needs space too."""
 
 _LAYOUT_BYTES = 1 << 19
-"""Bytes of a file before its first step, with a margin for a few hundred nodes."""
+"""Bytes of a file before its first step, without its texts, points and channels."""
 
 
 def partial_path(path: Path) -> Path:
@@ -65,7 +65,7 @@ class TemporaryResult:
             allowed, why = "a regular file", "it is a symbolic link, and its target would be overwritten"
             raise refuse("result", str(path), allowed, why, "remove the link, or name another folder")
         try:
-            self._lock = _lock_file(path)
+            self._lock = open_locked(path)
         except BlockingIOError:
             allowed, why = "a result that no other run is writing", "another run is writing it now"
             raise refuse("result", str(shown), allowed, why, "wait for its end, or name another folder") from None
@@ -73,7 +73,7 @@ class TemporaryResult:
             raise _unwritable(path, fault) from None
         try:
             with path.open("wb") as file:
-                file.write(bytes(max(size, _LAYOUT_BYTES)))
+                file.write(bytes(size + _LAYOUT_BYTES))
         except OSError as fault:
             self.discard()
             raise _unwritable(path, fault) from None
@@ -139,21 +139,6 @@ def _sync_folder(folder: Path) -> None:
             os.close(held)
 
 
-def _lock_file(path: Path) -> int:
-    """Return a descriptor that holds the lock of a file until the process ends."""
-    while True:
-        held = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
-        try:
-            lock_file(held)
-            with suppress(FileNotFoundError):
-                if os.path.samestat(os.fstat(held), path.stat()):
-                    return held
-        except OSError:
-            os.close(held)
-            raise
-        os.close(held)  # another process has renamed the file: the path now names a different file
-
-
 @contextmanager
 def convert_write_errors() -> Generator[None]:
     """Convert HDF5 write errors to the message of the operating system, without addresses and buffer sizes."""
@@ -217,7 +202,8 @@ class ResultFile:
         self._warnings = warnings
         self._waiting: list[Block] = []
         self._taken, self._all, self._bytes = 0, steps + 1, 0
-        size = _layout_bytes(geometry, outline, about)
+        size = sum(map(len, about.values())) + _NUMBER * _CONSTANT_VALUES * len(geometry.node)
+        size += _DATASET * len(outline.channels)
         self._draft = TemporaryResult(path.with_suffix(schema.WRITING_SUFFIX), self.partial, size)
         try:
             check_writable(
@@ -226,11 +212,10 @@ class ResultFile:
             )  # fmt: skip
             with convert_write_errors():
                 self._create(geometry, save, about)
-        except OSError as fault:
+        except BaseException as fault:
             self._discard()
-            raise _unwritable(self.path, fault) from None
-        except BaseException:
-            self._draft.discard()
+            if isinstance(fault, OSError):
+                raise _unwritable(self.path, fault) from None
             raise
         self._draft.begin()
 
@@ -370,16 +355,6 @@ def _block_bytes(block: Block) -> int:
     """Return the size of a block without its saved fields, bytes."""
     arrays = (block.channels, *(getattr(one, name) for one in (block.probes, block.fields) for name in SERIES))
     return sum(one.nbytes for one in arrays)
-
-
-def _layout_bytes(geometry: Geometry, outline: Outline, about: Mapping[str, str]) -> int:
-    """Return the estimated size of an empty result, bytes."""
-    datasets = _DATASETS + len(SERIES) * len(outline.probes) + len(outline.channels) + len(geometry.mesh.points)
-    return _HEAD * datasets + sum(map(len, about.values())) + _NUMBER * _CONSTANT_VALUES * len(geometry.node)
-
-
-_DATASETS, _HEAD = 45, 1650
-"""Number of datasets of any result; bytes of a dataset's header and first index."""
 
 
 def _limit_index_cache(file: Any) -> None:  # noqa: ANN401

@@ -22,7 +22,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, FigureBase
 
 from flexcam.core.errors import refuse
-from flexcam.io import atomic_write_path, check_writable, create_folder
+from flexcam.io import atomic_write_path, check_writable
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 """Colours of curves in their order."""
@@ -38,7 +38,6 @@ _DPI, _COLOUR_COUNT = 160, 64
 def save_figure(figure: Figure, path: Path, *, overwrite: bool = False) -> Path:
     """Write a figure."""
     check_figure_path(path, overwrite=overwrite)
-    create_folder(path.parent)
     with _suppress_warnings(), atomic_write_path(path) as draft:
         figure.savefig(draft, dpi=150)
     return path

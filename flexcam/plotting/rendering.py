@@ -19,13 +19,12 @@ import sys
 import zipfile
 from collections.abc import Sequence
 from functools import cache
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flexcam.core.errors import refuse, system_message
+from flexcam.core.errors import refuse, require_packages, system_message
 from flexcam.dynamics import Cause, RunFailedError, Status
-from flexcam.io import atomic_write_path, check_writable, create_folder
+from flexcam.io import atomic_write_path, check_writable
 
 if TYPE_CHECKING:
     from flexcam.plotting.solid_view import MechanismView
@@ -116,11 +115,7 @@ def check_output_path(path: Path, size: tuple[int, int], *, overwrite: bool = Fa
     if path.suffix not in REQUIREMENTS:
         raise refuse("--save", str(path), f"a name that ends in {' or '.join(REQUIREMENTS)}")
     extra, modules = REQUIREMENTS[path.suffix]
-    lacking = [name for name in modules if find_spec(name) is None]
-    if lacking:
-        why = f"cannot import {' and '.join(lacking)}"
-        raise refuse("--save", str(path), "a kind of file whose packages are installed", why,
-                     f"run pip install 'flexcam[{extra}]'")  # fmt: skip
+    require_packages("--save", str(path), extra, *modules)
     if path.suffix == ".mp4" and (size[0] % 2 or size[1] % 2):
         raise refuse("--size", f"{size[0]}x{size[1]}", "even numbers", "colours are stored for 2 x 2 pixels")
     check_writable("picture", path, overwrite=overwrite)
@@ -128,7 +123,6 @@ def check_output_path(path: Path, size: tuple[int, int], *, overwrite: bool = Fa
 
 def save_view(stage: MechanismView, path: Path, frames: Sequence[int], still: int) -> None:
     """Write an image or page of one instant, or a movie of several."""
-    create_folder(path.parent)
     with atomic_write_path(path) as draft:
         _save(stage, draft, frames, still)
 

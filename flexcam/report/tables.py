@@ -6,7 +6,6 @@ import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
-from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING
 
@@ -25,7 +24,7 @@ from flexcam.core.units import RPM, shaft_name, shaft_speed, to_display_unit
 from flexcam.dynamics import Response, Stats, active_dofs_of
 from flexcam.dynamics.memory import ExtremesSink
 from flexcam.fem.frames import ROTATIONS
-from flexcam.io import Result, VerificationSummary
+from flexcam.io import Result
 from flexcam.report.terminal import (
     count_decimals,
     create_table,
@@ -348,12 +347,6 @@ def describe_dofs(response: Response) -> str:
 
 
 _ENGINES = {"modal": ", modal solver", "kernel": ", kernel solver"}
-
-
-def describe_verification(path: Path, found: VerificationSummary) -> str:
-    """Return a sentence that a file is sound, with the verified checksums."""
-    partial = "" if found.complete else "; its run did not reach its end"
-    return f"{path} is sound: {found.datasets} datasets, {found.bytes} bytes, as they were written{partial}"
 
 
 def stats_json(stats: Stats) -> dict[str, object]:

@@ -18,14 +18,13 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
-from importlib.util import find_spec
 from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any, Protocol
 from urllib.parse import urlsplit
 
 from flexcam import __version__
-from flexcam.core.errors import InputError, refuse, system_message
+from flexcam.core.errors import refuse, require_packages, system_message
 from flexcam.dynamics import Cause, RunFailedError, Status
 from flexcam.io import temporary_folder
 from flexcam.studies.evaluation import Row
@@ -102,11 +101,11 @@ class ProcessWorkers:
     @contextmanager
     def open_pool(self, source: Bundle | Path, evaluate: Evaluate) -> Generator[Pool]:
         """Yield a pool of new processes, started on demand."""
-        with _unpack(source) as case, _limit_threads(), _restore_sigpipe():
+        with _unpack(source) as case:
             before = {process.pid for process in multiprocessing.active_children()}
             # spawn: workers do not inherit threads and locks of this process, on all systems
             spawn = multiprocessing.get_context("spawn")
-            executor = ProcessPoolExecutor(self.count, spawn, initializer=_terminate_with_parent)
+            executor = ProcessPoolExecutor(self.count, spawn, initializer=_start_worker)
 
             def submit(variants: Variants) -> Future[list[Row]]:
                 with _block_interrupts():
@@ -146,47 +145,20 @@ def _get_version() -> str:
     return __version__
 
 
-def _terminate_with_parent() -> None:
-    """Terminate a worker process when its parent has ended for any reason."""
+def _start_worker() -> None:
+    """Limit a worker process to one linear algebra thread, and end it when its parent has ended for any reason."""
+    from threadpoolctl import threadpool_limits  # pyright: ignore[reportMissingTypeStubs]
+
+    os.environ.update(dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1"))
+    threadpool_limits(1)  # of the libraries that are loaded already
     parent = multiprocessing.parent_process()
-    if parent is not None:
-        threading.Thread(target=_exit_after, args=(parent.join,), daemon=True).start()
 
+    def follow() -> None:
+        if parent is not None:
+            parent.join()
+            os._exit(1)
 
-def _exit_after(join: Callable[[], None]) -> None:
-    join()
-    os._exit(1)
-
-
-_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
-
-
-@contextmanager
-def _limit_threads() -> Generator[None]:
-    """Limit processes started in the context to one linear algebra thread each."""
-    before = {name: os.environ.get(name) for name in _THREADS}
-    os.environ.update(dict.fromkeys(_THREADS, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            os.environ.pop(name) if value is None else os.environ.__setitem__(name, value)
-
-
-@contextmanager
-def _restore_sigpipe() -> Generator[None]:
-    """Restore Python's handling of SIGPIPE, so that a broken pipe raises an exception instead of ending this process.
-
-    Libraries such as Gmsh reset the signal to its default action.
-    """
-    if not hasattr(signal, "SIGPIPE") or threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGPIPE, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGPIPE, signal.SIG_IGN if before is None else before)
+    threading.Thread(target=follow, daemon=True).start()
 
 
 @contextmanager
@@ -230,21 +202,23 @@ def open_runner(workers: Workers, source: Bundle | Path, evaluate: Evaluate) -> 
         pools: list[Pool] = []
 
         def run(chunks: Iterable[Chunk]) -> Iterator[tuple[Chunk, list[Row]]]:
-            waiting, suspects = deque(chunks), deque[Chunk]()
+            waiting = deque(chunks)
             while waiting:
+                suspects = list[Chunk]()
                 if not pools:
                     pools.append(stack.enter_context(start()))
                 for chunk, future in _submit_chunks(pools[0], waiting):
-                    if _is_worker_lost(pools[0], future):
+                    if future.cancelled():
+                        raise RunFailedError(_CLUSTER_LOST_STATUS)
+                    if isinstance(future.exception(), pools[0].lost):
                         suspects.append(chunk)
                     else:
                         yield chunk, future.result()
                 if suspects or waiting:  # the pool is broken
                     pools.clear()
                     stack.close()
-                while suspects:
-                    chunk = suspects.popleft()
-                    yield chunk, _repeat_chunk(start, chunk)
+                for chunk in suspects:
+                    yield chunk, _repeat(start, chunk.variants)
 
         yield run
 
@@ -267,28 +241,16 @@ def _submit_chunks(pool: Pool, waiting: deque[Chunk]) -> Iterator[tuple[Chunk, F
             yield running.pop(future), future
 
 
-def _is_worker_lost(pool: Pool, future: Future[list[Row]]) -> bool:
-    if future.cancelled():
-        raise RunFailedError(_CLUSTER_LOST_STATUS)
-    return isinstance(future.exception(), pool.lost)
-
-
-def _repeat_chunk(start: Callable[[], AbstractContextManager[Pool]], chunk: Chunk) -> list[Row]:
-    """Return the rows of a chunk whose worker was killed."""
-    rows = _run_alone(start, chunk.variants)
-    if rows is not None:
-        return rows
-    single = [_run_alone(start, (variant,)) for variant in chunk.variants]
-    return [row for one in single for row in one or [Row(_KILLED_STATUS)]]
-
-
-def _run_alone(start: Callable[[], AbstractContextManager[Pool]], variants: Variants) -> list[Row] | None:
-    """Return the rows of variants run in a separate pool; None if their worker was killed again."""
+def _repeat(start: Callable[[], AbstractContextManager[Pool]], variants: Variants) -> list[Row]:
+    """Return the rows of variants whose worker was killed, run together alone, and if it dies again, one by one."""
     with start() as pool:
         try:
             return pool.submit(variants).result()
         except pool.lost:
-            return None
+            pass
+    if len(variants) == 1:
+        return [Row(_KILLED_STATUS)]
+    return [row for variant in variants for row in _repeat(start, (variant,))]
 
 
 _TIMEOUT = 5.0
@@ -312,9 +274,7 @@ class ClusterWorkers:
     @contextmanager
     def open_pool(self, source: Bundle | Path, evaluate: Evaluate) -> Generator[Pool]:
         """Yield the workers of the cluster."""
-        if find_spec("distributed") is None:
-            why, remedy = "Dask is not installed", "run pip install 'flexcam[cluster]'"
-            raise refuse("--scheduler", self.address, "processes of this machine (--workers)", why, remedy)
+        require_packages("--scheduler", self.address, "cluster", "distributed")
         from distributed import KilledWorker
         from distributed.comm.core import CommClosedError
 
@@ -376,23 +336,20 @@ def _check_address(asked: ClusterWorkers) -> None:
     from distributed.core import rpc
     from distributed.security import Security
 
-    security: Any = Security()
-
     async def greet() -> None:
-        async with asyncio.timeout(_TIMEOUT):
-            made: Any = rpc(asked.address, connection_args=security.get_connection_args("client"))
-            async with made as scheduler:
-                await scheduler.identity()
+        security: Any = Security()
+        scheduler: Any = rpc(asked.address, connection_args=security.get_connection_args("client"))
+        async with asyncio.timeout(_TIMEOUT), scheduler:
+            await scheduler.identity()
 
     try:
         _ = urlsplit(asked.address).port  # Dask maps a port above 65535 to another one
         asyncio.run(greet())
-    except (OSError, ValueError, TypeError, MemoryError, EOFError, RuntimeError, LookupError, AttributeError) as fault:
-        first: BaseException = fault
-        while (behind := first.__cause__ or first.__context__) is not None:  # Dask tries again until the timeout
+    except Exception as fault:  # noqa: BLE001 - of many kinds, from sockets, Dask and what answers in its place
+        first: Any = fault
+        while behind := first.__cause__ or first.__context__:  # Dask tries again until the timeout
             first = behind
-        reason = system_message(first) if isinstance(first, OSError) and first.errno else "no scheduler answers"
-        reason = str(fault) if isinstance(fault, ValueError) else reason
+        reason = system_message(fault if isinstance(fault, ValueError) else first) or "no scheduler answers"
         why, allowed = f"none answers there within {_TIMEOUT:g} s: {reason}", "the address of a Dask scheduler"
         remedy = "write tcp://HOST:PORT, check host, port and network, start a dask scheduler, or use --workers N"
         raise refuse("--scheduler", asked.address or "nothing", allowed, why, remedy) from None
@@ -400,21 +357,17 @@ def _check_address(asked: ClusterWorkers) -> None:
 
 def _check_workers(client: Any, asked: ClusterWorkers) -> None:  # noqa: ANN401 - distributed has no types
     """Raise an error for a cluster without workers, or with workers that have another version of flexcam."""
+    why, allowed, remedy = "", f"workers with flexcam {__version__}", "install it there"
     try:
         client.wait_for_workers(1, timeout=_TIMEOUT)
+        found = {str(version) for version in client.run(_get_version).values()}
+        why = "" if found == {__version__} else f"they have flexcam {', '.join(sorted(found))}"
     except TimeoutError:
         why, remedy = "the scheduler has no workers", f"start some: dask worker {asked.address}"
-        raise refuse("--scheduler", asked.address, "a cluster with workers", why, remedy) from None
-    try:
-        found = {str(version) for version in client.run(_get_version).values()}
     except ModuleNotFoundError as fault:
-        raise _version_error(asked, str(fault)) from None
-    if found != {__version__}:
-        raise _version_error(asked, f"they have flexcam {', '.join(sorted(found))}")
-
-
-def _version_error(asked: ClusterWorkers, why: str) -> InputError:
-    return refuse("--scheduler", asked.address, f"workers with flexcam {__version__}", why, "install it there")
+        why = str(fault)
+    if why:
+        raise refuse("--scheduler", asked.address, allowed, why, remedy)
 
 
 def _identity(source: Bundle | Path) -> Bundle | Path:

@@ -8,14 +8,13 @@ import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from importlib.util import find_spec
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexcam.core import FloatArray
-from flexcam.core.errors import InputError, parse_all, refuse
+from flexcam.core.errors import InputError, parse_all, refuse, require_packages
 from flexcam.core.units import DIMENSIONS, RPM, parse
 from flexcam.studies.evaluation import Row
 from flexcam.studies.evaluators import PointEvaluator, number_after_override
@@ -345,8 +344,7 @@ def find_pareto_front(design: OptimizationProblem, *, evaluations: int = 400, se
     """
     if len(design.goals) != 2:
         raise refuse("goals", len(design.goals), "two", "a Pareto front needs two goals")
-    if find_spec("pymoo") is None:
-        raise refuse("optimize", "two goals", "one goal", "pymoo is not installed", "run pip install 'flexcam[design]'")
+    require_packages("optimize", "two goals", "design", "pymoo")
     size = 2 * generation_size(len(design.points.variables))
     if evaluations < 2 * size:
         raise refuse("--evaluations", evaluations, f"{2 * size} or more", "the search needs two generations")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
@@ -19,9 +18,9 @@ from flexcam.analysis.run import estimate_case_resources
 from flexcam.case.case import Case
 from flexcam.case.fault_report import KeyLocations
 from flexcam.case.reader import CaseFile
-from flexcam.core.errors import Fault, InputError, refuse
+from flexcam.core.errors import Fault, InputError, refuse, require_packages
 from flexcam.dynamics import Cause, RunFailedError, Status
-from flexcam.io import check_writable, create_folder
+from flexcam.io import atomic_write_path, check_writable
 from flexcam.studies.evaluation import Row, are_probe_scalars, evaluate_chunk, scalar_names
 from flexcam.studies.executors import Chunk, Evaluate, SerialWorkers, Workers, divide_variants, open_runner
 from flexcam.studies.plan import (
@@ -37,12 +36,12 @@ from flexcam.studies.plan import (
     parse_sample,
 )
 from flexcam.studies.tables import (
+    PARQUET,
     Journal,
     SweepTable,
     is_scalar_prefix,
     journal_contains,
     make_table,
-    require_parquet,
     unknown_scalar_fault,
     write_table,
 )
@@ -254,9 +253,10 @@ def _axes(file: CaseFile, settings: Sequence[str], limit: int) -> tuple[Axis, ..
         found |= {one.key: one for one in parse_axes(settings, limit=limit)}
     except InputError as refusal:
         faults += refusal.faults
-    allowed, why, remedy = ("a key of the mechanism or its run", "it defines the sweep", "use --sample or --seed")
-    own_keys = [one for one in found.values() if one.key.partition(".")[0] == "sweep"]
-    faults += [Fault(one.where, one.key, allowed, why, remedy) for one in own_keys]
+    for one in found.values():
+        if one.key.partition(".")[0] == "sweep":
+            allowed, remedy = "a key of the mechanism or its run", "use --sample or --seed"
+            faults.append(Fault(one.where, one.key, allowed, "it defines the sweep", remedy))
     if faults:
         raise InputError(faults)
     return tuple(found.values())
@@ -324,7 +324,7 @@ def run_sweep_to_files(
 ) -> tuple[SweepTable, list[Path]]:
     """Run a sweep with a journal and write its tables."""
     if target.parquet:
-        require_parquet()
+        require_packages(*PARQUET)
     asked = _with_all_scalars(asked, target)
     try:
         with _open_journal(asked, target) as journal:
@@ -413,10 +413,8 @@ def _write_histories(asked: Sweep, target: OutputTarget, chunk: Chunk, rows: Seq
         if row.history is not None:
             ending, content = row.history
             path = target.history(asked.name, i, ending)
-            create_folder(path.parent)
-            partial_file = path.with_name(f"{path.name}.part")
-            partial_file.write_bytes(content)
-            os.replace(partial_file, path)
+            with atomic_write_path(path) as draft:
+                draft.write_bytes(content)
 
 
 def _make_table(asked: Sweep, rows: dict[int, list[Row]]) -> SweepTable:

@@ -15,7 +15,6 @@ import math
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,10 +22,10 @@ import h5py  # pyright: ignore[reportMissingTypeStubs]
 import numpy as np
 
 from flexcam.core import FloatArray
-from flexcam.core.errors import Fault, InputError, format_shape, refuse, suggest_name, system_message
+from flexcam.core.errors import Fault, InputError, format_shape, refuse, require_packages, suggest_name, system_message
 from flexcam.core.units import to_display_unit
 from flexcam.dynamics import Cause, Response, Status
-from flexcam.io import atomic_write_path, check_writable, create_folder, lock_file, open_hdf5, write_digest
+from flexcam.io import atomic_write_path, check_writable, create_folder, open_hdf5, open_locked, write_digest
 from flexcam.io import result_schema as schema
 from flexcam.io.hdf5 import read_numbers, read_text_column, read_texts, write_text_column, write_texts
 from flexcam.io.result_reader import check_integrity
@@ -126,7 +125,7 @@ def unknown_scalar_fault(name: str, known: Iterable[str]) -> Fault:
 
 def table_frame(table: SweepTable) -> pd.DataFrame:
     """Return a table as a data frame."""
-    _require_package("pandas")
+    require_packages("data frames", "pandas", "tables", "pandas")
     import pandas as pd
 
     columns: dict[str, Any] = {one.name: list(one.values) for one in table.inputs}
@@ -140,7 +139,7 @@ def table_frame(table: SweepTable) -> pd.DataFrame:
 
 def table_dataset(table: SweepTable) -> xr.Dataset:
     """Return a table as an xarray dataset with the axes of a grid as dimensions."""
-    _require_package("xarray")
+    require_packages("data frames", "xarray", "tables", "xarray")
     import xarray as xr
 
     shape = table.shape or (len(table),)
@@ -164,18 +163,12 @@ def table_dataset(table: SweepTable) -> xr.Dataset:
 
 def history_dataset(response: Response) -> xr.Dataset:
     """Return the histories of a run as an xarray dataset over time."""
-    _require_package("xarray")
+    require_packages("data frames", "xarray", "tables", "xarray")
     import xarray as xr
 
     columns = {name: (["time"], values, {"units": unit}) for name, (values, unit) in response.columns().items()}
     angle = columns.pop("cam_angle")
     return xr.Dataset(columns, coords={"time": (["time"], response.time, {"units": "s"}), "cam_angle": angle})
-
-
-def _require_package(package: str) -> None:
-    if find_spec(package) is None:
-        why, remedy = "it comes with the extra 'tables'", "run pip install 'flexcam[tables]'"
-        raise refuse("data frames", package, "a package that is installed", why, remedy)
 
 
 def write_hdf5(table: SweepTable, path: Path) -> None:
@@ -252,9 +245,8 @@ def write_table(table: SweepTable, path: Path, *, overwrite: bool = False) -> Pa
     if path.suffix not in ENDINGS:
         raise refuse("table", str(path), f"a name that ends in {' or '.join(ENDINGS)}")
     if path.suffix == ".parquet":
-        require_parquet()
+        require_packages(*PARQUET)
     check_writable("table", path, overwrite=overwrite)
-    create_folder(path.parent)
     with atomic_write_path(path) as draft:
         match path.suffix:
             case ".h5":
@@ -266,12 +258,8 @@ def write_table(table: SweepTable, path: Path, *, overwrite: bool = False) -> Pa
     return path
 
 
-def require_parquet() -> None:
-    """Raise an error if the packages for Parquet are not installed."""
-    missing = [name for name in ("pandas", "pyarrow") if find_spec(name) is None]
-    if missing:
-        why, remedy = f"{' and '.join(missing)} are not installed", "run pip install 'flexcam[tables]'"
-        raise refuse("--parquet", "a Parquet table", "an HDF5 or a CSV one", why, remedy)
+PARQUET = ("--parquet", "a Parquet table", "tables", "pandas", "pyarrow")
+"""Place, value, extra and packages of a Parquet table, for `require_packages`."""
 
 
 def format_csv(table: SweepTable) -> str:
@@ -315,16 +303,14 @@ class Journal:
         create_folder(path.parent)
         self._path, self._head, self._fresh = path, dict(belongs), True
         try:
-            self._file = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+            self._file = open_locked(path)
+        except BlockingIOError:
+            allowed, why = "one that no other process writes", "another sweep is running here"
+            raise refuse("journal", str(path), allowed, why, "wait for it") from None
         except OSError as fault:
             raise refuse("journal", str(path), "a file that can be written", system_message(fault)) from None
         try:
-            lock_file(self._file)  # the lock ends with the process
             self.rows, self._end = _read_journal(path, belongs) if resume else (dict[int, list[Row]](), 0)
-        except BlockingIOError:
-            self.close()
-            allowed, why = "one that no other process writes", "another sweep is running here"
-            raise refuse("journal", str(path), allowed, why, "wait for it") from None
         except InputError:
             self.close()
             raise

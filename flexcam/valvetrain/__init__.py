@@ -42,7 +42,7 @@ from flexcam.valvetrain.parts import (
     Spring,
     Wire,
 )
-from flexcam.valvetrain.resolution import CoarseCam, Resolution, ResolutionSink, coarse_cams
+from flexcam.valvetrain.resolution import Resolution, ResolutionSink
 from flexcam.valvetrain.rigid_model import ANY_SPEED, build_rigid, shared_forces, touching_coils
 from flexcam.valvetrain.strength import (
     MemberStrength,
@@ -70,11 +70,11 @@ from flexcam.valvetrain.train_metrics import (
 from flexcam.valvetrain.train_topology import driving_contact, follower_train, largest_lash
 
 __all__ = [
-    "ANY_SPEED", "BOUNCE_HEIGHT", "DAMPING_DEPTH", "OPEN", "Adjuster", "Cam", "CamContact", "Chain", "CoarseCam",
+    "ANY_SPEED", "BOUNCE_HEIGHT", "DAMPING_DEPTH", "OPEN", "Adjuster", "Cam", "CamContact", "Chain",
     "Contact", "ContactModes", "Friction", "GivenLoad", "Lash", "Lever", "LoadTable", "Lubrication", "MassAt",
     "MemberStrength", "Metric", "Model", "ModelModes", "OilChamber", "PublishedLoad", "Pulsation", "Resolution",
     "ResolutionSink", "Rocker", "Seat", "Seating", "Spring", "StiffStrut", "StrengthSink", "Structure", "Wire",
-    "buckling_load", "build_chain", "build_rigid", "build_structure", "build_system", "coarse_cams",
+    "buckling_load", "build_chain", "build_rigid", "build_structure", "build_system",
     "compressed_members", "contact_modes", "contact_stiffness", "describe_inactive", "driving_contact",
     "element_loads", "follower_train", "free_running", "free_speed", "hertz_line", "largest_lash", "lift_transfer",
     "main_lift", "member_masses", "modal_basis", "model_modes", "modes_on_the_lift", "seating", "separation",

@@ -1,4 +1,4 @@
-"""Resolution of a run: time steps and elements compared with lift, accelerations, bending waves and impacts."""
+"""Resolution of a run: time steps and elements compared with accelerations, bending waves and impacts."""
 
 from __future__ import annotations
 
@@ -11,39 +11,7 @@ from numpy.typing import NDArray
 from flexcam.dynamics import Block, Outline, Stats, Status, System
 from flexcam.fem.recovery import section_forces
 from flexcam.valvetrain.loads import element_loads
-from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.structure import Structure
-
-LIFT_TOLERANCE = 1e-3
-"""Allowed deviation of the lift between two steps, relative to the lift: the published model is then accurate to 1 % at
-3000 rpm.
-"""
-
-_ANGLES = np.linspace(0.0, 2.0 * math.pi, 7201)
-
-
-@dataclass(frozen=True)
-class CoarseCam:
-    """Cam whose lift is not resolved by the steps."""
-
-    cam: str
-    missed: float  #: deviation of the lift from a straight line between two steps, relative to the lift; at most 1
-    enough: int  #: sufficient steps per camshaft revolution
-
-
-def coarse_cams(model: Model, turn: float) -> list[CoarseCam]:
-    """Return the cams whose lift is not resolved by the steps of a run.
-
-    The deviation of the lift from a straight line between two steps is up to ``max |s''| turn^2/8``.
-    """
-    found: list[CoarseCam] = []
-    for name, cam in model.cams.items():
-        curved = float(np.abs(cam.event(_ANGLES, 2)).max()) / (8.0 * cam.event.height)
-        if curved * turn**2 > LIFT_TOLERANCE:
-            enough = math.ceil(2.0 * math.pi * math.sqrt(curved / LIFT_TOLERANCE))
-            found.append(CoarseCam(name, min(curved * turn**2, 1.0), enough))
-    return found
-
 
 _BENDS = 0.01  # fraction of strain energy in bending above which a member counts as bending
 _BLOCK_INTERVAL = 8  # number of initial blocks evaluated for bending; later, one of as many blocks is evaluated

@@ -1,6 +1,5 @@
 """Files that a case names, where the case is read through a symbolic link."""
 
-import shutil
 from pathlib import Path
 
 import pytest
@@ -15,7 +14,7 @@ TAYEB = ROOT / "cases/tayeb/model-1-shm.toml"
 
 @pytest.fixture
 def link(tmp_path):
-    """Return a link to a case, with nothing beside it."""
+    """Return a link to a case."""
     folder = tmp_path / "a/b/c"
     folder.mkdir(parents=True)
     (folder / "link.toml").symlink_to(TAYEB)
@@ -26,21 +25,6 @@ def test_a_mesh_is_found_beside_the_real_file(link):
     """A compiler would not find it, a shell script would; nobody wants to copy meshes to run a case from elsewhere."""
     assert len(read_case(link).mesh.nodes) == len(read_case(TAYEB).mesh.nodes)
     assert "../../meshes/tayeb-1.msh" in make_bundle(CaseFile.open(link)).files
-
-
-def test_a_mesh_beside_the_link_comes_first(link):
-    meshes = link.parents[2] / "meshes"
-    meshes.mkdir()
-    shutil.copyfile(ROOT / "meshes/tayeb-2.msh", meshes / "tayeb-1.msh")
-    assert len(read_case(link).mesh.nodes) == len(read_case(ROOT / "cases/tayeb/model-2-shm.toml").mesh.nodes)
-
-
-def test_both_places_are_told(link):
-    with pytest.raises(InputError) as refusal:
-        read_case(link, ["mesh=none.msh"])
-    told = str(refusal.value)
-    assert f"{link.parent} or from {TAYEB.parent}" in told
-    assert "symbolic link" in told
 
 
 def test_a_link_opens_no_further_folders(link, monkeypatch):

@@ -152,7 +152,7 @@ def test_refused_mdf_files(flexcam, tmp_path, channels, options, message):
 def test_mdf_file_without_asammdf(flexcam, tmp_path, monkeypatch):
     (tmp_path / "case.toml").write_text(CASE, encoding="utf-8")
     (tmp_path / "m.mf4").touch()
-    monkeypatch.setattr("flexcam.io.files.find_spec", lambda name: None)
+    monkeypatch.setattr("flexcam.core.errors.find_spec", lambda name: None)
     assert "pip install 'flexcam[mdf]'" in flexcam("fit", "case.toml", "--to", "m.mf4", *VARIED).err
 
 

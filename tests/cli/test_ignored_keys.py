@@ -24,12 +24,11 @@ def known(key):
     return True
 
 
-@pytest.mark.parametrize("row", IGNORED_KEYS, ids=lambda row: " ".join([*row.commands, *row.keys]))
-def test_the_table_names_what_there_is(row):
-    assert set(row.commands) <= set(COMMAND_FILES)
-    assert all(known(key) for key in row.keys)
-    assert row.why
-    assert row.remedy
+@pytest.mark.parametrize(("commands", "keys", "why"), IGNORED_KEYS)
+def test_the_table_names_what_there_is(commands, keys, why):
+    assert set(commands) <= set(COMMAND_FILES)
+    assert all(known(key) for key in keys)
+    assert why
 
 
 LAID = [
@@ -69,7 +68,7 @@ def test_a_key_of_the_file_is_told_by_its_line(flexcam, tmp_path):
     for command in (("stability",), ("compare",), ("campbell", "--response")):
         done = flexcam(*command, "case.toml", "--json")
         assert done.code == 0
-        assert done.err.startswith(f"{told}{command[0]}: it uses the model that the case names; only flexcam run ")
+        assert done.err.startswith(f"{told}{command[0]}: only flexcam run ")
     assert flexcam("sensitivity", "case.toml", "--of", "frequency.1", "--to", "springs.valve.stiffness").err.startswith(
         f"Note: fidelity.estimate (line {line + 1}) has no effect in sensitivity"
     )

@@ -54,7 +54,7 @@ REFUSED = {
     "no cam": (("cam",), "or --from-profile FILE"),
     "a profile without a follower": (("cam", "--from-profile", "p.csv"), "--follower: missing"),
     "a huge scale": (("view", INLINE, "--scale", "1e300", "--save", "x.png"), "at most 1e+06"),
-    "no folder": (("run", INLINE, "-o", ""), "-o: missing, expected a file or a folder"),
+    "no folder": (("run", INLINE, "-o", ""), "-o: missing, expected a value"),
     "no folder at all": (("run", INLINE, "--output="), "--output: missing"),
     "no table": (("trade", INLINE, "--csv", ""), "--csv: missing"),
     "a word that is missing": (("synthesize", "law"), "MINIMIZE (--minimize) is missing"),

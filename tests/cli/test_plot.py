@@ -175,7 +175,7 @@ def test_orders_over_speed(what, said, flexcam, case, tmp_path):
         (["out/case.vtkhdf", "--probe", "cam"], "cam.uy"),
         (["out/case.vtkhdf", "--channel", "contacts.intake.forc"], "Did you mean 'contacts.intake.force'"),
         (["out/case.vtkhdf", "-o", "a.jpg"], ".svg or .png or .pdf"),
-        (["out/case.vtkhdf", "-o", "case.toml/a.svg"], "a folder that can be made"),
+        (["out/case.vtkhdf", "-o", "case.toml/a.svg"], "a folder that takes files"),
         (["out/case.vtkhdf", "-o", "taken.svg"], "--overwrite"),
         (["out/case.vtkhdf", "--set", "run.speed=1000rpm"], "A result cannot be changed"),
         (

@@ -125,8 +125,7 @@ def test_times_have_a_unit_and_are_not_over_yet(flexcam, case, given):
 
 def test_a_value_that_begins_with_a_dash(flexcam, case):
     told = flexcam("run", case, "--time-limit", "-1s").err
-    assert "followed by -1s" in told
-    assert "--time-limit=-1s" in told
+    assert "begins with - as --time-limit=VALUE" in told
 
 
 @pytest.mark.parametrize(("given", "seconds"), [("5min30s", 330.0), ("1 h 30 min", 5400.0), (".5h", 1800.0)])

@@ -268,7 +268,7 @@ def test_options_that_do_not_fit(flexcam, case):
     [
         (("--seed", "5"), "--seed: got 5, expected --seed with --sample only"),
         (("--seed", "-1", "--sample", "lhs:4"), "--seed: got -1, expected a whole number from 0"),
-        (("--sample", ""), "--sample: got '', expected lhs:N"),
+        (("--sample", "lhs"), "--sample: got 'lhs', expected lhs:N"),
         (("--limit", "-5"), "--limit: got -5, expected a whole number from 1"),
         (("--workers", "-1"), "--workers: got -1, expected a whole number from 0"),
         (("--workers", "0", "--scheduler", "local"), "--workers: got 0, expected a whole number from 1"),

@@ -204,7 +204,7 @@ EXTRAS = [("a.gif", "imageio", "movie"), ("a.mp4", "imageio_ffmpeg", "movie"), (
 def test_a_missing_extra_is_named(name, module, extra, flexcam, monkeypatch):
     from importlib.util import find_spec
 
-    monkeypatch.setattr("flexcam.plotting.rendering.find_spec", lambda one: None if one == module else find_spec(one))
+    monkeypatch.setattr("flexcam.core.errors.find_spec", lambda one: None if one == module else find_spec(one))
     refused = flexcam("view", FINGER, "--save", name)
     assert refused.code == 2
     assert f"annot import {module}" in refused.err

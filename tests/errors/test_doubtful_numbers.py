@@ -23,33 +23,34 @@ OWN = 'sections.shaft={shape="custom", A=1e-4, Iy=1e-15, Iz=1e-15, J=2e-15}'
 
 # what is laid over a case, and parts of the sentence
 DOUBTFUL = {
-    "E in Pa": (CASE, "materials.steel.E=207", "207 Pa is an unusual Young's modulus", "did you mean 207 GPa?"),
-    "E as text": (CASE, "materials.steel.E=207 Pa", "207 Pa is an unusual Young's modulus", "did you mean 207 GPa?"),
+    "E in Pa": (CASE, "materials.steel.E=207", "207 Pa is unusual", "did you mean 207 GPa?"),
+    "E as text": (CASE, "materials.steel.E=207 Pa", "207 Pa is unusual", "did you mean 207 GPa?"),
     "E in MPa": (CASE, "materials.steel.E=207000", "207000 Pa", "did you mean 207000 MPa?"),
     "density in g/cm^3": (CASE, "materials.steel.density=7.8", "7.8 kg/m^3", "did you mean 7.8 g/cm^3?"),
     "strength in MPa": (CASE, "materials.steel.ultimate_strength=800", "800 Pa", "did you mean 800 MPa?"),
-    "diameter in mm": (CASE, "sections.shaft.diameter=25", "25 m is an unusual diameter", "did you mean 25 mm?"),
+    "diameter in mm": (CASE, "sections.shaft.diameter=25", "25 m is unusual", "did you mean 25 mm?"),
     "a node in mm": (CASE, "nodes.rear=[180,0,0]", "nodes.rear", "did you mean 180 mm?"),
     "mass in g": (CASE, "masses.valve.mass=90", "90 kg", "did you mean 90 g?"),
-    "density of nothing": (CASE, "materials.steel.density=0", "0 kg/m^3 is an unusual density", "500 to 25000 kg/m^3"),
-    "stiffness in kN/m": (CASE, "springs.valve.stiffness=50", "50 N/m is an unusual stiffness", "mean 50 kN/m?"),
+    "density of nothing": (CASE, "materials.steel.density=0", "0 kg/m^3 is unusual", "500 to 30000 kg/m^3"),
+    "stiffness in kN/m": (CASE, "springs.valve.stiffness=50", "50 N/m is unusual", "mean 50 kN/m?"),
     "engine speed in rpm": (PUSHROD, "run.crank_speed=4000", "4000 rad/s", "did you mean 4000 rpm?"),
-    "camshaft speed in rpm": (CASE, "run.speed=2000", "2000 rad/s is an unusual", "did you mean 2000 rpm?"),
+    "camshaft speed in rpm": (CASE, "run.speed=2000", "2000 rad/s is unusual", "did you mean 2000 rpm?"),
     "a usual engine speed in rpm": (PUSHROD, "run.crank_speed=2000", "19098.6 rpm", "did you mean 2000 rpm?"),
     "a usual camshaft speed in rpm": (CASE, "run.speed=600", "600 without a unit", "did you mean 600 rpm?"),
-    "damping in per cent": (CASE, "run.damping={modal=2}", "2 is an unusual damping ratio", "did you mean 2 %?"),
-    "damping in us": (CASE, "run.damping={beta=20}", "20 s is an unusual Rayleigh factor", "did you mean 20 ms?"),
-    "a bow in mm": (PUSHROD, "members.pushrod.bow=0.3", "0.3 m is an unusual bow", "did you mean 0.3 mm?"),
+    "damping in per cent": (CASE, "run.damping={modal=2}", "2 is unusual", "did you mean 2 %?"),
+    "damping in us": (CASE, "run.damping={beta=20}", "20 s is unusual", "did you mean 20 ms?"),
+    "a bow in mm": (PUSHROD, "members.pushrod.bow=0.3", "0.3 m is unusual", "did you mean 0.3 mm?"),
     "a torsion constant beyond the section": (CASE, "sections.shaft.J=1", "J = 1 m^4 is above Iy + Iz", "no shape"),
     "a section thinner than a circle": (CASE, OWN, "Iy + Iz = 2e-15 m^4 is below", "circle of its area"),
     "a shear factor above 1": (CASE, "sections.shaft.kappa_y=5", "kappa_y = 5 is above 1", "shear"),
-    "arms in mm": (CASE, "rockers.rocker.arms=[25,40]", "25 m is an unusual arm", "did you mean 25 mm?"),
-    "inertia in kg mm^2": (CASE, "rockers.rocker.inertia=100000", "kg m^2 is an unusual inertia", "did you mean"),
-    "lift in mm": (CASE, "cams.intake.lift=6", "6 m is an unusual lift", "did you mean 6 mm?"),
-    "speed in rpm": (CASE, "run.speed=3000", "3000 rad/s is an unusual camshaft speed", "did you mean 3000 rpm?"),
-    "a spring as soft as nothing": (CASE, "springs.valve.stiffness=1e-5", "stiffness of a spring", ""),
+    "arms in mm": (CASE, "rockers.rocker.arms=[25,40]", "25 m is unusual", "did you mean 25 mm?"),
+    "inertia in kg mm^2": (CASE, "rockers.rocker.inertia=100000", "kg m^2 is unusual", "did you mean"),
+    "lift in mm": (CASE, "cams.intake.lift=6", "6 m is unusual", "did you mean 6 mm?"),
+    "speed in rpm": (CASE, "run.speed=3000", "3000 rad/s is unusual", "did you mean 3000 rpm?"),
+    "a spring as soft as nothing": (CASE, "springs.valve.stiffness=1e-5", "1e-05 N/m is unusual", ""),
     "gravity in mm/s^2": (CASE, "run.gravity=[0,-9810,0]", "9810 m/s^2", "did you mean 9810 mm/s^2?"),
     "lash in mm": (ENGINE, "contacts.play.gap=0.3", "play", "did you mean 0.3 mm?"),
+    "a tolerance in per cent": (CASE, "fidelity.tolerance={force=5}", "5 is unusual", "did you mean 5 %?"),
     "a member thicker than long": (CASE, "sections.shaft.diameter=1", "1 m thick", "same unit?"),
 }  # fmt: skip
 
@@ -91,29 +92,11 @@ def test_a_sound_case_is_not_doubted(path):
     assert check_input(replace(prepare(standing), case=case)) == []
 
 
-@pytest.mark.parametrize("usual", [*TYPICAL_RANGES, SPRING_RANGE, TORSION_SPRING_RANGE], ids=lambda one: one.key)
+@pytest.mark.parametrize("usual", [*TYPICAL_RANGES, SPRING_RANGE, TORSION_SPRING_RANGE], ids=lambda one: one.keys)
 def test_bounds_are_bounds(usual):
     """What a number may have been meant in leads back between them somewhere."""
     assert 0.0 <= usual.least < usual.most
-    assert usual.what
     assert all(0.0 < size < 1e12 for size in usual.meant.values())
-
-
-def test_two_supports_that_hold_one_component(tmp_path, tried):
-    mesh = (ROOT / "meshes/tayeb-1.msh").read_text(encoding="utf-8")
-    (tmp_path / "one.msh").write_text(mesh, encoding="utf-8")
-    text = (
-        (ROOT / "cases/tayeb/model-1-shm.toml")
-        .read_text(encoding="utf-8")
-        .replace("../../meshes/tayeb-1.msh", "one.msh")
-    )
-    (tmp_path / "case.toml").write_text(
-        text.replace("[supports]", '[supports]\npushrod-top = ["ux"]'), encoding="utf-8"
-    )
-    (told,) = check_values(read_case(tmp_path / "case.toml"))
-    assert "ux is fixed by support 'pushrod-top' already" in told
-    assert "supports.guide (line" in told
-    tried("planted", "two supports on one component", 1, "warning")
 
 
 def test_a_spring_on_what_a_support_holds(tried):

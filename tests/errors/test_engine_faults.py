@@ -67,7 +67,7 @@ FAULTS = {
     "finger without direction": ([('to = "exhaust"\ndirection = "uy"', 'to = "exhaust"')], "rockers.finger", "nothing", 'direction = "uy"'),
     "finger that turns": ([('to = "exhaust"\ndirection = "uy"', 'to = "exhaust"\ndirection = "rx"')], "rockers.finger.direction", "rx", ""),
     "finger that nothing drives": ([('follower = "pad"', 'follower = "tappet"')], "rockers.finger", "", ""),
-    "two fingers at one point": ([("[springs.valve]", OTHER_FINGER)], "rockers", "'pad'", "new name"),
+    "two fingers at one point": ([("[springs.valve]", OTHER_FINGER)], "rockers", "'pad'", "share a driven end"),
     "finger from its own point": ([('from = "pad"\nto = "exhaust"', 'from = "exhaust"\nto = "exhaust"')], "rockers.finger", "'exhaust'", "new name"),
     "support at a finger's point": ([('stem = ["ux"', 'pad = ["uy"]\nstem = ["ux"')], "supports.pad", "'pad'", "a point"),
     "follower of a finger misspelt": ([('follower = "pad"', 'follower = "pda"')], "contacts.exhaust.follower", "'pda'", "Did you mean 'pad'"),

@@ -7,7 +7,6 @@ import re
 import pytest
 
 from flexcam import InputError, read_case
-from flexcam.analysis.run_checks import check_lobes
 from flexcam.case.builder import build_model
 
 SHAFT = 'shaft = { shape = "circle", diameter = "25 mm" }'
@@ -101,17 +100,3 @@ def test_both_come_in_one_report(refused):
     rectangle = 'shaft = { shape = "rectangle", width_y = "26 mm", width_z = "10 mm" }'
     faults = refused((SHAFT, rectangle), *LIFTER, ("[contacts.intake]", OTHER.format("axis = [-1, 0, 0]\n")))
     assert {one.where.split(".")[0] for one in faults} == {"members", "cams"}
-
-
-LOBE = ('mass = "0.15 kg"', 'mass = "0.15 kg", inertia = {}')
-
-
-@pytest.mark.parametrize(
-    ("inertia", "told"),
-    [("[2e-5, 2e-5, 1.5e-5]", False), ("[4e-3, 3e-3, 3e-3]", False), ("[4e-3, 3e-3, 1.5e-3]", True)],
-)  # fmt: skip
-def test_a_turning_body_of_uneven_inertia_is_told_where_it_is_felt(text, changed, read, inertia, told):
-    """The shaft has 0.69 kg on 180 mm: a hundredth of its bending is 1.1e-5 kg m^2."""
-    said = check_lobes(build_model(read(changed(text, (LOBE[0], LOBE[1].format(inertia))))))
-    assert bool(said) == told
-    assert all("masses.lobe" in one and "0.0015 kg m^2" in one for one in said)

@@ -8,11 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexcam import InputError, RunFailedError, Status, read_case
+from flexcam import InputError, read_case
 from flexcam.case.curves import parse_law
 from flexcam.case.reader import read_cams
-from flexcam.core.errors import Fault, finite_array, refuse, speak_python, suggest_name
-from flexcam.dynamics import Cause
+from flexcam.core.errors import finite_array, refuse, suggest_name
 
 
 def test_another_version_of_the_format(tmp_path):
@@ -67,32 +66,6 @@ def test_no_python_in_what_is_told(override):
     for fault in refusal.value.faults:
         told = str(fault).replace(f"--set {override}", "")
         assert not PYTHON.search(told), told
-
-
-SPOKEN = {
-    "--set run.speed=4kg: given 4 kg": "override run.speed=4kg: given 4 kg",
-    "replace it by --overwrite": "replace it by overwrite=True",
-    "--relative-step: given 2; allowed: 1e-8 to 0.2": "relative_step: given 2; allowed: 1e-8 to 0.2",
-    "flexcam check --echo prints them all": "flexcam check --echo prints them all",
-    "given '--set', \"--set\", a--b; e.g. 1e--3": "given '--set', \"--set\", a--b; e.g. 1e--3",
-}
-
-
-@pytest.mark.parametrize("text", SPOKEN)
-def test_exceptions_speak_python(text):
-    """Exceptions name arguments, and commands and quoted values stay; the command line prints options."""
-    assert speak_python(text) == SPOKEN[text]
-    assert str(InputError([Fault(text, "1", "2", "", "")])).startswith(SPOKEN[text])
-    assert str(Fault(text, "1", "2", "", "")).startswith(text)
-    assert SPOKEN[text] in str(RunFailedError(Status(Cause.FAULT, "it failed", text)))
-
-
-def test_an_override_in_python_and_on_the_command_line(flexcam):
-    with pytest.raises(InputError) as refusal:
-        read_case(INLINE, ["run.speed=4 kg"])
-    assert "override run.speed=4 kg" in str(refusal.value)
-    assert "--" not in str(refusal.value)
-    assert "--set run.speed=4 kg" in flexcam("check", INLINE, "--set", "run.speed=4 kg").err
 
 
 def test_a_table_given_twice(tmp_path):

@@ -172,7 +172,7 @@ def test_modes_and_partial_results_are_verified_too(tmp_path):
     ready = prepare(case)
     sink = open_result_file(ready, tmp_path)
     solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink], stop=lambda: True)
-    assert not verify_file(sink.partial).complete
+    assert not verify_file(sink.partial)["complete"]
     assert len(modes(case, 2).modes.frequencies) == 2
 
 

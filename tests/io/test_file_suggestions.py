@@ -8,7 +8,7 @@ from flexcam.io import verify_file
 # what stands there, what is asked for, what is told
 BESIDE = {
     "a run is writing it": (["case.partial.vtkhdf", "case.writing"], "case.vtkhdf", "case.partial.vtkhdf contains"),
-    "its first copy is to come": (["case.writing"], "case.vtkhdf", "a run is writing it"),
+    "its first copy is to come": (["case.writing"], "case.vtkhdf", "run is writing"),
     "what it writes": (["case.partial.vtkhdf", "case.writing"], "case.writing", "case.partial.vtkhdf contains"),
     "it ended": (["case.vtkhdf"], "case.partial.vtkhdf", "Its run is complete"),
     "it ended, what it wrote": (["case.vtkhdf"], "case.writing", "Its run is complete"),

@@ -122,7 +122,7 @@ def test_histories_as_frames():
 
 def test_data_frame_without_pandas(monkeypatch):
     response = run(read_case("tests/data/inline.toml", ["run.revolutions=0.1"]))
-    monkeypatch.setattr("flexcam.dynamics.response.find_spec", lambda name: None)
+    monkeypatch.setattr("flexcam.core.errors.find_spec", lambda name: None)
     with pytest.raises(InputError, match=r"flexcam\[tables\]"):
         response.to_frame()
 
@@ -142,7 +142,7 @@ def test_tables_in_notebooks():
 
 def test_refusals(table, tmp_path):
     path = write_table(table, tmp_path / "t.h5")
-    with pytest.raises(InputError, match="Use overwrite=True"):
+    with pytest.raises(InputError, match="Use --overwrite"):
         write_table(table, path)
     with pytest.raises(InputError, match="ends in"):
         write_table(table, tmp_path / "t.xlsx")
