@@ -146,7 +146,7 @@ class ModalSystem:
                 rows, columns = group[:, :, None], group[:, None, :]
                 blocks = np.linalg.inv(full[rows, columns])
                 inverse[rows, columns] = blocks
-                answering[:, group.ravel()] = new * (blocks @ acting).reshape(-1, len(self.acting)).T
+                answering[:, group.ravel()] = new * (blocks @ acting).reshape(group.size, len(self.acting)).T
         else:
             single = 1.0 / whole
             answering = new * self.acting * single
