@@ -120,7 +120,8 @@ def test_times_have_a_unit_and_are_not_over_yet(flexcam, case, given):
     (error,) = ended.json["errors"]
     assert error["where"] == "--time-limit"
     assert error["given"] == (given or "nothing")
-    assert all(error.values()), "where, what was given, what is allowed, why, what to do"
+    assert error["allowed"]
+    assert error["remedy"]
 
 
 def test_a_value_that_begins_with_a_dash(flexcam, case):

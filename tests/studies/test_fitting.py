@@ -103,5 +103,5 @@ def test_values_without_effect(count):
 
 
 def test_a_start_outside_its_interval_is_refused():
-    with pytest.raises(InputError, match=r"^vary.*contains the value of the case"):
+    with pytest.raises(InputError, match=r"^--vary.*contains the value of the case"):
         fit_curves(Known((Variable("x", 0.0, 1.0, start=1.5),), growth), measured(INSTANTS))
