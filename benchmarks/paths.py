@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 from flexcam.core.errors import InputError
-from flexcam.dynamics import Engine, Method, Problem, Response, SaveAt, newmark, solve
+from flexcam.dynamics import EngineName, Method, Problem, Response, SaveAt, newmark, solve
 from flexcam.dynamics.engine_selection import select_engine
 
-ALL: tuple[Engine, ...] = ("auto", "kernel", "direct")
+ALL: tuple[EngineName, ...] = ("auto", "kernel", "direct")
 """The engine that flexcam selects, the compiled one, and the one that fits every system."""
 
 
-def taken(problem: Problem, path: Engine, scheme: Method | None = None, save: SaveAt | None = None) -> str | None:
+def taken(problem: Problem, path: EngineName, scheme: Method | None = None, save: SaveAt | None = None) -> str | None:
     """Return the engine that flexcam takes when it is asked for one; None if it cannot."""
     try:
         return select_engine(replace(problem, engine=path), scheme or newmark(), save or SaveAt()).engine
@@ -27,7 +27,7 @@ def ways(problem: Problem, scheme: Method | None = None, save: SaveAt | None = N
 
 
 def solved(
-    problem: Problem, path: Engine = "auto", save: SaveAt | None = None, scheme: Method | None = None
+    problem: Problem, path: EngineName = "auto", save: SaveAt | None = None, scheme: Method | None = None
 ) -> Response:
     """Solve on an engine."""
     return solve(replace(problem, engine=path), scheme or newmark(), save=save)

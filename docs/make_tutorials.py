@@ -251,7 +251,7 @@ def redesign(folder: Path) -> dict[str, Figure]:
             evaluate(file.read([*changes, "run.revolutions=2", f"run.crank_speed={n}rpm"]), runs=99).scalars
             for n in speeds
         ]
-        for axis, key, scale in ((force, "intake.nose_force.least", 1.0), (above, "seat.valve_float", 1e3)):
+        for axis, key, scale in ((force, "intake.nose_force.least", 1.0), (above, "seat.valve_loft", 1e3)):
             values = [scale * row[f"contacts.{key}"] for row in rows]
             axis.plot(speeds, values, ".", label=name, color=colour, linestyle=dashes)
     add_legend(laws, lift, 3)

@@ -18,7 +18,7 @@ from flexcam.dynamics import solve
 from flexcam.valvetrain import Metric, main_lift
 
 _WORDS = {
-    "valve_float": "valve loft over the nose",
+    "valve_loft": "valve loft over the nose",
     "seating_velocity": "seating velocity",
     "bounces": "bounces",
     "bounce_height": "highest bounce",

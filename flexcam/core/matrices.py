@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,13 +38,19 @@ class Triplets:
     rows, cols
         Row and column indices of the entries, shape (k,).
     values
-        Entries, shape (k,).
+        Entries, shape (k,). The arrays of a matrix are read-only.
     """
 
     size: int
     rows: IntArray
     cols: IntArray
     values: FloatArray
+
+    def __post_init__(self) -> None:
+        for name in ("rows", "cols", "values"):
+            view: NDArray[Any] = getattr(self, name).view()
+            view.flags.writeable = False  # matrices are shared by systems; the array of the caller stays writable
+            object.__setattr__(self, name, view)
 
     @classmethod
     def zeros(cls, size: int) -> Self:

@@ -49,7 +49,7 @@ from flexcam.dynamics.modes import (
 )
 from flexcam.dynamics.parameter_forces import Variation
 from flexcam.dynamics.periodic import solve_periodic
-from flexcam.dynamics.problem import Adaptive, Engine, Problem, State
+from flexcam.dynamics.problem import Adaptive, EngineName, Problem, State
 from flexcam.dynamics.reference_integrators import Exact, ScipyIntegrator, dop853, exact, radau
 from flexcam.dynamics.response import (
     SERIES,
@@ -119,7 +119,7 @@ __all__ = [
     "DerivedCamFunction",
     "DofSubset",
     "Drive",
-    "Engine",
+    "EngineName",
     "Exact",
     "Floquet",
     "FluctuatingSpeed",

@@ -25,8 +25,7 @@ from flexcam.dynamics.kernel_engine import KernelEngine, compiled_functions
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.modal_coordinates import ModalCoordinates, diagonal, find_modal_coordinates, modal_problem
 from flexcam.dynamics.modal_engine import ModalEngine, ProbeEngine, probe_rows
-from flexcam.dynamics.problem import Engine as EngineName
-from flexcam.dynamics.problem import Problem
+from flexcam.dynamics.problem import EngineName, Problem
 from flexcam.dynamics.system import System
 
 MAX_MODES = 500

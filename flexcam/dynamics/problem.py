@@ -76,10 +76,10 @@ class Adaptive:
             positive("adaptive.smallest", self.smallest, "s")
 
 
-Engine = Literal["auto", "direct", "modal", "kernel"]
+EngineName = Literal["auto", "direct", "modal", "kernel"]
 """Solver engines, see `flexcam.dynamics.engine_selection`."""
 
-ENGINES: tuple[Engine, ...] = get_args(Engine)
+ENGINES: tuple[EngineName, ...] = get_args(EngineName)
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +132,7 @@ class Problem:
     adaptive: Adaptive | None = None
     basis: Basis | None = None
     prune: bool = False
-    engine: Engine = "auto"
+    engine: EngineName = "auto"
     runs: int = 1
 
     def times(self, steps: IntArray) -> FloatArray:

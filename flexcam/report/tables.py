@@ -275,10 +275,11 @@ def claim_table(claims: Iterable[Claim]) -> Table:
 
 
 def run_table(case: Case, extremes: ExtremesSink) -> Table:
-    """Return the table of the extremes of every probe."""
+    """Return the table of the extremes of every probe, without the inner points of springs."""
     moved = [
         (name if len(components) == 1 else f"{name}.{component}", component in ROTATIONS, 1e3 * np.array(bounds))
         for name, components in extremes.outline.probes
+        if not name.startswith("springs.")
         for component, *bounds in zip(components, *extremes.probe(name), strict=True)
     ]
     largest = max((float(np.abs(bounds).max()) for _, turns, bounds in moved if not turns), default=0.0)
@@ -290,27 +291,56 @@ def run_table(case: Case, extremes: ExtremesSink) -> Table:
 
 
 def metrics_table(figures: Sequence[Metric]) -> Table:
-    """Return the table of the metrics of the last revolution."""
-    rows: list[tuple[str, str]] = []
+    """Return the table of the metrics of the last revolution; metrics of many equal parts share a row."""
+    rows: dict[tuple[str, ...], list[tuple[float, str, str]]] = {}
     for figure in figures:
         factor, unit = to_display_unit(figure.unit)
-        words = figure.name.replace(".", " ").replace("_", " ")
-        # + 0.0 removes the sign of a negative zero
-        rows.append((words, f"{factor * figure.value + 0.0:.4g} {unit}".rstrip()))
-    return facts_table("Metrics of the last revolution", rows)
+        value = factor * figure.value + 0.0  # the sum removes the sign of a negative zero
+        kind, part, *quantity = figure.name.split(".")
+        rows.setdefault((kind, *quantity), []).append((value, f"{value:.4g} {unit}".rstrip(), part))
+    cells: list[tuple[str, str]] = []
+    for (kind, *quantity), parts in rows.items():
+        if len(parts) > _MOST_PARTS:
+            cells.append((_words(kind, *quantity), fill(", ".join(_range_cells(parts)), _CELL)))
+        else:
+            cells += [(_words(kind, part, *quantity), text) for _, text, part in parts]
+    return facts_table("Metrics of the last revolution", cells)
+
+
+def _words(*names: str) -> str:
+    return " ".join(names).replace("_", " ")
 
 
 def merit_table(figures: Sequence[FigureOfMerit]) -> Table:
-    """Return the table of the figures of merit, with the values of all parts in one row."""
-    rows: dict[str, list[str]] = {}
+    """Return the table of the figures of merit: a row per figure with its parts, or the range of many parts."""
+    rows: dict[str, list[tuple[float, str, str]]] = {}
     for one in figures:
         factor, unit = to_display_unit(one.unit)
         value = f"{one.value:.1%}" if one.name == SPRING_MARGIN else f"{factor * one.value + 0.0:.4g} {unit}".rstrip()
-        cell = f"{value} ({one.part})" if one.part else value
-        rows.setdefault(one.name, []).append(cell.replace(" ", _NO_BREAK))
-    wrapped = ((name, fill(", ".join(cells), _CELL).replace(_NO_BREAK, " ")) for name, cells in rows.items())
+        rows.setdefault(one.name, []).append((one.value, value, one.part))
+    cells = {
+        name: _range_cells(parts) if len(parts) > _MOST_PARTS else [_part_cell(text, part) for _, text, part in parts]
+        for name, parts in rows.items()
+    }
+    wrapped = ((name, fill(", ".join(parts), _CELL).replace(_NO_BREAK, " ")) for name, parts in cells.items())
     return facts_table("Figures of merit", wrapped)
 
+
+def _part_cell(text: str, part: str) -> str:
+    """Return a value with its part, which a line break does not separate."""
+    return (f"{text} ({part})" if part else text).replace(" ", _NO_BREAK)
+
+
+def _range_cells(parts: list[tuple[float, str, str]]) -> list[str]:
+    """Return the smallest and the largest of the values of many parts."""
+    (_, low, first), (_, high, last) = min(parts), max(parts)
+    if low == high:
+        return [f"{low} (all {len(parts)})"]
+    return [f"{low} ({first}) to {high} ({last}) of {len(parts)}"]
+
+
+_MOST_PARTS = 4
+"""Number of parts, such as valves, up to which a table shows the value of each."""
 
 _NO_BREAK, _CELL = "\u00a0", 62
 """No-break space, and the width of a cell of the figures of merit, characters: with its name it stays within 100."""

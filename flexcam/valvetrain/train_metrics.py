@@ -194,7 +194,7 @@ def _seat(response: Response, where: str, last: Bools) -> list[Metric]:
     return [Metric(f"{where}.{name}", *one) for name, one in zip(_SEATING, told, strict=True)]
 
 
-_LOFT, _NOSE_FORCE, _FRICTION_POWER = "valve_float", "nose_force.least", "friction_power.mean"
+_LOFT, _NOSE_FORCE, _FRICTION_POWER = "valve_loft", "nose_force.least", "friction_power.mean"
 _DRIVE = ("torque.mean", "power.mean")
 
 

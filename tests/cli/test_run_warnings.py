@@ -135,7 +135,7 @@ def test_figures_of_merit_are_printed_once(flexcam, engine, tmp_path):
     margin = merit.pop("")
     assert (margin["name"], margin["part"], margin["unit"]) == ("spring margin of the rigid train", "", "1")
     assert {name: one["value"] for name, one in merit.items()}.items() <= found["train"].items()
-    assert merit["contacts.seat.valve_float"]["unit"] == "m"
+    assert merit["contacts.seat.valve_loft"]["unit"] == "m"
     out = flexcam("run", engine, *options).out
     table, others = out.split("Figures of merit")[1].split("Metrics of the last revolution")
     for words in ("seating velocity", "mean drive power", "coil-bind clearance", "spring margin of the rigid train"):

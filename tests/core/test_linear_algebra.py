@@ -149,3 +149,12 @@ def test_pins_hold_every_motion_and_leave_the_array_alone(readonly):
     held = select_constraints(readonly(motions))
     assert len(set(held)) == 4
     assert np.linalg.matrix_rank(motions[held]) == 4
+
+
+def test_the_arrays_of_a_matrix_are_read_only():
+    """Systems share matrices; the array of the caller stays writable."""
+    values = np.ones(2)
+    matrix = Triplets(2, np.arange(2), np.arange(2), values)
+    with pytest.raises(ValueError, match="read-only"):
+        matrix.values[0] = 2.0
+    values[0] = 3.0

@@ -48,7 +48,7 @@ FITTED = ("models-lift-table",)
 """Goldens whose lift is a spline fitted to points: its least squares leave 1e-10."""
 
 RATES = {
-    "torque.mean": 1e4, "power.mean": 1e4, "valve_float": 1e3,  # differences of nearly equal numbers
+    "torque.mean": 1e4, "power.mean": 1e4, "valve_loft": 1e3,  # differences of nearly equal numbers
     "acceleration": 1000.0, "velocity": 10.0, "force": 10.0, "torque": 10.0, "compression": 10.0, "pressure": 10.0,
     "buckling_use": 10.0, "stress": 10.0, "deflection": 10.0, "twist": 10.0,
 }  # fmt: skip

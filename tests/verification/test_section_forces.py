@@ -117,6 +117,20 @@ def test_uniform_load_in_signs(record):
     compare(record, "cantilever, q along local y", found[0, 0], expected, 1e-9, "rounding")
 
 
+@pytest.mark.parametrize("plane", [1, 2], ids=["local y", "local z"])
+def test_deflection_under_a_uniform_load(record, plane):
+    """Consistent loads give the exact deflection at the node, q L^4/(8 E I), with one element in either plane."""
+    bar = Cantilever(np.array([1.0, 0.0, 0.0]), 1)
+    load = assemble_loads(bar.beams, distributed_load(bar.beams, slice(0, 1), 100.0 * bar.axes[plane]), bar.dofs)
+    u = bar.dofs.nodal(static_displacement(stiffness(bar.beams, bar.dofs), load, bar.dofs.names))
+    second_moment = {1: bar.beams.EIz, 2: bar.beams.EIy}[plane][0]
+    record(
+        source=STATICS, case=f"cantilever, uniform load along {'xyz'[plane]}", quantity="deflection at the end",
+        unit="m", reference=100.0 * LENGTH**4 / (8.0 * second_moment), computed=float(u[-1, :3] @ bar.axes[plane]),
+        tolerance=1e-9, reason="rounding",
+    )  # fmt: skip
+
+
 @pytest.mark.parametrize("mass", ["consistent", "lumped"])
 @pytest.mark.parametrize("axis", AXES)
 def test_weight(record, axis, mass):

@@ -299,7 +299,7 @@ class RunRecord(Record):
         None, ge=1, le=100_000_000, strict=True, description="3600 where no step is given"
     )
     step: Time | None = Field(None, description="instead of steps_per_revolution")
-    engine: dynamics.Engine = Field(
+    engine: dynamics.EngineName = Field(
         "auto", description="solver engine: auto chooses the fastest that fits; all give the same numbers"
     )
     adaptive: AdaptiveRecord | None = Field(None, description="step size control; fixed steps by default")
