@@ -215,8 +215,8 @@ def curve_minimum(curve: Curve, joints: Sequence[float] = ()) -> Extreme:
     low, high = angles[np.maximum(valleys - 1, 0)], angles[np.minimum(valleys + 1, len(angles) - 1)]
     floors, at = refine_minima(lambda many: curve(many.ravel()).reshape(many.shape), low, high)
     before = np.array(edges[1:])
-    carried = _finite_values(2.0 * curve(before - LIMIT_OFFSET) - curve(before - 2.0 * LIMIT_OFFSET))
-    all_values, places = np.concatenate([values, floors, carried]), np.concatenate([angles, at, before])
+    extrapolated = _finite_values(2.0 * curve(before - LIMIT_OFFSET) - curve(before - 2.0 * LIMIT_OFFSET))
+    all_values, places = np.concatenate([values, floors, extrapolated]), np.concatenate([angles, at, before])
     least = float(all_values.min())
     return Extreme(least, float(places[all_values <= least + _SAME * abs(least)].min()))
 

@@ -85,12 +85,12 @@ def solve_eigenproblem(M: FloatArray, K: FloatArray) -> tuple[FloatArray, FloatA
     end = 0
     for part in component_members(connected_components(len(M), *np.nonzero((M != 0.0) | (K != 0.0)))):
         begin, end = end, end + len(part)
-        values[begin:end], vectors[part, begin:end] = _solve_connected(M[np.ix_(part, part)], K[np.ix_(part, part)])
+        values[begin:end], vectors[part, begin:end] = _solve_part(M[np.ix_(part, part)], K[np.ix_(part, part)])
     order = np.argsort(values, kind="stable")
     return values[order], vectors[:, order]
 
 
-def _solve_connected(M: FloatArray, K: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _solve_part(M: FloatArray, K: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the eigenvalues and eigenvectors of connected unknowns."""
     scale = np.exp2(-np.round(0.5 * np.log2(np.diag(M))))  # exact: no rounding
     heavy, stiff = (scale[:, None] * matrix * scale for matrix in (M, K))

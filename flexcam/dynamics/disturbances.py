@@ -74,7 +74,7 @@ class Disturbances:
         self._linear = Linearization(problem.system, forces)
         self._stepper = LinearStep(problem.system)
         self._starter = InitialAcceleration(problem.system, forces)
-        self._carried: FloatArray = (
+        self._current: FloatArray = (
             np.eye(2 * problem.system.size + len(forces.start_state)) if initial is None else initial.copy()
         )
         self._parameters = parameters
@@ -96,7 +96,7 @@ class Disturbances:
             self._explicit = self._parameters.along(every)
         if first:
             begin = self._at(every, 0, sides[0])
-            self._carried = self._stepper.initial_disturbances(begin, self._carried, self._source(begin, 0))
+            self._current = self._stepper.initial_disturbances(begin, self._current, self._source(begin, 0))
         ends = set[int]() if self._parameters is None else set((track.ends + (not first)).tolist())
         found = [self._at_fixed_time(every.at(0))] if 0 in ends and first else list[FloatArray]()
         plain = (np.diff(time) > 0.0) & (sides[1:] == sides[:-1]).all(axis=1)
@@ -105,7 +105,7 @@ class Disturbances:
         last: Linear | None = None
         for i in range(len(time) - 1):
             if sequence is not None and equal[i] and self._shift is None:
-                self._carried = sequence[0].propagate(i, self._carried, sequence[1][i])
+                self._current = sequence[0].propagate(i, self._current, sequence[1][i])
             elif plain[i] and self._shift is None:
                 end = self._at(every, i + 1, sides[i])
                 self._step(self._small(last or self._at(every, i, sides[i]), end, every, i), every, i)
@@ -130,11 +130,11 @@ class Disturbances:
     def monodromy(self) -> FloatArray:
         """Return the propagated disturbances, shape (2n + s, 2n + s)."""
         self._apply_pending()
-        return self._carried if self._last is None else self._at_fixed_time(self._sense(self._last).at(0))
+        return self._current if self._last is None else self._at_fixed_time(self._sense(self._last).at(0))
 
     def _at_fixed_time(self, moment: StepState) -> FloatArray:
         """Return the disturbances at the time of an instant; those at the time of an event include its shift."""
-        return self._carried if self._shift is None else self._carried - self._flow(moment)[:, None] * self._shift
+        return self._current if self._shift is None else self._current - self._flow(moment)[:, None] * self._shift
 
     def _at(self, every: SensedTrajectory, i: int, side: Bools) -> Linear:
         """Return the linear forces at an instant, with every contact on its side within the step."""
@@ -162,7 +162,7 @@ class Disturbances:
             travel[i], begin[i] = forces.state_steps(step, *ends, track.state[i])
         sequence, steps = self._stepper.sequence(step, linear, travel, begin), np.arange(len(travel))
         if self._explicit is None:
-            return sequence, np.zeros((len(steps), *self._carried.shape))
+            return sequence, np.zeros((len(steps), *self._current.shape))
         source = self._explicit.source(linear, slice(None))
         return sequence, self._parameter_terms(every, steps, np.full(len(steps), step), source[:-1], source[1:])
 
@@ -174,7 +174,7 @@ class Disturbances:
         Lengths in s, and forces of the parameters at both ends of the steps, shape (m, n, p).
         """
         track, n, half = every.track, self._problem.system.size, 0.5 * lengths[:, None, None]
-        terms = np.zeros((len(steps), *self._carried.shape))
+        terms = np.zeros((len(steps), *self._current.shape))
         if self._parameters is None:
             return terms
         count, begin = self._parameters.count, (half * old).swapaxes(0, 1).reshape(n, -1)
@@ -191,7 +191,7 @@ class Disturbances:
     def _terms_of_step(self, step: SmallStep, every: SensedTrajectory, i: int) -> FloatArray:
         """Return the contribution of the parameters to the step after an instant."""
         if self._explicit is None:
-            return np.zeros_like(self._carried)
+            return np.zeros_like(self._current)
         old, new = (self._explicit.source(at, j)[None] for at, j in ((step.old, i), (step.new, i + 1)))
         return self._parameter_terms(every, np.array([i]), np.array([step.length]), old, new)[0]
 
@@ -206,7 +206,7 @@ class Disturbances:
     def _step(self, step: SmallStep, every: SensedTrajectory, i: int) -> None:
         if self._parameters is not None:
             more = self._terms_of_step(step, every, i)
-            self._carried = self._stepper.propagate(step, self._carried, more)
+            self._current = self._stepper.propagate(step, self._current, more)
             return
         usual = self._waiting
         same = usual and usual.old is step.old and usual.new is step.new
@@ -222,10 +222,10 @@ class Disturbances:
             return
         if self._count < _MIN_EQUAL_STEPS:
             for _ in range(self._count):
-                self._carried = self._stepper.propagate(self._waiting, self._carried)
+                self._current = self._stepper.propagate(self._waiting, self._current)
         else:
-            one = self._stepper.propagate(self._waiting, np.eye(len(self._carried)))
-            self._carried = np.linalg.matrix_power(one, self._count) @ self._carried
+            one = self._stepper.propagate(self._waiting, np.eye(len(self._current)))
+            self._current = np.linalg.matrix_power(one, self._count) @ self._current
         self._waiting, self._count = None, 0
 
     def _event_step(self, every: SensedTrajectory, i: int) -> None:
@@ -241,7 +241,7 @@ class Disturbances:
             moved += (self._stepper.old_terms(0.5 * h * self._prescribed_rates(old, side)) - longer)[
                 :, None
             ] * self._shift
-        after, self._shift = self._stepper.propagate(step, self._carried, moved), None
+        after, self._shift = self._stepper.propagate(step, self._current, moved), None
         crossed = np.flatnonzero(side != every.track.pressed[i + 1])
         crossed = crossed[np.abs(new.rate[self._forces.switching[crossed]]) > _AT_REST]
         if len(crossed):
@@ -253,7 +253,7 @@ class Disturbances:
             rate = new.rate[which] + sense @ (by_time[:n] - new.v)
             self._shift = shift = -(sense @ after[:n] + self._scalar_derivatives(i + 1, which)) / rate
             after = after + by_time[:, None] * shift
-        self._carried = after
+        self._current = after
 
     def _apply_impact(self, every: SensedTrajectory, i: int) -> None:
         """Apply an impact R(x, t): the disturbances become ``R_x Y + R_t t'``, with the shift t' of its time."""
@@ -262,7 +262,7 @@ class Disturbances:
         impulse = np.zeros_like(new.local) if new.impulse is None else new.impulse
         held = np.flatnonzero(impulse[switching] > 0.0)
         hit, rate = self._starter.impact_data(self._instant(old.time), held), old.rate[switching[held]]
-        before, shift = self._carried, self._shift
+        before, shift = self._current, self._shift
         if shift is None:  # at the end of a step
             first = int(np.argmax(rate))
             shift = (
@@ -277,7 +277,7 @@ class Disturbances:
         v = v + (later - earlier)[:, None] * shift / (2.0 * beside)
         if self._parameters is not None:
             v[:, : self._parameters.count] += self._parameters.impact_change(old, held)
-        self._carried, self._shift = np.vstack([d, v, z]), shift
+        self._current, self._shift = np.vstack([d, v, z]), shift
 
     def _change(self, old: StepState, held: IntArray, factor: FloatArray, after: float) -> FloatArray:
         """Return the change of the impact velocities per delay of the same motion, shape (n,)."""
@@ -327,7 +327,7 @@ class Disturbances:
 
     def _source(self, at: Linear, i: int) -> FloatArray:
         """Return the forces of the parameters on the unknowns at an instant, shape (n, k)."""
-        pushed = np.zeros((self._problem.system.size, self._carried.shape[1]))
+        pushed = np.zeros((self._problem.system.size, self._current.shape[1]))
         if self._explicit is not None:
             found = self._explicit.source(at, i)
             pushed[:, : found.shape[1]] = found
@@ -335,7 +335,7 @@ class Disturbances:
 
     def _scalar_derivatives(self, i: int, scalar: int) -> FloatArray:
         """Return the derivatives of a sensed scalar at an instant by the parameters, shape (k,)."""
-        found = np.zeros(self._carried.shape[1])
+        found = np.zeros(self._current.shape[1])
         if self._explicit is not None:
             found[: self._explicit.penetration.shape[2]] = self._explicit.penetration[i, scalar]
         return found

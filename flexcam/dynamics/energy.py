@@ -98,7 +98,7 @@ class _EnergyState:
     by_state: FloatArray  #: derivatives of their energy by internal states
     changing: FloatArray  #: part of their energy that depends on the cam angle
     rate: FloatArray
-    carried: FloatArray  #: prescribed part of the sensed rates
+    prescribed_rates: FloatArray  #: prescribed part of the sensed rates
     impulse: FloatArray
 
     def last(self) -> _EnergyState:
@@ -133,10 +133,10 @@ class EnergyBalance:
         self._sums = np.zeros(4)  # work, dissipated, numerical, and the energy at the start
 
     def block(
-        self, track: Trajectory, seen: Observation, carried: FloatArray, schedule: PrescribedInputs
+        self, track: Trajectory, seen: Observation, prescribed_rates: FloatArray, schedule: PrescribedInputs
     ) -> FloatArray:
         """Return the terms of the balance at the instants of a block, shape (m, 7), J."""
-        new = self._evaluate_state(track, seen, carried, schedule)
+        new = self._evaluate_state(track, seen, prescribed_rates, schedule)
         energy = new.kinetic + new.strain + new.contact
         first = self._last is None
         if first:
@@ -197,7 +197,7 @@ class EnergyBalance:
             from_cam = curves[:, others].sum(axis=1)
             moving, curved = moving - from_cam, curved - from_cam
         impulse = new.impulse if last else new.impulse[1:]
-        struck = 0.5 * _dot(impulse, sums("carried"))
+        struck = 0.5 * _dot(impulse, sums("prescribed_rates"))
         impact_lost = 0.5 * _dot(impulse, sums("rate")) if self._strikes else 0.0 * struck
         # If a contact closes and reverses within one step, its damping force is that of opening while the path
         # still closes: the product is negative, which is an error of the step.
@@ -216,7 +216,7 @@ class EnergyBalance:
         return 0.5 * (later - changing + new.changing[begin:] - earlier)
 
     def _evaluate_state(
-        self, track: Trajectory, seen: Observation, carried: FloatArray, schedule: PrescribedInputs
+        self, track: Trajectory, seen: Observation, prescribed_rates: FloatArray, schedule: PrescribedInputs
     ) -> _EnergyState:
         penetrations, forces, d = seen.penetrations[:, self._rough], seen.forces[:, self._rough], track.d
         stored, elastic, by_state = self._stores.at(penetrations, seen.states, schedule.angle)
@@ -228,7 +228,9 @@ class EnergyBalance:
         moved = (d, track.v, self._C.times(track.v)) if self._damped else (nothing, nothing, nothing)
         driven = (self._pushed @ track.v.T).T if self._corrected else nothing
         rates = seen.rates[:, self._rough] if self._strikes or self._corrected else nothing
-        struck = (carried[:, self._rough], track.impulse[:, self._rough]) if self._strikes else (nothing, nothing)
+        struck = (
+            (prescribed_rates[:, self._rough], track.impulse[:, self._rough]) if self._strikes else (nothing, nothing)
+        )
         acted = seen.forces[:, self._acted] * schedule.acting_weights[:, self._acting]
         return _EnergyState(
             track.time, schedule.angle, 0.5 * self._M.twice(track.v), strain, strain + smooth, stored + smooth,

@@ -130,7 +130,7 @@ def floquet(problem: Problem, method: Method | None = None) -> Floquet:
     selected = select_engine(whole, chosen, SaveAt(field_every=problem.steps + 1))
     n = selected.problem.system.size
     if not 0 < n <= MAX_UNKNOWNS:
-        raise refuse("system", f"{n} unknowns", f"1 to {MAX_UNKNOWNS}", "a basis of disturbances is carried along")
+        raise refuse("system", f"{n} unknowns", f"1 to {MAX_UNKNOWNS}", "it advances a basis of disturbances")
     found = period_map(selected, chosen, lambda: False)
     values, vectors = np.linalg.eig(found.derivative)
     order = np.argsort(-np.abs(values))

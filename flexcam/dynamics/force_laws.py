@@ -565,12 +565,12 @@ def evaluate_laws(
                 x, states[BEGIN, z], states[STATE, z], states[SPAN, z], stiffness, leak, refill
             )  # fmt: skip
             states[BY_TRAVEL, z], states[BY_BEGIN, z] = share, kept
-            carried = stiffness if pressed > 0.0 else 0.0
-            N, by_x = constants[b + 3] + carried * pressed, carried * share
-            energy = constants[b + 3] * x + 0.5 * carried * pressed * pressed
+            active_stiffness = stiffness if pressed > 0.0 else 0.0
+            N, by_x = constants[b + 3] + active_stiffness * pressed, active_stiffness * share
+            energy = constants[b + 3] * x + 0.5 * active_stiffness * pressed * pressed
             states[NEW_STATE, z] = x - pressed
             states[FLOW, z] = stiffness / (leak if pressed > 0.0 else refill)
-            states[STATE_RATE, z], states[ENERGY_BY_STATE, z] = states[FLOW, z] * pressed, -carried * pressed
+            states[STATE_RATE, z], states[ENERGY_BY_STATE, z] = states[FLOW, z] * pressed, -active_stiffness * pressed
         elif kind == SLIDING_FRICTION:
             N, by_x, by_v, energy = sliding_friction(
                 v, constants[b], constants[b + 1], constants[b + 2], constants[b + 3], constants[b + 4]

@@ -314,15 +314,15 @@ class LocalForces:
         """
         rows, c = self.sense.rows, self.count
         on_d, on_v = (rows @ d.T).T, (rows @ v.T).T  # contiguous histories per scalar
-        penetration, rate, carried = on_d[:, :c], on_v[:, :c], np.zeros((len(d), c), order="F")
+        penetration, rate, prescribed_rates = on_d[:, :c], on_v[:, :c], np.zeros((len(d), c), order="F")
         penetration += schedule.offset
-        carried += schedule.offset_rate
+        prescribed_rates += schedule.offset_rate
         for j, ((place, _), scalar) in enumerate(zip(self.sense.varying, self.sense.varying_scalars, strict=True)):
             penetration[:, scalar] += schedule.sensing_weights[:, place] * on_d[:, c + j]
-            carried[:, scalar] += schedule.sensing_rates[:, place] * on_d[:, c + j]
+            prescribed_rates[:, scalar] += schedule.sensing_rates[:, place] * on_d[:, c + j]
             rate[:, scalar] += schedule.sensing_weights[:, place] * on_v[:, c + j]
-        rate += carried
-        return penetration, rate, carried
+        rate += prescribed_rates
+        return penetration, rate, prescribed_rates
 
     def respond(
         self, penetration: FloatArray, rate: FloatArray, state: FloatArray, schedule: PrescribedInputs, i: int = 0

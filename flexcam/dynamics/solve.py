@@ -69,10 +69,10 @@ def fingerprint(problem: Problem, method: Method, save: SaveAt) -> str:
 def outline(system: System, *, channels: bool = True) -> Outline:
     """Return the names of the results of a system."""
     probes = tuple((p.name, p.components) for p in system.probes)
-    names = system.carried.names if system.carried else system.names
+    names = system.prescribed_motion.names if system.prescribed_motion else system.names
     if not channels:
         return Outline(names, probes, ())
-    energies = () if system.carried else tuple((f"energy.{part}", "J") for part in PARTS)
+    energies = () if system.prescribed_motion else tuple((f"energy.{part}", "J") for part in PARTS)
     states = [(f"{STATE}{force.name}.{i}", "1") for force in system.local_forces for i in range(force.states)]
     return Outline(names, probes, (*((c.name, c.unit) for c in system.channels), *energies, *states))
 
@@ -313,7 +313,7 @@ class _Run:
         ends = track.ends if len(track.ends) < len(time) else slice(None)
         fields, series = track.ends[self._save.fields(steps, self._problem.steps)], Series(track.d, track.v, track.a)
         probes = _probe_series(self._system.probes, series, motion)
-        shown = Series(*self._system.carried.at(motion)) if self._system.carried else series
+        shown = Series(*self._system.prescribed_motion.at(motion)) if self._system.prescribed_motion else series
         return Block(
             time=time[ends], angle=motion.angle[ends], probes=probes.at(ends),
             channels=self._channels(steps, track, motion) if self._save.channels else np.zeros((len(steps), 0)),
@@ -329,7 +329,7 @@ class _Run:
     def _channels(self, steps: IntArray, track: Trajectory, motion: CamMotion) -> FloatArray:
         """Return channels, energies and internal states at the ends of steps."""
         schedule = self._forces.prescribed_inputs(motion)
-        seen, carried = self._observe(track, motion, schedule)
+        seen, prescribed_rates = self._observe(track, motion, schedule)
         if not self._energies:
             each = [channel.value(seen) for channel in self._system.channels]
             return np.column_stack(each) if each else np.zeros((len(track.time), 0))
@@ -337,8 +337,8 @@ class _Run:
         between = (steps + 1) % self._save.field_every == 0  # at saved fields some engines restart their state
         self._imbalance.evaluate(track, seen, schedule, track.ends[between | last])
         each = [channel.value(seen) for channel in self._system.channels]
-        if not self._system.carried:
-            each.append(self._account.block(track, seen, carried, schedule))
+        if not self._system.prescribed_motion:
+            each.append(self._account.block(track, seen, prescribed_rates, schedule))
         found = np.column_stack([*each, seen.states])
         return found[track.ends] if len(steps) < len(found) else found
 
@@ -346,10 +346,12 @@ class _Run:
         self, track: Trajectory, motion: CamMotion, schedule: PrescribedInputs
     ) -> tuple[Observation, FloatArray]:
         """Return the observation, and the prescribed part of the sensed rates."""
-        penetrations, rates, carried = self._forces.sense_motion(track.d, track.v, schedule)
+        penetrations, rates, prescribed_rates = self._forces.sense_motion(track.d, track.v, schedule)
         histories, moved = self._system.load_histories(motion), FullMotion(track.d, track.v, track.a)
         forces = np.asfortranarray(track.local)  # contiguous per scalar, like the sensed scalars
-        return Observation(motion, schedule.cam, moved, histories, forces, penetrations, rates, track.state), carried
+        return Observation(
+            motion, schedule.cam, moved, histories, forces, penetrations, rates, track.state
+        ), prescribed_rates
 
 
 def _probe_series(probes: tuple[Probe, ...], moved: Series, motion: CamMotion) -> Series:

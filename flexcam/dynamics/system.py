@@ -330,7 +330,7 @@ class System:
         As their classes say.
     free
         Motions without stiffness, shape (n, k), if known; None to compute them numerically.
-    carried
+    prescribed_motion
         Prescribed motion for the output of a mechanism without unknowns.
     stored
         Strain energy of inactive parts that are not among the unknowns, J.
@@ -351,7 +351,7 @@ class System:
     probes: tuple[Probe, ...] = ()
     channels: tuple[Channel, ...] = ()
     free: FloatArray | None = None
-    carried: PrescribedMotion | None = None
+    prescribed_motion: PrescribedMotion | None = None
     stored: float = 0.0
 
     def __repr__(self) -> str:

@@ -279,7 +279,7 @@ def _join_array(found: re.Match[str]) -> str:
     return line if len(line) <= _LINE_LENGTH else found[0]
 
 
-def open_locked(path: Path) -> int:
+def open_with_lock(path: Path) -> int:
     """Return a descriptor of a file, locked until the process ends; raise BlockingIOError if another has locked it.
 
     Without file locks (Windows, some network drives) concurrent access is not prevented.

@@ -23,7 +23,7 @@ from flexcam.dynamics.blocks import Checkpoint
 from flexcam.fem.frames import ROTATIONS
 from flexcam.fem.mesh import Mesh
 from flexcam.io import result_schema as schema
-from flexcam.io.files import check_writable, open_locked
+from flexcam.io.files import check_writable, open_with_lock
 from flexcam.io.hdf5 import (
     GrowingDataset,
     chunk_rows,
@@ -65,7 +65,7 @@ class TemporaryResult:
             allowed, why = "a regular file", "it is a symbolic link, and its target would be overwritten"
             raise refuse("result", str(path), allowed, why, "remove the link, or name another folder")
         try:
-            self._lock = open_locked(path)
+            self._lock = open_with_lock(path)
         except BlockingIOError:
             allowed, why = "a result that no other run is writing", "another run is writing it now"
             raise refuse("result", str(shown), allowed, why, "wait for its end, or name another folder") from None

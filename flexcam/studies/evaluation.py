@@ -69,7 +69,7 @@ def scalar_names(case: Case) -> list[str]:
     names = train_metric_names(model, [name for name, _ in named.channels])
     names += [f"probes.{probe}.{series}.largest" for probe in scalar_probes(named) for series in SERIES]
     compared = case.record.fidelity.model != "rigid" and bool(case.record.output.probes) and bool(model.cam_contacts)
-    return [*names, *(_DEVIATIONS if compared else ()), *(() if system.carried else (_RESIDUAL,))]
+    return [*names, *(_DEVIATIONS if compared else ()), *(() if system.prescribed_motion else (_RESIDUAL,))]
 
 
 _DEVIATIONS = ("deviation.peak", "deviation.rms")

@@ -25,7 +25,7 @@ from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, format_shape, refuse, require_packages, suggest_name, system_message
 from flexcam.core.units import to_display_unit
 from flexcam.dynamics import Cause, Response, Status
-from flexcam.io import atomic_write_path, check_writable, create_folder, open_hdf5, open_locked, write_digest
+from flexcam.io import atomic_write_path, check_writable, create_folder, open_hdf5, open_with_lock, write_digest
 from flexcam.io import result_schema as schema
 from flexcam.io.hdf5 import read_numbers, read_text_column, read_texts, write_text_column, write_texts
 from flexcam.io.result_reader import check_integrity
@@ -303,7 +303,7 @@ class Journal:
         create_folder(path.parent)
         self._path, self._head, self._fresh = path, dict(belongs), True
         try:
-            self._file = open_locked(path)
+            self._file = open_with_lock(path)
         except BlockingIOError:
             allowed, why = "one that no other process writes", "another sweep is running here"
             raise refuse("journal", str(path), allowed, why, "wait for it") from None

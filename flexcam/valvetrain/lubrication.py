@@ -150,8 +150,8 @@ def flash_temperature(
     FloatArray
         Temperature above that of the bodies, K; zero for an open contact.
     """
-    carried = effusivity * np.sqrt(half_width) * (np.sqrt(np.abs(first)) + np.sqrt(np.abs(second)))
-    return np.divide(BLOK * heat, carried, out=np.zeros_like(carried), where=carried > 0.0)
+    conduction = effusivity * np.sqrt(half_width) * (np.sqrt(np.abs(first)) + np.sqrt(np.abs(second)))
+    return np.divide(BLOK * heat, conduction, out=np.zeros_like(conduction), where=conduction > 0.0)
 
 
 def wear_depth(coefficient: float, load: FloatArray, sliding: FloatArray, velocity: FloatArray) -> FloatArray:

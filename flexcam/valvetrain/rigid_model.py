@@ -296,7 +296,7 @@ def build_rigid(model: Model, speed: float) -> System:
     channels += _spring_channels(structure, moved)
     probes = tuple(_rigid_probe(probe_of(structure, point), moved) for point in model.probes)
     shown = PrescribedMotion(structure.dofs.names, moved)
-    return System(nothing, nothing, nothing, (), tuple(loads), (), probes, tuple(channels), carried=shown)
+    return System(nothing, nothing, nothing, (), tuple(loads), (), probes, tuple(channels), prescribed_motion=shown)
 
 
 def _contact_histories(structure: Structure, name: str, train: RigidTrain, at: int) -> tuple[list[Load], list[Channel]]:

@@ -204,7 +204,7 @@ def valve_loft(model: Model, response: Response, name: str, seat: Seat, instants
     if contact is None:
         return None
     try:
-        motion = build_rigid(model, ANY_SPEED).carried
+        motion = build_rigid(model, ANY_SPEED).prescribed_motion
     except InputError:  # no rigid train exists
         return None
     over = _flanks(model.cams[model.cam_contacts[contact].cam].event, angle)["nose"]

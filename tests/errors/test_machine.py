@@ -185,8 +185,8 @@ def test_eight_processes_in_one_folder(ready, tried, tmp_path):
 HELD = """
 import os, sys
 from pathlib import Path
-from flexcam.io import open_locked
-open_locked(Path(sys.argv[1]))
+from flexcam.io import open_with_lock
+open_with_lock(Path(sys.argv[1]))
 os._exit(9)
 """
 

@@ -207,7 +207,7 @@ def mode_motion(structure: Structure, shape: FloatArray, *, coloured: bool = Fal
 
 def rigid_motion(structure: Structure, angle: FloatArray, speed: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return displacement, velocity and acceleration of the rigid mechanism at constant speed."""
-    shown = build_rigid(structure.model, speed).carried
+    shown = build_rigid(structure.model, speed).prescribed_motion
     if shown is None:
         nothing = np.zeros((len(angle), structure.dofs.size))
         return nothing, nothing, nothing
