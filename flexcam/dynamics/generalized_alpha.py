@@ -229,6 +229,11 @@ def newmark(*, beta: float = 0.25, gamma: float = 0.5) -> Scheme:
     Scheme
         The scheme.
 
+    Raises
+    ------
+    InputError
+        If beta is below zero or gamma below 1/2, at which energy grows.
+
     Examples
     --------
     >>> round(newmark().spectral_radius(10.0), 9)
