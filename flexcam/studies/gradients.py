@@ -4,9 +4,9 @@ Results of a run are derived along its motion (`flexcam.dynamics.tangent`), all 
 properties of a cam, by central differences: they are smooth functions without noise.
 
 Maxima and minima over a revolution have kinks where another instant becomes the extreme one. A step of the search
-therefore takes all planes that are known near the best variant, tangents of the goal and of the constraints: a linear
-program within a box about it, which moves with the best variant and shrinks when no better one is found. This is the
-cutting-plane method with a trust region: J. E. Kelley, J. SIAM 8 (1960) 703; K. Madsen, J. Inst. Maths Applics 16
+therefore takes all planes that are known near the best variant, tangents of the goal and of the constraints. It solves
+a linear program within a box about this variant, which moves with it and shrinks when no better one is found. This is
+the cutting-plane method with a trust region: J. E. Kelley, J. SIAM 8 (1960) 703; K. Madsen, J. Inst. Maths Applics 16
 (1975) 321.
 """
 

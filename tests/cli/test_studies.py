@@ -130,7 +130,7 @@ def test_response_follows_what_it_is_proportional_to(flexcam, tmp_path):
     ("names", "fixed", "said"),
     [
         (("limits.loss_of_contact",), (), "A limit is the result of a search"),
-        (("contacts.intake.open_on_the_lift",), (), "It counts instants"),
+        (("contacts.intake.open_on_the_lift",), (), "It counts events or instants"),
         (("contacts.intake.force.largest",), ("--set", "fidelity.modes=5"), "The model is reduced"),
         (("contacts.intake.force.largest",), ("--set", "run.integrator={ method = 'bathe' }"), "newmark"),
     ],
@@ -156,7 +156,7 @@ def test_a_chaotic_run_has_no_derivative(flexcam):
               "--method", "gradient")  # fmt: skip
     refused = flexcam("optimize", ENGINE, *search, *few)
     assert refused.code == 2
-    assert "the motion is chaotic" in refused.err
+    assert "The motion is chaotic" in refused.err
 
 
 def test_table_and_picture_of_derivatives(flexcam, tmp_path):
