@@ -216,10 +216,11 @@ def _bisect_limit(name: str, words: str, search: Search, ask: Callable[[float], 
             break
         low = high
     else:
-        return Limit(None, width, f"{words}: not up to the highest speed of the search")
+        return Limit(None, width, f"none up to the highest speed of the search ({words})")
     first, lasting = high, _lasting_speed(name, high, search, ask)
     if low == 0.0:
         words = f"{words} ({', '.join(parts)}): already at the lowest speed of the search"
+        lasting = None if lasting is None else max(lasting, search.lowest / RPM)
         return Limit(max(high, search.lowest) / RPM, math.inf, words, lasting)
     failure = ""
     while high - low > search.tolerance and low < search.highest:
@@ -235,7 +236,7 @@ def _bisect_limit(name: str, words: str, search: Search, ask: Callable[[float], 
     if high > search.highest:
         if failure:
             return Limit(None, width, f"{words}: not known up to the highest speed of the search{failure}", known=False)
-        return Limit(None, width, f"{words}: not up to the highest speed of the search")
+        return Limit(None, width, f"none up to the highest speed of the search ({words})")
     lasting = high / RPM if lasting == first / RPM else lasting
     return Limit(high / RPM, (high - low) / RPM, f"{words} ({', '.join(parts)}){failure}", lasting)
 

@@ -91,8 +91,9 @@ def _check_instability(case: Case, probe: str) -> Claim:
     return Claim("unstable at 4000 rpm (SHM, parabolic)", not multipliers.stable(),
                  f"from 2 to 4 revolutions the deviation grows {late / early:.2f} times, but disturbances do not: "
                  f"their largest multiplier is {abs(multipliers.multipliers[0]):.5g}; the follower's mass on its "
-                 f"spring resonates at {mode:.0f} rpm. Near this speed an undamped motion beats: within "
-                 f"{revolutions:.0f} revolutions up to {bound:.0f} of the lift (SHM) and back")  # fmt: skip
+                 f"spring resonates at {mode:.0f} rpm. Near this speed an undamped motion beats: "
+                 f"within {revolutions:.0f} revolutions the deviation grows to {bound:.0f} times the lift (SHM) and "
+                 f"returns to zero")  # fmt: skip
 
 
 def excited_mode(case: Case) -> tuple[float, float]:

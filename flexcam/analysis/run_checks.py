@@ -239,7 +239,8 @@ def check_transient(ready: PreparedRun, change: RevolutionChange | None) -> list
         return []
     size = "it has one revolution" if change is None else f"its last revolutions differ by {describe_change(change)}"
     remedy = 'run more revolutions, or take run.start = "periodic"'
-    return [f"Warning: the run is a transient of {', '.join(adjusters)}, whose oil moves slowly: {size}; {remedy}"]
+    oil = f"the oil of hydraulic adjuster {', '.join(adjusters)} is still in a transient"
+    return [f"Warning: {oil}: {size}; {remedy}"]
 
 
 def describe_change(change: RevolutionChange) -> str:
@@ -346,7 +347,8 @@ def describe_balance(extremes: ExtremesSink, stats: Stats) -> str:
     """Return a sentence about the energy balance and the equilibrium residual of a run."""
     if not extremes.energies:
         return ""
-    forces = f"forces within {stats.imbalance:.1e} of the largest" if stats.imbalance >= 0.0 else "forces not checked"
+    balance = f"forces balance within {stats.imbalance:.1e} of the largest"
+    forces = balance if stats.imbalance >= 0.0 else "forces not checked"
     residual, numerical = energy_residual(extremes), numerical_dissipation(extremes)
     return f"residual {residual:.1e}, numerical dissipation {numerical:.2g} of the external work; {forces}"
 
@@ -394,7 +396,7 @@ def _check_deflections(ready: PreparedRun, extremes: ExtremesSink) -> Iterator[s
         length = np.linalg.norm(np.diff(mesh.nodes[line], axis=0), axis=1).sum()
         share = float(np.linalg.norm(np.ptp(moved[line], axis=0)) / length)
         if share > _MAX_DEFLECTION:
-            why = f"its points move apart by {100.0 * share:.3g} % of its length"
+            why = f"it deforms by {100.0 * share:.3g} % of its length"
             yield f"Warning: member {name} leaves the range of small displacements: {why}; its results are not valid"
 
 
@@ -403,16 +405,17 @@ def _check_resolution(sink: ResolutionSink) -> Iterator[str]:
     found = sink.found()
     at = f"at the {found.frequency:.4g} Hz of the accelerations"
     if found.steps < _MIN_STEPS:
-        more = math.ceil(10.0 * _MIN_STEPS / found.steps) / 10.0
-        yield f"Warning: a period has {found.steps:.3g} steps {at}; take {more:.2g} times as many"
+        ratio = _MIN_STEPS / found.steps
+        more = math.ceil(10.0 * ratio) / 10.0 if ratio < 10.0 else math.ceil(ratio)
+        yield f"Warning: a period has {found.steps:.3g} steps {at}; take {more:g} times as many steps per revolution"
     for name, count in found.elements.items():
         if count < _MIN_ELEMENTS:
-            more = math.ceil(_MIN_ELEMENTS / count)
-            yield f"Warning: a bending wave of member {name} has {count:.2g} elements {at}; take {more} times as many"
+            more = f"{math.ceil(_MIN_ELEMENTS / count)} times as many elements"
+            yield f"Warning: a bending wave of member {name} has {count:.2g} elements {at}; take {more}"
     for name, count in found.impacts.items():
         if count < _MIN_IMPACT_STEPS:
             steps = f"{count} step{'s' if count > 1 else ''}"
             yield (
-                f"Warning: the largest force of contact {name} is that of an impact of {steps}: "
+                f"Warning: the largest force of contact {name} occurs in an impact of only {steps}: "
                 f"take more steps per revolution, or a softer contact"
             )

@@ -304,7 +304,7 @@ def _floquet_multipliers(ready: PreparedRun) -> tuple[Floquet | None, str]:
     try:
         state = solve_periodic(one, ready.scheme, tolerance=1e-7)
         if (missed := state.periodicity or 0.0) > _PERIODICITY_TOLERANCE:
-            return None, f"no motion that repeats was found: it misses by {missed:.2g}"
+            return None, f"no periodic motion was found: a revolution changes the state by {missed:.2g} of the motion"
         return floquet(replace(one, start=state), ready.scheme), ""
     except InputError as refusal:
         return None, refusal.faults[0].why

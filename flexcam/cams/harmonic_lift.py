@@ -226,7 +226,7 @@ def _order_error(
     count, why = (rows.shape[1] - 1) // 2, "no lift satisfies all constraints"
     reach = _minimize_deviation(rows[held], target[held], np.zeros((0, rows.shape[1])), np.zeros(0), tolerance)
     if reach is not None and reach > tolerance:
-        given = f"{count} harmonics within {1e6 * tolerance:.4g} um on the strict sections"
+        given = f"{count} harmonics within {1e6 * tolerance:.4g} um on the dwells"
         remedy = f"allow {1e6 * reach:.4g} um there, or more harmonics"
         return refuse("tolerance", given, "an attainable value", why, remedy)
     wide = _minimize_deviation(rows[~held], target[~held], rows[held], target[held], tolerance)

@@ -144,8 +144,8 @@ class LiftEvent(Event):
                 "the event repeats every revolution",
                 "shorten it; 2 deg of crank angle are 1 deg of cam angle",
             )
-            if max(self.rise, self.dwell, self.fall) > 2.0 * _REVOLUTION:  # degrees without a unit
-                remedy = "a number without a unit is in rad: write '180 deg'"
+            if (longest := max(self.rise, self.dwell, self.fall)) > 2.0 * _REVOLUTION:  # degrees without a unit
+                remedy = f"a number without a unit is in rad: write '{longest:g} deg'"
             raise refuse("rise + dwell + return", given, "up to 360 deg of cam angle, ramps included", why, remedy)
         if self.single_dwell == "low" and self.dwell > 0.0:
             raise refuse("dwell", f"{math.degrees(self.dwell):g} deg", "0", 'single_dwell = "low" has no upper dwell')

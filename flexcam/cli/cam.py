@@ -215,7 +215,7 @@ def _at(place: Extreme) -> str:
 def _least(radius: float | None) -> str:
     if radius is None:
         return "no radius meets the limits with this lift"
-    return f"min within the limits {format_mm(radius)} mm" if radius else "smaller radii meet the limits too"
+    return f"smallest that meets the limits {format_mm(radius)} mm" if radius else "smaller radii meet the limits too"
 
 
 def _finding(one: ProfileFault) -> str:

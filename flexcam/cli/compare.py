@@ -56,7 +56,7 @@ flexcam compare case.toml --lowest 2000rpm --highest 7000rpm --count 6 --plot fo
 def compare(
     case: Annotated[Path, Parameter(help="Case file (.toml), or result file (.vtkhdf) with --against.")], *,
     probe: Annotated[str | None, Parameter(
-        help="Point or component to compare; by default that of a rocker, or the first driven by a cam.")] = None,
+        help="Point or component; by default the valve end of a rocker, else the first follower of a cam.")] = None,
     against: Annotated[str | None, Parameter(
         help="Simpler model of the case, other case or result; the rigid model by default.")] = None,
     lowest: Annotated[str | None, Parameter(group=_SPEEDS, help="Lowest speed; half the case's by default.")] = None,
@@ -65,7 +65,7 @@ def compare(
     count: Annotated[int | None, Parameter(
         group=_SPEEDS, help="Number of speeds, evenly spaced; 8 by default.")] = None,
     tolerance: Annotated[str | None, Parameter(
-        group=_SPEEDS, help="Max difference of the forces of models that agree; 5 % by default.")] = None,
+        group=_SPEEDS, help="Models agree up to this difference of their forces; 5 % by default.")] = None,
     contact: Annotated[str | None, Parameter(group=_SPEEDS, help="Cam contact, if a case has several.")] = None,
     plot: Annotated[Path | None, Parameter(
         group=_SPEEDS, help="Also draw the forces over speed (.svg, .png or .pdf).")] = None,
@@ -74,7 +74,7 @@ def compare(
     """Compare the flexible model with the rigid one, or any two models, cases or results.
 
     With a range of speeds (--lowest, --highest or --plot) it compares the contact forces of the rigid model, the
-    flexible one with bilateral contact and with unilateral contact, and finds the speeds at which they diverge.
+    flexible one with bilateral and with unilateral contact, and prints the first of these speeds at which they differ.
     Speeds are those of the crankshaft if the case gives crank_speed, otherwise those of the camshaft.
     """
     over_speed = any(one is not None for one in (lowest, highest, plot))
@@ -199,9 +199,10 @@ def _describe_divergence(found: Sequence[SpeedResult], scale: float, tolerance: 
     words: list[str] = []
     for first, second in _PAIRS:
         rpm = divergence_speed(found, first, second, tolerance)
-        there = "do not diverge" if rpm is None else f"diverge at {scale * rpm:.6g} {shaft_name(scale)} rpm"
+        when = "already at the lowest speed," if rpm == found[0].rpm else "first at"
+        there = "at none of the speeds" if rpm is None else f"{when} {scale * rpm:.6g} {shaft_name(scale)} rpm"
         words.append(f"{first} and {second} {there}")
-    return ", ".join(words) + f" ({tolerance:.0%})"
+    return f"differences above {tolerance:.0%}: {'; '.join(words)}"
 
 
 def divergence_json(found: Sequence[SpeedResult], scale: float, tolerance: float) -> dict[str, object]:

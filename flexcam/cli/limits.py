@@ -45,7 +45,7 @@ def limits(
     lift_deviation: Annotated[str | None, Parameter(
         help="Also find the speed at which the valve loft over the nose exceeds this.")] = None,
     low_pass: Annotated[str | None, Parameter(
-        help="Also evaluate contact loss by the cam force below this frequency, such as 5kHz.")] = None,
+        help="Also find contact loss in the cam force after a low-pass filter, such as 5kHz.")] = None,
     over: Annotated[str | None, Parameter(
         "--over", group=_MAP, help="First value: KEY=SPEC as in flexcam sweep --set.")] = None,
     beside: Annotated[str | None, Parameter("--and", group=_MAP, help="Second value: KEY=SPEC.")] = None,

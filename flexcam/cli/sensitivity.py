@@ -49,7 +49,7 @@ from flexcam.studies.tolerance_analysis import QUANTILES, PartScatter, parse_sca
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_LIMITS = Group("Search of limits.NAME", sort_key=2)
+_LIMITS = Group("Speed range of results limits.NAME (as in flexcam limits)", sort_key=2)
 
 WorkerCount = Annotated[int, Parameter("--workers", help="Number of processes that evaluate variants.")]
 Lowest = Annotated[str | None, Parameter("--lowest", group=_LIMITS, help="Lowest speed; half the case's by default.")]

@@ -120,7 +120,7 @@ def sweep(
     parquet: Annotated[bool, Parameter(help="Also write a Parquet table.")] = False,
     resume: Annotated[bool, Parameter(help="Continue a sweep that was stopped.")] = False,
     workers: Annotated[int | None, Parameter(
-        group=_WORKERS, help="Number of processes; one per core by default, 0 for no others.")] = None,
+        group=_WORKERS, help="Number of processes; one per core by default, 0 for this process only.")] = None,
     scheduler: Annotated[str | None, Parameter(
         group=_WORKERS, help="Dask scheduler tcp://HOST:PORT, or local with --workers processes.")] = None,
     limit: Annotated[int, Parameter(group=_WORKERS, help="Max number of variants.")] = MAX_VARIANTS,

@@ -211,7 +211,7 @@ def conversion_factor(unit: str, si: str, where: str) -> float:
         _unit_product(text, where) if text not in ("", "1") else (Decimal(1), _NONE) for text in (unit, si)
     )
     if exponents != wanted:
-        raise refuse(where, repr(unit), f"a unit of the same quantity as {si or '1'}", "the unit measures another one")
+        raise refuse(where, repr(unit), f"a unit of the same quantity as {si or '1'}", "it measures another quantity")
     return float(_EXACT.divide(factor, one))
 
 

@@ -40,6 +40,9 @@ _RESIDUAL_TOLERANCE = 1e-12
 _FORCE_TOLERANCE = 1e-15
 """Fraction of the forces on all groups below which a force is rounding."""
 
+_FREE_TOLERANCE = 1e-6
+"""Fraction of the largest displacement of a motion without stiffness below which a displacement is rounding."""
+
 
 @dataclass(frozen=True, eq=False)
 class InactiveGroup:
@@ -102,7 +105,8 @@ def find_active_dofs(
             break
         idle = asleep
     loads = np.abs(system.load_vectors()).sum(axis=0) + np.abs(steady).sum(axis=0)
-    free = np.zeros(n) if system.free is None else np.abs(system.free).sum(axis=1)
+    sizes = np.zeros((n, 0)) if system.free is None else np.abs(system.free)
+    free = (sizes > _FREE_TOLERANCE * sizes.max(axis=0, initial=0.0)).any(axis=1)
     still = tuple(
         InactiveGroup(group, bool(loads[group].any()), bool(free[group].any()))
         for group in component_members(labels)

@@ -255,7 +255,13 @@ def _profile_columns(head: list[str], path: Path) -> tuple[int, int]:
         own = [i for i in named if head[i].lower().startswith("profile")]
         if len(own or named) != 1:
             given = ", ".join(head)[:60]
-            raise refuse(f"{path.name}, head", given, "one column x and one y, such as x [mm], y [mm]", "", "name them")
+            raise refuse(
+                f"{path.name}, header line",
+                given,
+                "one column x and one y, such as x [mm], y [mm]",
+                "",
+                "name the columns",
+            )
         found += own or named
     return found[0], found[1]
 

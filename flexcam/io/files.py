@@ -126,7 +126,7 @@ def find_abscissa(columns: Mapping[str, tuple[str, FloatArray]], where: str) -> 
     """Return the name of the first abscissa of some columns and its values: cam angles, rad, or times, s."""
     name = next((name for name in ABSCISSAS if name in columns), None)
     if name is None:
-        allowed = f"a column {', '.join(map(repr, ABSCISSAS))}, and others over it"
+        allowed = f"one column {' or '.join(map(repr, ABSCISSAS))}, and at least one measured column"
         raise refuse(
             where, f"the heading {', '.join(columns)}", allowed, "", "name it with its unit: crank angle [deg]"
         )
@@ -188,7 +188,7 @@ def check_writable(where: str, path: Path, *, overwrite: bool, remedy: str = _RE
     if path.is_dir():
         raise refuse(where, str(path), "a file", "a folder has this name", "move it, or name another folder")
     if path.exists() and not overwrite:
-        raise refuse(where, str(path), "a file that does not exist yet", "flexcam overwrites no file by itself", remedy)
+        raise refuse(where, str(path), "a file that does not exist yet", "", remedy)
     if path.is_file() or not path.exists():
         check_folder(path.parent)
 

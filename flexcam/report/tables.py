@@ -57,10 +57,11 @@ if TYPE_CHECKING:
 CONTACT_DESCRIPTIONS = {
     "published-load": (
         "Contact model: published load. The cam drives the follower by a force, so that the follower is a mass on the "
-        "retaining spring; a train in contact has no such resonance."
+        "valve spring; a train in contact has no such resonance."
     ),
     "bilateral": (
-        "Contact model: bilateral. The follower cannot lose contact; where its force is negative, a real one would."
+        "Contact model: bilateral. The follower cannot lose contact; where the contact force is negative, a real "
+        "follower would leave its cam."
     ),
     "unilateral": "Contact model: unilateral. Springs press the follower to its cam, and it can lose contact.",
 }
@@ -254,7 +255,7 @@ def describe_comparison(comparison: Comparison, mode_hz: float | None) -> list[s
     """Return sentences about a comparison."""
     peak, rms = (_format_fraction(one) for one in (comparison.peak_deviation, comparison.rms_deviation))
     ratio = format_decimals(comparison.peak_acceleration_ratio, 2)
-    deviation = f"{comparison.probe} deviates by up to {peak} of its lift (rms {rms})"
+    deviation = f"{comparison.probe} deviates by up to {peak} times its lift (rms {rms} times)"
     said = [f"{deviation}; its peak acceleration is {ratio} times the {comparison.names[1]} one."]
     if mode_hz is not None:
         said.append(
@@ -440,9 +441,10 @@ def limits_json(found: Limits, scale: float) -> dict[str, object]:
     }  # fmt: skip
 
 
-def _limit_speed(one: Limit, scale: float, high: float) -> str:
-    if one.rpm is not None:
-        return f"{scale * one.rpm:.6g}"
+def _limit_speed(one: Limit, rpm: float | None, scale: float, high: float) -> str:
+    if rpm is not None:
+        below = " or below" if math.isinf(one.tolerance_rpm) and rpm == one.rpm else ""
+        return f"{scale * rpm:.6g}{below}"
     return f"above {high:.6g}" if one.known else "not known"
 
 
@@ -451,9 +453,9 @@ def limits_table(found: Limits, scale: float) -> Table:
     high = scale * found.highest_rpm
     ordered = sorted(found.limits.items(), key=lambda item: item[1].rpm or float("inf"))
     rows = [
-        (name.replace("_", " "), _limit_speed(one, scale, high),
+        (name.replace("_", " "), _limit_speed(one, one.rpm, scale, high),
          "" if one.rpm is None or math.isinf(one.tolerance_rpm) else f"{scale * one.tolerance_rpm:.3g}",
-         "" if one.rpm is None else "not lasting" if one.lasting_rpm is None else f"{scale * one.lasting_rpm:.6g}",
+         _limit_speed(one, one.lasting_rpm, scale, high) if one.lasting_rpm else "not lasting" if one.rpm else "",
          one.words)
         for name, one in ordered
     ]  # fmt: skip

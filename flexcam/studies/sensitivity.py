@@ -191,7 +191,9 @@ def exact_names(
         raise refuse(option, case.name, "a case whose runs have exact derivatives", why, other)
     limits = [name for name in names if name.startswith("limits.")]
     if others := counted + limits:
-        why = "it counts instants, or is a residual" if counted else "a limit is the result of a search"
+        why = "a limit is the result of a search"
+        if counted:
+            why = "it is a residual" if counted[0].startswith("energy.") else "it counts events or instants"
         raise refuse(option, others[0], "a result with an exact derivative", why, other)
     return of_runs
 

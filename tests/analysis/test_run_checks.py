@@ -105,19 +105,19 @@ def test_what_is_coarse_is_told():
     longer = "take more steps per revolution, or a softer contact"
     bend = "a bending wave of member pushrod has 1.9 elements at the 400 Hz of the accelerations"
     assert told == [
-        "Warning: a period has 10 steps at the 400 Hz of the accelerations; take 2 times as many",
-        f"Warning: {bend}; take 3 times as many",
-        f"Warning: the largest force of contact seat is that of an impact of 4 steps: {longer}",
-        f"Warning: the largest force of contact play is that of an impact of 1 step: {longer}",
+        "Warning: a period has 10 steps at the 400 Hz of the accelerations; take 2 times as many steps per revolution",
+        f"Warning: {bend}; take 3 times as many elements",
+        f"Warning: the largest force of contact seat occurs in an impact of only 4 steps: {longer}",
+        f"Warning: the largest force of contact play occurs in an impact of only 1 step: {longer}",
     ]
 
 
-@pytest.mark.parametrize(("steps", "more"), [(19.9, "1.1"), (18.0, "1.2"), (7.0, "2.9"), (1.5, "13")])
+@pytest.mark.parametrize(("steps", "more"), [(19.9, "1.1"), (18.0, "1.2"), (7.0, "2.9"), (1.5, "14")])
 def test_enough_steps_are_named(steps, more):
     """As many as that are enough, and more than there are."""
     ready, seen, response = watched(CASE)
     (told,) = check_run(ready, replace(seen, resolution=Found(Resolution(400.0, steps, {}, {}))), [], response.stats)
-    assert told.endswith(f"take {more} times as many")
+    assert told.endswith(f"take {more} times as many steps per revolution")
 
 
 def test_the_same_is_told_of_a_result():
@@ -215,7 +215,7 @@ def test_what_is_out_of_balance_is_told():
             "take more steps per revolution"
         )
     ]
-    assert "forces within" in describe_balance(seen.extremes, response.stats)
+    assert "forces balance within" in describe_balance(seen.extremes, response.stats)
     assert describe_balance(seen.extremes, Stats()).endswith("forces not checked")
 
 

@@ -123,7 +123,7 @@ def test_too_few_harmonics_are_refused_with_what_they_can_hold():
     with pytest.raises(InputError, match="more harmonics") as refusal:
         harmonic_fit(WANTED, 2, strict=strict, tolerance=1e-6)
     fault = refusal.value.faults[0]
-    assert fault.given == "2 harmonics within 1 um on the strict sections"
+    assert fault.given == "2 harmonics within 1 um on the dwells"
     least = 1e-6 * float(fault.remedy.split()[1])
     assert least > 1e-6
     fit = harmonic_fit(WANTED, 2, strict=strict, tolerance=1.001 * least)

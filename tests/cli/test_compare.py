@@ -29,6 +29,8 @@ def test_models_over_speed_with_a_picture(flexcam, tmp_path):
     assert answer["forces_n"]["bilateral"][1][0] < 0.0
     assert picture.read_text(encoding="utf-8").count("<path") > 10
     assert flexcam("compare", CASE, *told).code == 2  # the picture is there
+    told = " ".join(flexcam("compare", CASE, *told, "--overwrite").out.split())
+    assert "bilateral and unilateral first at 7000 crank rpm" in told
 
 
 def test_models_over_speed_refuse(flexcam):

@@ -130,7 +130,7 @@ def test_response_follows_what_it_is_proportional_to(flexcam, tmp_path):
     ("names", "fixed", "said"),
     [
         (("limits.loss_of_contact",), (), "A limit is the result of a search"),
-        (("contacts.intake.open_on_the_lift",), (), "It counts instants"),
+        (("contacts.intake.open_on_the_lift",), (), "It counts events or instants"),
         (("contacts.intake.force.largest",), ("--set", "fidelity.modes=5"), "The model is reduced"),
         (("contacts.intake.force.largest",), ("--set", "run.integrator={ method = 'bathe' }"), "newmark"),
     ],

@@ -106,7 +106,7 @@ FAULTS = {  # the cam, the key it must be reported at, a part of `given`, a part
     "lift in kg": (cam("6 mm", "6 kg"), "lift", "6 kg", "does not measure a length"),
     "lift in kg of a swinging follower": (cam("6 mm", "6 kg", ROLLER, SWING.format('radius = "9 mm"')), "lift", "6 kg", "a length"),
     "rise in crank angles": (cam("100 deg", "200 deg"), "", "400 deg in all", "2 deg of crank angle are 1 deg of cam angle"),
-    "rise without a unit": (cam('rise = "100 deg"', "rise = 100"), "", "deg in all", "write '180 deg'"),
+    "rise without a unit": (cam('rise = "100 deg"', "rise = 100"), "", "deg in all", "write '100 deg'"),
     "steep ramps": (CAM + 'ramps = { height = "3 mm", duration = "5 deg" }\n', "ramps", "", "mm/rad"),
     "ramps beyond the revolution": (CAM + 'ramps = { height = "0.3 mm", duration = "90 deg" }\n', "", "380 deg", "ramps included"),
     "ramps in deg": (CAM + 'ramps = { height = "3 deg", duration = "5 deg" }\n', "ramps.height", "3 deg", "a length"),

@@ -200,6 +200,8 @@ def test_what_hangs_in_balance_stays_where_it_hangs():
     assert found.moving.tolist() == [True, True, False, False, False]
     assert (found.still[0].loaded, found.still[0].free) == (True, False)
     assert found.held[4] == start.displacement[4] != 0.0
+    rounded = replace(still, free=np.array([[1.0], [1.0], [1e-17], [1e-17], [1e-17]]))
+    assert not find_active_dofs(rounded, start.displacement).still[0].free
     whole, pruned = both(still, start)
     assert pruned.stats.unknowns == 2
     assert_same(whole, pruned)

@@ -296,7 +296,7 @@ class RunRecord(Record):
     crank_speed: CrankshaftSpeed = None
     revolutions: PositiveNumber = Field(2.0, description="of the camshaft")
     steps_per_revolution: int | None = Field(
-        None, ge=1, le=100_000_000, strict=True, description="3600 where no step is given"
+        None, ge=1, le=100_000_000, strict=True, description="3600 by default, without `step`"
     )
     step: Time | None = Field(None, description="instead of steps_per_revolution")
     engine: dynamics.EngineName = Field(
