@@ -35,7 +35,7 @@ def trade_table(against: Reference, found: Sequence[ModelEvaluation]) -> Table:
     own = (_percent(against.errors[kind] / against.size[kind] if against.size[kind] > 0.0 else 0.0) for kind in kinds)
     rows.append(("", "reference", str(against.steps), "", "", "", *own, "its own error"))
     heads = ("", "model", "steps/rev", "unknowns", "work", "cpu s", *(f"{kind}, %" for kind in kinds), "")
-    norm = {"max": "max", "rms": "rms", None: "rms, max of forces"}[against.norm]
+    norm = {"max": "max", "rms": "rms", None: "rms of the motion, max of the forces"}[against.norm]
     return plain_table(f"Error and cost of models ({norm}, relative to the maximum)", heads, rows)
 
 
