@@ -107,7 +107,7 @@ class ImplicitStage:
         work.states[STATE], work.states[BEGIN] = now.inner, now.penetration[table.owners]
         work.states[SPAN] = self._step
         iterations = forces.functions["solve_local"](
-            table.laws, table.constants, forces.places, self._give, schedule.rows, i, 0, self._slope, local,
+            table.laws, table.constants, forces.places, self._give, schedule.rows, i, 1, 0, self._slope, local,
             work.tangent, work.states, work.moved, work.active, work.compliance, work.matrix,
         )  # fmt: skip
         if iterations == 0:

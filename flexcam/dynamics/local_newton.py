@@ -173,9 +173,25 @@ def is_rounding(
     return still or off <= ROUNDING * rounding
 
 
+def own_compliance(
+    i: int, places: IntArray, give: FloatArray, given: FloatArray, k: int, stages: int, sense_at: int, W: FloatArray,
+) -> float:  # fmt: skip
+    """Return the largest effect of a unit of a force on its scalar, at any stage of the step.
+
+    In the collocation a force at the end of a step does not move the end itself.
+    """
+    count = len(W[0]) // stages
+    largest = 0.0
+    for stage in range(stages):
+        j = stage * count + i % count
+        fill_compliance(i, j, places, give, given, k, sense_at, W)
+        largest = max(largest, abs(W[0, i, j]))
+    return largest
+
+
 def find_active(
-    laws: IntArray, places: IntArray, give: FloatArray, given: FloatArray, k: int, sense_at: int, slope: float,
-    weak: float, local: FloatArray, tangent: FloatArray, active: IntArray, W: FloatArray,
+    laws: IntArray, places: IntArray, give: FloatArray, given: FloatArray, k: int, stages: int, sense_at: int,
+    slope: float, weak: float, local: FloatArray, tangent: FloatArray, active: IntArray, W: FloatArray,
 ) -> int:  # fmt: skip
     """Write the scalars of laws that react to their own effect (row 0, their law in row 1) and return their number.
 
@@ -190,8 +206,7 @@ def find_active(
                 reacts = reacts or tangent[0, i, r] != 0.0 or tangent[1, i, r] != 0.0
         if reacts and local[OWN, first] < 0.0:
             for i in range(first, first + size):
-                fill_compliance(i, i, places, give, given, k, sense_at, W)
-                local[OWN, i] = math.sqrt(abs(W[0, i, i]))
+                local[OWN, i] = math.sqrt(own_compliance(i, places, give, given, k, stages, sense_at, W))
         for i in range(first, first + size):
             reaction = 0.0
             for r in range(size if reacts else 0):
@@ -207,12 +222,12 @@ def find_active(
 
 
 def correct(
-    laws: IntArray, places: IntArray, give: FloatArray, given: FloatArray, k: int, sense_at: int, slope: float,
-    weak: float, local: FloatArray, tangent: FloatArray, active: IntArray, W: FloatArray,
+    laws: IntArray, places: IntArray, give: FloatArray, given: FloatArray, k: int, stages: int, sense_at: int,
+    slope: float, weak: float, local: FloatArray, tangent: FloatArray, active: IntArray, W: FloatArray,
     matrix: FloatArray,
 ) -> bool:  # fmt: skip
     """Correct the trial forces by a Newton step on the active scalars; return whether its matrix is regular."""
-    n = find_active(laws, places, give, given, k, sense_at, slope, weak, local, tangent, active, W)
+    n = find_active(laws, places, give, given, k, stages, sense_at, slope, weak, local, tangent, active, W)
     for row in range(n):
         i = active[0, row]
         first, size = laws[active[1, row], FIRST], laws[active[1, row], SCALARS]
@@ -237,8 +252,8 @@ def correct(
 
 
 def solve_local(
-    laws: IntArray, constants: FloatArray, places: IntArray, give: FloatArray, given: FloatArray, k: int, sense_at: int,
-    slope: float, local: FloatArray, tangent: FloatArray, states: FloatArray, moved: FloatArray, active: IntArray,
+    laws: IntArray, constants: FloatArray, places: IntArray, give: FloatArray, given: FloatArray, k: int, stages: int,
+    sense_at: int, slope: float, local: FloatArray, tangent: FloatArray, states: FloatArray, moved: FloatArray, active: IntArray,
     W: FloatArray, matrix: FloatArray,
 ) -> int:  # fmt: skip
     """Find the local forces that agree with the motion they cause; return the iterations, 0 without convergence.
@@ -250,7 +265,7 @@ def solve_local(
     `given` has a row of prescribed inputs per instant, of which k is read: from column `sense_at` on the weights of the
     sensing vectors, their rates, the weights of the acting vectors, offsets, their rates and the functions of the laws.
 
-    `slope`, 1/s, is the velocity per displacement by a force within a step. `local` (10, c) holds the trial forces, the
+    `stages` is the number of instants of the step; the scalars of the first come first. `slope`, 1/s, is the velocity per displacement by a force within a step. `local` (10, c) holds the trial forces, the
     free scalars and, in `BASE`, the forces of the last instant; the solution is in `TRIAL`, `PENETRATION`, `RATE`. The
     others are work arrays; W contains NaN where it is not yet computed.
     """
@@ -282,7 +297,7 @@ def solve_local(
                 local[BASE, i] = local[TRIAL, i]
         weak = -1.0 if late else WEAK
         regular = correct(
-            laws, places, give, given, k, sense_at, slope, weak, local, tangent, active, W, matrix
+            laws, places, give, given, k, stages, sense_at, slope, weak, local, tangent, active, W, matrix
         )  # fmt: skip
         if late:
             if not regular:
@@ -293,7 +308,7 @@ def solve_local(
 
 
 FUNCTIONS_OF_NEWTON = (
-    eliminate, fill_compliance, sense, residual, is_rounding, find_active, correct, solve_local,
+    eliminate, fill_compliance, sense, residual, is_rounding, own_compliance, find_active, correct, solve_local,
 )  # fmt: skip
 """Functions for the compiler, in the order of their calls."""
 
