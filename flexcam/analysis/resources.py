@@ -111,7 +111,7 @@ def estimate_resources(
     problem: Problem, method: Method, mesh: Mesh, save: SaveAt, *, kept: int | None = None
 ) -> ResourceEstimate:
     """Return the resources required by a run that keeps all steps in memory, or only the last `kept`."""
-    system, names = problem.system, outline(problem.system, channels=save.channels)
+    system, names = problem.system, outline(problem.system, save)
     row = 2 + 3 * sum(len(components) for _, components in names.probes) + len(names.channels)
     unknowns, rows, fields = len(names.unknowns), problem.steps + 1, problem.steps // save.field_every + 2
     inside, engines = integrated_size(problem), candidate_engines(problem, method)

@@ -102,7 +102,7 @@ def _version(package: str) -> str:
 
 def summary_sink(ready: PreparedRun, revolutions: float = 1.0) -> RecentSink:
     """Return a sink that keeps only the data required for a summary: the last revolutions."""
-    return RecentSink(outline(ready.problem.system, channels=ready.save.channels), revolutions * ready.revolution)
+    return RecentSink(outline(ready.problem.system, ready.save), revolutions * ready.revolution)
 
 
 def estimate_case_resources(ready: PreparedRun, keep: Literal["all", "revolution"] = "all") -> ResourceEstimate:

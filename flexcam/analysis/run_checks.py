@@ -196,7 +196,7 @@ class RunMonitor:
     @classmethod
     def of(cls, ready: PreparedRun) -> Self:
         """Return the sinks for a future run."""
-        names = outline(ready.problem.system, channels=ready.save.channels)
+        names = outline(ready.problem.system, ready.save)
         structure = build_structure(ready.model)
         return cls(ExtremesSink(names), ResolutionSink(structure, ready.problem.system, names, ready.problem.step))
 

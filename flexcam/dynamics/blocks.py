@@ -124,6 +124,8 @@ class SaveAt:
         Saved fields per block; None for an automatic choice.
     channels
         Whether channels and energies are computed; without them a run with internal states cannot be resumed.
+    energies
+        Whether energies and internal states are among the channels.
 
     Examples
     --------
@@ -134,6 +136,7 @@ class SaveAt:
     field_every: int = 20
     fields_per_block: int | None = None
     channels: bool = True
+    energies: bool = True
 
     @property
     def block(self) -> int:

@@ -117,7 +117,8 @@ def find_forces(
         for j in range(c):
             W[0, i, j], W[0, j, i] = math.nan, math.nan
     return solve_local(
-        laws, constants, places, give, given, k, stages, sense_at, slope, local, tangent, states, moved, active, W, matrix,
+        laws, constants, places, give, given, k, stages, sense_at, slope, local, tangent, states, moved, active, W,
+        matrix,
     )  # fmt: skip
 
 

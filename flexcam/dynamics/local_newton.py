@@ -253,8 +253,8 @@ def correct(
 
 def solve_local(
     laws: IntArray, constants: FloatArray, places: IntArray, give: FloatArray, given: FloatArray, k: int, stages: int,
-    sense_at: int, slope: float, local: FloatArray, tangent: FloatArray, states: FloatArray, moved: FloatArray, active: IntArray,
-    W: FloatArray, matrix: FloatArray,
+    sense_at: int, slope: float, local: FloatArray, tangent: FloatArray, states: FloatArray, moved: FloatArray,
+    active: IntArray, W: FloatArray, matrix: FloatArray,
 ) -> int:  # fmt: skip
     """Find the local forces that agree with the motion they cause; return the iterations, 0 without convergence.
 
@@ -265,9 +265,10 @@ def solve_local(
     `given` has a row of prescribed inputs per instant, of which k is read: from column `sense_at` on the weights of the
     sensing vectors, their rates, the weights of the acting vectors, offsets, their rates and the functions of the laws.
 
-    `stages` is the number of instants of the step; the scalars of the first come first. `slope`, 1/s, is the velocity per displacement by a force within a step. `local` (10, c) holds the trial forces, the
-    free scalars and, in `BASE`, the forces of the last instant; the solution is in `TRIAL`, `PENETRATION`, `RATE`. The
-    others are work arrays; W contains NaN where it is not yet computed.
+    `stages` is the number of instants of the step; the scalars of the first come first. `slope`, 1/s, is the velocity
+    per displacement by a force within a step. `local` (10, c) holds the trial forces, the free scalars and, in `BASE`,
+    the forces of the last instant; the solution is in `TRIAL`, `PENETRATION`, `RATE`. The others are work arrays; W
+    contains NaN where it is not yet computed.
     """
     c, part, last, usual = local.shape[1], 1.0, math.inf, 0.0
     for i in range(c):

@@ -66,15 +66,19 @@ def fingerprint(problem: Problem, method: Method, save: SaveAt) -> str:
     return digest.hexdigest()
 
 
-def outline(system: System, *, channels: bool = True) -> Outline:
-    """Return the names of the results of a system."""
+def outline(system: System, save: SaveAt | None = None) -> Outline:
+    """Return the names of the results of a system, with all channels by default."""
+    save = save or SaveAt()
     probes = tuple((p.name, p.components) for p in system.probes)
     names = system.prescribed_motion.names if system.prescribed_motion else system.names
-    if not channels:
+    if not save.channels:
         return Outline(names, probes, ())
+    channels = tuple((c.name, c.unit) for c in system.channels)
+    if not save.energies:
+        return Outline(names, probes, channels)
     energies = () if system.prescribed_motion else tuple((f"energy.{part}", "J") for part in PARTS)
     states = [(f"{STATE}{force.name}.{i}", "1") for force in system.local_forces for i in range(force.states)]
-    return Outline(names, probes, (*((c.name, c.unit) for c in system.channels), *energies, *states))
+    return Outline(names, probes, (*channels, *energies, *states))
 
 
 def solve(
@@ -135,7 +139,7 @@ def solve(
     True
     """
     keep = save or SaveAt()
-    names = outline(problem.system, channels=keep.channels)
+    names = outline(problem.system, keep)
     memory = memory or MemorySink(names, problem.steps + 1, problem.steps // keep.field_every + 2)
     takers = (memory, *sinks)
     clock = _Clock(stop or (lambda: False), until)
@@ -192,11 +196,9 @@ def record(problem: Problem, engine: Engine, forces: LocalForces, method: Method
 
     The bases lead from the unknowns of the engine to those of the response, innermost first; no fields are saved.
     """
-    system, save = problem.system, SaveAt(field_every=problem.steps)
-    names = Outline(system.names, tuple((p.name, p.components) for p in system.probes),
-                    tuple((c.name, c.unit) for c in system.channels))  # fmt: skip
-    memory = MemorySink(names, problem.steps + 1, 2)
-    run = _Run(problem, engine, forces, save, method.order, energies=False)
+    save = SaveAt(field_every=problem.steps, energies=False)
+    memory = MemorySink(outline(replace(problem.system, prescribed_motion=None), save), problem.steps + 1, 2)
+    run = _Run(problem, engine, forces, save, method.order)
     for block in run.blocks():
         memory.write(reduce(expand_block, bases, block))
     memory.close(run.status, Stats(steps=problem.steps))
@@ -245,11 +247,8 @@ def singular_status(fault: SingularMatrixError, system: System) -> Status:
 class _Run:
     """A run: blocks of an engine with all observations."""
 
-    def __init__(
-        self, problem: Problem, engine: Engine, forces: LocalForces, save: SaveAt, order: int, *, energies: bool = True
-    ) -> None:
+    def __init__(self, problem: Problem, engine: Engine, forces: LocalForces, save: SaveAt, order: int) -> None:
         self._problem, self._engine, self._system, self._save = problem, engine, problem.system, save
-        self._energies = energies
         self._forces = forces
         width = 1 if isinstance(engine, ProbeEngine) else max(problem.system.size, 1)
         self._at_once = max(AT_ONCE // width, LEAST_AT_ONCE)
@@ -324,13 +323,13 @@ class _Run:
     def statistics(self, stats: Stats) -> Stats:
         """Return the statistics with the counts of this run."""
         stats = self._engine.statistics(stats)
-        return replace(stats, imbalance=self._imbalance.share) if self._save.channels else stats
+        return replace(stats, imbalance=self._imbalance.share) if self._save.channels and self._save.energies else stats
 
     def _channels(self, steps: IntArray, track: Trajectory, motion: CamMotion) -> FloatArray:
         """Return channels, energies and internal states at the ends of steps."""
         schedule = self._forces.prescribed_inputs(motion)
         seen, prescribed_rates = self._observe(track, motion, schedule)
-        if not self._energies:
+        if not self._save.energies:
             each = [channel.value(seen) for channel in self._system.channels]
             return np.column_stack(each) if each else np.zeros((len(track.time), 0))
         last = steps == self._problem.steps  # a short run may have no other evaluated instants
