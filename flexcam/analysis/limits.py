@@ -7,8 +7,9 @@ whether it lasts. The series is the same for every range.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -136,38 +137,67 @@ Condition = Callable[[Response, PreparedRun], list[str]]
 """Function that returns the names of the parts that meet a condition."""
 ConditionResults = dict[str, list[str]] | str
 """Affected parts by condition, or the reason why there are none."""
+SpeedRuns = Callable[[Sequence[float]], list[ConditionResults]]
+"""Function that runs a case at some camshaft speeds, rad/s."""
 
 
-def find_limits(case: Case, search: Search, *, advance: ProgressCallback | None = None) -> Limits:
-    """Find the speeds of loss of contact, float, valve bounce, coil clash and pushrod buckling."""
-    found = search_limits(case, search, advance=advance)
+def find_limits(
+    case: Case, search: Search, *, evaluate: SpeedRuns | None = None, ahead: int = 1,
+    advance: ProgressCallback | None = None,
+) -> Limits:  # fmt: skip
+    """Find the speeds of loss of contact, float, valve bounce, coil clash and pushrod buckling.
+
+    `evaluate` runs the case at several speeds at a time, by default one after the other; `ahead` is the number of
+    speeds for which that pays.
+    """
+    found = search_limits(case, search, evaluate=evaluate, ahead=ahead, advance=advance)
     lowest, highest = search.lowest / RPM, search.highest / RPM
     return Limits(**vars(compute_margins(case)), limits=found, lowest_rpm=lowest, highest_rpm=highest)
 
 
 def search_limits(
     case: Case, search: Search, among: Collection[str] | None = None,
-    *, runs: int = 1, advance: ProgressCallback | None = None,
+    *, runs: int = 1, evaluate: SpeedRuns | None = None, ahead: int = 1, advance: ProgressCallback | None = None,
 ) -> dict[str, Limit]:  # fmt: skip
     """Find the speed limits of a case without its margins at rest."""
     model = _checked_model(case)
+    described = {
+        name: words for name, (_, words) in _conditions(model, search).items() if among is None or name in among
+    }
+    serial = partial(evaluate_speed, case, search, described, runs=runs, model=model)
     seen: dict[float, ConditionResults] = {}
-    questions = {name: one for name, one in _conditions(model, search).items() if among is None or name in among}
+    found: dict[str, Limit] = {}
+    searches = {name: _bisect_limit(name, words, search) for name, words in described.items()}
+    wanted = {name: next(one) for name, one in searches.items()}
+    while wanted:
+        missing = [speed for speed in dict.fromkeys(wanted.values()) if speed not in seen]
+        later = [speed for speed in search.speeds() if speed > max(wanted.values()) and speed not in seen]
+        missing += later[: ahead - len(missing)] if missing else []
+        seen.update(zip(missing, evaluate(missing) if evaluate else map(serial, missing), strict=True))
+        if advance is not None:
+            advance(len(missing))
+        for name, speed in list(wanted.items()):
+            try:
+                wanted[name] = searches[name].send(seen[speed])
+            except StopIteration as end:
+                found[name] = end.value
+                del wanted[name]
+    return {name: found[name] for name in described}
 
-    def ask(speed: float) -> ConditionResults:
-        if speed not in seen:
-            ready = prepare(case.at_speed(speed, _REVOLUTIONS), model=model)
-            response = solve(replace(ready.problem, runs=runs * len(search.speeds())), ready.scheme, save=ready.save)
-            reraise_interrupt(response.status)
-            if advance is not None:
-                advance(1)
-            if response.status.ok:
-                seen[speed] = {name: question(response, ready) for name, (question, _) in questions.items()}
-            else:
-                seen[speed] = f"the run at {shaft_speed(speed, case.turns)} ended: {response.status.text}"
-        return seen[speed]
 
-    return {name: _bisect_limit(name, words, search, ask) for name, (_, words) in questions.items()}
+def evaluate_speed(
+    case: Case, search: Search, among: Collection[str] | None, speed: float, *, runs: int = 1,
+    model: Model | None = None,
+) -> ConditionResults:  # fmt: skip
+    """Run a case at a camshaft speed, rad/s, and return which parts meet the conditions of some limits."""
+    ready = prepare(case.at_speed(speed, _REVOLUTIONS), model=model)
+    problem = replace(ready.problem, runs=runs * len(search.speeds()))
+    response = solve(problem, ready.scheme, save=replace(ready.save, energies=False))
+    reraise_interrupt(response.status)
+    if not response.status.ok:
+        return f"the run at {shaft_speed(speed, case.turns)} ended: {response.status.text}"
+    conditions = _conditions(ready.model, search).items()
+    return {name: met(response, ready) for name, (met, _) in conditions if among is None or name in among}
 
 
 def applicable_limits(case: Case) -> tuple[str, ...]:
@@ -204,12 +234,15 @@ def _buckling_margins(case: Case) -> dict[str, float]:
     return least
 
 
-def _bisect_limit(name: str, words: str, search: Search, ask: Callable[[float], ConditionResults]) -> Limit:
-    """Return the lowest speed of the search that meets a condition, bisected toward the speed below it."""
+def _bisect_limit(name: str, words: str, search: Search) -> Generator[float, ConditionResults, Limit]:
+    """Return the lowest speed of the search that meets a condition, bisected toward the speed below it.
+
+    The generator yields the speeds of the runs that it needs and receives their results.
+    """
     width = search.tolerance / RPM
     low, parts = 0.0, list[str]()
     for high in search.speeds():
-        answers = ask(high)
+        answers = yield high
         if isinstance(answers, str):
             return Limit(None, width, f"{words}: not known above this speed; {answers}", known=False)
         if parts := answers[name]:
@@ -217,7 +250,7 @@ def _bisect_limit(name: str, words: str, search: Search, ask: Callable[[float], 
         low = high
     else:
         return Limit(None, width, f"none up to the highest speed of the search ({words})")
-    first, lasting = high, _lasting_speed(name, high, search, ask)
+    first, lasting = high, (yield from _lasting_speed(name, high, search))
     if low == 0.0:
         words = f"{words} ({', '.join(parts)}): already at the lowest speed of the search"
         lasting = None if lasting is None else max(lasting, search.lowest / RPM)
@@ -225,7 +258,7 @@ def _bisect_limit(name: str, words: str, search: Search, ask: Callable[[float], 
     failure = ""
     while high - low > search.tolerance and low < search.highest:
         middle = 0.5 * (low + high)
-        answers = ask(middle)
+        answers = yield middle
         if isinstance(answers, str):
             failure = f"; {answers}"
             break
@@ -241,12 +274,12 @@ def _bisect_limit(name: str, words: str, search: Search, ask: Callable[[float], 
     return Limit(high / RPM, (high - low) / RPM, f"{words} ({', '.join(parts)}){failure}", lasting)
 
 
-def _lasting_speed(name: str, first: float, search: Search, ask: Callable[[float], ConditionResults]) -> float | None:
+def _lasting_speed(name: str, first: float, search: Search) -> Generator[float, ConditionResults, float | None]:
     """Return the speed, rpm, from which a condition is met at the next examined speeds too; None if at no last one."""
     lasting: float | None = first / RPM
     number = round(math.log(first) / math.log1p(search.spacing))
     for k in range(number + 1, number + 1 + _LASTING_SPEEDS):
-        answers = ask(speed := (1.0 + search.spacing) ** k)
+        answers = yield (speed := (1.0 + search.spacing) ** k)
         if isinstance(answers, str):
             break
         lasting = (lasting or speed / RPM) if answers[name] else None

@@ -52,7 +52,7 @@ def limits(
     which: Annotated[list[Literal["loss_of_contact", "float", "bounce", "coil_clash", "buckling"]] | None, Parameter(
         "--limit", group=_MAP, help="Limit of the map; loss_of_contact by default. Repeatable.")] = None,
     workers: Annotated[int | None, Parameter(
-        "--workers", group=_MAP, help="Number of processes; one by default.")] = None,
+        "--workers", help="Number of processes; by default one per core, for a map one.")] = None,
     csv: Annotated[cli.Csv, Parameter(group=_MAP)] = None,
     plot: Annotated[cli.Picture, Parameter(group=_MAP)] = None,
     overrides: cli.Overrides = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
@@ -75,9 +75,11 @@ def limits(
     )
     cutoff = None if low_pass is None else cli.parse_quantity("--low-pass", low_pass, "rate", "Hz")
     search = Search(low, high, width, height, deviation, cutoff)
-    if any(one is not None for one in (over, beside, which, workers, csv, plot)):
+    if workers is not None and workers < 1:
+        raise refuse("--workers", workers, "a whole number from 1")
+    if any(one is not None for one in (over, beside, which, csv, plot)):
         if over is None or beside is None:
-            given = "--over alone" if over else "--and alone" if beside else "--limit, --workers, --csv or --plot alone"
+            given = "--over alone" if over else "--and alone" if beside else "--limit, --csv or --plot alone"
             raise refuse("limits", given, "--over KEY=SPEC and --and KEY=SPEC", "a map needs two values")
         if deviation is not None or cutoff is not None:
             given = "--lift-deviation or --low-pass with --over"
@@ -87,8 +89,12 @@ def limits(
         output, ended = _map_limits(case, overrides, (over, beside), names, search, 1 if workers is None else workers)
         cli.write_output(output, csv, plot, ended, overwrite=overwrite, as_json=as_json)
         return ended
-    with show_count(None, "runs") as shown:
-        found = find_limits(read, search, advance=shown)
+    from flexcam.studies.evaluators import open_speed_runs
+    from flexcam.studies.executors import count_cores
+
+    count = count_cores() if workers is None else workers
+    with show_count(None, "runs") as shown, open_speed_runs(read, search, count) as runs:
+        found = find_limits(read, search, evaluate=runs, ahead=count, advance=shown)
     cli.write_output(cli.CommandOutput([limits_table(found, scale)], limits_json(found, scale)), as_json=as_json)
     return Status()
 

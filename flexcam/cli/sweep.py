@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
@@ -19,7 +18,7 @@ from flexcam.core.units import to_display_unit
 from flexcam.dynamics import Status
 from flexcam.io import check_folder_name
 from flexcam.report.terminal import plain_table, show_count
-from flexcam.studies.executors import LOCAL, ClusterWorkers, ProcessWorkers, SerialWorkers, Workers
+from flexcam.studies.executors import LOCAL, ClusterWorkers, ProcessWorkers, SerialWorkers, Workers, count_cores
 from flexcam.studies.plan import MAX_VARIANTS
 from flexcam.studies.sweep import OutputTarget, check_sweep_resources, make_sweep, run_sweep_to_files
 from flexcam.studies.tables import SweepTable
@@ -145,7 +144,7 @@ def sweep(
     asked = replace(asked, time_limit=seconds)
     target = OutputTarget(folder, resume, overwrite, histories, parquet)
     if not allow_large:
-        at_once = 1 if scheduler or workers == 0 else workers or _count_cores()
+        at_once = 1 if scheduler or workers == 0 else workers or count_cores()
         check_sweep_resources(asked, folder if histories else None, together=at_once)
     with show_count(len(asked.plan), "variants") as shown:
         table, files = run_sweep_to_files(asked, target, runners, advance=shown)
@@ -162,14 +161,9 @@ def _create_workers(scheduler: str | None, count: int | None) -> Workers:
             why = "a cluster sets its own number of workers"
             raise refuse("--workers", count, "--workers with --scheduler local only", why, "leave one out")
         return ClusterWorkers(scheduler)
-    number = _count_cores() if count is None else count
+    number = count_cores() if count is None else count
     if scheduler == LOCAL:
         return ClusterWorkers(LOCAL, number)
     if number < 0:
         raise refuse("--workers", number, "a whole number from 0", "0 runs all variants in this process")
     return ProcessWorkers(number) if number else SerialWorkers()
-
-
-def _count_cores() -> int:
-    """Return the number of cores available to this process."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

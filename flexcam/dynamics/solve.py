@@ -329,17 +329,23 @@ class _Run:
         """Return channels, energies and internal states at the ends of steps."""
         schedule = self._forces.prescribed_inputs(motion)
         seen, prescribed_rates = self._observe(track, motion, schedule)
-        if not self._save.energies:
-            each = [channel.value(seen) for channel in self._system.channels]
-            return np.column_stack(each) if each else np.zeros((len(track.time), 0))
+        each = [channel.value(seen) for channel in self._system.channels]
+        if self._save.energies:
+            each += self._balances(steps, track, seen, schedule, prescribed_rates)
+        found = np.column_stack([np.zeros((len(track.time), 0)), *each])
+        return found[track.ends] if len(steps) < len(found) else found
+
+    def _balances(
+        self, steps: IntArray, track: Trajectory, seen: Observation, schedule: PrescribedInputs,
+        prescribed_rates: FloatArray,
+    ) -> list[FloatArray]:  # fmt: skip
+        """Return energies and internal states at all instants, and check the balance of forces at some."""
         last = steps == self._problem.steps  # a short run may have no other evaluated instants
         between = (steps + 1) % self._save.field_every == 0  # at saved fields some engines restart their state
         self._imbalance.evaluate(track, seen, schedule, track.ends[between | last])
-        each = [channel.value(seen) for channel in self._system.channels]
-        if not self._system.prescribed_motion:
-            each.append(self._account.block(track, seen, prescribed_rates, schedule))
-        found = np.column_stack([*each, seen.states])
-        return found[track.ends] if len(steps) < len(found) else found
+        if self._system.prescribed_motion:
+            return [seen.states]
+        return [self._account.block(track, seen, prescribed_rates, schedule), seen.states]
 
     def _observe(
         self, track: Trajectory, motion: CamMotion, schedule: PrescribedInputs

@@ -12,17 +12,27 @@ from typing import Any, cast
 
 import numpy as np
 
-from flexcam.analysis.limits import Search
+from flexcam.analysis.limits import ConditionResults, Search, SpeedRuns, evaluate_speed
 from flexcam.case.case import Case
 from flexcam.case.reader import CaseFile, case_tables
 from flexcam.case.records import find_unit
 from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, parse_all, refuse
 from flexcam.core.units import DIMENSIONS
-from flexcam.dynamics import Cause, ProgressCallback, Status, track_progress
+from flexcam.dynamics import Cause, ProgressCallback, RunFailedError, Status, track_progress
 from flexcam.io import find_referenced_file, format_toml
 from flexcam.studies.evaluation import Row, rejected_row, restore_file_names
-from flexcam.studies.executors import Evaluate, ProcessWorkers, SerialWorkers, Variants, divide_variants, open_runner
+from flexcam.studies.executors import (
+    KILLED_STATUS,
+    BrokenProcessPool,
+    Evaluate,
+    ProcessWorkers,
+    SerialWorkers,
+    Variants,
+    divide_variants,
+    open_processes,
+    open_runner,
+)
 from flexcam.studies.plan import Axis, Bundle, Plan, Value, make_bundle, make_plan, open_case, parse_axis
 from flexcam.studies.quantities import get_number, make_overrides, quantity_row, require_complete
 
@@ -290,6 +300,24 @@ def limit_map(plan: Plan, names: Sequence[str], runs: Runs) -> LimitMap:
     first, second = plan.varied_axes
     rpm = {name: column(rows, f"limits.{name}").reshape(plan.shape) for name in names}
     return LimitMap((first, second), rpm, tuple(row.status for row in rows))
+
+
+@contextmanager
+def open_speed_runs(case: Case, search: Search, workers: int) -> Generator[SpeedRuns | None]:
+    """Yield a function that runs a case at several speeds of a search for limits; None for one worker."""
+    if workers < 2:
+        yield None
+        return
+    with open_processes(workers) as submit:
+
+        def evaluate(speeds: Sequence[float]) -> list[ConditionResults]:
+            futures = [submit(evaluate_speed, case, search, None, speed) for speed in speeds]
+            try:
+                return [future.result() for future in futures]
+            except BrokenProcessPool:
+                raise RunFailedError(KILLED_STATUS) from None
+
+        yield evaluate
 
 
 def case_text(case: Case, target: Path, comments: Sequence[str] = ()) -> str:

@@ -101,28 +101,37 @@ class ProcessWorkers:
     @contextmanager
     def open_pool(self, source: Bundle | Path, evaluate: Evaluate) -> Generator[Pool]:
         """Yield a pool of new processes, started on demand."""
-        with _unpack(source) as case:
-            before = {process.pid for process in multiprocessing.active_children()}
-            # spawn: workers do not inherit threads and locks of this process, on all systems
-            spawn = multiprocessing.get_context("spawn")
-            executor = ProcessPoolExecutor(self.count, spawn, initializer=_start_worker)
+        with _unpack(source) as case, open_processes(self.count) as submit:
+            yield Pool(partial(submit, evaluate, case), self.count + 1, (BrokenProcessPool,))
 
-            def submit(variants: Variants) -> Future[list[Row]]:
-                with _block_interrupts():
-                    return executor.submit(evaluate, case, variants)
 
-            with _block_interrupts():
-                awake = executor.submit(_get_version)
-            try:
-                yield Pool(submit, self.count + 1, (BrokenProcessPool,))
-                if awake.done() and awake.exception() is not None:
-                    raise RunFailedError(_NOT_STARTED_STATUS)
-            finally:
-                for process in multiprocessing.active_children():
-                    if process.pid not in before:
-                        process.terminate()
-                # Once, and with wait: a second call would not cancel, and a remaining thread fails at interpreter exit.
-                executor.shutdown(wait=True, cancel_futures=True)
+def count_cores() -> int:
+    """Return the number of cores available to this process."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@contextmanager
+def open_processes(count: int) -> Generator[Callable[..., Future[Any]]]:
+    """Yield a function that submits a call to new processes, started on demand; they end with the context."""
+    before = {process.pid for process in multiprocessing.active_children()}
+    # spawn: workers do not inherit threads and locks of this process, on all systems
+    executor = ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), initializer=_start_worker)
+
+    def submit(function: Callable[..., Any], *given: object) -> Future[Any]:
+        with _block_interrupts():
+            return executor.submit(function, *given)
+
+    awake = submit(_get_version)
+    try:
+        yield submit
+        if awake.done() and awake.exception() is not None:
+            raise RunFailedError(_NOT_STARTED_STATUS)
+    finally:
+        for process in multiprocessing.active_children():
+            if process.pid not in before:
+                process.terminate()
+        # Once, and with wait: a second call would not cancel, and a remaining thread fails at interpreter exit.
+        executor.shutdown(wait=True, cancel_futures=True)
 
 
 @contextmanager
@@ -175,7 +184,7 @@ def _block_interrupts() -> Generator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-_KILLED_STATUS = Status(
+KILLED_STATUS = Status(
     Cause.WORKER_LOST,
     "the process that ran this variant alone was killed, as the ones before it",
     "memory is the usual cause: save fewer fields (output.field_every), or run fewer at a time (--workers)",
@@ -249,7 +258,7 @@ def _repeat(start: Callable[[], AbstractContextManager[Pool]], variants: Variant
         except pool.lost:
             pass
     if len(variants) == 1:
-        return [Row(_KILLED_STATUS)]
+        return [Row(KILLED_STATUS)]
     return [row for variant in variants for row in _repeat(start, (variant,))]
 
 
