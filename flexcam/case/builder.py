@@ -175,6 +175,7 @@ class _Geometry:
         return Member(
             self.case.materials[record.material].part, self.case.sections[record.section].part, record.orientation,
             record.shear, record.rotary_inertia, record.mass, record.geometric_stiffness, record.bow,
+            record.temperature,
         )  # fmt: skip
 
     def bearing(self, record: parts.BearingRecord) -> tuple[valvetrain.Spring, ...]:

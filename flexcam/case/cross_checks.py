@@ -235,9 +235,10 @@ def _is_finger(rocker: Table, nodes: Mapping[str, int]) -> bool:
 
 
 def mesh_faults(case: Case, mesh: Mesh) -> Iterator[Fault]:
-    """Yield the faults of followers, lashes, levers and orientations on a mesh."""
+    """Yield the faults of followers, lashes, levers, temperatures and orientations on a mesh."""
     yield from _shared_point_faults(case, mesh)
     yield from _orientation_faults(case, mesh)
+    yield from _temperature_faults(case)
 
 
 def _shared_point_faults(case: Case, mesh: Mesh) -> Iterator[Fault]:
@@ -258,6 +259,15 @@ def _shared_point_faults(case: Case, mesh: Mesh) -> Iterator[Fault]:
         if other != name:
             given = repr(owned) if isinstance(owned, str) else "the same train"
             yield Fault(case.place((table, name, key)), f"{given}, as {table}.{other}", "another one", why, "")
+
+
+def _temperature_faults(case: Case) -> Iterator[Fault]:
+    """Yield temperatures of members whose material has no thermal expansion."""
+    for name, member in case.record.members.items():
+        if member.temperature and not case.record.materials[member.material].expansion:
+            where, why = case.place(("members", name, "temperature")), f"material {member.material!r} does not expand"
+            remedy = f'add expansion to it, such as materials.{member.material}.expansion = "12e-6 1/K"'
+            yield Fault(where, f"{member.temperature:g} K", "a material with expansion", why, remedy)
 
 
 def _orientation_faults(case: Case, mesh: Mesh) -> Iterator[Fault]:

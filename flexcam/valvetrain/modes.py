@@ -41,6 +41,7 @@ from flexcam.dynamics import (
     static_displacement,
 )
 from flexcam.fem.assembly import geometric as fem_geometric
+from flexcam.fem.assembly import thermal_load
 from flexcam.fem.elements import beam
 from flexcam.fem.frames import COMPONENTS
 from flexcam.fem.recovery import section_forces
@@ -80,7 +81,10 @@ def model_modes(
 ) -> ModelModes:  # fmt: skip
     """Return the lowest modes of a model."""
     stiffness, free = structure.stiffness, structure.free
-    force = None if loaded is None else section_forces(structure.beams, structure.dofs.nodal(loaded))[:, 0, 0]
+    force = None
+    if loaded is not None:
+        nodal = structure.dofs.nodal(loaded)
+        force = section_forces(structure.beams, nodal, spread=thermal_load(structure.beams))[:, 0, 0]
     if held:
         closed = Triplets.sum([part for _, part in held])
         stiffness, free = stiffness + closed, _unstressed_motions(free, closed, stiffness)

@@ -58,9 +58,12 @@ class MaterialRecord(PartRecord[Material]):
         None, description="stress amplitude of unlimited life, for the margin against fatigue"
     )
 
+    expansion: Annotated[float, Unit("thermal expansion")] = Field(0.0, description="linear, per kelvin")
+
     def build(self) -> Material:
         """Build the material."""
-        return Material(self.E, self.nu, self.density, self.ultimate_strength, self.endurance_limit)
+        strengths = self.ultimate_strength, self.endurance_limit
+        return Material(self.E, self.nu, self.density, *strengths, self.expansion)
 
 
 class _SectionRecord(PartRecord[Section]):
@@ -155,6 +158,9 @@ class MemberRecord(Record):
         False, strict=True, description="axial force and bending act on each other within a run"
     )
     bow: Position = Field(0.0, description="initial half wave in the local x-y plane, at mid-length")
+    temperature: Annotated[float, Unit("temperature", signed=True)] = Field(
+        0.0, description="rise over the temperature of assembly; needs expansion of the material"
+    )
 
     @model_validator(mode="after")
     def _check_bow(self) -> Self:
