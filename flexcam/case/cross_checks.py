@@ -74,8 +74,8 @@ class RawTables:
         """Yield missing tables and keys that exclude each other."""
         yield from _exclusive_keys(self.raw, ("mesh", "nodes"), 1, "case file", "the geometry comes from one place")
         with_mass = any("mass" in table for _, table in self._each("springs"))
-        if "members" not in self.raw and "masses" not in self.raw and not with_mass:
-            allowed = "[members], [masses] or a spring with mass"
+        if not with_mass and not {"members", "masses", "superelements"} & set(self.raw):
+            allowed = "[members], [masses], [superelements] or a spring with mass"
             why = "a mechanism consists of beams, of masses at points, or of coils"
             yield Fault("case file", "no members and no masses", allowed, why, "add [members]")
         if isinstance(self.raw.get("run"), Mapping):
@@ -199,6 +199,13 @@ class RawTables:
                 elif not of_lash and not (kind == "rockers" and _is_finger(table, counts)):
                     allowed = with_rockers if rocker_point_allowed else counts
                     yield from self._check_point((kind, name, key), table.get(key), allowed)
+        for name, table in self._each("superelements"):
+            nodes = list(cast("Table", table["nodes"]).values()) if isinstance(table.get("nodes"), Mapping) else []
+            for point in nodes:
+                yield from self._check_point(("superelements", name, "nodes"), point, counts)
+            if len({*map(str, nodes)}) < len(nodes):
+                given, why = ", ".join(map(str, nodes)), "each interface node is another node of the case"
+                yield self._fault(("superelements", name, "nodes"), given, "different nodes", why)
         for name in self._table("supports"):
             yield from self._check_name(("supports", name), name, list(counts), "a point")
         for probe in _as_list(self._table("output").get("probes")):

@@ -337,9 +337,9 @@ def check_connectivity(model: Model) -> list[str]:
     """Return warnings about members not connected to any support, spring, rocker, cam or contact."""
     mesh = model.mesh
     connected = {int(node) for name in _connection_points(model) for node in mesh.points.get(name, ())}
-    parts = [set(part.tolist()) for part in mesh.parts]
+    parts, lines = [set(part.tolist()) for part in mesh.parts], {**mesh.lines, **mesh.bodies}
     return [
-        f"Warning: members {', '.join(name for name, line in mesh.lines.items() if int(line[0]) in part)}: no support, "
+        f"Warning: members {', '.join(n for n, line in lines.items() if int(line[0]) in part)}: no support, "
         "spring, rocker, cam or contact touches them"
         for part in parts
         if not part & connected

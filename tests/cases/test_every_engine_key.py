@@ -238,6 +238,12 @@ ADJUSTER = (
     '{ viscosity = "20 mPa s", bulk_modulus = "1.5 GPa", plunger_diameter = "11 mm", clearance = "6 um", '
     'land_length = "8 mm", chamber_height = "5 mm", air = "5 %", pressure = "2 MPa" } }'
 )
+BODY = """
+format = 1
+nodes = { foot = [0, 0, 0], tip = [0, 1, 0] }
+run = { speed = "600 rpm", revolutions = 1, steps_per_revolution = 100 }
+superelements = { arm = { nodes = { 1 = "foot", 2 = "tip" }, units = "m-kg-s", mass = "K.mtx", stiffness = "K.mtx", damping = "K.mtx", modes = 2 } }
+"""
 PAPERS = ("checks/mathieu.toml", "li/valve-train.toml", "petrescu/valve-spring.toml")
 
 
@@ -271,6 +277,9 @@ def test_every_key_of_the_format_stands_in_some_case(rewritten, tmp_path):
         (DATA / "every-key.toml", ['run.adaptive={ tolerance = 1e-6, smallest = "1 ns" }']),
         *((DATA.parents[1] / "cases" / name, []) for name in PAPERS),
     ]  # fmt: skip
+    (tmp_path / "K.mtx").write_text("1 1 1 1 2.0\n2 1 2 1 2.0\n", encoding="utf-8")
+    (tmp_path / "body.toml").write_text(BODY, encoding="utf-8")
+    cases.append((tmp_path / "body.toml", []))
     text = (DATA / "every-key.toml").read_text(encoding="utf-8")
     text = text.replace("steps_per_revolution = 720", 'step = "20 us"').replace('speed = "1000', 'crank_speed = "2000')
     (tmp_path / "step.toml").write_text(text, encoding="utf-8")
