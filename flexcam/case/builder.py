@@ -24,6 +24,7 @@ from flexcam.core.errors import Fault, InputError, refuse, suggest_name
 from flexcam.fem.frames import default_orientation, direction
 from flexcam.fem.members import Member
 from flexcam.fem.mesh import Mesh, refine
+from flexcam.fem.superelements import Superelement, reduce_superelement
 from flexcam.valvetrain.springs import count_spring_parts
 
 DEFAULT_LASH_STIFFNESS_RATIO = 10.0
@@ -126,6 +127,7 @@ def build_model(case: Case) -> valvetrain.Model:
     model = valvetrain.Model(
         mesh=mesh,
         members={name: geometry.member(member) for name, member in record.members.items()},
+        superelements=each("superelements", record.superelements, geometry.superelement),
         supports={point: tuple(components) for point, components in record.supports.items()},
         masses={name: one.part for name, one in record.masses.items()},
         springs={name: one.part for name, one in record.springs.items()} | bearings,
@@ -156,7 +158,11 @@ def _mesh(case: Case) -> Mesh:
             index = {name: np.array([i]) for i, name in enumerate(names)}
             lines = {name: np.array([names.index(node) for node in m.nodes or []]) for name, m in members.items()}
             mesh = Mesh(np.array(list(case.record.nodes.values())), lines, index)
-        return refine(mesh, {name: member.elements for name, member in members.items()})
+        bodies = {
+            name: np.array([mesh.node(point) for point in one.nodes.values()])
+            for name, one in case.record.superelements.items()
+        }
+        return refine(replace(mesh, bodies=bodies), {name: member.elements for name, member in members.items()})
     except InputError as refusal:
         where = case.place(("nodes",) if case.mesh is None else ("mesh",))
         faults = [f if f.where.startswith("members") else _prefix_fault(where, f) for f in refusal.faults]
@@ -175,7 +181,14 @@ class _Geometry:
         return Member(
             self.case.materials[record.material].part, self.case.sections[record.section].part, record.orientation,
             record.shear, record.rotary_inertia, record.mass, record.geometric_stiffness, record.bow,
+            record.temperature,
         )  # fmt: skip
+
+    def superelement(self, record: parts.SuperelementRecord) -> Superelement:
+        """Return a superelement between its nodes."""
+        nodes = tuple(record.nodes.values())
+        positions = self.mesh.nodes[[self.mesh.node(name) for name in nodes]]
+        return reduce_superelement(nodes, positions, record.matrices(), record.modes)
 
     def bearing(self, record: parts.BearingRecord) -> tuple[valvetrain.Spring, ...]:
         """Return two springs, perpendicular to the shaft and to each other."""

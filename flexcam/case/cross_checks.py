@@ -74,8 +74,8 @@ class RawTables:
         """Yield missing tables and keys that exclude each other."""
         yield from _exclusive_keys(self.raw, ("mesh", "nodes"), 1, "case file", "the geometry comes from one place")
         with_mass = any("mass" in table for _, table in self._each("springs"))
-        if "members" not in self.raw and "masses" not in self.raw and not with_mass:
-            allowed = "[members], [masses] or a spring with mass"
+        if not with_mass and not {"members", "masses", "superelements"} & set(self.raw):
+            allowed = "[members], [masses], [superelements] or a spring with mass"
             why = "a mechanism consists of beams, of masses at points, or of coils"
             yield Fault("case file", "no members and no masses", allowed, why, "add [members]")
         if isinstance(self.raw.get("run"), Mapping):
@@ -199,6 +199,13 @@ class RawTables:
                 elif not of_lash and not (kind == "rockers" and _is_finger(table, counts)):
                     allowed = with_rockers if rocker_point_allowed else counts
                     yield from self._check_point((kind, name, key), table.get(key), allowed)
+        for name, table in self._each("superelements"):
+            nodes = list(cast("Table", table["nodes"]).values()) if isinstance(table.get("nodes"), Mapping) else []
+            for point in nodes:
+                yield from self._check_point(("superelements", name, "nodes"), point, counts)
+            if len({*map(str, nodes)}) < len(nodes):
+                given, why = ", ".join(map(str, nodes)), "each interface node is another node of the case"
+                yield self._fault(("superelements", name, "nodes"), given, "different nodes", why)
         for name in self._table("supports"):
             yield from self._check_name(("supports", name), name, list(counts), "a point")
         for probe in _as_list(self._table("output").get("probes")):
@@ -235,9 +242,10 @@ def _is_finger(rocker: Table, nodes: Mapping[str, int]) -> bool:
 
 
 def mesh_faults(case: Case, mesh: Mesh) -> Iterator[Fault]:
-    """Yield the faults of followers, lashes, levers and orientations on a mesh."""
+    """Yield the faults of followers, lashes, levers, temperatures and orientations on a mesh."""
     yield from _shared_point_faults(case, mesh)
     yield from _orientation_faults(case, mesh)
+    yield from _temperature_faults(case)
 
 
 def _shared_point_faults(case: Case, mesh: Mesh) -> Iterator[Fault]:
@@ -258,6 +266,15 @@ def _shared_point_faults(case: Case, mesh: Mesh) -> Iterator[Fault]:
         if other != name:
             given = repr(owned) if isinstance(owned, str) else "the same train"
             yield Fault(case.place((table, name, key)), f"{given}, as {table}.{other}", "another one", why, "")
+
+
+def _temperature_faults(case: Case) -> Iterator[Fault]:
+    """Yield temperatures of members whose material has no thermal expansion."""
+    for name, member in case.record.members.items():
+        if member.temperature and not case.record.materials[member.material].expansion:
+            where, why = case.place(("members", name, "temperature")), f"material {member.material!r} does not expand"
+            remedy = f'add expansion to it, such as materials.{member.material}.expansion = "12e-6 1/K"'
+            yield Fault(where, f"{member.temperature:g} K", "a material with expansion", why, remedy)
 
 
 def _orientation_faults(case: Case, mesh: Mesh) -> Iterator[Fault]:

@@ -1,4 +1,4 @@
-"""Curves of a case by name, as a table of parameters, or in a file: motion laws, lifts and loads."""
+"""Curves of a case by name, as a table of parameters, or in a file: motion laws, lifts, loads; matrices in files."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from flexcam.case.schema.base import Unit, convert_error, describe_type_error, v
 from flexcam.core import FloatArray
 from flexcam.core.errors import InputError, format_value, positive, refuse, suggest_name, system_message
 from flexcam.core.units import conversion_factor
-from flexcam.io import read_lift, read_text, resolve_file
+from flexcam.io import NodalMatrix, read_lift, read_matrix, read_text, resolve_file
 from flexcam.io.files import ABSCISSAS, find_abscissa, read_columns
 from flexcam.valvetrain import LoadTable
 
@@ -119,6 +119,22 @@ class LoadDefinition:
                 raise refuse(self.where, given, "the same value in the first and the last row", why, remedy)
             at, size = at[:-1], size[:-1]
         return LoadTable(at, size, self.over_time, period)
+
+
+@dataclass(frozen=True)
+class MatrixDefinition:
+    """Matrix of a superelement from a file."""
+
+    given: str  #: name of the file
+    matrix: NodalMatrix = field(compare=False)  #: rows and values, in the units of the file
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
+        return _from_file_or_value(_parse_matrix_value)
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return {"type": "string"}
 
 
 _SAME_PLACE = 1e-6
@@ -378,6 +394,12 @@ def _parse_load_value(value: object, files: _Files) -> LoadDefinition:
     if len(at) < 2 or (np.diff(at) <= 0.0).any():
         raise refuse("table", f"{abscissa} of {len(at)} rows", "two or more rows with increasing values")
     return LoadDefinition(cast("str | dict[str, Any]", value), abscissa == "time", at, name, unit, values)
+
+
+def _parse_matrix_value(value: object, files: _Files) -> MatrixDefinition:
+    if not isinstance(value, str):
+        raise refuse("table", format_value(value), "the name of a matrix file, such as 'rocker-stiffness.mtx'")
+    return MatrixDefinition(value, files.read(value, "table", lambda path, text: read_matrix(path, "table", text)))
 
 
 def _place_with_line(where: str, lines: Sequence[int]) -> str:

@@ -43,6 +43,7 @@ TYPICAL_RANGES = (
     TypicalRange("materials.*.E springs.*.wire.shear_modulus", 1e6, 1.5e12, _STRESS),
     TypicalRange("materials.*.ultimate_strength materials.*.endurance_limit", 1e5, 2e10, {"MPa": 1e6, "GPa": 1e9}),
     TypicalRange("materials.*.density springs.*.wire.density", 500.0, 3e4, {"g/cm^3": 1e3}, zero=True),
+    TypicalRange("materials.*.expansion", 1e-7, 1e-3, {"um/m/K": 1e-6}),
     TypicalRange("nodes.*", 0.0, 20.0, _LENGTH),
     TypicalRange(
         "sections.*.diameter sections.*.outer_diameter sections.*.inner_diameter sections.*.width_y sections.*.width_z "
@@ -180,6 +181,10 @@ def _fidelity_warnings(case: Case) -> Iterator[str]:
         yield f"{case.place(('fidelity', 'masses'))}: it counts the masses of a chain, and the model is {asked.model}"
     if asked.modes is not None and asked.tolerances:
         yield f"{case.place(('fidelity', 'modes'))}: it has no effect, because fidelity.tolerance chooses the model"
+    for name, member in case.record.members.items():
+        if asked.model == "rigid" and member.temperature:
+            where = case.place(("members", name, "temperature"))
+            yield f"{where}: it has no effect, because rigid members do not expand"
 
 
 def _unused_part_warnings(case: Case) -> Iterator[str]:
@@ -332,9 +337,9 @@ def check_connectivity(model: Model) -> list[str]:
     """Return warnings about members not connected to any support, spring, rocker, cam or contact."""
     mesh = model.mesh
     connected = {int(node) for name in _connection_points(model) for node in mesh.points.get(name, ())}
-    parts = [set(part.tolist()) for part in mesh.parts]
+    parts, lines = [set(part.tolist()) for part in mesh.parts], {**mesh.lines, **mesh.bodies}
     return [
-        f"Warning: members {', '.join(name for name, line in mesh.lines.items() if int(line[0]) in part)}: no support, "
+        f"Warning: members {', '.join(n for n, line in lines.items() if int(line[0]) in part)}: no support, "
         "spring, rocker, cam or contact touches them"
         for part in parts
         if not part & connected

@@ -209,7 +209,7 @@ def _record(
 
 def has_mechanism(path: Path) -> bool:
     """Return whether a file describes a mechanism or only cams."""
-    return not {"members", "masses", "run"}.isdisjoint(_read_tables(path)[1])
+    return not {"members", "masses", "superelements", "run"}.isdisjoint(_read_tables(path)[1])
 
 
 def read_cams(path: str | Path, overrides: Sequence[str] = ()) -> CamsRecord:

@@ -31,6 +31,7 @@ from flexcam.case.schema.parts import (
     RepeatRecord,
     RockerRecord,
     SectionRecord,
+    SuperelementRecord,
 )
 from flexcam.case.schema.run import FidelityRecord, OutputRecord, RunRecord
 from flexcam.case.schema.springs import SpringRecord
@@ -66,6 +67,7 @@ class CaseRecord(Record):
     materials: dict[Name, MaterialRecord] = Field(default={})
     sections: dict[Name, SectionRecord] = Field(default={})
     members: dict[Name, MemberRecord] = Field(default={}, description="beams; a lumped train has none")
+    superelements: dict[Name, SuperelementRecord] = Field(default={}, description="elastic bodies by their matrices")
     supports: dict[Name, list[Component]] = Field(default={}, description="components fixed at a point")
     masses: dict[Name, MassRecord] = Field(default={})
     springs: dict[Name, SpringRecord] = Field(default={})

@@ -129,6 +129,8 @@ DIMENSIONS = _table(
     ("pressure-viscosity coefficient", (1, -1, 2, 0, 0), "1/Pa", "15 1/GPa", 1e-12, 1e-06),
     ("wear coefficient", (1, -1, 2, 0, 0), "m^2/N", "1e-18 m^2/N", 1e-30, 1e-09),
     ("thermal conductivity", (1, 1, -3, -1, 0), "W/m/K", "46 W/m/K", 1e-06, 1e06),
+    ("thermal expansion", (0, 0, 0, -1, 0), "1/K", "12e-6 1/K", 1e-12, 1.0),
+    ("temperature", (0, 0, 0, 1, 0), "K", "80 K", 1e-09, 1e04),
     ("specific heat", (2, 0, -2, -1, 0), "J/kg/K", "470 J/kg/K", 1e-06, 1e09),
 )
 

@@ -92,6 +92,16 @@ def element_weight(beams: Beams, gravity: FloatArray) -> FloatArray:
     return np.einsum("eij,ej->ei", beam.mass(beams), np.hstack([pulled, still, pulled, still]))
 
 
+def thermal_load(beams: Beams) -> FloatArray:
+    """Return the element loads that extend each element by its free thermal strain: ``EA alpha dT`` at both ends.
+
+    Reference: J. S. Przemieniecki, Theory of Matrix Structural Analysis (1968), sec. 5.6 (bar element).
+    """
+    loads = np.zeros((len(beams), 12))
+    loads[:, beam.AXIAL] = beams.thermal[:, None] * np.array([-1.0, 1.0])
+    return loads
+
+
 def assemble_loads(beams: Beams, loads: FloatArray, dofs: DofMap) -> FloatArray:
     """Assemble the load vector of element loads."""
     turned = np.einsum("eji,ekj->eki", beams.triads, loads.reshape(-1, 4, 3)).ravel()

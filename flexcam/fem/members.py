@@ -36,6 +36,8 @@ class Member:
         Whether axial force and bending are coupled during a run.
     bow
         Initial half wave in the local x-y plane, at mid-length, m; only with the geometric stiffness.
+    temperature
+        Rise over the temperature of assembly, K; negative for a colder member.
 
     Examples
     --------
@@ -51,6 +53,7 @@ class Member:
     mass: Literal["consistent", "lumped"] = "consistent"
     geometric_stiffness: bool = False
     bow: float = 0.0
+    temperature: float = 0.0
 
 
 def beams(mesh: Mesh, members: Mapping[str, Member]) -> Beams:
@@ -78,6 +81,7 @@ def beams(mesh: Mesh, members: Mapping[str, Member]) -> Beams:
     Iy, Iz = each([m.section.Iy for m in chosen]), each([m.section.Iz for m in chosen])
     shear, rotary = each([float(m.shear) for m in chosen]), each([float(m.rotary_inertia) for m in chosen])
     kappa_y, kappa_z = each([m.section.kappa_y for m in chosen]), each([m.section.kappa_z for m in chosen])
+    expansion = each([m.material.expansion * m.temperature for m in chosen])
     return Beams(
         nodes=mesh.elements(), length=length, triads=triads(axes, orientations),
         EA=E * A, GJ=G * each([m.section.J for m in chosen]), EIy=E * Iy, EIz=E * Iz,
@@ -86,6 +90,7 @@ def beams(mesh: Mesh, members: Mapping[str, Member]) -> Beams:
         phi_z=shear * 12.0 * E * Iy / (kappa_z * A * G * length**2),
         lumped=each([float(m.mass == "lumped") for m in chosen]),
         arched=each([float(m.geometric_stiffness) for m in chosen]), bow=bow,
+        thermal=E * A * expansion,
     )  # fmt: skip
 
 

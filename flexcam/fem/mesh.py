@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
 
@@ -37,6 +37,8 @@ class Mesh:
         Member name to its node numbers in order along the member, shape (m + 1,) for m elements.
     points
         Point name to node numbers, shape (k,); a name of one node also names it in messages.
+    bodies
+        Name of a body between nodes, such as a superelement, to their numbers, shape (k,).
 
     Raises
     ------
@@ -53,16 +55,17 @@ class Mesh:
     nodes: FloatArray
     lines: Mapping[str, IntArray]
     points: Mapping[str, IntArray]
+    bodies: Mapping[str, IntArray] = field(default_factory=dict[str, IntArray])
 
     def __reduce__(self) -> tuple[type[Mesh], tuple[object, ...]]:
         """Return the constructor and its arguments, for pickle and copy."""
-        return type(self), (self.nodes, dict(self.lines), dict(self.points))
+        return type(self), (self.nodes, dict(self.lines), dict(self.points), dict(self.bodies))
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "nodes", finite_array("nodes", self.nodes, (None, 3)))
-        for field in ("lines", "points"):
-            frozen = {name: _frozen_index(index) for name, index in getattr(self, field).items()}
-            object.__setattr__(self, field, MappingProxyType(frozen))
+        for groups in ("lines", "points", "bodies"):
+            frozen = {name: _frozen_index(index) for name, index in getattr(self, groups).items()}
+            object.__setattr__(self, groups, MappingProxyType(frozen))
         faults = [*_range_faults(self)]
         faults += [] if faults else [*_length_faults(self), *_duplicate_faults(self)]
         if faults:
@@ -159,14 +162,15 @@ class Mesh:
 
     @cached_property
     def parts(self) -> list[IntArray]:
-        """Node numbers of each connected part, ascending; members connect at shared nodes."""
-        ends = self.elements()
+        """Node numbers of each connected part, ascending; members and bodies connect at shared nodes."""
+        pairs = [np.column_stack([nodes[:-1], nodes[1:]]) for nodes in self.bodies.values()]
+        ends = np.concatenate([self.elements(), *pairs])
         labels = connected_components(len(self.nodes), ends[:, 0], ends[:, 1])
-        joined = np.flatnonzero(self.on_members())
+        joined = np.unique(ends)
         return [joined[group] for group in component_members(labels[joined])]
 
     def connected_nodes(self, node: int) -> IntArray:
-        """Return the nodes connected to a node by members, including the node itself.
+        """Return the nodes connected to a node by members and bodies, including the node itself.
 
         Parameters
         ----------
@@ -194,7 +198,7 @@ def refine(mesh: Mesh, divisions: Mapping[str, int]) -> Mesh:
         fresh = count + np.arange((len(line) - 1) * (parts - 1)).reshape(len(line) - 1, parts - 1)
         lines[name] = np.append(np.column_stack([line[:-1], fresh]).ravel(), line[-1])
         count += fresh.size
-    return Mesh(np.concatenate(nodes), lines, mesh.points)
+    return Mesh(np.concatenate(nodes), lines, mesh.points, mesh.bodies)
 
 
 _MAX_FAULTS = 20  # maximum number of faults of one kind to report: in a mesh with thousands they have one cause

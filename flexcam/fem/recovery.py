@@ -53,7 +53,9 @@ def _arch_forces(beams: Beams, local: FloatArray) -> FloatArray:
     if len(arched):
         D = arch.deformation_matrix(beams, arched)
         values = np.einsum("eij,...ej->...ei", D, local[..., arched, :])
-        forces[..., arched, :] = np.einsum("eij,...ei->...ej", D, arch.Arch.of(beams, arched).forces(values))
+        arches = arch.Arch.of(beams, arched)
+        values[..., 0] -= beams.thermal[arched] / arches.axial
+        forces[..., arched, :] = np.einsum("eij,...ei->...ej", D, arches.forces(values))
     return forces
 
 

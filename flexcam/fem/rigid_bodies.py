@@ -65,9 +65,13 @@ class PointMass:
 
 def mass_at(node: int, body: PointMass, dofs: DofMap) -> Triplets:
     """Return the mass matrix of a body fixed to a node, in the free components."""
-    numbers, matrix = dofs.numbers[node], body.matrix()
+    return place_matrix(body.matrix(), dofs.numbers[node], dofs.size)
+
+
+def place_matrix(matrix: FloatArray, numbers: IntArray, size: int) -> Triplets:
+    """Return a small matrix among all unknowns by the number of each row; -1 for a component that does not move."""
     i, j = np.nonzero((matrix != 0.0) & (numbers[:, None] >= 0) & (numbers >= 0))
-    return Triplets(dofs.size, numbers[i], numbers[j], matrix[i, j])
+    return Triplets(size, numbers[i], numbers[j], matrix[i, j])
 
 
 def scalar_matrix(row: FloatArray, coefficient: float) -> Triplets:
@@ -80,8 +84,9 @@ _RANK_TOLERANCE = 1e-10  # singular values of the constraints below this are rou
 
 def free_motions(mesh: Mesh, dofs: DofMap, springs: Iterable[FloatArray]) -> FloatArray:
     """Return a basis of the motions without strain energy."""
-    moved = mesh.on_members() | (dofs.numbers >= 0).any(axis=1)
-    single = np.flatnonzero(moved & ~mesh.on_members())
+    joined = np.isin(np.arange(len(mesh.nodes)), np.concatenate([*mesh.parts, np.zeros(0, np.intp)]))
+    moved = joined | (dofs.numbers >= 0).any(axis=1)
+    single = np.flatnonzero(moved & ~joined)
     rigid = _rigid_motions(mesh, [*mesh.parts, *single[:, None]])
     nodal = int(np.count_nonzero(dofs.numbers >= 0))
     further = dofs.size - nodal  # additional unknowns after those of the nodes: each is free

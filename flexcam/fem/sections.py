@@ -23,6 +23,8 @@ class Material:
         Mass per volume, kg/m^3; zero makes the member massless.
     ultimate_strength, endurance_limit
         Pa, for the margin against fatigue; None if not given.
+    expansion
+        Coefficient of linear thermal expansion, 1/K.
 
     Raises
     ------
@@ -40,6 +42,7 @@ class Material:
     density: float
     ultimate_strength: float | None = None
     endurance_limit: float | None = None
+    expansion: float = 0.0
 
     def __post_init__(self) -> None:
         positive("E", self.E, "Pa")

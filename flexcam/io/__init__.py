@@ -29,6 +29,7 @@ from flexcam.io.files import (
     write_text,
 )
 from flexcam.io.hdf5 import open_hdf5, write_digest
+from flexcam.io.matrix_file import NodalMatrix, read_matrix
 from flexcam.io.mesh_file import read_mesh, write_mesh
 from flexcam.io.result_reader import PartialResult, Result, read_result, verify_file
 from flexcam.io.result_schema import RECOVERED_FIELDS, VECTORS
@@ -39,6 +40,7 @@ __all__ = [
     "RECOVERED_FIELDS",
     "VECTORS",
     "Geometry",
+    "NodalMatrix",
     "PartialResult",
     "ProfileTable",
     "Result",
@@ -56,6 +58,7 @@ __all__ = [
     "open_with_lock",
     "partial_path",
     "read_lift",
+    "read_matrix",
     "read_mesh",
     "read_profile",
     "read_result",

@@ -29,7 +29,7 @@ from flexcam.dynamics import (
     spring_damper,
     static_displacement,
 )
-from flexcam.fem.assembly import assemble_loads, distributed_load, element_weight
+from flexcam.fem.assembly import assemble_loads, distributed_load, element_weight, thermal_load
 from flexcam.valvetrain.contacts import Coupling
 from flexcam.valvetrain.parts import Cam, LoadTable, PublishedLoad
 from flexcam.valvetrain.structure import Structure, find_node, spring_parts, spring_row
@@ -132,7 +132,7 @@ def _spring_share(structure: Structure, train: FollowerTrain) -> FloatArray:
 
 
 def given_loads(structure: Structure) -> list[Load]:
-    """Return weight, springs' installed forces and given loads; given loads act only from the start of a run."""
+    """Return weight, thermal loads, installed forces and given loads; given loads act only from the start of a run."""
     model = structure.model
     loads: list[Load] = []
     for name, load in model.loads.items():
@@ -152,6 +152,9 @@ def given_loads(structure: Structure) -> list[Load]:
             )
     if any(model.gravity):
         loads.append(Load("gravity", _weight(structure), constant_history(1.0), installed=True, steady=True))
+    if structure.beams.thermal.any():
+        expanded = assemble_loads(structure.beams, thermal_load(structure.beams), structure.dofs)
+        loads.append(Load("thermal", expanded, constant_history(1.0), installed=True, steady=True))
     return loads
 
 
@@ -170,8 +173,8 @@ def _of_a_published_load(structure: Structure, row: FloatArray) -> bool:
 
 
 def element_loads(structure: Structure) -> FloatArray:
-    """Return the distributed element loads: given forces and weight."""
-    total = np.zeros((len(structure.beams), 12))
+    """Return the element loads: given distributed forces, weight and thermal loads."""
+    total = thermal_load(structure.beams)
     for name, load in structure.model.loads.items():
         total += _distribute(structure, name) if load.member is not None else 0.0
     return total + element_weight(structure.beams, np.array(structure.model.gravity))

@@ -13,6 +13,7 @@ from flexcam.core.html import html_table
 from flexcam.fem.assembly import Damping
 from flexcam.fem.members import Member
 from flexcam.fem.mesh import Mesh
+from flexcam.fem.superelements import Superelement
 from flexcam.valvetrain.parts import (
     Adjuster,
     Cam,
@@ -52,6 +53,8 @@ class Model:
         Damping of the whole structure.
     probes
         Output points: named nodes or points of rockers.
+    superelements
+        Elastic bodies between nodes by name, by their matrices; the mesh has their nodes as `bodies`.
 
     Examples
     --------
@@ -71,6 +74,7 @@ class Model:
     gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)
     damping: Damping = field(default_factory=Damping)
     probes: tuple[str, ...] = ()
+    superelements: Mapping[str, Superelement] = field(default_factory=dict[str, Superelement])
 
     def __reduce__(self) -> tuple[type[Model], tuple[object, ...]]:
         """Return the constructor and its arguments, for pickle and copy."""
@@ -78,12 +82,12 @@ class Model:
         return type(self), tuple(dict(one) if isinstance(one, Mapping) else one for one in values)  # pyright: ignore[reportUnknownArgumentType, reportUnknownVariableType]
 
     def __post_init__(self) -> None:
-        for name in ("members", "supports", "masses", "springs", "rockers", "cams", "contacts", "friction", "loads"):
+        for name in (one.name for one in fields(self) if isinstance(getattr(self, one.name), Mapping)):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
 
     def _repr_html_(self) -> str:
         """Return a table of the parts, for notebooks."""
-        parts = ("members", "masses", "springs", "rockers", "cams", "contacts", "friction", "loads")
+        parts = ("members", "superelements", "masses", "springs", "rockers", "cams", "contacts", "friction", "loads")
         rows = {"nodes": str(len(self.mesh.nodes)), "probes": ", ".join(self.probes)}
         return html_table("Model", rows | {name: ", ".join(getattr(self, name)) for name in parts})
 
@@ -155,6 +159,11 @@ class Model:
         """Names of the unknowns of rockers: loose points, lever paths, and lever tips with lash."""
         paths = [path_name(name) for name, one in self.levers.items() if not one.finger]
         return [*self.loose_points, *paths, *(tip_name(name) for name in self.levers if self.lash_of(name))]
+
+    @property
+    def superelement_modes(self) -> dict[str, list[str]]:
+        """Names of the unknowns of the modes of every superelement."""
+        return {n: [f"superelements.{n}.{i}" for i in range(1, one.modes + 1)] for n, one in self.superelements.items()}
 
     def rocker_at(self, point: str) -> Rocker | None:
         """Return the rocker that defines a point.

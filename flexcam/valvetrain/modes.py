@@ -41,6 +41,7 @@ from flexcam.dynamics import (
     static_displacement,
 )
 from flexcam.fem.assembly import geometric as fem_geometric
+from flexcam.fem.assembly import thermal_load
 from flexcam.fem.elements import beam
 from flexcam.fem.frames import COMPONENTS
 from flexcam.fem.recovery import section_forces
@@ -49,7 +50,7 @@ from flexcam.valvetrain.contacts import lash_row
 from flexcam.valvetrain.loads import series_stiffness
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import Adjuster, Lash, PublishedLoad
-from flexcam.valvetrain.structure import Structure, build_structure, find_node, spring_parts
+from flexcam.valvetrain.structure import Structure, build_structure, find_node, spring_parts, superelement_dofs
 from flexcam.valvetrain.system_builder import build_system
 
 _KINDS = {"axial": beam.AXIAL, "torsion": beam.TORSION, "bending x-y": beam.PLANE_XY, "bending x-z": beam.PLANE_XZ}
@@ -80,7 +81,10 @@ def model_modes(
 ) -> ModelModes:  # fmt: skip
     """Return the lowest modes of a model."""
     stiffness, free = structure.stiffness, structure.free
-    force = None if loaded is None else section_forces(structure.beams, structure.dofs.nodal(loaded))[:, 0, 0]
+    force = None
+    if loaded is not None:
+        nodal = structure.dofs.nodal(loaded)
+        force = section_forces(structure.beams, nodal, spread=thermal_load(structure.beams))[:, 0, 0]
     if held:
         closed = Triplets.sum([part for _, part in held])
         stiffness, free = stiffness + closed, _unstressed_motions(free, closed, stiffness)
@@ -123,6 +127,10 @@ def _shares(structure: Structure, shape: FloatArray, mass: FloatArray) -> dict[s
         else:
             motion = nodal[model.mesh.node(part.at)]
             shares[f"mass {name}"] = float(motion @ part.body.matrix() @ motion)
+    for name, body in model.superelements.items():
+        numbers = superelement_dofs(structure, name)
+        motion = np.where(numbers >= 0, shape[numbers], 0.0)
+        shares[f"superelement {name}"] = float(motion @ body.mass @ motion)
     for name, rocker in model.rockers.items():
         shares[f"rocker {name}"] = rocker.inertia * (float(structure.path(rocker) @ shape) / rocker.arms[0]) ** 2
     for name, spring in model.springs.items():

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexcam.core import DENSE_LIMIT, FloatArray, IntArray, null_space, select_constraints
-from flexcam.dynamics import Block, Channel, ForceLaw, LocalForce, Observable, Observation, Stats, Status
+from flexcam.dynamics import Block, Channel, ForceLaw, LocalForce, Observable, Observation, Stats, Status, constant
 from flexcam.dynamics.force_laws import ARCH
 from flexcam.fem.assembly import geometric, stiffness
 from flexcam.fem.dofs import DofMap, dof_map
@@ -177,10 +177,11 @@ class Bars:
 
 def linear_compression(bars: Bars) -> Observable:
     """Return the largest compression of some elements, N, from the motion of their ends along them."""
+    thermal = bars.structure.beams.thermal[bars.elements]
     if bars.structure.dofs.size > DENSE_LIMIT:
-        return lambda seen: -bars.tension(seen.displacement).min(axis=1)
+        return lambda seen: (thermal - bars.tension(seen.displacement)).max(axis=1)
     rows = bars.rows()
-    return lambda seen: -seen.moved.extract(rows).min(axis=1)
+    return lambda seen: (thermal - seen.moved.extract(rows)).max(axis=1)
 
 
 def arch_laws(arch: Arch) -> list[ForceLaw]:
@@ -203,7 +204,11 @@ def geometric_stiffness_forces(structure: Structure) -> Coupling:
         if model.members[name].geometric_stiffness:
             rows, arch = _deformation_rows(structure, elements), Arch.of(structure.beams, elements)
             pairs = zip(np.split(rows, len(elements)), arch_laws(arch), strict=True)
-            forces += [opposed_force(f"{where}.bending", part, law) for part, law in pairs]
+            expansion = structure.beams.thermal[elements] / arch.axial  # a free elongation causes no force
+            forces += [
+                replace(opposed_force(f"{where}.bending", part, law), offset=(constant(-free), *_NO_OFFSET))
+                for (part, law), free in zip(pairs, expansion.tolist(), strict=True)
+            ]
             pressed = _compression(arch, slice(first, first + len(rows)))
             first += len(rows)
         else:
@@ -212,6 +217,9 @@ def geometric_stiffness_forces(structure: Structure) -> Coupling:
         if 6 * len(elements) <= DENSE_LIMIT and math.isfinite(bearable := buckling_load(structure, name)):
             channels.append(Channel(f"{where}.buckling_use", "1", _quotient(pressed, bearable)))
     return Coupling((), tuple(forces), tuple(channels))
+
+
+_NO_OFFSET = (constant(0.0),) * (SCALARS - 1)
 
 
 def _quotient(value: Observable, divisor: float) -> Observable:

@@ -9,14 +9,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from flexcam.core import FloatArray, Triplets
+from flexcam.core import FloatArray, IntArray, Triplets
 from flexcam.core.errors import refuse, suggest_name
 from flexcam.fem.assembly import mass as fem_mass
 from flexcam.fem.assembly import stiffness as fem_stiffness
 from flexcam.fem.dofs import DofMap, dof_map
 from flexcam.fem.elements.beam import Beams
 from flexcam.fem.members import beams as fem_beams
-from flexcam.fem.rigid_bodies import free_motions, mass_at, scalar_matrix
+from flexcam.fem.rigid_bodies import free_motions, mass_at, place_matrix, scalar_matrix
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import Lever, Rocker, Spring, path_name, tip_name
 
@@ -121,9 +121,10 @@ def build_structure(model: Model) -> Structure:
     """Assemble the passive part of a model."""
     inner = [inner_name(name, i) for name, spring in model.springs.items() for i in range(1, spring.elements)]
     dofs = dof_map(model.mesh, model.supports.items(), _single(model))
-    bare = build_structure_in(model, dofs.extend([*model.further_unknowns, *inner]))
+    modes = [name for names in model.superelement_modes.values() for name in names]
+    bare = build_structure_in(model, dofs.extend([*model.further_unknowns, *inner, *modes]))
     stretches = (stretch for stretch, spring, _ in _stretches(bare) if spring > 0.0)
-    return replace(bare, free=free_motions(model.mesh, bare.dofs, stretches))
+    return replace(bare, free=free_motions(model.mesh, bare.dofs, [*stretches, *map(bare.dofs.unit, modes)]))
 
 
 def build_structure_in(model: Model, dofs: DofMap) -> Structure:
@@ -134,8 +135,20 @@ def build_structure_in(model: Model, dofs: DofMap) -> Structure:
     for stretch, spring, damper in _stretches(bare):
         stiffness.append(scalar_matrix(stretch, spring))
         dampers.append(scalar_matrix(stretch, damper))
+    for name, body in model.superelements.items():
+        numbers = superelement_dofs(bare, name)
+        parts = (mass, body.mass), (stiffness, body.stiffness), (dampers, body.damping)
+        for matrices, own in parts:
+            matrices.append(place_matrix(own, numbers, dofs.size))
     mass, stiffness, dampers = (Triplets.sum(parts) for parts in (mass, stiffness, dampers))
     return replace(bare, mass=mass, stiffness=stiffness, dampers=dampers)
+
+
+def superelement_dofs(structure: Structure, name: str) -> IntArray:
+    """Return the numbers of the unknowns of a superelement, -1 where a support holds a component."""
+    model, names = structure.model, structure.dofs.names
+    nodal = [structure.dofs.numbers[node] for node in model.mesh.bodies[name]]
+    return np.concatenate([*nodal, np.array([names.index(mode) for mode in model.superelement_modes[name]], np.intp)])
 
 
 def _masses(bare: Structure) -> Iterator[Triplets]:
@@ -169,12 +182,13 @@ def _stretches(bare: Structure) -> Iterator[tuple[FloatArray, float, float]]:
 
 
 def _single(model: Model) -> list[tuple[int, FloatArray]]:
-    """Return motions of nodes without members: where a mass has inertia, and along springs."""
+    """Return motions of nodes without members: where a mass has inertia, along springs, and of superelements."""
     known, used = model.mesh.points, model.mesh.on_members()
     moved = [(part.at, np.diag(part.body.matrix())) for part in model.masses.values()]
     for spring in model.springs.values():
         moved += [(end, spring.direction) for end in (spring.at, spring.to) if end is not None]
     nodes = [(int(node), size) for point, size in moved if point in known for node in known[point]]
+    nodes += [(node, np.ones(6)) for body in model.mesh.bodies.values() for node in body.tolist()]
     return [(node, size) for node, size in nodes if not used[node]]
 
 

@@ -193,7 +193,7 @@ def probe_of(structure: Structure, point: str) -> Probe:
 
 
 def _inner_probes(structure: Structure) -> list[Probe]:
-    """Return probes of the unknowns not at nodes: loose points and inner parts of springs.
+    """Return probes of the unknowns not at nodes: loose points, inner parts of springs, modes of superelements.
 
     Results then contain every unknown, so that a run can be resumed from them.
     """
@@ -213,4 +213,9 @@ def _inner_probes(structure: Structure) -> list[Probe]:
         )
         for name, spring in springs
     ]  # fmt: skip
-    return loose + inner
+    bodies = [
+        Probe(f"superelements.{name}", tuple(str(i + 1) for i in range(len(modes))),
+              np.array([structure.dofs.unit(mode) for mode in modes]), (None,) * len(modes))
+        for name, modes in model.superelement_modes.items() if modes
+    ]  # fmt: skip
+    return loose + inner + bodies

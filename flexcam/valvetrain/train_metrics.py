@@ -15,7 +15,7 @@ from flexcam.core.errors import InputError
 from flexcam.dynamics import Response
 from flexcam.valvetrain.cam_functions import sliding_ratio
 from flexcam.valvetrain.model import Model
-from flexcam.valvetrain.parts import CamContact, Seat
+from flexcam.valvetrain.parts import CamContact, Lash, Seat
 from flexcam.valvetrain.rigid_model import ANY_SPEED, build_rigid
 from flexcam.valvetrain.structure import build_structure
 from flexcam.valvetrain.train_topology import driving_contact, largest_lash
@@ -116,6 +116,9 @@ def train_metrics(model: Model, response: Response, period: float, names: Sequen
             if names is None or f"contacts.{name}.{_LOFT}" in names:
                 above = valve_loft(model, response, name, contact, last)
                 figures += [] if above is None else [Metric(f"contacts.{name}.{_LOFT}", above, "m")]
+        if isinstance(contact, Lash) and f"contacts.{name}.gap" in response.channels:
+            gap = float(response.channels[f"contacts.{name}.gap"][last].max())
+            figures.append(Metric(f"contacts.{name}.{_GAP}", gap, "m"))
     figures += _drive(model, response, last)
     for channel, unit in response.outline.channels:
         name, values = _metric_name(channel), response.channels[channel][last]
@@ -138,9 +141,11 @@ def train_metric_names(model: Model, channels: Iterable[str]) -> list[str]:
     free = [name for name, one in model.cam_contacts.items() if isinstance(one, CamContact) and one.unilateral]
     seats = [name for name, one in model.contacts.items() if isinstance(one, Seat) and f"contacts.{name}.gap" in known]
     pressed = [name for name, one in model.cam_contacts.items() if isinstance(one, CamContact)]
+    lashes = [name for name, one in model.contacts.items() if isinstance(one, Lash) and f"contacts.{name}.gap" in known]
     names = [f"contacts.{name}.open_on_the_lift" for name in free]
     names += [f"contacts.{name}.{_NOSE_FORCE}" for name in pressed]
     names += [f"contacts.{name}.{one}" for name in seats for one in (*_SEATING, _LOFT)]
+    names += [f"contacts.{name}.{_GAP}" for name in lashes]
     names += [f"{where}.{mean}" for where in _parts_with(known, "torque") for mean in _DRIVE]
     names += [f"{where}.{_FRICTION_POWER}" for kind in ("friction", "power") for where in _parts_with(known, kind)]
     return [*names, *filter(None, map(_metric_name, known))]
@@ -195,6 +200,7 @@ def _seat(response: Response, where: str, last: Bools) -> list[Metric]:
 
 
 _LOFT, _NOSE_FORCE, _FRICTION_POWER = "valve_loft", "nose_force.least", "friction_power.mean"
+_GAP = "gap.largest"
 _DRIVE = ("torque.mean", "power.mean")
 
 

@@ -24,11 +24,12 @@ OIL = (
     'contacts.intake.lubrication={viscosity="10 mPa s",pressure_viscosity="15 1/GPa",roughness="0.3 um",'
     'conductivity="46 W/m/K",specific_heat="470 J/kg/K",wear_coefficient="1e-18 m^2/N"}'
 )
+WARM = ("materials.steel.expansion=12e-6", "members.pushrod.temperature=10")
 
 # Five steps from the middle of the rise, from standstill.
 SHORT = (
     "run.revolutions=0.007", "run.steps_per_revolution=720", "cams.intake.phase=-30deg", "cams.exhaust.phase=-30deg",
-    "cams.direct.phase=-30deg", OIL,
+    "cams.direct.phase=-30deg", OIL, *WARM,
 )  # fmt: skip
 
 # By part: what falls on it, for an impact.
@@ -43,6 +44,8 @@ SWING = 'fluctuation = { orders = [2, 4], amplitudes = ["3 %", 0.01], phases = [
 # by key: what is laid over
 CHANGED = {
     "members.pushrod.bow": "members.pushrod.bow=-1mm",
+    "members.pushrod.temperature": "members.pushrod.temperature=20",
+    "materials.steel.expansion": "materials.steel.expansion=20e-6",
     "rockers.rocker.angles": "rockers.rocker.angles=[0.1, 0.0]",
     "rockers.rocker.angles, at the point": 'rockers.rocker.angles=["-8 deg", "4 deg"]',
     "rockers.rocker.arms": 'rockers.rocker.arms=["25 mm", "38 mm"]',
@@ -100,7 +103,7 @@ def differs(one, other):
     return any(np.abs(one[name] - other[name]).max() > 1e-7 * np.abs(one[name]).max() for name in one if name in other)
 
 
-QUICK = ("members.pushrod.bow", "rockers.rocker.angles", "contacts.adjuster.leak", "run.fluctuation.orders",
+QUICK = ("members.pushrod.bow", "members.pushrod.temperature", "rockers.rocker.angles", "contacts.adjuster.leak", "run.fluctuation.orders",
          "contacts.intake.lubrication.viscosity")  # fmt: skip
 
 
@@ -235,6 +238,12 @@ ADJUSTER = (
     '{ viscosity = "20 mPa s", bulk_modulus = "1.5 GPa", plunger_diameter = "11 mm", clearance = "6 um", '
     'land_length = "8 mm", chamber_height = "5 mm", air = "5 %", pressure = "2 MPa" } }'
 )
+BODY = """
+format = 1
+nodes = { foot = [0, 0, 0], tip = [0, 1, 0] }
+run = { speed = "600 rpm", revolutions = 1, steps_per_revolution = 100 }
+superelements = { arm = { nodes = { 1 = "foot", 2 = "tip" }, units = "m-kg-s", mass = "K.mtx", stiffness = "K.mtx", damping = "K.mtx", modes = 2 } }
+"""
 PAPERS = ("checks/mathieu.toml", "li/valve-train.toml", "petrescu/valve-spring.toml")
 
 
@@ -242,7 +251,7 @@ def test_every_key_of_the_format_stands_in_some_case(rewritten, tmp_path):
     """All tables of the format."""
     shutil.copy(DATA / "lift.csv", tmp_path)
     cases = [
-        (DATA / "every-key.toml", []), (DATA / "every-contact.toml", []), (ENGINE, [OIL]), (rewritten(SWING, FREE), []),
+        (DATA / "every-key.toml", []), (DATA / "every-contact.toml", []), (ENGINE, [OIL, *WARM]), (rewritten(SWING, FREE), []),
         (ENGINE, [COILS, TABLE]),
         (DATA / "every-key.toml", ['run.integrator={ method = "hht", alpha = -0.1 }']),
         (DATA / "every-key.toml", ['run.integrator={ method = "generalized-alpha", rho_inf = 0.8 }']),
@@ -268,6 +277,9 @@ def test_every_key_of_the_format_stands_in_some_case(rewritten, tmp_path):
         (DATA / "every-key.toml", ['run.adaptive={ tolerance = 1e-6, smallest = "1 ns" }']),
         *((DATA.parents[1] / "cases" / name, []) for name in PAPERS),
     ]  # fmt: skip
+    (tmp_path / "K.mtx").write_text("1 1 1 1 2.0\n2 1 2 1 2.0\n", encoding="utf-8")
+    (tmp_path / "body.toml").write_text(BODY, encoding="utf-8")
+    cases.append((tmp_path / "body.toml", []))
     text = (DATA / "every-key.toml").read_text(encoding="utf-8")
     text = text.replace("steps_per_revolution = 720", 'step = "20 us"').replace('speed = "1000', 'crank_speed = "2000')
     (tmp_path / "step.toml").write_text(text, encoding="utf-8")

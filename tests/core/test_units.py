@@ -44,6 +44,7 @@ COMPOSED = [
     ("rev/min", "speed"), ("deg/s", "speed"), ("N m/deg", "rotational stiffness"), ("N m s/rad", "rotational damping"),
     ("W s", "moment"), ("kW h", "moment"), ("J/m", "force"), ("mPa s", "viscosity"), ("1/GPa", "pressure-viscosity coefficient"),
     ("mm^3/N/m", "wear coefficient"), ("mm^2/N", "wear coefficient"), ("W/m/K", "thermal conductivity"), ("J/g/K", "specific heat"),
+    ("um/m/K", "thermal expansion"), ("K", "temperature"),
 ]  # fmt: skip
 FOR_PINT = {"°": "deg", "%": "percent", "rev": "turn", "rev/min": "turn/min"}
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 from math import tau
 from typing import Annotated, Literal, Self
 
+import numpy as np
 from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
 
 from flexcam import valvetrain
-from flexcam.case.curves import LoadDefinition
+from flexcam.case.curves import LoadDefinition, MatrixDefinition
 from flexcam.case.schema.base import (
     DampingValue,
     DirectionValue,
@@ -34,6 +35,8 @@ from flexcam.case.schema.base import (
     is_rotation,
     value_error,
 )
+from flexcam.core import FloatArray
+from flexcam.core.errors import refuse
 from flexcam.fem.frames import direction
 from flexcam.fem.rigid_bodies import PointMass
 from flexcam.fem.sections import Material, Section
@@ -58,9 +61,12 @@ class MaterialRecord(PartRecord[Material]):
         None, description="stress amplitude of unlimited life, for the margin against fatigue"
     )
 
+    expansion: Annotated[float, Unit("thermal expansion")] = Field(0.0, description="linear, per kelvin")
+
     def build(self) -> Material:
         """Build the material."""
-        return Material(self.E, self.nu, self.density, self.ultimate_strength, self.endurance_limit)
+        strengths = self.ultimate_strength, self.endurance_limit
+        return Material(self.E, self.nu, self.density, *strengths, self.expansion)
 
 
 class _SectionRecord(PartRecord[Section]):
@@ -155,6 +161,9 @@ class MemberRecord(Record):
         False, strict=True, description="axial force and bending act on each other within a run"
     )
     bow: Position = Field(0.0, description="initial half wave in the local x-y plane, at mid-length")
+    temperature: Annotated[float, Unit("temperature", signed=True)] = Field(
+        0.0, description="rise over the temperature of assembly; needs expansion of the material"
+    )
 
     @model_validator(mode="after")
     def _check_bow(self) -> Self:
@@ -174,6 +183,42 @@ class MassRecord(PartRecord[valvetrain.MassAt]):
     def build(self) -> valvetrain.MassAt:
         """Build the body and its position."""
         return valvetrain.MassAt(self.at, PointMass(self.mass, self.inertia, self.offset))
+
+
+_MatrixFile = Annotated[
+    MatrixDefinition, Field(description="Matrix Market file, or lines of node, component, node, component, value")
+]
+
+
+class SuperelementRecord(Record):
+    """Elastic body by its matrices, which another program computed; its axes are the global ones."""
+
+    nodes: dict[Annotated[str, Field(pattern=r"^[1-9][0-9]*$")], Name] = Field(
+        min_length=2, description="numbers of its interface nodes in the files, and their named nodes"
+    )
+    units: Literal["m-kg-s", "mm-t-s"] = Field(description="of the files: length, mass and time")
+    stiffness: _MatrixFile
+    mass: _MatrixFile
+    damping: _MatrixFile | None = None
+    modes: int | None = Field(
+        None, ge=0, strict=True, description="modes with fixed interface; all by default, up to 200"
+    )
+
+    def matrices(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return mass, stiffness and damping in SI, the rows of the interface nodes first."""
+        given = [one.matrix for one in (self.mass, self.stiffness, self.damping) if one is not None]
+        rows = sorted({label for matrix in given for label in matrix.labels})
+        known, interface = {node for node, _ in rows}, [int(node) for node in self.nodes]
+        if missing := [str(node) for node in interface if node not in known]:
+            allowed = f"nodes of the matrices, {min(known)} to {max(known)}"
+            raise refuse("nodes", ", ".join(missing), allowed, "the files have no entry of them")
+        order = [(node, dof) for node in interface for dof in range(1, 7)]
+        order += [row for row in rows if row[0] not in interface]
+        # in mm-t-s a displacement has 1000 times its number of metres, and an energy of 1 is a millijoule
+        length, energy = (1e3, 1e-3) if self.units == "mm-t-s" else (1.0, 1.0)
+        scale = np.array([length if dof <= 3 else 1.0 for _, dof in order])
+        mass, stiffness, *damping = (energy * np.outer(scale, scale) * one.ordered(order) for one in given)
+        return mass, stiffness, damping[0] if damping else 0.0 * mass
 
 
 class BearingRecord(Record):

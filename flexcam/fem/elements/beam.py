@@ -50,6 +50,7 @@ class Beams:
     lumped: FloatArray  #: 1 where the mass is lumped, else 0, shape (e,)
     arched: FloatArray  #: 1 where axial force and bending are coupled, else 0, shape (e,)
     bow: FloatArray  #: initial slopes and rotations of such elements, see `arch`, shape (e, 6)
+    thermal: FloatArray  #: compression if both ends are fixed, ``EA alpha dT``, N, shape (e,)
 
     def __len__(self) -> int:
         return len(self.length)

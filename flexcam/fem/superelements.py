@@ -1,0 +1,126 @@
+"""Superelements: mass and stiffness of an elastic body between named nodes, reduced to these nodes and some modes.
+
+R. R. Craig and M. C. C. Bampton, Coupling of substructures for dynamic analyses, AIAA Journal 6 (1968): the unknowns
+are the six components of every interface node and the amplitudes of modes with fixed interface.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexcam.core import FloatArray
+from flexcam.core.errors import refuse
+
+INTERNAL_LIMIT = 200
+"""Number of internal unknowns up to which all of them are kept as modes without being asked for."""
+
+_SYMMETRY = 1e-6  # relative difference of two entries of a symmetric matrix, for files with few digits
+_RIGID = 1e-4  # strain energy of a rigid-body motion relative to that of its parts, for files with few digits
+_ZERO = 1e-9  # eigenvalue of the scaled stiffness below which a motion has no strain energy
+
+
+@dataclass(frozen=True, eq=False)
+class Superelement:
+    """Reduced matrices of a body; its unknowns are ux to rz of each interface node, global axes, then its modes."""
+
+    nodes: tuple[str, ...]  #: names of the interface nodes
+    #: `mass`, `stiffness`, `damping`: SI, shape (n, n)
+    mass: FloatArray
+    stiffness: FloatArray
+    damping: FloatArray
+
+    @property
+    def modes(self) -> int:
+        """Number of modes with fixed interface."""
+        return len(self.mass) - 6 * len(self.nodes)
+
+
+def reduce_superelement(
+    nodes: tuple[str, ...], positions: FloatArray, matrices: tuple[FloatArray, FloatArray, FloatArray],
+    modes: int | None = None,
+) -> Superelement:  # fmt: skip
+    """Return the superelement of mass, stiffness and damping, whose first unknowns are those of the interface nodes.
+
+    Refuses matrices that are not symmetric or have negative energy, and a stiffness that resists one of the six
+    rigid-body motions of the nodes at their positions (m, shape (k, 3)), or a seventh motion does not.
+    """
+    names = ("mass", "stiffness", "damping")
+    mass, stiffness, damping = (_symmetric(name, one) for name, one in zip(names, matrices, strict=True))
+    outer = 6 * len(nodes)
+    internal = len(stiffness) - outer
+    kept = internal if modes is None else min(modes, internal)
+    if kept > INTERNAL_LIMIT:
+        given, why = f"{kept} modes", "each becomes an unknown of the run"
+        raise refuse("modes", given, f"up to {INTERNAL_LIMIT}", why, "add modes = 20, or another number of modes")
+    basis = np.zeros((len(stiffness), outer + kept))
+    basis[:outer, :outer] = np.eye(outer)
+    if internal:
+        basis[outer:, :outer], basis[outer:, outer:] = _internal_shapes(mass, stiffness, outer, kept)
+    reduced = [basis.T @ one @ basis for one in (mass, stiffness, damping)]
+    reduced[1][:outer, outer:] = reduced[1][outer:, :outer] = 0.0  # static shapes have no energy with the modes
+    reduced[1][:outer, :outer] = _free_of_rigid_motions(reduced[1][:outer, :outer], positions)
+    return Superelement(nodes, reduced[0], reduced[1], reduced[2])
+
+
+def _symmetric(name: str, matrix: FloatArray) -> FloatArray:
+    """Return a symmetric matrix without rounding; refuse another one, and one with negative energy."""
+    size = np.sqrt(np.abs(np.diag(matrix)))
+    uneven = np.abs(matrix - matrix.T) > _SYMMETRY * np.maximum(np.outer(size, size), np.abs(matrix).max() * 1e-12)
+    if uneven.any():
+        i, j = np.argwhere(uneven)[0].tolist()
+        given = f"{matrix[i, j]:g} in row {i + 1}, column {j + 1}, and {matrix[j, i]:g} in the transposed place"
+        raise refuse(name, given, "a symmetric matrix", "action and reaction are equal")
+    even = 0.5 * (matrix + matrix.T)
+    scale = np.where(size > 0.0, size, 1.0)
+    least = float(np.linalg.eigvalsh(even / np.outer(scale, scale)).min())
+    if least < -_SYMMETRY:
+        raise refuse(name, f"a motion with negative energy ({least:.3g} scaled)", "a positive semi-definite matrix")
+    return even
+
+
+def _internal_shapes(mass: FloatArray, stiffness: FloatArray, outer: int, kept: int) -> tuple[FloatArray, FloatArray]:
+    """Return the static shapes and the lowest modes of the internal unknowns with fixed interface."""
+    from scipy.linalg import LinAlgError, eigh
+
+    own, across = stiffness[outer:, outer:], stiffness[outer:, :outer]
+    try:
+        np.linalg.cholesky(own)
+    except np.linalg.LinAlgError:
+        why = "with fixed interface nodes an internal motion has no stiffness"
+        raise refuse("stiffness", "loose internal unknowns", "a body that its nodes hold", why) from None
+    static = np.asarray(-np.linalg.solve(own, across), dtype=np.float64)
+    if not kept:
+        return static, np.zeros((len(own), 0))
+    try:
+        shapes = eigh(own, mass[outer:, outer:], subset_by_index=[0, kept - 1])[1]
+    except LinAlgError:
+        why = "modes need a mass for every internal unknown"
+        raise refuse("mass", "internal unknowns without mass", "a consistent mass", why, "or modes = 0") from None
+    return static, np.asarray(shapes / np.abs(shapes).max(axis=0), dtype=np.float64)
+
+
+def _free_of_rigid_motions(stiffness: FloatArray, positions: FloatArray) -> FloatArray:
+    """Return the stiffness of the interface without the rounding that resists rigid-body motions."""
+    arm = positions - positions.mean(axis=0)
+    motions = np.zeros((len(arm), 6, 6))
+    motions[:, :3, :3], motions[:, 3:, 3:] = np.eye(3), np.eye(3)
+    motions[:, :3, 3:] = np.swapaxes(np.cross(np.eye(3), arm[:, None]), 1, 2)
+    R = motions.reshape(-1, 6)
+    energy, parts = np.diag(R.T @ stiffness @ R), np.diag(np.abs(R).T @ np.abs(stiffness) @ np.abs(R))
+    strained = np.flatnonzero(energy > _RIGID * parts).tolist()
+    if strained:
+        kinds = ("x", "y", "z", "rotation about x", "rotation about y", "rotation about z")
+        names = ", ".join(kinds[i] for i in strained)
+        why = "the matrix is that of a free body, with its nodes where the case has them, in global axes"
+        raise refuse("stiffness", f"a stiffness against rigid motion: {names}", "none", why, "compare nodes and units")
+    free = np.eye(len(R)) - R @ np.linalg.pinv(R)
+    exact = free.T @ stiffness @ free
+    scale = np.sqrt(np.abs(np.diag(stiffness)))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    loose = int(np.count_nonzero(np.linalg.eigvalsh(exact / np.outer(scale, scale)) < _ZERO)) - 6
+    if loose > 0:
+        why = "each interface node needs the stiffness of its three displacements and three rotations"
+        raise refuse("stiffness", f"{loose} further motions without strain energy", "six rigid-body motions", why)
+    return np.asarray(exact, dtype=np.float64)

@@ -1,0 +1,216 @@
+"""A beam exported as a superelement moves as the beam, in any format and with its modes condensed.
+
+The matrices are those of the elements of `flexcam.fem`, whose nodes between the ends are internal unknowns. With all
+modes of the fixed interface the reduction of Craig and Bampton only changes the unknowns; with few of them the lowest
+frequencies keep four digits (R. R. Craig and M. C. C. Bampton, AIAA Journal 6 (1968)).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.io import mmwrite
+
+from flexcam import InputError, Mesh, build_model, prepare, read_case, read_result, run
+from flexcam.analysis.run import open_result_file
+from flexcam.case.reader import case_from_result
+from flexcam.fem.assembly import mass, stiffness
+from flexcam.fem.dofs import dof_map
+from flexcam.fem.members import Member, beams
+from flexcam.fem.sections import Material, Section
+from flexcam.valvetrain import build_structure
+from flexcam.valvetrain.modes import model_modes
+
+SOURCE = "Superelements"
+CASE = """
+format = 1
+nodes = { foot = ["20 mm", 0, "50 mm"], tip = ["120 mm", "80 mm", "50 mm"], end = ["120 mm", "120 mm", "50 mm"] }
+sections = { rod = { shape = "rectangle", width_y = "6 mm", width_z = "9 mm" } }
+materials = { steel = { E = "200 GPa", nu = 0.3, density = 7800 } }
+supports = { foot = ["ux", "uy", "uz", "rx", "ry", "rz"] }
+masses = { head = { at = "end", mass = "50 g" } }
+springs = { valve = { at = "end", direction = "uy", stiffness = "30 kN/m", installed_force = "50 N" } }
+loads = { push = { at = "tip", direction = "ux", force = "20 N" } }
+run = { speed = "3000 rpm", steps_per_revolution = 1000, revolutions = 0.2, start = "rest" }
+output = { probes = ["tip", "end"] }
+
+[members]
+stem = { nodes = ["tip", "end"], material = "steel", section = "rod" }
+BODY
+"""
+BEAM = 'arm = { nodes = ["foot", "tip"], elements = 4, material = "steel", section = "rod", orientation = [0, 0, 1] }'
+ARM = """
+[superelements.arm]
+nodes = { 1 = "foot", 2 = "tip" }
+units = "m-kg-s"
+stiffness = "K.mtx"
+mass = "M.mtx"
+"""
+
+
+def arm_matrices():
+    """Return stiffness and mass of the free arm, both ends first."""
+    inner = np.linspace([0.02, 0.0, 0.05], [0.12, 0.08, 0.05], 5)
+    mesh = Mesh(inner[[0, 4, 1, 2, 3]], {"arm": [0, 2, 3, 4, 1]}, {})
+    member = Member(Material(2e11, 0.3, 7800.0), Section.rectangle(0.006, 0.009), (0.0, 0.0, 1.0))
+    elements, dofs = beams(mesh, {"arm": member}), dof_map(mesh, ())
+    return stiffness(elements, dofs).dense(), mass(elements, dofs).dense()
+
+
+def write_list(path, matrix):
+    """Write one triangle of a matrix as lines of node, component, node, component, value."""
+    lines = ["** written by hand", "*MATRIX, TYPE=ANY"]
+    for i, j in np.argwhere(np.tril(matrix)).tolist():
+        lines.append(f"{i // 6 + 1}, {i % 6 + 1}, {j // 6 + 1}, {j % 6 + 1}, {float(matrix[i, j])!r}")
+    path.write_text("\n".join(lines), encoding="utf-8")
+
+
+@pytest.fixture
+def case(tmp_path):
+    """Return the case with the beam, or with its superelement."""
+
+    def make(body=ARM, change=lambda K, M: (K, M), write=mmwrite, overrides=()):
+        for name, matrix in zip(("K", "M"), change(*arm_matrices()), strict=True):
+            write(tmp_path / f"{name}.mtx", matrix)
+        path = tmp_path / "arm.toml"
+        path.write_text(CASE.replace("BODY", body), encoding="utf-8")
+        return read_case(path, overrides)
+
+    return make
+
+
+def frequencies(case, count=6):
+    """Return the lowest natural frequencies, Hz, and the kinetic energies."""
+    found = model_modes(build_structure(build_model(case)), count)
+    return found.modes.omegas / (2.0 * np.pi), found.shares
+
+
+@pytest.mark.parametrize("write", [mmwrite, write_list])
+def test_frequencies_of_a_beam(record, case, write):
+    reference, _ = frequencies(case(BEAM))
+    computed, shares = frequencies(case(write=write))
+    for i in range(6):
+        record(source=SOURCE, case=f"beam, {write.__name__}", quantity=f"frequency {i + 1}", unit="Hz",
+               reference=reference[i], computed=computed[i], tolerance=1e-6, reason="digits of the file")  # fmt: skip
+    assert all(sum(one.values()) == pytest.approx(1.0) for one in shares)
+    assert shares[0]["superelement arm"] > 0.0
+
+
+def test_response_of_a_beam(record, case):
+    beam, body = run(case(BEAM)), run(case())
+    for probe in ("end.uy", "tip.ux", "tip.rz"):
+        reference, computed = (one[probe].displacement for one in (beam, body))
+        far = float(np.abs(reference).max())
+        record(source=SOURCE, case="beam under a force", quantity=f"largest error of {probe} over its largest value",
+               unit="1", reference=0.0, computed=np.abs(computed - reference).max() / far, tolerance=1e-6,
+               absolute=True, reason="digits of the file")  # fmt: skip
+
+
+def test_condensed_to_few_modes(record, case):
+    reference, _ = frequencies(case(BEAM), 3)
+    computed, _ = frequencies(case(overrides=["superelements.arm.modes=4"]), 3)
+    record(source=SOURCE, case="beam with 4 of 18 modes", quantity="frequency 3", unit="Hz", reference=reference[2],
+           computed=computed[2], tolerance=1e-3, reason="truncated modes")  # fmt: skip
+    assert prepare(case(overrides=["superelements.arm.modes=0"])).problem.system.size == 12
+
+
+CAM = [
+    "nodes.cam=[0.12, -0.03, 0.05]",
+    'supports.foot=["ux", "uy", "uz", "rx", "ry"]',
+    'cams.exhaust={ at = "cam", axis = [0, 0, 1], law = "4-5-6-7", lift = "5 mm", rise = "60 deg", return = "60 deg" }',
+    'contacts.cam={ cam = "exhaust", follower = "tip", direction = "uy", model = "bilateral", stiffness = "100 MN/m" }',
+    "loads={}",
+    "run.start=equilibrium",
+]
+
+
+@pytest.mark.parametrize("kind", ["rigid", "beams"])
+def test_finger_under_a_cam(record, case, kind):
+    beam, body = (run(case(text, overrides=[*CAM, f"fidelity.model={kind}"])) for text in (BEAM, ARM))
+    reference, computed = (one.channels["contacts.cam.force"] for one in (beam, body))
+    assert np.abs(reference).max() > 50.0
+    record(source=SOURCE, case=f"finger under a cam, {kind}", quantity="largest error over the largest force",
+           unit="1", reference=0.0, computed=np.abs(computed - reference).max() / np.abs(reference).max(),
+           tolerance=1e-6, absolute=True, reason="digits of the file")  # fmt: skip
+
+
+def test_units_of_millimetres(case):
+    """Stiffness in N/mm, N and N mm, mass in t, t mm and t mm^2."""
+
+    def converted(K, M):
+        scale = np.tile([1e-3] * 3 + [1.0] * 3, len(K) // 6)
+        return 1e3 * scale[:, None] * K * scale, 1e3 * scale[:, None] * M * scale
+
+    reference, _ = frequencies(case())
+    computed, _ = frequencies(case(ARM.replace("m-kg-s", "mm-t-s"), converted))
+    assert computed == pytest.approx(reference, rel=1e-6)
+
+
+def test_files_of_few_digits_still_move_freely(case):
+    """Nine digits: rounding would hold the free body."""
+    rounded = lambda K, M: tuple(np.vectorize(lambda x: float(f"{x:.8e}"))(one) for one in (K, M))  # noqa: E731
+    text = 'supports={ end = ["rx"] }'
+    system = prepare(case(change=rounded, overrides=[text, "springs={}", "loads={}"])).problem.system
+    assert system.free is not None
+    assert system.free.shape[1] == 5
+
+
+def moved(K, M):
+    K = K.copy()
+    K[0, 0] *= 1.1
+    return K, M
+
+
+def uneven(K, M):
+    K = K.copy()
+    K[0, 5] += 1e6
+    return K, M
+
+
+def negative(K, M):
+    return K, -M
+
+
+def without_rotation(K, M):
+    keep = np.arange(len(K)) % 6 < 3
+    return K * np.outer(keep, keep), M
+
+
+@pytest.mark.parametrize(
+    ("change", "overrides", "message"),
+    [
+        (moved, (), "a stiffness against rigid motion: x"),
+        (lambda K, M: (K, M), ["nodes.foot=[0, 0, 0]"], "a stiffness against rigid motion: rotation"),
+        (uneven, (), "a symmetric matrix"),
+        (negative, (), "a positive semi-definite matrix"),
+        (without_rotation, (), "internal|further motions without strain energy"),
+        (lambda K, M: (K[:6, :6], M[:6, :6]), (), "The files have no entry of them"),
+        (lambda K, M: (K, M), ["superelements.arm.nodes.2=nowhere"], "nowhere"),
+        (lambda K, M: (K, M), ["superelements.arm.nodes.2=foot"], "different nodes"),
+        (lambda K, M: (K, M), ["superelements.arm.mass=none.mtx"], "none.mtx"),
+        (lambda K, M: (K, M), ["superelements.arm.units=inch"], "units"),
+    ],
+)
+def test_bad_matrices_are_refused(case, change, overrides, message):
+    with pytest.raises(InputError, match=message):
+        build_model(case(change=change, overrides=overrides))
+
+
+@pytest.mark.parametrize("text", ["", "1, 1, 1\n", "1, 7, 1, 7, 2.0\n", "1, 1, 1, 1, nan\n", "%%MatrixMarket what\n"])
+def test_damaged_files_are_refused(case, text, tmp_path):
+    case()
+    (tmp_path / "K.mtx").write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match=r"superelements\.arm\.stiffness"):
+        read_case(tmp_path / "arm.toml")
+
+
+def test_a_result_brings_its_matrices(case, tmp_path):
+    made = case(overrides=["output.field_every=5"])
+    ready = prepare(made)
+    sink = open_result_file(ready, tmp_path / "results")
+    run(made, sinks=[sink])
+    for name in ("K.mtx", "M.mtx"):
+        (tmp_path / name).unlink()
+    again = build_model(case_from_result(read_result(sink.path)))
+    assert np.array_equal(again.superelements["arm"].mass, ready.model.superelements["arm"].mass)
+    assert again.mesh.bodies["arm"].tolist() == ready.model.mesh.bodies["arm"].tolist()
