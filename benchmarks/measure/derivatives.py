@@ -15,7 +15,6 @@ from scipy.special import gamma
 
 from benchmarks.timing import least
 from flexcam.case.reader import CaseFile
-from flexcam.core.errors import InputError
 from flexcam.studies.evaluators import create_evaluator
 from flexcam.studies.sensitivity import Sensitivity, sensitivities
 
