@@ -20,7 +20,7 @@ from flexcam.studies.sensitivity import Sensitivity, sensitivities
 
 MASS, STIFFNESS, GRAVITY, SPEED, TURNS = 2.0, 800.0, 9.81, 20.0, 3  # an oscillator at 20 rad/s for three periods
 HEIGHT, RESTITUTION, FALL = 0.5, 0.8, 0.7  # a ball that falls on a floor, for 0.7 s
-MATHIEU_STEPS, REPEATS = 3600, 3
+MATHIEU_STEPS, REPEATS = 3600, 5
 
 OSCILLATOR = f"""
 format = 1
