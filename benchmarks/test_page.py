@@ -13,12 +13,14 @@ from benchmarks.measure import (
     bounds,
     compiler,
     contact,
+    derivatives,
     gradients,
     linear,
     modes,
     peaks,
     process,
     saving,
+    searches,
     sweep,
 )
 from benchmarks.processes import ROOT
@@ -39,6 +41,11 @@ def smallest(monkeypatch):
     monkeypatch.setattr(gradients, "NUMBERS", {"direct-acting/bucket": ("run.crank_speed",)})
     monkeypatch.setattr(gradients, "COUNTS", (1,))
     monkeypatch.setattr(gradients, "REPEATS", 1)
+    monkeypatch.setattr(derivatives, "CHECKS", derivatives.CHECKS[:1])
+    monkeypatch.setattr(derivatives, "REPEATS", 1)
+    monkeypatch.setattr(searches, "VARIED", searches.VARIED[:2])
+    monkeypatch.setattr(searches, "GRADIENT", 2)
+    monkeypatch.setattr(searches, "GLOBAL", 24)
     monkeypatch.setattr(assembly, "ELEMENTS", (10,))
     monkeypatch.setattr(modes, "SHAFTS", modes.SHAFTS[:1])
     monkeypatch.setattr(peaks, "WORKS", {"Python": "pass"})
@@ -50,7 +57,10 @@ def smallest(monkeypatch):
 
 @pytest.mark.usefixtures("smallest")
 def test_the_page_is_made_of_what_is_measured():
-    rooms = (bounds, linear, contact, accuracy, sweep, gradients, assembly, modes, peaks, saving, process, compiler)
+    rooms = (
+        bounds, linear, contact, accuracy, sweep, gradients, derivatives, searches, assembly, modes, peaks, saving,
+        process, compiler,
+    )  # fmt: skip
     tables = {room.__name__.rpartition(".")[2]: room.measured() for room in rooms}
     found = {"machine": machine.described(), "date": machine.today(), "versions": machine.versions("flexcam")}
     spec = importlib.util.spec_from_file_location("make_performance", ROOT / "docs/make_performance.py")

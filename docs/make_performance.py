@@ -266,6 +266,48 @@ def _gradients(tables: dict) -> list[str]:
     ]
 
 
+def _derivatives(tables: dict) -> list[str]:
+    """Return derivatives against closed forms."""
+    rows = [
+        f"| {row['what']} | `{row['scalar']}` | {row['closed_form']:.6g} | {row['exact_error']:.0e} | "
+        f"{_number(row['exact_ms'])} | {row['differences_error']:.0e} | {_number(row['differences_ms'])} |"
+        for row in tables["derivatives"]
+    ]
+    return [
+        "Derivatives with known values (`benchmarks/measure/derivatives.py`; SI): relative error and time of",
+        "`flexcam sensitivity --method exact` and `--method differences`. Frequencies, static results and Floquet",
+        "multipliers have the same derivatives with both.",
+        "",
+        "| derivative | of | closed form | exact, error | ms | differences, error | ms |",
+        "|---|---|---|---|---|---|---|",
+        *rows,
+        "",
+    ]
+
+
+def _searches(tables: dict) -> list[str]:
+    """Return what searches by gradient and without derivatives cost."""
+    searched = tables["searches"]
+    rows = [
+        f"| `{row['method']}` | {row['variants']} | {row['seconds']:.0f} | {row['best_rpm']:.0f} | "
+        + (f"{row['until']} | {row['until_s']:.0f} |" if row["until"] else "not reached | |")
+        for row in searched
+    ]
+    return [
+        "## Searches",
+        "",
+        "The highest crank speed at which the intake train of the pushrod engine keeps a force of 50 N on the nose, with the wire stress",
+        "of its spring below 856 MPa, by seven values: speed, stiffness and installed force of the spring, four coefficients of the rise",
+        "(`benchmarks/measure/searches.py`). `flexcam optimize` with both methods on one core: variants and processor time, in all and",
+        f"until {searched[0]['reached_rpm']:.0f} rpm, 1 % below the result of the gradient. A variant of the gradient includes its derivatives.",
+        "",
+        "| method | variants | s | result, rpm | variants until then | s |",
+        "|---|---|---|---|---|---|",
+        *rows,
+        "",
+    ]
+
+
 def _assembly(tables: dict) -> list[str]:
     """Return the way from a mesh to matrices."""
     rows = [
@@ -372,7 +414,8 @@ def _process(tables: dict) -> list[str]:
 
 
 SECTIONS: dict[str, Callable[[dict], list[str]]] = {
-    "linear": _linear, "contact": _contact, "accuracy": _accuracy, "sweep": _sweep, "gradients": _gradients, "assembly": _assembly, "modes": _modes, "peaks": _peaks,
+    "linear": _linear, "contact": _contact, "accuracy": _accuracy, "sweep": _sweep, "gradients": _gradients,
+    "derivatives": _derivatives, "searches": _searches, "assembly": _assembly, "modes": _modes, "peaks": _peaks,
     "saving": _saving, "process": _process, "compiler": _compiler,
 }  # fmt: skip
 """Their order on the page, by the table of the JSON each shows."""

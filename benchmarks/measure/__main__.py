@@ -18,12 +18,14 @@ from benchmarks.measure import (
     bounds,
     compiler,
     contact,
+    derivatives,
     gradients,
     linear,
     modes,
     peaks,
     process,
     saving,
+    searches,
     sweep,
 )
 from benchmarks.processes import ROOT
@@ -35,6 +37,8 @@ TABLES: dict[str, Callable[[], object]] = {
     "accuracy": accuracy.measured,
     "sweep": sweep.measured,
     "gradients": gradients.measured,
+    "derivatives": derivatives.measured,
+    "searches": searches.measured,
     "assembly": assembly.measured,
     "modes": modes.measured,
     "peaks": peaks.measured,

@@ -3,12 +3,14 @@
 ``probes.POINT.SERIES.largest`` (of a component: ``probes.POINT.COMPONENT.SERIES.largest``) is the maximum absolute
 displacement, velocity or acceleration in the last revolution, of the dense output. ``deviation.peak`` and
 ``deviation.rms`` are the deviations of the whole run from the rigid train at the default probe, relative to the lift.
-``energy.residual.largest`` is the residual of the energy balance. All others are metrics of
+``energy.residual.largest`` is the residual of the energy balance. ``HISTORY.rms`` and ``HISTORY.pnorm_8`` are p-norms
+of a channel or of the motion of a probe, computed only on request. All others are metrics of
 `flexcam.valvetrain.train_metrics`.
 """
 
 from __future__ import annotations
 
+import re
 import time
 import traceback
 from collections.abc import Iterator, Mapping, Sequence
@@ -23,12 +25,14 @@ from flexcam.analysis.preparation import PreparedRun, build_problem, compute_met
 from flexcam.analysis.run import open_result_file
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
+from flexcam.core import FloatArray
 from flexcam.core.errors import InputError
 from flexcam.core.units import RPM
 from flexcam.dynamics import (
     SERIES,
     SLOPES,
     Cause,
+    Outline,
     Response,
     RunFailedError,
     SaveAt,
@@ -46,13 +50,14 @@ from flexcam.valvetrain import ANY_SPEED, Metric, Model, build_rigid, train_metr
 
 
 def compute_scalars(ready: PreparedRun, response: Response, names: Sequence[str] | None = None) -> list[Metric]:
-    """Return the scalars of a run: all, or those of the kinds of given names."""
+    """Return the scalars of a run: all without a parameter, or those of the kinds of given names."""
     kinds = None if names is None else {name.partition(".")[0] for name in names}
     figures = [
         *(compute_metrics(ready, response, names) if response.outline.channels else ()),
         *(_probe_scalars(response, ready.revolution) if kinds is None or "probes" in kinds else ()),
         *(_deviation_scalars(ready, response) if kinds is None or "deviation" in kinds else ()),
         *_energy_residual(response),
+        *_norms(ready, response, names or ()),
     ]
     return [figure for figure in figures if np.isfinite(figure.value)]
 
@@ -62,14 +67,49 @@ def are_probe_scalars(names: Sequence[str]) -> bool:
     return bool(names) and all(name.partition(".")[0] in ("probes", "deviation") for name in names)
 
 
-def scalar_names(case: Case) -> list[str]:
-    """Return the names of all scalars of a case, without a run."""
+def scalar_names(case: Case, asked: Sequence[str] = ()) -> list[str]:
+    """Return the names of all scalars of a case, and of the p-norms among the requested ones, without a run."""
     model, system = build_problem(case)
     named = outline(system)
     names = train_metric_names(model, [name for name, _ in named.channels])
     names += [f"probes.{probe}.{series}.largest" for probe in scalar_probes(named) for series in SERIES]
+    histories = history_units(named)
+    names += [name for name in asked if (norm := _NORM.match(name)) and norm[1] in histories]
     compared = case.record.fidelity.model != "rigid" and bool(case.record.output.probes) and bool(model.cam_contacts)
     return [*names, *(_DEVIATIONS if compared else ()), *(() if system.prescribed_motion else (_RESIDUAL,))]
+
+
+def history_units(named: Outline) -> dict[str, str]:
+    """Return the SI unit of every channel and of every motion of a probe, by name."""
+    motions = {
+        f"probes.{probe}.{series}": component_unit(component, unit)
+        for probe, component in scalar_probes(named).items()
+        for series, unit in SERIES.items()
+    }
+    return {**dict(named.channels), **motions}
+
+
+def get_history(response: Response, name: str) -> FloatArray:
+    """Return a channel or the motion of a probe, such as ``probes.valve.velocity``, shape (m,)."""
+    if name in response.channels:
+        return response.channels[name]
+    probe, _, series = name.removeprefix("probes.").rpartition(".")
+    return getattr(response[probe], series)
+
+
+_NORM = re.compile(r"(.+)\.(?:rms|pnorm_([2-9]|[1-9]\d))$")
+
+
+def _norms(ready: PreparedRun, response: Response, names: Sequence[str]) -> Iterator[Metric]:
+    """Yield the requested p-norms of histories in the last revolution, ((1/T) int |x|^p dt)^(1/p)."""
+    units, begin = history_units(response.outline), int(np.argmax(response.latest(ready.revolution)))
+    time = response.time[max(begin - 1, 0) :]  # with both ends of the revolution
+    for name in names:
+        if (norm := _NORM.match(name)) and norm[1] in units:
+            order, values = int(norm[2] or 2), np.abs(get_history(response, norm[1])[-len(time) :])
+            size = float(values.max()) or 1.0
+            mean = float(np.trapezoid((values / size) ** order, time)) / float(time[-1] - time[0])
+            yield Metric(name, size * mean ** (1.0 / order), units[norm[1]])
 
 
 _DEVIATIONS = ("deviation.peak", "deviation.rms")
@@ -125,13 +165,13 @@ class Row:
 
 def evaluate(
     case: Case, *, folder: Path | None = None, model: Model | None = None, runs: int = 1, channels: bool = True,
-    time_limit: float | None = None,
+    time_limit: float | None = None, names: Sequence[str] | None = None,
 ) -> Row:  # fmt: skip
-    """Run a case, no longer than `time_limit`, s, and return its row."""
+    """Run a case, no longer than `time_limit`, s, and return its row, with scalars of the kinds of given names."""
     begun = time.perf_counter()
     until = None if time_limit is None else time.monotonic() + time_limit
     try:
-        row = _run(case, folder, model, runs, channels, until)
+        row = _run(case, folder, model, runs, channels, until, names)
     except InputError as refusal:
         row = rejected_row(refusal)
     except RunFailedError as failure:
@@ -148,7 +188,8 @@ _SPARSE_OUTPUT = SaveAt(field_every=4096)
 
 
 def _run(
-    case: Case, folder: Path | None, model: Model | None, runs: int, channels: bool, until: float | None
+    case: Case, folder: Path | None, model: Model | None, runs: int, channels: bool, until: float | None,
+    names: Sequence[str] | None,
 ) -> Row:  # fmt: skip
     read, choice = select_case(case, until)
     ready = prepare(read, model=model, until=until)
@@ -159,7 +200,7 @@ def _run(
     response = solve(replace(ready.problem, runs=runs), ready.scheme, save=save, sinks=sinks, until=until)
     if not response.status.ok:
         return Row(response.status)
-    figures = compute_scalars(ready, response)
+    figures = compute_scalars(ready, response, names)
     values, units = {one.name: one.value for one in figures}, {one.name: one.unit for one in figures}
     if choice is None:
         return Row(response.status, values, units)

@@ -1,7 +1,7 @@
 """Derivatives of results by numbers of a case, exact through the time integration, and the search along them.
 
-Results of a run are derived along its motion (`flexcam.dynamics.tangent`), all others, such as natural frequencies and
-properties of a cam, by central differences: they are smooth functions without noise.
+Results of a run are derived along its motion (`flexcam.dynamics.tangent`), all others, such as natural frequencies,
+static results, Floquet multipliers and properties of a cam, by central differences: contact events add no noise.
 
 Maxima and minima over a revolution have kinks where another instant becomes the extreme one. A step of the search
 therefore takes all planes that are known near the best variant, tangents of the goal and of the constraints. It solves
@@ -39,6 +39,9 @@ from flexcam.valvetrain import Metric
 RELATIVE_WIDTH = 1e-6
 """Half the difference of a number, relative to its size: a compromise of rounding, and of contacts that it switches."""
 
+_WIDTH_WITHOUT_RUN = 1e-4
+"""The same for results without contact events: periodic states and eigenvalues have rounding errors of 1e-10."""
+
 CHAOTIC_GROWTH = 1e3
 """Growth of a small disturbance over a run above which derivatives say nothing about changes of practical size."""
 
@@ -48,8 +51,8 @@ _SIMILAR_RUNS = 10  # number of runs whose time the derivatives of a run take, f
 COUNTED = (".bounces", ".open_on_the_lift")
 """Ends of the names of results that count instants or events, and have no derivative."""
 
-_RATES = (".velocity.largest", ".acceleration.largest")
-"""Ends of the names of results that need the rates of a point, which one without mass does not have."""
+_RATES = (".velocity", ".acceleration")
+"""Ends of the names of histories whose results need the rates of a point, which one without mass does not have."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,8 +93,35 @@ def compute_gradient(
     `RunFailedError`. Example: ``compute_gradient(file, (), ["springs.valve.force.largest"], get_numbers(case, keys))``.
     """
     case = file.read(overrides)
-    steps = [RELATIVE_WIDTH * abs(size) for size in sizes or [number.value for number in numbers]]
-    pairs, widths = list[tuple[Case, ...]](), list[float]()
+    sizes = [abs(size) for size in sizes or [number.value for number in numbers]]
+    of_runs = [name for name in names if is_run_scalar(case, name)]
+    others = [name for name in names if name not in of_runs]
+    values, derivatives = dict[str, Metric](), dict[tuple[str, str], float]()
+
+    def add(rows: Sequence[Mapping[str, Metric]], widths: Sequence[float]) -> None:
+        values.update(rows[0])
+        for i, (number, width) in enumerate(zip(numbers, widths, strict=True)):
+            for name in rows[0]:
+                derivatives[name, number.key] = _difference(rows[1 + 2 * i], rows[2 + 2 * i], name) / width
+
+    growth, warning = 1.0, ""
+    if of_runs:
+        pairs, widths = _neighbour_cases(file, overrides, numbers, [RELATIVE_WIDTH * size for size in sizes])
+        found, growth, warning = _run_scalars(case, pairs, widths, of_runs)
+        add([{one.name: one for one in metrics if one.name in of_runs} for metrics in found], widths)
+    if others:
+        pairs, widths = _neighbour_cases(file, overrides, numbers, [_WIDTH_WITHOUT_RUN * size for size in sizes])
+        rows = [compute_quantities(one, others) for one in (case, *chain.from_iterable(pairs))]
+        add([{name: Metric(name, one.value, one.unit) for name, one in row.items()} for row in rows], widths)
+    units = {name: one.unit for name, one in values.items()}
+    return Gradient({name: one.value for name, one in values.items()}, units, derivatives, growth, warning)
+
+
+def _neighbour_cases(
+    file: CaseFile, overrides: Sequence[str], numbers: Sequence[Number], steps: Sequence[float]
+) -> tuple[list[tuple[Case, ...]], list[float]]:
+    """Return the cases with each number below and above its value, and the differences of the numbers."""
+    case, pairs, widths = file.read(overrides), list[tuple[Case, ...]](), list[float]()
     for number, step in zip(numbers, steps, strict=True):
         below, above = ((*overrides, *one) for one in make_neighbours(case, number, step))
         sides = [_read(file, below), _read(file, above)]
@@ -99,24 +129,7 @@ def compute_gradient(
             file.read(above)  # raises the reason
         pairs.append(tuple(case if side is None else side for side in sides))
         widths.append(step * (2 - sides.count(None)))  # one side alone at the end of the permitted values
-    of_runs = [name for name in names if is_run_scalar(case, name)]
-    others = [name for name in names if name not in of_runs]
-    rows: list[dict[str, Metric]] = [{} for _ in range(1 + 2 * len(numbers))]
-    growth, warning = 1.0, ""
-    if of_runs:
-        found, growth, warning = _run_scalars(case, pairs, widths, of_runs)
-        for row, metrics in zip(rows, found, strict=True):
-            row |= {one.name: one for one in metrics if one.name in of_runs}
-    if others:
-        for row, one in zip(rows, (case, *chain.from_iterable(pairs)), strict=True):
-            row |= {name: Metric(name, q.value, q.unit) for name, q in compute_quantities(one, others).items()}
-    derivatives = {
-        (name, number.key): _difference(rows[1 + 2 * i], rows[2 + 2 * i], name) / width
-        for name in rows[0]
-        for i, (number, width) in enumerate(zip(numbers, widths, strict=True))
-    }
-    values, units = ({name: getattr(one, kind) for name, one in rows[0].items()} for kind in ("value", "unit"))
-    return Gradient(values, units, derivatives, growth, warning)
+    return pairs, widths
 
 
 def _read(file: CaseFile, overrides: Sequence[str]) -> Case | None:
@@ -190,7 +203,8 @@ def _run_scalars(
         rows += [compute_scalars(one, response, names) for one, response in zip(pair, responses, strict=True)]
     light = _massless_probes(ready.problem.system)
     rows[1:] = [
-        [one for one in row if not (one.name.endswith(_RATES) and one.name.startswith(light))] for row in rows[1:]
+        [one for one in row if not (one.name.rpartition(".")[0].endswith(_RATES) and one.name.startswith(light))]
+        for row in rows[1:]
     ]
     if found.growth > CHAOTIC_GROWTH:
         return rows, found.growth, f"the motion is chaotic: a small disturbance grows {found.growth:.1g} times"
@@ -321,7 +335,8 @@ def _descend(tangents: _Tangents, judge: ProblemEvaluator, start: FloatArray, en
     while radius > _SMALLEST_BOX and judge.count < end:
         near = [one for one in planes if np.abs(one.at - best.at).max() <= _NEAR * radius][-_PLANES:]
         x = _lowest(near if best in near else [best, *near], best, radius)
-        new = tangents.plane(x) if np.abs(x - best.at).max() > 0.01 * _SMALLEST_BOX else None
+        is_step = np.abs(x - best.at).max() > 0.01 * _SMALLEST_BOX or best.merit[0] > 0.0
+        new = tangents.plane(x) if is_step else None
         if new is not None:
             planes.append(new)
         if new is None or new.merit >= best.merit:

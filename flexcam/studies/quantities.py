@@ -10,7 +10,11 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, cast
 
+import numpy as np
+
+from flexcam.analysis.initial_state import steps_per_revolution
 from flexcam.analysis.limits import LIMITS, Search, applicable_limits, search_limits
+from flexcam.analysis.preparation import build_problem, prepare
 from flexcam.cams import Event, event_extremes, harmonics, joints
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
@@ -18,8 +22,16 @@ from flexcam.case.records import find_unit
 from flexcam.case.repetition import name_pattern
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name
 from flexcam.core.units import RPM, shaft_name
-from flexcam.dynamics import Cause, RunFailedError, Status, reraise_interrupt
-from flexcam.studies.evaluation import Row, are_probe_scalars, evaluate, rejected_row, scalar_names
+from flexcam.dynamics import Cause, RunFailedError, Status, floquet, outline, reraise_interrupt, solve
+from flexcam.studies.evaluation import (
+    Row,
+    are_probe_scalars,
+    evaluate,
+    get_history,
+    history_units,
+    rejected_row,
+    scalar_names,
+)
 from flexcam.studies.tables import unknown_scalar_fault
 from flexcam.valvetrain import build_structure, model_modes
 
@@ -102,7 +114,8 @@ def _number_or_text(text: str) -> float | str:
 
 _FREQUENCY = re.compile(r"frequency\.([1-9]\d{0,2})$")
 _CAM = re.compile(r"cams\.(.+)\.(area|velocity|acceleration|deceleration|jerk)$")
-_LIMIT = "limits."
+_MULTIPLIER = re.compile(r"multiplier\.([1-9]\d{0,2})$")
+_LIMIT, _STATIC = "limits.", "static."
 _CAM_UNITS = {
     "area": "m rad", "velocity": "m/rad", "acceleration": "m/rad^2", "deceleration": "m/rad^2", "jerk": "m/rad^3",
 }  # fmt: skip
@@ -142,11 +155,11 @@ def compute_quantities(
 ) -> dict[str, Quantity]:
     """Return the requested quantities of a case; raise an error if a run fails."""
     found = _frequencies(case, names) | _limits(case, names, search, runs)
-    found |= _cams(case, names) | _numbers(case, names)
+    found |= _cams(case, names) | _numbers(case, names) | _statics(case, names) | _multipliers(case, names)
     of_a_run = [name for name in names if name not in found and not name.startswith(_LIMIT)]
     if not of_a_run:
         return found
-    row = require_complete(evaluate(case, runs=runs, channels=not are_probe_scalars(of_a_run)))
+    row = require_complete(evaluate(case, runs=runs, channels=not are_probe_scalars(of_a_run), names=of_a_run))
     if lacking := [name for name in of_a_run if name not in row.scalars]:
         raise InputError(_unknown_name_fault(name, row.scalars, case.record.cams) for name in lacking)
     return found | {name: Quantity(row.scalars[name], row.units[name]) for name in of_a_run}
@@ -157,7 +170,7 @@ def check_names(case: Case, names: Sequence[str], where: str = "scalar") -> None
     others = [name for name in names if not _is_known_name(case, name)]
     limits = [name for name in others if name.startswith(_LIMIT)]
     runs = [name for name in others if not name.startswith(_LIMIT)]
-    known = scalar_names(case) if runs else []
+    known = scalar_names(case, runs) if runs else []
     faults = [_unknown_name_fault(name, known, case.record.cams) for name in runs if name not in known]
     met = [_LIMIT + one for one in applicable_limits(case)] if limits else []
     for name in limits:
@@ -169,9 +182,12 @@ def check_names(case: Case, names: Sequence[str], where: str = "scalar") -> None
 
 
 def _is_known_name(case: Case, name: str) -> bool:
-    """Return whether a name is that of a frequency, a cam property or a number of the case."""
+    """Return whether a name is that of a frequency, multiplier, cam property, static result or number of the case."""
+    if name.startswith(_STATIC):
+        return name.removeprefix(_STATIC) in history_units(outline(build_problem(case)[1]))
     cam = _CAM.match(name)
-    return bool(frequency_number(name) or (cam and cam[1] in case.record.cams) or _number(case, name))
+    of_a_cam = cam and cam[1] in case.record.cams
+    return bool(frequency_number(name) or _MULTIPLIER.match(name) or of_a_cam or _number(case, name))
 
 
 def is_run_scalar(case: Case, name: str) -> bool:
@@ -182,8 +198,8 @@ def is_run_scalar(case: Case, name: str) -> bool:
 def _unknown_name_fault(name: str, known: Iterable[str], cams: Iterable[str]) -> Fault:
     of_cams = [f"cams.{cam}.{kind}" for cam in cams for kind in _CAM_UNITS]
     near = suggest_name(name, [*known, "frequency.1", *(_LIMIT + one for one in LIMITS), *of_cams])
-    others = "frequency.N, limits.NAME, cams.NAME.area, or the key of a number"
-    allowed = f"{unknown_scalar_fault(name, known).allowed}; {others}"
+    others = "frequency.N, multiplier.N, limits.NAME, cams.NAME.area, static.CHANNEL, CHANNEL.rms, CHANNEL.pnorm_8"
+    allowed = f"{unknown_scalar_fault(name, known).allowed}; {others}, or the key of a number"
     return Fault("scalar", repr(name), allowed, "the case has no other", near)
 
 
@@ -206,6 +222,40 @@ def _frequencies(case: Case, names: Sequence[str]) -> dict[str, Quantity]:
         if number > len(elastic):
             raise refuse("scalar", name, f"frequency.1 to frequency.{len(elastic)}", "the model has no more modes")
     return {name: Quantity(float(elastic[number - 1]), "Hz") for name, number in asked.items()}
+
+
+def _statics(case: Case, names: Sequence[str]) -> dict[str, Quantity]:
+    """Return channels and motions of probes in the equilibrium at the cam angle of the start."""
+    asked = [name for name in names if name.startswith(_STATIC)]
+    if not asked:
+        return {}
+    ready = prepare(case.with_run({"start": "equilibrium"}))
+    response = solve(replace(ready.problem, steps=1), ready.scheme, save=ready.save)
+    if not response.status.ok:
+        raise RunFailedError(response.status)
+    units = history_units(response.outline)
+    histories = {name: name.removeprefix(_STATIC) for name in asked}
+    return {name: Quantity(float(get_history(response, one)[0]), units[one]) for name, one in histories.items()}
+
+
+def _multipliers(case: Case, names: Sequence[str]) -> dict[str, Quantity]:
+    """Return magnitudes of Floquet multipliers of the periodic motion."""
+    asked = {name: int(found[1]) for name in names if (found := _MULTIPLIER.match(name))}
+    if not asked:
+        return {}
+    ready = prepare(case.with_run({"start": "periodic"}))
+    start, steps = ready.problem.start, steps_per_revolution(case, ready.problem)
+    if start is not None and (missed := start.periodicity or 0.0) > _PERIODIC:
+        text = f"no periodic motion was found: a revolution changes the state by {missed:.2g} of the motion"
+        raise RunFailedError(Status(Cause.NO_CONVERGENCE, text, "add damping, or take a speed at which contact holds"))
+    found = np.abs(floquet(replace(ready.problem, steps=steps), ready.scheme).multipliers).tolist()
+    for name, number in asked.items():
+        if number > len(found):
+            raise refuse("scalar", name, f"multiplier.1 to multiplier.{len(found)}", "the model has no more")
+    return {name: Quantity(found[number - 1], "1") for name, number in asked.items()}
+
+
+_PERIODIC = 1e-6  # relative residual above which a motion is not periodic
 
 
 def _limits(case: Case, names: Sequence[str], search: Search | None, runs: int) -> dict[str, Quantity]:

@@ -26,6 +26,7 @@ from flexcam.studies.quantities import get_number
 ROOT = Path(__file__).resolve().parents[2]
 PUBLISHED = ROOT / "cases/tayeb/model-3-shm.toml"
 ENGINE = ROOT / "cases/pushrod-engine/intake.toml"
+MATHIEU = ROOT / "cases/checks/mathieu.toml"
 QUICK = ("--set", "run.steps_per_revolution=180")
 
 OSCILLATOR = """\
@@ -157,6 +158,43 @@ def test_a_chaotic_run_has_no_derivative(flexcam):
     refused = flexcam("optimize", ENGINE, *search, *few)
     assert refused.code == 2
     assert "The motion is chaotic" in " ".join(refused.err.split())
+
+
+def test_static_results_and_multipliers(flexcam):
+    """The force of an installed spring; multipliers that meet at the edge of a tongue have no slope there."""
+    asked = ("--of", "static.springs.valve.force", "--to", "springs.valve.installed_force")
+    (found,) = flexcam("sensitivity", ENGINE, *asked, "--json").json["derivatives"]
+    assert found["derivative"] == pytest.approx(found["value"] / found["key_value"], rel=1e-9)
+    meets = ("--of", "multiplier.1", "--to", "springs.mean.stiffness", "--set", "springs.mean.pulsation.amplitude=1e-4")
+    (found,) = flexcam("sensitivity", MATHIEU, *meets, "--json").json["derivatives"]
+    assert not found["smooth"]
+    hops = ("--of", "multiplier.1", "--to", "springs.valve.stiffness", "--set", "run.steps_per_revolution=360")
+    refused = flexcam("sensitivity", ENGINE, *hops)
+    assert refused.code == 3
+    assert "no periodic motion was found" in refused.err
+    done = flexcam("sensitivity", MATHIEU, "--of", "multiplier.3", "--to", "springs.mean.stiffness")
+    assert "expected multiplier.1 to multiplier.2" in done.err
+
+
+def test_a_search_by_gradients_keeps_a_motion_stable(flexcam):
+    """The largest pulsation within a bound on the largest multiplier."""
+    told = ("--vary", "springs.mean.pulsation.amplitude=0.05:0.4", "--most", "springs.mean.pulsation.amplitude",
+            "--subject", "multiplier.1 <= 1.2", "--method", "gradient", "--evaluations", "8")  # fmt: skip
+    found = flexcam("optimize", MATHIEU, *told, "--json").json["best"]["values"]
+    assert found["multiplier.1"] == pytest.approx(1.2, rel=1e-4)
+
+
+def test_a_goal_over_a_band_of_speeds(flexcam):
+    """The rms acceleration at the worst of several speeds, which a range names."""
+    quiet = ("--least", "probes.valve.acceleration.rms", "--vary", "springs.valve.damping=1:40N s/m", *QUICK)
+    band = ("--at", "run.speed=1000:3000:1000rpm", "--method", "gradient", "--evaluations", "4")
+    best = flexcam("optimize", PUBLISHED, *quiet, *band, "--json").json["best"]
+    each = []
+    for rpm in (1000, 2000, 3000):
+        fixed = [word for one in (*best["overrides"], f"run.speed={rpm}rpm") for word in ("--set", one)]
+        asked = ("--of", "probes.valve.acceleration.rms", "--to", "springs.valve.damping", *fixed, *QUICK)
+        each.append(flexcam("sensitivity", PUBLISHED, *asked, "--json").json["derivatives"][0]["value"])
+    assert best["values"]["probes.valve.acceleration.rms"] == pytest.approx(max(each), rel=1e-9)
 
 
 def test_table_and_picture_of_derivatives(flexcam, tmp_path):

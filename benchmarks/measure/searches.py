@@ -1,0 +1,71 @@
+"""Variants and processor time of the search by gradient and of the global search for the same goal."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from benchmarks.processes import ROOT
+from flexcam.case.reader import CaseFile
+from flexcam.core import FloatArray
+from flexcam.core.units import RPM
+from flexcam.studies.evaluators import PointEvaluator, create_evaluator, variables_of
+from flexcam.studies.gradients import gradient_function, optimize_by_gradient
+from flexcam.studies.optimization import (
+    Evaluations,
+    Goal,
+    OptimizationProblem,
+    is_feasible,
+    optimize,
+    parse_constraints,
+)
+
+CASE = ROOT / "cases/pushrod-engine/intake.toml"
+LAW = "{id='bspline',degree=11,coefficients=[0,0,0,0,0.106060606,0.348484848,0.651515152,0.893939394,1,1,1,1]}"
+FIXED = ("run.revolutions=1", "run.steps_per_revolution=720", "run.engine=kernel", f"cams.intake.law={LAW}")
+VARIED = (
+    "run.crank_speed=4500:7000rpm", "springs.valve.stiffness=40:80kN/m", "springs.valve.installed_force=250:500N",
+    "cams.intake.law.coefficients.4=0:0.4", "cams.intake.law.coefficients.5=0.2:0.6",
+    "cams.intake.law.coefficients.6=0.4:0.9", "cams.intake.law.coefficients.7=0.7:1.05",
+)  # fmt: skip
+GOAL = Goal("run.crank_speed", most=True)
+BOUNDS = ("contacts.intake.nose_force.least >= 50 N", "springs.valve.stress.largest <= 0.856 GPa")
+GRADIENT, GLOBAL = 30, 500  # evaluations of both searches
+SHARE = 0.99  # part of the result of the search by gradient that counts as reached
+
+
+def measured() -> list[dict[str, object]]:
+    """Return variants and times of both searches, in all and until a speed that both reach, and their results."""
+    found = {method: _search(method) for method in ("gradient", "evolution")}
+    reached = SHARE * _best(found["gradient"][0])[-1]
+    rows = list[dict[str, object]]()
+    for method, (evaluations, seconds) in found.items():
+        best = _best(evaluations)
+        until = int(np.argmax(best >= reached)) + 1 if best[-1] >= reached else None
+        rows.append({
+            "method": method, "variants": len(best), "seconds": seconds, "best_rpm": float(best[-1]) / RPM,
+            "reached_rpm": reached / RPM, "until": until, "until_s": until and seconds * until / len(best),
+        })  # fmt: skip
+    return rows
+
+
+def _best(found: Evaluations) -> FloatArray:
+    """Return the highest speed so far within the bounds, rad/s."""
+    return np.maximum.accumulate(np.where(is_feasible(found.violations), -found.costs[:, 0], 0.0))
+
+
+def _search(method: str) -> tuple[Evaluations, float]:
+    file, bounds = CaseFile.open(CASE), parse_constraints(BOUNDS)
+    case, names = file.read(FIXED), (GOAL.name, *(one.name for one in bounds))
+    variables = variables_of(case, VARIED, "--vary")
+    begun = time.process_time()
+    with create_evaluator(file, FIXED, names, runs=GLOBAL) as runs:
+        points = PointEvaluator(case, variables, runs)
+        design = OptimizationProblem(points, (GOAL,), bounds)
+        if method == "gradient":
+            derive = gradient_function(file, FIXED, points, design.spans, names)
+            found = optimize_by_gradient(design, derive, evaluations=GRADIENT)
+        else:
+            found = optimize(design, evaluations=GLOBAL)
+    return found, time.process_time() - begun
