@@ -33,6 +33,7 @@ from flexcam.valvetrain.springs import has_channels, spring_curve
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from numpy.typing import NDArray
 
     from flexcam.cams import CamProfile
     from flexcam.core import FloatArray
@@ -212,30 +213,35 @@ def _motion(asked: FigureOptions) -> Figure:
             tdc = (asked.tdc(source) or 0.0) if over == "crank" else 0.0
             lost = contact_loss(model, replace(drawn, angle=drawn.angle + tdc), str(contact))
             shade(figure.axes, abscissa(drawn, over), lost, label, colour)
-    return _mark_crank(asked, figure)
+    return _mark_areas(asked, figure)
 
 
-def _mark_crank(asked: FigureOptions, figure: Figure) -> Figure:
-    """Mark dead centres and valve overlap in a figure over the crank angle, as far as the cams have a tdc."""
+def _mark_areas(asked: FigureOptions, figure: Figure) -> Figure:
+    """Mark dead centres and valve overlap over the crank angle, as far as a tdc is given, and name shaded areas."""
     from flexcam.plotting.curves import mark_dead_centres
-    from flexcam.plotting.histories import shade
+    from flexcam.plotting.histories import add_area_legend, shade
 
     tdc = asked.tdc(asked.first) if asked.over == "crank" else None
-    if tdc is None:
-        return figure
-    mark_dead_centres(figure.axes)
-    crank = np.linspace(-2.0 * math.pi, 2.0 * math.pi, 1441)
+    if tdc is not None:
+        mark_dead_centres(figure.axes)
+        crank = np.linspace(-2.0 * math.pi, 2.0 * math.pi, 1441)
+        shade(figure.axes, np.degrees(crank), _valve_overlap(asked, tdc, crank), _OVERLAP, "black")
+    return add_area_legend(figure)
+
+
+def _valve_overlap(asked: FigureOptions, tdc: float, crank: FloatArray) -> NDArray[np.bool_]:
+    """Return at which crank angles from a top dead centre, rad, exhaust and intake of its cylinder are both open."""
     facts: dict[str, CamFacts] = {}
     for name, source in asked.sources.items():
         cams = case_cams(source.case)
         facts |= {f"{name} {one}": cam_facts(cam, ratio=cams.ratios[one], lash=cams.lashes[one], tdc=cams.tdcs[one])
                   for one, cam in cams.cams.items()}  # fmt: skip
     own = next(one for one in cylinders(facts) if any(part.tdc == tdc for part in one.values()))
-    lifts = {name: one.valve_lift(one.cam.event((one.tdc or 0.0) + 0.5 * crank)) for name, one in own.items()}
-    pairs = [pair for pair in combinations(own, 2) if exhaust_and_intake(*(own[one] for one in pair))]
-    both = [np.minimum(*(lifts[one] for one in pair)) > _OPEN_LIFT for pair in pairs]
-    shade(figure.axes, np.degrees(crank), np.any([np.zeros(len(crank)), *both], axis=0), _OVERLAP, "black")
-    return figure
+    opened = {name: one.valve_lift(one.cam.event(tdc + 0.5 * crank)) > _OPEN_LIFT for name, one in own.items()}
+    both = np.zeros(len(crank), dtype=bool)
+    for one, other in combinations(own, 2):
+        both |= opened[one] & opened[other] & exhaust_and_intake(own[one], own[other])
+    return both
 
 
 _OPEN_LIFT = 1e-4  # lift above which a valve counts as open for the overlap, m
@@ -258,7 +264,7 @@ def _force(asked: FigureOptions, kind: str = "force") -> Figure:
     figure = channel_figure(
         responses, channels, rigid=asked.rigid_responses(), over=asked.over or "angle", title=asked.title, means=means
     )
-    return _mark_crank(asked, figure)
+    return _mark_areas(asked, figure)
 
 
 def _torque(asked: FigureOptions) -> Figure:
@@ -271,7 +277,7 @@ def _energy(asked: FigureOptions) -> Figure:
     responses = asked.responses()
     if not any(name.startswith("energy.") for one in responses.values() for name in one.channels):
         raise refuse("--what", "energy", "a run of flexible members", "a rigid model has no energy balance")
-    return _mark_crank(asked, energy_figure(responses, over=asked.over or "angle", title=asked.title))
+    return _mark_areas(asked, energy_figure(responses, over=asked.over or "angle", title=asked.title))
 
 
 def _svaj(asked: FigureOptions) -> Figure:

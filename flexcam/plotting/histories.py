@@ -147,13 +147,10 @@ def _draw_deviation(
 
 
 def shade(axes: Sequence[Axes], x: FloatArray, instants: NDArray[np.bool_], name: str, colour: str) -> None:
-    """Shade some instants in all axes, and name them in the first."""
-    if not instants.any():
-        return
-    for one in axes:
+    """Shade some instants in all axes."""
+    for one in axes if instants.any() else ():
         height: dict[str, Any] = {"transform": one.get_xaxis_transform(), "alpha": 0.25, "linewidth": 0.0}
         one.fill_between(x, 0.0, 1.0, where=list(instants), color=colour, label=name, **height)
-    axes[0].legend(handles=list(axes[0].collections), loc="upper right", fontsize="x-small")
 
 
 def channel_figure(
@@ -184,6 +181,13 @@ def channel_figure(
 def _first_with(responses: Mapping[str, Response], channel: str) -> Response:
     """Return the first response with a channel, or the first one."""
     return next((one for one in responses.values() if channel in one.channels), next(iter(responses.values())))
+
+
+def add_area_legend(figure: Figure) -> Figure:
+    """Add a legend of the shaded areas of a figure below it."""
+    if areas := list(figure.axes[0].collections):
+        figure.legend(handles=areas, loc="outside lower center", fontsize="small")
+    return figure
 
 
 def _draw_channels(

@@ -158,7 +158,7 @@ def angle_map_figure(rpm: FloatArray, runs: Sequence[Response | None], channel: 
     drawn = axes.pcolormesh(np.degrees(angle), rpm, values, cmap="viridis", shading="nearest", rasterized=True)
     figure.colorbar(drawn, ax=axes, label=axis_label(short_name(channel), unit))
     i, j = np.unravel_index(int(np.nanargmax(values)), values.shape)
-    label = f"maximum {values[i, j]:.4g} {symbol} at {rpm[i]:.6g} rpm"
+    label = f"maximum {values[i, j]:.4g} {symbol} at {rpm[i]:.0f} rpm"
     axes.plot(np.degrees(angle[j]), rpm[i], "o", color="white", markeredgecolor="black", label=label)
     axes.set(xlabel="cam angle, deg", ylabel=f"{shaft} speed, rpm", xlim=(0.0, 360.0), xticks=range(0, 361, 45))
     figure.legend(loc="outside upper center", fontsize="small")

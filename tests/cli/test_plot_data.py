@@ -50,8 +50,8 @@ def engine(intake, tmp_path):
     return read_result(intake).response
 
 
-def legend_of(axes):
-    return [text.get_text() for text in axes.get_legend().get_texts()]
+def legend_of(legend):
+    return [text.get_text() for text in legend.get_texts()]
 
 
 def spans(area):
@@ -84,7 +84,7 @@ def test_difference_from_the_rigid_train_and_lost_contact(drawn):
         line.get_ydata(), 1e3 * (flexible["valve"].displacement - rigid["valve"].displacement), atol=1e-12
     )
     assert panel.get_ylabel() == "flexible\nminus rigid\nmm"
-    assert legend_of(figure.axes[0]) == ["contact lost on the lift"]
+    assert legend_of(figure.legends[-1]) == ["contact lost on the lift"]
     shaded = [part for part in spans(others[0].collections[0]) if part[1] - part[0] > 1.0]
     assert shaded
     for begin, end in shaded:
@@ -99,8 +99,7 @@ def test_several_runs_are_drawn_over_their_last_revolution(drawn, flexcam, tmp_p
         ]
         assert flexcam("run", ENGINE, "-o", folder, *words).code == 0
     figure = drawn("a/intake.vtkhdf", "b/intake.vtkhdf")
-    (legend,) = figure.legends
-    assert [text.get_text() for text in legend.get_texts()] == ["intake, crank 3000 rpm", "intake, crank 4000 rpm"]
+    assert legend_of(figure.legends[0]) == ["intake, crank 3000 rpm", "intake, crank 4000 rpm"]
     for line, folder in zip(figure.axes[0].lines, "ab", strict=True):
         whole = read_result(tmp_path / folder / "intake.vtkhdf").response
         last = last_revolution(whole)
@@ -120,7 +119,7 @@ def test_crank_angle_with_dead_centres_and_overlap(drawn, flexcam):
     intake, exhaust = (line.get_xydata() for line in lift.lines[:2])
     assert intake[np.argmax(intake[:, 1]), 0] == pytest.approx(108.0, abs=1.0), "the centreline of its cam card"
     assert exhaust[np.argmax(exhaust[:, 1]), 0] < 0.0
-    assert legend_of(lift) == ["valve overlap, both open by 0.1 mm"]
+    assert legend_of(figure.legends[-1]) == ["valve overlap, both open by 0.1 mm"]
     ((begin, end),) = spans(lift.collections[0])
     for place in (begin, end):
         assert min(np.interp(place, *curve.T) for curve in (intake, exhaust)) == pytest.approx(0.1, abs=0.02)
@@ -136,7 +135,7 @@ def test_torque_with_its_mean(drawn, engine, tmp_path):
         curve, level = axes.lines
         np.testing.assert_allclose(curve.get_ydata(), engine.channels[name.removesuffix(".mean")])
         assert list(level.get_ydata()) == [mean, mean]
-        assert legend_of(axes) == [f"mean {mean:.4g} N m"]
+        assert legend_of(axes.get_legend()) == [f"mean {mean:.4g} N m"]
 
 
 def test_spring_curve_with_its_marks(drawn, engine):
