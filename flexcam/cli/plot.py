@@ -255,7 +255,8 @@ def _force(asked: FigureOptions, kind: str = "force") -> Figure:
     known = contact_forces(first) if kind == "force" else [name for name in first.channels if name.endswith(".torque")]
     channels = asked.channels or known
     if not channels:
-        raise refuse("--what", kind, "a run with contacts", "this run has none", "name channels with --channel")
+        allowed = "a run with contacts" if kind == "force" else "a run with cams"
+        raise refuse("--what", kind, allowed, "this run has none", "name channels with --channel")
     means = {
         name: {one.name.removesuffix(".mean"): one.value for one in compute_metrics(source.ready, source.response)}
         for name, source in asked.sources.items()
@@ -385,9 +386,10 @@ def _map(asked: FigureOptions) -> Figure:
     from flexcam.plotting.figures import add_title
     from flexcam.plotting.spectra import angle_map_figure
 
-    case, channels = asked.first.case, asked.channels or [f"contacts.{asked.contact(asked.first)}.force"]
-    if len(channels) > 1:
-        raise refuse("--channel", ", ".join(channels), "one channel", "a map shows one")
+    case, contact = asked.first.case, asked.contact(asked.first)
+    channels = asked.channels or ([] if contact is None else [f"contacts.{contact}.force"])
+    if len(channels) != 1:
+        raise refuse("--channel", ", ".join(channels) or "nothing", "one channel", "a map shows one")
     if len(asked.sources) > 1:
         runs = {one.case.speed: one.response for one in sorted(asked.sources.values(), key=lambda one: one.case.speed)}
     else:

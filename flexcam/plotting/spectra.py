@@ -126,7 +126,7 @@ def waterfall_figure(found: Sequence[Waterfall], scale: float, shaft: str) -> Fi
     return figure
 
 
-_LINE_HEIGHT = 3.0  # height of the largest amplitude in a waterfall, in steps of speed
+_LINE_HEIGHT = 0.3  # height of the largest amplitude in a waterfall, relative to the range of speeds
 
 
 def _draw_lines(axes: Axes, found: Waterfall, scale: float) -> None:
@@ -134,7 +134,7 @@ def _draw_lines(axes: Axes, found: Waterfall, scale: float) -> None:
     factor, symbol = to_display_unit(found.unit)
     rpm, sizes = scale * found.rpm, factor * found.amplitudes[:, 1:]
     largest = float(np.nanmax(sizes)) if np.isfinite(sizes).any() else 0.0
-    height = _LINE_HEIGHT * float(np.ptp(rpm)) / max(len(rpm) - 1, 1) / (largest or 1.0)
+    height = _LINE_HEIGHT * float(np.ptp(rpm)) / (largest or 1.0)
     orders = np.arange(1.0, sizes.shape[1] + 1.0)
     for i, (base, own) in enumerate(zip(rpm.tolist(), sizes, strict=True)):
         axes.fill_between(orders, base, base + height * own, facecolor="white", zorder=3.0 - i / len(rpm))

@@ -268,8 +268,8 @@ def test_waterfall_lines_stand_at_their_speeds():
     )
     _, lines, *_ = waterfall_figure([found], 2.0, "crank").axes
     heights = [line.get_ydata() for line in lines.lines]
-    np.testing.assert_allclose(heights[0] - 2000.0, 1500.0 * sizes[0, 1:])
-    np.testing.assert_allclose(heights[1] - 4000.0, 1500.0 * sizes[1, 1:])
+    np.testing.assert_allclose(heights[0] - 2000.0, 150.0 * sizes[0, 1:])
+    np.testing.assert_allclose(heights[1] - 4000.0, 150.0 * sizes[1, 1:])
 
 
 def test_ends_of_lines_in_a_campbell_diagram_are_marked():
