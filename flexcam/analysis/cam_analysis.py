@@ -41,6 +41,7 @@ from flexcam.cams import (
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.case.reader import has_mechanism, read_cams, read_case
+from flexcam.case.records import CamsRecord, CaseRecord
 from flexcam.core import FloatArray
 from flexcam.core.errors import InputError, refuse, suggest_name
 from flexcam.core.units import RPM
@@ -118,16 +119,24 @@ def load_cams(path: str | Path, overrides: Sequence[str] = ()) -> CamSet:
     """Read the cams of a case, or of a file with cams alone."""
     path = Path(path)
     if has_mechanism(path):
-        case = read_case(path, overrides)
-        model = build_model(case)
-        ratios = {name: valve_ratio(model, name) for name in model.cams}
-        lashes = {name: largest_lash(model, name) for name in model.cams}
-        record, cams, speed, turns = case.record, model.cams, case.speed, case.turns
-    else:
-        record = read_cams(path, overrides)
-        cams = {name: cam.part for name, cam in record.cams.items()}
-        ratios, lashes, speed = dict.fromkeys(cams, 1.0), dict.fromkeys(cams, 0.0), record.speed
-        turns = 2.0
+        return case_cams(read_case(path, overrides))
+    record = read_cams(path, overrides)
+    cams = {name: cam.part for name, cam in record.cams.items()}
+    return _cam_set(path, record, cams, dict.fromkeys(cams, 1.0), dict.fromkeys(cams, 0.0), record.speed)
+
+
+def case_cams(case: Case) -> CamSet:
+    """Return the cams of a case."""
+    model = build_model(case)
+    ratios = {name: valve_ratio(model, name) for name in model.cams}
+    lashes = {name: largest_lash(model, name) for name in model.cams}
+    return _cam_set(case.path, case.record, model.cams, ratios, lashes, case.speed, case.turns)
+
+
+def _cam_set(
+    path: Path, record: CaseRecord | CamsRecord, cams: Mapping[str, Cam], ratios: Mapping[str, float],
+    lashes: Mapping[str, float], speed: float | None, turns: float = 2.0,
+) -> CamSet:  # fmt: skip
     if not cams:
         raise refuse("cams", f"none in {path.name}", "one or more tables [cams.NAME]")
     tables = {name: cam.lift_table for name, cam in record.cams.items()}

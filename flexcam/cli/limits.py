@@ -127,7 +127,8 @@ def _map_limits(
 
         first, second = (np.array([value.number for value in one.values]) for one in found.axes)
         labels = [with_unit(one.key, one.unit) for one in found.axes]
-        return map_figure(second, first, found.rpm, (labels[1], labels[0]), shaft)
+        rpm = {f"{name.replace('_', ' ')}\n{shaft} speed, rpm": speeds for name, speeds in found.rpm.items()}
+        return map_figure(second, first, rpm, (labels[1], labels[0]))
 
     return replace(limit_map_output(found, shaft), draw=draw), kept.status
 

@@ -4,139 +4,54 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
-from itertools import chain
+from dataclasses import dataclass, replace
+from itertools import chain, combinations, cycle
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, get_args
 
 import numpy as np
 from cyclopts import Parameter
 
-from flexcam.analysis.cam_analysis import CamSet, load_cams
+from flexcam.analysis.cam_analysis import CamFacts, cam_facts, case_cams, cylinders, exhaust_and_intake
 from flexcam.analysis.model_choice import evaluate_ladder
 from flexcam.analysis.natural_modes import modes
-from flexcam.analysis.preparation import PreparedRun, driven_probe, prepare, scalar_probe
-from flexcam.analysis.run import reload_result
+from flexcam.analysis.orders import run_over_speeds
+from flexcam.analysis.preparation import compute_metrics, driven_probe, scalar_probe
+from flexcam.analysis.run import member_strength
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.case.input_checks import check_shared_seat_load
-from flexcam.case.reader import case_from_result, has_mechanism
 from flexcam.cli import app as cli
+from flexcam.cli.sources import Source, name_sources, open_sources
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name
-from flexcam.core.units import to_display_unit
-from flexcam.dynamics import Response, Status, reraise_interrupt, solve
-from flexcam.io import Result, read_result
-from flexcam.report.terminal import make_unique, show_progress
-from flexcam.valvetrain import Cam, build_structure, driving_contact
+from flexcam.core.units import RPM, shaft_name, to_display_unit
+from flexcam.dynamics import Response, Status
+from flexcam.report.terminal import show_count
+from flexcam.studies.tables import read_table, unknown_scalar_fault
+from flexcam.valvetrain import Cam, CamContact, Spring, build_structure, contact_loss, driving_contact
+from flexcam.valvetrain.springs import has_channels, spring_curve
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from numpy.typing import NDArray
 
     from flexcam.cams import CamProfile
     from flexcam.core import FloatArray
     from flexcam.plotting.histories import Abscissa
 
-_RESULT = ".vtkhdf"
+_TABLES = (".h5", ".csv")
 
-
-@dataclass(frozen=True, eq=False)
-class Source:
-    """Result file, or a case that is run when its response is first used."""
-
-    path: Path
-    overrides: tuple[str, ...] = ()
-
-    @cached_property
-    def result(self) -> Result | None:
-        """Result file; None for a case."""
-        return read_result(self.path) if self.path.suffix == _RESULT else None
-
-    @cached_property
-    def case(self) -> Case:
-        """Case; of a result, the case stored in it."""
-        return cli.load_case(self.path, self.overrides) if self.result is None else case_from_result(self.result)
-
-    @cached_property
-    def ready(self) -> PreparedRun:
-        """Prepared run of the case."""
-        return prepare(self.case) if self.result is None else reload_result(self.case, self.result)[0]
-
-    @cached_property
-    def response(self) -> Response:
-        """Response of the result, or of a run of the case."""
-        return _solve_source(self.ready) if self.result is None else self.result.response
-
-    @cached_property
-    def rigid(self) -> Response:
-        """Response with rigid members."""
-        return _solve_source(prepare(self.case, rigid=True))
-
-    @cached_property
-    def cams_only(self) -> CamSet | None:
-        """Cams of a file without a mechanism; None for a result or a complete case."""
-        if self.path.suffix == _RESULT or has_mechanism(self.path):
-            return None
-        return load_cams(self.path, self.overrides)
-
-    @property
-    def cams(self) -> Mapping[str, Cam]:
-        """Cams by name."""
-        return build_model(self.case).cams if self.cams_only is None else self.cams_only.cams
-
-    @property
-    def subject(self) -> str:
-        """Title of the case or of the file of cams."""
-        return self.case.title if self.cams_only is None else self.cams_only.title or self.stem
-
-    @property
-    def stem(self) -> str:
-        """Name of the file without suffixes."""
-        return self.path.name.partition(".")[0]
-
-    @property
-    def title(self) -> str:
-        """Title of the case with its speed."""
-        return f"{self.case.record.title or self.stem}, {self.case.speed_text}"
-
-
-def _solve_source(ready: PreparedRun) -> Response:
-    with show_progress(ready.problem.steps) as bar:
-        response = solve(ready.problem, ready.scheme, save=ready.save, sinks=bar)
-    reraise_interrupt(response.status)
-    return response
-
-
-def open_sources(paths: Sequence[Path], overrides: Sequence[str] | None, *, cams: bool = False) -> list[Source]:
-    """Return the sources of several files; unreadable files are rejected before a computation.
-
-    With `cams`, files that contain only cams are accepted.
-    """
-    if not paths:
-        raise refuse("command line", "no file", "one or more results (.vtkhdf) or cases (.toml)")
-    if overrides and any(path.suffix == _RESULT for path in paths):
-        raise refuse("--set", overrides[0], "--set with a case only", "a result cannot be changed", "give the case")
-    found = [Source(path, tuple(overrides or ())) for path in paths]
-    for one in found:
-        _ = one.result or (cams and one.cams_only) or one.case
-    return found
-
-
-def name_sources(sources: Sequence[Source]) -> dict[str, Source]:
-    """Return sources by a distinguishing name: empty for a single one, else file name, speed or number."""
-    if len(sources) == 1:
-        return {"": sources[0]}
-    speeds = ["" if one.cams_only else one.case.speed_text for one in sources]
-    return dict(zip(make_unique([one.stem for one in sources], speeds), sources, strict=True))
-
-
-FigureKind = Literal["motion", "force", "energy", "svaj", "profile", "modes", "campbell", "waterfall", "work-precision"]
+FigureKind = Literal[
+    "motion", "force", "torque", "energy", "svaj", "profile", "spring", "goodman", "modes", "campbell", "waterfall",
+    "map", "sweep", "work-precision",
+]  # fmt: skip
 
 
 @dataclass(frozen=True)
 class FigureOptions:
     """Sources and options of a figure."""
 
+    files: Sequence[Path]
     sources: Mapping[str, Source]
     probe: str | None
     channels: list[str] | None
@@ -145,6 +60,9 @@ class FigureOptions:
     cam: str | None
     angle: str | None
     count: int | None
+    x: str | None
+    y: list[str] | None
+    as_map: bool
 
     @property
     def first(self) -> Source:
@@ -157,12 +75,33 @@ class FigureOptions:
         return self.first.title if len(self.sources) == 1 else ""
 
     def responses(self) -> dict[str, Response]:
-        """Return the responses by name; the name of a single run is empty."""
-        return {name: one.response for name, one in self.sources.items()}
+        """Return the drawn responses by name; the name of a single run is empty."""
+        return {name: self._drawn(one, one.response) for name, one in self.sources.items()}
 
     def rigid_responses(self) -> dict[str, Response]:
-        """Return the rigid responses by name; empty if they are not requested."""
-        return {name: one.rigid for name, one in self.sources.items()} if self.rigid else {}
+        """Return the drawn rigid responses by name; empty if they are not requested."""
+        return {name: self._drawn(one, one.rigid) for name, one in self.sources.items()} if self.rigid else {}
+
+    def _drawn(self, source: Source, response: Response) -> Response:
+        """Return a response, or its last revolution over the crank angle and of several runs."""
+        from flexcam.plotting.histories import last_revolution
+
+        if self.over == "crank":
+            tdc = self.tdc(source)
+            return last_revolution(response) if tdc is None else last_revolution(response, tdc, -math.pi)
+        return last_revolution(response) if len(self.sources) > 1 and self.over != "time" else response
+
+    def contact(self, source: Source) -> str | None:
+        """Return the cam contact that drives the probe, or the first one."""
+        model, point = source.ready.model, (self.probe or "").partition(".")[0]
+        lifted = driven_probe(source.ready, point or None) if model.probes else None
+        found = lifted.contact if lifted else driving_contact(model, point) if point else None
+        return found or next(iter(model.cam_contacts), None)
+
+    def tdc(self, source: Source) -> float | None:
+        """Return the cam angle at top dead centre, rad, of the cam that drives the probe; None if not given."""
+        contact, model = self.contact(source), source.ready.model
+        return None if contact is None else source.case.record.cams[model.cam_contacts[contact].cam].tdc
 
     def rigid_warnings(self) -> list[str]:
         """Return sentences about the limits of a drawn rigid train."""
@@ -174,43 +113,55 @@ class FigureOptions:
 @cli.app.command(
     help_prologue="""\
 flexcam plot results/case.vtkhdf --rigid -o motion.pdf
-flexcam plot slow.vtkhdf fast.vtkhdf --probe valve --over time
+flexcam plot slow.vtkhdf fast.vtkhdf --probe valve --over crank
+flexcam plot results/case.sweep.h5 --x run.crank_speed --y deviation.peak
 flexcam plot case.toml --what profile --angle 90deg
 flexcam plot results/case.vtkhdf --what profile --channel contacts.intake.pressure
 """
 )
 def plot(
-    files: Annotated[list[Path], Parameter(help="Result files (.vtkhdf), or case files (.toml), which are run.")], *,
-    what: Annotated[FigureKind, Parameter(help="Kind of figure; svaj: lift and its derivatives.")] = "motion",
+    files: Annotated[list[Path], Parameter(help="Result files (.vtkhdf), case files (.toml), which are run, or the "
+        "table of a sweep (.h5 or .csv).")], *,
+    what: Annotated[FigureKind | None, Parameter(
+        help="Kind of figure; motion by default, sweep for a table; svaj: lift and its derivatives.")] = None,
     probe: Annotated[str | None, Parameter(
         help="motion, waterfall, work-precision: point or component; the valve by default.")] = None,
     channels: Annotated[list[str] | None, Parameter(
-        "--channel", help="motion, force, waterfall: force or other channel, repeatable; profile: channel "
-        "that colours the cam.")] = None,
-    over: Annotated[Literal["angle", "time"] | None, Parameter(
-        help="motion, force, energy: abscissa; cam angle by default.")] = None,
-    rigid: Annotated[bool, Parameter(help="motion, force: also draw the rigid model.")] = False,
+        "--channel", help="motion, force, torque, waterfall: force or other channel, repeatable; profile, map: channel "
+        "shown by colours; spring: force of the spring.")] = None,
+    over: Annotated[Literal["angle", "time", "crank"] | None, Parameter(
+        help="motion, force, torque, energy: abscissa; cam angle by default; crank: crank angle of the last "
+        "revolution from the cam's tdc.")] = None,
+    rigid: Annotated[bool, Parameter(
+        help="motion, force, torque: also draw the rigid model; motion: and the difference from it.")] = False,
     cam: Annotated[str | None, Parameter(help="svaj, profile: draw this cam only.")] = None,
     angle: Annotated[str | None, Parameter(help="profile: cam angle at which it is drawn, such as '90 deg'.")] = None,
     count: Annotated[int | None, Parameter(
-        help="modes: number of modes, 6 by default; campbell, waterfall: number of speeds, 9 by default.")] = None,
+        help="modes: number of modes, 6 by default; campbell, waterfall, map: number of speeds, 9 by default.")] = None,
+    x: Annotated[str | None, Parameter("--x", help="sweep: abscissa; the first varied key by default.")] = None,
+    y: Annotated[list[str] | None, Parameter("--y", help="sweep: scalar or other column, repeatable.")] = None,
+    as_map: Annotated[bool, Parameter("--map", help="sweep: contours over both varied keys.")] = False,
     output: Annotated[Path | None, Parameter(
         ["-o", "--output"], help="File of the figure (.svg, .png or .pdf).")] = None,
     overrides: cli.Overrides = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
 ) -> Status | None:  # fmt: skip
-    """Draw a figure of results or cases: motion, forces, energy, cams, modes, orders, or error over run time.
+    """Draw a figure of results, cases or sweeps: motion, forces, cams, springs, modes, orders, maps.
 
     By default it draws motion and contact force over the cam angle. A run that ended early is drawn as far as it came.
     """
     from flexcam.plotting.figures import check_figure_path, save_figure
 
+    what = what or ("sweep" if files and files[0].suffix in _TABLES else "motion")
     _check_options(
-        what, probe=probe, channel=channels, rigid=rigid or None, over=over, cam=cam, angle=angle, count=count
-    )
+        what, probe=probe, channel=channels, rigid=rigid or None, over=over, cam=cam, angle=angle, count=count,
+        x=x, y=y, map=as_map or None, set=overrides,
+    )  # fmt: skip
+    if what != "sweep" and any(path.suffix in _TABLES for path in files):
+        raise refuse("--what", what, "sweep", "the file is the table of a sweep")
     target = output or Path(f"{files[0].name.partition('.')[0] if files else 'flexcam'}-{what}.svg")
     check_figure_path(target, overwrite=overwrite)
-    sources = name_sources(open_sources(files, overrides, cams=what in _OF_CAMS))
-    asked = FigureOptions(sources, probe, channels, over, rigid, cam, angle, count)
+    sources = {} if what == "sweep" else name_sources(open_sources(files, overrides, cams=what in _OF_CAMS))
+    asked = FigureOptions(files, sources, probe, channels, over, rigid, cam, angle, count, x, y, as_map)
     save_figure(_FIGURES[what](asked), target, overwrite=overwrite)
     warnings = asked.rigid_warnings()
     cli.write_output(cli.CommandOutput(warnings, {"warnings": warnings}), as_json=as_json, written=[target])
@@ -220,9 +171,11 @@ def plot(
 
 _OF_CAMS = ("svaj", "profile")
 _APPLIES = {
-    "probe": ("motion", "waterfall", "work-precision"), "channel": ("motion", "force", "profile", "waterfall"),
-    "rigid": ("motion", "force"), "over": ("motion", "force", "energy"), "cam": _OF_CAMS,
-    "angle": ("profile",), "count": ("modes", "campbell", "waterfall"),
+    "probe": ("motion", "waterfall", "work-precision"),
+    "channel": ("motion", "force", "torque", "profile", "spring", "waterfall", "map"),
+    "rigid": ("motion", "force", "torque"), "over": ("motion", "force", "torque", "energy"), "cam": _OF_CAMS,
+    "angle": ("profile",), "count": ("modes", "campbell", "waterfall", "map"), "x": ("sweep",), "y": ("sweep",),
+    "map": ("sweep",), "set": tuple(kind for kind in get_args(FigureKind) if kind != "sweep"),
 }  # fmt: skip
 
 
@@ -238,29 +191,85 @@ def _check_options(what: str, **options: object) -> None:
 
 
 def _motion(asked: FigureOptions) -> Figure:
-    from flexcam.plotting.histories import contact_forces, motion_figure
+    from flexcam.plotting.figures import COLOURS
+    from flexcam.plotting.histories import abscissa, contact_forces, motion_figure, shade
 
     lifted = driven_probe(asked.first.ready, asked.probe)
     probe = lifted.component if lifted else asked.probe or scalar_probe(asked.first.ready)
-    contact = lifted.contact if lifted else driving_contact(asked.first.ready.model, probe.partition(".")[0])
-    forces = contact_forces(asked.first.response)
-    own = [name for name in forces if name == f"contacts.{contact}.force"]
-    return motion_figure(
-        asked.responses(), probe, (own or forces)[:1] if asked.channels is None else asked.channels,
-        rigid=asked.rigid_responses(), over=asked.over or "angle", title=asked.title,
-        lift=lifted.name if lifted else "", sign=lifted.sign if lifted else 1.0,
+    forces, responses = contact_forces(asked.first.response), asked.responses()
+    driving = [f"contacts.{asked.contact(one)}.force" for one in asked.sources.values()]
+    own = [name for name in dict.fromkeys(driving) if any(name in one.channels for one in responses.values())]
+    over = asked.over or "angle"
+    figure = motion_figure(
+        responses, probe, (own or forces[:1]) if asked.channels is None else asked.channels,
+        rigid=asked.rigid_responses(), over=over, title=asked.title, lift=lifted.name if lifted else "",
+        sign=lifted.sign if lifted else 1.0, deviation=asked.rigid,
     )  # fmt: skip
+    for (name, source), colour in zip(asked.sources.items(), cycle((COLOURS[4], *COLOURS[1:4])), strict=False):
+        contact, model, drawn = asked.contact(source), source.ready.model, responses[name]
+        part = model.cam_contacts.get(contact or "")
+        if isinstance(part, CamContact) and part.unilateral and f"contacts.{contact}.force" in drawn.channels:
+            label = ", ".join(filter(None, (name, "contact lost on the lift")))
+            tdc = (asked.tdc(source) or 0.0) if over == "crank" else 0.0
+            lost = contact_loss(model, replace(drawn, angle=drawn.angle + tdc), str(contact))
+            shade(figure.axes, abscissa(drawn, over), lost, label, colour)
+    return _mark_areas(asked, figure)
 
 
-def _force(asked: FigureOptions) -> Figure:
+def _mark_areas(asked: FigureOptions, figure: Figure) -> Figure:
+    """Mark dead centres and valve overlap over the crank angle, as far as a tdc is given, and name shaded areas."""
+    from flexcam.plotting.curves import mark_dead_centres
+    from flexcam.plotting.histories import add_area_legend, shade
+
+    tdc = asked.tdc(asked.first) if asked.over == "crank" else None
+    if tdc is not None:
+        mark_dead_centres(figure.axes)
+        crank = np.linspace(-2.0 * math.pi, 2.0 * math.pi, 1441)
+        shade(figure.axes, np.degrees(crank), _valve_overlap(asked, tdc, crank), _OVERLAP, "black")
+    return add_area_legend(figure)
+
+
+def _valve_overlap(asked: FigureOptions, tdc: float, crank: FloatArray) -> NDArray[np.bool_]:
+    """Return at which crank angles from a top dead centre, rad, exhaust and intake of its cylinder are both open."""
+    facts: dict[str, CamFacts] = {}
+    for name, source in asked.sources.items():
+        cams = case_cams(source.case)
+        facts |= {f"{name} {one}": cam_facts(cam, ratio=cams.ratios[one], lash=cams.lashes[one], tdc=cams.tdcs[one])
+                  for one, cam in cams.cams.items()}  # fmt: skip
+    own = next(one for one in cylinders(facts) if any(part.tdc == tdc for part in one.values()))
+    opened = {name: one.valve_lift(one.cam.event(tdc + 0.5 * crank)) > _OPEN_LIFT for name, one in own.items()}
+    both = np.zeros(len(crank), dtype=bool)
+    for one, other in combinations(own, 2):
+        both |= opened[one] & opened[other] & exhaust_and_intake(own[one], own[other])
+    return both
+
+
+_OPEN_LIFT = 1e-4  # lift above which a valve counts as open for the overlap, m
+_OVERLAP = "valve overlap, both open by 0.1 mm"
+
+
+def _force(asked: FigureOptions, kind: str = "force") -> Figure:
     from flexcam.plotting.histories import channel_figure, contact_forces
 
-    responses, channels = asked.responses(), asked.channels or contact_forces(asked.first.response)
+    responses, first = asked.responses(), asked.first.response
+    known = contact_forces(first) if kind == "force" else [name for name in first.channels if name.endswith(".torque")]
+    channels = asked.channels or known
     if not channels:
-        raise refuse("--what", "force", "a run with contacts", "this run has none", "name channels with --channel")
-    return channel_figure(
-        responses, channels, rigid=asked.rigid_responses(), over=asked.over or "angle", title=asked.title
+        allowed = "a run with contacts" if kind == "force" else "a run with cams"
+        raise refuse("--what", kind, allowed, "this run has none", "name channels with --channel")
+    means = {
+        name: {one.name.removesuffix(".mean"): one.value for one in compute_metrics(source.ready, source.response)}
+        for name, source in asked.sources.items()
+        if kind == "torque"
+    }
+    figure = channel_figure(
+        responses, channels, rigid=asked.rigid_responses(), over=asked.over or "angle", title=asked.title, means=means
     )
+    return _mark_areas(asked, figure)
+
+
+def _torque(asked: FigureOptions) -> Figure:
+    return _force(asked, "torque")
 
 
 def _energy(asked: FigureOptions) -> Figure:
@@ -269,7 +278,7 @@ def _energy(asked: FigureOptions) -> Figure:
     responses = asked.responses()
     if not any(name.startswith("energy.") for one in responses.values() for name in one.channels):
         raise refuse("--what", "energy", "a run of flexible members", "a rigid model has no energy balance")
-    return energy_figure(responses, over=asked.over or "angle", title=asked.title)
+    return _mark_areas(asked, energy_figure(responses, over=asked.over or "angle", title=asked.title))
 
 
 def _svaj(asked: FigureOptions) -> Figure:
@@ -336,6 +345,78 @@ def _profile_values(source: Source, profile: CamProfile, channel: str) -> tuple[
 _THIN = 1e-4  # length, m, up to which lengths are drawn in micrometres
 
 
+def _spring(asked: FigureOptions) -> Figure:
+    """Draw the static curves of springs up to their travel in the rigid train."""
+    from flexcam.plotting.curves import spring_figure
+    from flexcam.plotting.figures import add_title
+
+    source = _single_source(asked, "spring")
+    known = {
+        f"springs.{name}.force": spring
+        for name, spring in source.ready.model.springs.items()
+        if has_channels(spring) and not spring.turns
+    }
+    if not known:
+        raise refuse("--what", "spring", "a case with springs along a line that have an installed force or a wire")
+    for name in asked.channels or ():
+        if name not in known:
+            raise refuse("--channel", repr(name), ", ".join(known), "", suggest_name(name, known))
+    drawn: dict[str, tuple[Spring, float]] = {}
+    for name in asked.channels or known:
+        curve, loaded = spring_curve(known[name]), float(source.rigid.channels[name].max())
+        drawn[name.split(".")[1]] = known[name], float(np.interp(loaded, curve.force, curve.travel))
+    return add_title(spring_figure(drawn), source.subject)
+
+
+def _goodman(asked: FigureOptions) -> Figure:
+    from flexcam.plotting.curves import goodman_figure
+    from flexcam.plotting.figures import add_title
+
+    source = _single_source(asked, "goodman")
+    found = member_strength(*source.reloaded)
+    if not found:
+        raise refuse("--what", "goodman", "a run of flexible members with saved fields", "this run has none")
+    members = source.ready.model.members
+    figure = goodman_figure({name: (one, members[name].material) for name, one in found.items()})
+    return add_title(figure, source.title)
+
+
+def _map(asked: FigureOptions) -> Figure:
+    """Draw a channel over cam angle and speed, of several results or from 0.5 to 1.5 times the case's speed."""
+    from flexcam.plotting.figures import add_title
+    from flexcam.plotting.spectra import angle_map_figure
+
+    case, contact = asked.first.case, asked.contact(asked.first)
+    channels = asked.channels or ([] if contact is None else [f"contacts.{contact}.force"])
+    if len(channels) != 1:
+        raise refuse("--channel", ", ".join(channels) or "nothing", "one channel", "a map shows one")
+    if len(asked.sources) > 1:
+        runs = {one.case.speed: one.response for one in sorted(asked.sources.values(), key=lambda one: one.case.speed)}
+    else:
+        speeds = _speeds(asked, case)
+        with show_count(len(speeds), "speeds") as shown:
+            found = list(run_over_speeds(case, speeds, shown))
+        runs = {speed: None if isinstance(one, Status) else one[1] for speed, one in zip(speeds, found, strict=True)}
+    if len(runs) < 2 or not any(runs.values()):
+        raise refuse("--what", "map", "runs at two or more speeds", f"{len(runs)} were given or none was completed")
+    rpm = case.turns * np.array(list(runs)) / RPM
+    figure = angle_map_figure(rpm, list(runs.values()), channels[0], shaft_name(case.turns))
+    return add_title(figure, asked.first.subject)
+
+
+def _sweep(asked: FigureOptions) -> Figure:
+    from flexcam.plotting.histories import sweep_figure, sweep_map
+
+    if len(asked.files) > 1 or asked.files[0].suffix not in _TABLES:
+        raise refuse("files", ", ".join(map(str, asked.files)), "one table of a sweep (.h5 or .csv)")
+    table = read_table(asked.files[0])
+    x = asked.x or next((one.name for one in table.inputs if len(set(one.values)) > 1), table.inputs[0].name)
+    if not asked.y:
+        fault = unknown_scalar_fault("nothing", table.scalars)
+        raise refuse("--y", "nothing", fault.allowed, "it names what is drawn")
+    return (sweep_map if asked.as_map else sweep_figure)(table, x, asked.y)
+
+
 def _modes(asked: FigureOptions) -> Figure:
     from flexcam.plotting.spectra import mode_figure
 
@@ -381,8 +462,9 @@ def _work_precision(asked: FigureOptions) -> Figure:
 
 
 _FIGURES: Mapping[str, Callable[[FigureOptions], Figure]] = {
-    "motion": _motion, "force": _force, "energy": _energy, "svaj": _svaj, "profile": _profile, "modes": _modes,
-    "campbell": _campbell, "waterfall": _waterfall, "work-precision": _work_precision,
+    "motion": _motion, "force": _force, "torque": _torque, "energy": _energy, "svaj": _svaj, "profile": _profile,
+    "spring": _spring, "goodman": _goodman, "modes": _modes, "campbell": _campbell, "waterfall": _waterfall,
+    "map": _map, "sweep": _sweep, "work-precision": _work_precision,
 }  # fmt: skip
 
 

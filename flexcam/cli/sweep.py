@@ -34,7 +34,8 @@ def sweep_table(found: SweepTable) -> RichTable:
         if _is_varying(values):
             low, high = int(np.nanargmin(values)), int(np.nanargmax(values))
             scale, unit = to_display_unit(found.units[name])
-            ends = ((f"{scale * values[i]:.5g}", _format_inputs(found, i)) for i in (low, high))
+            inputs = {i: ", ".join(one.format(i) for one in found.inputs) for i in (low, high)}
+            ends = ((f"{scale * values[i]:.5g}", inputs[i]) for i in (low, high))
             rows.append((name, unit, *chain.from_iterable(ends)))
     title = f"{len(found)} variants over {', '.join(one.name for one in found.inputs)}"
     return plain_table(title, ("scalar", "unit", "min", "at", "max", "at"), rows)
@@ -44,13 +45,6 @@ def _is_varying(values: FloatArray) -> bool:
     """Return whether a scalar has a range to show: two different values, or a single one."""
     known = values[np.isfinite(values)]
     return len(known) == 1 or (len(known) > 0 and bool(np.ptp(known) > 0.0))
-
-
-def _format_inputs(found: SweepTable, i: int) -> str:
-    """Return the inputs of a variant."""
-    values = [one.values[i] for one in found.inputs]
-    texts = [value if isinstance(value, str) else f"{value:.6g}" for value in values]
-    return ", ".join(f"{value} {one.unit}".rstrip() for value, one in zip(texts, found.inputs, strict=True))
 
 
 def describe_sweep(found: SweepTable) -> list[str]:

@@ -12,7 +12,7 @@ from flexcam.analysis.natural_modes import modes as case_modes
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.cli import app as cli
-from flexcam.cli.plot import open_sources
+from flexcam.cli.sources import open_sources
 from flexcam.core.errors import refuse
 from flexcam.io import Result
 from flexcam.valvetrain import Structure, build_structure

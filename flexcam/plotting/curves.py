@@ -1,4 +1,4 @@
-"""Figures of laws, lifts and cams."""
+"""Figures of laws, lifts, cams, springs and the fatigue strength of members."""
 
 # pyright: reportUnknownMemberType=false
 # matplotlib does not type its keyword arguments.
@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -28,6 +29,7 @@ from flexcam.cams import (
     residual_spectrum,
 )
 from flexcam.core import ComplexArray, FloatArray
+from flexcam.fem.sections import Material
 from flexcam.plotting.figures import (
     COLOURS,
     add_legend,
@@ -37,6 +39,8 @@ from flexcam.plotting.figures import (
     create_stacked_axes,
     line_styles,
 )
+from flexcam.valvetrain import MemberStrength, Spring
+from flexcam.valvetrain.springs import spring_curve, wire_stress
 
 LAW_LABELS = ("s", "s'", "s''", "s'''")  # axis labels of laws, from top to bottom
 LAW_POSITION = "z, part of the rise"  # abscissa label of laws
@@ -97,16 +101,23 @@ def timing_figure(cylinder: Mapping[str, CamFacts]) -> Figure:
             separation = math.degrees(lobe_separation(cylinder[one], cylinder[other]))
             label = f"both open; lobe separation {separation:.4g}° of the camshaft"
             axes.fill_between(crank, both, color="0.75", label=label)
-    for angle, centre in _DEAD_CENTRES.items():
-        axes.axvline(angle, color="0.4", linewidth=0.8)
-        axes.text(angle, 1.01, centre, transform=axes.get_xaxis_transform(), ha="center", fontsize="small")
-    axes.set(xlabel="crank angle from top dead centre of gas exchange, deg", ylabel="valve lift, mm")
-    axes.set(xlim=(-360.0, 360.0), xticks=range(-360, 361, 90))
+    mark_dead_centres([axes])
+    axes.set_ylabel("valve lift, mm")
     axes.set_ylim(bottom=0.0)
     axes.grid(alpha=0.3)
     lines, names = axes.get_legend_handles_labels()
     figure.legend(lines, names, loc="outside lower center", fontsize="small", ncols=1)
     return figure
+
+
+def mark_dead_centres(axes: Sequence[Axes]) -> None:
+    """Mark the dead centres in axes over the crank angle, one below the other."""
+    for angle, centre in _DEAD_CENTRES.items():
+        for one in axes:
+            one.axvline(angle, color="0.4", linewidth=0.8)
+        axes[0].text(angle, 1.01, centre, transform=axes[0].get_xaxis_transform(), ha="center", fontsize="small")
+    axes[-1].set(xlabel="crank angle from top dead centre of gas exchange, deg", xlim=(-360.0, 360.0))
+    axes[-1].set_xticks(range(-360, 361, 90))
 
 
 _DEAD_CENTRES = {-360: "firing TDC", -180: "BDC", 0: "TDC", 180: "BDC", 360: "firing TDC"}
@@ -265,3 +276,55 @@ def draw_front(axes: Axes, values: FloatArray, converged: Sequence[bool]) -> Non
 def _value(criteria: Criteria, name: str) -> float:
     value: float | None = getattr(criteria, name)
     return math.nan if value is None else value
+
+
+def spring_figure(springs: Mapping[str, tuple[Spring, float]]) -> Figure:
+    """Return a figure with force and wire stress of springs over their travel, each with its travel at full lift, m."""
+    figure, (upper, lower) = create_stacked_axes(
+        ("force, N", "wire stress\nMPa"), "travel from the installed length, mm", height=2.6
+    )
+    for (name, (spring, full)), (colour, dashes) in zip(springs.items(), line_styles(), strict=False):
+        curve, bind = spring_curve(spring), spring.clash_travel
+        free = float(np.interp(0.0, curve.force, curve.travel)) if curve.force[0] < 0.0 else curve.travel[0]
+        end = 1.2 * full if bind is None else bind
+        travel = np.unique(np.concatenate([np.linspace(max(free, -2.0 * end), end, 201), [0.0, full]]))
+        force = np.interp(travel, curve.travel, curve.force)
+        style: dict[str, Any] = {"color": colour, "linestyle": dashes}
+        upper.plot(1e3 * travel, force, label=name, **style)
+        if spring.wire is not None:
+            lower.plot(1e3 * travel, 1e-6 * wire_stress(spring, travel), **style)
+        marks = {"installed": (0.0, "o"), "full lift": (full, "s"), "coil bind": (bind, "^")}
+        for what, (place, marker) in marks.items():
+            if place is not None:
+                loaded = float(np.interp(place, curve.travel, curve.force))
+                label = f"{name}, {what}: {loaded:.4g} N at {1e3 * place:.4g} mm"
+                upper.plot(1e3 * place, loaded, marker, color=colour, label=label)
+        if bind is not None:
+            for one in (upper, lower):
+                one.axvline(1e3 * bind, color=colour, linewidth=0.8, linestyle=":")
+    if not lower.lines or all(spring.wire is None for spring, _ in springs.values()):
+        lower.text(0.5, 0.5, "no wire given", transform=lower.transAxes, ha="center", color="0.3")
+    add_legend(figure, upper, len(upper.lines), columns=2)
+    return figure
+
+
+def goodman_figure(members: Mapping[str, tuple[MemberStrength, Material]]) -> Figure:
+    """Return a Goodman diagram: alternating over mean stress of members at their point of minimum safety."""
+    figure, (axes,) = create_axes((7.0, 5.0))
+    lowest = 1e-6 * min(0.0, *(one.mean for one, _ in members.values()))
+    limits = dict.fromkeys((m.endurance_limit, m.ultimate_strength) for _, m in members.values())
+    for (endurance, ultimate), (colour, dashes) in zip(limits, line_styles(), strict=False):
+        if endurance and ultimate:
+            label = f"endurance limit {1e-6 * endurance:.4g} MPa, ultimate strength {1e-6 * ultimate:.4g} MPa"
+            line = [1e-6 * endurance, 1e-6 * endurance, 0.0]
+            axes.plot([1.1 * lowest, 0.0, 1e-6 * ultimate], line, color=colour, linestyle=dashes, label=label)
+    for i, (name, (found, _)) in enumerate(members.items()):
+        safety = "no strength given" if found.safety is None else f"safety {found.safety:.3g}"
+        axes.plot(1e-6 * found.mean, 1e-6 * found.alternating, "osD^vP*X"[i % 8], color=COLOURS[-1 - i % 6],
+                  label=f"{name} at {found.place}: {safety}")  # fmt: skip
+    axes.axvline(0.0, color="0.4", linewidth=0.8)
+    axes.set(xlabel="mean stress, MPa", ylabel="alternating stress, MPa")
+    axes.set_ylim(bottom=0.0)
+    axes.grid(alpha=0.3)
+    figure.legend(loc="outside lower center", fontsize="small")
+    return figure

@@ -29,7 +29,7 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0
 
 _DASHES = ("-", "--", "-.", ":")
 _FORMATS = (".svg", ".png", ".pdf")
-_TITLE_PAD = 14.0  # space between axes and title, points: the order numbers of a Campbell diagram are placed there
+TITLE_PAD = 14.0  # space between axes and title, points: the order numbers of a Campbell diagram are placed there
 _TITLE_WIDTH = 76  # characters per line of a title above axes of standard width
 _DPI, _COLOUR_COUNT = 160, 64
 """Resolution of an image for printing, dots per inch, and its number of colours; curves need few."""
@@ -54,7 +54,7 @@ def _suppress_warnings() -> Generator[None]:
 def add_title(figure: Figure, title: str) -> Figure:
     """Add a title above the first axes, below an outside legend."""
     if title:
-        figure.axes[0].set_title(wrap_title(title), fontsize="medium", pad=_TITLE_PAD)
+        figure.axes[0].set_title(wrap_title(title), fontsize="medium", pad=TITLE_PAD)
     return figure
 
 
@@ -116,7 +116,12 @@ def add_stacked_axes(figure: FigureBase, labels: Sequence[str], below: str) -> l
 
 
 def add_legend(figure: FigureBase, axes: Axes, count: int, *, columns: int = 4) -> None:
-    """Add a legend with the names of several curves above the axes."""
+    """Add a legend with the names of several curves above the axes, in as many columns as fit."""
     if count > 1:
         lines, names = axes.get_legend_handles_labels()
-        figure.legend(lines, names, loc="outside upper center", fontsize="small", ncols=min(count, columns))
+        fitting = _LEGEND_WIDTH // (max(map(len, names), default=0) + _HANDLE_WIDTH)
+        number = max(1, min(count, columns, fitting))
+        figure.legend(lines, names, loc="outside upper center", fontsize="small", ncols=number)
+
+
+_LEGEND_WIDTH, _HANDLE_WIDTH = 110, 7  # characters per line of a legend, and of the line drawn before a name

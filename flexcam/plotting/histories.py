@@ -6,23 +6,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import MultipleLocator
+from numpy.typing import NDArray
 
 from flexcam.analysis.comparison import scalar_history
 from flexcam.analysis.model_choice import ModelEvaluation
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse, suggest_name
 from flexcam.core.units import to_display_unit
-from flexcam.dynamics import SERIES, Response, component_unit
+from flexcam.dynamics import SERIES, Response, Series, component_unit
 from flexcam.plotting.figures import (
     COLOURS,
+    TITLE_PAD,
     add_legend,
     create_axes,
     create_stacked_axes,
@@ -30,13 +33,14 @@ from flexcam.plotting.figures import (
     line_styles,
     wrap_title,
 )
+from flexcam.studies.tables import Column, SweepTable
 
-Abscissa = Literal["angle", "time"]
-"""Abscissa of the curves of a run: cam angle or time."""
+Abscissa = Literal["angle", "time", "crank"]
+"""Abscissa of the curves of a run: cam angle, time, or crank angle of a four-stroke engine."""
 
 _TICKS = (5, 10, 15, 30, 45, 90, 180, 360, 720)
 _MOST_TICKS = 9
-_BELOW = {"angle": "cam angle, deg", "time": "time, s"}
+_BELOW = {"angle": "cam angle, deg", "time": "time, s", "crank": "crank angle, deg"}
 _FORCES = (".force",)
 _SHORT_NAME = 10  # length of a name, characters, that shares a line of an axis label with a quantity
 
@@ -49,6 +53,25 @@ class CurveStyle:
     colour: str = COLOURS[0]  #: colour and dashes in the format of matplotlib
     dashes: str = "-"
     width: float = 1.4  #: width of the line, points
+
+
+_TURN = 2.0 * np.pi
+
+
+def last_revolution(response: Response, zero: float = 0.0, begin: float = 0.0) -> Response:
+    """Return the last revolution of a response, its cam angle counted from `zero` and rising from `begin`, rad."""
+    kept = np.flatnonzero(response.angle > response.angle[-1:] - _TURN * (1.0 - _ROUNDING))
+    angle = np.mod(response.angle[kept] - zero - begin + _ROUNDING, _TURN) - _ROUNDING + begin
+    order = np.argsort(angle, kind="stable")
+    rows = kept[order]
+    return replace(
+        response, time=response.time[rows], angle=angle[order],
+        probes=Series(*(values[rows] for values in vars(response.probes).values())),
+        channels={name: values[rows] for name, values in response.channels.items()},
+    )  # fmt: skip
+
+
+_ROUNDING = 1e-9  # of an angle, relative to a revolution
 
 
 def draw_motion(
@@ -87,13 +110,13 @@ def contact_forces(response: Response) -> list[str]:
 def motion_figure(
     responses: Mapping[str, Response], probe: str, channels: Sequence[str] = (), *,
     rigid: Mapping[str, Response] | None = None, over: Abscissa = "angle", title: str = "", lift: str = "",
-    sign: float = 1.0,
+    sign: float = 1.0, deviation: bool = False,
 ) -> Figure:  # fmt: skip
     """Return a figure with the motion of a probe in several runs, and channels below it.
 
-    `lift` is the name of a point that a cam lifts: its displacement times `sign` is a lift, positive as it opens.
+    `lift` is the name of a point that a cam lifts: its displacement times `sign` is a lift, positive as it opens. With
+    `deviation` the last axes have the difference of the displacement from the rigid run.
     """
-    first = next(iter(responses.values()))
     component = probe.rpartition(".")[2]
     name, gap = lift or probe, " " if len(lift or probe) <= _SHORT_NAME else "\n"
     words = {"displacement": "lift"} if lift else {}
@@ -101,37 +124,80 @@ def motion_figure(
         axis_label(f"{name}{gap}{words.get(series, series)}", component_unit(component, unit))
         for series, unit in SERIES.items()
     ]
-    called = [axis_label(short_name(name), channel_unit(first, name)) for name in channels]
-    figure, axes = create_stacked_axes([*motions, *called], _BELOW[over])
-    for response, look in _style_responses(responses, rigid or {}):
+    called = [axis_label(short_name(name), channel_unit(_first_with(responses, name), name)) for name in channels]
+    differences = [axis_label("flexible\nminus rigid", component_unit(component, "m"))] if deviation else []
+    figure, axes = create_stacked_axes([*motions, *called, *differences], _BELOW[over])
+    styled = _style_responses(responses, rigid or {})
+    for response, look in styled:
         draw_motion(axes[: len(SERIES)], response, probe, over=over, look=look, sign=sign)
-    _draw_channels(axes[len(SERIES) :], responses, rigid or {}, channels, over)
+    _draw_channels(axes[len(SERIES) : len(SERIES) + len(channels)], responses, rigid or {}, channels, over)
+    for (name, response), (_, look) in zip(responses.items(), styled[::2] if deviation else (), strict=False):
+        _draw_deviation(axes[-1], response, (rigid or {})[name], probe, over, look, sign)
     return _finish_axes(figure, axes, over, title)
+
+
+def _draw_deviation(
+    axes: Axes, response: Response, rigid: Response, probe: str, over: Abscissa, look: CurveStyle, sign: float
+) -> None:
+    """Draw the displacement of a probe minus that of the rigid run at the same cam angle."""
+    factor, _ = to_display_unit(component_unit(probe.rpartition(".")[2], "m"))
+    own, still = (scalar_history(one, probe).displacement for one in (response, rigid))
+    _draw(axes, response, sign * factor * (own - np.interp(response.angle, rigid.angle, still)), over, look)
+    axes.axhline(0.0, color="0.4", linewidth=0.8)
+
+
+def shade(axes: Sequence[Axes], x: FloatArray, instants: NDArray[np.bool_], name: str, colour: str) -> None:
+    """Shade some instants in all axes."""
+    for one in axes if instants.any() else ():
+        height: dict[str, Any] = {"transform": one.get_xaxis_transform(), "alpha": 0.25, "linewidth": 0.0}
+        one.fill_between(x, 0.0, 1.0, where=list(instants), color=colour, label=name, **height)
 
 
 def channel_figure(
     responses: Mapping[str, Response], channels: Sequence[str], *, rigid: Mapping[str, Response] | None = None,
-    over: Abscissa = "angle", title: str = "",
+    over: Abscissa = "angle", title: str = "", means: Mapping[str, Mapping[str, float]] | None = None,
 ) -> Figure:  # fmt: skip
-    """Return a figure with channels of several runs."""
-    first = next(iter(responses.values()))
-    called = [axis_label(short_name(name), channel_unit(first, name)) for name in channels]
+    """Return a figure with channels of several runs, and their `means` by run and channel, SI."""
+    called = [axis_label(short_name(name), channel_unit(_first_with(responses, name), name)) for name in channels]
     figure, axes = create_stacked_axes(called, _BELOW[over])
     _draw_channels(axes, responses, rigid or {}, channels, over)
     for one, channel in zip(axes, channels, strict=True):
         if channel.endswith(_FORCES):
             one.axhline(0.0, color="0.4", linewidth=0.8)
-    return _finish_axes(figure, axes, over, title)
+    _finish_axes(figure, axes, over, title)
+    for one, channel in zip(axes, channels, strict=True):
+        factor, symbol = to_display_unit(channel_unit(_first_with(responses, channel), channel))
+        lines: list[Line2D] = []
+        for (name, values), (colour, _) in zip((means or {}).items(), line_styles(), strict=False):
+            if channel in values:
+                mean = factor * values[channel]
+                label = ", ".join(filter(None, (name, f"mean {mean:.4g} {symbol}")))
+                lines.append(one.axhline(mean, color=colour, linestyle="--", linewidth=1.0, label=label))
+        if lines:
+            one.legend(handles=lines, loc="upper right", fontsize="x-small")
+    return figure
+
+
+def _first_with(responses: Mapping[str, Response], channel: str) -> Response:
+    """Return the first response with a channel, or the first one."""
+    return next((one for one in responses.values() if channel in one.channels), next(iter(responses.values())))
+
+
+def add_area_legend(figure: Figure) -> Figure:
+    """Add a legend of the shaded areas of a figure below it."""
+    if areas := list(figure.axes[0].collections):
+        figure.legend(handles=areas, loc="outside lower center", fontsize="small")
+    return figure
 
 
 def _draw_channels(
     axes: Sequence[Axes], responses: Mapping[str, Response], rigid: Mapping[str, Response], channels: Sequence[str],
     over: Abscissa,
 ) -> None:  # fmt: skip
-    """Draw channels of runs, one axis each; the rigid model lacks some, such as the force of an adjuster."""
+    """Draw channels of runs, one axis each, as far as a run has them; a rigid one lacks the force of an adjuster."""
     for response, look in _style_responses(responses, rigid):
         for one, channel in zip(axes, channels, strict=True):
-            if channel in response.channels or not any(response is other for other in rigid.values()):
+            if channel in response.channels:
                 draw_channel(one, response, channel, over=over, look=look)
 
 
@@ -154,8 +220,19 @@ def energy_figure(responses: Mapping[str, Response], *, over: Abscissa = "angle"
 
 def _draw(axes: Axes, response: Response, values: FloatArray, over: Abscissa, look: CurveStyle | None) -> None:
     look = look or CurveStyle()
-    x = np.degrees(response.angle) if over == "angle" else response.time
-    axes.plot(x, values, label=escape_math(look.label), color=look.colour, linestyle=look.dashes, linewidth=look.width)
+    axes.plot(
+        abscissa(response, over),
+        values,
+        label=escape_math(look.label),
+        color=look.colour,
+        linestyle=look.dashes,
+        linewidth=look.width,
+    )
+
+
+def abscissa(response: Response, over: Abscissa) -> FloatArray:
+    """Return cam angle or crank angle, deg, or time, s, of a run."""
+    return response.time if over == "time" else np.degrees(response.angle) * (2.0 if over == "crank" else 1.0)
 
 
 def _style_responses(
@@ -187,11 +264,13 @@ def _finish_axes(figure: Figure, axes: Sequence[Axes], over: Abscissa, title: st
     lines, _ = axes[0].get_legend_handles_labels()
     add_legend(figure, axes[0], len(lines))
     first, last = axes[-1].dataLim.intervalx
-    if over == "angle" and last > first:
+    if over != "time" and abs(last - first - 360.0) < _WHOLE:
+        last = first + 360.0
+    if over != "time" and last > first:
         axes[-1].xaxis.set_major_locator(MultipleLocator(_tick_spacing(last - first)))
     if last > first:
         axes[-1].set_xlim(first, last)
-    axes[0].set_title(wrap_title(title), fontsize="medium")
+    axes[0].set_title(wrap_title(title), fontsize="medium", pad=TITLE_PAD if over == "crank" else None)
     return figure
 
 
@@ -200,7 +279,9 @@ def _tick_spacing(span: float) -> float:
     return next((float(one) for one in _TICKS if span / one <= _MOST_TICKS), 720.0 * np.ceil(span / 720.0 / 8.0))
 
 
+_WHOLE = 4.0  # angle that the samples of a revolution may leave open, deg
 _LEVELS = 10
+FAILED = "failed variant"  # label of variants without values
 
 
 def bars_figure(
@@ -282,25 +363,84 @@ def front_figure(values: FloatArray, inside: np.ndarray, front: Sequence[int], l
 
 
 def map_figure(
-    along: FloatArray, down: FloatArray, rpm: Mapping[str, FloatArray], labels: tuple[str, str], shaft: str
-) -> Figure:
-    """Return a map of limits over two numbers as filled contours, one diagram per limit."""
-    figure, axes = create_axes((7.0, 0.8 + 4.0 * len(rpm)), len(rpm))
-    for axis, (name, speeds) in zip(axes, rpm.items(), strict=True):
+    along: FloatArray, down: FloatArray, values: Mapping[str, FloatArray], labels: tuple[str, str],
+    failed: NDArray[np.bool_] | None = None,
+) -> Figure:  # fmt: skip
+    """Return maps of values over two numbers as filled contours, one diagram per label; NaN is hatched."""
+    figure, axes = create_axes((7.0, 0.8 + 4.0 * len(values)), len(values))
+    for axis, (label, numbers) in zip(axes, values.items(), strict=True):
         axis.set_facecolor("0.92")
         axis.patch.set_hatch("//")
         axis.patch.set_edgecolor("0.7")
-        if np.isfinite(speeds).any():
-            low, high = np.nanmin(speeds), np.nanmax(speeds)
+        if np.isfinite(numbers).any():
+            low, high = np.nanmin(numbers), np.nanmax(numbers)
             levels = _LEVELS if high > low else [low - 1, low + 1]
-            filled = axis.contourf(along, down, speeds, levels=levels, cmap="cividis")
-            axis.clabel(axis.contour(along, down, speeds, levels=filled.levels, colors="white", linewidths=0.6),
-                        fmt="%.0f", fontsize="x-small")  # fmt: skip
-            figure.colorbar(filled, ax=axis, label=f"{name.replace('_', ' ')}\n{shaft} speed, rpm")
-        axis.plot(*(one.ravel() for one in np.meshgrid(along, down)), ".", color="black", markersize=2)
+            filled = axis.contourf(along, down, numbers, levels=levels, cmap="cividis")
+            axis.clabel(axis.contour(along, down, numbers, levels=filled.levels, colors="white", linewidths=0.6),
+                        fmt="%.4g", fontsize="x-small")  # fmt: skip
+            figure.colorbar(filled, ax=axis, label=label)
+        places = np.meshgrid(along, down)
+        axis.plot(*(one.ravel() for one in places), ".", color="black", markersize=2)
+        if failed is not None and failed.any():
+            axis.plot(*(one[failed] for one in places), "x", color=COLOURS[1], label=FAILED)
+            axis.legend(loc="upper right", fontsize="x-small")
         axis.set_ylabel(labels[1])
     axes[-1].set_xlabel(labels[0])
     return figure
+
+
+def sweep_figure(table: SweepTable, x: str, names: Sequence[str]) -> Figure:
+    """Return a figure with columns of a sweep over another one, with a line per combination of the other axes."""
+    below, columns = table.column(x), [table.column(name) for name in names]
+    places, labels = np.asarray(below.values), [_column_label(one, "\n") for one in columns]
+    figure, axes = create_stacked_axes(labels, _column_label(below, ", "), height=2.4)
+    others = [one for one in table.inputs if one.name != x and len(set(one.values)) > 1] if table.shape else []
+    groups: dict[str, list[int]] = {}
+    for i in range(len(table)):
+        groups.setdefault(", ".join(f"{one.name} {one.format(i)}" for one in others), []).append(i)
+    failed = np.array([not status.ok for status in table.statuses])
+    for axis, column in zip(axes, columns, strict=True):
+        values = _plain_numbers(column)
+        for (name, rows), (colour, dashes) in zip(groups.items(), line_styles(), strict=False):
+            order = rows if isinstance(below.values, tuple) else sorted(rows, key=lambda i: places[i])
+            style: dict[str, Any] = {"linestyle": dashes if table.shape else "none", "marker": "o", "markersize": 3}
+            axis.plot(places[order], values[order], label=name, color=colour, **style)
+        lost = failed & np.isnan(values)
+        if lost.any():
+            axis.plot(places[lost], np.full(int(lost.sum()), 0.03), "x", color="black",
+                      transform=axis.get_xaxis_transform(), label=FAILED)  # fmt: skip
+    add_legend(figure, axes[0], len(axes[0].get_legend_handles_labels()[0]))
+    return figure
+
+
+def sweep_map(table: SweepTable, x: str, names: Sequence[str]) -> Figure:
+    """Return filled contours of columns of a sweep over its two axes, the first of them `x`."""
+    varied = [one for one in table.inputs if len(set(one.values)) > 1]
+    keys = [one.name for one in varied]
+    if not table.shape or len(varied) != 2 or any(isinstance(one.values, tuple) for one in varied):
+        raise refuse("--map", ", ".join(keys) or "none", "a grid over two keys with numbers", "", "leave --map out")
+    if x not in keys:
+        raise refuse("--x", repr(x), " or ".join(keys), "a map is drawn over both keys")
+    along, down = sorted(varied, key=lambda one: one.name != x)
+    (first, at), (second, row) = (np.unique(np.asarray(one.values), return_inverse=True) for one in (along, down))
+    maps: dict[str, FloatArray] = {}
+    lost = np.zeros((len(second), len(first)), dtype=bool)
+    for column in (table.column(name) for name in names):
+        values = np.full(lost.shape, np.nan)
+        values[row, at] = _plain_numbers(column)
+        maps[_column_label(column, "\n")] = values
+        lost |= np.isnan(values)
+    return map_figure(first, second, maps, (_column_label(along, ", "), _column_label(down, ", ")), lost)
+
+
+def _plain_numbers(column: Column) -> FloatArray:
+    if isinstance(column.values, tuple):
+        raise refuse("--y", repr(column.name), "a column of numbers", "it has words")
+    return column.values
+
+
+def _column_label(column: Column, between: str) -> str:
+    return between.join(filter(None, (column.name, column.unit)))
 
 
 _KINDS = ("lift", "acceleration")
@@ -316,9 +456,10 @@ def work_precision_figure(found: Sequence[ModelEvaluation]) -> Figure:
         best = [one for one in of if one.best]
         line = {"label": name, "linestyle": dashes, "marker": "o", "markersize": 4}
         square = {"linestyle": "none", "marker": "s", "markersize": 8, "fillstyle": "none"}
+        square |= {} if names > 1 else {"label": "no other has less work and less error"}
         for axis, kind in zip(axes, _KINDS, strict=True):
             for some, style in ((of, line), (best, square)):
                 errors = [100.0 * one.errors[kind] for one in some]
                 axis.loglog([max(one.work, 1) for one in some], errors, color=colour, **style)
-    add_legend(figure, axes[0], names)
+    add_legend(figure, axes[0], names + 1)
     return figure

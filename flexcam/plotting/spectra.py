@@ -10,6 +10,7 @@ import textwrap
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
@@ -19,9 +20,17 @@ from flexcam.analysis.orders import Waterfall
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
 from flexcam.core.units import to_display_unit
+from flexcam.dynamics import Response
 from flexcam.fem.recovery import deflection
-from flexcam.plotting.figures import add_legend, create_axes, create_stacked_axes, line_styles, wrap_title
-from flexcam.plotting.histories import axis_label, short_name
+from flexcam.plotting.figures import (
+    COLOURS,
+    add_legend,
+    create_axes,
+    create_stacked_axes,
+    line_styles,
+    wrap_title,
+)
+from flexcam.plotting.histories import axis_label, channel_unit, last_revolution, short_name
 from flexcam.valvetrain import ModelModes, Structure
 
 _MAX_CIRCLE_AREA = 160.0  # area of the largest circle, points squared
@@ -43,6 +52,7 @@ def campbell_figure(found: Campbell, scale: float, shaft: str) -> Figure:
             first = not labelled and bool((column <= top).any())
             axes.plot(rpm, column, color="0.5", linewidth=1.2, label="without force at the contact" * first)
             labelled = labelled or first
+    _mark_ends(axes, found, rpm, top)
     _circles(axes, found, scale)
     axes.set(xlim=(rpm[0], rpm[-1]), ylim=(0.0, top), xlabel=f"{shaft} speed, rpm", ylabel="natural frequency, Hz")
     if axes.get_legend_handles_labels()[0]:
@@ -79,6 +89,17 @@ def _rays(axes: Axes, found: Campbell, rpm: np.ndarray, top: float) -> None:
             )  # fmt: skip
 
 
+def _mark_ends(axes: Axes, found: Campbell, rpm: np.ndarray, top: float) -> None:
+    """Mark where lines of modes end between the first and the last speed."""
+    failed = np.array([not status.ok for status in found.statuses])
+    known = np.pad(np.isfinite(found.frequencies) | failed[:, None], ((1, 1), (0, 0)), mode="edge")
+    ends = ~(known[:-2] & known[2:]) & (found.frequencies <= top)
+    at, mode = np.nonzero(ends)
+    if len(at):
+        label = "line ends: a contact opens or closes"
+        axes.plot(rpm[at], found.frequencies[at, mode], "|", color="black", markersize=14, label=label)
+
+
 def _circles(axes: Axes, found: Campbell, scale: float) -> None:
     met = [one for one in found.crossings if not math.isnan(one.load)]
     largest = max((one.load for one in met), default=0.0) or 1.0
@@ -92,14 +113,59 @@ _DECADES = 3.0  # decades below the largest amplitude covered by the colour scal
 
 
 def waterfall_figure(found: Sequence[Waterfall], scale: float, shaft: str) -> Figure:
-    """Return a figure with orders over speed as colours, one diagram per history."""
-    figure, axes = create_axes((7.0, 0.8 + 2.8 * len(found)), len(found))
-    for axis, one in zip(axes, found, strict=True):
-        _draw(figure, axis, one, scale)
-    axes[-1].set_xlabel("order of the camshaft")
-    for axis in axes:
-        axis.set_ylabel(f"{shaft} speed, rpm")
+    """Return a figure with orders over speed as colours and as lines raised by the speed, one row per history."""
+    figure = Figure(figsize=(11.0, 0.8 + 3.2 * len(found)), layout="constrained")
+    grid = figure.subplots(len(found), 2, squeeze=False, sharex=True)
+    for row, one in zip(grid, found, strict=True):
+        _draw(figure, row[0], one, scale)
+        _draw_lines(row[1], one, scale)
+        for axis in row:
+            axis.set_ylabel(f"{shaft} speed, rpm")
+    for axis in grid[-1]:
+        axis.set_xlabel("order of the camshaft")
     return figure
+
+
+_LINE_HEIGHT = 0.3  # height of the largest amplitude in a waterfall, relative to the range of speeds
+
+
+def _draw_lines(axes: Axes, found: Waterfall, scale: float) -> None:
+    """Draw the amplitudes of each speed as a line above it, the lowest speed in front."""
+    factor, symbol = to_display_unit(found.unit)
+    rpm, sizes = scale * found.rpm, factor * found.amplitudes[:, 1:]
+    largest = float(np.nanmax(sizes)) if np.isfinite(sizes).any() else 0.0
+    height = _LINE_HEIGHT * float(np.ptp(rpm)) / (largest or 1.0)
+    orders = np.arange(1.0, sizes.shape[1] + 1.0)
+    for i, (base, own) in enumerate(zip(rpm.tolist(), sizes, strict=True)):
+        axes.fill_between(orders, base, base + height * own, facecolor="white", zorder=3.0 - i / len(rpm))
+        axes.plot(orders, base + height * own, color=COLOURS[0], linewidth=1.0, zorder=3.0 - i / len(rpm))
+    axes.set_title(f"highest peak {largest:.4g} {symbol}", fontsize="small", loc="right")
+
+
+def angle_map_figure(rpm: FloatArray, runs: Sequence[Response | None], channel: str, shaft: str) -> Figure:
+    """Return a map of a channel over the cam angle of the last revolution and speed; None for failed runs."""
+    responses = [one for one in runs if one is not None]
+    unit = channel_unit(responses[0], channel)
+    factor, symbol = to_display_unit(unit)
+    angle = np.linspace(0.0, 2.0 * math.pi, _ANGLES)
+    values = np.full((len(runs), _ANGLES), math.nan)
+    for row, run in zip(values, runs, strict=True):
+        if run is not None:
+            last = last_revolution(run)
+            row[:] = factor * np.interp(angle, last.angle, last.channels[channel], period=2.0 * math.pi)
+    figure, (axes,) = create_axes((7.0, 4.5))
+    axes.set_facecolor("0.85")
+    drawn = axes.pcolormesh(np.degrees(angle), rpm, values, cmap="viridis", shading="nearest", rasterized=True)
+    figure.colorbar(drawn, ax=axes, label=axis_label(short_name(channel), unit))
+    i, j = np.unravel_index(int(np.nanargmax(values)), values.shape)
+    label = f"maximum {values[i, j]:.4g} {symbol} at {rpm[i]:.0f} rpm"
+    axes.plot(np.degrees(angle[j]), rpm[i], "o", color="white", markeredgecolor="black", label=label)
+    axes.set(xlabel="cam angle, deg", ylabel=f"{shaft} speed, rpm", xlim=(0.0, 360.0), xticks=range(0, 361, 45))
+    figure.legend(loc="outside upper center", fontsize="small")
+    return figure
+
+
+_ANGLES = 1441  # instants per revolution of a map
 
 
 def _draw(figure: Figure, axes: Axes, found: Waterfall, scale: float) -> None:
@@ -171,41 +237,42 @@ def draw_mode(axes: Axes, structure: Structure, member: str, nodal: FloatArray, 
 
 
 def mode_figure(structure: Structure, found: ModelModes, *, title: str = "") -> Figure:
-    """Return a figure with modes along the members."""
+    """Return a figure with modes along the members that move in them, one row per mode."""
     members = list(structure.model.mesh.lines)
     if not members:
         why = "shapes are drawn along members; flexcam modes says what moves in a train of masses"
         raise refuse("members", "none", "one or more", why)
-    count = len(found.shares)
-    figure = Figure(figsize=(2.0 + 3.0 * len(members), 1.4 + 1.7 * count), layout="constrained")
-    grid = figure.subplots(count, len(members), squeeze=False, sharex="col", sharey=True)
     shapes = structure.dofs.nodal_modes(found.modes.shapes.T, structure.model.mesh.extent)
-    for mode, (row, nodal) in enumerate(zip(grid, shapes, strict=True)):
-        largest = _maximum_motion(structure, nodal)
-        for axes, member in zip(row, members, strict=True):
-            draw_mode(axes, structure, member, nodal, largest)
-        row[0].set_ylabel(f"mode {mode + 1}")
-        words = f"{found.modes.frequencies[mode]:.4g} Hz: {found.words(mode)}"
-        row[0].set_title("\n".join(textwrap.wrap(words, _TITLE_WIDTH * len(members))), fontsize="small", loc="left")
-        if not any(line.get_label() in _MOTIONS for axes in row for line in axes.lines):
-            row[0].text(0.5, 0.75, "no member moves", transform=row[0].transAxes, ha="center", color="0.3")
-    for axes, member in zip(grid[-1], members, strict=True):
-        axes.set_xlabel(f"along {member}, mm")
-    handles = {
-        name: line for axes in grid.ravel() for line, name in zip(*axes.get_legend_handles_labels(), strict=True)
-    }
+    motions = [_member_motions(structure, nodal) for nodal in shapes]
+    moving = [[name for name, size in own.items() if size > _MIN_MOTION * max(own.values())] for own in motions]
+    columns = max(map(len, moving), default=1) or 1
+    heights = [2.2 if own else 0.4 for own in moving]
+    figure = Figure(figsize=(2.0 + 4.0 * columns, 1.0 + sum(heights)), layout="constrained")
+    rows = np.atleast_1d(np.asarray(figure.subfigures(len(moving), 1, height_ratios=heights)))
+    handles: dict[str, Artist] = {}
+    for mode, (row, nodal, own) in enumerate(zip(rows, shapes, moving, strict=True)):
+        words = f"mode {mode + 1}, {found.modes.frequencies[mode]:.4g} Hz: {found.words(mode)}"
+        lines = textwrap.wrap(words if own else f"{words}; no member moves", _TITLE_WIDTH * columns)
+        row.suptitle("\n".join(lines), fontsize="small", x=0.02, ha="left")
+        if not own:
+            continue
+        grid = row.subplots(1, columns, squeeze=False)[0]
+        for axes in grid[len(own) :]:
+            axes.set_axis_off()
+        for axes, member in zip(grid, own, strict=False):
+            draw_mode(axes, structure, member, nodal, max(motions[mode].values()))
+            axes.set_xlabel(f"along {member}, mm")
+            handles |= {name: line for line, name in zip(*axes.get_legend_handles_labels(), strict=True)}
     figure.legend(list(handles.values()), list(handles), loc="outside lower center", fontsize="small", ncols=4)
     if title:
         figure.suptitle(wrap_title(title), fontsize="medium")
     return figure
 
 
-def _maximum_motion(structure: Structure, nodal: FloatArray) -> float:
-    """Return the maximum motion of the members' centre lines and surfaces; 1 if only other parts move."""
-    moved = np.abs(deflection(structure.beams, nodal, _PARTS))
-    radius = np.concatenate([
-        np.full(part.stop - part.start, structure.model.members[name].section.radius)
-        for name, part in structure.model.mesh.element_ranges().items()
-    ])  # fmt: skip
-    largest = max(float(moved[..., :3].max()), float((moved[..., 3] * radius[:, None]).max()))
-    return largest if largest > 0.0 else 1.0
+def _member_motions(structure: Structure, nodal: FloatArray) -> dict[str, float]:
+    """Return the maximum motion of the centre line and the surface of each member."""
+    found: dict[str, float] = {}
+    for name, part in structure.model.mesh.element_ranges().items():
+        moved, radius = deflection(structure.beams, nodal, _PARTS, part), structure.model.members[name].section.radius
+        found[name] = float((np.abs(moved[..., :4]) * [1.0, 1.0, 1.0, radius]).max())
+    return found

@@ -45,6 +45,11 @@ class Column:
     unit: str  #: unit of the numbers as given in the plan; empty for SI and for words
     values: FloatArray | tuple[str, ...]  #: values, shape (variants,): numbers, or texts if any value is not numeric
 
+    def format(self, i: int) -> str:
+        """Return the value of a variant with its unit."""
+        value = self.values[i]
+        return value if isinstance(value, str) else f"{value:.6g} {self.unit}".rstrip()
+
 
 @dataclass(frozen=True, eq=False)
 class SweepTable:
@@ -67,6 +72,15 @@ class SweepTable:
         if name not in self.scalars:
             raise InputError([unknown_scalar_fault(name, self.scalars)])
         return self.scalars[name]
+
+    def column(self, name: str) -> Column:
+        """Return a varied key or a scalar in the unit that engineers use."""
+        if (key := next((one for one in self.inputs if one.name == name), None)) is not None:
+            return key
+        if name not in self.scalars:
+            raise InputError([unknown_scalar_fault(name, [*(one.name for one in self.inputs), *self.scalars])])
+        factor, unit = to_display_unit(self.units[name])
+        return Column(name, unit, factor * self.scalars[name])
 
     @property
     def failed(self) -> tuple[int, ...]:
@@ -199,8 +213,10 @@ def _numbers(group: Any, name: str, values: Any, unit: str) -> None:  # noqa: AN
 
 
 def read_table(path: str | Path) -> SweepTable:
-    """Read the table of a sweep."""
+    """Read the table of a sweep, ``.h5`` or ``.csv``; that of a CSV file keeps its units."""
     source = Path(path)
+    if source.suffix == ".csv":
+        return _read_csv(source)
     with open_hdf5(source, "table", "the HDF5 table of a sweep (.sweep.h5)") as file:
         return _read_hdf5(file, source)
 
@@ -275,6 +291,34 @@ def format_csv(table: SweepTable) -> str:
     for i, status in enumerate(table.statuses):
         writer.writerow([i + 1, *(values[i] for values in columns), status.cause, status.message])
     return text.getvalue()
+
+
+def _read_csv(path: Path) -> SweepTable:
+    """Read the CSV file of a table; the fewest first columns that differ in every row are those that were varied."""
+    try:
+        head, *rows = csv.reader(io.StringIO(path.read_text(encoding="utf-8-sig")))
+    except (OSError, ValueError) as fault:
+        why = system_message(fault) if isinstance(fault, OSError) else "it is not text, or empty"
+        raise refuse("table", str(path), "the table of a sweep (.csv)", why) from None
+    if head[:1] != ["variant"] or head[-2:] != ["status", "message"] or {len(row) for row in rows} != {len(head)}:
+        raise refuse("table", str(path), "the table of a sweep (.csv)", "its columns are others")
+    columns = [_parse_column(title, texts) for title, *texts in list(zip(head, *rows, strict=True))[1:-2]]
+    values = [one.values if isinstance(one.values, tuple) else one.values.tolist() for one in columns]
+    keys = (n for n in range(1, len(columns)) if len(set(zip(*values[:n], strict=True))) == len(rows))
+    count = next(keys, 1)
+    scalars = {one.name: one.values for one in columns[count:] if not isinstance(one.values, tuple)}
+    levels = [len(set(one)) for one in values[:count]]
+    shape = tuple(levels) if math.prod(levels) == len(rows) else ()
+    statuses = tuple(Status(Cause(row[-2]), row[-1]) for row in rows)
+    return SweepTable(tuple(columns[:count]), scalars, {one.name: one.unit for one in columns}, statuses, shape)
+
+
+def _parse_column(title: str, texts: Sequence[str]) -> Column:
+    name, _, unit = title.removesuffix("]").partition(" [")
+    try:
+        return Column(name, unit, np.array([float(text or "nan") for text in texts]))
+    except ValueError:
+        return Column(name, "", tuple(texts))
 
 
 _WORDS = {

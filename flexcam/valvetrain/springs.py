@@ -157,6 +157,15 @@ def _stress_factor(part: SpringPart) -> float:
     return 0.0 if wire is None else wire.wahl * 8.0 * wire.coil_diameter / (math.pi * wire.diameter**3)
 
 
+def wire_stress(spring: Spring, travel: FloatArray) -> FloatArray:
+    """Return the largest stress of the wire at rest, Pa, shape (m,), at travels from the installed length, m."""
+    compressions, stress = spring_curve(spring).compression(travel), np.zeros(len(travel))
+    for i, (part, closed) in enumerate(zip(spring.parts, _closed_forces(spring), strict=True)):
+        force = np.interp(compressions[:, i], *_part_curve(spring, replace(part, travel=None))) - closed
+        stress = np.maximum(stress, _stress_factor(part) * np.abs(force))
+    return stress
+
+
 @dataclass(frozen=True, eq=False)
 class SpringCurve:
     """Static force of a spring over its travel from the installed length, linear between its corners.

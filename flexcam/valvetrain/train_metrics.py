@@ -270,14 +270,19 @@ def separation_by_flank(model: Model, response: Response, contact: str, instants
     The nose lies between the maximum velocities of opening and closing: there the acceleration points to the cam, and
     only the spring holds the follower.
     """
-    cam = model.cam_contacts[contact].cam
-    event, angle = model.cams[cam].event, response.angle[instants]
+    event, angle = model.cams[model.cam_contacts[contact].cam].event, response.angle[instants]
     if len(angle) < _MIN_INSTANTS:
         return {}
-    lifted = event(angle) > main_lift(model, cam)
-    off = lifted & (response.channels[f"contacts.{contact}.force"][instants] <= 0.0)
+    off = contact_loss(model, response, contact, instants)
     step = float(angle[-1] - angle[0]) / (len(angle) - 1)
     return {name: float((off & part).sum()) * step for name, part in _flanks(event, angle).items()}
+
+
+def contact_loss(model: Model, response: Response, contact: str, instants: Bools | None = None) -> Bools:
+    """Return at which of some instants, by default all, a contact is open on the main lift of its cam."""
+    cam, chosen = model.cam_contacts[contact].cam, slice(None) if instants is None else instants
+    lifted = model.cams[cam].event(response.angle[chosen]) > main_lift(model, cam)
+    return lifted & (response.channels[f"contacts.{contact}.force"][chosen] <= 0.0)
 
 
 def _flanks(event: Event, angle: FloatArray) -> dict[str, Bools]:

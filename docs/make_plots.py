@@ -1,0 +1,58 @@
+"""Make docs/pictures/plot-*.png: the figures of `flexcam plot` in docs/report.md and docs/studies.md, from shipped cases."""
+
+from __future__ import annotations
+
+import shlex
+import shutil
+import tempfile
+from contextlib import chdir
+from pathlib import Path
+
+from PIL import Image
+
+from flexcam.cli.main import main
+
+DOCS = Path(__file__).parent
+CASES = ("pushrod-engine/intake.toml", "direct-acting/bucket.toml")
+COLOURS = 200
+
+COMMANDS = """
+new exhaust-valve -o exhaust.toml
+run intake.toml --set run.crank_speed=5900rpm -o results
+sweep intake.toml --set run.crank_speed=4000:7000#13rpm --set springs.valve.stiffness=40:70:10kN/m --scalars springs
+plot results/intake.vtkhdf --rigid -o plot-motion.png
+plot bucket.toml exhaust.toml --over crank -o plot-crank.png
+plot intake.toml --what map --channel contacts.intake.pressure --count 25 -o plot-map.png
+plot intake.toml --what spring --channel springs.valve.force -o plot-spring.png
+plot strong.toml --what goodman -o plot-goodman.png
+campbell intake.toml --response --lowest 3000rpm --highest 7000rpm --count 21 --plot plot-orders.png
+plot results/intake.sweep.h5 --y springs.valve.clearance.least --map -o plot-sweep.png
+"""
+STRENGTH = '[materials.steel]\nultimate_strength = "900 MPa"\nendurance_limit = "350 MPa"\n'
+
+
+def run_command(command: str) -> None:
+    """Run a command of flexcam."""
+    try:
+        main(shlex.split(command))
+    except SystemExit as ended:
+        if ended.code:
+            raise
+
+
+def make_pictures() -> None:
+    """Run the commands in a temporary folder, and store their pictures with few colours."""
+    with tempfile.TemporaryDirectory() as folder, chdir(folder):
+        for case in CASES:
+            shutil.copy(DOCS.parent / "cases" / case, Path(case).name)
+        text = Path("intake.toml").read_text(encoding="utf-8")
+        Path("strong.toml").write_text(text.replace("[materials.steel]\n", STRENGTH), encoding="utf-8")
+        for command in COMMANDS.strip().splitlines():
+            run_command(command)
+        for drawn in Path().glob("plot-*.png"):
+            with Image.open(drawn) as image:
+                image.convert("RGB").quantize(COLOURS).save(DOCS / "pictures" / drawn.name, optimize=True)
+
+
+if __name__ == "__main__":
+    make_pictures()
