@@ -47,17 +47,18 @@ TYPICAL_RANGES = (
     TypicalRange(
         "sections.*.diameter sections.*.outer_diameter sections.*.inner_diameter sections.*.width_y sections.*.width_z "
         "springs.*.wire.diameter springs.*.wire.coil_diameter springs.*.coils.*.diameter cams.*.base_radius "
-        "cams.*.width cams.*.follower.radius",
+        "cams.*.width cams.*.follower.radius cams.*.follower.face_diameter",
         1e-6, 3.0, _LENGTH,
     ),
     TypicalRange(
         "masses.*.offset springs.*.installed_compression springs.*.clash_travel springs.*.coils.*.pitch "
-        "springs.*.force_table.*.0 cams.*.follower.offset",
+        "springs.*.force_table.*.0 cams.*.follower.offset cams.*.follower.axial_offset",
         0.0, 2.0, _LENGTH,
     ),
     TypicalRange("rockers.*.arms cams.*.follower.arm cams.*.follower.distance", 1e-4, 5.0, _LENGTH),
     TypicalRange("cams.*.lift", 1e-6, 0.5, _LENGTH, "m"),
-    TypicalRange("cams.*.ramps.height contacts.*.gap members.*.bow", 0.0, 0.05, _LENGTH),
+    TypicalRange("cams.*.ramps.height members.*.bow", 0.0, 0.05, _LENGTH),
+    TypicalRange("contacts.*.gap", 0.0, 5e-3, _LENGTH),
     TypicalRange("sections.*.A", 1e-10, 10.0, {"mm^2": 1e-6, "cm^2": 1e-4}),
     TypicalRange("sections.*.Iy sections.*.Iz sections.*.J", 1e-20, 10.0, {"mm^4": 1e-12, "cm^4": 1e-8}),
     TypicalRange("masses.*.mass springs.*.mass", 1e-8, 20.0, {"g": 1e-3, "kg": 1.0}),
