@@ -21,8 +21,10 @@ def test_all_are_there(flexcam):
     }  # fmt: skip
     assert set(NAMES) == wanted
     assert flexcam("new", "--json").json["templates"] == templates()
-    told = flexcam("new").out
-    assert all(name in told for name in wanted)
+    for words in (("new",), ("new", "--list")):
+        told = flexcam(*words).out
+        assert all(name in told for name in wanted)
+    assert "--list alone" in flexcam("new", "v8-bank", "--list").err
 
 
 @pytest.mark.parametrize("name", NAMES)
