@@ -242,6 +242,9 @@ def _slenderness_warnings(case: Case) -> Iterator[str]:
 _MAX_DOFS = 3000
 """Maximum number of degrees of freedom for which the start of a run is computed to check its contacts."""
 
+_MIN_COSINE = 0.98
+"""Cosine of the angle between a spring and the motion of a rocker's point from which a spring counts as oblique."""
+
 _LIFT_TOLERANCE = 1e-9
 """Lift relative to its maximum from which a cam counts as off its base circle."""
 
@@ -327,6 +330,20 @@ def check_loads(model: Model, problem: Problem) -> list[str]:
         for name, load in model.loads.items()
         if load.size and not vectors.get(f"loads.{name}", np.ones(1)).any()
     ]
+
+
+def check_oblique_springs(model: Model) -> list[str]:
+    """Return warnings about springs at an angle to the motion of a rocker's point, which take a part of its motion."""
+    found: list[str] = []
+    for name, spring in model.springs.items():
+        rocker = model.rocker_at(spring.at)
+        cosine = 1.0 if rocker is None else abs(float(spring.direction[:3] @ rocker.direction[:3]))
+        if cosine < _MIN_COSINE:
+            line = [round(float(x), 4) for x in rocker.direction[:3]] if rocker else []
+            angle = f"{math.degrees(math.acos(cosine)):.3g} deg"
+            what = f"its direction has an angle of {angle} to the line of the rocker's point {spring.at!r}, {line}"
+            found.append(f"Warning: springs.{name}: {what}; give the spring this direction")
+    return found
 
 
 def check_connectivity(model: Model) -> list[str]:
