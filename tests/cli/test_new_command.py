@@ -45,8 +45,9 @@ def test_it_passes_the_check_and_runs(name, flexcam):
     checked = flexcam("check", "cases/mine.toml", "--json")
     assert checked.code == 0
     assert checked.json["warnings"] == []
-    revolutions = {"finger-follower": 2, "dohc-16-valve": 0.02, "v8-bank": 2}.get(name, 0.6)
-    run = flexcam("run", "cases/mine.toml", "--json", "--set", f"run.revolutions={revolutions}")
+    oil = name in ("finger-follower", "v8-bank")  # as long as the starter says, until it is steady
+    short = () if oil else ("--set", f"run.revolutions={0.02 if name == 'dohc-16-valve' else 0.6}")
+    run = flexcam("run", "cases/mine.toml", "--json", *short)
     assert run.code == 0
     assert run.json["status"] == "done"
     assert run.json["warnings"] == []
