@@ -22,7 +22,8 @@ GUIDES = {
 CHANGES = {
     '"24 mm", "0 mm"]': f"{0.024 * HALF}, {0.024 * HALF}]", '"274 mm", "0 mm"]': f"{0.274 * HALF}, {0.274 * HALF}]",
     'tappet = ["ux", "uz", "ry", "rx"]': 'tappet = ["ux", "rx"]', 'pushrod-top = ["ux", "uz"]': 'pushrod-top = ["ux"]',
-    "\n[springs.tappet]": "".join(f"\n[springs.{name}]\n{keys}\n" for name, keys in GUIDES.items()) + "\n[springs.tappet]",
+    "\n[springs.tappet]": "".join(f"\n[springs.{name}]\n{keys}\n" for name, keys in GUIDES.items())
+    + "\n[springs.tappet]",
 }  # fmt: skip
 WORDS = "run.revolutions=0.6", "run.steps_per_revolution=1800"
 
@@ -41,7 +42,8 @@ def inclined(tmp_path):
 def test_guides_of_springs_in_an_inclined_bank(inclined, model, tolerance):
     """Guides of 1 GN/m give way by less than a thousandth of the motion of the pushrod."""
     lines = [f"springs.{name}.direction={ALONG}" for name in ("valve", "tappet")]
-    runs = [run(read_case(p, [*w, f"fidelity.model={model}"])) for p, w in ((PATH, WORDS), (inclined, [*WORDS, *lines]))]
+    cases = ((PATH, WORDS), (inclined, [*WORDS, *lines]))
+    runs = [run(read_case(path, [*words, f"fidelity.model={model}"])) for path, words in cases]
     for read in (lambda one: one["valve"].displacement, lambda one: one.channels["contacts.intake.force"]):
         upright, bank = (read(one) for one in runs)
         np.testing.assert_allclose(bank, upright, atol=tolerance * np.abs(upright).max())
