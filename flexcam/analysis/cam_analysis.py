@@ -17,6 +17,7 @@ from flexcam.cams import (
     CamProfile,
     Event,
     Extreme,
+    FlatFollower,
     HarmonicFit,
     Joint,
     LiftReport,
@@ -101,6 +102,24 @@ class CamFacts:
     tdc: float | None  #: cam angle at the top dead centre of gas exchange, rad; None if not given
     checking_lifts: Mapping[str, float]  #: lifts at which the events are evaluated, m, by name
 
+    @property
+    def face_diameter(self) -> float | None:
+        """Diameter of the follower's flat face, m; None if not given."""
+        return self.cam.follower.face_diameter if isinstance(self.cam.follower, FlatFollower) else None
+
+    @property
+    def axial_offset(self) -> float:
+        """Distance from the axis of a flat follower to the middle of the cam, m."""
+        return self.cam.follower.axial_offset if isinstance(self.cam.follower, FlatFollower) else 0.0
+
+    @property
+    def min_face_diameter(self) -> float | None:
+        """Diameter of a flat face that just contains the contact line over the revolution, m; None for others."""
+        if self.profile is None or not isinstance(self.cam.follower, FlatFollower):
+            return None
+        farthest = max(abs(end.value) for end in self.profile.extremes.offset)
+        return 2.0 * self.cam.follower.face_radius(farthest, self.cam.width)
+
     def valve_lift(self, lift: FloatArray) -> FloatArray:
         """Return the lift of the valve for a lift of the cam, m."""
         return np.maximum(self.ratio * (lift - self.lash), 0.0)
@@ -164,7 +183,9 @@ def cam_facts(
         with suppress(InputError):  # no base radius is sufficient: the findings explain the faults of the given one
             least = minimum_base_radius(event, cam.follower, pressure_angle=pressure_angle, turn=cam.turn)
         helps = least is not None
-        findings += find_profile_faults(profile, pressure_angle=pressure_angle, cutter=cutter, base_helps=helps)
+        findings += find_profile_faults(
+            profile, pressure_angle=pressure_angle, cutter=cutter, base_helps=helps, width=cam.width
+        )
     velocity, acceleration, jerk = (max(abs(end.value) for end in event_extremes(event, n)) for n in (1, 2, 3))
     return CamFacts(
         cam, lift, velocity, acceleration, None if any(one.steps[2] for one in met) else jerk,

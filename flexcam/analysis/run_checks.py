@@ -15,11 +15,12 @@ import numpy as np
 
 from flexcam.analysis.preparation import PreparedRun, RevolutionChange
 from flexcam.analysis.run import response_block
-from flexcam.cams import Follower, profile_at, undercut
+from flexcam.cams import FlatFollower, Follower, profile_at, undercut
 from flexcam.case.input_checks import (
     check_coil_bind,
     check_connectivity,
     check_loads,
+    check_oblique_springs,
     check_open_contacts,
     check_overshoot,
     check_shared_seat_load,
@@ -105,6 +106,7 @@ def check_input(ready: PreparedRun) -> list[str]:
         *check_values(case),
         *check_lobes(model),
         *check_connectivity(model),
+        *check_oblique_springs(model),
         *check_loads(model, problem),
         *check_open_contacts(model, problem),
         *check_start_impact(case, model, problem),
@@ -152,6 +154,11 @@ def _check_lobe(model: Model, name: str, cam: Cam, follower: Follower) -> Iterat
     if _is_undercut(cam, follower):
         why = "its profile crosses itself (undercut), so that no cam can make the lift of this run"
         yield f"Warning: cams.{name}: {why}; flexcam cam gives the base circle that is large enough"
+    if isinstance(follower, FlatFollower) and follower.face_diameter is not None:
+        needed = 2.0 * follower.face_radius(float(np.abs(cam.event(_LIFT_ANGLES, 1)).max()), cam.width)
+        if needed > follower.face_diameter:
+            sizes = f"{1e3 * follower.face_diameter:.4g} mm, and the contact line needs {1e3 * needed:.4g} mm"
+            yield f"Warning: cams.{name}: its follower's face_diameter is {sizes}: it crosses the edge of the face"
     node = model.mesh.points.get(cam.at, np.empty(0, dtype=int))
     sections = [
         one.section for one_name, one in model.members.items() if np.isin(node, model.mesh.lines[one_name]).any()

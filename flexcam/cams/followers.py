@@ -80,9 +80,18 @@ class FlatFollower(Follower):
     """Translating follower with a flat face normal to its motion."""
 
     roller_radius: float = field(default=math.inf, init=False, repr=False)
+    face_diameter: float | None = None  #: of a round face, m
+    #: distance from the follower's axis to the middle of the cam, along the shaft, m: it rotates a round face
+    axial_offset: float = 0.0
 
     def __post_init__(self) -> None:
         positive("base_radius", self.base_radius, "m")
+        if self.face_diameter is not None:
+            positive("follower.face_diameter", self.face_diameter, "m")
+
+    def face_radius(self, contact_offset: float, width: float | None) -> float:
+        """Return the radius of a round face, m, that contains the contact line of a cam, from its offset and width."""
+        return math.hypot(contact_offset, 0.5 * (width or 0.0) + abs(self.axial_offset))
 
     def contact(self, lift: FloatArray, velocity: FloatArray, acceleration: FloatArray, turn: Turn) -> FollowerContact:
         """Return the contact, at the distance s' from the axis, where the velocities along the normal agree."""

@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexcam.cams.followers import Follower, FollowerContact, RollerFollower, Turn
+from flexcam.cams.followers import FlatFollower, Follower, FollowerContact, RollerFollower, Turn
 from flexcam.cams.law_criteria import LIMIT_OFFSET, Extreme, curve_minimum, refine_minima
 from flexcam.cams.lift_event import Event
 from flexcam.core import ComplexArray, FloatArray
@@ -177,9 +177,13 @@ class ProfileFault:
 
 
 def find_profile_faults(
-    profile: CamProfile, *, pressure_angle: float = PRESSURE_ANGLE, cutter: float | None = None, base_helps: bool = True
-) -> list[ProfileFault]:
-    """Return the violated limits of a profile with the angle of the worst value, including between the points."""
+    profile: CamProfile, *, pressure_angle: float = PRESSURE_ANGLE, cutter: float | None = None,
+    base_helps: bool = True, width: float | None = None,
+) -> list[ProfileFault]:  # fmt: skip
+    """Return the violated limits of a profile with the angle of the worst value, including between the points.
+
+    The width of the cam, m, is part of the check for contact at the edge of a round face.
+    """
     found: list[ProfileFault] = []
     if cutter is not None:
         positive("cutter", cutter, "m")
@@ -198,6 +202,12 @@ def find_profile_faults(
     if cutter is not None and not cut and seen.hollow is not None and seen.hollow.value < cutter:
         what = "the cutter is larger than the hollow it would have to cut"
         found.append(ProfileFault(what, "take a smaller one", seen.hollow.at, seen.hollow.value, cutter))
+    if isinstance(follower, FlatFollower) and follower.face_diameter is not None:
+        farthest = max(seen.offset, key=lambda end: abs(end.value))
+        left = 0.5 * follower.face_diameter - follower.face_radius(farthest.value, width)
+        if left < 0.0:
+            what, remedy = "the contact line crosses the edge of the face", "take a larger face or a narrower cam"
+            found.append(ProfileFault(what, remedy, farthest.at, left, 0.0))
     return found
 
 

@@ -45,7 +45,7 @@ _POINT_REFERENCES = (
     ("cams", "at", False),
     ("contacts", "follower", True),
     ("contacts", "at", True),
-    ("contacts", "from", False),
+    ("contacts", "from", True),
     ("contacts", "to", False),
 )
 """Table, key and whether the output point of a rocker is allowed."""
@@ -192,8 +192,8 @@ class RawTables:
             for name, table in self._each(kind):
                 of_lash = kind == "contacts" and key == "at" and table.get("model") != "seat"
                 own = next((r for r, one in self._each("rockers") if one.get("to") == table.get(key)), None)
-                if kind == "contacts" and key in ("from", "to") and own is not None:
-                    remedy = f"write at = {own!r} for a lash before it; a spring with link = true joins it to a node"
+                if (kind, key) == ("contacts", "to") and own is not None:
+                    remedy = f"write at = {own!r} for a lash before it"
                     why = f"it is the point of rocker {own!r}"
                     yield self._fault((kind, name, key), repr(table.get(key)), "a node", why, remedy)
                 elif not of_lash and not (kind == "rockers" and _is_finger(table, counts)):

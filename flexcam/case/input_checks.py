@@ -48,17 +48,18 @@ TYPICAL_RANGES = (
     TypicalRange(
         "sections.*.diameter sections.*.outer_diameter sections.*.inner_diameter sections.*.width_y sections.*.width_z "
         "springs.*.wire.diameter springs.*.wire.coil_diameter springs.*.coils.*.diameter cams.*.base_radius "
-        "cams.*.width cams.*.follower.radius",
+        "cams.*.width cams.*.follower.radius cams.*.follower.face_diameter",
         1e-6, 3.0, _LENGTH,
     ),
     TypicalRange(
         "masses.*.offset springs.*.installed_compression springs.*.clash_travel springs.*.coils.*.pitch "
-        "springs.*.force_table.*.0 cams.*.follower.offset",
+        "springs.*.force_table.*.0 cams.*.follower.offset cams.*.follower.axial_offset",
         0.0, 2.0, _LENGTH,
     ),
     TypicalRange("rockers.*.arms cams.*.follower.arm cams.*.follower.distance", 1e-4, 5.0, _LENGTH),
     TypicalRange("cams.*.lift", 1e-6, 0.5, _LENGTH, "m"),
-    TypicalRange("cams.*.ramps.height contacts.*.gap members.*.bow", 0.0, 0.05, _LENGTH),
+    TypicalRange("cams.*.ramps.height members.*.bow", 0.0, 0.05, _LENGTH),
+    TypicalRange("contacts.*.gap", 0.0, 5e-3, _LENGTH),
     TypicalRange("sections.*.A", 1e-10, 10.0, {"mm^2": 1e-6, "cm^2": 1e-4}),
     TypicalRange("sections.*.Iy sections.*.Iz sections.*.J", 1e-20, 10.0, {"mm^4": 1e-12, "cm^4": 1e-8}),
     TypicalRange("masses.*.mass springs.*.mass", 1e-8, 20.0, {"g": 1e-3, "kg": 1.0}),
@@ -246,6 +247,9 @@ def _slenderness_warnings(case: Case) -> Iterator[str]:
 _MAX_DOFS = 3000
 """Maximum number of degrees of freedom for which the start of a run is computed to check its contacts."""
 
+_MIN_COSINE = 0.98
+"""Cosine of the angle between a spring and the motion of a rocker's point from which a spring counts as oblique."""
+
 _LIFT_TOLERANCE = 1e-9
 """Lift relative to its maximum from which a cam counts as off its base circle."""
 
@@ -331,6 +335,20 @@ def check_loads(model: Model, problem: Problem) -> list[str]:
         for name, load in model.loads.items()
         if load.size and not vectors.get(f"loads.{name}", np.ones(1)).any()
     ]
+
+
+def check_oblique_springs(model: Model) -> list[str]:
+    """Return warnings about springs at an angle to the motion of a rocker's point, which take a part of its motion."""
+    found: list[str] = []
+    for name, spring in model.springs.items():
+        rocker = model.rocker_at(spring.at)
+        cosine = 1.0 if rocker is None else abs(float(spring.direction[:3] @ rocker.direction[:3]))
+        if cosine < _MIN_COSINE:
+            line = [round(float(x), 4) for x in rocker.direction[:3]] if rocker else []
+            angle = f"{math.degrees(math.acos(cosine)):.3g} deg"
+            what = f"its direction has an angle of {angle} to the line of the rocker's point {spring.at!r}, {line}"
+            found.append(f"Warning: springs.{name}: {what}; give the spring this direction")
+    return found
 
 
 def check_connectivity(model: Model) -> list[str]:

@@ -102,6 +102,7 @@ def _profile_json(found: CamFacts) -> dict[str, object] | None:
         "contact_offset": [end.value for end in seen.offset],
         "sliding_velocity": abs(seen.sliding.value),
         "least_base_radius": found.least_base_radius,
+        "face_diameter": found.face_diameter, "min_face_diameter": found.min_face_diameter,
     }  # fmt: skip
 
 
@@ -197,9 +198,23 @@ def _profile(found: CamFacts, speed: float | None) -> list[tuple[str, str]]:
         ("max pressure angle", f"{format_degrees(abs(seen.pressure_angle.value))} deg {_at(seen.pressure_angle)}"),
         ("contact offset", f"{format_mm(seen.offset[0].value, 5)} to {format_mm(seen.offset[1].value, 5)} mm"),
     ]  # fmt: skip
+    if found.min_face_diameter is not None:
+        rows.append(("min face diameter", _face(found, found.min_face_diameter)))
     if math.isinf(profile.follower.roller_radius):  # a roller turns instead
         rows.append(("max sliding velocity", _at_speed(abs(seen.sliding.value), "mm/rad", "m/s", 1, speed)))
     return rows
+
+
+def _face(found: CamFacts, smallest: float) -> str:
+    """Return the face diameter that contains the contact line, the given one, and the offset that rotates the face."""
+    width, given = found.cam.width, found.face_diameter
+    contents = ["without the width of the cam" if width is None else f"with the cam's width of {format_mm(width)} mm"]
+    if found.axial_offset:
+        contents.append(f"offset {format_mm(found.axial_offset)} mm from the follower's axis, which rotates it")
+    elif given is not None:
+        contents.append("no axial_offset that rotates the follower")
+    has = "" if given is None else f" of {format_mm(given)} mm"
+    return f"{format_mm(smallest)} mm{has} ({', '.join(contents)})"
 
 
 def _convex(sharpest: Extreme) -> str:

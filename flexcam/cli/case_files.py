@@ -15,6 +15,7 @@ from flexcam.case.reader import complete_case_tables
 from flexcam.case.records import CaseRecord
 from flexcam.case.starters import new_case, templates
 from flexcam.cli import app as cli
+from flexcam.core.errors import refuse
 from flexcam.dynamics import integrated_size
 from flexcam.io import format_toml
 from flexcam.report.tables import describe_inactive, model_table, spring_curve_rows, spring_curve_table
@@ -24,13 +25,14 @@ from flexcam.valvetrain import member_masses
 
 @cli.app.command(
     help_prologue="""\
-flexcam new
+flexcam new --list
 flexcam new pushrod-engine
 flexcam new measured-lift -o engine/intake.toml
 """
 )
 def new(
     template: Annotated[str | None, Parameter(help="Name of the starter case; without it, all are listed.")] = None, *,
+    every: Annotated[bool, Parameter("--list", help="List all starter cases.")] = False,
     target: Annotated[Path | None, Parameter(["-o", "--output"], help="Case file; TEMPLATE.toml by default.")] = None,
     overwrite: cli.Overwrite = False, as_json: cli.Json = False,
 ) -> None:  # fmt: skip
@@ -38,6 +40,8 @@ def new(
 
     Without a name it lists the starter cases. Start here, then check and run the file.
     """
+    if every and template is not None:
+        raise refuse("--list", template, "--list alone", "it lists every starter case", "leave one out")
     if template is None:
         table = plain_table("Starter cases", ("flexcam new",), ())
         table.add_column("content", justify="left")

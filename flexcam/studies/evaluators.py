@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import os
+import re
+import tomllib
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import partial, reduce
+from operator import getitem
 from pathlib import Path
 from typing import Any, cast
 
@@ -321,10 +324,53 @@ def open_speed_runs(case: Case, search: Search, workers: int) -> Generator[Speed
 
 
 def case_text(case: Case, target: Path, comments: Sequence[str] = ()) -> str:
-    """Return a case with its overrides as TOML for another folder."""
-    record = _relocate_file_names(case_tables(case), case.path, target.parent)
+    """Return a case with its overrides as TOML for another folder, with the comments of the case file."""
+    record = cast("dict[str, Any]", _relocate_file_names(case_tables(case), case.path, target.parent))
     head = "".join(f"# {line}\n" for line in comments)
-    return head + format_toml(cast("dict[str, Any]", record))
+    return head + (_edit_text(case.text, record) or format_toml(record))
+
+
+_VALUE = r"""("[^"\n]*"|'[^'\n]*'|\[[^\]\n]*\]|[^\s,#"'\[\]{}]+)"""
+"""Value on one line in a TOML file."""
+
+
+def _edit_text(text: str, wanted: Mapping[str, Any]) -> str | None:
+    """Return the text of a case with given tables, edited by value; None if this needs more than single values."""
+    left = list(_changed_keys(tomllib.loads(text), wanted))
+    while left:
+        keys, left = left[0], left[1:]
+        value = reduce(getitem, keys, cast("Any", wanted)) if keys else None
+        texts = () if value is None or isinstance(value, dict) else _edits(text, keys[-1], value)
+        found = next((one for one in texts if list(_changed_keys(tomllib.loads(one), wanted)) == left), None)
+        if found is None:
+            return None
+        text = found
+    return text
+
+
+def _changed_keys(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
+    """Yield the paths of changed and new values; an empty one for a removed value."""
+    for key in {**old, **new}:
+        if key not in new:
+            yield ()
+        elif isinstance(old.get(key), dict) and isinstance(new[key], dict):
+            yield from ((key, *inner) if inner else () for inner in _changed_keys(old[key], new[key]))
+        elif key not in old or old[key] != new[key]:
+            yield (key,)
+
+
+def _edits(text: str, key: str, value: object) -> Iterator[str]:
+    """Yield valid texts with one value of a key replaced, then with the key added to a table."""
+    entry = format_toml({key: value}).strip()
+    name, _, new = entry.partition(" = ")
+    values = re.finditer(rf"(?:^|[\s{{,.]){re.escape(name)}\s*=\s*{_VALUE}", text, re.MULTILINE)
+    heads = re.finditer(r"^\[[^\n]*\n", text, re.MULTILINE)
+    changes = [(*one.span(1), new) for one in values] + [(one.end(), one.end(), entry + "\n") for one in heads]
+    for start, end, inserted in changes:
+        edited = text[:start] + inserted + text[end:]
+        with suppress(ValueError):  # a table that already has the key
+            tomllib.loads(edited)
+            yield edited
 
 
 def _relocate_file_names(value: object, case: Path, new: Path) -> object:

@@ -231,14 +231,17 @@ def _lash_joints(structure: Structure, motion: FloatArray) -> Iterator[_Joint]:
     """Yield the lash elements between nodes of a train; refuse those that its lift does not close."""
     for play in structure.model.lashes:
         row, far = (structure.row(end, play.direction) for end in play.ends)
-        pushing, pushed = (rigid_shift(structure, end, play.direction) for end in play.ends)
-        if not (pushing.any() and pushed.any()):  # a fixed node drives no other
+        start, end = play.ends
+        pushed, at_node = rigid_shift(structure, end, play.direction), structure.is_node(start)
+        fixed = at_node and not rigid_shift(structure, start, play.direction).any()
+        if fixed or not pushed.any():  # a fixed node drives no other
             continue
         driven = float(row @ motion)
-        if driven < 0.0 or (driven == 0.0 and float(far @ motion) and not _is_cam_driven(structure, play.ends[0])):
+        other = at_node and driven == 0.0 and float(far @ motion)
+        if driven < 0.0 or (other and not _is_cam_driven(structure, start)):
             allowed, why = "a lash that the lift of its cam closes", "the rigid model follows the train from the cam"
             remedy = "name as `from` the node on the side of the cam, with the direction in which it pushes"
-            given = f"from {play.ends[0]!r} to {play.ends[1]!r}"
+            given = f"from {start!r} to {end!r}"
             raise refuse(f"contacts.{play.name}", given, allowed, why, remedy)
         if driven:
             yield _Joint(row, complete_motion(structure, pushed), play.part)

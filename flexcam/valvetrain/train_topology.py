@@ -17,12 +17,17 @@ from flexcam.valvetrain.structure import Structure, find_node, inner_name, sprin
 
 def moved_nodes(model: Model, contact: CamPair) -> list[int]:
     """Return the nodes moved by a follower through members, links and lash."""
-    if contact.follower not in model.mesh.points:
-        return []
-    joined = _adjacency(model)
-    found = dict.fromkeys(_nodes_by_distance(joined, model.mesh.node(contact.follower)))
-    plays = [(model.mesh.node(play.ends[0]), model.mesh.node(play.ends[1])) for play in model.lashes]
-    while behind := [end for start, end in plays if start in found and end not in found]:
+    joined, found = _adjacency(model), dict[int, None]()
+    if contact.follower in model.mesh.points:
+        found |= dict.fromkeys(_nodes_by_distance(joined, model.mesh.node(contact.follower)))
+
+    def drives(start: str) -> bool:
+        rocker = model.rocker_at(start)
+        end = start if rocker is None else rocker.start
+        return end == contact.follower or (end in model.mesh.points and model.mesh.node(end) in found)
+
+    plays = [(play.ends[0], model.mesh.node(play.ends[1])) for play in model.lashes]
+    while behind := [end for start, end in plays if end not in found and drives(start)]:
         found |= dict.fromkeys(_nodes_by_distance(joined, behind[0]))
     return list(found)
 
@@ -34,6 +39,8 @@ def lashes_before(model: Model, node: int, plays: Sequence[NodeLash]) -> list[No
     while before := [one for one in left if model.mesh.node(one.ends[1]) in model.connected_nodes(node)]:
         found.insert(0, before[0])
         left.remove(before[0])
+        if before[0].ends[0] not in model.mesh.points:  # a rocker's point
+            break
         node = model.mesh.node(before[0].ends[0])
     return found
 
@@ -96,8 +103,9 @@ def largest_lash(model: Model, cam: str) -> float:
 
 def _accumulated_lash(model: Model, play: Lash) -> float:
     """Return a lash plus those before it, reduced to the follower, m."""
-    rocker = model.rockers[play.rocker] if play.rocker else None
-    start = rocker.start if rocker else play.ends[0] if play.ends else ""
+    start = play.ends[0] if play.ends else ""
+    rocker = model.rockers[play.rocker] if play.rocker else model.rocker_at(start)
+    start = rocker.start if rocker else start
     before = lashes_before(model, model.mesh.node(start), model.lashes) if start in model.mesh.points else []
     return play.gap / (rocker.ratio if rocker else 1.0) + sum(one.gap for one in before)
 
@@ -105,7 +113,7 @@ def _accumulated_lash(model: Model, play: Lash) -> float:
 def _is_in_train(model: Model, contact: CamPair, play: Lash) -> bool:
     """Return whether a lash is in the train of a contact."""
     if play.ends is not None:
-        return model.mesh.node(play.ends[0]) in moved_nodes(model, contact)
+        return model.mesh.node(play.ends[1]) in moved_nodes(model, contact)
     return play.rocker is not None and model.rockers[play.rocker] is rocker_of(model, contact)
 
 
@@ -118,7 +126,7 @@ def complete_motion(structure: Structure, motion: FloatArray) -> FloatArray:
         driven = float(structure.row(rocker.start, rocker.direction) @ moved)
         for name, share in _shares(structure, rocker).items():
             moved += structure.dofs.unit(name) * share * driven
-    return with_springs(structure, _follow_links(structure, moved))
+    return with_springs(structure, _follow_links(structure, _transmit_through_lash(structure, moved)))
 
 
 def with_springs(structure: Structure, motion: FloatArray) -> FloatArray:

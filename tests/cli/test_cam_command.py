@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 
 from flexcam import build_model, read_case
+from flexcam.analysis.preparation import prepare
+from flexcam.analysis.run_checks import check_input
 from flexcam.cams import CompoundCycloid, LiftEvent, Ramp, RollerFollower, cam_profile
 from flexcam.case.starters import new_case
 from tests.command import facts
@@ -20,7 +22,7 @@ ROOT, DEG = Path(__file__).parents[2], math.pi / 180
 FILES = {path.stem: path for part in ("cases/cams", "cases/tayeb") for path in sorted((ROOT / part).glob("*.toml"))}
 FILES["every-cam"] = ROOT / "tests/data/every-cam.toml"
 KEYS = ["lift", "least_lift", "velocity", "acceleration", "jerk", "harmonics", "joints", "valve_events", "follower_events", "profile", "findings", "smoothing", "centreline", "tdc", "ratio", "lash", "valve_lift", "after_tdc"]  # fmt: skip
-PROFILE = ["base_radius", "convex_radius", "convex_radius_at", "hollow_radius", "hollow_radius_at", "pressure_angle", "pressure_angle_at", "contact_offset", "sliding_velocity", "least_base_radius"]  # fmt: skip
+PROFILE = ["base_radius", "convex_radius", "convex_radius_at", "hollow_radius", "hollow_radius_at", "pressure_angle", "pressure_angle_at", "contact_offset", "sliding_velocity", "least_base_radius", "face_diameter", "min_face_diameter"]  # fmt: skip
 
 
 @pytest.fixture
@@ -64,7 +66,35 @@ def test_cos_cam(told):
     nose = 0.013 + 0.006 - 0.012  # base circle, lift, acceleration there
     assert (profile.pop("hollow_radius"), profile.pop("hollow_radius_at")) == (None, None)
     assert profile.pop("convex_radius_at") == pytest.approx(90 * DEG, abs=1e-6)
+    assert (profile.pop("face_diameter"), profile.pop("min_face_diameter")) == (None, pytest.approx(0.012))
     assert list(profile.values()) == pytest.approx([0.013, nose, 0.0, 0.0, 0.019, 0.006], **close)
+
+
+TAPPET = 'follower={{ type = "flat", face_diameter = "{}", axial_offset = "{}" }}'
+
+
+@pytest.mark.parametrize(("offset", "smallest"), [("0 mm", 20.0), ("1.5 mm", math.sqrt(12**2 + 19**2)), ("-1.5 mm", math.sqrt(12**2 + 19**2))])  # fmt: skip
+@pytest.mark.parametrize("spare", [-0.01, 0.01])
+def test_edge_contact_of_a_round_face(told, offset, smallest, spare):
+    """The contact line, 16 mm wide, moves 6 mm to both sides: its corner is at 10 mm with the cam in the middle."""
+    face = TAPPET.format(f"{smallest + spare} mm", offset)
+    words = ("petrescu-cos", "--set", "cams.valve.width=16 mm", "--set", f"cams.valve.{face}")
+    cam = one(told, *words)
+    assert 1e3 * cam["profile"]["min_face_diameter"] == pytest.approx(smallest, rel=1e-9)
+    assert 1e3 * cam["profile"]["face_diameter"] == pytest.approx(smallest + spare)
+    assert [fault["what"] for fault in cam["findings"]] == ["the contact line crosses the edge of the face"] * (spare < 0)  # fmt: skip
+    printed = told(*words).out
+    assert ("rotates" in printed, "crosses the edge" in printed) == (True, spare < 0)
+    if spare < 0:
+        assert 1e3 * cam["findings"][0]["value"] == pytest.approx(0.5 * spare, rel=1e-6)
+
+
+@pytest.mark.parametrize(("face", "warns"), [("28 mm", True), ("28.2 mm", False)])
+def test_check_warns_of_edge_contact(tmp_path, face, warns):
+    """12.175 mm beside the axis, 7 mm of half the width: 28.09 mm."""
+    (path,) = new_case("direct-acting", tmp_path / "case.toml")
+    ready = prepare(read_case(path, [f"cams.intake.follower.face_diameter={face}"]))
+    assert any("crosses the edge" in warning for warning in check_input(ready)) == warns
 
 
 def test_peaks_of_a_cycloidal_cam(told):

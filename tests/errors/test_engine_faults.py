@@ -93,7 +93,7 @@ FAULTS = {
     "play from an unknown node": ([('from = "lifter-top"', 'from = "lifter-tp"')], "contacts.play.from", "'lifter-tp'", "Did you mean 'lifter-top'"),
     "play to an unknown node": ([('to = "stem"', 'to = "stm"')], "contacts.play.to", "'stm'", "Did you mean 'stem'"),
     "play from a node to itself": ([('from = "lifter-top"', 'from = "stem"')], "contacts.play", "stem", ""),
-    "play from a rocker's point": ([('from = "lifter-top"', 'from = "valve"')], "contacts.play.from", "'valve'", "at = 'rocker'"),
+    "play to a rocker's point": ([('to = "stem"', 'to = "valve"')], "contacts.play.to", "'valve'", "at = 'rocker'"),
     "play at a rocker and between nodes": ([('from = "lifter-top"', 'at = "finger"\nfrom = "lifter-top"')], "contacts.play", "", "either at"),
     "play nowhere": ([('from = "lifter-top"\nto = "stem"\ndirection = "uy"\n', "")], "contacts.play", "", "either at"),
     "play without a direction": ([('to = "stem"\ndirection = "uy"', 'to = "stem"')], "contacts.play", "", "direction"),

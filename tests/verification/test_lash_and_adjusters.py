@@ -8,6 +8,7 @@ Relaxation of Nonlinear Viscoelastic Materials (1976), sec. 5.2. Pulled, the che
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from scipy.interpolate import CubicSpline
 from flexcam import InputError, build_model, prepare, read_case, run, solve
 from flexcam.analysis.run import open_result_file
 from flexcam.dynamics import ConstantSpeed, equilibrium
+from flexcam.valvetrain import largest_lash
 
 SOURCE = "Lash and hydraulic adjusters"
 CASE = """
@@ -355,3 +357,41 @@ def test_an_adjuster_lifts_what_its_seat_hardly_holds(case, rigid):
     np.testing.assert_allclose(response["end.uy"].displacement, lift + 5.0 / 30e3, atol=1e-12 if rigid else 8e-6)
     force = response.channels["contacts.intake.force"]
     np.testing.assert_allclose(force[lift == 0.0], 20.0, rtol=1e-9 if rigid else 1e-3)
+
+
+NODE = 'valve = ["170 mm", "274 mm", "0 mm"]\n\n[materials.steel]'
+"""A node in place of the rocker's point, where no member ends: the same unknown."""
+
+
+def from_the_rockers_point(path, tmp_path):
+    """Return the text of a case whose lash leads from the rocker's point, `tip`, to a node, the valve."""
+    text = Path(path).read_text(encoding="utf-8")
+    changes = {
+        "\n[materials.steel]": NODE, 'to = "valve"': 'to = "tip"', "[supports]": '[supports]\nvalve = ["ux", "uz"]',
+        'seat = { at = "valve"': 'seat = { at = "valve", direction = "uy"',
+        'lash = { at = "rocker"': 'lash = { from = "tip", to = "valve", direction = "uy"',
+    }  # fmt: skip
+    for old, new in changes.items():
+        assert text.count(old) == 1
+        text = text.replace(old, new)
+    made = tmp_path / Path(path).name
+    made.write_text(text, encoding="utf-8")
+    return made
+
+
+@pytest.mark.parametrize("model", ["beams", "rigid"])
+@pytest.mark.parametrize("path", [PUSHRODS, "cases/pushrod-engine/lever.toml"], ids=["lumped rocker", "lever"])
+def test_a_lash_from_a_rockers_point_equals_one_at_the_rocker(record, tmp_path, path, model):
+    words = "run.revolutions=0.5", "run.steps_per_revolution=3600", f"fidelity.model={model}"
+    usual, other = (read_case(one, words) for one in (path, from_the_rockers_point(path, tmp_path)))
+    first, second = run(usual), run(other)
+    lashes = [largest_lash(build_model(one), "intake") for one in (usual, other)]
+    assert lashes[0] == pytest.approx(lashes[1], rel=1e-12)
+    scale = float(np.abs(first.channels["contacts.intake.force"]).max())
+    off = np.abs(first.channels["contacts.intake.force"] - second.channels["contacts.intake.force"]).max()
+    record(source=SOURCE, case=f"lash from the point of a rocker, {model}", quantity="force of the cam", unit="1",
+           reference=0.0, computed=float(off) / scale, tolerance=1e-6, absolute=True,
+           reason="the same equations: the point without mass follows the rocker")  # fmt: skip
+    lift = first["valve"].displacement, second["valve.uy"].displacement
+    np.testing.assert_allclose(lift[1], lift[0], atol=1e-9)
+    assert lift[0].max() > 8e-3

@@ -117,6 +117,9 @@ class Unit:
 
 
 def _component(value: Any) -> str:  # noqa: ANN401 - any TOML value
+    if isinstance(value, list):
+        remedy = "take a stiff spring with this direction"
+        raise value_error("ux, uy, uz, rx, ry, rz", "a support acts in global axes", remedy)
     try:
         component(str(value))
     except InputError as refusal:

@@ -96,10 +96,14 @@ class FlatRecord(Record):
     """Translating follower with a flat face."""
 
     type: Literal["flat"]
+    face_diameter: Length | None = Field(None, description="of a round face, to check for contact at its edge")
+    axial_offset: Position = Field(
+        0.0, description="from the follower's axis to the middle of the cam, along the shaft; it rotates a round face"
+    )
 
     def build(self, base_radius: float | None) -> Follower | None:
         """Build the follower."""
-        return FlatFollower(base_radius) if base_radius else None
+        return FlatFollower(base_radius, self.face_diameter, self.axial_offset) if base_radius else None
 
 
 class RollerRecord(Record):

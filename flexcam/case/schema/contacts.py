@@ -141,7 +141,7 @@ class _GapRecord(Record):
     """Connection between a rocker and its point, or between two nodes."""
 
     at: Name | None = Field(None, description="name of a rocker: the lash is at its point")
-    start: Name | None = Field(None, alias="from", description="node that pushes, where it is not at a rocker")
+    start: Name | None = Field(None, alias="from", description="node, or point of a rocker, that pushes")
     to: Name | None = Field(None, description="node that is pushed")
     direction: LineValue | None = Field(None, description="in which it pushes, between nodes")
 
