@@ -19,6 +19,7 @@ from flexcam.cams import FlatFollower, Follower, profile_at, undercut
 from flexcam.case.input_checks import (
     check_coil_bind,
     check_connectivity,
+    check_lash,
     check_loads,
     check_oblique_springs,
     check_open_contacts,
@@ -111,6 +112,7 @@ def check_input(ready: PreparedRun) -> list[str]:
         *check_open_contacts(model, problem),
         *check_start_impact(case, model, problem),
         *check_overshoot(problem, ready.scheme),
+        *check_lash(model),
         *(sentence for check in rigid for sentence in check(model, case.speed)),
         *_check_cam_steps(ready),
         *_check_geometric_stiffness(ready),
@@ -354,7 +356,7 @@ def describe_balance(extremes: ExtremesSink, stats: Stats) -> str:
     """Return a sentence about the energy balance and the equilibrium residual of a run."""
     if not extremes.energies:
         return ""
-    balance = f"forces balance within {stats.imbalance:.1e} of the largest"
+    balance = f"equilibrium of forces within {stats.imbalance:.1e} of the largest force"
     forces = balance if stats.imbalance >= 0.0 else "forces not checked"
     residual, numerical = energy_residual(extremes), numerical_dissipation(extremes)
     return f"residual {residual:.1e}, numerical dissipation {numerical:.2g} of the external work; {forces}"
@@ -410,15 +412,16 @@ def _check_deflections(ready: PreparedRun, extremes: ExtremesSink) -> Iterator[s
 def _check_resolution(sink: ResolutionSink) -> Iterator[str]:
     """Yield warnings about insufficient resolution by steps and elements."""
     found = sink.found()
-    at = f"at the {found.frequency:.4g} Hz of the accelerations"
+    at = f"of the accelerations ({found.frequency:.4g} Hz)"
     if found.steps < _MIN_STEPS:
         ratio = _MIN_STEPS / found.steps
         more = math.ceil(10.0 * ratio) / 10.0 if ratio < 10.0 else math.ceil(ratio)
-        yield f"Warning: a period has {found.steps:.3g} steps {at}; take {more:g} times as many steps per revolution"
+        yield f"Warning: a period {at} has {found.steps:.3g} steps; take {more:g} times as many steps per revolution"
     for name, count in found.elements.items():
         if count < _MIN_ELEMENTS:
             more = f"{math.ceil(_MIN_ELEMENTS / count)} times as many elements"
-            yield f"Warning: a bending wave of member {name} has {count:.2g} elements {at}; take {more}"
+            wave = f"a bending wave of member {name} at the frequency {at}"
+            yield f"Warning: {wave} has {count:.2g} elements; take {more}"
     for name, count in found.impacts.items():
         if count < _MIN_IMPACT_STEPS:
             steps = f"{count} step{'s' if count > 1 else ''}"

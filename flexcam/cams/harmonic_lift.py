@@ -230,7 +230,7 @@ def _order_error(
         remedy = f"allow {1e6 * reach:.4g} um there, or more harmonics"
         return refuse("tolerance", given, "an attainable value", why, remedy)
     wide = _minimize_deviation(rows[~held], target[~held], rows[held], target[held], tolerance)
-    given = f"{count} harmonics within {1e6 * (bound or 0.0):.4g} um outside the strict sections"
+    given = f"{count} harmonics within {1e6 * (bound or 0.0):.4g} um outside the dwells"
     room = "a wider one" if wide is None else f"{1e6 * wide:.4g} um there"
     return refuse("bound", given, "an attainable value", why, f"allow {room}, a wider tolerance, or more harmonics")
 

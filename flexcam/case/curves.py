@@ -29,7 +29,7 @@ from flexcam.case.fault_report import parse_toml
 from flexcam.case.schema.base import Unit, convert_error, describe_type_error, value_error
 from flexcam.core import FloatArray
 from flexcam.core.errors import InputError, format_value, positive, refuse, suggest_name, system_message
-from flexcam.core.units import conversion_factor
+from flexcam.core.units import conversion_factor, unit_of
 from flexcam.io import NodalMatrix, read_lift, read_matrix, read_text, resolve_file
 from flexcam.io.files import ABSCISSAS, find_abscissa, read_columns
 from flexcam.valvetrain import LoadTable
@@ -107,7 +107,7 @@ class LoadDefinition:
         except InputError:
             given = f"{self.name} [{self.unit}]" if self.unit else f"{self.name}, without a unit"
             why, remedy = ("area makes it a pressure", "leave area out") if area else ("", "give area with a pressure")
-            raise refuse(self.where, given, f"a unit of the same quantity as {wanted}", why, remedy) from None
+            raise refuse(self.where, given, unit_of(wanted), why, remedy) from None
         period = _period(self) if (not self.over_time if repeat is None else repeat) else None
         if period is not None and repeat is None:
             _check_coverage(self, period)
@@ -272,7 +272,16 @@ def _make_law(name: str, parameters: Table) -> Law:
         if not _is_numeric(value):
             known = ", ".join(_parameter_record(kind).model_fields)
             raise refuse(key, format_value(value), f"numbers; the parameters of {name} are {known}")
-    parameters = _validate(_parameter_record(kind), parameters, f"a parameter of {name}", "law")
+    record = _parameter_record(kind)
+    missing = [key for key, field in record.model_fields.items() if field.is_required() and key not in parameters]
+    if missing:
+        unknown = [key for key in parameters if key not in record.model_fields]
+        text = f"there is no parameter {', '.join(unknown)}" if unknown else ""
+        table = f"{{ id = {name!r}, {', '.join(f'{key} = ...' for key in missing)} }}".replace("'", '"')
+        options = " ".join(f"--with {key}=..." for key in missing)
+        remedy = f"write law = {table}, or on the command line {options}"
+        raise refuse(missing[0], "nothing", f"the parameters {', '.join(record.model_fields)} of {name}", text, remedy)
+    parameters = _validate(record, parameters, f"a parameter of {name}", "law")
     return kind(**parameters)
 
 

@@ -159,6 +159,8 @@ def _fault(error: ErrorDetails, path: Path, places: KeyLocations, root: type[Bas
     match error["type"]:
         case "flexcam":
             where, given = _locate_fault(context, path, value, places, root)
+            if isinstance(value, str) and path and (variants := _variants_with(path, root, value)):
+                return Fault(where, given, str(context["allowed"]), f"only {variants} has {value!r}", "")
             return Fault(where, given, str(context["allowed"]), str(context["why"]), str(context["remedy"]))
         case "missing" if path[-1].isdigit():  # an element of a row
             return Fault(places.place(path[:-1]), given, f"{int(path[-1]) + 1} values", "", "")
@@ -174,12 +176,12 @@ def _fault(error: ErrorDetails, path: Path, places: KeyLocations, root: type[Bas
             return _missing_key_fault((*path, tag), allowed, places)
         case "extra_forbidden":
             known = list(dict.fromkeys(name for name, _ in fields_at(path[:-1], root)))
-            others = ", ".join(name for name in known if name != path[-1])
-            why = "there is no such key"
-            hint = suggest_name(path[-1], known) or "remove it"
             if path[-1] in known:
-                why, hint = "only another kind has this key", "remove it, or change the kind"
-            return Fault(where, f"key {path[-1]!r}", others, why, hint)
+                variants = _variants_with(path, root)
+                remedy = f"remove it, or change {variants.partition(' ')[0]}"
+                return Fault(where, f"key {path[-1]!r}", f"{variants} with this key", "", remedy)
+            hint = suggest_name(path[-1], known) or "remove it"
+            return Fault(where, f"key {path[-1]!r}", ", ".join(known), "there is no such key", hint)
         case "literal_error" | "union_tag_invalid":
             allowed = str(context.get("expected") or context.get("expected_tags"))
             if tag:  # pydantic converts the value of a tag to text
@@ -193,7 +195,7 @@ def _fault(error: ErrorDetails, path: Path, places: KeyLocations, root: type[Bas
                 where, format_value(value), allowed, "", suggest_name(str(value), re.findall(r"'([^']*)'", allowed))
             )
         case "int_type" | "int_parsing" | "int_from_float":
-            return Fault(where, given, f"a whole number: {_describe_field(path, root)}", "", "")
+            return Fault(where, given, f"a whole number ({_describe_field(path, root)})", "", "")
         case "less_than_equal" | "greater_than_equal" if path == ("format",):
             return Fault(
                 where, given, "1", "it is the version of the case format", "a newer flexcam may have written it"
@@ -217,6 +219,23 @@ def _locate_fault(
         return f"{places.place(path)}: {inside}", given
     table = cast("dict[str, object]", value) if isinstance(value, dict) else dict[str, object]()
     return places.place((*path, key)), _shorten(table[key]) if key in table else given
+
+
+def _variants_with(path: Path, root: type[BaseModel], value: str = "") -> str:
+    """Return the variants of a table that have a key, or a word as its value, such as ``model = 'unilateral'``."""
+    records = records_at(path[:-1], root)
+    tag = next(
+        (key for key in ("model", "type", "shape", "method") if all(key in one.model_fields for one in records)), ""
+    )
+    names = list[str]()
+    for record in records if tag else ():
+        for key, info in record.model_fields.items():
+            words = [word for part in get_args(info.annotation) for word in get_args(part)]
+            if (info.alias or key) == path[-1] and (not value or value in words):
+                names += map(repr, get_args(record.model_fields[tag].annotation))
+    if names:
+        return f"{tag} = {' or '.join(names)}"
+    return "" if value else "another table"
 
 
 def _missing_key_fault(path: Path, allowed: str, places: KeyLocations) -> Fault:

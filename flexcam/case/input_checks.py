@@ -13,12 +13,13 @@ from typing import Any, cast
 
 import numpy as np
 
+from flexcam.cams import DelayedEvent, LiftEvent
 from flexcam.case.case import Case
 from flexcam.case.reader import case_tables
 from flexcam.case.records import resolve_record, si_unit
 from flexcam.core.units import RPM
 from flexcam.dynamics import Method, Problem, RunFailedError, SaveAt, Scheme, newmark, solve
-from flexcam.valvetrain import Adjuster, CamContact, Lash, Model, Seat, shared_forces, touching_coils
+from flexcam.valvetrain import Adjuster, CamContact, Lash, Model, Seat, largest_lash, shared_forces, touching_coils
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,7 @@ class TypicalRange:
 _LENGTH = {"mm": 1e-3, "um": 1e-6, "in": 0.0254, "m": 1.0}
 _STRESS = {"GPa": 1e9, "MPa": 1e6, "kPa": 1e3}
 _STIFFNESS = {"kN/m": 1e3, "N/mm": 1e3, "MN/m": 1e6, "N/m": 1.0}
+_MAX_SPEED = 1250.0  # usual maximum of the camshaft, rad/s
 _FORCE = {"N": 1.0, "kN": 1e3, "mN": 1e-3}
 
 TYPICAL_RANGES = (
@@ -73,8 +75,8 @@ TYPICAL_RANGES = (
     ),
     TypicalRange("contacts.*.friction", 0.0, 1.0, {"%": 0.01}),
     TypicalRange("fidelity.tolerance fidelity.tolerance.*", 0.0, 0.99, {"%": 0.01}),
-    TypicalRange("run.speed", 1e-3, 1250.0, {"rpm": RPM}),
-    TypicalRange("run.crank_speed", 1e-3, 2500.0, {"rpm": RPM}),
+    TypicalRange("run.speed", 1e-3, _MAX_SPEED, {"rpm": RPM}),
+    TypicalRange("run.crank_speed", 1e-3, 2.0 * _MAX_SPEED, {"rpm": RPM}),
     TypicalRange("run.damping.modal", 0.0, 0.5, {"%": 0.01}),
     TypicalRange("run.damping.beta", 0.0, 0.1, {"ms": 1e-3, "us": 1e-6}),
     TypicalRange("run.gravity", 0.0, 100.0, {"mm/s^2": 1e-3}),
@@ -142,9 +144,9 @@ _IMPLAUSIBLE_SPEED = 300.0
 def _speed_unit_warnings(case: Case) -> Iterator[str]:
     """Yield an integer speed without unit that was probably meant in rpm."""
     run = case_tables(case)["run"]
-    for key in ("speed", "crank_speed"):
+    for key, most in (("speed", _MAX_SPEED), ("crank_speed", 2.0 * _MAX_SPEED)):  # above it is unusual in any unit
         speed = run.get(key)
-        if isinstance(speed, int | float) and speed >= _IMPLAUSIBLE_SPEED and speed == round(speed):
+        if isinstance(speed, int | float) and _IMPLAUSIBLE_SPEED <= speed <= most and speed == round(speed):
             place, hint = case.place(("run", key)), f"did you mean {speed:g} rpm? Write the unit"
             yield f"{place}: {speed:g} without a unit is in rad/s, {speed / RPM:.6g} rpm: {hint}"
 
@@ -393,6 +395,23 @@ def check_shared_seat_load(model: Model, speed: float) -> list[str]:
 
 
 def check_coil_bind(model: Model, speed: float) -> list[str]:
-    """Return warnings about springs that a rigid train compresses to solid length."""
+    """Return warnings about springs that the rigid train compresses to solid length."""
     touching = touching_coils(model, speed).items()
-    return [f"Warning: coils of {name!r} touch: {1e3 * beyond:.3g} mm beyond closed" for name, beyond in touching]
+    return [
+        f"Warning: coils of {name!r} touch before full lift: clash_travel is {1e3 * beyond:.3g} mm too short for it"
+        for name, beyond in touching
+    ]
+
+
+def check_lash(model: Model) -> list[str]:
+    """Return warnings about a lash above the ramp of its cam, so that the valve opens on the flank."""
+    found: list[str] = []
+    for name, cam in model.cams.items():
+        event = cam.event.event if isinstance(cam.event, DelayedEvent) else cam.event
+        lash = largest_lash(model, name)
+        if isinstance(event, LiftEvent) and event.ramp and lash > event.ramp.height:
+            sizes = (
+                f"the lash of {1e3 * lash:.3g} mm at the follower is above the ramp of {1e3 * event.ramp.height:.3g} mm"
+            )
+            found.append(f"Warning: cams.{name}: {sizes}: the valve opens without a ramp")
+    return found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
@@ -234,10 +235,10 @@ def _read_tables(path: Path) -> tuple[str, dict[str, Any]]:
         near = near or (f"did you mean {str(below)!r}?" if below else "")
         raise refuse("case file", str(path), "", f"{path} does not exist", near) from None
     except OSError as fault:
-        why, remedy = system_message(fault), ""
         if path.suffix == ".vtkhdf":
-            why, remedy = "it is a result", "give the case; flexcam info, plot, report, view and export take results"
-        raise refuse("case file", str(path), "a readable UTF-8 text file", why, remedy) from None
+            remedy = "flexcam info, plot, report, view, export and compare --against read results"
+            raise refuse("case file", str(path), "a case file (.toml)", "it is a result", remedy) from None
+        raise refuse("case file", str(path), "a readable UTF-8 text file", system_message(fault)) from None
     return text, _parse_case(path, text)
 
 
@@ -246,6 +247,11 @@ def _parse_case(path: Path, text: str) -> dict[str, Any]:
         return parse_toml(text)
     except ValueError as fault:
         remedy = "strings need quotes, tables need [brackets]"
+        if twice := re.match(r"Cannot (?:overwrite|declare).*line (\d+)", str(fault)):
+            line = text.split("\n")[int(twice[1]) - 1].strip()
+            key = line.partition("=")[0].strip(" []")
+            allowed, why = "a TOML document with every key once", f"{key} is given twice"
+            raise refuse(f"{path}, line {twice[1]}", line, allowed, why, "leave one out") from None
         raise refuse(str(path), "text that is not TOML", "a TOML document", str(fault), remedy) from None
 
 

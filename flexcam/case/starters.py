@@ -32,10 +32,11 @@ def new_case(template: str, path: Path | None = None, *, overwrite: bool = False
         target: text,
         **{target.with_name(name): _read_template(name) for name in _referenced_files(tomllib.loads(text))},
     }
-    for one in written:
-        check_writable("case", one, overwrite=overwrite)
     for one, content in written.items():
-        write_text(one, content, overwrite=overwrite)
+        same = one != target and one.is_file() and one.read_bytes() == content.encode()  # of another starter case
+        check_writable("starter case", one, overwrite=overwrite or same)
+    for one, content in written.items():
+        write_text(one, content, overwrite=True)
     return list(written)
 
 

@@ -21,6 +21,7 @@ from cyclopts import App, Parameter
 
 from flexcam import __version__
 from flexcam.case.case import Case
+from flexcam.case.fault_report import parse_toml
 from flexcam.case.reader import read_case
 from flexcam.case.schema.base import Record
 from flexcam.core.errors import Fault, InputError, collect_errors, refuse
@@ -177,6 +178,9 @@ def warn_ignored_keys(overrides: Sequence[str] | None, case: Case | None = None)
     for i, key in enumerate(keys):
         if (last := len(keys) - 1 - keys[::-1].index(key)) != i:
             print_message(f"Note: --set {given[i]} has no effect: --set {given[last]} replaces it; leave one out")
+    if case is not None and "run.speed" in keys and "crank_speed" in parse_toml(case.text).get("run", {}):
+        text = "replaces run.crank_speed of the case: it is the speed of the camshaft, the crankshaft has twice it"
+        print_message(f"Note: --set {given[keys.index('run.speed')]} {text}")
     for commands, ignored, why in IGNORED_KEYS:
         if case is not None and command in commands and (changed := list(_changed_keys(case, ignored))):
             named, has = ", ".join(map(case.place, changed)), "has" if len(changed) == 1 else "have"

@@ -192,7 +192,7 @@ def _profile(found: CamFacts, speed: float | None) -> list[tuple[str, str]]:
         return [("profile", "none: give the cam base_radius and follower")]
     seen = profile.extremes
     rows = [
-        ("base circle", f"{format_mm(profile.follower.base_radius)} mm; {_least(found.least_base_radius)}"),
+        ("base circle radius", f"{format_mm(profile.follower.base_radius)} mm; {_least(found.least_base_radius)}"),
         ("min convex radius", _convex(seen.convex)),
         ("min concave radius", f"{format_mm(seen.hollow.value)} mm {_at(seen.hollow)}" if seen.hollow else "none"),
         ("max pressure angle", f"{format_degrees(abs(seen.pressure_angle.value))} deg {_at(seen.pressure_angle)}"),
@@ -230,7 +230,11 @@ def _at(place: Extreme) -> str:
 def _least(radius: float | None) -> str:
     if radius is None:
         return "no radius meets the limits with this lift"
-    return f"smallest that meets the limits {format_mm(radius)} mm" if radius else "smaller radii meet the limits too"
+    return (
+        f"min for curvature and pressure angle {format_mm(radius)} mm"
+        if radius
+        else "smaller radii meet the limits too"
+    )
 
 
 def _finding(one: ProfileFault) -> str:
@@ -327,6 +331,8 @@ def cam(
     }  # fmt: skip
     of_profile = {"--follower": follower, "--base-radius": base_radius, "--unit": unit, "--clockwise": clockwise}
     _check_source(of_case, of_profile, profile)
+    if not _MIN_POINTS <= points <= _MAX_POINTS:
+        raise refuse("--points", points, f"a whole number from {_MIN_POINTS} to {_MAX_POINTS}")
     if profile is not None:
         print_lift_of_profile(
             profile, follower, base_radius, unit, clockwise, points, output, overwrite=overwrite, as_json=as_json
@@ -474,8 +480,6 @@ def print_lift_of_profile(
         raise refuse("--follower", "nothing", "the follower as in a case, such as '{ type = \"flat\" }'")
     if base_radius is not None:
         positive("--base-radius", cli.parse_quantity("--base-radius", base_radius, "length", "mm"), "m")
-    if not _MIN_POINTS <= points <= _MAX_POINTS:
-        raise refuse("--points", points, f"a whole number from {_MIN_POINTS} to {_MAX_POINTS}")
     made, turn = parse_follower(follower, base_radius, clockwise=clockwise)
     angle, xy = np.linspace(0.0, 2.0 * math.pi, points, endpoint=False), read_profile(profile, unit=unit)
     lift, bridge = lift_from_profile(xy, made, angle, turn=turn), find_bridges(xy, made, turn=turn)

@@ -11,6 +11,7 @@ from flexcam.analysis.natural_modes import modes
 from flexcam.analysis.preparation import prepare_without_periodic_search
 from flexcam.analysis.run import estimate_case_resources
 from flexcam.analysis.run_checks import check_input, check_modes
+from flexcam.case.input_checks import check_coil_bind
 from flexcam.case.reader import complete_case_tables
 from flexcam.case.records import CaseRecord
 from flexcam.case.starters import new_case, templates
@@ -76,6 +77,8 @@ def check(
     ready = prepare_without_periodic_search(read)
     found, resources = modes(read), estimate_case_resources(ready, "revolution")
     warnings = check_modes(found) + check_input(ready)
+    if ready.problem.system.size:  # `check_input` has it for rigid trains; a run reports coil clash from its motion
+        warnings += check_coil_bind(ready.model, read.speed)
     springs = {name: spring for name, spring in ready.model.springs.items() if spring.table or spring.coils}
     mesh, system = ready.model.mesh, ready.problem.system
     keys = ("travel_m", "force_n", "stiffness_n_per_m", "frequencies_hz")

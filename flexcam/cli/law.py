@@ -52,7 +52,7 @@ def law_facts(name: str, found: Criteria) -> Table:
         ("symmetric", "yes" if found.symmetric else "no"),
         ("rms of s', s'', s'''", ", ".join(f"{value:.6g}" for value in found.rms)),
         ("harmonics of s''", ", ".join(f"{remove_noise(value, largest):.3g}" for value in found.harmonics)),
-        *(("violated between dwells", said) for said in found.violations),
+        *(("as a rise between dwells", said) for said in found.violations),
     ]
     return facts_table(f"Motion law {name}", rows)
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from cyclopts import Group, Parameter
+from rich.table import Table
 
 from flexcam.analysis.limits import Search, find_limits
 from flexcam.case.reader import CaseFile as OpenCase
@@ -95,7 +96,10 @@ def limits(
     count = count_cores() if workers is None else workers
     with show_count(None, "runs") as shown, open_speed_runs(read, search, count) as runs:
         found = find_limits(read, search, evaluate=runs, ahead=count, advance=shown)
-    cli.write_output(cli.CommandOutput([limits_table(found, scale)], limits_json(found, scale)), as_json=as_json)
+    parts: list[Table | str] = [limits_table(found, scale)]
+    if "loss_of_contact" not in found.limits:
+        parts.append('Contact loss is not assessed: it needs a contact with model = "unilateral", which can separate.')
+    cli.write_output(cli.CommandOutput(parts, limits_json(found, scale)), as_json=as_json)
     return Status()
 
 
@@ -107,12 +111,13 @@ def _map_limits(
     path: Path, overrides: cli.Overrides, settings: tuple[str, str], names: Sequence[str], search: Search, workers: int
 ) -> tuple[cli.CommandOutput, Status]:
     """Map limits over two values of a case."""
-    from flexcam.studies.evaluators import InterruptibleRuns, create_evaluator, grid_plan, limit_map
+    from flexcam.studies.evaluators import InterruptibleRuns, create_evaluator, grid_plan, limit_map, require_units
     from flexcam.studies.sweep import validate_plan
 
     file = OpenCase.open(path)
     plan = grid_plan(_axis("--over", settings[0]), _axis("--and", settings[1]), overrides or ())
     case = validate_plan(file, plan)
+    require_units(case, plan.varied_axes)
     shaft = shaft_name(case.turns)
     asked = [f"limits.{name}" for name in names]
     with (

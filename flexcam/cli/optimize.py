@@ -142,6 +142,12 @@ def optimize(
     if method == "gradient" and design.start is None:
         note = "The case is outside the intervals: the search started from their centre."
         output = replace(output, parts=[*output.parts, note])
+    if found.is_flat:
+        note = (
+            f"At the start {goals[0].name} has no slope, so that no direction improves it: a lost contact has no force."
+        )
+        remedy = "Start with a closed contact (--set), add --starts, or use --method evolution."
+        output = replace(output, parts=[*output.parts, f"{note} {remedy}"])
     if not found.stopped and found.best is not None and len(goals) == 1:
         conditions = worst.conditions if worst else ((),)
         events = _check_variant(asked, design.points.overrides(found.points[found.best]), conditions)

@@ -182,7 +182,13 @@ _APPLIES = {
 def _check_options(what: str, **options: object) -> None:
     """Raise an error for options without effect on this kind of figure."""
     faults = [
-        Fault(f"--{name}", str(given), f"--what {' or '.join(_APPLIES[name])}", f"--what {what} has no --{name}", "")
+        Fault(
+            f"--{name}",
+            str(given),
+            "",
+            f"--what {what} has no --{name}",
+            f"use it with --what {' or '.join(_APPLIES[name])}",
+        )
         for name, given in options.items()
         if given is not None and what not in _APPLIES[name]
     ]

@@ -63,7 +63,7 @@ def synthesis_table(found: Synthesis) -> Table:
         ("lower bound of the family", bound),
         ("lower bound of all laws", every),
         ("C_v, C_a, C_j, C_m", ", ".join("infinite" if x is None else f"{x:.6g}" for x in (c.Cv, c.Ca, c.Cj, c.Cm))),
-        *(("violated between dwells", said) for said in c.violations),
+        *(("as a rise between dwells", said) for said in c.violations),
     ]
     return facts_table(f"Best of {found.family}", rows)
 

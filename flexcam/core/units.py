@@ -145,7 +145,20 @@ def _unit(symbol: str) -> tuple[Decimal, Exponents] | None:
     return None
 
 
-def _unit_product(text: str, where: str) -> tuple[Decimal, Exponents]:
+def _suggest_unit(text: str, wanted: Exponents) -> str:
+    """Return a suggestion of the closest common unit, of the same dimension if any is close, or an empty text."""
+    for dimensions in ({wanted}, {kind.exponents for kind in DIMENSIONS.values()}):
+        bases = [one for one, (_, exponents) in _PREFIXED.items() if exponents in dimensions]
+        bases += [kind.si for kind in DIMENSIONS.values() if kind.exponents in dimensions and kind.si[:1] not in "1"]
+        prefixed = [prefix + base for base in bases if base != "kg" for prefix in ("", "k", "M", "G", "c", "m", "u")]
+        known = [one for one in _PLAIN if _PLAIN[one][1] in dimensions] + prefixed
+        alike = [one for one in known if len(one) == len(text) == 2 and one[0] == text[0]]  # "mn": "mm"
+        if hint := f"did you mean {alike[0]!r}?" if alike else suggest_name(text, known):
+            return hint
+    return ""
+
+
+def _unit_product(text: str, where: str, wanted: Exponents) -> tuple[Decimal, Exponents]:
     factor, exponents, position, divide = Decimal(1), _NONE, 0, False
     while position < len(text):
         match = _FACTOR.match(text, position)
@@ -153,8 +166,7 @@ def _unit_product(text: str, where: str) -> tuple[Decimal, Exponents]:
         if match is None or found is None:
             symbol = match[2] if match else text[position:]
             comma = "write a point in decimal numbers, no comma" if text.startswith(",") else ""
-            known = [*_PLAIN, *(prefix + base for base in _PREFIXED for prefix in _PREFIXES)]
-            hint = comma or _FOREIGN.get(symbol) or suggest_name(symbol, known)
+            hint = comma or _FOREIGN.get(symbol) or _suggest_unit(text.strip(), wanted)
             allowed = "a unit such as mm, kg, kN/m, GPa, rpm, deg"
             raise refuse(where, f"unit {symbol!r} in {text!r}", allowed, "the unit is unknown", hint or "use SI units")
         # As in print, a '/' applies to all factors up to the next '*' or '/': N s/m, kg/(m s) is kg/m/s.
@@ -185,12 +197,12 @@ def parse(value: float | str, dimension: str, where: str = "value", *, noise: bo
         number, text = _EXACT.create_decimal(match[1]), match[2]
     else:
         raise refuse(where, repr(value), allowed, "it does not begin with a number")
-    factor, exponents = _unit_product(text, where) if text else (Decimal(1), kind.exponents)
+    factor, exponents = _unit_product(text, where, kind.exponents) if text else (Decimal(1), kind.exponents)
     if not _equal_dimension(exponents, kind.exponents):
         why = f"the unit {text!r} does not measure {article} {kind.name}"
         remedy = f"use a unit of {kind.name}, as in {kind.example!r}" if kind.si else "leave the unit out"
         force = _POUND.sub("lbf", text)
-        if force != text and _equal_dimension(_unit_product(force, where)[1], kind.exponents):
+        if force != text and _equal_dimension(_unit_product(force, where, kind.exponents)[1], kind.exponents):
             remedy = f"use {force!r}, because 'lb' is a mass"
         raise refuse(where, repr(value), allowed, why, remedy)
     si = float(_EXACT.multiply(number, factor))
@@ -209,12 +221,19 @@ def parse(value: float | str, dimension: str, where: str = "value", *, noise: bo
 
 def conversion_factor(unit: str, si: str, where: str) -> float:
     """Return the factor from a unit, such as ``kN``, to an SI unit of the same quantity, such as ``N``."""
-    (factor, exponents), (one, wanted) = (
-        _unit_product(text, where) if text not in ("", "1") else (Decimal(1), _NONE) for text in (unit, si)
-    )
+    divisor, wanted = _unit_product(si, where, _NONE) if si not in ("", "1") else (Decimal(1), _NONE)
+    factor, exponents = _unit_product(unit, where, wanted) if unit not in ("", "1") else (Decimal(1), _NONE)
     if exponents != wanted:
-        raise refuse(where, repr(unit), f"a unit of the same quantity as {si or '1'}", "it measures another quantity")
-    return float(_EXACT.divide(factor, one))
+        raise refuse(where, repr(unit), unit_of(si))
+    return float(_EXACT.divide(factor, divisor))
+
+
+def unit_of(si: str) -> str:
+    """Return the allowed units of a quantity for messages, such as ``a unit of length such as mm``."""
+    kind = next((one for one in DIMENSIONS.values() if one.si == si), None)
+    if kind is None or not si:
+        return f"a unit of the same quantity as {si}" if si not in ("", "1") else "no unit"
+    return f"a unit of {kind.name} such as {kind.example.partition(' ')[2]}"
 
 
 def shaft_name(turns: float) -> str:

@@ -199,7 +199,7 @@ def _no_equilibrium_status(system: System, missing: FloatArray, free: FloatArray
     if float(push.max()) > 1e-6 * float(np.abs(missing).max(initial=0.0)):
         furthest: list[int] = np.argsort(-push)[:4].tolist()
         moving = ", ".join(system.names[i] for i in furthest)
-        text = f"no support or contact holds the mechanism against its loads; it moves off with {moving}"
+        text = f"no support, spring or contact holds the mechanism against its loads: {moving} can move freely"
         return RunFailedError(Status(Cause.SINGULAR, text, "add a support, or springs whose force closes the contacts"))
     text = "the contacts found no static balance"
     return RunFailedError(Status(Cause.NO_CONVERGENCE, text, "raise the installed forces, or soften a contact"))

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import re
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -277,9 +278,14 @@ def open_hdf5(path: Path, where: str, allowed: str, remedy: str = "") -> Generat
     except MemoryError:
         raise refuse(where, str(path), "a file that fits into the free memory", "it does not", "free memory") from None
     except READ_ERRORS as fault:
-        why = f"it is damaged or not from flexcam: {system_message(fault) or type(fault).__name__}"
-        if isinstance(fault, OSError) and "signature" in str(fault):  # what HDF5 says of another kind of file
+        why = "it is damaged or not from flexcam"
+        if isinstance(fault, OSError) and "signature" in str(fault):  # message of HDF5 for another kind of file
             why = "it is not an HDF5 file"
+        elif sizes := re.search(r"truncated file: eof = (\d+),.* stored_eof = (\d+)", str(fault)):
+            why = f"it is incomplete: {sizes[1]} of {sizes[2]} bytes"
+            remedy = remedy or "copy it again, or compute it again"
+        elif isinstance(fault, OSError) and not re.match("Unable to|Can't", str(fault)):  # not a message of HDF5
+            why = system_message(fault)
         raise refuse(where, str(path), allowed, why, remedy) from None
 
 

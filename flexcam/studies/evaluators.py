@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import tomllib
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import partial, reduce
@@ -94,6 +94,13 @@ def require_unit(case: Case, axis: Axis) -> None:
         example = next((kind.example for kind in DIMENSIONS.values() if kind.si == unit), f"1 {unit}")
         given, allowed = "numbers without a unit", f"numbers with a unit, such as that of {example!r}"
         raise refuse(axis.where, given, allowed, "", "write the unit after the last number")
+
+
+def require_units(case: Case, axes: Iterable[Axis]) -> None:
+    """Raise an error if the numbers of a varied axis lack the unit of their key."""
+    for one in axes:
+        if one.is_varied:
+            require_unit(case, one)
 
 
 def number_after_override(case: Case, key: str, text: str, where: str) -> float:

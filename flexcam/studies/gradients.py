@@ -286,7 +286,7 @@ def optimize_by_gradient(
     if tangents.warning and judge.count == starts:
         why, remedy = tangents.warning, "use --method evolution"
         raise refuse("--method gradient", "a start without derivatives", "a run with derivatives", why, remedy)
-    return found
+    return replace(found, is_flat=tangents.is_flat)
 
 
 class _Tangents:
@@ -297,6 +297,7 @@ class _Tangents:
     ) -> None:
         self._design, self._judge, self._derive, self._spans = design, judge, derive, design.spans
         self.warning = ""  #: why the last variant without derivatives has none
+        self.is_flat = False  #: whether the goal has no slope at the first point
 
     def plane(self, x: FloatArray) -> Plane | None:
         """Return the tangents at a point; None if its run fails or has no derivative."""
@@ -320,6 +321,7 @@ class _Tangents:
             for one in bounds
         ]
         cost_slope = (-1.0 if goal.most else 1.0) * slope(goal.name)
+        self.is_flat = self.is_flat or (self._judge.count == 1 and not cost_slope.any())
         slopes = np.array(rows).reshape(len(bounds), len(variables))
         if not (np.isfinite(cost_slope).all() and np.isfinite(slopes).all()):
             return None

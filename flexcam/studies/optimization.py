@@ -78,7 +78,9 @@ def parse_constraint(text: str) -> Constraint:
     found = _CONSTRAINT.match(text)
     if found is None:
         allowed = "NAME <= VALUE or NAME >= VALUE, in quotes"
-        raise refuse("--subject", repr(text), allowed, "", "write 'frequency.1 >= 900 Hz'")
+        parts = re.match(r"\s*(\S+)\s*([<>])\s*([^<>=]+)$", text)
+        example = f"{parts[1]} {parts[2]}= {parts[3].strip()}" if parts else "frequency.1 >= 900 Hz"
+        raise refuse("--subject", repr(text), allowed, "", f"write '{example}'")
     _bound_by_unit(found[3], text)
     return Constraint(found[1], "<=" if found[2] == "<=" else ">=", found[3])
 
@@ -187,6 +189,7 @@ class Evaluations:
     costs: FloatArray  #: quantities to be minimized, shape (m, goals)
     violations: FloatArray  #: violations of the constraints, shape (m, bounds + 1)
     stopped: bool = False  #: whether Ctrl-C ended the search early
+    is_flat: bool = False  #: whether the goal of a gradient search has no slope at its first start
 
     @property
     def best(self) -> int | None:

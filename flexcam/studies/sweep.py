@@ -22,6 +22,7 @@ from flexcam.core.errors import Fault, InputError, refuse, require_packages
 from flexcam.dynamics import Cause, RunFailedError, Status
 from flexcam.io import atomic_write_path, check_writable
 from flexcam.studies.evaluation import Row, are_probe_scalars, evaluate_chunk, scalar_names
+from flexcam.studies.evaluators import require_units
 from flexcam.studies.executors import Chunk, Evaluate, SerialWorkers, Workers, divide_variants, open_runner
 from flexcam.studies.plan import (
     MAX_VARIANTS,
@@ -215,6 +216,7 @@ def make_sweep(
     number = seed if seed is not None else own.seed if own else 0
     plan = make_plan(found, None if how == GRID else parse_sample(how, number), limit=limit)
     first = validate_plan(file, plan)
+    require_units(first, [one for one in found if one.where.startswith("--set")])
     if first.record.fidelity.estimate:
         where, why = first.place(("fidelity", "estimate")), "a sweep stores no estimates"
         raise refuse(where, "true", "false", why, "--set fidelity.estimate=false")

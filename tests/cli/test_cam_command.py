@@ -338,7 +338,7 @@ REFUSED = {  # words, where, what is given, a part of the message
     "--pressure-angle=0": ("--pressure-angle", "0", "above zero"),
     "--cutter=40": ("--cutter", "40", "write '40 mm'"),
     "--cam=exhuast": ("--cam", "exhuast", "did you mean 'exhaust'"),
-    "--points=11": ("count", "11", "from 12"),
+    "--points=11": ("--points", "11", "from 12"),
     "--set=cams.exhaust.lft=7 mm": ("cams.exhaust.lft", "lft", "did you mean 'lift'"),
     "--set=cams.exhaust.lift=7 kg": ("cams.exhaust.lift", "7 kg", "a length"),
     "--set=cams.exhuast.lift=7 mm": ("--set", "exhuast", "did you mean 'exhaust'"),

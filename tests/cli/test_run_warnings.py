@@ -143,3 +143,23 @@ def test_figures_of_merit_are_printed_once(flexcam, engine, tmp_path):
     assert max(map(len, table.splitlines())) <= 100
     assert not [name for name in merit if name.replace(".", " ").replace("_", " ") in others]
     assert "contacts intake force largest" in others
+
+
+@pytest.mark.parametrize(
+    ("override", "warning"),
+    [
+        (
+            "springs.valve.clash_travel=9mm",
+            "coils of 'valve' touch before full lift: clash_travel is 0.88 mm too short",
+        ),
+        ("contacts.lash.gap=0.6mm", "the lash of 0.375 mm at the follower is above the ramp of 0.3 mm"),
+        ("run.crank_speed=4000", "4000 rad/s is unusual"),
+        ("run.speed=2500rpm", "replaces run.crank_speed of the case"),
+    ],
+)
+def test_warning_of_a_check(override, warning, flexcam):
+    """Full lift: 1.6 * 6.3 mm - 0.2 mm = 9.88 mm; lash at the follower: 0.6 mm / 1.6 = 0.375 mm."""
+    new_case("pushrod-engine", Path("engine.toml"))
+    done = flexcam("check", "engine.toml", "--set", override)
+    assert warning in re.sub(r"\s+", " ", done.out + done.err)
+    assert (done.out + done.err).count("did you mean 4000 rpm") == (override == "run.crank_speed=4000")

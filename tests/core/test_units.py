@@ -173,7 +173,7 @@ def test_an_angle_has_no_place_in_a_force_or_mass(text, kind):
 
 @pytest.mark.parametrize(
     ("text", "kind", "near"), [("207 Gpa", "stress", "GPa"), ("3000 rpms", "speed", "rpm"), ("2 kNm/rad", "stiffness", "did"),
-                               ("180 degree", "angle", "deg"), ("4 knm", "length", "nm")],
+                               ("180 degree", "angle", "deg"), ("4 knm", "length", "km"), ("6 mn", "length", "mm"), ("50 kNm", "stiffness", "kN/m")],
 )  # fmt: skip
 def test_unknown_unit_with_what_was_meant(text, kind, near):
     with pytest.raises(InputError) as refusal:

@@ -25,7 +25,7 @@ FAULTS = {
     "key of a contact": ('follower = "tappet"', 'folower = "tappet"', "contacts.intake.folower", "folower", "did you mean 'follower'"),
     "key of the run": ("revolutions =", "revolution =", "run.revolution", "revolution", "did you mean 'revolutions'"),
     "key of the integrator": ('"newmark"', '"newmark", bta = 1', "run.integrator.bta", "bta", "did you mean 'beta'"),
-    "key of another variant": ('"newmark"', '"newmark", rho_inf = 0.5', "run.integrator.rho_inf", "rho_inf", "gamma"),
+    "key of another variant": ('"newmark"', '"newmark", rho_inf = 0.5', "run.integrator.rho_inf", "rho_inf", "method = 'generalized-alpha'"),
     "key of damping": ("[output]", "damping = { modl = 0.1 }\n[output]", "run.damping.modl", "modl", "did you mean 'modal'"),
     "key of the output": ("field_every", "fields_every", "output.fields_every", "fields_every", "did you mean 'field_every'"),
     "inner name of a cam's return": ("return =", "fall =", "cams.intake.fall", "fall", "return"),

@@ -108,3 +108,11 @@ def test_a_sweep_of_its_own_keys_and_of_estimates(case):
     assert faults(lambda: make_sweep(case, ["sweep.seed=1,2"]))[0].why == "it defines the sweep"
     found = faults(lambda: make_sweep(case, ["run.speed=1000,2000rpm", "fidelity.estimate=true"]))
     assert found[0].remedy == "--set fidelity.estimate=false"
+
+
+def test_a_range_without_its_unit(case):
+    setting = "run.speed=100:300:100"
+    (fault,) = faults(lambda: make_sweep(case, [setting]))
+    assert fault.where == f"--set {setting}"
+    assert "3000 rpm" in fault.allowed
+    assert len(make_sweep(case, ["run.revolutions=1,2"]).plan) == 2

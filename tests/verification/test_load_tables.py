@@ -128,7 +128,7 @@ def test_force_of_a_cam_under_gas(record, tmp_path):
 @pytest.mark.parametrize(
     ("rows", "overrides", "said"),
     [
-        ("time [s],force [mm]\n0,0\n1,1\n", {}, "a unit of the same quantity as N"),
+        ("time [s],force [mm]\n0,0\n1,1\n", {}, "a unit of force such as N"),
         ("time [s],force [N]\n0,0\n0,1\n", {}, "increasing values"),
         ("time [s],force [N]\n0,0\n1,\n", {}, "a number in every row"),
         ("force [N]\n0\n1\n", {}, "'crank angle'"),
