@@ -15,6 +15,7 @@ import gc
 import json
 import math
 import os
+import shutil
 import signal
 import sys
 from pathlib import Path
@@ -243,6 +244,17 @@ def machine_code(monkeypatch):
 def fitted_order():
     """Return the slope of log(error) over log(step), by least squares."""
     return lambda steps, errors: float(np.polyfit(np.log(steps), np.log(errors), 1)[0])
+
+
+@pytest.fixture(scope="session")
+def pvbatch(on_a_screen):
+    """Return how ParaView is called; where it is not there, its tests are skipped in plain words."""
+    lacking = [name for name in ("pvbatch", "xvfb-run") if shutil.which(name) is None]
+    if lacking and os.environ.get("FLEXCAM_REQUIRE_PARAVIEW") == "1":
+        pytest.fail(f"FLEXCAM_REQUIRE_PARAVIEW=1, but {' and '.join(lacking)} cannot be found")
+    if lacking:
+        pytest.skip(f"PARAVIEW WAS NOT TRIED: no {' and '.join(lacking)}; apt-get install paraview xvfb xauth")
+    return [*on_a_screen, "pvbatch"]
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ from cyclopts import Parameter
 
 from flexcam.case.builder import build_model
 from flexcam.case.reader import read_case
-from flexcam.cli.app import Json, Overwrite, ResultPath, app
+from flexcam.cli.app import Json, Overwrite, ResultPath, app, parse_quantity
 from flexcam.core.errors import refuse
 from flexcam.dynamics import Response
 from flexcam.io import (
@@ -30,6 +30,7 @@ from flexcam.io import (
 )
 from flexcam.report.tables import info_table, stats_json
 from flexcam.report.terminal import print_json, result_console
+from flexcam.valvetrain import build_structure
 
 
 @app.command(
@@ -79,42 +80,57 @@ flexcam export results/case.vtkhdf --format pvd --every 5 --field displacement
 flexcam export results/case.vtkhdf --paraview
 flexcam export case.toml --format msh -o meshes
 flexcam export case.toml --format inp
+flexcam export results/case.vtkhdf --format glb
+flexcam export results/case.vtkhdf --format vtm --field stress_von_mises
+flexcam export case.toml --format stl --at 90deg
 """
 )
 def export(
-    source: Annotated[Path, Parameter(help="Result file (.vtkhdf); a case file (.toml) for msh and inp.")], *,
+    source: Annotated[Path, Parameter(
+        help="Result file (.vtkhdf); a case file (.toml) for msh and inp; either for stl, vtm and glb.")], *,
     form: Annotated[
-        Literal["pvd", "csv", "msh", "inp"],
+        Literal["pvd", "csv", "msh", "inp", "stl", "vtm", "glb"],
         Parameter(
-            "--format", help="pvd: for ParaView; csv: table; msh: mesh for Gmsh (2.2); inp: for Abaqus and CalculiX."
+            "--format", help="pvd: for ParaView; csv: table; msh: mesh for Gmsh (2.2); inp: for Abaqus and CalculiX; "
+            "solids of the parts: stl at one instant, vtm moving in ParaView, glb animated."
         ),
     ] = "pvd",
     folder: Annotated[Path | None, Parameter(["-o", "--output"], help="Folder; that of the source by default.")] = None,
     every: Annotated[int, Parameter("--every", help="pvd, csv: write every n-th saved instant only.")] = 1,
     fields: Annotated[
-        list[str] | None, Parameter("--field", negative=(), help="pvd: write this point data only. Repeatable.")
+        list[str] | None, Parameter(
+            "--field", negative=(), help="pvd: write this point data only, repeatable; vtm: this field on members.")
     ] = None,
     probes: Annotated[
         list[str] | None, Parameter("--probe", negative=(), help="csv: write this probe only. Repeatable.")
     ] = None,
     instants: Annotated[
-        int | None, Parameter("--instants", help="csv: number of evenly spaced instants, interpolated between steps.")
+        int | None, Parameter(
+            "--instants", help="csv: number of evenly spaced instants, interpolated between steps; "
+            "vtm, glb: number of instants of the last revolution, by default 36 and 72.")
+    ] = None,
+    at: Annotated[
+        str | None, Parameter("--at", help="stl: cam angle, such as 90deg; by default as flexcam view.")
     ] = None,
     macro: Annotated[
         bool, Parameter("--paraview", negative=(), help="pvd: also write NAME.paraview.py, which opens it in ParaView.")
     ] = False,
     overwrite: Overwrite = False, as_json: Json = False,
 ) -> None:  # fmt: skip
-    """Convert a result to CSV or ParaView files, or the mesh of a case to Gmsh, Abaqus or CalculiX format."""
-    for option, needed, given, why in (
-        ("--paraview", "pvd", macro, "the macro opens that collection"),
-        ("--field", "pvd", fields is not None, "only the collection has fields"),
-        ("--probe", "csv", probes is not None, "only the table has probes"),
-        ("--every", form if form in ("pvd", "csv") else "pvd or csv", every != 1, "a mesh has no instants"),
-        ("--instants", "csv", instants is not None, "only the table is interpolated"),
+    """Convert a result to CSV or ParaView files, the mesh of a case to Gmsh, Abaqus or CalculiX format, or solids.
+
+    Solids are the parts that flexcam view shows: those of a result, or of a case as a rigid mechanism.
+    """
+    for option, forms, given, why in (
+        ("--paraview", ("pvd",), macro, "the macro opens that collection"),
+        ("--field", ("pvd", "vtm"), fields is not None, "only collections have fields"),
+        ("--probe", ("csv",), probes is not None, "only the table has probes"),
+        ("--every", ("pvd", "csv"), every != 1, "a mesh has no instants, and solids have --instants"),
+        ("--instants", ("csv", "vtm", "glb"), instants is not None, "the others have saved instants, or one"),
+        ("--at", ("stl",), at is not None, "only this is a single instant"),
     ):
-        if given and form != needed:
-            raise refuse(option, f"--format {form}", f"--format {needed}", why)
+        if given and form not in forms:
+            raise refuse(option, f"--format {form}", f"--format {' or '.join(forms)}", why)
     target = create_folder(source.parent if folder is None else check_folder_name(folder)) / f"{source.stem}.{form}"
     if form in ("msh", "inp"):
         write_mesh(build_model(read_case(source)).mesh, target, overwrite=overwrite)
@@ -122,6 +138,8 @@ def export(
     elif form == "csv":
         response = _interpolate(read_result(source).response, instants)
         files = [write_csv(response, target, probes=probes, every=every, overwrite=overwrite)]
+    elif form in ("stl", "vtm", "glb"):
+        files = _write_solids(source, target, fields, instants, at, overwrite=overwrite)
     else:
         files = _write_collection(read_result(source), target, every, fields, macro=macro, overwrite=overwrite)
     if as_json:
@@ -145,6 +163,43 @@ def _write_collection(
     shown = (*result.field_names, *result.recovered) if fields is None else tuple(fields)
     degrees = np.degrees(result.response.field_angle[::every]).tolist()
     return [first, write_macro(first, shown, degrees, overwrite=overwrite), *rest]
+
+
+_FRAMES, _MAX_FRAMES = {".vtm": 36, ".glb": 72}, 720
+
+
+def _write_solids(
+    source: Path, target: Path, fields: list[str] | None, instants: int | None, at: str | None, *, overwrite: bool
+) -> list[Path]:
+    """Write the solids of a result, or of a case as a rigid mechanism, in the format of the suffix of the target."""
+    from flexcam.cli.plot import open_sources
+    from flexcam.cli.view import displayed_motion, image_instant
+    from flexcam.plotting.scene.mechanism import build_mechanism
+    from flexcam.plotting.solid_files import collect_parts, write_glb, write_stl, write_vtm
+
+    if instants is not None and not 2 <= instants <= _MAX_FRAMES:
+        raise refuse("--instants", instants, f"a whole number from 2 to {_MAX_FRAMES}")
+    if fields is not None and len(fields) > 1:
+        raise refuse("--field", ", ".join(fields), "one field with --format vtm", "", "choose one")
+    angle = None if at is None else parse_quantity("--at", at, "angle", "deg")
+    folder = target.with_name(f"{target.stem}-solids")
+    if target.suffix != ".stl":
+        check_writable("export", target if target.suffix == ".glb" else folder.with_suffix(".pvd"), overwrite=overwrite)
+    (read,) = open_sources([source], None)
+    case, result = read.case, read.result
+    structure = build_structure(build_model(case))
+    motion, title = displayed_motion(case, structure, result, fields[0] if fields else None, None)
+    drawn = build_mechanism(structure)
+    if target.suffix == ".stl":
+        still = motion.at([image_instant(case, result, motion, angle, None)])
+        return write_stl(folder, collect_parts(drawn, still), overwrite=overwrite)
+    frames = motion.spread(instants or _FRAMES[target.suffix])
+    parts = collect_parts(drawn, motion.at(frames))
+    if target.suffix == ".glb":
+        return [write_glb(target, parts, drawn.upwards, title, overwrite=overwrite)]
+    times = motion.angle / case.speed if result is None else result.response.field_time[-len(motion) :]
+    label = motion.label.replace("\n", ", ")
+    return write_vtm(folder.with_suffix(".pvd"), parts, times[frames], label, overwrite=overwrite)
 
 
 _MAX_INSTANTS = 10_000_000

@@ -61,8 +61,8 @@ def view(
     (read,) = open_sources([source], overrides)
     case, result = read.case, read.result
     structure = build_structure(build_model(case))
-    motion, title = _displayed_motion(case, structure, result, color, mode)
-    drawn, still = build_mechanism(structure), _image_instant(case, result, motion, angle, mode)
+    motion, title = displayed_motion(case, structure, result, color, mode)
+    drawn, still = build_mechanism(structure), image_instant(case, result, motion, angle, mode)
     select_renderer(off_screen=picture is not None)
     from flexcam.plotting.solid_view import MechanismView, show_window
 
@@ -78,7 +78,7 @@ def view(
     cli.write_output(output, as_json=as_json, written=[] if picture is None else [picture])
 
 
-def _image_instant(case: Case, result: Result | None, motion: Motion, angle: float | None, mode: int | None) -> int:
+def image_instant(case: Case, result: Result | None, motion: Motion, angle: float | None, mode: int | None) -> int:
     """Return the index of the instant of an image: the requested one, else full lift of a result, else the first."""
     from flexcam.plotting.scene.motion import full_lift
 
@@ -99,7 +99,7 @@ _MIN_SIZE, _MAX_SIZE = 64, 8192
 _MAX_SCALE = 1e6
 
 
-def _displayed_motion(
+def displayed_motion(
     case: Case, structure: Structure, result: Result | None, color: str | None, mode: int | None
 ) -> tuple[Motion, str]:
     """Return the displayed motion and its title."""

@@ -13,7 +13,15 @@ from flexcam.io.cam_files import (
     write_lift_table,
     write_profile,
 )
-from flexcam.io.exports import macro_path, write_csv, write_macro, write_modes, write_pvd
+from flexcam.io.exports import (
+    macro_path,
+    write_collection,
+    write_csv,
+    write_macro,
+    write_modes,
+    write_polydata,
+    write_pvd,
+)
 from flexcam.io.files import (
     atomic_write_path,
     check_folder,
@@ -67,6 +75,7 @@ __all__ = [
     "result_bytes",
     "temporary_folder",
     "verify_file",
+    "write_collection",
     "write_csv",
     "write_digest",
     "write_law",
@@ -75,6 +84,7 @@ __all__ = [
     "write_macro",
     "write_mesh",
     "write_modes",
+    "write_polydata",
     "write_profile",
     "write_pvd",
     "write_text",

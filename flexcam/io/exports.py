@@ -33,17 +33,27 @@ def write_polylines(
     """Write polylines with consecutive points; points after the last polyline become vertices."""
     drawn = sum(lengths)
     vertices, ends = np.arange(drawn, len(points)), np.cumsum([0, *lengths])[1:]
+    cells = {"Verts": (vertices, np.arange(len(vertices)) + 1), "Lines": (np.arange(drawn), ends)}
+    write_polydata(path, points, cells, point_data=point_data, cell_data=cell_data, field_data=field_data)
+
+
+def write_polydata(
+    path: Path, points: FloatArray, cells: Mapping[str, tuple[IntArray, IntArray]], *, point_data: Data,
+    cell_data: Data | None = None, field_data: Data | None = None,
+) -> None:  # fmt: skip
+    """Write points and cells (indices of their points, and their ends) of the kinds ``Verts``, ``Lines``, ``Polys``."""
+    counts = " ".join(f'NumberOf{kind}="{len(ends)}"' for kind, (_, ends) in cells.items())
     text = "\n".join([
         '<?xml version="1.0"?>',
         '<VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" header_type="UInt64">',
         "<PolyData>",
         "<FieldData>", *(_array(name, v, whole=True) for name, v in (field_data or {}).items()), "</FieldData>",
-        f'<Piece NumberOfPoints="{len(points)}" NumberOfVerts="{len(vertices)}" NumberOfLines="{len(lengths)}">',
+        f'<Piece NumberOfPoints="{len(points)}" {counts}>',
         "<PointData>", *(_array(name, values) for name, values in point_data.items()), "</PointData>",
-        "<CellData>", *(_array(name, values) for name, values in cell_data.items()), "</CellData>",
+        "<CellData>", *(_array(name, values) for name, values in (cell_data or {}).items()), "</CellData>",
         "<Points>", _array("Points", points), "</Points>",
-        "<Verts>", _array("connectivity", vertices), _array("offsets", np.arange(len(vertices)) + 1), "</Verts>",
-        "<Lines>", _array("connectivity", np.arange(drawn)), _array("offsets", ends), "</Lines>",
+        *(f"<{kind}>\n{_array('connectivity', own)}\n{_array('offsets', ends)}\n</{kind}>"
+          for kind, (own, ends) in cells.items()),
         "</Piece></PolyData></VTKFile>", "",
     ])  # fmt: skip
     with atomic_write_path(path) as draft:
@@ -79,29 +89,34 @@ def write_pvd(
     instants = range(0, len(result.response.field_time), every)
     degrees = np.degrees(result.response.field_angle).tolist()
     frames = (({**{n: v[i] for n, v in moving.items()}, **result.still}, {CAM_ANGLE: degrees[i]}) for i in instants)
-    return _write_collection(path, result.mesh, node, result.response.field_time[::every], frames)
+    return _write_frames(path, result.mesh, node, result.response.field_time[::every], frames)
 
 
-def _write_collection(
+def _write_frames(
     path: Path, mesh: Mesh, node: IntArray, times: FloatArray, frames: Iterable[tuple[Data, dict[str, float]]]
 ) -> list[Path]:
     """Write the point data and global values of instants as ``.vtp`` files, and a ``.pvd`` file that lists them."""
-    from xml.sax.saxutils import quoteattr  # imports urllib
-
     folder = create_folder(path.with_suffix(""))
     written = [folder / f"{path.stem}_{i:06d}.vtp" for i in range(len(times))]
     for piece, (data, whole) in zip(written, frames, strict=True):
         _write_vtp(piece, mesh, node, data, whole)
+    write_collection(path, times, written)
+    return [path, *written]
+
+
+def write_collection(path: Path, times: FloatArray, files: Sequence[Path]) -> None:
+    """Write a ``.pvd`` file that lists a file per instant; each lies in a folder next to it."""
+    from xml.sax.saxutils import quoteattr  # imports urllib
+
     entries = [
-        f'    <DataSet timestep="{time!r}" part="0" file={quoteattr(f"{folder.name}/{piece.name}")}/>'
-        for time, piece in zip(times.tolist(), written, strict=True)
+        f'    <DataSet timestep="{time!r}" part="0" file={quoteattr(f"{file.parent.name}/{file.name}")}/>'
+        for time, file in zip(times.tolist(), files, strict=True)
     ]
     head = (
         '<?xml version="1.0"?>\n<VTKFile type="Collection" version="1.0" byte_order="LittleEndian">\n  <Collection>\n'
     )
     with atomic_write_path(path) as draft:
         draft.write_text(head + "\n".join(entries) + "\n  </Collection>\n</VTKFile>\n", encoding="utf-8")
-    return [path, *written]
 
 
 def _write_vtp(path: Path, mesh: Mesh, node: IntArray, data: Data, whole: Mapping[str, float]) -> None:
@@ -278,4 +293,4 @@ def write_modes(
     _write_vtp(still_path, geometry.mesh, geometry.node, {**constant, **drawn}, {})
     nothing: dict[str, float] = {}
     frames = (({**constant, **{n: s * d for n, d in drawn.items()}}, nothing) for s in swing)
-    return [path, still_path, *_write_collection(collection, geometry.mesh, geometry.node, phase, frames)]
+    return [path, still_path, *_write_frames(collection, geometry.mesh, geometry.node, phase, frames)]

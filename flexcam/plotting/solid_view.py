@@ -17,17 +17,8 @@ import pyvista
 from flexcam.core import FloatArray
 from flexcam.plotting.scene.mechanism import Mechanism
 from flexcam.plotting.scene.motion import Motion
-from flexcam.plotting.scene.solids import Solid
+from flexcam.plotting.scene.solids import COLOURS, NEUTRAL_COLOUR, OPACITIES, Solid
 
-COLOURS = {
-    "shaft": "#7a8fa6", "member": "#c9ced4", "lobe": "#D55E00", "follower": "#E69F00", "roller": "#F0C25A",
-    "rocker": "#0072B2", "pivot": "#33414e", "spring": "#009E73", "retainer": "#5b6b78", "valve": "#CC79A7",
-    "seat": "#33414e", "bearing": "#4d5a66", "ground": "#4d5a66", "drive": "#56B4E9", "mass": "#b08d57",
-}  # fmt: skip
-"""Colours by kind of part: those of Okabe and Ito for moving parts."""
-
-_NEUTRAL_COLOUR = "#d5d9dd"  # colour of parts without a value if members are coloured by one
-_CLEAR = {"bearing": 0.45, "seat": 0.6, "ground": 0.8}
 _SHARP_ANGLE = 35.0  # angle between triangles, deg, above which an edge is drawn sharp
 _BELOW_WORDS, _BESIDE_BAR = 1.08, 0.8  # fractions of height and width left by the title and the colour bar
 _BAR = {
@@ -60,7 +51,7 @@ class MechanismView:
         self.show(0)
 
     def _style(self, kind: str, mesh: pyvista.PolyData) -> dict[str, Any]:
-        common = {"smooth_shading": True, "specular": 0.35, "specular_power": 20.0, "opacity": _CLEAR.get(kind, 1.0)}
+        common = {"smooth_shading": True, "specular": 0.35, "specular_power": 20.0, "opacity": OPACITIES.get(kind, 1.0)}
         if "value" in mesh.point_data:
             values = self._motion.values
             top = _range(values) if values is not None else (0.0, 1.0)
@@ -69,7 +60,7 @@ class MechanismView:
             bar = {**_BAR, **fonts, "title": f"{self._motion.label}\n"}
             even = {"ambient": 0.35, "diffuse": 0.7, "specular": 0.1}  # colours are data here
             return {**common, **even, "scalars": "value", "clim": top, "cmap": "viridis", "scalar_bar_args": bar}
-        return {**common, "color": _NEUTRAL_COLOUR if self._motion.values is not None else COLOURS[kind]}
+        return {**common, "color": NEUTRAL_COLOUR if self._motion.values is not None else COLOURS[kind]}
 
     def _meshes(self, i: int) -> dict[str, pyvista.PolyData]:
         """Return a mesh per kind of part; coloured members are separate from parts without values."""

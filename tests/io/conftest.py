@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -35,17 +33,6 @@ def solved(ready, folder, *, sinks=(), overwrite=False):
     """Run a prepared case into a folder; return the response in memory and the sink."""
     sink = open_result_file(ready, folder, overwrite=overwrite)
     return solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink, *sinks]), sink
-
-
-@pytest.fixture(scope="session")
-def pvbatch(on_a_screen):
-    """Return how ParaView is called; where it is not there, its tests are skipped in plain words."""
-    lacking = [name for name in ("pvbatch", "xvfb-run") if shutil.which(name) is None]
-    if lacking and os.environ.get("FLEXCAM_REQUIRE_PARAVIEW") == "1":
-        pytest.fail(f"FLEXCAM_REQUIRE_PARAVIEW=1, but {' and '.join(lacking)} cannot be found")
-    if lacking:
-        pytest.skip(f"PARAVIEW WAS NOT TRIED: no {' and '.join(lacking)}; apt-get install paraview xvfb xauth")
-    return [*on_a_screen, "pvbatch"]
 
 
 @pytest.fixture(scope="session")

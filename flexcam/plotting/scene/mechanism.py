@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -170,7 +170,7 @@ def _springs(
         else:
             start, away = _moving_end(model, spring, levers, head)
             coil = coil_sizes(name, spring, across_face or 0.75 * head, travel, notes)
-            yield CoilPlacement(start + coil.length * away, -away, coil, borders, -1.0, True, not across_face)
+            yield CoilPlacement(name, start + coil.length * away, -away, coil, borders, -1.0, True, not across_face)
 
 
 def _moving_end(
@@ -199,7 +199,7 @@ def _spring_between_nodes(
     fits = min(1.0, 0.7 * length / ((coil.coils + 2.0) * coil.wire))
     made = CoilSizes(coil.diameter, fits * coil.wire, length, coil.coils)
     return CoilPlacement(
-        start, span / length, made, borders, float(np.sign(spring.direction[:3] @ span)) or 1.0, False, False
+        name, start, span / length, made, borders, float(np.sign(spring.direction[:3] @ span)) or 1.0, False, False
     )
 
 
@@ -235,12 +235,10 @@ class Mechanism:
         """Return all parts at an instant."""
         return [
             *self._members(instant),
-            *(lobe_solid(one.frame, instant.angle, instant.nodal[one.node]) for one in self.cams),
-            *(part for one in self.cams for part in follower_solids(one, instant)),
-            *(part for name, one in self.levers.items() for part in self._lever(name, one, instant)),
-            *(p for one in self.valves for p in valve_solids(one, instant.at(one.point, one.away), self.head)),
-            *(part for one in self.springs for part in spring_solids(one, instant)),
-            *(axle for one in self.cams for axle in self._axle(one, instant)),
+            *(part for one in self.cams for part in self._cam(one, instant)),
+            *(part for name, one in self.levers.items() for part in _with_name(name, self._lever(name, one, instant))),
+            *(part for one in self.valves for part in _with_name(one.point, self._valve(one, instant))),
+            *(part for one in self.springs for part in _with_name(one.name, spring_solids(one, instant))),
             *support_solids(self.structure.model, self.cams, instant),
             *self._balls(instant),
         ]
@@ -255,8 +253,17 @@ class Mechanism:
             values = None
             if instant.values is not None:
                 values = np.interp(line.part, np.arange(count), instant.values[first : first + count])
-            yield _section_solid("shaft" if name in turning else "member", rings, values)
+            yield replace(_section_solid("shaft" if name in turning else "member", rings, values), name=name)
             first += count
+
+    def _cam(self, place: CamPlacement, instant: SceneState) -> Iterator[Solid]:
+        """Yield the lobe, its stub shaft and the follower."""
+        lobe = lobe_solid(place.frame, instant.angle, instant.nodal[place.node])
+        yield from _with_name(place.contact.cam, [lobe, *self._axle(place, instant)])
+        yield from _with_name(place.contact.follower, follower_solids(place, instant))
+
+    def _valve(self, place: ValvePlacement, instant: SceneState) -> list[Solid]:
+        return valve_solids(place, instant.at(place.point, place.away), self.head)
 
     def _lever(self, name: str, frame: LeverFrame, instant: SceneState) -> list[Solid]:
         path = instant.along(self.structure.path(self.structure.model.rockers[name]))
@@ -282,7 +289,12 @@ class Mechanism:
             if not model.mesh.on_members()[node]:
                 radius = (0.75 * part.body.mass / (np.pi * _STEEL)) ** (1.0 / 3.0)
                 largest = 0.1 * model_size(model)
-                yield ball("mass", model.mesh.nodes[node] + instant.nodal[node, :3], min(float(radius), largest))
+                centre = model.mesh.nodes[node] + instant.nodal[node, :3]
+                yield replace(ball("mass", centre, min(float(radius), largest)), name=part.at)
+
+
+def _with_name(name: str, solids: Iterable[Solid]) -> Iterator[Solid]:
+    return (replace(solid, name=name) for solid in solids)
 
 
 def _section_solid(kind: str, rings: list[FloatArray], values: FloatArray | None) -> Solid:

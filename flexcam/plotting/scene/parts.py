@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -130,7 +130,7 @@ def _roller(place: CamPlacement, moved: np.ndarray, instant: SceneState) -> list
     half, radius = 0.55 * frame.width * frame.axis, frame.follower.roller_radius
     parts = [cylinder("roller", middle - half, middle + half, radius)]
     node = place.ahead - centre.imag
-    if not finger and node > 1.2 * radius:
+    if not finger and place.ahead - frame.contact_end(0.0).imag > 1.2 * radius:
         parts.append(cylinder("follower", middle, middle + node * place.lift, 0.4 * radius))
     return parts
 
@@ -273,6 +273,7 @@ def _coil_height(turn: FloatArray, turns: float, sizes: CoilSizes, length: float
 class CoilPlacement:
     """Position of a coil spring."""
 
+    name: str  # name of the spring
     start: FloatArray  # installed position of its fixed end (that at `to`), m, shape (3,)
     axis: FloatArray  # unit vector from there to its moving end, shape (3,)
     sizes: CoilSizes  # sizes of the coil
@@ -329,11 +330,11 @@ def support_solids(model: Model, cams: Sequence[CamPlacement], instant: SceneSta
             kept = held.get(node, np.zeros(6, dtype=bool))
             driven = name in turning and float(np.abs(kept[3:] * axis).max()) > 0.5
             if driven:
-                yield _wheel(where, axis, 2.4 * radius, instant.angle, _sense(cams, axis))
+                yield replace(_wheel(where, axis, 2.4 * radius, instant.angle, _sense(cams, axis)), name=name)
             if kept.all():
-                yield _wall(where, axis, 2.0 * radius)
+                yield replace(_wall(where, axis, 2.0 * radius), name=name)
             elif (node in bearings or _fixes_transverse(kept, axis)) and node not in faces and not driven:
-                yield ring("bearing", where, axis, (1.02 * radius, 1.6 * radius), 1.1 * radius)
+                yield replace(ring("bearing", where, axis, (1.02 * radius, 1.6 * radius), 1.1 * radius), name=name)
 
 
 def _fixed_components(model: Model) -> dict[int, FloatArray]:

@@ -13,6 +13,16 @@ from flexcam.core import FloatArray, IntArray
 from flexcam.fem.frames import default_orientation
 from flexcam.fem.sections import Section
 
+COLOURS = {
+    "shaft": "#7a8fa6", "member": "#c9ced4", "lobe": "#D55E00", "follower": "#E69F00", "roller": "#F0C25A",
+    "rocker": "#0072B2", "pivot": "#33414e", "spring": "#009E73", "retainer": "#5b6b78", "valve": "#CC79A7",
+    "seat": "#33414e", "bearing": "#4d5a66", "ground": "#4d5a66", "drive": "#56B4E9", "mass": "#b08d57",
+}  # fmt: skip
+"""Colours by kind of part: those of Okabe and Ito for moving parts."""
+
+NEUTRAL_COLOUR = "#d5d9dd"  # colour of parts without a value if members are coloured by one
+OPACITIES = {"bearing": 0.45, "seat": 0.6, "ground": 0.8}
+
 
 @dataclass(frozen=True, eq=False)
 class Solid:
@@ -22,6 +32,7 @@ class Solid:
     points: FloatArray  # points, m, global axes, shape (n, 3)
     faces: IntArray  # point indices of the triangles, counterclockwise seen from outside, shape (t, 3)
     values: FloatArray | None = None  # colour values by point, shape (n,); None if there are none
+    name: str = ""  # name of the part in the case
 
 
 def loft(kind: str, rings: FloatArray, *, cyclic: bool = False, values: FloatArray | None = None) -> Solid:

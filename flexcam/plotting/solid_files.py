@@ -1,0 +1,219 @@
+"""Files of solid mechanisms: STL of an instant; motion for ParaView (VTM), as glTF binary (GLB) and as an HTML page."""
+
+from __future__ import annotations
+
+import json
+import re
+import struct
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flexcam.core import FloatArray, IntArray
+from flexcam.io import atomic_write_path, check_writable, create_folder, write_collection, write_polydata
+from flexcam.plotting.scene.mechanism import Mechanism
+from flexcam.plotting.scene.motion import Motion
+from flexcam.plotting.scene.solids import COLOURS, NEUTRAL_COLOUR, OPACITIES, Solid
+
+_MILLIMETRES = 1e3  # STL has no unit; CAD programs and slicers read mm
+FRAMES_PER_SECOND = 24  # of animations
+_RELATIVE_REST = 1e-9  # motion relative to the size of a part below which it is at rest
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """All solids of one part of a mechanism at the instants of a motion."""
+
+    name: str  # kind and name in the case, such as ``lobe-intake``; also a file name
+    kind: str
+    faces: IntArray  # point indices of the triangles, shape (t, 3)
+    points: FloatArray  # points, m, global axes, shape (f, n, 3)
+    values: FloatArray | None  # colour values, shape (f, n); None if there are none
+
+    @property
+    def moves(self) -> bool:
+        """Whether its points move or its values change."""
+        moved = np.abs(self.points - self.points[0]).max()
+        changed = self.values is not None and bool((self.values != self.values[0]).any())
+        return bool(moved > _RELATIVE_REST * np.ptp(self.points[0], axis=0).max()) or changed
+
+    def colour(self, *, by_value: bool = False) -> tuple[float, ...]:
+        """Return red, green and blue (sRGB) and the opacity, 0 to 1; without a value among coloured parts, grey."""
+        code = NEUTRAL_COLOUR if by_value else COLOURS[self.kind]
+        return (*(int(code[i : i + 2], 16) / 255.0 for i in (1, 3, 5)), OPACITIES.get(self.kind, 1.0))
+
+
+def collect_parts(mechanism: Mechanism, motion: Motion, scale: float = 1.0) -> list[Part]:
+    """Return the parts of a mechanism at all instants of a motion, with its elastic part times a scale."""
+    states: dict[str, list[list[Solid]]] = {}
+    for i in range(len(motion)):
+        instant: dict[str, list[Solid]] = {}
+        for solid in mechanism.solids(motion.instant(i, scale)):
+            label = solid.kind if solid.name in ("", solid.kind) else f"{solid.kind}-{solid.name}"
+            instant.setdefault(label, []).append(solid)
+        for label, solids in instant.items():
+            states.setdefault(label, []).append(solids)
+    names: dict[str, str] = {}
+    for label in states:
+        name = re.sub(r"[^\w.-]", "_", label)
+        taken = {one.lower() for one in names.values()}
+        names[label] = name if name.lower() not in taken else f"{name}-{len(names)}"
+    return [_join_solids(names[label], instants) for label, instants in states.items()]
+
+
+def _join_solids(name: str, instants: list[list[Solid]]) -> Part:
+    first = instants[0]
+    starts = np.cumsum([0, *(len(solid.points) for solid in first)])[:-1]
+    faces = np.concatenate([solid.faces + start for solid, start in zip(first, starts, strict=True)])
+    points = np.array([np.concatenate([solid.points for solid in solids]) for solids in instants])
+    coloured = any(solid.values is not None for solid in first)
+    values = np.array([np.concatenate([_values(solid) for solid in solids]) for solids in instants])
+    return Part(name, first[0].kind, faces, points, values if coloured else None)
+
+
+def _values(solid: Solid) -> FloatArray:
+    return np.full(len(solid.points), np.nan) if solid.values is None else solid.values
+
+
+def write_stl(folder: Path, parts: Sequence[Part], *, overwrite: bool = False) -> list[Path]:
+    """Write the first instant as a binary STL file per part, in mm and global axes."""
+    paths = [folder / f"{part.name}.stl" for part in parts]
+    for path in paths:
+        check_writable("export", path, overwrite=overwrite)
+    for part, path in zip(parts, paths, strict=True):
+        corners = _MILLIMETRES * part.points[0][part.faces]
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        rows = np.zeros(len(corners), dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+        rows["corners"] = corners
+        rows["normal"] = normals / np.linalg.norm(normals, axis=1)[:, None].clip(min=np.finfo(float).tiny)
+        head = f"flexcam {part.name}, mm".encode("ascii", "replace")[:80].ljust(80)
+        with atomic_write_path(path) as draft:
+            draft.write_bytes(head + struct.pack("<I", len(rows)) + rows.tobytes())
+    return paths
+
+
+def write_vtm(
+    path: Path, parts: Sequence[Part], times: FloatArray, label: str = "", *, overwrite: bool = False
+) -> list[Path]:
+    """Write a ParaView collection (.pvd) of a multiblock file (.vtm) per instant; parts at rest are written once.
+
+    The blocks have the names of the parts. Parts with colour values have them as point data named `label`.
+    """
+    check_writable("export", path, overwrite=overwrite)
+    folder = create_folder(path.with_suffix(""))
+    written: list[Path] = []
+    blocks: list[list[str]] = [[] for _ in times]
+    for part in parts:
+        cells = {"Polys": (part.faces.ravel(), 3 * np.arange(1, len(part.faces) + 1))}
+        moves = part.moves
+        for i in range(len(times)):
+            piece = folder / f"{part.name}_{i if moves else 0:06d}.vtp"
+            if moves or i == 0:
+                values = {} if part.values is None else {label: part.values[i]}
+                write_polydata(piece, part.points[i], cells, point_data=values)
+                written.append(piece)
+            blocks[i].append(f'<DataSet index="{len(blocks[i])}" name="{part.name}" file="{piece.name}"/>')
+    instants = [folder / f"instant_{i:06d}.vtm" for i in range(len(times))]
+    for instant, lines in zip(instants, blocks, strict=True):
+        head = '<?xml version="1.0"?>\n<VTKFile type="vtkMultiBlockDataSet" version="1.0" byte_order="LittleEndian">'
+        with atomic_write_path(instant) as draft:
+            text = [head, "<vtkMultiBlockDataSet>", *lines, "</vtkMultiBlockDataSet>", "</VTKFile>", ""]
+            draft.write_text("\n".join(text), encoding="utf-8")
+    write_collection(path, times, instants)
+    return [path, *instants, *written]
+
+
+class _Buffer:
+    """Binary chunk of a glTF file with its views and accessors."""
+
+    def __init__(self) -> None:
+        self.content = bytearray()
+        self.views: list[Mapping[str, int]] = []
+        self.accessors: list[Mapping[str, Any]] = []
+
+    def add(self, arrays: FloatArray | IntArray, form: str, component: str, *, bounds: bool = True) -> list[int]:
+        """Add arrays of equal shape, one after the other, as one view; return an accessor for each."""
+        packed = np.ascontiguousarray(arrays, dtype=component)
+        view = {"buffer": 0, "byteOffset": len(self.content), "byteLength": packed.nbytes}
+        self.views.append(view)
+        self.content += packed.tobytes()
+        first = len(self.accessors)
+        for i, array in enumerate(packed):
+            flat = array.reshape(len(array), -1)
+            ends = {"min": flat.min(axis=0).tolist(), "max": flat.max(axis=0).tolist()} if bounds else {}
+            self.accessors.append({
+                "bufferView": len(self.views) - 1, "byteOffset": i * array.nbytes,
+                "componentType": _COMPONENTS[component], "count": len(array), "type": form, **ends,
+            })  # fmt: skip
+        return list(range(first, len(self.accessors)))
+
+
+_COMPONENTS = {"<f4": 5126, "<u4": 5125}
+"""Numbers of component types in glTF."""
+
+
+def write_glb(
+    path: Path, parts: Sequence[Part], upwards: FloatArray, title: str = "", *, overwrite: bool = False
+) -> Path:
+    """Write the motion as glTF 2.0 binary, in m: a mesh and a node per part, and a morph target per instant.
+
+    The root node rotates `upwards` to y, as glTF requires.
+    """
+    check_writable("export", path, overwrite=overwrite)
+    count = len(parts[0].points)
+    buffer = _Buffer()
+    kinds = list(dict.fromkeys(part.kind for part in parts))
+    colours = [next(part for part in parts if part.kind == kind).colour() for kind in kinds]
+    moving = [i for i, part in enumerate(parts) if part.moves]
+    meshes = [_mesh(buffer, part, kinds.index(part.kind)) for part in parts]
+    turn = np.append(np.cross(upwards, [0.0, 1.0, 0.0]), 1.0 + upwards[1])
+    root = {"name": title, "rotation": (turn / np.linalg.norm(turn)).tolist(), "children": list(range(len(parts)))}
+    content: dict[str, Any] = {
+        "asset": {"version": "2.0", "generator": "flexcam"},
+        "scene": 0,
+        "scenes": [{"nodes": [len(parts)]}],
+        "nodes": [*({"name": part.name, "mesh": i} for i, part in enumerate(parts)), root],
+        "meshes": meshes,
+        "materials": [_material(kind, colour) for kind, colour in zip(kinds, colours, strict=True)],
+    }
+    if moving:
+        times = buffer.add(np.arange(count)[None] / FRAMES_PER_SECOND, "SCALAR", "<f4")[0]
+        weights = buffer.add(np.eye(count)[:, 1:].reshape(1, -1), "SCALAR", "<f4", bounds=False)[0]
+        targets = [{"sampler": 0, "target": {"node": i, "path": "weights"}} for i in moving]
+        sampler = {"input": times, "output": weights, "interpolation": "LINEAR"}
+        content["animations"] = [{"name": "revolution", "samplers": [sampler], "channels": targets}]
+    content |= {"accessors": buffer.accessors, "bufferViews": buffer.views}
+    content["buffers"] = [{"byteLength": len(buffer.content)}]
+    text = json.dumps(content, separators=(",", ":")).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = [
+        struct.pack("<I4s", len(data), kind) + data
+        for data, kind in ((text, b"JSON"), (bytes(buffer.content), b"BIN\0"))
+    ]
+    with atomic_write_path(path) as draft:
+        draft.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + sum(map(len, chunks))) + b"".join(chunks))
+    return path
+
+
+def _mesh(buffer: _Buffer, part: Part, material: int) -> dict[str, Any]:
+    """Return the mesh of a part: the first instant, and the displacements from there to the others."""
+    targets = buffer.add(part.points[1:] - part.points[0], "VEC3", "<f4") if part.moves else []
+    primitive = {
+        "attributes": {"POSITION": buffer.add(part.points[:1], "VEC3", "<f4")[0]},
+        "indices": buffer.add(part.faces.reshape(1, -1), "SCALAR", "<u4")[0],
+        "material": material,
+    }
+    if not targets:
+        return {"name": part.name, "primitives": [primitive]}
+    own = {**primitive, "targets": [{"POSITION": one} for one in targets]}
+    return {"name": part.name, "primitives": [own], "weights": [0.0] * len(targets)}
+
+
+def _material(kind: str, colour: Sequence[float]) -> dict[str, Any]:
+    """Return the material of a kind of part; glTF has linear colours."""
+    linear = [one / 12.92 if one <= 0.04045 else ((one + 0.055) / 1.055) ** 2.4 for one in colour[:3]]
+    surface = {"baseColorFactor": [*linear, colour[3]], "metallicFactor": 0.1, "roughnessFactor": 0.6}
+    return {"name": kind, "pbrMetallicRoughness": surface, "alphaMode": "BLEND" if colour[3] < 1.0 else "OPAQUE"}
