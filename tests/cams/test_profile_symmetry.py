@@ -30,8 +30,9 @@ def mirrored(follower):
 
 
 def scaled(follower, factor):
-    lengths = [field.name for field in fields(follower) if field.init and field.name != "side"]
-    return replace(follower, **{name: factor * getattr(follower, name) for name in lengths})
+    given = {field.name: getattr(follower, field.name) for field in fields(follower) if field.init}
+    lengths = {name: value for name, value in given.items() if name != "side" and value is not None}
+    return replace(follower, **{name: factor * value for name, value in lengths.items()})
 
 
 def test_mirror(follower, turn, smooth_event):

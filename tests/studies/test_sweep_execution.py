@@ -154,7 +154,7 @@ def test_a_refusal_after_reading_and_a_fault_are_rows(monkeypatch):
     assert row.status.cause is Cause.REFUSED
     assert "at least one step" in row.status.text
 
-    def broken(ready, response):
+    def broken(ready, response, names=None):
         raise ZeroDivisionError("nothing")
 
     monkeypatch.setattr(sys.modules["flexcam.studies.evaluation"], "compute_scalars", broken)
