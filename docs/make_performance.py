@@ -296,9 +296,9 @@ def _searches(tables: dict) -> list[str]:
     return [
         "## Searches",
         "",
-        "The highest crank speed at which the intake train of the pushrod engine keeps a force of 50 N on the nose, with the wire stress",
-        "of its spring below 856 MPa, by seven values: speed, stiffness and installed force of the spring, four coefficients of the rise",
-        "(`benchmarks/measure/searches.py`). `flexcam optimize` with both methods on one core: variants and processor time, in all and",
+        "The highest crank speed at which the intake train of the pushrod engine keeps a force of 50 N on the nose, with a wire stress",
+        "below 856 MPa. Seven values are varied: speed, stiffness and installed force of the spring, four coefficients of the rise",
+        "(`benchmarks/measure/searches.py`). The table shows variants and processor time of `flexcam optimize` on one core, in all and",
         f"until {searched[0]['reached_rpm']:.0f} rpm, 1 % below the result of the gradient. A variant of the gradient includes its derivatives.",
         "",
         "| method | variants | s | result, rpm | variants until then | s |",

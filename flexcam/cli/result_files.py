@@ -77,9 +77,7 @@ def info(
 flexcam export results/case.vtkhdf --format csv --probe valve
 flexcam export results/case.vtkhdf --format csv --instants 720
 flexcam export results/case.vtkhdf --format pvd --every 5 --field displacement
-flexcam export results/case.vtkhdf --paraview
 flexcam export case.toml --format msh -o meshes
-flexcam export case.toml --format inp
 flexcam export results/case.vtkhdf --format glb
 flexcam export results/case.vtkhdf --format vtm --field stress_von_mises
 flexcam export case.toml --format stl --at 90deg
@@ -117,7 +115,7 @@ def export(
     ] = False,
     overwrite: Overwrite = False, as_json: Json = False,
 ) -> None:  # fmt: skip
-    """Convert a result to CSV or ParaView files, the mesh of a case to Gmsh, Abaqus or CalculiX format, or solids.
+    """Convert a result to CSV, ParaView files or solids, or the mesh of a case to Gmsh, Abaqus or CalculiX format.
 
     Solids are the parts that flexcam view shows: those of a result, or of a case as a rigid mechanism.
     """

@@ -35,7 +35,7 @@ class Part:
 
     @property
     def moves(self) -> bool:
-        """Whether its points move or its values change."""
+        """True if its points move or its values change."""
         moved = np.abs(self.points - self.points[0]).max()
         changed = self.values is not None and bool((self.values != self.values[0]).any())
         return bool(moved > _RELATIVE_REST * np.ptp(self.points[0], axis=0).max()) or changed

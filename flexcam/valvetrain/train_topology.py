@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -21,15 +21,17 @@ def moved_nodes(model: Model, contact: CamPair) -> list[int]:
     if contact.follower in model.mesh.points:
         found |= dict.fromkeys(_nodes_by_distance(joined, model.mesh.node(contact.follower)))
 
-    def drives(start: str) -> bool:
-        rocker = model.rocker_at(start)
-        end = start if rocker is None else rocker.start
-        return end == contact.follower or (end in model.mesh.points and model.mesh.node(end) in found)
-
     plays = [(play.ends[0], model.mesh.node(play.ends[1])) for play in model.lashes]
-    while behind := [end for start, end in plays if end not in found and drives(start)]:
+    while behind := [end for start, end in plays if end not in found and _is_driven(model, contact, start, found)]:
         found |= dict.fromkeys(_nodes_by_distance(joined, behind[0]))
     return list(found)
+
+
+def _is_driven(model: Model, contact: CamPair, start: str, moved: Collection[int]) -> bool:
+    """Return whether a node or point of a rocker moves with a follower and the nodes that it moves."""
+    rocker = model.rocker_at(start)
+    end = start if rocker is None else rocker.start
+    return end == contact.follower or (end in model.mesh.points and model.mesh.node(end) in moved)
 
 
 def lashes_before(model: Model, node: int, plays: Sequence[NodeLash]) -> list[NodeLash]:
@@ -113,7 +115,7 @@ def _accumulated_lash(model: Model, play: Lash) -> float:
 def _is_in_train(model: Model, contact: CamPair, play: Lash) -> bool:
     """Return whether a lash is in the train of a contact."""
     if play.ends is not None:
-        return model.mesh.node(play.ends[1]) in moved_nodes(model, contact)
+        return _is_driven(model, contact, play.ends[0], moved_nodes(model, contact))
     return play.rocker is not None and model.rockers[play.rocker] is rocker_of(model, contact)
 
 

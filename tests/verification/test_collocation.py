@@ -68,6 +68,20 @@ def test_a_parabolic_load_is_integrated_exactly(record):
            reason="exact for parabolic loads; rounding")  # fmt: skip
 
 
+@pytest.mark.parametrize(("ratio", "grows"), [(1.5, False), (1.6, True)])
+def test_stability_limit_of_a_closed_contact(ratio, grows):
+    """A mass that only a contact spring holds is stable up to 1.55 = omega dt; see the eigenvalues of its step."""
+    one = (AngleVector(np.eye(1), ()),)
+    law, reaction = hunt_crossley_contact(1.0, 0.0), (AngleVector(-np.eye(1), ()),)
+    contact = LocalForce("contact", one, reaction, law, (constant(1.0),))
+    load = Load("push", np.ones(1), lambda motion: np.ones_like(motion.angle))
+    matrices = (Triplets.from_dense(np.array([[value]])) for value in (1.0, 0.0, 0.0))
+    probe = Probe("all", ("x",), np.eye(1), (None,))
+    system = System(*matrices, ("x",), (load,), (contact,), (probe,))
+    moved = motion(system, collocation(), 200, time=200 * ratio, start=State(np.array([1e-3]), np.zeros(1)))
+    assert (np.abs(moved).max() > 1e-2) == grows
+
+
 def test_motions_without_mass(record):
     """Under p = 3 + 4 t + 5 t^2, c x' + k x = p decays to its particular solution from rest, and k y = p has no delay.
 
