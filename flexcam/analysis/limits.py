@@ -30,6 +30,7 @@ from flexcam.dynamics import (
     equilibrium,
     reraise_interrupt,
     solve,
+    track_progress,
 )
 from flexcam.valvetrain import (
     BOUNCE_HEIGHT,
@@ -137,27 +138,26 @@ Condition = Callable[[Response, PreparedRun], list[str]]
 """Function that returns the names of the parts that meet a condition."""
 ConditionResults = dict[str, list[str]] | str
 """Affected parts by condition, or the reason why there are none."""
-SpeedRuns = Callable[[Sequence[float]], list[ConditionResults]]
-"""Function that runs a case at some camshaft speeds, rad/s."""
+SpeedRuns = Callable[[Sequence[float]], list[Callable[[], ConditionResults]]]
+"""Function that begins runs at some camshaft speeds, rad/s, and returns functions that wait for their results."""
 
 
 def find_limits(
-    case: Case, search: Search, *, evaluate: SpeedRuns | None = None, ahead: int = 1,
+    case: Case, search: Search, *, start: SpeedRuns | None = None, ahead: int = 1,
     advance: ProgressCallback | None = None,
 ) -> Limits:  # fmt: skip
     """Find the speeds of loss of contact, float, valve bounce, coil clash and pushrod buckling.
 
-    `evaluate` runs the case at several speeds at a time, by default one after the other; `ahead` is the number of
-    speeds for which that pays.
+    `start` begins runs at several speeds at a time, up to `ahead`; by default they follow each other.
     """
-    found = search_limits(case, search, evaluate=evaluate, ahead=ahead, advance=advance)
+    found = search_limits(case, search, start=start, ahead=ahead, advance=advance)
     lowest, highest = search.lowest / RPM, search.highest / RPM
     return Limits(**vars(compute_margins(case)), limits=found, lowest_rpm=lowest, highest_rpm=highest)
 
 
 def search_limits(
     case: Case, search: Search, among: Collection[str] | None = None,
-    *, runs: int = 1, evaluate: SpeedRuns | None = None, ahead: int = 1, advance: ProgressCallback | None = None,
+    *, runs: int = 1, start: SpeedRuns | None = None, ahead: int = 1, advance: ProgressCallback | None = None,
 ) -> dict[str, Limit]:  # fmt: skip
     """Find the speed limits of a case without its margins at rest."""
     model = _checked_model(case)
@@ -165,17 +165,18 @@ def search_limits(
         name: words for name, (_, words) in _conditions(model, search).items() if among is None or name in among
     }
     serial = partial(evaluate_speed, case, search, described, runs=runs, model=model)
+    pending: dict[float, Callable[[], ConditionResults]] = {}
     seen: dict[float, ConditionResults] = {}
     found: dict[str, Limit] = {}
     searches = {name: _bisect_limit(name, words, search) for name, words in described.items()}
     wanted = {name: next(one) for name, one in searches.items()}
     while wanted:
         missing = [speed for speed in dict.fromkeys(wanted.values()) if speed not in seen]
-        later = [speed for speed in search.speeds() if speed > max(wanted.values()) and speed not in seen]
-        missing += later[: ahead - len(missing)] if missing else []
-        seen.update(zip(missing, evaluate(missing) if evaluate else map(serial, missing), strict=True))
-        if advance is not None:
-            advance(len(missing))
+        later = [speed for speed in search.speeds() if speed > max(wanted.values())] if missing else []
+        begun = [speed for speed in (*missing, *later[: max(ahead - len(missing), 0)]) if speed not in pending]
+        pending.update(zip(begun, start(begun) if start else [partial(serial, speed) for speed in begun], strict=True))
+        for speed in track_progress(missing, advance):
+            seen[speed] = pending[speed]()
         for name, speed in list(wanted.items()):
             try:
                 wanted[name] = searches[name].send(seen[speed])

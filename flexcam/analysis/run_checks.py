@@ -127,9 +127,8 @@ def _check_cam_steps(ready: PreparedRun) -> Iterator[str]:
         if curvature * turn**2 > _LIFT_TOLERANCE:
             missed, enough = min(curvature * turn**2, 1.0), 2.0 * math.pi * math.sqrt(curvature / _LIFT_TOLERANCE)
             yield (
-                f"Warning: too few steps per revolution, {2.0 * math.pi / turn:.4g}: between two of them the lift of "
-                f"cam {name} departs from a straight line by up to {100.0 * missed:.3g} % of it; "
-                f"take {math.ceil(enough)} or more"
+                f"Warning: too few steps per revolution, {2.0 * math.pi / turn:.4g}: they resolve the lift of cam "
+                f"{name} to {100.0 * missed:.3g} %; it needs {math.ceil(enough)} or more, contacts still more"
             )
 
 
@@ -159,8 +158,8 @@ def _check_lobe(model: Model, name: str, cam: Cam, follower: Follower) -> Iterat
     if isinstance(follower, FlatFollower) and follower.face_diameter is not None:
         needed = 2.0 * follower.face_radius(float(np.abs(cam.event(_LIFT_ANGLES, 1)).max()), cam.width)
         if needed > follower.face_diameter:
-            sizes = f"{1e3 * follower.face_diameter:.4g} mm, and the contact line needs {1e3 * needed:.4g} mm"
-            yield f"Warning: cams.{name}: its follower's face_diameter is {sizes}: it crosses the edge of the face"
+            sizes = f"it needs {1e3 * needed:.4g} mm, and face_diameter is {1e3 * follower.face_diameter:.4g} mm"
+            yield f"Warning: cams.{name}: the contact line crosses the edge of the follower's face: {sizes}"
     node = model.mesh.points.get(cam.at, np.empty(0, dtype=int))
     sections = [
         one.section for one_name, one in model.members.items() if np.isin(node, model.mesh.lines[one_name]).any()
@@ -416,7 +415,7 @@ def _check_resolution(sink: ResolutionSink) -> Iterator[str]:
     if found.steps < _MIN_STEPS:
         ratio = _MIN_STEPS / found.steps
         more = math.ceil(10.0 * ratio) / 10.0 if ratio < 10.0 else math.ceil(ratio)
-        yield f"Warning: a period {at} has {found.steps:.3g} steps; take {more:g} times as many steps per revolution"
+        yield f"Warning: a period {at} has {found.steps:.3g} steps; take at least {more:g} times as many per revolution"
     for name, count in found.elements.items():
         if count < _MIN_ELEMENTS:
             more = f"{math.ceil(_MIN_ELEMENTS / count)} times as many elements"

@@ -266,8 +266,10 @@ def _make_law(name: str, parameters: Table) -> Law:
     kind = law_kind(name)
     if kind is None:
         known = list(dict.fromkeys([*LAWS, *kind_names()]))
-        hint = "it takes no parameters" if name in LAWS else suggest_name(name, known)
-        raise refuse("law", repr(name), ", ".join(known), "", hint)
+        if name in LAWS:
+            given = ", ".join(f"{key}={value}" for key, value in parameters.items())
+            raise refuse(f"law {name}", given, "no parameters", "it has none", "leave them out")
+        raise refuse("law", repr(name), ", ".join(known), "", suggest_name(name, known))
     for key, value in parameters.items():
         if not _is_numeric(value):
             known = ", ".join(_parameter_record(kind).model_fields)

@@ -95,7 +95,7 @@ def limits(
 
     count = count_cores() if workers is None else workers
     with show_count(None, "runs") as shown, open_speed_runs(read, search, count) as runs:
-        found = find_limits(read, search, evaluate=runs, ahead=count, advance=shown)
+        found = find_limits(read, search, start=runs, ahead=count, advance=shown)
     parts: list[Table | str] = [limits_table(found, scale)]
     if "loss_of_contact" not in found.limits:
         parts.append('Contact loss is not assessed: it needs a contact with model = "unilateral", which can separate.')

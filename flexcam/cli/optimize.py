@@ -273,7 +273,7 @@ def _constraint_table(design: OptimizationProblem, found: Evaluations, at: int) 
         (one.words, _value(found, at, one.name), *_margin(float(violation), found.distance_to_violation(at, i)))
         for i, (one, violation) in enumerate(zip(design.bounds, found.violations[at].tolist(), strict=False))
     ]
-    head = ("subject to", "value", "margin", "distance to a violation, of the intervals")
+    head = ("subject to", "value", "margin", "change of the values that violates it, in % of their intervals")
     return plain_table("Constraints", head, rows)
 
 

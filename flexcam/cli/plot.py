@@ -24,7 +24,7 @@ from flexcam.case.input_checks import check_shared_seat_load
 from flexcam.cli import app as cli
 from flexcam.cli.sources import Source, name_sources, open_sources
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name
-from flexcam.core.units import RPM, shaft_name, to_display_unit
+from flexcam.core.units import RPM, shaft_name, shaft_speed, to_display_unit
 from flexcam.dynamics import Response, Status
 from flexcam.report.terminal import show_count
 from flexcam.studies.tables import read_table, unknown_scalar_fault
@@ -131,7 +131,7 @@ def plot(
         "shown by colours; spring: force of the spring.")] = None,
     over: Annotated[Literal["angle", "time", "crank"] | None, Parameter(
         help="motion, force, torque, energy: abscissa; cam angle by default; crank: crank angle of the last "
-        "revolution from the cam's tdc.")] = None,
+        "revolution from the top dead centre of the cam (key tdc).")] = None,
     rigid: Annotated[bool, Parameter(
         help="motion, force, torque: also draw the rigid model; motion: and the difference from it.")] = False,
     cam: Annotated[str | None, Parameter(help="svaj, profile: draw this cam only.")] = None,
@@ -397,6 +397,11 @@ def _map(asked: FigureOptions) -> Figure:
     if len(channels) != 1:
         raise refuse("--channel", ", ".join(channels) or "nothing", "one channel", "a map shows one")
     if len(asked.sources) > 1:
+        speeds = [one.case.speed for one in asked.sources.values()]
+        if twice := next((one for one in speeds if speeds.count(one) > 1), None):
+            raise refuse(
+                "files", f"two at {shaft_speed(twice, case.turns)}", "one per speed", "a map has one row per speed"
+            )
         runs = {one.case.speed: one.response for one in sorted(asked.sources.values(), key=lambda one: one.case.speed)}
     else:
         speeds = _speeds(asked, case)
@@ -404,7 +409,7 @@ def _map(asked: FigureOptions) -> Figure:
             found = list(run_over_speeds(case, speeds, shown))
         runs = {speed: None if isinstance(one, Status) else one[1] for speed, one in zip(speeds, found, strict=True)}
     if len(runs) < 2 or not any(runs.values()):
-        raise refuse("--what", "map", "runs at two or more speeds", f"{len(runs)} were given or none was completed")
+        raise refuse("--what", "map", "runs at two or more speeds", f"{len(runs)} given, or no run was completed")
     rpm = case.turns * np.array(list(runs)) / RPM
     figure = angle_map_figure(rpm, list(runs.values()), channels[0], shaft_name(case.turns))
     return add_title(figure, asked.first.subject)

@@ -274,7 +274,10 @@ def synthesize_harmonic(
     count: Annotated[int | None, Parameter(help="Number of harmonics; by default those below the first mode.")] = None,
     output: Output = None, overrides: cli.Overrides = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
 ) -> None:  # fmt: skip
-    """Replace the lift of a cam by its low harmonics, which do not excite the first mode; the dwells stay."""
+    """Replace the lift of a cam by its low harmonics, which do not excite the first mode.
+
+    The dwells stay within --tolerance.
+    """
     cli.check_distinct_files({"--output": output}, [case])
     strict = cli.parse_quantity("--tolerance", tolerance, "length", "um")
     wide = None if bound is None else cli.parse_quantity("--bound", bound, "length", "mm")

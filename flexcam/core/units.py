@@ -21,7 +21,10 @@ Exponents = tuple[int, int, int, int, int]
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)$")
 _FACTOR = re.compile(r"([*/]?)\s*(1(?=\s*/)|[A-Za-z%µ°]+)\s*(?:(?:\^|\*\*)\s*([+-]?\d+))?\s*")
 
-_FOREIGN = {"lbm": "write lb, a mass", "inch": "write in", "lbs": "write lb for a mass, lbf for a force"}
+_FOREIGN = {
+    "degC": "write K; a temperature is a rise", "C": "write K; a temperature is a rise", "ppm": "write um/m for 1 ppm",
+    "lbm": "write lb, a mass", "inch": "write in", "lbs": "write lb for a mass, lbf for a force",
+}  # fmt: skip
 """Other names of units, and the remedies."""
 
 _POUND = re.compile(r"\blb\b")

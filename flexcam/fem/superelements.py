@@ -89,7 +89,7 @@ def _internal_shapes(mass: FloatArray, stiffness: FloatArray, outer: int, kept: 
         np.linalg.cholesky(own)
     except np.linalg.LinAlgError:
         why = "with fixed interface nodes an internal motion has no stiffness"
-        raise refuse("stiffness", "loose internal unknowns", "a body that its nodes hold", why) from None
+        raise refuse("stiffness", "a singular matrix of the internal unknowns", "a regular one", why) from None
     static = np.asarray(-np.linalg.solve(own, across), dtype=np.float64)
     if not kept:
         return static, np.zeros((len(own), 0))
@@ -97,7 +97,7 @@ def _internal_shapes(mass: FloatArray, stiffness: FloatArray, outer: int, kept: 
         shapes = eigh(own, mass[outer:, outer:], subset_by_index=[0, kept - 1])[1]
     except LinAlgError:
         why = "modes need a mass for every internal unknown"
-        raise refuse("mass", "internal unknowns without mass", "a consistent mass", why, "or modes = 0") from None
+        raise refuse("mass", "internal unknowns without mass", "a consistent mass", why, "use modes = 0") from None
     return static, np.asarray(shapes / np.abs(shapes).max(axis=0), dtype=np.float64)
 
 

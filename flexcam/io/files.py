@@ -70,7 +70,11 @@ def read_columns(path: Path, where: str, text: str | None = None) -> dict[str, t
         except ValueError:
             raise refuse(where, f"{path.name}, line {number}: {','.join(row)[:40]!r}", allowed) from None
         if len(row) != len(head) or np.isinf(values[-1]).any():
-            raise refuse(where, f"{path.name}, line {number}: {','.join(row)[:40]!r}", f"{len(head)} finite numbers")
+            raise refuse(
+                where,
+                f"{path.name}, line {number}: {','.join(row)[:40]!r}",
+                f"{len(head)} finite numbers, one per heading of the first line",
+            )
     if not values:
         raise refuse(where, f"{path.name}, without rows", allowed)
     table = np.array(values)

@@ -55,9 +55,14 @@ def _read_market(text: str, where: str) -> NodalMatrix:
         matrix = mmread(io.BytesIO(text.encode()))
     except (ValueError, TypeError) as fault:
         raise refuse(where, "a damaged Matrix Market file", "a file that scipy.io.mmread reads", str(fault)) from None
-    values = np.asarray(matrix if isinstance(matrix, np.ndarray) else matrix.toarray(), dtype=float)
+    values = matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
+    if np.iscomplexobj(values):
+        raise refuse(where, "complex numbers", "a matrix of real numbers", "structural damping is not modelled")
+    values = np.asarray(values, dtype=float)
     if rows != cols or not np.isfinite(values).all():
         raise refuse(where, f"{rows} rows and {cols} columns", "a square matrix of finite numbers")
+    if rows % 6:
+        raise refuse(where, f"{rows} rows", "six rows per node")
     return NodalMatrix(tuple((i // 6 + 1, i % 6 + 1) for i in range(rows)), values)
 
 
@@ -72,8 +77,8 @@ def _read_list(text: str, where: str) -> NodalMatrix:
             entries.append(float(value.replace("D", "E")))
             ends.append(((int(node), int(dof)), (int(other), int(across))))
         except ValueError:
-            allowed = "node, component, node, component, value"
-            raise refuse(where, f"line {number}: {line.strip()[:60]}", allowed, "or a Matrix Market file") from None
+            allowed = "node, component, node, component, value, or a Matrix Market file"
+            raise refuse(where, f"line {number}: {line.strip()[:60]}", allowed) from None
     labels = sorted({label for pair in ends for label in pair})
     _check_size(len(labels), where)
     if not labels or not all(1 <= dof <= 6 for _, dof in labels):

@@ -90,6 +90,10 @@ def model_table(ready: PreparedRun, modes: ModelModes, takes: ResourceEstimate |
         ("degrees of freedom", str(problem.system.size)),
         ("inactive", "; ".join(describe_inactive(ready)) or "nothing"),
         ("masses", ", ".join(f"{name} {part.body.mass:g} kg" for name, part in model.masses.items()) or "none"),
+        *(
+            (f"superelement {name}", f"{len(body.nodes)} nodes, {body.modes} modes")
+            for name, body in model.superelements.items()
+        ),
         ("springs", ", ".join(springs) or "none"),
         ("supports", ", ".join(f"{point}: {' '.join(held)}" for point, held in model.supports.items()) or "none"),
         *(
@@ -259,7 +263,8 @@ def describe_comparison(comparison: Comparison, mode_hz: float | None) -> list[s
     said = [f"{deviation}; its peak acceleration is {ratio} times the {comparison.names[1]} one."]
     if mode_hz is not None:
         said.append(
-            f"The loaded mode nearest the cam speed is {mode_hz:.2f} Hz = {60.0 * mode_hz:.0f} camshaft rpm; "
+            f"Of the modes that the cam force excites, the nearest to the cam speed is "
+            f"{mode_hz:.2f} Hz = {60.0 * mode_hz:.0f} camshaft rpm; "
             f"the cam turns at {comparison.speed_rpm / (60.0 * mode_hz):.2f} of that."
         )
     return said

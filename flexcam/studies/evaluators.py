@@ -6,6 +6,7 @@ import os
 import re
 import tomllib
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Future
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import partial, reduce
@@ -314,20 +315,19 @@ def limit_map(plan: Plan, names: Sequence[str], runs: Runs) -> LimitMap:
 
 @contextmanager
 def open_speed_runs(case: Case, search: Search, workers: int) -> Generator[SpeedRuns | None]:
-    """Yield a function that runs a case at several speeds of a search for limits; None for one worker."""
+    """Yield a function that begins runs of a case at several speeds of a search for limits; None for one worker."""
     if workers < 2:
         yield None
         return
     with open_processes(workers) as submit:
 
-        def evaluate(speeds: Sequence[float]) -> list[ConditionResults]:
-            futures = [submit(evaluate_speed, case, search, None, speed) for speed in speeds]
+        def wait(future: Future[ConditionResults]) -> ConditionResults:
             try:
-                return [future.result() for future in futures]
+                return future.result()
             except BrokenProcessPool:
                 raise RunFailedError(KILLED_STATUS) from None
 
-        yield evaluate
+        yield lambda speeds: [partial(wait, submit(evaluate_speed, case, search, None, speed)) for speed in speeds]
 
 
 def case_text(case: Case, target: Path, comments: Sequence[str] = ()) -> str:

@@ -246,7 +246,8 @@ def _multipliers(case: Case, names: Sequence[str]) -> dict[str, Quantity]:
     ready = prepare(case.with_run({"start": "periodic"}))
     start, steps = ready.problem.start, steps_per_revolution(case, ready.problem)
     if start is not None and (missed := start.periodicity or 0.0) > _PERIODIC:
-        text = f"no periodic motion was found: a revolution changes the state by {missed:.2g} of the motion"
+        change = f"after a revolution the motion differs by {100.0 * missed:.2g} % of its amplitude"
+        text = f"no periodic motion was found: {change}"
         raise RunFailedError(Status(Cause.NO_CONVERGENCE, text, "add damping, or take a speed at which contact holds"))
     found = np.abs(floquet(replace(ready.problem, steps=steps), ready.scheme).multipliers).tolist()
     for name, number in asked.items():

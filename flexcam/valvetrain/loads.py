@@ -32,7 +32,7 @@ from flexcam.dynamics import (
 from flexcam.fem.assembly import assemble_loads, distributed_load, element_weight, thermal_load
 from flexcam.valvetrain.contacts import Coupling
 from flexcam.valvetrain.parts import Cam, LoadTable, PublishedLoad
-from flexcam.valvetrain.structure import Structure, find_node, spring_parts, spring_row
+from flexcam.valvetrain.structure import Structure, find_node, spring_parts, spring_row, superelement_dofs
 from flexcam.valvetrain.train_topology import FollowerTrain, follower_train
 
 
@@ -188,7 +188,7 @@ def _distribute(structure: Structure, name: str) -> FloatArray:
 
 
 def _weight(structure: Structure) -> FloatArray:
-    """Return the weight of members, of bodies at nodes and of springs.
+    """Return the weight of members, superelements, bodies at nodes and springs.
 
     Masses at a rocker's point are excluded because a lumped rocker does not define the direction of its valve.
     """
@@ -198,6 +198,11 @@ def _weight(structure: Structure) -> FloatArray:
         if model.rocker_at(part.at) is None:
             pull = part.body.matrix() @ np.concatenate([gravity, np.zeros(3)])
             load = load + structure.dofs.vector(find_node(model, part.at, f"masses.{name}.at"), pull)
+    for name, body in model.superelements.items():
+        fall = np.zeros(len(body.mass))
+        fall[: 6 * len(body.nodes)] = np.tile([*gravity, 0.0, 0.0, 0.0], len(body.nodes))
+        numbers = superelement_dofs(structure, name)
+        np.add.at(load, numbers[numbers >= 0], (body.mass @ fall)[numbers >= 0])
     for name, spring in model.springs.items():
         if spring.mass > 0.0 and model.rocker_at(spring.at) is None:
             along = float(gravity @ spring.direction[:3])

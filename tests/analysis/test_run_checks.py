@@ -105,7 +105,7 @@ def test_what_is_coarse_is_told():
     longer = "take more steps per revolution, or a softer contact"
     bend = "a bending wave of member pushrod at the frequency of the accelerations (400 Hz) has 1.9 elements"
     assert told == [
-        "Warning: a period of the accelerations (400 Hz) has 10 steps; take 2 times as many steps per revolution",
+        "Warning: a period of the accelerations (400 Hz) has 10 steps; take at least 2 times as many per revolution",
         f"Warning: {bend}; take 3 times as many elements",
         f"Warning: the largest force of contact seat occurs in an impact of only 4 steps: {longer}",
         f"Warning: the largest force of contact play occurs in an impact of only 1 step: {longer}",
@@ -117,7 +117,7 @@ def test_enough_steps_are_named(steps, more):
     """As many as that are enough, and more than there are."""
     ready, seen, response = watched(CASE)
     (told,) = check_run(ready, replace(seen, resolution=Found(Resolution(400.0, steps, {}, {}))), [], response.stats)
-    assert told.endswith(f"take {more} times as many steps per revolution")
+    assert told.endswith(f"take at least {more} times as many per revolution")
 
 
 def test_the_same_is_told_of_a_result():

@@ -88,6 +88,24 @@ def test_a_low_pass_leaves_chatter_out(one_mass):
         _filtered_contacts(response, ready, 2e5)
 
 
+@pytest.mark.parametrize("ahead", [1, 3])
+def test_limits_share_their_runs(one_mass, ahead):
+    """Two limits run the speeds of both, and none above those that they need but the ones begun ahead."""
+    asked = []
+
+    def begin(speeds):
+        asked.extend(speeds)
+        return [lambda speed=speed: {"loss_of_contact": ["k"] * (speed > 200.0), "float": ["k"] * (speed > 260.0)}
+                for speed in speeds]  # fmt: skip
+
+    case, search, names = read_case(one_mass(), QUICK[1:2]), Search(50.0, 1000.0), ["loss_of_contact", "float"]
+    found = search_limits(case, search, names, start=begin, ahead=ahead)
+    assert found["loss_of_contact"].rpm == pytest.approx(200.0 / RPM, abs=1.0)
+    assert found["float"].rpm == pytest.approx(260.0 / RPM, abs=1.0)
+    assert len(asked) == len(set(asked))
+    assert max(asked) < 260.0 * 1.05 ** (4 + ahead)
+
+
 def test_lift_deviation_over_the_nose():
     """A valve loft of 0.3 mm exceeds a threshold of 0.25 mm, and not one of 0.5 mm."""
     ready = prepare(read_case(CASE, ["run.steps_per_revolution=360", "run.crank_speed=1000rpm"]))

@@ -106,6 +106,25 @@ def test_response_of_a_beam(record, case):
                absolute=True, reason="digits of the file")  # fmt: skip
 
 
+def test_weight_of_a_beam(record, case):
+    overrides = ("run.gravity=[0, '-9.81 m/s^2', 0]", "run.start=equilibrium", "run.revolutions=0.01")
+    beam, body = (run(case(one, overrides=overrides))["end.uy"].displacement[0] for one in (BEAM, ARM))
+    record(source=SOURCE, case="beam under its weight", quantity="end.uy in equilibrium", unit="m", reference=beam,
+           computed=body, tolerance=1e-6, reason="digits of the file")  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda K, M: (K * (1.0 + 0.02j), M), "complex numbers"),
+        (lambda K, M: (K[:11, :11], M), "11 rows"),
+    ],
+)
+def test_matrices_of_other_kinds(case, change, words):
+    with pytest.raises(InputError, match=words):
+        case(change=change)
+
+
 def test_condensed_to_few_modes(record, case):
     reference, _ = frequencies(case(BEAM), 3)
     computed, _ = frequencies(case(overrides=["superelements.arm.modes=4"]), 3)

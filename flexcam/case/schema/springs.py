@@ -124,8 +124,7 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
     mass: MassValue = Field(0.0, description="distributed over its length")
     elements: int = Field(
         1, ge=1, le=1000, strict=True,
-        description="equal parts, or parts per entry of coils; more than one lets it surge; with mass 4 to 16 by "
-        "default, as its waves need",
+        description="equal parts, or parts per entry of coils; 4 to 16 by default with mass",
     )  # fmt: skip
     clash_travel: Length | None = Field(None, description="along direction from installed until all coils touch")
     clash_stiffness: PositiveStiffness | None = Field(
