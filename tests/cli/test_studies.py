@@ -621,6 +621,12 @@ def test_refusals(flexcam, told):
     assert "expected" in done.err
 
 
+def test_an_interval_without_sobol(flexcam):
+    done = flexcam("sensitivity", PUBLISHED, "--of", "frequency.1", "--to", "masses.valve.mass=80:90g")
+    assert done.code == 2
+    assert "Only --sobol takes intervals" in done.err
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_a_study_on_processes_ends_when_it_is_told(number, code, tmp_path):
