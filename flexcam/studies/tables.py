@@ -301,10 +301,10 @@ def _read_csv(path: Path) -> SweepTable:
         why = system_message(fault) if isinstance(fault, OSError) else "it is not text, or empty"
         raise refuse("table", str(path), "the table of a sweep (.csv)", why) from None
     rows = [row for row in rows if row]
-    if unknown := {row[-2] for row in rows} - set(Cause):
-        raise refuse("table, column status", sorted(unknown)[0], ", ".join(Cause))
     if head[:1] != ["variant"] or head[-2:] != ["status", "message"] or {len(row) for row in rows} != {len(head)}:
         raise refuse("table", str(path), "the table of a sweep (.csv)", "its columns are others")
+    if unknown := {row[-2] for row in rows} - set(Cause):
+        raise refuse("table, column status", sorted(unknown)[0], ", ".join(Cause))
     columns = [_parse_column(title, texts) for title, *texts in list(zip(head, *rows, strict=True))[1:-2]]
     values = [one.values if isinstance(one.values, tuple) else one.values.tolist() for one in columns]
     keys = (n for n in range(1, len(columns)) if len(set(zip(*values[:n], strict=True))) == len(rows))

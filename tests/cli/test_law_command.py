@@ -144,7 +144,7 @@ FAULTS = {  # words, where it is found, a part of the message
     "no equals sign": ("scca --with b", "--with", "key=value"),
     "parameter given twice": ("fb2 --with split=0.3 --with split=0.4", "--with", "'split' is given twice"),
     "no number": ("scca --with b=quarter", "--with", "exponents=[3,4,5]"),
-    "parameter of a law without": ("3-4-5 --with b=1", "law", "no parameters"),
+    "parameter of a law without": ("3-4-5 --with b=1", "law 3-4-5", "no parameters"),
     "ratio that is none": ("shm --residual x", "command line", "--residual"),
     "digit forgotten": ("4-5-6", "law", "did you mean '4-5-6-7'"),
     "kind": ("b-spline", "law", "did you mean 'bspline'"),

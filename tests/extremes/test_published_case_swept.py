@@ -78,7 +78,7 @@ def test_too_few_steps_are_told(expect, command, tayeb, asked, steps):
     assert code == 0
     told = re.search(r"Warning: too few steps.*?or more", said, re.DOTALL)
     expect.warns(FINE, f"flexcam {asked}, published case, {steps} steps per revolution", told[0] if told else said,
-                 r"too few steps", r"\d %", r"take \d+ or more")  # fmt: skip
+                 r"too few steps", r"\d %", r"needs \d+ or more")  # fmt: skip
 
 
 @pytest.mark.parametrize("asked", ["check", "run"])
