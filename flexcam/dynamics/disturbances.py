@@ -16,13 +16,11 @@ from numpy.typing import NDArray
 from flexcam.core import FloatArray, IntArray
 from flexcam.dynamics.initial_acceleration import InitialAcceleration
 from flexcam.dynamics.linearization import (
-    SAME_LENGTH,
     Linear,
-    Linearization,
     LinearStep,
-    SmallStep,
     StepSequence,
     directions,
+    linearize,
     split_state,
 )
 from flexcam.dynamics.local_forces import LocalForces
@@ -30,8 +28,8 @@ from flexcam.dynamics.parameter_forces import ExplicitDerivatives, ParameterForc
 from flexcam.dynamics.problem import Problem
 from flexcam.dynamics.step_state import SensedTrajectory, StepInputs, StepState, Trajectory
 
-_MIN_EQUAL_STEPS = 40
-"""Number of equal steps above which a matrix power is cheaper than single steps."""
+_MOST_STEPS = 256
+"""Number of steps that are prepared together."""
 
 _TOUCH = 1e-15
 """Penetration, m, assigned to a contact that is about to open or close, to select its side."""
@@ -71,7 +69,6 @@ class Disturbances:
         parameters: ParameterForces | None = None,
     ) -> None:  # fmt: skip
         self._problem, self._forces = problem, forces
-        self._linear = Linearization(problem.system, forces)
         self._stepper = LinearStep(problem.system)
         self._starter = InitialAcceleration(problem.system, forces)
         self._current: FloatArray = (
@@ -80,8 +77,6 @@ class Disturbances:
         self._parameters = parameters
         self._explicit: ExplicitDerivatives | None = None  # of the instants that are followed
         self._last: Trajectory | None = None
-        self._waiting: SmallStep | None = None
-        self._count = 0
         self._shift: FloatArray | None = None
 
     def follow(self, track: Trajectory) -> FloatArray:
@@ -95,30 +90,34 @@ class Disturbances:
         if self._parameters is not None:
             self._explicit = self._parameters.along(every)
         if first:
-            begin = self._at(every, 0, sides[0])
-            self._current = self._stepper.initial_disturbances(begin, self._current, self._source(begin, 0))
+            begin = self._linearize(every, slice(0, 1), sides[0])
+            self._current = self._stepper.initial_disturbances(
+                begin, self._current, self._source(begin, slice(0, 1))[0]
+            )
         ends = set[int]() if self._parameters is None else set((track.ends + (not first)).tolist())
         found = [self._at_fixed_time(every.at(0))] if 0 in ends and first else list[FloatArray]()
-        plain = (np.diff(time) > 0.0) & (sides[1:] == sides[:-1]).all(axis=1)
-        equal = plain & (np.abs(np.diff(time) - self._problem.step) <= _SAME_TIME * self._problem.step)
-        sequence = None if self._parameters is None else self._sequence(every)
-        last: Linear | None = None
-        for i in range(len(time) - 1):
-            if sequence is not None and equal[i] and self._shift is None:
-                self._current = sequence[0].propagate(i, self._current, sequence[1][i])
-            elif plain[i] and self._shift is None:
-                end = self._at(every, i + 1, sides[i])
-                self._step(self._small(last or self._at(every, i, sides[i]), end, every, i), every, i)
-                last = end  # the beginning of the next step as well
+        lengths = np.diff(time)
+        plain, i = (lengths > 0.0) & (sides[1:] == sides[:-1]).all(axis=1), 0
+        while i < len(lengths):
+            count = 1
+            if plain[i] and self._shift is None:
+                same = plain[i : i + _MOST_STEPS] & (
+                    np.abs(lengths[i : i + _MOST_STEPS] / lengths[i] - 1.0) <= _SAME_TIME
+                )
+                count = len(same) if same.all() else int(np.argmin(same))
+                sequence, more = self._steps(every, slice(i, i + count + 1), sides[i])
+                for j in range(count):
+                    self._current = sequence.propagate(j, self._current, more[j])
+                    if i + j + 1 in ends:
+                        found.append(self._current)
             else:
-                last = None
-                self._apply_pending()
-                if time[i + 1] > time[i]:
+                if lengths[i] > 0.0:
                     self._event_step(every, i)
                 elif every.track.impulse[i + 1].any():
                     self._apply_impact(every, i)
-            if i + 1 in ends:
-                found.append(self._at_fixed_time(every.at(i + 1)))
+                if i + 1 in ends:
+                    found.append(self._at_fixed_time(every.at(i + 1)))
+            i += count
         self._last = every.track.last()
         return np.array(found)
 
@@ -129,17 +128,16 @@ class Disturbances:
 
     def monodromy(self) -> FloatArray:
         """Return the propagated disturbances, shape (2n + s, 2n + s)."""
-        self._apply_pending()
         return self._current if self._last is None else self._at_fixed_time(self._sense(self._last).at(0))
 
     def _at_fixed_time(self, moment: StepState) -> FloatArray:
         """Return the disturbances at the time of an instant; those at the time of an event include its shift."""
         return self._current if self._shift is None else self._current - self._flow(moment)[:, None] * self._shift
 
-    def _at(self, every: SensedTrajectory, i: int, side: Bools) -> Linear:
-        """Return the linear forces at an instant, with every contact on its side within the step."""
-        penetration = self._set_sides(side, every.penetration[i], every.rate[i])
-        return self._linear.at(every.schedule, i, penetration, every.rate[i], every.track.state[i])
+    def _linearize(self, every: SensedTrajectory, part: slice, side: Bools) -> Linear:
+        """Return the linear forces at some instants, with every contact on its side within the steps."""
+        penetration = self._set_sides(side, every.penetration[part], every.rate[part])
+        return linearize(self._forces, every.schedule.at(part), penetration, every.rate[part], every.track.state[part])
 
     def _set_sides(self, side: Bools, penetration: FloatArray, rate: FloatArray) -> FloatArray:
         """Return the sensed scalars, shape (..., c), with contacts that are about to switch set to their side."""
@@ -151,82 +149,40 @@ class Disturbances:
         penetration[..., which] = np.where(there, np.where(side, _TOUCH, -_TOUCH), depth)
         return penetration
 
-    def _sequence(self, every: SensedTrajectory) -> tuple[StepSequence, FloatArray]:
-        """Return the steps of usual length between all instants, and the contributions of the parameters to them."""
-        forces, track, step = self._forces, every.track, self._problem.step
-        penetration = self._set_sides(track.pressed, every.penetration, every.rate)
-        linear = self._linear.along(every.schedule, penetration, every.rate, track.state)
-        travel, begin = np.zeros((2, len(track.time) - 1, len(forces.start_state)))
-        for i in range(len(travel) if travel.shape[1] else 0):
-            ends = every.penetration[i + 1], every.penetration[i]
-            travel[i], begin[i] = forces.state_steps(step, *ends, track.state[i])
-        sequence, steps = self._stepper.sequence(step, linear, travel, begin), np.arange(len(travel))
-        if self._explicit is None:
-            return sequence, np.zeros((len(steps), *self._current.shape))
-        source = self._explicit.source(linear, slice(None))
-        return sequence, self._parameter_terms(every, steps, np.full(len(steps), step), source[:-1], source[1:])
+    def _steps(self, every: SensedTrajectory, part: slice, side: Bools) -> tuple[StepSequence, FloatArray]:
+        """Return the equal steps between some instants, and the contributions of the parameters to them."""
+        forces, time, state = self._forces, every.track.time[part], every.track.state[part]
+        length, usual, linear = float(time[1] - time[0]), self._problem.step, self._linearize(every, part, side)
+        length = usual if abs(length - usual) <= _SAME_TIME * usual else length
+        travel, begin = np.zeros((2, len(time) - 1, state.shape[1]))
+        for i in range(len(travel) if state.shape[1] else 0):
+            old, new = every.penetration[part.start + i], every.penetration[part.start + i + 1]
+            travel[i], begin[i] = forces.state_steps(length, new, old, state[i])
+        sequence = StepSequence(self._stepper, length, linear, travel, begin)
+        return sequence, self._parameter_terms(every, part, length, self._source(linear, part))
 
-    def _parameter_terms(
-        self, every: SensedTrajectory, steps: IntArray, lengths: FloatArray, old: FloatArray, new: FloatArray
-    ) -> FloatArray:
-        """Return the contributions of the parameters to some steps, see `LinearStep.propagate`.
+    def _parameter_terms(self, every: SensedTrajectory, part: slice, length: float, source: FloatArray) -> FloatArray:
+        """Return the contributions of the parameters to the steps between some instants, see `StepSequence.propagate`.
 
-        Lengths in s, and forces of the parameters at both ends of the steps, shape (m, n, p).
+        `source` are the forces of the parameters at these instants, shape (m, n, k).
         """
-        track, n, half = every.track, self._problem.system.size, 0.5 * lengths[:, None, None]
-        terms = np.zeros((len(steps), *self._current.shape))
+        track, n, half = every.track, self._problem.system.size, 0.5 * length
+        shape = (len(source) - 1, *self._current.shape)
         if self._parameters is None:
-            return terms
-        count, begin = self._parameters.count, (half * old).swapaxes(0, 1).reshape(n, -1)
-        terms[:, n : 2 * n, :count] = half * new
-        terms[:, n : 2 * n, :count] += self._stepper.equilibrate(begin).reshape(n, -1, count).swapaxes(0, 1)
+            return np.broadcast_to(np.zeros(()), shape)
+        terms = np.zeros(shape)
+        count, begin = self._parameters.count, (half * source[:-1]).swapaxes(0, 1)
+        terms[:, n : 2 * n] = half * source[1:]
+        terms[:, n : 2 * n] += self._stepper.equilibrate(begin.reshape(n, -1)).reshape(begin.shape).swapaxes(0, 1)
         if track.state.shape[1]:
-            terms[:, 2 * n :, :count] = [self._parameters.states_after(every, i) for i in steps.tolist()]
+            terms[:, 2 * n :, :count] = [
+                self._parameters.states_after(every, part.start + i) for i in range(len(terms))
+            ]
         if (stretch := self._parameters.stretch).any():
-            v, a = (0.5 * (one[steps] + one[steps + 1]) for one in (track.v, track.a))
+            v, a = (0.5 * (rows[part][:-1] + rows[part][1:]) for rows in (track.v, track.a))
             mean = np.hstack([v, self._problem.system.mass.multiply(a.T).T])
-            terms[:, : 2 * n, :count] += mean[:, :, None] * (lengths[:, None, None] * stretch)
+            terms[:, : 2 * n, :count] += mean[:, :, None] * (length * stretch)
         return terms
-
-    def _terms_of_step(self, step: SmallStep, every: SensedTrajectory, i: int) -> FloatArray:
-        """Return the contribution of the parameters to the step after an instant."""
-        if self._explicit is None:
-            return np.zeros_like(self._current)
-        old, new = (self._explicit.source(at, j)[None] for at, j in ((step.old, i), (step.new, i + 1)))
-        return self._parameter_terms(every, np.array([i]), np.array([step.length]), old, new)[0]
-
-    def _small(self, begin: Linear, end: Linear, every: SensedTrajectory, i: int) -> SmallStep:
-        """Return the step after an instant, linearized."""
-        (h,), none = np.diff(every.track.time[i : i + 2]).tolist(), np.zeros(0)
-        if not every.track.state.shape[1]:
-            return SmallStep(begin, end, h, none, none)
-        new, old = every.penetration[i + 1], every.penetration[i]
-        return SmallStep(begin, end, h, *self._forces.state_steps(h, new, old, every.track.state[i]))
-
-    def _step(self, step: SmallStep, every: SensedTrajectory, i: int) -> None:
-        if self._parameters is not None:
-            more = self._terms_of_step(step, every, i)
-            self._current = self._stepper.propagate(step, self._current, more)
-            return
-        usual = self._waiting
-        same = usual and usual.old is step.old and usual.new is step.new
-        if usual and same and abs(step.length - usual.length) <= SAME_LENGTH * usual.length:
-            self._count += 1
-            return
-        self._apply_pending()
-        self._waiting, self._count = step, 1
-
-    def _apply_pending(self) -> None:
-        """Apply the pending steps, which are all equal."""
-        if self._waiting is None:
-            return
-        if self._count < _MIN_EQUAL_STEPS:
-            for _ in range(self._count):
-                self._current = self._stepper.propagate(self._waiting, self._current)
-        else:
-            one = self._stepper.propagate(self._waiting, np.eye(len(self._current)))
-            self._current = np.linalg.matrix_power(one, self._count) @ self._current
-        self._waiting, self._count = None, 0
 
     def _event_step(self, every: SensedTrajectory, i: int) -> None:
         """Apply a step that begins or ends at an event, whose time depends on the disturbances.
@@ -234,21 +190,19 @@ class Disturbances:
         An event at g(d, t) = 0 comes later by ``-g_d Y/g'``, with the rate of g by the length of the step.
         """
         old, new, side = every.at(i), every.at(i + 1), every.track.pressed[i]
-        step = self._small(self._at(every, i, side), self._at(every, i + 1, side), every, i)
-        h, longer = step.length, self._stepper.impulse(self._flow(old), self._flow(new))
-        moved = self._terms_of_step(step, every, i)
+        step, (moved,) = self._steps(every, slice(i, i + 2), side)
+        h, longer = new.time - old.time, self._stepper.by_length(self._flow(old), self._flow(new))
         if self._shift is not None:
-            moved += (self._stepper.old_terms(0.5 * h * self._prescribed_rates(old, side)) - longer)[
-                :, None
-            ] * self._shift
-        after, self._shift = self._stepper.propagate(step, self._current, moved), None
+            shifted = self._stepper.old_terms(0.5 * h * self._prescribed_rates(old, side)) - longer
+            moved = moved + shifted[:, None] * self._shift
+        after, self._shift = step.propagate(0, self._current, moved), None
         crossed = np.flatnonzero(side != every.track.pressed[i + 1])
         crossed = crossed[np.abs(new.rate[self._forces.switching[crossed]]) > _AT_REST]
         if len(crossed):
             which = self._forces.switching[crossed]
             which = int(which[np.argmin(np.abs(new.penetration[which] / new.rate[which]))])
             longer = (longer + 0.5 * h * self._prescribed_rates(new, side))[:, None]
-            by_time = self._stepper.propagate(step, np.zeros_like(longer), longer)[:, 0]
+            by_time = step.propagate(0, np.zeros_like(longer), longer)[:, 0]
             sense, n = directions(self._forces, every.schedule, i + 1)[1][which], len(new.d)
             rate = new.rate[which] + sense @ (by_time[:n] - new.v)
             self._shift = shift = -(sense @ after[:n] + self._scalar_derivatives(i + 1, which)) / rate
@@ -325,12 +279,12 @@ class Disturbances:
         motion = self._problem.drive.at(np.array([time]))
         return StepInputs(time, self._problem.system.load_vector(motion)[0], self._forces.prescribed_inputs(motion))
 
-    def _source(self, at: Linear, i: int) -> FloatArray:
-        """Return the forces of the parameters on the unknowns at an instant, shape (n, k)."""
-        pushed = np.zeros((self._problem.system.size, self._current.shape[1]))
+    def _source(self, at: Linear, part: slice) -> FloatArray:
+        """Return the forces of the parameters on the unknowns at some instants, shape (m, n, k)."""
+        pushed = np.zeros((len(at.act), self._problem.system.size, self._current.shape[1]))
         if self._explicit is not None:
-            found = self._explicit.source(at, i)
-            pushed[:, : found.shape[1]] = found
+            found = self._explicit.source(at, part)
+            pushed[:, :, : found.shape[2]] = found
         return pushed
 
     def _scalar_derivatives(self, i: int, scalar: int) -> FloatArray:

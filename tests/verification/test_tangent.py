@@ -32,7 +32,7 @@ from flexcam.dynamics import (
     solve,
     tangent_run,
 )
-from flexcam.dynamics.linearization import Linear, LinearStep, SmallStep
+from flexcam.dynamics.linearization import Linear, LinearStep, StepSequence
 from flexcam.studies.evaluation import evaluate
 from flexcam.studies.gradients import compute_gradient, make_neighbours
 from flexcam.studies.sensitivity import get_numbers
@@ -221,24 +221,41 @@ def test_other_methods_and_structures_are_refused(tmp_path):
     assert (high["end"].velocity - low["end"].velocity)[0] == pytest.approx(1.0, rel=1e-12)
 
 
-def test_a_sequence_of_steps_equals_single_steps():
-    """Of a random system with local forces and an internal state; rounding, since sums have another order."""
+def test_linearized_steps_solve_their_equations():
+    """Of a random system with local forces and an internal state, against the dense equations of a step; rounding."""
     rng, n, c, m, h = np.random.default_rng(3), 4, 3, 5, 1e-3
     A = rng.normal(size=(n, n))
-    matrices = (Triplets.from_dense(one) for one in (A @ A.T + np.eye(n), 0.1 * A @ A.T, 1e4 * np.eye(n)))
-    stepper = LinearStep(System(*matrices, tuple("abcd")))
-    whole = Linear(
+    M, C, K = A @ A.T + np.eye(n), 0.1 * A @ A.T, 1e4 * np.eye(n)
+    system = System(*(Triplets.from_dense(matrix) for matrix in (M, C, K)), tuple("abcd"))
+    linear = Linear(
         act=rng.normal(size=(m, c, n)), by_d=1e3 * rng.normal(size=(m, c, n)), by_v=rng.normal(size=(m, c, n)),
         by_state=1e3 * rng.normal(size=(m, c, 1)), followed=rng.normal(size=(m, 1, n)),
         by_penetration=np.zeros((m, c, c)), by_rate=np.zeros((m, c, c)),
     )  # fmt: skip
-    each = [Linear(**{name: rows[i] for name, rows in vars(whole).items()}) for i in range(m)]
-    travel, begin = rng.random((2, m - 1, 1))
-    sequence = stepper.sequence(h, whole, travel, begin)
+    T, B = rng.random((2, m - 1, 1))
+    sequence = StepSequence(LinearStep(system), h, linear, T, B)
     state, more = rng.normal(size=(2 * n + 1, 2)), rng.normal(size=(m - 1, 2 * n + 1, 2))
-    one = many = state
+    force = [
+        np.hstack([act.T @ by_d - K, act.T @ by_v - C, act.T @ by_state])
+        for act, by_d, by_v, by_state in zip(linear.act, linear.by_d, linear.by_v, linear.by_state, strict=True)
+    ]
+    I, none = np.eye(n), np.zeros((n, 1))
     for i in range(m - 1):
-        one = stepper.propagate(SmallStep(each[i], each[i + 1], h, travel[i], begin[i]), one, more[i])
-        stepper.propagate(SmallStep(each[i], each[i + 1], 0.3 * h, travel[i], begin[i]), one)  # another length between
-        many = sequence.propagate(i, many, more[i])
-    assert many == pytest.approx(one, rel=1e-10, abs=1e-10)
+        new = np.vstack(
+            [
+                np.hstack([I, -0.5 * h * I, none]),
+                np.hstack([0.0 * I, M, none]) - 0.5 * h * force[i + 1],
+                np.hstack([-(1.0 - T[i]) * linear.followed[i + 1], 0.0 * none.T, np.eye(1)]),
+            ]
+        )
+        old = np.vstack(
+            [
+                np.hstack([I, 0.5 * h * I, none]),
+                np.hstack([0.0 * I, M, none]) + 0.5 * h * force[i],
+                np.hstack([(T[i] - B[i]) * linear.followed[i], 0.0 * none.T, B[i] * np.eye(1)]),
+            ]
+        )
+        # What comes to the free displacement also changes the forces at the new end.
+        expected = np.linalg.solve(new, old @ state + more[i])
+        state = sequence.propagate(i, state, more[i])
+        assert state == pytest.approx(expected, rel=1e-9, abs=1e-9)
