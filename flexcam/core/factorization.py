@@ -111,6 +111,7 @@ class _Inverse:
     inverse: FloatArray
 
     def solve(self, right: FloatArray) -> FloatArray:
+        """Solve, see `Factor`."""
         return self.inverse @ right
 
 
@@ -120,6 +121,7 @@ class _SparseLU:
     scale: FloatArray
 
     def solve(self, right: FloatArray) -> FloatArray:
+        """Solve, see `Factor`."""
         scale = self.scale if right.ndim == 1 else self.scale[:, None]
         return scale * self.lu_solve(scale * right)
 

@@ -74,6 +74,7 @@ class _LowRankUpdate:
     small: FloatArray
 
     def solve(self, right: FloatArray) -> FloatArray:
+        """Solve, see `Factor`."""
         x = self.base.solve(right)
         return x - self.answers @ np.linalg.solve(self.small, self.vectors.T @ x)
 

@@ -276,12 +276,14 @@ class _ExpandedMotion:
         self._whole: dict[int, FloatArray] = {}
 
     def whole(self, order: int) -> FloatArray:
+        """Return the motion of all unknowns, see `MotionView`."""
         if order not in self._whole:
             spread = self._rows.basis.spread(self._inside.whole(order))
             self._whole[order] = spread + self._rows.held if order == 0 else spread
         return self._whole[order]
 
     def extract(self, rows: FloatArray, order: int = 0) -> FloatArray:
+        """Return scalars of the motion, see `MotionView`."""
         key = id(rows), order
         if key not in self._picked:
             own, still = self._rows(rows)

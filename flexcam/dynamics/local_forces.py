@@ -74,7 +74,7 @@ class StoredEnergy:
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the energy, J, (m,), its derivatives by the scalars, (m, r), and by all internal states, (m, s)."""
         energy, force, by_state = self._forces.evaluate(
-            self._all(penetration), state, self._forces.function_values(angle), self._laws
+            self._all(penetration), state, self._forces.function_values(CamFunctionCache(angle)), self._laws
         )
         return energy.sum(axis=1), force[:, self._scalars], by_state
 
@@ -82,7 +82,7 @@ class StoredEnergy:
         """Return the energy of the laws that depend on the cam angle, J, shape (m,)."""
         if not len(self._varying):
             return np.zeros(len(penetration))
-        functions = self._forces.function_values(angle)
+        functions = self._forces.function_values(CamFunctionCache(angle))
         return self._forces.evaluate(self._all(penetration), state, functions, self._varying)[0].sum(axis=1)
 
     def _all(self, penetration: FloatArray) -> FloatArray:
@@ -239,7 +239,11 @@ class LocalForces:
         self.storing = np.zeros(self.count)
         for force, part, _ in self.parts:
             self.storing[part] = force.conservative
-        self.opposed = self._opposition()
+        #: Mask of the forces that act exactly against their sensed motion at all cam angles, shape (c,).
+        self.opposed = self.storing > 0.0
+        self.opposed[[*self.sense.varying_scalars, *self.act.varying_scalars, *(i for i, _ in self._offsets[1])]] = (
+            False
+        )
 
     def _overrides(self) -> Functions:
         custom, laws = self.table.custom, self.table.laws
@@ -262,12 +266,6 @@ class LocalForces:
     def varying(self) -> IntArray:
         """Scalars whose sensing or acting vectors change with the cam angle, shape (v,)."""
         return np.unique(np.array([*self.sense.varying_scalars, *self.act.varying_scalars], dtype=np.intp))
-
-    def _opposition(self) -> NDArray[np.bool_]:
-        """Return which forces act exactly against their sensed motion at all cam angles, shape (c,)."""
-        found = self.storing > 0.0
-        found[[*self.sense.varying_scalars, *self.act.varying_scalars, *(i for i, _ in self._offsets[1])]] = False
-        return found
 
     @property
     def polynomial(self) -> NDArray[np.bool_]:
@@ -293,14 +291,12 @@ class LocalForces:
         _write_functions(acted, self.act.fixed, self.act.varying, cam, 0)
         _write_functions(offset, *self._offsets, cam, 0)
         _write_functions(offset_rate, 0.0 * self._offsets[0], self._offsets[1], cam, 1, speed)
-        for i, function in enumerate(self.table.functions):
-            functions[:, i] = cam(function, 0)
+        functions[:] = self.function_values(cam)
         return PrescribedInputs(motion.angle, rows, self.sense.owner, self.act.owner, cam)
 
-    def function_values(self, angle: FloatArray) -> FloatArray:
-        """Return the functions of the laws at some cam angles, shape (m, f)."""
-        found = np.empty((len(angle), len(self.table.functions)))
-        cam = CamFunctionCache(angle)
+    def function_values(self, cam: CamFunctionCache) -> FloatArray:
+        """Return the functions of the laws at the m cam angles of a cache, shape (m, f)."""
+        found = np.empty((len(cam.angle), len(self.table.functions)))
         for i, function in enumerate(self.table.functions):
             found[:, i] = cam(function, 0)
         return found
@@ -334,7 +330,14 @@ class LocalForces:
         tangent[:] = 0.0
         states[STATE], states[BEGIN], states[SPAN] = state, penetration[table.owners], 0.0
         self._evaluate(table.laws, table.constants, schedule.rows, i, schedule.functions, local, tangent, states)
-        return self._reaction()
+        by_penetration, by_rate = np.zeros((2, self.count, self.count))
+        for first, size in table.laws[:, [FIRST, SCALARS]].tolist():
+            part = slice(first, first + size)
+            by_penetration[part, part], by_rate[part, part] = tangent[:, part, :size]
+        # The force depends on x - z of the scalar x of the law, and z' = a (x - z).
+        by_state = -by_penetration[:, table.owners]
+        rates, flow = states[STATE_RATE].copy(), states[FLOW].copy()
+        return Reaction(local[ANSWER].copy(), by_penetration, by_rate, rates, by_state, flow)
 
     def state_rates(self, penetration: FloatArray, state: FloatArray) -> FloatArray:
         """Return the rates of the internal states, shape (s,), for all sensed scalars and states at an instant."""
@@ -366,23 +369,6 @@ class LocalForces:
         """Return the internal states after a step, shape (s,), for arguments as in `state_steps`."""
         self.state_steps(step, penetration, begin, state)
         return self.workspace.states[NEW_STATE].copy()
-
-    def _reaction(self) -> Reaction:
-        """Return the output of `evaluate_laws` as matrices of all scalars."""
-        work, c = self.workspace, self.count
-        by_penetration, by_rate = np.zeros((2, c, c))
-        for first, size in self.table.laws[:, [FIRST, SCALARS]].tolist():
-            part = slice(first, first + size)
-            by_penetration[part, part], by_rate[part, part] = work.tangent[:, part, :size]
-        force, owners = work.local[ANSWER].copy(), self.table.owners
-        if not len(owners):
-            return Reaction(force, by_penetration, by_rate)
-        by_state = -by_penetration[
-            :, owners
-        ]  # the force depends on x - z of the scalar x of the law, and z' = a (x - z)
-        return Reaction(
-            force, by_penetration, by_rate, work.states[STATE_RATE].copy(), by_state, work.states[FLOW].copy()
-        )
 
     def contact_sides(self, penetration: FloatArray) -> NDArray[np.bool_]:
         """Return the sides of the switching scalars."""

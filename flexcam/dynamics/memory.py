@@ -61,9 +61,11 @@ class _Rows:
 
     @property
     def arrays(self) -> FloatArray:
+        """The rows added so far."""
         return self._all[:, : self.count]
 
     def add(self, arrays: tuple[FloatArray, ...]) -> None:
+        """Add rows to every array."""
         end = self.count + len(arrays[0])
         if not self.count or end > self._all.shape[1]:
             room = self._room(end, (len(arrays), *arrays[0].shape[1:]))
@@ -207,6 +209,7 @@ class _Bounds:
         self._begun = False
 
     def widen(self, rows: FloatArray) -> None:
+        """Extend the range by some rows."""
         if not len(rows):
             return
         least, largest = rows.min(axis=0), rows.max(axis=0)

@@ -402,6 +402,7 @@ class _Clock:
         self.late = False
 
     def should_stop(self) -> bool:
+        """Return whether the run ends before the next step."""
         self.late = self._until is not None and time.monotonic() >= self._until
         return self.late or self._stop()
 

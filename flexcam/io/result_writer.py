@@ -8,7 +8,7 @@ import re
 import shutil
 import time
 from collections.abc import Callable, Generator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -205,18 +205,18 @@ class ResultFile:
         size = sum(map(len, about.values())) + _NUMBER * _CONSTANT_VALUES * len(geometry.node)
         size += _DATASET * len(outline.channels)
         self._draft = TemporaryResult(path.with_suffix(schema.WRITING_SUFFIX), self.partial, size)
-        try:
+        with ExitStack() as undo:
+            undo.callback(self._discard)
             check_writable(
                 "partial result", self.partial, overwrite=overwrite or resume is not None,
                 remedy="continue it with --resume, or replace it with --overwrite",
             )  # fmt: skip
-            with convert_write_errors():
-                self._create(geometry, save, about)
-        except BaseException as fault:
-            self._discard()
-            if isinstance(fault, OSError):
+            try:
+                with convert_write_errors():
+                    self._create(geometry, save, about)
+            except OSError as fault:
                 raise _unwritable(self.path, fault) from None
-            raise
+            undo.pop_all()
         self._draft.begin()
 
     def _create(self, geometry: Geometry, save: SaveAt, about: Mapping[str, str]) -> None:

@@ -118,6 +118,7 @@ class _ResultConsole(Console):
         )  # fmt: skip
 
     def on_broken_pipe(self) -> None:
+        """Raise the error of a closed pipe, which rich would hide."""
         raise BrokenPipeError
 
 
@@ -139,9 +140,11 @@ class _ProgressSink:
     advance: Callable[[float], None]
 
     def write(self, block: Block) -> None:
+        """Advance the bar, see `Sink`."""
         self.advance(len(block.time))
 
-    def close(self, status: Status, stats: Stats) -> None: ...
+    def close(self, status: Status, stats: Stats) -> None:
+        """Leave the bar, see `Sink`."""
 
 
 @contextmanager

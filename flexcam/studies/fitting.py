@@ -186,6 +186,7 @@ class _Residuals:
         return self._curves(self._rows(parts[None])[0])
 
     def residuals(self, parts: FloatArray) -> FloatArray:
+        """Return the differences from the measured curves over their noise."""
         known = ~np.isnan(self.measured)
         try:
             return ((self.curves(parts) - self.measured) / self.noise[:, None])[known]

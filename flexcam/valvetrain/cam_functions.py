@@ -40,6 +40,7 @@ class _OfProfile(DerivedCamFunction):
     slope: Callable[[CamProfile], FloatArray]
 
     def of(self, cam: CamFunctionCache, order: int) -> FloatArray:
+        """Return a derivative, see `DerivedCamFunction`."""
         return (self.value, self.slope)[order](cached_profile(self.cam, cam))
 
 
@@ -148,6 +149,7 @@ class _SlidingDistance(DerivedCamFunction):
         self._sums = np.concatenate([[0.0], np.cumsum(0.5 * width * (within @ w))])
 
     def of(self, cam: CamFunctionCache, order: int) -> FloatArray:
+        """Return a derivative, see `DerivedCamFunction`."""
         slid = cam(self._path, order - 1) if order else self._slid(cam.angle)
         if not self._off:
             return slid

@@ -62,7 +62,7 @@ class TrainLaw:
         if self.stops and float(pressed.max(initial=0.0)) <= 0.0:  # no coils touch
             return np.zeros_like(moved)
         rates = rate @ self.rows.T
-        functions = self.law.function_values(cam.angle)
+        functions = self.law.function_values(cam)
         return self.law.evaluate(pressed, np.zeros((len(pressed), 0)), functions, rate=rates)[1] @ self.rows
 
     def compression(self, moved: FloatArray, cam: CamFunctionCache) -> FloatArray:
@@ -360,6 +360,7 @@ class _CoordinateByAngle(DerivedCamFunction):
     event: Event
 
     def of(self, cam: CamFunctionCache, order: int) -> FloatArray:
+        """Return a derivative, see `DerivedCamFunction`."""
         key = id(self.coordinate), id(self.event)  # trains of several cams may share a coordinate
         h, h1, h2 = cam.lookup(key, lambda: self.coordinate(cam(self.event, 0)))
         if order == 0:
@@ -376,6 +377,7 @@ class _Combination(DerivedCamFunction):
     functions: tuple[AngleFunction, ...]
 
     def of(self, cam: CamFunctionCache, order: int) -> FloatArray:
+        """Return a derivative, see `DerivedCamFunction`."""
         parts = [share * cam(one, order) for share, one in zip(self.shares, self.functions, strict=True) if share]
         return np.sum(parts, axis=0)
 
