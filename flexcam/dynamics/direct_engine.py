@@ -12,7 +12,7 @@ from flexcam.dynamics.adaptive import EnergyNorm, StepController, StepFloorError
 from flexcam.dynamics.blocks import Arrays, SaveAt, Series, flatten
 from flexcam.dynamics.cam_motion import PrescribedInputs
 from flexcam.dynamics.contact_events import EventStepper
-from flexcam.dynamics.engine import STOPPED, convergence_failure, in_range, instant, stack_instant
+from flexcam.dynamics.engine import STOPPED, Engine, convergence_failure, in_range, instant, stack_instant
 from flexcam.dynamics.implicit_step import NoConvergenceError
 from flexcam.dynamics.initial_acceleration import InitialAcceleration
 from flexcam.dynamics.integrator import Method, Stepper
@@ -126,7 +126,7 @@ def _step_floor_status(fault: StepFloorError, system: System, at: float, angle: 
     return Status(Cause.STEP_TOO_SMALL, text, "allow a larger run.adaptive.tolerance or a smaller smallest step")
 
 
-class KinematicEngine:
+class KinematicEngine(Engine):
     """Engine of a problem without unknowns and local forces; `stop` is called before every block of steps."""
 
     def __init__(self, problem: Problem, forces: LocalForces, stop: Callable[[], bool]) -> None:
@@ -139,14 +139,3 @@ class KinematicEngine:
         nothing, at = np.zeros((len(steps), 0)), self._problem.times(steps)
         sides, each = np.zeros((len(steps), 0), dtype=bool), np.arange(len(steps))
         return Trajectory(at, nothing, nothing, nothing, nothing, nothing, nothing, sides, each), Status()
-
-    def statistics(self, stats: Stats) -> Stats:
-        """Return the statistics unchanged: no step is taken."""
-        return stats
-
-    def state(self) -> Arrays:
-        """Return an empty state: all instants follow from the problem."""
-        return {}
-
-    def restore(self, state: Arrays) -> None:
-        """Restore the state, see `Engine`."""

@@ -18,7 +18,7 @@ from flexcam.dynamics.system import System
 
 
 class Engine(Protocol):
-    """Engine that advances a problem from its start."""
+    """Engine that advances a problem from its start; without counts and state of its own by default."""
 
     def advance(self, steps: IntArray) -> tuple[Trajectory, Status]:
         """Return the instants of successive steps, and the status."""
@@ -26,15 +26,14 @@ class Engine(Protocol):
 
     def statistics(self, stats: Stats) -> Stats:
         """Return the statistics with the counts of the engine."""
-        ...
+        return stats
 
     def state(self) -> Arrays:
         """Return the state for resuming that is not part of the problem, and the counts."""
-        ...
+        return {}
 
     def restore(self, state: Arrays) -> None:
         """Restore a state, in this process or another one."""
-        ...
 
 
 _BLOCK = 500

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from flexcam.core import FloatArray, IntArray
 from flexcam.dynamics.blocks import Arrays, SaveAt, Series
-from flexcam.dynamics.engine import STOPPED, all_within, first_track, in_range, stack_motion
+from flexcam.dynamics.engine import STOPPED, Engine, all_within, first_track, in_range, stack_motion
 from flexcam.dynamics.generalized_alpha import Scheme
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.modal_coordinates import ModalCoordinates
 from flexcam.dynamics.modal_step import USUAL, ModalStep, ModeParameters, StepBlock, block_length, drop_vanished
 from flexcam.dynamics.problem import Problem
-from flexcam.dynamics.status import Stats, Status
+from flexcam.dynamics.status import Status
 from flexcam.dynamics.step_state import ProbeTrajectory, Trajectory
 
 _GROUP = 16
@@ -161,7 +161,7 @@ class ModalPropagator:
         return self._natural.recompute(state / self.scale) * self.scale
 
 
-class ModalEngine:
+class ModalEngine(Engine):
     """Engine of a linear problem (`modal_problem`) in modal coordinates; `stop` is called before every block of steps.
 
     At saved fields the coordinates are recomputed from the unknowns, so that a resumed run is identical bit by bit.
@@ -224,10 +224,6 @@ class ModalEngine:
     def _restore_first(self, first: Trajectory, at: FloatArray, walked: FloatArray) -> Trajectory:
         """Return the first instant unchanged, and those after it."""
         return first if len(at) == 1 else Trajectory.concatenate([first, self._track(at[1:], walked[:, 1:])])
-
-    def statistics(self, stats: Stats) -> Stats:
-        """Return the statistics unchanged: there are no iterations."""
-        return stats
 
     def state(self) -> Arrays:
         """Return the state of the modes, see `Engine`."""

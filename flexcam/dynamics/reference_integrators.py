@@ -283,7 +283,7 @@ def radau(*, tolerance: float = 1e-9) -> ScipyIntegrator:
 
     Returns
     -------
-    Outside
+    ScipyIntegrator
         For stiff systems.
 
     Examples
@@ -304,7 +304,7 @@ def dop853(*, tolerance: float = 1e-9) -> ScipyIntegrator:
 
     Returns
     -------
-    Outside
+    ScipyIntegrator
         For smooth systems whose frequencies are low.
 
     Examples

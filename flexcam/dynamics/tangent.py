@@ -17,9 +17,9 @@ from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import refuse
 from flexcam.dynamics.active_dofs import basis_of, reduce_problem
 from flexcam.dynamics.basis import DofSubset
-from flexcam.dynamics.blocks import Arrays, SaveAt
+from flexcam.dynamics.blocks import SaveAt
 from flexcam.dynamics.disturbances import Disturbances
-from flexcam.dynamics.engine import iterate_tracks
+from flexcam.dynamics.engine import Engine, iterate_tracks
 from flexcam.dynamics.engine_selection import SelectedEngine, create_engine, forces_of, select_engine
 from flexcam.dynamics.generalized_alpha import Scheme
 from flexcam.dynamics.integrator import Method
@@ -29,7 +29,7 @@ from flexcam.dynamics.parameter_forces import ParameterForces, Variation, Varied
 from flexcam.dynamics.problem import Problem
 from flexcam.dynamics.response import Response
 from flexcam.dynamics.solve import pilot, record
-from flexcam.dynamics.status import Stats, Status
+from flexcam.dynamics.status import Status
 from flexcam.dynamics.step_state import Trajectory
 
 
@@ -241,7 +241,7 @@ _FREE = 1e-10
 """Relative change per revolution below which a motion is excluded, as in the search for the periodic state."""
 
 
-class _NeighbourEngine:
+class _NeighbourEngine(Engine):
     """Engine of a run with a parameter near its value, to first order."""
 
     def __init__(self, side: VariedProblem, motion: _Motion, parameter: int, part: float) -> None:
@@ -263,14 +263,3 @@ class _NeighbourEngine:
         a = track.a[rows] if self._part == 0.0 else side.accelerations.accelerations(pushed.T).T
         each, pressed = np.arange(len(time)), track.pressed[rows]
         return Trajectory(time, d, v, a, local, state, np.zeros_like(local), pressed, each), Status()
-
-    def statistics(self, stats: Stats) -> Stats:
-        """Return the statistics unchanged."""
-        return stats
-
-    def state(self) -> Arrays:
-        """Return no state: such a run is not resumed."""
-        return {}
-
-    def restore(self, state: Arrays) -> None:
-        """Restore nothing."""
