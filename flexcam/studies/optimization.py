@@ -47,7 +47,7 @@ class Constraint:
 
     name: str  #: name of the quantity
     relation: Literal["<=", ">="]  #: whether the bound is an upper or a lower limit
-    text: str  #: bound as given; a number without unit is in the unit of the quantity
+    text: str  #: bound as given; with a unit if the quantity has one that a case may contain
 
     @property
     def words(self) -> str:
@@ -59,11 +59,13 @@ class Constraint:
         values = _bound_by_unit(self.text)
         if unit.endswith("rpm") and "rad/s" in values:
             return values["rad/s"] / RPM
-        if "bare" in values:
-            return values["bare"]
         wanted = _UNIT_NAMES.get(unit, unit)
+        if "bare" in values:
+            if values["bare"] and wanted and wanted in {kind.si for kind in DIMENSIONS.values()}:
+                raise refuse("--subject", self.words, "a bound with its unit", "", f"add the unit, such as {unit}")
+            return values["bare"]
         if wanted not in values:
-            raise refuse("--subject", self.words, f"a bound in {unit or 'no unit'}, or a bare number", "units differ")
+            raise refuse("--subject", self.words, f"a bound in {unit or 'no unit'}", "units differ")
         return values[wanted]
 
     def violation(self, value: float, unit: str) -> float:

@@ -70,7 +70,7 @@ def test_most_and_variants_that_fail():
 
 def test_no_variant_within_the_bounds():
     found = optimize(
-        OptimizationProblem(Known(CORNER), (Goal("sum"),), parse_constraints(["product >= 20"])), evaluations=60
+        OptimizationProblem(Known(CORNER), (Goal("sum"),), parse_constraints(["product >= 20 N"])), evaluations=60
     )
     assert found.best is None
     np.testing.assert_allclose(found.points[found.nearest], [4.0, 4.0], atol=0.1)
@@ -97,6 +97,10 @@ def test_constraints_with_units():
     assert parse_constraint("limits.loss_of_contact >= 7000 rpm").bound("rpm") == pytest.approx(7000.0)
     assert parse_constraint("limits.loss_of_contact >= 7000 rpm").bound("crank rpm") == pytest.approx(7000.0)
     assert parse_constraint("frequency.1 >= 0.9 kHz").bound("Hz") == pytest.approx(900.0)
+    assert parse_constraint("deviation.peak <= 0.05").bound("1") == 0.05
+    assert parse_constraint("contacts.intake.force.least >= 0").bound("N") == 0.0
+    with pytest.raises(InputError, match="Add the unit, such as Pa"):
+        parse_constraint("springs.valve.stress.largest <= 800").bound("Pa")
     assert parse_constraint("deviation.peak <= 5 %").bound("1") == pytest.approx(0.05)
     with pytest.raises(InputError):
         one.bound("m")
