@@ -18,7 +18,7 @@ from flexcam.dynamics.system import System
 
 
 class Engine(Protocol):
-    """Engine that advances a problem from its start; without counts and state of its own by default."""
+    """Engine that advances a problem from its start; by default without counts and state."""
 
     def advance(self, steps: IntArray) -> tuple[Trajectory, Status]:
         """Return the instants of successive steps, and the status."""
