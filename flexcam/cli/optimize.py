@@ -269,20 +269,26 @@ def _value(found: Evaluations, at: int, name: str) -> str:
 
 
 def _constraint_table(design: OptimizationProblem, found: Evaluations, at: int) -> Table:
-    rows = [
-        (one.words, _value(found, at, one.name), *_margin(float(violation), found.distance_to_violation(at, i)))
-        for i, (one, violation) in enumerate(zip(design.bounds, found.violations[at].tolist(), strict=False))
-    ]
+    rows = list[Sequence[str]]()
+    for i, (one, violation) in enumerate(zip(design.bounds, found.violations[at].tolist(), strict=False)):
+        relative = one.bound(found.rows[at].units.get(one.name, "rpm")) != 0.0
+        margin = _margin(float(violation), found.distance_to_violation(at, i), relative=relative)
+        rows.append((one.words, _value(found, at, one.name), *margin))
     head = ("subject to", "value", "margin", "change of the values that violates it, in % of their intervals")
     return plain_table("Constraints", head, rows)
 
 
-def _margin(violation: float, distance: float) -> tuple[str, str]:
-    """Return the margin of a constraint, and the distance to the nearest variant that violates it."""
+def _margin(violation: float, distance: float, *, relative: bool) -> tuple[str, str]:
+    """Return the margin of a constraint, and the distance to the nearest variant that violates it.
+
+    The margin is relative to the bound; a bound at zero has none.
+    """
     away = "none found" if math.isinf(distance) else f"{distance:.2%}"
+    active = is_active(violation) or distance <= _ACTIVE_DISTANCE
+    if not relative:
+        return "violated" if violation > _ROUNDING else "active" if active else "met", away
     if violation > _ROUNDING:
         return f"violated by {format_decimals(100.0 * violation, 2)} %", away
-    active = is_active(violation) or distance <= _ACTIVE_DISTANCE
     return (f"active: {-violation:.2%}" if active else f"{-violation:.1%}"), away
 
 

@@ -279,6 +279,16 @@ def test_a_search_by_gradients_takes_few_runs(flexcam, oscillator, tmp_path):
     assert "got numbers without a unit, expected numbers with a unit, such as that of '40 kN/m'" in bare.err
 
 
+def test_bounds_at_zero_have_no_relative_margin(flexcam, oscillator):
+    told = ("--vary", "springs.one.stiffness=20:80kN/m", "--least", "springs.one.stiffness", "--evaluations", "24")
+    lines = flexcam("optimize", oscillator, *told, "--subject", "frequency.1 >= 0").out.splitlines()
+    (row,) = (line for line in lines if line.startswith("frequency.1"))
+    assert row.split()[-3:] == ["met", "none", "found"]
+    bare = flexcam("optimize", oscillator, *told, "--subject", "frequency.1 >= 110")
+    assert bare.code == 2
+    assert "Add the unit, such as Hz" in bare.err
+
+
 def test_events_of_the_best_variant_are_warned_of(flexcam, one_mass):
     """The softest spring has the smallest force, and the follower leaves its cam at the higher speed."""
     asked = ("--vary", "springs.held.stiffness=20:42kN/m", "--least", "springs.held.force.largest")
