@@ -20,7 +20,7 @@ from inspect import cleandoc
 from itertools import pairwise
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import Any, TextIO
 
 from cyclopts import CycloptsError, Group
 
@@ -204,11 +204,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
         sys.stdout.flush()
     except BrokenPipeError:  # the reader closed the pipe
         code = DONE
-        _discard_output()
+        _discard(sys.stdout)
     except OSError as fault:
         print_message(f"output could not be written: {fault.strerror}; free space")
         code = FAILED
-        _discard_output()
+        _discard(sys.stdout)
+    try:
+        sys.stderr.flush()
+    except OSError:  # the exit code remains
+        _discard(sys.stderr)
     raise SystemExit(code)
 
 
@@ -219,6 +223,6 @@ def _open_null_streams() -> None:
             setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115 - for the life of the process
 
 
-def _discard_output() -> None:
-    """Redirect standard output to null: Python would report an error again when closing it."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+def _discard(stream: TextIO) -> None:
+    """Redirect a standard stream to null: Python would report an error again when closing it."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())

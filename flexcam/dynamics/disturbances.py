@@ -105,11 +105,7 @@ class Disturbances:
                     np.abs(lengths[i : i + _MOST_STEPS] / lengths[i] - 1.0) <= _SAME_TIME
                 )
                 count = len(same) if same.all() else int(np.argmin(same))
-                sequence, more = self._steps(every, slice(i, i + count + 1), sides[i])
-                for j in range(count):
-                    self._current = sequence.propagate(j, self._current, more[j])
-                    if i + j + 1 in ends:
-                        found.append(self._current)
+                found += self._propagate(every, slice(i, i + count + 1), sides[i], ends)
             else:
                 if lengths[i] > 0.0:
                     self._event_step(every, i)
@@ -120,6 +116,20 @@ class Disturbances:
             i += count
         self._last = every.track.last()
         return np.array(found)
+
+    def _propagate(self, every: SensedTrajectory, part: slice, side: Bools, ends: set[int]) -> list[FloatArray]:
+        """Propagate the disturbances over the equal steps between some instants; return those at the `ends`."""
+        sequence, more = self._steps(every, part, side)
+        found, size = list[FloatArray](), len(self._current)
+        if sequence.constant and self._parameters is None:  # a power of a step has less rounding than many steps
+            step = sequence.propagate(0, np.eye(size), np.zeros((size, 1)))
+            self._current = np.linalg.matrix_power(step, len(more)) @ self._current
+            return found
+        for j, terms in enumerate(more):
+            self._current = sequence.propagate(j, self._current, terms)
+            if part.start + j + 1 in ends:
+                found.append(self._current)
+        return found
 
     def _sense(self, track: Trajectory) -> SensedTrajectory:
         schedule = self._forces.prescribed_inputs(self._problem.drive.at(track.time))

@@ -179,6 +179,8 @@ class StepSequence:
     def __init__(self, stepper: LinearStep, length: float, linear: Linear, T: FloatArray, B: FloatArray) -> None:
         m, c, n = linear.act.shape
         self._stepper, self._solve, self._half, self._size = stepper, stepper.solution(length), 0.5 * length, n
+        #: Whether all steps are the same.
+        self.constant = all((part[1:] == part[:1]).all() for part in (*vars(linear).values(), T, B))
         self._followed, self._by_state = linear.followed, linear.by_state
         self._by_begin, self._rest, self._difference = B[:, :, None], (1.0 - T)[:, :, None], (T - B)[:, :, None]
         self._force = np.concatenate([linear.by_d, linear.by_v, linear.by_state], axis=2)

@@ -294,8 +294,10 @@ def test_a_case_named_like_a_partial_result(flexcam, tmp_path):
 def test_nobody_can_be_told(words, code, tmp_path):
     """Standard error is full: the exit code says all that can be said."""
     (tmp_path / "inline.toml").write_bytes((Path(__file__).parents[1] / "data/inline.toml").read_bytes())
+    buffered = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(
-            [sys.executable, "-m", "flexcam", *words], cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=full, check=False
-        )
+            [sys.executable, "-m", "flexcam", *words], cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=full,
+            env=buffered, check=False,
+        )  # fmt: skip
     assert done.returncode == code
