@@ -33,6 +33,7 @@ class TypicalRange:
     """Units the user may have intended, with their size in SI, the most likely first."""
     si: str = ""  #: unit, if the path of the key does not determine it
     zero: bool = False  #: whether zero is reported too
+    turns: bool | None = None  #: whether it applies to torsional springs or to translational ones; None for both
 
 
 _LENGTH = {"mm": 1e-3, "um": 1e-6, "in": 0.0254, "m": 1.0}
@@ -42,7 +43,7 @@ _MAX_SPEED = 1250.0  # usual maximum of the camshaft, rad/s
 _FORCE = {"N": 1.0, "kN": 1e3, "mN": 1e-3}
 
 TYPICAL_RANGES = (
-    TypicalRange("materials.*.E springs.*.wire.shear_modulus", 1e6, 1.5e12, _STRESS),
+    TypicalRange("materials.*.E springs.*.wire.shear_modulus", 1e9, 1.5e12, _STRESS),
     TypicalRange("materials.*.ultimate_strength materials.*.endurance_limit", 1e5, 2e10, {"MPa": 1e6, "GPa": 1e9}),
     TypicalRange("materials.*.density springs.*.wire.density", 500.0, 3e4, {"g/cm^3": 1e3}, zero=True),
     TypicalRange("materials.*.expansion", 1e-7, 1e-3, {"um/m/K": 1e-6}),
@@ -67,7 +68,11 @@ TYPICAL_RANGES = (
     TypicalRange("masses.*.mass springs.*.mass", 1e-8, 20.0, {"g": 1e-3, "kg": 1.0}),
     TypicalRange("masses.*.inertia rockers.*.inertia", 1e-14, 1e3, {"g mm^2": 1e-9, "kg mm^2": 1e-6}),
     TypicalRange("springs.*.damping", 1e-9, 1e8, {"N s/mm": 1e3, "N s/m": 1.0}),
-    TypicalRange("springs.*.installed_force contacts.*.plunger_force loads.*.force", 1e-4, 1e8, _FORCE),
+    TypicalRange("springs.*.installed_force", 5.0, 1e5, _FORCE, turns=False),
+    # Retaining springs are stiffer than valve springs, and a bare 50 is unlikely to mean 50 N/m.
+    TypicalRange("springs.*.stiffness", 100.0, 1e12, _STIFFNESS, "N/m", turns=False),
+    TypicalRange("springs.*.stiffness", 1e-3, 1e12, {"kN m/rad": 1e3}, "N m/rad", turns=True),
+    TypicalRange("contacts.*.plunger_force loads.*.force", 1e-4, 1e8, _FORCE),
     TypicalRange("springs.*.force_table.*.1", 1e-4, 1e6, _FORCE, "N"),
     TypicalRange(
         "springs.*.clash_stiffness bearings.*.stiffness rockers.*.stiffness contacts.*.stiffness",
@@ -83,21 +88,11 @@ TYPICAL_RANGES = (
 )  # fmt: skip
 """Typical ranges by key."""
 
-SPRING_RANGE = TypicalRange("springs.*.stiffness", 100.0, 1e12, _STIFFNESS, "N/m")
-"""Range for translational springs: retaining springs are stiffer, and a bare 50 is unlikely to mean 50 N/m."""
-
-TORSION_SPRING_RANGE = TypicalRange("springs.*.stiffness", 1e-3, 1e12, {"kN m/rad": 1e3}, "N m/rad")
-"""Range for torsional springs."""
-
 
 def check_values(case: Case) -> list[str]:
     """Return warnings about implausible values of a case, and about keys and parts without effect."""
     tables = resolve_record(case.record)
-    torsional = {name for name, record in case.record.springs.items() if record.part.turns}
     found = [warning for usual in TYPICAL_RANGES for warning in _range_warnings(case, tables, usual)]
-    for usual, is_torsional in ((SPRING_RANGE, False), (TORSION_SPRING_RANGE, True)):
-        springs = {n: one for n, one in tables["springs"].items() if (n in torsional) == is_torsional}
-        found += _range_warnings(case, {"springs": springs}, usual)
     checks = (
         _speed_unit_warnings, _section_warnings, _fidelity_warnings, _lift_table_warnings, _unused_part_warnings,
         _support_warnings, _slenderness_warnings,
@@ -108,6 +103,10 @@ def check_values(case: Case) -> list[str]:
 
 def _range_warnings(case: Case, tables: Mapping[str, Any], usual: TypicalRange) -> Iterator[str]:
     """Yield the values outside a typical range, one per key."""
+    if usual.turns is not None:
+        records = case.record.springs
+        springs = {name: one for name, one in tables["springs"].items() if records[name].part.turns == usual.turns}
+        tables = {"springs": springs}
     keys = usual.keys.split()
     for path, value in (pair for key in keys for pair in _matching_values(tables, tuple(key.split(".")), ())):
         several = cast("list[object]", value) if isinstance(value, list) else [value]
