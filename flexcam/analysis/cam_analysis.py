@@ -47,7 +47,7 @@ from flexcam.core import FloatArray
 from flexcam.core.errors import InputError, refuse, suggest_name
 from flexcam.core.units import RPM
 from flexcam.io import ProfileTable
-from flexcam.valvetrain import Cam, Model, largest_lash, lift_transfer, modes_on_the_lift, valve_ratio
+from flexcam.valvetrain import Cam, Model, largest_lashes, lift_transfer, modes_on_the_lift, valve_ratio
 
 _HARMONICS = 10
 NEGATIVE_LIFT_TOLERANCE = 1e-4
@@ -148,7 +148,7 @@ def case_cams(case: Case) -> CamSet:
     """Return the cams of a case."""
     model = build_model(case)
     ratios = {name: valve_ratio(model, name) for name in model.cams}
-    lashes = {name: largest_lash(model, name) for name in model.cams}
+    lashes = largest_lashes(model)
     return _cam_set(case.path, case.record, model.cams, ratios, lashes, case.speed, case.turns)
 
 

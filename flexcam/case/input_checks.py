@@ -19,7 +19,7 @@ from flexcam.case.reader import case_tables
 from flexcam.case.records import resolve_record, si_unit
 from flexcam.core.units import RPM
 from flexcam.dynamics import Method, Problem, RunFailedError, SaveAt, Scheme, newmark, solve
-from flexcam.valvetrain import Adjuster, CamContact, Lash, Model, Seat, largest_lash, shared_forces, touching_coils
+from flexcam.valvetrain import Adjuster, CamContact, Lash, Model, Seat, largest_lashes, shared_forces, touching_coils
 
 
 @dataclass(frozen=True)
@@ -407,7 +407,7 @@ def check_lash(model: Model) -> list[str]:
     found: list[str] = []
     for name, cam in model.cams.items():
         event = cam.event.event if isinstance(cam.event, DelayedEvent) else cam.event
-        lash = largest_lash(model, name)
+        lash = largest_lashes(model)[name]
         if isinstance(event, LiftEvent) and event.ramp and lash > event.ramp.height:
             sizes = (
                 f"the lash of {1e3 * lash:.3g} mm at the follower is above the ramp of {1e3 * event.ramp.height:.3g} mm"

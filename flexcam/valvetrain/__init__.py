@@ -68,7 +68,7 @@ from flexcam.valvetrain.train_metrics import (
     train_metrics,
     valve_loft,
 )
-from flexcam.valvetrain.train_topology import driving_contact, follower_train, largest_lash
+from flexcam.valvetrain.train_topology import driving_contact, follower_train, largest_lashes
 
 __all__ = [
     "ANY_SPEED", "BOUNCE_HEIGHT", "DAMPING_DEPTH", "OPEN", "Adjuster", "Cam", "CamContact", "Chain",
@@ -77,7 +77,7 @@ __all__ = [
     "ResolutionSink", "Rocker", "Seat", "Seating", "Spring", "StiffStrut", "StrengthSink", "Structure", "Wire",
     "buckling_load", "build_chain", "build_rigid", "build_structure", "build_system",
     "compressed_members", "contact_loss", "contact_modes", "contact_stiffness", "describe_inactive", "driving_contact",
-    "element_loads", "follower_train", "free_running", "free_speed", "hertz_line", "largest_lash", "lift_transfer",
+    "element_loads", "follower_train", "free_running", "free_speed", "hertz_line", "largest_lashes", "lift_transfer",
     "main_lift", "member_masses", "modal_basis", "model_modes", "modes_on_the_lift", "seating", "separation",
     "separation_by_flank", "shared_forces", "stiff_struts", "straighten", "touching_coils", "train_metric_names",
     "train_metrics", "valve_loft", "valve_ratio", "without_compression",

@@ -18,7 +18,7 @@ from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import CamContact, Lash, Seat
 from flexcam.valvetrain.rigid_model import ANY_SPEED, build_rigid
 from flexcam.valvetrain.structure import build_structure
-from flexcam.valvetrain.train_topology import driving_contact, largest_lash
+from flexcam.valvetrain.train_topology import driving_contact, largest_lashes
 
 Bools = NDArray[np.bool_]
 
@@ -299,5 +299,5 @@ def main_lift(model: Model, cam: str) -> float:
     """Return the lift above which ramps and lash are taken up."""
     event = model.cams[cam].event
     ramp = getattr(event, "ramp", None)
-    above = _MAIN_LIFT_FRACTION * event.height + max(largest_lash(model, cam), float(ramp.height) if ramp else 0.0)
+    above = _MAIN_LIFT_FRACTION * event.height + max(largest_lashes(model)[cam], float(ramp.height) if ramp else 0.0)
     return min(above, _LARGEST_MAIN_LIFT * event.height)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -73,13 +74,12 @@ def _nodes_by_distance(joined: Mapping[int, Sequence[int]], start: int) -> list[
 
 def rocker_of(model: Model, contact: CamPair) -> Rocker | None:
     """Return the rocker driven by or identical to a follower, or None."""
-    nodes, points = set(moved_nodes(model, contact)), model.mesh.points
-    own = (
-        one
-        for one in model.rockers.values()
-        if one.start == contact.follower or (one.start in points and model.mesh.node(one.start) in nodes)
-    )
-    return next(own, None)
+    return _rocker_at(model, contact, moved_nodes(model, contact))
+
+
+def _rocker_at(model: Model, contact: CamPair, moved: Collection[int]) -> Rocker | None:
+    """Return the rocker that starts at a follower or at a node that it moves, or None."""
+    return next((one for one in model.rockers.values() if _is_driven(model, contact, one.start, moved)), None)
 
 
 def driving_contact(model: Model, point: str) -> str | None:
@@ -92,15 +92,17 @@ def driving_contact(model: Model, point: str) -> str | None:
     return None
 
 
-def largest_lash(model: Model, cam: str) -> float:
-    """Return the largest lash taken up by a cam's lift, reduced to the follower."""
-    gaps = [0.0]
+@lru_cache(maxsize=4)
+def largest_lashes(model: Model) -> Mapping[str, float]:
+    """Return the largest lash that the lift of each cam takes up, reduced to the follower, m."""
+    moved = [(contact, moved_nodes(model, contact)) for contact in model.cam_contacts.values()]
+    largest = dict.fromkeys(model.cams, 0.0)
     for play in model.contacts.values():
         if isinstance(play, Lash):
-            cams = {contact.cam for contact in model.cam_contacts.values() if _is_in_train(model, contact, play)}
-            if not cams or cam in cams:
-                gaps.append(_accumulated_lash(model, play))
-    return max(gaps)
+            gap = _accumulated_lash(model, play)
+            cams = {contact.cam for contact, nodes in moved if _is_in_train(model, contact, nodes, play)}
+            largest |= {cam: max(largest[cam], gap) for cam in cams or model.cams}
+    return largest
 
 
 def _accumulated_lash(model: Model, play: Lash) -> float:
@@ -112,11 +114,11 @@ def _accumulated_lash(model: Model, play: Lash) -> float:
     return play.gap / (rocker.ratio if rocker else 1.0) + sum(one.gap for one in before)
 
 
-def _is_in_train(model: Model, contact: CamPair, play: Lash) -> bool:
-    """Return whether a lash is in the train of a contact."""
+def _is_in_train(model: Model, contact: CamPair, moved: Collection[int], play: Lash) -> bool:
+    """Return whether a lash is in the train of a contact that moves some nodes."""
     if play.ends is not None:
-        return _is_driven(model, contact, play.ends[0], moved_nodes(model, contact))
-    return play.rocker is not None and model.rockers[play.rocker] is rocker_of(model, contact)
+        return _is_driven(model, contact, play.ends[0], moved)
+    return play.rocker is not None and model.rockers[play.rocker] is _rocker_at(model, contact, moved)
 
 
 def complete_motion(structure: Structure, motion: FloatArray) -> FloatArray:

@@ -24,6 +24,7 @@ from flexcam.studies.tables import Column, SweepTable, read_table, write_table
 CASES = Path(__file__).parents[2] / "cases"
 ENGINE, BUCKET = CASES / "pushrod-engine/intake.toml", CASES / "direct-acting/bucket.toml"
 FEW = ("run.steps_per_revolution=720", "run.revolutions=1")
+KERNEL = "run.engine=kernel"
 SPEEDS, PRESSURE = ("1000", "2000"), "contacts.intake.pressure.largest"
 
 
@@ -92,11 +93,11 @@ def test_difference_from_the_rigid_train_and_lost_contact(drawn):
         assert (flexible.channels["contacts.intake.force"][inside] == 0.0).all()
 
 
+@pytest.mark.usefixtures("machine_code")
 def test_several_runs_are_drawn_over_their_last_revolution(drawn, flexcam, tmp_path):
     for folder, rpm in (("a", 3000), ("b", 4000)):
-        words = [
-            part for one in (*FEW[:1], f"run.crank_speed={rpm}rpm", "run.revolutions=1.5") for part in ("--set", one)
-        ]
+        given = (FEW[0], KERNEL, f"run.crank_speed={rpm}rpm", "run.revolutions=1.5")
+        words = [part for one in given for part in ("--set", one)]
         assert flexcam("run", ENGINE, "-o", folder, *words).code == 0
     figure = drawn("a/intake.vtkhdf", "b/intake.vtkhdf")
     assert legend_of(figure.legends[0]) == ["intake, crank 3000 rpm", "intake, crank 4000 rpm"]
@@ -155,8 +156,9 @@ def test_spring_curve_with_its_marks(drawn, engine):
     np.testing.assert_allclose(stress.lines[0].get_ydata(), 1e-6 * per_force * y, atol=1e-9)
 
 
+@pytest.mark.usefixtures("machine_code")
 def test_goodman_diagram(drawn):
-    strong = [*FEW, "materials.steel.ultimate_strength=900 MPa", "materials.steel.endurance_limit=350 MPa"]
+    strong = [*FEW, KERNEL, "materials.steel.ultimate_strength=900 MPa", "materials.steel.endurance_limit=350 MPa"]
     figure = drawn(ENGINE, "--what", "goodman", overrides=strong)
     (axes,) = figure.axes
     case = read_case(ENGINE, strong)

@@ -9,7 +9,7 @@ import pytest
 
 from flexcam import prepare, read_case, run
 from flexcam.valvetrain import build_chain, main_lift
-from flexcam.valvetrain.train_topology import largest_lash, moved_nodes
+from flexcam.valvetrain.train_topology import largest_lashes, moved_nodes
 
 TWO = """
 format = 1
@@ -51,8 +51,8 @@ def model(tmp_path):
 
 
 def test_a_play_is_that_of_its_own_train(model):
-    assert largest_lash(model, "one") == pytest.approx(0.3e-3)
-    assert largest_lash(model, "two") == 0.0
+    assert largest_lashes(model)["one"] == pytest.approx(0.3e-3)
+    assert largest_lashes(model)["two"] == 0.0
     assert main_lift(model, "one") == pytest.approx(0.05 * 6e-3 + 0.3e-3)
     assert main_lift(model, "two") == pytest.approx(0.05 * 6e-3)
 
@@ -100,7 +100,7 @@ def test_plays_in_series_add_up(in_series, seats):
     Either way the cam bears at its nose all three springs at their strokes.
     """
     model = prepare(in_series).model
-    assert largest_lash(model, "one") == pytest.approx(0.5e-3)
+    assert largest_lashes(model)["one"] == pytest.approx(0.5e-3)
     more = ["run.revolutions=1", "run.steps_per_revolution=360", *seats]
     response = run(read_case(in_series.path, more), rigid=True)
     lifts = [response[f"{name}.uy"].displacement for name in ("tappet", "tip", "other")]

@@ -18,7 +18,7 @@ from scipy.interpolate import CubicSpline
 from flexcam import InputError, build_model, prepare, read_case, run, solve
 from flexcam.analysis.run import open_result_file
 from flexcam.dynamics import ConstantSpeed, equilibrium
-from flexcam.valvetrain import largest_lash
+from flexcam.valvetrain import largest_lashes
 
 SOURCE = "Lash and hydraulic adjusters"
 CASE = """
@@ -385,7 +385,7 @@ def test_a_lash_from_a_rockers_point_equals_one_at_the_rocker(record, tmp_path, 
     words = "run.revolutions=0.5", "run.steps_per_revolution=3600", f"fidelity.model={model}"
     usual, other = (read_case(one, words) for one in (path, from_the_rockers_point(path, tmp_path)))
     first, second = run(usual), run(other)
-    lashes = [largest_lash(build_model(one), "intake") for one in (usual, other)]
+    lashes = [largest_lashes(build_model(one))["intake"] for one in (usual, other)]
     assert lashes[0] == pytest.approx(lashes[1], rel=1e-12)
     scale = float(np.abs(first.channels["contacts.intake.force"]).max())
     off = np.abs(first.channels["contacts.intake.force"] - second.channels["contacts.intake.force"]).max()
