@@ -81,13 +81,13 @@ def _rigid_limit_speed(case: Case) -> float | None:
     if any(load.table is not None and load.table.over_time for load in case.record.loads.values()):
         return None
     bare = replace(case, record=case.record.model_copy(update={"friction": {}}))
-    model, speeds = prepare(bare, rigid=True).model, [factor * case.speed for factor in (0.5, 1.0, 2.0)]
+    speeds = [factor * case.speed for factor in (0.5, 1.0, 2.0)]
+    trains = [prepare(bare.at_speed(speed), rigid=True) for speed in speeds]
     channels: list[Mapping[str, FloatArray]] = []
-    for speed in speeds:
-        ready = prepare(bare.at_speed(speed), rigid=True)
+    for speed, ready in zip(speeds, trains, strict=True):
         problem = replace(ready.problem, step=(_ANGLES[1] - _ANGLES[0]) / speed, steps=len(_ANGLES) - 1)
         channels.append(solve(problem, ready.scheme).channels)
-    worst: list[float] = []
+    model, worst = trains[0].model, list[float]()
     for name, contact in model.cam_contacts.items():
         lifted = model.cams[contact.cam].event(_ANGLES) > main_lift(model, contact.cam)
         forces = [one[f"contacts.{name}.force"][lifted] for one in channels]

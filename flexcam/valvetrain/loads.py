@@ -131,7 +131,8 @@ def _spring_share(structure: Structure, train: FollowerTrain) -> FloatArray:
     return share / total if total > 0.0 else share
 
 
-def given_loads(structure: Structure) -> list[Load]:
+@lru_cache(maxsize=4)
+def given_loads(structure: Structure) -> tuple[Load, ...]:
     """Return weight, thermal loads, installed forces and given loads; given loads act only from the start of a run."""
     model = structure.model
     loads: list[Load] = []
@@ -155,7 +156,7 @@ def given_loads(structure: Structure) -> list[Load]:
     if structure.beams.thermal.any():
         expanded = assemble_loads(structure.beams, thermal_load(structure.beams), structure.dofs)
         loads.append(Load("thermal", expanded, constant_history(1.0), installed=True, steady=True))
-    return loads
+    return tuple(loads)
 
 
 def steady_load(structure: Structure) -> FloatArray:

@@ -41,7 +41,7 @@ def build_system(model: Model, speed: float) -> System:
     if faults:
         raise InputError(faults)
     damping, joined, probes, ends = _at_any_speed(structure)
-    couplings = [*contacts, *joined, Coupling(tuple(given_loads(structure)), (), ())]
+    couplings = [*contacts, *joined, Coupling(given_loads(structure), (), ())]
     parts = _parts(couplings)
     shown = zip(couplings, parts, strict=True)
     own = [
@@ -88,7 +88,7 @@ def _joints(structure: Structure) -> tuple[Coupling, ...]:
 def _reactions(end: ShaftDrive) -> list[Observable]:
     """Return the reactions of couplings other than contacts at a prescribed rotation, in coupling order."""
     freed = end.freed
-    given = Coupling(tuple(given_loads(freed)), (), ())
+    given = Coupling(given_loads(freed), (), ())
     return [reaction_torque(end, one.loads, one.forces) for one in (*_joints(freed), given)]
 
 

@@ -16,7 +16,8 @@ from flexcam.valvetrain.parts import CamPair, Lash, Lever, NodeLash, Rocker, pat
 from flexcam.valvetrain.structure import Structure, find_node, inner_name, spring_ends, spring_row
 
 
-def moved_nodes(model: Model, contact: CamPair) -> list[int]:
+@lru_cache(maxsize=64)
+def moved_nodes(model: Model, contact: CamPair) -> tuple[int, ...]:
     """Return the nodes moved by a follower through members, links and lash."""
     joined, found = _adjacency(model), dict[int, None]()
     if contact.follower in model.mesh.points:
@@ -25,7 +26,7 @@ def moved_nodes(model: Model, contact: CamPair) -> list[int]:
     plays = [(play.ends[0], model.mesh.node(play.ends[1])) for play in model.lashes]
     while behind := [end for start, end in plays if end not in found and _is_driven(model, contact, start, found)]:
         found |= dict.fromkeys(_nodes_by_distance(joined, behind[0]))
-    return list(found)
+    return tuple(found)
 
 
 def _is_driven(model: Model, contact: CamPair, start: str, moved: Collection[int]) -> bool:
@@ -123,9 +124,12 @@ def _is_in_train(model: Model, contact: CamPair, moved: Collection[int], play: L
 
 def complete_motion(structure: Structure, motion: FloatArray) -> FloatArray:
     """Return a motion of nodes with dependent points and springs, lash closed and springs in proportion."""
-    moved = motion
+    moved = motion.copy()
     for _ in [None, *structure.model.lashes]:  # each pass adds at least one lash element in any order
-        moved = _follow_links(structure, _transmit_through_lash(structure, moved))
+        further = _follow_links(structure, _transmit_through_lash(structure, moved))
+        if np.array_equal(further, moved):
+            break
+        moved = further
     for rocker in structure.model.rockers.values():
         driven = float(structure.row(rocker.start, rocker.direction) @ moved)
         for name, share in _shares(structure, rocker).items():
