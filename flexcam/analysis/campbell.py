@@ -106,7 +106,7 @@ def _stiffness_at_full_lift(ready: PreparedRun, response: Response, event: Event
     """Return the stiffness of each local force at the saved instant of the largest lift."""
     system = ready.problem.system
     late = response.field_time > response.field_time[-1:] - ready.revolution
-    if not late.any() or not system.local_forces or system.size > MAX_DOFS:
+    if not late.any() or not system.local_forces or system.is_kinematic or system.size > MAX_DOFS:
         return []
     at = np.flatnonzero(late)[[int(np.argmax(event(response.field_angle[late], 0)))]]
     motion = ready.problem.drive.at(response.field_time[at])

@@ -59,13 +59,13 @@ def set_initial_state(case: Case, model: Model, problem: Problem, *, until: floa
     """Return a problem with the initial state requested by its case."""
     system = problem.system
     match case.record.run.start:
+        case "rest" | "equilibrium" | "periodic" if system.is_kinematic:
+            return replace(problem, start=replace(State.rest(system.size), periodicity=_periodicity(case)))
         case "rest":
             return replace(problem, start=installed_state(system, problem.drive))
         case "equilibrium":
             return replace(problem, start=_equilibrium_state(problem))
         case "periodic":
-            if not system.size:
-                return replace(problem, start=replace(State.rest(0), periodicity=0.0))
             one = replace(problem, start=_equilibrium_state(problem), steps=steps_per_revolution(case, problem))
             start = solve_periodic(one, case.record.run.integrator.part, until=until)
             return replace(problem, start=start)
@@ -88,8 +88,13 @@ def set_initial_state(case: Case, model: Model, problem: Problem, *, until: floa
             return replace(problem, start=State(_given_state(system, displacement), _given_state(system, velocity)))
 
 
+def _periodicity(case: Case) -> float | None:
+    """Return the deviation of a prescribed motion from a periodic one, if the case asks for it."""
+    return 0.0 if case.record.run.start == "periodic" else None
+
+
 def _equilibrium_state(problem: Problem) -> State:
-    return moving_equilibrium(problem.system, problem.drive) if problem.system.size else State.rest(0)
+    return moving_equilibrium(problem.system, problem.drive)
 
 
 def steps_per_revolution(case: Case, problem: Problem) -> int:
@@ -121,14 +126,14 @@ def excitation_without_period(case: Case) -> dict[str, str]:
 
 def _unknown_dof_faults(case: Case, system: System, values: Mapping[str, float], kind: str) -> list[Fault]:
     """Return the faults of initial values that are not degrees of freedom; the rigid mechanism has none."""
-    wrong = [name for name in values if name not in system.names] if system.size else []
+    wrong = [name for name in values if name not in system.names] if not system.is_kinematic else []
     where, allowed = case.place(("run", "start", kind)), "a free component such as 'cam.uy'"
     return [Fault(where, repr(name), allowed, "", suggest_name(name, system.names)) for name in wrong]
 
 
 def _given_state(system: System, values: Mapping[str, float]) -> FloatArray:
     row = np.zeros(system.size)
-    for name, value in values.items() if system.size else ():
+    for name, value in values.items() if not system.is_kinematic else ():
         row[system.names.index(name)] = value
     return row
 
@@ -141,8 +146,8 @@ def _last_state(case: Case, model: Model, system: System, name: str) -> tuple[St
     if not np.array_equal(result.mesh.nodes, model.mesh.nodes) or not len(response.field_time):
         raise refuse(where, name, "a result of the same mesh with at least one saved field")
     time, angle = float(response.field_time[-1]), float(response.field_angle[-1])
-    if not system.size:  # the state of the rigid mechanism is its angle
-        return State(np.zeros(0), np.zeros(0), time), angle
+    if system.is_kinematic:  # the state of the rigid mechanism is its angle
+        return replace(State.rest(system.size), time=time), angle
     free = build_structure(model).dofs.numbers >= 0
     if any(values[-1].reshape(-1, 6)[~free].any() for values in vars(response.fields).values()):
         raise refuse(where, name, "a result of the same supports", "it moves nodes that this model fixes")

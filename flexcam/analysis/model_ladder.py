@@ -18,7 +18,7 @@ from flexcam.case.case import Case
 from flexcam.case.schema.run import GivenStartRecord
 from flexcam.core import FloatArray
 from flexcam.core.errors import InputError
-from flexcam.dynamics import RunFailedError, solve
+from flexcam.dynamics import RunFailedError, integrated_size, solve
 from flexcam.fem.recovery import deflection
 from flexcam.valvetrain import Structure, build_structure
 from flexcam.valvetrain.structure import inner_name, spring_parts
@@ -161,7 +161,7 @@ def _count_unknowns(rung: ModelLevel) -> int | None:
         problem = prepare_without_periodic_search(rung.case).problem
     except (InputError, RunFailedError):
         return None
-    return problem.system.size if problem.basis is None else problem.basis.size
+    return integrated_size(problem)
 
 
 def model_ladder(case: Case) -> tuple[ModelLevel, ...]:

@@ -14,10 +14,20 @@ from flexcam.case.case import Case
 from flexcam.case.schema.run import GivenStartRecord
 from flexcam.core import FloatArray
 from flexcam.core.errors import InputError, refuse
-from flexcam.dynamics import Basis, Method, ModeBasis, Probe, Problem, Response, SaveAt, System, method_refusal
+from flexcam.dynamics import (
+    Basis,
+    ConstantSpeed,
+    Method,
+    ModeBasis,
+    Probe,
+    Problem,
+    Response,
+    SaveAt,
+    System,
+    method_refusal,
+)
 from flexcam.fem.frames import COMPONENTS
 from flexcam.valvetrain import (
-    ANY_SPEED,
     Chain,
     Metric,
     Model,
@@ -27,6 +37,7 @@ from flexcam.valvetrain import (
     driving_contact,
     main_lift,
     modal_basis,
+    rigid_motion,
     straighten,
     train_metrics,
     without_compression,
@@ -145,7 +156,7 @@ def _build_equations(
     model = straighten(model) if kind in _CHAINS else model
     try:
         system = (build_rigid if kind == "rigid" else build_system)(model, case.speed)
-        if kind not in _CHAINS or not system.size:
+        if kind not in _CHAINS or system.is_kinematic:
             return model, system, None
         chain = build_chain(model, case.speed, _CHAINS[kind] or case.record.fidelity.masses)
     except InputError as refusal:
@@ -159,7 +170,7 @@ def _reduced_basis(case: Case, problem: Problem, chain: Chain | None) -> Basis |
     fidelity = case.record.fidelity
     if chain is not None:
         return ModeBasis(chain.shapes, chain.system.names, _residual_start(case, problem, chain.shapes))
-    if fidelity.modes is None or not problem.system.size:
+    if fidelity.modes is None or problem.system.is_kinematic:
         return None
     return modal_basis(problem, fidelity.modes, by_parts=fidelity.reduction == "craig-bampton")
 
@@ -233,20 +244,21 @@ def _driven_probes(ready: PreparedRun) -> dict[str, DrivenProbe]:
     if not ready.model.cam_contacts:
         return {}
     try:
-        rigid = build_rigid(ready.model, ANY_SPEED)
+        rigid = rigid_motion(ready.model).at(ConstantSpeed(1.0).at(_REVOLUTION_ANGLES))[0]
     except InputError:  # no rigid train exists: the first probe is used
         return {}
     found: dict[str, DrivenProbe] = {}
-    for probe in rigid.probes:
-        paths = [np.zeros(1) if one is None else one(_REVOLUTION_ANGLES, 0) for one in probe.offset]
-        i = int(np.argmax([np.ptp(path) for path in paths]))
-        if np.ptp(paths[i]) > 0.0:
+    for probe in ready.problem.system.probes:
+        paths = probe.rows @ rigid.T
+        i = int(np.argmax(np.ptp(paths, axis=1)))
+        if np.ptp(paths[i]) > _MOTIONLESS:
             sign = 1.0 if paths[i].max() > -paths[i].min() else -1.0
             contact = driving_contact(ready.model, probe.name)
             found[probe.name] = DrivenProbe(probe.name, _component_name(probe, i), sign, contact)
     return found
 
 
+_MOTIONLESS = 1e-12  # motion of a probe that is rounding, m
 _REVOLUTION_ANGLES = np.linspace(0.0, 2.0 * np.pi, 361)
 """Angles of a revolution, rad; a lift between two of them would be too short."""
 

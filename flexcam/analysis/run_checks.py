@@ -102,7 +102,7 @@ def check_modes(modes: ModelModes) -> list[str]:
 def check_input(ready: PreparedRun) -> list[str]:
     """Return warnings about a case: implausible numbers, impossible lobes, parts without effect, open contacts."""
     case, model, problem = ready.case, ready.model, ready.problem
-    rigid = () if problem.system.size else (check_shared_seat_load, check_coil_bind)
+    rigid = () if not problem.system.is_kinematic else (check_shared_seat_load, check_coil_bind)
     return [
         *check_values(case),
         *check_lobes(model),
@@ -270,7 +270,7 @@ def _check_periodic_start(stats: Stats) -> list[str]:
 
 def _has_member_dofs(ready: PreparedRun) -> bool:
     """Return whether a run has the degrees of freedom of its members."""
-    return ready.case.record.fidelity.model == "beams" and ready.problem.system.size > 0
+    return ready.case.record.fidelity.model == "beams" and not ready.problem.system.is_kinematic
 
 
 def describe_model_limits(ready: PreparedRun) -> list[str]:
@@ -389,7 +389,7 @@ def _check_equilibrium(stats: Stats) -> list[str]:
 
 
 def _check_rounding(ready: PreparedRun, extremes: ExtremesSink) -> list[str]:
-    if not extremes.most_bent.any() or not ready.problem.system.size:
+    if not extremes.most_bent.any() or ready.problem.system.is_kinematic:
         return []
     share = rounding_fraction(ready.problem.system.stiffness, extremes.most_bent)
     if share <= _MIN_DEFLECTION_ERROR:

@@ -65,7 +65,7 @@ class StepAmplification:
 def step_amplification(ready: PreparedRun, method: Method, response: Response) -> StepAmplification:
     """Return the mode with the largest amplification by the time integration."""
     step, names = ready.problem.step, ready.problem.system.names
-    if ready.problem.system.size > MAX_DOFS:
+    if ready.problem.system.size > MAX_DOFS and not ready.problem.system.is_kinematic:
         # The highest mode without contacts limits conditionally stable methods.
         basis, system = basis_of(ready.problem), ready.problem.system
         omega, moving = highest_frequency(project_system(system, basis) if basis is not None and basis.size else system)
@@ -94,7 +94,7 @@ def _modes_along_motion(
 ) -> Iterator[tuple[float, FloatArray, FloatArray, FloatArray]]:
     """Yield cam angle and modes (angular frequencies, damping ratios, columns) at instants of the last revolution."""
     system = ready.problem.system
-    if not 0 < system.size <= MAX_DOFS or not len(response.field_time):
+    if system.is_kinematic or system.size > MAX_DOFS or not len(response.field_time):
         return
     late: list[int] = np.flatnonzero(response.field_time > response.field_time[-1] - ready.revolution).tolist()
     chosen = late[:: max(len(late) // _EVALUATED_INSTANTS, 1)]

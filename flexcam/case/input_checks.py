@@ -265,7 +265,7 @@ def check_open_contacts(model: Model, problem: Problem) -> list[str]:
     """Return warnings about cam contacts and seats that are open on the base circle at the start."""
     contacts = {name: one for name, one in model.contacts.items() if isinstance(one, CamContact) and one.unilateral}
     seats = [name for name, one in model.contacts.items() if isinstance(one, Seat)]
-    if not (contacts or seats) or not 0 < problem.system.size <= _MAX_DOFS:
+    if not (contacts or seats) or problem.system.is_kinematic or problem.system.size > _MAX_DOFS:
         return []
     try:
         first = solve(replace(problem, steps=1, engine="direct", adaptive=None), newmark())
@@ -292,7 +292,12 @@ def check_open_contacts(model: Model, problem: Problem) -> list[str]:
 def check_overshoot(problem: Problem, scheme: Method) -> list[str]:
     """Return warnings about an initial velocity that decays within the first step and overshoots."""
     start = problem.start
-    if not isinstance(scheme, Scheme) or start is None or not 0 < problem.system.size <= _MAX_DOFS:
+    if (
+        not isinstance(scheme, Scheme)
+        or start is None
+        or problem.system.is_kinematic
+        or problem.system.size > _MAX_DOFS
+    ):
         return []
     if not scheme.overshoot or not start.velocity.any():
         return []
@@ -311,7 +316,7 @@ def check_overshoot(problem: Problem, scheme: Method) -> list[str]:
 
 def check_start_impact(case: Case, model: Model, problem: Problem) -> list[str]:
     """Return warnings about cams that already lift when a run starts from rest, which causes an impact."""
-    if case.record.run.start != "rest" or not problem.system.size:
+    if case.record.run.start != "rest" or problem.system.is_kinematic:
         return []
     start = problem.drive.at(np.zeros(1))
     found: list[str] = []
@@ -329,7 +334,7 @@ def check_start_impact(case: Case, model: Model, problem: Problem) -> list[str]:
 
 def check_loads(model: Model, problem: Problem) -> list[str]:
     """Return warnings about loads without a movable degree of freedom."""
-    vectors = {load.name: load.vector for load in problem.system.loads} if problem.system.size else {}
+    vectors = {load.name: load.vector for load in problem.system.loads} if not problem.system.is_kinematic else {}
     why = "it has no effect: a support fixes the point it acts at, or no member and no mass is there"
     return [
         f"Warning: loads.{name}: {why}"
@@ -389,7 +394,7 @@ def check_shared_seat_load(model: Model, speed: float) -> list[str]:
     return [
         f"Warning: contacts.{name}: no lash separates the cam from a closed seat, and both share the {force:.4g} N of "
         "the springs by their stiffness: on the base circle the rigid train leaves all to the seat"
-        for name, force in shared_forces(model, speed).items()
+        for name, force in shared_forces(model).items()
     ]
 
 

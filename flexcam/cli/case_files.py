@@ -77,7 +77,9 @@ def check(
     ready = prepare_without_periodic_search(read)
     found, resources = modes(read), estimate_case_resources(ready, "revolution")
     warnings = check_modes(found) + check_input(ready)
-    if ready.problem.system.size:  # `check_input` has it for rigid trains; a run reports coil clash from its motion
+    if (
+        not ready.problem.system.is_kinematic
+    ):  # `check_input` has it for rigid trains; a run reports coil clash from its motion
         warnings += check_coil_bind(ready.model, read.speed)
     springs = {name: spring for name, spring in ready.model.springs.items() if spring.table or spring.coils}
     mesh, system = ready.model.mesh, ready.problem.system

@@ -245,12 +245,16 @@ def reduce_problem(problem: Problem, basis: Basis) -> Problem:
 
 def integrated_size(problem: Problem) -> int:
     """Return the number of integrated unknowns of a problem."""
+    if problem.system.is_kinematic:
+        return 0
     basis = basis_of(problem)
     return problem.system.size if basis is None else basis.size
 
 
 def method_refusal(problem: Problem, method: Method) -> InputError | None:
     """Return why a method cannot integrate the reduced problem; None if it can."""
+    if problem.system.is_kinematic:
+        return None
     struck = any(force.restitution is not None for force in problem.system.local_forces)
     if type(method).refusal is Method.refusal and not struck:
         return None  # it integrates any system in any unknowns

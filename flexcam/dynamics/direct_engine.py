@@ -12,7 +12,7 @@ from flexcam.dynamics.adaptive import EnergyNorm, StepController, StepFloorError
 from flexcam.dynamics.blocks import Arrays, SaveAt, Series, flatten
 from flexcam.dynamics.cam_motion import PrescribedInputs
 from flexcam.dynamics.contact_events import EventStepper
-from flexcam.dynamics.engine import STOPPED, Engine, convergence_failure, in_range, instant, stack_instant
+from flexcam.dynamics.engine import STOPPED, convergence_failure, in_range, instant, stack_instant
 from flexcam.dynamics.implicit_step import NoConvergenceError
 from flexcam.dynamics.initial_acceleration import InitialAcceleration
 from flexcam.dynamics.integrator import Method, Stepper
@@ -124,18 +124,3 @@ def _step_floor_status(fault: StepFloorError, system: System, at: float, angle: 
         f"{fault.step:.3g} s {instant(at, angle)}"
     )
     return Status(Cause.STEP_TOO_SMALL, text, "allow a larger run.adaptive.tolerance or a smaller smallest step")
-
-
-class KinematicEngine(Engine):
-    """Engine of a problem without unknowns and local forces; `stop` is called before every block of steps."""
-
-    def __init__(self, problem: Problem, forces: LocalForces, stop: Callable[[], bool]) -> None:
-        self._problem, self._forces, self._stop = problem, forces, stop
-
-    def advance(self, steps: IntArray) -> tuple[Trajectory, Status]:
-        """Return the instants of some successive steps, see `Engine`."""
-        if self._stop():
-            return Trajectory.empty(0, self._forces), STOPPED
-        nothing, at = np.zeros((len(steps), 0)), self._problem.times(steps)
-        sides, each = np.zeros((len(steps), 0), dtype=bool), np.arange(len(steps))
-        return Trajectory(at, nothing, nothing, nothing, nothing, nothing, nothing, sides, each), Status()

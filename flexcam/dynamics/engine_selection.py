@@ -15,13 +15,14 @@ from flexcam.dynamics.active_dofs import basis_of, reduce_problem
 from flexcam.dynamics.basis import Basis
 from flexcam.dynamics.blocks import SaveAt
 from flexcam.dynamics.collocation import Collocation
-from flexcam.dynamics.direct_engine import DirectEngine, KinematicEngine, Pilot
+from flexcam.dynamics.direct_engine import DirectEngine, Pilot
 from flexcam.dynamics.engine import Engine
 from flexcam.dynamics.force_laws import ForceLaw
 from flexcam.dynamics.generalized_alpha import Scheme
 from flexcam.dynamics.integrator import Method
 from flexcam.dynamics.jit import is_available
 from flexcam.dynamics.kernel_engine import KernelEngine, compiled_functions
+from flexcam.dynamics.kinematic_engine import KinematicEngine
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.modal_coordinates import ModalCoordinates, diagonal, find_modal_coordinates, modal_problem
 from flexcam.dynamics.modal_engine import ModalEngine, ProbeEngine, probe_rows
@@ -58,6 +59,11 @@ class SelectedEngine:
 
 def select_engine(problem: Problem, method: Method, save: SaveAt) -> SelectedEngine:
     """Return the requested engine, or the fastest suitable one."""
+    if problem.system.prescribed_motion is not None:
+        if problem.engine not in ("auto", "direct"):
+            why, remedy = "the cam prescribes the motion of a rigid model", "leave run.engine out"
+            raise refuse("run.engine", problem.engine, "no engine", why, remedy)
+        return SelectedEngine("direct", problem, ())
     basis = basis_of(problem)
     plain = problem if basis is None else reduce_problem(problem, basis)
     if refusal := method.refusal(plain.system, plain.step):
@@ -159,6 +165,7 @@ def create_engine(
             few = seldom and 0 < len(probe_rows(way.problem)) <= _FEW
             return (ProbeEngine if few else ModalEngine)(way.problem, method, save, stop, way.natural)
         return KernelEngine(way.problem, method, forces, stop)
-    if not way.problem.system.size and not forces.count:
+    system = way.problem.system
+    if system.prescribed_motion is not None or (not system.size and not forces.count):
         return KinematicEngine(way.problem, forces, stop)
     return DirectEngine(way.problem, method, forces, save, stop, pilot)

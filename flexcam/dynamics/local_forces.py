@@ -320,6 +320,10 @@ class LocalForces:
         rate += prescribed_rates
         return penetration, rate, prescribed_rates
 
+    def direction(self, inputs: PrescribedInputs) -> Callable[[int], FloatArray]:
+        """Return a function of a scalar: the vectors with which its force acts at m instants, shape (m, n)."""
+        return lambda scalar: (inputs.acts[scalar] * inputs.acting_weights) @ self.act.vectors
+
     def respond(
         self, penetration: FloatArray, rate: FloatArray, state: FloatArray, schedule: PrescribedInputs, i: int = 0
     ) -> Reaction:
@@ -370,6 +374,13 @@ class LocalForces:
         self.state_steps(step, penetration, begin, state)
         return self.workspace.states[NEW_STATE].copy()
 
+    def acting_laws(self, penetration: FloatArray) -> IntArray:
+        """Return the rows of the laws without those of contacts that stay open at all m instants, shape (m, c)."""
+        table = self.table.laws
+        contacts = np.array([kind != CUSTOM and LAWS[kind].touching for kind in table[:, KIND].tolist()], dtype=bool)
+        still_open = (penetration[:, table[:, FIRST]] <= 0.0).all(axis=0)
+        return table[~(contacts & still_open & (table[:, LAW_STATE] < 0))]
+
     def contact_sides(self, penetration: FloatArray) -> NDArray[np.bool_]:
         """Return the sides of the switching scalars."""
         return penetration[self.switching] > 0.0
@@ -406,10 +417,12 @@ class LocalForces:
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:  # fmt: skip
         """Return the results of `evaluate`, and the tangents of every law if requested."""
         work, table = Workspace(self.table, self.count, 0), self.table
-        force, energy = np.empty_like(penetration, order="C"), np.empty_like(penetration, order="C")
+        force, energy = np.zeros_like(penetration, order="C"), np.zeros_like(penetration, order="C")
         by_state, rows = np.zeros_like(state, order="C"), table.laws if laws is None else laws
         rates = np.zeros(penetration.shape) if rate is None else np.ascontiguousarray(rate)
         narrow = np.zeros((len(penetration) if tangents else 0, *work.tangent.shape))
+        if not len(rows):
+            return energy, force, by_state, narrow
         self._evaluate_rows(
             rows, table.constants, functions, 0, np.ascontiguousarray(penetration), rates, np.ascontiguousarray(state),
             work.local, work.tangent, work.states, force, energy, by_state, narrow,

@@ -70,7 +70,7 @@ def outline(system: System, save: SaveAt | None = None) -> Outline:
     """Return the names of the results of a system, with all channels by default."""
     save = save or SaveAt()
     probes = tuple((p.name, p.components) for p in system.probes)
-    names = system.prescribed_motion.names if system.prescribed_motion else system.names
+    names = system.names
     if not save.channels:
         return Outline(names, probes, ())
     channels = tuple((c.name, c.unit) for c in system.channels)
@@ -153,7 +153,7 @@ def solve(
     returns = problem.start.periodicity if problem.start else None
     way = select_engine(problem, scheme, keep)
     inside = way.problem
-    sizes = len(names.unknowns), inside.system.size
+    sizes = len(names.unknowns), 0 if inside.system.is_kinematic else inside.system.size
     stats = Stats(engine=way.engine, size=sizes[0], unknowns=sizes[1], periodicity=-1.0 if returns is None else returns)
     status, can_resume = Status(), resume is not None
     try:
@@ -197,7 +197,7 @@ def record(problem: Problem, engine: Engine, forces: LocalForces, method: Method
     The bases lead from the unknowns of the engine to those of the response, innermost first; no fields are saved.
     """
     save = SaveAt(field_every=problem.steps, energies=False)
-    memory = MemorySink(outline(replace(problem.system, prescribed_motion=None), save), problem.steps + 1, 2)
+    memory = MemorySink(outline(problem.system, save), problem.steps + 1, 2)
     run = _Run(problem, engine, forces, save, method.order)
     for block in run.blocks():
         memory.write(reduce(expand_block, bases, block))
@@ -312,12 +312,11 @@ class _Run:
         ends = track.ends if len(track.ends) < len(time) else slice(None)
         fields, series = track.ends[self._save.fields(steps, self._problem.steps)], Series(track.d, track.v, track.a)
         probes = _probe_series(self._system.probes, series, motion)
-        shown = Series(*self._system.prescribed_motion.at(motion)) if self._system.prescribed_motion else series
         return Block(
             time=time[ends], angle=motion.angle[ends], probes=probes.at(ends),
             channels=self._channels(steps, track, motion) if self._save.channels else np.zeros((len(steps), 0)),
             field_time=time[fields], field_angle=motion.angle[fields],
-            fields=shown if len(fields) == len(time) else shown.at(fields),
+            fields=series if len(fields) == len(time) else series.at(fields),
         )  # fmt: skip
 
     def statistics(self, stats: Stats) -> Stats:
@@ -342,9 +341,9 @@ class _Run:
         """Return energies and internal states at all instants, and check the balance of forces at some."""
         last = steps == self._problem.steps  # a short run may have no other evaluated instants
         between = (steps + 1) % self._save.field_every == 0  # at saved fields some engines restart their state
-        self._imbalance.evaluate(track, seen, schedule, track.ends[between | last])
         if self._system.prescribed_motion:
             return [seen.states]
+        self._imbalance.evaluate(track, seen, schedule, track.ends[between | last])
         return [self._account.block(track, seen, prescribed_rates, schedule), seen.states]
 
     def _observe(
@@ -379,9 +378,12 @@ def _offset(probes: tuple[Probe, ...], picked: Series, motion: CamMotion) -> Ser
 
 
 def prescribed_probes(system: System, motion: CamMotion) -> Series:
-    """Return the prescribed motion of the probes of a system without unknowns."""
-    nothing = np.zeros((len(motion.angle), system.size))
-    return _probe_series(system.probes, Series(nothing, nothing, nothing), motion)
+    """Return the motion of the probes of a system in prescribed motion."""
+    if system.prescribed_motion is None:
+        moved = (np.zeros((len(motion.angle), system.size)),) * 3
+    else:
+        moved = system.prescribed_motion.at(motion)
+    return _probe_series(system.probes, Series(*moved), motion)
 
 
 TIME_UP = Status(

@@ -9,9 +9,9 @@ from typing import Protocol
 
 import numpy as np
 
-from flexcam.core import FloatArray, Triplets
+from flexcam.core import FloatArray, IntArray, Triplets
 from flexcam.core.errors import refuse
-from flexcam.dynamics.cam_motion import AngleFunction, AngleVector, CamFunctionCache, CamMotion, Constant
+from flexcam.dynamics.cam_motion import AngleFunction, AngleVector, CamFunctionCache, CamMotion
 from flexcam.dynamics.force_laws import LAWS, ForceLaw
 
 _NO_STATE = np.zeros(0)
@@ -292,28 +292,38 @@ class Probe:
     offset: tuple[AngleFunction | None, ...]
 
 
-@dataclass(frozen=True, eq=False)
-class PrescribedMotion:
-    """Motion prescribed by the cam, for output of a mechanism without unknowns.
+class PrescribedMotion(Protocol):
+    """Motion of all unknowns that the cam prescribes, with the forces of the constraints that enforce it."""
 
-    Parameters
-    ----------
-    names
-        n names, like those of unknowns.
-    motion
-        Over the cam angle, vectors of shape (k, n).
-    """
-
-    names: tuple[str, ...]
-    motion: AngleVector
+    @property
+    def constraints(self) -> IntArray:
+        """Scalars of the local forces whose laws are replaced by constraint forces."""
+        ...
 
     def at(self, motion: CamMotion) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return displacement, velocity and acceleration at some instants, shape (m, n) each."""
-        cam, functions = motion.cam, self.motion.functions or (Constant(1.0),)
-        each = ([cam(function, i) for function in functions] for i in range(3))
-        moved, slope, bend = (np.stack(one, axis=-1) @ self.motion.vectors for one in each)
-        speed, rate = motion.speed[:, None], motion.rate[:, None]
-        return moved, slope * speed, bend * speed**2 + slope * rate
+        ...
+
+    def complete_forces(
+        self, motion: CamMotion, residual: FloatArray, direction: Callable[[int], FloatArray], rate: FloatArray,
+        local: FloatArray,
+    ) -> FloatArray:  # fmt: skip
+        """Return the local forces with those of the constraints, N, shape (m, c).
+
+        Parameters
+        ----------
+        motion
+            Of the cam at m instants.
+        residual
+            Inertia, damping and elastic forces minus all other forces, which the constraints balance, shape (m, n).
+        direction
+            Function that returns the vectors with which a scalar's force acts, shape (m, n).
+        rate
+            Rates of the sensed scalars, shape (m, c).
+        local
+            The other local forces, zero for the constraints, shape (m, c).
+        """
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -331,7 +341,7 @@ class System:
     free
         Motions without stiffness, shape (n, k), if known; None to compute them numerically.
     prescribed_motion
-        Prescribed motion for the output of a mechanism without unknowns.
+        Motion of all unknowns if it is prescribed; None if it follows from the equations.
     stored
         Strain energy of inactive parts that are not among the unknowns, J.
 
@@ -362,6 +372,11 @@ class System:
     def size(self) -> int:
         """Number of unknowns."""
         return self.mass.size
+
+    @property
+    def is_kinematic(self) -> bool:
+        """True if there is nothing to integrate: the motion is prescribed, or there are no unknowns."""
+        return self.prescribed_motion is not None or not self.size
 
     def load_histories(self, motion: CamMotion) -> FloatArray:
         """Return the scalar histories of all loads.

@@ -147,7 +147,7 @@ def spring_curve_table(name: str, spring: Spring) -> Table:
 def describe_inactive(ready: PreparedRun) -> list[str]:
     """Return sentences about inactive degrees of freedom that a run omits."""
     problem = ready.problem
-    if not problem.prune or not problem.system.size:
+    if not problem.prune or problem.system.is_kinematic:
         return []
     return words_of(build_structure(ready.model), active_dofs_of(problem))
 

@@ -46,7 +46,7 @@ from flexcam.dynamics import (
 from flexcam.io import temporary_folder
 from flexcam.io.exports import scalar_probes
 from flexcam.studies.plan import Bundle, open_case
-from flexcam.valvetrain import ANY_SPEED, Metric, Model, build_rigid, train_metric_names
+from flexcam.valvetrain import Metric, Model, rigid_motion, train_metric_names
 
 
 def compute_scalars(ready: PreparedRun, response: Response, names: Sequence[str] | None = None) -> list[Metric]:
@@ -141,8 +141,9 @@ def _deviation_scalars(ready: PreparedRun, response: Response) -> Iterator[Metri
 
 def _rigid_response(ready: PreparedRun, response: Response) -> Response:
     """Return the motion of the rigid train at the instants of a response."""
-    rigid, motion = build_rigid(ready.model, ANY_SPEED), ready.problem.drive.at(response.time)
-    return replace(response, outline=outline(rigid), probes=prescribed_probes(rigid, motion))
+    system = replace(ready.problem.system, prescribed_motion=rigid_motion(ready.model))
+    probes = prescribed_probes(system, ready.problem.drive.at(response.time))
+    return replace(response, outline=outline(system), probes=probes)
 
 
 def _energy_residual(response: Response) -> Iterator[Metric]:

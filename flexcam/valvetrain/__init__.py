@@ -43,7 +43,8 @@ from flexcam.valvetrain.parts import (
     Wire,
 )
 from flexcam.valvetrain.resolution import Resolution, ResolutionSink
-from flexcam.valvetrain.rigid_model import ANY_SPEED, build_rigid, shared_forces, touching_coils
+from flexcam.valvetrain.rigid_kinematics import follower_train
+from flexcam.valvetrain.rigid_model import build_rigid, rigid_motion, shared_forces, touching_coils
 from flexcam.valvetrain.strength import (
     MemberStrength,
     StiffStrut,
@@ -68,17 +69,17 @@ from flexcam.valvetrain.train_metrics import (
     train_metrics,
     valve_loft,
 )
-from flexcam.valvetrain.train_topology import driving_contact, follower_train, largest_lashes
+from flexcam.valvetrain.train_topology import driving_contact, largest_lashes
 
 __all__ = [
-    "ANY_SPEED", "BOUNCE_HEIGHT", "DAMPING_DEPTH", "OPEN", "Adjuster", "Cam", "CamContact", "Chain",
-    "Contact", "ContactModes", "Friction", "GivenLoad", "Lash", "Lever", "LoadTable", "Lubrication", "MassAt",
-    "MemberStrength", "Metric", "Model", "ModelModes", "OilChamber", "PublishedLoad", "Pulsation", "Resolution",
-    "ResolutionSink", "Rocker", "Seat", "Seating", "Spring", "StiffStrut", "StrengthSink", "Structure", "Wire",
-    "buckling_load", "build_chain", "build_rigid", "build_structure", "build_system",
-    "compressed_members", "contact_loss", "contact_modes", "contact_stiffness", "describe_inactive", "driving_contact",
-    "element_loads", "follower_train", "free_running", "free_speed", "hertz_line", "largest_lashes", "lift_transfer",
-    "main_lift", "member_masses", "modal_basis", "model_modes", "modes_on_the_lift", "seating", "separation",
-    "separation_by_flank", "shared_forces", "stiff_struts", "straighten", "touching_coils", "train_metric_names",
-    "train_metrics", "valve_loft", "valve_ratio", "without_compression",
+    "BOUNCE_HEIGHT", "DAMPING_DEPTH", "OPEN", "Adjuster", "Cam", "CamContact", "Chain", "Contact", "ContactModes",
+    "Friction", "GivenLoad", "Lash", "Lever", "LoadTable", "Lubrication", "MassAt", "MemberStrength", "Metric",
+    "Model", "ModelModes", "OilChamber", "PublishedLoad", "Pulsation", "Resolution", "ResolutionSink", "Rocker",
+    "Seat", "Seating", "Spring", "StiffStrut", "StrengthSink", "Structure", "Wire", "buckling_load", "build_chain",
+    "build_rigid", "build_structure", "build_system", "compressed_members", "contact_loss", "contact_modes",
+    "contact_stiffness", "describe_inactive", "driving_contact", "element_loads", "follower_train", "free_running",
+    "free_speed", "hertz_line", "largest_lashes", "lift_transfer", "main_lift", "member_masses", "modal_basis",
+    "model_modes", "modes_on_the_lift", "rigid_motion", "seating", "separation", "separation_by_flank",
+    "shared_forces", "stiff_struts", "straighten", "touching_coils", "train_metric_names", "train_metrics",
+    "valve_loft", "valve_ratio", "without_compression",
 ]  # fmt: skip

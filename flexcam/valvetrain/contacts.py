@@ -22,8 +22,8 @@ from flexcam.dynamics import (
 )
 from flexcam.dynamics.force_laws import LEVER, SLIDING_FRICTION
 from flexcam.valvetrain.parts import Adjuster, Lash, Lever, Seat
-from flexcam.valvetrain.structure import Structure, lever_ends
-from flexcam.valvetrain.train_topology import follower_train
+from flexcam.valvetrain.structure import Structure, lash_row, lever_ends
+from flexcam.valvetrain.rigid_kinematics import follower_train
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,15 +81,6 @@ def couple_lash(structure: Structure, name: str, lash: Lash) -> Coupling:
         Channel(f"{where}.force", "N", force_sum(0)),
         Channel(f"{where}.gap", "m", lambda seen: -seen.penetrations[:, 0]),
     ))  # fmt: skip
-
-
-def lash_row(structure: Structure, part: Lash | Adjuster, where: str) -> FloatArray:
-    """Return the row of the approach of both sides of a lash, shape (n,)."""
-    if part.ends is not None and part.direction is not None:
-        first, second = (structure.row(end, part.direction, where) for end in part.ends)
-        return first - second
-    rocker = structure.model.rockers[str(part.rocker)]
-    return structure.reach(rocker) - structure.dofs.unit(rocker.point)
 
 
 def couple_adjuster(structure: Structure, name: str, part: Adjuster) -> Coupling:

@@ -33,7 +33,7 @@ from flexcam.fem.assembly import assemble_loads, distributed_load, element_weigh
 from flexcam.valvetrain.contacts import Coupling
 from flexcam.valvetrain.parts import Cam, LoadTable, PublishedLoad
 from flexcam.valvetrain.structure import Structure, find_node, spring_parts, spring_row, superelement_dofs
-from flexcam.valvetrain.train_topology import FollowerTrain, follower_train
+from flexcam.valvetrain.rigid_kinematics import FollowerTrain, follower_train
 
 
 def series_stiffness(structure: Structure, contact: PublishedLoad, where: str) -> float:
@@ -96,7 +96,7 @@ def couple_published_load(structure: Structure, name: str, contact: PublishedLoa
         return (force + K * motion.cam(cam.event, 0)) * motion.cam(cam.event, 1)
 
     loads = [Load(f"contacts.{name}.lift", push, lambda motion: K * motion.cam(cam.event, 0))]
-    preloaded = push - _spring_share(structure, train)
+    preloaded = push - spring_share(structure, train)
     loads.append(Load(f"contacts.{name}.preload", preloaded, constant_history(force), installed=True, steady=True))
     if contact.cam_torque:
         loads.append(Load(f"contacts.{name}.torque", twist, torque))
@@ -117,7 +117,7 @@ def couple_published_load(structure: Structure, name: str, contact: PublishedLoa
     ))  # fmt: skip
 
 
-def _spring_share(structure: Structure, train: FollowerTrain) -> FloatArray:
+def spring_share(structure: Structure, train: FollowerTrain) -> FloatArray:
     """Return the vector of the springs' installed forces that balances a unit force at the follower.
 
     The force is distributed like the given installed forces, or like the stiffnesses without any.

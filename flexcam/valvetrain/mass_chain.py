@@ -16,7 +16,8 @@ from flexcam.valvetrain.springs import condense_spring
 from flexcam.valvetrain.strength import Bars, compressed_members, elements_of
 from flexcam.valvetrain.structure import Structure, build_structure
 from flexcam.valvetrain.system_builder import build_system
-from flexcam.valvetrain.train_topology import follower_train, moved_nodes
+from flexcam.valvetrain.rigid_kinematics import follower_train
+from flexcam.valvetrain.train_topology import moved_nodes
 
 _UNSEEN = 1e-9  # singular value below which a strain-free motion is independent of the kept motions
 

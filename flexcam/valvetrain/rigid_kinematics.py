@@ -1,307 +1,158 @@
-"""Kinematics of the rigid train: motion over the cam lift through levers and lash."""
+"""Rigid trains of a structure: members, links, levers and closed contacts are rigid, other springs deform statically.
+
+The motion is the limit of the flexible model for infinite stiffness of the train. All unknowns follow from the scalars
+that contacts and levers sense, with minimum energy of the springs.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import product
-from typing import NamedTuple
+from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from flexcam.core import FloatArray
-from flexcam.core.errors import refuse
-from flexcam.valvetrain.parts import Adjuster, Lash, Lever, Rocker, Seat, path_name, tip_name
-from flexcam.valvetrain.structure import Structure
-from flexcam.valvetrain.train_topology import complete_motion, moved_nodes, rigid_shift, with_springs
-
-Coordinate = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
-"""Path of the rigid train over the lift, m, with its first two derivatives."""
-
-
-def direct_path(lift: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the path of parts moved directly by the cam: the lift."""
-    return lift, np.ones_like(lift), np.zeros_like(lift)
-
-
-def lever_path(before: Coordinate, lever: Lever, end: int, share: float) -> Coordinate:
-    """Return the path of a lever's driven end (0), or of its point (1), over the lift."""
-
-    def path(lift: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        c, c1, c2 = before(lift)
-        p, slope, bend = lever.path_at(share * c)
-        slope, bend = share * slope * c1, share**2 * bend * c1**2 + share * slope * c2
-        if end == 0:
-            return p, slope, bend
-        y, by_path, by_path_twice = lever.reach(p, 1)
-        return y, by_path * slope, by_path_twice * slope**2 + by_path * bend
-
-    return path
+from flexcam.core import FloatArray, IntArray, Triplets, component_members, connected_components
+from flexcam.fem.rigid_bodies import scalar_matrix
+from flexcam.valvetrain.parts import Adjuster, CamContact, Lash, PublishedLoad, Seat
+from flexcam.valvetrain.rigid_train import (
+    RANK,
+    Branch,
+    Drive,
+    LeverEnd,
+    RigidTrain,
+    Stop,
+    find_closed_stops,
+)
+from flexcam.valvetrain.structure import Structure, lash_row, lever_ends, spring_stretches, strain_free_motions
 
 
-def path_behind_lash(before: Coordinate, gap: float, rest: float | None) -> Coordinate:
-    """Return the path after a lash, zero until the lash is taken up."""
-
-    def path(lift: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        h, h1, h2 = before(lift)
-        if rest is None:
-            return h - gap, h1, h2
-        on = h - gap > rest
-        return np.where(on, h - gap, rest), np.where(on, h1, 0.0), np.where(on, h2, 0.0)
-
-    return before if gap == 0.0 and rest is None else path
-
-
-_FORCE_TOLERANCE = 1e-9  # fraction of the largest force that counts as zero
-_PENETRATION_TOLERANCE = 1e-12  # penetration that counts as zero, m
-
-
-@dataclass(frozen=True)
-class Body:
-    """Part of a train not divided by lash; motions and forces are reduced to the follower."""
-
-    before: int = 0  #: number of the driving body; its own number for the first body, driven by the cam
-    gap: float = 0.0  #: lash between them, m
-    push: float = 0.0  #: plunger force of an adjuster, N
-    extends: bool = False  #: whether an adjuster between them takes up the lash
-    seated: bool = False  #: whether a seat stops its return
-
-    def touches(self, place: float, before: float) -> bool:
-        """Return whether its lash is closed at given positions of it and the driving body, m."""
-        return self.extends or place - before <= _PENETRATION_TOLERANCE - self.gap
-
-
-def find_rest(bodies: Sequence[Body], stiffness: FloatArray, force: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the rest positions of bodies on the base circle, m, and the forces of their seats, N, shape (g,) each.
-
-    The first body has no seat force: the stiffnesses of seat and cam share its load.
-
-    Forces return a body until its lash is closed, its seat stops it, or its springs balance them. The solution
-    satisfies equilibrium with unilateral contact forces: the conditions of A. Signorini, as in P. Wriggers,
-    Computational Contact Mechanics, 2nd ed. (2006), ch. 2.
-    """
-    own = force.copy()
-    for i, body in enumerate(bodies[1:], 1):
-        own[body.before] += body.push
-        own[i] -= body.push
-    stops = _stops(bodies)
-    for held in product(*((stop.likely, not stop.likely) for stop in stops)) if stops else ():
-        holding = [stop for stop, holds in zip(stops, held, strict=True) if holds]
-        places, forces = _solve_active_set(stiffness[1:, 1:], own[1:], holding)
-        if places is not None and all(float(one.row @ places) >= one.bound - _PENETRATION_TOLERANCE for one in stops):
-            seats = sum((size * one.row * one.seat for one, size in zip(holding, forces, strict=True)), 0.0 * own[1:])
-            return np.append(0.0, places), np.append(0.0, seats)
-    return np.zeros(len(bodies)), np.zeros(len(bodies))
+@lru_cache(maxsize=4)
+def rigid_trains(structure: Structure) -> tuple[RigidTrain, ...]:
+    """Return the trains that cams move, without loads."""
+    model, cam_contacts = structure.model, structure.model.cam_contacts
+    drives = [
+        Drive(
+            name,
+            one,
+            model.cams[one.cam].event,
+            structure.row(one.follower, one.direction, f"contacts.{name}.follower"),
+        )
+        for name, one in cam_contacts.items()
+    ]
+    stops = [
+        Stop(name, part, _stop_row(structure, name, part), part.gap if isinstance(part, Lash) else 0.0)
+        for name, part in model.contacts.items() if isinstance(part, Seat | Lash | Adjuster)
+    ]  # fmt: skip
+    levers = [
+        LeverEnd(lever, end, *rows)
+        for lever in model.levers.values() for end, rows in lever_ends(structure, lever).items()
+    ]  # fmt: skip
+    links = [one for one in spring_stretches(structure) if one.rigid]
+    motions = strain_free_motions(structure, links)
+    rows = [*(one.row for one in (*drives, *stops, *links)), *(one.path + one.moved for one in levers)]
+    stiffness = soft_stiffness(structure)
+    trains = (
+        _train(dofs, motions[dofs], stiffness.part(dofs).dense(), drives, stops, levers)
+        for dofs in _coupled_groups(structure, rows)
+    )
+    return tuple(train for train in trains if train.drives)
 
 
-class _Stop(NamedTuple):
-    """Unilateral constraint of bodies, ``row x >= bound``, and whether it is likely active: a seat, else a lash."""
-
-    row: FloatArray
-    bound: float
-    likely: bool
-    seat: bool
+def soft_stiffness(structure: Structure) -> Triplets:
+    """Return the stiffness of the springs that are not rigid in the rigid model."""
+    soft = (scalar_matrix(one.row, one.stiffness) for one in spring_stretches(structure) if not one.rigid)
+    return Triplets.sum([Triplets.zeros(structure.dofs.size), *soft])
 
 
-def _stops(bodies: Sequence[Body]) -> list[_Stop]:
-    unit = np.eye(len(bodies))[:, 1:]
-    numbered = list(enumerate(bodies))[1:]
-    plays = [_Stop(unit[i] - unit[one.before], -one.gap, not one.seated, False) for i, one in numbered]
-    return plays + [_Stop(unit[i], 0.0, True, True) for i, one in numbered if one.seated]
+def load_trains(structure: Structure, load: FloatArray) -> tuple[RigidTrain, ...]:
+    """Return the trains under a constant load, N, shape (n,), with the adjusters extended on the base circle."""
+    return tuple(_extend_adjusters(replace(one, force=one.motions @ load[one.dofs])) for one in rigid_trains(structure))
 
 
-def _solve_active_set(K: FloatArray, force: FloatArray, stops: Sequence[_Stop]) -> tuple[FloatArray | None, FloatArray]:
-    """Return the rest positions with active constraints and their forces; None if a force is tensile.
+def _train(
+    dofs: IntArray, motions: FloatArray, stiffness: FloatArray, drives: Sequence[Drive], stops: Sequence[Stop],
+    levers: Sequence[LeverEnd],
+) -> RigidTrain:  # fmt: skip
+    """Return the train of some coupled unknowns by their motions without strain, shape (k, r)."""
+    left, sizes, _ = np.linalg.svd(motions, full_matrices=False)
+    free = left[:, : int(np.count_nonzero(sizes > RANK))].T
+    drives = [replace(one, row=free @ one.row[dofs]) for one in drives]
+    stops = [replace(one, row=free @ one.row[dofs]) for one in stops]
+    levers = [replace(one, path=free @ one.path[dofs], moved=free @ one.moved[dofs]) for one in levers]
+    drives = [one for one in drives if np.abs(one.row).max(initial=0.0) > RANK]
+    stops = [one for one in stops if np.abs(one.row).max(initial=0.0) > RANK]
+    levers = [one for one in levers if np.abs(one.path).max(initial=0.0) > RANK]
+    sensed = [*(one.row for one in (*drives, *stops)), *(row for one in levers for row in (one.path, one.moved))]
+    basis = np.array(sensed).reshape(len(sensed), len(free))
+    basis = (
+        np.linalg.svd(basis, full_matrices=False)[2][: int(np.linalg.matrix_rank(basis, rtol=RANK))]
+        if sensed
+        else basis
+    )
+    shapes = _least_energy_motions(free @ stiffness @ free.T, basis)
+    return RigidTrain(
+        dofs, shapes @ free,
+        tuple(replace(one, row=shapes @ one.row) for one in drives),
+        tuple(replace(one, row=shapes @ one.row) for one in stops),
+        tuple(replace(one, path=shapes @ one.path, moved=shapes @ one.moved) for one in levers),
+        shapes @ free @ stiffness @ free.T @ shapes.T, np.zeros(len(shapes)),
+    )  # fmt: skip
 
-    ``K x + f = A^T r`` with ``A x = b`` and ``r >= 0``.
-    """
-    n, scale = len(force), float(np.abs(K).max(initial=0.0)) or 1.0
-    A = np.array([stop.row for stop in stops]).reshape(-1, n)
-    matrix = np.block([[K / scale, -A.T], [A, np.zeros((len(A), len(A)))]])
-    given = np.concatenate([-force / scale, [stop.bound for stop in stops]])
-    found: FloatArray = np.linalg.lstsq(matrix, given)[0].astype(np.float64, copy=False)
-    slight = _FORCE_TOLERANCE * float(np.abs(force).max(initial=0.0)) / scale + _PENETRATION_TOLERANCE
-    if (np.abs(matrix @ found - given) > slight).any() or (found[n:] < -slight).any():
-        return None, found[n:]
-    return found[:n], scale * found[n:]
+
+def _least_energy_motions(stiffness: FloatArray, rows: FloatArray) -> FloatArray:
+    """Return the motions of minimum energy, then of minimum size, for a unit of each of some rows, shape (d, r)."""
+    d, size = rows.shape
+    scale = float(np.abs(stiffness).max(initial=0.0)) or 1.0
+    matrix = np.block([[stiffness / scale, rows.T], [rows, np.zeros((d, d))]])
+    return np.linalg.lstsq(matrix, np.eye(size + d)[:, size:], rcond=RANK)[0][:size].T.astype(np.float64)
 
 
-Bools = NDArray[np.bool_]
+def _extend_adjusters(train: RigidTrain) -> RigidTrain:
+    """Return a train whose adjusters take up their clearance where the lifts are zero."""
+    if not any(isinstance(stop.part, Adjuster) for stop in train.stops):
+        return train
+    still = np.zeros(len(train.drives))
+    z = Branch(train, find_closed_stops(train, still)).positions(still[None])[0][0]
+    stops = (replace(one, gap=float(one.row @ z)) if isinstance(one.part, Adjuster) else one for one in train.stops)
+    return replace(train, stops=tuple(stops))
 
 
-@dataclass(frozen=True, eq=False)
-class Part:
-    """Part that moves along one path."""
+def _stop_row(structure: Structure, name: str, part: Seat | Lash | Adjuster) -> FloatArray:
+    if isinstance(part, Seat):
+        return -structure.row(part.at, part.direction, f"contacts.{name}.at")
+    return lash_row(structure, part, f"contacts.{name}")
 
-    motion: FloatArray  #: shape (n,), per motion along the path
-    slope: float = 1.0  #: slope of the path over the lift, as installed, with lash closed
-    before: int = 0  #: number of the driving part
-    body: int = 0  #: number of its body
-    #: `lever`, `end`, `share`: lever, its driven end (0) or its point (1), and the fraction of the driving motion
-    lever: Lever | None = None
-    end: int = 0
-    share: float = 1.0
-    opens: bool = False  #: whether a lash precedes it, so that a new body begins
+
+def _coupled_groups(structure: Structure, rows: Sequence[FloatArray]) -> list[IntArray]:
+    """Return the unknowns of each part that is coupled by mass, stiffness or rows."""
+    both = structure.mass + structure.stiffness
+    coupled = both.values != 0.0
+    pairs = [(both.rows[coupled], both.cols[coupled])]
+    for at in (np.flatnonzero(row) for row in rows):
+        pairs += [(np.full(len(at), at[0]), at)] if len(at) else []
+    first, second = (np.concatenate(part) for part in zip(*pairs, strict=True))
+    return component_members(connected_components(both.size, first, second))
 
 
 @dataclass(frozen=True, eq=False)
-class TrainParts:
-    """Rigid train divided into parts and bodies."""
+class FollowerTrain:
+    """Parts that move with a follower along the lift as one rigid body."""
 
-    #: `parts`, `bodies`: from the cam on
-    parts: tuple[Part, ...]
-    bodies: tuple[Body, ...]
-
-    @property
-    def motions(self) -> FloatArray:
-        """Motions of all parts, shape (b, n)."""
-        return np.array([part.motion for part in self.parts])
-
-    @property
-    def installed(self) -> FloatArray:
-        """Relative motions of the parts of every body as installed, shape (g, b)."""
-        slopes, belongs = (np.array([getattr(part, one) for part in self.parts]) for one in ("slope", "body"))
-        return slopes * (np.arange(len(self.bodies))[:, None] == belongs)
-
-    def coordinates(self, rests: FloatArray) -> tuple[Coordinate, ...]:
-        """Return the path of every part for rest positions of bodies, m, shape (g,), from `find_rest`."""
-        found: list[Coordinate] = []
-        for part in self.parts:
-            path = found[part.before] if found else direct_path
-            if part.lever is not None:
-                path = lever_path(path, part.lever, part.end, part.share)
-            if part.opens:
-                path = self._lash_path(part, path, rests)
-            found.append(path)
-        return tuple(found)
-
-    def rests_on_cam(self, rests: FloatArray) -> Bools:
-        """Return which bodies are supported at rest by the cam without oil, shape (g,): their lash is closed."""
-        found = [True]
-        for body, rest in list(zip(self.bodies, rests, strict=True))[1:]:
-            closed = not body.extends and body.touches(float(rest), float(rests[body.before]))
-            found.append(closed and found[body.before])
-        return np.array(found)
-
-    def _lash_path(self, part: Part, path: Coordinate, rests: FloatArray) -> Coordinate:
-        """Return a path after a lash; that of an adjuster, or one closed at rest, has no gap."""
-        body, rest = self.bodies[part.body], float(rests[part.body])
-        closed = body.touches(rest, float(rests[body.before]))
-        if body.extends or (closed and body.seated):
-            return path_behind_lash(path, float(path(np.zeros(1))[0][0]) - part.slope * rest, None)
-        return path_behind_lash(path, part.slope * body.gap, None if closed else part.slope * rest)
+    motion: FloatArray  #: unit motion of all unknowns along the lift, shape (n,)
+    #: `mass`, `stiffness`: kg and N/m of that motion, at the follower
+    mass: float
+    stiffness: float
 
 
-@dataclass(frozen=True, eq=False)
-class _Joint:
-    """Lash between nodes, or a rocker with a separate point: driving and driven side."""
-
-    row: FloatArray
-    moved: FloatArray
-    play: Lash | Adjuster | None
-    rocker: Rocker | None = None
-
-
-def divide_train(structure: Structure, motion: FloatArray) -> TrainParts:
-    """Divide a train at lash and levers."""
-    parts, bodies = [Part(motion)], [Body()]
-    for joint in _topological_order([*_lash_joints(structure, motion), *_rockers(structure, motion)]):
-        before = next((i for i, one in enumerate(parts) if float(joint.row @ one.motion) != 0.0), 0)
-        for one in _parts_of(structure, joint, parts[before], before):
-            if twin := _parallel_lash(parts, before, one):
-                first, other = bodies[twin.body], _body(joint, parts[before], one)
-                gap, push = min(first.gap, other.gap), first.push + other.push  # the smaller gap governs, forces add up
-                extends = first.extends or other.extends
-                bodies[twin.body] = replace(first, gap=gap, push=push, extends=extends)
-                continue
-            if one.opens:
-                bodies.append(_body(joint, parts[before], one))
-            parts = [replace(old, motion=np.where(one.motion != 0.0, 0.0, old.motion)) for old in parts]
-            parts.append(replace(one, body=len(bodies) - 1) if one.opens else one)
-    # Springs deform uniformly between their ends.
-    parts = [replace(one, motion=with_springs(structure, one.motion)) for one in parts]
-    seats = [structure.row(one.at, one.direction) for one in structure.model.contacts.values() if isinstance(one, Seat)]
-    moved = [sum((one.slope * one.motion for one in parts if one.body == i), 0.0 * motion) for i in range(len(bodies))]
-    seated = [any(float(row @ one) > 0.0 for row in seats) for one in moved]
-    return TrainParts(tuple(parts), tuple(replace(one, seated=is_) for one, is_ in zip(bodies, seated, strict=True)))
-
-
-def _lash_joints(structure: Structure, motion: FloatArray) -> Iterator[_Joint]:
-    """Yield the lash elements between nodes of a train; refuse those that its lift does not close."""
-    for play in structure.model.lashes:
-        row, far = (structure.row(end, play.direction) for end in play.ends)
-        start, end = play.ends
-        pushed, at_node = rigid_shift(structure, end, play.direction), structure.is_node(start)
-        fixed = at_node and not rigid_shift(structure, start, play.direction).any()
-        if fixed or not pushed.any():  # a fixed node drives no other
-            continue
-        driven = float(row @ motion)
-        other = at_node and driven == 0.0 and float(far @ motion)
-        if driven < 0.0 or (other and not _is_cam_driven(structure, start)):
-            allowed, why = "a lash that the lift of its cam closes", "the rigid model follows the train from the cam"
-            remedy = "name as `from` the node on the side of the cam, with the direction in which it pushes"
-            given = f"from {start!r} to {end!r}"
-            raise refuse(f"contacts.{play.name}", given, allowed, why, remedy)
-        if driven:
-            yield _Joint(row, complete_motion(structure, pushed), play.part)
-
-
-def _is_cam_driven(structure: Structure, node: str) -> bool:
-    """Return whether a cam moves a node."""
-    model = structure.model
-    return any(model.mesh.node(node) in moved_nodes(model, one) for one in model.cam_contacts.values())
-
-
-def _rockers(structure: Structure, motion: FloatArray) -> Iterator[_Joint]:
-    """Yield the rockers of a train with separate points, and the linked nodes."""
-    for name, rocker in structure.model.rockers.items():
-        row = structure.row(rocker.start, rocker.direction)
-        if float(row @ motion) and rocker.point in structure.dofs.names:
-            own = complete_motion(structure, structure.dofs.unit(rocker.point))
-            yield _Joint(row, own, structure.model.lash_of(name), rocker)
-
-
-def _topological_order(joints: Sequence[_Joint]) -> Iterator[_Joint]:
-    """Yield joints in topological order: each after its driving joint."""
-    left = list(joints)
-    while left:
-        first = next((one for one in left if not any(float(one.row @ other.moved) for other in left)), left[0])
-        left.remove(first)
-        yield first
-
-
-def _parts_of(structure: Structure, joint: _Joint, driver: Part, before: int) -> Iterator[Part]:
-    """Yield the parts driven by a joint: both ends of a lever, then the parts at its point or after the lash."""
-    rocker, opens = joint.rocker, joint.play is not None
-    if not isinstance(rocker, Lever):
-        yield Part(_transmit(joint, driver) * joint.moved, driver.slope, before, driver.body, opens=opens)
-        return
-    name, share = structure.name_of(rocker), float(joint.row @ driver.motion)
-    for end, own in ((0, path_name(name)), (1, tip_name(name)), (1, None)):
-        slope = driver.slope * float(lever_path(direct_path, rocker, end, share)(np.zeros(1))[1][0])
-        if own is None or own in structure.dofs.names:
-            moved = joint.moved if own is None else structure.dofs.unit(own)
-            yield Part(moved, slope, before, driver.body, rocker, end, share, opens and own is None)
-
-
-def _transmit(joint: _Joint, driver: Part) -> float:
-    """Return the motion after a joint per path of its part; at a lever's point, the path itself."""
-    if isinstance(joint.rocker, Lever):
-        return 1.0
-    return float(joint.row @ driver.motion) * (joint.rocker.ratio if joint.rocker else 1.0)
-
-
-def _parallel_lash(parts: Sequence[Part], before: int, pushed: Part) -> Part | None:
-    """Return the part driven by a parallel lash from the same body; None without one."""
-    own = parts[before]
-    beside = (one for one in parts if one.opens and one is not own and parts[one.before].body == own.body)
-    return next((one for one in beside if pushed.opens and np.any((one.motion != 0.0) & (pushed.motion != 0.0))), None)
-
-
-def _body(joint: _Joint, driver: Part, first: Part) -> Body:
-    """Return the body that begins with a part after a lash."""
-    moved = first.slope * _transmit(joint, driver)
-    if isinstance(joint.play, Adjuster):
-        return Body(driver.body, push=joint.play.plunger_force * moved, extends=True)
-    return Body(driver.body, gap=joint.play.gap / moved if joint.play else 0.0)
+def follower_train(structure: Structure, contact: CamContact | PublishedLoad, where: str) -> FollowerTrain:
+    """Return the rigid train of a follower as installed, with all lash closed."""
+    row, motion = structure.row(contact.follower, contact.direction, where), np.zeros(structure.dofs.size)
+    for train in rigid_trains(structure):
+        if any(drive.contact is contact for drive in train.drives):
+            motion[train.dofs] = train.unit_motion(contact) @ train.motions
+            break
+    else:  # a part that only bends
+        motion = row
+    mass, stiffness = structure.mass, structure.stiffness
+    return FollowerTrain(motion, float(motion @ mass.times(motion)), float(motion @ stiffness.times(motion)))

@@ -1,404 +1,281 @@
-"""Rigid model of a mechanism: contact forces by virtual work, with loads, nonlinear springs and friction."""
+"""Rigid model: the flexible model in the motion of its rigid trains, with contact forces by inverse dynamics.
+
+Mass, springs, loads, force laws, probes and channels are those of the flexible model. The forces of cams, seats, lash
+and adjusters balance inertia, damping, springs, friction and loads in virtual motions of the train.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import lru_cache
 
 import numpy as np
 
-from flexcam.cams import Event, event_extremes
-from flexcam.core import FloatArray, Triplets
+from flexcam.cams import event_extremes
+from flexcam.core import FloatArray, IntArray, Triplets
 from flexcam.core.errors import refuse
 from flexcam.dynamics import (
-    AngleFunction,
     AngleVector,
-    CamFunctionCache,
     CamMotion,
     Channel,
-    DerivedCamFunction,
+    ConstantSpeed,
     ForceLaw,
     Load,
-    Observation,
-    PrescribedMotion,
-    Probe,
     System,
-    constant,
     derivative,
-    load_sum,
+    force_sum,
     modes,
-    observable_sum,
+    spring_damper,
 )
-from flexcam.dynamics.force_laws import STOP
 from flexcam.dynamics.local_forces import LocalForces
-from flexcam.fem.assembly import modal_damping
-from flexcam.valvetrain.cam_contact import lubrication_channels, sliding_path
-from flexcam.valvetrain.cam_functions import cam_sliding, normal_force_ratio, sliding_distance
-from flexcam.valvetrain.contacts import check_lever_rotation, couple_friction, opposed_force
-from flexcam.valvetrain.loads import given_loads, preload, steady_load
+from flexcam.fem.assembly import modal_damping, rayleigh_damping
+from flexcam.fem.rigid_bodies import scalar_matrix
+from flexcam.valvetrain.contacts import Coupling, check_lever_rotation, conservative_force, couple_friction
+from flexcam.valvetrain.loads import constant_history, given_loads, preload, spring_share, steady_load
 from flexcam.valvetrain.model import Model
-from flexcam.valvetrain.parts import CamContact, PublishedLoad, Spring
-from flexcam.valvetrain.rigid_kinematics import Body, Coordinate, divide_train, find_rest
-from flexcam.valvetrain.springs import condense_spring, couple_springs, force_unit, has_channels, spring_curve
-from flexcam.valvetrain.structure import Structure, build_structure, spring_parts, spring_row
-from flexcam.valvetrain.system_builder import probe_of
-from flexcam.valvetrain.train_topology import follower_train
+from flexcam.valvetrain.parts import CamContact, PublishedLoad
+from flexcam.valvetrain.rigid_kinematics import (
+    RigidTrain,
+    follower_train,
+    load_trains,
+    soft_stiffness,
+)
+from flexcam.valvetrain.springs import condense_spring, couple_springs
+from flexcam.valvetrain.structure import Structure, build_structure, spring_stretches
+from flexcam.valvetrain.system_builder import assemble_system, couple_contact, couple_contacts
 
 
 @dataclass(frozen=True, eq=False)
-class TrainLaw:
-    """Law of a spring's parts or of friction along the motions of a train."""
+class ConstraintForce:
+    """Force of a cam, seat, lash or adjuster by inverse dynamics."""
 
-    name: str  #: such as ``springs.valve.clash``
-    law: LocalForces  #: forces of the parts, stacked, as in the flexible train
-    rows: FloatArray  #: path of each part per motion, shape (c, b)
-    offset: AngleFunction  #: prescribed part of the compression
-    stops: bool  #: whether the law is coil clash
-
-    def force(self, moved: FloatArray, rate: FloatArray, cam: CamFunctionCache) -> FloatArray:
-        """Return the forces against some motions with their rates, shape (m, b) each, by virtual work."""
-        pressed = self.compression(moved, cam)
-        if self.stops and float(pressed.max(initial=0.0)) <= 0.0:  # no coils touch
-            return np.zeros_like(moved)
-        rates = rate @ self.rows.T
-        functions = self.law.function_values(cam)
-        return self.law.evaluate(pressed, np.zeros((len(pressed), 0)), functions, rate=rates)[1] @ self.rows
-
-    def compression(self, moved: FloatArray, cam: CamFunctionCache) -> FloatArray:
-        """Return the compression of each part, m, shape (m, c), for the arguments of `force`."""
-        return moved @ self.rows.T + cam(self.offset, 0)[:, None]
-
-
-def train_laws(structure: Structure, motions: FloatArray) -> tuple[TrainLaw, ...]:
-    """Return the nonlinear laws of the springs and the friction in a train."""
-    found: list[TrainLaw] = []
-    for force in (*couple_springs(structure).forces, *couple_friction(structure).forces):
-        rows = np.array([sensed.vectors[0] for sensed in force.sense]) @ motions.T
-        if rows.any() and isinstance(force.law, ForceLaw):
-            offset, stops = force.offset[0], force.law.kind == STOP
-            found.append(TrainLaw(force.name, _identity_law(force.name, force.law, len(rows)), rows, offset, stops))
-    return tuple(found)
-
-
-def _identity_law(name: str, law: ForceLaw, count: int) -> LocalForces:
-    """Return the law for scalars that are unknowns themselves."""
-    none = Triplets.zeros(count)
-    force = opposed_force(name, np.eye(count), law)
-    return LocalForces(System(none, none, none, ("",) * count, local_forces=(force,)))
-
-
-History = Callable[[CamMotion], FloatArray]
-
-_JAM_ANGLES = np.linspace(0.0, 2.0 * np.pi, 721)  # cam angles at which jamming is checked
+    scalar: int  #: its first scalar among the local forces
+    friction: tuple[float, float] | None  #: coefficient and velocity of Coulomb friction on the second scalar
 
 
 @dataclass(frozen=True, eq=False)
-class RigidFriction:
-    """Friction mu f tanh(v/v0) at a contact force f and sliding velocity v.
+class RigidTrains:
+    """Prescribed motion of all unknowns by the rigid trains."""
 
-    The train needs a force along its lift. If the face moves along itself during lift (a swinging face offset from its
-    pivot), by a per lift, friction carries a part of it: ``f - a T = needed`` with ``T = mu f tanh(v/v0)``, so that ``f
-    = needed/(1 - a mu tanh(v/v0))``: virtual work of what `flexcam.valvetrain.cam_contact` senses.
+    size: int
+    trains: tuple[RigidTrain, ...]
+    contacts: Mapping[str, ConstraintForce]  #: by the name of the contact
+
+    @property
+    def constraints(self) -> IntArray:
+        """Scalars whose forces are those of constraints, see `flexcam.dynamics.PrescribedMotion`."""
+        names = {one.name for train in self.trains for one in (*train.drives, *train.stops)}
+        own = [self.contacts[name] for name in sorted(names)]
+        return np.array(
+            [i for one in own for i in (one.scalar, one.scalar + 1)[: 1 + bool(one.friction)]], dtype=np.intp
+        )
+
+    def at(self, motion: CamMotion) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return displacement, velocity and acceleration at some instants, shape (m, n) each."""
+        found = np.zeros((3, len(motion.angle), self.size))
+        speed, rate = motion.speed[:, None], motion.rate[:, None]
+        for train in self.trains:
+            z, slope, bend = train.solve(motion.cam).z
+            for moved, scalars in zip(found, (z, slope * speed, bend * speed**2 + slope * rate), strict=True):
+                moved[:, train.dofs] = scalars @ train.motions
+        return found[0], found[1], found[2]
+
+    def complete_forces(
+        self, motion: CamMotion, residual: FloatArray, direction: Callable[[int], FloatArray], rate: FloatArray,
+        local: FloatArray,
+    ) -> FloatArray:  # fmt: skip
+        """Return the local forces with those of the constraints, see `flexcam.dynamics.PrescribedMotion`."""
+        found = local.copy()
+        for train in self.trains:
+            acting = {name: self._acting(train, name, direction, rate) for name in _names(train)}
+            moved = train.solve(motion.cam)
+            for branch, rows in moved.branches:
+                left = residual[rows][:, train.dofs] @ train.motions.T
+                for stop, closed in zip(train.stops, branch.closed, strict=True):
+                    if not closed and stop.push:
+                        found[rows, self.contacts[stop.name].scalar] = stop.push
+                        left -= stop.push * acting[stop.name][rows]
+                names = [train.stops[i].name for i in branch.stops] + [train.drives[i].name for i in branch.drives]
+                A = np.stack([acting[name][rows] for name in names], axis=-1)
+                forces = _balance(branch.virtual_motions(moved.z[0, rows]), A, left)
+                for name, force in zip(names, forces.T, strict=True):
+                    self._write(found, rows, name, force, rate)
+        return found
+
+    def _acting(
+        self, train: RigidTrain, name: str, direction: Callable[[int], FloatArray], rate: FloatArray
+    ) -> FloatArray:
+        """Return the forces on the scalars of a train per contact force, with its friction, shape (m, d)."""
+        contact = self.contacts[name]
+        found = direction(contact.scalar)
+        if contact.friction:
+            found = found + self._friction(contact, rate)[:, None] * direction(contact.scalar + 1)
+        return found[:, train.dofs] @ train.motions.T
+
+    def _write(self, local: FloatArray, rows: IntArray, name: str, force: FloatArray, rate: FloatArray) -> None:
+        contact = self.contacts[name]
+        local[rows, contact.scalar] = force
+        if contact.friction:
+            local[rows, contact.scalar + 1] = self._friction(contact, rate[rows]) * force
+
+    def jams(self, name: str, motion: CamMotion, direction: Callable[[int], FloatArray], rate: FloatArray) -> bool:
+        """Return whether friction carries all of the force of a cam contact at some instant."""
+        for train in self.trains:
+            for i, drive in enumerate(train.drives):
+                if drive.name == name:
+                    acting, moved = self._acting(train, name, direction, rate), train.solve(motion.cam)
+                    return any(branch.drive_effect(i, moved.z[0, rows], acting[rows]).min(initial=1.0) <= 0.0
+                               for branch, rows in moved.branches)  # fmt: skip
+        return False
+
+    @staticmethod
+    def _friction(contact: ConstraintForce, rate: FloatArray) -> FloatArray:
+        """Return the friction per contact force, ``mu tanh(v/v0)``."""
+        coefficient, speed = contact.friction or (0.0, 1.0)
+        return coefficient * np.tanh(rate[:, contact.scalar + 1] / speed)
+
+
+def _names(train: RigidTrain) -> list[str]:
+    return [one.name for one in (*train.drives, *train.stops)]
+
+
+def _balance(virtual: FloatArray, acting: FloatArray, residual: FloatArray) -> FloatArray:
+    """Return the forces f with ``P^T A f = P^T r``, the smallest where several fit, shape (m, forces).
+
+    The virtual motions P have the shape (m, d, c) or (1, d, c), the vectors A of the forces (m, d, forces), the
+    residual r (m, d).
     """
-
-    event: Event  #: lift of the cam
-    #: `coefficient`, `speed`: mu, and v0 in m/s
-    coefficient: float
-    speed: float
-    shares: FloatArray  #: factors of the follower's motion for each of `along`, shape (k,)
-    along: tuple[AngleFunction, ...]  #: functions of the path along the face
-    slid: AngleFunction  #: sliding path with the follower fixed, m; its derivative is used
-
-    def force(self, needed: History) -> History:
-        """Return the contact force, N, from the force required along the lift."""
-        return lambda motion: needed(motion) / (1.0 - self._per_lift(motion.cam) * self._share(motion))
-
-    def jams(self) -> bool:
-        """Return whether the follower jams: friction carries the required force at some angle."""
-        cam = CamFunctionCache(_JAM_ANGLES)
-        return bool((self.coefficient * self._per_lift(cam) * np.sign(self._path(cam)) >= 1.0).any())
-
-    def friction(self, needed: History) -> History:
-        """Return friction divided by the reach, N, as in the contact laws."""
-        force = self.force(needed)
-        return lambda motion: self._share(motion) * force(motion)
-
-    def _per_lift(self, cam: CamFunctionCache) -> FloatArray:
-        parts = (share * cam(one, 0) for share, one in zip(self.shares, self.along, strict=True) if share)
-        return sum(parts, np.zeros_like(cam.angle))
-
-    def _path(self, cam: CamFunctionCache) -> FloatArray:
-        """Return the sliding path per cam angle, m."""
-        return self._per_lift(cam) * cam(self.event, 1) + cam(self.slid, 1)
-
-    def _share(self, motion: CamMotion) -> FloatArray:
-        return self.coefficient * np.tanh(self._path(motion.cam) * motion.speed / self.speed)
+    P = np.broadcast_to(virtual, (len(residual), *virtual.shape[1:])).transpose(0, 2, 1)
+    matrix, given = P @ acting, P @ residual[..., None]
+    if matrix.shape[1] == matrix.shape[2]:
+        return np.linalg.solve(matrix, given)[..., 0].astype(np.float64)
+    return (np.linalg.pinv(matrix) @ given)[..., 0].astype(np.float64)
 
 
-def rigid_friction(structure: Structure, name: str, contact: CamContact, moved: FloatArray) -> RigidFriction:
-    """Return the friction of a contact in the rigid train."""
-    cam = structure.model.cams[contact.cam]
-    path = sliding_path(structure, name, contact, cam)
-    speed, slid = contact.friction_speed, sliding_distance(cam)
-    found = RigidFriction(cam.event, contact.friction, speed, path.vectors @ moved, path.functions, slid)
-    if found.jams():
-        allowed, why = "a friction at which the face slides", "friction alone would hold the rigid follower: it jams"
-        remedy = "lower it, or place the pivot nearer to the line of the face"
-        raise refuse(f"contacts.{name}.friction", contact.friction, allowed, why, remedy)
-    return found
-
-
-@dataclass(frozen=True, eq=False)
-class RigidTrain:
-    """Train of a follower as motions times coordinates that are functions of the lift."""
-
-    #: shape (b, n): the first is everything that moves in proportion to the lift, then the ends of levers
-    motions: FloatArray
-    coordinates: tuple[Coordinate, ...]  #: one per motion
-    #: `mass`, `damping`, `stiffness`: of these motions, shape (b, b); springs, dampers, Rayleigh and modal damping
-    mass: FloatArray
-    damping: FloatArray
-    stiffness: FloatArray
-    force: FloatArray  #: of the installed springs, the weight and the constant loads along them, N, shape (b,)
-    bodies: FloatArray  #: bodies between lash: relative motions as installed, shape (g, b)
-    #: force of each body at the follower on the base circle, N, shape (g,), if a seat supports it; else NaN
-    standing: FloatArray
-    laws: tuple[TrainLaw, ...]  #: nonlinear laws of springs and friction
-    #: loads from tables: what each acts with along the motions per unit, shape (b,), and its history
-    loads: tuple[tuple[FloatArray, History], ...] = ()
-    #: force at the follower shared by cam and seat on the base circle, N; it is assigned to the seat
-    shared: float = 0.0
-
-    def contact_force(self, event: Event) -> Callable[[CamMotion], FloatArray]:
-        """Return the force at the follower by virtual work, N: ``h'.(M (h' s.. + h'' s.^2) + C h' s. + K h + f)``.
-
-        On the base circle a seat carries the load of its body except for the plunger force of an adjuster: a valve
-        closed by its spring has ``seat = spring - plunger``, and a seat force is compressive only.
-        """
-
-        def history(motion: CamMotion) -> FloatArray:
-            s, slope, bend = (motion.cam(event, order) for order in range(3))
-            speed, rate = slope * motion.speed, bend * motion.speed**2 + slope * motion.rate
-            h, h1, h2 = (np.stack(one, axis=-1) for one in zip(*(c(s) for c in self.coordinates), strict=True))
-            v = h1 * speed[..., None]
-            inertia = (h1 * rate[..., None] + h2 * speed[..., None] ** 2) @ self.mass
-            damped = v @ self.damping
-            held = sum((one.force(h, v, motion.cam) for one in self.laws), h @ self.stiffness + self.force)
-            held = held - sum(load(motion)[..., None] * share for share, load in self.loads)
-            felt = (h1 * (inertia + damped + held)) @ (self.bodies != 0.0).T
-            shut = np.asarray(s <= _BASE_CIRCLE_FRACTION * event.height)[..., None]
-            return np.sum(np.where(shut & ~np.isnan(self.standing), self.standing, felt), axis=-1)
-
-        return history
-
-
-_BASE_CIRCLE_FRACTION = 1e-9  # fraction of the lift below which a cam counts as on the base circle
-
-
-def rigid_train(structure: Structure, contact: PublishedLoad | CamContact, where: str, speed: float) -> RigidTrain:
-    """Return the rigid train of a follower."""
-    train = follower_train(structure, contact, where)
-    parted = divide_train(structure, train.motion)
-    motions, bodies = parted.motions, parted.installed
-    mass = motions @ structure.mass.multiply(motions.T)
-    at_rest = _with_static_springs(structure)
-    damping, stiffness = _spring_matrices(at_rest, motions)
-    given = structure.model.damping
-    force = -motions @ steady_load(structure)
-    if isinstance(contact, PublishedLoad):
-        force[0] += preload(structure, contact, train, structure.model.cams[contact.cam], speed)
-    damping += given.alpha * mass + given.beta * stiffness + _modal(mass, stiffness, bodies, given.modal)
-    held, pushed, laws = bodies @ stiffness @ bodies.T, bodies @ force, train_laws(at_rest, motions)
-    loads = tuple((motions @ one.vector, one.history) for one in given_loads(structure) if not one.steady)
-    if isinstance(contact, PublishedLoad):  # parts driven by it are in the installed position
-        paths = parted.coordinates(0.0 * pushed)
-        return RigidTrain(motions, paths, mass, damping, stiffness, force, bodies, np.nan * pushed, laws, loads)
-    places, seats = find_rest(parted.bodies, held, pushed)
-    needed, seated = held @ places + pushed, np.array([one.seated for one in parted.bodies])
-    standing, between = _rest_forces(parted.bodies, needed - seats), seated & parted.rests_on_cam(places)
-    return RigidTrain(
-        motions, parted.coordinates(places), mass, damping, stiffness, force, bodies, standing, laws, loads,
-        float(np.maximum(needed, 0.0)[between].sum()),
-    )  # fmt: skip
-
-
-def _rest_forces(bodies: Sequence[Body], left: FloatArray) -> FloatArray:
-    """Return the contributions of bodies to the follower force on the base circle, from their seat loads.
-
-    A seat of the first body carries the remainder of all bodies, which other seats may reduce below zero.
-    """
-    found, borne = left.copy(), [bodies[0].seated]
-    for body in bodies[1:]:
-        borne.append(body.seated or borne[body.before])
-    found[0] -= max(float(left.sum()), 0.0) if bodies[0].seated else 0.0
-    return np.where(borne, found, np.nan)
-
-
-def _modal(mass: FloatArray, stiffness: FloatArray, bodies: FloatArray, ratio: float) -> FloatArray:
-    """Return the modal damping along motions, shape (b, b), in the limit of rigid members.
-
-    Member modes vanish as (w/w_e)^3 in the damping of a motion. The remaining modes are those of the bodies on their
-    springs (without contacts, as in the flexible model), and ``C = M Phi diag(2 zeta w) Phi^T M`` of these: for a train
-    in proportion to the lift ``2 zeta sqrt(k m)``. R. W. Clough and J. Penzien, Dynamics of Structures, 3rd ed. (2003),
-    eq. 12-56.
-    """
-    if ratio == 0.0:
-        return np.zeros_like(mass)
-    moved = bodies[np.einsum("gb,bc,gc->g", bodies, mass, bodies) > 0.0]
-    own, held = (Triplets.from_dense(moved @ one @ moved.T) for one in (mass, stiffness))
-    found = modes(own, held)
-    damping = modal_damping(Triplets.from_dense(mass), moved.T @ found.shapes, found.omegas, ratio)
-    return damping.dense()
-
-
-def _with_static_springs(structure: Structure) -> Structure:
-    """Return a structure in which springs with unequal parts have one: no unknown inside them moves on its own."""
-    springs = structure.model.springs
-    if not any(spring.coils for spring in springs.values()):
-        return structure
-    condensed = {name: condense_spring(one) if one.coils else one for name, one in springs.items()}
-    return replace(structure, model=replace(structure.model, springs=condensed))
-
-
-def _spring_matrices(structure: Structure, motions: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return damping and stiffness of the springs' parts along motions, shape (b, b) each."""
-    damping, stiffness = np.zeros((2, len(motions), len(motions)))
-    for name, spring in structure.model.springs.items():
-        for part, (low, high) in zip(spring.parts, spring_parts(structure, name, spring), strict=True):
-            row = motions @ (high - low)
-            damping += part.damping * np.outer(row, row)
-            stiffness += part.stiffness * np.outer(row, row)
-    return damping, stiffness
-
-
-ANY_SPEED = 1.0
-"""Speed, rad/s, at which the rigid train is built: its motion over the cam angle is the same at any speed."""
+@lru_cache(maxsize=4)
+def rigid_motion(model: Model) -> RigidTrains:
+    """Return the motion of all unknowns of a model with rigid trains; contact forces need `build_rigid`."""
+    structure = build_structure(model)
+    return RigidTrains(structure.dofs.size, load_trains(structure, steady_load(structure)), {})
 
 
 @lru_cache(maxsize=2)
 def build_rigid(model: Model, speed: float) -> System:
-    """Return the mechanism with rigid members: no unknowns, the train follows the lift."""
-    structure = build_structure(model)
+    """Return the system of the mechanism with rigid trains, in their prescribed motion."""
+    structure = _soft_structure(_condense_coils(model))
     check_lever_rotation(structure)
-    trains = {
-        name: rigid_train(structure, contact, f"contacts.{name}.follower", speed)
-        for name, contact in model.cam_contacts.items()
-    }
-    loads: list[Load] = []
-    channels: list[Channel] = []
-    for name, train in trains.items():
-        own = _contact_histories(structure, name, train, len(loads))
-        loads += own[0]
-        channels += own[1]
-    nothing = Triplets.zeros(0)
-    moved = _prescribed_motion(structure, trains)
-    channels += _spring_channels(structure, moved)
-    probes = tuple(_rigid_probe(probe_of(structure, point), moved) for point in model.probes)
-    shown = PrescribedMotion(structure.dofs.names, moved)
-    return System(nothing, nothing, nothing, (), tuple(loads), (), probes, tuple(channels), prescribed_motion=shown)
+    contacts = couple_contacts(structure, lambda name: _couple_contact(structure, name, speed))
+    couplings = [*contacts, couple_springs(structure), couple_friction(structure)]
+    couplings.append(Coupling(given_loads(structure), (), ()))
+    still = [load for coupling in couplings for load in coupling.loads if load.steady]
+    instant = ConstantSpeed(speed).at(np.zeros(1))
+    load = sum((float(one.history(instant)[0]) * one.vector for one in still), np.zeros(structure.dofs.size))
+    trains = load_trains(structure, load)
+    system = assemble_system(structure, _damping(structure, trains), couplings)
+    motion = RigidTrains(structure.dofs.size, trains, _constraint_forces(model, system))
+    _check_friction(model, system, motion)
+    return replace(system, prescribed_motion=motion)
 
 
-def _contact_histories(structure: Structure, name: str, train: RigidTrain, at: int) -> tuple[list[Load], list[Channel]]:
-    """Return contact forces as histories from an index on, and the channels computed from them."""
-    where, contact = f"contacts.{name}", structure.model.cam_contacts[name]
-    cam = structure.model.cams[contact.cam]
-    needed, arm = train.contact_force(cam.event), derivative(cam.event)
-    force, torque = load_sum(at), load_sum(at, factor=arm)
-    loads, more = [Load(where, np.zeros(0), needed)], list[Channel]()
-    if isinstance(contact, CamContact):
-        if contact.friction:
-            law = rigid_friction(structure, name, contact, train.motions[0])
-            loads = [Load(where, np.zeros(0), law.force(needed)),
-                     Load(f"{where}.friction", np.zeros(0), law.friction(needed))]  # fmt: skip
-            torque = observable_sum(torque, load_sum(at + 1, factor=cam_sliding(cam)))
-            more.append(Channel(f"{where}.friction", "N", load_sum(at + 1, factor=normal_force_ratio(cam))))
-        more += lubrication_channels(structure, name, contact, force, load_sum(at + 1))
-    return loads, [Channel(f"{where}.force", "N", force), Channel(f"{where}.torque", "N m", torque), *more]
+def _condense_coils(model: Model) -> Model:
+    """Return a model in which springs with unequal coils have one part: their coils close statically."""
+    springs = {name: condense_spring(one) if one.coils else one for name, one in model.springs.items()}
+    return replace(model, springs=springs) if any(one.coils for one in model.springs.values()) else model
 
 
-def _spring_channels(structure: Structure, moved: AngleVector) -> list[Channel]:
-    """Return the static forces of the springs at their travel."""
-    found: list[Channel] = []
-    for name, spring in structure.model.springs.items():
-        if has_channels(spring):
-            share = moved.vectors @ spring_row(structure, name, spring)
-            travel = _Combination(share, moved.functions) if share.any() else constant(0.0)
-            found.append(Channel(f"springs.{name}.force", force_unit(spring), partial(_static_force, spring, travel)))
+def _soft_structure(model: Model) -> Structure:
+    """Return the structure of a model without its rigid elements."""
+    structure = build_structure(model)
+    dampers = [scalar_matrix(one.row, one.damping) for one in spring_stretches(structure) if not one.rigid]
+    none = Triplets.zeros(structure.dofs.size)
+    return replace(structure, stiffness=soft_stiffness(structure), dampers=Triplets.sum([none, *dampers]))
+
+
+def _couple_contact(structure: Structure, name: str, speed: float) -> Coupling:
+    contact = structure.model.contacts[name]
+    if not isinstance(contact, PublishedLoad):
+        return couple_contact(structure, name, contact, speed)
+    # The cam moves the follower; the springs press with the published preload.
+    where, cam = f"contacts.{name}", structure.model.cams[contact.cam]
+    train = follower_train(structure, contact, f"{where}.follower")
+    force = preload(structure, contact, train, cam, speed)
+    follower = structure.row(contact.follower, contact.direction)
+    pressed = Load(f"{where}.preload", -spring_share(structure, train), constant_history(force), True, True)
+    law = conservative_force(where, AngleVector.constant(-follower), spring_damper(1.0), cam.event)
+    return Coupling((pressed,), (law,), (
+        Channel(f"{where}.force", "N", force_sum(0)),
+        Channel(f"{where}.torque", "N m", force_sum(0, factor=derivative(cam.event))),
+    ))  # fmt: skip
+
+
+def _constraint_forces(model: Model, system: System) -> dict[str, ConstraintForce]:
+    """Return the constraint forces of a system, by the names of their contacts."""
+    found: dict[str, ConstraintForce] = {}
+    first = 0
+    for force in system.local_forces:
+        name = force.name.removeprefix("contacts.")
+        if name != force.name and name in model.contacts:
+            friction = force.law.friction if isinstance(force.law, ForceLaw) and len(force.sense) > 1 else None
+            found[name] = ConstraintForce(first, friction)
+        first += len(force.sense)
     return found
 
 
-def _static_force(spring: Spring, travel: AngleFunction, seen: Observation) -> FloatArray:
-    """Return the static force of a spring at its travel, N, shape (m,)."""
-    curve, moved = spring_curve(spring), seen.cam(travel, 0)
-    pulsating = 0.0 if spring.pulsation is None else spring.stiffness * spring.pulsation.part(seen.motion.angle)
-    return np.interp(moved, curve.travel, curve.force) + pulsating * moved
+def _damping(structure: Structure, trains: Sequence[RigidTrain]) -> Triplets:
+    """Return dampers, Rayleigh damping, and modal damping of the rigid bodies on their springs without contacts."""
+    given, found = structure.model.damping, structure.dampers
+    found += rayleigh_damping(structure.mass, structure.stiffness, given.alpha, given.beta)
+    if given.modal == 0.0:
+        return found
+    for train in trains:
+        shapes = np.zeros((structure.dofs.size, len(train.motions)))
+        shapes[train.dofs] = train.motions.T
+        bodies = train.bodies(shapes.T @ structure.mass.multiply(shapes))
+        mass = Triplets.from_dense(bodies @ shapes.T @ structure.mass.multiply(shapes @ bodies.T))
+        own = modes(mass, Triplets.from_dense(bodies @ train.stiffness @ bodies.T))
+        found += modal_damping(structure.mass, shapes @ bodies.T @ own.shapes, own.omegas, given.modal)
+    return found
 
 
-def _prescribed_motion(structure: Structure, trains: Mapping[str, RigidTrain]) -> AngleVector:
-    """Return the motion of all components: those of the trains by their coordinates."""
-    vectors, functions = [np.zeros((1, structure.dofs.size))], [constant(0.0)]
-    for name, train in trains.items():
-        event = structure.model.cams[structure.model.cam_contacts[name].cam].event
-        vectors.append(train.motions)
-        functions += [_CoordinateByAngle(coordinate, event) for coordinate in train.coordinates]
-    return AngleVector(np.concatenate(vectors), tuple(functions))
+_JAM_ANGLES = np.linspace(0.0, 2.0 * np.pi, 721)
+_FAST = 1e9  # rad/s, where friction has its full size
 
 
-def _rigid_probe(probe: Probe, moved: AngleVector) -> Probe:
-    """Return the probe with the motion of the rigid trains."""
-    shares = probe.rows @ moved.vectors.T
-    offsets = tuple(_Combination(row, moved.functions) if row.any() else None for row in shares)
-    return Probe(probe.name, probe.components, np.zeros((len(shares), 0)), offsets)
+def _check_friction(model: Model, system: System, motion: RigidTrains) -> None:
+    """Refuse a friction that carries all of the force of its follower at some angle: it jams."""
+    cam, forces = ConstantSpeed(_FAST).at(_JAM_ANGLES / _FAST), LocalForces(system)
+    inputs = forces.prescribed_inputs(cam)
+    rate = forces.sense_motion(*motion.at(cam)[:2], inputs)[1]
+    for name, contact in model.cam_contacts.items():
+        if (
+            isinstance(contact, CamContact)
+            and contact.friction
+            and motion.jams(name, cam, forces.direction(inputs), rate)
+        ):
+            allowed, why = (
+                "a friction at which the face slides",
+                "friction alone would hold the rigid follower: it jams",
+            )
+            remedy = "lower it, or place the pivot nearer to the line of the face"
+            raise refuse(f"contacts.{name}.friction", contact.friction, allowed, why, remedy)
 
 
-@dataclass(frozen=True, eq=False)
-class _CoordinateByAngle(DerivedCamFunction):
-    """Coordinate as a function of the cam angle."""
-
-    coordinate: Coordinate
-    event: Event
-
-    def of(self, cam: CamFunctionCache, order: int) -> FloatArray:
-        """Return a derivative, see `DerivedCamFunction`."""
-        key = id(self.coordinate), id(self.event)  # trains of several cams may share a coordinate
-        h, h1, h2 = cam.lookup(key, lambda: self.coordinate(cam(self.event, 0)))
-        if order == 0:
-            return h
-        slope = cam(self.event, 1)
-        return h1 * slope if order == 1 else h1 * cam(self.event, 2) + h2 * slope**2
-
-
-@dataclass(frozen=True, eq=False)
-class _Combination(DerivedCamFunction):
-    """Linear combination of functions of the cam angle."""
-
-    shares: FloatArray
-    functions: tuple[AngleFunction, ...]
-
-    def of(self, cam: CamFunctionCache, order: int) -> FloatArray:
-        """Return a derivative, see `DerivedCamFunction`."""
-        parts = [share * cam(one, order) for share, one in zip(self.shares, self.functions, strict=True) if share]
-        return np.sum(parts, axis=0)
-
-
-def shared_forces(model: Model, speed: float) -> dict[str, float]:
-    """Return forces shared by cam and seat on the base circle, which the rigid model cannot distribute."""
-    structure = build_structure(model)
-    free = {name: one for name, one in model.cam_contacts.items() if isinstance(one, CamContact)}
-    found = {n: rigid_train(structure, one, f"contacts.{n}.follower", speed).shared for n, one in free.items()}
-    return {name: force for name, force in found.items() if force > 0.0}
+def shared_forces(model: Model) -> dict[str, float]:
+    """Return forces shared by cam and seat on the base circle, which the rigid model cannot distribute, N."""
+    return {name: force for train in rigid_motion(model).trains for name, force in train.shared_forces().items()}
 
 
 def touching_coils(model: Model, speed: float) -> dict[str, float]:
-    """Return the springs with coil clash at full lift of the rigid trains."""
-    structure, found = build_structure(model), dict[str, float]()
-    for name, contact in model.cam_contacts.items():
-        train = rigid_train(structure, contact, f"contacts.{name}.follower", speed)
-        top = event_extremes(model.cams[contact.cam].event)[1]
-        moved = np.stack([one(np.array([top.value]))[0] for one in train.coordinates], axis=-1)
-        for one in train.laws:
-            beyond = len(one.rows) * float(one.compression(moved, CamFunctionCache(np.array([top.at]))).max())
-            if one.stops and beyond > 0.0:
-                found[one.name.split(".")[1]] = beyond
+    """Return the compression of springs beyond coil clash at full lift of the rigid trains, m."""
+    system, found = build_rigid(model, speed), dict[str, float]()
+    if system.prescribed_motion is None:
+        return found
+    tops = [event_extremes(model.cams[contact.cam].event)[1].at for contact in model.cam_contacts.values()]
+    motion, forces = ConstantSpeed(speed).at(np.array(tops) / speed), LocalForces(system)
+    pressed = forces.sense_motion(*system.prescribed_motion.at(motion)[:2], forces.prescribed_inputs(motion))[0]
+    for force, part, _ in forces.parts:
+        beyond = (part.stop - part.start) * float(pressed[:, part].max(initial=0.0))
+        if force.name.endswith(".clash") and beyond > 0.0:
+            found[force.name.split(".")[1]] = beyond
     return found

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
@@ -18,7 +18,7 @@ from flexcam.fem.elements.beam import Beams
 from flexcam.fem.members import beams as fem_beams
 from flexcam.fem.rigid_bodies import free_motions, mass_at, place_matrix, scalar_matrix
 from flexcam.valvetrain.model import Model
-from flexcam.valvetrain.parts import Lever, Rocker, Spring, path_name, tip_name
+from flexcam.valvetrain.parts import Adjuster, Lash, Lever, Rocker, Spring, path_name, tip_name
 
 _ACROSS = 1e-6  # cosine below which directions are orthogonal
 
@@ -90,6 +90,15 @@ def find_node(model: Model, point: str, where: str) -> int:
     return model.mesh.node(point, where)
 
 
+def lash_row(structure: Structure, part: Lash | Adjuster, where: str) -> FloatArray:
+    """Return the row of the approach of both sides of a lash, shape (n,)."""
+    if part.ends is not None and part.direction is not None:
+        first, second = (structure.row(end, part.direction, where) for end in part.ends)
+        return first - second
+    rocker = structure.model.rockers[str(part.rocker)]
+    return structure.reach(rocker) - structure.dofs.unit(rocker.point)
+
+
 def inner_name(spring: str, i: int) -> str:
     """Return the name of a spring's inner unknown, counted from the fixed end."""
     return f"springs.{spring}.{i}"
@@ -123,8 +132,16 @@ def build_structure(model: Model) -> Structure:
     dofs = dof_map(model.mesh, model.supports.items(), _single(model))
     modes = [name for names in model.superelement_modes.values() for name in names]
     bare = build_structure_in(model, dofs.extend([*model.further_unknowns, *inner, *modes]))
-    stretches = (stretch for stretch, spring, _ in _stretches(bare) if spring > 0.0)
-    return replace(bare, free=free_motions(model.mesh, bare.dofs, [*stretches, *map(bare.dofs.unit, modes)]))
+    return replace(
+        bare, free=strain_free_motions(bare, (one for one in elastic_stretches(bare) if one.stiffness > 0.0))
+    )
+
+
+def strain_free_motions(structure: Structure, stretches: Iterable[Stretch]) -> FloatArray:
+    """Return the motions, shape (n, k), that strain neither members and superelements nor some springs."""
+    model = structure.model
+    modes = [structure.dofs.unit(name) for names in model.superelement_modes.values() for name in names]
+    return free_motions(model.mesh, structure.dofs, [*(one.row for one in stretches), *modes])
 
 
 def build_structure_in(model: Model, dofs: DofMap) -> Structure:
@@ -132,9 +149,9 @@ def build_structure_in(model: Model, dofs: DofMap) -> Structure:
     beams, nothing = fem_beams(model.mesh, model.members), Triplets.zeros(dofs.size)
     bare = Structure(model, beams, dofs, nothing, nothing, nothing, np.zeros((dofs.size, 0)))
     mass, stiffness, dampers = [fem_mass(beams, dofs), *_masses(bare)], [fem_stiffness(beams, dofs)], [nothing]
-    for stretch, spring, damper in _stretches(bare):
-        stiffness.append(scalar_matrix(stretch, spring))
-        dampers.append(scalar_matrix(stretch, damper))
+    for one in elastic_stretches(bare):
+        stiffness.append(scalar_matrix(one.row, one.stiffness))
+        dampers.append(scalar_matrix(one.row, one.damping))
     for name, body in model.superelements.items():
         numbers = superelement_dofs(bare, name)
         parts = (mass, body.mass), (stiffness, body.stiffness), (dampers, body.damping)
@@ -170,15 +187,31 @@ def _masses(bare: Structure) -> Iterator[Triplets]:
                 yield scalar_matrix(low + high, 0.25 * part.mass) + scalar_matrix(high - low, part.mass / 12.0)
 
 
-def _stretches(bare: Structure) -> Iterator[tuple[FloatArray, float, float]]:
-    """Yield row, stiffness and damping of all elastic elements: lever ends and spring parts."""
-    for lever in bare.model.levers.values():
-        for end, (path, moved) in lever_ends(bare, lever).items():
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """Elastic element on one scalar: the end of a lever, or a part of a spring."""
+
+    row: FloatArray  #: shape (n,)
+    #: `stiffness`, `damping`: N/m and N s/m
+    stiffness: float
+    damping: float
+    rigid: bool  #: whether it belongs to the train itself, and is rigid in the rigid model
+
+
+def elastic_stretches(structure: Structure) -> Iterator[Stretch]:
+    """Yield the lever ends, as installed, and the parts of springs."""
+    for lever in structure.model.levers.values():
+        for end, (path, moved) in lever_ends(structure, lever).items():
             bent = float(lever.reach(np.zeros(1), end)[1][0]) * path - moved
-            yield bent, lever.stiffness[end], lever.damping[end]
-    for name, spring in bare.model.springs.items():
-        for part, (low, high) in zip(spring.parts, spring_parts(bare, name, spring), strict=True):
-            yield high - low, part.stiffness, part.damping
+            yield Stretch(bent, lever.stiffness[end], lever.damping[end], rigid=True)
+    yield from spring_stretches(structure)
+
+
+def spring_stretches(structure: Structure) -> Iterator[Stretch]:
+    """Yield the parts of springs."""
+    for name, spring in structure.model.springs.items():
+        for part, (low, high) in zip(spring.parts, spring_parts(structure, name, spring), strict=True):
+            yield Stretch(high - low, part.stiffness, part.damping, rigid=spring.link)
 
 
 def _single(model: Model) -> list[tuple[int, FloatArray]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import lru_cache
 
@@ -37,13 +37,26 @@ _MODAL_LIMIT = 2 * DENSE_LIMIT  # maximum number of unknowns for which all modes
 def build_system(model: Model, speed: float) -> System:
     """Return the system of the flexible mechanism."""
     structure = build_structure(model)
-    contacts, faults = parse_all(lambda name: _couplings(structure, name, model.contacts[name], speed), model.contacts)
+    contacts = couple_contacts(structure, lambda name: couple_contact(structure, name, model.contacts[name], speed))
+    damping, joined, ends = _at_any_speed(structure)
+    couplings = [*contacts, *joined, Coupling(given_loads(structure), (), ())]
+    drives = [_torque(end, others, contacts, split_observation(couplings), speed) for end, others in ends]
+    return assemble_system(structure, damping, couplings, drives)
+
+
+def couple_contacts(structure: Structure, couple: Callable[[str], Coupling]) -> list[Coupling]:
+    """Return the couplings of all contacts; the faults of all of them are in one error."""
+    contacts, faults = parse_all(couple, structure.model.contacts)
     if faults:
         raise InputError(faults)
-    damping, joined, probes, ends = _at_any_speed(structure)
-    couplings = [*contacts, *joined, Coupling(given_loads(structure), (), ())]
-    parts = _parts(couplings)
-    shown = zip(couplings, parts, strict=True)
+    return contacts
+
+
+def assemble_system(
+    structure: Structure, damping: Triplets, couplings: Sequence[Coupling], further: Iterable[Channel] = ()
+) -> System:
+    """Return the system of a structure with some couplings; the further channels observe the whole system."""
+    shown = zip(couplings, split_observation(couplings), strict=True)
     own = [
         replace(one, value=_offset_positions(one.value, part)) for coupling, part in shown for one in coupling.channels
     ]
@@ -54,24 +67,24 @@ def build_system(model: Model, speed: float) -> System:
         names=structure.dofs.names,
         loads=tuple(load for c in couplings for load in c.loads),
         local_forces=tuple(force for c in couplings for force in c.forces),
-        probes=probes,
-        channels=(*own, *(_torque(end, others, contacts, parts, speed) for end, others in ends)),
+        probes=_probes(structure),
+        channels=(*own, *further),
         free=structure.free,
     )
 
 
 @lru_cache(maxsize=4)
+def _probes(structure: Structure) -> tuple[Probe, ...]:
+    return (*(probe_of(structure, point) for point in structure.model.probes), *_inner_probes(structure))
+
+
+@lru_cache(maxsize=4)
 def _at_any_speed(
     structure: Structure,
-) -> tuple[Triplets, tuple[Coupling, ...], tuple[Probe, ...], tuple[tuple[ShaftDrive, list[Observable]], ...]]:
-    """Return the quantities independent of speed.
-
-    Damping, couplings other than contacts, probes, and shaft drives with the reactions of these couplings.
-    """
-    couplings = _joints(structure)
-    probes = (probe_of(structure, point) for point in structure.model.probes)
+) -> tuple[Triplets, tuple[Coupling, ...], tuple[tuple[ShaftDrive, list[Observable]], ...]]:
+    """Return damping, couplings other than contacts, and shaft drives with the reactions of these couplings."""
     ends = tuple((end, _reactions(end)) for end in find_shaft_drives(structure))
-    return structure.dampers + _damping(structure), couplings, (*probes, *_inner_probes(structure)), ends
+    return structure.dampers + _damping(structure), _joints(structure), ends
 
 
 def _joints(structure: Structure) -> tuple[Coupling, ...]:
@@ -103,12 +116,13 @@ def _torque(
             if contact.cam_torque and model.mesh.node(model.cams[contact.cam].at) == end.node:
                 each.append(_offset_positions(coupling.channels[1].value, part))
         else:
-            again = _couplings(end.freed, name, contact, speed)
+            again = couple_contact(end.freed, name, contact, speed)
             each.append(_offset_positions(reaction_torque(end, again.loads, again.forces), part))
     return Channel(f"supports.{end.name}.torque", "N m", observable_sum(*each))
 
 
-def _couplings(structure: Structure, name: str, contact: Contact, speed: float) -> Coupling:
+def couple_contact(structure: Structure, name: str, contact: Contact, speed: float) -> Coupling:
+    """Return the coupling of a contact."""
     match contact:
         case PublishedLoad():
             return couple_published_load(structure, name, contact, speed)
@@ -154,7 +168,7 @@ def _modal_damping(structure: Structure, part: IntArray, ratio: float) -> Triple
     return Triplets(size, part[own.rows], part[own.cols], own.values)
 
 
-def _parts(couplings: Iterable[Coupling]) -> list[_Part]:
+def split_observation(couplings: Iterable[Coupling]) -> list[_Part]:
     """Return views of the observation for each coupling."""
     found: list[_Part] = []
     loads = scalars = states = 0

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from flexcam.cams import Event, event_extremes
 from flexcam.core import FloatArray
 from flexcam.core.errors import InputError
-from flexcam.dynamics import Response
+from flexcam.dynamics import ConstantSpeed, Response
 from flexcam.valvetrain.cam_functions import sliding_ratio
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import CamContact, Lash, Seat
-from flexcam.valvetrain.rigid_model import ANY_SPEED, build_rigid
+from flexcam.valvetrain.rigid_model import rigid_motion
 from flexcam.valvetrain.structure import build_structure
 from flexcam.valvetrain.train_topology import driving_contact, largest_lashes
 
@@ -210,14 +210,14 @@ def valve_loft(model: Model, response: Response, name: str, seat: Seat, instants
     if contact is None:
         return None
     try:
-        motion = build_rigid(model, ANY_SPEED).prescribed_motion
+        motion = rigid_motion(model)
     except InputError:  # no rigid train exists
         return None
     over = _flanks(model.cams[model.cam_contacts[contact].cam].event, angle)["nose"]
-    if motion is None or not over.any():
+    if not over.any():
         return None
-    moved = motion.motion.vectors @ build_structure(model).row(seat.at, seat.direction)
-    above = response.channels[f"contacts.{name}.gap"][instants] - motion.motion.weights(angle) @ moved
+    moved = motion.at(ConstantSpeed(1.0).at(angle))[0] @ build_structure(model).row(seat.at, seat.direction)
+    above = response.channels[f"contacts.{name}.gap"][instants] - moved
     return float(above[over].max())
 
 

@@ -345,8 +345,8 @@ class TestEstimate:
         found = estimate_errors(case, "valve")[0]
         beams = case.with_fidelity({"model": "beams"})
         assert found.time < 1e-8 * found.size  # the cubics between its instants
-        assert found.space == 0.0
-        assert found.model == distance(lift_of(case, 180), lift_of(beams, 180))["lift"]
+        assert found.space < 1e-15  # rounding of the motion
+        assert found.model == pytest.approx(distance(lift_of(case, 180), lift_of(beams, 180))["lift"], rel=1e-12)
         assert found.model > 1e-3
 
 

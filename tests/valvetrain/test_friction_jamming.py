@@ -1,21 +1,59 @@
-"""Friction that bears all that a rigid follower needs: it jams, and no force of the contact balances it."""
+"""Friction that carries all of the force of a rigid follower: it jams, and no force of the contact balances it."""
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
-from flexcam.dynamics import constant
-from flexcam.valvetrain.rigid_model import RigidFriction
+from flexcam import InputError, build_model, read_case
+from flexcam.valvetrain import build_rigid
+
+FINGER = """
+format = 1
+nodes = {{ cam = [0.0, 0.0, 0.0] }}
+supports = {{ cam = ["ux", "uy", "uz", "rx"] }}
+masses.valve = {{ at = "valve", mass = "0.05 kg" }}
+springs.valve = {{ at = "valve", direction = "-uz", stiffness = "30 kN/m", installed_force = "300 N" }}
+[rockers.finger]
+model = "lever"
+from = "pad"
+to = "valve"
+direction = "-uz"
+arms = ["24 mm", "36 mm"]
+inertia = "1e-5 kg m^2"
+stiffness = "100 MN/m"
+[cams.intake]
+at = "cam"
+axis = [1, 0, 0]
+law = "4-5-6-7"
+lift = "6 deg"
+rise = 1.4
+return = 1.4
+base_radius = "24 mm"
+rotation = "{turn}"
+follower = {{ type = "swing", arm = "24 mm", distance = "28 mm", rotation = "clockwise", face = "23 mm" }}
+[contacts.intake]
+cam = "intake"
+follower = "pad"
+direction = "-uz"
+model = "unilateral"
+stiffness = "1 GN/m"
+friction = {friction}
+[run]
+speed = "60 rpm"
+"""
 
 
-def slid(angle, order):
-    """Return the path of a face on a round cam of 10 mm."""
-    return 0.01 * angle if order == 0 else np.full_like(angle, 0.01 if order == 1 else 0.0)
-
-
-@pytest.mark.parametrize(("arm", "jams"), [(0.5, False), (9.9, False), (10.1, True), (-20.0, False)])
-def test_a_face_jams_where_friction_alone_holds_it(arm, jams):
-    """``f (1 - a mu) = needed`` with mu = 0.1; pushed the other way, friction helps."""
-    law = RigidFriction(constant(0.0), 0.1, 1e-3, np.ones(1), (constant(arm),), slid)
-    assert law.jams() is jams
+@pytest.mark.parametrize(
+    ("friction", "turn", "jams"),
+    [(0.9, "counterclockwise", False), (1.6, "counterclockwise", True), (1.6, "clockwise", False)],
+)
+def test_a_face_jams_where_friction_alone_holds_it(tmp_path, friction, turn, jams):
+    """The force is what the train needs over 1 - mu face/q at the distance q of the contact from the pivot."""
+    path = tmp_path / "finger.toml"
+    path.write_text(FINGER.format(friction=friction, turn=turn), encoding="utf-8")
+    model = build_model(read_case(path))
+    if not jams:
+        assert build_rigid(model, 6.28).prescribed_motion is not None
+        return
+    with pytest.raises(InputError, match="Friction alone would hold the rigid follower"):
+        build_rigid(model, 6.28)

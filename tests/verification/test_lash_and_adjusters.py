@@ -333,18 +333,25 @@ def test_a_seat_bears_the_spring_on_the_base_circle(record, name):
 
 
 @pytest.mark.parametrize(("play", "push"), [(LASH, 0.0), (NO_GAP, 0.0), (ADJUSTER, PLUNGER)])
-@pytest.mark.parametrize("seat", [SEAT, SEAT.replace('"uy"', '"-uy"'), ""], ids=["seat", "stop above", "no seat"])
+@pytest.mark.parametrize("seat", [SEAT, ""], ids=["seat", "no seat"])
 def test_who_bears_the_spring_of_a_rigid_train(case, play, push, seat):
-    """Behind a play the seat; without one (or with a stop on the other side) the cam: the spring closes the play."""
+    """Behind a play the seat; without one the cam: the spring closes the play."""
     made = case(play, contacts=seat, installed=", installed_force = 100", revolutions=0.3, steps=720)
     response = run(made, rigid=True)
     lift = build_model(made).cams["intake"].event(response.angle, 0)
     force = response.channels["contacts.intake.force"]
     gap = 0.5e-3 if play == LASH else 0.0
     shut = push if seat == SEAT else 100.0 - 30e3 * gap
-    np.testing.assert_allclose(force[lift == 0.0], shut, rtol=1e-12)
+    np.testing.assert_allclose(force[lift == 0.0], shut, rtol=1e-12, atol=1e-10)  # of 100 N
     on = lift > 1.5e-3
     np.testing.assert_allclose(force[on], 100.0 + 30e3 * (lift[on] - gap), rtol=0.02)
+
+
+def test_a_stop_that_blocks_the_lift_is_refused(case):
+    """Between a cam and a stop above the closed valve, nothing rigid gives way."""
+    made = case(NO_GAP, contacts=SEAT.replace('"uy"', '"-uy"'), installed=", installed_force = 100", steps=720)
+    with pytest.raises(InputError, match=r"contacts\.intake.*before the lift.*follows its cam"):
+        run(made, rigid=True)
 
 
 @pytest.mark.parametrize("rigid", [False, True], ids=["stiff", "rigid"])

@@ -17,7 +17,8 @@ from flexcam.fem.elements.beam import Beams
 from flexcam.fem.frames import ROTATIONS
 from flexcam.fem.recovery import deflection
 from flexcam.io import RECOVERED_FIELDS, VECTORS, Result
-from flexcam.valvetrain import Model, Structure, build_rigid
+from flexcam.valvetrain import Model, Structure
+from flexcam.valvetrain import rigid_motion as find_rigid_motion
 
 
 def model_size(model: Model) -> float:
@@ -207,11 +208,8 @@ def mode_motion(structure: Structure, shape: FloatArray, *, coloured: bool = Fal
 
 def rigid_motion(structure: Structure, angle: FloatArray, speed: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return displacement, velocity and acceleration of the rigid mechanism at constant speed."""
-    shown = build_rigid(structure.model, speed).prescribed_motion
-    if shown is None:
-        nothing = np.zeros((len(angle), structure.dofs.size))
-        return nothing, nothing, nothing
-    return shown.at(CamMotion(angle, np.full_like(angle, speed), np.zeros_like(angle), angle / speed))
+    motion = CamMotion(angle, np.full_like(angle, speed), np.zeros_like(angle), angle / speed)
+    return find_rigid_motion(structure.model).at(motion)
 
 
 def _structure_dofs(structure: Structure, response: Response, rigid: FloatArray) -> FloatArray:
