@@ -69,7 +69,9 @@ def test_a_row_is_what_run_and_compare_say(path):
     probe = scalar_probe(ready)
     found = deviation(case, probe)
     deviations = [row.scalars["deviation.peak"], row.scalars["deviation.rms"]]
-    assert deviations == pytest.approx([found.peak_deviation, found.rms_deviation], rel=1e-12)  # other blocks of instants
+    assert deviations == pytest.approx(
+        [found.peak_deviation, found.rms_deviation], rel=1e-12
+    )  # other blocks of instants
     turns = min(
         case.record.run.revolutions, 1.0
     )  # an instant per step of the last revolution; a shorter run as a whole

@@ -1,0 +1,47 @@
+"""The rigid model as a whole: the power of the cam balances, and cams on one train each have their lift."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexcam import prepare, read_case
+from flexcam.dynamics import ConstantSpeed, solve
+from flexcam.valvetrain import rigid_motion
+
+MODELS = Path(__file__).parents[1] / "golden" / "models"
+
+
+@pytest.mark.parametrize("name", ["lever-rocker", "adjuster", "hertz-train", "linear-train", "massless"])
+def test_the_cam_does_the_work_of_the_train(name):
+    """Torque times speed is the rate of kinetic and elastic energy plus what the dampers take, by differences."""
+    case = read_case(MODELS / f"{name}.toml", {"run.steps_per_revolution": 7200, "run.revolutions": 1})
+    ready = prepare(case, rigid=True)
+    system, response = ready.problem.system, solve(ready.problem, ready.scheme)
+    motion = ready.problem.drive.at(response.time)
+    u, v, _ = system.prescribed_motion.at(motion)
+    M, C, K = (one.dense() for one in (system.mass, system.damping, system.stiffness))
+    energy = 0.5 * np.einsum("mi,ij,mj->m", v, M, v) + 0.5 * np.einsum("mi,ij,mj->m", u, K, u)
+    energy -= np.einsum("mi,mi->m", system.load_vector(motion), u)  # all loads are constant
+    power = np.gradient(energy, response.time) + np.einsum("mi,ij,mj->m", v, C, v)
+    torque = sum(values for channel, values in response.channels.items() if channel.endswith(".torque"))
+    smooth = np.ones(len(power), dtype=bool)
+    for train in system.prescribed_motion.trains:  # a closing lash and a seat change the velocity at once
+        for _, rows in train.solve(motion.cam).branches:
+            smooth[rows[np.diff(rows, prepend=-9) > 1]] = smooth[rows[np.diff(rows, append=10**9) > 1]] = False
+    worst = np.abs(power - torque * case.speed)[smooth].max()
+    assert worst < 2e-3 * np.abs(power[smooth]).max()  # differences over 0.05 deg, where the jerk of the cam jumps
+
+
+def test_both_followers_of_a_desmodromic_train_have_the_lift_of_their_cam():
+    """The closing cam is 10 um away from closing its lash, so that neither moves the follower of the other."""
+    case = read_case(MODELS / "desmodromic.toml")
+    ready = prepare(case, rigid=True)
+    motion = ConstantSpeed(1.0).at(np.linspace(0.0, 2.0 * np.pi, 361))
+    moved = rigid_motion(ready.model).at(motion)[0]
+    cams, names = ready.model.cams, ready.problem.system.names
+    opened, closed = (moved[:, names.index(name)] for name in ("lower.uy", "closer.uy"))
+    np.testing.assert_allclose(opened, cams["opening"].event(motion.angle, 0), atol=1e-15)
+    np.testing.assert_allclose(closed, -cams["closing"].event(motion.angle, 0), atol=1e-15)
