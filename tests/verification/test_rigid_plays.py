@@ -174,6 +174,10 @@ def test_what_a_seat_leaves_to_the_cam_is_told_at_rest(train, rocker):
     driven = response["end.uy"].displacement[:1]
     reached = 1.5 * driven if rocker == "ratio" else turned(driven)[0]
     assert reached[0] == pytest.approx(4e-4, rel=1e-9)
+    lifted = response["tappet.uy"].displacement > 1e-4  # the adjuster has become as long, and transmits the lift
+    np.testing.assert_allclose(
+        (response["end.uy"].displacement - response["tappet.uy"].displacement)[lifted], driven[0], rtol=1e-9
+    )
     assert response.channels["contacts.intake.force"][0] == pytest.approx(
         10.0 + 20.0, rel=1e-3
     )  # a lever's ratio turns
