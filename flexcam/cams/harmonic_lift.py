@@ -20,7 +20,6 @@ from flexcam.core import ComplexArray, FloatArray
 from flexcam.core.errors import InputError, finite_array, positive, refuse
 from flexcam.core.units import RPM
 
-_REVOLUTION = 2.0 * math.pi
 _AT_ONCE = 64  # number of harmonics evaluated together: ten thousand would need tens of GB
 
 
@@ -71,8 +70,8 @@ class HarmonicLift(Event):
 def harmonics(event: Event, count: int, order: int = 0) -> ComplexArray:
     """Return the harmonics of an event's lift or of its derivative."""
     points, weights = np.polynomial.legendre.leggauss(8)
-    even = np.linspace(0.0, _REVOLUTION, max(361, 2 * count + 1))
-    edges = np.concatenate([unique_angles(np.concatenate([even[:-1], event.joints])), [_REVOLUTION]])
+    even = np.linspace(0.0, math.tau, max(361, 2 * count + 1))
+    edges = np.concatenate([unique_angles(np.concatenate([even[:-1], event.joints])), [math.tau]])
     half = 0.5 * np.diff(edges)
     angle = (edges[:-1] + half)[:, None] + half[:, None] * points
     values = (half[:, None] * weights * event(angle, order)).ravel()
@@ -87,6 +86,12 @@ def harmonic_rows(angle: FloatArray, count: int) -> FloatArray:
     """Return 1, the cosines and the sines of the multiples of angles up to a count, shape (n, 2 count + 1)."""
     turned = np.outer(angle, np.arange(1, count + 1))
     return np.hstack([np.ones((len(angle), 1)), np.cos(turned), np.sin(turned)])
+
+
+def _amplitudes(x: FloatArray) -> ComplexArray:
+    """Return the complex amplitudes, from order 0, of coefficients of `harmonic_rows`."""
+    count = len(x) // 2
+    return np.append(x[:1].astype(np.complex128), x[1 : count + 1] - 1j * x[count + 1 :])
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,14 +124,13 @@ def order_spectrum(angle: ArrayLike, values: ArrayLike, count: int) -> OrderSpec
         why = "each order needs two instants"
         raise refuse("angle", f"{len(at)} instants", f"{2 * count + 2} or more for {count} orders", why)
     steps, span = np.diff(at), float(at[-1] - at[0])
-    if (steps <= 0.0).any() or abs(span - _REVOLUTION) > 1.5 * float(steps.max()):
+    if (steps <= 0.0).any() or abs(span - math.tau) > 1.5 * float(steps.max()):
         raise refuse("angle", f"{math.degrees(span):.6g} deg", "rising angles over one revolution, 360 deg")
     weights = 0.5 * (np.append(steps, 0.0) + np.append(0.0, steps))
     waves = harmonic_rows(at, count)
     heavy = waves * weights[:, None]
-    found = np.linalg.solve(heavy.T @ waves, heavy.T @ history)
-    coefficients = np.append(found[:1].astype(np.complex128), found[1 : count + 1] - 1j * found[count + 1 :])
-    return OrderSpectrum(coefficients, abs(float(history[-1] - history[0])))
+    found = np.asarray(np.linalg.solve(heavy.T @ waves, heavy.T @ history), dtype=float)
+    return OrderSpectrum(_amplitudes(found), abs(float(history[-1] - history[0])))
 
 
 _FEASIBLE = 1e-10  # residual of the dual problem below which the inequalities are contradictory
@@ -187,15 +191,15 @@ def harmonic_fit(
         raise refuse("count", count, f"a whole number from 1 to {_MOST_FITTED}", "", remedy)
     points = max(_LEAST_POINTS, _POINTS_PER_HARMONIC * count)
     ends = [end for section in strict or () for end in section] if strict is not None else list(wanted.joints)
-    even = np.linspace(0.0, _REVOLUTION, points, endpoint=False)
-    angle = np.unique(np.concatenate([even, np.mod(np.array(ends, dtype=float), _REVOLUTION)]))
+    even = np.linspace(0.0, math.tau, points, endpoint=False)
+    angle = np.unique(np.concatenate([even, np.mod(np.array(ends, dtype=float), math.tau)]))
     target = wanted(angle)
     if strict is None:  # the dwells
         held = np.abs(wanted(angle, 1)) + np.abs(wanted(angle, 2)) < 1e-9 * wanted.height
     else:
         held = np.zeros(len(angle), dtype=np.bool_)
         for start, end in strict:
-            held |= np.mod(angle - start, _REVOLUTION) <= end - start
+            held |= np.mod(angle - start, math.tau) <= end - start
     rows = harmonic_rows(angle, count)
     limit = np.where(held, tolerance, math.inf if bound is None else positive("bound", bound, "m"))
     bounded = np.isfinite(limit)
@@ -205,13 +209,10 @@ def harmonic_fit(
     x = constrained_least_squares(harmonic_rows(even, count), wanted(even), G, h)
     if x is None:
         raise _order_error(rows, target, held, tolerance, bound)
-    event = HarmonicLift(float(x[0]), tuple(x[1 : count + 1].tolist()), tuple(x[count + 1 :].tolist()))
+    event = HarmonicLift.of(_amplitudes(x))
     miss = np.abs(rows @ x - target)
-    moving = miss[~held]
-    return HarmonicFit(
-        event, float(miss[held].max(initial=0.0)), float(miss.max()),
-        float(np.sqrt(np.mean(moving**2))) if moving.size else 0.0,
-    )  # fmt: skip
+    rms = 0.0 if held.all() else float(np.sqrt(np.mean(miss[~held] ** 2)))
+    return HarmonicFit(event, float(miss[held].max(initial=0.0)), float(miss.max()), rms)
 
 
 def harmonics_below(frequency: float, speed: float) -> int:

@@ -191,7 +191,6 @@ def _jumps(curve: Curve, breaks: tuple[float, ...]) -> bool:
     return bool((step > 1e-6 * (1.0 + np.abs(curve(joints)))).any())
 
 
-_REVOLUTION = 2.0 * math.pi
 _SPACING = math.radians(0.05)
 _LEAST_POINTS = 33
 LIMIT_OFFSET = 1e-8
@@ -204,7 +203,7 @@ _GRID_REFINEMENTS = 9  # number of refinements of the grid by four: 1e-8 rad, wh
 
 def curve_minimum(curve: Curve, joints: Sequence[float] = ()) -> Extreme:
     """Return the minimum of a curve over a revolution."""
-    edges = [0.0, *(at for at in joints if LIMIT_OFFSET < at < _REVOLUTION - LIMIT_OFFSET), _REVOLUTION]
+    edges = [0.0, *(at for at in joints if LIMIT_OFFSET < at < math.tau - LIMIT_OFFSET), math.tau]
     pieces = [  # each ends just before its joint
         np.linspace(start, end - LIMIT_OFFSET, max(_LEAST_POINTS, math.ceil((end - start) / _SPACING)))
         for start, end in pairwise(edges)

@@ -20,8 +20,7 @@ _SNAP = 1e-9
 """Angles this close to a joint (rad) count as on it, so that rounding of k * step does not select the side of a jump.
 """
 
-_REVOLUTION = 2.0 * math.pi
-_GRID = np.linspace(0.0, _REVOLUTION, 7201)
+GRID = np.linspace(0.0, math.tau, 7201)
 _ROUNDING = 1e-12
 
 
@@ -33,16 +32,11 @@ class Event(ABC):
         """Cam angles, rad from 0 to 2 pi, where a derivative may jump; none for a smooth lift."""
         return ()
 
-    @property
-    def height(self) -> float:
-        """Largest lift, ramps included, m."""
-        return self._height
-
     @cached_property
-    def _height(self) -> float:
-        """Largest lift with a relative accuracy of 1e-9."""
-        at = float(_GRID[np.argmax(self(_GRID))])
-        return float(self(at + np.linspace(-1.0, 1.0, 2001) * (_GRID[1] - _GRID[0])).max())
+    def height(self) -> float:
+        """Largest lift, ramps included, m, with a relative accuracy of 1e-9."""
+        at = float(GRID[np.argmax(self(GRID))])
+        return float(self(at + np.linspace(-1.0, 1.0, 2001) * (GRID[1] - GRID[0])).max())
 
     @abstractmethod
     def __call__(self, angle: FloatArray, order: int = 0) -> FloatArray:
@@ -138,18 +132,16 @@ class LiftEvent(Event):
         if not math.isfinite(self.phase):
             raise refuse("phase", self.phase, "a finite angle, rad")
         total = sum(one.duration for one in self._ramps if one) + self.rise + self.dwell + self.fall
-        if total > _REVOLUTION + _SNAP:
+        if total > math.tau + _SNAP:
             given = f"{math.degrees(total):g} deg in all"
-            why, remedy = (
-                "the event repeats every revolution",
-                "shorten it; 2 deg of crank angle are 1 deg of cam angle",
-            )
-            if (longest := max(self.rise, self.dwell, self.fall)) > 2.0 * _REVOLUTION:  # degrees without a unit
+            why = "the event repeats every revolution"
+            remedy = "shorten it; 2 deg of crank angle are 1 deg of cam angle"
+            if (longest := max(self.rise, self.dwell, self.fall)) > 2.0 * math.tau:  # degrees without a unit
                 remedy = f"a number without a unit is in rad: write '{longest:g} deg'"
             raise refuse("rise + dwell + return", given, "up to 360 deg of cam angle, ramps included", why, remedy)
         if self.single_dwell == "low" and self.dwell > 0.0:
             raise refuse("dwell", f"{math.degrees(self.dwell):g} deg", "0", 'single_dwell = "low" has no upper dwell')
-        if self.single_dwell == "high" and total < _REVOLUTION - _SNAP:
+        if self.single_dwell == "high" and total < math.tau - _SNAP:
             why = 'single_dwell = "high" has no lower dwell'
             raise refuse("rise + dwell + return", f"{math.degrees(total):g} deg in all", "360 deg", why)
         if self.single_dwell not in (None, "high", "low"):
@@ -182,7 +174,7 @@ class LiftEvent(Event):
         return self.lift + (self.ramp.height if self.ramp else 0.0)
 
     @cached_property
-    def _height(self) -> float:
+    def height(self) -> float:
         """Largest lift including the ramp, m; above that of the upper dwell if a law overshoots 1."""
         top = -curve_minimum(lambda angle: -self(angle), self.joints).value
         return top if top > self._top * (1.0 + _ROUNDING) else self._top
@@ -218,7 +210,7 @@ class LiftEvent(Event):
 
     def __call__(self, angle: FloatArray, order: int = 0) -> FloatArray:
         """Return the derivative of the given order (0 to 4) by the cam angle (rad), m/rad^order, shape as `angle`."""
-        local = np.mod(np.asarray(angle, dtype=float) - self.start + _SNAP, _REVOLUTION) - _SNAP
+        local = np.mod(np.asarray(angle, dtype=float) - self.start + _SNAP, math.tau) - _SNAP
         value = np.zeros_like(local)
         if not local.size:
             return value
@@ -247,7 +239,7 @@ class DelayedEvent(Event):
     event: Event
     phase: float  #: delay in cam angle, rad
 
-    @property
+    @cached_property
     def height(self) -> float:
         """Largest lift, m."""
         return self.event.height
@@ -264,7 +256,7 @@ class DelayedEvent(Event):
 
 def unique_angles(angles: FloatArray) -> tuple[float, ...]:
     """Return unique angles, rad from 0 to 2 pi, ascending."""
-    wrapped = np.sort(np.mod(angles + _SNAP, _REVOLUTION) - _SNAP)
+    wrapped = np.sort(np.mod(angles + _SNAP, math.tau) - _SNAP)
     fresh = np.concatenate([[True], np.diff(wrapped) > 2.0 * _SNAP])[: len(wrapped)]
     return tuple((wrapped[fresh] + 0.0).tolist())
 
@@ -293,15 +285,15 @@ def centreline(event: Event) -> float:
     """Return the cam angle of the maximum lift, rad from 0 to 2 pi: the middle of an upper dwell."""
     peak = event_extremes(event)[1]
     ends = event.joints
-    for start, end in zip(ends, (*ends[1:], *(at + _REVOLUTION for at in ends[:1])), strict=True):
+    for start, end in zip(ends, (*ends[1:], *(at + math.tau for at in ends[:1])), strict=True):
         middle = 0.5 * (start + end)
         if (event(np.array([start, middle, end])) >= peak.value * (1.0 - _DWELL_TOLERANCE)).all():
-            return middle % _REVOLUTION
+            return middle % math.tau
     near = np.array([peak.at])  # to the square root of rounding: the velocity passes zero sharply
     passed = bisect(lambda angle: event(angle, 1) <= 0.0, near - _PEAK_WIDTH, near + _PEAK_WIDTH)
     found = float(passed[0])
-    joint = (at for at in ends if abs(math.remainder(at - found, _REVOLUTION)) <= _JOINT_TOLERANCE)
-    return next(joint, found) % _REVOLUTION
+    joint = (at for at in ends if abs(math.remainder(at - found, math.tau)) <= _JOINT_TOLERANCE)
+    return next(joint, found) % math.tau
 
 
 _DWELL_TOLERANCE = 1e-9  # relative difference of lifts within a dwell
@@ -331,7 +323,7 @@ def joints(event: Event) -> list[Joint]:
         step = event(angles, order) - event(angles - LIMIT_OFFSET, order)
         # Subtract the change of the smooth curve between both places.
         step -= LIMIT_OFFSET * event(angles - LIMIT_OFFSET, order + 1)
-        size = float(np.abs(event(_GRID[::2], order)).max(initial=0.0))
+        size = float(np.abs(event(GRID[::2], order)).max(initial=0.0))
         steps[:, order] = np.where(np.abs(step) > _STEP_TOLERANCE * size, step, 0.0)
     return [Joint(a, (s[0], s[1], s[2], s[3])) for a, s in zip(angles.tolist(), steps.tolist(), strict=True)]
 
@@ -368,19 +360,19 @@ def valve_event(event: Event, lift: float, *, ratio: float = 1.0, lash: float = 
     positive("ratio", ratio, "")
     positive("lash", lash, "m", zero=True)
     cam_lift = (lift + lash) / ratio
-    above = event(_GRID[:-1]) > cam_lift
+    above = event(GRID[:-1]) > cam_lift
     if not above.any() or above.all():
         return None
 
     def crossings(*, rising: bool) -> list[float]:
         change = (above == rising) & (np.roll(above, 1) != rising)
-        low, high = _GRID[:-1][change] - _GRID[1], _GRID[:-1][change]
+        low, high = GRID[:-1][change] - GRID[1], GRID[:-1][change]
         return bisect(lambda angle: (event(angle) > cam_lift) == rising, low, high).tolist()
 
     opened, closed = crossings(rising=True), crossings(rising=False)
     pairs = [(a, min((b - a) % (2.0 * math.pi) for b in closed)) for a in opened]
     start, span = max(pairs, key=lambda pair: pair[1])
-    start = start % (2.0 * math.pi)
+    start %= math.tau
     return ValveEvent(lift, 2.0 * start, 2.0 * (start + span))
 
 

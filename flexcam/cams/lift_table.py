@@ -8,9 +8,10 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike, NDArray
 
-from flexcam.cams.lift_event import DelayedEvent, Event
+from flexcam.cams.lift_event import GRID, DelayedEvent, Event
 from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, finite_array, format_shape, refuse
 from flexcam.core.units import DIMENSIONS
@@ -18,7 +19,6 @@ from flexcam.core.units import DIMENSIONS
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
-_REVOLUTION = 2.0 * math.pi
 _STEP, _MIN_STEP = math.radians(1.0), math.radians(0.1)  # spacing of the points added on the base circle
 _KNOTS = (360, 720, 1440)  # initial number of knots, one per degree of cam angle; the tolerance may require more
 _FAR, _SMALL = 8.0, 5e-4
@@ -28,7 +28,6 @@ _INTERPOLATION_TOLERANCE = 1e-5
 """RMS deviation, relative to the largest lift, up to which a spline interpolates the points."""
 
 _BELOW = 1e-4  # fraction of the largest lift by which a spline may fall below the base circle without a warning
-_RIPPLE = np.linspace(0.0, 2.0 * math.pi, 7201)
 _DOF_WEIGHT = 1.4
 """Weight of the degrees of freedom in cross-validation; 1 sometimes follows the noise (Kim and Gu 2004)."""
 
@@ -38,7 +37,7 @@ _DEGREE = 5  # of the spline
 
 def _spline_knots(count: int) -> FloatArray:
     """Return the knots of the periodic B-splines of degree 5, which begin and end outside of the revolution."""
-    return _REVOLUTION / count * np.arange(-_DEGREE, count + _DEGREE + 1, dtype=np.float64)
+    return math.tau / count * np.arange(-_DEGREE, count + _DEGREE + 1, dtype=np.float64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +54,7 @@ class PeriodicSpline(Event):
 
     def __call__(self, angle: FloatArray, order: int = 0) -> FloatArray:
         """Return the derivative of the given order (0 to 4) by the cam angle (rad), m/rad^order, shape as `angle`."""
-        return np.asarray(self._derivatives[order](np.mod(angle, _REVOLUTION)), dtype=float)
+        return np.asarray(self._derivatives[order](np.mod(angle, math.tau)), dtype=float)
 
     @cached_property
     def _derivatives(self) -> tuple[BSpline[np.float64], ...]:
@@ -100,10 +99,9 @@ def lift_table(angle: ArrayLike, lift: ArrayLike, *, tolerance: float | None = N
     theta, s = _column("angle", angle), _column("lift", lift)
     if tolerance is not None and not (math.isfinite(tolerance) and tolerance >= 0.0):
         raise refuse("tolerance", tolerance, "a length of zero or more, m")
-    faults = find_table_faults(theta, s)
-    if faults:
+    if faults := find_table_faults(theta, s):
         raise InputError(faults)
-    if theta[-1] - theta[0] > _REVOLUTION - 1e-9:  # the last row repeats the first
+    if theta[-1] - theta[0] > math.tau - 1e-9:  # the last row repeats the first
         theta, s = theta[:-1], s[:-1]
     local = theta - theta[0]  # knots on equally spaced points: elsewhere an interpolating spline may not exist
     around, heights = _add_base_circle(local, s)
@@ -175,7 +173,7 @@ def _fit_within_tolerance(theta: FloatArray, s: FloatArray, count: int, toleranc
 
 def _add_base_circle(theta: FloatArray, s: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the points with additional ones on the base circle where the table has none."""
-    ends, lifts = np.append(theta, theta[0] + _REVOLUTION), np.append(s, s[0])
+    ends, lifts = np.append(theta, theta[0] + math.tau), np.append(s, s[0])
     spacing = max(min(_STEP, float(np.median(np.diff(theta)))), _MIN_STEP)
     angles, heights = [theta], [s]
     low = np.maximum(lifts[:-1], lifts[1:]) <= base_level(theta, s)
@@ -197,7 +195,7 @@ class _Fit:
         from scipy.interpolate import BSpline
 
         knots = min(most, max(len(theta), 2 * (_DEGREE + 1)))
-        all_rows = BSpline.design_matrix(np.mod(theta, _REVOLUTION), _spline_knots(knots), _DEGREE).toarray()
+        all_rows = BSpline.design_matrix(np.mod(theta, math.tau), _spline_knots(knots), _DEGREE).toarray()
         self.rows: FloatArray = all_rows[:, :knots]
         self.rows[:, :_DEGREE] += all_rows[:, knots:]
         third = np.eye(knots)
@@ -263,7 +261,7 @@ def _minimize_cross_validation(fit: _Fit, near: float | None = None) -> float:
 def _report(theta: FloatArray, s: FloatArray, spline: DelayedEvent, weight: float, noise: float) -> LiftReport:
     change = spline(theta) - s
     worst = int(np.argmax(np.abs(change)))
-    fine = spline(np.linspace(0.0, _REVOLUTION, 3601), 2)
+    fine = spline(np.linspace(0.0, math.tau, 3601), 2)
     raw = 2.0 * np.diff(np.diff(s) / np.diff(theta)) / (np.diff(theta)[:-1] + np.diff(theta)[1:])
     return LiftReport(
         len(theta), float(np.sqrt(np.mean(change**2))), float(abs(change[worst])), float(theta[worst]),
@@ -275,11 +273,10 @@ def _report(theta: FloatArray, s: FloatArray, spline: DelayedEvent, weight: floa
 def _remarks(theta: FloatArray, s: FloatArray, spline: DelayedEvent, noise: float) -> list[str]:
     """Return warnings: outliers, large changes by smoothing, and ripple below the base circle."""
     if (rows := _find_outliers(theta, s, noise)).size:
-        given = (
-            f"a lift of {1e3 * s[rows[0]]:.4g} mm between {1e3 * s[rows[0] - 1]:.4g} and {1e3 * s[rows[0] + 1]:.4g} mm"
-        )
+        i = int(rows[0])
+        given = f"a lift of {1e3 * s[i]:.4g} mm between {1e3 * s[i - 1]:.4g} and {1e3 * s[i + 1]:.4g} mm"
         others = f", as are {rows.size - 1} further rows" if rows.size > 1 else ""
-        place = f"row {rows[0] + 1}, at {math.degrees(theta[rows[0]]):.4g} deg of cam angle"
+        place = f"row {i + 1}, at {math.degrees(theta[i]):.4g} deg of cam angle"
         return [f"{place}: {given} is an outlier{others}: correct or remove it"]
     change, top = np.abs(spline(theta) - s), float(s.max())
     far = np.flatnonzero(change > _FAR * noise + _SMALL * top)
@@ -290,7 +287,7 @@ def _remarks(theta: FloatArray, s: FloatArray, spline: DelayedEvent, noise: floa
         moved = f"smoothing moves {points} by more than {_FAR:g} times the scatter of {1e6 * noise:.2g} um"
         worst = f"{1e6 * change[at]:.3g} um at {math.degrees(theta[at]):.4g} deg of cam angle"
         said.append(f"{moved}, by up to {worst}: outliers, or a lobe too narrow (give a tolerance)")
-    least, lowest = float(spline(_RIPPLE).min()), min(float(s.min()), 0.0)
+    least, lowest = float(spline(GRID).min()), min(float(s.min()), 0.0)
     if least < -max(_BELOW * top, -1.5 * lowest):
         given = f"the points by up to {abs(1e6 * lowest):.3g} um" if lowest < 0.0 else "no point is"
         said.append(f"the smoothed lift is up to {-1e6 * least:.3g} um below the base circle, {given}")
@@ -304,13 +301,8 @@ def _find_outliers(theta: FloatArray, s: FloatArray, noise: float) -> NDArray[np
     """
     from scipy.ndimage import median_filter
 
-    ahead = np.arange(2, len(s) - 2)[:, None] + np.array([-2, -1, 1, 2])
-    angles, middle = theta[ahead], theta[2:-2, None]
-    cubic = np.zeros(len(ahead))
-    for k in range(4):
-        others = np.delete(angles, k, axis=1)
-        cubic += s[ahead[:, k]] * ((middle - others) / (angles[:, [k]] - others)).prod(axis=1)
-    miss = s[2:-2] - cubic
+    differences, weights = _divided_differences(theta, s, 5)
+    miss = differences / weights[:, 2]
     far = np.abs(miss) > _FAR * np.maximum(noise, median_filter(np.abs(miss), _AROUND)) + _BASE * np.quantile(s, _HIGH)
     beside = -np.stack([miss[:-2], miss[2:]]) / np.where(far, miss, np.inf)[1:-1]
     return 3 + np.flatnonzero(far[1:-1] & (np.abs(beside - _SPOILED) < _BAND).all(axis=0))
@@ -340,23 +332,22 @@ def find_table_faults(theta: FloatArray, s: FloatArray) -> list[Fault]:
         given = f"{len(s)} lifts at {len(theta)} angles"
         return [Fault("lift table", given, "one lift per angle", "", "complete or remove the odd row")]
     lost = np.flatnonzero(~(np.isfinite(theta) & np.isfinite(s)))
-    if lost.size:
-        return [
-            Fault(f"lift table, row {i + 1}", f"angle {math.degrees(theta[i]):g} deg, lift {1e3 * s[i]:g} mm",
-                  "finite numbers", "", "correct or remove the row")
-            for i in lost[:_MOST_FAULTS].tolist()
-        ]  # fmt: skip
+    found: list[Fault] = []
+    for i in lost[:_MOST_FAULTS].tolist():
+        given = f"angle {math.degrees(theta[i]):g} deg, lift {1e3 * s[i]:g} mm"
+        found.append(Fault(f"lift table, row {i + 1}", given, "finite numbers", "", "correct or remove the row"))
+    if found:
+        return found
     if len(theta) < _LEAST_POINTS:
         return [Fault("lift table", f"{len(theta)} points", f"{_LEAST_POINTS} or more", "", "measure at more angles")]
     if len(theta) > _MOST_POINTS:
         return [Fault("lift table", f"{len(theta)} points", f"up to {_MOST_POINTS}", "", "keep every second row")]
-    found: list[Fault] = []
     back = np.flatnonzero(np.diff(theta) <= 0.0)
     if back.size:
         i = int(back[0])
         given = f"{math.degrees(theta[i]):g} deg, then {math.degrees(theta[i + 1]):g} deg"
         found.append(Fault(f"angle, row {i + 2}", given, "angles that ascend", "", "sort the rows, each angle once"))
-    elif theta[-1] - theta[0] > _REVOLUTION + 1e-9:
+    elif theta[-1] - theta[0] > math.tau + 1e-9:
         given = f"{math.degrees(theta[-1] - theta[0]):g} deg of cam angle"
         remedy = "shorten the table, or mark crank angles with angle = 'crank'"
         found.append(Fault("angle", given, "360 deg at most", "the lift repeats every revolution", remedy))
@@ -385,12 +376,17 @@ def base_level(theta: FloatArray, s: FloatArray) -> float:
 
 def scatter(theta: FloatArray, s: FloatArray) -> float:
     """Return the standard deviation of a table's noise, from the deviation from parabolas through three neighbours."""
-    places = np.stack([theta[k : len(theta) - 3 + k] for k in range(4)])
-    values = np.stack([s[k : len(s) - 3 + k] for k in range(4)])
-    apart = places[:, None] - places[None]
-    weights = 1.0 / np.where(np.eye(4, dtype=bool)[:, :, None], 1.0, apart).prod(axis=1)
-    miss = np.abs((weights * values).sum(axis=0)) / np.sqrt((weights**2).sum(axis=0))
+    differences, weights = _divided_differences(theta, s, 4)
+    miss = np.abs(differences) / np.sqrt((weights**2).sum(axis=1))
     return _OF_MEDIAN * float(np.median(miss))
+
+
+def _divided_differences(theta: FloatArray, s: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
+    """Return the divided differences of successive points, shape (m,), and the weights of the points, (m, count)."""
+    places, values = sliding_window_view(theta, count), sliding_window_view(s, count)
+    apart = places[:, :, None] - places[:, None]
+    weights = 1.0 / np.where(np.eye(count, dtype=bool), 1.0, apart).prod(axis=2)
+    return (weights * values).sum(axis=1), weights
 
 
 def _gaps(theta: FloatArray, s: FloatArray, low: float) -> list[Fault]:
@@ -401,10 +397,9 @@ def _gaps(theta: FloatArray, s: FloatArray, low: float) -> list[Fault]:
     if not gap.any():
         return []
     i = int(np.argmax(gap))
+    where, why = f"angle, row {i + 2}", "the lift there is unknown"
     given = f"no point between {math.degrees(theta[i]):g} and {math.degrees(theta[i + 1]):g} deg"
-    return [
-        Fault(f"angle, row {i + 2}", given, "points over the whole lift", "the lift there is unknown", "measure there")
-    ]
+    return [Fault(where, given, "points over the whole lift", why, "measure there")]
 
 
 def _max_curvature_deviation(theta: FloatArray, s: FloatArray) -> FloatArray:
@@ -424,7 +419,7 @@ def _max_curvature_deviation(theta: FloatArray, s: FloatArray) -> FloatArray:
 
 def wide_steps(theta: FloatArray) -> NDArray[np.bool_]:
     """Return which steps to the next point, around the revolution, are wide compared with their neighbours."""
-    step = np.diff(theta, append=theta[0] + _REVOLUTION)
+    step = np.diff(theta, append=theta[0] + math.tau)
     beside = np.maximum(np.roll(step, 1), np.roll(step, -1))
     return (step > _WIDE) | ((step > _GAP) & (step > _GAP_RATIO * beside))
 
@@ -432,7 +427,7 @@ def wide_steps(theta: FloatArray) -> NDArray[np.bool_]:
 def _periodicity_fault(theta: FloatArray, s: FloatArray, low: float) -> list[Fault]:
     """Return the fault of a lift that does not return to its initial value."""
     jump = abs(float(s[-1] - s[0]))
-    if theta[-1] - theta[0] > _REVOLUTION - 1e-9:  # the last row repeats the first
+    if theta[-1] - theta[0] > math.tau - 1e-9:  # the last row repeats the first
         closes = jump <= low
     elif wide_steps(theta)[-1]:  # the base circle is omitted
         closes = max(float(s[0]), float(s[-1])) <= low

@@ -147,10 +147,8 @@ class Program:
     ) -> tuple[FloatArray, FloatArray]:
         blocks = [self._constraints(n, *self.family.rows(places[k], k)) for n, k in ORDERS.items() if n in self.weights]
         for name, limit in self.limits.items():
-            order = ORDERS[name]
-            blocks.append(
-                self._constraints(name, *self.family.rows(places[order], order), limit * (1.0 - _LIMIT_MARGIN))
-            )
+            rows, offset = self.family.rows(places[ORDERS[name]], ORDERS[name])
+            blocks.append(self._constraints(name, rows, offset, limit * (1.0 - _LIMIT_MARGIN)))
         if self.monotone:
             rows, offset = self.family.rows(places[1], 1)
             # If a law reverses by rounding, a short step could only correct that.
@@ -196,10 +194,10 @@ def _solutions(E: FloatArray, e: FloatArray, size: int) -> tuple[FloatArray, Flo
     """Return a particular solution of E x = e and a basis of the null space, shape (size, k)."""
     if not len(E):
         return np.zeros(size), np.eye(size)
+    from scipy.linalg import null_space
+
     base = np.asarray(np.linalg.lstsq(E, e, rcond=None)[0], dtype=float)
-    _, values, vectors = np.linalg.svd(E)
-    rank = int(np.count_nonzero(values > 1e-12 * values.max(initial=0.0)))
-    return base, np.asarray(vectors[rank:].T, dtype=float)
+    return base, np.asarray(null_space(E, rcond=1e-12), dtype=float)
 
 
 def _slowest(law: Law) -> float:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.polynomial.polynomial import polyder, polyval
@@ -108,18 +108,17 @@ def _exponent_fault(p: tuple[int, ...], least: int) -> str:
 
 def _solve_exact(rows: list[list[Fraction]], right: list[Fraction]) -> tuple[Fraction, ...]:
     """Return the exact solution of a small linear system (elimination with the first pivot that is not zero)."""
-    work = [[*row, value] for row, value in zip(rows, right, strict=True)]
+    work: Any = np.column_stack([np.array(rows, dtype=object), np.array(right, dtype=object)])
     for i in range(len(work)):
-        pivot = next((k for k in range(i, len(work)) if work[k][i]), None)
-        if pivot is None:
+        pivots = i + np.flatnonzero(work[i:, i])
+        if not len(pivots):
             given = f"{len(work)} conditions of which one follows from the others or contradicts them"
             raise refuse("conditions", given, "independent conditions", remedy="change a position or an order")
-        work[i], work[pivot] = work[pivot], work[i]
-        work[i] = [value / work[i][i] for value in work[i]]
-        for k in range(len(work)):
-            if k != i and (factor := work[k][i]):
-                work[k] = [a - factor * b for a, b in zip(work[k], work[i], strict=True)]
-    return tuple(row[-1] for row in work)
+        work[[i, pivots[0]]] = work[[pivots[0], i]]
+        work[i] /= work[i, i]
+        others = np.arange(len(work)) != i
+        work[others] -= np.outer(work[others, i], work[i])
+    return tuple(work[:, -1])
 
 
 def quinquinomial(row: int = 1) -> Polynomial:
@@ -165,17 +164,11 @@ class BSplineLaw(SmoothLaw):
         if self.degree < _LEAST_DEGREE:
             why = "the fourth derivative would jump"
             raise refuse("degree", self.degree, f"a whole number from {_LEAST_DEGREE}", why)
-        least = self.degree + 1 + len(self.knots or ())
-        fits = len(self.coefficients) == least if self.knots is not None else len(self.coefficients) >= least
-        if not fits:
-            allowed = f"{least}" if self.knots is not None else f"{least} or more"
-            raise refuse(
-                "coefficients", f"{len(self.coefficients)} values", allowed, "degree and knots define their number"
-            )
-        if self.coefficients[0] != 0.0 or self.coefficients[-1] != 1.0 or not np.isfinite(self.coefficients).all():
-            raise refuse(
-                "coefficients", list(self.coefficients), "finite numbers from 0 to 1 at the ends", "s(0) = 0, s(1) = 1"
-            )
+        count, least = len(self.coefficients), self.degree + 1 + len(self.knots or ())
+        if count < least or (self.knots is not None and count > least):
+            allowed, why = f"{least}{' or more' * (self.knots is None)}", "degree and knots define their number"
+            raise refuse("coefficients", f"{count} values", allowed, why)
+        _check_ends("coefficients", self.coefficients)
         if not all(a < b for a, b in pairwise((0.0, *(self.knots or ()), 1.0))):
             raise refuse("knots", list(self.knots or ()), "numbers that ascend between 0 and 1")
 
@@ -188,15 +181,25 @@ class BSplineLaw(SmoothLaw):
 
     @cached_property
     def _derivatives(self) -> tuple[BSpline[np.float64], ...]:
-        from scipy.interpolate import BSpline
-
-        ends = np.ones(self.degree + 1)
-        spline = BSpline(np.concatenate([0.0 * ends, self.inner_knots, ends]), np.array(self.coefficients), self.degree)
-        return tuple(spline.derivative(order) if order else spline for order in range(_LEAST_DEGREE))
+        return spline_derivatives(self.inner_knots, np.array(self.coefficients), self.degree)
 
     def __call__(self, z: FloatArray, order: int = 0) -> FloatArray:
         """Return the derivative of the given order at z."""
         return np.asarray(self._derivatives[order](z), dtype=float)
+
+
+def spline_derivatives(inner_knots: FloatArray, coefficients: FloatArray, degree: int) -> tuple[Any, ...]:
+    """Return a spline on clamped knots and its derivatives up to the fourth."""
+    from scipy.interpolate import BSpline
+
+    ends = np.ones(degree + 1)
+    spline = BSpline(np.concatenate([0.0 * ends, inner_knots, ends]), coefficients, degree)
+    return tuple(spline.derivative(order) if order else spline for order in range(_LEAST_DEGREE))
+
+
+def _check_ends(name: str, values: tuple[float, ...]) -> None:
+    if (values[0], values[-1]) != (0.0, 1.0) or not np.isfinite(values).all():
+        raise refuse(name, list(values), "finite numbers from 0 to 1 at the ends", "s(0) = 0, s(1) = 1")
 
 
 def through_points(z: tuple[float, ...], s: tuple[float, ...]) -> BSplineLaw:
@@ -213,19 +216,11 @@ def through_points(z: tuple[float, ...], s: tuple[float, ...]) -> BSplineLaw:
         raise refuse("z, s", f"{len(z)} and {len(s)} values", "as many of both, three or more")
     if not all(a < b for a, b in pairwise(z)) or (z[0], z[-1]) != (0.0, 1.0):
         raise refuse("z", list(z), "positions that ascend from 0 to 1")
-    if (s[0], s[-1]) != (0.0, 1.0) or not np.isfinite(s).all():
-        raise refuse("s", list(s), "finite numbers from 0 to 1 at the ends", "s(0) = 0, s(1) = 1")
+    _check_ends("s", s)
     from scipy.interpolate import make_interp_spline
 
+    interpolate: Any = make_interp_spline  # the type stubs accept the end conditions by name only
     still = [(1, 0.0), (2, 0.0)]
-    # The type stubs accept the end conditions by name only.
-    spline: BSpline[np.float64] = make_interp_spline(  # pyright: ignore[reportCallIssue, reportUnknownVariableType]
-        np.array(z),
-        np.array(s),
-        k=5,
-        bc_type=(still, still),  # pyright: ignore[reportArgumentType]
-    )
-    t: FloatArray = np.asarray(spline.t, dtype=float)  # pyright: ignore[reportUnknownMemberType, reportUnknownArgumentType]
-    c: FloatArray = np.asarray(spline.c, dtype=float)  # pyright: ignore[reportUnknownMemberType, reportUnknownArgumentType]
-    inner, middle = tuple(t[6:-6].tolist()), tuple(c[3:-3].tolist())
+    spline = interpolate(np.array(z), np.array(s), k=5, bc_type=(still, still))
+    inner, middle = tuple(spline.t[6:-6].tolist()), tuple(spline.c[3:-3].tolist())
     return BSplineLaw((0.0, 0.0, 0.0, *middle, 1.0, 1.0, 1.0), 5, inner)

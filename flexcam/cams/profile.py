@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -17,7 +17,6 @@ from flexcam.cams.lift_event import Event
 from flexcam.core import ComplexArray, FloatArray
 from flexcam.core.errors import InputError, finite_array, positive, refuse
 
-_REVOLUTION = 2.0 * math.pi
 _MOST_POINTS = 1_000_000
 _STRAIGHT = 1e-9  # relative curvature of a roller's centre path, to that of the roller, that counts as zero
 
@@ -94,7 +93,7 @@ def cam_profile(event: Event, follower: Follower, *, count: int = 720, turn: Tur
     """Return the profile of a cam at equally spaced cam angles."""
     if not 12 <= count <= _MOST_POINTS:
         raise refuse("count", count, f"a whole number from 12 to {_MOST_POINTS}")
-    return profile_at(event, follower, np.linspace(0.0, _REVOLUTION, count, endpoint=False), turn)
+    return profile_at(event, follower, np.linspace(0.0, math.tau, count, endpoint=False), turn)
 
 
 Motion = tuple[FloatArray, FloatArray, FloatArray]
@@ -223,12 +222,11 @@ def undercut(radius: FloatArray, follower: Follower) -> NDArray[np.bool_]:
 
 
 def minimum_base_radius(
-    event: Event, follower: Follower, *, pressure_angle: float = PRESSURE_ANGLE, radius: float = 0.0,
-    turn: Turn = 1, count: int = 1440,
-) -> float:  # fmt: skip
+    event: Event, follower: Follower, *, pressure_angle: float = PRESSURE_ANGLE, radius: float = 0.0, turn: Turn = 1
+) -> float:
     """Return the smallest base circle without undercut, within limits of pressure angle and convex radius."""
     high = 100.0 * positive("lift", event.height, "m")
-    even = np.linspace(0.0, 2.0 * math.pi, count, endpoint=False)
+    even = np.linspace(0.0, math.tau, 1440, endpoint=False)
     angles = np.union1d(even, [*event.joints, *(at - LIMIT_OFFSET for at in event.joints)])
     motion = event(angles), event(angles, 1), event(angles, 2)
 
@@ -297,9 +295,8 @@ def lift_from_profile(points: ArrayLike, follower: Follower, angle: ArrayLike, *
     if not len(turned):
         return np.zeros(np.shape(angle))
     # Fine enough for a roller much smaller than the cam.
-    count = min(
-        _MOST_SAMPLES, max(len(xy), _LEAST_SAMPLES, math.ceil(8.0 * length / min(follower.roller_radius, length)))
-    )
+    needed = math.ceil(8.0 * length / min(follower.roller_radius, length))
+    count = min(_MOST_SAMPLES, max(len(xy), _LEAST_SAMPLES, needed))
     at = np.linspace(0.0, length, count, endpoint=False)
     x, y = np.moveaxis(np.asarray(curve(at), dtype=float), -1, 0)
     starts = _find_highest_peaks(np.asarray(x + 1j * y, dtype=np.complex128), at, follower, turned)
@@ -322,11 +319,9 @@ def find_bridges(points: ArrayLike, follower: Follower, *, turn: Turn = 1) -> Br
     angle = np.linspace(0.0, 2.0 * math.pi, _SAMPLE_ANGLES, endpoint=False)
     lift = lift_from_profile(points, follower, angle, turn=turn)
     xy = finite_array("points", points, (None, 2))
-    turned, left = np.exp(1j * turn * angle), np.full(len(xy), math.inf)
-    rows = max(1, _AT_ONCE // len(xy))
-    for i in range(0, len(angle), rows):
-        high = follower.lift_at((xy[:, 0] + 1j * xy[:, 1]) * turned[i : i + rows, None])
-        left = np.minimum(left, (lift[i : i + rows, None] - high).min(axis=0))
+    left, points = np.full(len(xy), math.inf), np.asarray(xy[:, 0] + 1j * xy[:, 1], dtype=np.complex128)
+    for rows, high in _lifts_at_points(points, follower, np.exp(1j * turn * angle)):
+        left = np.minimum(left, (lift[rows, None] - high).min(axis=0))
     worst = int(np.argmax(np.where(np.isfinite(left), left, 0.0)))
     depth = float(left[worst])
     return Bridge(depth, (float(xy[worst, 0]), float(xy[worst, 1]))) if depth > _CONTACT_TOLERANCE else None
@@ -340,12 +335,19 @@ _LEAST_SAMPLES, _MOST_SAMPLES = 360, 20_000
 _CANDIDATES = 3  # peaks evaluated per angle: at a jump of the contact two are almost equal
 
 
+def _lifts_at_points(
+    points: ComplexArray, follower: Follower, turned: ComplexArray
+) -> Iterator[tuple[slice, FloatArray]]:
+    """Yield slices of the angles with the lifts at which the follower would contact the points at each of them."""
+    size = max(1, _AT_ONCE // len(points))
+    for i in range(0, len(turned), size):
+        yield slice(i, i + size), follower.lift_at(points * turned[i : i + size, None])
+
+
 def _find_highest_peaks(points: ComplexArray, at: FloatArray, follower: Follower, turned: ComplexArray) -> FloatArray:
     """Return the positions of the highest peaks on the closed curve, shape (angles, candidates)."""
     found: list[FloatArray] = []
-    rows = max(1, _AT_ONCE // len(points))
-    for i in range(0, len(turned), rows):
-        lift = follower.lift_at(points * turned[i : i + rows, None])
+    for _, lift in _lifts_at_points(points, follower, turned):
         peak = (lift >= np.roll(lift, 1, axis=1)) & (lift >= np.roll(lift, -1, axis=1))
         highest = np.argpartition(-np.where(peak, lift, -math.inf), _CANDIDATES, axis=1)
         found.append(at[highest[:, :_CANDIDATES]])

@@ -7,11 +7,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from flexcam.cams.motion_law import Law, linear
-from flexcam.cams.polynomial_laws import BSplineLaw
+from flexcam.cams.polynomial_laws import BSplineLaw, spline_derivatives
 from flexcam.cams.standard_laws import Harmonic
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
@@ -138,15 +139,14 @@ class SplineFamily(Family):
         """Number of free coefficients."""
         return self._map[0].shape[1]
 
+    @cached_property
+    def _basis(self) -> tuple[Any, ...]:
+        inner = np.linspace(0.0, 1.0, self.pieces + 1)[1:-1]
+        return spline_derivatives(inner, np.eye(self._count), self.degree)
+
     def rows(self, z: FloatArray, order: int) -> tuple[FloatArray, FloatArray]:
         """Return rows and offset of a derivative."""
-        from scipy.interpolate import BSpline
-
-        ends = np.ones(self.degree + 1)
-        inner = np.linspace(0.0, 1.0, self.pieces + 1)[1:-1]
-        knots = np.concatenate([0.0 * ends, inner, ends])
-        spline = BSpline(knots, np.eye(self._count), self.degree)
-        basis = np.asarray(spline.derivative(order)(z) if order else spline(z), dtype=float)
+        basis: FloatArray = self._basis[order](z)
         matrix, offset = self._map
         return basis @ matrix, basis @ offset
 

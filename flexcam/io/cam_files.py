@@ -20,12 +20,13 @@ import numpy as np
 
 from flexcam.cams import KINDS, HarmonicLift, Law
 from flexcam.core import FloatArray
-from flexcam.core.errors import Fault, InputError, refuse, suggest_name, system_message
+from flexcam.core.errors import Fault, InputError, refuse, suggest_name
 from flexcam.io.exports import write_polylines
-from flexcam.io.files import atomic_write_path, check_writable, format_toml, read_text, write_text
+from flexcam.io.files import atomic_write_path, check_writable, format_toml, read_source, write_columns, write_text
 
 _LENGTHS = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "μm": 1e-6, "inch": 0.0254, '"': 0.0254,
             "thou": 2.54e-5}  # fmt: skip
+_UNITS = "um, mm, cm, m, in or thou"
 _MAX_FAULTS = 10
 
 Row = tuple[int, str]
@@ -37,15 +38,18 @@ def _read_rows(path: Path, where: str, content: str, text: str | None = None) ->
 
     Lines are those of a text editor: `str.splitlines` also splits at characters such as U+0085.
     """
-    try:
-        lines = (read_text(path) if text is None else text).split("\n")
-    except OSError as fault:
-        raise refuse(where, str(path), "a readable text file", system_message(fault)) from None
+    lines = read_source(path, where, text).split("\n")
     rows = [(number, line.partition("#")[0].strip()) for number, line in enumerate(lines, start=1)]
     rows = [(number, line) for number, line in rows if line]
     if not rows:
         raise refuse(where, f"{path.name}, which is empty", content)
     return rows
+
+
+def _refuse_rows(path: Path, bad: Sequence[Row], allowed: str, remedy: str) -> None:
+    faults = [Fault(f"{path.name}, line {n}", repr(line[:40]), allowed, "", remedy) for n, line in bad[:_MAX_FAULTS]]
+    if faults:
+        raise InputError(faults)
 
 
 AngleKind = Literal["cam", "crank"]
@@ -108,12 +112,8 @@ def read_lift(
         remedy = suggest_name(column, names) if column else 'name one: lift_table = { file = ..., column = "..." }'
         raise refuse(f"{path.name}, column of the lift", column or named, named, "", remedy)
     bad = [(number, line) for number, line in rows[start:] if len(_numbers(line)) != width]
-    if bad:
-        allowed, remedy = f"{width} numbers in each row", "correct or remove the row, or write # before it"
-        raise InputError(
-            Fault(f"{path.name}, line {number}", repr(line[:40]), allowed, "", remedy)
-            for number, line in bad[:_MAX_FAULTS]
-        )
+    remedy = "correct or remove the row, or write # before it"
+    _refuse_rows(path, bad, f"{width} numbers in each row", remedy)
     to_rad = _angle_factor(names[0] if names else "", angle, head, path)
     scale = _lift_factor(names[lifts[0]] if names else "", unit, head, path)
     values = np.array([_numbers(line) for _, line in rows[start:]])[:, [0, lifts[0]]]
@@ -153,9 +153,7 @@ def write_lift_table(path: Path, angle: FloatArray, lift: FloatArray, *, overwri
     if path.suffix != ".csv":
         raise refuse("output", str(path), "a name that ends in .csv", "a case recognizes a table by this ending")
     check_writable("output", path, overwrite=overwrite)
-    rows = np.column_stack([np.degrees(angle), 1e3 * lift])
-    with atomic_write_path(path) as draft:
-        np.savetxt(draft, rows, fmt="%.12g", delimiter=",", header="cam_deg,lift_mm", comments="")
+    write_columns(path, {"cam_deg": np.degrees(angle), "lift_mm": 1e3 * lift})
     return path
 
 
@@ -214,9 +212,7 @@ def _lift_factor(column: str, given: str | None, head: str, path: Path) -> float
     unit = given or (named[-1] if named else None)
     if unit not in _LENGTHS:
         remedy = 'add unit = "mm" or unit = "in", or a first row such as cam_deg, lift_mm'
-        raise refuse(
-            f"{path.name}, unit of the lift", unit or head or "no head", "um, mm, cm, m, in or thou", "", remedy
-        )
+        raise refuse(f"{path.name}, unit of the lift", unit or head or "no head", _UNITS, "", remedy)
     return _LENGTHS[unit]
 
 
@@ -227,10 +223,8 @@ def read_profile(path: Path, *, unit: str | None = None) -> FloatArray:
     head = [] if _coordinates(rows[0][1], (0, 1)) else rows.pop(0)[1]
     columns = _profile_columns(head, path)
     scale = _profile_factor([head[column] for column in columns] if head else [], unit, path)
-    bad = [Fault(f"{path.name}, line {number}", repr(",".join(parts)[:40]), "numbers", "", "correct or remove the row")
-           for number, parts in rows if not _coordinates(parts, columns)]  # fmt: skip
-    if bad:
-        raise InputError(bad[:_MAX_FAULTS])
+    bad = [(number, ",".join(parts)) for number, parts in rows if not _coordinates(parts, columns)]
+    _refuse_rows(path, bad, "numbers", "correct or remove the row")
     points = scale * np.array([_coordinates(parts, columns) for _, parts in rows], dtype=float).reshape(-1, 2)
     closed = len(points) > 1 and bool(np.abs(points[0] - points[-1]).max() < 1e-9 * np.abs(points).max())
     return points[:-1] if closed else points
@@ -254,14 +248,8 @@ def _profile_columns(head: list[str], path: Path) -> tuple[int, int]:
         named = [i for i, name in enumerate(head) if axis in _header_words(name)]
         own = [i for i in named if head[i].lower().startswith("profile")]
         if len(own or named) != 1:
-            given = ", ".join(head)[:60]
-            raise refuse(
-                f"{path.name}, header line",
-                given,
-                "one column x and one y, such as x [mm], y [mm]",
-                "",
-                "name the columns",
-            )
+            allowed = "one column x and one y, such as x [mm], y [mm]"
+            raise refuse(f"{path.name}, header line", ", ".join(head)[:60], allowed, "", "name the columns")
         found += own or named
     return found[0], found[1]
 
@@ -276,7 +264,7 @@ def _profile_factor(head: list[str], given: str | None, path: Path) -> float:
         raise refuse(where, " and ".join(units), "one unit", why, remedy)
     if not units or units[0] not in _LENGTHS:
         remedy = "add --unit mm, or a first row such as x [mm], y [mm]"
-        raise refuse(where, given or ", ".join(head)[:60] or "no head", "um, mm, cm, m, in or thou", "", remedy)
+        raise refuse(where, given or ", ".join(head)[:60] or "no head", _UNITS, "", remedy)
     return _LENGTHS[units[0]]
 
 
@@ -303,8 +291,7 @@ def write_profile(table: ProfileTable, stem: Path, forms: Sequence[str], *, over
     for path in paths:
         check_writable("profile", path, overwrite=overwrite)
     for form, path in zip(forms, paths, strict=True):
-        with atomic_write_path(path) as draft:
-            writers[form](table, draft)
+        writers[form](table, path)
     return paths
 
 
@@ -312,8 +299,7 @@ def _write_csv(table: ProfileTable, path: Path) -> None:
     columns = dict(table.columns)
     for name, curve in table.curves.items():
         columns |= {f"{name} x [mm]": _MM * curve[:, 0], f"{name} y [mm]": _MM * curve[:, 1]}
-    rows = np.column_stack(list(columns.values()))
-    np.savetxt(path, rows, fmt="%.12g", delimiter=",", header=",".join(columns), comments="")
+    write_columns(path, columns)
 
 
 def _write_dxf(table: ProfileTable, path: Path) -> None:
@@ -327,7 +313,8 @@ def _write_dxf(table: ProfileTable, path: Path) -> None:
     for name, curve in table.curves.items():
         space.add_lwpolyline((_MM * curve).tolist(), close=True, dxfattribs={"layer": name})
     space.add_circle((0.0, 0.0), _MM * table.base_radius, dxfattribs={"layer": "base circle"})
-    drawing.saveas(path)
+    with atomic_write_path(path) as draft:
+        drawing.saveas(draft)
 
 
 def _write_vtp(table: ProfileTable, path: Path) -> None:

@@ -15,7 +15,7 @@ from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import refuse, suggest_name
 from flexcam.dynamics import Outline, Response
 from flexcam.fem.mesh import Mesh
-from flexcam.io.files import atomic_write_path, check_writable, create_folder
+from flexcam.io.files import atomic_write_path, check_writable, create_folder, write_columns, write_text
 from flexcam.io.hdf5 import write_digest, write_texts
 from flexcam.io.result_reader import Result
 from flexcam.io.result_schema import ABOUT, MODES_FREQUENCIES, MODES_KIND, NODE, RADIUS, RECOVERED_FIELDS, VECTORS
@@ -43,21 +43,24 @@ def write_polydata(
 ) -> None:  # fmt: skip
     """Write points and cells (indices of their points, and their ends) of the kinds ``Verts``, ``Lines``, ``Polys``."""
     counts = " ".join(f'NumberOf{kind}="{len(ends)}"' for kind, (_, ends) in cells.items())
-    text = "\n".join([
-        '<?xml version="1.0"?>',
-        '<VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" header_type="UInt64">',
-        "<PolyData>",
+    lines = [
         "<FieldData>", *(_array(name, v, whole=True) for name, v in (field_data or {}).items()), "</FieldData>",
         f'<Piece NumberOfPoints="{len(points)}" {counts}>',
         "<PointData>", *(_array(name, values) for name, values in point_data.items()), "</PointData>",
         "<CellData>", *(_array(name, values) for name, values in (cell_data or {}).items()), "</CellData>",
         "<Points>", _array("Points", points), "</Points>",
-        *(f"<{kind}>\n{_array('connectivity', own)}\n{_array('offsets', ends)}\n</{kind}>"
-          for kind, (own, ends) in cells.items()),
-        "</Piece></PolyData></VTKFile>", "",
-    ])  # fmt: skip
+    ]  # fmt: skip
+    for kind, (own, ends) in cells.items():
+        lines += [f"<{kind}>", _array("connectivity", own), _array("offsets", ends), f"</{kind}>"]
+    write_vtk(path, "PolyData", [*lines, "</Piece>"])
+
+
+def write_vtk(path: Path, kind: str, lines: Iterable[str]) -> None:
+    """Write a VTK XML file of a kind, such as ``Collection``, from the lines of its element."""
+    head = f'<VTKFile type="{kind}" version="1.0" byte_order="LittleEndian" header_type="UInt64">'
+    text = ['<?xml version="1.0"?>', head, f"<{kind}>", *lines, f"</{kind}>", "</VTKFile>", ""]
     with atomic_write_path(path) as draft:
-        draft.write_text(text, encoding="ascii")
+        draft.write_text("\n".join(text), encoding="utf-8")
 
 
 def _array(name: str, values: FloatArray | IntArray, *, whole: bool = False) -> str:
@@ -108,15 +111,11 @@ def write_collection(path: Path, times: FloatArray, files: Sequence[Path]) -> No
     """Write a ``.pvd`` file that lists a file per instant; each lies in a folder next to it."""
     from xml.sax.saxutils import quoteattr  # imports urllib
 
-    entries = [
-        f'    <DataSet timestep="{time!r}" part="0" file={quoteattr(f"{file.parent.name}/{file.name}")}/>'
-        for time, file in zip(times.tolist(), files, strict=True)
-    ]
-    head = (
-        '<?xml version="1.0"?>\n<VTKFile type="Collection" version="1.0" byte_order="LittleEndian">\n  <Collection>\n'
-    )
-    with atomic_write_path(path) as draft:
-        draft.write_text(head + "\n".join(entries) + "\n  </Collection>\n</VTKFile>\n", encoding="utf-8")
+    lines: list[str] = []
+    for time, file in zip(times.tolist(), files, strict=True):
+        name = quoteattr(f"{file.parent.name}/{file.name}")
+        lines.append(f'    <DataSet timestep="{time!r}" part="0" file={name}/>')
+    write_vtk(path, "Collection", lines)
 
 
 def _write_vtp(path: Path, mesh: Mesh, node: IntArray, data: Data, whole: Mapping[str, float]) -> None:
@@ -207,17 +206,13 @@ if given:
 
 def write_macro(collection: Path, fields: Sequence[str], degrees: Sequence[float], *, overwrite: bool = False) -> Path:
     """Write the macro of an exported collection as ``NAME.paraview.py`` in its folder."""
-    path = macro_path(collection)
-    check_writable("export", path, overwrite=overwrite)
     colour = "stress_von_mises" if "stress_von_mises" in fields else fields[0]
     text = _MACRO.format(
         name=collection.stem, colour=colour, collection=collection.name,
         folder=str(collection.parent.resolve()), angle=CAM_ANGLE,
         degrees=[round(one, 6) for one in degrees], units=_UNITS, vector=next(iter(VECTORS)), radius=RADIUS,
     )  # fmt: skip
-    with atomic_write_path(path) as draft:
-        draft.write_text(text, encoding="utf-8")
-    return path
+    return write_text(macro_path(collection), text, overwrite=overwrite, where="export")
 
 
 def macro_path(collection: Path) -> Path:
@@ -236,16 +231,18 @@ def write_csv(
     columns |= {f"{name} {series} [{unit}]": column for name, series, unit, column in response.motions(probes)}
     units = dict(response.outline.channels)
     columns.update({f"{name} [{units[name]}]": values for name, values in response.channels.items()})
-    header = ",".join(columns)
-    rows = np.column_stack(list(columns.values()))[::every]
-    with atomic_write_path(path) as draft:
-        np.savetxt(draft, rows, fmt="%.17g", delimiter=",", header=header, comments="")
+    write_columns(path, columns, digits=17, every=every)
     return path
 
 
 def scalar_probes(outline: Outline) -> dict[str, str]:
     """Return the component of every scalar probe by name, such as ``cam.uy``; a probe of one keeps its name."""
     return {name if len(parts) == 1 else f"{name}.{part}": part for name, parts in outline.probes for part in parts}
+
+
+def energies(response: Response) -> dict[str, FloatArray]:
+    """Return the histories of the energies of a run by name, J."""
+    return {name.removeprefix("energy."): v for name, v in response.channels.items() if name.startswith("energy.")}
 
 
 FRAMES_PER_PERIOD = 24
@@ -282,8 +279,7 @@ def write_modes(
         file: Any = opened
         group = VtkGroup(file, geometry, dict.fromkeys(drawn, ("m", 3)), still, FRAMES_PER_PERIOD)
         group.append({name: swing[:, None, None] * shape for name, shape in drawn.items()}, FRAMES_PER_PERIOD)
-        group.count(FRAMES_PER_PERIOD)
-        group.write_times(phase)
+        group.count(phase)
         about = {MODES_KIND: "modes", MODES_FREQUENCIES: " ".join(f"{f:.9g}" for f in frequencies)}
         write_texts(file.create_group(ABOUT), about)
         write_digest(file)
@@ -291,6 +287,5 @@ def write_modes(
         draft.write_bytes(content.getvalue())
     constant = {name: values for name, (values, _) in still.items()}
     _write_vtp(still_path, geometry.mesh, geometry.node, {**constant, **drawn}, {})
-    nothing: dict[str, float] = {}
-    frames = (({**constant, **{n: s * d for n, d in drawn.items()}}, nothing) for s in swing)
+    frames = (({**constant, **{n: s * d for n, d in drawn.items()}}, dict[str, float]()) for s in swing)
     return [path, still_path, *_write_frames(collection, geometry.mesh, geometry.node, phase, frames)]

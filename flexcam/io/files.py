@@ -46,6 +46,21 @@ def read_text(path: Path, encoding: str = "utf-8-sig") -> str:
         raise OSError(f"it is not UTF-8 text: byte 0x{fault.object[fault.start]:02x} in line {line}") from None
 
 
+def read_source(path: Path, where: str, text: str | None = None, allowed: str = "a readable text file") -> str:
+    """Return the text of an input file, or its known text; raise an input error if it cannot be read."""
+    try:
+        return read_text(path) if text is None else text
+    except OSError as fault:
+        raise refuse(where, str(path), allowed, system_message(fault)) from None
+
+
+def write_columns(path: Path, columns: Mapping[str, FloatArray], digits: int = 12, *, every: int = 1) -> None:
+    """Write columns of numbers by heading as CSV."""
+    rows = np.column_stack(list(columns.values()))[::every]
+    with atomic_write_path(path) as draft:
+        np.savetxt(draft, rows, fmt=f"%.{digits}g", delimiter=",", header=",".join(columns), comments="")
+
+
 ABSCISSAS = {"time": ("s", 1.0), "cam angle": ("rad", 1.0), "crank angle": ("rad", 2.0)}
 """SI unit of an abscissa, and its revolutions per camshaft revolution."""
 
@@ -55,26 +70,19 @@ def read_columns(path: Path, where: str, text: str | None = None) -> dict[str, t
 
     It returns unit and values by name. Empty cells are NaN; lines that begin with ``#`` are comments.
     """
-    try:
-        content = read_text(path) if text is None else text
-    except OSError as fault:
-        raise refuse(where, str(path), "a readable text file", system_message(fault)) from None
-    numbered = enumerate(content.splitlines(), start=1)
+    numbered = enumerate(read_source(path, where, text).splitlines(), start=1)
     lines = {number: line for number, line in numbered if line.strip() and not line.startswith("#")}
     allowed = "a heading 'NAME [UNIT]' per column, and rows of as many numbers, separated by commas"
     head, *rows = list(csv.reader(lines.values())) or [[]]
     values: list[list[float]] = []
     for number, row in zip(list(lines)[1:], rows, strict=True):
+        given = f"{path.name}, line {number}: {','.join(row)[:40]!r}"
         try:
             values.append([float(cell) if cell.strip() else np.nan for cell in row])
         except ValueError:
-            raise refuse(where, f"{path.name}, line {number}: {','.join(row)[:40]!r}", allowed) from None
+            raise refuse(where, given, allowed) from None
         if len(row) != len(head) or np.isinf(values[-1]).any():
-            raise refuse(
-                where,
-                f"{path.name}, line {number}: {','.join(row)[:40]!r}",
-                f"{len(head)} finite numbers, one per heading of the first line",
-            )
+            raise refuse(where, given, f"{len(head)} finite numbers, one per heading of the first line")
     if not values:
         raise refuse(where, f"{path.name}, without rows", allowed)
     table = np.array(values)
@@ -131,9 +139,8 @@ def find_abscissa(columns: Mapping[str, tuple[str, FloatArray]], where: str) -> 
     name = next((name for name in ABSCISSAS if name in columns), None)
     if name is None:
         allowed = f"one column {' or '.join(map(repr, ABSCISSAS))}, and at least one measured column"
-        raise refuse(
-            where, f"the heading {', '.join(columns)}", allowed, "", "name it with its unit: crank angle [deg]"
-        )
+        remedy = "name it with its unit: crank angle [deg]"
+        raise refuse(where, f"the heading {', '.join(columns)}", allowed, "", remedy)
     (si, turns), (unit, values) = ABSCISSAS[name], columns[name]
     if np.isnan(values).any():
         raise refuse(where, f"{name}, with an empty cell", f"a number of {name} in every row")
@@ -254,9 +261,9 @@ def atomic_write_path(path: Path) -> Generator[Path]:
                 draft.unlink(missing_ok=True)
 
 
-def write_text(path: Path, text: str, *, overwrite: bool = False) -> Path:
+def write_text(path: Path, text: str, *, overwrite: bool = False, where: str = "output") -> Path:
     """Write a text file, such as a table."""
-    check_writable("output", path, overwrite=overwrite)
+    check_writable(where, path, overwrite=overwrite)
     with atomic_write_path(path) as draft:
         draft.write_text(text, encoding="utf-8")
     return path

@@ -136,10 +136,9 @@ def _walk(file: Any) -> Iterator[tuple[str, Any, bool]]:  # noqa: ANN401
     The object is None for a link that leads to a path or to another file.
     """
     seen: set[int] = set()
-    groups = [file.id]
+    groups = [("", file.id)]
     while groups:
-        group = groups.pop()
-        path = _path(group).rstrip("/")
+        path, group = groups.pop()
         for name in sorted(group):
             link = group.links.get_info(name)
             hard = link.type == _module.h5l.TYPE_HARD
@@ -148,15 +147,11 @@ def _walk(file: Any) -> Iterator[tuple[str, Any, bool]]:  # noqa: ANN401
             if new:
                 seen.add(int(link.u))
                 if not _is_dataset(one):
-                    groups.append(one)
+                    groups.append((f"{path}/{name.decode()}", one))
 
 
 def _is_dataset(one: Any) -> bool:  # noqa: ANN401
     return isinstance(one, _module.h5d.DatasetID)
-
-
-def _path(one: Any) -> str:  # noqa: ANN401
-    return _module.h5i.get_name(one).decode()
 
 
 def _attribute_names(one: Any) -> list[str]:  # noqa: ANN401
@@ -200,8 +195,7 @@ def _digest_input(file: Any, faults: list[Fault]) -> Iterator[Any]:  # noqa: ANN
                 for values in _pieces(_module.Dataset(one)):
                     yield np.ascontiguousarray(values).reshape(-1).view(np.uint8).data
             except READ_ERRORS as fault:
-                allowed, why = "intact numbers", system_message(fault)
-                faults.append(Fault(path, "damaged numbers", allowed, why, _REMEDY))
+                faults.append(Fault(path, "damaged numbers", "intact numbers", system_message(fault), _REMEDY))
 
 
 def _pieces(one: Any) -> Iterator[Any]:  # noqa: ANN401

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from flexcam.core import FloatArray
-from flexcam.core.errors import refuse, system_message
-from flexcam.io.files import read_text
+from flexcam.core.errors import refuse
+from flexcam.io.files import read_source
 
 _MOST = 3000  # unknowns: the matrices are dense while they are reduced
 
@@ -39,10 +39,7 @@ def read_matrix(path: Path, where: str, text: str | None = None) -> NodalMatrix:
     component and value, and lines that begin with ``*`` are comments; an entry may be given on one side of the
     diagonal only.
     """
-    try:
-        content = read_text(path) if text is None else text
-    except (OSError, ValueError) as fault:
-        raise refuse(where, path.name, "a readable matrix file", system_message(fault)) from None
+    content = read_source(path, where, text, "a readable matrix file")
     return _read_market(content, where) if content.startswith("%%MatrixMarket") else _read_list(content, where)
 
 

@@ -80,9 +80,8 @@ def _node_faults(raw: _GmshMesh) -> Iterator[Fault]:
         yield Fault(f"mesh node {raw.numbers[i]}", given, allowed, "", "export it again from Gmsh")
     numbers, counts = np.unique(raw.numbers, return_counts=True)
     for number in numbers[counts > 1][:_MAX_FAULTS].tolist():
-        yield Fault(
-            f"mesh node {number}", "several nodes", "one node of a number", "elements cannot refer to one of them", ""
-        )
+        why = "elements cannot refer to one of them"
+        yield Fault(f"mesh node {number}", "several nodes", "one node of a number", why, "")
 
 
 def _reference_faults(raw: _GmshMesh) -> Iterator[Fault]:
@@ -128,13 +127,9 @@ def _length_faults(raw: _GmshMesh) -> Iterator[Fault]:
     grid = np.round(raw.points / (_COINCIDENCE_TOLERANCE * size))
     _, place, counts = np.unique(grid, axis=0, return_inverse=True, return_counts=True)
     at = dict(zip(raw.numbers.tolist(), place.ravel().tolist(), strict=True))
-    flat = [
-        (number, a, b)
-        for one in raw.groups
-        if one.kind == _LINE
-        for number, (a, b) in zip(one.numbers.tolist(), one.nodes.tolist(), strict=True)
-        if at[a] == at[b]
-    ]
+    lines = [one for one in raw.groups if one.kind == _LINE]
+    pairs = [pair for one in lines for pair in zip(one.numbers.tolist(), one.nodes.tolist(), strict=True)]
+    flat = [(number, a, b) for number, (a, b) in pairs if at[a] == at[b]]
     for number, a, b in flat[:_MAX_FAULTS]:
         given, why = f"nodes {a} and {b} at the same place", "an element needs a length"
         yield Fault(f"mesh element {number}", given, "two nodes apart", why, "merge the nodes or move one")
@@ -143,10 +138,8 @@ def _length_faults(raw: _GmshMesh) -> Iterator[Fault]:
     for i in twice[:_MAX_FAULTS]:
         here = raw.numbers[place.ravel() == i].tolist()
         given = ", ".join(f"{x:g}" for x in raw.points[raw.numbers == here[0]][0].tolist())
-        where = f"mesh nodes {' and '.join(map(str, here[:3]))}"
-        yield Fault(
-            where, f"all at {given}", "one node at one place", "members meet only at a shared node", "merge them"
-        )
+        where, why = f"mesh nodes {' and '.join(map(str, here[:3]))}", "members meet only at a shared node"
+        yield Fault(where, f"all at {given}", "one node at one place", why, "merge them")
 
 
 def _order_chain(pairs: IntArray) -> IntArray | None:
@@ -187,10 +180,8 @@ def write_mesh(mesh: Mesh, path: Path, *, overwrite: bool = False) -> None:
     --------
     ``write_mesh(read_mesh(Path("train.msh")), Path("train.inp"))``
     """
-    if path.suffix.lower() == ".inp":
-        write_text(path, _format_inp(mesh), overwrite=overwrite)
-        return
-    write_text(path, _format_msh(mesh), overwrite=overwrite)
+    text = _format_inp(mesh) if path.suffix.lower() == ".inp" else _format_msh(mesh)
+    write_text(path, text, overwrite=overwrite)
 
 
 def _format_msh(mesh: Mesh) -> str:
@@ -199,12 +190,10 @@ def _format_msh(mesh: Mesh) -> str:
     groups += [(_POINT, name, index[:, None]) for name, index in mesh.points.items()]
     names = [f'{int(kind == _LINE)} {tag} "{name}"' for tag, (kind, name, _) in enumerate(groups, start=1)]
     nodes = [f"{i} {' '.join(map(repr, place))}" for i, place in enumerate(mesh.nodes.tolist(), start=1)]
-    elements = [
-        f"{kind} 2 {tag} {tag} {' '.join(map(str, row))}"
-        for tag, (kind, _, index) in enumerate(groups, start=1)
-        for row in (index + 1).tolist()
-    ]
-    elements = [f"{i} {one}" for i, one in enumerate(elements, start=1)]
+    elements: list[str] = []
+    for tag, (kind, _, index) in enumerate(groups, start=1):
+        for row in (index + 1).tolist():
+            elements.append(f"{len(elements) + 1} {kind} 2 {tag} {tag} {' '.join(map(str, row))}")
     text = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n"
     for section, lines in (("PhysicalNames", names), ("Nodes", nodes), ("Elements", elements)):
         text += "\n".join([f"${section}", str(len(lines)), *lines, f"$End{section}", ""])
@@ -363,13 +352,10 @@ def _read_msh(path: Path) -> _GmshMesh:
     for one in found:
         if len(one[2]):
             parts.setdefault(one[:2], []).append(one)
-    merged = [
-        _ElementGroup(
-            kind, names.get((int(kind == _LINE), group), ""),
-            np.concatenate([tags for *_, tags, _ in its]), np.concatenate([nodes for *_, nodes in its]),
-        )
-        for (kind, group), its in parts.items()
-    ]  # fmt: skip
+    merged: list[_ElementGroup] = []
+    for (kind, group), its in parts.items():
+        tags, nodes = (np.concatenate([one[column] for one in its]) for column in (2, 3))
+        merged.append(_ElementGroup(kind, names.get((int(kind == _LINE), group), ""), tags, nodes))
     return _GmshMesh(numbers, points, merged)
 
 
@@ -453,9 +439,7 @@ def _read_nodes_4(nodes: _Reader) -> tuple[IntArray, FloatArray]:
     nodes.end()
     if sum(map(len, numbers)) != total:
         raise _invalid(f"{sum(map(len, numbers))} nodes, {total} announced")
-    if not total:
-        return np.zeros(0, np.intp), np.zeros((0, 3))
-    return np.concatenate(numbers), np.concatenate(points)
+    return np.concatenate([np.zeros(0, np.intp), *numbers]), np.concatenate([np.zeros((0, 3)), *points])
 
 
 def _read_elements_4(elements: _Reader, groups: dict[tuple[int, int], list[int]]) -> Iterator[Elements]:

@@ -45,15 +45,14 @@ def suggest_alternative(path: Path) -> str:
             return ""
         final = path.with_name(_SUFFIXES.sub("", path.name) + RESULT_SUFFIX)
         partial, writing = partial_path(final), final.with_suffix(schema.WRITING_SUFFIX)
-        others = {
-            final: f"its run is complete: {final}",
-            partial: f"{partial} contains the finished part of a run that is running or was stopped",
-            writing: f"a run is writing {writing}, or was killed before its first copy; try again after its end",
-        }
-        found = [remedy for other, remedy in others.items() if other != path and other.exists()]
-        return (
-            found[0] if found else suggest_name(path.name, [one.name for one in path.parent.glob(f"*{RESULT_SUFFIX}")])
-        )
+        for other, remedy in (
+            (final, f"its run is complete: {final}"),
+            (partial, f"{partial} contains the finished part of a run that is running or was stopped"),
+            (writing, f"a run is writing {writing}, or was killed before its first copy; try again after its end"),
+        ):
+            if other != path and other.exists():
+                return remedy
+        return suggest_name(path.name, [one.name for one in path.parent.glob(f"*{RESULT_SUFFIX}")])
     except (OSError, ValueError):  # not a valid file name or no access to the folder: the error message says so
         return ""
 
@@ -184,18 +183,16 @@ def _result(file: Any) -> Result:  # noqa: ANN401
     times, data = file[schema.FIELD_TIME], file[schema.POINT_DATA]
     count = min(int(file[schema.FIELD_STEPS].attrs[schema.VTK_STEPS]), len(times))
     points, mesh = int(read_numbers(file[schema.POINT_COUNT], 1, kind="i8")[0]), _mesh(file)
-    recovered = {
-        name: read_numbers(data[name], count * points, (width,) if width > 1 else ())
-        for name, (_, width) in schema.RECOVERED_FIELDS.items()
-    }
+
+    def values(name: str, rows: int, width: int, kind: str = "f8") -> Any:  # noqa: ANN401
+        return read_numbers(data[name], rows, (width,) if width > 1 else (), kind)
+
+    moving = {name: values(name, count * points, width) for name, (_, width) in schema.RECOVERED_FIELDS.items()}
     return Result(
         mesh=mesh,
         response=_response(file, count, len(mesh.nodes)),
-        still={
-            name: read_numbers(data[name], points, (width,) if width > 1 else (), kind)
-            for name, (kind, width) in schema.CONSTANT_DATA.items()
-        },
-        recovered={name: values.reshape(count, points, *values.shape[1:]) for name, values in recovered.items()},
+        still={name: values(name, points, width, kind) for name, (kind, width) in schema.CONSTANT_DATA.items()},
+        recovered={name: rows.reshape(count, points, *rows.shape[1:]) for name, rows in moving.items()},
         about=_read_about(file),
         warnings=tuple(_status_texts(file).get(schema.WARNINGS, "").splitlines()),
     )

@@ -159,9 +159,7 @@ _CHECKPOINT_CHUNK = 4096
 def write_checkpoint(file: Any, checkpoint: Checkpoint) -> None:  # noqa: ANN401 - h5py has no types
     """Write a checkpoint into an open result file; an earlier one is replaced."""
     packed = BytesIO()
-    own = {
-        schema.CHECKPOINT_STEPS: np.array(checkpoint.steps), schema.CHECKPOINT_PROBLEM: np.array(checkpoint.problem),
-    }  # fmt: skip
+    own = {schema.CHECKPOINT_STEPS: checkpoint.steps, schema.CHECKPOINT_PROBLEM: checkpoint.problem}
     arrays: dict[str, Any] = {**checkpoint.arrays, **own}
     np.savez(packed, **arrays)
     content = np.frombuffer(packed.getvalue(), dtype=np.uint8)
@@ -279,9 +277,8 @@ class ResultFile:
             history.append(values)
         self._vtk.append(self._point_data(block), len(block.field_time))
         self._field_angle.append(block.field_angle)
-        self._vtk.count(len(block.field_time))
         self._file[schema.HISTORY].attrs.modify(schema.STEPS, len(self._time))
-        self._vtk.write_times(block.field_time)
+        self._vtk.count(block.field_time)
 
     def write_checkpoint(self, checkpoint: Checkpoint) -> None:
         """Store the checkpoint after the last block, and publish a copy when one is due."""
@@ -333,8 +330,7 @@ class ResultFile:
         warnings = "\n".join(self._warnings(stats) if self._warnings else ())
         texts = {schema.CAUSE: str(status.cause), schema.TEXT: status.text, schema.REMEDY: status.remedy}
         write_texts(group, {**texts, schema.WARNINGS: warnings})
-        for name in stats.__dataclass_fields__:
-            value = getattr(stats, name)
+        for name, value in vars(stats).items():
             if isinstance(value, str):
                 write_text_attribute(group, name, value)
             else:

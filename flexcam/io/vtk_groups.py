@@ -161,13 +161,10 @@ class VtkGroup:
         self._parts.append(np.ones(count, int))
         self._offsets.append((self._steps + np.arange(count)) * self._points)
 
-    def count(self, more: int) -> None:
-        """Increase the number of steps; VTK expects data for every time, so times are written last."""
-        self._steps += more
+    def count(self, times: FloatArray) -> None:
+        """Count steps and write their times, s; VTK expects data for every time, so times are written last."""
+        self._steps += len(times)
         self._group.attrs.modify(schema.VTK_STEPS, self._steps)
-
-    def write_times(self, times: FloatArray) -> None:
-        """Write the times of the counted steps, s."""
         self._times.append(times)
 
 

@@ -104,9 +104,7 @@ def timing_figure(cylinder: Mapping[str, CamFacts]) -> Figure:
     mark_dead_centres([axes])
     axes.set_ylabel("valve lift, mm")
     axes.set_ylim(bottom=0.0)
-    axes.grid(alpha=0.3)
-    lines, names = axes.get_legend_handles_labels()
-    figure.legend(lines, names, loc="outside lower center", fontsize="small", ncols=1)
+    figure.legend(loc="outside lower center", fontsize="small")
     return figure
 
 
@@ -131,7 +129,6 @@ def spectrum_figure(laws: Mapping[str, Law]) -> Figure:
         axes.plot(_RATIOS, residual_spectrum(law, _RATIOS), label=name, color=color, linestyle=dashes)
     axes.set(xlabel="rise time over the period of the oscillator", ylabel="residual amplitude over lift")
     axes.set(ylim=(0.0, 1.1), xlim=(0.0, float(_RATIOS[-1])))
-    axes.grid(alpha=0.3)
     add_legend(figure, axes, len(laws))
     return add_title(figure, _single_name(laws))
 
@@ -325,6 +322,5 @@ def goodman_figure(members: Mapping[str, tuple[MemberStrength, Material]]) -> Fi
     axes.axvline(0.0, color="0.4", linewidth=0.8)
     axes.set(xlabel="mean stress, MPa", ylabel="alternating stress, MPa")
     axes.set_ylim(bottom=0.0)
-    axes.grid(alpha=0.3)
     figure.legend(loc="outside lower center", fontsize="small")
     return figure

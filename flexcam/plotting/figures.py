@@ -16,6 +16,7 @@ from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import cycle
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -92,10 +93,15 @@ def line_styles() -> Iterator[tuple[str, str]]:
     return zip(cycle(COLOURS), cycle(_DASHES), strict=False)
 
 
-def create_axes(size: tuple[float, float], rows: int = 1, *, sharex: bool = True) -> tuple[Figure, list[Axes]]:
-    """Return a figure of a size in inches with axes in rows."""
+def create_axes(
+    size: tuple[float, float], rows: int = 1, *, sharex: bool = True, grid: Literal["both", "x"] | None = "both"
+) -> tuple[Figure, list[Axes]]:
+    """Return a figure of a size in inches with axes in rows, with grid lines."""
     figure = Figure(figsize=size, layout="constrained")
-    return figure, list(np.atleast_1d(np.asarray(figure.subplots(rows, sharex=sharex))))
+    axes = list(np.atleast_1d(np.asarray(figure.subplots(rows, sharex=sharex))))
+    for one in axes if grid else ():
+        one.grid(alpha=0.3, axis=grid or "both")
+    return figure, axes
 
 
 def create_stacked_axes(labels: Sequence[str], below: str, *, height: float = 1.6) -> tuple[Figure, list[Axes]]:

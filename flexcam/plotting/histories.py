@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
@@ -23,6 +24,7 @@ from flexcam.core import FloatArray
 from flexcam.core.errors import refuse, suggest_name
 from flexcam.core.units import to_display_unit
 from flexcam.dynamics import SERIES, Response, Series, component_unit
+from flexcam.io.exports import energies
 from flexcam.plotting.figures import (
     COLOURS,
     TITLE_PAD,
@@ -41,7 +43,6 @@ Abscissa = Literal["angle", "time", "crank"]
 _TICKS = (5, 10, 15, 30, 45, 90, 180, 360, 720)
 _MOST_TICKS = 9
 _BELOW = {"angle": "cam angle, deg", "time": "time, s", "crank": "crank angle, deg"}
-_FORCES = (".force",)
 _SHORT_NAME = 10  # length of a name, characters, that shares a line of an axis label with a quantity
 
 
@@ -54,14 +55,19 @@ class CurveStyle:
     dashes: str = "-"
     width: float = 1.4  #: width of the line, points
 
+    def draw(self, axes: Axes, x: FloatArray, y: FloatArray) -> None:
+        """Draw a curve."""
+        label = escape_math(self.label)
+        axes.plot(x, y, label=label, color=self.colour, linestyle=self.dashes, linewidth=self.width)
 
-_TURN = 2.0 * np.pi
+
+_PLAIN = CurveStyle()
 
 
 def last_revolution(response: Response, zero: float = 0.0, begin: float = 0.0) -> Response:
     """Return the last revolution of a response, its cam angle counted from `zero` and rising from `begin`, rad."""
-    kept = np.flatnonzero(response.angle > response.angle[-1:] - _TURN * (1.0 - _ROUNDING))
-    angle = np.mod(response.angle[kept] - zero - begin + _ROUNDING, _TURN) - _ROUNDING + begin
+    kept = np.flatnonzero(response.angle > response.angle[-1:] - math.tau * (1.0 - _ROUNDING))
+    angle = np.mod(response.angle[kept] - zero - begin + _ROUNDING, math.tau) - _ROUNDING + begin
     order = np.argsort(angle, kind="stable")
     rows = kept[order]
     return replace(
@@ -75,22 +81,22 @@ _ROUNDING = 1e-9  # of an angle, relative to a revolution
 
 
 def draw_motion(
-    axes: Sequence[Axes], response: Response, probe: str, *, over: Abscissa = "angle", look: CurveStyle | None = None,
+    axes: Sequence[Axes], response: Response, probe: str, *, over: Abscissa = "angle", look: CurveStyle = _PLAIN,
     sign: float = 1.0,
 ) -> None:  # fmt: skip
     """Draw displacement, velocity and acceleration of a probe, times a sign."""
     history = scalar_history(response, probe)
     for one, (series, unit) in zip(axes, SERIES.items(), strict=False):
         factor, _ = to_display_unit(component_unit(probe.rpartition(".")[2], unit))
-        _draw(one, response, sign * factor * getattr(history, series), over, look)
+        look.draw(one, abscissa(response, over), sign * factor * getattr(history, series))
 
 
 def draw_channel(
-    axes: Axes, response: Response, channel: str, *, over: Abscissa = "angle", look: CurveStyle | None = None
+    axes: Axes, response: Response, channel: str, *, over: Abscissa = "angle", look: CurveStyle = _PLAIN
 ) -> None:
     """Draw a channel, such as a contact force."""
     factor, _ = to_display_unit(channel_unit(response, channel))
-    _draw(axes, response, factor * response.channels[channel], over, look)
+    look.draw(axes, abscissa(response, over), factor * response.channels[channel])
 
 
 def channel_unit(response: Response, channel: str) -> str:
@@ -104,7 +110,7 @@ def channel_unit(response: Response, channel: str) -> str:
 
 def contact_forces(response: Response) -> list[str]:
     """Return the channels of contact forces."""
-    return [name for name, _ in response.outline.channels if name.startswith("contacts.") and name.endswith(_FORCES)]
+    return [name for name, _ in response.outline.channels if name.startswith("contacts.") and name.endswith(".force")]
 
 
 def motion_figure(
@@ -119,31 +125,22 @@ def motion_figure(
     """
     component = probe.rpartition(".")[2]
     name, gap = lift or probe, " " if len(lift or probe) <= _SHORT_NAME else "\n"
-    words = {"displacement": "lift"} if lift else {}
-    motions = [
-        axis_label(f"{name}{gap}{words.get(series, series)}", component_unit(component, unit))
-        for series, unit in SERIES.items()
-    ]
-    called = [axis_label(short_name(name), channel_unit(_first_with(responses, name), name)) for name in channels]
-    differences = [axis_label("flexible\nminus rigid", component_unit(component, "m"))] if deviation else []
-    figure, axes = create_stacked_axes([*motions, *called, *differences], _BELOW[over])
+    words = {series: "lift" if lift and series == "displacement" else series for series in SERIES}
+    labels = [axis_label(f"{name}{gap}{words[series]}", component_unit(component, SERIES[series])) for series in SERIES]
+    labels += _channel_labels(responses, channels)
+    labels += [axis_label("flexible\nminus rigid", component_unit(component, "m"))] if deviation else []
+    figure, axes = create_stacked_axes(labels, _BELOW[over])
     styled = _style_responses(responses, rigid or {})
     for response, look in styled:
         draw_motion(axes[: len(SERIES)], response, probe, over=over, look=look, sign=sign)
-    _draw_channels(axes[len(SERIES) : len(SERIES) + len(channels)], responses, rigid or {}, channels, over)
-    for (name, response), (_, look) in zip(responses.items(), styled[::2] if deviation else (), strict=False):
-        _draw_deviation(axes[-1], response, (rigid or {})[name], probe, over, look, sign)
+    _draw_channels(axes[len(SERIES) :], styled, channels, over)
+    for (flexible, look), (still, _) in zip(styled[::2], styled[1::2], strict=True) if deviation else ():
+        factor, _ = to_display_unit(component_unit(component, "m"))
+        own, path = (scalar_history(one, probe).displacement for one in (flexible, still))
+        difference = own - np.interp(flexible.angle, still.angle, path)
+        look.draw(axes[-1], abscissa(flexible, over), sign * factor * difference)
+        axes[-1].axhline(0.0, color="0.4", linewidth=0.8)
     return _finish_axes(figure, axes, over, title)
-
-
-def _draw_deviation(
-    axes: Axes, response: Response, rigid: Response, probe: str, over: Abscissa, look: CurveStyle, sign: float
-) -> None:
-    """Draw the displacement of a probe minus that of the rigid run at the same cam angle."""
-    factor, _ = to_display_unit(component_unit(probe.rpartition(".")[2], "m"))
-    own, still = (scalar_history(one, probe).displacement for one in (response, rigid))
-    _draw(axes, response, sign * factor * (own - np.interp(response.angle, rigid.angle, still)), over, look)
-    axes.axhline(0.0, color="0.4", linewidth=0.8)
 
 
 def shade(axes: Sequence[Axes], x: FloatArray, instants: NDArray[np.bool_], name: str, colour: str) -> None:
@@ -158,11 +155,10 @@ def channel_figure(
     over: Abscissa = "angle", title: str = "", means: Mapping[str, Mapping[str, float]] | None = None,
 ) -> Figure:  # fmt: skip
     """Return a figure with channels of several runs, and their `means` by run and channel, SI."""
-    called = [axis_label(short_name(name), channel_unit(_first_with(responses, name), name)) for name in channels]
-    figure, axes = create_stacked_axes(called, _BELOW[over])
-    _draw_channels(axes, responses, rigid or {}, channels, over)
+    figure, axes = create_stacked_axes(_channel_labels(responses, channels), _BELOW[over])
+    _draw_channels(axes, _style_responses(responses, rigid or {}), channels, over)
     for one, channel in zip(axes, channels, strict=True):
-        if channel.endswith(_FORCES):
+        if channel.endswith(".force"):
             one.axhline(0.0, color="0.4", linewidth=0.8)
     _finish_axes(figure, axes, over, title)
     for one, channel in zip(axes, channels, strict=True):
@@ -178,6 +174,10 @@ def channel_figure(
     return figure
 
 
+def _channel_labels(responses: Mapping[str, Response], channels: Sequence[str]) -> list[str]:
+    return [axis_label(short_name(name), channel_unit(_first_with(responses, name), name)) for name in channels]
+
+
 def _first_with(responses: Mapping[str, Response], channel: str) -> Response:
     """Return the first response with a channel, or the first one."""
     return next((one for one in responses.values() if channel in one.channels), next(iter(responses.values())))
@@ -191,43 +191,24 @@ def add_area_legend(figure: Figure) -> Figure:
 
 
 def _draw_channels(
-    axes: Sequence[Axes], responses: Mapping[str, Response], rigid: Mapping[str, Response], channels: Sequence[str],
-    over: Abscissa,
-) -> None:  # fmt: skip
+    axes: Sequence[Axes], styled: Sequence[tuple[Response, CurveStyle]], channels: Sequence[str], over: Abscissa
+) -> None:
     """Draw channels of runs, one axis each, as far as a run has them; a rigid one lacks the force of an adjuster."""
-    for response, look in _style_responses(responses, rigid):
-        for one, channel in zip(axes, channels, strict=True):
+    for response, look in styled:
+        for one, channel in zip(axes, channels, strict=False):
             if channel in response.channels:
                 draw_channel(one, response, channel, over=over, look=look)
 
 
-def draw_energy(axes: Axes, response: Response, *, over: Abscissa = "angle") -> None:
-    """Draw the energies of a run and their residual."""
-    parts = [name for name in response.channels if name.startswith("energy.")]
-    for name, (colour, dashes) in zip(parts, line_styles(), strict=False):
-        if response.channels[name].any():
-            draw_channel(axes, response, name, over=over, look=CurveStyle(name.removeprefix("energy."), colour, dashes))
-
-
 def energy_figure(responses: Mapping[str, Response], *, over: Abscissa = "angle", title: str = "") -> Figure:
-    """Return a figure with the energies of runs."""
+    """Return a figure with the energies of runs and their residuals."""
     labels = ["energy, J" if len(responses) == 1 else f"{name}\nenergy, J" for name in responses]
     figure, axes = create_stacked_axes(labels, _BELOW[over], height=3.0)
     for one, response in zip(axes, responses.values(), strict=True):
-        draw_energy(one, response, over=over)
+        for (name, energy), (colour, dashes) in zip(energies(response).items(), line_styles(), strict=False):
+            if energy.any():
+                CurveStyle(name, colour, dashes).draw(one, abscissa(response, over), energy)
     return _finish_axes(figure, axes, over, title)
-
-
-def _draw(axes: Axes, response: Response, values: FloatArray, over: Abscissa, look: CurveStyle | None) -> None:
-    look = look or CurveStyle()
-    axes.plot(
-        abscissa(response, over),
-        values,
-        label=escape_math(look.label),
-        color=look.colour,
-        linestyle=look.dashes,
-        linewidth=look.width,
-    )
 
 
 def abscissa(response: Response, over: Abscissa) -> FloatArray:
@@ -289,7 +270,7 @@ def bars_figure(
 ) -> Figure:
     """Return a bar chart by key, one diagram per scalar."""
     keys = max(len(one) for one in groups.values())
-    figure, axes = create_axes((7.0, 0.8 + len(groups) * (0.5 + 0.35 * keys)), len(groups), sharex=False)
+    figure, axes = create_axes((7.0, 0.8 + len(groups) * (0.5 + 0.35 * keys)), len(groups), sharex=False, grid="x")
     for axis, (name, values) in zip(axes, groups.items(), strict=True):
         order = sorted(range(len(values)), key=lambda i: abs(list(values.values())[i]))
         sizes = np.array(list(values.values()))[order]
@@ -297,14 +278,13 @@ def bars_figure(
         axis.barh([list(values)[i] for i in order], sizes, xerr=spread, color=COLOURS[0], capsize=3, height=0.6)
         axis.axvline(0.0, color="black", linewidth=0.8)
         axis.set_title(name, fontsize="medium", loc="left")
-        axis.grid(alpha=0.3, axis="x")
         axis.set_xlabel(label)
     return figure
 
 
 def scatter_figure(values: Mapping[str, FloatArray], units: Mapping[str, str], middle: Mapping[str, float]) -> Figure:
     """Return histograms of scalars, one diagram per scalar."""
-    figure, axes = create_axes((7.0, 0.8 + 2.4 * len(values)), len(values), sharex=False)
+    figure, axes = create_axes((7.0, 0.8 + 2.4 * len(values)), len(values), sharex=False, grid=None)
     for axis, (name, of) in zip(axes, values.items(), strict=True):
         axis.hist(of, bins="auto" if np.ptp(of) > 0.0 else 3, color=COLOURS[5], edgecolor="black", linewidth=0.6)
         for part in np.quantile(of, [0.05, 0.95]).tolist() if len(of) else ():
@@ -328,7 +308,6 @@ def progress_figure(costs: FloatArray, inside: np.ndarray, best: FloatArray, lab
         axes.scatter(at[chosen], costs[chosen], facecolors=fill, label=name, **outline)
     axes.plot(at, best, color=COLOURS[1], linewidth=1.5, drawstyle="steps-post", label="best so far")
     axes.set(xlabel="evaluation", ylabel=label)
-    axes.grid(alpha=0.3)
     figure.legend(loc="outside upper center", ncols=3, fontsize="small")
     return figure
 
@@ -344,7 +323,6 @@ def fit_figure(
         axis.plot(instants[order], before[order], "--", color=COLOURS[1], linewidth=1.2, label="before")
         axis.plot(instants[order], after[order], color=COLOURS[0], linewidth=1.4, label="after the fit")
         axis.set_ylabel(name)
-        axis.grid(alpha=0.3)
     axes[-1].set_xlabel(label)
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=3, fontsize="small")
     return figure
@@ -357,7 +335,6 @@ def front_figure(values: FloatArray, inside: np.ndarray, front: Sequence[int], l
     axes.scatter(*values[known].T, s=8, color="0.65", label="feasible")
     axes.plot(*values[list(front)].T, color=COLOURS[1], marker="o", markersize=5, linewidth=1.2, label="front")
     axes.set(xlabel=labels[0], ylabel=labels[1])
-    axes.grid(alpha=0.3)
     figure.legend(loc="outside upper center", ncols=2, fontsize="small")
     return figure
 
@@ -367,7 +344,7 @@ def map_figure(
     failed: NDArray[np.bool_] | None = None,
 ) -> Figure:  # fmt: skip
     """Return maps of values over two numbers as filled contours, one diagram per label; NaN is hatched."""
-    figure, axes = create_axes((7.0, 0.8 + 4.0 * len(values)), len(values))
+    figure, axes = create_axes((7.0, 0.8 + 4.0 * len(values)), len(values), grid=None)
     for axis, (label, numbers) in zip(axes, values.items(), strict=True):
         axis.set_facecolor("0.92")
         axis.patch.set_hatch("//")

@@ -150,19 +150,21 @@ def _gif(stage: MechanismView, frames: Sequence[int]) -> bytes:
     made = io.BytesIO()
     duration = 1000.0 / _PER_SECOND  # ms
     stage.plotter.mwriter = get_writer(made, format=".gif", mode="I", duration=duration, loop=0)
+    _write_frames(stage, frames)
+    stage.plotter.mwriter.close()
+    return made.getvalue()
+
+
+def _write_frames(stage: MechanismView, frames: Sequence[int]) -> None:
     for i in frames:
         stage.show(i)
         stage.plotter.write_frame()
-    stage.plotter.mwriter.close()
-    return made.getvalue()
 
 
 def _movie(stage: MechanismView, path: Path, frames: Sequence[int]) -> None:
     quiet = {"ffmpeg_log_level": "quiet"}  # the error is reported below
     stage.plotter.open_movie(str(path), framerate=_PER_SECOND, macro_block_size=2, **quiet)
-    for i in frames:
-        stage.show(i)
-        stage.plotter.write_frame()
+    _write_frames(stage, frames)
     stage.plotter.close()
     if b"moov" not in path.read_bytes():  # the writer does not report a full disk
         raise OSError("its end is missing: no space left, perhaps")
@@ -201,8 +203,7 @@ def _serialize_window(window: Any) -> dict[str, Any]:  # noqa: ANN401
     scene["extra"] = {
         "vtkRefId": reference_id(window), "centerOfRotation": camera.GetFocalPoint(), "camera": reference_id(camera),
     }  # fmt: skip
-    hashes = {
-        one["hash"]: {**one, "content": context.get_cached_data_array(one["hash"], False)}
-        for one in extract_array_hash(scene)
-    }
+    hashes: dict[str, Any] = {}
+    for one in extract_array_hash(scene):
+        hashes[one["hash"]] = {**one, "content": context.get_cached_data_array(one["hash"], False)}
     return {"hashes": hashes, "scene": scene}

@@ -14,9 +14,10 @@ import numpy as np
 
 from flexcam.core import FloatArray, IntArray
 from flexcam.io import atomic_write_path, check_writable, create_folder, write_collection, write_polydata
+from flexcam.io.exports import write_vtk
 from flexcam.plotting.scene.mechanism import Mechanism
 from flexcam.plotting.scene.motion import Motion
-from flexcam.plotting.scene.solids import COLOURS, NEUTRAL_COLOUR, OPACITIES, Solid
+from flexcam.plotting.scene.solids import COLOURS, OPACITIES, Solid
 
 _MILLIMETRES = 1e3  # STL has no unit; CAD programs and slicers read mm
 FRAMES_PER_SECOND = 24  # of animations
@@ -40,18 +41,19 @@ class Part:
         changed = self.values is not None and bool((self.values != self.values[0]).any())
         return bool(moved > _RELATIVE_REST * np.ptp(self.points[0], axis=0).max()) or changed
 
-    def colour(self, *, by_value: bool = False) -> tuple[float, ...]:
-        """Return red, green and blue (sRGB) and the opacity, 0 to 1; without a value among coloured parts, grey."""
-        code = NEUTRAL_COLOUR if by_value else COLOURS[self.kind]
+    @property
+    def colour(self) -> tuple[float, ...]:
+        """Red, green and blue (sRGB) and the opacity, 0 to 1."""
+        code = COLOURS[self.kind]
         return (*(int(code[i : i + 2], 16) / 255.0 for i in (1, 3, 5)), OPACITIES.get(self.kind, 1.0))
 
 
-def collect_parts(mechanism: Mechanism, motion: Motion, scale: float = 1.0) -> list[Part]:
-    """Return the parts of a mechanism at all instants of a motion, with its elastic part times a scale."""
+def collect_parts(mechanism: Mechanism, motion: Motion) -> list[Part]:
+    """Return the parts of a mechanism at all instants of a motion."""
     states: dict[str, list[list[Solid]]] = {}
     for i in range(len(motion)):
         instant: dict[str, list[Solid]] = {}
-        for solid in mechanism.solids(motion.instant(i, scale)):
+        for solid in mechanism.solids(motion.instant(i)):
             label = solid.kind if solid.name in ("", solid.kind) else f"{solid.kind}-{solid.name}"
             instant.setdefault(label, []).append(solid)
         for label, solids in instant.items():
@@ -118,10 +120,7 @@ def write_vtm(
             blocks[i].append(f'<DataSet index="{len(blocks[i])}" name="{part.name}" file="{piece.name}"/>')
     instants = [folder / f"instant_{i:06d}.vtm" for i in range(len(times))]
     for instant, lines in zip(instants, blocks, strict=True):
-        head = '<?xml version="1.0"?>\n<VTKFile type="vtkMultiBlockDataSet" version="1.0" byte_order="LittleEndian">'
-        with atomic_write_path(instant) as draft:
-            text = [head, "<vtkMultiBlockDataSet>", *lines, "</vtkMultiBlockDataSet>", "</VTKFile>", ""]
-            draft.write_text("\n".join(text), encoding="utf-8")
+        write_vtk(instant, "vtkMultiBlockDataSet", lines)
     write_collection(path, times, instants)
     return [path, *instants, *written]
 
@@ -166,19 +165,17 @@ def write_glb(
     count = len(parts[0].points)
     buffer = _Buffer()
     kinds = list(dict.fromkeys(part.kind for part in parts))
-    colours = [next(part for part in parts if part.kind == kind).colour() for kind in kinds]
+    colours = [next(part for part in parts if part.kind == kind).colour for kind in kinds]
     moving = [i for i, part in enumerate(parts) if part.moves]
     meshes = [_mesh(buffer, part, kinds.index(part.kind)) for part in parts]
     turn = np.append(np.cross(upwards, [0.0, 1.0, 0.0]), 1.0 + upwards[1])
     root = {"name": title, "rotation": (turn / np.linalg.norm(turn)).tolist(), "children": list(range(len(parts)))}
+    nodes = [*({"name": part.name, "mesh": i} for i, part in enumerate(parts)), root]
+    materials = [_material(kind, colour) for kind, colour in zip(kinds, colours, strict=True)]
     content: dict[str, Any] = {
-        "asset": {"version": "2.0", "generator": "flexcam"},
-        "scene": 0,
-        "scenes": [{"nodes": [len(parts)]}],
-        "nodes": [*({"name": part.name, "mesh": i} for i, part in enumerate(parts)), root],
-        "meshes": meshes,
-        "materials": [_material(kind, colour) for kind, colour in zip(kinds, colours, strict=True)],
-    }
+        "asset": {"version": "2.0", "generator": "flexcam"}, "scene": 0, "scenes": [{"nodes": [len(parts)]}],
+        "nodes": nodes, "meshes": meshes, "materials": materials,
+    }  # fmt: skip
     if moving:
         times = buffer.add(np.arange(count)[None] / FRAMES_PER_SECOND, "SCALAR", "<f4")[0]
         weights = buffer.add(np.eye(count)[:, 1:].reshape(1, -1), "SCALAR", "<f4", bounds=False)[0]
@@ -189,27 +186,24 @@ def write_glb(
     content["buffers"] = [{"byteLength": len(buffer.content)}]
     text = json.dumps(content, separators=(",", ":")).encode()
     text += b" " * (-len(text) % 4)
-    chunks = [
-        struct.pack("<I4s", len(data), kind) + data
-        for data, kind in ((text, b"JSON"), (bytes(buffer.content), b"BIN\0"))
-    ]
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text
+    chunks += struct.pack("<I4s", len(buffer.content), b"BIN\0") + buffer.content
     with atomic_write_path(path) as draft:
-        draft.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + sum(map(len, chunks))) + b"".join(chunks))
+        draft.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
     return path
 
 
 def _mesh(buffer: _Buffer, part: Part, material: int) -> dict[str, Any]:
     """Return the mesh of a part: the first instant, and the displacements from there to the others."""
     targets = buffer.add(part.points[1:] - part.points[0], "VEC3", "<f4") if part.moves else []
-    primitive = {
-        "attributes": {"POSITION": buffer.add(part.points[:1], "VEC3", "<f4")[0]},
-        "indices": buffer.add(part.faces.reshape(1, -1), "SCALAR", "<u4")[0],
-        "material": material,
-    }
-    if not targets:
-        return {"name": part.name, "primitives": [primitive]}
-    own = {**primitive, "targets": [{"POSITION": one} for one in targets]}
-    return {"name": part.name, "primitives": [own], "weights": [0.0] * len(targets)}
+    position = buffer.add(part.points[:1], "VEC3", "<f4")[0]
+    indices = buffer.add(part.faces.reshape(1, -1), "SCALAR", "<u4")[0]
+    primitive: dict[str, Any] = {"attributes": {"POSITION": position}, "indices": indices, "material": material}
+    mesh: dict[str, Any] = {"name": part.name, "primitives": [primitive]}
+    if targets:
+        primitive["targets"] = [{"POSITION": one} for one in targets]
+        mesh["weights"] = [0.0] * len(targets)
+    return mesh
 
 
 def _material(kind: str, colour: Sequence[float]) -> dict[str, Any]:

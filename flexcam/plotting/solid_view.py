@@ -9,6 +9,7 @@ Call `flexcam.plotting.rendering.select_renderer` first: VTK aborts its process 
 from __future__ import annotations
 
 import math
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -62,13 +63,17 @@ class MechanismView:
             return {**common, **even, "scalars": "value", "clim": top, "cmap": "viridis", "scalar_bar_args": bar}
         return {**common, "color": NEUTRAL_COLOUR if self._motion.values is not None else COLOURS[kind]}
 
+    def _solids(self, i: int) -> list[Solid]:
+        return self._mechanism.solids(self._motion.instant(i, self._scale))
+
     def _meshes(self, i: int) -> dict[str, pyvista.PolyData]:
         """Return a mesh per kind of part; coloured members are separate from parts without values."""
-        solids = self._mechanism.solids(self._motion.instant(i, self._scale))
         kinds: dict[str, list[Any]] = {}
-        for solid in solids:
+        for solid in self._solids(i):
             kinds.setdefault(solid.kind, []).append(_mesh(solid))
-        return {kind: _shade(parts[0].append_polydata(*parts[1:])) for kind, parts in kinds.items()}
+        joined = {kind: parts[0].append_polydata(*parts[1:]) for kind, parts in kinds.items()}
+        sharp = {"split_vertices": True, "feature_angle": _SHARP_ANGLE, "consistent_normals": False}
+        return {kind: mesh.compute_normals(**sharp) for kind, mesh in joined.items()}
 
     def show(self, i: int) -> None:
         """Show instant i."""
@@ -122,13 +127,8 @@ class MechanismView:
     def _visible_points(self) -> FloatArray:
         """Return all points at four instants, m, shape (n, 3), which define the visible region."""
         instants = {(i * len(self._motion)) // 4 for i in range(4)}
-        return np.concatenate(
-            [
-                solid.points
-                for i in sorted(instants)
-                for solid in self._mechanism.solids(self._motion.instant(i, self._scale))
-            ]
-        )
+        solids = chain.from_iterable(self._solids(i) for i in sorted(instants))
+        return np.concatenate([solid.points for solid in solids])
 
 
 def _range(values: FloatArray) -> tuple[float, float]:
@@ -143,12 +143,6 @@ def _mesh(solid: Solid) -> pyvista.PolyData:
     if solid.values is not None:
         mesh.point_data["value"] = solid.values
     return mesh
-
-
-def _shade(mesh: pyvista.PolyData) -> pyvista.PolyData:
-    """Return a mesh with normals, and with sharp edges where its triangles meet at a large angle."""
-    shaded: Any = mesh.compute_normals(split_vertices=True, feature_angle=_SHARP_ANGLE, consistent_normals=False)
-    return shaded
 
 
 def _format_angle(angle: FloatArray, i: int) -> str:

@@ -38,7 +38,7 @@ _MAX_CIRCLE_AREA = 160.0  # area of the largest circle, points squared
 
 def campbell_figure(found: Campbell, scale: float, shaft: str) -> Figure:
     """Return a Campbell diagram: natural frequencies over speed with the orders of a cam."""
-    figure, (axes,) = create_axes((8.0, 5.0))
+    figure, (axes,) = create_axes((8.0, 5.0), grid=None)
     rpm = scale * found.rpm
     top = _highest_drawn_frequency(found)
     _rays(axes, found, rpm, top)
@@ -153,7 +153,7 @@ def angle_map_figure(rpm: FloatArray, runs: Sequence[Response | None], channel: 
         if run is not None:
             last = last_revolution(run)
             row[:] = factor * np.interp(angle, last.angle, last.channels[channel], period=2.0 * math.pi)
-    figure, (axes,) = create_axes((7.0, 4.5))
+    figure, (axes,) = create_axes((7.0, 4.5), grid=None)
     axes.set_facecolor("0.85")
     drawn = axes.pcolormesh(np.degrees(angle), rpm, values, cmap="viridis", shading="nearest", rasterized=True)
     figure.colorbar(drawn, ax=axes, label=axis_label(short_name(channel), unit))
@@ -175,10 +175,8 @@ def _draw(figure: Figure, axes: Axes, found: Waterfall, scale: float) -> None:
     sizes = factor * found.amplitudes[:, 1:]
     largest = float(np.nanmax(sizes)) if np.isfinite(sizes).any() else 1.0
     norm = LogNorm(10.0**-_DECADES * (largest or 1.0), largest or 1.0, clip=True)
-    drawn = axes.pcolormesh(
-        np.arange(1.0, sizes.shape[1] + 1.0), scale * found.rpm, sizes, norm=norm, cmap="cividis",
-        shading="nearest", rasterized=True,
-    )  # fmt: skip
+    orders, rpm = np.arange(1.0, sizes.shape[1] + 1.0), scale * found.rpm
+    drawn = axes.pcolormesh(orders, rpm, sizes, norm=norm, cmap="cividis", shading="nearest", rasterized=True)
     name = f"acceleration of {found.signal.name}" if found.signal.probe else short_name(found.signal.name)
     figure.colorbar(drawn, ax=axes, label=axis_label(name, found.unit))
 
@@ -191,8 +189,8 @@ def force_figure(rpm: FloatArray, forces: Mapping[str, tuple[FloatArray, FloatAr
     """Return a figure with maximum and minimum contact force over speed."""
     figure, (upper, lower) = create_stacked_axes(("max force, N", "min force, N"), f"{shaft} speed, rpm")
     for (name, (least, largest)), (colour, dashes) in zip(forces.items(), line_styles(), strict=False):
-        upper.plot(rpm, largest, label=name, color=colour, linestyle=dashes, marker="o", markersize=3)
-        lower.plot(rpm, least, color=colour, linestyle=dashes, marker="o", markersize=3)
+        for axes, values in ((upper, largest), (lower, least)):
+            axes.plot(rpm, values, label=name, color=colour, linestyle=dashes, marker="o", markersize=3)
     lower.axhline(0.0, color="black", linewidth=0.8)
     add_legend(figure, upper, len(forces))
     return figure

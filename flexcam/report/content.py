@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -25,6 +26,7 @@ from flexcam.core.units import RPM, shaft_name, shaft_speed
 from flexcam.dynamics import Response
 from flexcam.dynamics.memory import ExtremesSink
 from flexcam.io import Result, read_result
+from flexcam.io.exports import energies
 from flexcam.report.fidelity_tables import TRADE_LEGEND, error_table, format_with_error, trade_table, trade_warnings
 from flexcam.report.tables import (
     comparison_table,
@@ -76,31 +78,33 @@ def load_subject(path: Path) -> ReportSubject:
     """Return a result with all data derived from its case."""
     result, lacking = read_result(path), list[str]()
 
-    def omit(what: str, refusal: FlexcamError) -> None:
-        lacking.append(f"Not in this report: {what}; {'; '.join(str(refusal).splitlines())}")
+    @contextmanager
+    def omit_on_error(what: str) -> Generator[None]:
+        try:
+            yield
+        except FlexcamError as refusal:
+            lacking.append(f"Not in this report: {what}; {'; '.join(str(refusal).splitlines())}")
 
-    try:
+    known = rigid = found = None
+    with omit_on_error("the comparison with a rigid train, modes, stresses with their safety, and inactive unknowns"):
         case = case_from_result(result)
         known = RestoredCase(case, *reload_result(case, result), build_structure(build_model(case)))
-    except FlexcamError as refusal:
-        omit("the comparison with a rigid train, modes, stresses with their safety, and inactive unknowns", refusal)
-        return ReportSubject(path, result, None, None, None, tuple(lacking))
-    rigid = found = None
-    if case.record.fidelity.model != "rigid" and known.ready.model.cam_contacts:
-        try:
-            rigid = run(case, rigid=True)
-        except FlexcamError as refusal:
-            omit("the comparison with a rigid train", refusal)
-    try:
-        found = modes(case, MODES)
-    except FlexcamError as refusal:
-        omit("modes", refusal)
+    if known and known.case.record.fidelity.model != "rigid" and known.ready.model.cam_contacts:
+        with omit_on_error("the comparison with a rigid train"):
+            rigid = run(known.case, rigid=True)
+    if known:
+        with omit_on_error("modes"):
+            found = modes(known.case, MODES)
     return ReportSubject(path, result, known, rigid, found, tuple(lacking))
 
 
 _SAME_LIFT = 0.01
 _SAME_ACCELERATION = 0.1  # relative difference in acceleration up to which the rigid train counts as equivalent
 
+_COUNTED = {
+    "members": "member", "masses": "mass", "springs": "spring", "rockers": "rocker", "cams": "cam",
+    "contacts": "contact",
+}  # fmt: skip
 _MODELS = {
     "beams": "flexible beams", "rigid": "rigid members", "sdof": "one mass", "chain": "a chain of masses",
 }  # fmt: skip
@@ -116,22 +120,14 @@ def describe_model(about: ReportSubject, known: RestoredCase, figures: Sequence[
     per = 2.0 * math.pi / (case.speed * ready.problem.step)
     turned = f"{float(np.ptp(response.angle)) / (2.0 * math.pi):.4g}" if len(response.angle) else "0"
     covers = f"{turned} revolution{'' if turned == '1' else 's'}"
-    parts = ", ".join(
-        f"{len(table)} {one if len(table) == 1 else many}"
-        for one, many, table in (
-            ("member", "members", record.members), ("mass", "masses", record.masses),
-            ("spring", "springs", record.springs), ("rocker", "rockers", record.rockers),
-            ("cam", "cams", record.cams), ("contact", "contacts", record.contacts),
-        ) if table
-    )  # fmt: skip
+    counts = {many: len(getattr(record, many)) for many in _COUNTED}
+    parts = [f"{count} {many if count > 1 else _COUNTED[many]}" for many, count in counts.items() if count]
+    steps = f"{response.stats.steps} steps ({per:.6g} per revolution) of {describe_dofs(known.response)}"
     said = [
-        f"Modelled with {kind}: {parts}.",
-        (
-            f"Run at {case.speed_text} for {covers} of the camshaft, in {response.stats.steps} steps "
-            f"({per:.6g} per revolution) of {describe_dofs(known.response)}."
-        ),
+        f"Modelled with {kind}: {', '.join(parts)}.",
+        f"Run at {case.speed_text} for {covers} of the camshaft, in {steps}.",
+        *describe_contacts(case, figures),
     ]
-    said += describe_contacts(case, figures)
     left = describe_inactive(ready)
     return [*said, f"Inactive, as nothing excites it: {'; '.join(left)}."] if left else said
 
@@ -149,14 +145,11 @@ def describe_margins(margins: Margins, turns: float) -> list[str]:
     """Return sentences about the margins of the train at its speed."""
     said: list[str] = []
     if margins.rigid_rpm is not None and margins.spring_margin is not None:
-        said.append(
-            f"The rigid train loses contact at {shaft_speed(margins.rigid_rpm * RPM, turns)}; at the speed of the "
-            f"run its spring force is {1.0 + margins.spring_margin:.3g} times its inertia force."
-        )
-    said += [
-        f"The buckling load of {name} is {margin:.3g} times its static compression at full lift."
-        for name, margin in margins.buckling_margins.items()
-    ]
+        lost = f"The rigid train loses contact at {shaft_speed(margins.rigid_rpm * RPM, turns)}"
+        ratio = f"{1.0 + margins.spring_margin:.3g} times its inertia force"
+        said.append(f"{lost}; at the speed of the run its spring force is {ratio}.")
+    for name, margin in margins.buckling_margins.items():
+        said.append(f"The buckling load of {name} is {margin:.3g} times its static compression at full lift.")
     return said
 
 
@@ -296,12 +289,8 @@ def result_tables(about: ReportSubject, compared: Comparison | None, figures: li
 
 def energy_table(response: Response) -> ReportTable:
     """Return the table of the energies of a run."""
-    parts = {name.removeprefix("energy."): v for name, v in response.channels.items() if name.startswith("energy.")}
-    rows = [
-        (name, *(f"{value:.4g}" for value in (values.min(), values.max(), values[-1])))
-        for name, values in parts.items()
-        if np.any(values)
-    ]
+    parts = {name: values for name, values in energies(response).items() if values.any()}
+    rows = [(name, f"{v.min():.4g}", f"{v.max():.4g}", f"{v[-1]:.4g}") for name, v in parts.items()]
     return ReportTable("Energy over the run", ("J", "min", "max", "at the end"), tuple(rows))
 
 

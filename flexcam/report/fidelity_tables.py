@@ -32,8 +32,8 @@ def trade_table(against: Reference, found: Sequence[ModelEvaluation]) -> Table:
          *(_percent(one.errors.get(kind)) for kind in kinds), "" if one.status.ok else str(one.status.cause))
         for one in found
     ]  # fmt: skip
-    own = (_percent(against.errors[kind] / against.size[kind] if against.size[kind] > 0.0 else 0.0) for kind in kinds)
-    rows.append(("", "reference", str(against.steps), "", "", "", *own, "its own error"))
+    own = _reference_errors(against)
+    rows.append(("", "reference", str(against.steps), "", "", "", *(_percent(own[k]) for k in kinds), "its own error"))
     heads = ("", "model", "steps/rev", "unknowns", "work", "cpu s", *(f"{kind}, %" for kind in kinds), "")
     norm = {"max": "max", "rms": "rms", None: "rms of the motion, max of the forces"}[against.norm]
     return plain_table(f"Error and cost of models ({norm}, relative to the maximum)", heads, rows)
@@ -43,6 +43,11 @@ def _quantities(against: Reference) -> list[str]:
     return [*(kind for kind in _KINDS if kind in against.errors), *(k for k in against.errors if k not in _KINDS)]
 
 
+def _reference_errors(against: Reference) -> dict[str, float]:
+    """Return the errors of the reference relative to the sizes of the quantities."""
+    return {name: error / against.size[name] if against.size[name] else 0.0 for name, error in against.errors.items()}
+
+
 def _percent(share: float | None) -> str:
     return "" if share is None else f"{100.0 * share:.2g}"
 
@@ -50,8 +55,8 @@ def _percent(share: float | None) -> str:
 def trade_warnings(against: Reference, found: Sequence[ModelEvaluation]) -> list[str]:
     """Return warnings about a rough reference, and about models that were not run, with the first reason."""
     said: list[str] = []
-    shares = {name: error / against.size[name] for name, error in against.errors.items() if against.size[name] > 0.0}
-    rough = [f"{name} ({_percent(share)} %)" for name, share in shares.items() if share > _REFERENCE_ERROR_TOLERANCE]
+    shares = _reference_errors(against).items()
+    rough = [f"{name} ({_percent(share)} %)" for name, share in shares if share > _REFERENCE_ERROR_TOLERANCE]
     if rough:
         unsure = f"Warning: the reference itself has a large error in {', '.join(rough)}"
         said.append(f"{unsure}: bounces, or motions that its steps do not resolve; errors of that size are not "
@@ -71,12 +76,9 @@ _REFERENCE_ERROR_TOLERANCE = 0.05
 
 def trade_json(against: Reference, found: Sequence[ModelEvaluation]) -> dict[str, object]:
     """Return the model ladder for ``--json``."""
-    own = {name: error / against.size[name] if against.size[name] else 0.0 for name, error in against.errors.items()}
-    return {
-        "reference": {"steps_per_revolution": against.steps, "errors": own, "sizes": against.size},
-        "rungs": [evaluation_json(one) for one in found],
-        "warnings": trade_warnings(against, found),
-    }
+    own = {"steps_per_revolution": against.steps, "errors": _reference_errors(against), "sizes": against.size}
+    rungs = [evaluation_json(one) for one in found]
+    return {"reference": own, "rungs": rungs, "warnings": trade_warnings(against, found)}
 
 
 def evaluation_json(one: ModelEvaluation) -> dict[str, object]:
@@ -145,7 +147,5 @@ def _errors(one: ModelEvaluation) -> str:
 def choice_json(choice: Choice) -> dict[str, object]:
     """Return a model choice for ``--json``."""
     cheaper = None if choice.cheaper is None else evaluation_json(choice.cheaper)
-    return {
-        "met": choice.met, "tried": choice.tried, "why": choice.why, "model": evaluation_json(choice.found),
-        "cheaper": cheaper,
-    }  # fmt: skip
+    known = {"met": choice.met, "tried": choice.tried, "why": choice.why}
+    return {**known, "model": evaluation_json(choice.found), "cheaper": cheaper}

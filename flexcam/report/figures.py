@@ -16,7 +16,7 @@ from flexcam.dynamics import SERIES, STATE, Response, component_unit
 from flexcam.fem.elements.beam import Beams
 from flexcam.fem.mesh import Mesh
 from flexcam.fem.recovery import deflection
-from flexcam.io.exports import scalar_probes
+from flexcam.io.exports import energies, scalar_probes
 from flexcam.report.content import Chart, ChartGroup, Curve, Panel, ReportSubject, Scene, Shape
 from flexcam.valvetrain import Structure
 
@@ -88,10 +88,8 @@ def build_albums(runs: Runs, main: str) -> tuple[list[ChartGroup], list[str]]:
     shown.sort(key=lambda name: not (name.startswith("contacts.") and name.endswith(".force")))
     room = max(_MAX_CURVES // len(runs), 1)
     most_probes, most_channels = max(room // 6, 1), max(room // 4, 1)
-    notes: list[str] = []
-    if len(moving) > most_probes or len(channels) > most_channels:
-        notes.append("There are more curves than a page holds: the first probes and channels are shown, "
-                     "the result has all")  # fmt: skip
+    words = "There are more curves than a page holds: the first probes and channels are shown, the result has all"
+    notes = [words] if len(moving) > most_probes or len(channels) > most_channels else []
     albums = [
         ChartGroup("Motion", "probe", tuple(_motion(runs, name) for name in probes[:most_probes])),
         ChartGroup("Forces and more", "channel", tuple(_channel(runs, name) for name in shown[:most_channels])),
@@ -140,10 +138,8 @@ def _motion(runs: Runs, name: str) -> Chart:
         return getattr(response[name], series) if name in scalar_probes(response.outline) else None
 
     component = name.rpartition(".")[2]
-    panels = tuple(
-        _panel(runs, series, component_unit(component, unit), partial(values, series=series))
-        for series, unit in SERIES.items()
-    )
+    units = {series: component_unit(component, unit) for series, unit in SERIES.items()}
+    panels = tuple(_panel(runs, series, unit, partial(values, series=series)) for series, unit in units.items())
     return Chart(name, _text_alternative(panels), panels)
 
 
@@ -155,13 +151,8 @@ def _channel(runs: Runs, name: str) -> Chart:
 
 
 def _energy(name: str, response: Response) -> Chart:
-    parts = {key.removeprefix("energy."): v for key, v in response.channels.items() if key.startswith("energy.")}
-    angle = np.degrees(response.angle)
-    curves = [
-        Curve(part, i, False, *reduce_points(angle, values))
-        for i, (part, values) in enumerate(parts.items())
-        if values.any()
-    ]
+    angle, parts = np.degrees(response.angle), enumerate(energies(response).items())
+    curves = [Curve(part, i, False, *reduce_points(angle, v)) for i, (part, v) in parts if v.any()]
     panel = Panel("energy, J", tuple(curves))
     return Chart(name or "this result", _text_alternative([panel]), (panel,) if curves else ())
 
@@ -235,20 +226,18 @@ def _lines(mesh: Mesh, room: int) -> _LinePoints:
     elements = len(mesh.elements())
     parts = min(max(room // elements, 1), _PARTS)
     every = -(-elements * parts // room)
-    element: list[IntArray] = []
+    element, place = list[IntArray](), list[IntArray]()
     ranges: dict[str, tuple[int, int]] = {}
     count = 0
     for name, part in mesh.element_ranges().items():
         last = (part.stop - part.start) * parts
         along = np.array(sorted({*range(0, last, every), last // 2, last}))
-        element.append(part.start * parts + along)
+        own = np.minimum(along // parts, part.stop - part.start - 1)
+        element.append(part.start + own)
+        place.append(along - parts * own)
         ranges[name] = (count, count + len(along))
         count += len(along)
-    of = [
-        np.minimum(one // parts, part.stop - 1)
-        for one, part in zip(element, mesh.element_ranges().values(), strict=True)
-    ]
-    return _LinePoints(np.concatenate(of), np.concatenate(element) - parts * np.concatenate(of), parts, ranges)
+    return _LinePoints(np.concatenate(element), np.concatenate(place), parts, ranges)
 
 
 def _names(mesh: Mesh, points: FloatArray) -> dict[str, int]:
@@ -279,11 +268,11 @@ def _undrawn_parts(structure: Structure) -> set[str]:
     """Return the parts of modes without lines: rockers, springs, and masses outside of members."""
     model = structure.model
     lines = set(model.mesh.elements().ravel().tolist())
-    masses = {
-        f"mass {name}" for name, part in model.masses.items()
-        if model.rocker_at(part.at) is not None or model.mesh.node(part.at) not in lines
-    }  # fmt: skip
-    return masses | {f"rocker {name}" for name in model.rockers} | {f"spring {name}" for name in model.springs}
+    found = {f"rocker {name}" for name in model.rockers} | {f"spring {name}" for name in model.springs}
+    for name, part in model.masses.items():
+        if model.rocker_at(part.at) is not None or model.mesh.node(part.at) not in lines:
+            found.add(f"mass {name}")
+    return found
 
 
 def _run_motion(about: ReportSubject, lines: _LinePoints) -> list[Shape]:

@@ -112,10 +112,9 @@ def build_report(
     """Return a report on results."""
     names = _result_names(subjects)
     mains = [_main_probe(one, probe) for one in subjects]
-    chapters = tuple(
-        _chapter(one, name, main, asked or ReportOptions(), len(subjects))
-        for one, name, main in zip(subjects, names, mains, strict=True)
-    )
+    asked, count = asked or ReportOptions(), len(subjects)
+    whole = zip(subjects, names, mains, strict=True)
+    chapters = tuple(_chapter(one, name, main, asked, count) for one, name, main in whole)
     runs = {name: (one.result.response, one.rigid) for name, one in zip(names, subjects, strict=True)}
     main = next(filter(None, mains), "")
     title = chapters[0].title if len(chapters) == 1 else ", ".join(names)
@@ -205,9 +204,8 @@ def _motion_image(runs: Runs, main: str) -> Picture | None:
 
     own = {name: one for name, (one, _) in moved.items()}
     rigid = {name: one for name, (_, one) in moved.items() if one is not None}
-    common = [
-        name for name in contact_forces(next(iter(own.values()))) if all(name in one.channels for one in own.values())
-    ]
+    forces = contact_forces(next(iter(own.values())))
+    common = [name for name in forces if all(name in one.channels for one in own.values())]
     figure = motion_figure(own, main, common[:1], rigid=rigid)
     words = f"Displacement, velocity and acceleration of {main} over the cam angle; the text below describes it."
     return Picture(f"Motion of {main}", render_png(figure), words)

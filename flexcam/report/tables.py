@@ -43,6 +43,7 @@ from flexcam.valvetrain import (
     MemberStrength,
     Metric,
     ModelModes,
+    Rocker,
     Seat,
     Spring,
     build_structure,
@@ -90,16 +91,10 @@ def model_table(ready: PreparedRun, modes: ModelModes, takes: ResourceEstimate |
         ("degrees of freedom", str(problem.system.size)),
         ("inactive", "; ".join(describe_inactive(ready)) or "nothing"),
         ("masses", ", ".join(f"{name} {part.body.mass:g} kg" for name, part in model.masses.items()) or "none"),
-        *(
-            (f"superelement {name}", f"{len(body.nodes)} nodes, {body.modes} modes")
-            for name, body in model.superelements.items()
-        ),
+        *((f"superelement {n}", f"{len(b.nodes)} nodes, {b.modes} modes") for n, b in model.superelements.items()),
         ("springs", ", ".join(springs) or "none"),
         ("supports", ", ".join(f"{point}: {' '.join(held)}" for point, held in model.supports.items()) or "none"),
-        *(
-            (f"rocker {n}", f"{r.start} to {r.point}, ratio {r.ratio:g}, along {_vector(r.direction)}")
-            for n, r in model.rockers.items()
-        ),
+        *((f"rocker {n}", _rocker(rocker)) for n, rocker in model.rockers.items()),
         *((f"cam {n}", f"at {c.at}, lift {1e3 * c.event.height:g} mm") for n, c in model.cams.items()),
         *((f"contact {n}", _contact(c)) for n, c in model.contacts.items()),
         *((f"friction {n}", f"{f.force:g} {_unit(f)} at {f.at}") for n, f in model.friction.items()),
@@ -170,6 +165,10 @@ def _load(load: GivenLoad) -> str:
     over = f"from {first:g} to {last:g} {what}" if table.period is None else f"every {factor * table.period:g} {what}"
     size = f"{table.size.min():.4g} to {table.size.max():.4g} {_unit(load)}"
     return f"{size} at {load.at} {along}, table {over}"
+
+
+def _rocker(rocker: Rocker) -> str:
+    return f"{rocker.start} to {rocker.point}, ratio {rocker.ratio:g}, along {_vector(rocker.direction)}"
 
 
 def _contact(contact: Contact) -> str:
@@ -262,11 +261,9 @@ def describe_comparison(comparison: Comparison, mode_hz: float | None) -> list[s
     deviation = f"{comparison.probe} deviates by up to {peak} times its lift (rms {rms} times)"
     said = [f"{deviation}; its peak acceleration is {ratio} times the {comparison.names[1]} one."]
     if mode_hz is not None:
-        said.append(
-            f"Of the modes that the cam force excites, the nearest to the cam speed is "
-            f"{mode_hz:.2f} Hz = {60.0 * mode_hz:.0f} camshaft rpm; "
-            f"the cam turns at {comparison.speed_rpm / (60.0 * mode_hz):.2f} of that."
-        )
+        nearest = "Of the modes that the cam force excites, the nearest to the cam speed is"
+        found, share = f"{mode_hz:.2f} Hz = {60.0 * mode_hz:.0f} camshaft rpm", comparison.speed_rpm / (60.0 * mode_hz)
+        said.append(f"{nearest} {found}; the cam turns at {share:.2f} of that.")
     return said
 
 
@@ -364,11 +361,11 @@ def equilibrium_residual(response: Response) -> float | None:
 
 def strength_table(members: Mapping[str, MemberStrength]) -> Table:
     """Return the table of the maximum stresses of every member."""
-    rows = [
-        (name, f"{one.von_mises / 1e6:.4g}", f"{one.mean / 1e6:.4g}", f"{one.alternating / 1e6:.4g}",
-         f"{one.safety:.3g}" if one.safety else "unlimited" if one.rated else "no strength given", one.place)
-        for name, one in members.items()
-    ]  # fmt: skip
+    rows: list[tuple[str, ...]] = []
+    for name, one in members.items():
+        stresses = (f"{value / 1e6:.4g}" for value in (one.von_mises, one.mean, one.alternating))
+        safety = f"{one.safety:.3g}" if one.safety else "unlimited" if one.rated else "no strength given"
+        rows.append((name, *stresses, safety, one.place))
     head = ("stress, MPa", "von Mises", "mean", "alternating", "fatigue safety", "at")
     return plain_table("Stresses at the saved instants", head, rows)
 
@@ -468,12 +465,10 @@ def limits_table(found: Limits, scale: float) -> Table:
         words = "loss of contact of the rigid train: its inertia force equals its spring force"
         rows.append(("(rigid train)", f"{scale * found.rigid_rpm:.6g}", "", "", words))
     if found.spring_margin is not None:
-        rows.append(
-            ("spring margin", f"{found.spring_margin:.1%}", "", "", "of the rigid train at the speed of the case")
-        )
-    rows += [
-        (f"{name}, margin", f"{margin:.3g}", "", "", "buckling load over the compression at full lift, static")
-        for name, margin in found.buckling_margins.items()
-    ]
+        words = "of the rigid train at the speed of the case"
+        rows.append(("spring margin", f"{found.spring_margin:.1%}", "", "", words))
+    for name, margin in found.buckling_margins.items():
+        words = "buckling load over the compression at full lift, static"
+        rows.append((f"{name}, margin", f"{margin:.3g}", "", "", words))
     shaft = shaft_name(scale)
     return plain_table("Speed limits", ("limit", f"{shaft} rpm", "bracket, rpm", "lasting from", "event"), rows)

@@ -11,7 +11,6 @@ import sys
 from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from functools import partial
 from textwrap import fill
 from typing import Any
 
@@ -137,7 +136,7 @@ def print_json(content: object) -> None:
 class _ProgressSink:
     """Sink that updates a progress bar."""
 
-    advance: Callable[[float], None]
+    advance: Callable[[int], None]
 
     def write(self, block: Block) -> None:
         """Advance the bar, see `Sink`."""
@@ -150,14 +149,8 @@ class _ProgressSink:
 @contextmanager
 def show_progress(steps: int) -> Generator[list[Sink]]:
     """Show a progress bar on standard error during a run, if it is a terminal."""
-    if not sys.stderr.isatty():
-        yield []
-        return
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
-
-    columns = ("steps", BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
-        yield [_ProgressSink(partial(shown.advance, shown.add_task("steps", total=steps + 1)))]
+    with show_count(steps + 1, "steps") as advance:
+        yield [_ProgressSink(advance)] if sys.stderr.isatty() else []
 
 
 @contextmanager

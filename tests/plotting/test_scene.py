@@ -214,13 +214,13 @@ def test_an_open_or_inside_out_surface_is_told():
 def test_a_coil_follows_the_ends_and_the_parts_of_its_spring():
     """Wire of the volume of its length; both ends where the spring's ends are; the middle where its middle moved."""
     sizes, axis = CoilSizes(0.03, 0.004, 0.06, 6.0), np.array([0.0, 1.0, 0.0])
-    at_rest = coil_solid(sizes, np.zeros(3), axis, np.zeros(2), 0.06)
+    at_rest = coil_solid(sizes, np.zeros(3), axis, np.zeros(2))
     assert is_closed(at_rest)
     turns = sizes.coils + 2.0
     length = turns * math.pi * 0.03
     assert volume(at_rest) == pytest.approx(length * math.pi * 0.002**2, rel=0.08)  # ten facets, pitch left out
     assert (at_rest.points[:, 1].min(), at_rest.points[:, 1].max()) == pytest.approx((0.0, 0.06), abs=2e-4)  # facets
-    pressed = coil_solid(sizes, np.zeros(3), axis, np.array([0.0, 0.004, -0.01]), 0.06)
+    pressed = coil_solid(sizes, np.zeros(3), axis, np.array([0.0, 0.004, -0.01]))
     assert pressed.points[:, 1].max() == pytest.approx(0.05, abs=1e-3)
     # Parts move on their own: the middle by 4 mm, where no straight line between the ends goes.
     assert (pressed.points - at_rest.points)[:, 1].max() == pytest.approx(0.004, rel=0.02)

@@ -124,9 +124,8 @@ def _lever(model: Model, rocker: Rocker, cams: tuple[CamPlacement, ...]) -> Leve
     right = np.cross(own.frame.axis, lift) if own is not None else perpendicular_axes(lift)[0]
     if float(np.linalg.norm(right)) < 0.5:  # driven along the shaft
         right = perpendicular_axes(lift)[0]
-    return lever_frame(
-        rocker, model.mesh.nodes[model.mesh.node(rocker.start)], np.array([unit_vector(right), lift]), -1
-    )
+    driven = model.mesh.nodes[model.mesh.node(rocker.start)]
+    return lever_frame(rocker, driven, np.array([unit_vector(right), lift]), -1)
 
 
 def _valves(model: Model, levers: dict[str, LeverFrame]) -> Iterator[ValvePlacement]:
@@ -198,9 +197,8 @@ def _spring_between_nodes(
     coil = coil_sizes(name, spring, min(0.5 * head, 0.4 * length), 0.0, notes)
     fits = min(1.0, 0.7 * length / ((coil.coils + 2.0) * coil.wire))
     made = CoilSizes(coil.diameter, fits * coil.wire, length, coil.coils)
-    return CoilPlacement(
-        name, start, span / length, made, borders, float(np.sign(spring.direction[:3] @ span)) or 1.0, False, False
-    )
+    sense = float(np.sign(spring.direction[:3] @ span)) or 1.0
+    return CoilPlacement(name, start, span / length, made, borders, sense, ground=False, retainer=False)
 
 
 _STEEL = 7800.0
@@ -236,8 +234,8 @@ class Mechanism:
         return [
             *self._members(instant),
             *(part for one in self.cams for part in self._cam(one, instant)),
-            *(part for name, one in self.levers.items() for part in _with_name(name, self._lever(name, one, instant))),
-            *(part for one in self.valves for part in _with_name(one.point, self._valve(one, instant))),
+            *(part for n, one in self.levers.items() for part in _with_name(n, lever_solids(one, instant, self.thick))),
+            *(part for one in self.valves for part in _with_name(one.point, valve_solids(one, instant, self.head))),
             *(part for one in self.springs for part in _with_name(one.name, spring_solids(one, instant))),
             *support_solids(self.structure.model, self.cams, instant),
             *self._balls(instant),
@@ -261,13 +259,6 @@ class Mechanism:
         lobe = lobe_solid(place.frame, instant.angle, instant.nodal[place.node])
         yield from _with_name(place.contact.cam, [lobe, *self._axle(place, instant)])
         yield from _with_name(place.contact.follower, follower_solids(place, instant))
-
-    def _valve(self, place: ValvePlacement, instant: SceneState) -> list[Solid]:
-        return valve_solids(place, instant.at(place.point, place.away), self.head)
-
-    def _lever(self, name: str, frame: LeverFrame, instant: SceneState) -> list[Solid]:
-        path = instant.along(self.structure.path(self.structure.model.rockers[name]))
-        return lever_solids(frame, path, self.thick)
 
     def _axle(self, place: CamPlacement, instant: SceneState) -> list[Solid]:
         """Return the stub shaft through a cam without a member."""
@@ -302,9 +293,8 @@ def _section_solid(kind: str, rings: list[FloatArray], values: FloatArray | None
     if len(rings) == 1:
         return loft(kind, rings[0], values=values)
     there_and_back = np.concatenate([rings[0], rings[1][::-1]])
-    return loft(
-        kind, there_and_back, cyclic=True, values=None if values is None else np.concatenate([values, values[::-1]])
-    )
+    both = None if values is None else np.concatenate([values, values[::-1]])
+    return loft(kind, there_and_back, cyclic=True, values=both)
 
 
 def build_mechanism(structure: Structure) -> Mechanism:

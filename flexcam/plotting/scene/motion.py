@@ -8,11 +8,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from flexcam.case.case import Case
 from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import refuse, suggest_name
-from flexcam.dynamics import CamMotion, Response
+from flexcam.dynamics import SERIES, CamMotion, Response
 from flexcam.fem.elements.beam import Beams
 from flexcam.fem.frames import ROTATIONS
 from flexcam.fem.recovery import deflection
@@ -85,12 +86,8 @@ def centre_line(
 
 
 def rotation_matrices(vectors: FloatArray) -> FloatArray:
-    """Return rotation matrices of rotation vectors by Rodrigues' formula: the rows are the rotated axes."""
-    angle = np.linalg.norm(vectors, axis=1)[:, None, None]
-    x, y, z = vectors.T
-    nothing = np.zeros_like(x)
-    cross = np.moveaxis(np.array([[nothing, z, -y], [-z, nothing, x], [y, -x, nothing]]), -1, 0)
-    return np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * np.sinc(0.5 * angle / np.pi) ** 2 * cross @ cross
+    """Return rotation matrices of rotation vectors: the rows are the rotated axes."""
+    return np.asarray(Rotation.from_rotvec(vectors).as_matrix().swapaxes(1, 2), dtype=float)
 
 
 def sweep_outline(outline: FloatArray, line: CentreLine) -> FloatArray:
@@ -98,7 +95,6 @@ def sweep_outline(outline: FloatArray, line: CentreLine) -> FloatArray:
     return line.points[:, None] + outline @ line.triads[:, 1:]
 
 
-REVOLUTION = 2.0 * math.pi
 MODE_AMPLITUDE = 0.05  # maximum translation of a drawn mode relative to the model size
 
 
@@ -131,7 +127,7 @@ class Motion:
 
     def last_revolution(self) -> Motion:
         """Return the last revolution, or the whole of a shorter motion."""
-        return self.at(np.flatnonzero(self.angle > self.angle[-1] - REVOLUTION * (1.0 - 1e-9)))
+        return self.at(np.flatnonzero(self.angle > self.angle[-1] - math.tau * (1.0 - 1e-9)))
 
     def spread(self, count: int) -> list[int]:
         """Return the indices of up to `count` instants, evenly distributed over the motion."""
@@ -179,8 +175,8 @@ def result_motion(structure: Structure, result: Result, speed: float, colour: st
 
 def case_motion(structure: Structure, speed: float, colour: str | None = None, count: int = 180) -> Motion:
     """Return the motion of the rigid mechanism over one revolution."""
-    angle = np.linspace(0.0, REVOLUTION, count, endpoint=False)
-    series = dict(zip(("displacement", "velocity", "acceleration"), rigid_motion(structure, angle, speed), strict=True))
+    angle = np.linspace(0.0, math.tau, count, endpoint=False)
+    series = dict(zip(SERIES, rigid_motion(structure, angle, speed), strict=True))
     rigid = series["displacement"]
     motion = Motion(structure, angle, rigid, np.zeros_like(rigid))
     if colour is None:
@@ -197,7 +193,7 @@ def mode_motion(structure: Structure, shape: FloatArray, *, coloured: bool = Fal
     moved = np.linalg.norm(structure.dofs.nodal(shape)[:, :3], axis=1).max(initial=0.0)
     others = np.abs(shape[int((structure.dofs.numbers >= 0).sum()) :]).max(initial=0.0)
     largest = float(max(moved, others)) or 1.0
-    swing = np.cos(REVOLUTION * np.arange(count) / count)[:, None]
+    swing = np.cos(math.tau * np.arange(count) / count)[:, None]
     elastic = MODE_AMPLITUDE * model_size(structure.model) / largest * swing * shape
     motion = Motion(structure, np.zeros(count), np.zeros_like(elastic), elastic)
     if not coloured:

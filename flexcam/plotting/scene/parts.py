@@ -114,9 +114,8 @@ def _face(place: CamPlacement, moved: np.ndarray) -> list[Solid]:
     profile = [(0.0, 0.96 * radius), (0.04 * radius, radius), (thick, radius)]
     parts = [revolve("follower", face, place.lift, profile)]
     if place.ahead - base > thick:
-        parts.append(
-            cylinder("follower", face + thick * place.lift, face + (place.ahead - base) * place.lift, 0.3 * radius)
-        )
+        bottom, top = face + thick * place.lift, face + (place.ahead - base) * place.lift
+        parts.append(cylinder("follower", bottom, top, 0.3 * radius))
     return parts
 
 
@@ -172,17 +171,17 @@ def lever_frame(rocker: Rocker, end: FloatArray, plane: FloatArray, side: int) -
     return LeverFrame(rocker, end - np.array([driven.real, driven.imag]) @ plane, plane, side)
 
 
-def lever_solids(frame: LeverFrame, path: float, thick: float) -> list[Solid]:
+def lever_solids(frame: LeverFrame, instant: SceneState, thick: float) -> list[Solid]:
     """Return the solids of a rocker and its pivot."""
-    bend, radii, pivot = _outline(frame, path, thick)
+    bend, radii, pivot = _outline(frame, instant.along(instant.structure.path(frame.rocker)), thick)
     links = zip(bend[:-1], bend[1:], radii[:-1], radii[1:], strict=True)
     body = [prism("rocker", capsule(a, b, (r, s)), frame.plane, frame.pivot, thick) for a, b, r, s in links]
     reach, middle = 0.9 * thick * np.cross(frame.plane[0], frame.plane[1]), frame.space(bend[pivot])
-    post = [
-        cylinder("pivot", middle + 0.3 * thick * frame.plane[1], middle + 3.0 * thick * frame.plane[1], 0.6 * thick)
-    ]
-    shaft = cylinder("pivot", middle - reach, middle + reach, 0.45 * thick)
-    return [*body, shaft, *(post if frame.rocker.finger else [])]
+    made = [*body, cylinder("pivot", middle - reach, middle + reach, 0.45 * thick)]
+    if frame.rocker.finger:
+        up = thick * frame.plane[1]
+        made.append(cylinder("pivot", middle + 0.3 * up, middle + 3.0 * up, 0.6 * thick))
+    return made
 
 
 def _outline(frame: LeverFrame, path: float, thick: float) -> tuple[list[complex], list[float], int]:
@@ -215,10 +214,10 @@ class ValvePlacement:
     seat: bool  # whether the model has a seat for the valve
 
 
-def valve_solids(place: ValvePlacement, moved: FloatArray, head: float) -> list[Solid]:
+def valve_solids(place: ValvePlacement, instant: SceneState, head: float) -> list[Solid]:
     """Return the solids of a valve, and of its seat if the model has one."""
     length, away = (VALVE_LENGTH * head if place.stem else 0.0), place.away
-    tip, stem = place.tip + moved, 0.5 * STEM * head
+    tip, stem = place.tip + instant.at(place.point, away), 0.5 * STEM * head
     profile = [(length + x * head, radius * head) for x, radius in _HEAD_PROFILE]
     parts = [revolve("valve", tip, away, [*([(0.0, stem)] if place.stem else []), *profile])]
     if place.seat:
@@ -242,11 +241,12 @@ _WIRE = 10
 _END_COILS = 1.0  # number of closed coils at each end
 
 
-def coil_solid(sizes: CoilSizes, start: FloatArray, axis: FloatArray, moved: FloatArray, length: float) -> Solid:
+def coil_solid(sizes: CoilSizes, start: FloatArray, axis: FloatArray, moved: FloatArray) -> Solid:
     """Return the solid of a coil spring."""
+    length = sizes.length
     turns = sizes.coils + 2.0 * _END_COILS
     angle = np.linspace(0.0, 2.0 * math.pi * turns, round(_PER_COIL * turns) + 1)
-    place = _coil_height(angle / (2.0 * math.pi), turns, sizes, length)
+    place = _coil_height(angle / (2.0 * math.pi), turns, sizes)
     closed = (0.5 + _END_COILS) * sizes.wire  # end coils move with the ends
     along = place + np.interp(place, np.linspace(closed, max(length - closed, closed), len(moved)), moved)
     first, second = perpendicular_axes(axis)
@@ -259,14 +259,13 @@ def coil_solid(sizes: CoilSizes, start: FloatArray, axis: FloatArray, moved: Flo
     return loft("spring", centres[:, None] + wire[:, :1] * out[:, None] + wire[:, 1:] * up[:, None])
 
 
-def _coil_height(turn: FloatArray, turns: float, sizes: CoilSizes, length: float) -> FloatArray:
+def _coil_height(turn: FloatArray, turns: float, sizes: CoilSizes) -> FloatArray:
     """Return the height of the wire centre over the turns: closed end coils, evenly spaced active coils."""
-    inner = max(length - (1.0 + 2.0 * _END_COILS) * sizes.wire, 0.0)
+    inner = max(sizes.length - (1.0 + 2.0 * _END_COILS) * sizes.wire, 0.0)
     half = 0.5 * sizes.wire
-    knots = [0.0, _END_COILS, turns - _END_COILS, turns]
-    return np.interp(
-        turn, knots, [half, half + _END_COILS * sizes.wire, half + _END_COILS * sizes.wire + inner, length - half]
-    )
+    lower = half + _END_COILS * sizes.wire
+    heights = [half, lower, lower + inner, sizes.length - half]
+    return np.interp(turn, [0.0, _END_COILS, turns - _END_COILS, turns], heights)
 
 
 @dataclass(frozen=True, eq=False)
@@ -289,7 +288,7 @@ def spring_solids(place: CoilPlacement, instant: SceneState) -> list[Solid]:
     """Return the solids of a spring."""
     moved = place.sense * (place.borders @ instant.unknowns)
     size, axis = place.sizes, place.axis
-    made = [coil_solid(size, place.start, axis, moved, size.length)]
+    made = [coil_solid(size, place.start, axis, moved)]
     inner, outer, thick = 0.5 * (size.diameter - 1.6 * size.wire), 0.5 * size.diameter + size.wire, 0.7 * size.wire
     if place.retainer:
         top = place.start + (size.length + moved[-1] + 0.5 * thick) * axis
@@ -319,8 +318,7 @@ _TEETH = 20
 def support_solids(model: Model, cams: Sequence[CamPlacement], instant: SceneState) -> Iterator[Solid]:
     """Yield the symbols of supports."""
     bearings = {model.mesh.node(one.at) for one in model.springs.values() if is_bearing(model, one)}
-    held = _fixed_components(model)
-    turning = shaft_names(model)
+    held, turning = _fixed_components(model), shaft_names(model)
     faces = {model.mesh.node(c.contact.follower) for c in cams if c.ahead}
     for name, line in model.mesh.lines.items():
         radius = model.members[name].section.radius
@@ -330,7 +328,8 @@ def support_solids(model: Model, cams: Sequence[CamPlacement], instant: SceneSta
             kept = held.get(node, np.zeros(6, dtype=bool))
             driven = name in turning and float(np.abs(kept[3:] * axis).max()) > 0.5
             if driven:
-                yield replace(_wheel(where, axis, 2.4 * radius, instant.angle, _sense(cams, axis)), name=name)
+                sense = float(np.sign(cams[0].frame.axis @ axis)) if cams else 1.0
+                yield replace(_wheel(where, axis, 2.4 * radius, sense * instant.angle), name=name)
             if kept.all():
                 yield replace(_wall(where, axis, 2.0 * radius), name=name)
             elif (node in bearings or _fixes_transverse(kept, axis)) and node not in faces and not driven:
@@ -349,9 +348,8 @@ def _fixed_components(model: Model) -> dict[int, FloatArray]:
 
 def _fixes_transverse(kept: FloatArray, axis: FloatArray) -> bool:
     """Return whether both translations perpendicular to an axis are fixed."""
-    first, second = perpendicular_axes(axis)
-    free = ~kept[:3].astype(bool)
-    return not (np.abs(first[free]).max(initial=0.0) > 0.3 or np.abs(second[free]).max(initial=0.0) > 0.3)
+    across = np.abs(perpendicular_axes(axis))[:, ~kept[:3].astype(bool)]
+    return not (across > 0.3).any()
 
 
 def _tangent(model: Model, line: IntArray, place: int) -> FloatArray:
@@ -360,20 +358,15 @@ def _tangent(model: Model, line: IntArray, place: int) -> FloatArray:
     return span / np.linalg.norm(span)
 
 
-def _sense(cams: Sequence[CamPlacement], axis: FloatArray) -> float:
-    """Return 1 if the cams rotate about an axis in the positive sense, else -1."""
-    return next((float(np.sign(one.frame.axis @ axis)) for one in cams), 1.0)
-
-
 def _wall(where: FloatArray, axis: FloatArray, half: float) -> Solid:
     """Return a plate for a clamped member."""
     corners = half * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
     return prism("ground", corners, np.array(perpendicular_axes(axis)), where, 0.4 * half)
 
 
-def _wheel(where: FloatArray, axis: FloatArray, radius: float, angle: float, sense: float) -> Solid:
+def _wheel(where: FloatArray, axis: FloatArray, radius: float, angle: float) -> Solid:
     """Return a toothed wheel that rotates with the shaft."""
     first, second = perpendicular_axes(axis)
     teeth = np.where(np.arange(4 * _TEETH) % 4 < 2, 1.0, 0.9)[:, None] * circle(radius, 4 * _TEETH)
-    c, s = np.cos(sense * angle), np.sin(sense * angle)
+    c, s = np.cos(angle), np.sin(angle)
     return prism("drive", teeth, np.array([c * first + s * second, c * second - s * first]), where, 0.35 * radius)
