@@ -19,8 +19,7 @@ from flexcam.analysis.comparison import (
     compare_responses,
     divergence_speed,
 )
-from flexcam.analysis.model_choice import evaluate_ladder
-from flexcam.analysis.model_ladder import model_ladder
+from flexcam.analysis.model_choice import evaluate_ladder, model_ladder
 from flexcam.analysis.preparation import prepare, scalar_probe
 from flexcam.analysis.published_claims import check_claims, deviation, excited_mode
 from flexcam.analysis.run import reload_result

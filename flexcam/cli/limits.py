@@ -111,8 +111,9 @@ def _map_limits(
     path: Path, overrides: cli.Overrides, settings: tuple[str, str], names: Sequence[str], search: Search, workers: int
 ) -> tuple[cli.CommandOutput, Status]:
     """Map limits over two values of a case."""
-    from flexcam.studies.evaluators import InterruptibleRuns, create_evaluator, grid_plan, limit_map, require_units
+    from flexcam.studies.evaluators import create_evaluator, grid_plan, limit_map
     from flexcam.studies.sweep import validate_plan
+    from flexcam.studies.variables import InterruptibleRuns, require_units
 
     file = OpenCase.open(path)
     plan = grid_plan(_axis("--over", settings[0]), _axis("--and", settings[1]), overrides or ())

@@ -15,6 +15,7 @@ from rich.table import Table
 
 from flexcam.analysis.run_checks import check_events
 from flexcam.case.reader import CaseFile as OpenCase
+from flexcam.case.variants import case_text
 from flexcam.cli import app as cli
 from flexcam.cli.sensitivity import Highest, LimitAccuracy, Lowest, StudyOptions, WorkerCount
 from flexcam.core.errors import refuse
@@ -31,7 +32,6 @@ from flexcam.report.terminal import (
     with_unit,
 )
 from flexcam.studies.evaluation import evaluate
-from flexcam.studies.evaluators import PointEvaluator, WorstCase, case_text, require_unit, variables_of
 from flexcam.studies.gradients import gradient_function, optimize_by_gradient
 from flexcam.studies.optimization import (
     Constraint,
@@ -49,6 +49,7 @@ from flexcam.studies.optimization import optimize as minimize
 from flexcam.studies.plan import make_plan, parse_axes
 from flexcam.studies.quantities import is_run_scalar
 from flexcam.studies.sensitivity import exact_names
+from flexcam.studies.variables import PointEvaluator, WorstCase, require_unit, variables_of
 from flexcam.valvetrain import Metric
 
 if TYPE_CHECKING:

@@ -21,17 +21,8 @@ from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
 from flexcam.dynamics import Cause, RunFailedError, Status, reraise_interrupt
 from flexcam.report.terminal import finite_numbers, finite_or_none, format_csv, format_number, plain_table, show_count
-from flexcam.studies.evaluation import Row
-from flexcam.studies.evaluators import (
-    InterruptibleRuns,
-    PointEvaluator,
-    Runs,
-    Variable,
-    column,
-    create_evaluator,
-    variables_of,
-)
-from flexcam.studies.plan import check_power_of_two
+from flexcam.studies.evaluators import create_evaluator
+from flexcam.studies.plan import Row, check_power_of_two
 from flexcam.studies.quantities import Quantity, check_names, compute_quantities, frequency_number
 from flexcam.studies.sensitivity import (
     STEP_OFFSETS,
@@ -45,6 +36,7 @@ from flexcam.studies.sensitivity import (
 )
 from flexcam.studies.sweep import check_case_resources
 from flexcam.studies.tolerance_analysis import QUANTILES, PartScatter, parse_scatters, sample_parts, scalar_distribution
+from flexcam.studies.variables import InterruptibleRuns, PointEvaluator, Runs, Variable, column, variables_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexcam import __version__
-from flexcam.analysis.comparison import Comparison, compare_responses, scalar_history
+from flexcam.analysis.comparison import Comparison, compare_responses
+from flexcam.analysis.histories import scalar_history
 from flexcam.analysis.limits import compute_margins
 from flexcam.analysis.preparation import compute_metrics, scalar_probe
 from flexcam.analysis.run_checks import RunMonitor, check_run

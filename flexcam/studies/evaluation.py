@@ -13,8 +13,8 @@ from __future__ import annotations
 import re
 import time
 import traceback
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -45,7 +45,7 @@ from flexcam.dynamics import (
 )
 from flexcam.io import temporary_folder
 from flexcam.io.exports import scalar_probes
-from flexcam.studies.plan import Bundle, open_case
+from flexcam.studies.plan import Bundle, Row, open_case, rejected_row, restore_file_names
 from flexcam.valvetrain import ANY_SPEED, Metric, Model, build_rigid, train_metric_names
 
 
@@ -151,18 +151,6 @@ def _energy_residual(response: Response) -> Iterator[Metric]:
         yield Metric(_RESIDUAL, float(np.abs(residual).max(initial=0.0)), "J")
 
 
-@dataclass(frozen=True)
-class Row:
-    """Results of one variant."""
-
-    status: Status  #: status of its run; ``refused`` if it could not start
-    #: value by name, SI (`flexcam.studies.evaluation`); empty unless the run is complete
-    scalars: Mapping[str, float] = field(default_factory=dict[str, float])
-    units: Mapping[str, str] = field(default_factory=dict[str, str])  #: SI unit by scalar
-    seconds: float = 0.0  #: run time; not written to tables, which are the same on every machine
-    history: tuple[str, bytes] | None = None  #: suffix and content of its result file, if result files are kept
-
-
 def evaluate(
     case: Case, *, folder: Path | None = None, model: Model | None = None, runs: int = 1, channels: bool = True,
     time_limit: float | None = None, names: Sequence[str] | None = None,
@@ -208,11 +196,6 @@ def _run(
     met = Status(text=f"chosen within the tolerance: {named}")
     missed = Status(Cause.TOLERANCE, f"the tolerance is not met: {choice.why}; that is {named}")
     return Row(met if choice.met else missed, values, units)
-
-
-def rejected_row(refusal: InputError) -> Row:
-    """Return the row of a variant that cannot start."""
-    return Row(Status(Cause.REFUSED, " | ".join(map(str, refusal.faults))))
 
 
 def _internal_error_status(fault: Exception) -> Status:
@@ -271,8 +254,3 @@ def _evaluate_with_history(case: Case, model: Model | None, runs: int, time_limi
             if written is None
             else replace(row, history=(written.name.removeprefix(case.name), written.read_bytes()))
         )
-
-
-def restore_file_names(row: Row, folder: Path) -> Row:
-    """Return a row with file names in messages as in the case, not in the temporary folder."""
-    return replace(row, status=replace(row.status, text=row.status.text.replace(f"{folder}/", "")))

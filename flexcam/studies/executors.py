@@ -27,8 +27,7 @@ from flexcam import __version__
 from flexcam.core.errors import refuse, require_packages, system_message
 from flexcam.dynamics import Cause, RunFailedError, Status
 from flexcam.io import temporary_folder
-from flexcam.studies.evaluation import Row
-from flexcam.studies.plan import Bundle, open_case
+from flexcam.studies.plan import Bundle, Row, open_case
 
 Variants = Sequence[tuple[str, ...]]
 """Overrides by variant."""

@@ -1,14 +1,12 @@
-"""Quantities of a case: its numbers by key, variants with other values, and results by name."""
+"""Quantities of a case by name: numbers, natural frequencies, properties of cams, speed limits and scalars of a run."""
 
 from __future__ import annotations
 
-import json
 import math
 import re
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, cast
 
 import numpy as np
 
@@ -18,99 +16,14 @@ from flexcam.analysis.preparation import build_problem, prepare
 from flexcam.cams import Event, event_extremes, harmonics, joints
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
-from flexcam.case.records import find_unit
-from flexcam.case.repetition import name_pattern
+from flexcam.case.variants import Number, get_number
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name
 from flexcam.core.units import RPM, shaft_name
 from flexcam.dynamics import Cause, RunFailedError, Status, floquet, outline, reraise_interrupt, solve
-from flexcam.studies.evaluation import (
-    Row,
-    are_probe_scalars,
-    evaluate,
-    get_history,
-    history_units,
-    rejected_row,
-    scalar_names,
-)
+from flexcam.studies.evaluation import are_probe_scalars, evaluate, get_history, history_units, scalar_names
+from flexcam.studies.plan import Row, rejected_row
 from flexcam.studies.tables import unknown_scalar_fault
 from flexcam.valvetrain import build_structure, model_modes
-
-
-@dataclass(frozen=True)
-class Number:
-    """Number of a case."""
-
-    key: str  #: key, such as ``springs.valve.stiffness``; an element of a list has its index: ``rockers.rocker.arms.1``
-    value: float  #: value, SI
-    unit: str  #: SI unit; empty for a dimensionless number, ``SI`` if it cannot be determined
-
-
-def get_number(case: Case, key: str, where: str) -> Number:
-    """Return a number of a case by key."""
-    known = dict(_iterate_values(case.record.model_dump(mode="json", by_alias=True), ""))
-    numbers = [name for name, value in known.items() if isinstance(value, float)]
-    copies = [key] if key in known else [name for name in known if name_pattern(key).fullmatch(name)]
-    if not copies:
-        near = suggest_name(key, numbers) or suggest_name(
-            key.rpartition(".")[2], [n.rpartition(".")[2] for n in numbers]
-        )
-        allowed = f"the key of a number of the case, such as {', '.join(numbers[:6])}"
-        raise refuse(where, repr(key), allowed, "there is no such key", near or "flexcam check --echo prints them all")
-    value = known[copies[0]]
-    if different := [name for name in copies if known[name] != value]:
-        given = f"{known[different[0]]!r} for {different[0]} and {value!r} for {copies[0]}"
-        raise refuse(where, given, "a number that all copies share", "one value replaces all", "name one of the copies")
-    if not isinstance(value, float):
-        given = f"{key} = {value!r}" if value is not None else f"{key}, which is not given"
-        why = "" if value is None else "a whole number, a choice or a switch has no derivative"
-        remedy = "give it a number" if value is None else "compare its values with flexcam sweep"
-        raise refuse(where, given, "the key of a number that may have decimals", why, remedy)
-    unit = find_unit(case.record, copies[0].split("."))
-    return Number(key, value, "SI" if unit is None else unit)
-
-
-def _iterate_values(value: object, path: str) -> Iterator[tuple[str, object]]:
-    """Yield dotted key and value in nested tables and lists."""
-    if isinstance(value, dict):
-        inner = cast("dict[str, object]", value)
-    elif isinstance(value, list):
-        inner = {str(i): one for i, one in enumerate(cast("list[object]", value))}
-    else:
-        yield path, value
-        return
-    for name, one in inner.items():
-        yield from _iterate_values(one, f"{path}.{name}" if path else name)
-
-
-def make_overrides(case: Case, values: Mapping[str, str]) -> tuple[str, ...]:
-    """Return the overrides that set values of a case; a list is written in full with its other elements."""
-    record = case.record.model_dump(mode="json", by_alias=True)
-    lists: dict[str, list[Any]] = {}
-    found: dict[str, str] = {}
-    for key, text in values.items():
-        parent, _, last = key.rpartition(".")
-        if not (last.isdigit() and isinstance(there := _at(record, parent), list)):
-            found[key] = text
-            continue
-        changed = lists.setdefault(parent, [*cast("list[Any]", there)])
-        changed[int(last)] = _number_or_text(text)
-        found[parent] = json.dumps(changed, ensure_ascii=False)
-    return tuple(f"{key}={text}" for key, text in found.items())
-
-
-def _at(record: Mapping[str, Any], path: str) -> object:
-    value: object = record
-    for step in path.split("."):
-        value = cast("dict[str, object]", value).get(step) if isinstance(value, dict) else None
-    return value
-
-
-def _number_or_text(text: str) -> float | str:
-    try:
-        return float(text)
-    except ValueError:
-        return text
-
 
 _FREQUENCY = re.compile(r"frequency\.([1-9]\d{0,2})$")
 _CAM = re.compile(r"cams\.(.+)\.(area|velocity|acceleration|deceleration|jerk)$")

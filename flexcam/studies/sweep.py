@@ -21,14 +21,14 @@ from flexcam.case.reader import CaseFile
 from flexcam.core.errors import Fault, InputError, refuse, require_packages
 from flexcam.dynamics import Cause, RunFailedError, Status
 from flexcam.io import atomic_write_path, check_writable
-from flexcam.studies.evaluation import Row, are_probe_scalars, evaluate_chunk, scalar_names
-from flexcam.studies.evaluators import require_units
+from flexcam.studies.evaluation import are_probe_scalars, evaluate_chunk, scalar_names
 from flexcam.studies.executors import Chunk, Evaluate, SerialWorkers, Workers, divide_variants, open_runner
 from flexcam.studies.plan import (
     MAX_VARIANTS,
     Axis,
     Bundle,
     Plan,
+    Row,
     make_bundle,
     make_plan,
     open_case,
@@ -46,6 +46,7 @@ from flexcam.studies.tables import (
     unknown_scalar_fault,
     write_table,
 )
+from flexcam.studies.variables import require_units
 
 _QUICK_CHECK_LIMIT = 1000
 """Number of variants above which the ends of the axes are checked first: reading a case takes at least 0.5 ms."""

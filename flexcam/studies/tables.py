@@ -29,8 +29,7 @@ from flexcam.io import atomic_write_path, check_writable, create_folder, open_hd
 from flexcam.io import result_schema as schema
 from flexcam.io.hdf5 import read_numbers, read_text_column, read_texts, write_text_column, write_texts
 from flexcam.io.result_reader import check_integrity
-from flexcam.studies.evaluation import Row
-from flexcam.studies.plan import Plan
+from flexcam.studies.plan import Plan, Row
 
 if TYPE_CHECKING:
     import pandas as pd

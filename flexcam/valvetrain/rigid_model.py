@@ -35,7 +35,8 @@ from flexcam.dynamics.local_forces import LocalForces
 from flexcam.fem.assembly import modal_damping
 from flexcam.valvetrain.cam_contact import lubrication_channels, sliding_path
 from flexcam.valvetrain.cam_functions import cam_sliding, normal_force_ratio, sliding_distance
-from flexcam.valvetrain.contacts import check_lever_rotation, couple_friction, opposed_force
+from flexcam.valvetrain.contacts import check_lever_rotation, couple_friction
+from flexcam.valvetrain.coupling import opposed_force
 from flexcam.valvetrain.loads import given_loads, preload, steady_load
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import CamContact, PublishedLoad, Spring

@@ -21,8 +21,7 @@ from flexcam.dynamics import (
     elastic_stop,
 )
 from flexcam.dynamics.force_laws import PULSATING, force_table, force_table_law
-from flexcam.valvetrain.contacts import Coupling, opposed_force
-from flexcam.valvetrain.loads import constant_history
+from flexcam.valvetrain.coupling import Coupling, constant_history, opposed_force
 from flexcam.valvetrain.parts import Pulsation, Spring, SpringPart, Wire
 from flexcam.valvetrain.structure import Structure, spring_parts
 

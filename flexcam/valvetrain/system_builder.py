@@ -16,14 +16,8 @@ from flexcam.fem.assembly import modal_damping, rayleigh_damping
 from flexcam.fem.frames import COMPONENTS
 from flexcam.valvetrain.cam_contact import couple_cam
 from flexcam.valvetrain.camshaft import ShaftDrive, find_shaft_drives, inertia_torque, reaction_torque, shaft_channels
-from flexcam.valvetrain.contacts import (
-    Coupling,
-    couple_adjuster,
-    couple_friction,
-    couple_lash,
-    couple_seat,
-    lever_joints,
-)
+from flexcam.valvetrain.contacts import couple_adjuster, couple_friction, couple_lash, couple_seat, lever_joints
+from flexcam.valvetrain.coupling import Coupling
 from flexcam.valvetrain.loads import couple_published_load, given_loads
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import Adjuster, CamContact, Contact, Lash, PublishedLoad, Seat

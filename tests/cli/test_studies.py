@@ -18,10 +18,10 @@ import pytest
 
 from flexcam.analysis.natural_modes import modes
 from flexcam.case.reader import CaseFile, read_case
+from flexcam.case.variants import get_number
 from flexcam.dynamics import Status
-from flexcam.studies.evaluation import Row
 from flexcam.studies.evaluators import create_evaluator, evaluate_variant
-from flexcam.studies.quantities import get_number
+from flexcam.studies.plan import Row
 
 ROOT = Path(__file__).resolve().parents[2]
 PUBLISHED = ROOT / "cases/tayeb/model-3-shm.toml"

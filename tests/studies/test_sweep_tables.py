@@ -11,8 +11,7 @@ import pytest
 
 from flexcam import InputError, build_model, read_case, run
 from flexcam.dynamics import Cause, Status
-from flexcam.studies.evaluation import Row
-from flexcam.studies.plan import Plan, make_plan, parse_axes, parse_sample
+from flexcam.studies.plan import Plan, Row, make_plan, parse_axes, parse_sample
 from flexcam.studies.tables import (
     format_csv,
     history_dataset,
