@@ -10,7 +10,7 @@ import numpy as np
 
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
-from flexcam.dynamics import SLOPES, History, Response, Series, peak, value_range
+from flexcam.dynamics import SLOPES, Block, History, Response, Series, peak, value_range
 
 _INSTANT_TOLERANCE = 1e-6  # tolerance for equal instants relative to a step
 
@@ -104,3 +104,11 @@ def _maximum_difference(fine: Histories, coarse: Histories, name: str, differenc
     values, rates = coarse.values[name][:, None], slopes[:, None]
     between = Series(values, rates, np.zeros_like(rates)).interpolate(coarse.time, fine.time[both]).displacement[:, 0]
     return max(found, float(np.abs(fine.values[name][both] - between).max(initial=0.0)))
+
+
+def response_block(response: Response) -> Block:
+    """Return a response as one block, for sinks."""
+    rows = [response.channels[name] for name, _ in response.outline.channels]
+    channels = np.column_stack(rows) if rows else np.zeros((len(response.time), 0))
+    saved = response.field_time, response.field_angle, response.fields
+    return Block(response.time, response.angle, response.probes, channels, *saved)

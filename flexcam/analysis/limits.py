@@ -15,12 +15,12 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from flexcam.analysis.figures_of_merit import rigid_margin
-from flexcam.analysis.preparation import PreparedRun, build_problem, prepare, prepare_without_periodic_search
+from flexcam.analysis.preparation import build_problem, prepare, prepare_without_periodic_search
+from flexcam.analysis.prepared_run import PreparedRun
 from flexcam.cams import event_extremes
 from flexcam.case.case import Case
 from flexcam.core import FloatArray
-from flexcam.core.errors import positive, refuse
+from flexcam.core.errors import FlexcamError, positive, refuse
 from flexcam.core.units import RPM, shaft_speed
 from flexcam.dynamics import (
     ConstantSpeed,
@@ -217,7 +217,52 @@ def _checked_model(case: Case) -> Model:
 
 def compute_margins(case: Case) -> Margins:
     """Return the margins of spring force and buckling load."""
-    return Margins(*rigid_margin(case), _buckling_margins(case))
+    return Margins(*_rigid_margin(case), _buckling_margins(case))
+
+
+_ANGLES = np.linspace(0.0, 2.0 * math.pi, 7201)
+"""Cam angles, rad, at which the contact force of the rigid train is evaluated."""
+
+
+def spring_margin(case: Case) -> float | None:
+    """Return the spring margin of a case; None if no contact can open, or no rigid train exists."""
+    if not any(contact.model == "unilateral" for contact in case.record.contacts.values()):
+        return None
+    try:
+        return _rigid_margin(case)[1]
+    except FlexcamError:
+        return None
+
+
+def _rigid_margin(case: Case) -> tuple[float | None, float | None]:
+    """Return the speed at which the rigid train loses contact, rpm, and the spring margin at the speed of the case."""
+    rigid = _rigid_limit_speed(case)
+    return rigid, None if rigid is None else (rigid * RPM / case.speed) ** 2 - 1.0
+
+
+def _rigid_limit_speed(case: Case) -> float | None:
+    """Return the camshaft speed at which the inertia of the rigid train first equals its springs and loads, rpm.
+
+    Friction and damping do not count. None if the inertia never pulls, or if a load is given over time.
+    """
+    if any(load.table is not None and load.table.over_time for load in case.record.loads.values()):
+        return None
+    bare = replace(case, record=case.record.model_copy(update={"friction": {}}))
+    speeds = [factor * case.speed for factor in (0.5, 1.0, 2.0)]
+    trains = [prepare(bare.at_speed(speed), rigid=True) for speed in speeds]
+    channels: list[Mapping[str, FloatArray]] = []
+    for speed, ready in zip(speeds, trains, strict=True):
+        problem = replace(ready.problem, step=(_ANGLES[1] - _ANGLES[0]) / speed, steps=len(_ANGLES) - 1)
+        channels.append(solve(problem, ready.scheme).channels)
+    model, worst = trains[0].model, list[float]()
+    for name, contact in model.cam_contacts.items():
+        lifted = model.cams[contact.cam].event(_ANGLES) > main_lift(model, contact.cam)
+        forces = [one[f"contacts.{name}.force"][lifted] for one in channels]
+        still, _, inertia = np.linalg.solve(np.vander(speeds, increasing=True), forces)
+        pulls = inertia < 0.0
+        if pulls.any():
+            worst.append(float(np.sqrt((np.maximum(still[pulls], 0.0) / -inertia[pulls]).min())))
+    return min(worst) / RPM if worst else None
 
 
 def _buckling_margins(case: Case) -> dict[str, float]:

@@ -25,7 +25,7 @@ from flexcam.fem.frames import default_orientation, direction
 from flexcam.fem.members import Member
 from flexcam.fem.mesh import Mesh, refine
 from flexcam.fem.superelements import Superelement, reduce_superelement
-from flexcam.valvetrain.springs import count_spring_parts
+from flexcam.valvetrain.spring_properties import count_spring_parts
 
 DEFAULT_LASH_STIFFNESS_RATIO = 10.0
 """Default stiffness of touching faces relative to the member behind them, to whose compliance it adds a tenth."""

@@ -16,7 +16,7 @@ from flexcam.analysis.cam_analysis import CamFacts, cam_facts, case_cams, cylind
 from flexcam.analysis.model_choice import evaluate_ladder
 from flexcam.analysis.natural_modes import modes
 from flexcam.analysis.orders import run_over_speeds
-from flexcam.analysis.preparation import compute_metrics, driven_probe, scalar_probe
+from flexcam.analysis.prepared_run import compute_metrics, driven_probe, scalar_probe
 from flexcam.analysis.run import member_strength
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
@@ -29,7 +29,8 @@ from flexcam.dynamics import Response, Status
 from flexcam.report.terminal import show_count
 from flexcam.studies.tables import read_table, unknown_scalar_fault
 from flexcam.valvetrain import Cam, CamContact, Spring, build_structure, contact_loss, driving_contact
-from flexcam.valvetrain.springs import has_channels, spring_curve
+from flexcam.valvetrain.spring_properties import spring_curve
+from flexcam.valvetrain.springs import has_channels
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -12,13 +12,14 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.table import Table
 
-from flexcam.analysis.figures_of_merit import FigureOfMerit, figures_of_merit
+from flexcam.analysis.limits import spring_margin
 from flexcam.analysis.model_choice import Choice, Error, estimate_errors, select_case
-from flexcam.analysis.preparation import (
+from flexcam.analysis.preparation import prepare, prepare_without_periodic_search
+from flexcam.analysis.prepared_run import (
+    FigureOfMerit,
     PreparedRun,
     compute_metrics,
-    prepare,
-    prepare_without_periodic_search,
+    figures_of_merit,
     revolution_change,
     scalar_probe,
 )
@@ -180,7 +181,7 @@ def run(
     figures = tuple(compute_metrics(ready, response))
     ran = FinishedRun(
         ready, response, watched, sink.path if response.status.ok else sink.partial,
-        figures=figures, merit=figures_of_merit(ready.case, figures) if figures else (),
+        figures=figures, merit=figures_of_merit(figures, spring_margin(ready.case)) if figures else (),
         stressed=strength.members() if read.record.fidelity.model == "beams" else {},
         errors=estimated[0], warnings=(*doubtful(response.stats), *estimated[1]), choice=choice,
     )  # fmt: skip

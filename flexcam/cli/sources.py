@@ -8,7 +8,8 @@ from functools import cached_property
 from pathlib import Path
 
 from flexcam.analysis.cam_analysis import CamSet, load_cams
-from flexcam.analysis.preparation import PreparedRun, prepare
+from flexcam.analysis.preparation import prepare
+from flexcam.analysis.prepared_run import PreparedRun
 from flexcam.analysis.run import reload_result
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case

@@ -14,7 +14,7 @@ from flexcam.analysis.comparison import Comparison
 from flexcam.analysis.limits import Margins, Search, find_limits
 from flexcam.analysis.model_choice import estimate_errors, evaluate_ladder
 from flexcam.analysis.natural_modes import modes
-from flexcam.analysis.preparation import PreparedRun
+from flexcam.analysis.prepared_run import PreparedRun
 from flexcam.analysis.run import member_strength, reload_result, run
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case

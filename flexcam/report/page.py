@@ -21,7 +21,7 @@ from flexcam import __version__
 from flexcam.analysis.comparison import Comparison, compare_responses
 from flexcam.analysis.histories import scalar_history
 from flexcam.analysis.limits import compute_margins
-from flexcam.analysis.preparation import compute_metrics, scalar_probe
+from flexcam.analysis.prepared_run import compute_metrics, scalar_probe
 from flexcam.analysis.run_checks import RunMonitor, check_run
 from flexcam.case.case import Case
 from flexcam.case.input_checks import check_shared_seat_load

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from textwrap import fill
 from typing import TYPE_CHECKING
@@ -13,9 +13,7 @@ import numpy as np
 from rich.table import Table
 
 from flexcam.analysis.comparison import Comparison
-from flexcam.analysis.figures_of_merit import SPRING_MARGIN, FigureOfMerit
-from flexcam.analysis.preparation import PreparedRun
-from flexcam.analysis.published_claims import Claim
+from flexcam.analysis.prepared_run import SPRING_MARGIN, FigureOfMerit, PreparedRun
 from flexcam.analysis.resources import ResourceEstimate, format_size
 from flexcam.analysis.run_checks import describe_balance, describe_contact_loss
 from flexcam.case.case import Case
@@ -27,7 +25,6 @@ from flexcam.fem.frames import ROTATIONS
 from flexcam.io import Result
 from flexcam.report.terminal import (
     count_decimals,
-    create_table,
     facts_table,
     format_decimals,
     plain_table,
@@ -49,7 +46,7 @@ from flexcam.valvetrain import (
     member_masses,
 )
 from flexcam.valvetrain import describe_inactive as words_of
-from flexcam.valvetrain.springs import spring_curve, spring_frequencies
+from flexcam.valvetrain.spring_properties import spring_curve, spring_frequencies
 
 if TYPE_CHECKING:
     from flexcam.analysis.limits import Limit, Limits
@@ -268,16 +265,6 @@ def describe_comparison(comparison: Comparison, mode_hz: float | None) -> list[s
             f"the cam turns at {comparison.speed_rpm / (60.0 * mode_hz):.2f} of that."
         )
     return said
-
-
-def claim_table(claims: Iterable[Claim]) -> Table:
-    """Return the table of the paper's claims and the computed results."""
-    made = create_table("Claims of the paper and this computation")
-    for head in ("claim", "reproduced", "computed"):
-        made.add_column(head, justify="left")
-    for claim in claims:
-        made.add_row(claim.statement, "yes" if claim.reproduced else "no", claim.finding)
-    return made
 
 
 def run_table(case: Case, extremes: ExtremesSink) -> Table:

@@ -10,9 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flexcam.analysis.initial_state import steps_per_revolution
 from flexcam.analysis.limits import LIMITS, Search, applicable_limits, search_limits
-from flexcam.analysis.preparation import build_problem, prepare
+from flexcam.analysis.preparation import build_problem, prepare, steps_per_revolution
 from flexcam.cams import Event, event_extremes, harmonics, joints
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case

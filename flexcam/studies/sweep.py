@@ -12,9 +12,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from flexcam import __version__
-from flexcam.analysis.preparation import prepare
-from flexcam.analysis.resources import check_resources
-from flexcam.analysis.run import estimate_case_resources
+from flexcam.analysis.run import check_case_resources
 from flexcam.case.case import Case
 from flexcam.case.fault_report import KeyLocations
 from flexcam.case.reader import CaseFile
@@ -269,17 +267,6 @@ def check_sweep_resources(asked: Sweep, folder: Path | None = None, *, together:
     """Raise an error if memory or disk space is insufficient for the first variants of a sweep."""
     first = open_case(asked.bundle).read(asked.plan.variants[0])
     check_case_resources(first, folder, runs=len(asked.plan), together=min(together, len(asked.plan)))
-
-
-def check_case_resources(case: Case, folder: Path | None = None, *, runs: int = 1, together: int = 1) -> None:
-    """Raise an error if memory or disk space is insufficient for many runs of a case."""
-    periodic = case.record.run.start == "periodic"  # computing a periodic state takes many revolutions
-    try:
-        ready = prepare(case.with_run({"start": "equilibrium"}) if periodic else case)
-    except (InputError, RunFailedError):  # its row reports it
-        return
-    needs = estimate_case_resources(ready)
-    check_resources(replace(needs, file=runs * needs.file), folder, together=together)
 
 
 @dataclass(frozen=True)

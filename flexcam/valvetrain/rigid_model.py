@@ -41,9 +41,9 @@ from flexcam.valvetrain.loads import given_loads, preload, steady_load
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import CamContact, PublishedLoad, Spring
 from flexcam.valvetrain.rigid_kinematics import Body, Coordinate, divide_train, find_rest
-from flexcam.valvetrain.springs import condense_spring, couple_springs, force_unit, has_channels, spring_curve
-from flexcam.valvetrain.structure import Structure, build_structure, spring_parts, spring_row
-from flexcam.valvetrain.system_builder import probe_of
+from flexcam.valvetrain.spring_properties import condense_spring, spring_curve
+from flexcam.valvetrain.springs import couple_springs, force_unit, has_channels
+from flexcam.valvetrain.structure import Structure, build_structure, probe_of, spring_parts, spring_row
 from flexcam.valvetrain.train_topology import follower_train
 
 

@@ -13,7 +13,7 @@ from matplotlib.collections import QuadMesh
 from flexcam import prepare, read_case, read_result, run
 from flexcam.analysis.campbell import Campbell
 from flexcam.analysis.orders import Signal, Waterfall
-from flexcam.analysis.preparation import compute_metrics
+from flexcam.analysis.prepared_run import compute_metrics
 from flexcam.analysis.run import member_strength
 from flexcam.dynamics import Cause, Status
 from flexcam.plotting import figures

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flexcam import prepare, read_case, read_result, run, solve
-from flexcam.analysis.preparation import compute_metrics, scalar_probe
+from flexcam.analysis.prepared_run import compute_metrics, scalar_probe
 from flexcam.analysis.published_claims import deviation
 from flexcam.dynamics import SLOPES, Cause, peak
 from flexcam.studies.evaluation import are_probe_scalars, evaluate, scalar_names

@@ -1,0 +1,219 @@
+"""A prepared run, its default probe, metrics of its last revolution, and figures of merit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexcam.case.case import Case
+from flexcam.core import FloatArray
+from flexcam.core.errors import InputError, refuse
+from flexcam.dynamics import Drive, Method, Probe, Problem, Response, SaveAt, SpeedByAngle
+from flexcam.fem.frames import COMPONENTS
+from flexcam.valvetrain import ANY_SPEED, Metric, Model, build_rigid, driving_contact, main_lift, train_metrics
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedRun:
+    """Prepared run for `flexcam.dynamics.solve`."""
+
+    case: Case  #: case
+    model: Model  #: model of the case
+    problem: Problem  #: system, drive, step and start
+    scheme: Method  #: time integration method
+    save: SaveAt  #: saved quantities and instants
+
+    def __repr__(self) -> str:
+        """Return a description without numbers."""
+        problem = self.problem
+        return f"<Prepared {self.case!r}: {problem.steps} steps of {problem.step:.4g} s, {problem.system!r}>"
+
+    @property
+    def revolution(self) -> float:
+        """Duration of a camshaft revolution, s."""
+        return revolution_time(self.case, self.problem.drive)
+
+
+def scalar_probe(ready: PreparedRun) -> str:
+    """Return the default probe of a case: the point of a rocker, else the first moved by a cam, else the first."""
+    points = [rocker.point for rocker in ready.model.rockers.values()]
+    probes = [probe for probe in ready.problem.system.probes if probe.name in ready.model.probes]
+    if not probes:
+        raise refuse("output.probes", "none", "at least one point to compare at", "", 'add probes = ["valve"]')
+    ordered = sorted(probes, key=lambda probe: probe.name not in points)
+    moved = _driven_probes(ready)
+    found = next((moved[probe.name] for probe in ordered if probe.name in moved), None)
+    return _follower_component(ready, ordered[0]) if found is None else found.component
+
+
+@dataclass(frozen=True)
+class DrivenProbe:
+    """Probe that a cam moves."""
+
+    name: str  #: name of the point
+    component: str  #: name of its component of largest motion
+    sign: float  #: 1 or -1: the sign of this motion as the cam lifts
+    contact: str | None  #: contact of the cam; None if it is not known
+
+
+def driven_probe(ready: PreparedRun, probe: str | None = None) -> DrivenProbe | None:
+    """Return the default probe of a case, or the one with a given name, as far as a cam moves it."""
+    moved = _driven_probes(ready)
+    if probe is not None:
+        return moved.get(probe)
+    default = scalar_probe(ready)
+    return next((one for one in moved.values() if one.component == default), None)
+
+
+def _driven_probes(ready: PreparedRun) -> dict[str, DrivenProbe]:
+    """Return the probes moved by the rigid train."""
+    if not ready.model.cam_contacts:
+        return {}
+    try:
+        rigid = build_rigid(ready.model, ANY_SPEED)
+    except InputError:  # no rigid train exists: the first probe is used
+        return {}
+    found: dict[str, DrivenProbe] = {}
+    for probe in rigid.probes:
+        paths = [np.zeros(1) if one is None else one(_REVOLUTION_ANGLES, 0) for one in probe.offset]
+        i = int(np.argmax([np.ptp(path) for path in paths]))
+        if np.ptp(paths[i]) > 0.0:
+            sign = 1.0 if paths[i].max() > -paths[i].min() else -1.0
+            contact = driving_contact(ready.model, probe.name)
+            found[probe.name] = DrivenProbe(probe.name, _component_name(probe, i), sign, contact)
+    return found
+
+
+_REVOLUTION_ANGLES = np.linspace(0.0, 2.0 * np.pi, 361)
+"""Angles of a revolution, rad; a lift between two of them would be too short."""
+
+
+def _follower_component(ready: PreparedRun, probe: Probe) -> str:
+    """Return the free component of a probe along the direction of the first follower, or its first free one."""
+    model = ready.model
+    contact = next(iter(model.cam_contacts.values()), None)
+    along = "" if contact is None else COMPONENTS[int(np.argmax(np.abs(contact.direction)))]
+    nodes = model.mesh.points.get(probe.name, ())
+    held = {
+        one for point, ones in model.supports.items() if np.isin(nodes, model.mesh.points[point]).any() for one in ones
+    }
+    free = [one for one in probe.components if one not in held] or list(probe.components)
+    return _component_name(probe, probe.components.index(along if along in free else free[0]))
+
+
+def _component_name(probe: Probe, component: int) -> str:
+    """Return the name of a component of a probe; a scalar probe keeps its name."""
+    return probe.name if len(probe.components) == 1 else f"{probe.name}.{probe.components[component]}"
+
+
+@dataclass(frozen=True)
+class RevolutionChange:
+    """Difference of the last revolution of a run from the one before."""
+
+    motion: float  #: maximum difference of the default probe, relative to its range
+    #: root mean square of the difference of a contact force on the main lift of its cam, relative to the force's
+    force: float
+    contact: str = ""  #: contact of this force; empty without a cam
+
+
+def revolution_change(ready: PreparedRun, response: Response) -> RevolutionChange | None:
+    """Return the deviation of the last revolution of a run from periodic; None without two revolutions."""
+    time, period = response.time, ready.revolution
+    if not len(time) or time[-1] - time[0] < (2.0 - _ROUNDING) * period - ready.problem.step:
+        return None
+    last = response.latest(period)
+
+    def difference(values: FloatArray) -> FloatArray:
+        return values[last] - np.interp(time[last] - period, time, values)
+
+    moved = response[scalar_probe(ready)].displacement if ready.model.probes else np.zeros(len(time))
+    changes = dict[str, float]()
+    for name, contact in ready.model.cam_contacts.items():
+        if (force := response.channels.get(f"contacts.{name}.force")) is not None:
+            lift = ready.model.cams[contact.cam].event(response.angle[last])
+            lifted = lift > main_lift(ready.model, contact.cam)
+            changes[name] = _relative(np.linalg.norm(difference(force)[lifted]), np.linalg.norm(force[last][lifted]))
+    contact = max(changes, key=lambda name: changes[name], default="")
+    motion = _relative(np.abs(difference(moved)).max(), np.ptp(moved[last]))
+    return RevolutionChange(motion, changes.get(contact, 0.0), contact)
+
+
+def _relative(part: float | np.floating, whole: float | np.floating) -> float:
+    if part <= _ROUNDING * whole:
+        return 0.0
+    return float(part / whole) if whole > 0.0 else 1.0
+
+
+_ROUNDING = 1e-9  # relative size of rounding errors
+
+
+MASS_CHAINS = {"sdof": 1, "chain": None}
+"""Models of few masses, which represent the camshaft only by its compliance; number of masses if it is fixed."""
+
+
+def compute_metrics(ready: PreparedRun, response: Response, names: Sequence[str] | None = None) -> list[Metric]:
+    """Return the metrics of the last revolution of a run, without those that its model cannot compute.
+
+    With names, costly metrics that are not among them are left out.
+    """
+    found = train_metrics(ready.model, response, ready.revolution, names)
+    if ready.case.record.fidelity.model not in MASS_CHAINS:
+        return found
+
+    def changes(metric: Metric) -> bool:
+        values = response.channels[metric.name.rpartition(".")[0].replace(".power", ".torque")]
+        return bool(np.ptp(values) > _ROUNDING * np.abs(values).max())
+
+    return [one for one in found if not one.name.startswith(("cams.", "supports.")) or changes(one)]
+
+
+def revolution_time(case: Case, drive: Drive) -> float:
+    """Return the duration of a camshaft revolution, s."""
+    return drive.period if isinstance(drive, SpeedByAngle) else 2.0 * math.pi / case.speed
+
+
+_WORDS = {
+    "valve_loft": "valve loft over the nose",
+    "seating_velocity": "seating velocity",
+    "bounces": "bounces",
+    "bounce_height": "highest bounce",
+    "nose_force.least": "min contact force over the nose",
+    "torque.mean": "mean drive torque",
+    "torque.largest": "peak drive torque",
+    "power.mean": "mean drive power",
+    "friction_power.mean": "mean friction power",
+    "clearance.least": "coil-bind clearance",
+}
+"""Usual names by the end of a metric's name, in the order of the table."""
+
+SPRING_MARGIN = "spring margin of the rigid train"
+"""Name of the excess of the spring force over the inertia of the rigid train, relative to the inertia."""
+
+
+@dataclass(frozen=True)
+class FigureOfMerit:
+    """Figure of merit."""
+
+    name: str  #: name, such as ``seating velocity``
+    part: str  #: contact, spring or drive, such as ``seat``; empty for the train
+    #: name among the metrics of the run, such as ``contacts.seat.seating_velocity``; empty for a figure of the case
+    metric: str
+    #: `value`, `unit`: value in its SI unit
+    value: float
+    unit: str
+
+
+def figures_of_merit(metrics: Sequence[Metric], spring_margin: float | None) -> list[FigureOfMerit]:
+    """Return the figures of merit that a train has, sorted by kind, from the metrics of `compute_metrics`."""
+    found = [
+        FigureOfMerit(words, metric.name.split(".")[1], metric.name, metric.value, metric.unit)
+        for end, words in _WORDS.items()
+        for metric in metrics
+        if metric.name.split(".", 2)[2:] == [end]
+    ]
+    if spring_margin is not None:
+        found.append(FigureOfMerit(SPRING_MARGIN, "", "", spring_margin, "1"))
+    return found
