@@ -107,7 +107,7 @@ def build_model(case: Case) -> valvetrain.Model:
     record = case.record
     mesh = _mesh(case)
     geometry = _Geometry(record, mesh)
-    faults: list[Fault] = list(mesh_faults(case, mesh))
+    faults: list[Fault] = list(mesh_faults(case.record, case.places, mesh))
 
     def each(kind: str, table: Mapping[str, In], make: Callable[[In], Out]) -> dict[str, Out]:
         found: dict[str, Out] = {}
@@ -140,7 +140,7 @@ def build_model(case: Case) -> valvetrain.Model:
         damping=record.run.damping.part,
         probes=tuple(record.output.probes),
     )
-    faults.extend(model_faults(case, model))
+    faults.extend(model_faults(case.places, model))
     if faults:
         raise InputError(faults)
     return model
