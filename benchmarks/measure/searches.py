@@ -10,7 +10,6 @@ from benchmarks.processes import ROOT
 from flexcam.case.reader import CaseFile
 from flexcam.core import FloatArray
 from flexcam.core.units import RPM
-from flexcam.studies.evaluators import create_evaluator
 from flexcam.studies.gradients import gradient_function, optimize_by_gradient
 from flexcam.studies.optimization import (
     Evaluations,
@@ -20,6 +19,7 @@ from flexcam.studies.optimization import (
     optimize,
     parse_constraints,
 )
+from flexcam.studies.quantities import create_evaluator
 from flexcam.studies.variables import PointEvaluator, variables_of
 
 CASE = ROOT / "cases/pushrod-engine/intake.toml"

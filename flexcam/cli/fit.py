@@ -17,7 +17,7 @@ from flexcam.cli import app as cli
 from flexcam.cli.study_options import NewCase, Vary, WorkerCount, write_variant
 from flexcam.dynamics import Cause, Status
 from flexcam.report.terminal import finite_numbers, finite_or_none, format_csv, format_number, plain_table, show_count
-from flexcam.studies.evaluators import open_evaluator
+from flexcam.studies.executors import open_evaluator
 from flexcam.studies.fitting import Fit, Measurement, evaluate_curves, fit_curves, read_measurement
 from flexcam.studies.plan import make_bundle
 from flexcam.studies.variables import PointEvaluator, Variable, variables_of

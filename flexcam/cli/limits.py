@@ -23,8 +23,8 @@ from flexcam.report.terminal import finite_numbers, format_csv, format_number, p
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from flexcam.studies.evaluators import LimitMap
     from flexcam.studies.plan import Axis
+    from flexcam.studies.quantities import LimitMap
 
 _MAP = Group("Map over two values", sort_key=1)
 
@@ -90,8 +90,8 @@ def limits(
         output, ended = _map_limits(case, overrides, (over, beside), names, search, 1 if workers is None else workers)
         cli.write_output(output, csv, plot, ended, overwrite=overwrite, as_json=as_json)
         return ended
-    from flexcam.studies.evaluators import open_speed_runs
     from flexcam.studies.executors import count_cores
+    from flexcam.studies.quantities import open_speed_runs
 
     count = count_cores() if workers is None else workers
     with show_count(None, "runs") as shown, open_speed_runs(read, search, count) as runs:
@@ -111,7 +111,7 @@ def _map_limits(
     path: Path, overrides: cli.Overrides, settings: tuple[str, str], names: Sequence[str], search: Search, workers: int
 ) -> tuple[cli.CommandOutput, Status]:
     """Map limits over two values of a case."""
-    from flexcam.studies.evaluators import create_evaluator, grid_plan, limit_map
+    from flexcam.studies.quantities import create_evaluator, grid_plan, limit_map
     from flexcam.studies.sweep import validate_plan
     from flexcam.studies.variables import InterruptibleRuns, require_units
 

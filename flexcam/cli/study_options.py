@@ -17,8 +17,7 @@ from flexcam.cli import app as cli
 from flexcam.dynamics import RunFailedError, reraise_interrupt
 from flexcam.io import write_text
 from flexcam.report.terminal import show_count
-from flexcam.studies.evaluators import create_evaluator
-from flexcam.studies.quantities import Quantity, check_names, compute_quantities, frequency_number
+from flexcam.studies.quantities import Quantity, check_names, compute_quantities, create_evaluator, frequency_number
 from flexcam.studies.variables import Runs
 
 _LIMITS = Group("Speed range of results limits.NAME (as in flexcam limits)", sort_key=2)

@@ -16,7 +16,7 @@ import pytest
 from scipy.stats import t as student
 
 from flexcam.case.reader import CaseFile
-from flexcam.studies.evaluators import open_evaluator
+from flexcam.studies.executors import open_evaluator
 from flexcam.studies.fitting import Curve, Measurement, evaluate_curves, fit_curves
 from flexcam.studies.plan import make_bundle
 from flexcam.studies.variables import PointEvaluator, variables_of
