@@ -1,4 +1,4 @@
-"""A prepared run, its default probe, metrics of its last revolution, and figures of merit."""
+"""A prepared run, its default probe, and metrics of its last revolution."""
 
 from __future__ import annotations
 
@@ -173,47 +173,3 @@ def compute_metrics(ready: PreparedRun, response: Response, names: Sequence[str]
 def revolution_time(case: Case, drive: Drive) -> float:
     """Return the duration of a camshaft revolution, s."""
     return drive.period if isinstance(drive, SpeedByAngle) else 2.0 * math.pi / case.speed
-
-
-_WORDS = {
-    "valve_loft": "valve loft over the nose",
-    "seating_velocity": "seating velocity",
-    "bounces": "bounces",
-    "bounce_height": "highest bounce",
-    "nose_force.least": "min contact force over the nose",
-    "torque.mean": "mean drive torque",
-    "torque.largest": "peak drive torque",
-    "power.mean": "mean drive power",
-    "friction_power.mean": "mean friction power",
-    "clearance.least": "coil-bind clearance",
-}
-"""Usual names by the end of a metric's name, in the order of the table."""
-
-SPRING_MARGIN = "spring margin of the rigid train"
-"""Name of the excess of the spring force over the inertia of the rigid train, relative to the inertia."""
-
-
-@dataclass(frozen=True)
-class FigureOfMerit:
-    """Figure of merit."""
-
-    name: str  #: name, such as ``seating velocity``
-    part: str  #: contact, spring or drive, such as ``seat``; empty for the train
-    #: name among the metrics of the run, such as ``contacts.seat.seating_velocity``; empty for a figure of the case
-    metric: str
-    #: `value`, `unit`: value in its SI unit
-    value: float
-    unit: str
-
-
-def figures_of_merit(metrics: Sequence[Metric], spring_margin: float | None) -> list[FigureOfMerit]:
-    """Return the figures of merit that a train has, sorted by kind, from the metrics of `compute_metrics`."""
-    found = [
-        FigureOfMerit(words, metric.name.split(".")[1], metric.name, metric.value, metric.unit)
-        for end, words in _WORDS.items()
-        for metric in metrics
-        if metric.name.split(".", 2)[2:] == [end]
-    ]
-    if spring_margin is not None:
-        found.append(FigureOfMerit(SPRING_MARGIN, "", "", spring_margin, "1"))
-    return found

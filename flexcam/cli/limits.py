@@ -11,6 +11,7 @@ import numpy as np
 from cyclopts import Group, Parameter
 from rich.table import Table
 
+from flexcam.analysis.figures_of_merit import compute_margins
 from flexcam.analysis.limits import Search, find_limits
 from flexcam.case.reader import CaseFile as OpenCase
 from flexcam.cli import app as cli
@@ -96,10 +97,11 @@ def limits(
     count = count_cores() if workers is None else workers
     with show_count(None, "runs") as shown, open_speed_runs(read, search, count) as runs:
         found = find_limits(read, search, start=runs, ahead=count, advance=shown)
-    parts: list[Table | str] = [limits_table(found, scale)]
+    margins = compute_margins(read)
+    parts: list[Table | str] = [limits_table(found, margins, scale)]
     if "loss_of_contact" not in found.limits:
         parts.append('Contact loss is not assessed: it needs a contact with model = "unilateral", which can separate.')
-    cli.write_output(cli.CommandOutput(parts, limits_json(found, scale)), as_json=as_json)
+    cli.write_output(cli.CommandOutput(parts, limits_json(found, margins, scale)), as_json=as_json)
     return Status()
 
 

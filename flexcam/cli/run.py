@@ -12,17 +12,10 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.table import Table
 
-from flexcam.analysis.limits import spring_margin
+from flexcam.analysis.figures_of_merit import FigureOfMerit, figures_of_merit
 from flexcam.analysis.model_choice import Choice, Error, estimate_errors, select_case
 from flexcam.analysis.preparation import prepare, prepare_without_periodic_search
-from flexcam.analysis.prepared_run import (
-    FigureOfMerit,
-    PreparedRun,
-    compute_metrics,
-    figures_of_merit,
-    revolution_change,
-    scalar_probe,
-)
+from flexcam.analysis.prepared_run import PreparedRun, compute_metrics, revolution_change, scalar_probe
 from flexcam.analysis.resources import check_resources
 from flexcam.analysis.run import estimate_case_resources, open_partial_result, open_result_file, summary_sink
 from flexcam.analysis.run_checks import (
@@ -181,7 +174,7 @@ def run(
     figures = tuple(compute_metrics(ready, response))
     ran = FinishedRun(
         ready, response, watched, sink.path if response.status.ok else sink.partial,
-        figures=figures, merit=figures_of_merit(figures, spring_margin(ready.case)) if figures else (),
+        figures=figures, merit=figures_of_merit(ready.case, figures) if figures else (),
         stressed=strength.members() if read.record.fidelity.model == "beams" else {},
         errors=estimated[0], warnings=(*doubtful(response.stats), *estimated[1]), choice=choice,
     )  # fmt: skip

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from flexcam import __version__
 from flexcam.analysis.comparison import Comparison, compare_responses
+from flexcam.analysis.figures_of_merit import compute_margins
 from flexcam.analysis.histories import scalar_history
-from flexcam.analysis.limits import compute_margins
 from flexcam.analysis.prepared_run import compute_metrics, scalar_probe
 from flexcam.analysis.run_checks import RunMonitor, check_run
 from flexcam.case.case import Case

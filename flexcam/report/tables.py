@@ -13,7 +13,8 @@ import numpy as np
 from rich.table import Table
 
 from flexcam.analysis.comparison import Comparison
-from flexcam.analysis.prepared_run import SPRING_MARGIN, FigureOfMerit, PreparedRun
+from flexcam.analysis.figures_of_merit import SPRING_MARGIN, FigureOfMerit, Margins
+from flexcam.analysis.prepared_run import PreparedRun
 from flexcam.analysis.resources import ResourceEstimate, format_size
 from flexcam.analysis.run_checks import describe_balance, describe_contact_loss
 from flexcam.case.case import Case
@@ -416,7 +417,7 @@ def info_table(result: Result) -> Table:
     return facts_table("Result", rows)
 
 
-def limits_json(found: Limits, scale: float) -> dict[str, object]:
+def limits_json(found: Limits, margins: Margins, scale: float) -> dict[str, object]:
     """Return the speed limits of a train for ``--json``."""
     from flexcam.analysis.limits import LIMITS
 
@@ -427,8 +428,8 @@ def limits_json(found: Limits, scale: float) -> dict[str, object]:
     return {
         **met, **lasting, "first": found.first, "shaft": shaft_name(scale),
         "tolerance_rpm": None if math.isinf(width) else scale * width,
-        "rigid_loss_of_contact_rpm": None if found.rigid_rpm is None else scale * found.rigid_rpm,
-        "spring_margin": found.spring_margin, "buckling_margins": dict(found.buckling_margins),
+        "rigid_loss_of_contact_rpm": None if margins.rigid_rpm is None else scale * margins.rigid_rpm,
+        "spring_margin": margins.spring_margin, "buckling_margins": dict(margins.buckling_margins),
         "lowest_rpm": scale * found.lowest_rpm, "highest_rpm": scale * found.highest_rpm,
     }  # fmt: skip
 
@@ -440,7 +441,7 @@ def _limit_speed(one: Limit, rpm: float | None, scale: float, high: float) -> st
     return f"above {high:.6g}" if one.known else "not known"
 
 
-def limits_table(found: Limits, scale: float) -> Table:
+def limits_table(found: Limits, margins: Margins, scale: float) -> Table:
     """Return the table of the speed limits of a train."""
     high = scale * found.highest_rpm
     ordered = sorted(found.limits.items(), key=lambda item: item[1].rpm or float("inf"))
@@ -451,16 +452,16 @@ def limits_table(found: Limits, scale: float) -> Table:
          one.words)
         for name, one in ordered
     ]  # fmt: skip
-    if found.rigid_rpm is not None:
+    if margins.rigid_rpm is not None:
         words = "loss of contact of the rigid train: its inertia force equals its spring force"
-        rows.append(("(rigid train)", f"{scale * found.rigid_rpm:.6g}", "", "", words))
-    if found.spring_margin is not None:
+        rows.append(("(rigid train)", f"{scale * margins.rigid_rpm:.6g}", "", "", words))
+    if margins.spring_margin is not None:
         rows.append(
-            ("spring margin", f"{found.spring_margin:.1%}", "", "", "of the rigid train at the speed of the case")
+            ("spring margin", f"{margins.spring_margin:.1%}", "", "", "of the rigid train at the speed of the case")
         )
     rows += [
         (f"{name}, margin", f"{margin:.3g}", "", "", "buckling load over the compression at full lift, static")
-        for name, margin in found.buckling_margins.items()
+        for name, margin in margins.buckling_margins.items()
     ]
     shaft = shaft_name(scale)
     return plain_table("Speed limits", ("limit", f"{shaft} rpm", "bracket, rpm", "lasting from", "event"), rows)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from flexcam import prepare, read_case, solve
-from flexcam.analysis.limits import compute_margins, spring_margin
-from flexcam.analysis.prepared_run import SPRING_MARGIN, compute_metrics, figures_of_merit
+from flexcam.analysis.figures_of_merit import SPRING_MARGIN, compute_margins, figures_of_merit
+from flexcam.analysis.prepared_run import compute_metrics
 from flexcam.core.units import RPM
 
 pytestmark = pytest.mark.usefixtures("machine_code")
@@ -55,8 +55,7 @@ def merit(tmp_path):
         ready = prepare(case)
         response = solve(ready.problem, ready.scheme, save=ready.save)
         assert response.status.ok
-        figures = figures_of_merit(compute_metrics(ready, response), spring_margin(case))
-        return {one.metric or one.name: one.value for one in figures}
+        return {one.metric or one.name: one.value for one in figures_of_merit(case, compute_metrics(ready, response))}
 
     return found
 
