@@ -26,8 +26,8 @@ from flexcam.cli.sources import Source, name_sources, open_sources
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name
 from flexcam.core.units import RPM, shaft_name, shaft_speed, to_display_unit
 from flexcam.dynamics import Response, Status
+from flexcam.io.sweep_table import read_table, unknown_scalar_fault
 from flexcam.report.terminal import show_count
-from flexcam.studies.tables import read_table, unknown_scalar_fault
 from flexcam.valvetrain import Cam, CamContact, Spring, build_structure, contact_loss, driving_contact
 from flexcam.valvetrain.spring_properties import spring_curve
 from flexcam.valvetrain.springs import has_channels

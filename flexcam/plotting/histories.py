@@ -23,6 +23,7 @@ from flexcam.core import FloatArray
 from flexcam.core.errors import refuse, suggest_name
 from flexcam.core.units import to_display_unit
 from flexcam.dynamics import SERIES, Response, Series, component_unit
+from flexcam.io.sweep_table import Column, SweepTable
 from flexcam.plotting.figures import (
     COLOURS,
     TITLE_PAD,
@@ -33,7 +34,6 @@ from flexcam.plotting.figures import (
     line_styles,
     wrap_title,
 )
-from flexcam.studies.tables import Column, SweepTable
 
 Abscissa = Literal["angle", "time", "crank"]
 """Abscissa of the curves of a run: cam angle, time, or crank angle of a four-stroke engine."""

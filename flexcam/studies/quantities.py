@@ -34,6 +34,7 @@ from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name
 from flexcam.core.units import RPM, shaft_name
 from flexcam.dynamics import Cause, ProgressCallback, RunFailedError, Status, floquet, outline, reraise_interrupt, solve
+from flexcam.io.sweep_table import unknown_scalar_fault
 from flexcam.studies.evaluation import are_probe_scalars, evaluate, get_history, history_units, scalar_names
 from flexcam.studies.executors import KILLED_STATUS, BrokenProcessPool, Variants, open_evaluator, open_processes
 from flexcam.studies.plan import (
@@ -48,7 +49,6 @@ from flexcam.studies.plan import (
     rejected_row,
     restore_file_names,
 )
-from flexcam.studies.tables import unknown_scalar_fault
 from flexcam.studies.variables import Runs, column
 from flexcam.valvetrain import build_structure, model_modes
 

@@ -19,8 +19,10 @@ from flexcam.case.reader import CaseFile
 from flexcam.core.errors import Fault, InputError, refuse, require_packages
 from flexcam.dynamics import Cause, RunFailedError, Status
 from flexcam.io import atomic_write_path, check_writable
+from flexcam.io.sweep_table import PARQUET, SweepTable, is_scalar_prefix, unknown_scalar_fault, write_table
 from flexcam.studies.evaluation import are_probe_scalars, evaluate_chunk, scalar_names
 from flexcam.studies.executors import Chunk, Evaluate, SerialWorkers, Workers, divide_variants, open_runner
+from flexcam.studies.journal import Journal, journal_contains, make_table
 from flexcam.studies.plan import (
     MAX_VARIANTS,
     Axis,
@@ -33,16 +35,6 @@ from flexcam.studies.plan import (
     parse_axes,
     parse_axis,
     parse_sample,
-)
-from flexcam.studies.tables import (
-    PARQUET,
-    Journal,
-    SweepTable,
-    is_scalar_prefix,
-    journal_contains,
-    make_table,
-    unknown_scalar_fault,
-    write_table,
 )
 from flexcam.studies.variables import require_units
 

@@ -16,10 +16,10 @@ from flexcam.analysis.orders import Signal, Waterfall
 from flexcam.analysis.prepared_run import compute_metrics
 from flexcam.analysis.run import member_strength
 from flexcam.dynamics import Cause, Status
+from flexcam.io.sweep_table import Column, SweepTable, read_table, write_table
 from flexcam.plotting import figures
 from flexcam.plotting.histories import last_revolution
 from flexcam.plotting.spectra import campbell_figure, waterfall_figure
-from flexcam.studies.tables import Column, SweepTable, read_table, write_table
 
 CASES = Path(__file__).parents[2] / "cases"
 ENGINE, BUCKET = CASES / "pushrod-engine/intake.toml", CASES / "direct-acting/bucket.toml"
