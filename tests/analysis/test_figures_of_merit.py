@@ -9,7 +9,7 @@ import pytest
 
 from flexcam import prepare, read_case, solve
 from flexcam.analysis.figures_of_merit import SPRING_MARGIN, compute_margins, figures_of_merit
-from flexcam.analysis.prepared_run import compute_metrics
+from flexcam.analysis.run_metrics import compute_metrics
 from flexcam.core.units import RPM
 
 pytestmark = pytest.mark.usefixtures("machine_code")

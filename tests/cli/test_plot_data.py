@@ -13,8 +13,8 @@ from matplotlib.collections import QuadMesh
 from flexcam import prepare, read_case, read_result, run
 from flexcam.analysis.campbell import Campbell
 from flexcam.analysis.orders import Signal, Waterfall
-from flexcam.analysis.prepared_run import compute_metrics
 from flexcam.analysis.run import member_strength
+from flexcam.analysis.run_metrics import compute_metrics
 from flexcam.dynamics import Cause, Status
 from flexcam.io.sweep_table import Column, SweepTable, read_table, write_table
 from flexcam.plotting import figures
