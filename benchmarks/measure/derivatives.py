@@ -15,7 +15,7 @@ from scipy.special import gamma
 
 from benchmarks.timing import least
 from flexcam.case.reader import CaseFile
-from flexcam.studies.evaluators import create_evaluator
+from flexcam.studies.quantities import create_evaluator
 from flexcam.studies.sensitivity import Sensitivity, sensitivities
 
 MASS, STIFFNESS, GRAVITY, SPEED, TURNS = 2.0, 800.0, 9.81, 20.0, 3  # an oscillator at 20 rad/s for three periods

@@ -10,7 +10,6 @@ from benchmarks.processes import ROOT
 from flexcam.case.reader import CaseFile
 from flexcam.core import FloatArray
 from flexcam.core.units import RPM
-from flexcam.studies.evaluators import PointEvaluator, create_evaluator, variables_of
 from flexcam.studies.gradients import gradient_function, optimize_by_gradient
 from flexcam.studies.optimization import (
     Evaluations,
@@ -20,6 +19,8 @@ from flexcam.studies.optimization import (
     optimize,
     parse_constraints,
 )
+from flexcam.studies.quantities import create_evaluator
+from flexcam.studies.variables import PointEvaluator, variables_of
 
 CASE = ROOT / "cases/pushrod-engine/intake.toml"
 LAW = "{id='bspline',degree=11,coefficients=[0,0,0,0,0.106060606,0.348484848,0.651515152,0.893939394,1,1,1,1]}"

@@ -28,7 +28,7 @@ GROUPS = {
     "Equations and their solution": ("dynamics", "dynamics.force_laws", "core", "core.errors", "core.units"),
     "Valve trains": ("valvetrain",),
     "Analyses of a case": ("analysis",),
-    "Many runs": ("studies",),
+    "Many runs": ("studies", "io.sweep_table"),
     "Pictures and reports": ("plotting", "report"),
 }
 """Packages by subject. A package that exports no names has a page per module behind it, see `modules_of`."""

@@ -1,4 +1,4 @@
-"""Figures of merit of a valve train by their usual names, and its spring margin."""
+"""Figures of merit of a valve train by their usual names, and its margins of spring force and buckling load."""
 
 from __future__ import annotations
 
@@ -9,12 +9,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flexcam.analysis.preparation import prepare
+from flexcam.analysis.preparation import prepare, prepare_without_periodic_search
+from flexcam.cams import event_extremes
 from flexcam.case.case import Case
 from flexcam.core import FloatArray
 from flexcam.core.errors import FlexcamError
 from flexcam.core.units import RPM
-from flexcam.dynamics import solve
+from flexcam.dynamics import ConstantSpeed, Problem, equilibrium, solve
 from flexcam.valvetrain import Metric, main_lift
 
 _WORDS = {
@@ -58,16 +59,33 @@ def figures_of_merit(case: Case, metrics: Sequence[Metric]) -> list[FigureOfMeri
     ]
     if any(contact.model == "unilateral" for contact in case.record.contacts.values()):
         with suppress(FlexcamError):  # no rigid train exists
-            if (margin := rigid_margin(case)[1]) is not None:
+            if (margin := _rigid_margin(case)[1]) is not None:
                 found.append(FigureOfMerit(SPRING_MARGIN, "", "", margin, "1"))
     return found
+
+
+@dataclass(frozen=True)
+class Margins:
+    """Margins of a train at its speed, from the rigid train and statics."""
+
+    #: camshaft speed at which a rigid train loses contact, as its inertia equals its spring forces; None if never
+    rigid_rpm: float | None
+    #: minimum excess of the spring force over the inertia of the rigid train at the case's speed, relative to the
+    #: inertia; None if the inertia never pulls
+    spring_margin: float | None
+    buckling_margins: Mapping[str, float]  #: ratio of buckling load to compression at full lift at rest, by member
+
+
+def compute_margins(case: Case) -> Margins:
+    """Return the margins of spring force and buckling load."""
+    return Margins(*_rigid_margin(case), _buckling_margins(case))
 
 
 _ANGLES = np.linspace(0.0, 2.0 * math.pi, 7201)
 """Cam angles, rad, at which the contact force of the rigid train is evaluated."""
 
 
-def rigid_margin(case: Case) -> tuple[float | None, float | None]:
+def _rigid_margin(case: Case) -> tuple[float | None, float | None]:
     """Return the speed at which the rigid train loses contact, rpm, and the spring margin at the speed of the case."""
     rigid = _rigid_limit_speed(case)
     return rigid, None if rigid is None else (rigid * RPM / case.speed) ** 2 - 1.0
@@ -96,3 +114,18 @@ def _rigid_limit_speed(case: Case) -> float | None:
         if pulls.any():
             worst.append(float(np.sqrt((np.maximum(still[pulls], 0.0) / -inertia[pulls]).min())))
     return min(worst) / RPM if worst else None
+
+
+def _buckling_margins(case: Case) -> dict[str, float]:
+    """Return the ratio of buckling load to compression of every member with its cam at full lift at rest."""
+    ready = prepare_without_periodic_search(case)
+    system = ready.problem.system
+    least: dict[str, float] = {}
+    for cam in ready.model.cams.values():
+        drive = ConstantSpeed(case.speed, event_extremes(cam.event)[1].at)
+        still = Problem(system, drive, 1e-6 / case.speed, 1, equilibrium(system, drive))
+        for name, use in solve(still, ready.scheme).channels.items():
+            if name.endswith(".buckling_use") and float(use[0]) > 0.0:
+                member = name.split(".")[1]
+                least[member] = min(1.0 / float(use[0]), least.get(member, math.inf))
+    return least

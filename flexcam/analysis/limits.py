@@ -15,19 +15,15 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from flexcam.analysis.figures_of_merit import rigid_margin
-from flexcam.analysis.preparation import PreparedRun, build_problem, prepare, prepare_without_periodic_search
-from flexcam.cams import event_extremes
+from flexcam.analysis.preparation import build_problem, prepare
+from flexcam.analysis.prepared_run import PreparedRun
 from flexcam.case.case import Case
 from flexcam.core import FloatArray
 from flexcam.core.errors import positive, refuse
 from flexcam.core.units import RPM, shaft_speed
 from flexcam.dynamics import (
-    ConstantSpeed,
-    Problem,
     ProgressCallback,
     Response,
-    equilibrium,
     reraise_interrupt,
     solve,
     track_progress,
@@ -106,20 +102,8 @@ class Limit:
 
 
 @dataclass(frozen=True)
-class Margins:
-    """Margins of a train at its speed, from the rigid train and statics."""
-
-    #: camshaft speed at which a rigid train loses contact, as its inertia equals its spring forces; None if never
-    rigid_rpm: float | None
-    #: minimum excess of the spring force over the inertia of the rigid train at the case's speed, relative to the
-    #: inertia; None if the inertia never pulls
-    spring_margin: float | None
-    buckling_margins: Mapping[str, float]  #: ratio of buckling load to compression at full lift at rest, by member
-
-
-@dataclass(frozen=True)
-class Limits(Margins):
-    """Speed limits and margins of a train."""
+class Limits:
+    """Speed limits of a train."""
 
     #: limits by name: ``loss_of_contact``, ``float``, ``bounce``, ``coil_clash``, ``buckling``
     limits: Mapping[str, Limit]
@@ -151,15 +135,14 @@ def find_limits(
     `start` begins runs at several speeds at a time, up to `ahead`; by default they follow each other.
     """
     found = search_limits(case, search, start=start, ahead=ahead, advance=advance)
-    lowest, highest = search.lowest / RPM, search.highest / RPM
-    return Limits(**vars(compute_margins(case)), limits=found, lowest_rpm=lowest, highest_rpm=highest)
+    return Limits(found, search.lowest / RPM, search.highest / RPM)
 
 
 def search_limits(
     case: Case, search: Search, among: Collection[str] | None = None,
     *, runs: int = 1, start: SpeedRuns | None = None, ahead: int = 1, advance: ProgressCallback | None = None,
 ) -> dict[str, Limit]:  # fmt: skip
-    """Find the speed limits of a case without its margins at rest."""
+    """Find the speed limits of a case, or those among the given ones."""
     model = _checked_model(case)
     described = {
         name: words for name, (_, words) in _conditions(model, search).items() if among is None or name in among
@@ -213,26 +196,6 @@ def _checked_model(case: Case) -> Model:
         why, allowed = "only a follower that may leave its cam can lose it", 'a contact with model = "unilateral"'
         raise refuse("contacts", "no unilateral contact, seat, coil clash or member", allowed, why, "change the model")
     return model
-
-
-def compute_margins(case: Case) -> Margins:
-    """Return the margins of spring force and buckling load."""
-    return Margins(*rigid_margin(case), _buckling_margins(case))
-
-
-def _buckling_margins(case: Case) -> dict[str, float]:
-    """Return the ratio of buckling load to compression of every member with its cam at full lift at rest."""
-    ready = prepare_without_periodic_search(case)
-    system = ready.problem.system
-    least: dict[str, float] = {}
-    for cam in ready.model.cams.values():
-        drive = ConstantSpeed(case.speed, event_extremes(cam.event)[1].at)
-        still = Problem(system, drive, 1e-6 / case.speed, 1, equilibrium(system, drive))
-        for name, use in solve(still, ready.scheme).channels.items():
-            if name.endswith(".buckling_use") and float(use[0]) > 0.0:
-                member = name.split(".")[1]
-                least[member] = min(1.0 / float(use[0]), least.get(member, math.inf))
-    return least
 
 
 def _bisect_limit(name: str, words: str, search: Search) -> Generator[float, ConditionResults, Limit]:

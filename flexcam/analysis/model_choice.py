@@ -1,4 +1,4 @@
-"""Cost and error of the models of a case, choice of the cheapest one within a tolerance, and error of one run.
+"""Models of a case from rigid to refined beams, their cost and error, and choice of the cheapest within a tolerance.
 
 Models are compared with a converged reference run, in ascending order of work; the error of one run follows from runs
 with other steps and elements.
@@ -13,20 +13,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from flexcam.analysis.comparison import Histories, Norm, distance, extract_histories
-from flexcam.analysis.model_ladder import (
-    ModelLevel,
-    model_ladder,
-    run_count,
-    run_histories,
-    steps_per_revolution_of,
-    with_beam_model,
-    with_elements,
-    with_steps,
-)
-from flexcam.analysis.preparation import PreparedRun, prepare, prepare_without_periodic_search, scalar_probe
+from flexcam.analysis.histories import Histories, Norm, distance, extract_histories
+from flexcam.analysis.preparation import DEFAULT_STEPS_PER_REVOLUTION, prepare, prepare_without_periodic_search
+from flexcam.analysis.prepared_run import PreparedRun, scalar_probe
 from flexcam.case.case import Case
 from flexcam.case.schema.run import ResultStartRecord
+from flexcam.case.variants import with_beam_model, with_elements, with_steps
 from flexcam.core.errors import InputError, refuse
 from flexcam.dynamics import (
     Cause,
@@ -49,6 +41,83 @@ _REFERENCES = (_FINER, _REFERENCE_STEPS_RATIO), (_FINER - 1, _REFERENCE_STEPS_RA
 
 _SAFETY_FACTOR = 2.0
 _MIN_STEPS = 60  # minimum steps per revolution of an evaluated model
+_ELEMENTS = (1, 2)  # elements per segment of every member, in addition to those of the case and twice as many
+_MODE_COUNTS = (3, 10, 30)  # numbers of modes of the reduced models
+
+
+@dataclass(frozen=True, eq=False)
+class ModelLevel:
+    """Model of a case."""
+
+    name: str  #: name, such as ``rigid`` or ``beams x2``
+    words: str  #: description
+    case: Case  #: case with the settings of this model
+
+
+def run_count(case: Case, work: int) -> int:
+    """Return the number of runs like that of a case with this sum of steps per revolution, at least one.
+
+    Setup that speeds up many short runs may not pay for a single run.
+    """
+    return max(round(work / steps_per_revolution_of(case)), 1) if work else 1
+
+
+def run_histories(case: Case, probe: str, until: float | None = None, work: int = 0) -> Histories:
+    """Return the compared histories of a case's run; `work` is the steps per revolution of all planned runs."""
+    ready = prepare(case, until=until, runs=run_count(case, work))
+    response = solve(ready.problem, ready.scheme, save=ready.save, until=until)
+    if not response.status.ok:
+        raise RunFailedError(response.status)
+    return extract_histories(response, probe)
+
+
+def steps_per_revolution_of(case: Case) -> int:
+    """Return the steps per camshaft revolution of a case, rounded if it gives a time step."""
+    run = case.record.run
+    if run.step is None:
+        return run.steps_per_revolution or DEFAULT_STEPS_PER_REVOLUTION
+    ready = prepare(case, rigid=True)
+    return round(ready.revolution / ready.problem.step)
+
+
+def _count_unknowns(rung: ModelLevel) -> int | None:
+    """Return the unknowns of a model; None if its case has none such: a chain requires a single train with nodes."""
+    try:
+        problem = prepare_without_periodic_search(rung.case).problem
+    except (InputError, RunFailedError):
+        return None
+    return integrated_size(problem)
+
+
+def model_ladder(case: Case) -> tuple[ModelLevel, ...]:
+    """Return the models of a case from coarse to fine."""
+    beams = with_beam_model(case)
+    own = {one.elements for one in case.record.members.values()}
+    unknowns = prepare_without_periodic_search(beams).problem.system.size
+    fewer = [
+        ModelLevel(f"beams {n}", f"{n} element{'s' if n > 1 else ''} per segment", with_elements(beams, each=n))
+        for n in _ELEMENTS
+        if n < min(own, default=0)
+    ]
+    modes: dict[int | None, ModelLevel] = {}
+    for n in _MODE_COUNTS:
+        if 2 * n < unknowns:
+            words, case_n = f"{n} modes with the static answers they miss", beams.with_fidelity({"modes": n})
+            level = ModelLevel(f"modes {n}", words, case_n)
+            # Among the static answers of one basis are the next modes of a short train.
+            modes.setdefault(_count_unknowns(level), level)
+    chains = [
+        ModelLevel("sdof", "one mass for the train", beams.with_fidelity({"model": "sdof"})),
+        ModelLevel("chain 3", "three masses along the train", beams.with_fidelity({"model": "chain", "masses": 3})),
+    ]
+    return (
+        ModelLevel("rigid", "rigid members", beams.with_fidelity({"model": "rigid"}).with_run({"engine": "auto"})),
+        *(rung for rung in chains if _count_unknowns(rung) is not None),
+        *modes.values(),
+        *fewer,
+        ModelLevel("beams", "the unchanged case", beams),
+        ModelLevel("beams x2", "twice its elements", with_elements(beams, factor=2)),
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +128,7 @@ class Reference:
     errors: dict[str, float]  #: its estimated error by quantity, SI: twice the distance from a coarser run
     size: dict[str, float]  #: maximum absolute value by quantity, SI; for the lift its range
     steps: int  #: steps per camshaft revolution
-    #: norm of all errors; None for that of `flexcam.analysis.comparison.select_norm` for each quantity
+    #: norm of all errors; None for that of `flexcam.analysis.histories.select_norm` for each quantity
     norm: Norm | None = None
 
 

@@ -1,71 +1,52 @@
-"""Prepare the run of a case: model, problem, integrator, output and default probe."""
+"""Prepare the run of a case: model, equations, camshaft drive, initial state, integrator and output."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
-from flexcam.analysis.initial_state import camshaft_drive, revolution_time, set_initial_state, steps_per_revolution
+from flexcam.analysis.prepared_run import MASS_CHAINS, PreparedRun, revolution_time
 from flexcam.analysis.resources import check_mesh_memory
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
-from flexcam.case.schema.run import GivenStartRecord
+from flexcam.case.schema.run import FreeRunningRecord, GivenStartRecord, ResultStartRecord
 from flexcam.core import FloatArray
-from flexcam.core.errors import InputError, refuse
+from flexcam.core.errors import Fault, InputError, refuse, suggest_name
 from flexcam.dynamics import (
     Basis,
     ConstantSpeed,
-    Method,
+    Drive,
+    FluctuatingSpeed,
     ModeBasis,
-    Probe,
     Problem,
-    Response,
     SaveAt,
+    SpeedByAngle,
+    State,
     System,
+    installed_state,
     method_refusal,
+    moving_equilibrium,
+    solve_periodic,
 )
-from flexcam.fem.frames import COMPONENTS
+from flexcam.io import read_result, resolve_file
+from flexcam.io.result_reader import unknown_fields
 from flexcam.valvetrain import (
     Chain,
-    Metric,
     Model,
     build_chain,
     build_rigid,
+    build_structure,
     build_system,
-    driving_contact,
-    main_lift,
+    free_running,
     modal_basis,
-    rigid_motion,
     straighten,
-    train_metrics,
     without_compression,
 )
 
 DEFAULT_STEPS_PER_REVOLUTION = 3600
 """Default number of steps per revolution: a tenth of a degree."""
-
-
-@dataclass(frozen=True, eq=False)
-class PreparedRun:
-    """Prepared run for `flexcam.dynamics.solve`."""
-
-    case: Case  #: case
-    model: Model  #: model of the case
-    problem: Problem  #: system, drive, step and start
-    scheme: Method  #: time integration method
-    save: SaveAt  #: saved quantities and instants
-
-    def __repr__(self) -> str:
-        """Return a description without numbers."""
-        problem = self.problem
-        return f"<Prepared {self.case!r}: {problem.steps} steps of {problem.step:.4g} s, {problem.system!r}>"
-
-    @property
-    def revolution(self) -> float:
-        """Duration of a camshaft revolution, s."""
-        return revolution_time(self.case, self.problem.drive)
 
 
 def prepare(
@@ -139,9 +120,6 @@ def build_problem(case: Case) -> tuple[Model, System]:
     return _build_equations(case, None, case.record.fidelity.model, allow_large=False)[:2]
 
 
-_CHAINS = {"sdof": 1, "chain": None}
-"""Models of few masses, which represent the camshaft only by its compliance; number of masses if it is fixed."""
-
 _CHAIN_KEYS = {"count": "fidelity.masses", "contact": "fidelity.model"}
 """Arguments of a chain, and the keys of a case that set them."""
 
@@ -153,12 +131,12 @@ def _build_equations(
     model = model or build_model(case)
     if not allow_large:
         check_mesh_memory(model.mesh)
-    model = straighten(model) if kind in _CHAINS else model
+    model = straighten(model) if kind in MASS_CHAINS else model
     try:
         system = (build_rigid if kind == "rigid" else build_system)(model, case.speed)
-        if kind not in _CHAINS or system.is_kinematic:
+        if kind not in MASS_CHAINS or system.is_kinematic:
             return model, system, None
-        chain = build_chain(model, case.speed, _CHAINS[kind] or case.record.fidelity.masses)
+        chain = build_chain(model, case.speed, MASS_CHAINS[kind] or case.record.fidelity.masses)
     except InputError as refusal:
         faults = (replace(fault, where=_CHAIN_KEYS.get(fault.where, fault.where)) for fault in refusal.faults)
         raise _add_lines(case, InputError(faults)) from None
@@ -208,131 +186,130 @@ def _make_problem(case: Case, model: Model, system: System) -> Problem:
     return Problem(system, drive, step, steps, adaptive=adaptive, prune=prune, engine=run.engine)
 
 
-def scalar_probe(ready: PreparedRun) -> str:
-    """Return the default probe of a case: the point of a rocker, else the first moved by a cam, else the first."""
-    points = [rocker.point for rocker in ready.model.rockers.values()]
-    probes = [probe for probe in ready.problem.system.probes if probe.name in ready.model.probes]
-    if not probes:
-        raise refuse("output.probes", "none", "at least one point to compare at", "", 'add probes = ["valve"]')
-    ordered = sorted(probes, key=lambda probe: probe.name not in points)
-    moved = _driven_probes(ready)
-    found = next((moved[probe.name] for probe in ordered if probe.name in moved), None)
-    return _follower_component(ready, ordered[0]) if found is None else found.component
+_SAME_ANGLE = 1e-9  # tolerance for equal cam angles, rad: rounding of speed times time
 
 
-@dataclass(frozen=True)
-class DrivenProbe:
-    """Probe that a cam moves."""
-
-    name: str  #: name of the point
-    component: str  #: name of its component of largest motion
-    sign: float  #: 1 or -1: the sign of this motion as the cam lifts
-    contact: str | None  #: contact of the cam; None if it is not known
-
-
-def driven_probe(ready: PreparedRun, probe: str | None = None) -> DrivenProbe | None:
-    """Return the default probe of a case, or the one with a given name, as far as a cam moves it."""
-    moved = _driven_probes(ready)
-    if probe is not None:
-        return moved.get(probe)
-    default = scalar_probe(ready)
-    return next((one for one in moved.values() if one.component == default), None)
+def camshaft_drive(case: Case, model: Model, start: float = 0.0) -> Drive:
+    """Return the drive of the camshaft."""
+    run = case.record.run
+    if run.fluctuation is not None:
+        swing = run.fluctuation
+        phases = swing.phases or [0.0] * len(swing.orders)
+        return FluctuatingSpeed(case.speed, tuple(swing.orders), tuple(swing.amplitudes), tuple(phases), start)
+    if run.free_running is not None:
+        return _free_running_drive(case, model, run.free_running, start)
+    return ConstantSpeed(case.speed, start)
 
 
-def _driven_probes(ready: PreparedRun) -> dict[str, DrivenProbe]:
-    """Return the probes moved by the rigid train."""
-    if not ready.model.cam_contacts:
-        return {}
-    try:
-        rigid = rigid_motion(ready.model).at(ConstantSpeed(1.0).at(_REVOLUTION_ANGLES))[0]
-    except InputError:  # no rigid train exists: the first probe is used
-        return {}
-    found: dict[str, DrivenProbe] = {}
-    for probe in ready.problem.system.probes:
-        paths = probe.rows @ rigid.T
-        i = int(np.argmax(np.ptp(paths, axis=1)))
-        if np.ptp(paths[i]) > _MOTIONLESS:
-            sign = 1.0 if paths[i].max() > -paths[i].min() else -1.0
-            contact = driving_contact(ready.model, probe.name)
-            found[probe.name] = DrivenProbe(probe.name, _component_name(probe, i), sign, contact)
+def _free_running_drive(
+    case: Case, model: Model, free: FreeRunningRecord, angle: float, time: float = 0.0
+) -> SpeedByAngle:  # fmt: skip
+    return free_running(model, case.speed, free.cam, free.cam_mass, free.follower_mass, angle, time)
+
+
+def set_initial_state(case: Case, model: Model, problem: Problem, *, until: float | None = None) -> Problem:
+    """Return a problem with the initial state requested by its case."""
+    system = problem.system
+    match case.record.run.start:
+        case "rest" | "equilibrium" | "periodic" if system.is_kinematic:
+            return replace(problem, start=replace(State.rest(system.size), periodicity=_periodicity(case)))
+        case "rest":
+            return replace(problem, start=installed_state(system, problem.drive))
+        case "equilibrium":
+            return replace(problem, start=_equilibrium_state(problem))
+        case "periodic":
+            one = replace(problem, start=_equilibrium_state(problem), steps=steps_per_revolution(case, problem))
+            start = solve_periodic(one, case.record.run.integrator.part, until=until)
+            return replace(problem, start=start)
+        case ResultStartRecord(result=name):
+            state, angle = _last_state(case, model, system, name)
+            taken = round(state.time / problem.step)
+            state = replace(state, taken=taken if taken * problem.step == state.time else 0)
+            drive, free = problem.drive, case.record.run.free_running
+            missing = angle - float(drive.at(np.array([state.time])).angle[0])
+            if abs(missing) > _SAME_ANGLE and free is not None:
+                drive = _free_running_drive(case, model, free, angle, state.time)
+            elif abs(missing) > _SAME_ANGLE:
+                drive = camshaft_drive(case, model, missing)
+            return replace(problem, drive=drive, start=state)
+        case GivenStartRecord(displacement=displacement, velocity=velocity):
+            given = {"displacement": displacement, "velocity": velocity}
+            faults = [f for kind, values in given.items() for f in _unknown_dof_faults(case, system, values, kind)]
+            if faults:
+                raise InputError(faults)
+            return replace(problem, start=State(_given_state(system, displacement), _given_state(system, velocity)))
+
+
+def _periodicity(case: Case) -> float | None:
+    """Return the deviation of a prescribed motion from a periodic one, if the case asks for it."""
+    return 0.0 if case.record.run.start == "periodic" else None
+
+
+def _equilibrium_state(problem: Problem) -> State:
+    return moving_equilibrium(problem.system, problem.drive)
+
+
+def steps_per_revolution(case: Case, problem: Problem) -> int:
+    """Return the number of steps per revolution, the period of a periodic state."""
+    for key, given in excitation_without_period(case).items():
+        allowed = "an excitation that repeats each revolution with start = periodic"
+        raise refuse(key, given, allowed, "the state repeats with the camshaft")
+    revolution = revolution_time(case, problem.drive)
+    steps = round(revolution / problem.step)
+    if abs(steps * problem.step - revolution) > _SAME_ANGLE * revolution:
+        given, why = f"a step of {problem.step:g} s", "the periodic state is that after a whole revolution"
+        raise refuse("run.step", given, "a whole number of steps per revolution", why, "use steps_per_revolution")
+    return steps
+
+
+def excitation_without_period(case: Case) -> dict[str, str]:
+    """Return the excitations that do not repeat with a revolution of the camshaft: what is given, by key."""
+    speed = case.record.run.fluctuation
+    broken = [order for order in speed.orders if order % 1.0] if speed else []
+    found = {"run.fluctuation.orders": f"order {broken[0]:g}"} if broken else {}
+    for name, spring in case.record.springs.items():
+        if spring.pulsation is not None and spring.pulsation.order % 1.0:
+            found[f"springs.{name}.pulsation.order"] = f"order {spring.pulsation.order:g}"
+    for name, load in case.record.loads.items():
+        if load.table is not None and (load.table.over_time or load.repeat is False):
+            found[f"loads.{name}.table"] = "a load over time or without repetition"
     return found
 
 
-_MOTIONLESS = 1e-12  # motion of a probe that is rounding, m
-_REVOLUTION_ANGLES = np.linspace(0.0, 2.0 * np.pi, 361)
-"""Angles of a revolution, rad; a lift between two of them would be too short."""
+def _unknown_dof_faults(case: Case, system: System, values: Mapping[str, float], kind: str) -> list[Fault]:
+    """Return the faults of initial values that are not degrees of freedom; the rigid mechanism has none."""
+    wrong = [name for name in values if name not in system.names] if not system.is_kinematic else []
+    where, allowed = case.place(("run", "start", kind)), "a free component such as 'cam.uy'"
+    return [Fault(where, repr(name), allowed, "", suggest_name(name, system.names)) for name in wrong]
 
 
-def _follower_component(ready: PreparedRun, probe: Probe) -> str:
-    """Return the free component of a probe along the direction of the first follower, or its first free one."""
-    model = ready.model
-    contact = next(iter(model.cam_contacts.values()), None)
-    along = "" if contact is None else COMPONENTS[int(np.argmax(np.abs(contact.direction)))]
-    nodes = model.mesh.points.get(probe.name, ())
-    held = {
-        one for point, ones in model.supports.items() if np.isin(nodes, model.mesh.points[point]).any() for one in ones
-    }
-    free = [one for one in probe.components if one not in held] or list(probe.components)
-    return _component_name(probe, probe.components.index(along if along in free else free[0]))
+def _given_state(system: System, values: Mapping[str, float]) -> FloatArray:
+    row = np.zeros(system.size)
+    for name, value in values.items() if not system.is_kinematic else ():
+        row[system.names.index(name)] = value
+    return row
 
 
-def _component_name(probe: Probe, component: int) -> str:
-    """Return the name of a component of a probe; a scalar probe keeps its name."""
-    return probe.name if len(probe.components) == 1 else f"{probe.name}.{probe.components[component]}"
-
-
-@dataclass(frozen=True)
-class RevolutionChange:
-    """Difference of the last revolution of a run from the one before."""
-
-    motion: float  #: maximum difference of the default probe, relative to its range
-    #: root mean square of the difference of a contact force on the main lift of its cam, relative to the force's
-    force: float
-    contact: str = ""  #: contact of this force; empty without a cam
-
-
-def revolution_change(ready: PreparedRun, response: Response) -> RevolutionChange | None:
-    """Return the deviation of the last revolution of a run from periodic; None without two revolutions."""
-    time, period = response.time, ready.revolution
-    if not len(time) or time[-1] - time[0] < (2.0 - _ROUNDING) * period - ready.problem.step:
-        return None
-    last = response.latest(period)
-
-    def difference(values: FloatArray) -> FloatArray:
-        return values[last] - np.interp(time[last] - period, time, values)
-
-    moved = response[scalar_probe(ready)].displacement if ready.model.probes else np.zeros(len(time))
-    changes = dict[str, float]()
-    for name, contact in ready.model.cam_contacts.items():
-        if (force := response.channels.get(f"contacts.{name}.force")) is not None:
-            lift = ready.model.cams[contact.cam].event(response.angle[last])
-            lifted = lift > main_lift(ready.model, contact.cam)
-            changes[name] = _ratio(np.linalg.norm(difference(force)[lifted]), np.linalg.norm(force[last][lifted]))
-    contact = max(changes, key=lambda name: changes[name], default="")
-    motion = _ratio(np.abs(difference(moved)).max(), np.ptp(moved[last]))
-    return RevolutionChange(motion, changes.get(contact, 0.0), contact)
-
-
-def _ratio(part: float | np.floating, whole: float | np.floating) -> float:
-    if part <= _ROUNDING * whole:
-        return 0.0
-    return float(part / whole) if whole > 0.0 else 1.0
-
-
-_ROUNDING = 1e-9  # relative size of rounding errors
-
-
-def compute_metrics(ready: PreparedRun, response: Response, names: Sequence[str] | None = None) -> list[Metric]:
-    """Return the metrics of the last revolution of a run, without those that its model cannot compute.
-
-    With names, costly metrics that are not among them are left out.
-    """
-    found = train_metrics(ready.model, response, ready.revolution, names)
-    if ready.case.record.fidelity.model not in _CHAINS:
-        return found
-
-    def changes(metric: Metric) -> bool:
-        values = response.channels[metric.name.rpartition(".")[0].replace(".power", ".torque")]
-        return bool(np.ptp(values) > _ROUNDING * np.abs(values).max())
-
-    return [one for one in found if not one.name.startswith(("cams.", "supports.")) or changes(one)]
+def _last_state(case: Case, model: Model, system: System, name: str) -> tuple[State, float]:
+    """Return the last saved state of a result and its cam angle."""
+    where = case.place(("run", "start"))
+    result = read_result(resolve_file(case.path, name, where))
+    response = result.response
+    if not np.array_equal(result.mesh.nodes, model.mesh.nodes) or not len(response.field_time):
+        raise refuse(where, name, "a result of the same mesh with at least one saved field")
+    time, angle = float(response.field_time[-1]), float(response.field_angle[-1])
+    if system.is_kinematic:  # the state of the rigid mechanism is its angle
+        return replace(State.rest(system.size), time=time), angle
+    free = build_structure(model).dofs.numbers >= 0
+    if any(values[-1].reshape(-1, 6)[~free].any() for values in vars(response.fields).values()):
+        raise refuse(where, name, "a result of the same supports", "it moves nodes that this model fixes")
+    try:
+        fields = unknown_fields(response, free, system.names[int(free.sum()) :])
+    except InputError as refusal:
+        why = f"it does not contain {refusal.faults[0].given}"
+        raise refuse(where, name, "a result of the same model", why) from None
+    inner, states = response.inner, sum(force.states for force in system.local_forces)
+    if len(inner) != states:
+        raise refuse(where, name, "a result of the same contacts", f"it has {len(inner)} of {states} internal states")
+    moved, moving, pushed = fields.displacement[-1], fields.velocity[-1], fields.acceleration[-1]
+    return State(moved, moving, time, inner if states else None, acceleration=pushed), angle

@@ -15,13 +15,15 @@ from typing import Literal
 
 import numpy as np
 
-from flexcam.analysis.preparation import PreparedRun, prepare
+from flexcam.analysis.histories import response_block
+from flexcam.analysis.preparation import prepare
+from flexcam.analysis.prepared_run import PreparedRun
 from flexcam.analysis.resources import ResourceEstimate, check_resources, estimate_resources
 from flexcam.case.case import Case
 from flexcam.case.input_checks import check_values
 from flexcam.case.schema.run import ResultStartRecord
 from flexcam.core.errors import Fault, InputError, refuse
-from flexcam.dynamics import Block, Response, Series, Sink, Stats, fingerprint, outline, solve
+from flexcam.dynamics import Response, RunFailedError, Series, Sink, Stats, fingerprint, outline, solve
 from flexcam.dynamics.blocks import CompletedPart
 from flexcam.dynamics.memory import RecentSink
 from flexcam.io import Geometry, PartialResult, Result, ResultFile, create_folder, partial_path
@@ -111,6 +113,17 @@ def estimate_case_resources(ready: PreparedRun, keep: Literal["all", "revolution
     return estimate_resources(ready.problem, ready.scheme, ready.model.mesh, ready.save, kept=kept)
 
 
+def check_case_resources(case: Case, folder: Path | None = None, *, runs: int = 1, together: int = 1) -> None:
+    """Raise an error if memory or disk space is insufficient for many runs of a case."""
+    periodic = case.record.run.start == "periodic"  # computing a periodic state takes many revolutions
+    try:
+        ready = prepare(case.with_run({"start": "equilibrium"}) if periodic else case)
+    except (InputError, RunFailedError):  # its row reports it
+        return
+    needs = estimate_case_resources(ready)
+    check_resources(replace(needs, file=runs * needs.file), folder, together=together)
+
+
 def run(
     case: Case, *, rigid: bool = False, sinks: Sequence[Sink] = (), keep: Literal["all", "revolution"] = "all",
     allow_large: bool = False, resume: CompletedPart | None = None,
@@ -197,14 +210,6 @@ def member_strength(ready: PreparedRun, response: Response) -> dict[str, MemberS
     sink = StrengthSink(build_structure(ready.model))
     sink.write(response_block(response))
     return sink.members()
-
-
-def response_block(response: Response) -> Block:
-    """Return a response as one block, for sinks."""
-    rows = [response.channels[name] for name, _ in response.outline.channels]
-    channels = np.column_stack(rows) if rows else np.zeros((len(response.time), 0))
-    saved = response.field_time, response.field_angle, response.fields
-    return Block(response.time, response.angle, response.probes, channels, *saved)
 
 
 _MAX_CHARACTERS, _MAX_VALUES = 60, 4  # maximum length of a reported value, characters, and maximum number of values

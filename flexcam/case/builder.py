@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import TypeVar
@@ -25,29 +24,12 @@ from flexcam.fem.frames import default_orientation, direction
 from flexcam.fem.members import Member
 from flexcam.fem.mesh import Mesh, refine
 from flexcam.fem.superelements import Superelement, reduce_superelement
-from flexcam.valvetrain.springs import count_spring_parts
 
 DEFAULT_LASH_STIFFNESS_RATIO = 10.0
 """Default stiffness of touching faces relative to the member behind them, to whose compliance it adds a tenth."""
 
 _PERPENDICULAR_TOLERANCE = 1e-6
 """Maximum cosine of the angle between directions that count as perpendicular."""
-
-
-def with_spring_parts(case: Case) -> Case:
-    """Return a case with the springs that have mass divided into parts, unless the case gives the number of parts."""
-    springs = case.record.springs
-    heavy = {name: one for name, one in springs.items() if one.part.mass and "elements" not in one.model_fields_set}
-    if not heavy:
-        return case
-    lifts = [cam.part.event for cam in case.record.cams.values()]
-    divided = {
-        name: one.model_copy(
-            update={"elements": math.ceil(count_spring_parts(one.part, lifts, case.speed) / len(one.coils or [0]))}
-        )
-        for name, one in heavy.items()
-    }
-    return replace(case, record=case.record.model_copy(update={"springs": springs | divided}))
 
 
 class _FollowerRecord(Record):
@@ -107,7 +89,7 @@ def build_model(case: Case) -> valvetrain.Model:
     record = case.record
     mesh = _mesh(case)
     geometry = _Geometry(record, mesh)
-    faults: list[Fault] = list(mesh_faults(case, mesh))
+    faults: list[Fault] = list(mesh_faults(case.record, case.places, mesh))
 
     def each(kind: str, table: Mapping[str, In], make: Callable[[In], Out]) -> dict[str, Out]:
         found: dict[str, Out] = {}
@@ -140,7 +122,7 @@ def build_model(case: Case) -> valvetrain.Model:
         damping=record.run.damping.part,
         probes=tuple(record.output.probes),
     )
-    faults.extend(model_faults(case, model))
+    faults.extend(model_faults(case.places, model))
     if faults:
         raise InputError(faults)
     return model

@@ -11,8 +11,8 @@ from typing import Any, cast
 
 import numpy as np
 
-from flexcam.case.case import Case
 from flexcam.case.fault_report import KeyLocations, Path
+from flexcam.case.records import CaseRecord
 from flexcam.case.schema.cams import LAW_KEYS, LIFT_TABLE_CONFLICTS
 from flexcam.case.schema.contacts import AdjusterRecord, LashRecord, PublishedLoadRecord
 from flexcam.case.schema.parts import LeverRecord
@@ -241,51 +241,51 @@ def _is_finger(rocker: Table, nodes: Mapping[str, int]) -> bool:
     return rocker.get("model") == "lever" and isinstance(rocker.get("from"), str) and rocker["from"] not in nodes
 
 
-def mesh_faults(case: Case, mesh: Mesh) -> Iterator[Fault]:
+def mesh_faults(record: CaseRecord, places: KeyLocations, mesh: Mesh) -> Iterator[Fault]:
     """Yield the faults of followers, lashes, levers, temperatures and orientations on a mesh."""
-    yield from _shared_point_faults(case, mesh)
-    yield from _orientation_faults(case, mesh)
-    yield from _temperature_faults(case)
+    yield from _shared_point_faults(record, places, mesh)
+    yield from _orientation_faults(record, places, mesh)
+    yield from _temperature_faults(record, places)
 
 
-def _shared_point_faults(case: Case, mesh: Mesh) -> Iterator[Fault]:
+def _shared_point_faults(record: CaseRecord, places: KeyLocations, mesh: Mesh) -> Iterator[Fault]:
     """Yield published loads on one train, lashes of one rocker, and levers with one driven end."""
     owners: dict[tuple[str, str, int | str], str] = {}
     users: list[tuple[str, str, str, int | str, str]] = []
-    for name, contact in case.record.contacts.items():
+    for name, contact in record.contacts.items():
         if isinstance(contact, PublishedLoadRecord) and contact.follower in mesh.points:
             train = int(mesh.connected_nodes(mesh.node(contact.follower, "follower"))[0])
             users.append(("contacts", name, "follower", train, "the preload of a published load uses the whole train"))
         if isinstance(contact, LashRecord | AdjusterRecord) and contact.at is not None:
             users.append(("contacts", name, "at", contact.at, "a rocker has one lash or adjuster"))
-    for name, rocker in case.record.rockers.items():
+    for name, rocker in record.rockers.items():
         if isinstance(rocker, LeverRecord):
             users.append(("rockers", name, "from", rocker.start, "two levers cannot share a driven end"))
     for table, name, key, owned, why in users:
         other = owners.setdefault((table, key, owned), name)
         if other != name:
             given = repr(owned) if isinstance(owned, str) else "the same train"
-            yield Fault(case.place((table, name, key)), f"{given}, as {table}.{other}", "another one", why, "")
+            yield Fault(places.place((table, name, key)), f"{given}, as {table}.{other}", "another one", why, "")
 
 
-def _temperature_faults(case: Case) -> Iterator[Fault]:
+def _temperature_faults(record: CaseRecord, places: KeyLocations) -> Iterator[Fault]:
     """Yield temperatures of members whose material has no thermal expansion."""
-    for name, member in case.record.members.items():
-        if member.temperature and not case.record.materials[member.material].expansion:
-            where, why = case.place(("members", name, "temperature")), f"material {member.material!r} does not expand"
+    for name, member in record.members.items():
+        if member.temperature and not record.materials[member.material].expansion:
+            where, why = places.place(("members", name, "temperature")), f"material {member.material!r} does not expand"
             remedy = f'add expansion to it, such as materials.{member.material}.expansion = "12e-6 1/K"'
             yield Fault(where, f"{member.temperature:g} K", "a material with expansion", why, remedy)
 
 
-def _orientation_faults(case: Case, mesh: Mesh) -> Iterator[Fault]:
+def _orientation_faults(record: CaseRecord, places: KeyLocations, mesh: Mesh) -> Iterator[Fault]:
     """Yield orientation vectors that are zero or parallel to their member."""
-    for name, member in case.record.members.items():
+    for name, member in record.members.items():
         span = np.diff(mesh.nodes[mesh.lines[name]], axis=0)
         axes = span / np.linalg.norm(span, axis=1, keepdims=True)
         try:
             triads(axes, np.broadcast_to(member.orientation or default_orientation(axes), axes.shape))
         except InputError as refusal:
-            where = case.place(("members", name, "orientation"))
+            where = places.place(("members", name, "orientation"))
             yield from (replace(fault, where=where) for fault in refusal.faults)
 
 
@@ -293,14 +293,14 @@ _ROUNDNESS_TOLERANCE = 0.01
 """Allowed relative difference of the stiffnesses in two directions; chosen, as published properties are rounded."""
 
 
-def model_faults(case: Case, model: Model) -> Iterator[Fault]:
+def model_faults(places: KeyLocations, model: Model) -> Iterator[Fault]:
     """Yield the faults of shafts that are not round, opposite cams on a shaft, and immovable rockers."""
-    yield from _unsymmetric_shaft_faults(case, model)
-    yield from _rotation_faults(case, model)
-    yield from _undriven_rocker_faults(case, model)
+    yield from _unsymmetric_shaft_faults(places, model)
+    yield from _rotation_faults(places, model)
+    yield from _undriven_rocker_faults(places, model)
 
 
-def _unsymmetric_shaft_faults(case: Case, model: Model) -> Iterator[Fault]:
+def _unsymmetric_shaft_faults(places: KeyLocations, model: Model) -> Iterator[Fault]:
     """Yield members that rotate with a cam and are not equally stiff in all directions."""
     shafts: dict[str, str] = {}
     for cam, part in model.cams.items():
@@ -319,10 +319,10 @@ def _unsymmetric_shaft_faults(case: Case, model: Model) -> Iterator[Fault]:
             why = f"it turns with cam {cam!r}, so that its stiffness would swing twice per turn, which is not computed"
             allowed = f"a section that is as stiff along y as along z, within {100.0 * _ROUNDNESS_TOLERANCE:g} %"
             remedy = "take a circle, a tube, or a custom section with the mean of both"
-            yield Fault(case.place(("members", name, "section")), "; ".join(given), allowed, why, remedy)
+            yield Fault(places.place(("members", name, "section")), "; ".join(given), allowed, why, remedy)
 
 
-def _rotation_faults(case: Case, model: Model) -> Iterator[Fault]:
+def _rotation_faults(places: KeyLocations, model: Model) -> Iterator[Fault]:
     """Yield cams that rotate against another cam on their shaft."""
     first: dict[int, str] = {}
     axes = {contact.cam: contact.shaft_axis for contact in model.cam_contacts.values()}
@@ -331,7 +331,7 @@ def _rotation_faults(case: Case, model: Model) -> Iterator[Fault]:
         other = first.setdefault(shaft, name)
         if float(axis @ axes[other]) < 0.0:
             given = f"{_format_axis(axis)}, against cam {other!r} about {_format_axis(axes[other])}"
-            where, why = case.place(("cams", name, "axis")), f"{name!r} and {other!r} sit on one shaft"
+            where, why = places.place(("cams", name, "axis")), f"{name!r} and {other!r} sit on one shaft"
             yield Fault(where, given, "one sense of rotation", why, "change the sign of one axis")
 
 
@@ -339,12 +339,12 @@ def _format_axis(axis: FloatArray) -> str:
     return f"[{', '.join(f'{x:g}' for x in (axis + 0.0).tolist())}]"
 
 
-def _undriven_rocker_faults(case: Case, model: Model) -> Iterator[Fault]:
+def _undriven_rocker_faults(places: KeyLocations, model: Model) -> Iterator[Fault]:
     for name, rocker in model.rockers.items():
         if not rocker.finger and _supports_block(model, rocker.start, rocker.direction):
             given, why = f"{rocker.start!r}, fixed along the rocker's direction", "nothing could drive the rocker"
             allowed, remedy = "a node that can move along it", "give the direction in which the node moves, or free it"
-            yield Fault(case.place(("rockers", name, "from")), given, allowed, why, remedy)
+            yield Fault(places.place(("rockers", name, "from")), given, allowed, why, remedy)
 
 
 def _supports_block(model: Model, point: str, direction: FloatArray) -> bool:

@@ -14,7 +14,6 @@ from typing import Any, TypeVar, cast
 import numpy as np
 from pydantic import ValidationError
 
-from flexcam.case.builder import with_spring_parts
 from flexcam.case.case import Case
 from flexcam.case.cross_checks import RawTables
 from flexcam.case.fault_report import KeyLocations, convert_errors, parse_toml, sort_faults
@@ -35,6 +34,7 @@ from flexcam.case.schema.parts import RepeatRecord
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name, system_message
 from flexcam.fem.mesh import Mesh
 from flexcam.io import Result, read_mesh, read_text, resolve_file
+from flexcam.valvetrain.spring_properties import count_spring_parts
 
 
 def read_case(path: str | Path, overrides: Sequence[str] | Mapping[str, object] = ()) -> Case:
@@ -96,6 +96,22 @@ def case_from_result(result: Result) -> Case:
     return replace(case, record=case.record.model_copy(update={"members": members}), mesh=result.mesh)
 
 
+def _with_spring_parts(case: Case) -> Case:
+    """Return a case with the springs that have mass divided into parts, unless the case gives the number of parts."""
+    springs = case.record.springs
+    heavy = {name: one for name, one in springs.items() if one.part.mass and "elements" not in one.model_fields_set}
+    if not heavy:
+        return case
+    lifts = [cam.part.event for cam in case.record.cams.values()]
+    divided = {
+        name: one.model_copy(
+            update={"elements": math.ceil(count_spring_parts(one.part, lifts, case.speed) / len(one.coils or [0]))}
+        )
+        for name, one in heavy.items()
+    }
+    return replace(case, record=case.record.model_copy(update={"springs": springs | divided}))
+
+
 @dataclass(frozen=True, eq=False)
 class CaseFile:
     """Case file in memory, for reading many variants: it and the files in its folder are read from disk once."""
@@ -130,7 +146,7 @@ class CaseFile:
         found += tables.coincident_node_faults()
         if found or record is None:
             raise InputError(sort_faults(dict.fromkeys(found)))  # the copies of a part have the same fault
-        return with_spring_parts(Case(self.path, self.text, tuple(overrides), record, mesh, places, self.files))
+        return _with_spring_parts(Case(self.path, self.text, tuple(overrides), record, mesh, places, self.files))
 
     @property
     def sweep(self) -> SweepRecord | None:

@@ -275,7 +275,6 @@ def smoothing_table(name: str, report: LiftReport) -> Table:
     return facts_table(f"Lift table of {name}", rows)
 
 
-CamName = Annotated[str | None, Parameter("--cam", help="Name of the cam; not needed if there is one only.")]
 _CASE, _PROFILE = Group("Cams of a case file", sort_key=1), Group("Cam from a measured profile", sort_key=2)
 
 
@@ -291,7 +290,7 @@ flexcam cam --from-profile points.csv --unit mm --follower '{ type = "flat" }' -
 def cam(
     case: Annotated[Path | None, Parameter(
         group=_CASE, help="Case file, or a file with format = 1 and [cams.NAME] tables only.")] = None, *,
-    name: Annotated[CamName, Parameter(group=_CASE)] = None,
+    name: Annotated[cli.CamName, Parameter(group=_CASE)] = None,
     forms: Annotated[list[Literal["csv", "dxf", "vtp"]] | None, Parameter(
         "--format", group=_CASE, help="Format of the profile files with -o; all by default.")] = None,
     cutter: Annotated[str | None, Parameter(
@@ -489,11 +488,6 @@ def print_lift_of_profile(
         "bridged": None if bridge is None else asdict(bridge),
     }  # fmt: skip
     table = lift_from_profile_table(profile.name, len(xy), angle, lift, bridge)
-    cli.write_output(cli.CommandOutput([table], json), as_json=as_json, written=files, describe_file=describe_lift_file)
-
-
-def describe_lift_file(path: Path, phase: float = 0.0) -> str:
-    """Return the name of a lift file, and the keys of a case with which it replaces the lift of a cam."""
-    delay = f', phase = "{math.degrees(phase):.10g} deg"' if phase else ""
-    keys = f'lift_table = "{path.name}"{delay} instead of the law with its keys, and phase, centreline, timing'
-    return f"{path}  (in a case: {keys})"
+    cli.write_output(
+        cli.CommandOutput([table], json), as_json=as_json, written=files, describe_file=cli.describe_lift_file
+    )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -19,10 +19,10 @@ from flexcam.analysis.comparison import (
     compare_responses,
     divergence_speed,
 )
-from flexcam.analysis.model_choice import evaluate_ladder
-from flexcam.analysis.model_ladder import model_ladder
-from flexcam.analysis.preparation import prepare, scalar_probe
-from flexcam.analysis.published_claims import check_claims, deviation, excited_mode
+from flexcam.analysis.model_choice import evaluate_ladder, model_ladder
+from flexcam.analysis.preparation import prepare
+from flexcam.analysis.prepared_run import scalar_probe
+from flexcam.analysis.published_claims import Claim, check_claims, deviation, excited_mode
 from flexcam.analysis.run import reload_result
 from flexcam.analysis.run import run as run_case
 from flexcam.case.case import Case
@@ -34,8 +34,8 @@ from flexcam.core.units import RPM, parse, shaft_name
 from flexcam.dynamics import Response, Status, reraise_interrupt
 from flexcam.io import read_result
 from flexcam.report.fidelity_tables import TRADE_LEGEND, trade_csv, trade_json, trade_table, trade_warnings
-from flexcam.report.tables import claim_table, comparison_json, comparison_table, describe_comparison, describe_contacts
-from flexcam.report.terminal import format_decimals, plain_table, show_count
+from flexcam.report.tables import comparison_json, comparison_table, describe_comparison, describe_contacts
+from flexcam.report.terminal import create_table, format_decimals, plain_table, show_count
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -253,3 +253,13 @@ def trade(
     parts = [trade_table(against, found), TRADE_LEGEND, *trade_warnings(against, found)]
     output = cli.CommandOutput(parts, trade_json(against, found), trade_csv(against, found), draw, read.title)
     cli.write_output(output, csv, plot, overwrite=overwrite, as_json=as_json)
+
+
+def claim_table(claims: Iterable[Claim]) -> Table:
+    """Return the table of the paper's claims and the computed results."""
+    made = create_table("Claims of the paper and this computation")
+    for head in ("claim", "reproduced", "computed"):
+        made.add_column(head, justify="left")
+    for claim in claims:
+        made.add_row(claim.statement, "yes" if claim.reproduced else "no", claim.finding)
+    return made

@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from cyclopts import Parameter
 
+from flexcam.analysis.run import check_case_resources
 from flexcam.case.reader import CaseFile as OpenCase
 from flexcam.cli import app as cli
-from flexcam.cli.optimize import NewCase, Vary, write_variant
-from flexcam.cli.sensitivity import WorkerCount
+from flexcam.cli.study_options import NewCase, Vary, WorkerCount, write_variant
 from flexcam.dynamics import Cause, Status
 from flexcam.report.terminal import finite_numbers, finite_or_none, format_csv, format_number, plain_table, show_count
-from flexcam.studies.evaluators import PointEvaluator, Variable, open_evaluator, variables_of
+from flexcam.studies.executors import open_evaluator
 from flexcam.studies.fitting import Fit, Measurement, evaluate_curves, fit_curves, read_measurement
 from flexcam.studies.plan import make_bundle
-from flexcam.studies.sweep import check_case_resources
+from flexcam.studies.variables import PointEvaluator, Variable, variables_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

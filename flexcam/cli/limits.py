@@ -11,6 +11,7 @@ import numpy as np
 from cyclopts import Group, Parameter
 from rich.table import Table
 
+from flexcam.analysis.figures_of_merit import compute_margins
 from flexcam.analysis.limits import Search, find_limits
 from flexcam.case.reader import CaseFile as OpenCase
 from flexcam.cli import app as cli
@@ -23,8 +24,8 @@ from flexcam.report.terminal import finite_numbers, format_csv, format_number, p
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from flexcam.studies.evaluators import LimitMap
     from flexcam.studies.plan import Axis
+    from flexcam.studies.quantities import LimitMap
 
 _MAP = Group("Map over two values", sort_key=1)
 
@@ -90,16 +91,17 @@ def limits(
         output, ended = _map_limits(case, overrides, (over, beside), names, search, 1 if workers is None else workers)
         cli.write_output(output, csv, plot, ended, overwrite=overwrite, as_json=as_json)
         return ended
-    from flexcam.studies.evaluators import open_speed_runs
     from flexcam.studies.executors import count_cores
+    from flexcam.studies.quantities import open_speed_runs
 
     count = count_cores() if workers is None else workers
     with show_count(None, "runs") as shown, open_speed_runs(read, search, count) as runs:
         found = find_limits(read, search, start=runs, ahead=count, advance=shown)
-    parts: list[Table | str] = [limits_table(found, scale)]
+    margins = compute_margins(read)
+    parts: list[Table | str] = [limits_table(found, margins, scale)]
     if "loss_of_contact" not in found.limits:
         parts.append('Contact loss is not assessed: it needs a contact with model = "unilateral", which can separate.')
-    cli.write_output(cli.CommandOutput(parts, limits_json(found, scale)), as_json=as_json)
+    cli.write_output(cli.CommandOutput(parts, limits_json(found, margins, scale)), as_json=as_json)
     return Status()
 
 
@@ -111,8 +113,9 @@ def _map_limits(
     path: Path, overrides: cli.Overrides, settings: tuple[str, str], names: Sequence[str], search: Search, workers: int
 ) -> tuple[cli.CommandOutput, Status]:
     """Map limits over two values of a case."""
-    from flexcam.studies.evaluators import InterruptibleRuns, create_evaluator, grid_plan, limit_map, require_units
+    from flexcam.studies.quantities import create_evaluator, grid_plan, limit_map
     from flexcam.studies.sweep import validate_plan
+    from flexcam.studies.variables import InterruptibleRuns, require_units
 
     file = OpenCase.open(path)
     plan = grid_plan(_axis("--over", settings[0]), _axis("--and", settings[1]), overrides or ())

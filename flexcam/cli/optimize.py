@@ -14,13 +14,20 @@ from cyclopts import Parameter
 from rich.table import Table
 
 from flexcam.analysis.run_checks import check_events
-from flexcam.case.reader import CaseFile as OpenCase
 from flexcam.cli import app as cli
-from flexcam.cli.sensitivity import Highest, LimitAccuracy, Lowest, StudyOptions, WorkerCount
+from flexcam.cli.study_options import (
+    Highest,
+    LimitAccuracy,
+    Lowest,
+    NewCase,
+    StudyOptions,
+    Vary,
+    WorkerCount,
+    write_variant,
+)
 from flexcam.core.errors import refuse
 from flexcam.core.units import to_display_unit
 from flexcam.dynamics import Cause, RunFailedError, Status
-from flexcam.io import write_text
 from flexcam.report.terminal import (
     facts_table,
     finite_or_none,
@@ -31,7 +38,6 @@ from flexcam.report.terminal import (
     with_unit,
 )
 from flexcam.studies.evaluation import evaluate
-from flexcam.studies.evaluators import PointEvaluator, WorstCase, case_text, require_unit, variables_of
 from flexcam.studies.gradients import gradient_function, optimize_by_gradient
 from flexcam.studies.optimization import (
     Constraint,
@@ -49,22 +55,11 @@ from flexcam.studies.optimization import optimize as minimize
 from flexcam.studies.plan import make_plan, parse_axes
 from flexcam.studies.quantities import is_run_scalar
 from flexcam.studies.sensitivity import exact_names
+from flexcam.studies.variables import PointEvaluator, WorstCase, require_unit, variables_of
 from flexcam.valvetrain import Metric
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-Vary = Annotated[
-    list[str], Parameter("--vary", help="Value of the case and its interval: KEY=LOW:HIGHunit. Repeatable.")
-]
-NewCase = Annotated[Path | None, Parameter(["-o", "--output"], help="Also write the best variant to this case file.")]
-
-
-def write_variant(file: OpenCase, overrides: Sequence[str], target: Path, title: str, *, overwrite: bool) -> list[Path]:
-    """Write a variant of a case as a case file, and return its path."""
-    head = (title, *(f"  --set {one}" for one in overrides))
-    write_text(target, case_text(file.read(overrides), target, head), overwrite=overwrite)
-    return [target]
 
 
 @cli.app.command(

@@ -16,8 +16,9 @@ from flexcam.analysis.cam_analysis import CamFacts, cam_facts, case_cams, cylind
 from flexcam.analysis.model_choice import evaluate_ladder
 from flexcam.analysis.natural_modes import modes
 from flexcam.analysis.orders import run_over_speeds
-from flexcam.analysis.preparation import compute_metrics, driven_probe, scalar_probe
+from flexcam.analysis.prepared_run import driven_probe, scalar_probe
 from flexcam.analysis.run import member_strength
+from flexcam.analysis.run_metrics import compute_metrics
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.case.input_checks import check_shared_seat_load
@@ -26,10 +27,11 @@ from flexcam.cli.sources import Source, name_sources, open_sources
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name
 from flexcam.core.units import RPM, shaft_name, shaft_speed, to_display_unit
 from flexcam.dynamics import Response, Status
+from flexcam.io.sweep_table import read_table, unknown_scalar_fault
 from flexcam.report.terminal import show_count
-from flexcam.studies.tables import read_table, unknown_scalar_fault
 from flexcam.valvetrain import Cam, CamContact, Spring, build_structure, contact_loss, driving_contact
-from flexcam.valvetrain.springs import has_channels, spring_curve
+from flexcam.valvetrain.spring_properties import spring_curve
+from flexcam.valvetrain.springs import has_channels
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -170,8 +170,7 @@ def _write_solids(
     source: Path, target: Path, fields: list[str] | None, instants: int | None, at: str | None, *, overwrite: bool
 ) -> list[Path]:
     """Write the solids of a result, or of a case as a rigid mechanism, in the format of the suffix of the target."""
-    from flexcam.cli.plot import open_sources
-    from flexcam.cli.view import displayed_motion, image_instant
+    from flexcam.cli.sources import displayed_motion, image_instant, open_sources
     from flexcam.plotting.scene.mechanism import build_mechanism
     from flexcam.plotting.solid_files import collect_parts, write_glb, write_stl, write_vtm
 

@@ -3,36 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import compress
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from cyclopts import Group, Parameter
 from rich.table import Table
 
-from flexcam.analysis.limits import Search
-from flexcam.case.reader import CaseFile as OpenCase
 from flexcam.cli import app as cli
+from flexcam.cli.study_options import Highest, LimitAccuracy, Lowest, StudyOptions, WorkerCount
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
-from flexcam.dynamics import Cause, RunFailedError, Status, reraise_interrupt
-from flexcam.report.terminal import finite_numbers, finite_or_none, format_csv, format_number, plain_table, show_count
-from flexcam.studies.evaluation import Row
-from flexcam.studies.evaluators import (
-    InterruptibleRuns,
-    PointEvaluator,
-    Runs,
-    Variable,
-    column,
-    create_evaluator,
-    variables_of,
-)
-from flexcam.studies.plan import check_power_of_two
-from flexcam.studies.quantities import Quantity, check_names, compute_quantities, frequency_number
+from flexcam.dynamics import Cause, Status
+from flexcam.report.terminal import finite_numbers, finite_or_none, format_csv, format_number, plain_table
+from flexcam.studies.plan import Row, check_power_of_two
+from flexcam.studies.quantities import Quantity, frequency_number
 from flexcam.studies.sensitivity import (
     STEP_OFFSETS,
     Method,
@@ -43,61 +30,11 @@ from flexcam.studies.sensitivity import (
     sensitivities,
     sobol_indices,
 )
-from flexcam.studies.sweep import check_case_resources
 from flexcam.studies.tolerance_analysis import QUANTILES, PartScatter, parse_scatters, sample_parts, scalar_distribution
+from flexcam.studies.variables import InterruptibleRuns, PointEvaluator, Variable, column, variables_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-_LIMITS = Group("Speed range of results limits.NAME (as in flexcam limits)", sort_key=2)
-
-WorkerCount = Annotated[int, Parameter("--workers", help="Number of processes that evaluate variants.")]
-Lowest = Annotated[str | None, Parameter("--lowest", group=_LIMITS, help="Lowest speed; half the case's by default.")]
-Highest = Annotated[
-    str | None, Parameter("--highest", group=_LIMITS, help="Highest speed; twice the case's by default.")
-]
-LimitAccuracy = Annotated[cli.Accuracy, Parameter(group=_LIMITS)]
-
-
-class StudyOptions:
-    """Case and options of a study."""
-
-    def __init__(
-        self, path: Path, overrides: Sequence[str] | None, names: Sequence[str],
-        lowest: str | None, highest: str | None, accuracy: str, *, option: str, workers: int, allow_large: bool,
-    ) -> None:  # fmt: skip
-        self.file, self.fixed = OpenCase.open(path), tuple(overrides or ())
-        self.case = self.file.read(self.fixed)
-        cli.warn_ignored_keys(self.fixed, self.case)
-        self.names, self.workers = tuple(dict.fromkeys(names)), workers
-        of_limits = any(name.startswith("limits.") for name in names)
-        for end, given in (("--lowest", lowest), ("--highest", highest)):
-            cli.refuse_without(end, given, "limits.NAME", present=of_limits)
-        low, high = cli.speed_range(lowest, highest, 2, self.case, most=2.0)
-        self.search = Search(low, high, cli.parse_accuracy(accuracy, self.case.turns))
-        check_names(self.case, self.names, option)
-        if not allow_large and any(frequency_number(name) is None for name in names):
-            check_case_resources(self.case, together=workers)
-
-    def initial_quantities(self, count: int) -> dict[str, Quantity]:
-        """Return the requested quantities of the unchanged case; unknown names raise an error."""
-        try:
-            return compute_quantities(self.case, self.names, self.search, count)
-        except RunFailedError as failure:
-            reraise_interrupt(failure.status)
-            raise
-
-    @contextmanager
-    def evaluators(self, count: int, names: Sequence[str] | None = None) -> Generator[Runs]:
-        """Yield the function that evaluates variants, with a progress display."""
-        asked = self.names if names is None else names
-        with (
-            show_count(count if asked else 0, "variants") as shown,
-            create_evaluator(
-                self.file, self.fixed, asked, self.search, workers=self.workers, runs=count, advance=shown
-            ) as runs,
-        ):
-            yield runs
 
 
 _DERIVATIVES = Group("Derivatives or Sobol indices", sort_key=1)

@@ -6,9 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from flexcam.analysis.cam_analysis import CamSet, load_cams
-from flexcam.analysis.preparation import PreparedRun, prepare
+from flexcam.analysis.natural_modes import modes as case_modes
+from flexcam.analysis.preparation import prepare
+from flexcam.analysis.prepared_run import PreparedRun
 from flexcam.analysis.run import reload_result
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
@@ -19,7 +22,10 @@ from flexcam.core.units import RPM, shaft_name
 from flexcam.dynamics import Response, reraise_interrupt, solve
 from flexcam.io import Result, read_result
 from flexcam.report.terminal import make_unique, show_progress
-from flexcam.valvetrain import Cam
+from flexcam.valvetrain import Cam, Structure
+
+if TYPE_CHECKING:
+    from flexcam.plotting.scene.motion import Motion
 
 _RESULT = ".vtkhdf"
 
@@ -122,3 +128,35 @@ def name_sources(sources: Sequence[Source]) -> dict[str, Source]:
         return {"": sources[0]}
     named = [one.stem if one.cams_only else f"{one.stem}, {one.speed}" for one in sources]
     return dict(zip(make_unique(named, [""] * len(named)), sources, strict=True))
+
+
+def image_instant(case: Case, result: Result | None, motion: Motion, angle: float | None, mode: int | None) -> int:
+    """Return the index of the instant of an image: the requested one, else full lift of a result, else the first."""
+    from flexcam.plotting.scene.motion import full_lift
+
+    if angle is not None:
+        return motion.nearest(angle)
+    return 0 if result is None or mode is not None else full_lift(case, result.response, motion.angle)
+
+
+def displayed_motion(
+    case: Case, structure: Structure, result: Result | None, color: str | None, mode: int | None
+) -> tuple[Motion, str]:
+    """Return the displayed motion and its title."""
+    from flexcam.plotting.scene.motion import case_motion, mode_motion, result_motion
+
+    title = case.title
+    if mode is not None:
+        if mode < 1:
+            raise refuse("--mode", mode, "a whole number from 1, as flexcam modes counts them")
+        found = case_modes(case, mode).modes
+        if mode > found.shapes.shape[1]:
+            raise refuse("--mode", mode, f"1 to {found.shapes.shape[1]}, as flexcam modes counts them")
+        if color not in (None, "displacement"):
+            why = "the amplitude of a mode is arbitrary, so it has no stress"
+            raise refuse("--color", repr(color), "displacement", why)
+        shown = mode_motion(structure, found.shapes[:, mode - 1], coloured=color is not None)
+        return shown, f"{title}: mode {mode}, {found.frequencies[mode - 1]:.4g} Hz"
+    if result is not None:
+        return result_motion(structure, result, case.speed, color).last_revolution(), title
+    return case_motion(structure, case.speed, color), f"{title}: rigid mechanism"

@@ -17,11 +17,11 @@ from flexcam.core.errors import collect_errors, refuse
 from flexcam.core.units import to_display_unit
 from flexcam.dynamics import Status
 from flexcam.io import check_folder_name
+from flexcam.io.sweep_table import SweepTable
 from flexcam.report.terminal import plain_table, show_count
 from flexcam.studies.executors import LOCAL, ClusterWorkers, ProcessWorkers, SerialWorkers, Workers, count_cores
 from flexcam.studies.plan import MAX_VARIANTS
 from flexcam.studies.sweep import OutputTarget, check_sweep_resources, make_sweep, run_sweep_to_files
-from flexcam.studies.tables import SweepTable
 
 _WORKERS = Group("Workers and limits", sort_key=1)
 _MAX_LISTED = 3  # number of variants named in a sentence

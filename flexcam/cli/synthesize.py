@@ -24,7 +24,6 @@ from flexcam.analysis.cam_analysis import (
 from flexcam.cams import Family, HarmonicFamily, SingleMass, SplineFamily, Synthesis, event_extremes, minimax, pareto
 from flexcam.case.reader import has_mechanism
 from flexcam.cli import app as cli
-from flexcam.cli.cam import CamName, describe_lift_file
 from flexcam.core.errors import positive, refuse
 from flexcam.core.units import RPM, parse
 from flexcam.io import check_writable, create_folder, write_law, write_lift
@@ -268,7 +267,7 @@ flexcam synthesize harmonic case.toml --cam intake --count 12 --bound "0.2 mm"
 )
 def synthesize_harmonic(
     case: cli.CaseFile, *,
-    name: CamName = None,
+    name: cli.CamName = None,
     tolerance: Annotated[str, Parameter(help="Max deviation from the cam's lift in its dwells.")] = "20 um",
     bound: Annotated[str | None, Parameter(help="Max deviation elsewhere.")] = None,
     count: Annotated[int | None, Parameter(help="Number of harmonics; by default those below the first mode.")] = None,
@@ -291,7 +290,7 @@ def synthesize_harmonic(
         "deviation": found.fit.deviation, "rms_deviation": found.fit.rms_deviation,
         "lift": [end.value for end in event_extremes(found.fit.event)],
     }  # fmt: skip
-    describe_file = partial(describe_lift_file, phase=found.phase)
+    describe_file = partial(cli.describe_lift_file, phase=found.phase)
     cli.write_output(
         cli.CommandOutput([harmonic_table(found)], json), as_json=as_json, written=files, describe_file=describe_file
     )
@@ -306,7 +305,7 @@ flexcam synthesize polydyne cams.toml --frequency "400 Hz" --damping 0.02 --spee
 )
 def synthesize_polydyne(
     case: CamsPath, *,
-    name: CamName = None,
+    name: cli.CamName = None,
     speed: Annotated[str | None, Parameter(help="Design speed of the camshaft; the case's by default.")] = None,
     frequency: Annotated[str | None, Parameter(
         help="Natural frequency of one mass on a spring, instead of the case's train.")] = None,
@@ -339,7 +338,7 @@ def synthesize_polydyne(
         "polydyne": finite_numbers(found.compensated),
     }  # fmt: skip
     answer = cli.CommandOutput([polydyne_properties_table(found), polydyne_table(found)], json)
-    describe_file = partial(describe_lift_file, phase=found.phase)
+    describe_file = partial(cli.describe_lift_file, phase=found.phase)
     cli.write_output(answer, as_json=as_json, written=files, describe_file=describe_file)
 
 

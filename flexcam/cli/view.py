@@ -4,21 +4,15 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from cyclopts import Parameter
 
-from flexcam.analysis.natural_modes import modes as case_modes
 from flexcam.case.builder import build_model
-from flexcam.case.case import Case
 from flexcam.cli import app as cli
-from flexcam.cli.sources import open_sources
+from flexcam.cli.sources import displayed_motion, image_instant, open_sources
 from flexcam.core.errors import refuse
-from flexcam.io import Result
-from flexcam.valvetrain import Structure, build_structure
-
-if TYPE_CHECKING:
-    from flexcam.plotting.scene.motion import Motion
+from flexcam.valvetrain import build_structure
 
 
 @cli.app.command(
@@ -78,15 +72,6 @@ def view(
     cli.write_output(output, as_json=as_json, written=[] if picture is None else [picture])
 
 
-def image_instant(case: Case, result: Result | None, motion: Motion, angle: float | None, mode: int | None) -> int:
-    """Return the index of the instant of an image: the requested one, else full lift of a result, else the first."""
-    from flexcam.plotting.scene.motion import full_lift
-
-    if angle is not None:
-        return motion.nearest(angle)
-    return 0 if result is None or mode is not None else full_lift(case, result.response, motion.angle)
-
-
 def _pixels(text: str) -> tuple[int, int]:
     found = re.fullmatch(r"(\d+)x(\d+)", text)
     sides = (int(found[1]), int(found[2])) if found else (0, 0)
@@ -97,26 +82,3 @@ def _pixels(text: str) -> tuple[int, int]:
 
 _MIN_SIZE, _MAX_SIZE = 64, 8192
 _MAX_SCALE = 1e6
-
-
-def displayed_motion(
-    case: Case, structure: Structure, result: Result | None, color: str | None, mode: int | None
-) -> tuple[Motion, str]:
-    """Return the displayed motion and its title."""
-    from flexcam.plotting.scene.motion import case_motion, mode_motion, result_motion
-
-    title = case.title
-    if mode is not None:
-        if mode < 1:
-            raise refuse("--mode", mode, "a whole number from 1, as flexcam modes counts them")
-        found = case_modes(case, mode).modes
-        if mode > found.shapes.shape[1]:
-            raise refuse("--mode", mode, f"1 to {found.shapes.shape[1]}, as flexcam modes counts them")
-        if color not in (None, "displacement"):
-            why = "the amplitude of a mode is arbitrary, so it has no stress"
-            raise refuse("--color", repr(color), "displacement", why)
-        shown = mode_motion(structure, found.shapes[:, mode - 1], coloured=color is not None)
-        return shown, f"{title}: mode {mode}, {found.frequencies[mode - 1]:.4g} Hz"
-    if result is not None:
-        return result_motion(structure, result, case.speed, color).last_revolution(), title
-    return case_motion(structure, case.speed, color), f"{title}: rigid mechanism"

@@ -13,15 +13,7 @@ from flexcam.io.cam_files import (
     write_lift_table,
     write_profile,
 )
-from flexcam.io.exports import (
-    macro_path,
-    write_collection,
-    write_csv,
-    write_macro,
-    write_modes,
-    write_polydata,
-    write_pvd,
-)
+from flexcam.io.exports import macro_path, write_collection, write_csv, write_macro, write_modes, write_pvd
 from flexcam.io.files import (
     atomic_write_path,
     check_folder,
@@ -39,6 +31,7 @@ from flexcam.io.files import (
 from flexcam.io.hdf5 import open_hdf5, write_digest
 from flexcam.io.matrix_file import NodalMatrix, read_matrix
 from flexcam.io.mesh_file import read_mesh, write_mesh
+from flexcam.io.polydata import write_polydata
 from flexcam.io.result_reader import PartialResult, Result, read_result, verify_file
 from flexcam.io.result_schema import RECOVERED_FIELDS, VECTORS
 from flexcam.io.result_writer import ResultFile, count_output_points, partial_path, result_bytes

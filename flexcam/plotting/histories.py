@@ -18,13 +18,14 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MultipleLocator
 from numpy.typing import NDArray
 
-from flexcam.analysis.comparison import scalar_history
+from flexcam.analysis.histories import scalar_history
 from flexcam.analysis.model_choice import ModelEvaluation
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse, suggest_name
 from flexcam.core.units import to_display_unit
 from flexcam.dynamics import SERIES, Response, Series, component_unit
 from flexcam.io.exports import energies
+from flexcam.io.sweep_table import Column, SweepTable
 from flexcam.plotting.figures import (
     COLOURS,
     TITLE_PAD,
@@ -35,7 +36,6 @@ from flexcam.plotting.figures import (
     line_styles,
     wrap_title,
 )
-from flexcam.studies.tables import Column, SweepTable
 
 Abscissa = Literal["angle", "time", "crank"]
 """Abscissa of the curves of a run: cam angle, time, or crank angle of a four-stroke engine."""

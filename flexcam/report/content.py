@@ -12,10 +12,11 @@ import numpy as np
 from rich.table import Table
 
 from flexcam.analysis.comparison import Comparison
-from flexcam.analysis.limits import Margins, Search, find_limits
+from flexcam.analysis.figures_of_merit import Margins, compute_margins
+from flexcam.analysis.limits import Search, find_limits
 from flexcam.analysis.model_choice import estimate_errors, evaluate_ladder
 from flexcam.analysis.natural_modes import modes
-from flexcam.analysis.preparation import PreparedRun
+from flexcam.analysis.prepared_run import PreparedRun
 from flexcam.analysis.run import member_strength, reload_result, run
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
@@ -356,7 +357,7 @@ def _limits(case: Case) -> AdditionalContent:
         said = [f"The first speed limit is {limits.first.replace('_', ' ')}, from {speed}: {one.words}."]
     if unknown := [name.replace("_", " ") for name, one in limits.limits.items() if not one.known]:
         said.append(f"Not known, because runs failed: {', '.join(unknown)}.")
-    return AdditionalContent(tuple(said), (report_table(limits_table(limits, scale)),))
+    return AdditionalContent(tuple(said), (report_table(limits_table(limits, compute_margins(case), scale)),))
 
 
 def _trade(case: Case, probe: str) -> AdditionalContent:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from textwrap import fill
 from typing import TYPE_CHECKING
@@ -13,9 +13,8 @@ import numpy as np
 from rich.table import Table
 
 from flexcam.analysis.comparison import Comparison
-from flexcam.analysis.figures_of_merit import SPRING_MARGIN, FigureOfMerit
-from flexcam.analysis.preparation import PreparedRun
-from flexcam.analysis.published_claims import Claim
+from flexcam.analysis.figures_of_merit import SPRING_MARGIN, FigureOfMerit, Margins
+from flexcam.analysis.prepared_run import PreparedRun
 from flexcam.analysis.resources import ResourceEstimate, format_size
 from flexcam.analysis.run_checks import describe_balance, describe_contact_loss
 from flexcam.case.case import Case
@@ -27,7 +26,6 @@ from flexcam.fem.frames import ROTATIONS
 from flexcam.io import Result
 from flexcam.report.terminal import (
     count_decimals,
-    create_table,
     facts_table,
     format_decimals,
     plain_table,
@@ -50,7 +48,7 @@ from flexcam.valvetrain import (
     member_masses,
 )
 from flexcam.valvetrain import describe_inactive as words_of
-from flexcam.valvetrain.springs import spring_curve, spring_frequencies
+from flexcam.valvetrain.spring_properties import spring_curve, spring_frequencies
 
 if TYPE_CHECKING:
     from flexcam.analysis.limits import Limit, Limits
@@ -267,16 +265,6 @@ def describe_comparison(comparison: Comparison, mode_hz: float | None) -> list[s
     return said
 
 
-def claim_table(claims: Iterable[Claim]) -> Table:
-    """Return the table of the paper's claims and the computed results."""
-    made = create_table("Claims of the paper and this computation")
-    for head in ("claim", "reproduced", "computed"):
-        made.add_column(head, justify="left")
-    for claim in claims:
-        made.add_row(claim.statement, "yes" if claim.reproduced else "no", claim.finding)
-    return made
-
-
 def run_table(case: Case, extremes: ExtremesSink) -> Table:
     """Return the table of the extremes of every probe, without the inner points of springs."""
     moved = [
@@ -426,7 +414,7 @@ def info_table(result: Result) -> Table:
     return facts_table("Result", rows)
 
 
-def limits_json(found: Limits, scale: float) -> dict[str, object]:
+def limits_json(found: Limits, margins: Margins, scale: float) -> dict[str, object]:
     """Return the speed limits of a train for ``--json``."""
     from flexcam.analysis.limits import LIMITS
 
@@ -437,8 +425,8 @@ def limits_json(found: Limits, scale: float) -> dict[str, object]:
     return {
         **met, **lasting, "first": found.first, "shaft": shaft_name(scale),
         "tolerance_rpm": None if math.isinf(width) else scale * width,
-        "rigid_loss_of_contact_rpm": None if found.rigid_rpm is None else scale * found.rigid_rpm,
-        "spring_margin": found.spring_margin, "buckling_margins": dict(found.buckling_margins),
+        "rigid_loss_of_contact_rpm": None if margins.rigid_rpm is None else scale * margins.rigid_rpm,
+        "spring_margin": margins.spring_margin, "buckling_margins": dict(margins.buckling_margins),
         "lowest_rpm": scale * found.lowest_rpm, "highest_rpm": scale * found.highest_rpm,
     }  # fmt: skip
 
@@ -450,7 +438,7 @@ def _limit_speed(one: Limit, rpm: float | None, scale: float, high: float) -> st
     return f"above {high:.6g}" if one.known else "not known"
 
 
-def limits_table(found: Limits, scale: float) -> Table:
+def limits_table(found: Limits, margins: Margins, scale: float) -> Table:
     """Return the table of the speed limits of a train."""
     high = scale * found.highest_rpm
     ordered = sorted(found.limits.items(), key=lambda item: item[1].rpm or float("inf"))
@@ -461,13 +449,13 @@ def limits_table(found: Limits, scale: float) -> Table:
          one.words)
         for name, one in ordered
     ]  # fmt: skip
-    if found.rigid_rpm is not None:
+    if margins.rigid_rpm is not None:
         words = "loss of contact of the rigid train: its inertia force equals its spring force"
-        rows.append(("(rigid train)", f"{scale * found.rigid_rpm:.6g}", "", "", words))
-    if found.spring_margin is not None:
+        rows.append(("(rigid train)", f"{scale * margins.rigid_rpm:.6g}", "", "", words))
+    if margins.spring_margin is not None:
         words = "of the rigid train at the speed of the case"
-        rows.append(("spring margin", f"{found.spring_margin:.1%}", "", "", words))
-    for name, margin in found.buckling_margins.items():
+        rows.append(("spring margin", f"{margins.spring_margin:.1%}", "", "", words))
+    for name, margin in margins.buckling_margins.items():
         words = "buckling load over the compression at full lift, static"
         rows.append((f"{name}, margin", f"{margin:.3g}", "", "", words))
     shaft = shaft_name(scale)

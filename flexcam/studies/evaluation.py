@@ -13,16 +13,18 @@ from __future__ import annotations
 import re
 import time
 import traceback
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from flexcam.analysis.comparison import compare
 from flexcam.analysis.model_choice import select_case
-from flexcam.analysis.preparation import PreparedRun, build_problem, compute_metrics, prepare, scalar_probe
+from flexcam.analysis.preparation import build_problem, prepare
+from flexcam.analysis.prepared_run import PreparedRun, scalar_probe
 from flexcam.analysis.run import open_result_file
+from flexcam.analysis.run_metrics import compute_metrics
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.core import FloatArray
@@ -45,7 +47,7 @@ from flexcam.dynamics import (
 )
 from flexcam.io import temporary_folder
 from flexcam.io.exports import scalar_probes
-from flexcam.studies.plan import Bundle, open_case
+from flexcam.studies.plan import Bundle, Row, open_case, rejected_row, restore_file_names
 from flexcam.valvetrain import Metric, Model, rigid_motion, train_metric_names
 
 
@@ -152,18 +154,6 @@ def _energy_residual(response: Response) -> Iterator[Metric]:
         yield Metric(_RESIDUAL, float(np.abs(residual).max(initial=0.0)), "J")
 
 
-@dataclass(frozen=True)
-class Row:
-    """Results of one variant."""
-
-    status: Status  #: status of its run; ``refused`` if it could not start
-    #: value by name, SI (`flexcam.studies.evaluation`); empty unless the run is complete
-    scalars: Mapping[str, float] = field(default_factory=dict[str, float])
-    units: Mapping[str, str] = field(default_factory=dict[str, str])  #: SI unit by scalar
-    seconds: float = 0.0  #: run time; not written to tables, which are the same on every machine
-    history: tuple[str, bytes] | None = None  #: suffix and content of its result file, if result files are kept
-
-
 def evaluate(
     case: Case, *, folder: Path | None = None, model: Model | None = None, runs: int = 1, channels: bool = True,
     time_limit: float | None = None, names: Sequence[str] | None = None,
@@ -209,11 +199,6 @@ def _run(
     met = Status(text=f"chosen within the tolerance: {named}")
     missed = Status(Cause.TOLERANCE, f"the tolerance is not met: {choice.why}; that is {named}")
     return Row(met if choice.met else missed, values, units)
-
-
-def rejected_row(refusal: InputError) -> Row:
-    """Return the row of a variant that cannot start."""
-    return Row(Status(Cause.REFUSED, " | ".join(map(str, refusal.faults))))
 
 
 def _internal_error_status(fault: Exception) -> Status:
@@ -272,8 +257,3 @@ def _evaluate_with_history(case: Case, model: Model | None, runs: int, time_limi
             if written is None
             else replace(row, history=(written.name.removeprefix(case.name), written.read_bytes()))
         )
-
-
-def restore_file_names(row: Row, folder: Path) -> Row:
-    """Return a row with file names in messages as in the case, not in the temporary folder."""
-    return replace(row, status=replace(row.status, text=row.status.text.replace(f"{folder}/", "")))

@@ -25,10 +25,10 @@ from urllib.parse import urlsplit
 
 from flexcam import __version__
 from flexcam.core.errors import refuse, require_packages, system_message
-from flexcam.dynamics import Cause, RunFailedError, Status
+from flexcam.dynamics import Cause, ProgressCallback, RunFailedError, Status, track_progress
 from flexcam.io import temporary_folder
-from flexcam.studies.evaluation import Row
-from flexcam.studies.plan import Bundle, open_case
+from flexcam.studies.plan import Bundle, Row, open_case
+from flexcam.studies.variables import Runs
 
 Variants = Sequence[tuple[str, ...]]
 """Overrides by variant."""
@@ -381,3 +381,21 @@ def _check_workers(client: Any, asked: ClusterWorkers) -> None:  # noqa: ANN401 
 
 def _identity(source: Bundle | Path) -> Bundle | Path:
     return source
+
+
+@contextmanager
+def open_evaluator(
+    source: Bundle, evaluate: Evaluate, *, workers: int = 1, advance: ProgressCallback | None = None
+) -> Generator[Runs]:
+    """Yield a function that distributes variants to workers, which end with the context."""
+    with open_runner(SerialWorkers() if workers == 1 else ProcessWorkers(workers), source, evaluate) as run_chunks:
+
+        def run(variants: Variants) -> Iterator[Row]:
+            finished, count = dict[int, Row](), 0
+            for chunk, rows in track_progress(run_chunks(divide_variants(variants, 1)), advance):
+                finished[chunk.index] = rows[0]
+                while count in finished:
+                    yield finished.pop(count)
+                    count += 1
+
+        yield run

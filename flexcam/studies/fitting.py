@@ -21,10 +21,9 @@ from flexcam.core.units import conversion_factor
 from flexcam.dynamics import SERIES, RunFailedError, SaveAt, Status, component_unit, outline, reraise_interrupt, solve
 from flexcam.io.exports import scalar_probes
 from flexcam.io.files import ABSCISSAS, find_abscissa, read_columns, read_mdf
-from flexcam.studies.evaluation import Row, rejected_row
-from flexcam.studies.evaluators import PointEvaluator
 from flexcam.studies.executors import Variants
-from flexcam.studies.plan import Bundle, open_case
+from flexcam.studies.plan import Bundle, Row, open_case, rejected_row
+from flexcam.studies.variables import PointEvaluator
 
 
 @dataclass(frozen=True, eq=False)

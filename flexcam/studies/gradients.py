@@ -21,19 +21,20 @@ from itertools import chain
 
 import numpy as np
 
-from flexcam.analysis.initial_state import steps_per_revolution
-from flexcam.analysis.preparation import PreparedRun, prepare, prepare_without_periodic_search
+from flexcam.analysis.preparation import prepare, prepare_without_periodic_search, steps_per_revolution
+from flexcam.analysis.prepared_run import PreparedRun
 from flexcam.case.case import Case
 from flexcam.case.reader import CaseFile
+from flexcam.case.variants import Number, get_number, make_overrides
 from flexcam.core import FloatArray
 from flexcam.core.errors import InputError, refuse
 from flexcam.dynamics import RunFailedError, Scheme, System, Variation, tangent_run
 from flexcam.dynamics.massless import FORCE_TOLERANCE, MasslessMotions
 from flexcam.studies.evaluation import compute_scalars
-from flexcam.studies.evaluators import PointEvaluator, WorstCase
 from flexcam.studies.optimization import ROUNDING, Evaluations, OptimizationProblem, ProblemEvaluator
 from flexcam.studies.plan import check_seed
-from flexcam.studies.quantities import Number, compute_quantities, get_number, is_run_scalar, make_overrides
+from flexcam.studies.quantities import compute_quantities, is_run_scalar
+from flexcam.studies.variables import PointEvaluator, WorstCase
 from flexcam.valvetrain import Metric
 
 RELATIVE_WIDTH = 1e-6

@@ -13,12 +13,12 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from flexcam.case.variants import number_after_override
 from flexcam.core import FloatArray
 from flexcam.core.errors import InputError, parse_all, refuse, require_packages
 from flexcam.core.units import DIMENSIONS, RPM, parse
-from flexcam.studies.evaluation import Row
-from flexcam.studies.evaluators import PointEvaluator, number_after_override
-from flexcam.studies.plan import check_seed
+from flexcam.studies.plan import Row, check_seed
+from flexcam.studies.variables import PointEvaluator
 
 _CONSTRAINT = re.compile(r"\s*([^<>=]+?)\s*(<=|>=)\s*([^<>=]+?)\s*$")
 _FAILED_VIOLATION = 1e6  # violation of every constraint if a variant has no value: larger than any regular one

@@ -1,4 +1,4 @@
-"""Plan of a sweep: the axes of its keys, their combination or sampling, and the case as plain data for workers.
+"""Plan of a sweep: axes of keys, their combination or sampling, rows of results, and the case as data for workers.
 
 An axis follows from ``--set KEY=SPEC``:
 
@@ -24,7 +24,7 @@ import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from decimal import Context, Decimal
 from functools import cached_property, lru_cache
 from itertools import product
@@ -34,6 +34,7 @@ from typing import Any, Literal, NamedTuple, cast
 
 from flexcam.case.reader import CaseFile
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name
+from flexcam.dynamics import Cause, Status
 from flexcam.io import find_referenced_file, temporary_folder
 
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
@@ -320,6 +321,28 @@ def make_plan(axes: Sequence[Axis], sampled: Sample | None = None, *, limit: int
                      "add values, such as --set run.speed=1000:4000:500rpm")  # fmt: skip
     check_count("--sample" if sampled else "sweep", len(plan), limit)
     return plan
+
+
+@dataclass(frozen=True)
+class Row:
+    """Results of one variant."""
+
+    status: Status  #: status of its run; ``refused`` if it could not start
+    #: value by name, SI (`flexcam.studies.evaluation`); empty unless the run is complete
+    scalars: Mapping[str, float] = field(default_factory=dict[str, float])
+    units: Mapping[str, str] = field(default_factory=dict[str, str])  #: SI unit by scalar
+    seconds: float = 0.0  #: run time; not written to tables, which are the same on every machine
+    history: tuple[str, bytes] | None = None  #: suffix and content of its result file, if result files are kept
+
+
+def rejected_row(refusal: InputError) -> Row:
+    """Return the row of a variant that cannot start."""
+    return Row(Status(Cause.REFUSED, " | ".join(map(str, refusal.faults))))
+
+
+def restore_file_names(row: Row, folder: Path) -> Row:
+    """Return a row with file names in messages as in the case, not in the temporary folder."""
+    return replace(row, status=replace(row.status, text=row.status.text.replace(f"{folder}/", "")))
 
 
 _MAX_NAME_LENGTH = 255  # maximum length of a file name, characters

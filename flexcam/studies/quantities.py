@@ -1,116 +1,56 @@
-"""Quantities of a case: its numbers by key, variants with other values, and results by name."""
+"""Quantities of a case by name: numbers, natural frequencies, properties of cams, speed limits and scalars of a run."""
 
 from __future__ import annotations
 
-import json
 import math
 import re
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterable, Mapping, Sequence
+from concurrent.futures import Future
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import Any, cast
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 
-from flexcam.analysis.initial_state import steps_per_revolution
-from flexcam.analysis.limits import LIMITS, Search, applicable_limits, search_limits
-from flexcam.analysis.preparation import build_problem, prepare
+from flexcam.analysis.limits import (
+    LIMITS,
+    ConditionResults,
+    Search,
+    SpeedRuns,
+    applicable_limits,
+    evaluate_speed,
+    search_limits,
+)
+from flexcam.analysis.preparation import build_problem, prepare, steps_per_revolution
 from flexcam.cams import Event, event_extremes, harmonics, joints
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
+from flexcam.case.reader import CaseFile
 from flexcam.case.records import find_unit
-from flexcam.case.repetition import name_pattern
+from flexcam.case.variants import Number, get_number
+from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name
 from flexcam.core.units import RPM, shaft_name
-from flexcam.dynamics import Cause, RunFailedError, Status, floquet, outline, reraise_interrupt, solve
-from flexcam.studies.evaluation import (
+from flexcam.dynamics import Cause, ProgressCallback, RunFailedError, Status, floquet, outline, reraise_interrupt, solve
+from flexcam.io.sweep_table import unknown_scalar_fault
+from flexcam.studies.evaluation import are_probe_scalars, evaluate, get_history, history_units, scalar_names
+from flexcam.studies.executors import KILLED_STATUS, BrokenProcessPool, Variants, open_evaluator, open_processes
+from flexcam.studies.plan import (
+    Axis,
+    Bundle,
+    Plan,
     Row,
-    are_probe_scalars,
-    evaluate,
-    get_history,
-    history_units,
+    Value,
+    make_bundle,
+    make_plan,
+    open_case,
     rejected_row,
-    scalar_names,
+    restore_file_names,
 )
-from flexcam.studies.tables import unknown_scalar_fault
+from flexcam.studies.variables import Runs, column
 from flexcam.valvetrain import build_structure, model_modes
-
-
-@dataclass(frozen=True)
-class Number:
-    """Number of a case."""
-
-    key: str  #: key, such as ``springs.valve.stiffness``; an element of a list has its index: ``rockers.rocker.arms.1``
-    value: float  #: value, SI
-    unit: str  #: SI unit; empty for a dimensionless number, ``SI`` if it cannot be determined
-
-
-def get_number(case: Case, key: str, where: str) -> Number:
-    """Return a number of a case by key."""
-    known = dict(_iterate_values(case.record.model_dump(mode="json", by_alias=True), ""))
-    numbers = [name for name, value in known.items() if isinstance(value, float)]
-    copies = [key] if key in known else [name for name in known if name_pattern(key).fullmatch(name)]
-    if not copies:
-        near = suggest_name(key, numbers) or suggest_name(
-            key.rpartition(".")[2], [n.rpartition(".")[2] for n in numbers]
-        )
-        allowed = f"the key of a number of the case, such as {', '.join(numbers[:6])}"
-        raise refuse(where, repr(key), allowed, "there is no such key", near or "flexcam check --echo prints them all")
-    value = known[copies[0]]
-    if different := [name for name in copies if known[name] != value]:
-        given = f"{known[different[0]]!r} for {different[0]} and {value!r} for {copies[0]}"
-        raise refuse(where, given, "a number that all copies share", "one value replaces all", "name one of the copies")
-    if not isinstance(value, float):
-        given = f"{key} = {value!r}" if value is not None else f"{key}, which is not given"
-        why = "" if value is None else "a whole number, a choice or a switch has no derivative"
-        remedy = "give it a number" if value is None else "compare its values with flexcam sweep"
-        raise refuse(where, given, "the key of a number that may have decimals", why, remedy)
-    unit = find_unit(case.record, copies[0].split("."))
-    return Number(key, value, "SI" if unit is None else unit)
-
-
-def _iterate_values(value: object, path: str) -> Iterator[tuple[str, object]]:
-    """Yield dotted key and value in nested tables and lists."""
-    if isinstance(value, dict):
-        inner = cast("dict[str, object]", value)
-    elif isinstance(value, list):
-        inner = {str(i): one for i, one in enumerate(cast("list[object]", value))}
-    else:
-        yield path, value
-        return
-    for name, one in inner.items():
-        yield from _iterate_values(one, f"{path}.{name}" if path else name)
-
-
-def make_overrides(case: Case, values: Mapping[str, str]) -> tuple[str, ...]:
-    """Return the overrides that set values of a case; a list is written in full with its other elements."""
-    record = case.record.model_dump(mode="json", by_alias=True)
-    lists: dict[str, list[Any]] = {}
-    found: dict[str, str] = {}
-    for key, text in values.items():
-        parent, _, last = key.rpartition(".")
-        if not (last.isdigit() and isinstance(there := _at(record, parent), list)):
-            found[key] = text
-            continue
-        changed = lists.setdefault(parent, [*cast("list[Any]", there)])
-        changed[int(last)] = _number_or_text(text)
-        found[parent] = json.dumps(changed, ensure_ascii=False)
-    return tuple(f"{key}={text}" for key, text in found.items())
-
-
-def _at(record: Mapping[str, Any], path: str) -> object:
-    value: object = record
-    for step in path.split("."):
-        value = cast("dict[str, object]", value).get(step) if isinstance(value, dict) else None
-    return value
-
-
-def _number_or_text(text: str) -> float | str:
-    try:
-        return float(text)
-    except ValueError:
-        return text
-
 
 _FREQUENCY = re.compile(r"frequency\.([1-9]\d{0,2})$")
 _CAM = re.compile(r"cams\.(.+)\.(area|velocity|acceleration|deceleration|jerk)$")
@@ -316,3 +256,91 @@ def _number(case: Case, name: str) -> Number | None:
         return get_number(case, name, "scalar")
     except InputError:
         return None
+
+
+def evaluate_variant(
+    file: CaseFile, overrides: Sequence[str], names: Sequence[str], search: Search | None = None, runs: int = 1
+) -> Row:
+    """Return the row of one variant of a case."""
+    try:
+        case = file.read(overrides)
+    except InputError as refusal:
+        return rejected_row(refusal)
+    return quantity_row(case, names, search, runs)
+
+
+def evaluate_variants(
+    source: Bundle | Path, variants: Variants, *, fixed: tuple[str, ...], names: tuple[str, ...],
+    search: Search | None, runs: int,
+) -> list[Row]:  # fmt: skip
+    """Return the rows of variants with the requested quantities, in a worker."""
+    file = open_case(source)
+    rows = (evaluate_variant(file, (*fixed, *overrides), names, search, runs) for overrides in variants)
+    return [restore_file_names(row, file.path.parent) for row in rows]
+
+
+@contextmanager
+def create_evaluator(
+    file: CaseFile, fixed: Sequence[str], names: Sequence[str], search: Search | None = None,
+    *, plan: Plan | None = None, workers: int = 1, runs: int = 1, advance: ProgressCallback | None = None,
+) -> Generator[Runs]:  # fmt: skip
+    """Yield a function that evaluates variants of the file as it is now, with workers that end with the context."""
+    evaluate = partial(evaluate_variants, fixed=tuple(fixed), names=tuple(names), search=search, runs=runs)
+    with open_evaluator(make_bundle(file, plan, fixed), evaluate, workers=workers, advance=advance) as run:
+        yield run
+
+
+@dataclass(frozen=True, eq=False)
+class LimitMap:
+    """Speed limits over two numbers."""
+
+    axes: tuple[Axis, Axis]  #: axes of the rows and of the columns
+    #: speed by limit, such as ``loss_of_contact``, shape (rows, columns), of the crankshaft if the case gives
+    #: ``crank_speed``, else of the camshaft; NaN if the limit is not met in the search range, or a run failed
+    rpm: Mapping[str, FloatArray]
+    statuses: tuple[Status, ...]  #: status of every variant, row by row
+
+    def with_units(self, case: Case) -> LimitMap:
+        """Return the same map with units for numbers given without one: those of the case."""
+        units = [one.unit or find_unit(case.record, one.key.split(".")) or "" for one in self.axes]
+        first, second = (replace(one, unit=unit) for one, unit in zip(self.axes, units, strict=True))
+        return replace(self, axes=(first, second))
+
+
+def grid_plan(first: Axis, second: Axis, fixed: Sequence[str] = ()) -> Plan:
+    """Return the grid plan of two axes."""
+    for one in (first, second):
+        if not one.is_varied or not one.is_numeric:
+            raise refuse(one.where, f"{len(one.values)} values", "several numbers", "the map needs a grid of values")
+    if first.key == second.key:
+        raise refuse("--and", second.key, "another key than that of --over", "the map needs two different values")
+    pairs = [one.partition("=") for one in fixed]
+    laid = [Axis(key.strip(), f"--set {key}={text}", (Value(text.strip(), None),)) for key, _, text in pairs]
+    return make_plan([*laid, first, second])
+
+
+def limit_map(plan: Plan, names: Sequence[str], runs: Runs) -> LimitMap:
+    """Return the map of limits over a grid."""
+    rows = list(runs(plan.variants))
+    if all(row.status.cause is Cause.REFUSED for row in rows):
+        require_complete(rows[0])
+    first, second = plan.varied_axes
+    rpm = {name: column(rows, f"limits.{name}").reshape(plan.shape) for name in names}
+    return LimitMap((first, second), rpm, tuple(row.status for row in rows))
+
+
+@contextmanager
+def open_speed_runs(case: Case, search: Search, workers: int) -> Generator[SpeedRuns | None]:
+    """Yield a function that begins runs of a case at several speeds of a search for limits; None for one worker."""
+    if workers < 2:
+        yield None
+        return
+    with open_processes(workers) as submit:
+
+        def wait(future: Future[ConditionResults]) -> ConditionResults:
+            try:
+                return future.result()
+            except BrokenProcessPool:
+                raise RunFailedError(KILLED_STATUS) from None
+
+        yield lambda speeds: [partial(wait, submit(evaluate_speed, case, search, None, speed)) for speed in speeds]

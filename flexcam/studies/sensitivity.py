@@ -18,21 +18,14 @@ from numpy.typing import ArrayLike
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.case.reader import CaseFile
+from flexcam.case.variants import Number, get_number, make_overrides
 from flexcam.core import FloatArray, Triplets
 from flexcam.core.errors import InputError, parse_all, refuse
 from flexcam.dynamics import modes
-from flexcam.studies.evaluation import Row
-from flexcam.studies.evaluators import Runs, column
 from flexcam.studies.gradients import COUNTED, compute_gradient, exact_refusal
-from flexcam.studies.plan import check_power_of_two, check_seed
-from flexcam.studies.quantities import (
-    Number,
-    frequency_number,
-    get_number,
-    is_run_scalar,
-    make_overrides,
-    require_complete,
-)
+from flexcam.studies.plan import Row, check_power_of_two, check_seed
+from flexcam.studies.quantities import frequency_number, is_run_scalar, require_complete
+from flexcam.studies.variables import Runs, column
 from flexcam.valvetrain import Structure, build_structure
 
 STEP_OFFSETS = (-1.0, -0.5, 0.5, 1.0)  # offsets of the evaluated points, in steps

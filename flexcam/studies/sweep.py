@@ -12,23 +12,23 @@ from importlib.metadata import version
 from pathlib import Path
 
 from flexcam import __version__
-from flexcam.analysis.preparation import prepare
-from flexcam.analysis.resources import check_resources
-from flexcam.analysis.run import estimate_case_resources
+from flexcam.analysis.run import check_case_resources
 from flexcam.case.case import Case
 from flexcam.case.fault_report import KeyLocations
 from flexcam.case.reader import CaseFile
 from flexcam.core.errors import Fault, InputError, refuse, require_packages
 from flexcam.dynamics import Cause, RunFailedError, Status
 from flexcam.io import atomic_write_path, check_writable
-from flexcam.studies.evaluation import Row, are_probe_scalars, evaluate_chunk, scalar_names
-from flexcam.studies.evaluators import require_units
+from flexcam.io.sweep_table import PARQUET, SweepTable, is_scalar_prefix, unknown_scalar_fault, write_table
+from flexcam.studies.evaluation import are_probe_scalars, evaluate_chunk, scalar_names
 from flexcam.studies.executors import Chunk, Evaluate, SerialWorkers, Workers, divide_variants, open_runner
+from flexcam.studies.journal import Journal, journal_contains, make_table
 from flexcam.studies.plan import (
     MAX_VARIANTS,
     Axis,
     Bundle,
     Plan,
+    Row,
     make_bundle,
     make_plan,
     open_case,
@@ -36,16 +36,7 @@ from flexcam.studies.plan import (
     parse_axis,
     parse_sample,
 )
-from flexcam.studies.tables import (
-    PARQUET,
-    Journal,
-    SweepTable,
-    is_scalar_prefix,
-    journal_contains,
-    make_table,
-    unknown_scalar_fault,
-    write_table,
-)
+from flexcam.studies.variables import require_units
 
 _QUICK_CHECK_LIMIT = 1000
 """Number of variants above which the ends of the axes are checked first: reading a case takes at least 0.5 ms."""
@@ -268,17 +259,6 @@ def check_sweep_resources(asked: Sweep, folder: Path | None = None, *, together:
     """Raise an error if memory or disk space is insufficient for the first variants of a sweep."""
     first = open_case(asked.bundle).read(asked.plan.variants[0])
     check_case_resources(first, folder, runs=len(asked.plan), together=min(together, len(asked.plan)))
-
-
-def check_case_resources(case: Case, folder: Path | None = None, *, runs: int = 1, together: int = 1) -> None:
-    """Raise an error if memory or disk space is insufficient for many runs of a case."""
-    periodic = case.record.run.start == "periodic"  # computing a periodic state takes many revolutions
-    try:
-        ready = prepare(case.with_run({"start": "equilibrium"}) if periodic else case)
-    except (InputError, RunFailedError):  # its row reports it
-        return
-    needs = estimate_case_resources(ready)
-    check_resources(replace(needs, file=runs * needs.file), folder, together=together)
 
 
 @dataclass(frozen=True)

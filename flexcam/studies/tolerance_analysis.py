@@ -11,12 +11,12 @@ from typing import Literal
 import numpy as np
 
 from flexcam.case.case import Case
+from flexcam.case.variants import get_number, number_after_override
 from flexcam.core import FloatArray
 from flexcam.core.errors import InputError, parse_all, refuse
 from flexcam.core.units import DIMENSIONS, parse
-from flexcam.studies.evaluators import duplicate_key_faults, number_after_override
 from flexcam.studies.plan import Sample, check_seed
-from flexcam.studies.quantities import get_number
+from flexcam.studies.variables import duplicate_key_faults
 
 _SPEC = re.compile(r"\s*(?:(normal|uniform)\s*:)?\s*(?:±|\+-|\+/-)\s*(\S.*?)\s*$")
 _SIGMAS = 3.0  # half width of a normal scatter in standard deviations: 99.7 % of the parts lie within

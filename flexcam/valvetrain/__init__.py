@@ -6,7 +6,6 @@ contact is a function in `contacts`.
 
 from flexcam.valvetrain.cam_contact import hertz_line
 from flexcam.valvetrain.camshaft import free_running, free_speed
-from flexcam.valvetrain.loads import element_loads
 from flexcam.valvetrain.mass_chain import Chain, build_chain, straighten, without_compression
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.modes import (
@@ -53,7 +52,7 @@ from flexcam.valvetrain.strength import (
     compressed_members,
     stiff_struts,
 )
-from flexcam.valvetrain.structure import Structure, build_structure, member_masses
+from flexcam.valvetrain.structure import Structure, build_structure, element_loads, member_masses
 from flexcam.valvetrain.system_builder import build_system
 from flexcam.valvetrain.train_metrics import (
     BOUNCE_HEIGHT,

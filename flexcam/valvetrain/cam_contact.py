@@ -44,7 +44,7 @@ from flexcam.valvetrain.cam_functions import (
     sliding_ratio,
     transverse_lift_ratio,
 )
-from flexcam.valvetrain.contacts import Coupling, conservative_force
+from flexcam.valvetrain.coupling import Coupling, conservative_force
 from flexcam.valvetrain.lubrication import (
     Film,
     cam_surface_velocity,

@@ -25,7 +25,7 @@ from flexcam.dynamics import (
 from flexcam.fem.assembly import rayleigh_damping, to_global
 from flexcam.fem.elements import beam
 from flexcam.fem.frames import ROTATIONS
-from flexcam.valvetrain.contacts import Coupling
+from flexcam.valvetrain.coupling import Coupling
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.structure import Structure, build_structure_in
 

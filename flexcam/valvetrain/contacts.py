@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
 from flexcam.dynamics import (
-    AngleFunction,
     AngleVector,
     Channel,
     ForceLaw,
-    Load,
     LocalForce,
     constant,
     elastic_stop,
@@ -21,36 +16,10 @@ from flexcam.dynamics import (
     oil_column_law,
 )
 from flexcam.dynamics.force_laws import LEVER, SLIDING_FRICTION
+from flexcam.valvetrain.coupling import Coupling, conservative_force, opposed_force
 from flexcam.valvetrain.parts import Adjuster, Lash, Lever, Seat
-from flexcam.valvetrain.structure import Structure, lash_row, lever_ends
 from flexcam.valvetrain.rigid_kinematics import follower_train
-
-
-@dataclass(frozen=True, eq=False)
-class Coupling:
-    """Loads, local forces and channels of one contact; indices refer to these tuples."""
-
-    loads: tuple[Load, ...]
-    forces: tuple[LocalForce, ...]
-    channels: tuple[Channel, ...]
-
-
-_zero = constant(0.0)
-
-
-def opposed_force(name: str, rows: FloatArray, law: ForceLaw, offset: AngleFunction = _zero) -> LocalForce:
-    """Return a local force that acts against the rows it senses, A = -G, none of which changes with the cam angle."""
-    sense = tuple(AngleVector.constant(row) for row in rows)
-    act = tuple(AngleVector.constant(-row) for row in rows)
-    return LocalForce(name, sense, act, law, (offset,) * len(rows))
-
-
-def conservative_force(
-    name: str, sense: AngleVector, law: ForceLaw, offset: AngleFunction = _zero, restitution: float | None = None
-) -> LocalForce:
-    """Return a local force of one scalar that acts against the motion that presses its bodies together."""
-    act = AngleVector(-sense.vectors, sense.functions)
-    return LocalForce(name, (sense,), (act,), law, (offset,), restitution)
+from flexcam.valvetrain.structure import Structure, lash_row, lever_ends
 
 
 def couple_seat(structure: Structure, name: str, seat: Seat) -> Coupling:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
@@ -29,11 +28,18 @@ from flexcam.dynamics import (
     spring_damper,
     static_displacement,
 )
-from flexcam.fem.assembly import assemble_loads, distributed_load, element_weight, thermal_load
-from flexcam.valvetrain.contacts import Coupling
+from flexcam.fem.assembly import assemble_loads, element_weight, thermal_load
+from flexcam.valvetrain.coupling import Coupling, constant_history
 from flexcam.valvetrain.parts import Cam, LoadTable, PublishedLoad
-from flexcam.valvetrain.structure import Structure, find_node, spring_parts, spring_row, superelement_dofs
 from flexcam.valvetrain.rigid_kinematics import FollowerTrain, follower_train
+from flexcam.valvetrain.structure import (
+    Structure,
+    distribute_load,
+    find_node,
+    spring_parts,
+    spring_row,
+    superelement_dofs,
+)
 
 
 def series_stiffness(structure: Structure, contact: PublishedLoad, where: str) -> float:
@@ -68,11 +74,6 @@ def given_forces(structure: Structure, train: FollowerTrain) -> list[tuple[float
     """Return installed force and row of the springs on a follower's train with a given installed force."""
     rows = [(s.installed_force, spring_row(structure, n, s)) for n, s in structure.model.springs.items()]
     return [(size, row) for size, row in rows if size and float(train.motion @ row) != 0.0]
-
-
-def constant_history(value: float) -> Callable[[CamMotion], FloatArray]:
-    """Return a constant load history."""
-    return lambda motion: np.full_like(motion.angle, value)
 
 
 @lru_cache(maxsize=16)
@@ -139,7 +140,7 @@ def given_loads(structure: Structure) -> tuple[Load, ...]:
     for name, load in model.loads.items():
         table, size = (load.size, 1.0) if isinstance(load.size, LoadTable) else (None, load.size)
         if load.member is not None:
-            vector = assemble_loads(structure.beams, _distribute(structure, name), structure.dofs)
+            vector = assemble_loads(structure.beams, distribute_load(structure, name), structure.dofs)
         else:
             vector = size * structure.row(load.at or "", load.direction, f"loads.{name}.at")
         loads.append(Load(f"loads.{name}", vector, table or constant_history(1.0), steady=table is None))
@@ -171,21 +172,6 @@ def _of_a_published_load(structure: Structure, row: FloatArray) -> bool:
     contacts = structure.model.cam_contacts.items()
     published = [(f"contacts.{n}.follower", one) for n, one in contacts if isinstance(one, PublishedLoad)]
     return any(float(follower_train(structure, one, where).motion @ row) != 0.0 for where, one in published)
-
-
-def element_loads(structure: Structure) -> FloatArray:
-    """Return the element loads: given distributed forces, weight and thermal loads."""
-    total = thermal_load(structure.beams)
-    for name, load in structure.model.loads.items():
-        total += _distribute(structure, name) if load.member is not None else 0.0
-    return total + element_weight(structure.beams, np.array(structure.model.gravity))
-
-
-def _distribute(structure: Structure, name: str) -> FloatArray:
-    load = structure.model.loads[name]
-    elements = structure.model.mesh.element_ranges()[load.member or ""]
-    size = 0.0 if isinstance(load.size, LoadTable) else load.size  # a table acts at a point
-    return distributed_load(structure.beams, elements, size * load.direction[:3])
 
 
 def _weight(structure: Structure) -> FloatArray:

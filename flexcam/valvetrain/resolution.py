@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from flexcam.dynamics import Block, Outline, Stats, Status, System
 from flexcam.fem.recovery import section_forces
-from flexcam.valvetrain.loads import element_loads
-from flexcam.valvetrain.structure import Structure
+from flexcam.valvetrain.structure import Structure, element_loads
 
 _BENDS = 0.01  # fraction of strain energy in bending above which a member counts as bending
 _BLOCK_INTERVAL = 8  # number of initial blocks evaluated for bending; later, one of as many blocks is evaluated

@@ -31,8 +31,9 @@ from flexcam.dynamics import (
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.fem.assembly import modal_damping, rayleigh_damping
 from flexcam.fem.rigid_bodies import scalar_matrix
-from flexcam.valvetrain.contacts import Coupling, check_lever_rotation, conservative_force, couple_friction
-from flexcam.valvetrain.loads import constant_history, given_loads, preload, spring_share, steady_load
+from flexcam.valvetrain.contacts import check_lever_rotation, couple_friction
+from flexcam.valvetrain.coupling import Coupling, conservative_force, constant_history
+from flexcam.valvetrain.loads import given_loads, preload, spring_share, steady_load
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import CamContact, PublishedLoad
 from flexcam.valvetrain.rigid_kinematics import (
@@ -41,7 +42,8 @@ from flexcam.valvetrain.rigid_kinematics import (
     load_trains,
     soft_stiffness,
 )
-from flexcam.valvetrain.springs import condense_spring, couple_springs
+from flexcam.valvetrain.spring_properties import condense_spring
+from flexcam.valvetrain.springs import couple_springs
 from flexcam.valvetrain.structure import Structure, build_structure, spring_stretches
 from flexcam.valvetrain.system_builder import assemble_system, couple_contact, couple_contacts
 

@@ -20,10 +20,9 @@ from flexcam.fem.elements.beam import Beams
 from flexcam.fem.members import beams
 from flexcam.fem.mesh import Mesh, refine
 from flexcam.fem.recovery import fibres, section_forces
-from flexcam.valvetrain.contacts import Coupling, opposed_force
-from flexcam.valvetrain.loads import element_loads
+from flexcam.valvetrain.coupling import Coupling, opposed_force
 from flexcam.valvetrain.model import Model
-from flexcam.valvetrain.structure import Structure, build_structure
+from flexcam.valvetrain.structure import Structure, build_structure, element_loads
 
 
 def buckling_load(structure: Structure, member: str) -> float:

@@ -11,14 +11,17 @@ import numpy as np
 
 from flexcam.core import FloatArray, IntArray, Triplets
 from flexcam.core.errors import refuse, suggest_name
+from flexcam.dynamics import Probe
+from flexcam.fem.assembly import distributed_load, element_weight, thermal_load
 from flexcam.fem.assembly import mass as fem_mass
 from flexcam.fem.assembly import stiffness as fem_stiffness
 from flexcam.fem.dofs import DofMap, dof_map
 from flexcam.fem.elements.beam import Beams
+from flexcam.fem.frames import COMPONENTS
 from flexcam.fem.members import beams as fem_beams
 from flexcam.fem.rigid_bodies import free_motions, mass_at, place_matrix, scalar_matrix
 from flexcam.valvetrain.model import Model
-from flexcam.valvetrain.parts import Adjuster, Lash, Lever, Rocker, Spring, path_name, tip_name
+from flexcam.valvetrain.parts import Adjuster, Lash, Lever, LoadTable, Rocker, Spring, path_name, tip_name
 
 _ACROSS = 1e-6  # cosine below which directions are orthogonal
 
@@ -229,3 +232,28 @@ def member_masses(model: Model) -> dict[str, float]:
     """Return the mass of every member."""
     beams = fem_beams(model.mesh, model.members)
     return {n: float((beams.rho_A * beams.length)[part].sum()) for n, part in model.mesh.element_ranges().items()}
+
+
+def element_loads(structure: Structure) -> FloatArray:
+    """Return the element loads: given distributed forces, weight and thermal loads."""
+    total = thermal_load(structure.beams)
+    for name, load in structure.model.loads.items():
+        total += distribute_load(structure, name) if load.member is not None else 0.0
+    return total + element_weight(structure.beams, np.array(structure.model.gravity))
+
+
+def distribute_load(structure: Structure, name: str) -> FloatArray:
+    """Return the element loads of a force that is distributed over a member."""
+    load = structure.model.loads[name]
+    elements = structure.model.mesh.element_ranges()[load.member or ""]
+    size = 0.0 if isinstance(load.size, LoadTable) else load.size  # a table acts at a point
+    return distributed_load(structure.beams, elements, size * load.direction[:3])
+
+
+def probe_of(structure: Structure, point: str) -> Probe:
+    """Return the probe of a point: its six components, or the motion of a rocker's point."""
+    if structure.model.rocker_at(point) is not None:
+        return Probe(point, (point,), structure.row(point, np.zeros(6))[None, :], (None,))
+    node = find_node(structure.model, point, "output.probes")
+    rows = np.array([structure.dofs.vector(node, unit) for unit in np.eye(6)])
+    return Probe(point, COMPONENTS, rows, (None,) * 6)

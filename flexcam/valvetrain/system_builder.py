@@ -13,23 +13,16 @@ from flexcam.core import DENSE_LIMIT, IntArray, Triplets, component_members, con
 from flexcam.core.errors import InputError, parse_all, refuse
 from flexcam.dynamics import Channel, DofSubset, Observable, Observation, Probe, System, observable_sum
 from flexcam.fem.assembly import modal_damping, rayleigh_damping
-from flexcam.fem.frames import COMPONENTS
 from flexcam.valvetrain.cam_contact import couple_cam
 from flexcam.valvetrain.camshaft import ShaftDrive, find_shaft_drives, inertia_torque, reaction_torque, shaft_channels
-from flexcam.valvetrain.contacts import (
-    Coupling,
-    couple_adjuster,
-    couple_friction,
-    couple_lash,
-    couple_seat,
-    lever_joints,
-)
+from flexcam.valvetrain.contacts import couple_adjuster, couple_friction, couple_lash, couple_seat, lever_joints
+from flexcam.valvetrain.coupling import Coupling
 from flexcam.valvetrain.loads import couple_published_load, given_loads
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import Adjuster, CamContact, Contact, Lash, PublishedLoad, Seat
 from flexcam.valvetrain.springs import couple_springs
 from flexcam.valvetrain.strength import geometric_stiffness_forces
-from flexcam.valvetrain.structure import Structure, build_structure, find_node, inner_name
+from flexcam.valvetrain.structure import Structure, build_structure, inner_name, probe_of
 
 _MODAL_LIMIT = 2 * DENSE_LIMIT  # maximum number of unknowns for which all modes are computed
 
@@ -195,15 +188,6 @@ class _Part:
 
 def _offset_positions(value: Observable, part: _Part) -> Observable:
     return lambda seen: value(part(seen))
-
-
-def probe_of(structure: Structure, point: str) -> Probe:
-    """Return the probe of a point: its six components, or the motion of a rocker's point."""
-    if structure.model.rocker_at(point) is not None:
-        return Probe(point, (point,), structure.row(point, np.zeros(6))[None, :], (None,))
-    node = find_node(structure.model, point, "output.probes")
-    rows = np.array([structure.dofs.vector(node, unit) for unit in np.eye(6)])
-    return Probe(point, COMPONENTS, rows, (None,) * 6)
 
 
 def _inner_probes(structure: Structure) -> list[Probe]:

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from flexcam import prepare, read_case, solve
-from flexcam.analysis.figures_of_merit import SPRING_MARGIN, figures_of_merit
-from flexcam.analysis.limits import compute_margins
-from flexcam.analysis.preparation import compute_metrics
+from flexcam.analysis.figures_of_merit import SPRING_MARGIN, compute_margins, figures_of_merit
+from flexcam.analysis.run_metrics import compute_metrics
 from flexcam.core.units import RPM
 
 pytestmark = pytest.mark.usefixtures("machine_code")

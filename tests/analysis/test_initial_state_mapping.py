@@ -9,7 +9,7 @@ import pytest
 
 from flexcam import build_model, prepare, read_case
 from flexcam.analysis.model_choice import estimate_errors
-from flexcam.analysis.model_ladder import with_elements
+from flexcam.case.variants import with_elements
 from flexcam.valvetrain import build_structure
 
 ROOT = Path(__file__).parents[2]

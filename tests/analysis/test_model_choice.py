@@ -10,30 +10,27 @@ import numpy as np
 import pytest
 
 from flexcam import InputError, prepare, read_case, solve
-from flexcam.analysis.comparison import Histories, distance, extract_histories
+from flexcam.analysis.histories import Histories, distance, extract_histories
 from flexcam.analysis.model_choice import (
     Choice,
     Error,
     ModelEvaluation,
+    ModelLevel,
     Reference,
     candidate_models,
     estimate_errors,
     evaluate_model,
     mark_pareto_front,
-    reference_run,
-    total_work,
-)
-from flexcam.analysis.model_ladder import (
-    ModelLevel,
     model_ladder,
+    reference_run,
     run_count,
     run_histories,
     steps_per_revolution_of,
-    with_elements,
-    with_steps,
+    total_work,
 )
-from flexcam.analysis.preparation import scalar_probe
+from flexcam.analysis.prepared_run import scalar_probe
 from flexcam.analysis.run_checks import describe_model_limits
+from flexcam.case.variants import with_elements, with_steps
 from flexcam.dynamics import Cause, Status, integrated_size, outline
 from flexcam.report.fidelity_tables import describe_choice, format_with_error
 
@@ -326,7 +323,7 @@ class TestEstimate:
             taken.append(response.stats.engine)
             return extract_histories(response, probe)
 
-        monkeypatch.setattr("flexcam.analysis.model_ladder.extract_histories", measured_here)
+        monkeypatch.setattr("flexcam.analysis.model_choice.extract_histories", measured_here)
         fewer = [f"run.revolutions={revolutions}", "run.steps_per_revolution=1440", "springs.valve.elements=1"]
         plain = ["members.pushrod.geometric_stiffness=false", "members.pushrod.bow=0"]
         estimate_errors(read_case(ENGINE, [*fewer, *plain]), "valve")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexcam import InputError, build_model, read_case
-from flexcam.studies.quantities import get_number
+from flexcam.case.variants import get_number
 
 CAMSHAFT = Path(__file__).parents[2] / "cases/camshaft-4cyl/camshaft.toml"
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from flexcam import read_case, read_result, run
-from flexcam.analysis.comparison import Histories
+from flexcam.analysis.histories import Histories
 from flexcam.analysis.model_choice import ModelEvaluation, Reference
 from flexcam.core.errors import refuse
 from flexcam.dynamics import Cause, RunFailedError, Status

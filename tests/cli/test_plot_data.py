@@ -13,13 +13,13 @@ from matplotlib.collections import QuadMesh
 from flexcam import prepare, read_case, read_result, run
 from flexcam.analysis.campbell import Campbell
 from flexcam.analysis.orders import Signal, Waterfall
-from flexcam.analysis.preparation import compute_metrics
 from flexcam.analysis.run import member_strength
+from flexcam.analysis.run_metrics import compute_metrics
 from flexcam.dynamics import Cause, Status
+from flexcam.io.sweep_table import Column, SweepTable, read_table, write_table
 from flexcam.plotting import figures
 from flexcam.plotting.histories import last_revolution
 from flexcam.plotting.spectra import campbell_figure, waterfall_figure
-from flexcam.studies.tables import Column, SweepTable, read_table, write_table
 
 CASES = Path(__file__).parents[2] / "cases"
 ENGINE, BUCKET = CASES / "pushrod-engine/intake.toml", CASES / "direct-acting/bucket.toml"

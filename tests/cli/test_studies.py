@@ -18,10 +18,10 @@ import pytest
 
 from flexcam.analysis.natural_modes import modes
 from flexcam.case.reader import CaseFile, read_case
+from flexcam.case.variants import get_number
 from flexcam.dynamics import Status
-from flexcam.studies.evaluation import Row
-from flexcam.studies.evaluators import create_evaluator, evaluate_variant
-from flexcam.studies.quantities import get_number
+from flexcam.studies.plan import Row
+from flexcam.studies.quantities import create_evaluator, evaluate_variant
 
 ROOT = Path(__file__).resolve().parents[2]
 PUBLISHED = ROOT / "cases/tayeb/model-3-shm.toml"
@@ -397,7 +397,7 @@ def test_what_a_stopped_search_has_evaluated_is_kept(last, flexcam, oscillator, 
         evaluated.append(words)
         return evaluate_variant(*words)
 
-    monkeypatch.setattr("flexcam.studies.evaluators.evaluate_variant", stopping)
+    monkeypatch.setattr("flexcam.studies.quantities.evaluate_variant", stopping)
     told = ("--vary", "springs.one.stiffness=20:80kN/m", "--least", "springs.one.stiffness",
             "--evaluations", "40", "--subject", "frequency.1 >= 30 Hz",
             "-o", tmp_path / "best.toml", "--csv", tmp_path / "all.csv")  # fmt: skip
@@ -469,7 +469,7 @@ def test_what_a_stopped_study_has_evaluated_is_kept(kind, last, flexcam, oscilla
         evaluated.append(words)
         return evaluate_variant(*words)
 
-    monkeypatch.setattr("flexcam.studies.evaluators.evaluate_variant", stopping)
+    monkeypatch.setattr("flexcam.studies.quantities.evaluate_variant", stopping)
     command, *told = STUDIES[kind]
     case = PUBLISHED if kind == "derivatives" else oscillator
     done = flexcam(command, case, *told, "--csv", tmp_path / "all.csv", "--json")
@@ -495,7 +495,7 @@ def test_a_stopped_map_has_gaps(flexcam, tmp_path, monkeypatch):
             raise KeyboardInterrupt
         return rows.pop()
 
-    monkeypatch.setattr("flexcam.studies.evaluators.evaluate_variant", stopping)
+    monkeypatch.setattr("flexcam.studies.quantities.evaluate_variant", stopping)
     told = ("--over", "springs.valve.stiffness=45,65kN/m", "--and", "springs.valve.installed_force=300,500N")
     done = flexcam("limits", ENGINE, *told, "--limit", "buckling", "--csv", tmp_path / "map.csv", "--json")
     assert (done.code, done.json["status"]) == (130, "interrupted")
@@ -508,7 +508,7 @@ def test_a_search_stopped_before_its_first_variant(flexcam, oscillator, tmp_path
     def stopping(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("flexcam.studies.evaluators.evaluate_variant", stopping)
+    monkeypatch.setattr("flexcam.studies.quantities.evaluate_variant", stopping)
     told = ("--vary", "springs.one.stiffness=20:80kN/m", "--least", "springs.one.stiffness")
     done = flexcam("optimize", oscillator, *told, "--csv", tmp_path / "all.csv")
     assert done.code == 130

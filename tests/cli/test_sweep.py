@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from flexcam import InputError, read_result
-from flexcam.studies.tables import read_table
+from flexcam.io.sweep_table import read_table
 from tests.command import start
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flexcam import compare, prepare, read_case, run
-from flexcam.analysis.comparison import extract_histories
+from flexcam.analysis.histories import extract_histories
 from flexcam.dynamics import peak, turning_points, value_range
 from flexcam.dynamics.memory import ExtremesSink
 from flexcam.studies.evaluation import compute_scalars

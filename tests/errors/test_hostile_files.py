@@ -18,8 +18,8 @@ from flexcam.analysis.run import open_result_file
 from flexcam.case.reader import case_from_result
 from flexcam.dynamics import solve
 from flexcam.io import open_hdf5, verify_file, write_digest
+from flexcam.io.sweep_table import read_table
 from flexcam.report.content import load_subject
-from flexcam.studies.tables import read_table
 
 ROOT = Path(__file__).parents[2]
 

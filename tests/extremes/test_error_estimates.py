@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from flexcam import read_case
-from flexcam.analysis.comparison import distance
-from flexcam.analysis.model_choice import estimate_errors
-from flexcam.analysis.model_ladder import run_histories, steps_per_revolution_of, with_elements, with_steps
+from flexcam.analysis.histories import distance
+from flexcam.analysis.model_choice import estimate_errors, run_histories, steps_per_revolution_of
+from flexcam.case.variants import with_elements, with_steps
 
 TRAIN = """\
 format = 1

@@ -22,7 +22,7 @@ from flexcam.analysis.preparation import prepare
 from flexcam.analysis.run import open_result_file
 from flexcam.dynamics import solve
 from flexcam.io import Result
-from flexcam.studies.tables import SweepTable
+from flexcam.io.sweep_table import SweepTable
 
 ROOT = Path(__file__).parents[2]
 

@@ -31,7 +31,7 @@ from flexcam.core.errors import InputError
 from flexcam.dynamics import Response, RunFailedError, solve
 from flexcam.io import open_hdf5, read_lift, read_mesh, read_profile, read_result, write_digest
 from flexcam.io.hdf5 import READ_ERRORS
-from flexcam.studies.tables import read_table
+from flexcam.io.sweep_table import read_table
 from tests.fuzz import damage, mutate
 
 ROOT = Path(__file__).parents[2]

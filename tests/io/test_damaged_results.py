@@ -17,7 +17,7 @@ from flexcam.cli.main import main
 from flexcam.dynamics import solve
 from flexcam.io import verify_file
 from flexcam.io.hdf5 import datasets
-from flexcam.studies.tables import read_table
+from flexcam.io.sweep_table import read_table
 from tests.fuzz import damage
 
 ROOT = Path(__file__).parents[2]

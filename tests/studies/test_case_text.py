@@ -8,7 +8,7 @@ import pytest
 
 from flexcam import read_case
 from flexcam.case.reader import case_tables
-from flexcam.studies.evaluators import case_text
+from flexcam.case.variants import case_text
 
 CASE = Path(__file__).parents[2] / "cases/pushrod-engine/intake.toml"
 VALUES = (

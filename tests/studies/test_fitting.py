@@ -9,9 +9,9 @@ import pytest
 
 from flexcam import InputError
 from flexcam.dynamics import Cause, RunFailedError, Status
-from flexcam.studies.evaluation import Row
-from flexcam.studies.evaluators import Variable
 from flexcam.studies.fitting import Curve, Measurement, fit_curves
+from flexcam.studies.plan import Row
+from flexcam.studies.variables import Variable
 
 INSTANTS = np.linspace(0.0, 1.0, 21)
 

@@ -57,7 +57,7 @@ def test_a_stopped_run_stops_what_asked_for_it(study, monkeypatch):
 @pytest.mark.parametrize(
     ("where", "ask"),
     [
-        ("flexcam.analysis.model_ladder", lambda case: evaluate_ladder(case, "valve", repeats=1)),
+        ("flexcam.analysis.model_choice", lambda case: evaluate_ladder(case, "valve", repeats=1)),
         ("flexcam.studies.evaluation", lambda case: quantity_row(case, ["deviation.peak"])),
     ],
 )

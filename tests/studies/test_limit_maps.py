@@ -7,8 +7,8 @@ import numpy as np
 from flexcam import read_case
 from flexcam.cli.limits import limit_map_output
 from flexcam.dynamics import Status
-from flexcam.studies.evaluators import LimitMap, grid_plan
 from flexcam.studies.plan import parse_axis
+from flexcam.studies.quantities import LimitMap, grid_plan
 
 CASE = read_case(Path(__file__).parents[1] / "data/inline.toml")
 

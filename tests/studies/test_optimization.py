@@ -9,8 +9,6 @@ import pytest
 
 from flexcam.core.errors import InputError
 from flexcam.dynamics import Cause, Status
-from flexcam.studies.evaluation import Row
-from flexcam.studies.evaluators import Variable
 from flexcam.studies.optimization import (
     Goal,
     OptimizationProblem,
@@ -21,6 +19,8 @@ from flexcam.studies.optimization import (
     parse_constraint,
     parse_constraints,
 )
+from flexcam.studies.plan import Row
+from flexcam.studies.variables import Variable
 
 
 @dataclass

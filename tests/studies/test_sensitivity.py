@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
+from flexcam.case.variants import Number
 from flexcam.core import Triplets
-from flexcam.studies.quantities import Number
 from flexcam.studies.sensitivity import STEP_OFFSETS, Sensitivity, central_derivative, frequency_derivatives
 
 

@@ -20,12 +20,13 @@ from threadpoolctl import threadpool_info
 from flexcam import InputError, read_case
 from flexcam.case.reader import CaseFile
 from flexcam.dynamics import Cause, RunFailedError, Status
+from flexcam.io.sweep_table import write_hdf5
 from flexcam.studies import executors as workers_of
-from flexcam.studies.evaluation import Row, evaluate, evaluate_chunk
+from flexcam.studies.evaluation import evaluate, evaluate_chunk
 from flexcam.studies.executors import ClusterWorkers, Pool, ProcessWorkers, SerialWorkers, divide_variants, open_runner
-from flexcam.studies.plan import Bundle, Plan, make_bundle, parse_axes
+from flexcam.studies.journal import Journal
+from flexcam.studies.plan import Bundle, Plan, Row, make_bundle, parse_axes
 from flexcam.studies.sweep import chunk_size, make_sweep, run_sweep
-from flexcam.studies.tables import Journal, write_hdf5
 
 ROOT = Path(__file__).parents[2]
 TAYEB = ROOT / "cases/tayeb/model-1-shm.toml"

@@ -11,18 +11,17 @@ import pytest
 
 from flexcam import InputError, build_model, read_case, run
 from flexcam.dynamics import Cause, Status
-from flexcam.studies.evaluation import Row
-from flexcam.studies.plan import Plan, make_plan, parse_axes, parse_sample
-from flexcam.studies.tables import (
+from flexcam.io.sweep_table import (
     format_csv,
     history_dataset,
     is_scalar_prefix,
-    make_table,
     read_table,
     table_dataset,
     table_frame,
     write_table,
 )
+from flexcam.studies.journal import make_table
+from flexcam.studies.plan import Plan, Row, make_plan, parse_axes, parse_sample
 
 FAILED = Status(Cause.NOT_FINITE, 'it left, "far"\nµm', "a smaller step")
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flexcam import InputError, build_model, prepare, read_case, run
-from flexcam.analysis.preparation import compute_metrics
+from flexcam.analysis.run_metrics import compute_metrics
 
 DATA = Path(__file__).parents[1] / "data/every-contact.toml"
 FINGER = Path(__file__).parents[2] / "cases/direct-acting/finger.toml"

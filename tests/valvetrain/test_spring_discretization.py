@@ -10,12 +10,12 @@ import pytest
 from scipy.linalg import eigh
 
 from flexcam import build_model, prepare, read_case
-from flexcam.analysis.comparison import distance
-from flexcam.analysis.model_choice import estimate_errors
-from flexcam.analysis.model_ladder import run_histories, with_elements
+from flexcam.analysis.histories import distance
+from flexcam.analysis.model_choice import estimate_errors, run_histories
 from flexcam.cams import HarmonicLift
+from flexcam.case.variants import with_elements
 from flexcam.valvetrain import Spring, build_structure
-from flexcam.valvetrain.springs import count_spring_parts, surge_frequency
+from flexcam.valvetrain.spring_properties import count_spring_parts, surge_frequency
 
 FINGER = Path("cases/direct-acting/finger.toml")
 UP = np.eye(6)[1]

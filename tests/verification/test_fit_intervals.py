@@ -16,9 +16,10 @@ import pytest
 from scipy.stats import t as student
 
 from flexcam.case.reader import CaseFile
-from flexcam.studies.evaluators import PointEvaluator, open_evaluator, variables_of
+from flexcam.studies.executors import open_evaluator
 from flexcam.studies.fitting import Curve, Measurement, evaluate_curves, fit_curves
 from flexcam.studies.plan import make_bundle
+from flexcam.studies.variables import PointEvaluator, variables_of
 
 SOURCE = "Fits to synthetic measurements"
 TRUE = {"springs.one.stiffness": 42e3, "springs.one.damping": 6.0, "loads.push.force": -160.0}

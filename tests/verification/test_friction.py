@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from flexcam import InputError, build_model, prepare, read_case, solve
-from flexcam.analysis.preparation import compute_metrics
+from flexcam.analysis.run_metrics import compute_metrics
 
 SOURCE = "Friction of slides"
 OSCILLATOR = """

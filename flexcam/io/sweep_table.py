@@ -1,18 +1,13 @@
-"""Files of sweeps: the table with a row per variant, and the journal of finished rows.
+"""Table of a sweep with a row per variant: HDF5, CSV or Parquet files, and pandas or xarray objects.
 
-The table is written as HDF5, CSV or Parquet, and becomes a pandas or xarray object. The journal has a line of JSON per
-chunk, so that an interrupted sweep can be resumed; its first line identifies the plan. An incomplete last line after a
-crash is removed. Numbers are written so that reading them is exact.
+Numbers are written so that reading them is exact.
 """
 
 from __future__ import annotations
 
 import csv
-import hashlib
 import io
-import json
 import math
-import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -25,12 +20,18 @@ from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, format_shape, refuse, require_packages, suggest_name, system_message
 from flexcam.core.units import to_display_unit
 from flexcam.dynamics import Cause, Response, Status
-from flexcam.io import atomic_write_path, check_writable, create_folder, open_hdf5, open_with_lock, write_digest
 from flexcam.io import result_schema as schema
-from flexcam.io.hdf5 import read_numbers, read_text_column, read_texts, write_text_column, write_texts
+from flexcam.io.files import atomic_write_path, check_writable
+from flexcam.io.hdf5 import (
+    open_hdf5,
+    read_numbers,
+    read_text_column,
+    read_texts,
+    write_digest,
+    write_text_column,
+    write_texts,
+)
 from flexcam.io.result_reader import check_integrity
-from flexcam.studies.evaluation import Row
-from flexcam.studies.plan import Plan
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -93,25 +94,6 @@ class SweepTable:
             raise InputError(unknown_scalar_fault(name, self.scalars) for name in unknown)
         kept = {one: values for name in names for one, values in self.scalars.items() if _is_prefix(one, name)}
         return replace(self, scalars=kept, units={name: self.units[name] for name in kept})
-
-
-def make_table(plan: Plan, rows: Sequence[Row], about: Mapping[str, str] | None = None) -> SweepTable:
-    """Return the table of a plan."""
-    units = {name: unit for row in reversed(rows) for name, unit in row.units.items()}
-    names = list(dict.fromkeys(name for row in rows for name in row.scalars))
-    scalars = {name: np.array([row.scalars.get(name, np.nan) for row in rows], dtype=float) for name in names}
-    shape = plan.shape if plan.sample is None else ()
-    statuses = tuple(row.status for row in rows)
-    return SweepTable(_inputs(plan), scalars, {name: units[name] for name in names}, statuses, shape, about or {})
-
-
-def _inputs(plan: Plan) -> tuple[Column, ...]:
-    columns: list[Column] = []
-    for axis, values in zip(plan.varied_axes, zip(*plan.points, strict=True), strict=True):
-        numbers = [value.number for value in values if value.number is not None]
-        column = np.array(numbers, dtype=float) if axis.is_numeric else tuple(value.text for value in values)
-        columns.append(Column(axis.key, axis.unit if axis.is_numeric else "", column))
-    return tuple(columns)
 
 
 def _is_prefix(name: str, asked: str) -> bool:
@@ -322,121 +304,3 @@ def _parse_column(title: str, texts: Sequence[str]) -> Column:
         return Column(name, unit, np.array([float(text or "nan") for text in texts]))
     except ValueError:
         return Column(name, "", tuple(texts))
-
-
-_WORDS = {
-    "format": "the format of the journal",
-    "flexcam": "the version of flexcam",
-    "case": "the case, or a file it names",
-    "plan": "the keys, their values, or how they are sampled",
-    "histories": "whether histories are kept",
-    "channels": "whether scalars other than those of the probes are computed",
-}
-"""Descriptions of the facts that identify a journal."""
-
-
-class Journal:
-    """Journal of a sweep, open for further rows.
-
-    `belongs` identifies the sweep; `rows` are those read from an existing journal, by the index of their chunk.
-    """
-
-    def __init__(
-        self, path: Path, belongs: Mapping[str, Any], *, resume: bool = False, overwrite: bool = False
-    ) -> None:
-        if path.exists() and not (resume or overwrite):
-            why, remedy = "a sweep was begun here", "--resume finishes it, --overwrite starts again"
-            raise refuse("journal", str(path), "none, or --resume", why, remedy)
-        create_folder(path.parent)
-        self._path, self._head, self._fresh = path, dict(belongs), True
-        try:
-            self._file = open_with_lock(path)
-        except BlockingIOError:
-            allowed, why = "one that no other process writes", "another sweep is running here"
-            raise refuse("journal", str(path), allowed, why, "wait for it") from None
-        except OSError as fault:
-            raise refuse("journal", str(path), "a file that can be written", system_message(fault)) from None
-        try:
-            self.rows, self._end = _read_journal(path, belongs) if resume else (dict[int, list[Row]](), 0)
-        except InputError:
-            self.close()
-            raise
-
-    def add(self, index: int, rows: Sequence[Row]) -> None:
-        """Append the rows of a chunk and flush them to disk."""
-        if self._fresh:  # an existing file is kept until there are new rows
-            os.ftruncate(self._file, self._end)
-            os.lseek(self._file, self._end, os.SEEK_SET)
-            self._fresh = False
-            if not self._end:
-                self._line(self._head)
-        units = {name: unit for row in rows for name, unit in row.units.items()}
-        self._line({"chunk": index, "units": units, "rows": [_format_row(row) for row in rows]})
-
-    def close(self) -> None:
-        """Close the file; an empty journal is removed."""
-        if not os.fstat(self._file).st_size:
-            self._path.unlink(missing_ok=True)
-        os.close(self._file)
-
-    def _line(self, content: Mapping[str, Any]) -> None:
-        left = (json.dumps({**content, "digest": _line_digest(content)}, allow_nan=False) + "\n").encode()
-        while left:
-            left = left[os.write(self._file, left) :]
-        os.fsync(self._file)
-
-
-def _line_digest(content: Mapping[str, Any]) -> str:
-    """Return the checksum of a line of a journal; reading and writing JSON again gives the same text."""
-    return hashlib.sha256(json.dumps(content).encode()).hexdigest()
-
-
-def journal_contains(path: Path, fact: str) -> bool:
-    """Return whether an existing journal contains a given fact in its identification."""
-    try:
-        with path.open("rb") as file:
-            return json.loads(file.readline())[fact] is True
-    except (OSError, ValueError, KeyError, TypeError):
-        return False
-
-
-def _read_journal(path: Path, belongs: Mapping[str, Any]) -> tuple[dict[int, list[Row]], int]:
-    """Return the rows of a journal, and the length of its complete lines in bytes."""
-    content = path.read_bytes()
-    end = content.rfind(b"\n") + 1
-    lines = content[:end].splitlines()
-    if not lines:
-        return {}, 0
-    try:
-        head, *chunks = [_parse_line(line) for line in lines]
-        other = [words for name, words in _WORDS.items() if head.get(name) != belongs.get(name)]
-        if other:
-            given, why = f"{path}, of another sweep", f"what differs: {'; '.join(other)}"
-            remedy = "--overwrite starts again; or name another folder"
-            raise refuse("journal", given, "the journal of this sweep", why, remedy)
-        return {int(one["chunk"]): [_parse_row(row, one["units"]) for row in one["rows"]] for one in chunks}, end
-    except (ValueError, KeyError, TypeError, AttributeError) as fault:
-        if isinstance(fault, InputError):
-            raise
-        why = f"it is damaged: {fault}"
-        raise refuse("journal", str(path), "the journal of a sweep", why, "--overwrite starts again") from None
-
-
-def _parse_line(line: bytes) -> dict[str, Any]:
-    content = json.loads(line)
-    if content.pop("digest", "") != _line_digest(content):
-        raise ValueError("a line has changed since it was written")
-    return content
-
-
-def _format_row(row: Row) -> dict[str, Any]:
-    status = row.status
-    return {
-        "cause": str(status.cause), "text": status.text, "remedy": status.remedy,
-        "scalars": dict(row.scalars), "seconds": round(row.seconds, 3),
-    }  # fmt: skip
-
-
-def _parse_row(raw: Mapping[str, Any], units: Mapping[str, str]) -> Row:
-    status, scalars = Status(Cause(raw["cause"]), raw["text"], raw["remedy"]), raw["scalars"]
-    return Row(status, scalars, {name: units[name] for name in scalars}, raw["seconds"])

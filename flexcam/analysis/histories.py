@@ -1,0 +1,114 @@
+"""Histories of the quantities of a run, and the distance between two runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from flexcam.core import FloatArray
+from flexcam.core.errors import refuse
+from flexcam.dynamics import SLOPES, Block, History, Response, Series, peak, value_range
+
+_INSTANT_TOLERANCE = 1e-6  # tolerance for equal instants relative to a step
+
+Norm = Literal["max", "rms"]
+"""Norm of the difference of two histories: maximum or root mean square."""
+
+_MOTIONS = {"lift": "displacement", "velocity": "velocity", "acceleration": "acceleration"}
+_UNITS = {"lift": "m", "velocity": "m/s", "acceleration": "m/s^2"}
+
+
+@dataclass(frozen=True, eq=False)
+class Histories:
+    """Histories of a run by quantity, at common instants."""
+
+    time: FloatArray  #: instants, s, shape (m,)
+    #: history by quantity, SI, shape (m,): ``lift``, ``velocity`` and ``acceleration`` of the probe, ``force NAME`` of
+    #: every contact
+    values: Mapping[str, FloatArray]
+    #: rate of a quantity that is cubic between two instants, by name, shape (m,); other quantities are linear there
+    slopes: Mapping[str, FloatArray] = field(default_factory=dict[str, FloatArray])
+
+    def unit(self, quantity: str) -> str:
+        """Return the SI unit of a quantity."""
+        return _UNITS.get(quantity, "N")
+
+    def size(self, quantity: str) -> float:
+        """Return the maximum absolute value of a quantity; for the lift its range, unless it is constant."""
+        history = self.time, self.values[quantity], self.slopes.get(quantity)
+        moved = value_range(*history) if quantity == "lift" else 0.0
+        return moved or peak(*history)[0]
+
+
+def scalar_history(response: Response, probe: str) -> History:
+    """Return the history of a scalar probe."""
+    history = response[probe]
+    if history.displacement.ndim != 1:
+        raise refuse("probe", repr(probe), "one scalar: " + ", ".join(f"{probe}.{c}" for c in history.components))
+    return history
+
+
+def extract_histories(response: Response, probe: str) -> Histories:
+    """Return the compared histories of a run."""
+    history = scalar_history(response, probe)
+    motions: dict[str, FloatArray] = {name: getattr(history, series) for name, series in _MOTIONS.items()}
+    slopes = {name: getattr(history, SLOPES[series]) for name, series in _MOTIONS.items() if series in SLOPES}
+    forces = {
+        f"force {name.split('.')[1]}": values
+        for name, values in response.channels.items()
+        if name.startswith("contacts.") and name.endswith(".force")
+    }
+    return Histories(response.time, {**motions, **forces}, slopes)
+
+
+def select_norm(quantity: str, asked: Norm | None) -> Norm:
+    """Return the norm for the error of a quantity: the requested one, else the maximum for a force.
+
+    The maximum is the relevant measure of a force; an impact of a few steps hardly affects its root mean square.
+    """
+    return asked or ("max" if quantity.startswith("force") else "rms")
+
+
+def distance(one: Histories, other: Histories, *, norm: Norm | None = "max") -> dict[str, float]:
+    """Return the difference of two runs by quantity, SI; without a norm each in the norm of `select_norm`.
+
+    Root mean squares use the common instants. Maxima do too, except for motions with slopes, which use all instants of
+    the finer run; they are not less than the difference of the maxima of both runs.
+    """
+    fine, coarse = (one, other) if len(one.time) >= len(other.time) else (other, one)
+    step, shorter = (float(np.ptp(part.time)) / max(len(part.time) - 1, 1) for part in (coarse, fine))
+    every = max(round(step / shorter), 1) if shorter > 0.0 else 1
+    count = min(len(coarse.time), (len(fine.time) - 1) // every + 1)
+    if np.abs(fine.time[::every][:count] - coarse.time[:count]).max(initial=0.0) > _INSTANT_TOLERANCE * step:
+        raise refuse("responses", "instants that differ", "one step a multiple of the other")
+    found: dict[str, float] = {}
+    for name in (name for name in coarse.values if name in fine.values):
+        difference = fine.values[name][::every][:count] - coarse.values[name][:count]
+        if select_norm(name, norm) == "max":
+            found[name] = _maximum_difference(fine, coarse, name, difference)
+        else:
+            found[name] = float(np.sqrt(np.mean(difference**2))) if count else 0.0
+    return found
+
+
+def _maximum_difference(fine: Histories, coarse: Histories, name: str, difference: FloatArray) -> float:
+    """Return the maximum difference of a quantity, given the difference at common instants."""
+    found = max(float(np.abs(difference).max(initial=0.0)), abs(fine.size(name) - coarse.size(name)))
+    slopes = coarse.slopes.get(name)
+    if slopes is None or len(coarse.time) < 2:
+        return found
+    both = fine.time <= coarse.time[-1]
+    values, rates = coarse.values[name][:, None], slopes[:, None]
+    between = Series(values, rates, np.zeros_like(rates)).interpolate(coarse.time, fine.time[both]).displacement[:, 0]
+    return max(found, float(np.abs(fine.values[name][both] - between).max(initial=0.0)))
+
+
+def response_block(response: Response) -> Block:
+    """Return a response as one block, for sinks."""
+    rows = [response.channels[name] for name, _ in response.outline.channels]
+    channels = np.column_stack(rows) if rows else np.zeros((len(response.time), 0))
+    saved = response.field_time, response.field_angle, response.fields
+    return Block(response.time, response.angle, response.probes, channels, *saved)

@@ -1,0 +1,269 @@
+"""Variants of a case: other numbers by key, other steps and elements, and the text of a changed case."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import reduce
+from operator import getitem
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from flexcam.case.builder import build_model
+from flexcam.case.case import Case
+from flexcam.case.reader import CaseFile, case_tables
+from flexcam.case.records import find_unit
+from flexcam.case.repetition import name_pattern
+from flexcam.case.schema.run import GivenStartRecord
+from flexcam.core import FloatArray
+from flexcam.core.errors import InputError, refuse, suggest_name
+from flexcam.fem.recovery import deflection
+from flexcam.io import find_referenced_file, format_toml
+from flexcam.valvetrain import Structure, build_structure
+from flexcam.valvetrain.structure import inner_name, spring_parts
+
+
+@dataclass(frozen=True)
+class Number:
+    """Number of a case."""
+
+    key: str  #: key, such as ``springs.valve.stiffness``; an element of a list has its index: ``rockers.rocker.arms.1``
+    value: float  #: value, SI
+    unit: str  #: SI unit; empty for a dimensionless number, ``SI`` if it cannot be determined
+
+
+def get_number(case: Case, key: str, where: str) -> Number:
+    """Return a number of a case by key."""
+    known = dict(_iterate_values(case.record.model_dump(mode="json", by_alias=True), ""))
+    numbers = [name for name, value in known.items() if isinstance(value, float)]
+    copies = [key] if key in known else [name for name in known if name_pattern(key).fullmatch(name)]
+    if not copies:
+        near = suggest_name(key, numbers) or suggest_name(
+            key.rpartition(".")[2], [n.rpartition(".")[2] for n in numbers]
+        )
+        allowed = f"the key of a number of the case, such as {', '.join(numbers[:6])}"
+        raise refuse(where, repr(key), allowed, "there is no such key", near or "flexcam check --echo prints them all")
+    value = known[copies[0]]
+    if different := [name for name in copies if known[name] != value]:
+        given = f"{known[different[0]]!r} for {different[0]} and {value!r} for {copies[0]}"
+        raise refuse(where, given, "a number that all copies share", "one value replaces all", "name one of the copies")
+    if not isinstance(value, float):
+        given = f"{key} = {value!r}" if value is not None else f"{key}, which is not given"
+        why = "" if value is None else "a whole number, a choice or a switch has no derivative"
+        remedy = "give it a number" if value is None else "compare its values with flexcam sweep"
+        raise refuse(where, given, "the key of a number that may have decimals", why, remedy)
+    unit = find_unit(case.record, copies[0].split("."))
+    return Number(key, value, "SI" if unit is None else unit)
+
+
+def _iterate_values(value: object, path: str) -> Iterator[tuple[str, object]]:
+    """Yield dotted key and value in nested tables and lists."""
+    if isinstance(value, dict):
+        inner = cast("dict[str, object]", value)
+    elif isinstance(value, list):
+        inner = {str(i): one for i, one in enumerate(cast("list[object]", value))}
+    else:
+        yield path, value
+        return
+    for name, one in inner.items():
+        yield from _iterate_values(one, f"{path}.{name}" if path else name)
+
+
+def make_overrides(case: Case, values: Mapping[str, str]) -> tuple[str, ...]:
+    """Return the overrides that set values of a case; a list is written in full with its other elements."""
+    record = case.record.model_dump(mode="json", by_alias=True)
+    lists: dict[str, list[Any]] = {}
+    found: dict[str, str] = {}
+    for key, text in values.items():
+        parent, _, last = key.rpartition(".")
+        if not (last.isdigit() and isinstance(there := _at(record, parent), list)):
+            found[key] = text
+            continue
+        changed = lists.setdefault(parent, [*cast("list[Any]", there)])
+        changed[int(last)] = _number_or_text(text)
+        found[parent] = json.dumps(changed, ensure_ascii=False)
+    return tuple(f"{key}={text}" for key, text in found.items())
+
+
+def _at(record: Mapping[str, Any], path: str) -> object:
+    value: object = record
+    for step in path.split("."):
+        value = cast("dict[str, object]", value).get(step) if isinstance(value, dict) else None
+    return value
+
+
+def _number_or_text(text: str) -> float | str:
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def number_after_override(case: Case, key: str, text: str, where: str) -> float:
+    """Return the number of a case after replacing it by a text."""
+    try:
+        there = CaseFile.of(case).read((*case.overrides, *make_overrides(case, {key: text})))
+    except InputError as refusal:
+        raise InputError(replace(fault, where=where) for fault in refusal.faults) from None
+    return get_number(there, key, where).value
+
+
+def case_text(case: Case, target: Path, comments: Sequence[str] = ()) -> str:
+    """Return a case with its overrides as TOML for another folder, with the comments of the case file."""
+    record = cast("dict[str, Any]", _relocate_file_names(case_tables(case), case.path, target.parent))
+    head = "".join(f"# {line}\n" for line in comments)
+    return head + (_edit_text(case.text, record) or format_toml(record))
+
+
+_VALUE = r"""("[^"\n]*"|'[^'\n]*'|\[[^\]\n]*\]|[^\s,#"'\[\]{}]+)"""
+"""Value on one line in a TOML file."""
+
+
+def _edit_text(text: str, wanted: Mapping[str, Any]) -> str | None:
+    """Return the text of a case with given tables, edited by value; None if this needs more than single values."""
+    left = list(_changed_keys(tomllib.loads(text), wanted))
+    while left:
+        keys, left = left[0], left[1:]
+        value = reduce(getitem, keys, cast("Any", wanted)) if keys else None
+        texts = () if value is None or isinstance(value, dict) else _edits(text, keys[-1], value)
+        found = next((one for one in texts if list(_changed_keys(tomllib.loads(one), wanted)) == left), None)
+        if found is None:
+            return None
+        text = found
+    return text
+
+
+def _changed_keys(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
+    """Yield the paths of changed and new values; an empty one for a removed value."""
+    for key in {**old, **new}:
+        if key not in new:
+            yield ()
+        elif isinstance(old.get(key), dict) and isinstance(new[key], dict):
+            yield from ((key, *inner) if inner else () for inner in _changed_keys(old[key], new[key]))
+        elif key not in old or old[key] != new[key]:
+            yield (key,)
+
+
+def _edits(text: str, key: str, value: object) -> Iterator[str]:
+    """Yield valid texts with one value of a key replaced, then with the key added to a table."""
+    entry = format_toml({key: value}).strip()
+    name, _, new = entry.partition(" = ")
+    values = re.finditer(rf"(?:^|[\s{{,.]){re.escape(name)}\s*=\s*{_VALUE}", text, re.MULTILINE)
+    heads = re.finditer(r"^\[[^\n]*\n", text, re.MULTILINE)
+    changes = [(*one.span(1), new) for one in values] + [(one.end(), one.end(), entry + "\n") for one in heads]
+    for start, end, inserted in changes:
+        edited = text[:start] + inserted + text[end:]
+        with suppress(ValueError):  # a table that already has the key
+            tomllib.loads(edited)
+            yield edited
+
+
+def _relocate_file_names(value: object, case: Path, new: Path) -> object:
+    """Adapt the relative file names in raw tables to another folder."""
+    if isinstance(value, dict):
+        return {name: _relocate_file_names(one, case, new) for name, one in cast("dict[str, object]", value).items()}
+    if isinstance(value, list):
+        return [_relocate_file_names(one, case, new) for one in cast("list[object]", value)]
+    if isinstance(value, str) and Path(value).suffix and not os.path.isabs(value):
+        old = find_referenced_file(case, value)
+        return value if old is None else Path(os.path.relpath(old, new)).as_posix()
+    return value
+
+
+def map_initial_state(case: Case, other: Case) -> Case:
+    """Return a case with the initial state of another one, where that is given at nodes.
+
+    Points between two nodes of a member follow the shape functions of its elements: otherwise a finer mesh would have
+    points at rest between moving ones, and start with an impact that the given mesh does not have. Between the ends of
+    a spring part the motion is linear.
+    """
+    start = case.record.run.start
+    if not isinstance(start, GivenStartRecord):
+        return other
+    structure, its = (build_structure(build_model(one)) for one in (case, other))
+    parts = {name: (one.elements, other.record.members[name].elements) for name, one in case.record.members.items()}
+    seen = [_map_nodal_values(structure, its, parts, values) for values in (start.displacement, start.velocity)]
+    return other.with_run({"start": GivenStartRecord(displacement=seen[0], velocity=seen[1])})
+
+
+def _map_nodal_values(
+    structure: Structure, its: Structure, parts: Mapping[str, tuple[int, int]], values: Mapping[str, float]
+) -> dict[str, float]:
+    """Map named values from one mesh to another; values that do not belong to nodes are unchanged."""
+    names, mesh = structure.dofs.names, structure.model.mesh
+    on_nodes = names[: int((structure.dofs.numbers >= 0).sum())]
+    row = np.array([values.get(name, 0.0) if name in on_nodes else 0.0 for name in names])
+    nodal = structure.dofs.nodal(row)
+    found, given = np.zeros((len(its.model.mesh.nodes), 6)), len(mesh.nodes)
+    for name, elements in mesh.element_ranges().items():
+        found[its.model.mesh.lines[name]] = _interpolate_member(structure, nodal, elements, *parts[name])
+        given -= (elements.stop - elements.start) // parts[name][0] * (parts[name][0] - 1)
+    found[:given] = nodal[:given]  # the nodes of the case come first in all its meshes
+    free = its.dofs.numbers >= 0
+    numbers: list[int] = its.dofs.numbers[free].tolist()
+    amounts: list[float] = found[free].tolist()
+    moved = {its.dofs.names[i]: x for i, x in zip(numbers, amounts, strict=True) if x}
+    beside = {name: value for name, value in values.items() if name not in on_nodes}
+    return moved | _map_spring_values(structure, its, values, beside)
+
+
+def _map_spring_values(
+    structure: Structure, its: Structure, values: Mapping[str, float], beside: Mapping[str, float]
+) -> dict[str, float]:
+    """Map values of internal spring nodes to springs with another number of parts."""
+    found, row = dict(beside), np.array([values.get(name, 0.0) for name in structure.dofs.names])
+    for name, spring in structure.model.springs.items():
+        own, parts = spring.elements, its.model.springs[name].elements
+        if own == parts:
+            continue
+        ends = spring_parts(structure, name, spring)
+        line = [float(ends[0][0] @ row), *(float(high @ row) for _, high in ends)]
+        for i in range(1, own):
+            found.pop(inner_name(name, i), None)
+        inner = np.interp(np.arange(1, parts) / parts, np.arange(own + 1) / own, line).tolist()
+        found |= {inner_name(name, i): value for i, value in enumerate(inner, start=1) if value}
+    return found
+
+
+def _interpolate_member(structure: Structure, nodal: FloatArray, elements: slice, parts: int, other: int) -> FloatArray:
+    """Return the motion at the nodes of a member that has `other` elements per segment instead of `parts`."""
+    local = deflection(structure.beams, nodal, other, elements)
+    triads = structure.beams.triads[elements]
+    turned = [np.einsum("eji,epj->epi", triads, local[..., kind]) for kind in (slice(0, 3), slice(3, 6))]
+    whole = np.concatenate(turned, axis=-1)
+    line = np.concatenate([whole[:, :-1].reshape(-1, 6), whole[-1:, -1]])
+    return line[::parts]
+
+
+def with_steps(case: Case, per_revolution: int) -> Case:
+    """Return a case with another number of steps per revolution."""
+    return case.with_run({"steps_per_revolution": per_revolution, "step": None})
+
+
+def with_elements(case: Case, factor: int | None = None, each: int | None = None) -> Case:
+    """Return a case with another number of elements per segment of its members and springs."""
+    members = {
+        name: one.model_copy(update={"elements": each or one.elements * (factor or 1)})
+        for name, one in case.record.members.items()
+    }
+    springs = case.record.springs | {
+        name: one.model_copy(update={"elements": one.elements * (factor or 1)})
+        for name, one in case.record.springs.items()
+        if one.part.mass or one.elements > 1
+    }
+    made = replace(case, record=case.record.model_copy(update={"members": members, "springs": springs}))
+    return map_initial_state(case, made)
+
+
+def with_beam_model(case: Case) -> Case:
+    """Return a case with all degrees of freedom of its beams, regardless of its fidelity."""
+    return case.with_fidelity(
+        {"model": "beams", "tolerance": None, "estimate": False, "modes": None, "reduction": "modes"}
+    )

@@ -1,0 +1,84 @@
+"""Options of the commands that run a case many times, and the case that they vary."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Group, Parameter
+
+from flexcam.analysis.limits import Search
+from flexcam.analysis.run import check_case_resources
+from flexcam.case.reader import CaseFile as OpenCase
+from flexcam.case.variants import case_text
+from flexcam.cli import app as cli
+from flexcam.dynamics import RunFailedError, reraise_interrupt
+from flexcam.io import write_text
+from flexcam.report.terminal import show_count
+from flexcam.studies.quantities import Quantity, check_names, compute_quantities, create_evaluator, frequency_number
+from flexcam.studies.variables import Runs
+
+_LIMITS = Group("Speed range of results limits.NAME (as in flexcam limits)", sort_key=2)
+
+WorkerCount = Annotated[int, Parameter("--workers", help="Number of processes that evaluate variants.")]
+Lowest = Annotated[str | None, Parameter("--lowest", group=_LIMITS, help="Lowest speed; half the case's by default.")]
+Highest = Annotated[
+    str | None, Parameter("--highest", group=_LIMITS, help="Highest speed; twice the case's by default.")
+]
+LimitAccuracy = Annotated[cli.Accuracy, Parameter(group=_LIMITS)]
+
+
+class StudyOptions:
+    """Case and options of a study."""
+
+    def __init__(
+        self, path: Path, overrides: Sequence[str] | None, names: Sequence[str],
+        lowest: str | None, highest: str | None, accuracy: str, *, option: str, workers: int, allow_large: bool,
+    ) -> None:  # fmt: skip
+        self.file, self.fixed = OpenCase.open(path), tuple(overrides or ())
+        self.case = self.file.read(self.fixed)
+        cli.warn_ignored_keys(self.fixed, self.case)
+        self.names, self.workers = tuple(dict.fromkeys(names)), workers
+        of_limits = any(name.startswith("limits.") for name in names)
+        for end, given in (("--lowest", lowest), ("--highest", highest)):
+            cli.refuse_without(end, given, "limits.NAME", present=of_limits)
+        low, high = cli.speed_range(lowest, highest, 2, self.case, most=2.0)
+        self.search = Search(low, high, cli.parse_accuracy(accuracy, self.case.turns))
+        check_names(self.case, self.names, option)
+        if not allow_large and any(frequency_number(name) is None for name in names):
+            check_case_resources(self.case, together=workers)
+
+    def initial_quantities(self, count: int) -> dict[str, Quantity]:
+        """Return the requested quantities of the unchanged case; unknown names raise an error."""
+        try:
+            return compute_quantities(self.case, self.names, self.search, count)
+        except RunFailedError as failure:
+            reraise_interrupt(failure.status)
+            raise
+
+    @contextmanager
+    def evaluators(self, count: int, names: Sequence[str] | None = None) -> Generator[Runs]:
+        """Yield the function that evaluates variants, with a progress display."""
+        asked = self.names if names is None else names
+        with (
+            show_count(count if asked else 0, "variants") as shown,
+            create_evaluator(
+                self.file, self.fixed, asked, self.search, workers=self.workers, runs=count, advance=shown
+            ) as runs,
+        ):
+            yield runs
+
+
+Vary = Annotated[
+    list[str], Parameter("--vary", help="Value of the case and its interval: KEY=LOW:HIGHunit. Repeatable.")
+]
+NewCase = Annotated[Path | None, Parameter(["-o", "--output"], help="Also write the best variant to this case file.")]
+
+
+def write_variant(file: OpenCase, overrides: Sequence[str], target: Path, title: str, *, overwrite: bool) -> list[Path]:
+    """Write a variant of a case as a case file, and return its path."""
+    head = (title, *(f"  --set {one}" for one in overrides))
+    write_text(target, case_text(file.read(overrides), target, head), overwrite=overwrite)
+    return [target]

@@ -1,0 +1,191 @@
+"""Variables of a study, and the evaluation of its points by a function that evaluates variants."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flexcam.case.case import Case
+from flexcam.case.records import find_unit
+from flexcam.case.variants import get_number, make_overrides, number_after_override
+from flexcam.core import FloatArray
+from flexcam.core.errors import Fault, InputError, parse_all, refuse
+from flexcam.core.units import DIMENSIONS
+from flexcam.dynamics import Cause, Status
+from flexcam.studies.plan import Axis, Row, parse_axis
+
+_DIGITS = 15
+
+
+@dataclass(frozen=True)
+class Variable:
+    """Number of a case varied by a study."""
+
+    key: str  #: key of the case
+    low: float  #: limits in its unit
+    high: float
+    unit: str = ""  #: unit as given, else the SI unit; empty for a dimensionless number
+    start: float | None = None  #: value of the case as a fraction of the interval; None if not known
+
+    def text(self, value: float) -> str:
+        """Return a value as text for an override."""
+        return f"{value:.{_DIGITS}g}{self.unit}"
+
+
+def variables_of(case: Case, settings: Sequence[str], option: str) -> tuple[Variable, ...]:
+    """Return the variables of ``KEY=LOW:HIGHunit`` texts."""
+    found, faults = parse_all(lambda setting: _variable(case, setting, f"{option} {setting}"), settings)
+    faults += duplicate_key_faults(option, [one.key for one in found])
+    if faults:
+        raise InputError(faults)
+    return tuple(found)
+
+
+def duplicate_key_faults(option: str, keys: Sequence[str]) -> list[Fault]:
+    """Return a fault for every key given more than once."""
+    twice = dict.fromkeys(key for key in keys if keys.count(key) > 1)
+    return [Fault(option, repr(key), "every key once", "it is given twice", "") for key in twice]
+
+
+def _variable(case: Case, setting: str, where: str) -> Variable:
+    key, _, spec = (part.strip() for part in setting.partition("="))
+    number = get_number(case, key, where)  # raises an error for an unknown key
+    if not spec:
+        raise refuse(where, "no interval", f"{key}=LOW:HIGHunit, such as {key}=0.9:1.1{number.unit.removeprefix('SI')}")
+    ends = parse_axis(key, spec, where=where)
+    low, *_, high = ends.values[0], ends.values[-1]
+    if not ends.interval or low.number is None or high.number is None:
+        raise refuse(where, repr(spec), "an interval such as 30:60 kN/m", "the search takes any value inside it")
+    require_unit(case, ends)
+    first, last = (number_after_override(case, key, end.text, where) for end in (low, high))
+    start = (number.value - first) / (last - first) if last != first else None
+    return Variable(key, low.number, high.number, ends.unit or number.unit.removeprefix("SI"), start)
+
+
+def require_unit(case: Case, axis: Axis) -> None:
+    """Raise an error if the numbers of an axis lack the unit of their key."""
+    unit = find_unit(case.record, axis.key.split("."))
+    if unit and axis.is_numeric and not axis.unit:
+        example = next((kind.example for kind in DIMENSIONS.values() if kind.si == unit), f"1 {unit}")
+        given, allowed = "numbers without a unit", f"numbers with a unit, such as that of {example!r}"
+        raise refuse(axis.where, given, allowed, "", "write the unit after the last number")
+
+
+def require_units(case: Case, axes: Iterable[Axis]) -> None:
+    """Raise an error if the numbers of a varied axis lack the unit of their key."""
+    for one in axes:
+        if one.is_varied:
+            require_unit(case, one)
+
+
+Runs = Callable[[Sequence[tuple[str, ...]]], Iterator[Row]]
+"""Function that evaluates variants given by their overrides, serially or in parallel. It yields rows in the order of
+the variants as soon as they are finished, so that an interrupted study keeps the finished ones.
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class PointEvaluator:
+    """Evaluates points of the variables of a study."""
+
+    case: Case  #: unchanged case
+    variables: tuple[Variable, ...]  #: variables of the study
+    runs: Runs  #: function that evaluates variants
+
+    def overrides(self, point: FloatArray) -> tuple[str, ...]:
+        """Return the overrides at a point, shape (k,), with values in the units of the variables."""
+        pairs = zip(self.variables, np.asarray(point).tolist(), strict=True)
+        return make_overrides(self.case, {one.key: one.text(value) for one, value in pairs})
+
+    def iterate_rows(self, points: FloatArray) -> Iterator[Row]:
+        """Yield the rows of points of shape (m, k) as soon as they are finished; equal points are evaluated once."""
+        variants = [self.overrides(point) for point in np.asarray(points)]
+        known: dict[tuple[str, ...], Row] = {}
+        new = iter(self.runs(list(dict.fromkeys(variants))))
+        for variant in variants:
+            if variant not in known:
+                known[variant] = next(new)
+            yield known[variant]
+
+    def rows(self, points: FloatArray) -> list[Row]:
+        """Return the rows of points of shape (m, k)."""
+        return list(self.iterate_rows(points))
+
+
+def column(rows: Sequence[Row], name: str) -> FloatArray:
+    """Return one quantity of several rows, shape (rows,)."""
+    return np.array([row.scalars.get(name, np.nan) for row in rows], dtype=float)
+
+
+_NOT_RUN = Row(Status(Cause.INTERRUPTED, "the study was stopped before its turn", "run the study again"))
+
+
+class InterruptibleRuns:
+    """Evaluates variants; after Ctrl-C the remaining variants have a row with the status of an interrupted run."""
+
+    def __init__(self, runs: Runs) -> None:
+        self._runs = runs
+        self.done = self.asked = 0
+
+    def __call__(self, variants: Sequence[tuple[str, ...]]) -> Iterator[Row]:
+        """Yield a row per variant; Ctrl-C before the first row is raised, as there are no results to keep."""
+        self.asked += len(variants)
+        left = len(variants)
+        try:
+            for row in self._runs(variants):
+                self.done += 1
+                left -= 1
+                yield row
+        except KeyboardInterrupt:
+            if not self.done:
+                raise
+        yield from [_NOT_RUN] * left
+
+    @property
+    def is_interrupted(self) -> bool:
+        """Return whether some requested variants are not finished."""
+        return self.done < self.asked
+
+    @property
+    def status(self) -> Status:
+        """Status of the study."""
+        if not self.is_interrupted:
+            return Status()
+        text = f"stopped by the user after {self.done} of {self.asked} variants; the results are of these alone"
+        return Status(Cause.INTERRUPTED, text, "the same command evaluates all of them")
+
+
+@dataclass(frozen=True)
+class WorstCase:
+    """Worst result of a variant under several conditions, such as the speeds of a band."""
+
+    conditions: tuple[tuple[str, ...], ...]  #: overrides of each condition
+    largest: Mapping[str, bool]  #: whether the largest value of a quantity is the worst, otherwise the smallest
+
+    def over(self, runs: Runs) -> Runs:
+        """Return a function that evaluates variants under all conditions and yields a row for each variant."""
+
+        def worst(variants: Sequence[tuple[str, ...]]) -> Iterator[Row]:
+            rows = iter(runs([(*variant, *one) for variant in variants for one in self.conditions]))
+            for _ in variants:
+                yield self.combine([next(rows) for _ in self.conditions])
+
+        return worst
+
+    def combine(self, rows: Sequence[Row]) -> Row:
+        """Return the worst values of several rows; a row that failed is the worst of all."""
+        for row in rows:
+            if not row.status.ok:
+                return row
+        return replace(rows[0], scalars={
+            name: rows[self.worst(name, [row.scalars.get(name, np.nan) for row in rows])].scalars[name]
+            for name in rows[0].scalars
+            if all(name in row.scalars for row in rows)
+        })  # fmt: skip
+
+    def worst(self, name: str, values: Sequence[float]) -> int:
+        """Return the position of the worst of the values of a quantity, the first missing one if there is any."""
+        array = np.array(values)
+        return int(np.argmax(array) if self.largest.get(name, True) else np.argmin(array))

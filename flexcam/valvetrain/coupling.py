@@ -1,0 +1,43 @@
+"""Contribution of a part of the train to the equations of motion, and what most contributions consist of."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexcam.core import FloatArray
+from flexcam.dynamics import AngleFunction, AngleVector, CamMotion, Channel, ForceLaw, Load, LocalForce, constant
+
+
+@dataclass(frozen=True, eq=False)
+class Coupling:
+    """Loads, local forces and channels of one contact; indices refer to these tuples."""
+
+    loads: tuple[Load, ...]
+    forces: tuple[LocalForce, ...]
+    channels: tuple[Channel, ...]
+
+
+_zero = constant(0.0)
+
+
+def opposed_force(name: str, rows: FloatArray, law: ForceLaw, offset: AngleFunction = _zero) -> LocalForce:
+    """Return a local force that acts against the rows it senses, A = -G, none of which changes with the cam angle."""
+    sense = tuple(AngleVector.constant(row) for row in rows)
+    act = tuple(AngleVector.constant(-row) for row in rows)
+    return LocalForce(name, sense, act, law, (offset,) * len(rows))
+
+
+def conservative_force(
+    name: str, sense: AngleVector, law: ForceLaw, offset: AngleFunction = _zero, restitution: float | None = None
+) -> LocalForce:
+    """Return a local force of one scalar that acts against the motion that presses its bodies together."""
+    act = AngleVector(-sense.vectors, sense.functions)
+    return LocalForce(name, (sense,), (act,), law, (offset,), restitution)
+
+
+def constant_history(value: float) -> Callable[[CamMotion], FloatArray]:
+    """Return a constant load history."""
+    return lambda motion: np.full_like(motion.angle, value)
