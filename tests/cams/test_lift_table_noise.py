@@ -32,6 +32,7 @@ def test_a_narrow_lobe_is_kept(size):
     assert not any("moved" in said for said in report.remarks)
 
 
+@pytest.mark.slow
 def test_a_lobe_that_needs_twice_the_knots_gets_them():
     """A rise in 3 deg: 360 knots would move points by 128 um; where the points allow no more, it is said."""
     theta, lobe = np.arange(1440) * DEGREE / 4, LiftEvent(LAWS["4-5-6-7"], 0.008, 3 * DEGREE, 3 * DEGREE, phase=0.7)

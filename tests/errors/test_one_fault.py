@@ -98,10 +98,15 @@ FAULTS = {
     "support": ("\nfront = [\"uy\"", "\nfrnt = [\"uy\"", "supports.frnt", "'frnt'", "did you mean 'front'"),
     "component held": ('tappet = ["ux", "uz", "ry"]', 'tappet = ["ux", "uz", "yr"]', "supports.tappet", "'yr'", "did you mean 'ry'"),
     "direction": ('direction = "uy"', 'direction = "uyy"', "springs.valve.direction", "'uyy'", "did you mean 'uy'"),
+    "point of a rocker named like a node": ('to = "valve"', 'to = "cam"', "rockers.rocker.to", "'cam'", ""),
+    "point of a rocker named like its start": ('to = "valve"', 'to = "pushrod-top"', "rockers.rocker.to", "'pushrod-top'", ""),
+    "inertia at a rocker's point": ('valve = { at = "valve", mass = "0.10 kg" }', 'valve = { at = "valve", mass = "0.10 kg", inertia = [1e-5, 1e-5, 1e-5] }', "masses.valve", "", "inertia"),
+    "offset at a rocker's point": ('valve = { at = "valve", mass = "0.10 kg" }', 'valve = { at = "valve", mass = "0.10 kg", offset = ["1 mm", 0, 0] }', "masses.valve", "", "offset"),
     "two signs": ('direction = "uy"', 'direction = "+-uy"', "springs.valve.direction", "'+-uy'", "uy"),
     "direction of length zero": ('direction = "uy"', "direction = [0, 0, 0]", "springs.valve.direction", "0", "zero"),
     "words as a direction": ('direction = "uy"', 'direction = ["a", "b", "c"]', "springs.valve.direction", "a", "three or six numbers"),
     "probe": ('probes = ["valve"', 'probes = ["vavle"', "output.probes", "'vavle'", "did you mean 'valve'"),
+    "probe twice": ('probes = ["valve", "cam"]', 'probes = ["valve", "cam", "valve"]', "output.probes", "'valve'", ""),
     "node of a member": ('"cam", "rear"]', '"cam", "reer"]', "members.camshaft.nodes", "'reer'", "did you mean 'rear'"),
     "shape": ('shape = "circle"', 'shape = "cirle"', "sections.shaft", "'cirle'", "did you mean 'circle'"),
     "method": ('"newmark"', '"newmrk"', "run.integrator", "'newmrk'", "did you mean 'newmark'"),
@@ -190,3 +195,16 @@ def line_of(text, key):
 
 WITHOUT_LINE = {"neither mesh nor nodes", "no format", "no run"}
 """Nothing stands in the file that a line could point at."""
+
+
+def test_modal_damping_of_a_large_model(text, changed, faults_of):
+    """Above 600 unknowns: refused with the damping to give instead."""
+    fine = changed(
+        text, ('material = "steel", section = "shaft" }', 'material = "steel", section = "shaft", elements = 60 }'),
+        ('start = "rest"', 'start = "rest"\ndamping = { modal = 0.02 }'),
+    )  # fmt: skip
+    (fault,) = faults_of(fine)
+    assert fault.where.split(" ")[0] == "run.damping.modal"
+    assert "unknowns" in fault.given
+    assert "alpha" in fault.remedy
+    assert "beta" in fault.remedy

@@ -25,7 +25,7 @@ CHANGES = {
     "\n[springs.tappet]": "".join(f"\n[springs.{name}]\n{keys}\n" for name, keys in GUIDES.items())
     + "\n[springs.tappet]",
 }  # fmt: skip
-WORDS = "run.revolutions=0.6", "run.steps_per_revolution=1800"
+WORDS = "run.revolutions=0.4", "run.steps_per_revolution=1800"
 
 
 @pytest.fixture
