@@ -79,7 +79,8 @@ def test_an_override_adds_a_part():
 
 
 @pytest.mark.parametrize(("override", "meant"), [
-    ("mases.new.mass=1kg", "masses"), ("runn.speed=3000rpm", "run"), ("masses.new.mas=1kg", "mass"), ("outptu.field_every=3", "output"),
+    ("mases.new.mass=1kg", "masses"), ("runn.speed=3000rpm", "run"), ("masses.new.mas=1kg", "mass"),
+    ("outptu.field_every=3", "output"),
 ])  # fmt: skip
 def test_a_misspelt_override_names_the_key_that_is_meant(override, meant):
     with pytest.raises(InputError) as refusal:

@@ -126,7 +126,8 @@ def test_steps_that_hardly_settle(name, rpm, steps):
 
 
 @pytest.mark.parametrize(("name", "method"), [
-    pytest.param("direct-acting/bucket.toml", "hht", marks=pytest.mark.slow), ("direct-acting/finger.toml", "generalized-alpha"),
+    pytest.param("direct-acting/bucket.toml", "hht", marks=pytest.mark.slow),
+    ("direct-acting/finger.toml", "generalized-alpha"),
     pytest.param("pushrod-engine/intake.toml", "generalized-alpha", marks=pytest.mark.slow),
     ("tayeb/model-3-shm.toml", "hht"), ("tayeb/model-3-shm.toml", "generalized-alpha"),
 ])  # fmt: skip

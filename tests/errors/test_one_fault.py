@@ -106,7 +106,7 @@ FAULTS = {
     "direction of length zero": ('direction = "uy"', "direction = [0, 0, 0]", "springs.valve.direction", "0", "zero"),
     "words as a direction": ('direction = "uy"', 'direction = ["a", "b", "c"]', "springs.valve.direction", "a", "three or six numbers"),
     "probe": ('probes = ["valve"', 'probes = ["vavle"', "output.probes", "'vavle'", "did you mean 'valve'"),
-    "probe twice": ('probes = ["valve", "cam"]', 'probes = ["valve", "cam", "valve"]', "output.probes", "'valve'", ""),
+    "probe twice": ('probes = ["valve", "cam"]', 'probes = ["valve", "cam", "valve"]', "output.probes", '"valve"', "'valve'"),
     "node of a member": ('"cam", "rear"]', '"cam", "reer"]', "members.camshaft.nodes", "'reer'", "did you mean 'rear'"),
     "shape": ('shape = "circle"', 'shape = "cirle"', "sections.shaft", "'cirle'", "did you mean 'circle'"),
     "method": ('"newmark"', '"newmrk"', "run.integrator", "'newmrk'", "did you mean 'newmark'"),
