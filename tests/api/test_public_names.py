@@ -45,9 +45,7 @@ def test_unknown_name():
         _ = flexcam.nosuch
 
 
-FIRST = [
-    "", "from flexcam.analysis.comparison import compare", "import flexcam.dynamics.solve", "import flexcam.cli.main",
-]  # fmt: skip
+FIRST = ["from flexcam.analysis.comparison import compare", "import flexcam.dynamics.solve"]
 
 
 HIDDEN = """

@@ -120,7 +120,18 @@ def test_lift_deviation_over_the_nose():
 
 def test_limits_asked_for_and_those_of_a_bilateral_contact(flexcam, one_mass):
     """Float and filtered loss are asked for; a follower that cannot leave its cam has other limits only."""
-    few = ("--lowest", "3000rpm", "--highest", "3010rpm", "--accuracy", "2500rpm", *QUICK, *ALONE)
+    few = (
+        "--lowest",
+        "3000rpm",
+        "--highest",
+        "3010rpm",
+        "--accuracy",
+        "2500rpm",
+        "--set",
+        "run.revolutions=1",
+        *QUICK,
+        *ALONE,
+    )
     found = flexcam("limits", CASE, *few, "--lift-deviation", "1 mm", "--low-pass", "2kHz", "--json").json
     assert {"lift_deviation_rpm", "filtered_loss_rpm"} <= set(found)
     assert {"loss_of_contact_rpm", "bounce_rpm", "buckling_rpm", "spring_margin"} <= set(found)
