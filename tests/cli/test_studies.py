@@ -56,6 +56,24 @@ def oscillator(tmp_path):
     return path
 
 
+@pytest.fixture
+def stop_after(monkeypatch):
+    """Return a function that has a study interrupted after so many variants."""
+
+    def stop(count):
+        evaluated = []
+
+        def stopping(*words):
+            if len(evaluated) == count:
+                raise KeyboardInterrupt
+            evaluated.append(words)
+            return evaluate_variant(*words)
+
+        monkeypatch.setattr("flexcam.studies.evaluators.evaluate_variant", stopping)
+
+    return stop
+
+
 def test_frequency_of_a_mass_on_a_spring(flexcam, oscillator):
     """Closed form: df/dk = f/(2 k), df/dm = -f/(2 m): half a percent per percent."""
     told = ("--of", "frequency.1", "--to", "springs.one.stiffness", "--to", "masses.one.mass")
@@ -387,17 +405,9 @@ def test_nothing_within_the_bounds(flexcam, oscillator, tmp_path):
 
 
 @pytest.mark.parametrize("last", [5, 17, 33])  # in the first generation, in the second, in the trust region
-def test_what_a_stopped_search_has_evaluated_is_kept(last, flexcam, oscillator, tmp_path, monkeypatch):
+def test_what_a_stopped_search_has_evaluated_is_kept(last, flexcam, oscillator, tmp_path, stop_after):
     """Each may have taken minutes; the best of them and the table are told as after a whole search."""
-    evaluated = []
-
-    def stopping(*words):
-        if len(evaluated) == last:
-            raise KeyboardInterrupt
-        evaluated.append(words)
-        return evaluate_variant(*words)
-
-    monkeypatch.setattr("flexcam.studies.evaluators.evaluate_variant", stopping)
+    stop_after(last)
     told = ("--vary", "springs.one.stiffness=20:80kN/m", "--least", "springs.one.stiffness",
             "--evaluations", "40", "--subject", "frequency.1 >= 30 Hz",
             "-o", tmp_path / "best.toml", "--csv", tmp_path / "all.csv")  # fmt: skip
@@ -459,17 +469,9 @@ STUDIES = {
 
 @pytest.mark.parametrize("kind", STUDIES)
 @pytest.mark.parametrize("last", [0, 3, 7])
-def test_what_a_stopped_study_has_evaluated_is_kept(kind, last, flexcam, oscillator, tmp_path, monkeypatch):
+def test_what_a_stopped_study_has_evaluated_is_kept(kind, last, flexcam, oscillator, tmp_path, stop_after):
     """Of derivatives the case as it stands, of shares whole base points, two at least, of scatter every set."""
-    evaluated = []
-
-    def stopping(*words):
-        if len(evaluated) == last:
-            raise KeyboardInterrupt
-        evaluated.append(words)
-        return evaluate_variant(*words)
-
-    monkeypatch.setattr("flexcam.studies.evaluators.evaluate_variant", stopping)
+    stop_after(last)
     command, *told = STUDIES[kind]
     case = PUBLISHED if kind == "derivatives" else oscillator
     done = flexcam(command, case, *told, "--csv", tmp_path / "all.csv", "--json")
