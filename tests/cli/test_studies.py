@@ -194,6 +194,7 @@ def test_static_results_and_multipliers(flexcam):
     assert "expected multiplier.1 to multiplier.2" in done.err
 
 
+@pytest.mark.slow
 def test_a_search_by_gradients_keeps_a_motion_stable(flexcam):
     """The largest pulsation within a bound on the largest multiplier."""
     told = ("--vary", "springs.mean.pulsation.amplitude=0.05:0.4", "--most", "springs.mean.pulsation.amplitude",
@@ -205,10 +206,10 @@ def test_a_search_by_gradients_keeps_a_motion_stable(flexcam):
 def test_a_goal_over_a_band_of_speeds(flexcam):
     """The rms acceleration at the worst of several speeds, which a range names."""
     quiet = ("--least", "probes.valve.acceleration.rms", "--vary", "springs.valve.damping=1:40N s/m", *QUICK)
-    band = ("--at", "run.speed=1000:3000:1000rpm", "--method", "gradient", "--evaluations", "4")
+    band = ("--at", "run.speed=1000:3000:2000rpm", "--method", "gradient", "--evaluations", "4")
     best = flexcam("optimize", PUBLISHED, *quiet, *band, "--json").json["best"]
     each = []
-    for rpm in (1000, 2000, 3000):
+    for rpm in (1000, 3000):
         fixed = [word for one in (*best["overrides"], f"run.speed={rpm}rpm") for word in ("--set", one)]
         asked = ("--of", "probes.valve.acceleration.rms", "--to", "springs.valve.damping", *fixed, *QUICK)
         each.append(flexcam("sensitivity", PUBLISHED, *asked, "--json").json["derivatives"][0]["value"])
@@ -307,6 +308,7 @@ def test_bounds_at_zero_have_no_relative_margin(flexcam, oscillator):
     assert "Add the unit, such as Hz" in bare.err
 
 
+@pytest.mark.usefixtures("machine_code")
 def test_events_of_the_best_variant_are_warned_of(flexcam, one_mass):
     """The softest spring has the smallest force, and the follower leaves its cam at the higher speed."""
     asked = ("--vary", "springs.held.stiffness=20:42kN/m", "--least", "springs.held.force.largest")
