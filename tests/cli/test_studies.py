@@ -171,6 +171,11 @@ def test_a_chaotic_run_has_no_derivative(flexcam):
     assert found["derivative"] is None
     assert not found["smooth"]
     assert "the motion is chaotic" in found["note"]
+
+
+@pytest.mark.slow
+def test_a_search_by_gradients_through_chaos_is_refused(flexcam):
+    few = ("--set", "run.revolutions=2", "--set", "run.steps_per_revolution=360")
     search = ("--vary", "springs.valve.stiffness=40:60kN/m", "--least", "contacts.seat.seating_velocity",
               "--method", "gradient")  # fmt: skip
     refused = flexcam("optimize", ENGINE, *search, *few)
@@ -348,6 +353,7 @@ def test_a_search_by_gradients_ends_at_the_end_of_the_permitted_values(flexcam):
     assert done.json["evaluations"] > 1
 
 
+@pytest.mark.slow
 def test_a_search_by_gradients_through_contact(flexcam):
     """Most speed at which the contact on the nose keeps a force: every variant is better or corrects the last one."""
     told = ("--vary", "run.crank_speed=4500:6500rpm", "--vary", "springs.valve.installed_force=300:500N",
