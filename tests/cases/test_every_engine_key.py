@@ -16,6 +16,8 @@ from flexcam.case import schema
 from flexcam.case.reader import read_cams
 from flexcam.case.schema import base
 
+pytestmark = pytest.mark.usefixtures("machine_code")
+
 CHECKS = Path(__file__).parents[2] / "cases" / "checks"
 DATA = Path(__file__).parents[1] / "data"
 ENGINE = DATA / "every-engine.toml"
