@@ -125,12 +125,6 @@ def test_rigid_against_flexible_with_a_finger(flexcam):
     assert "NaN" not in done.out
 
 
-def test_help_of_limits(flexcam):
-    done = flexcam("limits", "--help")
-    assert done.code == 0
-    assert "--bounce-height" in done.out
-
-
 def test_a_result_without_the_adjuster_is_no_start(engine, flexcam, tmp_path):
     about = ("--set", "run.revolutions=0.01", "--set", "run.steps_per_revolution=360")
     engine("first")
