@@ -171,12 +171,12 @@ class TestLadder:
 
     def test_candidates_begin_with_the_least_work(self):
         """By what is integrated: one mass at many steps costs less than the beams at few."""
-        found = candidate_models(read_case(INLINE, ["run.steps_per_revolution=480"]))
+        found = candidate_models(read_case(INLINE, ["run.steps_per_revolution=240"]))
         work = [integrated_size(ready.problem) * ready.problem.steps for ready in (prepare(one.case) for one in found)]
         assert work == sorted(work)
-        assert {steps_per_revolution_of(one.case) for one in found} == {60, 120, 240, 480}
+        assert {steps_per_revolution_of(one.case) for one in found} == {60, 120, 240}
 
-    @pytest.mark.parametrize(("steps", "counts"), [(100, {100}), (243, {243}), (120, {60, 120}), (250, {125, 250})])
+    @pytest.mark.parametrize(("steps", "counts"), [(100, {100}), (243, {243}), (120, {60, 120})])
     def test_steps_that_divide(self, steps, counts):
         """Half as often, down to 60 per revolution, and whole numbers only."""
         found = candidate_models(read_case(INLINE, [f"run.steps_per_revolution={steps}"]))
@@ -254,7 +254,7 @@ def test_norms_of_a_ladder():
     asked = [["run.steps_per_revolution=120"], ['fidelity.norm="max"'], ['fidelity.norm="rms"']]
     found = {}
     for one in asked:
-        case = read_case("tests/data/every-contact.toml", [*asked[0], "run.revolutions=0.5", *one])
+        case = read_case("tests/data/every-contact.toml", [*asked[0], "run.revolutions=0.3", *one])
         probe = scalar_probe(prepare(case))
         against = reference_run(case, probe)
         assert against.norm == case.record.fidelity.norm

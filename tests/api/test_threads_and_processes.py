@@ -19,11 +19,11 @@ RUNS = [
     (LINEAR, ("run.engine=modal",)),
     (LINEAR, ("run.engine=direct", "run.steps_per_revolution=360")),
     (LINEAR, ("fidelity.model=rigid",)),
-    (BUCKET, ("run.engine=kernel", "run.revolutions=0.5")),
-    (BUCKET, ("run.engine=direct", "run.revolutions=0.05")),
-    (BUCKET, ("run.engine=kernel", "run.revolutions=0.2", "run.crank_speed=3000rpm")),
-    (BUCKET, ("fidelity.model=sdof", "run.revolutions=0.5")),
-    (BUCKET, ("run.engine=kernel", "run.integrator.method=collocation", "run.revolutions=0.2")),
+    (BUCKET, ("run.engine=kernel", "run.revolutions=0.2")),
+    (BUCKET, ("run.engine=direct", "run.revolutions=0.02")),
+    (BUCKET, ("run.engine=kernel", "run.revolutions=0.1", "run.crank_speed=3000rpm")),
+    (BUCKET, ("fidelity.model=sdof", "run.revolutions=0.2")),
+    (BUCKET, ("run.engine=kernel", "run.integrator.method=collocation", "run.revolutions=0.1")),
 ]
 """Every engine, and contacts."""
 

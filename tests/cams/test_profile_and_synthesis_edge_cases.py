@@ -38,7 +38,12 @@ def test_bound_over_all_with_one_free_end():
 
 @pytest.mark.parametrize(
     ("least", "bounds", "rest", "pieces"),
-    [("Cv", {"Ca": 7.0}, 2, 96), ("Ca", {"Cv": 1.3}, 1, 24), ("Cj", {"Ca": 5.0}, 2, 96), ("Cj", {"Ca": 4.3}, 1, 24)],
+    [
+        pytest.param("Cv", {"Ca": 7.0}, 2, 96, marks=pytest.mark.slow),
+        ("Ca", {"Cv": 1.3}, 1, 24),
+        pytest.param("Cj", {"Ca": 5.0}, 2, 96, marks=pytest.mark.slow),
+        ("Cj", {"Ca": 4.3}, 1, 24),
+    ],
 )
 def test_splines_come_down_to_the_bound_over_all_laws(least, bounds, rest, pieces):
     """Velocity, or acceleration, as a trapezoid; within 2 %, because splines round off its corners."""
@@ -46,12 +51,14 @@ def test_splines_come_down_to_the_bound_over_all_laws(least, bounds, rest, piece
     assert 1.0 <= found.objective / found.bound_all <= 1.02
 
 
-@pytest.mark.parametrize("pieces", [48, pytest.param(72, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("pieces", [48, 72])
 def test_moment_of_many_pieces(pieces):
     """Splines of 24 pieces are among those of 72; and of these the moment is 2.55 at most."""
     assert minimax(SplineFamily(degree=5, pieces=pieces), {"Cm": 1.0}).objective < 2.55
 
 
+@pytest.mark.slow
 def test_moment_with_free_ends_is_not_refused():
     """Best nearby only: 16 pieces find 2.365, 24 pieces 2.325."""
     assert minimax(SplineFamily(degree=5, pieces=16, rest=1), {"Cm": 1.0}).objective < 2.37

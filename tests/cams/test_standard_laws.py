@@ -179,6 +179,6 @@ def test_the_jerk_of_fb2_jumps_at_the_split():
     np.testing.assert_allclose(found, [-FB2 * math.pi / p, -FB2 * p / q * math.pi / (2 * q)], rtol=1e-12)
 
 
-@pytest.mark.parametrize("order", [0, 1, 2, 3, 4])
-def test_argument_untouched_and_shape_kept(name, order, readonly):
-    assert LAWS[name](readonly(Z.reshape(3, 667)), order).shape == (3, 667)
+def test_argument_untouched_and_shape_kept(name, readonly):
+    z = readonly(Z.reshape(3, 667))
+    assert {LAWS[name](z, order).shape for order in range(5)} == {(3, 667)}

@@ -88,7 +88,10 @@ def fitted(family, law):
     return np.linalg.lstsq(rows, law(Z) - offset, rcond=None)[0]
 
 
-@pytest.mark.parametrize(("degree", "name"), [(7, "Cv"), (7, "Ca"), (7, "Cj"), (7, "rms"), (7, "Cm"), (8, "Ca")])
+@pytest.mark.parametrize(
+    ("degree", "name"),
+    [(7, "Cv"), (7, "Ca"), (7, "Cj"), (7, "rms"), pytest.param(7, "Cm", marks=pytest.mark.slow), (8, "Ca")],
+)
 def test_one_coefficient_by_search(name, degree):
     """Symmetric polynomials of degree 7 and 8 at rest without acceleration have one: golden sections find the best."""
     from scipy.optimize import minimize_scalar
@@ -182,7 +185,7 @@ def test_bounds_hold_and_cost():
     family = SplineFamily(degree=5, pieces=12)
     free = minimax(family, {"Ca": 1.0})
     last = free.objective
-    for limit in (100.0, 60.0, 52.5, 40.0):
+    for limit in (60.0, 40.0):
         found = minimax(family, {"Ca": 1.0}, bounds={"Cj": limit, "Cv": 1.95})
         assert limit * (1 - 1e-6) < found.criteria.Cj <= limit  # on the limit, and not above it
         assert found.criteria.Cv <= 1.95
@@ -200,8 +203,7 @@ CONDITIONS = {
 }
 
 
-@pytest.mark.parametrize("case", CONDITIONS)
-@pytest.mark.parametrize("symmetric", [True, False])
+@pytest.mark.parametrize(("case", "symmetric"), [("three at once", True), *((case, False) for case in CONDITIONS)])
 def test_conditions_are_met(case, symmetric):
     family = SplineFamily(degree=5, pieces=12, symmetric=symmetric)
     found = minimax(family, {"Ca": 1.0}, conditions=CONDITIONS[case])

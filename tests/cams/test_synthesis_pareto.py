@@ -18,7 +18,15 @@ STEEP = 5e-3
 """What such a part of one criterion may cost in the other: a front ends steeply, as a root does."""
 
 
-@pytest.fixture(scope="module", params=[("Ca", "Cj"), ("Cv", "Ca"), ("Cj", "Cv")], ids="-".join)
+@pytest.fixture(
+    scope="module",
+    params=[
+        ("Ca", "Cj"),
+        pytest.param(("Cv", "Ca"), marks=pytest.mark.slow),
+        pytest.param(("Cj", "Cv"), marks=pytest.mark.slow),
+    ],
+    ids="-".join,
+)
 def front(request):
     first, second = request.param
     found = pareto(FAMILY, first, second, count=5)

@@ -61,7 +61,7 @@ def test_what_is_left_out():
     assert len(few.event.cosine) == len(few.wanted.cosine) == 6
 
 
-@pytest.mark.parametrize("damping", [0.02, 0.3, 1.5])
+@pytest.mark.parametrize("damping", [0.02, 1.5])
 def test_the_mass_moves_as_wanted(damping):
     made = polydyne(WANTED, SingleMass(FREQUENCY, damping), SPEED, count=30)
     moved = steady(made.event, FREQUENCY, damping, SPEED)

@@ -8,10 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexcam import InputError, build_model, read_case
+from flexcam import InputError, build_model, prepare, read_case
 from flexcam.cams import centreline, valve_event
 
 FINGER = Path(__file__).parents[2] / "cases/direct-acting/finger.toml"
+INLINE = Path(__file__).parents[1] / "data/inline.toml"
+MASS = ["masses.new.at=cam", "masses.new.mass=1kg"]
 
 
 def test_values_by_key_are_those_of_texts():
@@ -66,3 +68,21 @@ def test_timing_places_a_cam_by_a_lift_of_its_follower(key):
 def test_refused_timings(timing, more, message):
     with pytest.raises(InputError, match=message):
         read_case(FINGER, [f"cams.intake.timing={timing}", *more])
+
+
+def test_an_override_adds_a_part():
+    case = read_case(INLINE, MASS)
+    assert case.record.masses["new"].mass == 1.0
+    heavy, plain = (prepare(one).problem.system for one in (case, read_case(INLINE)))
+    at = plain.names.index("cam.uy")
+    assert (heavy.mass.diagonal() - plain.mass.diagonal())[at] == pytest.approx(1.0, rel=1e-9)
+
+
+@pytest.mark.parametrize(("override", "meant"), [
+    ("mases.new.mass=1kg", "masses"), ("runn.speed=3000rpm", "run"), ("masses.new.mas=1kg", "mass"),
+    ("outptu.field_every=3", "output"),
+])  # fmt: skip
+def test_a_misspelt_override_names_the_key_that_is_meant(override, meant):
+    with pytest.raises(InputError) as refusal:
+        read_case(INLINE, [*MASS, override])
+    assert any(f"Did you mean {meant!r}" in str(fault) for fault in refusal.value.faults)

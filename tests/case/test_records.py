@@ -63,3 +63,10 @@ def test_a_text_without_a_unit_is_refused_at_its_key():
     fault = refusal.value.faults[0]
     assert (fault.where.split(" ")[0], fault.why) == ("cams.intake.lift", "the text has no unit")
     assert fault.remedy.startswith("write '8.4 mm'")
+
+
+def test_a_custom_section_keeps_its_fibres():
+    given = '{ shape = "custom", A = "490 mm^2", Iy = "19000 mm^4", Iz = "12000 mm^4", J = "30000 mm^4", '
+    given += 'fibre_y = "9 mm", fibre_z = "11 mm", torsion_arm = "8 mm" }'
+    section = read_case(CASE.with_name("inline.toml"), [f"sections.shaft={given}"]).record.sections["shaft"].part
+    assert (section.fibre_y, section.fibre_z, section.torsion_arm) == pytest.approx((0.009, 0.011, 0.008))

@@ -17,7 +17,7 @@ CASES = [
 ]
 
 
-SLOW = ("bucket", "intake", "lever")
+SLOW = ("bucket", "finger", "intake", "lever", "valve-mass")
 """Cases that the direct engine takes seconds for."""
 
 

@@ -82,11 +82,13 @@ def assert_near(general, found, most, tail=""):
         np.testing.assert_allclose(found.channels[name], values, rtol=0.0, atol=allowed * size, err_msg=f"{name}{tail}")
 
 
+SLOW = ("bucket", "intake", "lever")
+"""Cases whose direct runs take seconds; the small models of `tests/golden` have their parts in the normal suite."""
+
+
 def named(path):
-    """Return a parameter; the golden of the small model `lever-rocker` has the lever's engines in the normal suite."""
-    return pytest.param(
-        path, id=f"{path.parent.name}-{path.stem}", marks=pytest.mark.slow if path.stem == "lever" else ()
-    )
+    marks = pytest.mark.slow if path.stem in SLOW else ()
+    return pytest.param(path, id=f"{path.parent.name}-{path.stem}", marks=marks)
 
 
 @pytest.mark.parametrize("path", ["modal", "kernel"])
@@ -124,7 +126,8 @@ def test_steps_that_hardly_settle(name, rpm, steps):
 
 
 @pytest.mark.parametrize(("name", "method"), [
-    ("direct-acting/bucket.toml", "hht"), ("direct-acting/finger.toml", "generalized-alpha"),
+    pytest.param("direct-acting/bucket.toml", "hht", marks=pytest.mark.slow),
+    ("direct-acting/finger.toml", "generalized-alpha"),
     pytest.param("pushrod-engine/intake.toml", "generalized-alpha", marks=pytest.mark.slow),
     ("tayeb/model-3-shm.toml", "hht"), ("tayeb/model-3-shm.toml", "generalized-alpha"),
 ])  # fmt: skip
@@ -159,7 +162,9 @@ def test_pruned_and_whole(path, prune):
     "fidelity.modes=8", 'fidelity.model="chain"', "run.fluctuation={ orders = [2], amplitudes = [0.05] }",
     pytest.param('run.start="periodic"', marks=pytest.mark.slow),
 ], ids=lambda change: change.split("=")[0])  # fmt: skip
-@pytest.mark.parametrize("name", ["direct-acting/bucket.toml", "tayeb/model-3-shm.toml"])
+@pytest.mark.parametrize(
+    "name", [pytest.param("direct-acting/bucket.toml", marks=pytest.mark.slow), "tayeb/model-3-shm.toml"]
+)
 def test_what_else_a_case_may_ask(name, change):
     """Few modes, a chain, a periodic start, a speed that swings."""
     ready = prepare(read_case(ROOT / "cases" / name, [*SHORT, change]))
@@ -177,9 +182,8 @@ def test_a_published_load_that_follows_the_camshaft():
     assert_one_of(problem, scheme, found, CONTACTS)
 
 
-@pytest.mark.parametrize("name", [
-    "direct-acting/bucket.toml", pytest.param("pushrod-engine/intake.toml", marks=pytest.mark.slow),
-])  # fmt: skip
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["direct-acting/bucket.toml", "pushrod-engine/intake.toml"])
 def test_going_on_in_machine_code_from_a_general_run(name):
     """A state with contacts and internal states: half a run the general way, the other half compiled."""
     problem, scheme = shorter(ROOT / "cases" / name)

@@ -12,7 +12,12 @@ FOLDER = Path(__file__).parents[2] / "examples"
 EXAMPLES = sorted(FOLDER.glob("*.py"))
 
 
-@pytest.mark.parametrize("path", EXAMPLES, ids=lambda p: p.stem)
+SLOW = ("speed_against_accuracy", "sweep_over_speed")
+
+
+@pytest.mark.parametrize(
+    "path", [pytest.param(one, marks=[pytest.mark.slow] * (one.stem in SLOW), id=one.stem) for one in EXAMPLES]
+)
 def test_example(path, monkeypatch):
     monkeypatch.chdir(FOLDER)
     before = set(FOLDER.iterdir())

@@ -35,7 +35,7 @@ def one(told, *words):
     return next(iter(facts(told, *words)["cams"].values()))
 
 
-@pytest.mark.parametrize("name", [name for name in FILES if name[:8] not in ("model-1-", "model-2-")])
+@pytest.mark.parametrize("name", [name for name in FILES if name[:6] != "model-" or name == "model-3-shm"])
 def test_every_file(name, told):
     found, words = facts(told, name), told(name)
     assert list(found) == ["status", "cams", "overlaps", "lobe_separations", "files"]
@@ -73,8 +73,7 @@ def test_cos_cam(told):
 TAPPET = 'follower={{ type = "flat", face_diameter = "{}", axial_offset = "{}" }}'
 
 
-@pytest.mark.parametrize(("offset", "smallest"), [("0 mm", 20.0), ("1.5 mm", math.sqrt(12**2 + 19**2)), ("-1.5 mm", math.sqrt(12**2 + 19**2))])  # fmt: skip
-@pytest.mark.parametrize("spare", [-0.01, 0.01])
+@pytest.mark.parametrize(("offset", "smallest", "spare"), [("0 mm", 20.0, -0.01), ("1.5 mm", math.sqrt(12**2 + 19**2), 0.01), ("-1.5 mm", math.sqrt(12**2 + 19**2), -0.01)])  # fmt: skip
 def test_edge_contact_of_a_round_face(told, offset, smallest, spare):
     """The contact line, 16 mm wide, moves 6 mm to both sides: its corner is at 10 mm with the cam in the middle."""
     face = TAPPET.format(f"{smallest + spare} mm", offset)
@@ -312,10 +311,9 @@ def test_pictures(told, tmp_path):
         paths = ET.parse(tmp_path / path).iter("{http://www.w3.org/2000/svg}path")  # noqa: S314
         assert sum(len(path.get("d", "")) for path in paths) > 5000
     assert "--overwrite" in told("li-fb2", "--plot", "p").err
-    other = facts(told, "li-swing", "--plot", "q", "--plot-format", "png")["files"]
-    assert other == [f"q/li-swing-swing-{kind}.png" for kind in ("lift", "profile", "pressure")]
-    assert (tmp_path / other[1]).read_bytes().startswith(b"\x89PNG")
-    assert facts(told, "model-1-shm", "--plot", "p")["files"] == ["p/model-1-shm-intake-lift.svg"], "without a profile"
+    other = facts(told, "model-1-shm", "--plot", "q", "--plot-format", "png")["files"]
+    assert other == ["q/model-1-shm-intake-lift.png"], "without a profile"
+    assert (tmp_path / other[0]).read_bytes().startswith(b"\x89PNG")
 
 
 def test_a_case_without_a_base_circle_says_how_to_get_a_profile(told):

@@ -34,9 +34,6 @@ def test_there_and_back(told, tmp_path):
     (tmp_path / "case.toml").write_text('format = 1\n[cams.c]\nlift_table = "back.csv"\n')
     again = read_cams(tmp_path / "case.toml").cams["c"].part.event
     assert again.height == pytest.approx(0.0055, abs=1e-6)
-    words = told("cam", "--from-profile", "li-fb2-exhaust.csv", *ROLLER)
-    assert "attention" not in words.out
-    assert "at 150 deg" in words.out
 
 
 def test_a_hollow_that_is_bridged(told, tmp_path):

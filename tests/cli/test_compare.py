@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -40,8 +41,7 @@ def test_models_over_speed_refuse(flexcam):
 
 def test_a_case_and_its_result_have_names_of_their_own(flexcam, tmp_path):
     """Both are called my: the suffix tells them apart, and a folder two results."""
-    case = CASE.parents[1].joinpath("direct-acting/bucket.toml").read_text(encoding="utf-8")
-    (tmp_path / "my.toml").write_text(case, encoding="utf-8")
+    shutil.copy(Path(__file__).parents[1] / "data/inline.toml", tmp_path / "my.toml")
     few = ("--set", "run.revolutions=0.1", "--set", "run.steps_per_revolution=360")
     for folder in ("a", "b"):
         assert flexcam("run", "my.toml", *few, "-o", folder).code == 0

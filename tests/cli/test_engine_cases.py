@@ -11,6 +11,8 @@ import pytest
 
 from flexcam import read_result
 
+pytestmark = pytest.mark.usefixtures("machine_code")
+
 ROOT = Path(__file__).parents[2]
 ENGINE = ROOT / "tests/data/every-engine.toml"
 PUSHROD = ROOT / "cases/pushrod-engine/intake.toml"
@@ -93,7 +95,7 @@ def test_a_restart_is_the_uninterrupted_run(way, engine, flexcam, tmp_path):
             np.testing.assert_array_equal(second.channels[name], values[36:], err_msg=name)
 
 
-@pytest.mark.parametrize("way", [way for way in WAYS if way not in ("adjuster", "lever")])  # both together are there
+@pytest.mark.parametrize("way", ["lever without play", "free running"])  # the other parts are in every-engine.toml
 def test_check_modes_and_compare(way, engine, flexcam):
     case = engine("case", *WAYS[way])
     about = (*OPENING, "--json")
@@ -121,12 +123,6 @@ def test_rigid_against_flexible_with_a_finger(flexcam):
     done = flexcam("compare", ENGINE, *OPENING, "--set", "cams.exhaust.phase=-20deg", "--set", "run.revolutions=0.02", "--set", 'output.probes=["exhaust"]', "--json")  # fmt: skip
     assert done.code == 0
     assert "NaN" not in done.out
-
-
-def test_help_of_limits(flexcam):
-    done = flexcam("limits", "--help")
-    assert done.code == 0
-    assert "--bounce-height" in done.out
 
 
 def test_a_result_without_the_adjuster_is_no_start(engine, flexcam, tmp_path):

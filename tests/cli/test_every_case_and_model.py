@@ -26,8 +26,12 @@ def strict(text):
     return json.loads(text, parse_constant=refuse)
 
 
+def marked(case):
+    return pytest.param(case, marks=() if case in FEW else pytest.mark.slow)
+
+
 @pytest.mark.parametrize("asked", MODELS[1:])
-@pytest.mark.parametrize("case", [case for case in CASES if case not in ALIKE], ids=lambda path: path.stem)
+@pytest.mark.parametrize("case", [marked(case) for case in CASES if case not in ALIKE], ids=lambda path: path.stem)
 @pytest.mark.usefixtures("machine_code")
 def test_run(flexcam, tmp_path, case, asked):
     done = flexcam("run", case, *QUICK, "--set", f"fidelity.{asked}", "-o", str(tmp_path), "--json")

@@ -17,6 +17,8 @@ from flexcam.valvetrain import separation_by_flank
 
 CASE = Path(__file__).resolve().parents[2] / "cases/pushrod-engine/intake.toml"
 QUICK = ("--set", "run.steps_per_revolution=360")
+ALONE = ("--workers", "1")
+"""Speeds are run in this process: a worker takes longer to start than they do."""
 
 pytestmark = pytest.mark.usefixtures("machine_code")
 
@@ -40,18 +42,18 @@ def test_limits_do_not_depend_on_the_range(flexcam, one_mass):
     """Nor on the revolution in which contact is lost; what is lost is lost over the nose, and remains so."""
     case = one_mass()
     one, other = (
-        flexcam("limits", case, "--lowest", low, "--highest", high, "--json").json
+        flexcam("limits", case, "--lowest", low, "--highest", high, *ALONE, "--json").json
         for low, high in (("3000rpm", "5000rpm"), ("3170rpm", "4400rpm"))
     )
     for name in ("loss_of_contact", "float"):
         assert one[f"{name}_rpm"] == other[f"{name}_rpm"] == one[f"{name}_lasting_rpm"]
     assert one["loss_of_contact_rpm"] == one["float_rpm"]
-    said = " ".join(flexcam("limits", case, "--lowest", "3170rpm", "--highest", "4400rpm").out.split())
+    said = " ".join(flexcam("limits", case, "--lowest", "3170rpm", "--highest", "4400rpm", *ALONE).out.split())
     assert "the follower leaves its cam for over 0.5 deg above 0.3 mm of lift (k, nose)" in said
 
 
 def test_a_limit_below_the_range_is_not_below_its_lowest_speed(flexcam, one_mass):
-    range_ = ("--lowest", "4400rpm", "--highest", "4500rpm", *QUICK)
+    range_ = ("--lowest", "4400rpm", "--highest", "4500rpm", *QUICK, *ALONE)
     row = next(one for one in flexcam("limits", one_mass(), *range_).out.splitlines() if one.startswith("float"))
     assert row.count("4400 or below") == 2
     answer = flexcam("limits", one_mass(), *range_, "--json").json
@@ -118,7 +120,18 @@ def test_lift_deviation_over_the_nose():
 
 def test_limits_asked_for_and_those_of_a_bilateral_contact(flexcam, one_mass):
     """Float and filtered loss are asked for; a follower that cannot leave its cam has other limits only."""
-    few = ("--lowest", "3000rpm", "--highest", "3010rpm", "--accuracy", "2500rpm", *QUICK)
+    few = (
+        "--lowest",
+        "3000rpm",
+        "--highest",
+        "3010rpm",
+        "--accuracy",
+        "2500rpm",
+        "--set",
+        "run.revolutions=1",
+        *QUICK,
+        *ALONE,
+    )
     found = flexcam("limits", CASE, *few, "--lift-deviation", "1 mm", "--low-pass", "2kHz", "--json").json
     assert {"lift_deviation_rpm", "filtered_loss_rpm"} <= set(found)
     assert {"loss_of_contact_rpm", "bounce_rpm", "buckling_rpm", "spring_margin"} <= set(found)

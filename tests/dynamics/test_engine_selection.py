@@ -218,14 +218,14 @@ def test_going_on_from_a_saved_field_is_the_same_run_bit_by_bit(path, method, pr
     """Under several loads, and at every kind of place: within a block, at its end, beside it."""
     system = masses(7)
     loads = tuple(Load(f"l{i}", np.random.default_rng(i).normal(size=7), sine) for i in range(3))
-    problem = Problem(replace(system, loads=loads), ConstantSpeed(3.0), 0.01, 900, engine=path, prune=prune)
+    problem = Problem(replace(system, loads=loads), ConstantSpeed(3.0), 0.01, 700, engine=path, prune=prune)
     save = SaveAt(field_every=10)
     whole = solve(problem, method, save=save)
-    for taken in (10, 320, 630, 640, 650):
+    for taken in (320, 640, 650):
         fields = solve(replace(problem, steps=taken), method, save=save).fields
         d, v, a = (one[-1] for one in (fields.displacement, fields.velocity, fields.acceleration))
         start = State(d, v, float(whole.time[taken]), acceleration=a, taken=taken)
-        later = solve(replace(problem, steps=900 - taken, start=start), method, save=save)
+        later = solve(replace(problem, steps=700 - taken, start=start), method, save=save)
         for kind in ("displacement", "velocity", "acceleration"):
             expected = getattr(whole.fields, kind)[taken // 10 :]
             assert getattr(later.fields, kind).tobytes() == expected.tobytes(), (taken, kind)

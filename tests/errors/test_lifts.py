@@ -16,8 +16,8 @@ from flexcam import InputError, read_case
 from flexcam.cams import lift_table
 from flexcam.case.reader import read_cams
 from flexcam.io import read_lift
+from tests.errors.reports import LIBRARY_WORDS, is_at
 
-PYTHONS_OWN = ("Traceback", "Value error", "dictionary", "instance of", "numpy", "NoneType")
 EVENT = 'law = "3-4-5"\nlift = "6 mm"\nrise = "100 deg"\nreturn = "100 deg"\n'
 CAM = EVENT + 'base_radius = "18 mm"\nfollower = { type = "roller", radius = "9 mm" }\n'
 LAW, ROLLER = 'law = "3-4-5"', '{ type = "roller", radius = "9 mm" }'
@@ -164,11 +164,11 @@ def test_refused_with_place_and_remedy(name, faults_of):
     block, key, what, said = FAULTS[name]
     written, found = faults_of(block)
     full = f"cams.intake.{key}".rstrip(".")
-    told = [one for one in found if re.sub(r" \(line \d+\)", "", one["where"]).replace(": ", ".").startswith(full)]
+    told = [one for one in found if is_at(one["where"], full)]
     assert told, f"nothing is said about {full}: {[one['where'] for one in found]}"
     assert [one for one in told if what in one["given"] and said in " ".join(one.values())], told
     assert all(list(one) == ["where", "given", "allowed", "why", "remedy"] and one["allowed"] for one in found)
-    assert [word for word in PYTHONS_OWN if word in json.dumps(found)] == []
+    assert [word for word in LIBRARY_WORDS if word in json.dumps(found)] == []
     lines = [written.splitlines()[int(n) - 1] for one in told for n in re.findall(r"\(line (\d+)\)", one["where"])]
     assert [line for line in lines if re.match(rf"{key.partition('.')[0]}\b|\[cams\.intake\]", line)], lines
 

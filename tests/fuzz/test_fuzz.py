@@ -12,7 +12,7 @@ from flexcam.dynamics import RunFailedError
 from tests.fuzz import damage, targets
 from tests.fuzz.run import fuzz
 
-INPUTS = 150
+INPUTS = 60
 
 
 def test_no_input_breaks_flexcam():
@@ -37,7 +37,7 @@ def seeds():
 def test_what_is_sound_is_accepted(name, tmp_path):
     """Else a refusal of everything would pass."""
     target = targets.TARGETS[name]
-    for seed in target.seeds[::5]:
+    for seed in target.seeds[::8]:
         path = targets.copied(seed, tmp_path)
         assert target.feed(path, Random(1)) == "accepted", seed
 
@@ -84,9 +84,9 @@ def test_a_body_on_a_spring_without_stiffness_is_checked(tmp_path):
 @pytest.mark.parametrize("change", damage.STRUCTURE)
 @pytest.mark.parametrize("kind", ["result", "table"])
 def test_every_change_of_structure(kind, change, tmp_path):
-    """Each at four places: refused, or what is read is what was written."""
+    """Each at two places: refused, or what is read is what was written."""
     target = targets.TARGETS[kind]
-    for i in range(4):
+    for i in range(2):
         path = tmp_path / f"{i}-{target.seeds[0].name}"
         damage.restructured(target.seeds[0], path, Random(i), change)
         with suppress(FlexcamError):

@@ -11,11 +11,16 @@ import pytest
 from tests.golden.commands import Command
 from tests.golden.make_golden import DATA, Job, compared, computed, jobs, kept
 
-QUICK_RUNS = {"beams/direct", "beams/kernel", "beams/modal", "rigid/auto", "chain/direct"}
-"""Runs of small models in the normal suite."""
+QUICK_RUNS = {"beams/kernel", "beams/modal", "rigid/auto"}
+"""Runs of every small model in the normal suite."""
+
+QUICK_MODELS = {"models-linear-train", "models-lever-rocker", "models-adjuster", "models-massless", "models-frame"}
+"""Small models with other runs in the normal suite; `tests/invariants` compares the engines on every force law."""
+
+QUICK_RUNS_OF_MODELS = {"beams/direct", "chain/direct"}
 
 QUICK_COMMANDS = {
-    "law 4-5-6-7", "law scca", "li-fb2", "lift", "info", "export instants", "stability", "campbell",
+    "law 4-5-6-7", "law scca", "li-fb2", "info", "export instants", "stability", "campbell",
     "compare contact", "modes", "modes equilibrium", "schema", "sweep", "sensitivity", "data/every-engine",
 }  # fmt: skip
 
@@ -26,7 +31,8 @@ def quick(job: Job) -> bool:
     """Return whether a run or command is of the normal suite."""
     if isinstance(job, Command):
         return job.name in QUICK_COMMANDS
-    return job.golden.startswith("models-") and job.name in QUICK_RUNS
+    of_model = job.name in QUICK_RUNS_OF_MODELS and job.golden in QUICK_MODELS
+    return of_model or (job.golden.startswith("models-") and job.name in QUICK_RUNS)
 
 
 def marked(job: Job):

@@ -13,7 +13,7 @@ from flexcam.dynamics.engine_selection import select_engine
 from flexcam.dynamics.local_forces import LocalForces
 from tests.pinned_rod import pinned_rod, push
 
-FASTER = 'speed = "3000 rpm"\nsteps_per_revolution = 400\nrevolutions = 0.25'
+FASTER = 'speed = "3000 rpm"\nsteps_per_revolution = 400\nrevolutions = 0.1'
 PLANES = {"y": {"uy", "rz"}, "z": {"uz", "ry"}, "along": {"ux"}}
 
 

@@ -25,7 +25,7 @@ CHANGES = {
     "\n[springs.tappet]": "".join(f"\n[springs.{name}]\n{keys}\n" for name, keys in GUIDES.items())
     + "\n[springs.tappet]",
 }  # fmt: skip
-WORDS = "run.revolutions=0.6", "run.steps_per_revolution=1800"
+WORDS = "run.revolutions=0.4", "run.steps_per_revolution=1800"
 
 
 @pytest.fixture
@@ -38,6 +38,7 @@ def inclined(tmp_path):
     return tmp_path / "inclined.toml"
 
 
+@pytest.mark.usefixtures("machine_code")
 @pytest.mark.parametrize(("model", "tolerance"), [("beams", 2e-3), ("rigid", 1e-6)])
 def test_guides_of_springs_in_an_inclined_bank(inclined, model, tolerance):
     """Guides of 1 GN/m give way by less than a thousandth of the motion of the pushrod."""

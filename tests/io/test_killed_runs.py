@@ -129,7 +129,7 @@ ENGINES = {
 
 @pytest.fixture(
     scope="module",
-    params=[("direct", 8), *(pytest.param((engine, 100), marks=pytest.mark.slow) for engine in ENGINES)],
+    params=[("direct", 4), *(pytest.param((engine, 100), marks=pytest.mark.slow) for engine in ENGINES)],
     ids=lambda given: f"{given[0]}-{given[1]}",
 )
 def kills(request, tmp_path_factory):

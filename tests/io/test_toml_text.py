@@ -18,7 +18,7 @@ VALUES = st.recursive(
 
 @given(st.dictionaries(st.text(max_size=3), VALUES, max_size=3))
 @example({"": ["\x85", "\u2028", "\x0c"]})
-@settings(max_examples=40)
+@settings(max_examples=15)
 def test_it_reads_as_it_was(content):
     assert tomllib.loads(format_toml(content)) == content
 

@@ -60,7 +60,7 @@ def looks(line):
     return line.get_color(), line.get_linestyle()
 
 
-@pytest.mark.parametrize("names", [["4-5-6-7"], ["shm", "parabolic", "modified-sine"], list(LAWS)], ids=len)
+@pytest.mark.parametrize("names", [["4-5-6-7"], list(LAWS)], ids=len)
 def test_laws(names):
     figure = law_figure({name: LAWS[name] for name in names})
     assert [axes.get_ylabel() for axes in figure.axes] == ["s", "s'", "s''", "s'''"]
@@ -84,11 +84,11 @@ def test_laws(names):
 
 def test_a_front_of_laws():
     """One criterion over the other, from end to end; a law has the same look there and among the curves."""
-    front = pareto(HarmonicFamily((1, 2, 3)), "Ca", "Cj", count=4)
+    front = pareto(HarmonicFamily((1, 2, 3)), "Ca", "Cj", count=3)
     figure = law_front_figure(front, "Ca", "Cj")
     first, *curves = figure.get_axes()
     assert first.lines[0].get_xydata() == pytest.approx(np.array([[one.criteria.Ca, one.criteria.Cj] for one in front]))
-    assert [text.get_text() for text in first.texts] == ["1", "2", "3", "4"]
+    assert [text.get_text() for text in first.texts] == ["1", "2", "3"]
     for order, axes in enumerate(curves):
         for one, line, dot in zip(front, axes.lines, first.collections, strict=True):
             assert dot.get_edgecolor()[0] == pytest.approx(matplotlib.colors.to_rgba(line.get_color()))
@@ -248,12 +248,12 @@ def test_other_endings_are_refused(name, picture, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("name", ["a.svg", "a.png", "a.pdf"])
-def test_writes_over_nothing_unasked(name, picture, tmp_path):
-    (tmp_path / name).write_text("mine")
-    with pytest.raises(InputError, match="overwrite"):
-        save_figure(picture, tmp_path / name)
-    assert (tmp_path / name).read_text() == "mine"
+def test_writes_over_nothing_unasked(picture, tmp_path):
+    for name in ("a.svg", "a.png", "a.pdf"):
+        (tmp_path / name).write_text("mine")
+        with pytest.raises(InputError, match="overwrite"):
+            save_figure(picture, tmp_path / name)
+        assert (tmp_path / name).read_text() == "mine"
     save_figure(picture, tmp_path / name, overwrite=True)
     assert (tmp_path / name).stat().st_size > 1000
 

@@ -197,6 +197,7 @@ def test_worker_processes_have_one_thread_of_linear_algebra(asked, monkeypatch):
         assert set(pool.submit([()]).result()) == {1}
 
 
+@pytest.mark.slow
 def test_a_script_that_worker_processes_cannot_read_is_told_so(tmp_path):
     script = (
         "from flexcam.studies import executors, sweep\n"

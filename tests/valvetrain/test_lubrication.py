@@ -27,7 +27,8 @@ def oil(*keys):
 def turned(request):
     """Return the ready case of a flat follower and its response over a lift."""
     model = f"fidelity.model={request.param}"
-    case = read_case(DATA, [RUBBING, model, oil('roughness="0.4 um"', THERMAL, WEAR)])
+    engine = ["run.engine=kernel"] * (request.param == "beams")
+    case = read_case(DATA, [RUBBING, model, *engine, oil('roughness="0.4 um"', THERMAL, WEAR)])
     ready = prepare(case)
     return ready, run(case)
 

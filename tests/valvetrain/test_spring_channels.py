@@ -156,6 +156,7 @@ def test_check_tells_its_unit(case):
 
 BASE = 'at = "valve", direction = "uy", installed_force = "400 N"'
 PUSHROD = "cases/pushrod-engine/intake.toml"
+SLOW = ("run.crank_speed=200rpm", "run.revolutions=1", "run.steps_per_revolution=1800")
 
 
 def test_force_in_the_rigid_train():
@@ -174,7 +175,7 @@ def test_force_in_the_rigid_train():
     'stiffness = "50 kN/m", pulsation = { order = 3, amplitude = 0.2 }',
 ])  # fmt: skip
 def test_force_in_the_rigid_train_is_the_slow_limit(more):
-    case = read_case(PUSHROD, [f"springs.valve={{ {BASE}, {more} }}", "run.crank_speed=200rpm", "run.revolutions=1"])
+    case = read_case(PUSHROD, [f"springs.valve={{ {BASE}, {more} }}", *SLOW])
     rigid, slow = (run(case, rigid=one).channels["springs.valve.force"] for one in (True, False))
     assert np.abs(rigid - slow).max() < 0.03 * slow.max()
     assert np.median(np.abs(rigid - slow)) < 0.005 * slow.max()

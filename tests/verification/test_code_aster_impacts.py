@@ -209,6 +209,7 @@ def test_tube_against_another_integrator(record, tube):
            reason="average acceleration at 2.5 us; a hundred impacts amplify its error")  # fmt: skip
 
 
+@pytest.mark.slow
 def test_truncation_of_the_modes_of_the_tube(record, tube):
     """Without static correction the contact loses the compliance of the modes left out."""
     whole = tube.force(None)

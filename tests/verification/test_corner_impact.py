@@ -147,6 +147,7 @@ def parted(rpm, starts):
     return first, np.abs(second - first)
 
 
+@pytest.mark.slow
 def test_chaos_below_the_corner():
     """A disturbance of 1e-9 m of the start at rest grows to centimetres, and turns do not repeat."""
     positions, apart = parted(672.0, [State(np.array([x]), np.zeros(1)) for x in (0.0, 1e-9)])
@@ -154,6 +155,7 @@ def test_chaos_below_the_corner():
     assert np.unique(positions[50:].round(4)).size > 90
 
 
+@pytest.mark.slow
 def test_stable_orbit_above_the_corner():
     """A disturbance of 1e-5 m shrinks by e each turn: to rounding in 100 turns."""
     positions, apart = parted(674.0, [orbit_start(674.0, x) for x in (0.0, 1e-5)])

@@ -197,6 +197,7 @@ def test_exact_refuses_contacts_by_name():
         end(chain([1.0], [30.0], forces=(stop_at(1, 0, 0.01),)), exact(), 10)
 
 
+@pytest.mark.slow
 def test_explicit_run_through_a_stop(record):
     implicit, explicit = stopped(newmark(), 20000), stopped(central_difference(), 20000)
     record(source=SOURCE, case="two masses against a stop, central difference", quantity="displacement after 1 s",

@@ -142,8 +142,8 @@ LIMITS = {"Cj": (32.0, 48, 2e-3), "Ca": (4.0, 192, 6e-3), "Cv": (1.0, 96, 2e-2)}
 @pytest.mark.parametrize("name", LIMITS)
 def test_what_no_law_beats_is_approached(name, record):
     bound, pieces, near = LIMITS[name]
-    found = [minimax(SplineFamily(degree=5, pieces=n), {name: 1.0}) for n in (pieces // 4, pieces // 2, pieces)]
-    assert [one.bound_all for one in found] == [bound] * 3
+    found = [minimax(SplineFamily(degree=5, pieces=n), {name: 1.0}) for n in (pieces // 4, pieces)]
+    assert [one.bound_all for one in found] == [bound] * 2
     values = [one.objective for one in found]
     assert values == sorted(values, reverse=True)
     assert values[-1] >= bound

@@ -176,7 +176,10 @@ ONE_REVOLUTION = ("run.revolutions=1", "run.steps_per_revolution=1440")
     [
         (BUCKET, "run.crank_speed",
          ("contacts.seat.seating_velocity", "contacts.intake.pressure.largest", "deviation.peak"), ()),
-        (INTAKE, "springs.valve.stiffness", ("contacts.intake.nose_force.least", "contacts.seat.seating_velocity"), ()),
+        pytest.param(
+            INTAKE, "springs.valve.stiffness", ("contacts.intake.nose_force.least", "contacts.seat.seating_velocity"),
+            (), marks=pytest.mark.slow,
+        ),
         (FINGER, "contacts.adjuster.leak",
          ("contacts.adjuster.leak_down.largest", "contacts.intake.force.largest"), ()),
         (FINGER, "run.crank_speed", ("contacts.adjuster.force.largest", "contacts.seat.seating_velocity"),
@@ -195,6 +198,7 @@ def test_trains_in_contact_against_differences(record, path, key, names, fixed):
                reason="differences of contact runs over 1e-4 contain the noise of events")  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_chaotic_motion_is_known_by_its_growth():
     """Three revolutions of the pushrod train hop on the base circle: neighbouring motions part by powers of ten."""
     file = CaseFile.open(Path(INTAKE))
