@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexcam import prepare, read_case, read_result
+from flexcam import InputError, prepare, read_case, read_result, run
 from flexcam.analysis.preparation import RevolutionChange
 from flexcam.analysis.run_checks import check_events, check_transient
 from flexcam.case.starters import new_case
@@ -136,6 +136,12 @@ def test_figures_of_merit_are_printed_once(flexcam, engine, tmp_path):
     assert (margin["name"], margin["part"], margin["unit"]) == ("spring margin of the rigid train", "", "1")
     assert {name: one["value"] for name, one in merit.items()}.items() <= found["train"].items()
     assert merit["contacts.seat.valve_loft"]["unit"] == "m"
+    response = run(read_case(engine, ["run.steps_per_revolution=1440"]))  # the same in Python
+    assert response.metrics == found["train"]
+    with pytest.raises(InputError, match=r"Did you mean 'contacts\.seat\.bounces'"):
+        assert response.metrics["contacts.seat.bounce"]
+    with pytest.raises(InputError, match="without its model"):
+        assert read_result(found["result"]).response.metrics
     out = flexcam("run", engine, *options).out
     table, others = out.split("Figures of merit")[1].split("Metrics of the last revolution")
     for words in ("seating velocity", "mean drive power", "coil-bind clearance", "spring margin of the rigid train"):
