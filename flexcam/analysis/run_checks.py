@@ -7,7 +7,7 @@ of the checks of a run.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Self
 
@@ -45,6 +45,7 @@ from flexcam.valvetrain import (
     ResolutionSink,
     build_structure,
     compressed_members,
+    opposed_contacts,
     stiff_struts,
 )
 
@@ -155,6 +156,10 @@ def _check_lobe(model: Model, name: str, cam: Cam, follower: Follower) -> Iterat
     if _is_undercut(cam, follower):
         why = "its profile crosses itself (undercut), so that no cam can make the lift of this run"
         yield f"Warning: cams.{name}: {why}; flexcam cam gives the base circle that is large enough"
+    if isinstance(follower, FlatFollower) and not abs(beside := follower.lobe_contact) <= 0.5 * (cam.width or math.inf):
+        place = "at the edge of the lobe" if math.isinf(beside) else f"{1e3 * abs(beside):.3g} mm from its middle"
+        remedy = "give the follower a crown_radius, or change the taper" if math.isinf(beside) else "change the taper"
+        yield f"Warning: cams.{name}: its taper and the crown put the contact {place}: edge contact; {remedy}"
     if isinstance(follower, FlatFollower) and follower.face_diameter is not None:
         needed = 2.0 * follower.face_radius(float(np.abs(cam.event(_LIFT_ANGLES, 1)).max()), cam.width)
         if needed > follower.face_diameter:
@@ -227,7 +232,7 @@ def check_run(ready: PreparedRun, monitor: RunMonitor, metrics: list[Metric], st
     return [
         *check_input(ready),
         *describe_model_limits(ready),
-        *check_events(metrics),
+        *check_events(metrics, opposed_contacts(ready.model)),
         *_check_energy_balance(monitor.extremes),
         *_check_numerical_dissipation(ready, monitor.extremes),
         *_check_equilibrium(stats),
@@ -291,14 +296,18 @@ def describe_model_limits(ready: PreparedRun) -> list[str]:
     return warnings
 
 
-def check_events(metrics: Iterable[Metric]) -> list[str]:
-    """Return warnings about events of the last revolution: contact loss, valve bounce, coil clash, buckling."""
-    known = list(metrics)
+def check_events(metrics: Iterable[Metric], opposed: Mapping[str, str] | None = None) -> list[str]:
+    """Return warnings about events of the last revolution: contact loss, valve bounce, coil clash, buckling.
+
+    A follower that leaves its cam meets that of the opposed contact, if it has one.
+    """
+    known, pairs = list(metrics), opposed or {}
     bounces = dict(_metrics_with_suffix(known, ".bounces"))
     return [
         *(
             f"Warning: the follower of {name!r} loses contact with its cam for {math.degrees(angle):.3g} deg of the "
-            f"lift: do not use the motion after that for design"
+            f"lift: "
+            + (f"{pairs[name]!r} stops it" if name in pairs else "do not use the motion after that for design")
             for name, angle in _metrics_with_suffix(known, ".open_on_the_lift")
             if angle > OPEN
         ),
