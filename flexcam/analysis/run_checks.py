@@ -27,6 +27,7 @@ from flexcam.case.input_checks import (
     check_shared_seat_load,
     check_start_impact,
     check_values,
+    check_valve_angles,
 )
 from flexcam.core import rounding_fraction
 from flexcam.core.errors import InputError
@@ -114,6 +115,7 @@ def check_input(ready: PreparedRun) -> list[str]:
         *check_start_impact(case, model, problem),
         *check_overshoot(problem, ready.scheme),
         *check_lash(model),
+        *check_valve_angles(model),
         *(sentence for check in rigid for sentence in check(model, case.speed)),
         *_check_cam_steps(ready),
         *_check_geometric_stiffness(ready),
@@ -327,7 +329,21 @@ def check_events(metrics: Iterable[Metric], opposed: Mapping[str, str] | None = 
             for name, margin in _metrics_with_suffix(known, ".buckling_margin")
             if margin < 1.0
         ),
+        *(
+            f"Warning: the {what} of {name!r} reaches {1e-6 * stress:.4g} MPa: {usual}"
+            for suffix, (largest, what, usual) in _USUAL_STRESSES.items()
+            for name, stress in _metrics_with_suffix(known, suffix)
+            if stress > largest
+        ),
     ]
+
+
+_USUAL_STRESSES = {
+    ".pressure.largest": (2.5e9, "contact pressure", "hardened steel yields under it"),
+    ".stress.largest": (1.5e9, "shear stress in the wire", "no wire of valve springs endures it"),
+}
+"""Metrics, and the stress, Pa, above which flexcam warns: 1.67 times a yield stress of 1.5 GPa (K. L. Johnson, Contact
+Mechanics, 1985, section 6.1), and three quarters of the tensile strength of the strongest wire, 2 GPa."""
 
 
 def describe_contact_loss(metrics: Iterable[Metric]) -> str:

@@ -24,8 +24,10 @@ FIGURES = (
     Metric("contacts.seat.bounce_height", 0.1643e-3, "m"),
     Metric("springs.valve.clearance.least", -0.231e-3, "m"),
     Metric("members.pushrod.buckling_margin", 0.5643, "1"),
+    Metric("contacts.intake.pressure.largest", 3.0391e9, "Pa"),
+    Metric("springs.valve.stress.largest", 1.6e9, "Pa"),
 )
-WELL = (math.radians(0.4), 4.0, 0.09e-3, 0.0, 1.001)
+WELL = (math.radians(0.4), 4.0, 0.09e-3, 0.0, 1.001, 2.49e9, 1.49e9)
 """What is not told: a step without contact, ringing on the seat, coils that close, a load below that of buckling."""
 
 
@@ -38,6 +40,8 @@ def test_every_mishap_is_told_with_number_and_place():
         "Warning: the valve bounces 4 times at 'seat', up to 0.164 mm above its seat",
         "Warning: coils of 'valve' touch: 0.231 mm beyond coil bind",
         "Warning: the compression of member 'pushrod' exceeds its buckling load, margin 0.5643",
+        "Warning: the contact pressure of 'intake' reaches 3039 MPa: hardened steel yields under it",
+        "Warning: the shear stress in the wire of 'valve' reaches 1600 MPa: no wire of valve springs endures it",
     ]
 
 

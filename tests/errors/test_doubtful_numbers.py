@@ -186,6 +186,14 @@ def test_a_lobe_that_cannot_be_made(override, said):
     assert said in told
 
 
+@pytest.mark.parametrize(("factor", "warns"), [(1, False), (2, True)])
+def test_crank_angles_given_for_a_cam(factor, warns):
+    """The flanks of the intake in crank angles are twice as long."""
+    cam = read_case(PUSHROD).record.cams["intake"]
+    case = read_case(PUSHROD, {"cams.intake.rise": factor * cam.rise, "cams.intake.return": factor * cam.rise})
+    assert any("did you give crank angles?" in one for one in check_input(prepare(case))) == warns
+
+
 def test_a_lobe_without_a_line_of_contact_names_its_base_circle():
     with pytest.raises(
         InputError, match=r"^cams\.intake\.base_radius .*: got 17\.4 mm, .* 154\.6 deg of cam angle .*undercut"
