@@ -11,10 +11,22 @@ from flexcam.analysis.initial_state import camshaft_drive, revolution_time, set_
 from flexcam.analysis.resources import check_mesh_memory
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
+from flexcam.case.input_checks import check_values
 from flexcam.case.schema.run import GivenStartRecord
 from flexcam.core import FloatArray
 from flexcam.core.errors import InputError, refuse
-from flexcam.dynamics import Basis, Method, ModeBasis, Probe, Problem, Response, SaveAt, System, method_refusal
+from flexcam.dynamics import (
+    Basis,
+    Method,
+    ModeBasis,
+    Probe,
+    Problem,
+    Response,
+    RunFailedError,
+    SaveAt,
+    System,
+    method_refusal,
+)
 from flexcam.fem.frames import COMPONENTS
 from flexcam.valvetrain import (
     ANY_SPEED,
@@ -105,6 +117,9 @@ def prepare(
         problem = set_initial_state(case, model, plain, until=until)
     except InputError as refusal:
         raise _add_lines(case, refusal) from None
+    except RunFailedError as failure:  # an unusual value, such as 207 Pa, is the probable cause
+        unusual = [warning.removeprefix("Warning: ") for warning in check_values(case)]
+        raise RunFailedError(replace(failure.status, remedy="; ".join([*unusual, failure.status.remedy]))) from None
     problem = replace(problem, basis=_reduced_basis(case, problem, chain))
     if refusal := method_refusal(problem, scheme):
         raise _add_lines(case, refusal)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from flexcam import InputError, prepare, read_case, read_result
+from flexcam import InputError, RunFailedError, prepare, read_case, read_result
 from flexcam.analysis.run_checks import check_input, check_lobes
 from flexcam.case.builder import build_model
 from flexcam.case.input_checks import TYPICAL_RANGES, check_values
@@ -174,6 +174,12 @@ def test_run_tells_it_and_the_result_keeps_it(tmp_path, capsys):
     warned = json.loads(capsys.readouterr().out)["warnings"]
     assert any("7.8 g/cm^3" in one for one in warned)
     assert "7.8 g/cm^3" in read_result(tmp_path / "inline.vtkhdf").about["warnings"]
+
+
+def test_a_case_without_equilibrium_names_its_unusual_values():
+    """A pushrod of 207 Pa carries no spring: the modulus, not the contact, is the cause."""
+    with pytest.raises(RunFailedError, match=r"materials\.steel\.E .*did you mean 207 GPa\?"):
+        prepare(read_case(ROOT / "cases/pushrod-engine/lever.toml", ["materials.steel.E=207"]))
 
 
 @pytest.mark.parametrize(("override", "said"), [
