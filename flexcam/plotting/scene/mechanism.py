@@ -148,7 +148,7 @@ def _valves(model: Model, levers: dict[str, LeverFrame]) -> Iterator[ValvePlacem
 def _springs(
     structure: Structure, cams: tuple[CamPlacement, ...], levers: dict[str, LeverFrame], head: float, notes: Notes
 ) -> Iterator[CoilPlacement]:
-    """Yield the springs, the outer ones first: those inside stand on the same seat."""
+    """Yield the springs, the outer ones first: those inside have the same seat."""
     model, outer = structure.model, list[CoilPlacement]()
     travel = valve_lift(model)
     coils = [(name, one) for name, one in model.springs.items() if is_coil(model, one)]
