@@ -300,9 +300,7 @@ class _Geometry:
             span = self.mesh.nodes[self.mesh.node(record.follower)] - cam
             if float(span @ lift[:3]) < -_PERPENDICULAR_TOLERANCE * float(np.linalg.norm(span)):
                 why = "the follower lies on the other side, and the cam would pass through it"
-                remedy = (
-                    "change its sign; a closing cam needs another node beyond the shaft, with a lash to this one"
-                )
+                remedy = "change its sign; a closing cam needs another node beyond the shaft, with a lash to this one"
                 raise refuse("direction", given, "a direction from the cam to its follower", why, remedy)
         return lift
 
