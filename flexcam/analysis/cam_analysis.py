@@ -108,9 +108,9 @@ class CamFacts:
         return self.cam.follower.face_diameter if isinstance(self.cam.follower, FlatFollower) else None
 
     @property
-    def axial_offset(self) -> float:
-        """Distance from the axis of a flat follower to the middle of the cam, m."""
-        return self.cam.follower.axial_offset if isinstance(self.cam.follower, FlatFollower) else 0.0
+    def rotation_arm(self) -> float:
+        """Distance from the axis of a flat follower to its contact along the shaft, m."""
+        return self.cam.follower.rotation_arm if isinstance(self.cam.follower, FlatFollower) else 0.0
 
     @property
     def min_face_diameter(self) -> float | None:

@@ -11,6 +11,7 @@ from flexcam.analysis.prepared_run import MASS_CHAINS, PreparedRun, revolution_t
 from flexcam.analysis.resources import check_mesh_memory
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
+from flexcam.case.input_checks import check_values
 from flexcam.case.schema.run import FreeRunningRecord, GivenStartRecord, ResultStartRecord
 from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name
@@ -21,6 +22,7 @@ from flexcam.dynamics import (
     FluctuatingSpeed,
     ModeBasis,
     Problem,
+    RunFailedError,
     SaveAt,
     SpeedByAngle,
     State,
@@ -97,6 +99,9 @@ def prepare(
         problem = set_initial_state(case, model, plain, until=until)
     except InputError as refusal:
         raise _add_lines(case, refusal) from None
+    except RunFailedError as failure:  # an unusual value, such as 207 Pa, is the probable cause
+        unusual = [warning.removeprefix("Warning: ") for warning in check_values(case)]
+        raise RunFailedError(replace(failure.status, remedy="; ".join([*unusual, failure.status.remedy]))) from None
     problem = replace(problem, basis=_reduced_basis(case, problem, chain))
     if refusal := method_refusal(problem, scheme):
         raise _add_lines(case, refusal)

@@ -8,7 +8,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
-from functools import lru_cache
+from functools import lru_cache, partial
 from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
 from typing import Literal
@@ -16,9 +16,10 @@ from typing import Literal
 import numpy as np
 
 from flexcam.analysis.histories import response_block
-from flexcam.analysis.preparation import prepare
+from flexcam.analysis.preparation import prepare, prepare_without_periodic_search
 from flexcam.analysis.prepared_run import PreparedRun
 from flexcam.analysis.resources import ResourceEstimate, check_resources, estimate_resources
+from flexcam.analysis.run_metrics import compute_metrics
 from flexcam.case.case import Case
 from flexcam.case.input_checks import check_values
 from flexcam.case.schema.run import ResultStartRecord
@@ -171,7 +172,14 @@ def run(
     if not allow_large:
         check_resources(estimate_case_resources(ready, keep))
     memory = summary_sink(ready) if keep == "revolution" else None
-    return solve(ready.problem, ready.scheme, save=ready.save, sinks=sinks, memory=memory, resume=resume)
+    response = solve(ready.problem, ready.scheme, save=ready.save, sinks=sinks, memory=memory, resume=resume)
+    return replace(response, evaluator=partial(_metrics_by_name, case, rigid=rigid))
+
+
+def _metrics_by_name(case: Case, response: Response, *, rigid: bool = False) -> dict[str, float]:
+    """Return the metrics of a response; a case, unlike a prepared run, can be sent to other processes."""
+    ready = prepare(case, rigid=True, allow_large=True) if rigid else prepare_without_periodic_search(case)
+    return {metric.name: metric.value for metric in compute_metrics(ready, response)}
 
 
 _STORED_TEXTS = ("all", "revolution")
@@ -200,7 +208,7 @@ def reload_result(case: Case, result: Result) -> tuple[PreparedRun, Response]:
         still = np.zeros((len(response.field_time), len(internal)))
         known = unknown_fields(response, free, ())
         fields = Series(*(np.append(values, still, axis=1) for values in vars(known).values()))
-    return ready, replace(response, outline=names, fields=fields)
+    return ready, replace(response, outline=names, fields=fields, evaluator=partial(_metrics_by_name, case))
 
 
 def member_strength(ready: PreparedRun, response: Response) -> dict[str, MemberStrength]:

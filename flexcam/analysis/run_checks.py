@@ -7,7 +7,7 @@ of the checks of a run.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Self
 
@@ -28,6 +28,7 @@ from flexcam.case.input_checks import (
     check_shared_seat_load,
     check_start_impact,
     check_values,
+    check_valve_angles,
 )
 from flexcam.core import rounding_fraction
 from flexcam.core.errors import InputError
@@ -46,6 +47,7 @@ from flexcam.valvetrain import (
     ResolutionSink,
     build_structure,
     compressed_members,
+    opposed_contacts,
     stiff_struts,
 )
 
@@ -114,6 +116,7 @@ def check_input(ready: PreparedRun) -> list[str]:
         *check_start_impact(case, model, problem),
         *check_overshoot(problem, ready.scheme),
         *check_lash(model),
+        *check_valve_angles(model),
         *(sentence for check in rigid for sentence in check(model, case.speed)),
         *_check_cam_steps(ready),
         *_check_geometric_stiffness(ready),
@@ -156,6 +159,10 @@ def _check_lobe(model: Model, name: str, cam: Cam, follower: Follower) -> Iterat
     if _is_undercut(cam, follower):
         why = "its profile crosses itself (undercut), so that no cam can make the lift of this run"
         yield f"Warning: cams.{name}: {why}; flexcam cam gives the base circle that is large enough"
+    if isinstance(follower, FlatFollower) and not abs(beside := follower.lobe_contact) <= 0.5 * (cam.width or math.inf):
+        place = "at the edge of the lobe" if math.isinf(beside) else f"{1e3 * abs(beside):.3g} mm from its middle"
+        remedy = "give the follower a crown_radius, or change the taper" if math.isinf(beside) else "change the taper"
+        yield f"Warning: cams.{name}: its taper and the crown put the contact {place}: edge contact; {remedy}"
     if isinstance(follower, FlatFollower) and follower.face_diameter is not None:
         needed = 2.0 * follower.face_radius(float(np.abs(cam.event(_LIFT_ANGLES, 1)).max()), cam.width)
         if needed > follower.face_diameter:
@@ -228,7 +235,7 @@ def check_run(ready: PreparedRun, monitor: RunMonitor, metrics: list[Metric], st
     return [
         *check_input(ready),
         *describe_model_limits(ready),
-        *check_events(metrics),
+        *check_events(metrics, opposed_contacts(ready.model)),
         *_check_energy_balance(monitor.extremes),
         *_check_numerical_dissipation(ready, monitor.extremes),
         *_check_equilibrium(stats),
@@ -292,14 +299,18 @@ def describe_model_limits(ready: PreparedRun) -> list[str]:
     return warnings
 
 
-def check_events(metrics: Iterable[Metric]) -> list[str]:
-    """Return warnings about events of the last revolution: contact loss, valve bounce, coil clash, buckling."""
-    known = list(metrics)
+def check_events(metrics: Iterable[Metric], opposed: Mapping[str, str] | None = None) -> list[str]:
+    """Return warnings about events of the last revolution: contact loss, valve bounce, coil clash, buckling.
+
+    A follower that leaves its cam meets that of the opposed contact, if it has one.
+    """
+    known, pairs = list(metrics), opposed or {}
     bounces = dict(_metrics_with_suffix(known, ".bounces"))
     return [
         *(
             f"Warning: the follower of {name!r} loses contact with its cam for {math.degrees(angle):.3g} deg of the "
-            f"lift: do not use the motion after that for design"
+            f"lift: "
+            + (f"{pairs[name]!r} stops it" if name in pairs else "do not use the motion after that for design")
             for name, angle in _metrics_with_suffix(known, ".open_on_the_lift")
             if angle > OPEN
         ),
@@ -319,7 +330,21 @@ def check_events(metrics: Iterable[Metric]) -> list[str]:
             for name, margin in _metrics_with_suffix(known, ".buckling_margin")
             if margin < 1.0
         ),
+        *(
+            f"Warning: the {what} of {name!r} reaches {1e-6 * stress:.4g} MPa: {usual}"
+            for suffix, (largest, what, usual) in _USUAL_STRESSES.items()
+            for name, stress in _metrics_with_suffix(known, suffix)
+            if stress > largest
+        ),
     ]
+
+
+_USUAL_STRESSES = {
+    ".pressure.largest": (2.5e9, "contact pressure", "hardened steel yields under it"),
+    ".stress.largest": (1.5e9, "shear stress in the wire", "no wire of valve springs endures it"),
+}
+"""Metrics, and the stress, Pa, above which flexcam warns: 1.67 times a yield stress of 1.5 GPa (K. L. Johnson, Contact
+Mechanics, 1985, section 6.1), and three quarters of the tensile strength of the strongest wire, 2 GPa."""
 
 
 def describe_contact_loss(metrics: Iterable[Metric]) -> str:

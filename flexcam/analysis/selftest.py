@@ -72,7 +72,6 @@ _EXTRAS = {
     "tables": ("pandas", "pyarrow", "xarray"),
     "cluster": ("distributed",),
     "movie": ("imageio", "imageio_ffmpeg"),
-    "html": ("trame_vtk",),
     "design": ("pymoo",),
     "mdf": ("asammdf",),
 }

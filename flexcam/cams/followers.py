@@ -83,15 +83,29 @@ class FlatFollower(Follower):
     face_diameter: float | None = None  #: of a round face, m
     #: distance from the follower's axis to the middle of the cam, along the shaft, m: it rotates a round face
     axial_offset: float = 0.0
+    crown_radius: float | None = None  #: of a spherical face, m
+    taper: float = 0.0  #: of the lobe to the shaft, rad: it moves the contact of a crowned face toward its thick end
 
     def __post_init__(self) -> None:
         positive("base_radius", self.base_radius, "m")
-        if self.face_diameter is not None:
-            positive("follower.face_diameter", self.face_diameter, "m")
+        for key, size in (("face_diameter", self.face_diameter), ("crown_radius", self.crown_radius)):
+            if size is not None:
+                positive(f"follower.{key}", size, "m")
+
+    @property
+    def rotation_arm(self) -> float:
+        """Distance along the shaft from the follower's axis to its contact, m: friction there rotates the follower."""
+        return self.axial_offset if self.crown_radius is None else self.crown_radius * math.tan(self.taper)
+
+    @property
+    def lobe_contact(self) -> float:
+        """Distance along the shaft from the middle of the lobe to the contact, m; infinite for a tapered edge."""
+        return self.rotation_arm - self.axial_offset if self.crown_radius or not self.taper else math.inf
 
     def face_radius(self, contact_offset: float, width: float | None) -> float:
-        """Return the radius of a round face, m, that contains the contact line of a cam, from its offset and width."""
-        return math.hypot(contact_offset, 0.5 * (width or 0.0) + abs(self.axial_offset))
+        """Return the radius of a round face, m, that contains the contact of a cam: a line of its width, or a point."""
+        half = 0.5 * (width or 0.0) if self.crown_radius is None else 0.0
+        return math.hypot(contact_offset, half + abs(self.rotation_arm))
 
     def contact(self, lift: FloatArray, velocity: FloatArray, acceleration: FloatArray, turn: Turn) -> FollowerContact:
         """Return the contact, at the distance s' from the axis, where the velocities along the normal agree."""

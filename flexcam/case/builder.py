@@ -282,7 +282,8 @@ class _Geometry:
             span = self.mesh.nodes[self.mesh.node(record.follower)] - cam
             if float(span @ lift[:3]) < -_PERPENDICULAR_TOLERANCE * float(np.linalg.norm(span)):
                 why = "the follower lies on the other side, and the cam would pass through it"
-                raise refuse("direction", given, "a direction from the cam to its follower", why, "change its sign")
+                remedy = "change its sign; a closing cam needs another node beyond the shaft, with a lash to this one"
+                raise refuse("direction", given, "a direction from the cam to its follower", why, remedy)
         return lift
 
     def _rotation_axis(self, name: str) -> FloatArray:

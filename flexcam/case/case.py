@@ -111,6 +111,34 @@ class Case:
             changed["revolutions"] = revolutions
         return self.with_run(changed)
 
+    def replace(self, values: Mapping[str, object]) -> Case:
+        """Return the same case with other values, as `read_case` from its file with these overrides.
+
+        Parameters
+        ----------
+        values
+            Values by dotted key or by table and key: texts with unit, or numbers in SI. A table changes only the keys
+            that it has; a new name adds a part.
+
+        Returns
+        -------
+        Case
+            Checked case; its overrides have the changes. Changes by `at_speed` remain.
+
+        Raises
+        ------
+        InputError
+            If a value or the case is invalid.
+
+        Examples
+        --------
+        ``case.replace({"springs.valve.stiffness": "60 kN/m"})``, or ``case.replace({"springs": {"valve": {"stiffness":
+        6e4}}})``
+        """
+        from flexcam.case.reader import replace_values
+
+        return replace_values(self, values)
+
     def with_average_acceleration(self) -> Case:
         """Return the same case with Newmark's average acceleration, which is stable at any time step."""
         return self.with_run({"integrator": NewmarkRecord()})

@@ -13,13 +13,24 @@ from typing import Any, cast
 
 import numpy as np
 
-from flexcam.cams import DelayedEvent, LiftEvent
+from flexcam.cams import DelayedEvent, LiftEvent, valve_event
 from flexcam.case.case import Case
 from flexcam.case.reader import case_tables
 from flexcam.case.records import resolve_record, si_unit
 from flexcam.core.units import RPM
 from flexcam.dynamics import Method, Problem, RunFailedError, SaveAt, Scheme, newmark, solve
-from flexcam.valvetrain import Adjuster, CamContact, Lash, Model, Seat, largest_lashes, shared_forces, touching_coils
+from flexcam.valvetrain import (
+    Adjuster,
+    CamContact,
+    Lash,
+    Model,
+    Seat,
+    driving_contact,
+    largest_lashes,
+    opposed_contacts,
+    shared_forces,
+    touching_coils,
+)
 
 
 @dataclass(frozen=True)
@@ -405,6 +416,26 @@ def check_coil_bind(model: Model, speed: float) -> list[str]:
         f"Warning: coils of {name!r} touch before full lift: clash_travel is {1e3 * beyond:.3g} mm too short for it"
         for name, beyond in touching
     ]
+
+
+_MAX_OPENING = math.radians(400.0)
+"""Crank angle of lift above a tenth of its maximum from which cam angles of a valve may be crank angles, rad."""
+
+
+def check_valve_angles(model: Model) -> list[str]:
+    """Return warnings about cams that hold a valve open for so long that their angles may be crank angles."""
+    driven = [driving_contact(model, seat.at) for seat in model.contacts.values() if isinstance(seat, Seat)]
+    found: list[str] = []
+    for name in dict.fromkeys(
+        model.cam_contacts[one].cam for one in driven if one and one not in opposed_contacts(model)
+    ):
+        event = model.cams[name].event
+        opened = valve_event(event, 0.1 * event.height)
+        if opened and opened.duration > _MAX_OPENING:
+            span = f"{math.degrees(opened.duration):.4g} deg of the crank"
+            why = "did you give crank angles? Angles of a cam are those of the camshaft, half as large"
+            found.append(f"Warning: cams.{name}: it holds its valve open for {span}: {why}")
+    return found
 
 
 def check_lash(model: Model) -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePath
@@ -62,9 +62,19 @@ def read_case(path: str | Path, overrides: Sequence[str] | Mapping[str, object] 
     ``read_case("cases/tayeb/model-3-shm.toml", ["run.speed=4000rpm"])`` is the published case at another speed, and so
     is ``read_case("cases/tayeb/model-3-shm.toml", {"run.speed": "4000 rpm"})``.
     """
-    if isinstance(overrides, Mapping):
-        overrides = [f"{key}={_toml_text(value, key)}" for key, value in overrides.items()]
-    return CaseFile.open(path).read(overrides)
+    if not isinstance(overrides, Mapping):
+        return CaseFile.open(path).read(overrides)
+    return _read_changed(CaseFile.open(path), (), overrides)
+
+
+def _read_changed(file: CaseFile, overrides: Sequence[str], values: Mapping[str, object]) -> Case:
+    """Return a case with values of Python by dotted key; errors name the key, not an option of the command line."""
+    texts = [f"{key}={_toml_text(value, key)}" for key, value in values.items()]
+    try:
+        return file.read([*overrides, *texts])
+    except InputError as refusal:
+        faults = [replace(fault, where=fault.where.replace("--set ", "")) for fault in refusal.faults]
+        raise InputError(faults) from None
 
 
 def _toml_text(value: object, where: str) -> str:
@@ -81,6 +91,36 @@ def _toml_text(value: object, where: str) -> str:
     if not isinstance(value, int | float) or not math.isfinite(value):
         raise refuse(where, repr(value), "a text, a finite number, true or false, or a list or table of these")
     return json.dumps(value)
+
+
+def replace_values(case: Case, values: Mapping[str, object]) -> Case:
+    """Return a case with other values by table and key; changes of its record by `Case.with_run` remain."""
+    file, tables = CaseFile.of(case), case_tables(case)
+    changes = dict(_changed_values(tables, values, ""))
+    before, after = (_read_changed(file, case.overrides, one) for one in ({}, changes))
+    given = set(changes) | {
+        f"run.{other}" for path in changes for other in _REPLACED_KEYS.get(path.removeprefix("run."), ())
+    }
+    run, fidelity = (
+        {key: value for key, value in own if value != getattr(read, key) and f"{name}.{key}" not in given}
+        for name, own, read in (
+            ("run", case.record.run, before.record.run), ("fidelity", case.record.fidelity, before.record.fidelity)
+        )
+    )  # fmt: skip
+    return replace(after.with_run(run).with_fidelity(fidelity), result_name=case.result_name)
+
+
+def _changed_values(
+    tables: Mapping[str, object], values: Mapping[str, object], path: str
+) -> Iterator[tuple[str, object]]:
+    """Yield the dotted key and the value of each change; a table that the case has changes key by key."""
+    for key, value in values.items():
+        own = tables.get(key)
+        if isinstance(own, Mapping) and isinstance(value, Mapping):
+            inner = cast("Mapping[str, object]", own), cast("Mapping[str, object]", value)
+            yield from _changed_values(*inner, f"{path}{key}.")
+        else:
+            yield f"{path}{key}", value
 
 
 def case_from_result(result: Result) -> Case:

@@ -209,10 +209,10 @@ def _face(found: CamFacts, smallest: float) -> str:
     """Return the face diameter that contains the contact line, the given one, and the offset that rotates the face."""
     width, given = found.cam.width, found.face_diameter
     contents = ["without the width of the cam" if width is None else f"with the cam's width of {format_mm(width)} mm"]
-    if found.axial_offset:
-        contents.append(f"offset {format_mm(found.axial_offset)} mm from the follower's axis, which rotates it")
+    if found.rotation_arm:
+        contents.append(f"contact {format_mm(found.rotation_arm)} mm from the follower's axis, which rotates it")
     elif given is not None:
-        contents.append("no axial_offset that rotates the follower")
+        contents.append("no axial_offset, or crown with taper, that rotates the follower")
     has = "" if given is None else f" of {format_mm(given)} mm"
     return f"{format_mm(smallest)} mm{has} ({', '.join(contents)})"
 

@@ -57,18 +57,26 @@ def view(
     structure = build_structure(build_model(case))
     motion, title = displayed_motion(case, structure, result, color, mode)
     drawn, still = build_mechanism(structure), image_instant(case, result, motion, angle, mode)
-    select_renderer(off_screen=picture is not None)
-    from flexcam.plotting.solid_view import MechanismView, show_window
+    if picture is not None and picture.suffix == ".html":
+        from flexcam.plotting.solid_files import collect_parts, write_page
 
-    stage = MechanismView(drawn, motion, off_screen=picture is not None, scale=scale, size=pixels, title=title)
-    if picture is None:
-        show_window(stage, still, swings=mode is not None)
+        frames = sorted({*motion.spread(FRAMES), still})
+        labels = [motion.words(i, title, scale) for i in frames]
+        parts = collect_parts(drawn, motion.at(frames), scale)
+        write_page(picture, parts, drawn.view, labels, frames.index(still), motion.label)
     else:
-        save_view(stage, picture, motion.spread(FRAMES), still)
-    parts = (
+        select_renderer(off_screen=picture is not None)
+        from flexcam.plotting.solid_view import MechanismView, show_window
+
+        stage = MechanismView(drawn, motion, off_screen=picture is not None, scale=scale, size=pixels, title=title)
+        if picture is None:
+            show_window(stage, still, swings=mode is not None)
+        else:
+            save_view(stage, picture, motion.spread(FRAMES), still)
+    notes = (
         ["\n".join(["Sizes chosen for the drawing:", *(f"  {note}" for note in drawn.notes)])] if drawn.notes else []
     )
-    output = cli.CommandOutput(parts, {"instants": len(motion), "drawn": list(drawn.notes)})
+    output = cli.CommandOutput(notes, {"instants": len(motion), "drawn": list(drawn.notes)})
     cli.write_output(output, as_json=as_json, written=[] if picture is None else [picture])
 
 

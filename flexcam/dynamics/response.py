@@ -8,8 +8,9 @@ such as a force, is linear between its instants.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -146,6 +147,13 @@ class _Channels(dict[str, FloatArray]):
         raise refuse("channel", repr(name), ", ".join(self) or "(no channel was saved)", "", suggest_name(name, self))
 
 
+class _Metrics(dict[str, float]):
+    """Metrics by name; an unknown name is refused with the nearest one."""
+
+    def __missing__(self, name: str) -> float:
+        raise refuse("metric", repr(name), ", ".join(self) or "(the run has none)", "", suggest_name(name, self))
+
+
 @dataclass(frozen=True, eq=False)
 class Response:
     """Result of a run.
@@ -164,6 +172,8 @@ class Response:
         All unknowns at the saved instants.
     status, stats
         Status and statistics of the run.
+    evaluator
+        Function that computes the metrics of a response; None for a response without its model.
 
     Examples
     --------
@@ -180,6 +190,7 @@ class Response:
     fields: Series
     status: Status = field(default_factory=Status)
     stats: Stats = field(default_factory=Stats)
+    evaluator: Callable[[Response], Mapping[str, float]] | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "channels", _Channels(self.channels))
@@ -204,6 +215,24 @@ class Response:
                 "channels": ", ".join(self.channels),
             },
         )
+
+    @cached_property
+    def metrics(self) -> Mapping[str, float]:
+        """Metrics of the last revolution in SI units, by the names of `flexcam run --json` and of sweeps.
+
+        Raises
+        ------
+        InputError
+            If the response has no model: it is from `solve` or a file.
+
+        Examples
+        --------
+        ``response.metrics["contacts.seat.seating_velocity"]``
+        """
+        if self.evaluator is None:
+            allowed = "a response of flexcam.run, or of flexcam.analysis.run.reload_result"
+            raise refuse("metrics", "a response without its model", allowed)
+        return _Metrics(self.evaluator(self))
 
     def motions(self, probes: Sequence[str] | None = None) -> Iterator[tuple[str, str, str, FloatArray]]:
         """Yield every scalar history of the probes, all or those named.

@@ -5,22 +5,19 @@ This module imports no renderer: VTK aborts its process if a library is missing.
 
 # pyright: reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false
 # pyright: reportUnknownArgumentType=false, reportMissingImports=false
-# pyvista, imageio and trame-vtk do not type most of their interface.
+# pyvista and imageio do not type most of their interface.
 
 from __future__ import annotations
 
-import html
 import io
-import json
 import os
 import re
 import subprocess
 import sys
-import zipfile
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from flexcam.core.errors import refuse, require_packages, system_message
 from flexcam.dynamics import Cause, RunFailedError, Status
@@ -102,7 +99,7 @@ REQUIREMENTS = {
     ".png": ("", ()),
     ".gif": ("movie", ("imageio",)),
     ".mp4": ("movie", ("imageio", "imageio_ffmpeg")),
-    ".html": ("html", ("trame_vtk",)),
+    ".html": ("", ()),
 }
 """Requirements by file type: the extra of flexcam and its modules."""
 
@@ -122,7 +119,7 @@ def check_output_path(path: Path, size: tuple[int, int], *, overwrite: bool = Fa
 
 
 def save_view(stage: MechanismView, path: Path, frames: Sequence[int], still: int) -> None:
-    """Write an image or page of one instant, or a movie of several."""
+    """Write an image of one instant, or a movie of several."""
     with atomic_write_path(path) as draft:
         _save(stage, draft, frames, still)
 
@@ -133,13 +130,9 @@ def _save(stage: MechanismView, path: Path, frames: Sequence[int], still: int) -
             path.write_bytes(_gif(stage, frames))
         case ".mp4":
             _movie(stage, path, frames)
-        case ".png":
-            stage.show(still)
-            stage.plotter.screenshot(path)
         case _:
             stage.show(still)
-            stage.plotter.render()
-            _write_page(stage.plotter.render_window, path, stage.title)
+            stage.plotter.screenshot(path)
     stage.plotter.close()
 
 
@@ -168,42 +161,3 @@ def _movie(stage: MechanismView, path: Path, frames: Sequence[int]) -> None:
     stage.plotter.close()
     if b"moov" not in path.read_bytes():  # the writer does not report a full disk
         raise OSError("its end is missing: no space left, perhaps")
-
-
-def _write_page(window: Any, path: Path, title: str) -> None:  # noqa: ANN401 - a window of VTK
-    """Write the content of a window as an HTML page."""
-    from trame_vtk.tools.vtksz2html import write_html
-
-    packed, page = io.BytesIO(), io.StringIO()
-    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("index.json", json.dumps(_serialize_window(window)))
-    write_html(packed.getvalue(), page)
-    alone = _ICONS.sub("`data:,`", page.getvalue())
-    path.write_text(alone.replace("<head>", f"<head><title>{html.escape(title)}</title>", 1), encoding="utf-8")
-
-
-_ICONS = re.compile(r"`https?://[^`]*/favicon[^`]*`")  # icons that the viewer would download
-
-
-def _serialize_window(window: Any) -> dict[str, Any]:  # noqa: ANN401
-    """Return a window in the format of vtk.js: its objects, and their arrays by hash."""
-    from trame_vtk.modules.vtk.serializers import (
-        SynchronizationContext,
-        extract_array_hash,
-        initialize_serializers,
-        reference_id,
-        serialize,
-    )
-
-    initialize_serializers()
-    context = SynchronizationContext()
-    context.set_ignore_last_dependencies(True)
-    scene: Any = serialize(None, window, reference_id(window), context, 1)
-    camera = window.GetRenderers().GetFirstRenderer().GetActiveCamera()
-    scene["extra"] = {
-        "vtkRefId": reference_id(window), "centerOfRotation": camera.GetFocalPoint(), "camera": reference_id(camera),
-    }  # fmt: skip
-    hashes: dict[str, Any] = {}
-    for one in extract_array_hash(scene):
-        hashes[one["hash"]] = {**one, "content": context.get_cached_data_array(one["hash"], False)}
-    return {"hashes": hashes, "scene": scene}

@@ -5,9 +5,13 @@ from __future__ import annotations
 import json
 import re
 import struct
+from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from html import escape
+from importlib.resources import files
 from pathlib import Path
+from string import Template
 from typing import Any
 
 import numpy as np
@@ -211,3 +215,62 @@ def _material(kind: str, colour: Sequence[float]) -> dict[str, Any]:
     linear = [one / 12.92 if one <= 0.04045 else ((one + 0.055) / 1.055) ** 2.4 for one in colour[:3]]
     surface = {"baseColorFactor": [*linear, colour[3]], "metallicFactor": 0.1, "roughnessFactor": 0.6}
     return {"name": kind, "pbrMetallicRoughness": surface, "alphaMode": "BLEND" if colour[3] < 1.0 else "OPAQUE"}
+
+
+def write_page(
+    path: Path, parts: Sequence[Part], view: FloatArray, labels: Sequence[str], still: int, scale: str = ""
+) -> None:
+    """Write the motion as an HTML page that turns it in space and fetches nothing.
+
+    The rows of `view` point to the right, up and to the observer. The page begins at instant `still`. `labels` has a
+    text per instant, with the title in its first line; `scale` is the name of the colour values.
+    """
+    ends = [part.points.reshape(-1, 3) for part in parts]
+    low, high = (np.array([call(one, axis=0) for one in ends]) for call in (np.min, np.max))
+    low, high = low.min(axis=0), high.max(axis=0)
+    size = 0.5 * float(np.linalg.norm(high - low))
+    known = [part.values for part in parts if part.values is not None]
+    limits = min([0.0, *map(np.nanmin, known)]), max([0.0, *map(np.nanmax, known)])
+    content = {
+        "parts": [_page_part(part, low, high, limits, by_value=bool(known)) for part in parts],
+        "turn": view.ravel().tolist(), "low": (-0.5 * (high - low) / size).tolist(),
+        "span": ((high - low) / size).tolist(), "labels": list(labels), "still": still, "rate": FRAMES_PER_SECOND,
+    }  # fmt: skip
+    ticks = [f"<span>{limit:.4g}</span>" for limit in limits[::-1]]
+    bar = f'<div id="bar"><span>{escape(scale)}</span>{ticks[0]}<div></div>{ticks[1]}</div>' if known else ""
+    colours = ", ".join(f"rgb({r}, {g}, {b})" for r, g, b in _viridis(np.linspace(1.0, 0.0, 9)).tolist())
+    page = Template((files("flexcam") / "plotting/view.html").read_text(encoding="utf-8"))
+    data = json.dumps(content).replace("<", "\\u003c")
+    text = page.substitute(title=escape(labels[0].partition("\n")[0]), bar=bar, data=data, colours=colours)
+    with atomic_write_path(path) as draft:
+        draft.write_text(text, encoding="utf-8")
+
+
+def _page_part(
+    part: Part, low: FloatArray, high: FloatArray, limits: tuple[float, float], *, by_value: bool
+) -> dict[str, object]:
+    """Return a part for a page: points as fractions of the box in 16 bits, colours in 8 bits."""
+    count = len(part.points) if part.moves else 1
+    places = (65535.0 * (part.points[:count] - low) / np.maximum(high - low, np.finfo(float).tiny)).round()
+    *colour, opacity = part.colour(by_value=by_value)
+    made: dict[str, object] = {
+        "count": part.points.shape[1],
+        "colour": colour,
+        "opacity": opacity,
+        "faces": _packed(part.faces, "<u4"),
+    }
+    if part.values is not None:
+        span = (limits[1] - limits[0]) or 1.0
+        tints = _viridis(np.nan_to_num((part.values[:count] - limits[0]) / span))
+        made["tints"] = _packed(np.pad(tints, [(0, 0), (0, 0), (0, 1)]), "u1")
+    return made | {"points": _packed(np.pad(places, [(0, 0), (0, 0), (0, 1)]), "<u2")}
+
+
+def _viridis(values: FloatArray) -> IntArray:
+    from matplotlib import colormaps
+
+    return np.asarray(colormaps["viridis"](values, bytes=True)[..., :3], dtype=np.int64)
+
+
+def _packed(values: FloatArray | IntArray, kind: str) -> str:
+    return b64encode(values.astype(kind).tobytes()).decode("ascii")

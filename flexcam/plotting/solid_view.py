@@ -8,7 +8,6 @@ Call `flexcam.plotting.rendering.select_renderer` first: VTK aborts its process 
 
 from __future__ import annotations
 
-import math
 from itertools import chain
 from typing import Any
 
@@ -79,10 +78,13 @@ class MechanismView:
         """Show instant i."""
         for kind, mesh in self._meshes(i).items():
             self._actors[kind].mapper.SetInputData(mesh)
-        angle, words = self._motion.angle, [self.title] if self.title else []
-        words += [_format_angle(angle, i)] if np.ptp(angle) > 0.0 else []
-        words += [f"elastic part x {self._scale:g}"] if self._scale != 1.0 else []
-        self.plotter.add_text("\n".join(words), position="upper_left", font_size=11, color="black", name="words")
+        self.plotter.add_text(
+            self._motion.words(i, self.title, self._scale),
+            position="upper_left",
+            font_size=11,
+            color="black",
+            name="words",
+        )
 
     def slide(self, start: int) -> None:
         """Add a slider over the cam angle."""
@@ -107,11 +109,8 @@ class MechanismView:
 
     def _set_camera(self) -> None:
         """Set the camera so that lobes and train are visible and everything fits."""
-        axis, up = self._mechanism.axis, self._mechanism.upwards
-        ahead = 0.85 * axis + 0.55 * np.cross(up, axis) + 0.3 * up
-        ahead /= np.linalg.norm(ahead)
-        right = np.cross(up, ahead) / np.linalg.norm(np.cross(up, ahead))
-        plane = np.array([right, np.cross(ahead, right), ahead])
+        plane = self._mechanism.view
+        ahead = plane[2]
         seen = self._visible_points() @ plane.T
         middle, half = 0.5 * (seen.max(axis=0) + seen.min(axis=0)), 0.5 * np.ptp(seen, axis=0)
         wide, beside = self._size[0] / self._size[1], 1.0 if self._motion.values is None else _BESIDE_BAR
@@ -145,11 +144,10 @@ def _mesh(solid: Solid) -> pyvista.PolyData:
     return mesh
 
 
-def _format_angle(angle: FloatArray, i: int) -> str:
-    """Return the cam angle of an instant relative to the start of the displayed revolution."""
-    turns = math.floor(float(angle[0]) / (2.0 * math.pi) + 1e-9)
-    text = f"cam angle {math.degrees(float(angle[i])) - 360.0 * turns:.1f} deg"
-    return f"{text} of the last revolution" if turns else text
+def _shade(mesh: pyvista.PolyData) -> pyvista.PolyData:
+    """Return a mesh with normals, and with sharp edges where its triangles meet at a large angle."""
+    shaded: Any = mesh.compute_normals(split_vertices=True, feature_angle=_SHARP_ANGLE, consistent_normals=False)
+    return shaded
 
 
 def show_window(stage: MechanismView, still: int, *, swings: bool) -> None:

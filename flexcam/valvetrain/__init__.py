@@ -61,6 +61,7 @@ from flexcam.valvetrain.train_metrics import (
     Seating,
     contact_loss,
     main_lift,
+    opposed_contacts,
     seating,
     separation,
     separation_by_flank,
@@ -78,7 +79,7 @@ __all__ = [
     "build_rigid", "build_structure", "build_system", "compressed_members", "contact_loss", "contact_modes",
     "contact_stiffness", "describe_inactive", "driving_contact", "element_loads", "follower_train", "free_running",
     "free_speed", "hertz_line", "largest_lashes", "lift_transfer", "main_lift", "member_masses", "modal_basis",
-    "model_modes", "modes_on_the_lift", "rigid_motion", "seating", "separation", "separation_by_flank",
-    "shared_forces", "stiff_struts", "straighten", "touching_coils", "train_metric_names", "train_metrics",
+    "model_modes", "modes_on_the_lift", "opposed_contacts", "rigid_motion", "seating", "separation",
+    "separation_by_flank", "shared_forces", "stiff_struts", "straighten", "touching_coils", "train_metric_names", "train_metrics",
     "valve_loft", "valve_ratio", "without_compression",
 ]  # fmt: skip

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import permutations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import CamContact, Lash, Seat
 from flexcam.valvetrain.rigid_model import rigid_motion
 from flexcam.valvetrain.structure import build_structure
-from flexcam.valvetrain.train_topology import driving_contact, largest_lashes
+from flexcam.valvetrain.train_topology import driving_contact, largest_lashes, moved_nodes
 
 Bools = NDArray[np.bool_]
 
@@ -207,7 +208,7 @@ _DRIVE = ("torque.mean", "power.mean")
 def valve_loft(model: Model, response: Response, name: str, seat: Seat, instants: Bools) -> float | None:
     """Return the largest lift of a valve over the nose of its cam above that of the rigid train, m, if there is one."""
     contact, angle = driving_contact(model, seat.at), response.angle[instants]
-    if contact is None:
+    if contact is None or contact in opposed_contacts(model):  # an opposed cam stops the valve over the nose
         return None
     try:
         motion = rigid_motion(model)
@@ -219,6 +220,15 @@ def valve_loft(model: Model, response: Response, name: str, seat: Seat, instants
     moved = motion.at(ConstantSpeed(1.0).at(angle))[0] @ build_structure(model).row(seat.at, seat.direction)
     above = response.channels[f"contacts.{name}.gap"][instants] - moved
     return float(above[over].max())
+
+
+def opposed_contacts(model: Model) -> dict[str, str]:
+    """Return the contacts of desmodromic pairs: each with one whose cam moves the same nodes in the opposite sense."""
+    moved = {name: set(moved_nodes(model, one)) for name, one in model.cam_contacts.items()}
+    directions = {name: one.direction[:3] for name, one in model.cam_contacts.items()}
+    return {
+        a: b for a, b in permutations(moved, 2) if float(directions[a] @ directions[b]) < 0.0 and moved[a] & moved[b]
+    }
 
 
 def _nose_force(model: Model, response: Response, name: str, last: Bools) -> list[Metric]:

@@ -81,3 +81,26 @@ def test_both_can_be_swept():
     assert ours.shape == (2, 2)
     assert ours["deviation.peak"].tolist() == theirs["deviation.peak"].tolist()
     assert len(set(ours["deviation.peak"].tolist())) == 4
+
+
+def test_a_case_with_other_values():
+    """As from its file; a table changes its keys, and what was changed in Python remains."""
+    case = read_case(ENGINE, ["run.revolutions=2"])
+    changed = case.replace({"springs": {"valve": {"stiffness": 60e3, "wire": {"diameter": 0.005}}}, "title": "Stiff"})
+    same = ["run.revolutions=2", "springs.valve.stiffness=60 kN/m", "springs.valve.wire.diameter=5 mm", "title=Stiff"]
+    assert changed.record == read_case(ENGINE, same).record
+    assert case.replace({"springs.valve.stiffness": "60 kN/m"}).record.springs["valve"].stiffness == 60e3
+    assert case.record.springs["valve"].stiffness == 50e3
+    assert "extra" in case.replace({"masses": {"extra": {"at": "cam", "mass": "1 g"}}}).record.masses
+    faster = case.at_speed(200.0).replace({"run.revolutions": 3})
+    assert (faster.speed, faster.turns, faster.record.run.revolutions) == (200.0, 2.0, 3.0)
+    given = case.at_speed(200.0, 5.0).replace({"run": {"speed": 150.0}})
+    assert (given.speed, given.turns, given.record.run.revolutions) == (150.0, 1.0, 5.0)
+
+
+def test_an_error_in_python_names_the_key():
+    for change in (read_case(ENGINE).replace, lambda values: read_case(ENGINE, values)):
+        with pytest.raises(InputError) as refusal:
+            change({"springs.valv": {"stiffness": 60e3}})
+        assert "springs.valv.at" in str(refusal.value)
+        assert "--set" not in str(refusal.value)

@@ -88,6 +88,31 @@ def test_edge_contact_of_a_round_face(told, offset, smallest, spare):
         assert 1e3 * cam["findings"][0]["value"] == pytest.approx(0.5 * spare, rel=1e-6)
 
 
+CROWN = 'follower={ type = "flat", face_diameter = "13.5 mm", crown_radius = "500 mm", taper = "-0.3 deg" }'
+
+
+def test_a_crowned_face_on_a_tapered_lobe(told):
+    """A point 500 mm tan(0.3 deg) = 2.618 mm beside the axis, which moves 6 mm to both sides."""
+    words = ("petrescu-cos", "--set", "cams.valve.width=16 mm", "--set", f"cams.valve.{CROWN}")
+    cam = one(told, *words)
+    assert 1e3 * cam["profile"]["min_face_diameter"] == pytest.approx(2 * math.hypot(6, 2.61801), rel=1e-5)
+    assert cam["findings"] == []
+    assert "contact -2.6" in " ".join(told(*words).out.split())
+
+
+@pytest.mark.parametrize(("face", "said"), [
+    ('crown_radius = "1.2 m", taper = "0.3 deg"', "6.28 mm from its middle"),  # 6 mm is half the width
+    ('crown_radius = "1.2 m", taper = "0.3 deg", axial_offset = "-1 mm"', "7.28 mm from its middle"),
+    ('taper = "0.1 deg"', "at the edge of the lobe"),
+    ('crown_radius = "1 m"', ""),
+])  # fmt: skip
+def test_check_warns_of_contact_beside_the_lobe(tmp_path, face, said):
+    (path,) = new_case("direct-acting", tmp_path / "case.toml")
+    ready = prepare(read_case(path, [f'cams.intake.follower={{ type = "flat", {face} }}', "cams.intake.width=12 mm"]))
+    warned = [warning for warning in check_input(ready) if "edge contact" in warning]
+    assert (len(warned), said in "".join(warned)) == (bool(said), True)
+
+
 @pytest.mark.parametrize(("face", "warns"), [("28 mm", True), ("28.2 mm", False)])
 def test_check_warns_of_edge_contact(tmp_path, face, warns):
     """12.175 mm beside the axis, 7 mm of half the width: 28.09 mm."""

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexcam import prepare, read_case, read_result
+from flexcam import InputError, prepare, read_case, read_result, run
 from flexcam.analysis.run_checks import check_events, check_transient
 from flexcam.analysis.run_metrics import RevolutionChange
 from flexcam.case.starters import new_case
@@ -24,8 +24,10 @@ FIGURES = (
     Metric("contacts.seat.bounce_height", 0.1643e-3, "m"),
     Metric("springs.valve.clearance.least", -0.231e-3, "m"),
     Metric("members.pushrod.buckling_margin", 0.5643, "1"),
+    Metric("contacts.intake.pressure.largest", 3.0391e9, "Pa"),
+    Metric("springs.valve.stress.largest", 1.6e9, "Pa"),
 )
-WELL = (math.radians(0.4), 4.0, 0.09e-3, 0.0, 1.001)
+WELL = (math.radians(0.4), 4.0, 0.09e-3, 0.0, 1.001, 2.49e9, 1.49e9)
 """What is not told: a step without contact, ringing on the seat, coils that close, a load below that of buckling."""
 
 
@@ -38,6 +40,8 @@ def test_every_mishap_is_told_with_number_and_place():
         "Warning: the valve bounces 4 times at 'seat', up to 0.164 mm above its seat",
         "Warning: coils of 'valve' touch: 0.231 mm beyond coil bind",
         "Warning: the compression of member 'pushrod' exceeds its buckling load, margin 0.5643",
+        "Warning: the contact pressure of 'intake' reaches 3039 MPa: hardened steel yields under it",
+        "Warning: the shear stress in the wire of 'valve' reaches 1600 MPa: no wire of valve springs endures it",
     ]
 
 
@@ -69,6 +73,16 @@ def test_a_run_too_fast_keeps_it_with_its_result_and_its_report(flexcam, engine,
     assert "lost contact for" in page
     assert "The part with the largest motion, spring valve, is no member" in page
     assert "The part with the largest motion, camshaft" not in page
+
+
+def test_the_cams_of_a_desmodromic_pair_stop_the_follower(flexcam, tmp_path):
+    """The rigid train of a pair is no measure of valve loft; a follower that left one cam is on the other."""
+    pair = Path(__file__).parents[1] / "golden/models/desmodromic.toml"
+    seat = 'contacts.seat={ at = "lower", direction = "uy", model = "seat", stiffness = "50 MN/m" }'
+    found = flexcam("run", pair, "-o", tmp_path, "--set", seat, "--json").json
+    assert found["train"]["contacts.seat.seating_velocity"] > 0.0
+    assert "contacts.seat.valve_loft" not in found["train"]
+    assert [one.partition("lift: ")[2] for one in found["warnings"] if "loses contact" in one] == ["'closing' stops it"]
 
 
 @pytest.fixture
@@ -136,6 +150,12 @@ def test_figures_of_merit_are_printed_once(flexcam, engine, tmp_path):
     assert (margin["name"], margin["part"], margin["unit"]) == ("spring margin of the rigid train", "", "1")
     assert {name: one["value"] for name, one in merit.items()}.items() <= found["train"].items()
     assert merit["contacts.seat.valve_loft"]["unit"] == "m"
+    response = run(read_case(engine, ["run.steps_per_revolution=1440"]))  # the same in Python
+    assert response.metrics == found["train"]
+    with pytest.raises(InputError, match=r"Did you mean 'contacts\.seat\.bounces'"):
+        assert response.metrics["contacts.seat.bounce"]
+    with pytest.raises(InputError, match="without its model"):
+        assert read_result(found["result"]).response.metrics
     out = flexcam("run", engine, *options).out
     table, others = out.split("Figures of merit")[1].split("Metrics of the last revolution")
     for words in ("seating velocity", "mean drive power", "coil-bind clearance", "spring margin of the rigid train"):

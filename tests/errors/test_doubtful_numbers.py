@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from flexcam import InputError, prepare, read_case, read_result
+from flexcam import InputError, RunFailedError, prepare, read_case, read_result
 from flexcam.analysis.run_checks import check_input, check_lobes
 from flexcam.case.builder import build_model
 from flexcam.case.input_checks import TYPICAL_RANGES, check_values
@@ -176,6 +176,12 @@ def test_run_tells_it_and_the_result_keeps_it(tmp_path, capsys):
     assert "7.8 g/cm^3" in read_result(tmp_path / "inline.vtkhdf").about["warnings"]
 
 
+def test_a_case_without_equilibrium_names_its_unusual_values():
+    """A pushrod of 207 Pa carries no spring: the modulus, not the contact, is the cause."""
+    with pytest.raises(RunFailedError, match=r"materials\.steel\.E .*did you mean 207 GPa\?"):
+        prepare(read_case(ROOT / "cases/pushrod-engine/lever.toml", ["materials.steel.E=207"]))
+
+
 @pytest.mark.parametrize(("override", "said"), [
     ("cams.intake.base_radius=17.4mm", "its profile crosses itself (undercut)"),
     ("sections.shaft.diameter=50mm", "its base circle has a radius of 24 mm, its shaft one of 25 mm"),
@@ -184,6 +190,14 @@ def test_a_lobe_that_cannot_be_made(override, said):
     (told,) = check_lobes(build_model(read_case(PUSHROD, [override])))
     assert "cams.intake" in told
     assert said in told
+
+
+@pytest.mark.parametrize(("factor", "warns"), [(1, False), (2, True)])
+def test_crank_angles_given_for_a_cam(factor, warns):
+    """The flanks of the intake in crank angles are twice as long."""
+    cam = read_case(PUSHROD).record.cams["intake"]
+    case = read_case(PUSHROD, {"cams.intake.rise": factor * cam.rise, "cams.intake.return": factor * cam.rise})
+    assert any("did you give crank angles?" in one for one in check_input(prepare(case))) == warns
 
 
 def test_a_lobe_without_a_line_of_contact_names_its_base_circle():

@@ -245,9 +245,9 @@ PARTS = {
                               "seat": 1, "drive": 1, "bearing": 3},
     "direct-acting/finger": {"shaft": 1, "lobe": 1, "roller": 1, "rocker": 2, "spring": 1, "valve": 1, "seat": 1},
     "direct-acting/bucket": {"shaft": 1, "member": 2, "lobe": 1, "follower": 1, "spring": 3, "valve": 1, "seat": 1},
-    "camshaft-4cyl/camshaft": {"shaft": 1, "lobe": 8, "follower": 8, "spring": 8, "valve": 8, "bearing": 13,
+    "camshaft-4cyl/camshaft": {"shaft": 1, "lobe": 8, "follower": 8, "spring": 8, "valve": 0, "bearing": 13,
                                "drive": 1},
-    "li/valve-train": {"lobe": 1, "mass": 1, "spring": 3, "valve": 1},
+    "li/valve-train": {"lobe": 1, "mass": 2, "spring": 3, "valve": 0},
 }  # fmt: skip
 
 
@@ -257,6 +257,20 @@ def test_a_train_has_its_parts(name):
     solids = build_mechanism(structure).solids(case_motion(structure, 100.0).instant(0))
     counts = {kind: sum(solid.kind == kind for solid in solids) for kind in PARTS[name]}
     assert counts == PARTS[name]
+
+
+def test_springs_of_a_head_lie_inside_each_other():
+    """The springs of valve and bucket stand on one seat, with space between their coils, also where it is chosen."""
+    structure = structure_of("direct-acting/bucket")
+    drawn = build_mechanism(structure)
+    outer, inner, light = ({one.name: one for one in drawn.springs}[name] for name in ("outer", "inner", "bucket"))
+    for around, inside in ((outer, inner), (inner, light)):
+        assert inside.sizes.diameter + inside.sizes.wire < around.sizes.diameter - around.sizes.wire
+        assert inside.start == pytest.approx(around.start)
+        assert not inside.ground
+        assert not inside.retainer
+    solids = drawn.solids(case_motion(structure, 100.0).instant(0))
+    assert [sum(solid.kind == kind for solid in solids) for kind in ("retainer", "ground")] == [1, 1]
 
 
 TRAINS = ["pushrod-engine/intake", "pushrod-engine/lever", "direct-acting/bucket", "direct-acting/finger"]

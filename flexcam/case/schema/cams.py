@@ -100,10 +100,19 @@ class FlatRecord(Record):
     axial_offset: Position = Field(
         0.0, description="from the follower's axis to the middle of the cam, along the shaft; it rotates a round face"
     )
+    crown_radius: Length | None = Field(
+        None, description="of a spherical face, to check where it touches the lobe; forces are those of a flat face"
+    )
+    taper: SignedAngle = Field(
+        0.0,
+        description="of the lobe to the shaft, positive if it is thicker toward +; with a crown it rotates the face",
+    )
 
     def build(self, base_radius: float | None) -> Follower | None:
         """Build the follower."""
-        return FlatFollower(base_radius, self.face_diameter, self.axial_offset) if base_radius else None
+        if not base_radius:
+            return None
+        return FlatFollower(base_radius, self.face_diameter, self.axial_offset, self.crown_radius, self.taper)
 
 
 class RollerRecord(Record):

@@ -61,8 +61,10 @@ def valve_lift(model: Model) -> float:
     return max(lifts, default=0.0) or 0.1 * model_size(model)
 
 
-def coil_sizes(name: str, spring: Spring, diameter: float, travel: float, notes: Notes) -> CoilSizes:
-    """Return the sizes of a drawn spring."""
+def coil_sizes(
+    name: str, spring: Spring, diameter: float, travel: float, notes: Notes, length: float | None = None
+) -> CoilSizes:
+    """Return the sizes of a drawn spring; `length`, m, is that to the seat of a spring around it."""
     if spring.wire is not None:
         D, d = spring.wire.coil_diameter, spring.wire.diameter
         coils = SHEAR_MODULUS * d**4 / (8.0 * D**3 * spring.stiffness) if spring.stiffness > 0.0 else _COILS
@@ -70,20 +72,15 @@ def coil_sizes(name: str, spring: Spring, diameter: float, travel: float, notes:
         D, coils = notes.record("coil of spring", name, diameter, "wire from its rate, six coils of steel"), _COILS
         d = min((8.0 * D**3 * coils * spring.stiffness / SHEAR_MODULUS) ** 0.25, D / 5.0)
     d, coils = max(d, D / 40.0), min(max(coils, 2.0), 20.0)
-    length = (coils + 2.0) * d + (spring.clash_travel or 1.4 * travel)
-    return CoilSizes(D, d, notes.record("length of spring", name, length, "its coils and their travel"), coils)
+    if length is not None:
+        return CoilSizes(D, d, length, coils)
+    own = (coils + 2.0) * d + (spring.clash_travel or 1.4 * travel)
+    return CoilSizes(D, d, notes.record("length of spring", name, own, "its coils and their travel"), coils)
 
 
 def find_seat(model: Model, point: str) -> Seat | None:
     """Return the seat at a point; None if there is none."""
     return next((one for one in model.contacts.values() if isinstance(one, Seat) and one.at == point), None)
-
-
-def closing_spring(model: Model, nodes: set[int]) -> Spring | None:
-    """Return the stiffest spring from given nodes to ground that is not a bearing; None if there is none."""
-    grounded = [one for one in model.springs.values() if one.to is None and one.at in model.mesh.points]
-    own = [one for one in grounded if model.mesh.node(one.at) in nodes and is_coil(model, one)]
-    return max(own, key=lambda one: one.stiffness, default=None)
 
 
 def is_coil(model: Model, spring: Spring) -> bool:
@@ -129,7 +126,7 @@ def _lever(model: Model, rocker: Rocker, cams: tuple[CamPlacement, ...]) -> Leve
 
 
 def _valves(model: Model, levers: dict[str, LeverFrame]) -> Iterator[ValvePlacement]:
-    """Yield the valves: at the points of rockers, at seats, and at the stiffest spring of other trains."""
+    """Yield the valves: at the points of rockers and at seats."""
     for name, frame in levers.items():
         point, play = frame.rocker.point, model.lash_of(name)
         gap = play.gap if isinstance(play, Lash) else 0.0
@@ -142,25 +139,19 @@ def _valves(model: Model, levers: dict[str, LeverFrame]) -> Iterator[ValvePlacem
         seats = {point: seat for point in model.mesh.points if (seat := find_seat(model, point))}
         seated = {point: seat for point, seat in seats.items() if model.mesh.node(seat.at) in nodes}
         for point, seat in seated.items():
-            on_member = bool(model.mesh.on_members()[model.mesh.node(point)])
-            yield _valve_at(model, point, unit_vector(seat.direction), stem=not on_member, seat=True)
-        spring = closing_spring(model, nodes)
-        if not seated and spring is not None:
-            yield _valve_at(model, spring.at, unit_vector(contact.direction), stem=True, seat=False)
-
-
-def _valve_at(model: Model, point: str, away: FloatArray, *, stem: bool, seat: bool) -> ValvePlacement:
-    return ValvePlacement(point, model.mesh.nodes[model.mesh.node(point)], away, stem, seat)
+            node = model.mesh.node(point)
+            stem = not model.mesh.on_members()[node]
+            yield ValvePlacement(point, model.mesh.nodes[node], unit_vector(seat.direction), stem, True)
 
 
 def _springs(
     structure: Structure, cams: tuple[CamPlacement, ...], levers: dict[str, LeverFrame], head: float, notes: Notes
 ) -> Iterator[CoilPlacement]:
-    model = structure.model
+    """Yield the springs, the outer ones first: those inside have the same seat."""
+    model, outer = structure.model, list[CoilPlacement]()
     travel = valve_lift(model)
-    for name, spring in model.springs.items():
-        if not is_coil(model, spring):
-            continue
+    coils = [(name, one) for name, one in model.springs.items() if is_coil(model, one)]
+    for name, spring in sorted(coils, key=_coil_order):
         parts = spring_parts(structure, name, spring)
         borders = np.array([parts[0][0], *(high for _, high in parts)])
         across_face = next((1.7 * one.face for one in cams if one.contact.follower == spring.at and one.face), 0.0)
@@ -168,8 +159,27 @@ def _springs(
             yield _spring_between_nodes(model, name, spring, borders, head, notes)
         else:
             start, away = _moving_end(model, spring, levers, head)
-            coil = coil_sizes(name, spring, across_face or 0.75 * head, travel, notes)
-            yield CoilPlacement(name, start + coil.length * away, -away, coil, borders, -1.0, True, not across_face)
+            around = [one for one in outer if _is_inside(start, away, one)]
+            room = 0.7 * min((one.sizes.diameter - one.sizes.wire for one in around), default=math.inf)
+            length = float((around[0].start - start) @ away) if around else None
+            coil = coil_sizes(name, spring, min(across_face or 0.75 * head, room), travel, notes, length)
+            ends = not around, not (around or across_face)
+            outer.append(CoilPlacement(name, start + coil.length * away, -away, coil, borders, -1.0, *ends))
+            yield outer[-1]
+
+
+def _coil_order(named: tuple[str, Spring]) -> tuple[bool, float]:
+    """Return a sort key: springs of given size, the widest first, then the others, the stiffest first."""
+    wire = named[1].wire
+    return wire is None, -(named[1].stiffness if wire is None else wire.coil_diameter)
+
+
+def _is_inside(start: FloatArray, away: FloatArray, outer: CoilPlacement) -> bool:
+    """Return whether a spring whose moving end is at `start` lies around the line of another and overlaps it."""
+    span = outer.start - start
+    along = float(span @ away)
+    coaxial = float(outer.axis @ away) < -0.999 and float(np.linalg.norm(span - along * away)) < outer.sizes.wire
+    return coaxial and outer.sizes.length / 3.0 < along < 3.0 * outer.sizes.length
 
 
 def _moving_end(
@@ -228,6 +238,14 @@ class Mechanism:
     def axis(self) -> FloatArray:
         """Unit vector of the camshaft, or one perpendicular to `upwards` without a camshaft, shape (3,)."""
         return self.cams[0].frame.axis if self.cams else perpendicular_axes(self.upwards)[1]
+
+    @property
+    def view(self) -> FloatArray:
+        """Directions to the right, up and to the observer of a picture of lobes and train, shape (3, 3)."""
+        axis, up = self.axis, self.upwards
+        ahead = unit_vector(0.85 * axis + 0.55 * np.cross(up, axis) + 0.3 * up)
+        right = unit_vector(np.cross(up, ahead))
+        return np.array([right, np.cross(ahead, right), ahead])
 
     def solids(self, instant: SceneState) -> list[Solid]:
         """Return all parts at an instant."""

@@ -133,6 +133,15 @@ class Motion:
         """Return the indices of up to `count` instants, evenly distributed over the motion."""
         return sorted({i * len(self) // count for i in range(count)} if count < len(self) else range(len(self)))
 
+    def words(self, i: int, title: str, scale: float) -> str:
+        """Return the title, the cam angle of an instant within its revolution, and the scale of the elastic part."""
+        lines = [title] if title else []
+        if np.ptp(self.angle) > 0.0:
+            turns = math.floor(float(self.angle[0]) / math.tau + 1e-9)
+            text = f"cam angle {math.degrees(float(self.angle[i])) - 360.0 * turns:.1f} deg"
+            lines.append(f"{text} of the last revolution" if turns else text)
+        return "\n".join([*lines, *([f"elastic part x {scale:g}"] if scale != 1.0 else [])])
+
     def nearest(self, angle: float) -> int:
         """Return the index of the instant nearest to a cam angle (rad, modulo a revolution), the last of equal ones."""
         away = np.abs(np.angle(np.exp(1j * (self.angle - angle))))
