@@ -244,7 +244,7 @@ nodes = { foot = [0, 0, 0], tip = [0, 1, 0] }
 run = { speed = "600 rpm", revolutions = 1, steps_per_revolution = 100 }
 superelements = { arm = { nodes = { 1 = "foot", 2 = "tip" }, units = "m-kg-s", mass = "K.mtx", stiffness = "K.mtx", damping = "K.mtx", modes = 2 } }
 """
-PAPERS = ("checks/mathieu.toml", "li/valve-train.toml", "petrescu/valve-spring.toml")
+PAPERS = ("checks/mathieu.toml", "checks/pump-up.toml", "li/valve-train.toml", "petrescu/valve-spring.toml")
 
 
 def test_every_key_of_the_format_stands_in_some_case(rewritten, tmp_path):

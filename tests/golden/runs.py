@@ -47,6 +47,8 @@ class Run:
 OWN: dict[str, tuple[str, ...]] = {
     "checks/cantilever": (),
     "checks/mathieu": ("run.revolutions=1",),
+    "checks/leak-down": ("run.steps_per_revolution=500",),
+    "checks/pump-up": (),
     "cams/": (),
     "camshaft-4cyl/camshaft": ("run.revolutions=1", "run.steps_per_revolution=360"),
     "data/every-key": (),
