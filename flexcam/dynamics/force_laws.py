@@ -299,7 +299,7 @@ def oil_column(
 def check_valve_velocity(force: float, leak: float, cracking: float, refill: float, loss: float) -> tuple[float, float]:
     """Return the velocity of a plunger by the oil that leaves its chamber, and its derivative by the oil's force.
 
-    Oil leaks in both directions, ``w = f/c``. Below the cracking force the ball is off its seat and oil enters with
+    Oil leaks in both directions, ``w = f/c``. Below the cracking force the ball is off its seat. Oil then enters with
     ``-f - F_c = c0 w0 + b w0^2``.
 
     Parameters
@@ -407,9 +407,9 @@ def oil_chamber(
 
     The compression of the height h is ``e = x - z = h ((1 - a) (p - p0)/K + a (1 - (p0/p)^(1/n)))``: oil of constant
     modulus K and air that follows ``p V^n`` = const., n = 1.4 (M. G. Rabie, Fluid Power Engineering, 2009, p. 32,
-    eqs. 2.50, 2.52 and 2.53). The oil's force is ``f = A (p - p0)``, and ``z' = w(f)`` of `check_valve_velocity`. A step
-    is one of the theta method with `fitted_weight`, for a penetration that is linear over the step. The force on the
-    plunger is never negative: below, the plunger stays behind.
+    eqs. 2.50, 2.52 and 2.53). The oil's force is ``f = A (p - p0)``, and ``z' = w(f)`` of `check_valve_velocity`. A
+    step is one of the theta method with `fitted_weight`, for a penetration that is linear over the step. The force on
+    the plunger is never negative: below, the plunger stays behind.
 
     Parameters
     ----------
@@ -420,9 +420,9 @@ def oil_chamber(
     step
         s; zero for an instant.
     constants, b
-        Constants of all laws, and where those of this one begin: area A (m^2), height h (m), modulus K (Pa), air a at
-        the supply pressure, absolute supply pressure p0 (Pa), leak c (N s/m), cracking force (N), refill c0 (N s/m)
-        and loss b (N s^2/m^2) of the check valve, force of the plunger at the supply pressure (N).
+        Constants of all laws, and where those of this one begin. Of the chamber: area A (m^2), height h (m), modulus K
+        (Pa), air a at the supply pressure, absolute supply pressure p0 (Pa), leak c (N s/m). Of the check valve:
+        cracking force (N), refill c0 (N s/m), loss b (N s^2/m^2). Last, the plunger's force at the supply pressure (N).
 
     Returns
     -------
@@ -827,7 +827,8 @@ def evaluate_rows(
 
 FUNCTIONS_OF_LAWS = (
     bilateral, stop, hunt_crossley, line_load, line_contact, oil_column, check_valve_velocity, chamber_pressure,
-    fitted_weight, oil_chamber, lever_motion, coulomb, sliding_friction, lever, arch, force_table, custom, evaluate_laws, evaluate_rows,
+    fitted_weight, oil_chamber, lever_motion, coulomb, sliding_friction, lever, arch, force_table, custom,
+    evaluate_laws, evaluate_rows,
 )  # fmt: skip
 """Functions for the compiler, in the order of their calls."""
 

@@ -74,9 +74,10 @@ from flexcam.valvetrain.train_topology import driving_contact, follower_train, l
 
 __all__ = [
     "ANY_SPEED", "BOUNCE_HEIGHT", "DAMPING_DEPTH", "OPEN", "Adjuster", "Cam", "CamContact", "Chain",
-    "CheckValve", "Contact", "ContactModes", "Friction", "GivenLoad", "Lash", "Lever", "LoadTable", "Lubrication", "MassAt",
-    "MemberStrength", "Metric", "Model", "ModelModes", "OilChamber", "PlungerTravel", "PublishedLoad", "Pulsation",
-    "Resolution", "ResolutionSink", "Rocker", "Seat", "Seating", "Spring", "StiffStrut", "StrengthSink", "Structure", "Wire",
+    "CheckValve", "Contact", "ContactModes", "Friction", "GivenLoad", "Lash", "Lever", "LoadTable", "Lubrication",
+    "MassAt", "MemberStrength", "Metric", "Model", "ModelModes", "OilChamber", "PlungerTravel", "PublishedLoad",
+    "Pulsation", "Resolution", "ResolutionSink", "Rocker", "Seat", "Seating", "Spring", "StiffStrut", "StrengthSink",
+    "Structure", "Wire",
     "buckling_load", "build_chain", "build_rigid", "build_structure", "build_system",
     "compressed_members", "contact_loss", "contact_modes", "contact_stiffness", "describe_inactive", "driving_contact",
     "element_loads", "follower_train", "free_running", "free_speed", "hertz_line", "largest_lashes", "lift_transfer",

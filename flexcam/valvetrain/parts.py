@@ -302,8 +302,8 @@ class CheckValve:
 
 _NO_VALVE = CheckValve(0.0, 1.0, 1.0, 0.0, 1.0)
 
-LEAST_AIR = 1e-6
-"""Least part of air in an oil chamber: oil below the supply pressure opens a cavity instead of pulling."""
+_MIN_AIR = 1e-6
+"""Smallest part of air in an oil chamber: oil below the supply pressure opens a cavity instead of pulling."""
 
 
 @dataclass(frozen=True)
@@ -352,7 +352,7 @@ class OilChamber:
         """
         valve = self.valve or _NO_VALVE
         loss = 0.5 * valve.density * self.area**3 / (valve.discharge * valve.area) ** 2
-        size = self.area, self.chamber_height, self.bulk_modulus, max(self.air, LEAST_AIR), self.pressure
+        size = self.area, self.chamber_height, self.bulk_modulus, max(self.air, _MIN_AIR), self.pressure
         flow = leak, self.area * valve.cracking_pressure, refill, loss
         return ForceLaw(OIL_CHAMBER, (*size, *flow, plunger_force))
 

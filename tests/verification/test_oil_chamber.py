@@ -118,8 +118,9 @@ def test_a_lift_of_the_plunger_converges_with_the_second_order(record):
         errors.append(np.abs(np.array(found)[:: steps // 100] - exact).max())
     assert exact.max() > 5e-6
     assert exact.min() < -3e-5
-    record(source=SOURCE, case="lift and refill of a chamber", quantity="error of the leak-down at 12.5 us over its largest value",
-           unit="1", reference=0.0, computed=errors[-1] / np.abs(exact).max(), tolerance=1e-4, absolute=True,
+    record(source=SOURCE, case="lift and refill of a chamber", unit="1", reference=0.0,
+           quantity="error of the leak-down at 12.5 us over its largest value",
+           computed=errors[-1] / np.abs(exact).max(), tolerance=1e-4, absolute=True,
            reason="second order within leak and refill")  # fmt: skip
     assert errors[0] / errors[1] > 3.0
     assert errors[1] / errors[2] > 3.0
@@ -149,6 +150,13 @@ def test_an_adjuster_under_the_pivot_of_a_finger(record, tmp_path):
     assert build_model(case).contacts["stand"].chamber is not None
 
 
+ROD = """[members]
+rod = { nodes = ["body", "plunger"], material = "steel", section = "round" }
+[materials]
+steel = { E = "200 GPa", nu = 0.3, density = 7800 }
+[sections]
+round = { shape = "circle", diameter = "9 mm" }
+[supports]"""
 TRAVEL = "travel = { compression = '1 mm', extension = '1 mm', stiffness = '50 MN/m' }"
 
 
@@ -157,9 +165,7 @@ TRAVEL = "travel = { compression = '1 mm', extension = '1 mm', stiffness = '50 M
     [
         ('supply_pressure = "0.36 MPa"', 'pressure = "1 MPa"', "supply_pressure with it"),
         ('supply_pressure = "0.36 MPa"', 'supply_pressure = "0.36 MPa", pressure = "1 MPa"', "either pressure or"),
-        ("[supports]", '[members]\nrod={nodes=["body","plunger"],material="m",section="s"}\n[materials]\n'
-         'm={E="2e11 Pa",nu=0.3,density=7800}\n[sections]\ns={shape="circle",diameter="9 mm"}\n[supports]',
-         "an end at a mass on no member"),
+        ("[supports]", ROD, "an end at a mass on no member"),
         ('refill = "150 N s/m"', 'refill = "150 N s/m"\nstiffness = "20 MN/m"', "either oil.supply_pressure or stiff"),
     ],
 )  # fmt: skip

@@ -251,7 +251,7 @@ class AdjusterRecord(_GapRecord):
         description="force per velocity while the check valve is open"
     )
     plunger_force: Force = Field(description="of the spring that keeps it extended, with the supply pressure on it")
-    travel: TravelRecord | None = Field(None, description="stops of the plunger, a node of its own with a mass")
+    travel: TravelRecord | None = Field(None, description="stops of the plunger, which needs its own node with a mass")
 
     @model_validator(mode="after")
     def _check_leakage(self) -> Self:
