@@ -242,7 +242,7 @@ BODY = """
 format = 1
 nodes = { foot = [0, 0, 0], tip = [0, 1, 0] }
 run = { speed = "600 rpm", revolutions = 1, steps_per_revolution = 100 }
-superelements = { arm = { nodes = { 1 = "foot", 2 = "tip" }, units = "m-kg-s", mass = "K.mtx", stiffness = "K.mtx", damping = "K.mtx", modes = 2 } }
+superelements = { arm = { nodes = { 1 = "foot", 2 = "tip" }, units = "m-kg-s", mass = "K.mtx", stiffness = { file = "K.mtx" }, damping = "K.mtx", modes = 2 } }
 """
 PAPERS = ("checks/mathieu.toml", "checks/pump-up.toml", "li/valve-train.toml", "petrescu/valve-spring.toml")
 

@@ -186,7 +186,7 @@ class MassRecord(PartRecord[valvetrain.MassAt]):
 
 
 _MatrixFile = Annotated[
-    MatrixDefinition, Field(description="Matrix Market file, or lines of node, component, node, component, value")
+    MatrixDefinition, Field(description="file, or { file = ..., matrix = ... } for one matrix of a Nastran punch file")
 ]
 
 
