@@ -261,6 +261,7 @@ def test_every_key_of_the_format_stands_in_some_case(rewritten, tmp_path):
         (DATA / "every-key.toml", ['run.integrator={ method = "radau", tolerance = 1e-6 }']),
         (DATA / "every-key.toml", ['run.adaptive={ tolerance = 1e-5, smallest = "1 ns" }']),
         (DATA / "every-key.toml", ['run.engine="direct"']),
+        (DATA / "every-key.toml", ["masses.lobe.products=[1e-7, 0, 0]"]),
         *((ENGINE, [f'cams.intake.timing={{ lift = "1 mm", {one} = "10 deg" }}']) for one in ("opening", "closing", "centre")),
         (DATA / "every-key.toml", ['run.integrator={ method = "collocation" }']),
         (DATA / "every-key.toml", [f"loads.gas={GAS}", f"friction.guide={GUIDE}"]),
