@@ -62,7 +62,7 @@ class PointMass:
 
     @property
     def tensor(self) -> FloatArray:
-        """Tensor of inertia about the centre, shape (3, 3), kg m^2: its diagonal has the moments, the rest the negative products."""
+        """Tensor of inertia about the centre, kg m^2, shape (3, 3): moments, and products with a negative sign."""
         xy, xz, yz = self.products
         return np.diag(self.inertia) - np.array([[0.0, xy, xz], [xy, 0.0, yz], [xz, yz, 0.0]])
 
