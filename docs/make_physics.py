@@ -1,4 +1,4 @@
-"""Make pictures of the physics: contact-frame, contact-laws, element-signs, rockers, spring-model in docs/pictures."""
+"""Make pictures of the physics: contact-frame, contact-laws, element-signs, hydraulic-adjuster, rockers, spring-model in docs/pictures."""
 
 from __future__ import annotations
 
@@ -21,8 +21,9 @@ from flexcam.cams import (
     profile_at,
 )  # fmt: skip
 from flexcam.core import FloatArray
-from flexcam.dynamics.force_laws import hunt_crossley, stop
+from flexcam.dynamics.force_laws import hunt_crossley, oil_chamber, stop
 from flexcam.plotting.figures import COLOURS, line_styles, save_figure
+from flexcam.valvetrain import OilChamber
 
 PICTURES = Path(__file__).parent / "pictures"
 BLUE, RED, GREEN = COLOURS[:3]
@@ -137,6 +138,55 @@ def contact_laws() -> Figure:
         axes.set(xlabel="penetration γ, µm", ylabel="force, N", xlim=(0.0, 25.0), ylim=(0.0, 1900.0))
         axes.grid(alpha=0.3)
         axes.legend(fontsize="small")
+    return figure
+
+
+def hydraulic_adjuster() -> Figure:
+    """Return the section of an adjuster, and the force of its oil over the compression for some parts of air."""
+    figure = Figure(figsize=(9.0, 4.2), layout="constrained")
+    section, curves = figure.subplots(1, 2)
+    clear(section, "adjuster between body and plunger", (-36.0, 34.0), (-30.0, 42.0))
+    for side in (-1.0, 1.0):
+        section.add_patch(Rectangle((7.0 * side - 2.0, -26.0), 4.0, 48.0, **FACE))
+        section.add_patch(Rectangle((3.2 * side - 1.3, -8.0), 2.6, 40.0, facecolor="white", edgecolor=RED))
+    section.add_patch(Rectangle((-9.0, -30.0), 18.0, 4.0, **FACE))
+    section.add_patch(Rectangle((-4.7, -26.0), 9.4, 16.0, facecolor=BLUE, alpha=0.25, edgecolor="none"))
+    section.add_patch(Rectangle((-1.9, -8.0), 3.8, 36.0, facecolor=BLUE, alpha=0.1, edgecolor="none"))
+    section.add_patch(Rectangle((-4.5, 28.0), 9.0, 5.0, facecolor="white", edgecolor=RED))
+    section.add_patch(Circle((0.0, -9.8), 2.4, facecolor="0.75", edgecolor="0.2"))
+    section.plot([-5.0, 5.0], [23.5, 23.5], color="0.2", linewidth=2.5)
+    section.annotate(
+        "retaining ring", (6.0, 23.5), (12.0, 26.0), color="0.3", arrowprops={"arrowstyle": "-", "color": "0.6"}
+    )
+    section.annotate("plunger", (4.5, 10.0), (12.0, 12.0), color=RED, arrowprops={"arrowstyle": "-", "color": "0.6"})
+    section.annotate(
+        "supply, $p_0$", (0.0, 14.0), (-25.0, 16.0), color="0.3", arrowprops={"arrowstyle": "-", "color": "0.6"}
+    )
+    section.annotate(
+        "ball, open\nbelow $p_0 - p_c$",
+        (-2.0, -10.0),
+        (-35.0, -8.0),
+        color="0.3",
+        arrowprops={"arrowstyle": "-", "color": "0.6"},
+    )
+    section.annotate(
+        "gap, leak", (4.7, -4.0), (12.0, -2.0), color="0.3", arrowprops={"arrowstyle": "-", "color": "0.6"}
+    )
+    section.annotate(
+        "chamber, $p$", (3.0, -20.0), (12.0, -18.0), color=BLUE, arrowprops={"arrowstyle": "-", "color": "0.6"}
+    )
+    dimension(section, (-12.0, -26.0), (-12.0, -12.0), "$h$", (-12.0, -3.0))
+    arrow(section, (0.0, 41.0), (0.0, 34.0), "$N$, $x$", shift=(6.0, 4.0))
+    travels = np.linspace(-0.1e-3, 0.4e-3, 201)
+    for air, (colour, dashes) in zip((0.0, 0.02, 0.05, 0.1), line_styles(), strict=False):
+        law = OilChamber(0.02, 1.5e9, 11e-3, 6e-6, 8e-3, 5e-3, air, 3e5, follows_pressure=True).law(2e6, 60.0, 40.0)
+        constants = np.array(law.constants)
+        forces = [oil_chamber(x, x, 0.0, 0.0, constants, 0)[0] for x in travels.tolist()]
+        curves.plot(1e3 * travels, forces, label=f"air {100.0 * air:g} %", color=colour, linestyle=dashes)
+    curves.set(xlabel="compression x - z, mm", ylabel="force on the plunger, N", xlim=(-0.1, 0.4), ylim=(0.0, 2000.0))
+    curves.set_title("11 mm, h = 5 mm, $p_0$ = 0.3 MPa, $F_0$ = 40 N", fontsize="medium")
+    curves.grid(alpha=0.3)
+    curves.legend(fontsize="small")
     return figure
 
 
@@ -284,7 +334,7 @@ def damper(axes: Axes, left: float, right: float, y: float) -> None:
 
 def main() -> None:
     """Write the pictures."""
-    for make in (contact_frame, contact_laws, element_signs, rockers, spring_model):
+    for make in (contact_frame, contact_laws, element_signs, hydraulic_adjuster, rockers, spring_model):
         save_figure(make(), PICTURES / f"{make.__name__.replace('_', '-')}.svg", overwrite=True)
 
 

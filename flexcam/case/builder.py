@@ -226,7 +226,11 @@ class _Geometry:
                     resisting = self._lash_stiffness(record), record.damping
                     return valvetrain.Lash(record.at, record.gap, *resisting, record.ends, along, record.damping_depth)
                 size = *record.column, record.refill, record.plunger_force
-                return valvetrain.Adjuster(record.at, *size, record.ends, along)
+                chamber = record.oil and record.oil.part
+                if chamber is not None and not chamber.follows_pressure:
+                    chamber = None
+                travel = self._plunger_travel(record)
+                return valvetrain.Adjuster(record.at, *size, record.ends, along, chamber, travel)
             case _:
                 pass
         between = record.cam, record.follower, self._lift_direction(record), self._rotation_axis(record.cam)
@@ -243,6 +247,19 @@ class _Geometry:
                     restitution=record.restitution, friction=record.friction, friction_speed=record.friction_speed,
                     lubrication=None if record.lubrication is None else record.lubrication.part,
                 )  # fmt: skip
+
+    def _plunger_travel(self, record: contacts.AdjusterRecord) -> valvetrain.PlungerTravel | None:
+        """Return the stops of a plunger, which can hold it back but not the part that it pushes."""
+        if record.travel is None:
+            return None
+        weighed, on_members = {mass.at for mass in self.case.masses.values()}, self.mesh.on_members()
+        nodes = [end for end in record.ends or () if end in weighed and end in self.mesh.points]
+        if all(on_members[self.mesh.node(end)] for end in nodes):
+            given = f"an adjuster from {' to '.join(record.ends or ())}"
+            why = "the retaining ring holds the plunger and not the part that it pushes"
+            remedy = "add a node with a mass for the plunger, and a lash of no gap from it to that part"
+            raise refuse("travel", given, "an end at a mass on no member", why, remedy)
+        return record.travel.part
 
     def _lash_stiffness(self, record: contacts.LashRecord) -> float:
         """Return the stiffness of both sides of a lash when they touch, N/m."""

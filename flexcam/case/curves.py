@@ -125,7 +125,7 @@ class LoadDefinition:
 class MatrixDefinition:
     """Matrix of a superelement from a file."""
 
-    given: str  #: name of the file
+    given: str | dict[str, Any]  #: value in the case
     matrix: NodalMatrix = field(compare=False)  #: rows and values, in the units of the file
 
     @classmethod
@@ -134,7 +134,7 @@ class MatrixDefinition:
 
     @classmethod
     def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        return {"type": "string"}
+        return _file_schema(_MatrixFile)
 
 
 _SAME_PLACE = 1e-6
@@ -218,6 +218,14 @@ class _LoadFile(BaseModel):
     model_config = ConfigDict(extra="forbid")
     file: str = Field(description="CSV with an angle or a time, and the load; relative to the case file")
     column: str | None = Field(None, description="name of the column of the load, if there are several")
+
+
+class _MatrixFile(BaseModel):
+    """Matrix file and the name of its matrix."""
+
+    model_config = ConfigDict(extra="forbid")
+    file: str = Field(description="matrix file; relative to the case file")
+    matrix: str | None = Field(None, description="name of the matrix in a Nastran punch file, if there are several")
 
 
 def _file_schema(record: type[BaseModel]) -> dict[str, Any]:
@@ -408,9 +416,10 @@ def _parse_load_value(value: object, files: _Files) -> LoadDefinition:
 
 
 def _parse_matrix_value(value: object, files: _Files) -> MatrixDefinition:
-    if not isinstance(value, str):
-        raise refuse("table", format_value(value), "the name of a matrix file, such as 'rocker-stiffness.mtx'")
-    return MatrixDefinition(value, files.read(value, "table", lambda path, text: read_matrix(path, "table", text)))
+    table = {"file": value} if isinstance(value, str) else value
+    record = _MatrixFile(**_validate(_MatrixFile, table, "a file name, or a table of", "table"))
+    read = files.read(record.file, "table", lambda path, text: read_matrix(path, "table", text, record.matrix))
+    return MatrixDefinition(cast("str | dict[str, Any]", value), read)
 
 
 def _place_with_line(where: str, lines: Sequence[int]) -> str:

@@ -27,8 +27,9 @@ LawResponse = tuple[float, float, float, float]
 """Force, its derivatives by penetration and by rate, and the stored energy."""
 
 (
-    BILATERAL, STOP, HUNT_CROSSLEY, LINE_CONTACT, OIL_COLUMN, PULSATING, LEVER, ARCH, SLIDING_FRICTION, TABLE, CUSTOM,
-) = range(11)  # fmt: skip
+    BILATERAL, STOP, HUNT_CROSSLEY, LINE_CONTACT, OIL_COLUMN, OIL_CHAMBER, PULSATING, LEVER, ARCH, SLIDING_FRICTION,
+    TABLE, CUSTOM,
+) = range(12)  # fmt: skip
 """Numbers of the laws."""
 
 TRIAL, PENETRATION, RATE, ANSWER, FREE_PENETRATION, FREE_RATE, OWN, ENERGY, BASE, CHANGE = range(10)
@@ -56,6 +57,8 @@ _CONVERGED = 1e-7
 """Relative change of a load below which a further Newton iteration, which squares the error, changes no digit."""
 _SMALLEST = 1e-300
 """Smallest argument of the logarithm."""
+_POLYTROPIC = 1.4
+"""Exponent of the air in the oil, adiabatic."""
 
 ARCH_SCALARS = 7
 """Scalars of a shallow arch: the elongation, then chord slope and both end rotations in two planes."""
@@ -291,6 +294,188 @@ def oil_column(
     share = -math.expm1(-b * rest) / b
     by_begin = decay * rate / (rate - begin * a)
     return share * rate, (share - decay * begin / (rate - begin * a)) / step, by_begin
+
+
+def check_valve_velocity(force: float, leak: float, cracking: float, refill: float, loss: float) -> tuple[float, float]:
+    """Return the velocity of a plunger by the oil that leaves its chamber, and its derivative by the oil's force.
+
+    Oil leaks in both directions, ``w = f/c``. Below the cracking force the ball is off its seat. Oil then enters with
+    ``-f - F_c = c0 w0 + b w0^2``.
+
+    Parameters
+    ----------
+    force
+        Of the oil, its pressure above that of the supply times the area of the plunger, N.
+    leak, cracking, refill, loss
+        c, N s/m; F_c, N; c0, N s/m; b, N s^2/m^2.
+
+    Returns
+    -------
+    tuple
+        w, m/s, and its derivative, m/(N s).
+
+    Examples
+    --------
+    >>> check_valve_velocity(-10.0, 1e9, 2.0, 4.0, 4.0)
+    (-1.00000001, 0.083333334...)
+    """
+    velocity, slope, pull = force / leak, 1.0 / leak, -force - cracking
+    if pull > 0.0:
+        root = math.sqrt(refill * refill + 4.0 * loss * pull)
+        velocity -= 2.0 * pull / (refill + root)
+        slope += 1.0 / root
+    return velocity, slope
+
+
+def chamber_pressure(rest: float, weight: float, constants: FloatArray, b: int) -> float:
+    """Return the pressure q of a chamber for which compression and outflow make up a travel of its plunger.
+
+    The root of ``h eps(q) + weight w(q) = rest``, by Newton's method inside a bracket.
+
+    Parameters
+    ----------
+    rest, weight
+        Travel, m, and time during which the outflow w acts, s.
+    constants, b
+        As in `oil_chamber`.
+
+    Returns
+    -------
+    float
+        Logarithm of the absolute pressure over that of the supply.
+    """
+    area, height, modulus, air, supply = (
+        constants[b], constants[b + 1], constants[b + 2], constants[b + 3], constants[b + 4],
+    )  # fmt: skip
+    liquid = (1.0 - air) * supply / modulus
+    low, high = 0.0, 0.0
+    if rest > 0.0:
+        high = math.log1p(rest / (height * liquid))
+    else:
+        low = -_POLYTROPIC * math.log1p(-rest / (height * air))
+    q = high if rest > 0.0 else low
+    for _ in range(_MAX_ITERATIONS):
+        rise = math.expm1(q)
+        velocity, slope = check_valve_velocity(
+            area * supply * rise, constants[b + 5], constants[b + 6], constants[b + 7], constants[b + 8]
+        )
+        excess = height * (liquid * rise - air * math.expm1(-q / _POLYTROPIC)) + weight * velocity - rest
+        if excess > 0.0:
+            high = q
+        else:
+            low = q
+        by_q = height * (liquid * (1.0 + rise) + air / _POLYTROPIC * math.exp(-q / _POLYTROPIC))
+        new = q - excess / (by_q + weight * slope * area * supply * (1.0 + rise))
+        if not low <= new <= high:
+            new = 0.5 * (low + high)
+        old, q = q, new
+        if abs(q - old) <= _CONVERGED * abs(q):
+            break
+    return q
+
+
+def fitted_weight(rate: float) -> float:
+    """Return the weight of the end of a step with which the theta method is exact for ``y' = f(t) - rate y``, f linear.
+
+    W. Liniger and R. A. Willoughby, Efficient integration methods for stiff systems of ordinary differential equations,
+    SIAM J. Numer. Anal. 7 (1970): ``1/(1 - exp(-a h)) - 1/(a h)``, from 1/2 for short steps to 1 for long ones.
+
+    Parameters
+    ----------
+    rate
+        a h, dimensionless.
+
+    Returns
+    -------
+    float
+        theta.
+
+    Examples
+    --------
+    >>> fitted_weight(0.0), fitted_weight(1e9)
+    (0.5, 0.999999999)
+    """
+    if rate < 1e-3:  # the next term of the series is rate^3/720
+        return 0.5 + rate / 12.0
+    return -1.0 / math.expm1(-rate) - 1.0 / rate
+
+
+def oil_chamber(
+    x: float, x_begin: float, state: float, step: float, constants: FloatArray, b: int
+) -> tuple[float, float, float, float, float, float, float, float, float]:
+    """Return the response of an oil chamber with entrained air and a check valve at the end of a step.
+
+    The compression of the height h is ``e = x - z = h ((1 - a) (p - p0)/K + a (1 - (p0/p)^(1/n)))``: oil of constant
+    modulus K and air that follows ``p V^n`` = const., n = 1.4 (M. G. Rabie, Fluid Power Engineering, 2009, p. 32,
+    eqs. 2.50, 2.52 and 2.53). The oil's force is ``f = A (p - p0)``, and ``z' = w(f)`` of `check_valve_velocity`. A
+    step is one of the theta method with `fitted_weight`, for a penetration that is linear over the step. The force on
+    the plunger is never negative: below, the plunger stays behind.
+
+    Parameters
+    ----------
+    x, x_begin
+        Penetration at the end and at the beginning of the step, m.
+    state
+        Leak-down z at the beginning, m.
+    step
+        s; zero for an instant.
+    constants, b
+        Constants of all laws, and where those of this one begin. Of the chamber: area A (m^2), height h (m), modulus K
+        (Pa), air a at the supply pressure, absolute supply pressure p0 (Pa), leak c (N s/m). Of the check valve:
+        cracking force (N), refill c0 (N s/m), loss b (N s^2/m^2). Last, the plunger's force at the supply pressure (N).
+
+    Returns
+    -------
+    tuple
+        Force (N), its derivative by x (N/m), stored energy (J); e1 (m) and its derivatives by the travel and by e0;
+        w at the end (m/s), its derivative by e (1/s), and the oil's force (N).
+
+    Examples
+    --------
+    >>> water = [1e-4, 1e-2, 2e9, 1e-9, 1e5, 1e6, 0.0, 100.0, 0.0, 20.0]
+    >>> round(oil_chamber(1e-6, 1e-6, 0.0, 0.0, water, 0)[0], 2)
+    40.0
+    """
+    area, height, modulus, air, supply = (
+        constants[b], constants[b + 1], constants[b + 2], constants[b + 3], constants[b + 4],
+    )  # fmt: skip
+    leak, cracking, refill, loss, plunger = (
+        constants[b + 5], constants[b + 6], constants[b + 7], constants[b + 8], constants[b + 9],
+    )  # fmt: skip
+    liquid, pull = (1.0 - air) * supply / modulus, area * supply
+    least = math.log1p(-plunger / pull) if plunger < pull else -1e3
+    begin, rest, weight, kept = x_begin - state, x - state, 0.0, 1.0
+    if step > 0.0:
+        start = max(chamber_pressure(begin, 0.0, constants, b), least)
+        velocity, slope = check_valve_velocity(pull * math.expm1(start), leak, cracking, refill, loss)
+        if begin > 0.0 or (begin == 0.0 and x > x_begin):
+            rate = pull / (height * liquid) / leak
+        else:
+            rate = pull / (height * (liquid + air / _POLYTROPIC)) * (1.0 / leak + 1.0 / refill)
+        weight = step * fitted_weight(rate * step)
+        rest -= (step - weight) * velocity
+        if start > least:
+            by_q = height * (liquid * math.exp(start) + air / _POLYTROPIC * math.exp(-start / _POLYTROPIC))
+            kept = 1.0 - (step - weight) * slope * pull * math.exp(start) / by_q
+    q = max(chamber_pressure(rest, weight, constants, b), least)
+    rise = math.expm1(q)
+    velocity, slope = check_valve_velocity(pull * rise, leak, cracking, refill, loss)
+    compression = height * (liquid * rise - air * math.expm1(-q / _POLYTROPIC))
+    energy = 0.5 * liquid * rise * rise + air * (
+        math.expm1(q * (1.0 - 1.0 / _POLYTROPIC)) / (_POLYTROPIC - 1.0) + math.expm1(-q / _POLYTROPIC)
+    )
+    end = rest - weight * velocity
+    energy = plunger * (x - end + compression) + pull * height * energy
+    if q == least:
+        return 0.0, 0.0, energy, end, 1.0, kept, velocity, 0.0, pull * rise
+    stiffness = (
+        pull * (1.0 + rise) / (height * (liquid * (1.0 + rise) + air / _POLYTROPIC * math.exp(-q / _POLYTROPIC)))
+    )
+    share = 1.0 / (1.0 + weight * slope * stiffness)
+    return (
+        plunger + pull * rise, stiffness * share, energy, end, share, kept * share, velocity, slope * stiffness,
+        pull * rise,
+    )  # fmt: skip
 
 
 def lever_motion(path: float, arm: float, driven: float, start: float) -> tuple[float, float, float, float]:
@@ -571,6 +756,13 @@ def evaluate_laws(
             states[NEW_STATE, z] = x - pressed
             states[FLOW, z] = stiffness / (leak if pressed > 0.0 else refill)
             states[STATE_RATE, z], states[ENERGY_BY_STATE, z] = states[FLOW, z] * pressed, -active_stiffness * pressed
+        elif kind == OIL_CHAMBER:
+            z = laws[law, LAW_STATE]
+            N, by_x, energy, pressed, share, kept, velocity, flow, oil = oil_chamber(
+                x, states[BEGIN, z], states[STATE, z], states[SPAN, z], constants, b
+            )
+            states[BY_TRAVEL, z], states[BY_BEGIN, z], states[NEW_STATE, z] = share, kept, x - pressed
+            states[STATE_RATE, z], states[FLOW, z], states[ENERGY_BY_STATE, z] = velocity, flow, -oil
         elif kind == SLIDING_FRICTION:
             N, by_x, by_v, energy = sliding_friction(
                 v, constants[b], constants[b + 1], constants[b + 2], constants[b + 3], constants[b + 4]
@@ -634,8 +826,9 @@ def evaluate_rows(
 
 
 FUNCTIONS_OF_LAWS = (
-    bilateral, stop, hunt_crossley, line_load, line_contact, oil_column, lever_motion, coulomb, sliding_friction,
-    lever, arch, force_table, custom, evaluate_laws, evaluate_rows,
+    bilateral, stop, hunt_crossley, line_load, line_contact, oil_column, check_valve_velocity, chamber_pressure,
+    fitted_weight, oil_chamber, lever_motion, coulomb, sliding_friction, lever, arch, force_table, custom,
+    evaluate_laws, evaluate_rows,
 )  # fmt: skip
 """Functions for the compiler, in the order of their calls."""
 
@@ -683,6 +876,11 @@ LAWS = {
         ("relative radius", "cosine"), damping=(4,), touching=True,
     ),
     OIL_COLUMN: LawKind("oil_column", ("stiffness", "leak", "refill", "plunger force"), states=1),
+    OIL_CHAMBER: LawKind(
+        "oil_chamber",
+        ("area", "height", "modulus", "air", "supply pressure", "leak", "cracking force", "refill", "valve loss",
+         "plunger force"), states=1,
+    ),
     PULSATING: LawKind("bilateral", ("stiffness",), ("pulsation",)),
     LEVER: LawKind("lever", ("stiffness", "damping", "arm", "driven arm", "angle"), scalars=2, damping=(1,)),
     ARCH: LawKind("arch", ("axial", "shortening", "bow", "pull of the bow"), scalars=ARCH_SCALARS, polynomial=True),

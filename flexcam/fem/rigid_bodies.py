@@ -25,11 +25,13 @@ class PointMass:
         Moments about axes through the body's centre parallel to the global ones, kg m^2.
     offset
         From the node to the centre of mass, m, global axes.
+    products
+        Products of inertia about the same axes: the integrals of xy, xz and yz over the mass, kg m^2.
 
     Raises
     ------
     InputError
-        If a mass or a moment is negative, or three moments violate the triangle inequality of rigid bodies.
+        If a mass or a moment is negative, or the principal moments violate the triangle inequality of rigid bodies.
 
     Examples
     --------
@@ -40,6 +42,7 @@ class PointMass:
     mass: float
     inertia: tuple[float, float, float] = (0.0, 0.0, 0.0)
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    products: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         positive("mass", self.mass, "kg", zero=True)
@@ -49,6 +52,19 @@ class PointMass:
             why = "no body has a moment of inertia above the sum of the other two"
             raise refuse("inertia", list(self.inertia), "each moment up to the sum of the others", why)
         finite_array("offset", self.offset, (3,))
+        finite_array("products", self.products, (3,))
+        if any(self.products):
+            principal = np.linalg.eigvalsh(self.tensor)
+            if principal[0] < -1e-9 * principal[2] or principal[2] > (principal[0] + principal[1]) * (1.0 + 1e-9):
+                given = f"principal moments of {', '.join(f'{moment:.4g}' for moment in principal)} kg m^2"
+                why = "no body has a moment of inertia above the sum of the other two"
+                raise refuse("products", given, "each principal moment up to the sum of the others", why)
+
+    @property
+    def tensor(self) -> FloatArray:
+        """Tensor of inertia about the centre, kg m^2, shape (3, 3): moments, and products with a negative sign."""
+        xy, xz, yz = self.products
+        return np.diag(self.inertia) - np.array([[0.0, xy, xz], [xy, 0.0, yz], [xz, yz, 0.0]])
 
     def matrix(self) -> FloatArray:
         """Return the 6 x 6 mass matrix at the node, global axes.
@@ -58,9 +74,7 @@ class PointMass:
         """
         x, y, z = self.offset
         S = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        return np.block(
-            [[self.mass * np.eye(3), -self.mass * S], [self.mass * S, np.diag(self.inertia) - self.mass * S @ S]]
-        )
+        return np.block([[self.mass * np.eye(3), -self.mass * S], [self.mass * S, self.tensor - self.mass * S @ S]])
 
 
 def mass_at(node: int, body: PointMass, dofs: DofMap) -> Triplets:

@@ -21,7 +21,7 @@ from flexcam.io import atomic_write_path, check_writable, create_folder, write_c
 from flexcam.io.polydata import write_vtk
 from flexcam.plotting.scene.mechanism import Mechanism
 from flexcam.plotting.scene.motion import Motion
-from flexcam.plotting.scene.solids import COLOURS, OPACITIES, Solid
+from flexcam.plotting.scene.solids import COLOURS, NEUTRAL_COLOUR, OPACITIES, Solid
 
 _MILLIMETRES = 1e3  # STL has no unit; CAD programs and slicers read mm
 FRAMES_PER_SECOND = 24  # of animations
@@ -45,19 +45,18 @@ class Part:
         changed = self.values is not None and bool((self.values != self.values[0]).any())
         return bool(moved > _RELATIVE_REST * np.ptp(self.points[0], axis=0).max()) or changed
 
-    @property
-    def colour(self) -> tuple[float, ...]:
-        """Red, green and blue (sRGB) and the opacity, 0 to 1."""
-        code = COLOURS[self.kind]
+    def colour(self, *, by_value: bool = False) -> tuple[float, ...]:
+        """Return red, green and blue (sRGB) and the opacity, 0 to 1; without a value among coloured parts, grey."""
+        code = NEUTRAL_COLOUR if by_value else COLOURS[self.kind]
         return (*(int(code[i : i + 2], 16) / 255.0 for i in (1, 3, 5)), OPACITIES.get(self.kind, 1.0))
 
 
-def collect_parts(mechanism: Mechanism, motion: Motion) -> list[Part]:
-    """Return the parts of a mechanism at all instants of a motion."""
+def collect_parts(mechanism: Mechanism, motion: Motion, scale: float = 1.0) -> list[Part]:
+    """Return the parts of a mechanism at all instants of a motion, with its elastic part times a scale."""
     states: dict[str, list[list[Solid]]] = {}
     for i in range(len(motion)):
         instant: dict[str, list[Solid]] = {}
-        for solid in mechanism.solids(motion.instant(i)):
+        for solid in mechanism.solids(motion.instant(i, scale)):
             label = solid.kind if solid.name in ("", solid.kind) else f"{solid.kind}-{solid.name}"
             instant.setdefault(label, []).append(solid)
         for label, solids in instant.items():
@@ -169,7 +168,7 @@ def write_glb(
     count = len(parts[0].points)
     buffer = _Buffer()
     kinds = list(dict.fromkeys(part.kind for part in parts))
-    colours = [next(part for part in parts if part.kind == kind).colour for kind in kinds]
+    colours = [next(part for part in parts if part.kind == kind).colour() for kind in kinds]
     moving = [i for i, part in enumerate(parts) if part.moves]
     meshes = [_mesh(buffer, part, kinds.index(part.kind)) for part in parts]
     turn = np.append(np.cross(upwards, [0.0, 1.0, 0.0]), 1.0 + upwards[1])

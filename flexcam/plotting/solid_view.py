@@ -144,12 +144,6 @@ def _mesh(solid: Solid) -> pyvista.PolyData:
     return mesh
 
 
-def _shade(mesh: pyvista.PolyData) -> pyvista.PolyData:
-    """Return a mesh with normals, and with sharp edges where its triangles meet at a large angle."""
-    shaded: Any = mesh.compute_normals(split_vertices=True, feature_angle=_SHARP_ANGLE, consistent_normals=False)
-    return shaded
-
-
 def show_window(stage: MechanismView, still: int, *, swings: bool) -> None:
     """Open the window, with a slider over the cam angle or with an animated mode."""
     stage.show(still)

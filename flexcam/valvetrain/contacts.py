@@ -54,13 +54,26 @@ def couple_lash(structure: Structure, name: str, lash: Lash) -> Coupling:
 
 def couple_adjuster(structure: Structure, name: str, part: Adjuster) -> Coupling:
     """Return the coupling of a hydraulic lash adjuster."""
-    where = f"contacts.{name}"
-    law = oil_column_law(part.stiffness, part.leak, part.refill, part.plunger_force)
-    force = conservative_force(where, AngleVector.constant(lash_row(structure, part, where)), law)
-    return Coupling((), (force,), (
+    where, chamber, travel = f"contacts.{name}", part.chamber, part.travel
+    size = part.leak, part.refill, part.plunger_force
+    law = oil_column_law(part.stiffness, *size) if chamber is None else chamber.law(*size)
+    row = AngleVector.constant(lash_row(structure, part, where))
+    forces = [conservative_force(where, row, law)]
+    channels = [
         Channel(f"{where}.force", "N", force_sum(0)),
         Channel(f"{where}.leak_down", "m", lambda seen: seen.states[:, 0]),
-    ))  # fmt: skip
+    ]
+    if chamber is not None:
+        area, least = chamber.area, part.plunger_force
+        channels.append(Channel(f"{where}.pressure", "Pa", lambda seen: (seen.forces[:, 0] - least) / area))
+    if travel is not None:
+        stop, outward = elastic_stop(travel.stiffness, travel.damping), AngleVector(-row.vectors, row.functions)
+        forces += [
+            conservative_force(f"{where}.bottom", row, stop, constant(-travel.compression)),
+            conservative_force(f"{where}.ring", outward, stop, constant(-travel.extension)),
+        ]
+        channels.append(Channel(f"{where}.stop_force", "N", lambda seen: seen.forces[:, 1] - seen.forces[:, 2]))
+    return Coupling((), tuple(forces), tuple(channels))
 
 
 def couple_friction(structure: Structure) -> Coupling:

@@ -10,7 +10,8 @@ import numpy as np
 from flexcam.cams import Event, Follower, Turn
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
-from flexcam.dynamics import CamMotion
+from flexcam.dynamics import CamMotion, ForceLaw
+from flexcam.dynamics.force_laws import OIL_CHAMBER
 from flexcam.fem.rigid_bodies import PointMass
 
 
@@ -253,6 +254,18 @@ class Lash:
     damping_depth: float = DAMPING_DEPTH  #: penetration over which the damping increases, m
 
 
+@dataclass(frozen=True)
+class PlungerTravel:
+    """Stops of a plunger in its body."""
+
+    #: `compression`, `extension`: travel from the installed position to the bottom and to the retaining ring, m
+    compression: float
+    extension: float
+    #: `stiffness`, `damping`: of both stops, N/m and N s/m
+    stiffness: float
+    damping: float = 0.0
+
+
 @dataclass(frozen=True, eq=False)
 class Adjuster:
     """Hydraulic lash adjuster: oil column with leakage past the plunger and refill through a check valve."""
@@ -265,6 +278,32 @@ class Adjuster:
     #: `ends`, `direction`: as of `Lash`
     ends: tuple[str, str] | None = None
     direction: FloatArray | None = None
+    #: chamber whose air follows the pressure and whose check valve has its own law; None for a linear oil column
+    chamber: OilChamber | None = None
+    travel: PlungerTravel | None = None  #: stops of the plunger; None without
+
+
+@dataclass(frozen=True)
+class CheckValve:
+    """Ball check valve through which an oil chamber is refilled."""
+
+    cracking_pressure: float  #: by which the chamber is below the supply as the ball leaves its seat, Pa
+    #: `seat_diameter`, `ball_travel`: of the seat, and of the ball to its cage, m
+    seat_diameter: float
+    ball_travel: float
+    density: float  #: of the oil, kg/m^3
+    discharge: float  #: coefficient of the orifice
+
+    @property
+    def area(self) -> float:
+        """Open area between seat and ball, at most that of the seat, m^2."""
+        return math.pi * self.seat_diameter * min(self.ball_travel, 0.25 * self.seat_diameter)
+
+
+_NO_VALVE = CheckValve(0.0, 1.0, 1.0, 0.0, 1.0)
+
+_MIN_AIR = 1e-6
+"""Smallest part of air in an oil chamber: oil below the supply pressure opens a cavity instead of pulling."""
 
 
 @dataclass(frozen=True)
@@ -284,7 +323,9 @@ class OilChamber:
     land_length: float
     chamber_height: float
     air: float = 0.0  #: part of the volume at the pressure
-    pressure: float = 1e6  #: absolute, typical of the loaded chamber, Pa
+    pressure: float = 1e6  #: absolute, typical of the loaded chamber, or of the supply if the air follows it, Pa
+    follows_pressure: bool = False  #: whether the stiffness of the air depends on the pressure in the chamber
+    valve: CheckValve | None = None  #: check valve; None for one that opens at once
 
     @property
     def area(self) -> float:
@@ -302,6 +343,18 @@ class OilChamber:
         """Force per velocity of leak-down, ``12 mu L A^2/(pi d c^3)``, N s/m."""
         flow = math.pi * self.plunger_diameter * self.clearance**3 / (12.0 * self.viscosity * self.land_length)
         return self.area**2 / flow
+
+    def law(self, leak: float, refill: float, plunger_force: float) -> ForceLaw:
+        """Return the law of the chamber; leak and refill in N s/m, force of the plunger at the supply pressure in N.
+
+        The flow through the open valve is ``Q = C_d A_v sqrt(2 dp/rho)`` (M. G. Rabie, Fluid Power Engineering (2009),
+        p. 27, eq. 2.36), hence the force ``rho A^3/2 (w/(C_d A_v))^2`` for the velocity w of the plunger.
+        """
+        valve = self.valve or _NO_VALVE
+        loss = 0.5 * valve.density * self.area**3 / (valve.discharge * valve.area) ** 2
+        size = self.area, self.chamber_height, self.bulk_modulus, max(self.air, _MIN_AIR), self.pressure
+        flow = leak, self.area * valve.cracking_pressure, refill, loss
+        return ForceLaw(OIL_CHAMBER, (*size, *flow, plunger_force))
 
 
 @dataclass(frozen=True, eq=False)

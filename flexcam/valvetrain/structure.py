@@ -177,7 +177,7 @@ def _masses(bare: Structure) -> Iterator[Triplets]:
         if bare.is_node(part.at):
             yield mass_at(find_node(bare.model, part.at, f"masses.{name}.at"), part.body, bare.dofs)
             continue
-        if any(part.body.inertia) or any(part.body.offset):
+        if any((*part.body.inertia, *part.body.products, *part.body.offset)):
             given, why = "inertia or offset at a rocker's point", "a lumped rocker moves its point along one line"
             raise refuse(f"masses.{name}", given, "a mass alone", why, "leave them out")
         yield scalar_matrix(bare.row(part.at, np.zeros(6)), part.body.mass)

@@ -250,9 +250,9 @@ BODY = """
 format = 1
 nodes = { foot = [0, 0, 0], tip = [0, 1, 0] }
 run = { speed = "600 rpm", revolutions = 1, steps_per_revolution = 100 }
-superelements = { arm = { nodes = { 1 = "foot", 2 = "tip" }, units = "m-kg-s", mass = "K.mtx", stiffness = "K.mtx", damping = "K.mtx", modes = 2 } }
+superelements = { arm = { nodes = { 1 = "foot", 2 = "tip" }, units = "m-kg-s", mass = "K.mtx", stiffness = { file = "K.mtx" }, damping = "K.mtx", modes = 2 } }
 """
-PAPERS = ("checks/mathieu.toml", "li/valve-train.toml", "petrescu/valve-spring.toml")
+PAPERS = ("checks/mathieu.toml", "checks/pump-up.toml", "li/valve-train.toml", "petrescu/valve-spring.toml")
 
 
 def test_every_key_of_the_format_stands_in_some_case(rewritten, tmp_path):
@@ -269,6 +269,7 @@ def test_every_key_of_the_format_stands_in_some_case(rewritten, tmp_path):
         (DATA / "every-key.toml", ['run.integrator={ method = "radau", tolerance = 1e-6 }']),
         (DATA / "every-key.toml", ['run.adaptive={ tolerance = 1e-5, smallest = "1 ns" }']),
         (DATA / "every-key.toml", ['run.engine="direct"']),
+        (DATA / "every-key.toml", ["masses.lobe.products=[1e-7, 0, 0]"]),
         *((ENGINE, [f'cams.intake.timing={{ lift = "1 mm", {one} = "10 deg" }}']) for one in ("opening", "closing", "centre")),
         (DATA / "every-key.toml", ['run.integrator={ method = "collocation" }']),
         (DATA / "every-key.toml", [f"loads.gas={GAS}", f"friction.guide={GUIDE}"]),

@@ -16,7 +16,9 @@ from flexcam.dynamics import Stats
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs/result-format.md").read_text(encoding="utf-8")
-CASES = ("tayeb/model-1-shm", "direct-acting/bucket", "direct-acting/finger", "checks/cantilever")
+CASES = (
+    "tayeb/model-1-shm", "direct-acting/bucket", "direct-acting/finger", "checks/cantilever", "checks/pump-up",
+)  # fmt: skip
 """Together they have every channel."""
 
 OIL = "viscosity=0.01,pressure_viscosity=15e-9,roughness=3e-7,conductivity=46,specific_heat=470,wear_coefficient=1e-18"

@@ -33,7 +33,15 @@ from flexcam.dynamics import (
     solve,
     spring_damper,
 )
-from flexcam.dynamics.force_laws import LAWS, SLIDING_FRICTION, ForceLaw, force_table_law, line_load, oil_column
+from flexcam.dynamics.force_laws import (
+    LAWS,
+    OIL_CHAMBER,
+    SLIDING_FRICTION,
+    ForceLaw,
+    force_table_law,
+    line_load,
+    oil_column,
+)
 from flexcam.dynamics.force_laws import LEVER as LEVER_KIND
 from flexcam.dynamics.kernel_engine import compiled_functions
 from flexcam.dynamics.local_forces import LocalForces
@@ -65,6 +73,9 @@ def arch():
     return Arch(np.array([1e6]), 0.2 * (pulls @ pulls.T)[None], 0.01 * rng.normal(size=(1, 6)))
 
 
+CHAMBER = (9.5e-5, 5e-3, 1.5e9, 0.05, 3e5, 2e5, 1.5, 60.0, 90.0, 30.0)
+NO_AIR = (9.5e-5, 5e-3, 1.5e9, 1e-6, 3e5, 2e5, 0.0, 60.0, 0.0, 20.0)
+
 CASES = {
     "bilateral": (spring_damper(2e6, 30.0), 1e-3, 2.0),
     "stop": (elastic_stop(2e6, 300.0, 3e-5), 1e-4, 2.0),
@@ -72,6 +83,8 @@ CASES = {
     "line contact": (LINE.law(), 1e-4, 2.0),
     "inclined line contact": (LINE.law(cosine), 1e-4, 2.0),
     "oil column": (oil_column_law(2e7, 5e4, 60.0, 12.0), 1e-4, 2.0),
+    "oil chamber": (ForceLaw(OIL_CHAMBER, CHAMBER), 1e-4, 2.0),
+    "chamber without much air": (ForceLaw(OIL_CHAMBER, NO_AIR), 1e-4, 2.0),
     "pulsating": (pulsating_spring(4e4, Pulsation(2.0, 0.7, 0.3)), 1e-3, 2.0),
     "lever, driven end": (lever_end(LEVER, 0), 2e-3, 2.0),
     "lever, point": (lever_end(LEVER, 1), 2e-3, 2.0),

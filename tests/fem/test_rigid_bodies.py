@@ -23,6 +23,19 @@ def test_kinetic_energy_of_a_body_on_an_arm():
     np.testing.assert_array_equal(matrix, matrix.T)
 
 
+def test_products_of_a_body_are_those_of_its_parts():
+    """Four masses on arms about their centre, as one body and one by one."""
+    rng = np.random.default_rng(8)
+    masses, places = rng.uniform(0.1, 1.0, 4), rng.standard_normal((4, 3))
+    centre = masses @ places / masses.sum()
+    x, y, z = (places - centre).T
+    moments = tuple(float(masses @ (a * a + b * b)) for a, b in ((y, z), (x, z), (x, y)))
+    products = tuple(float(masses @ (a * b)) for a, b in ((x, y), (x, z), (y, z)))
+    body = PointMass(float(masses.sum()), moments, tuple(centre.tolist()), products)
+    parts = [PointMass(float(m), offset=tuple(r)).matrix() for m, r in zip(masses, places.tolist(), strict=True)]
+    np.testing.assert_allclose(body.matrix(), np.sum(parts, axis=0), atol=1e-13)
+
+
 def test_only_free_components_carry_mass():
     mesh = chain((0, 0, 0), (1, 0, 0), 1)
     dofs = dof_map(mesh, [("end", ("uy", "rx"))])
@@ -37,7 +50,13 @@ def test_spring_on_a_difference():
 
 
 @pytest.mark.parametrize(
-    "make", [lambda: PointMass(-1.0), lambda: PointMass(1.0, (1.0, 1.0, 3.0)), lambda: PointMass(1.0, (0, 0, -1))]
+    "make",
+    [
+        lambda: PointMass(-1.0),
+        lambda: PointMass(1.0, (1.0, 1.0, 3.0)),
+        lambda: PointMass(1.0, (0, 0, -1)),
+        lambda: PointMass(1.0, (1.0, 1.0, 1.0), products=(0.9, 0.0, 0.0)),
+    ],
 )
 def test_impossible_bodies_are_refused(make):
     with pytest.raises(InputError):

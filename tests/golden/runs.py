@@ -47,6 +47,9 @@ class Run:
 OWN: dict[str, tuple[str, ...]] = {
     "checks/cantilever": (),
     "checks/mathieu": ("run.revolutions=1",),
+    "checks/leak-down": ("run.steps_per_revolution=500",),
+    "checks/pump-up": (),
+    "calculix-rocker/": ("run.revolutions=0.3", "run.steps_per_revolution=1800"),
     "cams/": (),
     "camshaft-4cyl/camshaft": ("run.revolutions=1", "run.steps_per_revolution=360"),
     "data/every-key": (),

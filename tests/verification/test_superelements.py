@@ -18,6 +18,7 @@ from flexcam.fem.assembly import mass, stiffness
 from flexcam.fem.dofs import dof_map
 from flexcam.fem.members import Member, beams
 from flexcam.fem.sections import Material, Section
+from flexcam.io.matrix_file import read_matrix
 from flexcam.valvetrain import build_structure
 from flexcam.valvetrain.modes import model_modes
 
@@ -65,6 +66,16 @@ def write_list(path, matrix):
     path.write_text("\n".join(lines), encoding="utf-8")
 
 
+def write_punch(path, matrix):
+    """Write one triangle of a matrix as DMIG cards with wide fields, sixteen digits being too many for them."""
+    lines = [f"DMIG    {path.stem}AAX           0       6       2       0{len(matrix):24d}"]
+    for j in range(len(matrix)):
+        lines.append(f"DMIG*   {path.stem + 'AAX':16}{j // 6 + 1:16d}{j % 6 + 1:16d}")
+        below = [i for i in range(j, len(matrix)) if matrix[i, j]]
+        lines += [f"*       {i // 6 + 1:16d}{i % 6 + 1:16d}{matrix[i, j]:16.9E}".replace("E", "D") for i in below]
+    path.write_text("\n".join(lines), encoding="utf-8")
+
+
 @pytest.fixture
 def case(tmp_path):
     """Return the case with the beam, or with its superelement."""
@@ -85,7 +96,7 @@ def frequencies(case, count=6):
     return found.modes.omegas / (2.0 * np.pi), found.shares
 
 
-@pytest.mark.parametrize("write", [mmwrite, write_list])
+@pytest.mark.parametrize("write", [mmwrite, write_list, write_punch])
 def test_frequencies_of_a_beam(record, case, write):
     reference, _ = frequencies(case(BEAM))
     computed, shares = frequencies(case(write=write))
@@ -221,6 +232,98 @@ def test_damaged_files_are_refused(case, text, tmp_path):
     (tmp_path / "K.mtx").write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match=r"superelements\.arm\.stiffness"):
         read_case(tmp_path / "arm.toml")
+
+
+# Written by pyNastran 1.4.1, `BDF.add_dmig` and `write_bdf`, but for the last matrix: small fields and exponents
+# without a letter, two entries per line, as in the MSC Nastran Quick Reference Guide.
+PUNCH = """\
+$pyNastran: punch=True
+GRID,1,,0.,0.,0.
+DMIG*               KAAX               0               6               2
+*                      0               0                               4
+DMIG*               KAAX               1               1
+*                      1               12.5000000000D+06
+DMIG*               KAAX               1               1
+*                      1               2-1.250000000D+03
+DMIG*               KAAX               1               1
+*                     12               1-2.500000000D+06
+DMIG*               KAAX               1               2
+*                      1               24.0000000000D+05
+DMIG*               KAAX               7               6
+*                      7               63.1415926536D+01
+DMIG*               KAAX              12               1
+*                     12               12.5000000000D+06
+
+DMIG    MAAX    0       1       1       0                       4
+DMIG    MAAX    1       1               1       1       1.-4
+        12      1       2.5-5
+DMIG    MAAX    12      1               1       1       2.5-5
+        12      1       1.+0            7               3.
+DMIG,BAAX,0,6,2,0,,,1
+DMIG,BAAX,7,,,7,,0.5
+DMIG,CAAX,0,6,3,0,,,1
+"""
+
+
+def test_cards_of_a_punch_file(tmp_path):
+    path = tmp_path / "body.pch"
+    path.write_text(PUNCH, encoding="utf-8")
+    K, M, B = (read_matrix(path, "table", name=name) for name in ("KAAX", "MAAX", "BAAX"))
+    assert K.labels == ((1, 1), (1, 2), (7, 6), (12, 1))
+    expected = [[2.5e6, -1250, 0, -2.5e6], [-1250, 4e5, 0, 0], [0, 0, 31.415926536, 0], [-2.5e6, 0, 0, 2.5e6]]
+    assert K.values.tolist() == expected
+    assert M.labels == ((1, 1), (7, 1), (12, 1))
+    assert M.values.tolist() == [[1e-4, 0, 2.5e-5], [0, 0, 3.0], [2.5e-5, 0, 1.0]]
+    assert (B.labels, B.values.tolist()) == (((7, 1),), [[0.5]])
+    for name, words in ((None, "KAAX, MAAX, BAAX, CAAX"), ("KAAY", "KAAX"), ("CAAX", "real numbers")):
+        with pytest.raises(InputError, match=words):
+            read_matrix(path, "table", name=name)
+
+
+def test_a_case_names_the_matrix_of_a_punch_file(case, tmp_path):
+    reference, _ = frequencies(case())
+    case(write=write_punch)
+    text = "\n".join((tmp_path / f"{name}.mtx").read_text(encoding="utf-8") for name in ("K", "M"))
+    (tmp_path / "arm.pch").write_text(text, encoding="utf-8")
+    body = ARM.replace('"K.mtx"', '{ file = "arm.pch", matrix = "KAAX" }')
+    body = body.replace('"M.mtx"', '{ file = "arm.pch", matrix = "MAAX" }')
+    assert frequencies(case(body, write=write_punch))[0] == pytest.approx(reference, rel=1e-6)
+    with pytest.raises(InputError, match="one of KAAX, MAAX"):
+        case(body.replace(', matrix = "KAAX"', ""), write=write_punch)
+    with pytest.raises(InputError, match="no Nastran punch file"):
+        case(ARM.replace('"K.mtx"', '{ file = "K.mtx", matrix = "KAAX" }'))
+
+
+WHOLE_MODEL = {
+    "clamped at its pivot": (["supports.pivot=['ux', 'uy', 'uz', 'rx', 'ry', 'rz']"],
+                             [7871.910, 8068.188, 21596.65, 23078.72, 25356.46, 31362.50]),
+    "on its pivot and tip": (["supports.tip=['uy']"], [7871.910, 8000.287, 21596.65, 25356.46, 26767.10, 31907.41]),
+}  # fmt: skip
+"""Supports, and frequencies of the 2112 unknowns by CalculiX 2.20: output of meshes/calculix_rocker.py."""
+
+
+@pytest.mark.parametrize("support", WHOLE_MODEL)
+def test_a_rocker_of_calculix(record, support):
+    held, expected = WHOLE_MODEL[support]
+    # the valve and its spring are apart from the rocker, behind an open lash; a spring of 1 kN/m remains at the pad
+    case = read_case("cases/calculix-rocker/rocker.toml", [*held, "springs.valve.elements=1"])
+    found = frequencies(case, 8)[0]
+    found = found[found > 5000.0]
+    for i, reference in enumerate(expected):
+        record(source=SOURCE, case=f"rocker of CalculiX, {support}", quantity=f"frequency {i + 1}", unit="Hz",
+               reference=reference, computed=found[i], tolerance=1e-3,
+               reason="24 modes with a fixed interface; truncation raises frequencies")  # fmt: skip
+    assert (found[:6] > 0.999999 * np.array(expected)).all()  # Rayleigh: never below those of the whole model
+
+
+def test_a_train_with_a_rocker_of_calculix():
+    response = run(read_case("cases/calculix-rocker/rocker.toml"))
+    assert response.status.ok
+    lift = -response["valve.uy"].displacement
+    pad = response["pad.uy"].displacement
+    on = lift > 1e-3
+    np.testing.assert_allclose(lift[on], 1.6 * pad[on] - 0.15e-3, atol=5e-5)
+    assert response.channels["contacts.intake.force"].min() >= 0.0
 
 
 def test_a_result_brings_its_matrices(case, tmp_path):

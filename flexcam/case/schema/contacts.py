@@ -21,7 +21,7 @@ from flexcam.case.schema.base import (
     Velocity,
     value_error,
 )
-from flexcam.valvetrain import DAMPING_DEPTH, Lubrication, OilChamber
+from flexcam.valvetrain import DAMPING_DEPTH, CheckValve, Lubrication, OilChamber, PlungerTravel
 
 _CamName = Annotated[Name, Field(description="name of a cam")]
 _FollowerName = Annotated[Name, Field(description="point that the cam moves")]
@@ -172,6 +172,24 @@ class LashRecord(_GapRecord):
     damping_depth: _DampingDepth = DAMPING_DEPTH
 
 
+class CheckValveRecord(PartRecord[CheckValve]):
+    """Ball check valve through which the chamber of an adjuster is refilled."""
+
+    cracking_pressure: Annotated[float, Unit("stress")] = Field(
+        0.0, description="of the supply above the chamber, at which the ball leaves its seat"
+    )
+    seat_diameter: Length
+    ball_travel: Length = Field(description="of the ball from its seat to its cage")
+    density: Annotated[float, Unit("density", above=True)] = Field(850.0, description="of the oil")
+    discharge: Annotated[float, Unit("number", above=True, most=1.0)] = Field(
+        0.62, description="coefficient of the flow between ball and seat"
+    )
+
+    def build(self) -> CheckValve:
+        """Build the valve."""
+        return CheckValve(**self.model_dump())
+
+
 class OilRecord(PartRecord[OilChamber]):
     """Oil chamber under the plunger of an adjuster, which gives its stiffness and its leak-down."""
 
@@ -183,10 +201,41 @@ class OilRecord(PartRecord[OilChamber]):
     chamber_height: Length = Field(description="of the oil under the plunger, with the check valve's space")
     air: Annotated[float, Unit("number", most=0.5)] = Field(0.0, description="part of the volume, at `pressure`")
     pressure: Stress = Field(1e6, description="absolute, typical of the loaded chamber, for the stiffness of the air")
+    supply_pressure: Stress | None = Field(
+        None,
+        description="absolute, of the oil before the check valve, instead of pressure: the air follows the pressure",
+    )
+    check_valve: CheckValveRecord | None = Field(None, description="cracking pressure and flow; needs supply_pressure")
+
+    @model_validator(mode="after")
+    def _check_supply(self) -> Self:
+        if self.supply_pressure is None and self.check_valve is not None:
+            raise value_error("supply_pressure with it", "the valve opens below it", inside="check_valve")
+        if self.supply_pressure is not None and "pressure" in self.model_fields_set:
+            raise value_error(
+                "either pressure or supply_pressure", "the stiffness of the air is constant or follows it"
+            )
+        return self
 
     def build(self) -> OilChamber:
         """Build the chamber."""
-        return OilChamber(**self.model_dump())
+        size = self.model_dump(exclude={"pressure", "supply_pressure", "check_valve"})
+        valve = None if self.check_valve is None else self.check_valve.part
+        pressure, follows = self.supply_pressure or self.pressure, self.supply_pressure is not None
+        return OilChamber(**size, pressure=pressure, follows_pressure=follows, valve=valve)
+
+
+class TravelRecord(PartRecord[PlungerTravel]):
+    """Stops of the plunger of an adjuster in its body."""
+
+    compression: Length = Field(description="from the installed position to the bottom")
+    extension: Length = Field(description="from the installed position to the retaining ring")
+    stiffness: PositiveStiffness = Field(description="of both stops")
+    damping: DampingValue = Field(0.0, description="of both stops")
+
+    def build(self) -> PlungerTravel:
+        """Build the stops."""
+        return PlungerTravel(**self.model_dump())
 
 
 class AdjusterRecord(_GapRecord):
@@ -201,7 +250,8 @@ class AdjusterRecord(_GapRecord):
     refill: Annotated[float, Unit("damping", above=True)] = Field(
         description="force per velocity while the check valve is open"
     )
-    plunger_force: Force = Field(description="of the spring that keeps it extended")
+    plunger_force: Force = Field(description="of the spring that keeps it extended, with the supply pressure on it")
+    travel: TravelRecord | None = Field(None, description="stops of the plunger, which needs its own node with a mass")
 
     @model_validator(mode="after")
     def _check_leakage(self) -> Self:
@@ -209,6 +259,11 @@ class AdjusterRecord(_GapRecord):
             raise value_error("stiffness and leak, or oil", "they describe the oil column")
         if self.oil is not None and self.stiffness is not None and self.leak is not None:
             raise value_error("either oil, or stiffness and leak", "both define the oil column")
+        if self.oil is not None and self.oil.supply_pressure is not None and self.stiffness is not None:
+            raise value_error("either oil.supply_pressure or stiffness", "both define the stiffness of the chamber")
+        if self.travel is not None and self.at is not None:
+            why = "the retaining ring holds the plunger, not the rocker"
+            raise value_error("from, to and direction", why, "give the plunger a node and a mass", inside="travel")
         if not self.column[1] > self.refill:
             given = f"leak {self.column[1]:g} N s/m, refill {self.refill:g} N s/m"
             why = "the check valve is wider than the gap around the plunger"

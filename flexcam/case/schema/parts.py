@@ -172,6 +172,9 @@ class MemberRecord(Record):
         return self
 
 
+_Product = Annotated[float, Unit("inertia", signed=True)]
+
+
 class MassRecord(PartRecord[valvetrain.MassAt]):
     """Rigid body at a point."""
 
@@ -179,14 +182,18 @@ class MassRecord(PartRecord[valvetrain.MassAt]):
     mass: MassValue
     inertia: tuple[Inertia, Inertia, Inertia] = Field((0.0, 0.0, 0.0), description="about its centre, global axes")
     offset: Point = Field((0.0, 0.0, 0.0), description="from the node to its centre, global axes")
+    products: tuple[_Product, _Product, _Product] = Field(
+        (0.0, 0.0, 0.0),
+        description="of inertia about its centre, integrals of xy, xz and yz over the mass, global axes",
+    )
 
     def build(self) -> valvetrain.MassAt:
         """Build the body and its position."""
-        return valvetrain.MassAt(self.at, PointMass(self.mass, self.inertia, self.offset))
+        return valvetrain.MassAt(self.at, PointMass(self.mass, self.inertia, self.offset, self.products))
 
 
 _MatrixFile = Annotated[
-    MatrixDefinition, Field(description="Matrix Market file, or lines of node, component, node, component, value")
+    MatrixDefinition, Field(description="file, or { file = ..., matrix = ... } for one matrix of a Nastran punch file")
 ]
 
 
