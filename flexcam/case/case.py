@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from flexcam.case.fault_report import KeyLocations
@@ -36,6 +36,8 @@ class Case:
         Source of every key: line or override.
     files
         Texts of the law and lift files, by name in the case.
+    reread
+        Function that reads a case again with other values by table and key.
     result_name
         Name of its results; that of its file by default.
 
@@ -50,7 +52,8 @@ class Case:
     record: CaseRecord
     mesh: Mesh | None
     places: KeyLocations
-    files: Mapping[str, str] = field(default_factory=dict[str, str])
+    files: Mapping[str, str]
+    reread: Callable[[Case, Mapping[str, object]], Case]
     result_name: str = ""
 
     def __repr__(self) -> str:
@@ -135,9 +138,7 @@ class Case:
         ``case.replace({"springs.valve.stiffness": "60 kN/m"})``, or ``case.replace({"springs": {"valve": {"stiffness":
         6e4}}})``
         """
-        from flexcam.case.reader import replace_values
-
-        return replace_values(self, values)
+        return self.reread(self, values)
 
     def with_average_acceleration(self) -> Case:
         """Return the same case with Newmark's average acceleration, which is stable at any time step."""

@@ -64,10 +64,10 @@ def read_case(path: str | Path, overrides: Sequence[str] | Mapping[str, object] 
     """
     if not isinstance(overrides, Mapping):
         return CaseFile.open(path).read(overrides)
-    return _read_changed(CaseFile.open(path), (), overrides)
+    return _read_with_values(CaseFile.open(path), (), overrides)
 
 
-def _read_changed(file: CaseFile, overrides: Sequence[str], values: Mapping[str, object]) -> Case:
+def _read_with_values(file: CaseFile, overrides: Sequence[str], values: Mapping[str, object]) -> Case:
     """Return a case with values of Python by dotted key; errors name the key, not an option of the command line."""
     texts = [f"{key}={_toml_text(value, key)}" for key, value in values.items()]
     try:
@@ -97,7 +97,7 @@ def replace_values(case: Case, values: Mapping[str, object]) -> Case:
     """Return a case with other values by table and key; changes of its record by `Case.with_run` remain."""
     file, tables = CaseFile.of(case), case_tables(case)
     changes = dict(_changed_values(tables, values, ""))
-    before, after = (_read_changed(file, case.overrides, one) for one in ({}, changes))
+    before, after = (_read_with_values(file, case.overrides, one) for one in ({}, changes))
     given = set(changes) | {
         f"run.{other}" for path in changes for other in _REPLACED_KEYS.get(path.removeprefix("run."), ())
     }
@@ -186,7 +186,9 @@ class CaseFile:
         found += tables.coincident_node_faults()
         if found or record is None:
             raise InputError(sort_faults(dict.fromkeys(found)))  # the copies of a part have the same fault
-        return _with_spring_parts(Case(self.path, self.text, tuple(overrides), record, mesh, places, self.files))
+        return _with_spring_parts(
+            Case(self.path, self.text, tuple(overrides), record, mesh, places, self.files, replace_values)
+        )
 
     @property
     def sweep(self) -> SweepRecord | None:

@@ -256,13 +256,13 @@ def _page_part(
         "count": part.points.shape[1],
         "colour": colour,
         "opacity": opacity,
-        "faces": _packed(part.faces, "<u4"),
+        "faces": _encode(part.faces, "<u4"),
     }
     if part.values is not None:
         span = (limits[1] - limits[0]) or 1.0
         tints = _viridis(np.nan_to_num((part.values[:count] - limits[0]) / span))
-        made["tints"] = _packed(np.pad(tints, [(0, 0), (0, 0), (0, 1)]), "u1")
-    return made | {"points": _packed(np.pad(places, [(0, 0), (0, 0), (0, 1)]), "<u2")}
+        made["tints"] = _encode(np.pad(tints, [(0, 0), (0, 0), (0, 1)]), "u1")
+    return made | {"points": _encode(np.pad(places, [(0, 0), (0, 0), (0, 1)]), "<u2")}
 
 
 def _viridis(values: FloatArray) -> IntArray:
@@ -271,5 +271,5 @@ def _viridis(values: FloatArray) -> IntArray:
     return np.asarray(colormaps["viridis"](values, bytes=True)[..., :3], dtype=np.int64)
 
 
-def _packed(values: FloatArray | IntArray, kind: str) -> str:
+def _encode(values: FloatArray | IntArray, kind: str) -> str:
     return b64encode(values.astype(kind).tobytes()).decode("ascii")

@@ -220,7 +220,7 @@ class Branch:
     def positions(self, lift: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return z, shape (m, d), and the forces of levers and kept constraints over the scale, for lifts (m, cams)."""
         levers, d = self.train.levers, len(self._elastic)
-        wanted = self._wanted(np.array([self.train.stops[i].gap for i in self.stops]), lift)
+        wanted = self._constraint_values(np.array([self.train.stops[i].gap for i in self.stops]), lift)
         load = np.broadcast_to(self.train.load(self.closed), (len(lift), d))
         z, forces = np.zeros((len(lift), d)), np.zeros((len(lift), self._levers + len(self.kept)))
         for _ in range(_ITERATIONS):
@@ -236,9 +236,9 @@ class Branch:
         """Return the derivatives of z by the cam angle for those of the lifts, shape (2, m, d)."""
         levers, d, matrices = self.train.levers, z.shape[1], self._matrices(z)
         still, curved = np.zeros(len(self.stops)), [np.zeros(len(z))] * self._levers
-        first = _solve(matrices, np.column_stack([0.0 * z, *curved, self._wanted(still, slope)]))[:, :d]
+        first = _solve(matrices, np.column_stack([0.0 * z, *curved, self._constraint_values(still, slope)]))[:, :d]
         curved = [-end.evaluate(z)[2] * (first @ end.path) ** 2 for end in levers]
-        second = _solve(matrices, np.column_stack([0.0 * z, *curved, self._wanted(still, bend)]))[:, :d]
+        second = _solve(matrices, np.column_stack([0.0 * z, *curved, self._constraint_values(still, bend)]))[:, :d]
         return np.array([first, second])
 
     def virtual_motions(self, z: FloatArray) -> FloatArray:
@@ -287,7 +287,7 @@ class Branch:
         """Return the column of a constraint among the forces; None if it is left out."""
         return self._levers + self.kept.index(constraint) if constraint in self.kept else None
 
-    def _wanted(self, stops: FloatArray, lift: FloatArray) -> FloatArray:
+    def _constraint_values(self, stops: FloatArray, lift: FloatArray) -> FloatArray:
         """Return the values of the kept constraints, shape (m, kept)."""
         return np.column_stack([np.broadcast_to(stops, (len(lift), len(stops))), lift])[:, self.kept]
 
