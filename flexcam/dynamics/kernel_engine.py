@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from flexcam.core import FloatArray, IntArray, component_members, connected_components
 from flexcam.dynamics.blocks import Arrays, flatten
-from flexcam.dynamics.cam_motion import CamFunctionCache, PrescribedInputs
+from flexcam.dynamics.cam_motion import CamFunctionCache, CamMotion, PrescribedInputs
 from flexcam.dynamics.collocation import Collocation, stage_coefficients
 from flexcam.dynamics.contact_events import EventStepper
 from flexcam.dynamics.engine import STOPPED, convergence_failure, in_range, stack_instant
-from flexcam.dynamics.force_laws import OWN, PENETRATION, SPAN, STATE, STATE_ROWS
+from flexcam.dynamics.force_laws import FIRST, OWN, PENETRATION, SCALARS, SPAN, STATE, STATE_ROWS
 from flexcam.dynamics.generalized_alpha import Scheme
 from flexcam.dynamics.implicit_step import NoConvergenceError, unconverged_forces
 from flexcam.dynamics.initial_acceleration import InitialAcceleration
@@ -53,6 +53,10 @@ _FITTED = 1e-12
 """Largest error of the polynomials at the points between, as a fraction of the largest value."""
 _SHORTEST = 64.0
 """Fraction of a step below which contacts that close and open again within it are not looked for."""
+_STRONG = 0.2
+"""Motion of a scalar by the force of another law, relative to their own, above which both laws are in one block."""
+_ANGLES = 73
+"""Number of cam angles at which the weights of vectors are compared."""
 _NO_SIDES = np.zeros((2, 0), dtype=np.intp)
 
 
@@ -120,12 +124,17 @@ class ModalSystem:
         return cls(modes, beside if beside.any() else _NONE, forces.sense.vectors, forces.act.vectors)
 
     @cached_property
+    def coupled_groups(self) -> IntArray:
+        """Label of the group of modes that dampers couple, of each mode; empty without such dampers."""
+        return connected_components(len(self.coupled), *np.nonzero(self.coupled))
+
+    @cached_property
     def groups(self) -> list[tuple[IntArray, FloatArray]]:
         """Groups of modes that dampers couple, such as those of one valve train, by size.
 
         Arrays (groups, size), and their acting vectors, shape (groups, size, acts).
         """
-        found = component_members(connected_components(len(self.coupled), *np.nonzero(self.coupled)))
+        found = component_members(self.coupled_groups)
         sizes = sorted({len(group) for group in found})
         groups = [np.array([group for group in found if len(group) == size]) for size in sizes]
         return [(group, np.ascontiguousarray(self.acting.T[group])) for group in groups]
@@ -206,11 +215,21 @@ class Kernel:
         self.stages = stages = 1 if isinstance(scheme, Scheme) else 2
         self._system = system = ModalSystem.of(problem.system, forces)
         self.columns = 3 * problem.system.size + forces.count + len(forces.start_state)
-        self._table = forces.table.repeat(stages, forces.count)
         self._places = _repeat_places(forces.places, stages)
         self._vectors = np.concatenate([system.sensing] * stages + [system.acting] * stages)
+        self._runs = list_runs(self._vectors)
+        groups = system.coupled_groups
+        self._mode_runs = list_runs((groups[:, None] == groups).astype(float))
+        self.whole = self.operator(problem.step)  #: steps of the problem's length
+        self._answer_runs = list_runs(np.abs(self.whole.answers).sum(axis=0))
+        can_move, coupling = find_coupling(forces, self.whole)
+        self._reach = list_members(np.kron(np.ones((stages, stages)), can_move))
+        order, blocks = divide_laws(forces.table.laws, coupling)
+        table, count = forces.table.repeat(stages, forces.count), len(order)
+        rows = (order[:, None] + count * np.arange(stages)).ravel()  # the stages of a law stand together
+        self._table, self._blocks = replace(table, laws=table.laws[rows]), stages * blocks
         self._varying = np.concatenate([forces.varying + stage * forces.count for stage in range(stages)])
-        self._work = Workspace(self._table, stages * forces.count, stages * len(system.sensing))
+        self._work = Workspace(self._table, stages * forces.count)
         self._length, self.shortest = 0.0, problem.step / _SHORTEST
 
     def operator(self, step: float) -> StepOperator:
@@ -251,10 +270,11 @@ class Kernel:
         spans = operator.step * np.arange(1.0, self.stages + 1.0)
         state.states[SPAN] = np.repeat(spans, len(self.forces.start_state))
         how = self._march(
-            *steps, self.stages, operator.slope, operator.scheme, operator.operator, operator.answers, operator.give,
-            operator.inverse, system.coupled, self._vectors, given, table.laws, table.constants, self._places,
-            table.owners, self._varying, state.modes, state.forces, state.states, work.local, work.tangent, work.moved,
-            work.active, work.compliance, work.matrix, self._stage_sides(sides), found, count,
+            *steps, self.stages, operator.slope, operator.scheme, operator.operator, operator.answers,
+            self._answer_runs, operator.give, operator.inverse, system.coupled, self._mode_runs, self._vectors,
+            self._runs, given, table.laws, self._blocks, table.constants, self._places, self._reach, table.owners,
+            self._varying, state.modes, state.forces, state.states, work.local, work.tangent, work.active,
+            work.compliance, work.matrix, self._stage_sides(sides), found, count,
         )  # fmt: skip
         row, iterations = count.tolist()
         return int(how), row, iterations
@@ -274,6 +294,62 @@ class Kernel:
     def unconverged_forces(self) -> list[str]:
         """Return the names of the forces that did not converge in the last call."""
         return unconverged_forces(self.forces.names * self.stages, self._work.local)
+
+
+def list_runs(rows: FloatArray) -> IntArray:
+    """Return where entries of each row differ from zero, as `flexcam.dynamics.kernel` reads it.
+
+    Examples
+    --------
+    >>> list_runs(np.array([[1.0, 1.0, 0.0, 1.0], [0.0, 0.0, 0.0, 0.0]])).tolist()
+    [3, 7, 7, 0, 2, 3, 4]
+    """
+    padded = np.pad((rows != 0.0).astype(np.int8), ((0, 0), (1, 1)))
+    owner, border = np.nonzero(np.diff(padded))  # begin and end in turn
+    return _list_entries(owner, border, len(rows))
+
+
+def list_members(pattern: FloatArray) -> IntArray:
+    """Return the columns of the entries of each row that differ from zero, in the same form."""
+    return _list_entries(*np.nonzero(pattern), len(pattern))
+
+
+def _list_entries(owner: IntArray, entries: IntArray, count: int) -> IntArray:
+    starts = count + 1 + np.searchsorted(owner, np.arange(count + 1))
+    return np.concatenate([starts, entries]).astype(np.intp)
+
+
+def find_coupling(forces: LocalForces, operator: StepOperator) -> tuple[FloatArray, FloatArray]:
+    """Return which forces can move which scalars, and how much relative to their own, shape (c, c) each.
+
+    The motion is the largest of the stages of a step, with the root mean squares of the weights over a revolution.
+    """
+    acts, senses = len(forces.act.vectors), len(forces.sense.vectors)
+    if not (acts and senses):
+        return np.zeros((forces.count, forces.count)), np.zeros((forces.count, forces.count))
+    give = np.abs(operator.give).reshape(2, -1, acts, operator.give.shape[2] // senses, senses).max(axis=(1, 3))
+    can = forces.act.owner @ give.sum(axis=0) @ forces.sense.owner.T
+    angle = np.linspace(0.0, 2.0 * np.pi, _ANGLES)
+    inputs = forces.prescribed_inputs(CamMotion(angle, np.ones_like(angle), np.zeros_like(angle), angle))
+    sensed, acted = (np.sqrt(np.mean(one**2, axis=0)) for one in (inputs.sensing_weights, inputs.acting_weights))
+    moved = (forces.act.owner * acted) @ give[0] @ (forces.sense.owner * sensed).T
+    own = np.sqrt(np.diag(moved))
+    scale = np.outer(own, own)
+    relative = np.divide(moved, scale, out=np.zeros_like(moved), where=scale > 0.0)
+    return can + can.T, np.maximum(relative, relative.T)
+
+
+def divide_laws(laws: IntArray, coupling: FloatArray) -> tuple[IntArray, IntArray]:
+    """Return the rows of the table of laws block by block, and where blocks begin and the last one ends.
+
+    Laws that move each other's scalars more than a little stand in one block.
+    """
+    scalars = [slice(first, first + size) for first, size in laws[:, [FIRST, SCALARS]].tolist()]
+    strong = [(i, j) for i, a in enumerate(scalars) for j, b in enumerate(scalars) if (coupling[a, b] > _STRONG).any()]
+    rows, columns = np.array(strong, dtype=np.intp).reshape(-1, 2).T
+    members = component_members(connected_components(len(laws), rows, columns))
+    order = np.concatenate([np.zeros(0, dtype=np.intp), *members])
+    return order, np.cumsum([0, *(len(one) for one in members)])
 
 
 def _repeat_places(places: IntArray, stages: int) -> IntArray:
@@ -325,7 +401,6 @@ class KernelEngine:
     ) -> None:
         self._problem, self._system, self._forces, self._stop = problem, problem.system, forces, stop
         self._kernel = Kernel(problem, scheme, forces)
-        self._whole = self._kernel.operator(problem.step)
         self._starter = InitialAcceleration(problem.system, forces)
         self._walker = EventStepper(
             problem.step, forces, self._starter, self._at, self._stepper, balances=scheme.is_collocated
@@ -387,7 +462,9 @@ class KernelEngine:
         first, given = row, kernel.given(loads[row:], schedule.at(slice(row, None)) if row else schedule)
         while row < len(at) and status.ok:
             done = (row - first) // kernel.stages
-            _, reached, iterations = kernel.advance(self._whole, state, (done, len(given)), given, found[first:], sides)
+            _, reached, iterations = kernel.advance(
+                kernel.whole, state, (done, len(given)), given, found[first:], sides
+            )
             row, self._iterations = first + kernel.stages * reached, self._iterations + iterations
             for _ in range(min(kernel.stages, len(at) - row)):
                 to = StepInputs(float(at[row]), loads[row], schedule, row)
