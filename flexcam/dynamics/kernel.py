@@ -10,7 +10,7 @@ say where the entries of vectors, of answers and of a row of coupled modes diffe
 where, in the array itself, the pairs of row b (first entry, end of a run) begin and end.
 """
 # Elements of arrays are numbers to the compiler and arrays to the type checker.
-# pyright: reportArgumentType=false, reportAssignmentType=false
+# pyright: reportArgumentType=false, reportAssignmentType=false, reportReturnType=false
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from flexcam.core import FloatArray, IntArray
 from flexcam.dynamics.force_laws import (
     BASE,
     BEGIN,
+    FIRST,
     FREE_PENETRATION,
     FREE_RATE,
     FUNCTIONS_OF_LAWS,
@@ -27,6 +28,7 @@ from flexcam.dynamics.force_laws import (
     OWN,
     PENETRATION,
     RATE,
+    SCALARS,
     STATE,
     TRIAL,
 )
@@ -34,8 +36,12 @@ from flexcam.dynamics.generalized_alpha import predict
 from flexcam.dynamics.local_newton import FUNCTIONS_OF_NEWTON, solve_local
 from flexcam.dynamics.massless import massless_rates
 
-DONE, SWITCHED, UNSETTLED = 0, 1, 2
+DONE, SWITCHED, UNSETTLED, TOO_LONG = 0, 1, 2, 3
 """Results of `march`."""
+
+LARGEST_RATIO, LARGEST_SUM = 1.0, 2.25
+"""Limits of the collocation for (omega h)^2 of contacts, with the length h of a stage: of each alone, and of the sum of
+those that move each other, which is not below the value of their fastest motion. The step is stable up to 1.55^2."""
 
 Q, V, A, LOAD, Q_FREE, V_FREE, PUSH, ACCELERATION, Q_TRIAL, V_TRIAL = range(10)
 """Rows of the state: the instant; the prediction; the forces; the acceleration and the motion without local forces."""
@@ -171,6 +177,34 @@ def crosses_zero(local: FloatArray, switching: IntArray) -> bool:
     return False
 
 
+def contact_ratio(
+    k: int, stages: int, laws: IntArray, blocks: IntArray, places: IntArray, hold: FloatArray, given: FloatArray,
+    sense_at: int, tangent: FloatArray,
+) -> float:  # fmt: skip
+    """Return the largest (omega h)^2 of the contacts of a step, relative to its limit.
+
+    `hold` (acts, senses) is h^2 times the acceleration along a sensing vector by a unit of force along an acting one,
+    as far as the modes answer within a step.
+    """
+    acts, senses, largest = len(hold), hold.shape[1], 0.0
+    act_at = sense_at + 2 * stages * senses
+    for block in range(len(blocks) - 1):
+        total = 0.0
+        for law in range(blocks[block], blocks[block + 1]):
+            first = laws[law, FIRST]
+            for i in range(first, first + laws[law, SCALARS]):
+                stiffness = abs(tangent[0, i, i - first])
+                if stiffness != 0.0:
+                    own = 0.0
+                    for b in range(places[1, i], places[1, i + 1]):
+                        for s in range(places[0, i], places[0, i + 1]):
+                            own += hold[b % acts, s % senses] * given[k, act_at + b] * given[k, sense_at + s]
+                    largest = max(largest, stiffness * abs(own) / LARGEST_RATIO)
+                    total += stiffness * abs(own)
+        largest = max(largest, total / (stages * LARGEST_SUM))
+    return largest
+
+
 def keep_forces(forces: FloatArray, local: FloatArray) -> None:
     """Keep the local forces of a step as the last ones, and extrapolate them."""
     for j in range(local.shape[1]):
@@ -263,16 +297,17 @@ def accept(
 
 def march(
     begin: int, end: int, stages: int, slope: float, scheme: FloatArray, operator: FloatArray, answers: FloatArray,
-    answer_runs: IntArray, give: FloatArray, inverse: FloatArray, coupled: FloatArray, mode_runs: IntArray,
-    vectors: FloatArray, runs: IntArray, given: FloatArray, laws: IntArray, blocks: IntArray, constants: FloatArray,
-    places: IntArray, reach: IntArray, owners: IntArray, varying: IntArray, state: FloatArray, forces: FloatArray,
-    states: FloatArray, local: FloatArray, tangent: FloatArray, active: IntArray, W: FloatArray, matrix: FloatArray,
-    switching: IntArray, found: FloatArray, count: IntArray,
+    answer_runs: IntArray, give: FloatArray, hold: FloatArray, inverse: FloatArray, coupled: FloatArray,
+    mode_runs: IntArray, vectors: FloatArray, runs: IntArray, given: FloatArray, laws: IntArray, blocks: IntArray,
+    constants: FloatArray, places: IntArray, reach: IntArray, owners: IntArray, varying: IntArray, state: FloatArray,
+    forces: FloatArray, states: FloatArray, local: FloatArray, tangent: FloatArray, active: IntArray, W: FloatArray,
+    matrix: FloatArray, switching: IntArray, found: FloatArray, count: IntArray,
 ) -> int:  # fmt: skip
     """Advance over rows of the prescribed inputs; return how it ended.
 
     The state, the local forces and the internal states advance; `count` receives the row reached and the iterations.
-    The integration ends before a step in which a switching scalar changes sides or the local forces do not converge.
+    The integration ends before a step in which a switching scalar changes sides, the local forces do not converge, or
+    contacts are too stiff for its length.
     Results have a row per stage.
     """
     for k in range(begin, end):
@@ -292,6 +327,10 @@ def march(
         count[1] += iterations
         if crosses_zero(local, switching):
             return SWITCHED
+        if len(hold) > 0 and contact_ratio(
+            k, stages, laws, blocks, places, hold, given, stages * state.shape[1], tangent
+        ) > 1.0:  # fmt: skip
+            return TOO_LONG
         rows = found[stages * k : stages * (k + 1)]
         accept(
             k, stages, scheme, operator, answers, answer_runs, vectors, runs, given, places, state, forces, states,
@@ -303,6 +342,7 @@ def march(
 
 FUNCTIONS_OF_KERNEL = (
     predict, massless_rates, *FUNCTIONS_OF_LAWS, *FUNCTIONS_OF_NEWTON, dot, predict_modes, find_forces, add_forces,
-    correct_modes, crosses_zero, keep_forces, stage_value, move_stages, predict_stages, correct_stages, accept, march,
+    correct_modes, crosses_zero, contact_ratio, keep_forces, stage_value, move_stages, predict_stages, correct_stages,
+    accept, march,
 )  # fmt: skip
 """Functions for the compiler, in the order of their calls."""

@@ -30,11 +30,12 @@ from flexcam.dynamics.kernel import (
     FORCE_SIZE,
     FUNCTIONS_OF_KERNEL,
     STATE_SIZE,
+    TOO_LONG,
     UNSETTLED,
 )
 from flexcam.dynamics.local_forces import LocalForces, Workspace
 from flexcam.dynamics.problem import Problem, State
-from flexcam.dynamics.status import Stats, Status
+from flexcam.dynamics.status import Cause, Stats, Status
 from flexcam.dynamics.step_state import StepInputs, StepState, Trajectory
 from flexcam.dynamics.system import System
 
@@ -57,6 +58,14 @@ _STRONG = 0.2
 """Motion of a scalar by the force of another law, relative to their own, above which both laws are in one block."""
 _ANGLES = 73
 """Number of cam angles at which the weights of vectors are compared."""
+_MOST_DIVISIONS = 64
+"""Parts of a step up to which the collocation divides it."""
+_TOO_STIFF = Status(
+    Cause.NO_CONVERGENCE,
+    f"contacts are too stiff for the collocation, even in 1/{_MOST_DIVISIONS} of a step",
+    'take more steps per revolution, a softer contact, or integrator = { method = "newmark" }',
+)
+"""Status of a run whose steps must be divided."""
 _NO_SIDES = np.zeros((2, 0), dtype=np.intp)
 
 
@@ -83,6 +92,9 @@ class StepOperator:
         Response of the modes to the acting vectors, shape (stages, acts, n).
     give
         Displacement and velocity along the sensing vectors by the acting ones, shape (2, acts, senses).
+    hold
+        Square of the step times the acceleration along the sensing vectors by the acting ones, as far as modes with
+        mass answer within the step, shape (acts, senses) of one stage; empty where it does not limit the step.
     inverse
         Treatment of the damping that couples modes; empty without it.
     """
@@ -93,6 +105,7 @@ class StepOperator:
     operator: FloatArray
     answers: FloatArray
     give: FloatArray
+    hold: FloatArray
     inverse: FloatArray
 
 
@@ -163,7 +176,7 @@ class ModalSystem:
         to_d, to_v = scheme.beta * step**2, scheme.gamma * step
         sensed = answering @ self.sensing.T
         operator, give = np.array([*self.modes, single]), np.array([to_d * sensed, to_v * sensed])
-        return StepOperator(step, to_v / to_d, weights, operator, answering[None], give, inverse)
+        return StepOperator(step, to_v / to_d, weights, operator, answering[None], give, _NONE, inverse)
 
     def _two_stages(self, step: float) -> StepOperator:
         """Return the collocation over two stages of one length; a force acts on its stage alone."""
@@ -183,7 +196,10 @@ class ModalSystem:
         moved = np.einsum("tan,qstn->qasn", pushes, np.array([on_d, on_v]))
         give = (moved @ self.sensing.T).reshape(2, 2 * acts, 2 * len(self.sensing))
         operator = np.concatenate([self.modes, found.reshape(-1, n)])
-        return StepOperator(step, 1.0 / step, np.zeros(5), operator, pushes, give, inverse)
+        # A force at the middle alone moves a free mass by 4/3 h^2 of its acceleration until the end.
+        heavy = np.where(mass > 0.0, 0.75 * on_d[1, 0], 0.0)
+        hold = (self.acting * heavy) @ self.sensing.T
+        return StepOperator(step, 1.0 / step, np.zeros(5), operator, pushes, give, hold, inverse)
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,10 +236,10 @@ class Kernel:
         self._runs = list_runs(self._vectors)
         groups = system.coupled_groups
         self._mode_runs = list_runs((groups[:, None] == groups).astype(float))
-        self.whole = self.operator(problem.step)  #: steps of the problem's length
+        self.whole = self.operator(problem.step)  #: steps of the usual length
         self._answer_runs = list_runs(np.abs(self.whole.answers).sum(axis=0))
         can_move, coupling = find_coupling(forces, self.whole)
-        self._reach = list_members(np.kron(np.ones((stages, stages)), can_move))
+        self._reach = list_members(np.tile(can_move, (stages, stages)))
         order, blocks = divide_laws(forces.table.laws, coupling)
         table, count = forces.table.repeat(stages, forces.count), len(order)
         rows = (order[:, None] + count * np.arange(stages)).ravel()  # the stages of a law stand together
@@ -235,6 +251,10 @@ class Kernel:
     def operator(self, step: float) -> StepOperator:
         """Return a step whose stages have a length, s."""
         return self._system.operator(self._scheme, step)
+
+    def shorten(self, step: float) -> None:
+        """Make a length, s, that of usual steps."""
+        self.whole = self.operator(step)
 
     def given(self, loads: FloatArray, schedule: PrescribedInputs) -> FloatArray:
         """Return the prescribed inputs of steps side by side: loads and those of the local forces, by stage."""
@@ -271,9 +291,9 @@ class Kernel:
         state.states[SPAN] = np.repeat(spans, len(self.forces.start_state))
         how = self._march(
             *steps, self.stages, operator.slope, operator.scheme, operator.operator, operator.answers,
-            self._answer_runs, operator.give, operator.inverse, system.coupled, self._mode_runs, self._vectors,
-            self._runs, given, table.laws, self._blocks, table.constants, self._places, self._reach, table.owners,
-            self._varying, state.modes, state.forces, state.states, work.local, work.tangent, work.active,
+            self._answer_runs, operator.give, operator.hold, operator.inverse, system.coupled, self._mode_runs,
+            self._vectors, self._runs, given, table.laws, self._blocks, table.constants, self._places, self._reach,
+            table.owners, self._varying, state.modes, state.forces, state.states, work.local, work.tangent, work.active,
             work.compliance, work.matrix, self._stage_sides(sides), found, count,
         )  # fmt: skip
         row, iterations = count.tolist()
@@ -311,7 +331,8 @@ def list_runs(rows: FloatArray) -> IntArray:
 
 def list_members(pattern: FloatArray) -> IntArray:
     """Return the columns of the entries of each row that differ from zero, in the same form."""
-    return _list_entries(*np.nonzero(pattern), len(pattern))
+    owner, entries = np.nonzero(pattern)
+    return _list_entries(owner, entries, len(pattern))
 
 
 def _list_entries(owner: IntArray, entries: IntArray, count: int) -> IntArray:
@@ -362,7 +383,9 @@ class KernelStepper:
     """A single step of the kernel of any length, for `flexcam.dynamics.contact_events`."""
 
     def __init__(self, kernel: Kernel, step: float, at: At) -> None:
-        self._kernel, self._operator, self._at = kernel, kernel.operator(step / kernel.stages), at
+        # Trials before an impact press the contact deeper than it will be: they are not divided for its stiffness.
+        self._operator = replace(kernel.operator(step / kernel.stages), hold=_NONE)
+        self._kernel, self._at = kernel, at
 
     def advance(self, now: StepState, to: StepInputs) -> StepState:
         """Return the next instant."""
@@ -402,9 +425,8 @@ class KernelEngine:
         self._problem, self._system, self._forces, self._stop = problem, problem.system, forces, stop
         self._kernel = Kernel(problem, scheme, forces)
         self._starter = InitialAcceleration(problem.system, forces)
-        self._walker = EventStepper(
-            problem.step, forces, self._starter, self._at, self._stepper, balances=scheme.is_collocated
-        )
+        self._balances, self._division, self._within = scheme.is_collocated, 1, 0
+        self._walker = self._event_stepper()
         self._last: StepState | None = None
         self._span = math.inf, math.inf
         self._nodes: FloatArray | None = None
@@ -416,6 +438,7 @@ class KernelEngine:
             return Trajectory.empty(self._system.size, self._forces), STOPPED
         rows = np.append(steps[0] - 1, steps) if self._at_middle else steps
         odd = (len(rows) - (self._last is None)) % self._kernel.stages if steps[-1] < self._problem.steps else 0
+        odd = 0 if self._division > 1 else odd  # a divided step ends with a step of the kernel
         parts, status = list[Trajectory](), Status()
         if len(rows) > odd:
             whole, status = self._advance_rows(rows[: len(rows) - odd])
@@ -438,13 +461,40 @@ class KernelEngine:
         return track.until(min(len(track.ends), 1)), Status() if self._at_middle else status
 
     def _advance_rows(self, steps: IntArray) -> tuple[Trajectory, Status]:
-        at = self._problem.times(steps)
+        """Advance by some steps, and divide them from the first one on in which contacts are too stiff for it."""
+        parts, done = list[Trajectory](), 0
+        while True:
+            part, status = self._advance_divided(steps[done:])
+            parts.append(part)
+            done += len(part.ends)
+            if status is not _TOO_STIFF or self._division == _MOST_DIVISIONS:
+                whole = Trajectory.concatenate(parts) if len(parts) > 1 else part
+                return (whole if status.ok else whole.until(len(whole.ends))), status
+            self._division, self._within = 2 * self._division, 2 * self._within
+            self._kernel.shorten(self._problem.step / self._division)
+            self._walker = self._event_stepper(self._walker.events)
+
+    def _advance_divided(self, steps: IntArray) -> tuple[Trajectory, Status]:
+        """Advance by some steps, the first of which has begun already, in divisions of equal length."""
+        parts = self._division
+        if parts == 1:
+            at, ends = self._problem.times(steps), np.ones(len(steps), dtype=bool)
+        else:
+            fraction = np.arange(1, parts + 1) - parts
+            at = (self._problem.times(steps)[:, None] + self._problem.step / parts * fraction).ravel()
+            ends = np.tile(fraction == 0, len(steps))
+            skipped = parts - 1 if self._last is None else self._within
+            at, ends = at[skipped:], ends[skipped:]
         loads, schedule = self._prescribed(at)
         before = None if self._last is None else stack_instant(self._last)
         track, status = self._advance(at, loads, schedule)
+        reached = len(track.ends)
+        complete = np.flatnonzero(ends[:reached])
+        self._within = reached - 1 - int(complete[-1]) if len(complete) else self._within + reached
+        track = replace(track, ends=track.ends[ends[:reached]])
         if not len(track.ends):
             return track, status
-        kept, left = in_range(track, before, self._system, schedule.angle)
+        kept, left = in_range(track, before, self._system, schedule.angle[ends])
         return kept, status if left.ok else left
 
     def _advance(self, at: FloatArray, loads: FloatArray, schedule: PrescribedInputs) -> tuple[Trajectory, Status]:
@@ -462,10 +512,13 @@ class KernelEngine:
         first, given = row, kernel.given(loads[row:], schedule.at(slice(row, None)) if row else schedule)
         while row < len(at) and status.ok:
             done = (row - first) // kernel.stages
-            _, reached, iterations = kernel.advance(
+            how, reached, iterations = kernel.advance(
                 kernel.whole, state, (done, len(given)), given, found[first:], sides
             )
             row, self._iterations = first + kernel.stages * reached, self._iterations + iterations
+            if how == TOO_LONG:
+                status = _TOO_STIFF
+                break
             for _ in range(min(kernel.stages, len(at) - row)):
                 to = StepInputs(float(at[row]), loads[row], schedule, row)
                 now = kernel.moment(state, float(at[row - 1]) if row else self._last.time, sides[1] > 0)
@@ -509,13 +562,16 @@ class KernelEngine:
         return {
             **flatten("last", self._last),
             "counts": np.array([self._iterations, self._walker.events, self._at_middle]),
+            "division": np.array(self._division),
         }
 
     def restore(self, state: Arrays) -> None:
         """Restore the state, see `Engine`."""
         self._last = StepState.from_checkpoint("last", state)
-        self._iterations, self._walker.events, at_middle = state["counts"].tolist()
-        self._at_middle = bool(at_middle)
+        self._iterations, events, at_middle = state["counts"].tolist()
+        self._at_middle, self._division = bool(at_middle), int(state["division"])
+        self._kernel.shorten(self._problem.step / self._division)
+        self._walker = self._event_stepper(events)
 
     def _sides(self, moment: StepState) -> IntArray:
         """Return the switching scalars, and which of them count as pressed."""
@@ -554,6 +610,13 @@ class KernelEngine:
     def _prescribed(self, times: FloatArray) -> tuple[FloatArray, PrescribedInputs]:
         motion = self._problem.drive.at(times)
         return self._system.load_vector(motion), self._forces.prescribed_inputs(motion)
+
+    def _event_stepper(self, events: int = 0) -> EventStepper:
+        """Return the stepper of single steps, with the events located so far."""
+        step = self._problem.step / self._division
+        found = EventStepper(step, self._forces, self._starter, self._at, self._stepper, balances=self._balances)
+        found.events = events
+        return found
 
     def _stepper(self, step: float) -> KernelStepper:
         return KernelStepper(self._kernel, step, self._at)
