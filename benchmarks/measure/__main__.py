@@ -27,6 +27,7 @@ from benchmarks.measure import (
     saving,
     searches,
     sweep,
+    valves,
 )
 from benchmarks.processes import ROOT
 
@@ -35,6 +36,7 @@ TABLES: dict[str, Callable[[], object]] = {
     "linear": linear.measured,
     "contact": contact.measured,
     "accuracy": accuracy.measured,
+    "valves": valves.measured,
     "sweep": sweep.measured,
     "gradients": gradients.measured,
     "derivatives": derivatives.measured,
