@@ -356,7 +356,8 @@ def find_coupling(forces: LocalForces, operator: StepOperator) -> tuple[FloatArr
     moved = (forces.act.owner * acted) @ give[0] @ (forces.sense.owner * sensed).T
     own = np.sqrt(np.diag(moved))
     scale = np.outer(own, own)
-    relative = np.divide(moved, scale, out=np.zeros_like(moved), where=scale > 0.0)
+    alone = np.where(moved > 0.0, np.inf, 0.0)  # forces that move other scalars than their own
+    relative = np.divide(moved, scale, out=alone, where=scale > 0.0)
     return can + can.T, np.maximum(relative, relative.T)
 
 

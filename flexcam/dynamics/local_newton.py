@@ -106,6 +106,13 @@ def fill_compliance(
     W[0, j, i], W[1, j, i] = by_d, by_v
 
 
+def release(local: FloatArray) -> None:
+    """Make the sensed scalars those without forces."""
+    for i in range(local.shape[1]):
+        local[PENETRATION, i], local[RATE, i] = local[FREE_PENETRATION, i], local[FREE_RATE, i]
+        local[SENSED, i], local[STALE, i] = 0.0, 1.0
+
+
 def sense(
     laws: IntArray, places: IntArray, reach: IntArray, give: FloatArray, given: FloatArray, k: int, sense_at: int,
     local: FloatArray, W: FloatArray,
@@ -276,9 +283,8 @@ def solve_local(
     c, part, last, usual = local.shape[1], 1.0, math.inf, 0.0
     for i in range(c):
         usual = max(usual, abs(local[BASE, i]))
-        local[PENETRATION, i], local[RATE, i] = local[FREE_PENETRATION, i], local[FREE_RATE, i]
-        local[SENSED, i], local[STALE, i] = 0.0, 1.0
     functions = sense_at + 2 * give.shape[2] + give.shape[1] + 2 * c
+    release(local)
     sense(laws, places, reach, give, given, k, sense_at, local, W)
     for iteration in range(1, EXTRAPOLATED + 1):
         size, agree = 0.0, True
@@ -302,6 +308,7 @@ def solve_local(
     for i in range(c):
         local[TRIAL, i] = local[BASE, i]
     for iteration in range(EXTRAPOLATED + 1, EXTRAPOLATED + MAX_ITERATIONS + 1):
+        release(local)  # forces that grew before would leave their rounding
         sense(laws, places, reach, give, given, k, sense_at, local, W)
         evaluate_laws(laws, constants, given, k, functions, local, tangent, states)
         off = residual(laws, local, tangent, usual)
@@ -342,7 +349,7 @@ def keep_not_finite(local: FloatArray) -> None:
 
 
 FUNCTIONS_OF_NEWTON = (
-    eliminate, fill_compliance, sense, residual, is_rounding, own_compliance, find_active, correct,
+    eliminate, fill_compliance, release, sense, residual, is_rounding, own_compliance, find_active, correct,
     is_stale, keep_not_finite, solve_local,
 )  # fmt: skip
 """Functions for the compiler, in the order of their calls."""
