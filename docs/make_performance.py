@@ -227,26 +227,6 @@ def _accuracy(tables: dict) -> list[str]:
     ]
 
 
-def _valves(tables: dict) -> list[str]:
-    """Return the time of a step over the number of valves."""
-    rows = []
-    for (valves, unknowns, forces), pair in groupby(
-        tables["valves"], lambda row: (row["valves"], row["unknowns"], row["forces"])
-    ):
-        rows.append(f"| {valves} | {unknowns} | {forces} | {' | '.join(_number(row['us_per_step']) for row in pair)} |")
-    return [
-        "## Many valves",
-        "",
-        "Time per step in µs of a revolution of copies of `direct-acting/bucket` with fewer elements, in one system, with the kernel solver engine",
-        "and the probes only.",
-        "",
-        "| valves | unknowns | local forces | `newmark` | `collocation` |",
-        "|---|---|---|---|---|",
-        *rows,
-        "",
-    ]
-
-
 def _sweep(tables: dict) -> list[str]:
     """Return what a speed costs among many."""
     found = tables["sweep"]
@@ -434,7 +414,7 @@ def _process(tables: dict) -> list[str]:
 
 
 SECTIONS: dict[str, Callable[[dict], list[str]]] = {
-    "linear": _linear, "contact": _contact, "accuracy": _accuracy, "valves": _valves, "sweep": _sweep, "gradients": _gradients,
+    "linear": _linear, "contact": _contact, "accuracy": _accuracy, "sweep": _sweep, "gradients": _gradients,
     "derivatives": _derivatives, "searches": _searches, "assembly": _assembly, "modes": _modes, "peaks": _peaks,
     "saving": _saving, "process": _process, "compiler": _compiler,
 }  # fmt: skip

@@ -27,7 +27,6 @@ from benchmarks.measure import (
     saving,
     searches,
     sweep,
-    valves,
 )
 from benchmarks.processes import ROOT
 
@@ -36,7 +35,6 @@ TABLES: dict[str, Callable[[], object]] = {
     "linear": linear.measured,
     "contact": contact.measured,
     "accuracy": accuracy.measured,
-    "valves": valves.measured,
     "sweep": sweep.measured,
     "gradients": gradients.measured,
     "derivatives": derivatives.measured,

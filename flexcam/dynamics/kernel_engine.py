@@ -54,7 +54,7 @@ _FITTED = 1e-12
 """Largest error of the polynomials at the points between, as a fraction of the largest value."""
 _SHORTEST = 64.0
 """Fraction of a step below which contacts that close and open again within it are not looked for."""
-_STRONG = 0.2
+_STRONG = 0.05
 """Motion of a scalar by the force of another law, relative to their own, above which both laws are in one block."""
 _ANGLES = 73
 """Number of cam angles at which the weights of vectors are compared."""

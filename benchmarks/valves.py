@@ -1,4 +1,4 @@
-"""Time of a step over the number of valves: copies of one train that share nothing."""
+"""Copies of one valve train that share nothing."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from benchmarks.processes import ROOT
 from flexcam import prepare, read_case
 from flexcam.core import FloatArray, Triplets
-from flexcam.dynamics import AngleVector, Problem, SaveAt, System, collocation, newmark, solve
+from flexcam.dynamics import AngleVector, Problem, System, collocation, newmark
 
 CASE = "direct-acting/bucket"
 """Cam contact, lash, seat and two springs of two coils per valve."""
@@ -22,23 +22,6 @@ COARSE = (
 """Few unknowns per train, so that sixteen have no more modes than the kernel solver engine takes."""
 METHODS = {"newmark": newmark(), "collocation": collocation()}
 COUNTS = (1, 2, 4, 8, 16)
-REPEATS = 3
-
-
-def measured() -> list[dict[str, object]]:
-    """Return the time of a step with the probes only, by number of valves and method."""
-    rows = []
-    for count in COUNTS:
-        problem = copies(count)
-        save = SaveAt(field_every=problem.steps, channels=False)
-        for name, method in METHODS.items():
-            stats = [solve(problem, method, save=save).stats for _ in range(REPEATS)]
-            assert all(one.steps == problem.steps for one in stats)
-            best = min(one.seconds for one in stats)
-            about = {"valves": count, "method": name, "unknowns": stats[0].unknowns}
-            forces = len(problem.system.local_forces)
-            rows.append(about | {"forces": forces, "us_per_step": 1e6 * best / problem.steps})
-    return rows
 
 
 def copies(count: int) -> Problem:
