@@ -39,7 +39,7 @@ def copies(count: int) -> Problem:
         return replace(vector, vectors=placed(vector.vectors, copy))
 
     def repeated(matrix: Triplets) -> Triplets:
-        return Triplets.from_dense(np.kron(np.eye(count), matrix.dense()))
+        return Triplets.from_dense(np.kron(np.eye(count), matrix.dense()).tolist())
 
     each = range(count)
     system = System(
