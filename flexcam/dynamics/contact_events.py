@@ -105,7 +105,7 @@ class EventStepper:
     ) -> None:  # fmt: skip
         self._step, self._forces, self._starter, self._at = step, forces, starter, at
         self._stepper, self._balances = stepper, balances
-        self._halved: dict[int, Stepper] = {0: self._stepper(step)}
+        self._halved = dict[int, Stepper]()
         self.events = 0  #: number of events located so far
 
     def walk(self, now: StepState, to: StepInputs, halvings: int = 0) -> list[StepState]:

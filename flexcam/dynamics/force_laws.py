@@ -32,11 +32,11 @@ LawResponse = tuple[float, float, float, float]
 ) = range(12)  # fmt: skip
 """Numbers of the laws."""
 
-TRIAL, PENETRATION, RATE, ANSWER, FREE_PENETRATION, FREE_RATE, OWN, ENERGY, BASE, CHANGE = range(10)
+TRIAL, PENETRATION, RATE, ANSWER, FREE_PENETRATION, FREE_RATE, OWN, ENERGY, BASE, CHANGE, SENSED, STALE = range(12)
 """Rows of the local scalars: trial force, sensed penetration and rate under it, force of the law, sensed values without
-the forces, square root of the scalar's own compliance, the stored energy, and two rows of the iteration.
+the forces, square root of the scalar's own compliance, the stored energy, and four rows of the iteration.
 """
-LOCAL_ROWS = 10
+LOCAL_ROWS = 12
 
 STATE, BEGIN, NEW_STATE, STATE_RATE, FLOW, ENERGY_BY_STATE, BY_TRAVEL, BY_BEGIN, SPAN = range(9)
 """Rows of the internal states: at the beginning of a step, the penetration there, at its end; the rate at the end, the

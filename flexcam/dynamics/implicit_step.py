@@ -30,6 +30,9 @@ from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.step_state import StepInputs, StepState
 from flexcam.dynamics.system import System
 
+_NO_LISTS = np.zeros(0, dtype=np.intp)
+"""In place of the scalars that forces reach: the compliance is complete."""
+
 
 class NoConvergenceError(ArithmeticError):
     """The iteration for the named local forces did not converge."""
@@ -103,12 +106,13 @@ class ImplicitStage:
         local[TRIAL] = local[BASE] = now.local
         local[OWN] = -1.0
         by_d, by_v = (give.T @ schedule.acting_matrix(i).T for give in self._give)
-        work.compliance[0], work.compliance[1] = sensing @ by_d, sensing @ by_v + turning @ by_d
+        work.compliance[0], work.compliance[1] = (sensing @ by_d).T, (sensing @ by_v + turning @ by_d).T
         work.states[STATE], work.states[BEGIN] = now.inner, now.penetration[table.owners]
         work.states[SPAN] = self._step
         iterations = forces.functions["solve_local"](
-            table.laws, table.constants, forces.places, self._give, schedule.rows, i, 1, 0, self._slope, local,
-            work.tangent, work.states, work.moved, work.active, work.compliance, work.matrix,
+            table.laws, np.array([0, len(table.laws)]), table.constants, forces.places, _NO_LISTS, self._give,
+            schedule.rows, i, 1, 0, self._slope, local, work.tangent, work.states, work.active, work.compliance,
+            work.matrix,
         )  # fmt: skip
         if iterations == 0:
             raise NoConvergenceError(unconverged_forces(forces.names, local))

@@ -5,10 +5,12 @@ local force then is one scalar per stage.
 
 Arrays, a row per quantity: `state` holds q, v, a, the forces on the modes and work rows; `operator` mass, damping,
 stiffness and the coefficients of a step. `answers` the response to each acting vector; `vectors` the sensing vectors
-and then the acting ones; `given` a row per step of loads and prescribed inputs.
+and then the acting ones; `given` a row per step of loads and prescribed inputs. `runs`, `answer_runs` and `mode_runs`
+say where the entries of vectors, of answers and of a row of coupled modes differ from zero: entries b and b + 1 say
+where, in the array itself, the pairs of row b (first entry, end of a run) begin and end.
 """
 # Elements of arrays are numbers to the compiler and arrays to the type checker.
-# pyright: reportArgumentType=false, reportAssignmentType=false
+# pyright: reportArgumentType=false, reportAssignmentType=false, reportReturnType=false
 
 from __future__ import annotations
 
@@ -18,6 +20,7 @@ from flexcam.core import FloatArray, IntArray
 from flexcam.dynamics.force_laws import (
     BASE,
     BEGIN,
+    FIRST,
     FREE_PENETRATION,
     FREE_RATE,
     FUNCTIONS_OF_LAWS,
@@ -25,6 +28,7 @@ from flexcam.dynamics.force_laws import (
     OWN,
     PENETRATION,
     RATE,
+    SCALARS,
     STATE,
     TRIAL,
 )
@@ -32,8 +36,12 @@ from flexcam.dynamics.generalized_alpha import predict
 from flexcam.dynamics.local_newton import FUNCTIONS_OF_NEWTON, solve_local
 from flexcam.dynamics.massless import massless_rates
 
-DONE, SWITCHED, UNSETTLED = 0, 1, 2
+DONE, SWITCHED, UNSETTLED, TOO_LONG = 0, 1, 2, 3
 """Results of `march`."""
+
+LARGEST_RATIO, LARGEST_SUM = 1.0, 2.25
+"""Limits of the collocation for (omega h)^2 of contacts, with the length h of a stage: of each alone, and of the sum of
+those that move each other, which is not below the value of their fastest motion. The step is stable up to 1.55^2."""
 
 Q, V, A, LOAD, Q_FREE, V_FREE, PUSH, ACCELERATION, Q_TRIAL, V_TRIAL = range(10)
 """Rows of the state: the instant; the prediction; the forces; the acceleration and the motion without local forces."""
@@ -56,9 +64,22 @@ VANISHED = 1e-150
 """Motion below which a mode is at rest: denormal numbers are very slow."""
 
 
+def dot(row: FloatArray, values: FloatArray, runs: IntArray, b: int) -> float:
+    """Return the product of a row, of whose entries differ from zero those in runs, and values.
+
+    Inner loops count from zero, so that the compiler vectorizes them.
+    """
+    total = 0.0
+    for at in range(runs[b], runs[b + 1], 2):
+        begin = runs[at]
+        for m in range(runs[at + 1] - begin):
+            total += row[begin + m] * values[begin + m]
+    return total
+
+
 def predict_modes(
-    scheme: FloatArray, operator: FloatArray, coupled: FloatArray, inverse: FloatArray, loads: FloatArray,
-    state: FloatArray,
+    scheme: FloatArray, operator: FloatArray, coupled: FloatArray, inverse: FloatArray, mode_runs: IntArray,
+    loads: FloatArray, state: FloatArray,
 ) -> None:  # fmt: skip
     """Write the prediction of the step, and the acceleration and motion at its end without local forces."""
     h, new, n = scheme[STEP], 1.0 - scheme[ALPHA_F], state.shape[1]
@@ -74,15 +95,9 @@ def predict_modes(
         for i in range(n):
             state[ACCELERATION, i] = new * state[V_FREE, i] + scheme[ALPHA_F] * state[V, i]
         for i in range(n):
-            slowed = 0.0
-            for j in range(n):
-                slowed += coupled[i, j] * state[ACCELERATION, j]
-            state[PUSH, i] -= slowed
+            state[PUSH, i] -= dot(coupled[i], state[ACCELERATION], mode_runs, i)
         for i in range(n):
-            total = 0.0
-            for j in range(n):
-                total += inverse[i, j] * state[PUSH, j]
-            state[ACCELERATION, i] = total
+            state[ACCELERATION, i] = dot(inverse[i], state[PUSH], mode_runs, i)
     to_d, to_v = scheme[BETA] * h * h, scheme[GAMMA] * h
     for i in range(n):
         state[Q_TRIAL, i] = state[Q_FREE, i] + to_d * state[ACCELERATION, i]
@@ -90,10 +105,10 @@ def predict_modes(
 
 
 def find_forces(
-    k: int, stages: int, slope: float, give: FloatArray, vectors: FloatArray, given: FloatArray, laws: IntArray,
-    constants: FloatArray, places: IntArray, varying: IntArray, state: FloatArray, forces: FloatArray,
-    states: FloatArray, local: FloatArray, tangent: FloatArray, moved: FloatArray, active: IntArray, W: FloatArray,
-    matrix: FloatArray,
+    k: int, stages: int, slope: float, give: FloatArray, vectors: FloatArray, runs: IntArray, given: FloatArray,
+    laws: IntArray, blocks: IntArray, constants: FloatArray, places: IntArray, reach: IntArray, varying: IntArray,
+    state: FloatArray, forces: FloatArray, states: FloatArray, local: FloatArray, tangent: FloatArray, active: IntArray,
+    W: FloatArray, matrix: FloatArray,
 ) -> int:  # fmt: skip
     """Find the local forces at the stages of a step; return the iterations, 0 without convergence."""
     n, c, senses = state.shape[1], local.shape[1], give.shape[2]
@@ -103,10 +118,7 @@ def find_forces(
         trial = Q_TRIAL + 2 * (stages * i // c)
         penetration, rate = given[k, offset + i], given[k, offset + c + i]
         for b in range(places[0, i], places[0, i + 1]):
-            on_d, on_v = 0.0, 0.0
-            for m in range(n):
-                on_d += vectors[b, m] * state[trial, m]
-                on_v += vectors[b, m] * state[trial + 1, m]
+            on_d, on_v = dot(vectors[b], state[trial], runs, b), dot(vectors[b], state[trial + 1], runs, b)
             penetration += given[k, sense_at + b] * on_d
             rate += given[k, sense_at + b] * on_v + given[k, sense_at + senses + b] * on_d
         local[FREE_PENETRATION, i], local[FREE_RATE, i] = penetration, rate
@@ -114,25 +126,28 @@ def find_forces(
     for at in range(len(varying)):
         i = varying[at]
         local[OWN, i] = -1.0
-        for j in range(c):
+        for entry in range(reach[i], reach[i + 1]):
+            j = reach[entry]
             W[0, i, j], W[0, j, i] = math.nan, math.nan
     return solve_local(
-        laws, constants, places, give, given, k, stages, sense_at, slope, local, tangent, states, moved, active, W,
-        matrix,
+        laws, blocks, constants, places, reach, give, given, k, stages, sense_at, slope, local, tangent, states, active,
+        W, matrix,
     )  # fmt: skip
 
 
 def add_forces(
-    k: int, act: int, places: IntArray, vectors: FloatArray, first: int, given: FloatArray, local: FloatArray,
-    begin: int, state: FloatArray, row: int,
+    k: int, act: int, places: IntArray, vectors: FloatArray, runs: IntArray, first: int, given: FloatArray,
+    local: FloatArray, begin: int, state: FloatArray, row: int,
 ) -> None:  # fmt: skip
     """Add the effect of the local forces from `begin` on along vectors, from the first of them on, to a row."""
     for j in range(begin, local.shape[1]):
         if local[TRIAL, j] != 0.0:
             for b in range(places[1, j], places[1, j + 1]):
                 weight = local[TRIAL, j] * given[k, act + b]
-                for i in range(state.shape[1]):
-                    state[row, i] += weight * vectors[first + b, i]
+                for at in range(runs[first + b], runs[first + b + 1], 2):
+                    run = runs[at]
+                    for i in range(runs[at + 1] - run):
+                        state[row, run + i] += weight * vectors[first + b, run + i]
 
 
 def correct_modes(
@@ -160,6 +175,34 @@ def crosses_zero(local: FloatArray, switching: IntArray) -> bool:
         if (local[PENETRATION, switching[0, at]] > 0.0) != (switching[1, at] == 1):
             return True
     return False
+
+
+def contact_ratio(
+    k: int, stages: int, laws: IntArray, blocks: IntArray, places: IntArray, hold: FloatArray, given: FloatArray,
+    sense_at: int, tangent: FloatArray,
+) -> float:  # fmt: skip
+    """Return the largest (omega h)^2 of the contacts of a step, relative to its limit.
+
+    `hold` (acts, senses) is h^2 times the acceleration along a sensing vector by a unit of force along an acting one,
+    as far as the modes answer within a step.
+    """
+    acts, senses, largest = len(hold), hold.shape[1], 0.0
+    act_at = sense_at + 2 * stages * senses
+    for block in range(len(blocks) - 1):
+        total = 0.0
+        for law in range(blocks[block], blocks[block + 1]):
+            first = laws[law, FIRST]
+            for i in range(first, first + laws[law, SCALARS]):
+                stiffness = abs(tangent[0, i, i - first])
+                if stiffness != 0.0:
+                    own = 0.0
+                    for b in range(places[1, i], places[1, i + 1]):
+                        for s in range(places[0, i], places[0, i + 1]):
+                            own += hold[b % acts, s % senses] * given[k, act_at + b] * given[k, sense_at + s]
+                    largest = max(largest, stiffness * abs(own) / LARGEST_RATIO)
+                    total += stiffness * abs(own)
+        largest = max(largest, total / (stages * LARGEST_SUM))
+    return largest
 
 
 def keep_forces(forces: FloatArray, local: FloatArray) -> None:
@@ -191,22 +234,21 @@ def move_stages(operator: FloatArray, state: FloatArray) -> None:
 
 
 def predict_stages(
-    operator: FloatArray, coupled: FloatArray, inverse: FloatArray, loads: FloatArray, state: FloatArray
-) -> None:
+    operator: FloatArray, coupled: FloatArray, inverse: FloatArray, mode_runs: IntArray, loads: FloatArray,
+    state: FloatArray,
+) -> None:  # fmt: skip
     """Write the forces on the modes and the motion at both stages without local forces."""
     n = state.shape[1]
     for i in range(n):
         state[BEGIN_FORCE, i], state[MIDDLE_FORCE, i], state[END_FORCE, i] = state[LOAD, i], loads[i], loads[n + i]
     if len(coupled) > 0:
         for i in range(n):
-            for j in range(n):
-                state[BEGIN_FORCE, i] -= coupled[i, j] * state[V, j]
+            state[BEGIN_FORCE, i] -= dot(coupled[i], state[V], mode_runs, i)
     move_stages(operator, state)
     if len(coupled) > 0:
         for i in range(2 * n):
-            slowed = 0.0
-            for j in range(n):
-                slowed += inverse[i, j] * state[V_TRIAL, j] + inverse[i, n + j] * state[V_TRIAL + 2, j]
+            slowed = dot(inverse[i, :n], state[V_TRIAL], mode_runs, i % n)
+            slowed += dot(inverse[i, n:], state[V_TRIAL + 2], mode_runs, i % n)
             state[MIDDLE_FORCE + i // n, i % n] -= slowed
         move_stages(operator, state)
 
@@ -227,16 +269,16 @@ def correct_stages(operator: FloatArray, loads: FloatArray, state: FloatArray, r
 
 
 def accept(
-    k: int, stages: int, scheme: FloatArray, operator: FloatArray, answers: FloatArray, vectors: FloatArray,
-    given: FloatArray, places: IntArray, state: FloatArray, forces: FloatArray, states: FloatArray, local: FloatArray,
-    rows: FloatArray,
+    k: int, stages: int, scheme: FloatArray, operator: FloatArray, answers: FloatArray, answer_runs: IntArray,
+    vectors: FloatArray, runs: IntArray, given: FloatArray, places: IntArray, state: FloatArray, forces: FloatArray,
+    states: FloatArray, local: FloatArray, rows: FloatArray,
 ) -> None:  # fmt: skip
     """Advance everything to the end of the step and write a row of results per stage."""
     n, senses, last = state.shape[1], len(vectors) - answers.shape[1], stages - 1
     c, inner, act = local.shape[1] // stages, states.shape[1] // stages, stages * n + 2 * senses
     for stage in range(stages):
         row = ACCELERATION if stages == 1 else MIDDLE_FORCE + stage
-        add_forces(k, act, places, answers[stage], 0, given, local, 0, state, row)
+        add_forces(k, act, places, answers[stage], answer_runs, 0, given, local, 0, state, row)
         for j in range(c):
             rows[stage, 3 * n + j] = local[TRIAL, stage * c + j]
         for z in range(inner):
@@ -250,47 +292,57 @@ def accept(
         correct_stages(operator, given[k], state, rows)
     else:
         correct_modes(scheme, operator, given[k], state, rows[0])
-    add_forces(k, act, places, vectors, senses, given, local, last * c, state, LOAD)
+    add_forces(k, act, places, vectors, runs, senses, given, local, last * c, state, LOAD)
 
 
 def march(
     begin: int, end: int, stages: int, slope: float, scheme: FloatArray, operator: FloatArray, answers: FloatArray,
-    give: FloatArray, inverse: FloatArray, coupled: FloatArray, vectors: FloatArray, given: FloatArray, laws: IntArray,
-    constants: FloatArray, places: IntArray, owners: IntArray, varying: IntArray, state: FloatArray,
-    forces: FloatArray, states: FloatArray, local: FloatArray, tangent: FloatArray, moved: FloatArray,
-    active: IntArray, W: FloatArray, matrix: FloatArray, switching: IntArray, found: FloatArray, count: IntArray,
+    answer_runs: IntArray, give: FloatArray, hold: FloatArray, inverse: FloatArray, coupled: FloatArray,
+    mode_runs: IntArray, vectors: FloatArray, runs: IntArray, given: FloatArray, laws: IntArray, blocks: IntArray,
+    constants: FloatArray, places: IntArray, reach: IntArray, owners: IntArray, varying: IntArray, state: FloatArray,
+    forces: FloatArray, states: FloatArray, local: FloatArray, tangent: FloatArray, active: IntArray, W: FloatArray,
+    matrix: FloatArray, switching: IntArray, found: FloatArray, count: IntArray,
 ) -> int:  # fmt: skip
     """Advance over rows of the prescribed inputs; return how it ended.
 
     The state, the local forces and the internal states advance; `count` receives the row reached and the iterations.
-    The integration ends before a step in which a switching scalar changes sides or the local forces do not converge.
+    The integration ends before a step in which a switching scalar changes sides, the local forces do not converge, or
+    contacts are too stiff for its length.
     Results have a row per stage.
     """
     for k in range(begin, end):
         count[0] = k
         if stages == 2:
-            predict_stages(operator, coupled, inverse, given[k], state)
+            predict_stages(operator, coupled, inverse, mode_runs, given[k], state)
         else:
-            predict_modes(scheme, operator, coupled, inverse, given[k], state)
+            predict_modes(scheme, operator, coupled, inverse, mode_runs, given[k], state)
         for z in range(states.shape[1]):
             states[BEGIN, z] = forces[LAST_PENETRATION, owners[z]]
         iterations = find_forces(
-            k, stages, slope, give, vectors, given, laws, constants, places, varying, state, forces, states, local,
-            tangent, moved, active, W, matrix,
+            k, stages, slope, give, vectors, runs, given, laws, blocks, constants, places, reach, varying, state,
+            forces, states, local, tangent, active, W, matrix,
         )  # fmt: skip
         if iterations == 0:
             return UNSETTLED
         count[1] += iterations
         if crosses_zero(local, switching):
             return SWITCHED
+        if len(hold) > 0 and contact_ratio(
+            k, stages, laws, blocks, places, hold, given, stages * state.shape[1], tangent
+        ) > 1.0:  # fmt: skip
+            return TOO_LONG
         rows = found[stages * k : stages * (k + 1)]
-        accept(k, stages, scheme, operator, answers, vectors, given, places, state, forces, states, local, rows)
+        accept(
+            k, stages, scheme, operator, answers, answer_runs, vectors, runs, given, places, state, forces, states,
+            local, rows,
+        )  # fmt: skip
     count[0] = end
     return DONE
 
 
 FUNCTIONS_OF_KERNEL = (
-    predict, massless_rates, *FUNCTIONS_OF_LAWS, *FUNCTIONS_OF_NEWTON, predict_modes, find_forces, add_forces,
-    correct_modes, crosses_zero, keep_forces, stage_value, move_stages, predict_stages, correct_stages, accept, march,
+    predict, massless_rates, *FUNCTIONS_OF_LAWS, *FUNCTIONS_OF_NEWTON, dot, predict_modes, find_forces, add_forces,
+    correct_modes, crosses_zero, contact_ratio, keep_forces, stage_value, move_stages, predict_stages, correct_stages,
+    accept, march,
 )  # fmt: skip
 """Functions for the compiler, in the order of their calls."""

@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from flexcam.core import FloatArray, IntArray, component_members, connected_components
 from flexcam.dynamics.blocks import Arrays, flatten
-from flexcam.dynamics.cam_motion import CamFunctionCache, PrescribedInputs
+from flexcam.dynamics.cam_motion import CamFunctionCache, CamMotion, PrescribedInputs
 from flexcam.dynamics.collocation import Collocation, stage_coefficients
 from flexcam.dynamics.contact_events import EventStepper
 from flexcam.dynamics.engine import STOPPED, convergence_failure, in_range, stack_instant
-from flexcam.dynamics.force_laws import OWN, PENETRATION, SPAN, STATE, STATE_ROWS
+from flexcam.dynamics.force_laws import FIRST, OWN, PENETRATION, SCALARS, SPAN, STATE, STATE_ROWS
 from flexcam.dynamics.generalized_alpha import Scheme
 from flexcam.dynamics.implicit_step import NoConvergenceError, unconverged_forces
 from flexcam.dynamics.initial_acceleration import InitialAcceleration
@@ -30,11 +30,12 @@ from flexcam.dynamics.kernel import (
     FORCE_SIZE,
     FUNCTIONS_OF_KERNEL,
     STATE_SIZE,
+    TOO_LONG,
     UNSETTLED,
 )
 from flexcam.dynamics.local_forces import LocalForces, Workspace
 from flexcam.dynamics.problem import Problem, State
-from flexcam.dynamics.status import Stats, Status
+from flexcam.dynamics.status import Cause, Stats, Status
 from flexcam.dynamics.step_state import StepInputs, StepState, Trajectory
 from flexcam.dynamics.system import System
 
@@ -53,6 +54,18 @@ _FITTED = 1e-12
 """Largest error of the polynomials at the points between, as a fraction of the largest value."""
 _SHORTEST = 64.0
 """Fraction of a step below which contacts that close and open again within it are not looked for."""
+_STRONG = 0.05
+"""Motion of a scalar by the force of another law, relative to their own, above which both laws are in one block."""
+_ANGLES = 73
+"""Number of cam angles at which the weights of vectors are compared."""
+_MOST_DIVISIONS = 64
+"""Parts of a step up to which the collocation divides it."""
+_TOO_STIFF = Status(
+    Cause.NO_CONVERGENCE,
+    f"contacts are too stiff for the collocation, even in 1/{_MOST_DIVISIONS} of a step",
+    'take more steps per revolution, a softer contact, or integrator = { method = "newmark" }',
+)
+"""Status of a run whose steps must be divided."""
 _NO_SIDES = np.zeros((2, 0), dtype=np.intp)
 
 
@@ -79,6 +92,9 @@ class StepOperator:
         Response of the modes to the acting vectors, shape (stages, acts, n).
     give
         Displacement and velocity along the sensing vectors by the acting ones, shape (2, acts, senses).
+    hold
+        Square of the step times the acceleration along the sensing vectors by the acting ones, as far as modes with
+        mass answer within the step, shape (acts, senses) of one stage; empty where it does not limit the step.
     inverse
         Treatment of the damping that couples modes; empty without it.
     """
@@ -89,6 +105,7 @@ class StepOperator:
     operator: FloatArray
     answers: FloatArray
     give: FloatArray
+    hold: FloatArray
     inverse: FloatArray
 
 
@@ -120,12 +137,17 @@ class ModalSystem:
         return cls(modes, beside if beside.any() else _NONE, forces.sense.vectors, forces.act.vectors)
 
     @cached_property
+    def coupled_groups(self) -> IntArray:
+        """Label of the group of modes that dampers couple, of each mode; empty without such dampers."""
+        return connected_components(len(self.coupled), *np.nonzero(self.coupled))
+
+    @cached_property
     def groups(self) -> list[tuple[IntArray, FloatArray]]:
         """Groups of modes that dampers couple, such as those of one valve train, by size.
 
         Arrays (groups, size), and their acting vectors, shape (groups, size, acts).
         """
-        found = component_members(connected_components(len(self.coupled), *np.nonzero(self.coupled)))
+        found = component_members(self.coupled_groups)
         sizes = sorted({len(group) for group in found})
         groups = [np.array([group for group in found if len(group) == size]) for size in sizes]
         return [(group, np.ascontiguousarray(self.acting.T[group])) for group in groups]
@@ -154,7 +176,7 @@ class ModalSystem:
         to_d, to_v = scheme.beta * step**2, scheme.gamma * step
         sensed = answering @ self.sensing.T
         operator, give = np.array([*self.modes, single]), np.array([to_d * sensed, to_v * sensed])
-        return StepOperator(step, to_v / to_d, weights, operator, answering[None], give, inverse)
+        return StepOperator(step, to_v / to_d, weights, operator, answering[None], give, _NONE, inverse)
 
     def _two_stages(self, step: float) -> StepOperator:
         """Return the collocation over two stages of one length; a force acts on its stage alone."""
@@ -174,7 +196,10 @@ class ModalSystem:
         moved = np.einsum("tan,qstn->qasn", pushes, np.array([on_d, on_v]))
         give = (moved @ self.sensing.T).reshape(2, 2 * acts, 2 * len(self.sensing))
         operator = np.concatenate([self.modes, found.reshape(-1, n)])
-        return StepOperator(step, 1.0 / step, np.zeros(5), operator, pushes, give, inverse)
+        # A force at the middle alone moves a free mass by 4/3 h^2 of its acceleration until the end.
+        heavy = np.where(mass > 0.0, 0.75 * on_d[1, 0], 0.0)
+        hold = (self.acting * heavy) @ self.sensing.T
+        return StepOperator(step, 1.0 / step, np.zeros(5), operator, pushes, give, hold, inverse)
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,16 +231,30 @@ class Kernel:
         self.stages = stages = 1 if isinstance(scheme, Scheme) else 2
         self._system = system = ModalSystem.of(problem.system, forces)
         self.columns = 3 * problem.system.size + forces.count + len(forces.start_state)
-        self._table = forces.table.repeat(stages, forces.count)
         self._places = _repeat_places(forces.places, stages)
         self._vectors = np.concatenate([system.sensing] * stages + [system.acting] * stages)
+        self._runs = list_runs(self._vectors)
+        groups = system.coupled_groups
+        self._mode_runs = list_runs((groups[:, None] == groups).astype(float))
+        self.whole = self.operator(problem.step)  #: steps of the usual length
+        self._answer_runs = list_runs(np.abs(self.whole.answers).sum(axis=0))
+        can_move, coupling = find_coupling(forces, self.whole)
+        self._reach = list_members(np.tile(can_move, (stages, stages)))
+        order, blocks = divide_laws(forces.table.laws, coupling)
+        table, count = forces.table.repeat(stages, forces.count), len(order)
+        rows = (order[:, None] + count * np.arange(stages)).ravel()  # the stages of a law stand together
+        self._table, self._blocks = replace(table, laws=table.laws[rows]), stages * blocks
         self._varying = np.concatenate([forces.varying + stage * forces.count for stage in range(stages)])
-        self._work = Workspace(self._table, stages * forces.count, stages * len(system.sensing))
+        self._work = Workspace(self._table, stages * forces.count)
         self._length, self.shortest = 0.0, problem.step / _SHORTEST
 
     def operator(self, step: float) -> StepOperator:
         """Return a step whose stages have a length, s."""
         return self._system.operator(self._scheme, step)
+
+    def shorten(self, step: float) -> None:
+        """Make a length, s, that of usual steps."""
+        self.whole = self.operator(step)
 
     def given(self, loads: FloatArray, schedule: PrescribedInputs) -> FloatArray:
         """Return the prescribed inputs of steps side by side: loads and those of the local forces, by stage."""
@@ -251,10 +290,11 @@ class Kernel:
         spans = operator.step * np.arange(1.0, self.stages + 1.0)
         state.states[SPAN] = np.repeat(spans, len(self.forces.start_state))
         how = self._march(
-            *steps, self.stages, operator.slope, operator.scheme, operator.operator, operator.answers, operator.give,
-            operator.inverse, system.coupled, self._vectors, given, table.laws, table.constants, self._places,
-            table.owners, self._varying, state.modes, state.forces, state.states, work.local, work.tangent, work.moved,
-            work.active, work.compliance, work.matrix, self._stage_sides(sides), found, count,
+            *steps, self.stages, operator.slope, operator.scheme, operator.operator, operator.answers,
+            self._answer_runs, operator.give, operator.hold, operator.inverse, system.coupled, self._mode_runs,
+            self._vectors, self._runs, given, table.laws, self._blocks, table.constants, self._places, self._reach,
+            table.owners, self._varying, state.modes, state.forces, state.states, work.local, work.tangent, work.active,
+            work.compliance, work.matrix, self._stage_sides(sides), found, count,
         )  # fmt: skip
         row, iterations = count.tolist()
         return int(how), row, iterations
@@ -276,6 +316,64 @@ class Kernel:
         return unconverged_forces(self.forces.names * self.stages, self._work.local)
 
 
+def list_runs(rows: FloatArray) -> IntArray:
+    """Return where entries of each row differ from zero, as `flexcam.dynamics.kernel` reads it.
+
+    Examples
+    --------
+    >>> list_runs(np.array([[1.0, 1.0, 0.0, 1.0], [0.0, 0.0, 0.0, 0.0]])).tolist()
+    [3, 7, 7, 0, 2, 3, 4]
+    """
+    padded = np.pad((rows != 0.0).astype(np.int8), ((0, 0), (1, 1)))
+    owner, border = np.nonzero(np.diff(padded))  # begin and end in turn
+    return _list_entries(owner, border, len(rows))
+
+
+def list_members(pattern: FloatArray) -> IntArray:
+    """Return the columns of the entries of each row that differ from zero, in the same form."""
+    owner, entries = np.nonzero(pattern)
+    return _list_entries(owner, entries, len(pattern))
+
+
+def _list_entries(owner: IntArray, entries: IntArray, count: int) -> IntArray:
+    starts = count + 1 + np.searchsorted(owner, np.arange(count + 1))
+    return np.concatenate([starts, entries]).astype(np.intp)
+
+
+def find_coupling(forces: LocalForces, operator: StepOperator) -> tuple[FloatArray, FloatArray]:
+    """Return which forces can move which scalars, and how much relative to their own, shape (c, c) each.
+
+    The motion is the largest of the stages of a step, with the root mean squares of the weights over a revolution.
+    """
+    acts, senses = len(forces.act.vectors), len(forces.sense.vectors)
+    if not (acts and senses):
+        return np.zeros((forces.count, forces.count)), np.zeros((forces.count, forces.count))
+    give = np.abs(operator.give).reshape(2, -1, acts, operator.give.shape[2] // senses, senses).max(axis=(1, 3))
+    can = forces.act.owner @ give.sum(axis=0) @ forces.sense.owner.T
+    angle = np.linspace(0.0, 2.0 * np.pi, _ANGLES)
+    inputs = forces.prescribed_inputs(CamMotion(angle, np.ones_like(angle), np.zeros_like(angle), angle))
+    sensed, acted = (np.sqrt(np.mean(one**2, axis=0)) for one in (inputs.sensing_weights, inputs.acting_weights))
+    moved = (forces.act.owner * acted) @ give[0] @ (forces.sense.owner * sensed).T
+    own = np.sqrt(np.diag(moved))
+    scale = np.outer(own, own)
+    alone = np.where(moved > 0.0, np.inf, 0.0)  # forces that move other scalars than their own
+    relative = np.divide(moved, scale, out=alone, where=scale > 0.0)
+    return can + can.T, np.maximum(relative, relative.T)
+
+
+def divide_laws(laws: IntArray, coupling: FloatArray) -> tuple[IntArray, IntArray]:
+    """Return the rows of the table of laws block by block, and where blocks begin and the last one ends.
+
+    Laws that move each other's scalars more than a little stand in one block.
+    """
+    scalars = [slice(first, first + size) for first, size in laws[:, [FIRST, SCALARS]].tolist()]
+    strong = [(i, j) for i, a in enumerate(scalars) for j, b in enumerate(scalars) if (coupling[a, b] > _STRONG).any()]
+    rows, columns = np.array(strong, dtype=np.intp).reshape(-1, 2).T
+    members = component_members(connected_components(len(laws), rows, columns))
+    order = np.concatenate([np.zeros(0, dtype=np.intp), *members])
+    return order, np.cumsum([0, *(len(one) for one in members)])
+
+
 def _repeat_places(places: IntArray, stages: int) -> IntArray:
     """Return the first vector of each scalar, followed by those of further stages."""
     later = [places[:, 1:] + stage * places[:, -1:] for stage in range(stages)]
@@ -286,7 +384,9 @@ class KernelStepper:
     """A single step of the kernel of any length, for `flexcam.dynamics.contact_events`."""
 
     def __init__(self, kernel: Kernel, step: float, at: At) -> None:
-        self._kernel, self._operator, self._at = kernel, kernel.operator(step / kernel.stages), at
+        # Trials before an impact press the contact deeper than it will be: they are not divided for its stiffness.
+        self._operator = replace(kernel.operator(step / kernel.stages), hold=_NONE)
+        self._kernel, self._at = kernel, at
 
     def advance(self, now: StepState, to: StepInputs) -> StepState:
         """Return the next instant."""
@@ -325,11 +425,9 @@ class KernelEngine:
     ) -> None:
         self._problem, self._system, self._forces, self._stop = problem, problem.system, forces, stop
         self._kernel = Kernel(problem, scheme, forces)
-        self._whole = self._kernel.operator(problem.step)
         self._starter = InitialAcceleration(problem.system, forces)
-        self._walker = EventStepper(
-            problem.step, forces, self._starter, self._at, self._stepper, balances=scheme.is_collocated
-        )
+        self._balances, self._division, self._within = scheme.is_collocated, 1, 0
+        self._walker = self._event_stepper()
         self._last: StepState | None = None
         self._span = math.inf, math.inf
         self._nodes: FloatArray | None = None
@@ -341,6 +439,7 @@ class KernelEngine:
             return Trajectory.empty(self._system.size, self._forces), STOPPED
         rows = np.append(steps[0] - 1, steps) if self._at_middle else steps
         odd = (len(rows) - (self._last is None)) % self._kernel.stages if steps[-1] < self._problem.steps else 0
+        odd = 0 if self._division > 1 else odd  # a divided step ends with a step of the kernel
         parts, status = list[Trajectory](), Status()
         if len(rows) > odd:
             whole, status = self._advance_rows(rows[: len(rows) - odd])
@@ -363,13 +462,40 @@ class KernelEngine:
         return track.until(min(len(track.ends), 1)), Status() if self._at_middle else status
 
     def _advance_rows(self, steps: IntArray) -> tuple[Trajectory, Status]:
-        at = self._problem.times(steps)
+        """Advance by some steps, and divide them from the first one on in which contacts are too stiff for it."""
+        parts, done = list[Trajectory](), 0
+        while True:
+            part, status = self._advance_divided(steps[done:])
+            parts.append(part)
+            done += len(part.ends)
+            if status is not _TOO_STIFF or self._division == _MOST_DIVISIONS:
+                whole = Trajectory.concatenate(parts) if len(parts) > 1 else part
+                return (whole if status.ok else whole.until(len(whole.ends))), status
+            self._division, self._within = 2 * self._division, 2 * self._within
+            self._kernel.shorten(self._problem.step / self._division)
+            self._walker = self._event_stepper(self._walker.events)
+
+    def _advance_divided(self, steps: IntArray) -> tuple[Trajectory, Status]:
+        """Advance by some steps, the first of which has begun already, in divisions of equal length."""
+        parts = self._division
+        if parts == 1:
+            at, ends = self._problem.times(steps), np.ones(len(steps), dtype=bool)
+        else:
+            fraction = np.arange(1, parts + 1) - parts
+            at = (self._problem.times(steps)[:, None] + self._problem.step / parts * fraction).ravel()
+            ends = np.tile(fraction == 0, len(steps))
+            skipped = parts - 1 if self._last is None else self._within
+            at, ends = at[skipped:], ends[skipped:]
         loads, schedule = self._prescribed(at)
         before = None if self._last is None else stack_instant(self._last)
         track, status = self._advance(at, loads, schedule)
+        reached = len(track.ends)
+        complete = np.flatnonzero(ends[:reached])
+        self._within = reached - 1 - int(complete[-1]) if len(complete) else self._within + reached
+        track = replace(track, ends=track.ends[ends[:reached]])
         if not len(track.ends):
             return track, status
-        kept, left = in_range(track, before, self._system, schedule.angle)
+        kept, left = in_range(track, before, self._system, schedule.angle[ends])
         return kept, status if left.ok else left
 
     def _advance(self, at: FloatArray, loads: FloatArray, schedule: PrescribedInputs) -> tuple[Trajectory, Status]:
@@ -387,8 +513,13 @@ class KernelEngine:
         first, given = row, kernel.given(loads[row:], schedule.at(slice(row, None)) if row else schedule)
         while row < len(at) and status.ok:
             done = (row - first) // kernel.stages
-            _, reached, iterations = kernel.advance(self._whole, state, (done, len(given)), given, found[first:], sides)
+            how, reached, iterations = kernel.advance(
+                kernel.whole, state, (done, len(given)), given, found[first:], sides
+            )
             row, self._iterations = first + kernel.stages * reached, self._iterations + iterations
+            if how == TOO_LONG:
+                status = _TOO_STIFF
+                break
             for _ in range(min(kernel.stages, len(at) - row)):
                 to = StepInputs(float(at[row]), loads[row], schedule, row)
                 now = kernel.moment(state, float(at[row - 1]) if row else self._last.time, sides[1] > 0)
@@ -432,13 +563,16 @@ class KernelEngine:
         return {
             **flatten("last", self._last),
             "counts": np.array([self._iterations, self._walker.events, self._at_middle]),
+            "division": np.array(self._division),
         }
 
     def restore(self, state: Arrays) -> None:
         """Restore the state, see `Engine`."""
         self._last = StepState.from_checkpoint("last", state)
-        self._iterations, self._walker.events, at_middle = state["counts"].tolist()
-        self._at_middle = bool(at_middle)
+        self._iterations, events, at_middle = state["counts"].tolist()
+        self._at_middle, self._division = bool(at_middle), int(state["division"])
+        self._kernel.shorten(self._problem.step / self._division)
+        self._walker = self._event_stepper(events)
 
     def _sides(self, moment: StepState) -> IntArray:
         """Return the switching scalars, and which of them count as pressed."""
@@ -477,6 +611,13 @@ class KernelEngine:
     def _prescribed(self, times: FloatArray) -> tuple[FloatArray, PrescribedInputs]:
         motion = self._problem.drive.at(times)
         return self._system.load_vector(motion), self._forces.prescribed_inputs(motion)
+
+    def _event_stepper(self, events: int = 0) -> EventStepper:
+        """Return the stepper of single steps, with the events located so far."""
+        step = self._problem.step / self._division
+        found = EventStepper(step, self._forces, self._starter, self._at, self._stepper, balances=self._balances)
+        found.events = events
+        return found
 
     def _stepper(self, step: float) -> KernelStepper:
         return KernelStepper(self._kernel, step, self._at)

@@ -197,13 +197,12 @@ def _count_arch_scalars(first: int, moved: Callable[[int], bool]) -> int:
 class Workspace:
     """Work arrays of `flexcam.dynamics.local_newton` for some local forces."""
 
-    def __init__(self, table: LawTable, count: int, senses: int) -> None:
+    def __init__(self, table: LawTable, count: int) -> None:
         width = int(table.laws[:, SCALARS].max(initial=1))
         self.local = np.zeros((LOCAL_ROWS, count))
         self.local[OWN] = -1.0
         self.tangent = np.zeros((2, count, width))
         self.states = np.zeros((STATE_ROWS, len(table.owners)))
-        self.moved = np.zeros((2, senses))
         self.active = np.zeros((2, count), dtype=np.intp)
         self.compliance = np.full((2, count, count), np.nan)
         self.matrix = np.zeros((count, count + 1))
@@ -235,7 +234,7 @@ class LocalForces:
         self._evaluate, self._evaluate_rows = (
             (compiled or self.functions)[name] for name in ("evaluate_laws", "evaluate_rows")
         )
-        self.workspace = Workspace(self.table, self.count, len(self.sense.vectors))
+        self.workspace = Workspace(self.table, self.count)
         self.storing = np.zeros(self.count)
         for force, part, _ in self.parts:
             self.storing[part] = force.conservative
@@ -416,7 +415,7 @@ class LocalForces:
         rate: FloatArray | None, *, tangents: bool,
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:  # fmt: skip
         """Return the results of `evaluate`, and the tangents of every law if requested."""
-        work, table = Workspace(self.table, self.count, 0), self.table
+        work, table = Workspace(self.table, self.count), self.table
         force, energy = np.zeros_like(penetration, order="C"), np.zeros_like(penetration, order="C")
         by_state, rows = np.zeros_like(state, order="C"), table.laws if laws is None else laws
         rates = np.zeros(penetration.shape) if rate is None else np.ascontiguousarray(rate)

@@ -2,8 +2,11 @@
 
 With the constant operator of a step, the sensed scalars are affine in the local forces: ``x = x_free + W f``. The
 unknowns are the forces; `solve_local` finds those that agree with the force laws. Forces that hardly depend on their
-own effect within a step are iterated by substitution; Newton's matrix contains the others. The compliance W is filled
-on demand, and stays valid for scalars whose weights do not change with the cam angle.
+own effect within a step are iterated by substitution; Newton's matrix contains the others. Laws that move each other
+little, such as those of different valves, stand in different blocks with a matrix each: block after block takes its
+Newton step under the latest forces of the others (nonlinear Gauss-Seidel iteration: J. M. Ortega and W. C. Rheinboldt,
+Iterative Solution of Nonlinear Equations in Several Variables (1970), sec. 7.4). The compliance W is filled on demand,
+and stays valid for scalars whose weights do not change with the cam angle.
 
 The functions use numbers and array elements only; the direct engine runs them as Python with the two linear-algebra
 functions `eliminate` and `sense` replaced by numpy (`NUMPY`), the kernel engine compiles them.
@@ -29,6 +32,8 @@ from flexcam.dynamics.force_laws import (
     PENETRATION,
     RATE,
     SCALARS,
+    SENSED,
+    STALE,
     TRIAL,
     evaluate_laws,
 )
@@ -45,9 +50,9 @@ SMALLEST_PART = 1.0 / 64.0
 WEAK = 2e-3
 """Relative change of a force by its own effect within a step below which it is weak."""
 EXTRAPOLATED = 12
-"""Iterations from extrapolated forces with weak forces by substitution.
+"""Iterations from extrapolated forces, block by block, with weak forces by substitution.
 
-Then the iteration restarts from the forces of the last instant, and no force counts as weak.
+Then the iteration restarts from the forces of the last instant with one matrix for all laws, and no force is weak.
 """
 
 
@@ -89,7 +94,7 @@ def fill_compliance(
     W: FloatArray,
 ) -> None:  # fmt: skip
     """Write the effect of a unit of force j on scalar i (0) and on its rate (1), unless it is known."""
-    if W[0, i, j] == W[0, i, j]:
+    if W[0, j, i] == W[0, j, i]:
         return
     rate_at, act_at = sense_at + give.shape[2], sense_at + 2 * give.shape[2]
     by_d, by_v = 0.0, 0.0
@@ -98,36 +103,40 @@ def fill_compliance(
             moved, moving = give[0, b, s] * given[k, act_at + b], give[1, b, s] * given[k, act_at + b]
             by_d += given[k, sense_at + s] * moved
             by_v += given[k, sense_at + s] * moving + given[k, rate_at + s] * moved
-    W[0, i, j], W[1, i, j] = by_d, by_v
+    W[0, j, i], W[1, j, i] = by_d, by_v
+
+
+def release(local: FloatArray) -> None:
+    """Make the sensed scalars those without forces."""
+    for i in range(local.shape[1]):
+        local[PENETRATION, i], local[RATE, i] = local[FREE_PENETRATION, i], local[FREE_RATE, i]
+        local[SENSED, i], local[STALE, i] = 0.0, 1.0
 
 
 def sense(
-    places: IntArray, give: FloatArray, given: FloatArray, k: int, sense_at: int, local: FloatArray,
-    moved: FloatArray, W: FloatArray,
+    laws: IntArray, places: IntArray, reach: IntArray, give: FloatArray, given: FloatArray, k: int, sense_at: int,
+    local: FloatArray, W: FloatArray,
 ) -> None:  # fmt: skip
-    """Write the sensed scalars and their rates under the trial forces."""
-    senses = give.shape[2]
-    rate_at, act_at = sense_at + senses, sense_at + 2 * senses
-    for s in range(senses):
-        moved[0, s], moved[1, s] = 0.0, 0.0
-    for j in range(local.shape[1]):
-        if local[TRIAL, j] != 0.0:
-            for b in range(places[1, j], places[1, j + 1]):
-                weight = local[TRIAL, j] * given[k, act_at + b]
-                for s in range(senses):
-                    moved[0, s] += give[0, b, s] * weight
-                    moved[1, s] += give[1, b, s] * weight
-    for i in range(local.shape[1]):
-        by_d, by_v = 0.0, 0.0
-        for s in range(places[0, i], places[0, i + 1]):
-            by_d += given[k, sense_at + s] * moved[0, s]
-            by_v += given[k, sense_at + s] * moved[1, s] + given[k, rate_at + s] * moved[0, s]
-        local[PENETRATION, i] = local[FREE_PENETRATION, i] + by_d
-        local[RATE, i] = local[FREE_RATE, i] + by_v
+    """Add what trial forces of some laws changed since they were last sensed to the scalars that they reach."""
+    for law in range(len(laws)):
+        first = laws[law, FIRST]
+        for j in range(first, first + laws[law, SCALARS]):
+            change = local[TRIAL, j] - local[SENSED, j]
+            if change != 0.0:
+                local[SENSED, j] = local[TRIAL, j]
+                for at in range(reach[j], reach[j + 1]):
+                    i = reach[at]
+                    fill_compliance(i, j, places, give, given, k, sense_at, W)
+                    local[PENETRATION, i] += W[0, j, i] * change
+                    local[RATE, i] += W[1, j, i] * change
+                    local[STALE, i] = 1.0
 
 
 def residual(laws: IntArray, local: FloatArray, tangent: FloatArray, usual: float) -> float:
-    """Return the largest difference of trial forces and force laws; zero if it is rounding, or NaN."""
+    """Return the largest difference of trial forces and some force laws; zero if it is rounding, or NaN.
+
+    `usual` is the size of forces among which a difference is rounding.
+    """
     worst, size, rounding, total = 0.0, usual, 0.0, 0.0
     for law in range(len(laws)):
         first = laws[law, FIRST]
@@ -161,7 +170,7 @@ def is_rounding(
             )
             for j in range(local.shape[1]):
                 fill_compliance(i, j, places, give, given, k, sense_at, W)
-                on_penetration, on_rate = abs(W[0, i, j]), abs(W[1, i, j])
+                on_penetration, on_rate = abs(W[0, j, i]), abs(W[1, j, i])
                 missing = abs(local[TRIAL, j] - local[ANSWER, j])
                 penetration += on_penetration * abs(local[TRIAL, j])
                 rate += on_rate * abs(local[TRIAL, j])
@@ -185,7 +194,7 @@ def own_compliance(
     for stage in range(stages):
         j = stage * count + i % count
         fill_compliance(i, j, places, give, given, k, sense_at, W)
-        largest = max(largest, abs(W[0, i, j]))
+        largest = max(largest, abs(W[0, j, i]))
     return largest
 
 
@@ -241,7 +250,7 @@ def correct(
                 for column in range(n):
                     j = active[0, column]
                     fill_compliance(sensed, j, places, give, given, k, sense_at, W)
-                    matrix[row, column] -= by_penetration * W[0, sensed, j] + by_rate * W[1, sensed, j]
+                    matrix[row, column] -= by_penetration * W[0, j, sensed] + by_rate * W[1, j, sensed]
         matrix[row, row] += 1.0
         matrix[row, n] = local[TRIAL, i] - local[ANSWER, i]
     if not eliminate(matrix, n, n + 1):
@@ -252,64 +261,96 @@ def correct(
 
 
 def solve_local(
-    laws: IntArray, constants: FloatArray, places: IntArray, give: FloatArray, given: FloatArray, k: int, stages: int,
-    sense_at: int, slope: float, local: FloatArray, tangent: FloatArray, states: FloatArray, moved: FloatArray,
-    active: IntArray, W: FloatArray, matrix: FloatArray,
+    laws: IntArray, blocks: IntArray, constants: FloatArray, places: IntArray, reach: IntArray, give: FloatArray,
+    given: FloatArray, k: int, stages: int, sense_at: int, slope: float, local: FloatArray, tangent: FloatArray,
+    states: FloatArray, active: IntArray, W: FloatArray, matrix: FloatArray,
 ) -> int:  # fmt: skip
     """Find the local forces that agree with the motion they cause; return the iterations, 0 without convergence.
 
-    `places` (2, c + 1) says where the sensing (0) and acting (1) vectors of each scalar begin; `give` (2, acting,
-    sensing) is the displacement (0) and velocity (1) along each sensing vector per unit of force along each acting
-    vector.
+    `blocks` says where each block of laws begins and the last one ends. `places` (2, c + 1) says where the sensing (0)
+    and acting (1) vectors of each scalar begin; entries j and j + 1 of `reach` say where, in `reach` itself, the list
+    of the scalars that force j can move begins and ends. `give` (2, acting, sensing) is the displacement (0) and
+    velocity (1) along each sensing vector per unit of force along each acting vector.
 
     `given` has a row of prescribed inputs per instant, of which k is read: from column `sense_at` on the weights of the
     sensing vectors, their rates, the weights of the acting vectors, offsets, their rates and the functions of the laws.
 
     `stages` is the number of instants of the step; the scalars of the first come first. `slope`, 1/s, is the velocity
-    per displacement by a force within a step. `local` (10, c) holds the trial forces, the free scalars and, in `BASE`,
+    per displacement by a force within a step. `local` (12, c) holds the trial forces, the free scalars and, in `BASE`,
     the forces of the last instant; the solution is in `TRIAL`, `PENETRATION`, `RATE`. The others are work arrays; W
-    contains NaN where it is not yet computed.
+    (2, force, scalar) contains NaN where it is not yet computed.
     """
     c, part, last, usual = local.shape[1], 1.0, math.inf, 0.0
     for i in range(c):
         usual = max(usual, abs(local[BASE, i]))
     functions = sense_at + 2 * give.shape[2] + give.shape[1] + 2 * c
-    for iteration in range(1, EXTRAPOLATED + MAX_ITERATIONS + 1):
-        late = iteration > EXTRAPOLATED
-        if iteration == EXTRAPOLATED + 1:
-            for i in range(c):
-                local[TRIAL, i] = local[BASE, i]
-        sense(places, give, given, k, sense_at, local, moved, W)
-        evaluate_laws(laws, constants, given, k, functions, local, tangent, states)
-        off = residual(laws, local, tangent, usual if late else 0.0)
-        if off == 0.0 or (late and is_rounding(laws, places, give, given, k, sense_at, local, tangent, W, off)):
-            for i in range(c):
-                if not math.isfinite(local[ANSWER, i]):
-                    local[TRIAL, i] = local[ANSWER, i]  # is reported by the engine
+    release(local)
+    sense(laws, places, reach, give, given, k, sense_at, local, W)
+    for iteration in range(1, EXTRAPOLATED + 1):
+        size, agree = 0.0, True
+        for i in range(c):
+            size = max(size, abs(local[TRIAL, i]))
+        for block in range(len(blocks) - 1):
+            these = laws[blocks[block] : blocks[block + 1]]
+            if not is_stale(these, local):
+                continue
+            evaluate_laws(these, constants, given, k, functions, local, tangent, states)
+            if residual(these, local, tangent, size) != 0.0:
+                agree = False
+                if not correct(
+                    these, places, give, given, k, stages, sense_at, slope, WEAK, local, tangent, active, W, matrix
+                ):  # fmt: skip
+                    local[STALE, these[0, FIRST]] = 1.0
+                sense(these, places, reach, give, given, k, sense_at, local, W)
+        if agree:
+            keep_not_finite(local)
             return iteration
-        if late and iteration > EXTRAPOLATED + FULL_STEPS and off > last and part > SMALLEST_PART:
+    for i in range(c):
+        local[TRIAL, i] = local[BASE, i]
+    for iteration in range(EXTRAPOLATED + 1, EXTRAPOLATED + MAX_ITERATIONS + 1):
+        release(local)  # forces that grew before would leave their rounding
+        sense(laws, places, reach, give, given, k, sense_at, local, W)
+        evaluate_laws(laws, constants, given, k, functions, local, tangent, states)
+        off = residual(laws, local, tangent, usual)
+        if off == 0.0 or is_rounding(laws, places, give, given, k, sense_at, local, tangent, W, off):
+            keep_not_finite(local)
+            return iteration
+        if iteration > EXTRAPOLATED + FULL_STEPS and off > last and part > SMALLEST_PART:
             part *= 0.5
             for i in range(c):
                 local[TRIAL, i] = local[BASE, i] - part * local[CHANGE, i]
             continue
         part, last = 1.0, off
-        if late:
-            for i in range(c):
-                local[BASE, i] = local[TRIAL, i]
-        weak = -1.0 if late else WEAK
-        regular = correct(
-            laws, places, give, given, k, stages, sense_at, slope, weak, local, tangent, active, W, matrix
-        )  # fmt: skip
-        if late:
-            if not regular:
-                return 0
-            for i in range(c):
-                local[CHANGE, i] = local[BASE, i] - local[TRIAL, i]
+        for i in range(c):
+            local[BASE, i] = local[TRIAL, i]
+        if not correct(laws, places, give, given, k, stages, sense_at, slope, -1.0, local, tangent, active, W, matrix):
+            return 0
+        for i in range(c):
+            local[CHANGE, i] = local[BASE, i] - local[TRIAL, i]
     return 0
 
 
+def is_stale(laws: IntArray, local: FloatArray) -> bool:
+    """Return whether scalars of some laws changed since this was last asked."""
+    stale = False
+    for law in range(len(laws)):
+        first = laws[law, FIRST]
+        for i in range(first, first + laws[law, SCALARS]):
+            stale = stale or local[STALE, i] != 0.0
+            local[STALE, i] = 0.0
+    return stale
+
+
+def keep_not_finite(local: FloatArray) -> None:
+    """Make forces that are not finite trial forces, which the engine reports."""
+    for i in range(local.shape[1]):
+        if not math.isfinite(local[ANSWER, i]):
+            local[TRIAL, i] = local[ANSWER, i]
+
+
 FUNCTIONS_OF_NEWTON = (
-    eliminate, fill_compliance, sense, residual, is_rounding, own_compliance, find_active, correct, solve_local,
+    eliminate, fill_compliance, release, sense, residual, is_rounding, own_compliance, find_active, correct,
+    is_stale, keep_not_finite, solve_local,
 )  # fmt: skip
 """Functions for the compiler, in the order of their calls."""
 
@@ -324,12 +365,13 @@ def eliminate_numpy(matrix: FloatArray, n: int, end: int) -> bool:
 
 
 def sense_numpy(
-    places: IntArray, give: FloatArray, given: FloatArray, k: int, sense_at: int, local: FloatArray,
-    moved: FloatArray, W: FloatArray,
+    laws: IntArray, places: IntArray, reach: IntArray, give: FloatArray, given: FloatArray, k: int, sense_at: int,
+    local: FloatArray, W: FloatArray,
 ) -> None:  # fmt: skip
     """Replace `sense` by numpy, for a complete compliance."""
-    local[PENETRATION] = local[FREE_PENETRATION] + W[0] @ local[TRIAL]
-    local[RATE] = local[FREE_RATE] + W[1] @ local[TRIAL]
+    local[PENETRATION] = local[FREE_PENETRATION] + local[TRIAL] @ W[0]
+    local[RATE] = local[FREE_RATE] + local[TRIAL] @ W[1]
+    local[STALE] = 1.0
 
 
 NUMPY = {"eliminate": eliminate_numpy, "sense": sense_numpy}

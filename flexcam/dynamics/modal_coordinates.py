@@ -11,7 +11,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from flexcam.core import FloatArray, SingularMatrixError, Triplets, solve_eigenproblem
+from flexcam.core import FloatArray, SingularMatrixError, Triplets, connected_components, solve_eigenproblem
 from flexcam.dynamics.active_dofs import reduce_problem
 from flexcam.dynamics.basis import ModeBasis
 from flexcam.dynamics.massless import MasslessMotions, normalize_stiffness, relaxation_times
@@ -90,7 +90,7 @@ class ModalCoordinates:
 def find_modal_coordinates(system: System) -> ModalCoordinates | None:
     """Return the modal coordinates of a system."""
     found = _motions(_MatrixPair(system.mass, system.stiffness))
-    return None if found is None else _decouple_massless(found, system.damping)
+    return None if found is None else _sort_by_part(_decouple_massless(found, system.damping), system)
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,6 +160,21 @@ def _decouple_massless(found: ModalCoordinates, damping: Triplets) -> ModalCoord
     vectors, back = found.vectors.copy(), found.back.copy()
     vectors[:, light], back[light] = vectors[:, light] @ turned, turned.T @ back[light]
     return replace(found, vectors=vectors, back=back)
+
+
+def _sort_by_part(found: ModalCoordinates, system: System) -> ModalCoordinates:
+    """Return the modes part by part: those of unknowns that the matrices connect stand together.
+
+    A vector in modal coordinates then differs from zero in few runs of entries.
+    """
+    matrices = (system.mass, system.damping, system.stiffness)
+    rows, columns = (np.concatenate([getattr(one, name) for one in matrices]) for name in ("rows", "cols"))
+    parts = connected_components(system.size, rows, columns)
+    order = np.argsort(parts[np.abs(found.vectors).argmax(axis=0)], kind="stable")
+    return replace(
+        found, vectors=found.vectors[:, order], back=found.back[order], mass=found.mass[order],
+        stiffness=found.stiffness[order],
+    )  # fmt: skip
 
 
 def modal_problem(problem: Problem, motions: ModalCoordinates) -> Problem:

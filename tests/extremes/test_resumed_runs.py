@@ -41,6 +41,9 @@ WAYS = {
     "compiled, contacts and seat": (BUCKET, "run.engine=kernel"),
     "compiled, hydraulic adjuster": (ADJUSTER, "run.engine=kernel"),
     "collocation, contacts and seat": (BUCKET, "run.integrator.method=collocation"),
+    "collocation, divided steps": (
+        BUCKET, "run.integrator.method=collocation", "run.steps_per_revolution=200",
+    ),
     "HHT, contacts": (BUCKET, "run.engine=direct", "run.integrator.method=hht"),
     "Bathe, contacts": (BUCKET, "run.integrator.method=bathe"),
     "central difference": (LINEAR, "run.integrator.method=central-difference", "run.steps_per_revolution=36000"),

@@ -1,0 +1,65 @@
+"""Copies of one valve train that share nothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from benchmarks.processes import ROOT
+from flexcam import prepare, read_case
+from flexcam.core import FloatArray, Triplets
+from flexcam.dynamics import AngleVector, Problem, System, collocation, newmark
+
+CASE = "direct-acting/bucket"
+"""Cam contact, lash, seat and two springs of two coils per valve."""
+COARSE = (
+    "springs.outer.elements=2",
+    "springs.inner.elements=2",
+    "members.camshaft.elements=1",
+    "members.valve.elements=1",
+)
+"""Few unknowns per train, so that sixteen have no more modes than the kernel solver engine takes."""
+METHODS = {"newmark": newmark(), "collocation": collocation()}
+COUNTS = (1, 2, 4, 8, 16)
+
+
+def copies(count: int) -> Problem:
+    """Return a revolution of some equal trains in one system."""
+    ready = prepare(read_case(ROOT / f"cases/{CASE}.toml", ["run.revolutions=1", "run.engine=kernel", *COARSE]))
+    one = ready.problem.system
+    size = one.size
+
+    def placed(vectors: FloatArray, copy: int) -> FloatArray:
+        whole = np.zeros((*vectors.shape[:-1], count * size))
+        whole[..., copy * size : (copy + 1) * size] = vectors
+        return whole
+
+    def moved(vector: AngleVector, copy: int) -> AngleVector:
+        return replace(vector, vectors=placed(vector.vectors, copy))
+
+    def repeated(matrix: Triplets) -> Triplets:
+        return Triplets.from_dense(np.kron(np.eye(count), matrix.dense()).tolist())
+
+    each = range(count)
+    system = System(
+        *(repeated(matrix) for matrix in (one.mass, one.damping, one.stiffness)),
+        names=tuple(f"{copy}.{name}" for copy in each for name in one.names),
+        loads=tuple(replace(load, vector=placed(load.vector, copy)) for copy in each for load in one.loads),
+        local_forces=tuple(
+            replace(
+                force,
+                sense=tuple(moved(vector, copy) for vector in force.sense),
+                act=tuple(moved(vector, copy) for vector in force.act),
+            )
+            for copy in each
+            for force in one.local_forces
+        ),
+        probes=tuple(replace(probe, rows=placed(probe.rows, 0)) for probe in one.probes),
+    )
+    start = ready.problem.start
+    if start is not None:
+        inner = None if start.inner is None else np.tile(start.inner, count)
+        displacement, velocity = (np.tile(part, count) for part in (start.displacement, start.velocity))
+        start = replace(start, displacement=displacement, velocity=velocity, inner=inner)
+    return replace(ready.problem, system=system, start=start, basis=None)
