@@ -133,7 +133,8 @@ def compare_responses(
         raise refuse("responses", "no time in common", "runs that overlap", "results are compared instant by instant")
     both = one.at(times), other.at(times)
     if np.abs(both[0].angle - both[1].angle).max() > _SAME_ANGLE:
-        raise refuse("responses", "the cam at different angles", "runs at one speed", "times are compared")
+        given, why = "different cam angles at the same time", "results are compared at equal times"
+        raise refuse("responses", given, "runs at the same speed", why)
     return replace(compare(*both, probe, speed_rpm), names=names)
 
 
