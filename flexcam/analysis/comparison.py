@@ -186,8 +186,10 @@ def compare_models_over_speed(
     model = prepare(case).model
     known = [name for name, one in model.contacts.items() if isinstance(one, CamContact) and one.unilateral]
     if not known or (contact is not None and contact not in known):
-        given = "no unilateral contact" if contact is None else repr(contact)
-        raise refuse("contacts", given, f"one of {', '.join(known)}" if known else "a unilateral contact")
+        given = "none" if contact is None else repr(contact)
+        raise refuse(
+            "contacts", given, f"one of {', '.join(known)}" if known else 'a cam contact with model = "unilateral"'
+        )
     chosen, found = contact or known[0], list[SpeedResult]()
     for speed in track_progress(speeds, advance):
         one = case.at_speed(speed)

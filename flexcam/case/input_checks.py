@@ -404,7 +404,7 @@ def check_shared_seat_load(model: Model, speed: float) -> list[str]:
     """Return warnings about cams that share the spring force with a closed seat: rigid, this is indeterminate."""
     return [
         f"Warning: contacts.{name}: no lash separates the cam from a closed seat, and both share the {force:.4g} N of "
-        "the springs by their stiffness: on the base circle the rigid train leaves all to the seat"
+        "the springs in proportion to their stiffness; the rigid model assigns it all to the seat on the base circle"
         for name, force in shared_forces(model).items()
     ]
 
