@@ -24,7 +24,7 @@ generates this page.
 
 | value | examples |
 |---|---|
-| quantity: a text with a unit, or a number in the SI unit that the tables give | `"6 mm"`, `0.006`, `"40 kN/m"` |
+| quantity: a string with a unit, or a number in the SI unit that the tables give | `"6 mm"`, `0.006`, `"40 kN/m"` |
 | direction: a component with an optional sign, or three numbers in global axes | `"uy"`, `"-rx"`, `[0, 1, 0]` |
 | point: the name of a node, from the mesh's point groups, `[nodes]` or a rocker | `"tip"` |
 | file: in the folder of the case, up to two folders above it, or below these ([security](security.md)) | `"../meshes/tayeb-1.msh"` |

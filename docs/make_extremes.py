@@ -35,7 +35,7 @@ PARTS = {
     "refuses": ("Refuses", "flexcam gives no result but the cause and the remedy. Exit code 2 for input, 3 for a run."),
     "not yet": ("Not yet", "The expected behaviour is missing; the tests are marked."),
 }
-SHOWN = 8
+SHOWN = 4
 """Rows of a test up to which its line shows the values of all; otherwise it shows the first."""
 
 

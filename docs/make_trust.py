@@ -32,6 +32,9 @@ KINDS = {
 }  # fmt: skip
 """Parts of the page, in order: heading and words."""
 
+SHOWN = 4
+"""Inputs or faults of one outcome up to which their line names all; otherwise it names the first three."""
+
 
 def sort_rows(rows: list[Row]) -> list[Row]:
     """Return the rows in the order of the page."""
@@ -42,7 +45,9 @@ def sort_rows(rows: list[Row]) -> list[Row]:
 def line(rows: list[Row]) -> list[str]:
     """Return the cells of the line that sums up rows of one test and one outcome."""
     count = f"{sum(row['count'] for row in rows):,}".replace(",", " ")
-    return [join_texts([row["what"] for row in rows]), count, rows[0]["outcome"]]
+    shown = rows if len(rows) <= SHOWN else rows[: SHOWN - 1]
+    more = f"; {len(rows) - len(shown)} more" if len(shown) < len(rows) else ""
+    return [join_texts([row["what"] for row in shown]) + more, count, rows[0]["outcome"]]
 
 
 def page(rows: list[Row]) -> str:

@@ -133,7 +133,8 @@ def compare_responses(
         raise refuse("responses", "no time in common", "runs that overlap", "results are compared instant by instant")
     both = one.at(times), other.at(times)
     if np.abs(both[0].angle - both[1].angle).max() > _SAME_ANGLE:
-        raise refuse("responses", "the cam at different angles", "runs at one speed", "times are compared")
+        given, why = "different cam angles at the same time", "results are compared at equal times"
+        raise refuse("responses", given, "runs at the same speed", why)
     return replace(compare(*both, probe, speed_rpm), names=names)
 
 
@@ -185,8 +186,10 @@ def compare_models_over_speed(
     model = prepare(case).model
     known = [name for name, one in model.contacts.items() if isinstance(one, CamContact) and one.unilateral]
     if not known or (contact is not None and contact not in known):
-        given = "no unilateral contact" if contact is None else repr(contact)
-        raise refuse("contacts", given, f"one of {', '.join(known)}" if known else "a unilateral contact")
+        given = "none" if contact is None else repr(contact)
+        raise refuse(
+            "contacts", given, f"one of {', '.join(known)}" if known else 'a cam contact with model = "unilateral"'
+        )
     chosen, found = contact or known[0], list[SpeedResult]()
     for speed in track_progress(speeds, advance):
         one = case.at_speed(speed)

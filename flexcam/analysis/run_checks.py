@@ -131,8 +131,9 @@ def _check_cam_steps(ready: PreparedRun) -> Iterator[str]:
         if curvature * turn**2 > _LIFT_TOLERANCE:
             missed, enough = min(curvature * turn**2, 1.0), 2.0 * math.pi * math.sqrt(curvature / _LIFT_TOLERANCE)
             yield (
-                f"Warning: too few steps per revolution, {2.0 * math.pi / turn:.4g}: they resolve the lift of cam "
-                f"{name} to {100.0 * missed:.3g} %; it needs {math.ceil(enough)} or more, contacts still more"
+                f"Warning: too few steps per revolution, {2.0 * math.pi / turn:.4g}: the error of the lift of cam "
+                f"{name} between steps is {100.0 * missed:.3g} %; "
+                f"take at least {math.ceil(enough)}, and more for contacts"
             )
 
 
@@ -441,7 +442,10 @@ def _check_resolution(sink: ResolutionSink) -> Iterator[str]:
     if found.steps < _MIN_STEPS:
         ratio = _MIN_STEPS / found.steps
         more = math.ceil(10.0 * ratio) / 10.0 if ratio < 10.0 else math.ceil(ratio)
-        yield f"Warning: a period {at} has {found.steps:.3g} steps; take at least {more:g} times as many per revolution"
+        yield (
+            f"Warning: a period of the acceleration at {found.frequency:.4g} Hz has {found.steps:.3g} steps; "
+            f"take at least {more:g} times as many per revolution"
+        )
     for name, count in found.elements.items():
         if count < _MIN_ELEMENTS:
             more = f"{math.ceil(_MIN_ELEMENTS / count)} times as many elements"

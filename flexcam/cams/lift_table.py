@@ -289,7 +289,7 @@ def _remarks(theta: FloatArray, s: FloatArray, spline: DelayedEvent, noise: floa
         said.append(f"{moved}, by up to {worst}: outliers, or a lobe too narrow (give a tolerance)")
     least, lowest = float(spline(GRID).min()), min(float(s.min()), 0.0)
     if least < -max(_BELOW * top, -1.5 * lowest):
-        given = f"the points by up to {abs(1e6 * lowest):.3g} um" if lowest < 0.0 else "no point is"
+        given = f"the points by up to {abs(1e6 * lowest):.3g} um" if lowest < 0.0 else "but no point of the table is"
         said.append(f"the smoothed lift is up to {-1e6 * least:.3g} um below the base circle, {given}")
     return said
 

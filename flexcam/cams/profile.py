@@ -189,7 +189,7 @@ def find_profile_faults(
     seen, follower = profile.extremes, profile.follower
     cut = seen.convex.value <= 0.0
     if cut:
-        what = "undercut: the profile would cross itself"
+        what = "undercut: the radius of curvature is too small and the profile would cross itself"
         remedy = _remedy(["a smaller roller"] if math.isfinite(follower.roller_radius) else [], base_helps=base_helps)
         found.append(ProfileFault(what, remedy, seen.convex.at, seen.convex.value, 0.0))
     steep = seen.pressure_angle

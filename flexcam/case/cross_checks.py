@@ -146,7 +146,8 @@ class RawTables:
             for key in LIFT_TABLE_CONFLICTS:
                 if key in table and not (key == "law" and table[key] == "table"):
                     why = "the lift table defines the whole lift"
-                    yield self._fault(("cams", name, key), key, "nothing", why, "remove one of them")
+                    given = f"{key} and lift_table"
+                    yield self._fault(("cams", name, key), given, "one of them", why, "remove one")
 
     def _member_node_faults(self) -> Iterator[Fault]:
         named = list(self._table("nodes"))
@@ -193,7 +194,7 @@ class RawTables:
                 of_lash = kind == "contacts" and key == "at" and table.get("model") != "seat"
                 own = next((r for r, one in self._each("rockers") if one.get("to") == table.get(key)), None)
                 if (kind, key) == ("contacts", "to") and own is not None:
-                    remedy = f"write at = {own!r} for a lash before it"
+                    remedy = f"write at = {own!r} for a lash or an adjuster there"
                     why = f"it is the point of rocker {own!r}"
                     yield self._fault((kind, name, key), repr(table.get(key)), "a node", why, remedy)
                 elif not of_lash and not (kind == "rockers" and _is_finger(table, counts)):

@@ -179,7 +179,7 @@ def _fault(error: ErrorDetails, path: Path, places: KeyLocations, root: type[Bas
             if path[-1] in known:
                 variants = _variants_with(path, root)
                 remedy = f"remove it, or change {variants.partition(' ')[0]}"
-                return Fault(where, f"key {path[-1]!r}", f"{variants} with this key", "", remedy)
+                return Fault(where, f"key {path[-1]!r}", f"this key only with {variants}", "", remedy)
             hint = suggest_name(path[-1], known) or "remove it"
             return Fault(where, f"key {path[-1]!r}", ", ".join(known), "there is no such key", hint)
         case "literal_error" | "union_tag_invalid":

@@ -48,7 +48,7 @@ class TypicalRange:
 
 
 _LENGTH = {"mm": 1e-3, "um": 1e-6, "in": 0.0254, "m": 1.0}
-_STRESS = {"GPa": 1e9, "MPa": 1e6, "kPa": 1e3}
+_STRESS = {"GPa": 1e9, "MPa": 1e6}
 _STIFFNESS = {"kN/m": 1e3, "N/mm": 1e3, "MN/m": 1e6, "N/m": 1.0}
 _MAX_SPEED = 1250.0  # usual maximum of the camshaft, rad/s
 _FORCE = {"N": 1.0, "kN": 1e3, "mN": 1e-3}
@@ -363,8 +363,8 @@ def check_oblique_springs(model: Model) -> list[str]:
         if cosine < _MIN_COSINE:
             line = [round(float(x), 4) for x in rocker.direction[:3]] if rocker else []
             angle = f"{math.degrees(math.acos(cosine)):.3g} deg"
-            what = f"its direction has an angle of {angle} to the line of the rocker's point {spring.at!r}, {line}"
-            found.append(f"Warning: springs.{name}: {what}; give the spring this direction")
+            what = f"its direction is at {angle} to that in which the rocker moves point {spring.at!r}"
+            found.append(f"Warning: springs.{name}: {what}; take direction = {line}")
     return found
 
 
@@ -404,7 +404,7 @@ def check_shared_seat_load(model: Model, speed: float) -> list[str]:
     """Return warnings about cams that share the spring force with a closed seat: rigid, this is indeterminate."""
     return [
         f"Warning: contacts.{name}: no lash separates the cam from a closed seat, and both share the {force:.4g} N of "
-        "the springs by their stiffness: on the base circle the rigid train leaves all to the seat"
+        "the springs in proportion to their stiffness; the rigid model assigns it all to the seat on the base circle"
         for name, force in shared_forces(model).items()
     ]
 

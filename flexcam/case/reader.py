@@ -307,8 +307,10 @@ def _parse_case(path: Path, text: str) -> dict[str, Any]:
         remedy = "strings need quotes, tables need [brackets]"
         if twice := re.match(r"Cannot (?:overwrite|declare).*line (\d+)", str(fault)):
             line = text.split("\n")[int(twice[1]) - 1].strip()
+            if line.startswith("["):
+                line = line.partition("#")[0].strip()
             key = line.partition("=")[0].strip(" []")
-            allowed, why = "a TOML document with every key once", f"{key} is given twice"
+            allowed, why = "every key and table only once", f"{key} is given twice"
             raise refuse(f"{path}, line {twice[1]}", line, allowed, why, "leave one out") from None
         raise refuse(str(path), "text that is not TOML", "a TOML document", str(fault), remedy) from None
 
@@ -353,10 +355,13 @@ def _apply_overrides(
     """Apply overrides ``a.b.c=value`` to raw tables; return the sources of all keys and the faults."""
     found = list[Fault]()
     keys = [tuple(step.strip() for step in override.partition("=")[0].split(".")) for override in overrides]
+    applied = list[tuple[str, ...]]()
     for key, override in zip(keys, overrides, strict=True):
-        found += _apply_override(raw, key, override)
+        faults = _apply_override(raw, key, override)
+        found += faults
+        applied += [] if faults else [key]
         places = places.with_override(key, override)
-    for *parents, key in keys:
+    for *parents, key in applied:
         table = _table_at(raw, parents) if parents[:1] in (["run"], ["cams"]) else None
         for other in _REPLACED_KEYS.get(key, ()):
             if table is not None and (*parents, other) not in keys:  # two overrides that exclude each other remain
@@ -398,7 +403,8 @@ def _apply_override(raw: dict[str, Any], path: KeyPath, override: str) -> list[F
             cast("dict[str, Any]", target).setdefault(step, {})
         target = cast("Any", target)[key]
         if not isinstance(target, dict | list):
-            return [Fault(where, repr(step), f"a table: {', '.join(names)}" if names else "a table", "", "")]
+            why, remedy = "it has a single value", f"override {step!r} as a whole"
+            return [Fault(where, f"a key of {step!r}", "a key of a table", why, remedy)]
     return []
 
 

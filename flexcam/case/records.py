@@ -38,7 +38,7 @@ from flexcam.case.schema.springs import SpringRecord
 from flexcam.core.errors import InputError
 from flexcam.core.units import DIMENSIONS
 
-_Format = Annotated[int, Field(ge=1, le=1, strict=True, description="version of the case format: 1")]
+_Format = Annotated[int, Field(ge=1, le=1, strict=True, description="the version of the case format, 1")]
 
 
 class SweepRecord(Record):

@@ -182,7 +182,7 @@ def warn_ignored_keys(overrides: Sequence[str] | None, case: Case | None = None)
         if (last := len(keys) - 1 - keys[::-1].index(key)) != i:
             print_message(f"Note: --set {given[i]} has no effect: --set {given[last]} replaces it; leave one out")
     if case is not None and "run.speed" in keys and "crank_speed" in parse_toml(case.text).get("run", {}):
-        text = "replaces run.crank_speed of the case: it is the speed of the camshaft, the crankshaft has twice it"
+        text = "replaces run.crank_speed: it is the speed of the camshaft; the crankshaft turns twice as fast"
         print_message(f"Note: --set {given[keys.index('run.speed')]} {text}")
     for commands, ignored, why in IGNORED_KEYS:
         if case is not None and command in commands and (changed := list(_changed_keys(case, ignored))):

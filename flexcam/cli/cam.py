@@ -146,7 +146,7 @@ def _centreline(found: CamFacts, turns: float) -> str:
     """Return the centreline in degrees of the camshaft, and of the crank from top dead centre."""
     cam = f"cam {math.degrees(found.centreline):.2f} deg"
     if found.centreline_after_tdc is None:
-        return cam + (" (give the cam tdc for angles from the dead centres)" if turns == 2.0 else "")
+        return cam + (" (set tdc of the cam to get angles from the dead centres)" if turns == 2.0 else "")
     return f"{cam}, crank {_from_dead_centre(found.centreline_after_tdc, 'TDC')}"
 
 

@@ -133,7 +133,7 @@ def plot(
         "shown by colours; spring: force of the spring.")] = None,
     over: Annotated[Literal["angle", "time", "crank"] | None, Parameter(
         help="motion, force, torque, energy: abscissa; cam angle by default; crank: crank angle of the last "
-        "revolution from the top dead centre of the cam (key tdc).")] = None,
+        "revolution, from top dead centre (key tdc of the cam).")] = None,
     rigid: Annotated[bool, Parameter(
         help="motion, force, torque: also draw the rigid model; motion: and the difference from it.")] = False,
     cam: Annotated[str | None, Parameter(help="svaj, profile: draw this cam only.")] = None,

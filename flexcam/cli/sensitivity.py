@@ -57,8 +57,8 @@ def sensitivity(
     keys: Annotated[list[str] | None, Parameter(
         "--to", group=_DERIVATIVES, help="Value of the case: KEY; with --sobol KEY=LOW:HIGHunit. Repeatable.")] = None,
     method: Annotated[Method | None, Parameter(
-        group=_DERIVATIVES, help="Derivatives of runs: exact, along the motion of one run, or by differences "
-        "of runs. By default exact where it applies.")] = None,
+        group=_DERIVATIVES, help="exact: differentiate along the motion of one run; differences: compare "
+        "several runs. By default exact where it is possible.")] = None,
     relative_step: Annotated[float | None, Parameter(
         group=_DERIVATIVES, help="Step of differences, relative to the value; 0.01 by default.")] = None,
     sobol: Annotated[int | None, Parameter(

@@ -237,7 +237,7 @@ def check_folder(folder: Path) -> None:
             pass
     except OSError as fault:
         why = system_message(fault) if there.is_dir() else f"{there} is not a folder"
-        raise refuse("folder", str(folder), "a folder that takes files", why, "name another") from None
+        raise refuse("folder", str(folder), "a folder with write permission", why, "name another") from None
 
 
 @contextmanager

@@ -241,7 +241,7 @@ ENDINGS = (".h5", ".csv", ".parquet")
 def write_table(table: SweepTable, path: Path, *, overwrite: bool = False) -> Path:
     """Write a table in the format of its suffix: ``.h5``, ``.csv`` or ``.parquet``."""
     if path.suffix not in ENDINGS:
-        raise refuse("table", str(path), f"a name that ends in {' or '.join(ENDINGS)}")
+        raise refuse("table", str(path), f"a name that ends in one of {', '.join(ENDINGS)}")
     if path.suffix == ".parquet":
         require_packages(*PARQUET)
     check_writable("table", path, overwrite=overwrite)
@@ -284,7 +284,7 @@ def _read_csv(path: Path) -> SweepTable:
         raise refuse("table", str(path), "the table of a sweep (.csv)", why) from None
     rows = [row for row in rows if row]
     if head[:1] != ["variant"] or head[-2:] != ["status", "message"] or {len(row) for row in rows} != {len(head)}:
-        raise refuse("table", str(path), "the table of a sweep (.csv)", "its columns are others")
+        raise refuse("table", str(path), "the table of a sweep (.csv)", "it has other columns")
     if unknown := {row[-2] for row in rows} - set(Cause):
         raise refuse("table, column status", sorted(unknown)[0], ", ".join(Cause))
     columns = [_parse_column(title, texts) for title, *texts in list(zip(head, *rows, strict=True))[1:-2]]

@@ -84,7 +84,7 @@ def render_png(figure: Figure) -> bytes:
 def check_figure_path(path: Path, *, overwrite: bool = False) -> None:
     """Raise an error if a figure cannot be written to a path."""
     if path.suffix not in _FORMATS:
-        raise refuse("picture", str(path), f"a name that ends in {' or '.join(_FORMATS)}")
+        raise refuse("picture", str(path), f"a name that ends in one of {', '.join(_FORMATS)}")
     check_writable("picture", path, overwrite=overwrite)
 
 

@@ -110,7 +110,7 @@ _PER_SECOND = 24
 def check_output_path(path: Path, size: tuple[int, int], *, overwrite: bool = False) -> None:
     """Raise an error if an output file cannot be written, before rendering."""
     if path.suffix not in REQUIREMENTS:
-        raise refuse("--save", str(path), f"a name that ends in {' or '.join(REQUIREMENTS)}")
+        raise refuse("--save", str(path), f"a name that ends in one of {', '.join(REQUIREMENTS)}")
     extra, modules = REQUIREMENTS[path.suffix]
     require_packages("--save", str(path), extra, *modules)
     if path.suffix == ".mp4" and (size[0] % 2 or size[1] % 2):

@@ -152,9 +152,9 @@ def _range_values(where: str, start: Decimal, stop: Decimal, step: Decimal, limi
         raise refuse(where, "a step of zero", "a step that leads from start to stop", "the range has no end")
     steps = (stop - start) / step
     if steps < 0:
-        given = f"a step of {step} to a stop {'below' if step > 0 else 'above'} the start"
-        remedy = f"swap them, or take a step of {-step}"
-        raise refuse(where, given, "a step towards the stop", "the range is empty", remedy)
+        given = f"a step of {step} and a stop {'below' if step > 0 else 'above'} the start"
+        remedy = f"swap start and stop, or take a step of {-step}"
+        raise refuse(where, given, "a step that leads from start to stop", "the range is empty", remedy)
     check_count(where, int(steps) + 1, limit)
     return [_DIGITS.plus(start + i * step) for i in range(int(steps) + 1)]
 
@@ -252,8 +252,8 @@ def check_power_of_two(where: str, count: int, least: int = 1) -> None:
     """Raise an error if a number of points is not a power of two."""
     if count < least or count & (count - 1):
         below = 1 << (max(count, least).bit_length() - 1)
-        why = "Sobol's sequence covers the space evenly only then"
-        raise refuse(where, count, f"a power of two from {least}", why, f"take {below} or {2 * below}")
+        why = "other numbers of points do not cover the space evenly"
+        raise refuse(where, count, f"a power of two, {least} or more", why, f"take {below} or {2 * below}")
 
 
 def check_seed(seed: int) -> int:

@@ -85,7 +85,7 @@ def test_a_fine_run_is_not_doubted():
 
 def test_coarse_steps_are_told():
     words = told(CASE, "run.steps_per_revolution=12")
-    assert any("a period of the accelerations" in one for one in words)
+    assert any("a period of the acceleration" in one for one in words)
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ def test_what_is_coarse_is_told():
     longer = "take more steps per revolution, or a softer contact"
     bend = "a bending wave of member pushrod at the frequency of the accelerations (400 Hz) has 1.9 elements"
     assert told == [
-        "Warning: a period of the accelerations (400 Hz) has 10 steps; take at least 2 times as many per revolution",
+        "Warning: a period of the acceleration at 400 Hz has 10 steps; take at least 2 times as many per revolution",
         f"Warning: {bend}; take 3 times as many elements",
         f"Warning: the largest force of contact seat occurs in an impact of only 4 steps: {longer}",
         f"Warning: the largest force of contact play occurs in an impact of only 1 step: {longer}",

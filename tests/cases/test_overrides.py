@@ -34,7 +34,9 @@ def test_a_number_in_a_table_of_a_list_is_laid_over_by_its_position():
     assert table == [(0.0, 0.0), (0.02, 700.0)]
 
 
-@pytest.mark.parametrize(("key", "given"), [("coils.2.turns", "'2'"), ("coils.0.turns.1", "'turns'"), ("coils.0", "3")])
+@pytest.mark.parametrize(
+    ("key", "given"), [("coils.2.turns", "'2'"), ("coils.0.turns.1", "a key of 'turns'"), ("coils.0", "3")]
+)
 def test_no_place_in_a_list_of_tables(key, given):
     with pytest.raises(InputError) as refusal:
         read_case(PUBLISHED, [COILS, f"springs.valve.{key}=3"])
@@ -69,6 +71,13 @@ def test_a_key_of_the_run_stands_instead_of_what_excludes_it(path, laid, same):
 def test_two_that_exclude_each_other_are_refused():
     with pytest.raises(InputError, match="either speed or crank_speed"):
         read_case(PUBLISHED, ["run.speed=1000rpm", "run.crank_speed=2000rpm"])
+
+
+def test_an_override_without_a_value_replaces_nothing():
+    """The only fault is that of the override: the case still has its crank_speed."""
+    with pytest.raises(InputError) as refusal:
+        read_case(ENGINE, ["run.speed"])
+    assert [fault.where for fault in refusal.value.faults] == ["--set run.speed"]
 
 
 def test_both_can_be_swept():

@@ -98,7 +98,7 @@ def test_a_folder_that_may_not_be_written_is_told_before_anything_is_computed(
     for below in (locked, locked / "deeper"):
         done = flexcam(command, case, *options, below / name)
         assert done.code == 2
-        assert f"folder: got {below}, expected a folder that takes files. Permission denied" in done.err
+        assert f"folder: got {below}, expected a folder with write permission. Permission denied" in done.err
     assert not list(locked.iterdir())
 
 

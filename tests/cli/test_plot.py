@@ -174,8 +174,8 @@ def test_orders_over_speed(what, said, flexcam, case, tmp_path):
         (["out/case.vtkhdf", "--probe", "valv"], "Did you mean 'valve'"),
         (["out/case.vtkhdf", "--probe", "cam"], "cam.uy"),
         (["out/case.vtkhdf", "--channel", "contacts.intake.forc"], "Did you mean 'contacts.intake.force'"),
-        (["out/case.vtkhdf", "-o", "a.jpg"], ".svg or .png or .pdf"),
-        (["out/case.vtkhdf", "-o", "case.toml/a.svg"], "a folder that takes files"),
+        (["out/case.vtkhdf", "-o", "a.jpg"], "one of .svg, .png, .pdf"),
+        (["out/case.vtkhdf", "-o", "case.toml/a.svg"], "a folder with write permission"),
         (["out/case.vtkhdf", "-o", "taken.svg"], "--overwrite"),
         (["out/case.vtkhdf", "--set", "run.speed=1000rpm"], "A result cannot be changed"),
         (

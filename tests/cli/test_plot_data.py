@@ -250,7 +250,7 @@ def test_a_table_as_csv_is_that_of_hdf5(table, tmp_path):
         (["case.sweep.h5", "--y", "run.speed", "--map", "--x", "contacts.intake.pressure.largest"], "over both keys"),
         (["case.sweep.h5", "--what", "motion"], "the table of a sweep"),
         (["case.sweep.h5", "--y", "run.speed", "--probe", "valve"], "--what sweep has no --probe"),
-        (["other.csv", "--y", "run.speed"], "its columns are others"),
+        (["other.csv", "--y", "run.speed"], "it has other columns"),
         (["case.toml", "--x", "run.speed"], "--what motion has no --x"),
         ([ENGINE, "--what", "spring", "--channel", "springs.valv.force"], "Did you mean 'springs.valve.force'"),
         (["case.toml", "--what", "sweep", "--y", "a"], "one table of a sweep"),

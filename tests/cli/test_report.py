@@ -158,7 +158,7 @@ def test_what_is_asked_for_beside(flexcam, case, tmp_path):
         (["out/case.vtkhdf", "--probe", "valv"], "Did you mean 'valve'"),
         (["out/case.vtkhdf", "--probe", "cam"], "cam.uy"),
         (["out/case.vtkhdf", "-o", "a.pdf"], ".html"),
-        (["out/case.vtkhdf", "-o", "case.toml/a.html"], "a folder that takes files"),
+        (["out/case.vtkhdf", "-o", "case.toml/a.html"], "a folder with write permission"),
         (["out/case.vtkhdf", "-o", "taken.html"], "--overwrite"),
         ([], "results"),
     ],

@@ -219,7 +219,7 @@ def test_nothing_is_written_over(flexcam, tmp_path):
 
 
 REFUSED = {
-    ("--save", "made.bmp"): "a name that ends in .png or .gif or .mp4 or .html",
+    ("--save", "made.bmp"): "a name that ends in one of .png, .gif, .mp4, .html",
     ("--save", "a.png", "--size", "big"): "WIDTHxHEIGHT",
     ("--save", "a.png", "--size", "10x100000"): "WIDTHxHEIGHT",
     ("--save", "a.mp4", "--size", "401x300"): "even numbers",

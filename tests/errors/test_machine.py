@@ -104,7 +104,7 @@ def test_a_folder_nobody_can_write_to(flexcam, tried):
     """``/proc/self`` exists and takes no file, not even from the superuser."""
     done = flexcam("run", CASE, "-o", "/proc/self", "--allow-large")
     assert done.code == 2
-    assert "a folder that takes files" in done.err
+    assert "a folder with write permission" in done.err
     assert "name another" in done.err.lower()
     tried("machine", "a folder that cannot be written to", 1, "refused before the first step")
 

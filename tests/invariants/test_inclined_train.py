@@ -52,7 +52,7 @@ def test_guides_of_springs_in_an_inclined_bank(inclined, model, tolerance):
 
 def test_a_spring_across_the_line_of_a_rockers_point_is_reported(inclined):
     (warning,) = check_oblique_springs(build_model(read_case(inclined)))
-    assert "springs.valve: its direction has an angle of 45 deg" in warning
+    assert "springs.valve: its direction is at 45 deg" in warning
     assert "[0.0, 0.7071, 0.7071]" in warning
     assert check_oblique_springs(build_model(read_case(PATH))) == []
 

@@ -29,9 +29,10 @@ _BARE = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 """Number without a unit."""
 
 _TYPE_NAMES = {
-    "string_type": "a text", "bool_type": "true or false", "bool_parsing": "true or false",
+    "string_type": "text in quotes", "bool_type": "true or false", "bool_parsing": "true or false",
     "list_type": "a list in brackets",
-    "tuple_type": "a list in brackets", "dict_type": "a table", "float_type": "a number", "float_parsing": "a number",
+    "tuple_type": "a list in brackets",
+    "dict_type": "a table", "float_type": "a number", "float_parsing": "a number",
     "int_type": "a whole number", "int_parsing": "a whole number", "int_from_float": "a whole number",
 }  # fmt: skip
 """Names of pydantic's types in messages: string, boolean, list, tuple, dictionary, number."""
@@ -44,6 +45,8 @@ def describe_type_error(error: ErrorDetails) -> str:
         "greater_than_equal": f"{context.get('ge')} or more", "less_than_equal": f"{context.get('le')} or less",
         "string_too_short": "a text that is not empty", "finite_number": "a finite number",
     }  # fmt: skip
+    if error["type"] in {"list_type", "tuple_type"} and str(error["input"]).startswith("["):
+        return "a list in brackets, with quotes around each text"
     return {**_TYPE_NAMES, **limits}.get(error["type"]) or error["msg"].replace("Input should be ", "")
 
 

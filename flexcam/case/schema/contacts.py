@@ -250,7 +250,7 @@ class AdjusterRecord(_GapRecord):
     refill: Annotated[float, Unit("damping", above=True)] = Field(
         description="force per velocity while the check valve is open"
     )
-    plunger_force: Force = Field(description="of the spring that keeps it extended, with the supply pressure on it")
+    plunger_force: Force = Field(description="of the plunger at rest, from its spring and the supply pressure")
     travel: TravelRecord | None = Field(None, description="stops of the plunger, which needs its own node with a mass")
 
     @model_validator(mode="after")

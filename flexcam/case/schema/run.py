@@ -89,7 +89,7 @@ class FidelityRecord(Record):
         if self.reduction != "modes" and self.modes is None:
             raise value_error("modes with a reduction", "the reduction needs their number")
         if self.modes is not None and self.model != "beams":
-            raise value_error("modes with model = beams", "they are modes of the beams")
+            raise value_error("model = beams with modes", "the other models have no modes")
         return self
 
     @property
