@@ -71,7 +71,8 @@ def _driven_probes(ready: PreparedRun) -> dict[str, DrivenProbe]:
     if not ready.model.cam_contacts:
         return {}
     try:
-        rigid = rigid_motion(ready.model).at(ConstantSpeed(1.0).at(_REVOLUTION_ANGLES))[0]
+        motion = ready.problem.system.prescribed_motion or rigid_motion(ready.model)
+        rigid = motion.at(ConstantSpeed(1.0).at(_REVOLUTION_ANGLES))[0]
     except InputError:  # no rigid train exists: the first probe is used
         return {}
     found: dict[str, DrivenProbe] = {}

@@ -18,6 +18,7 @@ from flexcam.analysis.prepared_run import PreparedRun
 from flexcam.analysis.run_metrics import RevolutionChange
 from flexcam.cams import FlatFollower, Follower, profile_at, undercut
 from flexcam.case.input_checks import (
+    check_approximate_springs,
     check_coil_bind,
     check_connectivity,
     check_lash,
@@ -105,7 +106,9 @@ def check_modes(modes: ModelModes) -> list[str]:
 def check_input(ready: PreparedRun) -> list[str]:
     """Return warnings about a case: implausible numbers, impossible lobes, parts without effect, open contacts."""
     case, model, problem = ready.case, ready.model, ready.problem
-    rigid = () if not problem.system.is_kinematic else (check_shared_seat_load, check_coil_bind)
+    rigid = (
+        () if not problem.system.is_kinematic else (check_shared_seat_load, check_coil_bind, check_approximate_springs)
+    )
     return [
         *check_values(case),
         *check_lobes(model),

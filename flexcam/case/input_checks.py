@@ -25,6 +25,7 @@ from flexcam.valvetrain import (
     Lash,
     Model,
     Seat,
+    approximate_springs,
     driving_contact,
     largest_lashes,
     opposed_contacts,
@@ -406,6 +407,16 @@ def check_shared_seat_load(model: Model, speed: float) -> list[str]:
         f"Warning: contacts.{name}: no lash separates the cam from a closed seat, and both share the {force:.4g} N of "
         "the springs in proportion to their stiffness; the rigid model assigns it all to the seat on the base circle"
         for name, force in shared_forces(model).items()
+    ]
+
+
+def check_approximate_springs(model: Model, speed: float) -> list[str]:
+    """Return warnings about springs whose stiffness as installed determines a motion of the rigid train."""
+    why = "the rigid model moves the parts between such springs with the stiffness as installed"
+    return [
+        f"Warning: {name} is not linear, and no cam or seat determines its length: {why}, and the forces there are "
+        "approximate; use fidelity.model = beams"
+        for name in approximate_springs(model, speed)
     ]
 
 

@@ -100,7 +100,11 @@ class MasslessMotions:
 
     @cached_property
     def _factor(self) -> Factor:
-        return factorize(Triplets.from_dense(self.motions.T @ (self._K @ self.motions)))
+        try:
+            return factorize(Triplets.from_dense(self.motions.T @ (self._K @ self.motions)))
+        except SingularMatrixError as fault:
+            leading = np.abs(self.motions[:, list(fault.unknowns)]).argmax(axis=0)
+            raise SingularMatrixError(tuple(leading.tolist())) from None
 
 
 @dataclass(frozen=True, eq=False)

@@ -45,7 +45,7 @@ from flexcam.valvetrain.parts import (
 )
 from flexcam.valvetrain.resolution import Resolution, ResolutionSink
 from flexcam.valvetrain.rigid_kinematics import follower_train
-from flexcam.valvetrain.rigid_model import build_rigid, rigid_motion, shared_forces, touching_coils
+from flexcam.valvetrain.rigid_model import approximate_springs, build_rigid, rigid_motion, shared_forces, touching_coils
 from flexcam.valvetrain.strength import (
     MemberStrength,
     StiffStrut,
@@ -78,8 +78,8 @@ __all__ = [
     "ContactModes", "Friction", "GivenLoad", "Lash", "Lever", "LoadTable", "Lubrication", "MassAt",
     "MemberStrength", "Metric", "Model", "ModelModes", "OilChamber", "PlungerTravel", "PublishedLoad", "Pulsation",
     "Resolution", "ResolutionSink", "Rocker", "Seat", "Seating", "Spring", "StiffStrut", "StrengthSink",
-    "Structure", "Wire", "buckling_load", "build_chain", "build_rigid", "build_structure", "build_system",
-    "compressed_members", "contact_loss", "contact_modes", "contact_stiffness", "describe_inactive",
+    "Structure", "Wire", "approximate_springs", "buckling_load", "build_chain", "build_rigid", "build_structure",
+    "build_system", "compressed_members", "contact_loss", "contact_modes", "contact_stiffness", "describe_inactive",
     "driving_contact", "element_loads", "follower_train", "free_running", "free_speed", "hertz_line",
     "largest_lashes", "lift_transfer", "main_lift", "member_masses", "modal_basis", "model_modes",
     "modes_on_the_lift", "opposed_contacts", "rigid_motion", "seating", "separation", "separation_by_flank",

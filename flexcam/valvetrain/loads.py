@@ -73,7 +73,7 @@ def preload(structure: Structure, contact: PublishedLoad, train: FollowerTrain, 
 def given_forces(structure: Structure, train: FollowerTrain) -> list[tuple[float, FloatArray]]:
     """Return installed force and row of the springs on a follower's train with a given installed force."""
     rows = [(s.installed_force, spring_row(structure, n, s)) for n, s in structure.model.springs.items()]
-    return [(size, row) for size, row in rows if size and float(train.motion @ row) != 0.0]
+    return [(size, row) for size, row in rows if size and train.moves(row)]
 
 
 @lru_cache(maxsize=16)
@@ -171,7 +171,7 @@ def _of_a_published_load(structure: Structure, row: FloatArray) -> bool:
     """Return whether a spring acts on the train of a published load, whose preload includes its installed force."""
     contacts = structure.model.cam_contacts.items()
     published = [(f"contacts.{n}.follower", one) for n, one in contacts if isinstance(one, PublishedLoad)]
-    return any(float(follower_train(structure, one, where).motion @ row) != 0.0 for where, one in published)
+    return any(follower_train(structure, one, where).moves(row) for where, one in published)
 
 
 def _weight(structure: Structure) -> FloatArray:

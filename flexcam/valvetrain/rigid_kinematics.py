@@ -29,7 +29,7 @@ from flexcam.valvetrain.structure import Structure, lash_row, lever_ends, spring
 
 @lru_cache(maxsize=4)
 def rigid_trains(structure: Structure) -> tuple[RigidTrain, ...]:
-    """Return the trains that cams move, without loads."""
+    """Return the parts that cams move or seats stop, without loads."""
     model, cam_contacts = structure.model, structure.model.cam_contacts
     drives = [
         Drive(
@@ -56,7 +56,7 @@ def rigid_trains(structure: Structure) -> tuple[RigidTrain, ...]:
         _train(dofs, motions[dofs], stiffness.part(dofs).dense(), drives, stops, levers)
         for dofs in _coupled_groups(structure, rows)
     )
-    return tuple(train for train in trains if train.drives)
+    return tuple(train for train in trains if train.drives or train.stops)
 
 
 def soft_stiffness(structure: Structure) -> Triplets:
@@ -143,6 +143,10 @@ class FollowerTrain:
     #: `mass`, `stiffness`: kg and N/m of that motion, at the follower
     mass: float
     stiffness: float
+
+    def moves(self, row: FloatArray) -> bool:
+        """Return whether the train changes a scalar of the motion, shape (n,)."""
+        return abs(float(self.motion @ row)) > RANK * float(np.abs(self.motion).max() * np.abs(row).max())
 
 
 def follower_train(structure: Structure, contact: CamContact | PublishedLoad, where: str) -> FollowerTrain:

@@ -42,6 +42,7 @@ from flexcam.valvetrain.rigid_kinematics import (
     load_trains,
     soft_stiffness,
 )
+from flexcam.valvetrain.rigid_train import RANK
 from flexcam.valvetrain.spring_properties import condense_spring
 from flexcam.valvetrain.springs import couple_springs
 from flexcam.valvetrain.structure import Structure, build_structure, spring_stretches
@@ -162,9 +163,13 @@ def rigid_motion(model: Model) -> RigidTrains:
     return RigidTrains(structure.dofs.size, load_trains(structure, steady_load(structure)), {})
 
 
-@lru_cache(maxsize=2)
 def build_rigid(model: Model, speed: float) -> System:
     """Return the system of the mechanism with rigid trains, in their prescribed motion."""
+    return _build(model, speed)[0]
+
+
+@lru_cache(maxsize=2)
+def _build(model: Model, speed: float) -> tuple[System, RigidTrains]:
     structure = _soft_structure(_condense_coils(model))
     check_lever_rotation(structure)
     contacts = couple_contacts(structure, lambda name: _couple_contact(structure, name, speed))
@@ -177,7 +182,7 @@ def build_rigid(model: Model, speed: float) -> System:
     system = assemble_system(structure, _damping(structure, trains), couplings)
     motion = RigidTrains(structure.dofs.size, trains, _constraint_forces(model, system))
     _check_friction(model, system, motion)
-    return replace(system, prescribed_motion=motion)
+    return replace(system, prescribed_motion=motion), motion
 
 
 def _condense_coils(model: Model) -> Model:
@@ -268,14 +273,30 @@ def shared_forces(model: Model) -> dict[str, float]:
     return {name: force for train in rigid_motion(model).trains for name, force in train.shared_forces().items()}
 
 
+def approximate_springs(model: Model, speed: float) -> list[str]:
+    """Return the springs that are not linear and determine a motion, which follows their stiffness as installed."""
+    system, motion = _build(model, speed)
+    found = dict[str, None]()
+    for force in system.local_forces:
+        rows = np.concatenate([sensed.vectors for sensed in force.sense])
+        if force.name.startswith("springs.") and any(_is_deformed(train, rows) for train in motion.trains):
+            found[force.name.rpartition(".")[0]] = None
+    return list(found)
+
+
+def _is_deformed(train: RigidTrain, rows: FloatArray) -> bool:
+    """Return whether scalars of the motion, shape (c, n), change in a motion that only springs determine."""
+    moved = rows[:, train.dofs] @ train.motions.T
+    return any(np.abs(moved @ branch.elastic_motions.T).max(initial=0.0) > RANK for branch in train.branches)
+
+
 def touching_coils(model: Model, speed: float) -> dict[str, float]:
     """Return the compression of springs beyond coil clash at full lift of the rigid trains, m."""
-    system, found = build_rigid(model, speed), dict[str, float]()
-    if system.prescribed_motion is None:
-        return found
+    system, trains = _build(model, speed)
     tops = [event_extremes(model.cams[contact.cam].event)[1].at for contact in model.cam_contacts.values()]
     motion, forces = ConstantSpeed(speed).at(np.array(tops) / speed), LocalForces(system)
-    pressed = forces.sense_motion(*system.prescribed_motion.at(motion)[:2], forces.prescribed_inputs(motion))[0]
+    pressed = forces.sense_motion(*trains.at(motion)[:2], forces.prescribed_inputs(motion))[0]
+    found: dict[str, float] = {}
     for force, part, _ in forces.parts:
         beyond = (part.stop - part.start) * float(pressed[:, part].max(initial=0.0))
         if force.name.endswith(".clash") and beyond > 0.0:

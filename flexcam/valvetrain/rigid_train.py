@@ -29,7 +29,13 @@ _CLOSED = 1e-11
 """Gap or penetration that counts as zero, m: a billionth of a lift."""
 
 _HELD_BACK = 1e-7
-"""Lift that stops may hold back, m, above all rounding."""
+"""Lift that stops may hold back, or overlap, m, above all rounding."""
+
+_PULL = 1e-6
+"""Part of the largest force with which a closed stop may pull, above all rounding."""
+
+_MOST_TRIED = 10
+"""Number of stops up to which all sets of closed ones are tried."""
 
 _DEFLECTION = 1e-3
 """Largest deflection of the springs under the loads, m, by which stiffness and loads are scaled."""
@@ -149,7 +155,8 @@ class RigidTrain:
 
     def _lifts(self, cam: CamFunctionCache, order: int) -> FloatArray:
         """Return the lifts of the cams or their derivatives by the cam angle, shape (m, cams)."""
-        return np.stack([cam(drive.event, order) for drive in self.drives], axis=-1)
+        none = np.zeros((0, len(cam.angle)))
+        return np.array([*none, *(cam(drive.event, order) for drive in self.drives)]).reshape(-1, len(cam.angle)).T
 
     def _assign(self, lifts: FloatArray, known: Sequence[Branch]) -> list[tuple[Branch, IntArray]]:
         """Return the branches of lifts, shape (m, cams), and the instants of each; known ones come first."""
@@ -159,8 +166,8 @@ class RigidTrain:
             branch = waiting.pop(0) if waiting else Branch(self, find_closed_stops(self, lifts[left[0]]))
             z, forces = branch.positions(lifts[left])
             good = branch.fits(z, forces, lifts[left])
-            if branch not in known and not good[0]:  # rounding, if the stops let the follower pass
-                branch.check_lift(z[0], lifts[left[0]])
+            if branch not in known and not good[0]:  # rounding, or no equilibrium
+                branch.check(z[0], forces[0], lifts[left[0]])
                 good[0] = True
             if good.any():
                 found.append((branch, left[good]))
@@ -192,7 +199,7 @@ class RigidTrain:
         seated = Branch(self, touching)
         lifted = Branch(self, tuple(on and not stop.is_seat for on, stop in zip(touching, self.stops, strict=True)))
         shared = {
-            drive.name: lifted.drive_force(i, still) - seated.drive_force(i, still)
+            drive.name: lifted.drive_force(i, still) - base.drive_force(i, still)
             for i, drive in enumerate(self.drives) if i not in seated.drives and isinstance(drive.contact, CamContact)
         }  # fmt: skip
         return {name: force for name, force in shared.items() if force > 0.0}
@@ -214,6 +221,8 @@ class Branch:
         self.drives = [i - len(self.stops) for i in self.kept if i >= len(self.stops)]
         self._rows = [rows[i] for i in self.kept]
         stiffness = train.stiffness / train.scale
+        #: motions that only springs determine, shape (k, d)
+        self.elastic_motions = null_space_of_rows(np.array(taken).reshape(len(taken), len(stiffness)))
         free = null_space_of_rows(np.vstack([*taken, stiffness]))
         self._elastic = stiffness + free.T @ free  # a motion that nothing determines does not take place
 
@@ -273,15 +282,23 @@ class Branch:
             good &= np.abs(lift[:, i] - z @ drive.row) <= _CLOSED
         return good
 
-    def check_lift(self, z: FloatArray, lift: FloatArray) -> None:
-        """Refuse a position, shape (d,), in which closed stops hold a follower back from the lift of its cam."""
-        for drive, s in zip(self.train.drives, lift.tolist(), strict=True):
-            missing = s - float(drive.row @ z)
-            if abs(missing) > _HELD_BACK:
-                names = ", ".join(f"contacts.{self.train.stops[i].name}" for i in self.stops)
-                given, allowed = f"{names}, {1e3 * missing:.3g} mm before the lift", "a train that follows its cam"
-                why = "with rigid members nothing else gives way"
-                raise refuse(f"contacts.{drive.name}", given, allowed, why, "check their directions and gaps")
+    def check(self, z: FloatArray, forces: FloatArray, lift: FloatArray) -> None:
+        """Refuse a position, shape (d,), that violates a contact beyond rounding."""
+        train, largest = self.train, float(np.abs(forces).max(initial=0.0))
+        missing = [abs(s - float(drive.row @ z)) for drive, s in zip(train.drives, lift.tolist(), strict=True)]
+        overlap = [float(stop.row @ z) - stop.gap for stop in train.stops]
+        columns = [(train.stops[i], self._column(k)) for k, i in enumerate(self.stops)]
+        pulls = [
+            column is not None and forces[column] < stop.push / train.scale - _PULL * largest
+            for stop, column in columns
+        ]
+        if max(*missing, *overlap, 0.0, 0.0) > _HELD_BACK or any(pulls):
+            names = [f"contacts.{one.name}" for one in (*train.drives, *train.stops)]
+            given = f"no position of the rigid train that suits {', '.join(names)}"
+            why = "rigid members cannot yield"
+            allowed = "followers at their lift, and seats and lashes that are open or press"
+            remedy = "check directions and gaps, or use fidelity.model = beams"
+            raise refuse(names[0], given, allowed, why, remedy)
 
     def _column(self, constraint: int) -> int | None:
         """Return the column of a constraint among the forces; None if it is left out."""
@@ -337,7 +354,9 @@ def find_closed_stops(train: RigidTrain, lift: FloatArray) -> Closed:
 
 
 def _try_closed_stops(train: RigidTrain, lift: FloatArray) -> Closed | None:
-    """Return the first set of closed stops that fits given lifts, by trial."""
+    """Return the first set of closed stops that fits given lifts, by trial; None without one, or of too many."""
+    if len(train.stops) > _MOST_TRIED:
+        return None
     for closed in product(*((stop.is_seat, not stop.is_seat) for stop in train.stops)):
         branch = Branch(train, closed)
         if branch.fits(*branch.positions(lift[None]), lift[None])[0]:

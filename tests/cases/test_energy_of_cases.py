@@ -10,10 +10,11 @@ import pytest
 import flexcam
 
 ROOT = Path(__file__).parents[2]
+# The plunger of pump-up hits its ring within a tenth of such a step.
 CASES = [
     path
     for path in sorted((ROOT / "cases").glob("*/*.toml"))
-    if path.parent.name != "cams" and not path.stem.endswith(("-cycloidal", "-parabolic"))
+    if path.parent.name != "cams" and not path.stem.endswith(("-cycloidal", "-parabolic", "pump-up"))
 ]
 
 

@@ -350,7 +350,7 @@ def test_who_bears_the_spring_of_a_rigid_train(case, play, push, seat):
 def test_a_stop_that_blocks_the_lift_is_refused(case):
     """Between a cam and a stop above the closed valve, nothing rigid gives way."""
     made = case(NO_GAP, contacts=SEAT.replace('"uy"', '"-uy"'), installed=", installed_force = 100", steps=720)
-    with pytest.raises(InputError, match=r"contacts\.intake.*before the lift.*follows its cam"):
+    with pytest.raises(InputError, match=r"contacts\.intake.*no position of the rigid train"):
         run(made, rigid=True)
 
 

@@ -132,11 +132,10 @@ WAYS = ['from = "ground", to = "pivot", direction = "uy"', 'from = "pivot", to =
 @pytest.mark.parametrize("way", WAYS, ids=["pushed", "pushing"])
 @pytest.mark.parametrize("stand", STANDS.values(), ids=STANDS)
 def test_a_pivot_on_an_adjuster(finger, stand, way):
-    """It stands on its oil as on a spring of that stiffness, whichever end is named first."""
+    """It stands still in the rigid model, and else on its oil as on a spring, whichever end is named first."""
     case = finger(GUIDED, contacts=f"stand = {{ {way}, {stand} }}")
     rigid = run(case, rigid=True)
     lift = build_model(case).cams["intake"].event(rigid.angle, 0)
-    # The pivot yields by 1/13000 of what the valve goes: the force has no work of the oil.
     np.testing.assert_allclose(rigid.channels["contacts.intake.force"], balanced(lift, 1e8)[0], rtol=2e-4)
-    np.testing.assert_allclose(-rigid["tip.uy"].displacement, balanced(lift, 1e8)[2], atol=1e-12)
+    np.testing.assert_allclose(-rigid["tip.uy"].displacement, balanced(lift, np.inf)[2], atol=1e-12)
     assert stiff(case)[1][0] == pytest.approx(balanced(4e-3, 1e8)[0], rel=1e-3)

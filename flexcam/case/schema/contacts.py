@@ -200,7 +200,9 @@ class OilRecord(PartRecord[OilChamber]):
     land_length: Length = Field(description="of the plunger in its body")
     chamber_height: Length = Field(description="of the oil under the plunger, with the check valve's space")
     air: Annotated[float, Unit("number", most=0.5)] = Field(0.0, description="part of the volume, at `pressure`")
-    pressure: Stress = Field(1e6, description="absolute, typical of the loaded chamber, for the stiffness of the air")
+    pressure: Stress | None = Field(
+        None, description="absolute, typical of the loaded chamber, for the stiffness of the air; 1 MPa by default"
+    )
     supply_pressure: Stress | None = Field(
         None,
         description="absolute, of the oil before the check valve, instead of pressure: the air follows the pressure",
@@ -211,7 +213,7 @@ class OilRecord(PartRecord[OilChamber]):
     def _check_supply(self) -> Self:
         if self.supply_pressure is None and self.check_valve is not None:
             raise value_error("supply_pressure with it", "the valve opens below it", inside="check_valve")
-        if self.supply_pressure is not None and "pressure" in self.model_fields_set:
+        if self.supply_pressure is not None and self.pressure is not None:
             raise value_error(
                 "either pressure or supply_pressure", "the stiffness of the air is constant or follows it"
             )
@@ -221,7 +223,7 @@ class OilRecord(PartRecord[OilChamber]):
         """Build the chamber."""
         size = self.model_dump(exclude={"pressure", "supply_pressure", "check_valve"})
         valve = None if self.check_valve is None else self.check_valve.part
-        pressure, follows = self.supply_pressure or self.pressure, self.supply_pressure is not None
+        pressure, follows = self.supply_pressure or self.pressure or 1e6, self.supply_pressure is not None
         return OilChamber(**size, pressure=pressure, follows_pressure=follows, valve=valve)
 
 
