@@ -6,8 +6,8 @@ local force then is one scalar per stage.
 Arrays, a row per quantity: `state` holds q, v, a, the forces on the modes and work rows; `operator` mass, damping,
 stiffness and the coefficients of a step. `answers` the response to each acting vector; `vectors` the sensing vectors
 and then the acting ones; `given` a row per step of loads and prescribed inputs. `runs`, `answer_runs` and `mode_runs`
-say where the entries of vectors, of answers and of a row of coupled modes differ from zero: entries b and b + 1 say
-where, in the array itself, the pairs of row b (first entry, end of a run) begin and end.
+list the runs of nonzero entries of vectors, answers and rows of coupled modes. Their entries b and b + 1 are the places
+in the array itself where the pairs of row b (first entry and end of a run) begin and end.
 """
 # Elements of arrays are numbers to the compiler and arrays to the type checker.
 # pyright: reportArgumentType=false, reportAssignmentType=false, reportReturnType=false

@@ -317,7 +317,7 @@ class Kernel:
 
 
 def list_runs(rows: FloatArray) -> IntArray:
-    """Return where entries of each row differ from zero, as `flexcam.dynamics.kernel` reads it.
+    """Return the runs of nonzero entries of each row, as `flexcam.dynamics.kernel` reads them.
 
     Examples
     --------
@@ -364,7 +364,7 @@ def find_coupling(forces: LocalForces, operator: StepOperator) -> tuple[FloatArr
 def divide_laws(laws: IntArray, coupling: FloatArray) -> tuple[IntArray, IntArray]:
     """Return the rows of the table of laws block by block, and where blocks begin and the last one ends.
 
-    Laws that move each other's scalars more than a little stand in one block.
+    Laws that move each other's scalars more than a little form one block.
     """
     scalars = [slice(first, first + size) for first, size in laws[:, [FIRST, SCALARS]].tolist()]
     strong = [(i, j) for i, a in enumerate(scalars) for j, b in enumerate(scalars) if (coupling[a, b] > _STRONG).any()]

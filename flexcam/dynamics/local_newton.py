@@ -3,7 +3,7 @@
 With the constant operator of a step, the sensed scalars are affine in the local forces: ``x = x_free + W f``. The
 unknowns are the forces; `solve_local` finds those that agree with the force laws. Forces that hardly depend on their
 own effect within a step are iterated by substitution; Newton's matrix contains the others. Laws that move each other
-little, such as those of different valves, stand in different blocks with a matrix each: block after block takes its
+little, such as those of different valves, belong to different blocks with a matrix each: block after block takes its
 Newton step under the latest forces of the others (nonlinear Gauss-Seidel iteration: J. M. Ortega and W. C. Rheinboldt,
 Iterative Solution of Nonlinear Equations in Several Variables (1970), sec. 7.4). The compliance W is filled on demand,
 and stays valid for scalars whose weights do not change with the cam angle.

@@ -163,7 +163,7 @@ def _decouple_massless(found: ModalCoordinates, damping: Triplets) -> ModalCoord
 
 
 def _sort_by_part(found: ModalCoordinates, system: System) -> ModalCoordinates:
-    """Return the modes part by part: those of unknowns that the matrices connect stand together.
+    """Return the modes in the order of the parts that the matrices connect.
 
     A vector in modal coordinates then differs from zero in few runs of entries.
     """

@@ -56,7 +56,7 @@ def rigid_trains(structure: Structure) -> tuple[RigidTrain, ...]:
         _train(dofs, motions[dofs], stiffness.part(dofs).dense(), drives, stops, levers)
         for dofs in _coupled_groups(structure, rows)
     )
-    return tuple(train for train in trains if train.drives or train.stops)
+    return tuple(train for train in trains if train.drives or any(stop.is_seat for stop in train.stops))
 
 
 def soft_stiffness(structure: Structure) -> Triplets:

@@ -100,6 +100,8 @@ class RigidTrains:
                         found[rows, self.contacts[stop.name].scalar] = stop.push
                         left -= stop.push * acting[stop.name][rows]
                 names = [train.stops[i].name for i in branch.stops] + [train.drives[i].name for i in branch.drives]
+                if not names:
+                    continue
                 A = np.stack([acting[name][rows] for name in names], axis=-1)
                 forces = _balance(branch.virtual_motions(moved.z[0, rows]), A, left)
                 for name, force in zip(names, forces.T, strict=True):

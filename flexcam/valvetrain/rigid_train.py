@@ -155,8 +155,8 @@ class RigidTrain:
 
     def _lifts(self, cam: CamFunctionCache, order: int) -> FloatArray:
         """Return the lifts of the cams or their derivatives by the cam angle, shape (m, cams)."""
-        none = np.zeros((0, len(cam.angle)))
-        return np.array([*none, *(cam(drive.event, order) for drive in self.drives)]).reshape(-1, len(cam.angle)).T
+        rows = [cam(drive.event, order) for drive in self.drives]
+        return np.array(rows).reshape(len(rows), len(cam.angle)).T
 
     def _assign(self, lifts: FloatArray, known: Sequence[Branch]) -> list[tuple[Branch, IntArray]]:
         """Return the branches of lifts, shape (m, cams), and the instants of each; known ones come first."""
@@ -188,7 +188,7 @@ class RigidTrain:
         return motions[:, sizes > RANK * float(sizes.max(initial=0.0))].T @ free
 
     def shared_forces(self) -> dict[str, float]:
-        """Return what cams and seats share where the lifts are zero, N: the rigid train leaves it to the seats."""
+        """Return the forces that cams and seats share where the lifts are zero, N: the seats carry them."""
         still = np.zeros((1, len(self.drives)))
         base = next((one for one in self.branches if one.fits(*one.positions(still), still)[0]), None)
         if base is None:
@@ -335,7 +335,10 @@ def find_closed_stops(train: RigidTrain, lift: FloatArray) -> Closed:
         on = [i for i, one in enumerate(closed) if one]
         rows = [*(rows[0] for _, rows, _ in ends), *(stops[i].row for i in on), *(one.row for one in train.drives)]
         at = [*(float(rows[0] @ z - error[0]) for error, rows, _ in ends), *(gaps[i] for i in on), *lift.tolist()]
-        C, give = np.array(rows), np.repeat([0.0, _COMPLIANCE], [len(ends), len(rows) - len(ends)])
+        C, give = (
+            np.array(rows).reshape(len(rows), d),
+            np.repeat([0.0, _COMPLIANCE], [len(ends), len(rows) - len(ends)]),
+        )
         matrix = np.block([[elastic, C.T], [C, -np.diag(give)]])
         found = np.linalg.lstsq(matrix, np.concatenate([train.load(closed), at]))[0]
         change, z = float(np.abs(found[:d] - z).max()), found[:d].astype(np.float64)

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexcam import prepare, read_case
+from flexcam import build_model, prepare, read_case, run
 from flexcam.dynamics import ConstantSpeed, solve
-from flexcam.valvetrain import rigid_motion
+from flexcam.valvetrain import approximate_springs, rigid_motion
 
 MODELS = Path(__file__).parents[1] / "golden" / "models"
 
@@ -45,3 +45,50 @@ def test_both_followers_of_a_desmodromic_train_have_the_lift_of_their_cam():
     opened, closed = (moved[:, names.index(name)] for name in ("lower.uy", "closer.uy"))
     np.testing.assert_allclose(opened, cams["opening"].event(motion.angle, 0), atol=1e-15)
     np.testing.assert_allclose(closed, -cams["closing"].event(motion.angle, 0), atol=1e-15)
+
+
+IDLE = """
+format = 1
+nodes = { valve = [0.0, 0.0, 0.0], other = [0.1, 0.0, 0.0], cam = [0.0, -0.1, 0.0] }
+supports = { valve = ["ux", "uz"], other = ["ux", "uz"] }
+masses = { valve = { at = "valve", mass = 0.1 }, other = { at = "other", mass = 0.1 } }
+[springs]
+valve = { at = "valve", direction = "uy", stiffness = 2e4, installed_force = 200 }
+other = { at = "other", direction = "uy", stiffness = 2e4, installed_force = 250 }
+[cams.intake]
+at = "cam"
+axis = [1, 0, 0]
+law = "4-5-6-7"
+lift = 0.01
+rise = 1.2
+return = 1.2
+[contacts]
+intake = { cam = "intake", follower = "valve", direction = "uy", model = "unilateral", stiffness = 1e7 }
+seat = { at = "other", direction = "uy", model = "seat", stiffness = 1e7 }
+[run]
+speed = 30
+steps_per_revolution = 90
+"""
+
+
+def test_the_seat_of_a_valve_without_a_cam_carries_its_spring(tmp_path):
+    path = tmp_path / "idle.toml"
+    path.write_text(IDLE, encoding="utf-8")
+    response = run(read_case(path), rigid=True)
+    np.testing.assert_allclose(response.channels["contacts.seat.force"], 250.0, rtol=1e-12)
+
+
+def test_a_spring_that_is_not_linear_between_moving_parts_is_told(tmp_path):
+    """Between the follower and a body without seat its stiffness as installed determines the motion."""
+    path = tmp_path / "inner.toml"
+    table = "[[0, 0], [0.001, 20], [0.02, 4000]]"
+    text = IDLE.replace("installed_force = 250 }", "installed_force = 10 }").replace(
+        "[cams.intake]",
+        f'inner = {{ at = "valve", to = "other", direction = "uy", force_table = {table}, installed_force = 10 }}\n'
+        "[cams.intake]",
+    )
+    text = "\n".join(line for line in text.splitlines() if not line.startswith("seat ="))
+    path.write_text(text, encoding="utf-8")
+    assert approximate_springs(build_model(read_case(path)), 30.0) == ["springs.inner"]
+    path.write_text(IDLE, encoding="utf-8")
+    assert approximate_springs(build_model(read_case(path)), 30.0) == []
