@@ -280,16 +280,17 @@ def approximate_springs(model: Model, speed: float) -> list[str]:
     system, motion = _build(model, speed)
     found = dict[str, None]()
     for force in system.local_forces:
-        rows = np.concatenate([sensed.vectors for sensed in force.sense])
-        if force.name.startswith("springs.") and any(_is_deformed(train, rows) for train in motion.trains):
+        row = np.sum([sensed.vectors[0] for sensed in force.sense], axis=0)  # from end to end of the spring
+        if force.name.startswith("springs.") and any(_is_deformed(train, row) for train in motion.trains):
             found[force.name.rpartition(".")[0]] = None
     return list(found)
 
 
-def _is_deformed(train: RigidTrain, rows: FloatArray) -> bool:
-    """Return whether scalars of the motion, shape (c, n), change in a motion that only springs determine."""
-    moved = rows[:, train.dofs] @ train.motions.T
-    return any(np.abs(moved @ branch.elastic_motions.T).max(initial=0.0) > RANK for branch in train.branches)
+def _is_deformed(train: RigidTrain, row: FloatArray) -> bool:
+    """Return whether a scalar of the motion, shape (n,), changes in a motion that only springs determine."""
+    moved, own = train.motions @ row[train.dofs], [train.condensed @ row[train.dofs]]
+    own += [branch.elastic_motions @ moved for branch in train.branches]
+    return any(np.abs(one).max(initial=0.0) > RANK for one in own)
 
 
 def touching_coils(model: Model, speed: float) -> dict[str, float]:

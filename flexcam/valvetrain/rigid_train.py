@@ -118,6 +118,7 @@ class RigidTrain:
     levers: tuple[LeverEnd, ...]
     stiffness: FloatArray  #: of the springs that are not rigid, N/m, shape (d, d)
     force: FloatArray  #: constant loads, N, shape (d,)
+    condensed: FloatArray  #: motions that contacts and levers do not sense and only springs determine, shape (r, k)
 
     @cached_property
     def scale(self) -> float:
