@@ -18,7 +18,6 @@ from flexcam.analysis.prepared_run import PreparedRun
 from flexcam.analysis.run_metrics import RevolutionChange
 from flexcam.cams import FlatFollower, Follower, profile_at, undercut
 from flexcam.case.input_checks import (
-    check_approximate_springs,
     check_coil_bind,
     check_connectivity,
     check_lash,
@@ -26,6 +25,7 @@ from flexcam.case.input_checks import (
     check_oblique_springs,
     check_open_contacts,
     check_overshoot,
+    check_pulling_contacts,
     check_shared_seat_load,
     check_start_impact,
     check_values,
@@ -106,9 +106,7 @@ def check_modes(modes: ModelModes) -> list[str]:
 def check_input(ready: PreparedRun) -> list[str]:
     """Return warnings about a case: implausible numbers, impossible lobes, parts without effect, open contacts."""
     case, model, problem = ready.case, ready.model, ready.problem
-    rigid = (
-        () if not problem.system.is_kinematic else (check_shared_seat_load, check_coil_bind, check_approximate_springs)
-    )
+    rigid = () if not problem.system.is_kinematic else (check_shared_seat_load, check_coil_bind, check_pulling_contacts)
     return [
         *check_values(case),
         *check_lobes(model),

@@ -25,10 +25,10 @@ from flexcam.valvetrain import (
     Lash,
     Model,
     Seat,
-    approximate_springs,
     driving_contact,
     largest_lashes,
     opposed_contacts,
+    pulling_contacts,
     shared_forces,
     touching_coils,
 )
@@ -410,13 +410,12 @@ def check_shared_seat_load(model: Model, speed: float) -> list[str]:
     ]
 
 
-def check_approximate_springs(model: Model, speed: float) -> list[str]:
-    """Return warnings about springs whose stiffness as installed determines a motion of the rigid train."""
-    why = "the rigid model moves the parts between such springs with the stiffness as installed"
+def check_pulling_contacts(model: Model, speed: float) -> list[str]:
+    """Return warnings about contacts that would have to pull in the rigid model."""
+    why = "the rigid model moves parts between springs that are not linear by their stiffness as installed"
     return [
-        f"Warning: {name} is not linear, and no cam or seat determines its length: {why}, and the forces there are "
-        "approximate; use fidelity.model = beams"
-        for name in approximate_springs(model, speed)
+        f"Warning: contacts.{name} pulls with up to {force:.4g} N: {why}; use fidelity.model = beams"
+        for name, force in pulling_contacts(model).items()
     ]
 
 

@@ -23,7 +23,6 @@ from flexcam.valvetrain.rigid_train import (
     RigidTrain,
     Stop,
     find_closed_stops,
-    null_space_of_rows,
 )
 from flexcam.valvetrain.structure import Structure, lash_row, lever_ends, spring_stretches, strain_free_motions
 
@@ -97,7 +96,7 @@ def _train(
         tuple(replace(one, row=shapes @ one.row) for one in drives),
         tuple(replace(one, row=shapes @ one.row) for one in stops),
         tuple(replace(one, path=shapes @ one.path, moved=shapes @ one.moved) for one in levers),
-        shapes @ free @ stiffness @ free.T @ shapes.T, np.zeros(len(shapes)), null_space_of_rows(basis) @ free,
+        shapes @ free @ stiffness @ free.T @ shapes.T, np.zeros(len(shapes)),
     )  # fmt: skip
 
 

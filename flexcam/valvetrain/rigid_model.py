@@ -28,6 +28,7 @@ from flexcam.dynamics import (
     modes,
     spring_damper,
 )
+from flexcam.dynamics.kinematic_engine import reactions
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.fem.assembly import modal_damping, rayleigh_damping
 from flexcam.fem.rigid_bodies import scalar_matrix
@@ -42,7 +43,7 @@ from flexcam.valvetrain.rigid_kinematics import (
     load_trains,
     soft_stiffness,
 )
-from flexcam.valvetrain.rigid_train import RANK
+from flexcam.valvetrain.rigid_train import PULL
 from flexcam.valvetrain.spring_properties import condense_spring
 from flexcam.valvetrain.springs import couple_springs
 from flexcam.valvetrain.structure import Structure, build_structure, spring_stretches
@@ -247,13 +248,14 @@ def _damping(structure: Structure, trains: Sequence[RigidTrain]) -> Triplets:
     return found
 
 
-_JAM_ANGLES = np.linspace(0.0, 2.0 * np.pi, 721)
+_ANGLES = np.linspace(0.0, 2.0 * np.pi, 721)
+_REST = 1e-6  # rad/s, where nothing has inertia
 _FAST = 1e9  # rad/s, where friction has its full size
 
 
 def _check_friction(model: Model, system: System, motion: RigidTrains) -> None:
     """Refuse a friction that carries all of the force of its follower at some angle: it jams."""
-    cam, forces = ConstantSpeed(_FAST).at(_JAM_ANGLES / _FAST), LocalForces(system)
+    cam, forces = ConstantSpeed(_FAST).at(_ANGLES / _FAST), LocalForces(system)
     inputs = forces.prescribed_inputs(cam)
     rate = forces.sense_motion(*motion.at(cam)[:2], inputs)[1]
     for name, contact in model.cam_contacts.items():
@@ -275,22 +277,18 @@ def shared_forces(model: Model) -> dict[str, float]:
     return {name: force for train in rigid_motion(model).trains for name, force in train.shared_forces().items()}
 
 
-def approximate_springs(model: Model, speed: float) -> list[str]:
-    """Return the springs that are not linear and determine a motion, which follows their stiffness as installed."""
-    system, motion = _build(model, speed)
-    found = dict[str, None]()
-    for force in system.local_forces:
-        row = np.sum([sensed.vectors[0] for sensed in force.sense], axis=0)  # from end to end of the spring
-        if force.name.startswith("springs.") and any(_is_deformed(train, row) for train in motion.trains):
-            found[force.name.rpartition(".")[0]] = None
-    return list(found)
+def pulling_contacts(model: Model) -> dict[str, float]:
+    """Return the largest pull of seats and lash of the rigid model at rest, N, which nonlinear springs cause.
 
-
-def _is_deformed(train: RigidTrain, row: FloatArray) -> bool:
-    """Return whether a scalar of the motion, shape (n,), changes in a motion that only springs determine."""
-    moved, own = train.motions @ row[train.dofs], [train.condensed @ row[train.dofs]]
-    own += [branch.elastic_motions @ moved for branch in train.branches]
-    return any(np.abs(one).max(initial=0.0) > RANK for one in own)
+    Equilibrium of the motion takes the stiffness as installed, the forces of a contact the whole law.
+    """
+    system, trains = _build(model, _REST)
+    motion, forces = ConstantSpeed(_REST).at(_ANGLES / _REST), LocalForces(system)
+    local = reactions(system, trains, forces, motion)
+    least = -PULL * float(np.abs(local).max(initial=0.0))
+    stops = [stop.name for train in trains.trains for stop in train.stops]
+    pulls = {name: float(local[:, trains.contacts[name].scalar].min()) for name in stops}
+    return {name: -force for name, force in pulls.items() if force < least}
 
 
 def touching_coils(model: Model, speed: float) -> dict[str, float]:

@@ -31,7 +31,7 @@ _CLOSED = 1e-11
 _HELD_BACK = 1e-7
 """Lift that stops may hold back, or overlap, m, above all rounding."""
 
-_PULL = 1e-6
+PULL = 1e-6
 """Part of the largest force with which a closed stop may pull, above all rounding."""
 
 _MOST_TRIED = 10
@@ -118,7 +118,6 @@ class RigidTrain:
     levers: tuple[LeverEnd, ...]
     stiffness: FloatArray  #: of the springs that are not rigid, N/m, shape (d, d)
     force: FloatArray  #: constant loads, N, shape (d,)
-    condensed: FloatArray  #: motions that contacts and levers do not sense and only springs determine, shape (r, k)
 
     @cached_property
     def scale(self) -> float:
@@ -222,8 +221,6 @@ class Branch:
         self.drives = [i - len(self.stops) for i in self.kept if i >= len(self.stops)]
         self._rows = [rows[i] for i in self.kept]
         stiffness = train.stiffness / train.scale
-        #: motions that only springs determine, shape (k, d)
-        self.elastic_motions = null_space_of_rows(np.array(taken).reshape(len(taken), len(stiffness)))
         free = null_space_of_rows(np.vstack([*taken, stiffness]))
         self._elastic = stiffness + free.T @ free  # a motion that nothing determines does not take place
 
@@ -290,8 +287,7 @@ class Branch:
         overlap = [float(stop.row @ z) - stop.gap for stop in train.stops]
         columns = [(train.stops[i], self._column(k)) for k, i in enumerate(self.stops)]
         pulls = [
-            column is not None and forces[column] < stop.push / train.scale - _PULL * largest
-            for stop, column in columns
+            column is not None and forces[column] < stop.push / train.scale - PULL * largest for stop, column in columns
         ]
         if max(*missing, *overlap, 0.0, 0.0) > _HELD_BACK or any(pulls):
             names = [f"contacts.{one.name}" for one in (*train.drives, *train.stops)]
