@@ -81,11 +81,13 @@ def test_the_seat_of_a_valve_without_a_cam_carries_its_spring(tmp_path):
 def test_a_contact_that_a_nonlinear_spring_would_lift_is_told(tmp_path):
     """The spring between follower and valve, soft as installed, would open the seat long before full lift."""
     path = tmp_path / "inner.toml"
-    inner = 'inner = { at = "valve", to = "other", direction = "uy", force_table = TABLE, installed_force = 10 }\n[cams.intake]'
+    inner = 'inner = { at = "valve", to = "other", direction = "uy", force_table = TABLE, installed_force = 10 }'
     bent, straight = "[[0, 0], [0.001, 20], [0.02, 4000]]", "[[0, 0], [0.02, 400]]"
     pulls: list[dict[str, float]] = []
     for table in (bent, straight):
-        path.write_text(IDLE.replace("[cams.intake]", inner.replace("TABLE", table)), encoding="utf-8")
+        path.write_text(
+            IDLE.replace("[cams.intake]", f"{inner.replace('TABLE', table)}\n[cams.intake]"), encoding="utf-8"
+        )
         pulls.append(pulling_contacts(build_model(read_case(path))))
     (pull,) = pulls[0].values()
     # The spring is compressed by 0.5 mm as installed and by 10 mm more; the other spring holds the seat with 250 N.
