@@ -243,7 +243,7 @@ def test_pictures_hold_something(picture, tmp_path):
 
 @pytest.mark.parametrize("name", ["a", "a.jpg", "a.SVGZ", "a.svg.txt", ".svg"])
 def test_other_endings_are_refused(name, picture, tmp_path):
-    with pytest.raises(InputError, match=r"\.svg or \.png or \.pdf"):
+    with pytest.raises(InputError, match=r"\.svg, \.png, \.pdf"):
         save_figure(picture, tmp_path / name)
     assert not list(tmp_path.iterdir())
 
