@@ -17,10 +17,7 @@ REASONS = {
 }
 
 
-@pytest.mark.parametrize("check", [
-    pytest.param(one, id=one.scalar, marks=[pytest.mark.slow] * one.scalar.startswith("multiplier"))
-    for one in derivatives.CHECKS
-])  # fmt: skip
+@pytest.mark.parametrize("check", derivatives.CHECKS, ids=lambda check: check.scalar)
 def test_derivatives_against_closed_forms(record, monkeypatch, check):
     monkeypatch.setattr(derivatives, "REPEATS", 1)
     found = derivatives.measure(check)

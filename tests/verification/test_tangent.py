@@ -176,10 +176,8 @@ ONE_REVOLUTION = ("run.revolutions=1", "run.steps_per_revolution=1440")
     [
         (BUCKET, "run.crank_speed",
          ("contacts.seat.seating_velocity", "contacts.intake.pressure.largest", "deviation.peak"), ()),
-        pytest.param(
-            INTAKE, "springs.valve.stiffness", ("contacts.intake.nose_force.least", "contacts.seat.seating_velocity"),
-            (), marks=pytest.mark.slow,
-        ),
+        (INTAKE, "springs.valve.stiffness",
+         ("contacts.intake.nose_force.least", "contacts.seat.seating_velocity"), ()),
         (FINGER, "contacts.adjuster.leak",
          ("contacts.adjuster.leak_down.largest", "contacts.intake.force.largest"), ()),
         (FINGER, "run.crank_speed", ("contacts.adjuster.force.largest", "contacts.seat.seating_velocity"),
