@@ -68,13 +68,13 @@ def test_a_parabolic_load_is_integrated_exactly(record):
            reason="exact for parabolic loads; rounding")  # fmt: skip
 
 
-def mass_on_a_contact(stiffness, *, mass=1.0, spring=0.0):
-    """Return a mass, or a point without mass, pressed on a contact that stays closed, and a spring to ground."""
+def mass_on_a_contact(stiffness, *, mass=1.0, spring=0.0, damper=0.0):
+    """Return a mass, or a point without, pressed on a contact that stays closed, with a spring and damper to ground."""
     one = (AngleVector(np.eye(1), ()),)
     law, reaction = hunt_crossley_contact(stiffness, 0.0), (AngleVector(-np.eye(1), ()),)
     contact = LocalForce("contact", one, reaction, law, (constant(1.0),))
     load = Load("push", np.array([stiffness]), lambda motion: np.ones_like(motion.angle))
-    matrices = (Triplets.from_dense(np.array([[value]])) for value in (mass, 0.0, spring))
+    matrices = (Triplets.from_dense(np.array([[value]])) for value in (mass, damper, spring))
     return System(*matrices, ("x",), (load,), (contact,), (Probe("all", ("x",), np.eye(1), (None,)),))
 
 
@@ -95,9 +95,10 @@ def test_a_contact_too_stiff_for_any_division_ends_the_run():
     assert "newmark" in str(response.status)
 
 
-def test_a_contact_of_a_point_without_mass_does_not_divide_steps():
-    """The spring of the point determines its motion: no frequency limits the step."""
-    system = mass_on_a_contact(100.0, mass=0.0, spring=1.0)
+@pytest.mark.parametrize("damper", [0.0, 1.0])
+def test_a_contact_of_a_point_without_mass_does_not_divide_steps(damper):
+    """Spring and damper of the point determine its motion: no frequency limits the step."""
+    system = mass_on_a_contact(100.0, mass=0.0, spring=1.0, damper=damper)
     response = solve(Problem(system, ConstantSpeed(30.0), 1.0, 50), collocation())
     assert response.status.ok
     assert response.stats.iterations <= 2 * 50
