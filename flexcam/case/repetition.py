@@ -8,10 +8,11 @@ the bearing and the lobe of each cylinder.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
 from math import tau
+from operator import methodcaller
 from typing import Any, cast
 
 from flexcam.case.fault_report import KeyLocations, Path
@@ -76,7 +77,7 @@ class Repetition:
             yield name, part
             return
         for copy, offset, phase in self.repeats[mark].copies():
-            moved = _shift(kind, _substitute(part, mark, copy), offset, phase)
+            moved = _shift(kind, map_texts(part, methodcaller("replace", f"{{{mark}}}", copy)), offset, phase)
             yield from self._copies(kind, name.replace(f"{{{mark}}}", copy), moved)
 
     def _expand_lists(self, value: object) -> object:
@@ -102,13 +103,13 @@ class Repetition:
         return found
 
 
-def _substitute(value: object, mark: str, copy: str) -> object:
-    """Return a value with a mark replaced in all its texts."""
+def map_texts(value: object, change: Callable[[str], str]) -> object:
+    """Return a value of raw tables with all its texts changed."""
     if isinstance(value, dict):
-        return {name: _substitute(one, mark, copy) for name, one in cast("dict[str, object]", value).items()}
+        return {name: map_texts(one, change) for name, one in cast("dict[str, object]", value).items()}
     if isinstance(value, list):
-        return [_substitute(one, mark, copy) for one in cast("list[object]", value)]
-    return value.replace(f"{{{mark}}}", copy) if isinstance(value, str) else value
+        return [map_texts(one, change) for one in cast("list[object]", value)]
+    return change(value) if isinstance(value, str) else value
 
 
 def _shift(kind: str, part: object, offset: Sequence[float], phase: float) -> object:

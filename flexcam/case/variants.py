@@ -20,7 +20,7 @@ from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.case.reader import CaseFile, case_tables
 from flexcam.case.records import find_unit
-from flexcam.case.repetition import name_pattern
+from flexcam.case.repetition import map_texts, name_pattern
 from flexcam.case.schema.run import GivenStartRecord
 from flexcam.core import FloatArray
 from flexcam.core.errors import InputError, refuse, suggest_name
@@ -117,7 +117,9 @@ def number_after_override(case: Case, key: str, text: str, where: str) -> float:
 
 def case_text(case: Case, target: Path, comments: Sequence[str] = ()) -> str:
     """Return a case with its overrides as TOML for another folder, with the comments of the case file."""
-    record = cast("dict[str, Any]", _relocate_file_names(case_tables(case), case.path, target.parent))
+    record = cast(
+        "dict[str, Any]", map_texts(case_tables(case), lambda text: _relocate_file_name(text, case.path, target.parent))
+    )
     head = "".join(f"# {line}\n" for line in comments)
     return head + (_edit_text(case.text, record) or format_toml(record))
 
@@ -165,16 +167,12 @@ def _edits(text: str, key: str, value: object) -> Iterator[str]:
             yield edited
 
 
-def _relocate_file_names(value: object, case: Path, new: Path) -> object:
-    """Adapt the relative file names in raw tables to another folder."""
-    if isinstance(value, dict):
-        return {name: _relocate_file_names(one, case, new) for name, one in cast("dict[str, object]", value).items()}
-    if isinstance(value, list):
-        return [_relocate_file_names(one, case, new) for one in cast("list[object]", value)]
-    if isinstance(value, str) and Path(value).suffix and not os.path.isabs(value):
-        old = find_referenced_file(case, value)
-        return value if old is None else Path(os.path.relpath(old, new)).as_posix()
-    return value
+def _relocate_file_name(text: str, case: Path, new: Path) -> str:
+    """Return a text of a case, adapted to another folder if it is a relative file name."""
+    if not Path(text).suffix or os.path.isabs(text):
+        return text
+    old = find_referenced_file(case, text)
+    return text if old is None else Path(os.path.relpath(old, new)).as_posix()
 
 
 def map_initial_state(case: Case, other: Case) -> Case:

@@ -465,7 +465,7 @@ class KernelEngine:
         """Advance by some steps, and divide them from the first one on in which contacts are too stiff for it."""
         parts, done = list[Trajectory](), 0
         while True:
-            part, status = self._advance_divided(steps[done:])
+            part, status = self._advance_divisions(steps[done:])
             parts.append(part)
             done += len(part.ends)
             if status is not _TOO_STIFF or self._division == _MOST_DIVISIONS:
@@ -475,7 +475,7 @@ class KernelEngine:
             self._kernel.shorten(self._problem.step / self._division)
             self._walker = self._event_stepper(self._walker.events)
 
-    def _advance_divided(self, steps: IntArray) -> tuple[Trajectory, Status]:
+    def _advance_divisions(self, steps: IntArray) -> tuple[Trajectory, Status]:
         """Advance by some steps, the first of which has begun already, in divisions of equal length."""
         parts = self._division
         if parts == 1:
