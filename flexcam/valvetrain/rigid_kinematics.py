@@ -13,6 +13,7 @@ from functools import lru_cache
 import numpy as np
 
 from flexcam.core import FloatArray, IntArray, Triplets, component_members, connected_components
+from flexcam.core.errors import refuse
 from flexcam.fem.rigid_bodies import scalar_matrix
 from flexcam.valvetrain.parts import Adjuster, CamContact, Lash, PublishedLoad, Seat
 from flexcam.valvetrain.rigid_train import (
@@ -67,6 +68,12 @@ def soft_stiffness(structure: Structure) -> Triplets:
 
 def load_trains(structure: Structure, load: FloatArray) -> tuple[RigidTrain, ...]:
     """Return the trains under a constant load, N, shape (n,), with the adjusters extended on the base circle."""
+    driven = {drive.name for train in rigid_trains(structure) for drive in train.drives}
+    for name, contact in structure.model.cam_contacts.items():
+        if name not in driven:
+            allowed, why = "a follower that moves along the lift without bending", "rigid members cannot yield"
+            where, remedy = f"contacts.{name}.follower", "use fidelity.model = beams, or another support of its member"
+            raise refuse(where, repr(contact.follower), allowed, why, remedy)
     return tuple(_extend_adjusters(replace(one, force=one.motions @ load[one.dofs])) for one in rigid_trains(structure))
 
 

@@ -7,9 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexcam import build_model, prepare, read_case, run
+from flexcam import InputError, build_model, prepare, read_case, run
+from flexcam.analysis.prepared_run import scalar_probe
 from flexcam.dynamics import ConstantSpeed, solve
-from flexcam.valvetrain import pulling_contacts, rigid_motion
+from flexcam.plotting.scene.motion import rigid_motion as rigid_motion_of
+from flexcam.valvetrain import build_structure, pulling_contacts, rigid_motion
 
 MODELS = Path(__file__).parents[1] / "golden" / "models"
 
@@ -93,3 +95,43 @@ def test_a_contact_that_a_nonlinear_spring_would_lift_is_told(tmp_path):
     # The spring is compressed by 0.5 mm as installed and by 10 mm more; the other spring holds the seat with 250 N.
     assert pull == pytest.approx(np.interp(0.0105, [0.001, 0.02], [20.0, 4000.0]) - 10.0 - 240.0, rel=1e-3)
     assert pulls[1] == {}
+
+
+LEAF = """
+format = 1
+nodes = { cam = [0.0, 0.0, 0.0], pivot = [-0.04, 0.02, 0.0], pad = [0.0, 0.02, 0.0] }
+materials.steel = { E = 207e9, nu = 0.29, density = 7800 }
+sections.leaf = { shape = "circle", diameter = 0.003 }
+members.leaf = { nodes = ["pivot", "pad"], material = "steel", section = "leaf" }
+supports.pivot = ["ux", "uy", "uz", "rx", "ry", "rz"]
+output.probes = ["pad"]
+[cams.intake]
+at = "cam"
+axis = [0, 0, 1]
+law = "4-5-6-7"
+lift = 0.001
+rise = 1.2
+return = 1.2
+[contacts.intake]
+cam = "intake"
+follower = "pad"
+direction = "uy"
+model = "bilateral"
+stiffness = 1e7
+[run]
+speed = 30
+steps_per_revolution = 90
+"""
+
+
+def test_a_follower_that_only_bends_has_no_rigid_model(tmp_path):
+    """Its flexible run has a default probe and a picture all the same."""
+    path = tmp_path / "leaf.toml"
+    path.write_text(LEAF, encoding="utf-8")
+    case = read_case(path)
+    with pytest.raises(InputError, match=r"contacts\.intake\.follower.*without bending.*fidelity\.model = beams"):
+        run(case, rigid=True)
+    ready = prepare(case)
+    assert run(case)["pad.uy"].displacement.max() == pytest.approx(1e-3, rel=0.01)
+    assert scalar_probe(ready).startswith("pad.")
+    assert not rigid_motion_of(build_structure(ready.model), np.linspace(0.0, 6.0, 5), 30.0)[0].any()

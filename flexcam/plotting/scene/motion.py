@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from flexcam.case.case import Case
 from flexcam.core import FloatArray, IntArray
-from flexcam.core.errors import refuse, suggest_name
+from flexcam.core.errors import InputError, refuse, suggest_name
 from flexcam.dynamics import SERIES, CamMotion, Response
 from flexcam.fem.elements.beam import Beams
 from flexcam.fem.frames import ROTATIONS
@@ -212,9 +212,13 @@ def mode_motion(structure: Structure, shape: FloatArray, *, coloured: bool = Fal
 
 
 def rigid_motion(structure: Structure, angle: FloatArray, speed: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return displacement, velocity and acceleration of the rigid mechanism at constant speed."""
+    """Return displacement, velocity and acceleration of the rigid mechanism at constant speed; zeros without one."""
     motion = CamMotion(angle, np.full_like(angle, speed), np.zeros_like(angle), angle / speed)
-    return find_rigid_motion(structure.model).at(motion)
+    try:
+        return find_rigid_motion(structure.model).at(motion)
+    except InputError:  # such as a follower on a leaf spring
+        still = np.zeros((len(angle), structure.dofs.size))
+        return still, still, still
 
 
 def _structure_dofs(structure: Structure, response: Response, rigid: FloatArray) -> FloatArray:
