@@ -16,7 +16,7 @@ from flexcam.core import FloatArray
 from flexcam.core.errors import FlexcamError
 from flexcam.core.units import RPM
 from flexcam.dynamics import ConstantSpeed, Problem, equilibrium, solve
-from flexcam.valvetrain import Metric, main_lift
+from flexcam.valvetrain import Metric, main_lift, opposed_contacts
 
 _WORDS = {
     "valve_loft": "valve loft over the nose",
@@ -94,7 +94,8 @@ def _rigid_margin(case: Case) -> tuple[float | None, float | None]:
 def _rigid_limit_speed(case: Case) -> float | None:
     """Return the camshaft speed at which the inertia of the rigid train first equals its springs and loads, rpm.
 
-    Friction and damping do not count. None if the inertia never pulls, or if a load is given over time.
+    Friction and damping do not count. None if the inertia never pulls, if a load is given over time, or if opposed cams
+    and not springs hold the followers.
     """
     if any(load.table is not None and load.table.over_time for load in case.record.loads.values()):
         return None
@@ -106,7 +107,10 @@ def _rigid_limit_speed(case: Case) -> float | None:
         problem = replace(ready.problem, step=(_ANGLES[1] - _ANGLES[0]) / speed, steps=len(_ANGLES) - 1)
         channels.append(solve(problem, ready.scheme).channels)
     model, worst = trains[0].model, list[float]()
+    opposed = opposed_contacts(model)
     for name, contact in model.cam_contacts.items():
+        if name in opposed:
+            continue
         lifted = model.cams[contact.cam].event(_ANGLES) > main_lift(model, contact.cam)
         forces = [one[f"contacts.{name}.force"][lifted] for one in channels]
         still, _, inertia = np.linalg.solve(np.vander(speeds, increasing=True), forces)

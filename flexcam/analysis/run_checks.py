@@ -7,7 +7,7 @@ of the checks of a run.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Self
 
@@ -301,20 +301,19 @@ def describe_model_limits(ready: PreparedRun) -> list[str]:
     return warnings
 
 
-def check_events(metrics: Iterable[Metric], opposed: Mapping[str, str] | None = None) -> list[str]:
+def check_events(metrics: Iterable[Metric], opposed: Collection[str] = ()) -> list[str]:
     """Return warnings about events of the last revolution: contact loss, valve bounce, coil clash, buckling.
 
-    A follower that leaves its cam meets that of the opposed contact, if it has one.
+    The contacts of an opposed pair open in turn, while the other cam drives.
     """
-    known, pairs = list(metrics), opposed or {}
+    known = list(metrics)
     bounces = dict(_metrics_with_suffix(known, ".bounces"))
     return [
         *(
             f"Warning: the follower of {name!r} loses contact with its cam for {math.degrees(angle):.3g} deg of the "
-            f"lift: "
-            + (f"{pairs[name]!r} stops it" if name in pairs else "do not use the motion after that for design")
+            f"lift: do not use the motion after that for design"
             for name, angle in _metrics_with_suffix(known, ".open_on_the_lift")
-            if angle > OPEN
+            if angle > OPEN and name not in opposed
         ),
         *(
             f"Warning: the valve bounces {'once' if bounces[name] == 1.0 else f'{bounces[name]:.0f} times'} at "

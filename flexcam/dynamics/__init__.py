@@ -32,7 +32,6 @@ from flexcam.dynamics.cam_motion import (
 )
 from flexcam.dynamics.central_difference import CentralDifference, central_difference, highest_frequency
 from flexcam.dynamics.collocation import Collocation, collocation
-from flexcam.dynamics.floquet import Floquet, floquet
 from flexcam.dynamics.force_laws import ForceLaw, elastic_stop, hunt_crossley_contact, oil_column_law, spring_damper
 from flexcam.dynamics.generalized_alpha import Scheme, generalized_alpha, hht, newmark
 from flexcam.dynamics.integrator import Method
@@ -48,7 +47,7 @@ from flexcam.dynamics.modes import (
     normalized_response,
 )
 from flexcam.dynamics.parameter_forces import Variation
-from flexcam.dynamics.periodic import solve_periodic
+from flexcam.dynamics.periodic import Floquet, floquet, solve_periodic
 from flexcam.dynamics.problem import Adaptive, EngineName, Problem, State
 from flexcam.dynamics.reference_integrators import Exact, ScipyIntegrator, dop853, exact, radau
 from flexcam.dynamics.response import (

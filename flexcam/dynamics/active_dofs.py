@@ -275,8 +275,7 @@ def _weight(system: System) -> Triplets:
 def expand_block(block: Block, basis: Basis) -> Block:
     """Return a block with fields expanded to all unknowns."""
     fields = block.fields
-    moved = basis.expand_output(fields.displacement)
+    moved = basis.spread(fields.displacement)
     if basis.held.any():
         moved = moved + basis.held
-    spread: list[FloatArray] = [basis.expand_output(one) for one in (fields.velocity, fields.acceleration)]
-    return replace(block, fields=Series(moved, *spread))
+    return replace(block, fields=Series(moved, basis.spread(fields.velocity), basis.spread(fields.acceleration)))

@@ -42,10 +42,6 @@ class Basis(Protocol):
         """Return ``T q`` of motions as rows, shape (..., m) to (..., n)."""
         ...
 
-    def expand_output(self, motions: FloatArray) -> FloatArray:
-        """Return ``T q`` of saved motions, shape (f, m) to (f, n): a run can be resumed from any of them."""
-        ...
-
     def within(self, motion: FloatArray, weight: Triplets) -> FloatArray:
         """Return the projection q of a motion, shape (n,) to (m,), in the norm of a weight such as the mass."""
         ...
@@ -93,10 +89,6 @@ class DofSubset:
         full = np.zeros((*motion.shape[:-1], len(self.held)))
         full[..., self.kept] = motion
         return full
-
-    def expand_output(self, motions: FloatArray) -> FloatArray:
-        """Return the motions expanded to all unknowns."""
-        return self.spread(motions)
 
     def within(self, motion: FloatArray, weight: Triplets) -> FloatArray:
         """Return the motion of the unknowns kept."""
@@ -162,10 +154,6 @@ class ModeBasis:
     def spread(self, motion: FloatArray) -> FloatArray:
         """Return the sum of the shapes times the coordinates."""
         return motion @ self.vectors.T
-
-    def expand_output(self, motions: FloatArray) -> FloatArray:
-        """Return the sums of the shapes."""
-        return self.spread(motions)
 
     def within(self, motion: FloatArray, weight: Triplets) -> FloatArray:
         """Return the coordinates of the nearest motion."""

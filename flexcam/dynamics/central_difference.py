@@ -14,6 +14,7 @@ from flexcam.core import DENSE_LIMIT, FloatArray
 from flexcam.core.errors import InputError, refuse
 from flexcam.dynamics.generalized_alpha import family_matrix
 from flexcam.dynamics.implicit_step import ImplicitStage, Prediction
+from flexcam.dynamics.initial_acceleration import massless_contact_error
 from flexcam.dynamics.integrator import At, Method, Stepper
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.massless import MasslessMotions
@@ -55,10 +56,9 @@ class CentralDifference(Method):
 
     def refusal(self, system: System, step: float) -> InputError | None:
         """Return the refusal of contacts and dampers without mass, and of steps beyond the limit."""
-        light = MasslessMotions(system)
-        if pushed := light.contact_error(_NAME):
+        if pushed := massless_contact_error(system, _NAME):
             return pushed
-        omega, names = highest_frequency(system, light)
+        omega, names = highest_frequency(system)
         if step * omega <= _LIMIT:
             return None
         allowed = f"at most {_LIMIT / omega:.6g} s with {_NAME}"
@@ -86,22 +86,20 @@ class _Stepper:
         return replace(new, v=v, a=light.place(new.a, np.zeros(len(v))))
 
 
-def highest_frequency(system: System, light: MasslessMotions | None = None) -> tuple[float, list[str]]:
+def highest_frequency(system: System) -> tuple[float, list[str]]:
     """Return the highest natural frequency of a system without its local forces, and the unknowns that move most.
 
     Parameters
     ----------
     system
         The system.
-    light
-        Its massless motions, if known.
 
     Returns
     -------
     tuple
         Angular frequency, rad/s, and up to three names.
     """
-    light = light or MasslessMotions(system)
+    light = MasslessMotions(system)
     if not len(light.kept):
         return 0.0, []
     find = _highest_dense if len(light.kept) <= DENSE_LIMIT else _highest_sparse

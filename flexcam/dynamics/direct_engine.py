@@ -9,10 +9,10 @@ import numpy as np
 
 from flexcam.core import FloatArray, IntArray
 from flexcam.dynamics.adaptive import EnergyNorm, StepController, StepFloorError
-from flexcam.dynamics.blocks import Arrays, SaveAt, Series, flatten
+from flexcam.dynamics.blocks import Arrays, Series, flatten
 from flexcam.dynamics.cam_motion import PrescribedInputs
 from flexcam.dynamics.contact_events import EventStepper
-from flexcam.dynamics.engine import STOPPED, convergence_failure, in_range, instant, stack_instant
+from flexcam.dynamics.engine import STOPPED, convergence_failure, in_range, instant, no_instants, stack_instant
 from flexcam.dynamics.implicit_step import NoConvergenceError
 from flexcam.dynamics.initial_acceleration import InitialAcceleration
 from flexcam.dynamics.integrator import Method, Stepper
@@ -33,10 +33,9 @@ class DirectEngine:
     """
 
     def __init__(
-        self, problem: Problem, scheme: Method, forces: LocalForces, save: SaveAt, stop: Callable[[], bool],
-        pilot: Pilot,
-    ) -> None:  # fmt: skip
-        self._problem, self._system, self._forces, self._save, self._stop = problem, problem.system, forces, save, stop
+        self, problem: Problem, scheme: Method, forces: LocalForces, stop: Callable[[], bool], pilot: Pilot
+    ) -> None:
+        self._problem, self._system, self._forces, self._stop = problem, problem.system, forces, stop
         self._starter = InitialAcceleration(problem.system, forces)
 
         def stepper(length: float) -> Stepper:
@@ -50,24 +49,21 @@ class DirectEngine:
         self._iterations, self._substeps = 0, 0
 
     def advance(self, steps: IntArray) -> tuple[Trajectory, Status]:
-        """Return the instants of some successive steps, see `Engine`.
-
-        At saved fields the forces are recomputed from the motion, so that a resumed run is identical bit by bit.
-        """
+        """Return the instants of some successive steps, see `Engine`."""
         at = self._problem.times(steps)
         motion = self._problem.drive.at(at)
         schedule = self._forces.prescribed_inputs(motion)
         before = None if self._last is None else stack_instant(self._last)
-        walked, status = self._advance_steps(steps, at, motion.angle, schedule, self._system.load_vector(motion))
+        walked, status = self._advance_steps(at, motion.angle, schedule, self._system.load_vector(motion))
         if not walked:
-            return Trajectory.empty(self._system.size, self._forces), status
+            return no_instants(self._system.size, self._forces), status
         self._iterations += sum(m.iterations for part in walked for m in part)
         self._substeps += sum(len(part) for part in walked)
-        track, left = in_range(Trajectory.of(walked, self._forces), before, self._system, motion.angle)
+        track, left = in_range(Trajectory.of(walked, self._forces.switching), before, self._system, motion.angle)
         return track, status if left.ok else left
 
     def _advance_steps(
-        self, steps: IntArray, at: FloatArray, angle: FloatArray, schedule: PrescribedInputs, loads: FloatArray
+        self, at: FloatArray, angle: FloatArray, schedule: PrescribedInputs, loads: FloatArray
     ) -> tuple[list[list[StepState]], Status]:
         """Return the instants per step: events, and the end of the step last."""
         walked: list[list[StepState]] = []
@@ -83,8 +79,6 @@ class DirectEngine:
                 return walked, convergence_failure(fault.forces, float(at[i]), float(angle[i]))
             except StepFloorError as fault:
                 return walked, _step_floor_status(fault, self._system, float(at[i]), float(angle[i]))
-            if steps[i] % self._save.field_every == 0:
-                part[-1] = self._starter.resume(part[-1], to)
             walked.append(part)
             self._last = part[-1]
         return walked, Status()

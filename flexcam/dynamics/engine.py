@@ -50,6 +50,13 @@ def iterate_tracks(engine: Engine, steps: int) -> Iterator[Trajectory]:
         yield track
 
 
+def no_instants(size: int, forces: LocalForces) -> Trajectory:
+    """Return the empty trajectory of a system of some unknowns."""
+    still, local = np.zeros((0, size)), np.zeros((0, forces.count))
+    state, sides = np.zeros((0, len(forces.start_state))), np.zeros((0, len(forces.switching)), dtype=bool)
+    return Trajectory(np.zeros(0), still, still, still, local, state, local, sides, np.zeros(0, dtype=np.intp))
+
+
 LARGEST = 1e100
 """Magnitude (SI) above which a motion has diverged; its square, needed for stresses, is still finite."""
 
@@ -111,4 +118,4 @@ def first_track(problem: Problem, forces: LocalForces) -> Trajectory:
     start = problem.start or State.rest(problem.system.size)
     motion = problem.drive.at(problem.times(np.zeros(1, dtype=np.intp)))
     to = StepInputs(start.time, problem.system.load_vector(motion)[0], forces.prescribed_inputs(motion))
-    return Trajectory.of([[InitialAcceleration(problem.system, forces).first(start, to)]], forces)
+    return Trajectory.of([[InitialAcceleration(problem.system, forces).first(start, to)]], forces.switching)

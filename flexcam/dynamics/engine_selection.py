@@ -8,7 +8,7 @@ alone, not on whether compiled code is cached; `Problem.engine` forces one, and 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from flexcam.core.errors import refuse
 from flexcam.dynamics.active_dofs import basis_of, reduce_problem
@@ -41,8 +41,8 @@ _COMPILER = 2.5
 """Time, s, of the direct engine for all runs to come above which the kernel engine is chosen. Compiled code takes some
 seconds to compile once per installation, and half a second to load afterwards."""
 
-_SPARSE = 10
-"""Interval of saved fields above which a run can be resumed from every field bit by bit."""
+_SELDOM = 10
+"""Interval of saved fields from which on the motion between them need not be computed."""
 _FEW = 24
 """Number of probe scalars up to which they are computed without the motion."""
 
@@ -54,7 +54,6 @@ class SelectedEngine:
     engine: EngineName
     problem: Problem  #: the problem that the engine integrates
     bases: tuple[Basis, ...]  #: from the integrated to the output unknowns, innermost first
-    natural: ModalCoordinates | None = None  #: modal coordinates, if the engine uses them
 
 
 def select_engine(problem: Problem, method: Method, save: SaveAt) -> SelectedEngine:
@@ -74,12 +73,11 @@ def select_engine(problem: Problem, method: Method, save: SaveAt) -> SelectedEng
         if engine == "direct":
             return SelectedEngine("direct", plain, outer)
         try:
-            exactly = save.field_every >= _SPARSE and problem.runs == 1  # single runs of a study are not resumed
-            natural, inside = _modal_problem(plain, method, engine, exactly=exactly)
+            natural, inside = _modal_problem(plain, method, engine)
         except _UnsuitableEngineError as unfit:
             refusals.append(str(unfit))
         else:
-            return SelectedEngine(engine, inside, (natural, *outer), natural)
+            return SelectedEngine(engine, inside, (natural, *outer))
     if isinstance(method, Collocation):
         raise refuse("run.integrator.method", "collocation", "newmark, hht, generalized-alpha", refusals[-1])
     remedy = "leave run.engine out: flexcam then chooses the fastest solver engine that fits"
@@ -115,9 +113,7 @@ class _UnsuitableEngineError(ValueError):
     """Reason why an engine cannot integrate a problem."""
 
 
-def _modal_problem(
-    problem: Problem, method: Method, engine: EngineName, *, exactly: bool
-) -> tuple[ModalCoordinates, Problem]:
+def _modal_problem(problem: Problem, method: Method, engine: EngineName) -> tuple[ModalCoordinates, Problem]:
     """Return the modes of a problem, and the problem in modal coordinates."""
     system = problem.system
     if not isinstance(method, Scheme) and not (engine == "kernel" and isinstance(method, Collocation)):
@@ -138,7 +134,7 @@ def _modal_problem(
     inside = modal_problem(problem, found)
     if engine == "modal" and diagonal(inside.system.damping) is None:
         raise _UnsuitableEngineError("the damping couples the modes")
-    return replace(found, exactly=exactly), inside
+    return found, inside
 
 
 def _require_compiler(system: System) -> None:
@@ -159,13 +155,14 @@ def create_engine(
     way: SelectedEngine, method: Method, forces: LocalForces, save: SaveAt, stop: Callable[[], bool], pilot: Pilot
 ) -> Engine:
     """Return the engine, ready to start."""
-    if way.natural is not None and isinstance(method, Scheme | Collocation):
+    if way.engine != "direct" and isinstance(method, Scheme | Collocation):
         if way.engine == "modal" and isinstance(method, Scheme):
-            seldom = not save.channels and save.field_every >= _SPARSE
-            few = seldom and 0 < len(probe_rows(way.problem)) <= _FEW
-            return (ProbeEngine if few else ModalEngine)(way.problem, method, save, stop, way.natural)
+            seldom = not save.channels and save.field_every >= _SELDOM
+            if seldom and 0 < len(probe_rows(way.problem)) <= _FEW:
+                return ProbeEngine(way.problem, method, save, stop)
+            return ModalEngine(way.problem, method, stop)
         return KernelEngine(way.problem, method, forces, stop)
     system = way.problem.system
     if system.prescribed_motion is not None or (not system.size and not forces.count):
         return KinematicEngine(way.problem, forces, stop)
-    return DirectEngine(way.problem, method, forces, save, stop, pilot)
+    return DirectEngine(way.problem, method, forces, stop, pilot)

@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 
 from flexcam.core import Factor, FloatArray, IntArray
-from flexcam.core.errors import Fault, InputError
+from flexcam.core.errors import Fault, InputError, refuse
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.massless import FORCE_TOLERANCE, MasslessMotions
 from flexcam.dynamics.problem import State
@@ -125,12 +125,6 @@ class InitialAcceleration:
             d = self._massless.place(d, self.update_forces(d, v, inner, to).applied)
         return self.restart(self.update_forces(d, v, inner, to))
 
-    def resume(self, moment: StepState, to: StepInputs) -> StepState:
-        """Return an instant with forces recomputed from the motion, for resuming bit by bit."""
-        same = self.update_forces(moment.d, moment.v, moment.inner, to)
-        kept = {name: getattr(moment, name) for name in ("a", "impulse", "iterations", "stride")}
-        return replace(same, **kept)
-
     def restart(self, moment: StepState) -> StepState:
         """Return an instant with the acceleration in equilibrium."""
         system = self._system
@@ -181,3 +175,26 @@ def massless_impact_error(forces: LocalForces, light: MasslessMotions) -> InputE
     given, allowed = "a restitution where a body has no mass", "a mass on both sides, or ground"
     why, remedy = "an impact changes the velocity of a mass", "add a mass there, or use dissipation"
     return InputError(Fault(forces.names[one], given, allowed, why, remedy) for one in pushed) if pushed else None
+
+
+def massless_contact_error(system: System, method: str) -> InputError | None:
+    """Return the error for contacts and dampers on massless motions, with names; None without such."""
+    light = MasslessMotions(system)
+    if not light.any:
+        return None
+    why, remedy = "only springs place a point without mass", "give it a mass, or use newmark"
+    forces = LocalForces(system)
+    on = np.zeros(forces.count, dtype=bool)
+    for stack in (forces.sense, forces.act):
+        on |= (stack.owner[:, light.force_on_massless(stack.vectors) > FORCE_TOLERANCE] > 0.0).any(axis=1)
+    names = list(dict.fromkeys(forces.names[i] for i in np.flatnonzero(on).tolist()))
+    if names:
+        return refuse("run.integrator", method, f"a method that takes {', '.join(names)} without mass", why, remedy)
+    slowed = np.abs(system.damping.multiply(light.motions))
+    damped = np.flatnonzero(slowed.max(axis=0) > FORCE_TOLERANCE * np.abs(system.damping.values).max(initial=0.0))
+    if not len(damped):
+        return None
+    rows: list[int] = np.abs(light.motions[:, damped]).argmax(axis=0).tolist()
+    names = list(dict.fromkeys(system.names[i] for i in rows))[:6]
+    given = f"a method that takes dampers on {', '.join(names)} without mass"
+    return refuse("run.integrator", method, given, why, f"{remedy}, or mass-proportional damping")

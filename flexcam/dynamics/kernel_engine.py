@@ -19,7 +19,7 @@ from flexcam.dynamics.blocks import Arrays, flatten
 from flexcam.dynamics.cam_motion import CamFunctionCache, CamMotion, PrescribedInputs
 from flexcam.dynamics.collocation import Collocation, stage_coefficients
 from flexcam.dynamics.contact_events import EventStepper
-from flexcam.dynamics.engine import STOPPED, convergence_failure, in_range, stack_instant
+from flexcam.dynamics.engine import STOPPED, convergence_failure, in_range, no_instants, stack_instant
 from flexcam.dynamics.force_laws import FIRST, OWN, PENETRATION, SCALARS, SPAN, STATE, STATE_ROWS
 from flexcam.dynamics.generalized_alpha import Scheme
 from flexcam.dynamics.implicit_step import NoConvergenceError, unconverged_forces
@@ -436,7 +436,7 @@ class KernelEngine:
     def advance(self, steps: IntArray) -> tuple[Trajectory, Status]:
         """Return the instants of some successive steps, see `Engine`."""
         if self._stop():
-            return Trajectory.empty(self._system.size, self._forces), STOPPED
+            return no_instants(self._system.size, self._forces), STOPPED
         rows = np.append(steps[0] - 1, steps) if self._at_middle else steps
         odd = (len(rows) - (self._last is None)) % self._kernel.stages if steps[-1] < self._problem.steps else 0
         odd = 0 if self._division > 1 else odd  # a divided step ends with a step of the kernel
@@ -550,7 +550,7 @@ class KernelEngine:
             return plain if len(time) == len(schedule.angle) else replace(plain, cam=None)
         parts, first = list[Trajectory](), 0
         for row, moments in stepped.items():
-            parts += [plain.between(first, row), Trajectory.of([moments], self._forces)]
+            parts += [plain.between(first, row), Trajectory.of([moments], self._forces.switching)]
             first = row + 1
         return Trajectory.concatenate([*parts, plain.between(first, len(time))])
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from flexcam.core import FloatArray, IntArray
 from flexcam.dynamics.cam_motion import CamMotion
-from flexcam.dynamics.engine import STOPPED, Engine
+from flexcam.dynamics.engine import STOPPED, Engine, no_instants
 from flexcam.dynamics.force_laws import FIRST
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.problem import Problem
@@ -27,7 +27,7 @@ class KinematicEngine(Engine):
         """Return the instants of some successive steps, see `Engine`."""
         system, forces = self._problem.system, self._forces
         if self._stop():
-            return Trajectory.empty(system.size, forces), STOPPED
+            return no_instants(system.size, forces), STOPPED
         at, each = self._problem.times(steps), np.arange(len(steps))
         motion = self._problem.drive.at(at)
         if system.prescribed_motion is None:

@@ -21,8 +21,6 @@ from flexcam.core import (
     select_constraints,
     select_storage,
 )
-from flexcam.core.errors import InputError, refuse
-from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.step_state import StepState
 from flexcam.dynamics.system import System
 
@@ -74,29 +72,6 @@ class MasslessMotions:
             return np.zeros(len(vectors))
         size = np.abs(vectors).max(axis=1)
         return np.abs(vectors @ self.motions).max(axis=1) / np.where(size > 0.0, size, 1.0)
-
-    def contact_error(self, method: str) -> InputError | None:
-        """Return the error for contacts and dampers on massless motions, with names; None without such."""
-        if not self.any:
-            return None
-        why, remedy = "only springs place a point without mass", "give it a mass, or use newmark"
-        forces = LocalForces(self._system)
-        on = np.zeros(forces.count, dtype=bool)
-        for stack in (forces.sense, forces.act):
-            on |= (stack.owner[:, self.force_on_massless(stack.vectors) > FORCE_TOLERANCE] > 0.0).any(axis=1)
-        names = list(dict.fromkeys(forces.names[i] for i in np.flatnonzero(on).tolist()))
-        if names:
-            return refuse("run.integrator", method, f"a method that takes {', '.join(names)} without mass", why, remedy)
-        slowed = np.abs(self._system.damping.multiply(self.motions))
-        damped = np.flatnonzero(
-            slowed.max(axis=0) > FORCE_TOLERANCE * np.abs(self._system.damping.values).max(initial=0.0)
-        )
-        if not len(damped):
-            return None
-        rows: list[int] = np.abs(self.motions[:, damped]).argmax(axis=0).tolist()
-        names = list(dict.fromkeys(self._system.names[i] for i in rows))[:6]
-        given = f"a method that takes dampers on {', '.join(names)} without mass"
-        return refuse("run.integrator", method, given, why, f"{remedy}, or mass-proportional damping")
 
     @cached_property
     def _factor(self) -> Factor:

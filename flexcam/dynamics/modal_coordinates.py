@@ -39,7 +39,6 @@ class ModalCoordinates:
     back: FloatArray  #: inverse: modal coordinates per unit of each unknown, shape (n, n)
     mass: FloatArray  #: modal, shape (n,): 1, or 0 of massless motions
     stiffness: FloatArray  #: modal, shape (n,): angular frequency squared, or 1 of massless motions
-    exactly: bool = False  #: whether saved motions are expanded one by one, with the same bits as if alone
 
     @property
     def held(self) -> FloatArray:
@@ -67,16 +66,6 @@ class ModalCoordinates:
     def spread(self, motion: FloatArray) -> FloatArray:
         """Return the motion of all unknowns."""
         return motion @ self.vectors.T
-
-    def expand_output(self, motions: FloatArray) -> FloatArray:
-        """Return the saved motions of all unknowns."""
-        if not self.exactly:
-            return self.spread(motions)
-        return np.matmul(self.vectors, motions[:, :, None])[:, :, 0]
-
-    def recompute(self, motions: FloatArray) -> FloatArray:
-        """Return modal coordinates, shape (m, n), recomputed from the saved unknowns."""
-        return np.matmul(self.back, self.expand_output(motions)[:, :, None])[:, :, 0]
 
     def within(self, motion: FloatArray, weight: Triplets) -> FloatArray:
         """Return the modal coordinates of a motion."""

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -12,27 +11,19 @@ from numpy.typing import NDArray
 
 from flexcam.core import FloatArray, IntArray
 from flexcam.dynamics.blocks import Arrays, SaveAt, Series
-from flexcam.dynamics.engine import STOPPED, Engine, all_within, first_track, in_range, stack_motion
+from flexcam.dynamics.engine import STOPPED, Engine, all_within, first_track, in_range, no_instants, stack_motion
 from flexcam.dynamics.generalized_alpha import Scheme
 from flexcam.dynamics.local_forces import LocalForces
-from flexcam.dynamics.modal_coordinates import ModalCoordinates
-from flexcam.dynamics.modal_step import USUAL, ModalStep, ModeParameters, StepBlock, block_length, drop_vanished
+from flexcam.dynamics.modal_step import MODAL_BLOCK, PROBE_BLOCK, ModalStep, ModeParameters, StepBlock, drop_vanished
 from flexcam.dynamics.problem import Problem
 from flexcam.dynamics.status import Status
 from flexcam.dynamics.step_state import ProbeTrajectory, Trajectory
-
-_GROUP = 16
-"""Number of blocks whose loads are summed together."""
-
-_AT_ONCE = 1024
-"""Number of single steps in memory together."""
 
 
 @dataclass(frozen=True, eq=False)
 class StepBlocks:
     """Successive blocks of steps, or single steps."""
 
-    row: int  #: instants from the first sequence to the beginning of this one
     begins: FloatArray  #: states at the beginning of blocks, shape (b, 3, n)
     ends: FloatArray  #: states at their end, shape (b, 3, n)
     causes: FloatArray  #: causes of the change of state in a block, shape (b, 3, n)
@@ -43,21 +34,15 @@ class StepBlocks:
 class ModalPropagator:
     """State of the modes and its propagation through `modal_problem`, whose damping is diagonal.
 
-    A sequence begins at the beginning of the last block, so that blocks lie at the same steps for any division of a
-    run. After `every` steps the coordinates are recomputed from the unknowns, if they are expanded exactly.
+    The state is that at the end of the last complete block: a call begins there again, so that blocks have one length.
     """
 
-    def __init__(self, problem: Problem, scheme: Scheme, natural: ModalCoordinates, every: int) -> None:
-        self._problem, self._natural, self._exactly = problem, natural, natural.exactly
-        self._vectors = problem.system.load_vectors()
-        self._every = every if self._exactly else USUAL * _GROUP
-        self.at = -1  #: step of the state, -1 before the start
+    def __init__(self, problem: Problem, scheme: Scheme, length: int) -> None:
+        self._problem, self._vectors = problem, problem.system.load_vectors()
+        self.at: int = -1  #: step of the state, -1 before the start
         self.state = np.zeros((3, problem.system.size))  #: coordinates and their rates times powers of the step, (3, n)
-        self.causes = np.zeros_like(self.state)  #: see `StepBlock`, shape (3, n); kept within a group of blocks
         self.steps = ModalStep.of(scheme, ModeParameters.of(problem))
-        self.stride = StepBlock.of(self.steps, block_length(self._every))
-        strides, rest = divmod(self._every, block_length(self._every))
-        self._group = 1 if rest else max(count for count in range(1, _GROUP + 1) if strides % count == 0)
+        self.stride = StepBlock.of(self.steps, length)
         self.pushes = self.steps.light * self._vectors  #: modal forces of unit load histories, shape (k, n)
         self._left = np.zeros((0, 0)) if self.stride is None else self._by_history(self.stride)
         self.scale = problem.step ** np.arange(3.0)[:, None]  #: powers of the step
@@ -85,99 +70,50 @@ class ModalPropagator:
 
     def modal_forces(self, histories: FloatArray) -> FloatArray:
         """Return the modal forces of every step, shape (m, n), from load histories, shape (m + 1, k)."""
-        return self.steps.modal_forces(np.einsum("tk,kn->tn", histories, self._vectors))
+        return self.steps.modal_forces(histories @ self._vectors)
 
-    def sequences(self, last: int, histories: FloatArray) -> Iterator[StepBlocks]:
-        """Yield sequences up to a step, where the last block may extend beyond it, and set the state there."""
-        first = at = self.at
-        while at < last:
-            rest = self._every - at % self._every
-            if self.stride and rest >= self.length:
-                count = -(-(last - at) // self.length)
-                count = min(count, rest // self.length) if self._every % self.length else count
-                stretch = self._blocks(self.stride, count, last, histories[at - first :], at - first)
-                at += count * self.length
-            else:
-                at = min(at + rest, at + _AT_ONCE, last)
-                stretch = self._single(at, histories[self.at - first :], self.at - first)
-            yield stretch
-
-    def _blocks(self, stride: StepBlock, count: int, last: int, histories: FloatArray, row: int) -> StepBlocks:
-        """Return blocks of steps, and set the state to the end of the last complete one."""
-        length = stride.length
-        over = sliding_window_view(histories[: count * length + 1], length + 1, axis=0)[::length]
-        rising = (over - over[:, :, :1]).reshape(count, over[0].size)
-        pushes = np.einsum("bk,kn->bn", histories[: count * length + 1 : length], self.pushes)
-        ends = self._load_response(rising, self.at // length)
-        begins, causes = np.empty_like(ends), np.empty((count + 1, *self.state.shape))
-        state, causes[0] = self.state, self.causes
-        for few in self._groups(count):
-            at = self.at + few.start * length
-            if at // length % self._group == 0:
-                state = drop_vanished(self._recompute(state, at))
-                causes[few.start] = stride.causes(state, pushes[few.start])
-            ahead = slice(few.start, few.stop + 1)
-            stride.advance(state, pushes[ahead], causes[ahead], ends[few])
-            begins[few.start], begins[few.start + 1 : few.stop] = state, ends[few.start : few.stop - 1]
-            state = ends[few.stop - 1]
-        complete = count if self.at + count * length <= last else count - 1
+    def advance(self, last: int, histories: FloatArray) -> StepBlocks:
+        """Return the steps up to one, where the last block may extend beyond it, and advance the state."""
+        if self.stride is None:
+            return self._single(last, histories)
+        length, steps = self.length, last - self.at
+        count = -(-steps // length)
+        over = sliding_window_view(histories, length + 1, axis=0)[: count * length : length]
+        rising = (over - over[:, :, :1]).reshape(count, over.shape[1] * over.shape[2])
+        pushes = histories[: count * length + 1 : length] @ self.pushes
+        state, causes = drop_vanished(self.state), np.empty((count + 1, *self.state.shape))
+        causes[0] = self.stride.causes(state, pushes[0])
+        ends = (rising @ self._left).reshape(count, *self.state.shape)
+        self.stride.advance(state, pushes, causes, ends)
+        complete = steps // length
         if complete:
             self.at += complete * length
-            self.state, self.causes = ends[complete - 1], causes[complete]
-        return StepBlocks(row, begins, ends, causes[:-1], rising)
+            self.state = ends[complete - 1]
+        return StepBlocks(np.concatenate([state[None], ends])[:count], ends, causes[:-1], rising)
 
-    def _groups(self, count: int) -> Iterator[slice]:
-        """Yield the blocks that belong to one group."""
-        ahead = self.at // self.length % self._group
-        firsts = [0, *range(self._group - ahead, count, self._group), count]
-        return (slice(first, last) for first, last in pairwise(firsts))
-
-    def _load_response(self, rising: FloatArray, first: int) -> FloatArray:
-        """Return the contribution of loads to the states in blocks, shape (b, 3, n).
-
-        Blocks are grouped between steps that are the same in every run, as the bits of a matrix product depend on its
-        size and on the position of a row in it.
-        """
-        count, ahead = len(rising), first % self._group
-        whole = -(-(ahead + count) // self._group)
-        padded = np.zeros((whole * self._group, rising.shape[1]))
-        padded[ahead : ahead + count] = rising
-        added = padded.reshape(whole, self._group, rising.shape[1]) @ self._left
-        return added.reshape(-1, *self.state.shape)[ahead : ahead + count]
-
-    def _single(self, end: int, histories: FloatArray, row: int) -> StepBlocks:
+    def _single(self, last: int, histories: FloatArray) -> StepBlocks:
         """Return single steps, and advance the state."""
-        pushed = self.modal_forces(histories[: end - self.at + 1])
+        pushed = self.modal_forces(histories)
         states = np.empty((3, *pushed.shape))
-        self.steps.walk(self._recompute(self.state, self.at), pushed, states)
-        self.at, self.state = end, states[:, -1].copy()
+        self.steps.walk(self.state, pushed, states)
+        if last > self.at:
+            self.at, self.state = last, states[:, -1].copy()
         nothing = np.zeros((0, *self.state.shape))
-        return StepBlocks(row, nothing, nothing, nothing, nothing[:, 0], states)
-
-    def _recompute(self, state: FloatArray, at: int) -> FloatArray:
-        """Return the state at a step recomputed from the saved unknowns, or unchanged if none are saved."""
-        if not (self._exactly and at and at % self._every == 0):
-            return state
-        return self._natural.recompute(state / self.scale) * self.scale
+        return StepBlocks(nothing, nothing, nothing, nothing[:, 0], states)
 
 
 class ModalEngine(Engine):
-    """Engine of a linear problem (`modal_problem`) in modal coordinates; `stop` is called before every block of steps.
+    """Engine of a linear problem (`modal_problem`); `stop` is called before every block of steps."""
 
-    At saved fields the coordinates are recomputed from the unknowns, so that a resumed run is identical bit by bit.
-    """
-
-    def __init__(
-        self, problem: Problem, scheme: Scheme, save: SaveAt, stop: Callable[[], bool], natural: ModalCoordinates
-    ) -> None:
+    def __init__(self, problem: Problem, scheme: Scheme, stop: Callable[[], bool], length: int = MODAL_BLOCK) -> None:
         self._problem, self._system, self._stop = problem, problem.system, stop
         self._forces = LocalForces(problem.system)
-        self._course = ModalPropagator(problem, scheme, natural, save.field_every)
+        self._course = ModalPropagator(problem, scheme, length)
 
     def advance(self, steps: IntArray) -> tuple[Trajectory, Status]:
         """Return the instants of some successive steps, see `Engine`."""
         if self._stop():
-            return Trajectory.empty(self._system.size, self._forces), STOPPED
+            return no_instants(self._system.size, self._forces), STOPPED
         first, at = self._first_instant(), self._problem.times(steps)
         row = int(steps[0]) - self._course.at
         walked = self._advance_states(int(steps[-1]))
@@ -196,26 +132,20 @@ class ModalEngine(Engine):
 
     def _advance_states(self, last: int) -> FloatArray:
         """Return the states from the current one up to a step, shape (3, m + 1, n)."""
-        course, count = self._course, last - self._course.at + 1
-        histories = course.histories(last)
-        pushed, found = course.modal_forces(histories), np.empty((3, len(histories), self._system.size))
-        found[:, 0] = course.state
-        for stretch in course.sequences(last, histories):
-            self._write_states(stretch, pushed, found)
+        course, count, n = self._course, last - self._course.at + 1, self._system.size
+        histories, begin = course.histories(last), course.state
+        part = course.advance(last, histories)
+        if part.states is not None:
+            return np.concatenate([begin[:, None], part.states], axis=1)
+        blocks, length = len(part.begins), course.length
+        end = blocks * length
+        found = np.empty((3, end + 1, n))
+        found[:, 0] = begin
+        pushes = course.modal_forces(histories)[:end].reshape(blocks, length, n).swapaxes(0, 1)
+        within = found[:, 1:].reshape(3, blocks, length, n).swapaxes(1, 2)
+        course.steps.walk(part.begins.swapaxes(0, 1), pushes, within)
+        found[:, length::length] = part.ends.swapaxes(0, 1)
         return found[:, :count]
-
-    def _write_states(self, stretch: StepBlocks, pushed: FloatArray, found: FloatArray) -> None:
-        """Write the states of a sequence, for all blocks together."""
-        first, n = stretch.row, self._system.size
-        if stretch.states is not None:
-            found[:, first + 1 : first + 1 + stretch.states.shape[1]] = stretch.states
-            return
-        count, length = len(stretch.begins), self._course.length
-        end = first + count * length
-        within = found[:, first + 1 : end + 1].reshape(3, count, length, n).swapaxes(1, 2)
-        pushes = pushed[first:end].reshape(count, length, n).swapaxes(0, 1)
-        self._course.steps.walk(stretch.begins.swapaxes(0, 1), pushes, within)
-        found[:, first + length : end + 1 : length] = stretch.ends.swapaxes(0, 1)
 
     def _track(self, at: FloatArray, walked: FloatArray) -> Trajectory:
         (d, v, a), nothing, sides = walked, np.zeros((len(at), 0)), np.zeros((len(at), 0), dtype=bool)
@@ -227,13 +157,11 @@ class ModalEngine(Engine):
 
     def state(self) -> Arrays:
         """Return the state of the modes, see `Engine`."""
-        course = self._course
-        return {"at": np.array(course.at), "amounts": course.state, "causes": course.causes}
+        return {"at": np.array(self._course.at), "amounts": self._course.state}
 
     def restore(self, state: Arrays) -> None:
         """Restore the state, see `Engine`."""
-        course = self._course
-        course.at, course.state, course.causes = int(state["at"]), state["amounts"], state["causes"]
+        self._course.at, self._course.state = int(state["at"]), state["amounts"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -260,24 +188,22 @@ class OutputMatrices:
             later[:, instant, instant - 1 :] = answers[:, : length + 1 - instant]
         return cls(rows, seen.reshape(len(seen), length * count))
 
-    def evaluate(self, stretch: StepBlocks, course: ModalPropagator) -> FloatArray:
+    def evaluate(self, part: StepBlocks, course: ModalPropagator) -> FloatArray:
         """Return displacements, velocities and accelerations after every step of a sequence, shape (m, 3, p)."""
-        if stretch.states is not None:
-            return (stretch.states / course.scale[:, None] @ self.rows.T).swapaxes(0, 1)
-        count, p = len(stretch.begins), len(self.rows)
-        found = np.concatenate([stretch.causes.reshape(count, -1), stretch.rising], axis=1) @ self.seen
+        if part.states is not None:
+            return (part.states / course.scale[:, None] @ self.rows.T).swapaxes(0, 1)
+        count, p = len(part.begins), len(self.rows)
+        found = np.concatenate([part.causes.reshape(count, -1), part.rising], axis=1) @ self.seen
         found = found.reshape(count, -1, 3, p)
-        found[:, :, 0] += (stretch.begins[:, 0] @ self.rows.T)[:, None]
+        found[:, :, 0] += (part.begins[:, 0] @ self.rows.T)[:, None]
         return found.reshape(-1, 3, p)
 
 
 class ProbeEngine(ModalEngine):
     """Engine of a linear problem in modal coordinates that computes the probes only."""
 
-    def __init__(
-        self, problem: Problem, scheme: Scheme, save: SaveAt, stop: Callable[[], bool], natural: ModalCoordinates
-    ) -> None:
-        super().__init__(problem, scheme, save, stop, natural)
+    def __init__(self, problem: Problem, scheme: Scheme, save: SaveAt, stop: Callable[[], bool]) -> None:
+        super().__init__(problem, scheme, stop, PROBE_BLOCK)
         self._save = save
         self._view = OutputMatrices.of(probe_rows(problem), self._course)
 
@@ -308,27 +234,26 @@ class ProbeEngine(ModalEngine):
         if first is not None:
             fields[:, 0] = first.d[0], first.v[0], first.a[0]
             found[0] = fields[:, 0] @ self._view.rows.T
-        for stretch in course.sequences(int(steps[-1]), histories):
-            seen = self._view.evaluate(stretch, course)
-            found[stretch.row + 1 : stretch.row + 1 + len(seen)] = seen
-            within = (rows > stretch.row) & (rows <= stretch.row + len(seen))
-            fields[:, within] = self._states(stretch, rows[within], histories) / course.scale[:, None]
+        part = course.advance(int(steps[-1]), histories)
+        seen, later = self._view.evaluate(part, course), rows > 0
+        found[1 : 1 + len(seen)] = seen
+        fields[:, later] = self._states(part, rows[later], histories) / course.scale[:, None]
         found = found[int(steps[0]) - begin : int(steps[-1]) - begin + 1]
         if not (all_within(found) and all_within(fields) and all_within(course.state)):
             return None
         return ProbeTrajectory(at, Series(*found.swapaxes(0, 1)), Series(*fields))
 
-    def _states(self, stretch: StepBlocks, rows: IntArray, histories: FloatArray) -> FloatArray:
-        """Return the states at selected rows of a sequence, shape (3, r, n)."""
-        if stretch.states is not None:
-            return stretch.states[:, rows - stretch.row - 1]
-        which, past = np.divmod(rows - stretch.row - 1, self._course.length)
-        found = stretch.ends[which].swapaxes(0, 1).copy()
+    def _states(self, part: StepBlocks, rows: IntArray, histories: FloatArray) -> FloatArray:
+        """Return the states after selected steps, counted from the state before them, shape (3, r, n)."""
+        if part.states is not None:
+            return part.states[:, rows - 1]
+        which, past = np.divmod(rows - 1, self._course.length)
+        found = part.ends[which].swapaxes(0, 1).copy()
         for i in np.flatnonzero(past < self._course.length - 1).tolist():  # the last step of a run may not end a block
-            row = stretch.row + int(which[i]) * self._course.length
+            row = int(which[i]) * self._course.length
             pushed = self._course.modal_forces(histories[row : row + int(past[i]) + 2])
             states = np.empty((3, *pushed.shape))
-            self._course.steps.walk(stretch.begins[which[i]], pushed, states)
+            self._course.steps.walk(part.begins[which[i]], pushed, states)
             found[:, i] = states[:, -1]
         return found
 

@@ -108,11 +108,8 @@ class ModalStep:
         return change
 
 
-_FEWEST, USUAL, _LONG, _MOST = 16, 40, 64, 128
-"""Steps of a block: longer blocks need fewer sequential and more parallel operations."""
-
-_LONG_INTERVAL = 1024
-"""Interval of saved fields above which blocks are long."""
+MODAL_BLOCK, PROBE_BLOCK = 40, 64
+"""Steps of a block: longer blocks need fewer sequential and more parallel operations, which pays if probes suffice."""
 
 _GROWTH_LIMIT = 1e6
 """Growth over a block above which a mode is advanced step by step, to locate divergence."""
@@ -122,15 +119,6 @@ _VANISHING_OFFSET = 1e-130
 
 Motions that decay further would become denormal numbers, which are very slow.
 """
-
-
-def block_length(every: int) -> int:
-    """Return the steps of a block for an interval at which coordinates are recomputed."""
-    usual = USUAL if every < _LONG_INTERVAL else _LONG
-    even = [length for length in range(_FEWEST, _MOST + 1) if every % length == 0]
-    if even:
-        return min(even, key=lambda length: abs(length - usual))
-    return every if every <= _MOST else min(range(usual - 8, usual + 8), key=lambda length: every % length)
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,7 +168,7 @@ class StepBlock:
             later += shift
             later += now
         ends += np.einsum("oin,bin->bon", self.change, causes[:-1])
-        ends[0] += begin
+        ends[:1] += begin
         np.add.accumulate(ends, axis=0, out=ends)
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from flexcam.core import FloatArray, solve_eigenproblem
 from flexcam.core.errors import InputError, positive, refuse
 from flexcam.dynamics.implicit_step import NoConvergenceError
-from flexcam.dynamics.initial_acceleration import InitialAcceleration
+from flexcam.dynamics.initial_acceleration import InitialAcceleration, massless_contact_error
 from flexcam.dynamics.integrator import At, Method, Stepper
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.massless import MasslessMotions
@@ -77,7 +77,7 @@ class Exact(Method):
                 "the method uses all modes",
                 "use newmark",
             )
-        return MasslessMotions(system).contact_error(_NAME)
+        return massless_contact_error(system, _NAME)
 
 
 class _Stepper:
@@ -220,7 +220,7 @@ class ScipyIntegrator(Method):
                 why,
                 remedy,
             )
-        return MasslessMotions(system).contact_error(self.name)
+        return massless_contact_error(system, self.name)
 
 
 class _ScipyStepper:

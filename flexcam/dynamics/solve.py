@@ -339,11 +339,10 @@ class _Run:
         prescribed_rates: FloatArray,
     ) -> list[FloatArray]:  # fmt: skip
         """Return energies and internal states at all instants, and check the balance of forces at some."""
-        last = steps == self._problem.steps  # a short run may have no other evaluated instants
-        between = (steps + 1) % self._save.field_every == 0  # at saved fields some engines restart their state
         if self._system.prescribed_motion:
             return [seen.states]
-        self._imbalance.evaluate(track, seen, schedule, track.ends[between | last])
+        saved = self._save.fields(steps, self._problem.steps)
+        self._imbalance.evaluate(track, seen, schedule, track.ends[saved & (steps > 0)])
         return [self._account.block(track, seen, prescribed_rates, schedule), seen.states]
 
     def _observe(

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from flexcam.core import FloatArray, IntArray
 from flexcam.dynamics.blocks import Arrays, Series, select_prefix
 from flexcam.dynamics.cam_motion import CamFunctionCache, PrescribedInputs
-from flexcam.dynamics.local_forces import LocalForces
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,8 +75,8 @@ class Trajectory:
     cam: CamFunctionCache | None = None  #: functions of the cam angle at these instants, if available
 
     @classmethod
-    def of(cls, steps: Sequence[Sequence[StepState]], forces: LocalForces) -> Trajectory:
-        """Return the instants of some steps, one sequence per step."""
+    def of(cls, steps: Sequence[Sequence[StepState]], switching: IntArray) -> Trajectory:
+        """Return the instants of some steps, one sequence per step, with some switching scalars."""
         every = [moment for part in steps for moment in part]
         nothing = np.zeros(len(every[0].local))
         return cls(
@@ -85,16 +84,9 @@ class Trajectory:
             v=np.array([m.v for m in every]), a=np.array([m.a for m in every]),
             local=np.array([m.local for m in every]), state=np.array([m.inner for m in every]),
             impulse=np.array([nothing if m.impulse is None else m.impulse for m in every]),
-            pressed=np.array([forces.contact_sides(m.penetration) if m.pressed is None else m.pressed for m in every]),
+            pressed=np.array([m.penetration[switching] > 0.0 if m.pressed is None else m.pressed for m in every]),
             ends=np.cumsum([len(part) for part in steps]) - 1,
         )  # fmt: skip
-
-    @classmethod
-    def empty(cls, size: int, forces: LocalForces) -> Trajectory:
-        """Return an empty sequence for a system size."""
-        still, local = np.zeros((0, size)), np.zeros((0, forces.count))
-        state, sides = np.zeros((0, len(forces.start_state))), np.zeros((0, len(forces.switching)), dtype=bool)
-        return cls(np.zeros(0), still, still, still, local, state, local, sides, np.zeros(0, dtype=np.intp))
 
     @classmethod
     def concatenate(cls, tracks: Sequence[Trajectory]) -> Trajectory:

@@ -17,7 +17,7 @@ KEY = re.compile(r"^[A-Za-z_][\w-]* = ")
 def test_all_are_there(flexcam):
     wanted = {
         "published-model", "pushrod-engine", "direct-acting", "exhaust-valve", "finger-follower", "lumped-train",
-        "measured-lift", "dohc-16-valve", "v8-bank", "packaging-cam",
+        "measured-lift", "dohc-16-valve", "v8-bank", "packaging-cam", "desmodromic", "roller-tappet",
     }  # fmt: skip
     assert set(NAMES) == wanted
     assert flexcam("new", "--json").json["templates"] == templates()
@@ -49,7 +49,7 @@ def test_it_passes_the_check_and_runs(name, flexcam):
     checked = flexcam("check", "cases/mine.toml", "--json")
     assert checked.code == 0
     assert checked.json["warnings"] == []
-    oil = name in ("finger-follower", "v8-bank")  # as long as the starter says, until it is steady
+    oil = name in ("finger-follower", "v8-bank", "roller-tappet")  # as long as the starter says, until it is steady
     short = () if oil else ("--set", f"run.revolutions={0.02 if name == 'dohc-16-valve' else 0.6}")
     run = flexcam("run", "cases/mine.toml", "--json", *short)
     assert run.code == 0

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from flexcam.dynamics import newmark
-from flexcam.dynamics.modal_step import ModalStep, ModeParameters, StepBlock, block_length, drop_vanished
+from flexcam.dynamics.modal_step import ModalStep, ModeParameters, StepBlock, drop_vanished
 from tests.integrators import SCHEMES
 
 OMEGA = np.array([0.0, 1e-5, 1e-3, 0.1, 1.0, 10.0, 1e3, 1e6])
@@ -94,12 +94,3 @@ def test_what_dies_out_ends_at_zero():
         stride.advance(state, np.zeros((17, 1)), causes, ends)
         state = ends[-1]
     assert (drop_vanished(state) == 0.0).all()
-
-
-def test_strides_end_where_fields_are_saved():
-    """Without a rest wherever a length of 16 to 128 steps leaves none."""
-    for every in range(10, 5000):
-        length = block_length(every)
-        assert 10 <= length <= min(every, 128)
-        even = any(every % other == 0 for other in range(16, 129))
-        assert every % length == 0 or not even

@@ -1,7 +1,7 @@
-"""A run stopped and gone on with is the uninterrupted run, bit by bit, wherever it is stopped.
+"""A run that begins at the state of another one is the uninterrupted run to rounding, wherever it begins.
 
 The state is what a `State` and a result file hold: displacement, velocity, acceleration, time and the internal states
-of contacts. At saved fields a run takes its forces anew from the motion, as one that begins there does.
+of contacts.
 """
 
 from __future__ import annotations
@@ -60,13 +60,12 @@ STOPS = [1, 64, 200]
 SERIES = ("displacement", "velocity", "acceleration")
 
 
-def same(whole, rest, at):
-    """Tell whether every bit of motion, contact forces and internal states is that of the uninterrupted run."""
-    kinds = SERIES
+def apart(whole, rest, at):
+    """Return the largest relative difference of motion, contact forces and internal states."""
     channels = [name for name in whole.channels if not name.startswith("energy.")]  # they count from a run's start
-    return all((getattr(rest.fields, one) == getattr(whole.fields, one)[at:]).all() for one in kinds) and all(
-        (rest.channels[name] == whole.channels[name][at:]).all() for name in channels
-    )
+    pairs = [(getattr(rest.fields, one), getattr(whole.fields, one)) for one in SERIES]
+    pairs += [(rest.channels[name], whole.channels[name]) for name in channels]
+    return max(float(np.abs(one - other[at:]).max()) / max(float(np.abs(other).max()), 1e-300) for one, other in pairs)
 
 
 @pytest.mark.parametrize(("name", "method"), [
@@ -74,11 +73,11 @@ def same(whole, rest, at):
     pytest.param("hydraulic adjuster, its state", "Newmark", marks=pytest.mark.slow)] + [
     ("published load, no contact", method) for method in METHODS if method != "Newmark"] + [
     pytest.param("contacts and seat", method, marks=pytest.mark.slow) for method in ("HHT", "Bathe")])  # fmt: skip
-def test_bit_by_bit(expect, legs, name, method):
+def test_restarted_run(expect, legs, name, method):
     whole, rest = legs(name, method)
-    kept = [at for at in STOPS if same(whole, rest(at), at)]
-    expect.right(RESTART, f"{method}, {name}", what="stops after which all bits are the same", reference=len(STOPS),
-                 computed=len(kept), tolerance=0.0)  # fmt: skip
+    off = max(apart(whole, rest(at), at) for at in STOPS)
+    expect.right(RESTART, f"{method}, {name}", what="difference from the uninterrupted run", reference=0.0,
+                 computed=off, tolerance=1e-9, absolute=True)  # fmt: skip
 
 
 def test_without_the_acceleration_it_is_balanced_anew(legs):
@@ -102,6 +101,7 @@ def test_from_a_result_file(expect, tmp_path, every):
     later = run(read_case(tmp_path / "next.toml", overrides))
     whole = run(read_case(case, ["run.revolutions=0.5", fields]))
     at = len(whole.time) // 2
-    bits = [(getattr(later["valve"], one) == getattr(whole["valve"], one)[at:]).mean() for one in SERIES]
-    expect.right(RESTART, f"from a result file, a field every {every} steps", what="part of all bits that is the same",
-                 reference=1.0, computed=float(min(bits)), tolerance=0.0)  # fmt: skip
+    pairs = [(getattr(later["valve"], one), getattr(whole["valve"], one)) for one in SERIES]
+    off = max(float(np.abs(new - old[at:]).max() / np.abs(old).max()) for new, old in pairs)
+    expect.right(RESTART, f"from a result file, a field every {every} steps", reference=0.0, computed=off,
+                 what="difference from the uninterrupted run", tolerance=1e-11, absolute=True)  # fmt: skip

@@ -24,7 +24,7 @@ def published():
 @pytest.mark.parametrize("every", [10, 37, 5000])
 @pytest.mark.parametrize("scheme", [newmark(), hht(alpha=-0.1)], ids=["newmark", "hht"])
 def test_probes_and_saved_fields_are_those_of_the_whole_run(published, every, scheme):
-    """Both go by the same strides; within them the motions are walked, or the probes see them in a product of matrices.
+    """The motions are walked within blocks, or the probes see them in a product of matrices, by longer blocks.
 
     An acceleration has the rounding of a displacement by the step's square: that of both is some 1e-13 of it here.
     """
@@ -37,9 +37,10 @@ def test_probes_and_saved_fields_are_those_of_the_whole_run(published, every, sc
     assert np.array_equal(whole.field_time, few.field_time)
     for name in SERIES:
         one, other = getattr(whole.probes, name), getattr(few.probes, name)
-        most = 1e-12 if name == "acceleration" else 1e-14
+        most = 1e-11 if name == "acceleration" else 1e-13
         np.testing.assert_allclose(other, one, rtol=0.0, atol=most * np.abs(one).max())
-        np.testing.assert_array_equal(getattr(few.fields, name), getattr(whole.fields, name))
+        fields, others = getattr(whole.fields, name), getattr(few.fields, name)
+        np.testing.assert_allclose(others, fields, rtol=0.0, atol=most * np.abs(fields).max())
 
 
 def test_every_way_keeps_them(published):

@@ -33,7 +33,7 @@ from flexcam.dynamics import (
     solve,
 )
 from flexcam.dynamics.engine_selection import select_engine
-from flexcam.dynamics.floquet import period_map
+from flexcam.dynamics.periodic import period_map
 
 SOURCE = "Mathieu's equation"
 IMPACTS = "Disturbances through impacts and contacts"

@@ -20,7 +20,7 @@ import pytest
 from flexcam import prepare, read_case, run, solve
 from flexcam.dynamics import SaveAt, State, floquet, generalized_alpha, newmark
 from flexcam.dynamics.engine_selection import select_engine
-from flexcam.dynamics.floquet import period_map
+from flexcam.dynamics.periodic import period_map
 
 BODY = """
 format = 1

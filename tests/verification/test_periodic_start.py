@@ -17,7 +17,7 @@ import pytest
 from flexcam import prepare, read_case, run
 from flexcam.core import Triplets
 from flexcam.dynamics import ConstantSpeed, Load, Probe, Problem, State, System, newmark, solve, solve_periodic
-from flexcam.dynamics.floquet import period_map
+from flexcam.dynamics.periodic import period_map
 
 SOURCE = "Periodic start"
 SEARCH = sys.modules["flexcam.dynamics.periodic"]  # the package shows the function of that name
