@@ -81,7 +81,7 @@ class RawTables:
         if isinstance(self.raw.get("run"), Mapping):
             run, where = self._table("run"), self.places.place(("run",))
             for pair, minimum in ((("speed", "crank_speed"), 1), (("steps_per_revolution", "step"), 0)):
-                yield from _exclusive_keys(run, pair, minimum, where, "one follows from the other")
+                yield from _exclusive_keys(run, pair, minimum, where, "one determines the other")
 
     def coincident_node_faults(self) -> Iterator[Fault]:
         """Yield coincident nodes, and members that contain a node twice."""
@@ -220,7 +220,7 @@ def _exclusive_keys(table: Table, pair: tuple[str, str], minimum: int, where: st
     given = [key for key in pair if key in table]
     if not minimum <= len(given) <= 1:
         found = " and ".join(given) or f"neither {pair[0]} nor {pair[1]}"
-        yield Fault(where, found, f"either {pair[0]} or {pair[1]}", why, "")
+        yield Fault(where, found, f"either {pair[0]} or {pair[1]}", why if given else "one of them is required", "")
 
 
 def _node_coordinates(place: object) -> tuple[float, ...] | None:

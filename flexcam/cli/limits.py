@@ -78,7 +78,7 @@ def limits(
     cutoff = None if low_pass is None else cli.parse_quantity("--low-pass", low_pass, "rate", "Hz")
     search = Search(low, high, width, height, deviation, cutoff)
     if workers is not None and workers < 1:
-        raise refuse("--workers", workers, "a whole number from 1")
+        raise refuse("--workers", workers, "a whole number, at least 1")
     if any(one is not None for one in (over, beside, which, csv, plot)):
         if over is None or beside is None:
             given = "--over alone" if over else "--and alone" if beside else "--limit, --csv or --plot alone"

@@ -435,7 +435,7 @@ def _modes(asked: FigureOptions) -> Figure:
 
     count = 6 if asked.count is None else asked.count
     if count < 1:
-        raise refuse("--count", count, "a whole number from 1")
+        raise refuse("--count", count, "a whole number, at least 1")
     case = _single_source(asked, "modes").case
     structure = build_structure(build_model(case))
     return mode_figure(structure, modes(case, count), title=case.title)

@@ -159,5 +159,5 @@ def _create_workers(scheduler: str | None, count: int | None) -> Workers:
     if scheduler == LOCAL:
         return ClusterWorkers(LOCAL, number)
     if number < 0:
-        raise refuse("--workers", number, "a whole number from 0", "0 runs all variants in this process")
+        raise refuse("--workers", number, "a whole number, at least 0", "0 runs all variants in this process")
     return ProcessWorkers(number) if number else SerialWorkers()

@@ -53,7 +53,7 @@ def iterate_tracks(engine: Engine, steps: int) -> Iterator[Trajectory]:
 LARGEST = 1e100
 """Magnitude (SI) above which a motion has diverged; its square, needed for stresses, is still finite."""
 
-STOPPED = Status(Cause.INTERRUPTED, "stopped by the user", "the finished part is kept; --resume continues from there")
+STOPPED = Status(Cause.INTERRUPTED, "stopped by the user", "the finished part is saved, and --resume continues it")
 
 
 def in_range(
