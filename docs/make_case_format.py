@@ -125,7 +125,8 @@ def default(name: str, key: dict, required: list[str]) -> str:
 
 
 def rows(schema: dict) -> list[str]:
-    lines = ["| key | type | meaning |", "|---|---|---|"]
+    """Return a row per key, without the one that selects the record."""
+    lines = list[str]()
     for name, key in schema["properties"].items():
         if "const" in key:
             continue
@@ -134,20 +135,35 @@ def rows(schema: dict) -> list[str]:
     return lines
 
 
-def section(name: str, record: dict) -> list[str]:
-    """Return the section of a record: the key that selects it, its description, and its other keys."""
+def table(lines: list[str]) -> list[str]:
+    return ["| key | type | meaning |", "|---|---|---|", *lines, ""] if lines else []
+
+
+SHARED = 3
+"""Number of keys from which a section refers to the section of another record that has the same."""
+
+
+def section(name: str, record: dict, earlier: dict[str, list[str]]) -> list[str]:
+    """Return the section of a record: the key that selects it, its description, its keys, and those of an earlier one."""
     constants = [f'`{key} = "{value["const"]}"`:' for key, value in record["properties"].items() if "const" in value]
     text = " ".join([*constants, record.get("description", "").strip()])
-    table = rows(record)
-    return [f"## {name}", "", text, "", *([*table, ""] if len(table) > 2 else [])]
+    own = rows(record)
+    shared = {one: len(set(own) & set(lines)) for one, lines in earlier.items()}
+    other = max(shared, key=shared.__getitem__, default="")
+    earlier[name] = own
+    if shared.get(other, 0) < SHARED:
+        return [f"## {name}", "", text, "", *table(own)]
+    keys = ", ".join(line.split(" | ")[0].removeprefix("| ") for line in own if line in earlier[other])
+    lines = [line for line in own if line not in earlier[other]]
+    return [f"## {name}", "", f"{text} It also has {keys} of [{other}](#{other.lower()}).", "", *table(lines)]
 
 
 def page() -> str:
     """Return the text of the page."""
     schema = CaseRecord.model_json_schema(by_alias=True)
-    parts = [HEAD, "## Case", "", *rows(schema), ""]
+    parts, earlier = [HEAD, "## Case", "", *table(rows(schema))], dict[str, list[str]]()
     for name, record in schema["$defs"].items():
-        parts += section(title(name), record)
+        parts += section(title(name), record, earlier)
     return "\n".join([*parts, *laws()])
 
 

@@ -1,4 +1,4 @@
-"""Directive ``verification``: tests and rows of a source in the verification manual, and reasons of the tolerances."""
+"""Directive ``verification``: tests and rows of a source of the verification manual, and reasons of the tolerances."""
 
 from __future__ import annotations
 
@@ -17,15 +17,12 @@ def kept() -> list[Row]:
 
 
 class Verification(SphinxDirective):
-    """Rows of the source given as argument."""
-
-    required_arguments = 1
-    final_argument_whitespace = True
+    """Rows of the source that is the title of the section."""
 
     def run(self) -> list[nodes.Node]:
         """Return the names of the tests, the table and the reasons."""
         self.env.note_dependency(str(KEPT))
-        source = self.arguments[0]
+        source = self.state_machine.node[0].astext()
         rows = [row for row in kept() if row["source"] == source]
         if not rows:
             message = f"no rows of {source!r}"

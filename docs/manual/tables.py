@@ -52,4 +52,4 @@ def anchor(title: str) -> str:
 
 def sections(rows: list[Row]) -> str:
     """Return a section per source; the directive shows the rows (`extensions/verification.py`)."""
-    return "\n\n".join(f"## {source}\n\n```{{verification}} {source}\n```" for source, _ in by_source(rows))
+    return "\n\n".join(f"## {source}\n\n```{{verification}}\n```" for source, _ in by_source(rows))
