@@ -92,7 +92,7 @@ class CamProfile:
 def cam_profile(event: Event, follower: Follower, *, count: int = 720, turn: Turn = 1) -> CamProfile:
     """Return the profile of a cam at equally spaced cam angles."""
     if not 12 <= count <= _MOST_POINTS:
-        raise refuse("count", count, f"a whole number, at least 12 to {_MOST_POINTS}")
+        raise refuse("count", count, f"a whole number from 12 to {_MOST_POINTS}")
     return profile_at(event, follower, np.linspace(0.0, math.tau, count, endpoint=False), turn)
 
 

@@ -317,7 +317,7 @@ def _unsymmetric_shaft_faults(places: KeyLocations, model: Model) -> Iterator[Fa
             pairs.append((section.kappa_y, section.kappa_z, "kappa_y = {:.4g} and kappa_z = {:.4g}"))
         given = [text.format(a, b) for a, b, text in pairs if abs(a - b) > _ROUNDNESS_TOLERANCE * max(a, b)]
         if given:
-            why = f"it turns with cam {cam!r}, so that its stiffness would swing twice per turn, which is not computed"
+            why = f"it turns with cam {cam!r}, and flexcam models no stiffness that varies with the rotation"
             allowed = f"a section that is as stiff along y as along z, within {100.0 * _ROUNDNESS_TOLERANCE:g} %"
             remedy = "take a circle, a tube, or a custom section with the mean of both"
             yield Fault(places.place(("members", name, "section")), "; ".join(given), allowed, why, remedy)
@@ -332,7 +332,7 @@ def _rotation_faults(places: KeyLocations, model: Model) -> Iterator[Fault]:
         other = first.setdefault(shaft, name)
         if float(axis @ axes[other]) < 0.0:
             given = f"{_format_axis(axis)}, against cam {other!r} about {_format_axis(axes[other])}"
-            where, why = places.place(("cams", name, "axis")), f"{name!r} and {other!r} sit on one shaft"
+            where, why = places.place(("cams", name, "axis")), f"{name!r} and {other!r} are on one shaft"
             yield Fault(where, given, "one sense of rotation", why, "change the sign of one axis")
 
 

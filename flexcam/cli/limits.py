@@ -43,7 +43,7 @@ def limits(
     highest: Annotated[str | None, Parameter(help="Highest speed of the search; twice the case's by default.")] = None,
     accuracy: cli.Accuracy = "10 rpm",
     bounce_height: Annotated[str | None, Parameter(
-        help="Min height of a bounce; by default the smaller of 0.1 mm and 2 % of the lift.")] = None,
+        help="Minimum height of a bounce; by default the smaller of 0.1 mm and 2 % of the lift.")] = None,
     lift_deviation: Annotated[str | None, Parameter(
         help="Also find the speed at which the valve loft over the nose exceeds this.")] = None,
     low_pass: Annotated[str | None, Parameter(

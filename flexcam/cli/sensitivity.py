@@ -67,7 +67,7 @@ def sensitivity(
         "--tolerance", group=_TOLERANCES, help="Tolerance of a part: KEY=±2%, KEY=±0.05mm, or "
         "KEY=normal:±2%. Repeatable.")] = None,
     count: Annotated[int | None, Parameter(
-        "--count", group=_TOLERANCES, help="Number of sets of parts; 100 by default.")] = None,
+        "--count", group=_TOLERANCES, help="Number of samples; 100 by default.")] = None,
     seed: Annotated[int | None, Parameter(help="Random seed of --sobol and --tolerance; 0 by default.")] = None,
     workers: WorkerCount = 1, lowest: Lowest = None, highest: Highest = None, accuracy: LimitAccuracy = "10 rpm",
     csv: cli.Csv = None, plot: cli.Picture = None, overrides: cli.Overrides = None, allow_large: cli.AllowLarge = False,

@@ -116,9 +116,9 @@ def sweep(
         group=_WORKERS, help="Number of processes; one per core by default, 0 for this process only.")] = None,
     scheduler: Annotated[str | None, Parameter(
         group=_WORKERS, help="Dask scheduler tcp://HOST:PORT, or local with --workers processes.")] = None,
-    limit: Annotated[int, Parameter(group=_WORKERS, help="Max number of variants.")] = MAX_VARIANTS,
+    limit: Annotated[int, Parameter(group=_WORKERS, help="Maximum number of variants.")] = MAX_VARIANTS,
     time_limit: Annotated[str | None, Parameter(
-        group=_WORKERS, help="Max time of a variant, such as 5min; otherwise it fails.")] = None,
+        group=_WORKERS, help="Maximum time of a variant, such as 5min; otherwise it fails.")] = None,
     allow_large: cli.AllowLarge = False, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
 ) -> Status | None:  # fmt: skip
     """Run many variants of a case and write one table with a row per variant.

@@ -75,7 +75,7 @@ def in_range(
         ahead = np.abs(previous)
     names = [*(3 * system.names), *(name for force in system.local_forces for name in [force.name] * len(force.sense))]
     when = instant(float(track.time[at]), float(angle[count]))
-    text = f"{names[int(np.argmax(ahead))]} left the range of numbers {when}"
+    text = f"{names[int(np.argmax(ahead))]} is not finite {when}"
     return track.until(count), Status(Cause.NOT_FINITE, text, "take a smaller step, more damping or a lower speed")
 
 

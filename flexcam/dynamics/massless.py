@@ -79,7 +79,7 @@ class MasslessMotions:
         """Return the error for contacts and dampers on massless motions, with names; None without such."""
         if not self.any:
             return None
-        why, remedy = "only springs place a point without mass", "give it a mass, or use newmark"
+        why, remedy = "only springs determine the position of a point without mass", "give it a mass, or use newmark"
         forces = LocalForces(self._system)
         on = np.zeros(forces.count, dtype=bool)
         for stack in (forces.sense, forces.act):

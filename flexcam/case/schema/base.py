@@ -108,7 +108,7 @@ class Unit:
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         kind = DIMENSIONS[self.dimension]
         example = {
-            "description": f"{kind.name}, SI number ({kind.si or '-'}) or text with a unit",
+            "description": f"{kind.name}, SI number ({kind.si or '-'}) or string with a unit",
             "examples": [kind.example],
         }
         number: dict[str, Any] = {"type": "number"}
