@@ -16,9 +16,8 @@ PAGE = ROOT / "docs/case-format.md"
 
 HEAD = """# The case file
 
-Every key of a case file with its type, unit, range, default and meaning. The file is TOML. `flexcam schema` prints the same records
-as JSON Schema, with which an editor completes and checks a case (`#:schema case.schema.json` on its first line). `make docs-pages`
-generates this page.
+Every key of a case file, a TOML file, with type, unit, range, default and meaning. `flexcam schema` prints the same as JSON Schema,
+with which an editor completes and checks a case (`#:schema case.schema.json` on its first line). `make docs-pages` generates this page.
 
 ## Values
 
@@ -37,13 +36,10 @@ An override replaces a key that excludes it: `crank_speed` and `speed`, `step` a
 implausible number such as `E = 207` (Pa instead of GPa) and [warns](long-runs.md#checks-of-a-run).
 
 A node without a member moves if a mass at it has inertia, and along the springs at it: a train of masses and springs needs no
-material, section or member (`cases/li`). A complete case without a mesh file:
+material, section or member (`cases/li`). `cases/checks/cantilever.toml` is a short complete case; `flexcam new` writes commented ones.
 
-```toml
-EXAMPLE```
-
-In the tables below *type* is the SI unit of a quantity, with its range. A key without a default may be absent. The user names the
-entries of *tables*: `[materials.steel]`.
+In the tables below *type* is the SI unit of a quantity, with its range and default. A key that is not required may be absent. The
+user names the entries of *tables*: `[materials.steel]`.
 """
 
 EXAMPLES = {kind.example: kind for kind in DIMENSIONS.values()}
@@ -60,7 +56,7 @@ def kind(schema: dict) -> str:
     if "anyOf" in schema or "oneOf" in schema:
         parts = [s for s in schema.get("anyOf") or schema["oneOf"] if s.get("type") != "null"]
         words = [link(s["$ref"]) if "$ref" in s else kind(s) for s in parts]
-        if words == ["number", "text"]:
+        if words == ["number", "string"]:
             return "quantity"
         return (", " if len(words) > 2 else " or ").join(dict.fromkeys(words))
     if "const" in schema:
@@ -81,7 +77,7 @@ def kind(schema: dict) -> str:
         first, *others = dict.fromkeys(map(several, inside))
         count = f"{len(inside)}" if len(inside) > 1 else "list of"
         return f"pairs of {first} and {others[0]}" if others else f"{count} {first}"
-    names = {"string": "text", "integer": "integer", "number": "number", "boolean": "true or false"}
+    names = {"string": "string", "integer": "integer", "number": "number", "boolean": "true or false"}
     return names.get(schema.get("type", ""), "value") + limits(schema)
 
 
@@ -90,7 +86,7 @@ def several(schema: dict) -> str:
     words = kind(schema)
     if "examples" in schema:
         return words.replace("number", "numbers") if words.startswith("number") else f"values in {words}"
-    return {"text": "texts", "number": "numbers"}.get(words, words)
+    return {"string": "strings", "number": "numbers"}.get(words, words)
 
 
 def limits(schema: dict) -> str:
@@ -121,38 +117,53 @@ def about(schema: dict) -> str:
 
 
 def default(name: str, key: dict, required: list[str]) -> str:
+    """Return whether a key is required, or its default."""
     if name in required:
-        return "required"
+        return ", required"
     value = key.get("default")
-    return "" if value in (None, "", [], {}) else f"`{json.dumps(value)}`"
+    return "" if value in (None, "", [], {}) else f", default `{json.dumps(value)}`"
 
 
 def rows(schema: dict) -> list[str]:
-    lines = ["| key | type | default | meaning |", "|---|---|---|---|"]
+    """Return a row per key, without the one that selects the record."""
+    lines = list[str]()
     for name, key in schema["properties"].items():
         if "const" in key:
             continue
-        cells = [f"`{name}`", kind(key), default(name, key, schema.get("required", [])), about(key)]
+        cells = [f"`{name}`", kind(key) + default(name, key, schema.get("required", [])), about(key)]
         lines.append(f"| {' | '.join(cells)} |".replace("\n", " "))
     return lines
 
 
-def section(name: str, record: dict) -> list[str]:
-    """Return the section of a record: its description, the key that selects it, and its other keys."""
-    constants = [f'`{key} = "{value["const"]}"`' for key, value in record["properties"].items() if "const" in value]
-    selected = [f"Select it with {key}." for key in constants]
-    text = " ".join([record.get("description", "").strip(), *selected])
-    table = rows(record)
-    return [f"## {name}", "", text, "", *([*table, ""] if len(table) > 2 else [])]
+def table(lines: list[str]) -> list[str]:
+    return ["| key | type | meaning |", "|---|---|---|", *lines, ""] if lines else []
+
+
+SHARED = 3
+"""Number of keys from which a section refers to the section of another record that has the same."""
+
+
+def section(name: str, record: dict, earlier: dict[str, list[str]]) -> list[str]:
+    """Return the section of a record: the key that selects it, its description, its keys, and those of an earlier one."""
+    constants = [f'`{key} = "{value["const"]}"`:' for key, value in record["properties"].items() if "const" in value]
+    text = " ".join([*constants, record.get("description", "").strip()])
+    own = rows(record)
+    shared = {one: len(set(own) & set(lines)) for one, lines in earlier.items()}
+    other = max(shared, key=shared.__getitem__, default="")
+    earlier[name] = own
+    if shared.get(other, 0) < SHARED:
+        return [f"## {name}", "", text, "", *table(own)]
+    keys = ", ".join(line.split(" | ")[0].removeprefix("| ") for line in own if line in earlier[other])
+    lines = [line for line in own if line not in earlier[other]]
+    return [f"## {name}", "", f"{text} It also has {keys} of [{other}](#{other.lower()}).", "", *table(lines)]
 
 
 def page() -> str:
     """Return the text of the page."""
     schema = CaseRecord.model_json_schema(by_alias=True)
-    example = (ROOT / "cases/checks/cantilever.toml").read_text(encoding="utf-8")
-    parts = [HEAD.replace("EXAMPLE", example), "## Case", "", *rows(schema), ""]
+    parts, earlier = [HEAD, "## Case", "", *table(rows(schema))], dict[str, list[str]]()
     for name, record in schema["$defs"].items():
-        parts += section(title(name), record)
+        parts += section(title(name), record, earlier)
     return "\n".join([*parts, *laws()])
 
 

@@ -17,10 +17,10 @@ PAGE = ROOT / "docs/extremes.md"
 
 HEAD = """# Extreme parameters: right, warning, refused
 
-How far steps, speeds, ratios of masses and stiffnesses, slenderness, loads and damping may go before flexcam warns or refuses. Every
-row is an assertion of a test in `tests/extremes`, which gives the reason for its tolerance. Deviations are relative unless a unit is
-given. A line of the tables sums up the rows of a test; [extremes.csv](extremes.csv) has all {count} with
-the names of their tests. `make extremes` runs the tests and generates this page.
+The range of steps, speeds, ratios of masses and stiffnesses, slenderness, loads and damping in which flexcam is right, and its
+warnings and refusals beyond. Deviations are relative unless a unit is given. A line sums up the rows of a test and begins its
+message; [extremes.csv](extremes.csv) has all {count} rows and messages with their tests in `tests/extremes`, which give the reasons
+for the tolerances. `make extremes` generates this page.
 """
 EXTREMES = (
     "step times frequency", "steps per revolution", "camshaft speed", "many revolutions", "ratio of masses",
@@ -37,6 +37,8 @@ PARTS = {
 }
 SHOWN = 4
 """Rows of a test up to which its line shows the values of all; otherwise it shows the first."""
+WORDS = 12
+"""Words of a message that a line shows."""
 
 
 def sort_rows(rows: list[Row]) -> list[Row]:
@@ -49,14 +51,26 @@ def section(row: Row) -> str:
     return row["outcome"] if row["holds"] else "not yet"
 
 
+def shorten(message: str) -> str:
+    """Return the beginning of a message."""
+    words = message.split()
+    return message if len(words) <= WORDS else " ".join(words[:WORDS]).rstrip(",;:") + " ..."
+
+
 def line(rows: list[Row]) -> list[str]:
     """Return the cells of the line that sums up the rows of a test."""
     first, more = rows[0], f" and {len(rows) - 1} more" if len(rows) > 1 else ""
     every = len(rows) <= SHOWN
     given = join_texts([row["given"] for row in rows]) if every else first["given"] + more
-    messages = first["happens"] + (f" (first of {len(rows)})" if more else "")
+    messages = shorten(first["happens"]) + (f" (first of {len(rows)})" if more else "")
     happens = join_texts([row["happens"] for row in rows]) if every and section(first) == "right" else messages
     return [first["extreme"], given, happens]
+
+
+def merge_lines(lines: list[list[str]]) -> list[list[str]]:
+    """Return the lines with those of the same extreme and behaviour merged."""
+    groups = groupby(lines, lambda cells: (cells[0], cells[2]))
+    return [[extreme, "; ".join(cells[1] for cells in group), behaviour] for (extreme, behaviour), group in groups]
 
 
 def page(rows: list[Row]) -> str:
@@ -66,6 +80,7 @@ def page(rows: list[Row]) -> str:
         its = [row for row in rows if section(row) == part]
         lines = [line(list(group)) for _, group in groupby(its, lambda row: (row["extreme"], function(row)))]
         if lines:
+            lines = merge_lines(lines)
             parts.append(f"## {head}\n\n{words}\n")
             parts.append(markdown_table(("extreme", "value", "behaviour"), lines) + "\n")
     return "\n".join(parts)

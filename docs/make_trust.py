@@ -16,9 +16,9 @@ PAGE = ROOT / "docs/trust.md"
 
 HEAD = """# Robustness tests
 
-The damaged, hostile and random input and the machine faults that tests try on flexcam, with the outcome. The count is the number of
-inputs or faults in the last run of the test. A line of the tables sums up rows with one outcome; [trust.csv](trust.csv) has all of
-them with the names of their tests. `make trust` generates this page from the rows that the tests record after their assertions.
+The damaged, hostile and random input and the machine faults that tests try on flexcam, with their number in the last run and the
+outcome. A line sums up the rows of a test with one outcome; [trust.csv](trust.csv) has all rows with their tests. `make trust`
+generates this page.
 """
 
 KINDS = {
@@ -32,8 +32,8 @@ KINDS = {
 }  # fmt: skip
 """Parts of the page, in order: heading and words."""
 
-SHOWN = 4
-"""Inputs or faults of one outcome up to which their line names all; otherwise it names the first three."""
+SHOWN = 3
+"""Inputs or faults of one outcome up to which their line names all; otherwise it names the first two."""
 
 
 def sort_rows(rows: list[Row]) -> list[Row]:

@@ -1,12 +1,10 @@
-"""Directive ``verification``: the rows of a source in the verification manual, and the reasons of their tolerances."""
+"""Directive ``verification``: tests and rows of a source of the verification manual, and reasons of the tolerances."""
 
 from __future__ import annotations
 
 from functools import cache
-from typing import ClassVar
 
 from docutils import nodes
-from docutils.parsers.rst import directives
 from manual.rows import KEPT, Row, file, read
 from manual.tables import HEAD, cells
 from sphinx.application import Sphinx
@@ -19,24 +17,20 @@ def kept() -> list[Row]:
 
 
 class Verification(SphinxDirective):
-    """Rows of the source given as argument that a file of tests asserts."""
-
-    required_arguments = 1
-    final_argument_whitespace = True
-    option_spec: ClassVar = {"test": directives.unchanged_required}
+    """Rows of the source that is the title of the section."""
 
     def run(self) -> list[nodes.Node]:
-        """Return the name of the test, the table and the reasons."""
+        """Return the names of the tests, the table and the reasons."""
         self.env.note_dependency(str(KEPT))
-        source, test = self.arguments[0], self.options["test"]
-        rows = [row for row in kept() if row["source"] == source and file(row) == test]
+        source = self.state_machine.node[0].astext()
+        rows = [row for row in kept() if row["source"] == source]
         if not rows:
-            message = f"no rows of {source!r} in {test}"
+            message = f"no rows of {source!r}"
             raise self.error(message)
         reasons = dict.fromkeys(row["reason"] for row in rows)
         items = [nodes.list_item("", nodes.paragraph("", reason)) for reason in reasons]
         return [
-            nodes.paragraph("", "", nodes.literal("", test)),
+            *(nodes.paragraph("", "", nodes.literal("", test)) for test in dict.fromkeys(map(file, rows))),
             table(HEAD, [cells(row) for row in rows]),
             nodes.paragraph("", "Reasons of the tolerances:"),
             nodes.bullet_list("", *items),

@@ -13,12 +13,12 @@ from manual.tables import anchor, by_source, largest_error, sections
 
 @dataclass(frozen=True)
 class Published:
-    """A published system or benchmark: name of its page, title, sources of its rows, kind of their references."""
+    """A published system or benchmark: name of its page, title, sources of its rows, its cases or references."""
 
     name: str
     title: str
     sources: tuple[str, ...]
-    reference: str = ""
+    notes: str
 
 
 SYSTEMS = (
@@ -26,11 +26,13 @@ SYSTEMS = (
         "tayeb-sliman",
         "The published cam mechanism (Tayeb and Sliman)",
         ("Tayeb and Sliman, Flexibility analysis of a cam mechanism",),
+        "`cases/tayeb`",
     ),
     Published(
         "li",
         "A valve train of three masses (Li)",
         ("C. Li (2014), eqs. 2-4 and 12-13", "Li, Cam motion simulation and optimization (2014)"),
+        "`cases/li`, `cases/cams/li-*.toml`",
     ),
     Published(
         "petrescu",
@@ -39,16 +41,19 @@ SYSTEMS = (
             "F. I. T. Petrescu and R. V. V. Petrescu (2013), rows 10-43, figures 2-7",
             "Petrescu and Petrescu, Settings of the valve spring (2013)",
         ),
+        "`cases/petrescu`, `cases/cams/petrescu-cos.toml`",
     ),
     Published(
         "pavlovic-lutovac",
         "A new class of camshaft transfer functions (Pavlović and Lutovac)",
         ("Pavlovic and Lutovac, New class of camshaft transfer functions",),
+        "laws `pavlovic-*`, `gutman-1-3`",
     ),
     Published(
         "roussev",
         "Quinquinomial power functions (Roussev, Paleva-Kadiyska and Galabov)",
         ("Roussev, Paleva-Kadiyska and Galabov, Quinquinomial power functions",),
+        "`cases/cams/roussev-single-dwell.toml`",
     ),
 )
 
@@ -114,6 +119,10 @@ def _group_rows(rows: list[Row]) -> tuple[dict[str, list[Row]], list[Row]]:
     return its, [row for row in rows if row["source"] not in taken]
 
 
+def _summary(one: Published, rows: list[Row]) -> tuple[str, str, str, int, str]:
+    return one.name, one.title, one.notes, len(rows), largest_error(rows)
+
+
 def pages(rows: list[Row]) -> dict[str, str]:
     """Return the texts of all pages."""
     made, (its, others) = _environment(), _group_rows(rows)
@@ -124,14 +133,10 @@ def pages(rows: list[Row]) -> dict[str, str]:
         for one in (*SYSTEMS, *BENCHMARKS)
     }
     found["numbers.md"] = made.get_template("numbers.md.j2").render(tables=sections(others))
-    page = {source: one.name for one in (*SYSTEMS, *BENCHMARKS) for source in one.sources}
     found["index.md"] = made.get_template("index.md.j2").render(
-        systems=[(one.name, one.title, len(its[one.name])) for one in SYSTEMS],
-        benchmarks=[(one.name, one.title, one.reference, len(its[one.name])) for one in BENCHMARKS],
-        summary=[
-            (source, f"{page.get(source, 'numbers')}.md#{anchor(source)}", path, len(group), largest_error(group))
-            for source, path, group in by_source(rows)
-        ],
+        systems=[_summary(one, its[one.name]) for one in SYSTEMS],
+        benchmarks=[_summary(one, its[one.name]) for one in BENCHMARKS],
+        others=[(source, anchor(source), len(group), largest_error(group)) for source, group in by_source(others)],
         total=len(rows),
     )
     return found

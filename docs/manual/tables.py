@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 
-from manual.rows import Row, file
+from manual.rows import Row
 
 HEAD = ("case", "quantity", "unit", "reference", "computed", "error", "tolerance")
 
@@ -40,10 +40,9 @@ def largest_error(rows: list[Row]) -> str:
     return "< 1 %" if part < 1.0 else f"{part:.0f} %"
 
 
-def by_source(rows: list[Row]) -> list[tuple[str, str, list[Row]]]:
-    """Return the rows by source and file of their tests."""
-    grouped = itertools.groupby(rows, key=lambda row: (row["source"], file(row)))
-    return [(source, path, list(group)) for (source, path), group in grouped]
+def by_source(rows: list[Row]) -> list[tuple[str, list[Row]]]:
+    """Return the rows by source."""
+    return [(source, list(group)) for source, group in itertools.groupby(rows, key=lambda row: row["source"])]
 
 
 def anchor(title: str) -> str:
@@ -52,6 +51,5 @@ def anchor(title: str) -> str:
 
 
 def sections(rows: list[Row]) -> str:
-    """Return a section per source and file of tests; the directive shows the rows (`extensions/verification.py`)."""
-    parts = [f"## {source}\n\n```{{verification}} {source}\n:test: {path}\n```" for source, path, _ in by_source(rows)]
-    return "\n\n".join(parts)
+    """Return a section per source; the directive shows the rows (`extensions/verification.py`)."""
+    return "\n\n".join(f"## {source}\n\n```{{verification}}\n```" for source, _ in by_source(rows))

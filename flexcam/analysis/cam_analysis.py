@@ -299,7 +299,7 @@ def harmonic_cam(
     limit = harmonics_below(frequency, case.speed)
     if count is None and limit < 1:
         given = f"{frequency / (2.0 * math.pi):.4g} Hz at {case.speed / RPM:.6g} rpm"
-        why = "not one harmonic lies below the first mode"
+        why = "no harmonic lies below the first mode"
         raise refuse("count", given, "a lower speed, a stiffer train, or a number of harmonics", why, "give --count")
     number = limit if count is None else count
     fit = harmonic_fit(model.cams[name].event, number, tolerance=tolerance, bound=bound)

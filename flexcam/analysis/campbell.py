@@ -161,9 +161,9 @@ def _check_contact(
     if len(speeds) < 2 or not (np.diff(speeds) > 0.0).all() or speeds[0] <= 0.0:
         raise refuse("speeds", f"{len(speeds)} speeds", "two or more, rising, above zero")
     if not orders or min(orders) < 1:
-        raise refuse("orders", str(list(orders)), "whole numbers from 1")
+        raise refuse("orders", str(list(orders)), "whole numbers, each at least 1")
     if modes < 1:
-        raise refuse("modes", modes, "a whole number from 1")
+        raise refuse("modes", modes, "a whole number, at least 1")
     driven = {name: one.cam for name, one in case.record.contacts.items() if isinstance(one, CamContactRecord)}
     if not driven:
         raise refuse("contacts", "none with a cam", "a contact of a cam and its follower", "its orders are looked at")

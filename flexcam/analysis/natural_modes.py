@@ -48,7 +48,7 @@ def modes(
     ``flexcam.modes(case).words(1)`` describes the second mode.
     """
     if count is not None and count < 1:
-        raise refuse("count", count, "a whole number from 1")
+        raise refuse("count", count, "a whole number, at least 1")
     if prestress is None:
         return model_modes(build_structure(build_model(case)), count)
     flexible = case.with_fidelity({"model": "beams", "modes": None, "reduction": "modes"})

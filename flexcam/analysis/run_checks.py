@@ -392,7 +392,7 @@ def _check_energy_balance(extremes: ExtremesSink) -> list[str]:
     share = energy_residual(extremes)
     if share <= _MAX_ENERGY_RESIDUAL:
         return []
-    why = "the steps are too long for the motion within them, or a contact is too stiff for them"
+    why = "the steps are too long, or a contact is too stiff for them"
     return [
         f"Warning: the energy balance has a residual of {100.0 * share:.2g} %: {why}; take more steps per revolution"
     ]
@@ -404,7 +404,7 @@ def _check_numerical_dissipation(ready: PreparedRun, extremes: ExtremesSink) -> 
         return []
     verb = "dissipates" if share > 0.0 else "adds"
     other = "" if ready.scheme == newmark() else ', or integrator = { method = "newmark" }'
-    why = f"{100.0 * abs(share):.2g} % of the external work: the steps are too long for the motion within them"
+    why = f"{100.0 * abs(share):.2g} % of the external work: the steps are too long"
     return [f"Warning: the time integration {verb} {why}; take more steps per revolution{other}"]
 
 
@@ -421,7 +421,7 @@ def _check_rounding(ready: PreparedRun, extremes: ExtremesSink) -> list[str]:
     share = rounding_fraction(ready.problem.system.stiffness, extremes.most_bent)
     if share <= _MIN_DEFLECTION_ERROR:
         return []
-    return [f"Warning: rounding in the stiffness may have taken up to {100.0 * share:.1g} % of the deflection"]
+    return [f"Warning: rounding in the stiffness may change the deflection by up to {100.0 * share:.1g} %"]
 
 
 def _check_deflections(ready: PreparedRun, extremes: ExtremesSink) -> Iterator[str]:

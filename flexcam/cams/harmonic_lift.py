@@ -119,7 +119,7 @@ def order_spectrum(angle: ArrayLike, values: ArrayLike, count: int) -> OrderSpec
     at = finite_array("angle", angle, (None,))
     history = finite_array("values", values, (len(at),))
     if count < 1:
-        raise refuse("count", count, "a whole number from 1")
+        raise refuse("count", count, "a whole number, at least 1")
     if len(at) < 2 * count + 2:
         why = "each order needs two instants"
         raise refuse("angle", f"{len(at)} instants", f"{2 * count + 2} or more for {count} orders", why)

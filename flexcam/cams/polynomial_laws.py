@@ -46,7 +46,7 @@ class Polynomial(SmoothLaw):
     def __post_init__(self) -> None:
         p, least = self.exponents, 1 if self.conditions else 2
         if why := _exponent_fault(p, least):
-            allowed = f"two or more whole numbers, ascending from {least}, up to {_LARGEST}"
+            allowed = f"two or more ascending whole numbers from {least} to {_LARGEST}"
             raise refuse("exponents", list(p), allowed, why)
         if not self.conditions:
             return
@@ -163,7 +163,7 @@ class BSplineLaw(SmoothLaw):
     def __post_init__(self) -> None:
         if self.degree < _LEAST_DEGREE:
             why = "the fourth derivative would jump"
-            raise refuse("degree", self.degree, f"a whole number from {_LEAST_DEGREE}", why)
+            raise refuse("degree", self.degree, f"a whole number, at least {_LEAST_DEGREE}", why)
         count, least = len(self.coefficients), self.degree + 1 + len(self.knots or ())
         if count < least or (self.knots is not None and count > least):
             allowed, why = f"{least}{' or more' * (self.knots is None)}", "degree and knots define their number"

@@ -32,7 +32,7 @@ class Harmonic(SmoothLaw):
 
     def __post_init__(self) -> None:
         if not all(n >= 1 and n == int(n) and math.isfinite(c) for n, c in self.harmonics):
-            raise refuse("harmonics", list(self.harmonics), "pairs of a whole number from 1 and a finite number")
+            raise refuse("harmonics", list(self.harmonics), "pairs of a whole number, at least 1, and a finite number")
 
     def __call__(self, z: FloatArray, order: int = 0) -> FloatArray:
         """Return the derivative of the given order at z."""

@@ -164,7 +164,7 @@ class HarmonicFamily(Family):
 
     def __post_init__(self) -> None:
         if len(set(self.orders)) < max(2, len(self.orders)) or min(self.orders) < 1:
-            raise refuse("orders", list(self.orders), "two or more different whole numbers from 1")
+            raise refuse("orders", list(self.orders), "two or more different whole numbers, each at least 1")
 
     @property
     def name(self) -> str:

@@ -45,7 +45,7 @@ def parse_follower(follower: str, base_radius: str | None = None, *, clockwise: 
         table = parse_toml(f"follower = {follower}")["follower"]
     except ValueError as fault:
         allowed = 'a table such as { type = "roller", radius = "9 mm" }'
-        raise refuse("follower", follower, allowed, str(fault), "texts need quotes") from None
+        raise refuse("follower", follower, allowed, str(fault), "strings need quotes") from None
     raw = {"follower": table, "base_radius": base_radius}
     try:
         record = _FollowerRecord.model_validate(raw)

@@ -81,7 +81,7 @@ class RawTables:
         if isinstance(self.raw.get("run"), Mapping):
             run, where = self._table("run"), self.places.place(("run",))
             for pair, minimum in ((("speed", "crank_speed"), 1), (("steps_per_revolution", "step"), 0)):
-                yield from _exclusive_keys(run, pair, minimum, where, "one follows from the other")
+                yield from _exclusive_keys(run, pair, minimum, where, "one determines the other")
 
     def coincident_node_faults(self) -> Iterator[Fault]:
         """Yield coincident nodes, and members that contain a node twice."""
@@ -220,7 +220,7 @@ def _exclusive_keys(table: Table, pair: tuple[str, str], minimum: int, where: st
     given = [key for key in pair if key in table]
     if not minimum <= len(given) <= 1:
         found = " and ".join(given) or f"neither {pair[0]} nor {pair[1]}"
-        yield Fault(where, found, f"either {pair[0]} or {pair[1]}", why, "")
+        yield Fault(where, found, f"either {pair[0]} or {pair[1]}", why if given else "one of them is required", "")
 
 
 def _node_coordinates(place: object) -> tuple[float, ...] | None:
@@ -317,7 +317,7 @@ def _unsymmetric_shaft_faults(places: KeyLocations, model: Model) -> Iterator[Fa
             pairs.append((section.kappa_y, section.kappa_z, "kappa_y = {:.4g} and kappa_z = {:.4g}"))
         given = [text.format(a, b) for a, b, text in pairs if abs(a - b) > _ROUNDNESS_TOLERANCE * max(a, b)]
         if given:
-            why = f"it turns with cam {cam!r}, so that its stiffness would swing twice per turn, which is not computed"
+            why = f"it turns with cam {cam!r}, and flexcam models no stiffness that varies with the rotation"
             allowed = f"a section that is as stiff along y as along z, within {100.0 * _ROUNDNESS_TOLERANCE:g} %"
             remedy = "take a circle, a tube, or a custom section with the mean of both"
             yield Fault(places.place(("members", name, "section")), "; ".join(given), allowed, why, remedy)
@@ -332,7 +332,7 @@ def _rotation_faults(places: KeyLocations, model: Model) -> Iterator[Fault]:
         other = first.setdefault(shaft, name)
         if float(axis @ axes[other]) < 0.0:
             given = f"{_format_axis(axis)}, against cam {other!r} about {_format_axis(axes[other])}"
-            where, why = places.place(("cams", name, "axis")), f"{name!r} and {other!r} sit on one shaft"
+            where, why = places.place(("cams", name, "axis")), f"{name!r} and {other!r} are on one shaft"
             yield Fault(where, given, "one sense of rotation", why, "change the sign of one axis")
 
 

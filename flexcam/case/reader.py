@@ -89,7 +89,7 @@ def _toml_text(value: object, where: str) -> str:
     if isinstance(value, str | PurePath):
         return json.dumps(str(value), ensure_ascii=False)
     if not isinstance(value, int | float) or not math.isfinite(value):
-        raise refuse(where, repr(value), "a text, a finite number, true or false, or a list or table of these")
+        raise refuse(where, repr(value), "a string, a finite number, true or false, or a list or table of these")
     return json.dumps(value)
 
 
@@ -312,6 +312,8 @@ def _parse_case(path: Path, text: str) -> dict[str, Any]:
             key = line.partition("=")[0].strip(" []")
             allowed, why = "every key and table only once", f"{key} is given twice"
             raise refuse(f"{path}, line {twice[1]}", line, allowed, why, "leave one out") from None
+        if path.suffix != ".toml":
+            raise refuse("case file", str(path), "a case file (.toml)", f"it is not a TOML document: {fault}") from None
         raise refuse(str(path), "text that is not TOML", "a TOML document", str(fault), remedy) from None
 
 

@@ -204,7 +204,7 @@ def load_beams(path: Path, overrides: Sequence[str] | None) -> Case:
 def check_positive(option: str, number: int) -> None:
     """Raise an error if a number is less than 1."""
     if number < 1:
-        raise refuse(option, number, "a whole number from 1")
+        raise refuse(option, number, "a whole number, at least 1")
 
 
 def refuse_without(option: str, given: object, required: str, *, present: bool) -> None:

@@ -179,7 +179,7 @@ def campbell(
     csv: Annotated[cli.Csv, Parameter(group=_RESPONSE)] = None, plot: cli.Picture = None,
     overrides: cli.Overrides = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
 ) -> Status | None:  # fmt: skip
-    """Compute natural frequencies over speed and where orders of the cam excite them, or the orders of the response.
+    """Compute natural frequencies over speed and the orders of the cam that excite them, or the orders of the response.
 
     Use it to find resonances (Campbell diagram). With --response it runs the case at every speed and shows the
     harmonics of acceleration and contact force instead (waterfall diagram). Speeds are those of the crankshaft if the

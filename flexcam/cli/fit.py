@@ -71,7 +71,7 @@ def fit(
     written = [] if target is None else write_variant(file, best, target, title, overwrite=overwrite)
     ended = Status()
     if not found.converged:
-        ended = Status(Cause.TOLERANCE, "the search ended before its tolerance", "allow more --steps")
+        ended = Status(Cause.TOLERANCE, "the search ended before it reached its tolerance", "allow more --steps")
     output = replace(fit_output(variables, measured, found), draw=lambda: _figure(measured, found))
     cli.write_output(output, csv, plot, ended, overwrite=overwrite, as_json=as_json, written=written)
     return ended

@@ -43,7 +43,7 @@ def limits(
     highest: Annotated[str | None, Parameter(help="Highest speed of the search; twice the case's by default.")] = None,
     accuracy: cli.Accuracy = "10 rpm",
     bounce_height: Annotated[str | None, Parameter(
-        help="Min height of a bounce; by default the smaller of 0.1 mm and 2 % of the lift.")] = None,
+        help="Minimum height of a bounce; by default the smaller of 0.1 mm and 2 % of the lift.")] = None,
     lift_deviation: Annotated[str | None, Parameter(
         help="Also find the speed at which the valve loft over the nose exceeds this.")] = None,
     low_pass: Annotated[str | None, Parameter(
@@ -78,7 +78,7 @@ def limits(
     cutoff = None if low_pass is None else cli.parse_quantity("--low-pass", low_pass, "rate", "Hz")
     search = Search(low, high, width, height, deviation, cutoff)
     if workers is not None and workers < 1:
-        raise refuse("--workers", workers, "a whole number from 1")
+        raise refuse("--workers", workers, "a whole number, at least 1")
     if any(one is not None for one in (over, beside, which, csv, plot)):
         if over is None or beside is None:
             given = "--over alone" if over else "--and alone" if beside else "--limit, --csv or --plot alone"

@@ -122,8 +122,8 @@ flexcam plot results/case.vtkhdf --what profile --channel contacts.intake.pressu
 """
 )
 def plot(
-    files: Annotated[list[Path], Parameter(help="Result files (.vtkhdf), case files (.toml), which are run, or the "
-        "table of a sweep (.h5 or .csv).")], *,
+    files: Annotated[list[Path], Parameter(help="Result files (.vtkhdf), case files (.toml), which flexcam runs, or "
+        "the table of a sweep (.h5 or .csv).")], *,
     what: Annotated[FigureKind | None, Parameter(
         help="Kind of figure; motion by default, sweep for a table; svaj: lift and its derivatives.")] = None,
     probe: Annotated[str | None, Parameter(
@@ -149,7 +149,7 @@ def plot(
 ) -> Status | None:  # fmt: skip
     """Draw a figure of results, cases or sweeps: motion, forces, cams, springs, modes, orders, maps.
 
-    By default it draws motion and contact force over the cam angle. A run that ended early is drawn as far as it came.
+    By default it draws motion and contact force over the cam angle. Of an incomplete run it draws the completed part.
     """
     from flexcam.plotting.figures import check_figure_path, save_figure
 
@@ -435,7 +435,7 @@ def _modes(asked: FigureOptions) -> Figure:
 
     count = 6 if asked.count is None else asked.count
     if count < 1:
-        raise refuse("--count", count, "a whole number from 1")
+        raise refuse("--count", count, "a whole number, at least 1")
     case = _single_source(asked, "modes").case
     structure = build_structure(build_model(case))
     return mode_figure(structure, modes(case, count), title=case.title)

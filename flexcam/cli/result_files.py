@@ -52,9 +52,9 @@ def info(
         if as_json:
             print_json({"status": "ok", "file": str(result), **found})
         else:
-            partial = "" if found["complete"] else "; its run did not reach its end"
+            partial = "" if found["complete"] else "; its run ended early"
             size = f"{found['datasets']} datasets, {found['bytes']} bytes"
-            result_console().print(f"{result} is sound: {size}, as they were written{partial}")
+            result_console().print(f"{result} is intact: {size}, as written{partial}")
         return
     read = read_result(result)
     response = read.response

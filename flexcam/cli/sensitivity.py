@@ -67,7 +67,7 @@ def sensitivity(
         "--tolerance", group=_TOLERANCES, help="Tolerance of a part: KEY=±2%, KEY=±0.05mm, or "
         "KEY=normal:±2%. Repeatable.")] = None,
     count: Annotated[int | None, Parameter(
-        "--count", group=_TOLERANCES, help="Number of sets of parts; 100 by default.")] = None,
+        "--count", group=_TOLERANCES, help="Number of samples; 100 by default.")] = None,
     seed: Annotated[int | None, Parameter(help="Random seed of --sobol and --tolerance; 0 by default.")] = None,
     workers: WorkerCount = 1, lowest: Lowest = None, highest: Highest = None, accuracy: LimitAccuracy = "10 rpm",
     csv: cli.Csv = None, plot: cli.Picture = None, overrides: cli.Overrides = None, allow_large: cli.AllowLarge = False,
@@ -170,7 +170,7 @@ def _derivative_table(name: str, found: Sequence[Sensitivity]) -> Table:
         for one in ordered
     ]
     title = f"{name} = {format_number(found[0].value)} {unit}".rstrip()
-    return plain_table(title, ("by", "at", "derivative", "error", "% per %", ""), rows)
+    return plain_table(title, ("key", "value", "derivative", "error", "% per %", ""), rows)
 
 
 def _describe_doubt(one: Sensitivity) -> str:
@@ -223,7 +223,7 @@ def sobol_output(variables: Sequence[Variable], found: Mapping[str, SobolIndices
              _interval(one.first_interval[:, i]), f"{one.total[i]:.3f}", _interval(one.total_interval[:, i]))
             for i, by in enumerate(variables)
         ]  # fmt: skip
-        tables.append(plain_table(title, ("by", "interval", "first order", "95 %", "total", "95 %"), cells))
+        tables.append(plain_table(title, ("key", "interval", "first order", "95 %", "total", "95 %"), cells))
     words = [
         f"{name}: {one.used} of {one.asked} base points are used; others failed, or exceed a power of 2"
         for name, one in found.items()
@@ -296,11 +296,11 @@ def scatter_output(
         (one.key, *(format_number(float(found[name].ranks[i]), 3) for name in names)) for i, one in enumerate(scatters)
     ]
     tables = [
-        plain_table(f"Distribution over {len(parts)} sets of parts", head, summary),
-        plain_table("Rank correlation with each part", ("part", *names), ranks),
+        plain_table(f"Distribution over {len(parts)} samples", head, summary),
+        plain_table("Rank correlation with each parameter", ("parameter", *names), ranks),
     ]
     words = [
-        f"{name}: {one.missing} sets have no value: the run failed, or the range of the search has no limit"
+        f"{name}: {one.missing} samples have no value: the run failed, or the range of the search has no limit"
         for name, one in found.items()
         if one.missing
     ]

@@ -148,7 +148,7 @@ def displayed_motion(
     title = case.title
     if mode is not None:
         if mode < 1:
-            raise refuse("--mode", mode, "a whole number from 1, as flexcam modes counts them")
+            raise refuse("--mode", mode, "a whole number, at least 1, as flexcam modes counts them")
         found = case_modes(case, mode).modes
         if mode > found.shapes.shape[1]:
             raise refuse("--mode", mode, f"1 to {found.shapes.shape[1]}, as flexcam modes counts them")

@@ -116,9 +116,9 @@ def sweep(
         group=_WORKERS, help="Number of processes; one per core by default, 0 for this process only.")] = None,
     scheduler: Annotated[str | None, Parameter(
         group=_WORKERS, help="Dask scheduler tcp://HOST:PORT, or local with --workers processes.")] = None,
-    limit: Annotated[int, Parameter(group=_WORKERS, help="Max number of variants.")] = MAX_VARIANTS,
+    limit: Annotated[int, Parameter(group=_WORKERS, help="Maximum number of variants.")] = MAX_VARIANTS,
     time_limit: Annotated[str | None, Parameter(
-        group=_WORKERS, help="Max time of a variant, such as 5min; otherwise it fails.")] = None,
+        group=_WORKERS, help="Maximum time of a variant, such as 5min; otherwise it fails.")] = None,
     allow_large: cli.AllowLarge = False, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
 ) -> Status | None:  # fmt: skip
     """Run many variants of a case and write one table with a row per variant.
@@ -159,5 +159,5 @@ def _create_workers(scheduler: str | None, count: int | None) -> Workers:
     if scheduler == LOCAL:
         return ClusterWorkers(LOCAL, number)
     if number < 0:
-        raise refuse("--workers", number, "a whole number from 0", "0 runs all variants in this process")
+        raise refuse("--workers", number, "a whole number, at least 0", "0 runs all variants in this process")
     return ProcessWorkers(number) if number else SerialWorkers()

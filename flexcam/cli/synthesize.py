@@ -268,8 +268,8 @@ flexcam synthesize harmonic case.toml --cam intake --count 12 --bound "0.2 mm"
 def synthesize_harmonic(
     case: cli.CaseFile, *,
     name: cli.CamName = None,
-    tolerance: Annotated[str, Parameter(help="Max deviation from the cam's lift in its dwells.")] = "20 um",
-    bound: Annotated[str | None, Parameter(help="Max deviation elsewhere.")] = None,
+    tolerance: Annotated[str, Parameter(help="Maximum deviation from the cam's lift in its dwells.")] = "20 um",
+    bound: Annotated[str | None, Parameter(help="Maximum deviation elsewhere.")] = None,
     count: Annotated[int | None, Parameter(help="Number of harmonics; by default those below the first mode.")] = None,
     output: Output = None, overrides: cli.Overrides = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
 ) -> None:  # fmt: skip

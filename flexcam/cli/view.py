@@ -40,7 +40,7 @@ def view(
 ) -> None:  # fmt: skip
     """Show the moving mechanism in 3D, or write a picture or an animation of it.
 
-    The window has a slider over the cam angle. A picture of a result shows full lift unless --at says otherwise.
+    The window has a slider over the cam angle. A picture of a result shows full lift by default.
     """
     from flexcam.plotting.rendering import FRAMES, check_output_path, save_view, select_renderer
     from flexcam.plotting.scene.mechanism import build_mechanism

@@ -167,7 +167,7 @@ class SaveAt:
         for name in ("field_every", "fields_per_block"):
             given: int | None = getattr(self, name)
             if given is not None and given < 1:
-                raise refuse(f"save.{name}", given, "a whole number from 1")
+                raise refuse(f"save.{name}", given, "a whole number, at least 1")
 
 
 class Sink(Protocol):

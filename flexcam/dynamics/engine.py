@@ -60,7 +60,7 @@ def no_instants(size: int, forces: LocalForces) -> Trajectory:
 LARGEST = 1e100
 """Magnitude (SI) above which a motion has diverged; its square, needed for stresses, is still finite."""
 
-STOPPED = Status(Cause.INTERRUPTED, "stopped by the user", "the finished part is kept; --resume continues from there")
+STOPPED = Status(Cause.INTERRUPTED, "stopped by the user", "the finished part is saved, and --resume continues it")
 
 
 def in_range(
@@ -82,7 +82,7 @@ def in_range(
         ahead = np.abs(previous)
     names = [*(3 * system.names), *(name for force in system.local_forces for name in [force.name] * len(force.sense))]
     when = instant(float(track.time[at]), float(angle[count]))
-    text = f"{names[int(np.argmax(ahead))]} left the range of numbers {when}"
+    text = f"{names[int(np.argmax(ahead))]} is not finite {when}"
     return track.until(count), Status(Cause.NOT_FINITE, text, "take a smaller step, more damping or a lower speed")
 
 

@@ -182,7 +182,7 @@ def massless_contact_error(system: System, method: str) -> InputError | None:
     light = MasslessMotions(system)
     if not light.any:
         return None
-    why, remedy = "only springs place a point without mass", "give it a mass, or use newmark"
+    why, remedy = "only springs determine the position of a point without mass", "give it a mass, or use newmark"
     forces = LocalForces(system)
     on = np.zeros(forces.count, dtype=bool)
     for stack in (forces.sense, forces.act):

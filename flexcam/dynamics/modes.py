@@ -169,7 +169,7 @@ class Modes:
         if share <= _REPORT_LIMIT:
             return ""
         at = f"{self.frequencies[int(np.argmax(self.rounding))]:.4g} Hz"
-        return f"Warning: rounding in the stiffness may have taken up to {100.0 * share:.1g} % of the frequency {at}"
+        return f"Warning: rounding in the stiffness may change the frequency {at} by up to {100.0 * share:.1g} %"
 
 
 _REPORT_LIMIT = 1e-4

@@ -159,7 +159,7 @@ class Problem:
         if self.engine not in ENGINES:
             raise refuse("run.engine", repr(self.engine), ", ".join(ENGINES))
         if self.steps < 1:
-            raise refuse("steps", self.steps, "a whole number from 1")
+            raise refuse("steps", self.steps, "a whole number, at least 1")
         for name in ("displacement", "velocity"):
             if self.start is not None and (given := getattr(self.start, name).size) != self.system.size:
                 raise refuse(f"start {name}", f"{given} unknowns", f"the {self.system.size} unknowns of the system")

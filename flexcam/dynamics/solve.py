@@ -387,8 +387,8 @@ def prescribed_probes(system: System, motion: CamMotion) -> Series:
 
 TIME_UP = Status(
     Cause.TIME_LIMIT,
-    "the time limit of the run was reached before its end",
-    "the finished part is kept; --resume continues from there",
+    "the run reached its time limit",
+    "the finished part is saved, and --resume continues it",
 )
 """Status of a run that reached its time limit."""
 

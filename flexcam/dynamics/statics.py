@@ -201,7 +201,7 @@ def _no_equilibrium_status(system: System, missing: FloatArray, free: FloatArray
         moving = ", ".join(system.names[i] for i in furthest)
         text = f"no support, spring or contact holds the mechanism against its loads: {moving} can move freely"
         return RunFailedError(Status(Cause.SINGULAR, text, "add a support, or springs whose force closes the contacts"))
-    text = "the contacts found no static balance"
+    text = "the contacts have no static equilibrium"
     return RunFailedError(Status(Cause.NO_CONVERGENCE, text, "raise the installed forces, or soften a contact"))
 
 

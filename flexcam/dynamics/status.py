@@ -72,8 +72,8 @@ class Status:
 
 ROUNDING_STATUS = Status(
     Cause.ROUNDING,
-    "rounding in the stiffness takes too much of the answer: a member is cut into too many elements, or stiffnesses "
-    "lie too far apart for double precision",
+    "rounding in the stiffness makes the result inaccurate: a member has too many elements, or stiffnesses differ "
+    "too much for double precision",
     "use fewer elements (up to some 1000 per span keep four digits)",
 )
 """Status of a computation dominated by rounding."""

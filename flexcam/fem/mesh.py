@@ -246,7 +246,7 @@ def chain(
 ) -> Mesh:
     """Return a straight member of equal elements with ends named ``start`` and ``end``."""
     if elements < 1:
-        raise refuse("elements", elements, "a whole number from 1")
+        raise refuse("elements", elements, "a whole number, at least 1")
     line = np.arange(elements + 1)
     nodes = np.linspace(np.asarray(start, float), np.asarray(end, float), elements + 1)
     points = {"start": line[:1], "end": line[-1:], "inner": line[1:-1]}

@@ -30,7 +30,7 @@ def write_pvd(
 ) -> list[Path]:
     """Write a result as a ParaView collection."""
     if every < 1:
-        raise refuse("every", every, "a whole number from 1")
+        raise refuse("every", every, "a whole number, at least 1")
     check_writable("export", path, overwrite=overwrite)
     node = result.still[NODE].astype(np.intp)
     known = {**{name: result.field(name)[:, node] for name in VECTORS}, **result.recovered}
@@ -174,7 +174,7 @@ def write_csv(
 ) -> Path:
     """Write time, cam angle, probe histories and channels as CSV, one row per step."""
     if every < 1:
-        raise refuse("every", every, "a whole number from 1")
+        raise refuse("every", every, "a whole number, at least 1")
     check_writable("export", path, overwrite=overwrite)
     columns: dict[str, FloatArray] = {"time [s]": response.time, "cam angle [deg]": np.degrees(response.angle)}
     columns |= {f"{name} {series} [{unit}]": column for name, series, unit, column in response.motions(probes)}

@@ -162,7 +162,7 @@ def read_result(path: str | Path) -> Result:
 def _check_result(file: Any, source: Path) -> None:  # noqa: ANN401 - h5py has no types
     """Raise an error for a sweep table, or for a result of another format or damaged."""
     if schema.VTK not in file and {"inputs", "scalars"} <= set(file):
-        remedy = "flexcam.io.sweep_table.read_table reads it, and flexcam info --verify says whether it is sound"
+        remedy = "flexcam.io.sweep_table.read_table reads it, and flexcam info --verify checks it"
         raise refuse("result", source, "a result file of flexcam (.vtkhdf)", "it is the table of a sweep", remedy)
     check_integrity(file, "result", source, schema.FORMAT)
 

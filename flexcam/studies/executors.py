@@ -96,7 +96,7 @@ class ProcessWorkers:
 
     def __post_init__(self) -> None:
         if self.count < 1:
-            raise refuse("--workers", self.count, "a whole number from 1")
+            raise refuse("--workers", self.count, "a whole number, at least 1")
 
     @contextmanager
     def open_pool(self, source: Bundle | Path, evaluate: Evaluate) -> Generator[Pool]:
@@ -278,7 +278,7 @@ class ClusterWorkers:
 
     def __post_init__(self) -> None:
         if self.count < 1:
-            raise refuse("--workers", self.count, "a whole number from 1")
+            raise refuse("--workers", self.count, "a whole number, at least 1")
 
     @contextmanager
     def open_pool(self, source: Bundle | Path, evaluate: Evaluate) -> Generator[Pool]:

@@ -259,7 +259,7 @@ def check_power_of_two(where: str, count: int, least: int = 1) -> None:
 def check_seed(seed: int) -> int:
     """Return a random seed after checking it."""
     if seed < 0:
-        raise refuse("--seed", seed, "a whole number from 0", "the random generator takes no other number")
+        raise refuse("--seed", seed, "a whole number, at least 0", "the random generator takes no other number")
     return seed
 
 

@@ -140,7 +140,7 @@ def _unknown_name_fault(name: str, known: Iterable[str], cams: Iterable[str]) ->
     near = suggest_name(name, [*known, "frequency.1", *(_LIMIT + one for one in LIMITS), *of_cams])
     others = "frequency.N, multiplier.N, limits.NAME, cams.NAME.area, static.CHANNEL, CHANNEL.rms, CHANNEL.pnorm_8"
     allowed = f"{unknown_scalar_fault(name, known).allowed}; {others}, or the key of a number"
-    return Fault("scalar", repr(name), allowed, "the case has no other results", near)
+    return Fault("scalar", repr(name), allowed, "", near)
 
 
 def require_complete(row: Row) -> Row:

@@ -88,7 +88,7 @@ def _half_width(text: str, middle: float, unit: str, where: str) -> float:
 def sample_parts(scatters: Sequence[PartScatter], count: int, seed: int = 0) -> FloatArray:
     """Return sampled numbers of parts, shape (count, scatters)."""
     if count < 8:
-        raise refuse("--count", count, "a whole number from 8", "mean and spread need more samples")
+        raise refuse("--count", count, "a whole number, at least 8", "mean and spread need more samples")
     parts = Sample("lhs", count, check_seed(seed)).points(len(scatters))
     return np.array([[one.value(part) for one, part in zip(scatters, row, strict=True)] for row in parts])
 

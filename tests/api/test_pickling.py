@@ -30,5 +30,5 @@ def test_a_copy_is_the_same_model(name, copied):
 
 
 def test_modes_are_counted_from_one():
-    with pytest.raises(flexcam.InputError, match="a whole number from 1"):
+    with pytest.raises(flexcam.InputError, match="a whole number, at least 1"):
         flexcam.modes(flexcam.read_case(CASES / "tayeb/model-3-shm.toml"), -1)

@@ -184,7 +184,7 @@ def test_orders_over_speed(what, said, flexcam, case, tmp_path):
         ),
         (["case.toml", "--what", "profile"], "base_radius and follower"),
         (["case.toml", "--what", "svaj", "--cam", "intak"], "Did you mean 'intake'"),
-        (["case.toml", "--what", "modes", "--count", "0"], "a whole number from 1"),
+        (["case.toml", "--what", "modes", "--count", "0"], "a whole number, at least 1"),
         (["case.toml", "out/case.vtkhdf", "--what", "modes"], "one file"),
         (["out/case.vtkhdf", "--what", "nosuch"], "motion"),
     ],

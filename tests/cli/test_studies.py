@@ -725,7 +725,7 @@ def test_a_seed_below_zero_is_refused(words, flexcam, oscillator):
     """Generators of random numbers raise an error of their own."""
     done = flexcam(words[0], oscillator, *words[1:], "--seed", "-3")
     assert (done.code, done.out) == (2, "")
-    assert done.err.startswith("--seed: got -3, expected a whole number from 0")
+    assert done.err.startswith("--seed: got -3, expected a whole number, at least 0")
 
 
 def test_a_seed_of_derivatives_is_refused(flexcam, oscillator):

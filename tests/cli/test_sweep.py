@@ -267,11 +267,11 @@ def test_options_that_do_not_fit(flexcam, case):
     ("words", "where"),
     [
         (("--seed", "5"), "--seed: got 5, expected --seed with --sample only"),
-        (("--seed", "-1", "--sample", "lhs:4"), "--seed: got -1, expected a whole number from 0"),
+        (("--seed", "-1", "--sample", "lhs:4"), "--seed: got -1, expected a whole number, at least 0"),
         (("--sample", "lhs"), "--sample: got 'lhs', expected lhs:N"),
-        (("--limit", "-5"), "--limit: got -5, expected a whole number from 1"),
-        (("--workers", "-1"), "--workers: got -1, expected a whole number from 0"),
-        (("--workers", "0", "--scheduler", "local"), "--workers: got 0, expected a whole number from 1"),
+        (("--limit", "-5"), "--limit: got -5, expected a whole number, at least 1"),
+        (("--workers", "-1"), "--workers: got -1, expected a whole number, at least 0"),
+        (("--workers", "0", "--scheduler", "local"), "--workers: got 0, expected a whole number, at least 1"),
     ],
 )
 def test_options_that_would_be_ignored_or_mean_nothing(words, where, flexcam, case, tmp_path):

@@ -67,7 +67,7 @@ MESHED = {
     "a group for one node": ([('lobe = { at = "cam"', 'lobe = { at = "bearings"')], ["masses.lobe.at (line", "'bearings'", "2 nodes"]),
     "cam at a group": ([('at = "cam"\nlaw', 'at = "bearings"\nlaw')], ["cams.intake.at (line", "2 nodes"]),
     "point that no group names": ([('bearings = ["uy", "uz"]', 'bearing = ["uy", "uz"]')], ["supports.bearing (line", "Did you mean 'bearings'"]),
-    "mesh as a number": ([('mesh = "', 'mesh = 3 # "')], ["mesh (line", "3", "text"]),
+    "mesh as a number": ([('mesh = "', 'mesh = 3 # "')], ["mesh (line", "3", "string"]),
 }  # fmt: skip
 
 

@@ -76,7 +76,7 @@ FAULTS = {
     "number as a switch": ("pushrod = { ", "pushrod = { shear = 1, ", "members.pushrod.shear", "1", ""),
     "truths as a direction": ('direction = "uy"', "direction = [false, true, false]", "springs.valve.direction", "true", "number"),
     "text as a probe list": ('probes = ["valve", "cam"]', 'probes = "valve"', "output.probes", "'valve'", "list"),
-    "number as a title": ('title = "Nodes in the file"', "title = 7", "title", "7", "text"),
+    "number as a title": ('title = "Nodes in the file"', "title = 7", "title", "7", "string"),
     "date as a length": ('lift = "6 mm"', "lift = 2024-05-01", "cams.intake.lift", "2024", "length"),
     # ranges
     "Poisson's ratio": ("nu = 0.29", "nu = 0.6", "materials.steel.nu", "0.6", "0.5"),

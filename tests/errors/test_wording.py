@@ -39,7 +39,7 @@ def test_a_list_of_pairs_is_shown_as_one(harmonics):
 INLINE = Path(__file__).parents[1] / "data/inline.toml"
 
 PYTHON = re.compile(
-    r"None|True|False|\(\S*,\)|\([\d.]+, |\{'|np\.|array\(|<class|Path\(|datetime|\[Errno|tuple|string|valid|dictionary"
+    r"None|True|False|\(\S*,\)|\([\d.]+, |\{'|np\.|array\(|<class|Path\(|datetime|\[Errno|tuple|valid|dictionary"
 )
 
 BAD = [

@@ -155,7 +155,7 @@ def test_the_command(made, tmp_path, capsys):
     """0 and a sentence for a sound file; 2 and a line per damaged dataset for another."""
     code, out, _ = _said(["info", made / "small.vtkhdf", "--verify"], capsys)
     assert code == 0
-    assert "is sound" in out
+    assert "is intact" in out
     code, out, _ = _said(["info", made / "small.sweep.h5", "--verify", "--json"], capsys)
     assert json.loads(out)["status"] == "ok"
     data = bytearray((made / "small.vtkhdf").read_bytes())

@@ -29,7 +29,7 @@ _BARE = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 """Number without a unit."""
 
 _TYPE_NAMES = {
-    "string_type": "text in quotes", "bool_type": "true or false", "bool_parsing": "true or false",
+    "string_type": "a string in quotes", "bool_type": "true or false", "bool_parsing": "true or false",
     "list_type": "a list in brackets",
     "tuple_type": "a list in brackets",
     "dict_type": "a table", "float_type": "a number", "float_parsing": "a number",
@@ -43,10 +43,10 @@ def describe_type_error(error: ErrorDetails) -> str:
     context = error.get("ctx", {})
     limits = {
         "greater_than_equal": f"{context.get('ge')} or more", "less_than_equal": f"{context.get('le')} or less",
-        "string_too_short": "a text that is not empty", "finite_number": "a finite number",
+        "string_too_short": "a string that is not empty", "finite_number": "a finite number",
     }  # fmt: skip
     if error["type"] in {"list_type", "tuple_type"} and str(error["input"]).startswith("["):
-        return "a list in brackets, with quotes around each text"
+        return "a list in brackets, with quotes around each string"
     return {**_TYPE_NAMES, **limits}.get(error["type"]) or error["msg"].replace("Input should be ", "")
 
 
@@ -108,7 +108,7 @@ class Unit:
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         kind = DIMENSIONS[self.dimension]
         example = {
-            "description": f"{kind.name}, SI number ({kind.si or '-'}) or text with a unit",
+            "description": f"{kind.name}, SI number ({kind.si or '-'}) or string with a unit",
             "examples": [kind.example],
         }
         number: dict[str, Any] = {"type": "number"}

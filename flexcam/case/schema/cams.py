@@ -171,7 +171,7 @@ class CamDesignRecord(PartRecord[valvetrain.Cam]):
         None, description="law of the return, reversed; that of the rise by default"
     )
     lift: Quantity | None = Field(
-        None, gt=0.0, description='above the ramps; a text such as "10 deg" where the follower swings'
+        None, gt=0.0, description='above the ramps; a string such as "10 deg" where the follower swings'
     )
     lift_table: LiftDefinition | None = Field(None, description="file of the whole lift, instead of a law")
     rise: PositiveAngle | None = Field(None, description="cam angle of the rise")

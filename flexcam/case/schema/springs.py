@@ -146,7 +146,7 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
                 "either stiffness, or active_coils and shear_modulus of the wire", "both define the stiffness"
             )
         if self.installed_force is not None and self.installed_compression is not None:
-            raise value_error("either installed_force or installed_compression", "one follows from the other")
+            raise value_error("either installed_force or installed_compression", "one determines the other")
         if self.link and (self.to is None or self.installed_force or self.installed_compression):
             raise value_error(
                 "a link with an end `to` and no preload", "it joins two points as a part of the train does"
