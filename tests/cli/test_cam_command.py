@@ -235,6 +235,7 @@ def test_dead_centres_a_revolution_apart_are_the_same(told, tmp_path):
     assert both[0] == both[1]
 
 
+@pytest.mark.slow
 def test_cylinders_of_a_camshaft(told):
     """Of eight cams only those of one cylinder overlap in the table; the firing order turns each by 90 deg."""
     rows = told(ROOT / "cases/camshaft-4cyl/camshaft.toml").out.splitlines()

@@ -90,6 +90,7 @@ def test_a_rigid_train_lacks_some_forces_and_a_long_title_has_lines(flexcam, tmp
     assert "(camshaft 3000 rpm)" in words
 
 
+@pytest.mark.slow
 def test_several_results_over_time(flexcam, case, result, tmp_path):
     """Files of one name are told apart by their speeds."""
     assert flexcam("run", "case.toml", "-o", "fast", "--set", "run.speed=4000rpm").code == 0
@@ -122,6 +123,7 @@ def test_a_result_whose_case_is_gone(flexcam, result, case):
         assert flexcam("plot", result, "--what", what, *more, "-o", f"{what}.png").code == 0
 
 
+@pytest.mark.slow
 def test_a_profile_coloured_by_a_channel(flexcam, intake, tmp_path):
     shutil.copy(intake, tmp_path / "intake.vtkhdf")
     coloured = ["plot", "intake.vtkhdf", "--what", "profile", "--channel"]

@@ -46,6 +46,7 @@ def begun(folder, *words):
     return process, partial
 
 
+@pytest.mark.slow
 def test_after_kill_and_terminate(flexcam, case, tried, tmp_path):
     """Killed, resumed, terminated, resumed again."""
     process, partial = begun(tmp_path, *WALKED)
@@ -180,6 +181,7 @@ def test_another_table_beside_the_case(flexcam, case, refused, broken, tmp_path)
     refused(partial, SAME, "a mesh or a table of the case", "Restore the old value")
 
 
+@pytest.mark.slow
 def test_a_damaged_partial_result(flexcam, broken, whole, tried, tmp_path):
     """Refused, or what was damaged does not count: then the run goes on to the right end."""
     partial = broken()

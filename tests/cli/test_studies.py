@@ -163,6 +163,7 @@ def test_what_exact_derivatives_do_not_cover_is_refused(flexcam, names, fixed, s
     assert "Use --method differences" in done.err
 
 
+@pytest.mark.slow
 def test_a_chaotic_run_has_no_derivative(flexcam):
     few = ("--set", "run.revolutions=2", "--set", "run.steps_per_revolution=360")
     told = ("--of", "contacts.seat.seating_velocity", "--to", "springs.valve.stiffness")
@@ -191,12 +192,16 @@ def test_static_results_and_multipliers(flexcam):
     meets = ("--of", "multiplier.1", "--to", "springs.mean.stiffness", "--set", "springs.mean.pulsation.amplitude=1e-4")
     (found,) = flexcam("sensitivity", MATHIEU, *meets, "--json").json["derivatives"]
     assert not found["smooth"]
+    done = flexcam("sensitivity", MATHIEU, "--of", "multiplier.3", "--to", "springs.mean.stiffness")
+    assert "expected multiplier.1 to multiplier.2" in done.err
+
+
+@pytest.mark.slow
+def test_multipliers_of_a_motion_without_a_period_are_refused(flexcam):
     hops = ("--of", "multiplier.1", "--to", "springs.valve.stiffness", "--set", "run.steps_per_revolution=360")
     refused = flexcam("sensitivity", ENGINE, *hops)
     assert refused.code == 3
     assert "no periodic motion was found" in refused.err
-    done = flexcam("sensitivity", MATHIEU, "--of", "multiplier.3", "--to", "springs.mean.stiffness")
-    assert "expected multiplier.1 to multiplier.2" in done.err
 
 
 @pytest.mark.slow
@@ -208,6 +213,7 @@ def test_a_search_by_gradients_keeps_a_motion_stable(flexcam):
     assert found["multiplier.1"] == pytest.approx(1.2, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_a_goal_over_a_band_of_speeds(flexcam):
     """The rms acceleration at the worst of several speeds, which a range names."""
     quiet = ("--least", "probes.valve.acceleration.rms", "--vary", "springs.valve.damping=1:40N s/m", *QUICK)
@@ -229,6 +235,7 @@ def test_table_and_picture_of_derivatives(flexcam, tmp_path):
     assert (tmp_path / "s.svg").read_text(encoding="utf-8").count("<path") > 5
 
 
+@pytest.mark.slow
 def test_sobol_of_a_frequency(flexcam, oscillator, tmp_path):
     """Over small even intervals f is linear: shares by (1/2 df/f)^2, here 4 : 1. 0.06: the estimator at 64 points."""
     told = ("--to", "springs.one.stiffness=39.2:40.8kN/m", "--to", "masses.one.mass=99:101g", "--sobol", "64")
@@ -313,6 +320,7 @@ def test_bounds_at_zero_have_no_relative_margin(flexcam, oscillator):
     assert "Add the unit, such as Hz" in bare.err
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("machine_code")
 def test_events_of_the_best_variant_are_warned_of(flexcam, one_mass):
     """The softest spring has the smallest force, and the follower leaves its cam at the higher speed."""
@@ -323,7 +331,7 @@ def test_events_of_the_best_variant_are_warned_of(flexcam, one_mass):
     assert "the best variant at run.speed=4500rpm: the follower of 'k' loses contact" in said
 
 
-@pytest.mark.parametrize("method", ["evolution", "gradient"])
+@pytest.mark.parametrize("method", [pytest.param("evolution", marks=pytest.mark.slow), "gradient"])
 def test_a_result_over_several_conditions_is_the_worst(flexcam, oscillator, method):
     """Least stiffness with f >= 110 Hz for three masses: the heaviest rules."""
     told = ("--vary", "springs.one.stiffness=20:80kN/m", "--least", "springs.one.stiffness",
@@ -344,6 +352,7 @@ def test_a_result_over_several_conditions_is_the_worst(flexcam, oscillator, meth
         assert said in refused.err
 
 
+@pytest.mark.slow
 def test_a_search_by_gradients_ends_at_the_end_of_the_permitted_values(flexcam):
     """Damping has no negative values: at its bound a derivative takes one side."""
     told = ("--set", "springs.valve.damping=0", "--vary", "springs.valve.damping=0:4N s/m", "--method", "gradient",
@@ -390,6 +399,7 @@ def test_the_best_of_a_case_with_a_mesh_can_be_run(flexcam, tmp_path):
     assert flexcam("check", best).code == 0
 
 
+@pytest.mark.slow
 def test_fullest_lift_with_a_given_acceleration(flexcam):
     """Least deceleration of a lift is that of the widest cam; numbers in lists are varied too."""
     law = 'cams.intake.law={id="bspline",coefficients=[0.0,0.0,0.0,0.1,0.5,0.9,1.0,1.0,1.0]}'
@@ -627,6 +637,7 @@ REFUSED = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_the_best_is_no_worse_than_the_case_as_it_stands(flexcam):
     """The case stands at an end of the interval, where the deviation is least; a generation alone misses it."""
     told = ("--vary", "masses.valve.mass=0.1:0.3kg", "--least", "deviation.peak", "--evaluations", "24", "--json")
