@@ -330,6 +330,7 @@ def test_writes_over_nothing_unasked(told, tmp_path):
     assert (told("li-fb2", "-o", ".", "--overwrite").code, path.stat().st_size > 1000) == (0, True)
 
 
+@pytest.mark.slow
 def test_pictures(told, tmp_path):
     found = facts(told, "li-fb2", "--plot", "p")["files"]
     assert found == [f"p/li-fb2-exhaust-{kind}.svg" for kind in ("lift", "profile", "pressure")]

@@ -137,6 +137,7 @@ def test_steps_that_a_method_cannot_take_are_no_reason_to_refuse_the_others(trad
     assert done.json["reference"] == plain["reference"]
 
 
+@pytest.mark.slow
 def test_another_refusal_of_a_model_ends_the_ladder(trade, monkeypatch):
     """Only what a method says of its steps is told in a row."""
     refusal = refuse("memory", "9 TB", "8 GB")
@@ -392,6 +393,7 @@ def test_one_mass_shows_what_beams_show(ran):
         assert np.abs(near - true).max() < 0.01 * np.ptp(true)
 
 
+@pytest.mark.slow
 def test_estimates_are_printed(ran):
     said = ran("estimate=true", json=False)
     assert said.code == 0

@@ -56,6 +56,7 @@ def test_motion_of_a_result_with_its_rigid_train(flexcam, result, tmp_path):
     assert [word for word in wanted if word not in words] == []
 
 
+@pytest.mark.slow
 def test_a_probe_is_drawn_with_the_force_of_its_own_train(flexcam, tmp_path):
     """A probe of the exhaust, with its name at the axis, over the force of the exhaust; the intake is the first cam."""
     case = ROOT / "cases/camshaft-4cyl/camshaft.toml"
@@ -116,6 +117,7 @@ def test_endings(ending, flexcam, result, tmp_path):
     assert (tmp_path / f"deep/e.{ending}").read_bytes().startswith(begin)
 
 
+@pytest.mark.slow
 def test_a_result_whose_case_is_gone(flexcam, result, case):
     """Its rigid train, cams and modes come out of what the result keeps."""
     case.unlink()
@@ -159,6 +161,7 @@ def test_what_a_run_that_ended_early_left(flexcam, case, tmp_path):
     assert "valve lift" in words_of(tmp_path / "early.svg")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("what", "said"), [("campbell", "natural frequency, Hz"), ("waterfall", "order of the camshaft")]
 )

@@ -143,6 +143,7 @@ def test_torque_with_its_mean(drawn, engine, tmp_path):
         assert legend_of(axes.get_legend()) == [f"mean {mean:.4g} N m"]
 
 
+@pytest.mark.slow
 def test_spring_curve_with_its_marks(drawn, engine):
     """50 kN/m and 400 N: full lift at the rigid lift of the valve, coil bind at the given travel, Wahl's stress."""
     figure = drawn("intake.vtkhdf", "--what", "spring", "--channel", "springs.valve.force")
@@ -160,6 +161,7 @@ def test_spring_curve_with_its_marks(drawn, engine):
     np.testing.assert_allclose(stress.lines[0].get_ydata(), 1e-6 * per_force * y, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("machine_code")
 def test_goodman_diagram(drawn):
     strong = [*FEW, KERNEL, "materials.steel.ultimate_strength=900 MPa", "materials.steel.endurance_limit=350 MPa"]

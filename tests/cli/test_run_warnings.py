@@ -92,6 +92,7 @@ def direct(tmp_path):
     return new_case("direct-acting", tmp_path / "direct.toml")[0]
 
 
+@pytest.mark.slow
 def test_a_lash_that_takes_up_most_of_the_lift_hides_no_contact_loss(flexcam, direct, tmp_path):
     """The valve spring presses the valve alone; the bucket flies as long as the lash is open."""
     words = ("--set", "contacts.lash.gap=8.4mm", "--set", "run.crank_speed=6500rpm", "--set", "run.revolutions=1")

@@ -536,6 +536,7 @@ def test_a_search_stopped_before_its_first_variant(flexcam, oscillator, tmp_path
     assert not (tmp_path / "all.csv").exists()
 
 
+@pytest.mark.slow
 def test_front_of_two_goals(flexcam, oscillator, tmp_path):
     """Soft against fast: every stiffness is on the front, and along it one grows with the other."""
     pytest.importorskip("pymoo")

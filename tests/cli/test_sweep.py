@@ -82,6 +82,7 @@ def test_the_table_of_the_case_counts_and_the_command_lays_over_it(flexcam, case
     assert flexcam("run", case, *QUICK).code == 0
 
 
+@pytest.mark.slow
 def test_histories_are_results(flexcam, case, tmp_path):
     done = flexcam("sweep", case, *QUICK, "--set", "run.speed=1000,2000rpm", "--workers", "1", "--histories")
     assert done.code == 0
