@@ -46,6 +46,7 @@ def alone(cases):
     return [numbers(case) for case in cases]
 
 
+@pytest.mark.slow
 def test_eight_threads(cases, alone, tried):
     """Every case twice, eight at a time."""
     with ThreadPoolExecutor(8) as threads:

@@ -42,8 +42,9 @@ def noise(count, size=2e-6, seed=0):
     return size * np.random.default_rng(seed).standard_normal(count)
 
 
+@pytest.mark.slow
 # 1 -- lift_table: the tolerance
-@pytest.mark.parametrize("spacing", [pytest.param(0.25, marks=pytest.mark.slow), 0.5])
+@pytest.mark.parametrize("spacing", [0.25, 0.5])
 def test_tolerance_is_kept_with_more_points_than_knots(spacing):
     """360 knots cannot pass 720 or 1440 noisy points: rms is 1.4 to 8.5 times the tolerance, silently."""
     theta = whole(spacing)

@@ -52,6 +52,7 @@ def test_a_lobe_too_narrow_is_said():
     assert "too narrow" in said
 
 
+@pytest.mark.slow
 def test_an_outlier_is_said():
     theta = FINE[::10]
     lift = LOBE(theta) + noise(360, 2e-6)

@@ -59,6 +59,7 @@ def test_overrides_count(tmp_path):
     assert case_from_result(result).record.cams["valve"].lift == pytest.approx(0.004)
 
 
+@pytest.mark.slow
 def test_a_result_has_the_lift_table_of_its_case(tmp_path):
     """The file at its old place is neither needed nor read: another one stands there."""
     new_case("measured-lift", tmp_path / "case.toml")

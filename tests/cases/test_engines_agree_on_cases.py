@@ -82,7 +82,7 @@ def assert_near(general, found, most, tail=""):
         np.testing.assert_allclose(found.channels[name], values, rtol=0.0, atol=allowed * size, err_msg=f"{name}{tail}")
 
 
-SLOW = ("bucket", "intake", "lever")
+SLOW = ("bucket", "intake", "lever", "pump-up", "rocker")
 """Cases whose direct runs take seconds; the small models of `tests/golden` have their parts in the normal suite."""
 
 
@@ -105,11 +105,10 @@ def test_every_case(case, path):
     assert_one_of(problem, scheme, found, CONTACTS if problem.system.local_forces else LINEAR)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "rpm", "steps"), [
-    pytest.param("pushrod-engine/intake", 2000, 720, marks=pytest.mark.slow),
-    pytest.param("pushrod-engine/intake", 100, 360, marks=pytest.mark.slow),
-    pytest.param("pushrod-engine/lever", 6500, 360, marks=pytest.mark.slow),
-    pytest.param("direct-acting/bucket", 8000, 120, marks=pytest.mark.slow), ("direct-acting/finger", 100, 120),
+    ("pushrod-engine/intake", 2000, 720), ("pushrod-engine/intake", 100, 360), ("pushrod-engine/lever", 6500, 360),
+    ("direct-acting/bucket", 8000, 120), ("direct-acting/finger", 100, 120),
 ])  # fmt: skip
 def test_steps_that_hardly_settle(name, rpm, steps):
     """Where a contact goes to and fro within Newton's iteration, both ways find the one balance there is.

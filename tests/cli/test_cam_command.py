@@ -235,6 +235,7 @@ def test_dead_centres_a_revolution_apart_are_the_same(told, tmp_path):
     assert both[0] == both[1]
 
 
+@pytest.mark.slow
 def test_cylinders_of_a_camshaft(told):
     """Of eight cams only those of one cylinder overlap in the table; the firing order turns each by 90 deg."""
     rows = told(ROOT / "cases/camshaft-4cyl/camshaft.toml").out.splitlines()
@@ -329,6 +330,7 @@ def test_writes_over_nothing_unasked(told, tmp_path):
     assert (told("li-fb2", "-o", ".", "--overwrite").code, path.stat().st_size > 1000) == (0, True)
 
 
+@pytest.mark.slow
 def test_pictures(told, tmp_path):
     found = facts(told, "li-fb2", "--plot", "p")["files"]
     assert found == [f"p/li-fb2-exhaust-{kind}.svg" for kind in ("lift", "profile", "pressure")]

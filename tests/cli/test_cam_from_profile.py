@@ -36,6 +36,7 @@ def test_there_and_back(told, tmp_path):
     assert again.height == pytest.approx(0.0055, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_a_hollow_that_is_bridged(told, tmp_path):
     """Under a roller of 4 mm the cam is hollow at its waist; a flat face cannot enter."""
     written(tmp_path, HarmonicLift(0.006, (0.0, -0.006), (0.0, 0.0)), RollerFollower(0.014, 0.004))

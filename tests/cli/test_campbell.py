@@ -41,6 +41,7 @@ def test_published_mode_meets_the_first_order(flexcam, tmp_path):
     assert flexcam("campbell", PUBLISHED, *RANGE, *QUICK, "--plot", picture).code == 2  # the picture is there
 
 
+@pytest.mark.slow
 def test_what_was_drawn_is_named_and_its_legend_names_what_is_seen(flexcam, tmp_path):
     """Of model 3 one mode lies within the orders; the others, grey or not, are far above the picture."""
     picture = tmp_path / "campbell.svg"

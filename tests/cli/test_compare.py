@@ -20,6 +20,7 @@ def test_compare_takes_the_lift_of_a_train_of_masses(flexcam, tmp_path):
     assert "at valve.uy" in done.out
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("machine_code")
 def test_models_over_speed_with_a_picture(flexcam, tmp_path):
     picture = tmp_path / "forces.svg"

@@ -106,6 +106,7 @@ def test_check_modes_and_compare(way, engine, flexcam):
         assert done.json["status"]
 
 
+@pytest.mark.slow
 def test_every_command_on_every_engine_part(flexcam, tmp_path):
     about = (*OPENING, "--set", "run.revolutions=0.02")
     for verb in ("check", "modes", "compare"):
@@ -125,6 +126,7 @@ def test_rigid_against_flexible_with_a_finger(flexcam):
     assert "NaN" not in done.out
 
 
+@pytest.mark.slow
 def test_a_result_without_the_adjuster_is_no_start(engine, flexcam, tmp_path):
     about = ("--set", "run.revolutions=0.01", "--set", "run.steps_per_revolution=360")
     engine("first")
@@ -168,6 +170,7 @@ def test_a_lever_out_of_reach_in_compare(engine, flexcam):
     assert done.json["errors"][0]["where"].startswith("rockers.rocker.arms")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("words", [["cam"], ["synthesize", "polydyne", "--speed", "3000rpm", "-o", "lift.toml"]])
 def test_cams_of_a_finger_follower(words, flexcam):
     done = flexcam(*words, ENGINE, *(["--cam", "exhaust"] if len(words) > 1 else []))

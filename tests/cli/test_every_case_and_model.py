@@ -16,7 +16,7 @@ ALIKE = [case for case in CASES if case.parent.name == "tayeb" and case.stem != 
 """Published models that are part of another or have another law of the lift; `test_cases` runs them."""
 QUICK = ("--set", "run.steps_per_revolution=180", "--set", "run.revolutions=0.25")
 MODELS = ("model=beams", "model=rigid", "model=sdof", "model=chain", "modes=4")
-FEW = [case for case in CASES if case.stem in ("model-3-shm", "intake", "valve-train", "mathieu")]
+FEW = [case for case in CASES if case.stem in ("intake", "mathieu")]
 
 
 def strict(text):

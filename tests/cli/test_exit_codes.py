@@ -42,7 +42,8 @@ def test_a_stopped_run_keeps_what_it_has(stopped, case):
     )
 
 
-@pytest.mark.parametrize(("number", "code"), [STOPS[0], pytest.param(*STOPS[1], marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize(("number", "code"), STOPS)
 def test_a_stopped_run_in_json(number, code, stopped, case):
     ended, partial = stopped(number, "--json")
     assert ended.code == code

@@ -11,6 +11,7 @@ pyvista = pytest.importorskip("pyvista")
 ROOT = Path(__file__).parents[2]
 
 
+@pytest.mark.slow
 def test_the_command_writes_solids_of_a_case_and_a_result(flexcam, intake):
     made = flexcam("export", intake, "--format", "stl", "--at", "90deg", "-o", ".", "--json").json["files"]
     assert "intake-solids/lobe-intake.stl" in made

@@ -91,6 +91,7 @@ def test_numbers_of_many_contacts_are_whole(monkeypatch, capsys):
     assert row == ["beams", "x2", "1440", "10444", "3.46e+08", "0.0123", *(f"{100.0 * x:.2g}" for x in errors.values())]
 
 
+@pytest.mark.slow
 def test_a_rough_reference_is_told(flexcam, ladder):
     """Sixty steps see nothing of how a contact of 4 MN/m rings; twice as many of the published load see it all."""
     case, few = ROOT / "cases/li/valve-train.toml", ("--set", "run.steps_per_revolution=60", "--repeats", 1)
@@ -136,6 +137,7 @@ def test_steps_that_a_method_cannot_take_are_no_reason_to_refuse_the_others(trad
     assert done.json["reference"] == plain["reference"]
 
 
+@pytest.mark.slow
 def test_another_refusal_of_a_model_ends_the_ladder(trade, monkeypatch):
     """Only what a method says of its steps is told in a row."""
     refusal = refuse("memory", "9 TB", "8 GB")
@@ -164,6 +166,7 @@ def test_json_holds_the_ladder(ladder):
     assert 0.0 < own < finest < 1e-4
 
 
+@pytest.mark.slow
 def test_other_elements_have_other_numbers(trade, ladder):
     """Seven elements in the pushrod have six nodes inside, of which what is along it moves."""
     finer = trade("--set", "members.pushrod.elements=7", "--json").json
@@ -173,6 +176,7 @@ def test_other_elements_have_other_numbers(trade, ladder):
     assert other["rigid"]["unknowns"] == 0
 
 
+@pytest.mark.slow
 def test_a_case_of_another_model_is_traded_against_beams(trade):
     """The reference has flexible members even where the case itself asks for rigid ones."""
     rungs = {one["model"]: one for one in trade("--set", 'fidelity.model="rigid"', "--json").json["rungs"]}
@@ -218,6 +222,7 @@ def test_the_cheapest_within_a_tolerance(ran, ladder, fine, asked, tolerance):
     assert (choice["cheaper"] is None) == (asked == "20 %")  # nothing is cheaper than the rigid train at fewest steps
 
 
+@pytest.mark.slow
 def test_a_tolerance_on_a_way_that_is_asked_for(ran):
     """The reference and the rigid train go their own way."""
     done = ran('tolerance="1 %"', words=("--set", "run.engine=modal"))
@@ -225,7 +230,8 @@ def test_a_tolerance_on_a_way_that_is_asked_for(ran):
     assert done.json["choice"]["model"]["model"] == "sdof"
 
 
-@pytest.mark.parametrize("asked", ["0", pytest.param("1e-14", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("asked", ["0", "1e-14"])
 def test_a_tolerance_that_nothing_meets(ran, asked):
     done = ran(f"tolerance={asked}")
     assert done.code == 3
@@ -267,6 +273,7 @@ def test_few_masses_are_those_of_one_train(flexcam, case, count):
     assert f"got {count} contacts of a cam, expected one. The few masses represent the train" in done.err
 
 
+@pytest.mark.slow
 def test_a_table_of_tolerances(ran):
     """Only what is named counts, and the strictest of it; the rigid train misses the force by 12 %."""
     loose = ran('tolerance={ force = "20 %" }').json["choice"]
@@ -386,6 +393,7 @@ def test_one_mass_shows_what_beams_show(ran):
         assert np.abs(near - true).max() < 0.01 * np.ptp(true)
 
 
+@pytest.mark.slow
 def test_estimates_are_printed(ran):
     said = ran("estimate=true", json=False)
     assert said.code == 0
@@ -421,6 +429,7 @@ def test_a_run_whose_errors_cannot_be_estimated_is_told_all_the_same(flexcam, ta
     assert len(read_result(done.json["result"]).response.time) == 201
 
 
+@pytest.mark.slow
 def test_a_tolerance_with_an_estimate(ran):
     done = ran('tolerance="10 %"', "estimate=true").json
     assert done["choice"]["met"]

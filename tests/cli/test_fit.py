@@ -57,6 +57,7 @@ def test_fit_to_an_export(flexcam, files, tmp_path):
     assert "±" in shown
 
 
+@pytest.mark.slow
 def test_warnings_of_a_fit(flexcam, files):
     """Mass, stiffness, damping and force act only together on a position; an interval ends before the true value."""
     case, export = files

@@ -75,6 +75,7 @@ def test_a_key_of_the_file_is_told_by_its_line(flexcam, tmp_path):
     assert flexcam("check", "case.toml").err == ""
 
 
+@pytest.mark.slow
 def test_a_run_acts_on_the_keys_of_its_model(flexcam):
     words = ("run", INLINE, "--set", "run.steps_per_revolution=360", "--overwrite")
     assert flexcam(*words, "--set", "fidelity.tolerance=20%").err == ""

@@ -84,6 +84,7 @@ def test_closed_forms(name, told):
     assert (found["Cj"] is None) == (name == "parabolic")
 
 
+@pytest.mark.slow
 def test_all_laws_side_by_side(told, tmp_path):
     found = facts(told, "law", "--list", "--residual", "1.5")
     assert (list(found["laws"]), found["kinds"], found["ratios"]) == (list(LAWS), list(KINDS), [1.5])
@@ -168,6 +169,7 @@ def test_files_that_hold_no_law(text, told, tmp_path):
     assert "bad.toml" in refused(told, "law", "bad.toml")["where"]
 
 
+@pytest.mark.slow
 def test_picture(told, tmp_path):
     assert told("law", "shm", "--plot", "a.svg", "--spectrum", "b.png").code == 0
     assert (tmp_path / "b.png").read_bytes().startswith(b"\x89PNG")

@@ -26,7 +26,7 @@ pytestmark = pytest.mark.usefixtures("machine_code")
 def test_limits_name_every_limit_and_the_rigid_speed(flexcam, one_mass):
     """Without seat, coils and members nothing of these is met; a stiff train parts where inertia meets its spring."""
     case = one_mass()
-    answer = flexcam("limits", case, "--lowest", "3000rpm", "--highest", "5000rpm", "--json").json
+    answer = flexcam("limits", case, "--lowest", "3000rpm", "--highest", "5000rpm", *ALONE, "--json").json
     assert answer["first"] == "loss_of_contact"
     assert [answer[f"{name}_rpm"] for name in ("bounce", "coil_clash", "buckling")] == [None] * 3
     z = np.linspace(0.0, 1.0, 20001)
@@ -38,6 +38,7 @@ def test_limits_name_every_limit_and_the_rigid_speed(flexcam, one_mass):
     assert answer["loss_of_contact_rpm"] == pytest.approx(rigid, rel=0.06)  # it swings a little on its contact
 
 
+@pytest.mark.slow
 def test_limits_do_not_depend_on_the_range(flexcam, one_mass):
     """Nor on the revolution in which contact is lost; what is lost is lost over the nose, and remains so."""
     case = one_mass()
@@ -52,6 +53,7 @@ def test_limits_do_not_depend_on_the_range(flexcam, one_mass):
     assert "the follower leaves its cam for over 0.5 deg above 0.3 mm of lift (k, nose)" in said
 
 
+@pytest.mark.slow
 def test_a_limit_below_the_range_is_not_below_its_lowest_speed(flexcam, one_mass):
     range_ = ("--lowest", "4400rpm", "--highest", "4500rpm", *QUICK, *ALONE)
     row = next(one for one in flexcam("limits", one_mass(), *range_).out.splitlines() if one.startswith("float"))
@@ -118,6 +120,7 @@ def test_lift_deviation_over_the_nose():
     assert _lofted_valves(response, ready, 0.5e-3) == []
 
 
+@pytest.mark.slow
 def test_limits_asked_for_and_those_of_a_bilateral_contact(flexcam, one_mass):
     """Float and filtered loss are asked for; a follower that cannot leave its cam has other limits only."""
     few = (
@@ -142,8 +145,11 @@ def test_limits_asked_for_and_those_of_a_bilateral_contact(flexcam, one_mass):
     assert "buckling" in told
     assert "loss of contact of the rigid train" in told
     assert "float" not in told
+
+
+def test_limits_that_no_case_has_or_no_option_can_ask_for(flexcam, one_mass):
     case = one_mass(('model = "unilateral"', 'model = "bilateral"'))
-    assert "no unilateral contact" in flexcam("limits", case, *few).err
+    assert "no unilateral contact" in flexcam("limits", case, *QUICK, *ALONE).err
     assert "one of them" in flexcam("limits", CASE, "--low-pass", "2kHz", "--over", "a=1", "--and", "b=2").err
     assert flexcam("limits", CASE, "--low-pass", "5").code == 2
 

@@ -36,7 +36,7 @@ def test_every_key_has_a_comment(name):
     assert tomllib.loads(text)["title"]
 
 
-LONG = ("dohc-16-valve", "v8-bank")
+LONG = ("dohc-16-valve", "v8-bank", "direct-acting", "exhaust-valve", "finger-follower")
 """`test_doubtful_numbers` checks these in the normal suite, too."""
 
 

@@ -162,6 +162,7 @@ def test_pictures_of_a_law(flexcam):
     assert not Path("p.svg").exists()  # none is written where not all can be
 
 
+@pytest.mark.slow
 def test_laws_of_a_front_are_written_together_or_not_at_all(flexcam):
     Path("best-3.toml").touch()
     words = ("--family", "harmonic", "--orders", "1", "--orders", "3", "--minimize", "Ca", "--pareto", "Cv")

@@ -56,6 +56,7 @@ def test_motion_of_a_result_with_its_rigid_train(flexcam, result, tmp_path):
     assert [word for word in wanted if word not in words] == []
 
 
+@pytest.mark.slow
 def test_a_probe_is_drawn_with_the_force_of_its_own_train(flexcam, tmp_path):
     """A probe of the exhaust, with its name at the axis, over the force of the exhaust; the intake is the first cam."""
     case = ROOT / "cases/camshaft-4cyl/camshaft.toml"
@@ -90,6 +91,7 @@ def test_a_rigid_train_lacks_some_forces_and_a_long_title_has_lines(flexcam, tmp
     assert "(camshaft 3000 rpm)" in words
 
 
+@pytest.mark.slow
 def test_several_results_over_time(flexcam, case, result, tmp_path):
     """Files of one name are told apart by their speeds."""
     assert flexcam("run", "case.toml", "-o", "fast", "--set", "run.speed=4000rpm").code == 0
@@ -115,6 +117,7 @@ def test_endings(ending, flexcam, result, tmp_path):
     assert (tmp_path / f"deep/e.{ending}").read_bytes().startswith(begin)
 
 
+@pytest.mark.slow
 def test_a_result_whose_case_is_gone(flexcam, result, case):
     """Its rigid train, cams and modes come out of what the result keeps."""
     case.unlink()
@@ -122,6 +125,7 @@ def test_a_result_whose_case_is_gone(flexcam, result, case):
         assert flexcam("plot", result, "--what", what, *more, "-o", f"{what}.png").code == 0
 
 
+@pytest.mark.slow
 def test_a_profile_coloured_by_a_channel(flexcam, intake, tmp_path):
     shutil.copy(intake, tmp_path / "intake.vtkhdf")
     coloured = ["plot", "intake.vtkhdf", "--what", "profile", "--channel"]
@@ -157,6 +161,7 @@ def test_what_a_run_that_ended_early_left(flexcam, case, tmp_path):
     assert "valve lift" in words_of(tmp_path / "early.svg")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("what", "said"), [("campbell", "natural frequency, Hz"), ("waterfall", "order of the camshaft")]
 )

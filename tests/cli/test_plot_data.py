@@ -72,6 +72,7 @@ def test_last_revolution_from_a_dead_centre(engine):
         assert values[at] == whole[360]
 
 
+@pytest.mark.slow
 def test_difference_from_the_rigid_train_and_lost_contact(drawn):
     """The last panel has the difference of the lift; where the cam force is zero on the lift, every panel is shaded."""
     fast = [*FEW, "run.crank_speed=6500rpm", "run.engine=kernel"]
@@ -93,6 +94,7 @@ def test_difference_from_the_rigid_train_and_lost_contact(drawn):
         assert (flexible.channels["contacts.intake.force"][inside] == 0.0).all()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("machine_code")
 def test_several_runs_are_drawn_over_their_last_revolution(drawn, flexcam, tmp_path):
     for folder, rpm in (("a", 3000), ("b", 4000)):
@@ -109,6 +111,7 @@ def test_several_runs_are_drawn_over_their_last_revolution(drawn, flexcam, tmp_p
     assert figure.axes[-1].get_xlim() == pytest.approx((0.0, 360.0), abs=1e-6)
 
 
+@pytest.mark.slow
 def test_crank_angle_with_dead_centres_and_overlap(drawn, flexcam):
     """Of two trains with one dead centre each lift has its place; both are open within the shaded angles."""
     assert flexcam("new", "exhaust-valve", "-o", "exhaust.toml").code == 0
@@ -127,6 +130,7 @@ def test_crank_angle_with_dead_centres_and_overlap(drawn, flexcam):
     assert [axes.get_ylabel() for axes in figure.axes[-2:]] == ["intake force\nN", "exhaust force\nN"]
 
 
+@pytest.mark.slow
 def test_torque_with_its_mean(drawn, engine, tmp_path):
     figure = drawn("intake.vtkhdf", "--what", "torque")
     ready = prepare(read_case(ENGINE, [*FEW, "run.engine=kernel"]))
@@ -139,6 +143,7 @@ def test_torque_with_its_mean(drawn, engine, tmp_path):
         assert legend_of(axes.get_legend()) == [f"mean {mean:.4g} N m"]
 
 
+@pytest.mark.slow
 def test_spring_curve_with_its_marks(drawn, engine):
     """50 kN/m and 400 N: full lift at the rigid lift of the valve, coil bind at the given travel, Wahl's stress."""
     figure = drawn("intake.vtkhdf", "--what", "spring", "--channel", "springs.valve.force")
@@ -156,6 +161,7 @@ def test_spring_curve_with_its_marks(drawn, engine):
     np.testing.assert_allclose(stress.lines[0].get_ydata(), 1e-6 * per_force * y, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("machine_code")
 def test_goodman_diagram(drawn):
     strong = [*FEW, KERNEL, "materials.steel.ultimate_strength=900 MPa", "materials.steel.endurance_limit=350 MPa"]
@@ -173,6 +179,7 @@ def test_goodman_diagram(drawn):
     assert 1.0 / pushrod.safety == pytest.approx(pushrod.alternating / 350e6, rel=1e-9), "compression helps nothing"
 
 
+@pytest.mark.slow
 def test_map_over_angle_and_speed(drawn, flexcam, tmp_path):
     for rpm in SPEEDS:
         words = (

@@ -59,6 +59,7 @@ def test_a_report(flexcam, result, case):
     assert result.with_suffix(".html").read_text(encoding="utf-8") == page
 
 
+@pytest.mark.slow
 def test_what_cannot_be_had_is_said(flexcam, case, tmp_path):
     """A lift table that is gone, also from the result: curves and lines remain; the page says what is left out."""
     text = case.read_text(encoding="utf-8")
@@ -86,6 +87,7 @@ def test_what_cannot_be_had_is_said(flexcam, case, tmp_path):
     assert [one["name"] for one in data["scenes"][0]["shapes"]] == ["the run"]
 
 
+@pytest.mark.slow
 def test_a_run_that_diverged(flexcam, case, tmp_path):
     assert flexcam("run", "case.toml", "-o", "out", "--set", "run.integrator.beta=0.01").code == 3
     assert flexcam("report", "out/case.partial.vtkhdf", "-o", "early.html").code == 0
@@ -135,6 +137,7 @@ def test_coarser_models(model, flexcam, case, tmp_path):
     assert "Stresses at the saved instants" not in text
 
 
+@pytest.mark.slow
 def test_what_is_asked_for_beside(flexcam, case, tmp_path):
     """Errors, the trade and limits run the case again; in few steps here.
 

@@ -198,6 +198,7 @@ def test_paper(seen):
     assert seen.eval_on_selector("pre", "e => e.scrollHeight <= e.clientHeight + 1")
 
 
+@pytest.mark.slow
 def test_without_scripts(browser, written):
     """What is left says everything but the curves, of which a picture remains."""
     context = browser.new_context(java_script_enabled=False)

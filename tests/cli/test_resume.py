@@ -46,6 +46,7 @@ def begun(folder, *words):
     return process, partial
 
 
+@pytest.mark.slow
 def test_after_kill_and_terminate(flexcam, case, tried, tmp_path):
     """Killed, resumed, terminated, resumed again."""
     process, partial = begun(tmp_path, *WALKED)
@@ -180,6 +181,7 @@ def test_another_table_beside_the_case(flexcam, case, refused, broken, tmp_path)
     refused(partial, SAME, "a mesh or a table of the case", "Restore the old value")
 
 
+@pytest.mark.slow
 def test_a_damaged_partial_result(flexcam, broken, whole, tried, tmp_path):
     """Refused, or what was damaged does not count: then the run goes on to the right end."""
     partial = broken()
@@ -205,6 +207,7 @@ def test_a_damaged_partial_result(flexcam, broken, whole, tried, tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_a_result_that_is_there_already_needs_overwrite(flexcam, broken, refused, tmp_path):
     """A run that was to replace a result broke off: going on asks for the same permission."""
     partial = broken()
@@ -215,7 +218,7 @@ def test_a_result_that_is_there_already_needs_overwrite(flexcam, broken, refused
     assert read_result(old).response.status.ok
 
 
-@pytest.mark.parametrize("after", [1, 2])
+@pytest.mark.parametrize("after", [pytest.param(1, marks=pytest.mark.slow), 2])
 def test_what_stops_before_its_next_block_loses_nothing(after, broken, case, flexcam, whole, tmp_path):
     """While earlier blocks are read back (1), and before another one is finished (2)."""
     words = ("run.revolutions=3",)

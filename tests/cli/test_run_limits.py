@@ -134,6 +134,7 @@ def test_times_may_have_several_units(given, seconds):
     assert parse_duration("--time-limit", given) == pytest.approx(seconds, rel=1e-15)
 
 
+@pytest.mark.slow
 def test_the_choice_of_a_model_ends_too(flexcam, case):
     ended = flexcam("run", case, "--set", "fidelity.tolerance=0.01", "--time-limit", "1 ms", "--json")
     assert ended.code == 3

@@ -61,6 +61,7 @@ def test_the_word_on_the_contact_tells_a_follower_that_left_its_cam(engine):
     assert describe_contacts(case, FIGURES)[0].endswith("and it can lose contact: 'intake' lost contact for 82 deg.")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("machine_code")
 def test_a_run_too_fast_keeps_it_with_its_result_and_its_report(flexcam, engine, tmp_path):
     fast = ("--set", "run.crank_speed=8000rpm", "--set", "run.steps_per_revolution=720")
@@ -76,6 +77,7 @@ def test_a_run_too_fast_keeps_it_with_its_result_and_its_report(flexcam, engine,
     assert "The part with the largest motion, camshaft" not in page
 
 
+@pytest.mark.slow
 def test_desmodromic_pair(flexcam, tmp_path):
     """The rigid train of a pair is no measure of valve loft; a follower that left one cam is on the other."""
     pair = Path(__file__).parents[1] / "golden/models/desmodromic.toml"
@@ -92,6 +94,7 @@ def direct(tmp_path):
     return new_case("direct-acting", tmp_path / "direct.toml")[0]
 
 
+@pytest.mark.slow
 def test_a_lash_that_takes_up_most_of_the_lift_hides_no_contact_loss(flexcam, direct, tmp_path):
     """The valve spring presses the valve alone; the bucket flies as long as the lash is open."""
     words = ("--set", "contacts.lash.gap=8.4mm", "--set", "run.crank_speed=6500rpm", "--set", "run.revolutions=1")
@@ -107,6 +110,7 @@ def test_a_spring_that_opens_the_valve_is_told(flexcam, direct):
     assert "no spring presses the valve to its seat" in warning
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("machine_code")
 def test_a_transient_of_an_adjuster_is_told(flexcam):
     """One revolution from rest reports the transient; a periodic start does not. Several say how far they are."""
@@ -142,6 +146,7 @@ def test_an_impact_on_a_contact_that_stays_closed_has_twice_its_rise():
     assert contact_duration(closed[2:], 1) == 0
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("machine_code")
 def test_figures_of_merit_are_printed_once(flexcam, engine, tmp_path):
     """They are metrics of the run in words of the trade; the table of metrics has the others."""

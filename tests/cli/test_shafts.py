@@ -33,6 +33,7 @@ def test_commands(command, flexcam, cranked):
         assert "crankshaft 6000 rpm (camshaft 3000 rpm)" in told
 
 
+@pytest.mark.slow
 def test_the_report(flexcam, cranked):
     flexcam("run", cranked, *SHORT)
     flexcam("report", "results/case.vtkhdf", "-o", "page.html")

@@ -48,6 +48,7 @@ def test_resonances_far_above_are_only_counted(flexcam):
     assert re.search(r"resonances +none up to 2000 camshaft rpm; \d+ above, the lowest at 4026\.86 camshaft rpm", low)
 
 
+@pytest.mark.slow
 def test_the_surge_of_the_spring_is_met(flexcam):
     """Its first mode is that between fixed ends, (1/2) sqrt(k/m) = 456 Hz; 5200 rpm lie between two harmonics."""
     run = ("--set", "run.revolutions=1", *QUICK)
@@ -152,6 +153,7 @@ def test_what_does_not_return_with_the_camshaft_has_no_multipliers(flexcam, odd)
     assert (done.code, "The state repeats with the camshaft" in done.err) == (2, True)
 
 
+@pytest.mark.slow
 def test_map_over_speed(flexcam, tmp_path):
     """Growth within the tongue 1 - q - q^2/8 < (954.93/rpm)^2 < 1 + q - q^2/8 and none outside."""
     about = ("--lowest", "880rpm", "--highest", "1040rpm", "--count", "5", "--plot", str(tmp_path / "map.svg"))
@@ -254,6 +256,7 @@ def test_harmonics_of_few_steps_are_those_that_these_have(flexcam, steps):
     assert found[0]["load_n"] == pytest.approx(306.0, rel=0.01)
 
 
+@pytest.mark.slow
 def test_a_thousand_orders_fit_into_memory(flexcam):
     """Those that the steps do not resolve have no number; the others keep theirs."""
     found = flexcam("campbell", PUBLISHED, "--orders", "1:1000", "--count", "2", *QUICK, "--json").json

@@ -27,6 +27,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PUBLISHED = ROOT / "cases/tayeb/model-3-shm.toml"
 ENGINE = ROOT / "cases/pushrod-engine/intake.toml"
 MATHIEU = ROOT / "cases/checks/mathieu.toml"
+FOLLOWER = ROOT / "tests/verification/cam-follower.toml"
 QUICK = ("--set", "run.steps_per_revolution=180")
 
 OSCILLATOR = """\
@@ -163,6 +164,7 @@ def test_what_exact_derivatives_do_not_cover_is_refused(flexcam, names, fixed, s
     assert "Use --method differences" in done.err
 
 
+@pytest.mark.slow
 def test_a_chaotic_run_has_no_derivative(flexcam):
     few = ("--set", "run.revolutions=2", "--set", "run.steps_per_revolution=360")
     told = ("--of", "contacts.seat.seating_velocity", "--to", "springs.valve.stiffness")
@@ -183,6 +185,7 @@ def test_a_search_by_gradients_through_chaos_is_refused(flexcam):
     assert "The motion is chaotic" in " ".join(refused.err.split())
 
 
+@pytest.mark.usefixtures("machine_code")
 def test_static_results_and_multipliers(flexcam):
     """The force of an installed spring; multipliers that meet at the edge of a tongue have no slope there."""
     asked = ("--of", "static.springs.valve.force", "--to", "springs.valve.installed_force")
@@ -191,8 +194,8 @@ def test_static_results_and_multipliers(flexcam):
     meets = ("--of", "multiplier.1", "--to", "springs.mean.stiffness", "--set", "springs.mean.pulsation.amplitude=1e-4")
     (found,) = flexcam("sensitivity", MATHIEU, *meets, "--json").json["derivatives"]
     assert not found["smooth"]
-    hops = ("--of", "multiplier.1", "--to", "springs.valve.stiffness", "--set", "run.steps_per_revolution=360")
-    refused = flexcam("sensitivity", ENGINE, *hops)
+    fast = ("--set", "run.speed=9000rpm", "--set", "run.steps_per_revolution=360")  # it hops
+    refused = flexcam("sensitivity", FOLLOWER, "--of", "multiplier.1", "--to", "springs.one.stiffness", *fast)
     assert refused.code == 3
     assert "no periodic motion was found" in refused.err
     done = flexcam("sensitivity", MATHIEU, "--of", "multiplier.3", "--to", "springs.mean.stiffness")
@@ -208,6 +211,7 @@ def test_a_search_by_gradients_keeps_a_motion_stable(flexcam):
     assert found["multiplier.1"] == pytest.approx(1.2, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_a_goal_over_a_band_of_speeds(flexcam):
     """The rms acceleration at the worst of several speeds, which a range names."""
     quiet = ("--least", "probes.valve.acceleration.rms", "--vary", "springs.valve.damping=1:40N s/m", *QUICK)
@@ -229,6 +233,7 @@ def test_table_and_picture_of_derivatives(flexcam, tmp_path):
     assert (tmp_path / "s.svg").read_text(encoding="utf-8").count("<path") > 5
 
 
+@pytest.mark.slow
 def test_sobol_of_a_frequency(flexcam, oscillator, tmp_path):
     """Over small even intervals f is linear: shares by (1/2 df/f)^2, here 4 : 1. 0.06: the estimator at 64 points."""
     told = ("--to", "springs.one.stiffness=39.2:40.8kN/m", "--to", "masses.one.mass=99:101g", "--sobol", "64")
@@ -313,6 +318,7 @@ def test_bounds_at_zero_have_no_relative_margin(flexcam, oscillator):
     assert "Add the unit, such as Hz" in bare.err
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("machine_code")
 def test_events_of_the_best_variant_are_warned_of(flexcam, one_mass):
     """The softest spring has the smallest force, and the follower leaves its cam at the higher speed."""
@@ -323,7 +329,7 @@ def test_events_of_the_best_variant_are_warned_of(flexcam, one_mass):
     assert "the best variant at run.speed=4500rpm: the follower of 'k' loses contact" in said
 
 
-@pytest.mark.parametrize("method", ["evolution", "gradient"])
+@pytest.mark.parametrize("method", [pytest.param("evolution", marks=pytest.mark.slow), "gradient"])
 def test_a_result_over_several_conditions_is_the_worst(flexcam, oscillator, method):
     """Least stiffness with f >= 110 Hz for three masses: the heaviest rules."""
     told = ("--vary", "springs.one.stiffness=20:80kN/m", "--least", "springs.one.stiffness",
@@ -344,6 +350,7 @@ def test_a_result_over_several_conditions_is_the_worst(flexcam, oscillator, meth
         assert said in refused.err
 
 
+@pytest.mark.slow
 def test_a_search_by_gradients_ends_at_the_end_of_the_permitted_values(flexcam):
     """Damping has no negative values: at its bound a derivative takes one side."""
     told = ("--set", "springs.valve.damping=0", "--vary", "springs.valve.damping=0:4N s/m", "--method", "gradient",
@@ -390,6 +397,7 @@ def test_the_best_of_a_case_with_a_mesh_can_be_run(flexcam, tmp_path):
     assert flexcam("check", best).code == 0
 
 
+@pytest.mark.slow
 def test_fullest_lift_with_a_given_acceleration(flexcam):
     """Least deceleration of a lift is that of the widest cam; numbers in lists are varied too."""
     law = 'cams.intake.law={id="bspline",coefficients=[0.0,0.0,0.0,0.1,0.5,0.9,1.0,1.0,1.0]}'
@@ -526,6 +534,7 @@ def test_a_search_stopped_before_its_first_variant(flexcam, oscillator, tmp_path
     assert not (tmp_path / "all.csv").exists()
 
 
+@pytest.mark.slow
 def test_front_of_two_goals(flexcam, oscillator, tmp_path):
     """Soft against fast: every stiffness is on the front, and along it one grows with the other."""
     pytest.importorskip("pymoo")
@@ -627,6 +636,7 @@ REFUSED = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_the_best_is_no_worse_than_the_case_as_it_stands(flexcam):
     """The case stands at an end of the interval, where the deviation is least; a generation alone misses it."""
     told = ("--vary", "masses.valve.mass=0.1:0.3kg", "--least", "deviation.peak", "--evaluations", "24", "--json")

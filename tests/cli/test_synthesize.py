@@ -61,6 +61,7 @@ def plain(words):
     return read_case(MODEL, [word.removeprefix("--set=") for word in words])
 
 
+@pytest.mark.slow
 def test_the_valve_follows_a_polydyne_cam(told, tmp_path):
     """It makes 1.6 of the lift, to 1 um; the time steps, of second order, take 0.02 um. The plain cam is off by 3.6 mm."""
     assert facts(told, *POLYDYNE, *SMOOTH, "-o", "polydyne.toml")["files"] == ["polydyne.toml"]
@@ -72,6 +73,7 @@ def test_the_valve_follows_a_polydyne_cam(told, tmp_path):
     assert off[0] < 1e-6 < 1e-3 < off[1]
 
 
+@pytest.mark.slow
 def test_distances_are_those_of_the_valve(told):
     """Damped, a run comes to the steady motion that the table is about, behind a rocker of 1.6."""
     words = (*SMOOTH, "--set=run.damping={ modal = 0.1 }", "--set=run.revolutions=6")
@@ -237,6 +239,7 @@ def test_a_law_of_least_acceleration(told, tmp_path, monkeypatch):
     assert run(case).status.ok
 
 
+@pytest.mark.slow
 def test_conditions_and_families(told, tmp_path):
     facts(told, *POLYNOMIAL, "--condition", "0.5,1,1.8", "--condition", "0.25,0,0.1", "-o", "a.toml")
     law = read_law(tmp_path / "a.toml").law
@@ -250,6 +253,7 @@ def test_conditions_and_families(told, tmp_path):
     assert (found["family_bound"], found["gap"]) == (None, None), "not convex: no bound is claimed"
 
 
+@pytest.mark.slow
 def test_a_front(told, tmp_path):
     """Drawn criterion over criterion, with its laws; a picture that is there is refused before any law."""
     found = facts(told, *POLYNOMIAL, "--pareto", "Cj", "--count", "3", "-o", "front.toml", "--plot", "front.svg")
@@ -265,7 +269,9 @@ def test_a_front(told, tmp_path):
     assert not list(tmp_path.glob("law-*.toml"))
 
 
-@pytest.mark.parametrize("words", [POLYNOMIAL, POLYDYNE, HARMONIC], ids=["law", "polydyne", "harmonic"])
+@pytest.mark.parametrize(
+    "words", [POLYNOMIAL, pytest.param(POLYDYNE, marks=pytest.mark.slow), HARMONIC], ids=["law", "polydyne", "harmonic"]
+)
 def test_output(words, told, tmp_path):
     (tmp_path / "x.toml").write_text("mine")
     said = told(*words, "-o", "x.toml")

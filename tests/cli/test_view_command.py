@@ -73,7 +73,7 @@ def seen(path):
 
 
 @pytest.mark.usefixtures("drawing")
-@pytest.mark.parametrize("name", PICTURES)
+@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * (n != "finger")) for n in PICTURES])
 def test_a_picture_looks_like_its_reference(name, flexcam):
     ended = flexcam("view", *PICTURES[name], *SIZE, "--save", "made.png")
     assert ended.code == 0, ended.err
@@ -110,6 +110,7 @@ def test_the_angle_is_counted_within_its_revolution(first, told):
     assert later.words(1, "A title", 2.0) == f"A title\n{told}\nelastic part x 2"
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("drawing")
 def test_a_result_is_coloured_by_its_stress(flexcam, intake, tmp_path):
     """As its picture says: the same scene, coloured apart from the rest, at the instant asked for."""
@@ -132,6 +133,7 @@ def colours(path, *, members):
     return sum(r > 100 and r > 2 * b and g < 0.6 * r for r, g, b in pixels)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("drawing")
 def test_a_movie_turns_the_cam(flexcam, intake, monkeypatch):
     monkeypatch.setattr("flexcam.plotting.rendering.FRAMES", 5)
@@ -177,6 +179,7 @@ def test_a_page_stands_alone(flexcam, tmp_path):
     assert np.ptp(away, axis=0).max() < 2e-2 * size.max()
 
 
+@pytest.mark.slow
 def test_a_page_moves(flexcam):
     """In Chromium: without a fault; another instant, and a turn by the arrow keys, give another picture."""
     found = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)

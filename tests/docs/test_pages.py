@@ -20,6 +20,9 @@ OTHERS = ("cd", "dask", "paraview", "pip", "pvbatch", "python")
 PLAIN = [page for page in PAGES if not adds(page)]
 """Pages that change no file of flexcam."""
 
+LONG = ("measured-lift.md", "published-cam.md", "pushrod-engine.md", "redesign.md")
+"""Tutorials of more than a second each, which CI follows too."""
+
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
@@ -72,7 +75,9 @@ def follow(page, folder, slow):
             assert "Traceback" not in printed, where
 
 
-@pytest.mark.parametrize("page", PLAIN, ids=name_of)
+@pytest.mark.parametrize(
+    "page", [pytest.param(page, marks=[pytest.mark.slow] * (page.name in LONG), id=name_of(page)) for page in PLAIN]
+)
 @pytest.mark.usefixtures("machine_code")
 def test_page(page, folder):
     follow(page, folder, slow=False)

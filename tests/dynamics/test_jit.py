@@ -112,6 +112,7 @@ compile_functions((eliminate,), ("eliminate",))["eliminate"](np.ones((1, 2)), 1,
 """
 
 
+@pytest.mark.slow
 def test_compilation_is_announced_once_per_installation(tmp_path):
     """The second process finds the compiled code."""
     words, cache = [sys.executable, "-c", ANNOUNCED], {**os.environ, "FLEXCAM_CACHE": str(tmp_path)}

@@ -41,7 +41,10 @@ def names(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
-@pytest.mark.parametrize(("file_size", "program"), [(40_000, PROGRAM), (700_000, PROGRAM), (3_000_000, OFTEN)])
+@pytest.mark.parametrize(
+    ("file_size", "program"),
+    [(40_000, PROGRAM), pytest.param(700_000, PROGRAM, marks=pytest.mark.slow), (3_000_000, OFTEN)],
+)
 def test_a_disk_that_is_full(file_size, program, tried, tmp_path):
     """Before the first step, before the first copy, and behind it; the result before stays, and so does the copy."""
     (tmp_path / "out").mkdir()

@@ -113,7 +113,8 @@ SLOW = {
     "general, hydraulic adjuster", "general, lash, Hertz, dissipation", "modal, generalized-alpha", "HHT, contacts",
     "compiled, hydraulic adjuster", "scipy's Radau", "adaptive steps", "central difference", "exact", "chain",
     "Craig-Bampton", "every unknown, none left out", "periodic start", "speed that swings", "one mass", "rigid",
-    "scipy's DOP853", "four modes", "compiled, linear",
+    "scipy's DOP853", "four modes", "compiled, linear", "Bathe, contacts",
+    "collocation, contacts and seat",
 }  # fmt: skip
 """Ways that share what a checkpoint holds with another one."""
 

@@ -80,6 +80,7 @@ def values(content, binary, number):
     return read
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["direct-acting/finger"])
 def test_targets_and_weights_move_the_points(name, tmp_path):
     """Base and weighted displacements give the points of the scene at every keyframe; parts have their names."""

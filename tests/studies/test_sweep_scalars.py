@@ -47,6 +47,7 @@ def test_one_mass_has_no_camshaft():
     assert set(felt.scalars) >= CAMSHAFT | DRIVE
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("asked", "cause"), [(0.01, Cause.DONE), (1e-9, Cause.TOLERANCE)])
 def test_a_row_says_which_model_was_chosen(asked, cause):
     row = evaluate(read_case("tests/data/inline.toml", ["run.steps_per_revolution=120", f"fidelity.tolerance={asked}"]))
