@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import math
 import re
+from contextvars import ContextVar
 from dataclasses import dataclass
 from decimal import Context, Decimal
+from typing import Literal
 
 from flexcam.core.errors import refuse, suggest_name
 
@@ -251,11 +253,25 @@ def shaft_speed(speed: float, turns: float) -> str:
 
 
 _DISPLAY_UNITS = {
-    "m": (1e3, "mm"), "rad": (180.0 / math.pi, "deg"), "Pa": (1e-6, "MPa"), "m/s^2": (1.0, "m/s²"),
-    "rad/s^2": (1.0, "rad/s²"), "1": (1.0, ""),
+    "metric": {"m": "mm", "rad": "deg", "Pa": "MPa"},
+    "imperial": {
+        "m": "in", "m/s": "ft/s", "m/s^2": "ft/s^2", "rad": "deg", "N": "lbf", "N m": "lbf ft", "N/m": "lbf/in",
+        "Pa": "psi", "W": "hp",
+    },
 }  # fmt: skip
+"""Units of displayed quantities by their SI unit; others stay in SI."""
+
+UnitSystem = Literal["metric", "imperial"]
+_unit_system: ContextVar[UnitSystem] = ContextVar("unit_system", default="metric")
+
+
+def set_unit_system(system: UnitSystem) -> None:
+    """Set the units in which tables and plots show quantities in this context."""
+    _unit_system.set(system)
 
 
 def to_display_unit(unit: str) -> tuple[float, str]:
-    """Return a quantity in the unit engineers commonly use."""
-    return _DISPLAY_UNITS.get(unit, (1.0, unit))
+    """Return the factor from an SI unit to the one in which engineers show the quantity, and its symbol."""
+    shown = _DISPLAY_UNITS[_unit_system.get()].get(unit, unit)
+    factor = 1.0 if shown == unit else 1.0 / conversion_factor(shown, unit, "unit")
+    return factor, "" if shown == "1" else shown.replace("^2", "²")
