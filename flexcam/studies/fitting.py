@@ -16,13 +16,13 @@ from flexcam.analysis.model_choice import select_case
 from flexcam.analysis.preparation import build_problem, prepare
 from flexcam.case.case import Case
 from flexcam.core import FloatArray
-from flexcam.core.errors import InputError, positive, refuse, suggest_name
+from flexcam.core.errors import positive, refuse, suggest_name
 from flexcam.core.units import conversion_factor
-from flexcam.dynamics import SERIES, RunFailedError, SaveAt, Status, component_unit, outline, reraise_interrupt, solve
+from flexcam.dynamics import SERIES, RunFailedError, SaveAt, Status, component_unit, outline, solve
 from flexcam.io.exports import scalar_probes
 from flexcam.io.files import ABSCISSAS, find_abscissa, read_columns, read_mdf
 from flexcam.studies.executors import Variants
-from flexcam.studies.plan import Bundle, Row, open_case, rejected_row
+from flexcam.studies.plan import Bundle, Row, evaluate_each
 from flexcam.studies.variables import PointEvaluator
 
 
@@ -122,17 +122,11 @@ def evaluate_curves(
     source: Bundle | Path, variants: Variants, *, fixed: tuple[str, ...], measured: Measurement
 ) -> list[Row]:
     """Return rows with the curves of variants, in a worker."""
-    file, rows = open_case(source), list[Row]()
-    for overrides in variants:
-        try:
-            values = measured.simulate(file.read((*fixed, *overrides)))
-            rows.append(Row(Status(), history=("curves", values.tobytes())))
-        except InputError as refusal:
-            rows.append(rejected_row(refusal))
-        except RunFailedError as failure:
-            reraise_interrupt(failure.status)
-            rows.append(Row(failure.status))
-    return rows
+
+    def evaluate(case: Case) -> Row:
+        return Row(Status(), history=("curves", measured.simulate(case).tobytes()))
+
+    return evaluate_each(source, variants, evaluate, fixed)
 
 
 _SINGULAR = 1e-3

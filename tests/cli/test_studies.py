@@ -21,7 +21,7 @@ from flexcam.case.reader import CaseFile, read_case
 from flexcam.case.variants import get_number
 from flexcam.dynamics import Status
 from flexcam.studies.plan import Row
-from flexcam.studies.quantities import create_evaluator, evaluate_variant
+from flexcam.studies.quantities import create_evaluator, quantity_row
 
 ROOT = Path(__file__).resolve().parents[2]
 PUBLISHED = ROOT / "cases/tayeb/model-3-shm.toml"
@@ -67,9 +67,9 @@ def stop_after(monkeypatch):
             if len(evaluated) == count:
                 raise KeyboardInterrupt
             evaluated.append(words)
-            return evaluate_variant(*words)
+            return quantity_row(*words)
 
-        monkeypatch.setattr("flexcam.studies.quantities.evaluate_variant", stopping)
+        monkeypatch.setattr("flexcam.studies.quantities.quantity_row", stopping)
 
     return stop
 
@@ -505,7 +505,7 @@ def test_a_stopped_map_has_gaps(flexcam, tmp_path, monkeypatch):
             raise KeyboardInterrupt
         return rows.pop()
 
-    monkeypatch.setattr("flexcam.studies.quantities.evaluate_variant", stopping)
+    monkeypatch.setattr("flexcam.studies.quantities.quantity_row", stopping)
     told = ("--over", "springs.valve.stiffness=45,65kN/m", "--and", "springs.valve.installed_force=300,500N")
     done = flexcam("limits", ENGINE, *told, "--limit", "buckling", "--csv", tmp_path / "map.csv", "--json")
     assert (done.code, done.json["status"]) == (130, "interrupted")
@@ -518,7 +518,7 @@ def test_a_search_stopped_before_its_first_variant(flexcam, oscillator, tmp_path
     def stopping(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("flexcam.studies.quantities.evaluate_variant", stopping)
+    monkeypatch.setattr("flexcam.studies.quantities.quantity_row", stopping)
     told = ("--vary", "springs.one.stiffness=20:80kN/m", "--least", "springs.one.stiffness")
     done = flexcam("optimize", oscillator, *told, "--csv", tmp_path / "all.csv")
     assert done.code == 130
