@@ -116,9 +116,8 @@ def estimate_case_resources(ready: PreparedRun, keep: Literal["all", "revolution
 
 def check_case_resources(case: Case, folder: Path | None = None, *, runs: int = 1, together: int = 1) -> None:
     """Raise an error if memory or disk space is insufficient for many runs of a case."""
-    periodic = case.record.run.start == "periodic"  # computing a periodic state takes many revolutions
     try:
-        ready = prepare(case.with_run({"start": "equilibrium"}) if periodic else case)
+        ready = prepare_without_periodic_search(case)
     except (InputError, RunFailedError):  # its row reports it
         return
     needs = estimate_case_resources(ready)
@@ -187,11 +186,9 @@ _STORED_TEXTS = ("all", "revolution")
 
 def reload_result(case: Case, result: Result) -> tuple[PreparedRun, Response]:
     """Return the prepared case of a result and its response as originally computed."""
-    start = case.record.run.start
-    standing = (
-        case.with_run({"start": "equilibrium"}) if start == "periodic" or isinstance(start, ResultStartRecord) else case
-    )
-    ready = replace(prepare(standing), case=case)
+    from_result = isinstance(case.record.run.start, ResultStartRecord)
+    standing = case.with_run({"start": "equilibrium"}) if from_result else case
+    ready = replace(prepare_without_periodic_search(standing), case=case)
     names = outline(ready.problem.system)
     response = result.response
     free = build_structure(ready.model).dofs.numbers >= 0

@@ -342,14 +342,11 @@ def _format_axis(axis: FloatArray) -> str:
 
 def _undriven_rocker_faults(places: KeyLocations, model: Model) -> Iterator[Fault]:
     for name, rocker in model.rockers.items():
-        if not rocker.finger and _supports_block(model, rocker.start, rocker.direction):
+        if rocker.finger:
+            continue
+        node = model.mesh.node(rocker.start)
+        fixed = {c for point, held in model.supports.items() if node in model.mesh.points[point] for c in held}
+        if not np.delete(rocker.direction, [component(one) for one in fixed]).any():
             given, why = f"{rocker.start!r}, fixed along the rocker's direction", "nothing could drive the rocker"
             allowed, remedy = "a node that can move along it", "give the direction in which the node moves, or free it"
             yield Fault(places.place(("rockers", name, "from")), given, allowed, why, remedy)
-
-
-def _supports_block(model: Model, point: str, direction: FloatArray) -> bool:
-    """Return whether supports prevent every motion of a node along a direction."""
-    node = model.mesh.node(point)
-    blocked = [held for name, held in model.supports.items() if node in model.mesh.points[name]]
-    return not np.delete(direction, [component(name) for held in blocked for name in held]).any()

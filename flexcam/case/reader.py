@@ -360,21 +360,21 @@ def _apply_overrides(
         faults = _apply_override(raw, key, override)
         found += faults
         applied += [] if faults else [key]
-        places = places.with_override(key, override)
     for *parents, key in applied:
-        table = _table_at(raw, parents) if parents[:1] in (["run"], ["cams"]) else None
+        table = value_at(raw, parents) if parents[:1] in (["run"], ["cams"]) else None
         for other in _REPLACED_KEYS.get(key, ()):
-            if table is not None and (*parents, other) not in keys:  # two overrides that exclude each other remain
-                table.pop(other, None)
-    return places, found
+            if isinstance(table, dict) and (*parents, other) not in keys:  # overrides that exclude each other remain
+                cast("dict[str, object]", table).pop(other, None)
+    notes = {key: f"--set {override}" for key, override in zip(keys, overrides, strict=True)}
+    return replace(places, notes={**places.notes, **notes}), found
 
 
-def _table_at(raw: dict[str, Any], parents: Sequence[str]) -> dict[str, Any] | None:
-    """Return the table at a key path; None if there is none."""
-    table: object = raw
-    for step in parents:
-        table = cast("dict[str, object]", table).get(step) if isinstance(table, dict) else None
-    return cast("dict[str, Any]", table) if isinstance(table, dict) else None
+def value_at(table: Mapping[str, Any], path: Sequence[str]) -> object:
+    """Return the value at a key path in nested tables; None if there is none."""
+    value: object = table
+    for step in path:
+        value = cast("dict[str, object]", value).get(step) if isinstance(value, dict) else None
+    return value
 
 
 def _apply_override(raw: dict[str, Any], path: KeyPath, override: str) -> list[Fault]:

@@ -20,7 +20,7 @@ from flexcam.analysis.limits import (
     SpeedRuns,
     applicable_limits,
     evaluate_speed,
-    search_limits,
+    find_limits,
 )
 from flexcam.analysis.preparation import build_problem, prepare, steps_per_revolution
 from flexcam.cams import Event, event_extremes, harmonics, joints
@@ -189,7 +189,7 @@ def _limits(case: Case, names: Sequence[str], search: Search | None, runs: int) 
         raise refuse("scalar", f"{_LIMIT}{unknown[0]}", allowed, "", suggest_name(unknown[0], LIMITS))
     scale, unit = case.turns, f"{shaft_name(case.turns)} rpm"
     where = search or Search(0.5 * case.speed, 2.0 * case.speed, 10.0 * RPM / scale)
-    found = search_limits(case, where, asked, runs=runs)
+    found = find_limits(case, where, asked, runs=runs).limits
     if lacking := [one for one in asked if one not in found]:
         allowed = ", ".join(_LIMIT + one for one in found)
         raise refuse("scalar", f"{_LIMIT}{lacking[0]}", allowed, "the case lacks the part")

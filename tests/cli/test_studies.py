@@ -16,6 +16,7 @@ from pathlib import Path
 
 import pytest
 
+from flexcam.analysis.limits import Limits
 from flexcam.analysis.natural_modes import modes
 from flexcam.case.reader import CaseFile, read_case
 from flexcam.case.variants import get_number
@@ -557,7 +558,7 @@ def test_names_are_refused_before_anything_runs(flexcam, path, words, monkeypatc
     def never(*_):
         pytest.fail("something was run")
 
-    for what in ("evaluate", "search_limits"):
+    for what in ("evaluate", "find_limits"):
         monkeypatch.setattr(sys.modules["flexcam.studies.quantities"], what, never)
     refused = flexcam(words[0], path, *words[1:])
     assert refused.code == 2
@@ -706,7 +707,7 @@ def test_a_variant_is_run_as_one_of_as_many_as_are_asked_for(flexcam, monkeypatc
 def test_limits_are_looked_for_as_one_of_many_variants(flexcam, monkeypatch):
     asked = []
     limits = sys.modules["flexcam.studies.quantities"]
-    monkeypatch.setattr(limits, "search_limits", lambda *_, runs: asked.append(runs) or {})
+    monkeypatch.setattr(limits, "find_limits", lambda *_, runs: asked.append(runs) or Limits({}, 0.0, 0.0))
     told = ("--over", "springs.valve.stiffness=45,65kN/m", "--and", "springs.valve.installed_force=300,500N")
     flexcam("limits", ENGINE, *told)
     assert asked == [4, 4, 4, 4]
