@@ -233,7 +233,6 @@ def _force_range(response: Response, ready: PreparedRun, contact: str) -> ForceR
 
 
 def _with_bilateral_contact(ready: PreparedRun, contact: str, force: float) -> PreparedRun:
-    """Return the same train with a bilateral contact."""
     part = ready.model.contacts[contact]
     if not isinstance(part, CamContact):
         raise refuse("contacts", repr(contact), "a contact with a stiffness")

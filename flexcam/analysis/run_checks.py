@@ -270,7 +270,6 @@ def describe_change(change: RevolutionChange) -> str:
 
 
 def _check_periodic_start(stats: Stats) -> list[str]:
-    """Return a warning about a periodic start that was not found."""
     if stats.periodicity <= _MAX_PERIODICITY_ERROR:
         return []
     error = f"{100.0 * stats.periodicity:.2g} % of the motion"

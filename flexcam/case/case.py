@@ -58,11 +58,9 @@ class Case:
     result_name: str = ""
 
     def __repr__(self) -> str:
-        """Return title and path."""
         return f"<Case {self.title!r}, {self.path}>"
 
     def _repr_html_(self) -> str:
-        """Return a table of the case, for notebooks."""
         parts = ("members", "masses", "springs", "rockers", "cams", "contacts", "loads")
         rows = {"file": str(self.path), "speed": self.speed_text, "overrides": ", ".join(self.overrides)}
         return html_table(self.title, rows | {name: ", ".join(getattr(self.record, name)) for name in parts})

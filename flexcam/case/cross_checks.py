@@ -238,7 +238,6 @@ def _as_list(value: object) -> list[object]:
 
 
 def _is_finger(rocker: Table, nodes: Mapping[str, int]) -> bool:
-    """Return whether a rocker is driven at a separate point."""
     return rocker.get("model") == "lever" and isinstance(rocker.get("from"), str) and rocker["from"] not in nodes
 
 
@@ -270,7 +269,6 @@ def _shared_point_faults(record: CaseRecord, places: KeyLocations, mesh: Mesh) -
 
 
 def _temperature_faults(record: CaseRecord, places: KeyLocations) -> Iterator[Fault]:
-    """Yield temperatures of members whose material has no thermal expansion."""
     for name, member in record.members.items():
         if member.temperature and not record.materials[member.material].expansion:
             where, why = places.place(("members", name, "temperature")), f"material {member.material!r} does not expand"
@@ -324,7 +322,6 @@ def _unsymmetric_shaft_faults(places: KeyLocations, model: Model) -> Iterator[Fa
 
 
 def _rotation_faults(places: KeyLocations, model: Model) -> Iterator[Fault]:
-    """Yield cams that rotate against another cam on their shaft."""
     first: dict[int, str] = {}
     axes = {contact.cam: contact.shaft_axis for contact in model.cam_contacts.values()}
     for name, axis in axes.items():

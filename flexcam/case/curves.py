@@ -329,7 +329,6 @@ def read_law(path: Path, text: str | None = None) -> LawDefinition:
 
 
 def _read_toml_table(path: Path, name: str, text: str | None) -> dict[str, Any]:
-    """Return one table of a TOML file."""
     try:
         content = parse_toml(read_text(path) if text is None else text)
     except FileNotFoundError:

@@ -284,7 +284,6 @@ def read_cams(path: str | Path, overrides: Sequence[str] = ()) -> CamsRecord:
 
 
 def _read_tables(path: Path) -> tuple[str, dict[str, Any]]:
-    """Return the text and the raw tables of a file."""
     try:
         text = read_text(path)
     except FileNotFoundError:
@@ -378,7 +377,6 @@ def value_at(table: Mapping[str, Any], path: Sequence[str]) -> object:
 
 
 def _apply_override(raw: dict[str, Any], path: KeyPath, override: str) -> list[Fault]:
-    """Apply one override to the tables; return its faults."""
     where, (_, equals, text) = f"--set {override}", override.partition("=")
     if not equals or not all(path):
         return [Fault(where, repr(override), "key=value, such as run.speed=4000rpm", "", "")]

@@ -64,7 +64,6 @@ def get_number(case: Case, key: str, where: str) -> Number:
 
 
 def _iterate_values(value: object, path: str) -> Iterator[tuple[str, object]]:
-    """Yield dotted key and value in nested tables and lists."""
     if isinstance(value, dict):
         inner = cast("dict[str, object]", value)
     elif isinstance(value, list):

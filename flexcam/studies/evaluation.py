@@ -132,18 +132,14 @@ def _deviation_scalars(ready: PreparedRun, response: Response) -> Iterator[Metri
     if ready.case.record.fidelity.model == "rigid" or not ready.case.record.output.probes:
         return
     try:
-        found = compare(response, _rigid_response(ready, response), scalar_probe(ready), ready.case.speed / RPM)
+        system = replace(ready.problem.system, prescribed_motion=rigid_motion(ready.model))
+        probes = prescribed_probes(system, ready.problem.drive.at(response.time))
+        rigid = replace(response, outline=outline(system), probes=probes)
+        found = compare(response, rigid, scalar_probe(ready), ready.case.speed / RPM)
     except InputError:
         return
     for name, part in zip(_DEVIATIONS, (found.peak_deviation, found.rms_deviation), strict=True):
         yield Metric(name, part, "1")
-
-
-def _rigid_response(ready: PreparedRun, response: Response) -> Response:
-    """Return the motion of the rigid train at the instants of a response."""
-    system = replace(ready.problem.system, prescribed_motion=rigid_motion(ready.model))
-    probes = prescribed_probes(system, ready.problem.drive.at(response.time))
-    return replace(response, outline=outline(system), probes=probes)
 
 
 def _energy_residual(response: Response) -> Iterator[Metric]:
@@ -197,18 +193,14 @@ def evaluate_chunk(
 
     def evaluate_one(case: Case) -> Row:
         nonlocal built
-        if built is None or not _same_mechanism(built[0], case):
+        speeds = {"speed": None, "crank_speed": None}
+        if built is None or built[0].with_run(speeds).record != case.with_run(speeds).record:
             built = case, build_model(case)
         if histories:
             return _evaluate_with_history(case, built[1], runs, time_limit)
         return evaluate(case, model=built[1], runs=runs, channels=channels, time_limit=time_limit)
 
     return evaluate_each(source, variants, evaluate_one)
-
-
-def _same_mechanism(one: Case, other: Case) -> bool:
-    speeds = {"speed": None, "crank_speed": None}
-    return one.with_run(speeds).record == other.with_run(speeds).record
 
 
 def _evaluate_with_history(case: Case, model: Model, runs: int, time_limit: float | None) -> Row:

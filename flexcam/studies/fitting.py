@@ -203,9 +203,8 @@ class _Residuals:
         return ((upper - lower) / widths[:, None, None])[:, ~np.isnan(self.measured)].T
 
     def _rows(self, parts: FloatArray) -> list[Row]:
-        low, high = np.array([(one.low, one.high) for one in self.points.variables]).T
         self.runs += len(parts)
-        return self.points.rows(low + parts * (high - low))
+        return self.points.rows(self.points.at(parts))
 
     def _curves(self, row: Row) -> FloatArray:
         if row.history is None:
@@ -237,7 +236,6 @@ def fit_curves(points: PointEvaluator, measured: Measurement, *, steps: int = 50
     from scipy.stats import t as student
 
     variables = points.variables
-    low, high = np.array([(one.low, one.high) for one in variables]).T
     wanted = np.array([curve.values for curve in measured.curves])
     known = ~np.isnan(wanted)
     free = int(known.sum()) - len(variables)
@@ -271,12 +269,14 @@ def fit_curves(points: PointEvaluator, measured: Measurement, *, steps: int = 50
     covariance, undetermined = estimate_covariance(problem.jacobian(parts))
     deviation = np.sqrt(np.diag(covariance))
     scale = np.where(deviation > 0.0, deviation, 1.0)
-    intervals = student.ppf(0.975, free) * deviation * (misfit if unknown.all() else 1.0) * (high - low)
+    intervals = (
+        student.ppf(0.975, free) * deviation * (misfit if unknown.all() else 1.0) * np.diff(points.ends, axis=0)[0]
+    )
     intervals[sorted({i for group in undetermined for i in group})] = math.inf
     rest = np.where(known, after - wanted, 0.0)[:, np.argsort(measured.instants)]
     rounding = (1e-9 * spread[:, None] * known).sum(axis=1) ** 2
     serial = (rest[:, 1:] * rest[:, :-1]).sum(axis=1) / ((rest**2).sum(axis=1) + rounding)
     return Fit(
-        low + begin * (high - low), low + parts * (high - low), intervals, covariance / np.outer(scale, scale),
+        points.at(begin), points.at(parts), intervals, covariance / np.outer(scale, scale),
         undetermined, problem.noise, misfit, before, after, serial, problem.runs, converged,
     )  # fmt: skip

@@ -290,8 +290,6 @@ def optimize_by_gradient(
 
 
 class _Tangents:
-    """Evaluates points with their planes."""
-
     def __init__(
         self, design: OptimizationProblem, judge: ProblemEvaluator, derive: Callable[[FloatArray], Gradient]
     ) -> None:

@@ -331,7 +331,8 @@ def _run_missing_chunks(
     rows = dict(journal.rows)
     if advance:
         advance(sum(len(some) for some in rows.values()))
-    left = [chunk for chunk in asked.chunks if chunk.index not in rows or _has_late_row(rows[chunk.index])]
+    late = {i for i, some in rows.items() if any(row.status.cause is Cause.TIME_LIMIT for row in some)}  # run again
+    left = [chunk for chunk in asked.chunks if chunk.index not in rows or chunk.index in late]
     stale = target.existing_histories(asked.name) if target.histories and not rows else []
     with open_runner(workers, asked.bundle, asked.evaluate(histories=target.histories)) as run_chunks:
         for chunk, found in run_chunks(left):
@@ -343,11 +344,6 @@ def _run_missing_chunks(
             if advance:
                 advance(len(found))
     return _make_table(asked, rows)
-
-
-def _has_late_row(rows: Sequence[Row]) -> bool:
-    """Return whether a variant of a chunk reached the time limit; a resumed sweep runs the chunk again."""
-    return any(row.status.cause is Cause.TIME_LIMIT for row in rows)
 
 
 def _interrupted_status(asked: Sweep, target: OutputTarget) -> Status:

@@ -94,6 +94,15 @@ class PointEvaluator:
     variables: tuple[Variable, ...]  #: variables of the study
     runs: Runs  #: function that evaluates variants
 
+    def at(self, parts: FloatArray) -> FloatArray:
+        """Return points in the units of the variables from fractions of their intervals, shape (m, k)."""
+        return self.ends[0] + parts * (self.ends[1] - self.ends[0])
+
+    @property
+    def ends(self) -> FloatArray:
+        """Lower and upper ends of the intervals, shape (2, k)."""
+        return np.array([(one.low, one.high) for one in self.variables]).T
+
     def overrides(self, point: FloatArray) -> tuple[str, ...]:
         """Return the overrides at a point, shape (k,), with values in the units of the variables."""
         pairs = zip(self.variables, np.asarray(point).tolist(), strict=True)
