@@ -55,7 +55,7 @@ _WORDS = {
 class Journal:
     """Journal of a sweep, open for further rows.
 
-    `belongs` identifies the sweep; `rows` are those read from an existing journal, by the index of their chunk.
+    `belongs` identifies the sweep; `rows` are those in the journal, by the index of their chunk.
     """
 
     def __init__(
@@ -89,6 +89,7 @@ class Journal:
                 self._line(self._head)
         units = {name: unit for row in rows for name, unit in row.units.items()}
         self._line({"chunk": index, "units": units, "rows": [_format_row(row) for row in rows]})
+        self.rows[index] = list(rows)
 
     def close(self) -> None:
         """Close the file; an empty journal is removed."""
