@@ -196,16 +196,12 @@ def evaluate_chunk(
         speeds = {"speed": None, "crank_speed": None}
         if built is None or built[0].with_run(speeds).record != case.with_run(speeds).record:
             built = case, build_model(case)
-        if histories:
-            return _evaluate_with_history(case, built[1], runs, time_limit)
-        return evaluate(case, model=built[1], runs=runs, channels=channels, time_limit=time_limit)
+        if not histories:
+            return evaluate(case, model=built[1], runs=runs, channels=channels, time_limit=time_limit)
+        with temporary_folder() as folder:
+            row = evaluate(case, folder=folder, model=built[1], runs=runs, time_limit=time_limit)
+            for written in folder.iterdir():
+                row = replace(row, history=(written.name.removeprefix(case.name), written.read_bytes()))
+        return row
 
     return evaluate_each(source, variants, evaluate_one)
-
-
-def _evaluate_with_history(case: Case, model: Model, runs: int, time_limit: float | None) -> Row:
-    with temporary_folder() as folder:
-        row = evaluate(case, folder=folder, model=model, runs=runs, time_limit=time_limit)
-        for written in folder.iterdir():
-            row = replace(row, history=(written.name.removeprefix(case.name), written.read_bytes()))
-        return row

@@ -21,8 +21,7 @@ from flexcam.core.units import conversion_factor
 from flexcam.dynamics import SERIES, RunFailedError, SaveAt, Status, component_unit, outline, solve
 from flexcam.io.exports import scalar_probes
 from flexcam.io.files import ABSCISSAS, find_abscissa, read_columns, read_mdf
-from flexcam.studies.executors import Variants
-from flexcam.studies.plan import Bundle, Row, evaluate_each
+from flexcam.studies.plan import Row
 from flexcam.studies.variables import PointEvaluator
 
 
@@ -118,15 +117,9 @@ def _find_curve(case: Case, name: str) -> Curve:
     return Curve(f"{probe} {series}", probe, series, component_unit(probes[probe], SERIES[series]), np.zeros(0))
 
 
-def evaluate_curves(
-    source: Bundle | Path, variants: Variants, *, fixed: tuple[str, ...], measured: Measurement
-) -> list[Row]:
-    """Return rows with the curves of variants, in a worker."""
-
-    def evaluate(case: Case) -> Row:
-        return Row(Status(), history=("curves", measured.simulate(case).tobytes()))
-
-    return evaluate_each(source, variants, evaluate, fixed)
+def curve_row(case: Case, measured: Measurement) -> Row:
+    """Return a row with the simulated curves of a case."""
+    return Row(Status(), history=("curves", measured.simulate(case).tobytes()))
 
 
 _SINGULAR = 1e-3

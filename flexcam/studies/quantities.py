@@ -9,7 +9,6 @@ from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
@@ -35,14 +34,12 @@ from flexcam.core.units import RPM, shaft_name
 from flexcam.dynamics import Cause, ProgressCallback, RunFailedError, Status, floquet, outline, solve
 from flexcam.io.sweep_table import unknown_scalar_fault
 from flexcam.studies.evaluation import are_probe_scalars, evaluate, get_history, history_units, scalar_names
-from flexcam.studies.executors import KILLED_STATUS, BrokenProcessPool, Variants, open_evaluator, open_processes
+from flexcam.studies.executors import KILLED_STATUS, BrokenProcessPool, open_evaluator, open_processes
 from flexcam.studies.plan import (
     Axis,
-    Bundle,
     Plan,
     Row,
     Value,
-    evaluate_each,
     make_bundle,
     make_plan,
 )
@@ -240,22 +237,14 @@ def _number(case: Case, name: str) -> Number | None:
         return None
 
 
-def evaluate_variants(
-    source: Bundle | Path, variants: Variants, *, fixed: tuple[str, ...], names: tuple[str, ...],
-    search: Search | None, runs: int,
-) -> list[Row]:  # fmt: skip
-    """Return the rows of variants with the requested quantities, in a worker."""
-    return evaluate_each(source, variants, lambda case: quantity_row(case, names, search, runs), fixed)
-
-
 @contextmanager
 def create_evaluator(
     file: CaseFile, fixed: Sequence[str], names: Sequence[str], search: Search | None = None,
     *, plan: Plan | None = None, workers: int = 1, runs: int = 1, advance: ProgressCallback | None = None,
 ) -> Generator[Runs]:  # fmt: skip
     """Yield a function that evaluates variants of the file as it is now, with workers that end with the context."""
-    evaluate = partial(evaluate_variants, fixed=tuple(fixed), names=tuple(names), search=search, runs=runs)
-    with open_evaluator(make_bundle(file, plan, fixed), evaluate, workers=workers, advance=advance) as run:
+    row = partial(quantity_row, names=tuple(names), search=search, runs=runs)
+    with open_evaluator(make_bundle(file, plan, fixed), row, fixed, workers=workers, advance=advance) as run:
         yield run
 
 

@@ -64,11 +64,11 @@ def stop_after(monkeypatch):
     def stop(count):
         evaluated = []
 
-        def stopping(*words):
+        def stopping(*words, **named):
             if len(evaluated) == count:
                 raise KeyboardInterrupt
             evaluated.append(words)
-            return quantity_row(*words)
+            return quantity_row(*words, **named)
 
         monkeypatch.setattr("flexcam.studies.quantities.quantity_row", stopping)
 
@@ -501,7 +501,7 @@ def test_what_a_stopped_study_has_evaluated_is_kept(kind, last, flexcam, oscilla
 def test_a_stopped_map_has_gaps(flexcam, tmp_path, monkeypatch):
     rows = [Row(Status(), {"limits.buckling": 600.0}, {"limits.buckling": "rpm"})]
 
-    def stopping(*_):
+    def stopping(*_, **named):
         if not rows:
             raise KeyboardInterrupt
         return rows.pop()
@@ -516,7 +516,7 @@ def test_a_stopped_map_has_gaps(flexcam, tmp_path, monkeypatch):
 
 
 def test_a_search_stopped_before_its_first_variant(flexcam, oscillator, tmp_path, monkeypatch):
-    def stopping(*_):
+    def stopping(*_, **named):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("flexcam.studies.quantities.quantity_row", stopping)
