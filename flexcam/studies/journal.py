@@ -126,7 +126,9 @@ def _read_journal(path: Path, belongs: Mapping[str, Any]) -> tuple[dict[int, lis
     if not lines:
         return {}, 0
     try:
-        head, *chunks = [_parse_line(line) for line in lines]
+        head, *chunks = contents = [json.loads(line) for line in lines]
+        if any(one.pop("digest", "") != _line_digest(one) for one in contents):
+            raise ValueError("a line has changed since it was written")
         other = [words for name, words in _WORDS.items() if head.get(name) != belongs.get(name)]
         if other:
             given, why = f"{path}, of another sweep", f"what differs: {'; '.join(other)}"
@@ -138,13 +140,6 @@ def _read_journal(path: Path, belongs: Mapping[str, Any]) -> tuple[dict[int, lis
             raise
         why = f"it is damaged: {fault}"
         raise refuse("journal", str(path), "the journal of a sweep", why, "--overwrite starts again") from None
-
-
-def _parse_line(line: bytes) -> dict[str, Any]:
-    content = json.loads(line)
-    if content.pop("digest", "") != _line_digest(content):
-        raise ValueError("a line has changed since it was written")
-    return content
 
 
 def _format_row(row: Row) -> dict[str, Any]:

@@ -342,7 +342,11 @@ def _run_missing_chunks(
         for chunk, found in run_chunks(left):
             while stale:  # result files of an earlier sweep would not match the table
                 stale.pop().unlink()
-            _write_histories(asked, target, chunk, found)
+            for variant, row in enumerate(found, start=chunk.first + 1):
+                if row.history is not None:
+                    ending, content = row.history
+                    with atomic_write_path(target.history(asked.name, variant, ending)) as draft:
+                        draft.write_bytes(content)
             journal.add(chunk.index, [replace(row, history=None) for row in found])
             if advance:
                 advance(len(found))
@@ -373,16 +377,6 @@ def _open_journal(asked: Sweep, target: OutputTarget) -> Generator[Journal]:
         yield journal
     finally:
         journal.close()
-
-
-def _write_histories(asked: Sweep, target: OutputTarget, chunk: Chunk, rows: Sequence[Row]) -> None:
-    """Write the result files of a chunk atomically."""
-    for i, row in enumerate(rows, start=chunk.first + 1):
-        if row.history is not None:
-            ending, content = row.history
-            path = target.history(asked.name, i, ending)
-            with atomic_write_path(path) as draft:
-                draft.write_bytes(content)
 
 
 def _make_table(asked: Sweep, rows: dict[int, list[Row]]) -> SweepTable:
