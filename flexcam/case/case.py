@@ -145,16 +145,49 @@ class Case:
         return self.with_run({"integrator": NewmarkRecord()}) if limited else self
 
     def with_run(self, changed: Mapping[str, object]) -> Case:
-        """Return the same case, with unchanged text and overrides, with other checked values of keys of ``[run]``."""
+        """Return the same case with changed keys of ``[run]``.
+
+        Parameters
+        ----------
+        changed
+            Checked values by key.
+
+        Returns
+        -------
+        Case
+            Case with unchanged text and overrides.
+        """
         return self._with("run", self.record.run, changed)
 
     def with_fidelity(self, changed: Mapping[str, object]) -> Case:
-        """Return the same case with other checked values of keys of ``[fidelity]``, as `with_run`."""
+        """Return the same case with changed keys of ``[fidelity]``.
+
+        Parameters
+        ----------
+        changed
+            Checked values by key.
+
+        Returns
+        -------
+        Case
+            Case with unchanged text and overrides.
+        """
         return self._with("fidelity", self.record.fidelity, changed)
 
     def _with(self, name: str, table: Record, changed: Mapping[str, object]) -> Case:
         return replace(self, record=self.record.model_copy(update={name: table.model_copy(update=dict(changed))}))
 
     def place(self, path: KeyPath) -> str:
-        """Return a key path with its line or override, such as ``run.speed (line 62)``."""
+        """Return a key path with its line or override.
+
+        Parameters
+        ----------
+        path
+            Keys and indices from the root of the file.
+
+        Returns
+        -------
+        str
+            Such as ``run.speed (line 62)``.
+        """
         return self.places.place(path)
