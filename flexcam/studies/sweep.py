@@ -307,19 +307,14 @@ def run_sweep_to_files(
     """Run a sweep with a journal and write its tables."""
     if target.parquet:
         require_packages(*PARQUET)
-    asked, rows = _with_all_scalars(asked, target), dict[int, list[Row]]()
+    asked = _with_all_scalars(asked, target)
     try:
         with _open_journal(asked, target) as journal:
-            rows = journal.rows
             _run_missing_chunks(asked, target, journal, workers or SerialWorkers(), advance)
-            table = _select_scalars(_make_table(asked, rows), asked.scalars)
+            table = _select_scalars(_make_table(asked, journal.rows), asked.scalars)
             return table, [write_table(table, path, overwrite=True) for path in target.tables(asked.name)]
     except KeyboardInterrupt:
-        if not (kept := sum(map(len, rows.values()))):
-            status = Status(Cause.INTERRUPTED, "stopped by the user before the first variant ended", "run it again")
-            raise RunFailedError(status) from None
-        text = f"stopped by the user: {kept} of {len(asked.plan)} variants are kept in {target.journal(asked.name)}"
-        raise RunFailedError(Status(Cause.INTERRUPTED, text, "the same command with --resume does the rest")) from None
+        raise RunFailedError(_interrupted_status(asked, target)) from None
 
 
 def _with_all_scalars(asked: Sweep, target: OutputTarget) -> Sweep:
@@ -350,6 +345,18 @@ def _run_missing_chunks(
             journal.add(chunk.index, [replace(row, history=None) for row in found])
             if advance:
                 advance(len(found))
+
+
+def _interrupted_status(asked: Sweep, target: OutputTarget) -> Status:
+    """Return the status of an interrupted sweep; its finished rows are in the journal."""
+    path, kept = target.journal(asked.name), 0
+    if path.exists():
+        with _open_journal(asked, replace(target, resume=True)) as journal:
+            kept = sum(len(some) for some in journal.rows.values())
+    if not kept:
+        return Status(Cause.INTERRUPTED, "stopped by the user before the first variant ended", "run it again")
+    text = f"stopped by the user: {kept} of {len(asked.plan)} variants are kept in {path}"
+    return Status(Cause.INTERRUPTED, text, "the same command with --resume does the rest")
 
 
 def _select_scalars(table: SweepTable, names: Sequence[str]) -> SweepTable:
