@@ -340,7 +340,6 @@ def _evaluate_design(
 
 
 def _contact_name(model: Model, cam: str) -> str:
-    """Return the name of the contact between a cam and its train."""
     contact = next((n for n, c in model.cam_contacts.items() if c.cam == cam), None)
     if contact is None:
         raise refuse(f"cams.{cam}", "no contact", "a contact that drives a train", "", "add one under [contacts]")

@@ -56,8 +56,6 @@ class Campbell:
 
 @dataclass(eq=False)
 class _ModeLine:
-    """Mode tracked over speed."""
-
     frequencies: FloatArray
     shape: FloatArray
     words: str

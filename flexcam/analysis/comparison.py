@@ -139,8 +139,10 @@ def compare_responses(
 
 
 def _compute_deviation(quantity: str, moved: History, still: History, flexible: Response) -> Deviation:
-    time = flexible.time
-    (flexed, flexing), (rigid, turning) = (_values_and_slopes(one, quantity, len(time)) for one in (moved, still))
+    time, slope = flexible.time, SLOPES.get(quantity)  # the dense output has slopes of some quantities
+    flexed: FloatArray = getattr(moved, quantity)[: len(time)]
+    rigid: FloatArray = getattr(still, quantity)[: len(time)]
+    flexing, turning = (getattr(one, slope)[: len(time)] if slope else None for one in (moved, still))
     difference = flexed - rigid
     largest, at = peak(time, difference, None if flexing is None or turning is None else flexing - turning)
     return Deviation(
@@ -151,12 +153,6 @@ def _compute_deviation(quantity: str, moved: History, still: History, flexible: 
         flexible_peak=peak(time, flexed, flexing)[0],
         angle_deg=float(np.degrees(np.interp(at, time, flexible.angle))),
     )
-
-
-def _values_and_slopes(history: History, quantity: str, count: int) -> tuple[FloatArray, FloatArray | None]:
-    """Return the first `count` values of a quantity, and their slopes if the dense output has them."""
-    slopes: FloatArray | None = getattr(history, SLOPES[quantity]) if quantity in SLOPES else None
-    return getattr(history, quantity)[:count], None if slopes is None else slopes[:count]
 
 
 MODELS = ("rigid", "bilateral", "unilateral")
@@ -233,7 +229,6 @@ def _force_range(response: Response, ready: PreparedRun, contact: str) -> ForceR
 
 
 def _with_bilateral_contact(ready: PreparedRun, contact: str, force: float) -> PreparedRun:
-    """Return the same train with a bilateral contact."""
     part = ready.model.contacts[contact]
     if not isinstance(part, CamContact):
         raise refuse("contacts", repr(contact), "a contact with a stiffness")

@@ -127,22 +127,13 @@ SpeedRuns = Callable[[Sequence[float]], list[Callable[[], ConditionResults]]]
 
 
 def find_limits(
-    case: Case, search: Search, *, start: SpeedRuns | None = None, ahead: int = 1,
-    advance: ProgressCallback | None = None,
+    case: Case, search: Search, among: Collection[str] | None = None,
+    *, runs: int = 1, start: SpeedRuns | None = None, ahead: int = 1, advance: ProgressCallback | None = None,
 ) -> Limits:  # fmt: skip
-    """Find the speeds of loss of contact, float, valve bounce, coil clash and pushrod buckling.
+    """Find the speeds of loss of contact, float, valve bounce, coil clash and pushrod buckling, or some of them.
 
     `start` begins runs at several speeds at a time, up to `ahead`; by default they follow each other.
     """
-    found = search_limits(case, search, start=start, ahead=ahead, advance=advance)
-    return Limits(found, search.lowest / RPM, search.highest / RPM)
-
-
-def search_limits(
-    case: Case, search: Search, among: Collection[str] | None = None,
-    *, runs: int = 1, start: SpeedRuns | None = None, ahead: int = 1, advance: ProgressCallback | None = None,
-) -> dict[str, Limit]:  # fmt: skip
-    """Find the speed limits of a case, or those among the given ones."""
     model = _checked_model(case)
     described = {
         name: words for name, (_, words) in _conditions(model, search).items() if among is None or name in among
@@ -166,7 +157,7 @@ def search_limits(
             except StopIteration as end:
                 found[name] = end.value
                 del wanted[name]
-    return {name: found[name] for name in described}
+    return Limits({name: found[name] for name in described}, search.lowest / RPM, search.highest / RPM)
 
 
 def evaluate_speed(

@@ -162,7 +162,7 @@ def reference_run(case: Case, probe: str, until: float | None = None, *, work: i
     steps, norm = steps_per_revolution_of(case), case.record.fidelity.norm
     work = max(work, total_work(case, ()))
     # The engine that was requested for the case may not suit the size of the reference; all engines agree to rounding.
-    beams = _with_stable_method(with_beam_model(case).with_run({"engine": "auto"}))
+    beams = with_beam_model(case).with_run({"engine": "auto"}).with_stable_method()
     cases = [with_steps(with_elements(beams, factor=elements), n * steps) for elements, n in _REFERENCES]
     try:
         finest, coarser = (run_histories(one, probe, until, work) for one in cases)
@@ -195,12 +195,6 @@ def total_work(case: Case, rungs: Sequence[ModelLevel], repeats: int = 1) -> int
     )
 
 
-def _with_stable_method(case: Case) -> Case:
-    """Return a case with an unconditionally stable method: itself, or with average acceleration."""
-    limited = case.record.run.integrator.part.stability_limit() < math.inf
-    return case.with_average_acceleration() if limited else case
-
-
 _REFERENCE_NAME = f"the reference, of {_FINER} times the elements and {_REFERENCE_STEPS_RATIO} times the steps"
 
 
@@ -214,7 +208,7 @@ def candidate_models(case: Case) -> list[ModelLevel]:
 
 def _work(rung: ModelLevel) -> tuple[int, int]:
     """Return degrees of freedom times steps of a run, and its steps per revolution."""
-    problem = prepare_without_periodic_search(_with_stable_method(rung.case)).problem
+    problem = prepare_without_periodic_search(rung.case.with_stable_method()).problem
     return integrated_size(problem) * problem.steps, steps_per_revolution_of(rung.case)
 
 
@@ -228,7 +222,7 @@ def evaluate_model(
     except InputError as refusal:  # the method of the model does not accept its steps
         if not all(fault.where.startswith("run.") for fault in refusal.faults):
             raise
-        problem = prepare(_with_stable_method(rung.case)).problem
+        problem = prepare(rung.case.with_stable_method()).problem
         unknowns, status = integrated_size(problem), Status(Cause.REFUSED, "; ".join(map(str, refusal.faults)))
         return ModelEvaluation(rung.name, rung.words, steps, unknowns, unknowns * problem.steps, 0.0, {}, status)
     response, first = _timed_run(ready, until)

@@ -216,16 +216,17 @@ def set_initial_state(case: Case, model: Model, problem: Problem, *, until: floa
     """Return a problem with the initial state requested by its case."""
     system = problem.system
     match case.record.run.start:
-        case "rest" | "equilibrium" | "periodic" if system.is_kinematic:
-            return replace(problem, start=replace(State.rest(system.size), periodicity=_periodicity(case)))
+        case "rest" | "equilibrium" | "periodic" as kind if system.is_kinematic:
+            periodicity = 0.0 if kind == "periodic" else None
+            return replace(problem, start=replace(State.rest(system.size), periodicity=periodicity))
         case "rest":
             return replace(problem, start=installed_state(system, problem.drive))
         case "equilibrium":
-            return replace(problem, start=_equilibrium_state(problem))
+            return replace(problem, start=moving_equilibrium(system, problem.drive))
         case "periodic":
-            one = replace(problem, start=_equilibrium_state(problem), steps=steps_per_revolution(case, problem))
-            start = solve_periodic(one, case.record.run.integrator.part, until=until)
-            return replace(problem, start=start)
+            start, steps = moving_equilibrium(system, problem.drive), steps_per_revolution(case, problem)
+            one = replace(problem, start=start, steps=steps)
+            return replace(problem, start=solve_periodic(one, case.record.run.integrator.part, until=until))
         case ResultStartRecord(result=name):
             state, angle = _last_state(case, model, system, name)
             taken = round(state.time / problem.step)
@@ -239,19 +240,7 @@ def set_initial_state(case: Case, model: Model, problem: Problem, *, until: floa
             return replace(problem, drive=drive, start=state)
         case GivenStartRecord(displacement=displacement, velocity=velocity):
             given = {"displacement": displacement, "velocity": velocity}
-            faults = [f for kind, values in given.items() for f in _unknown_dof_faults(case, system, values, kind)]
-            if faults:
-                raise InputError(faults)
-            return replace(problem, start=State(_given_state(system, displacement), _given_state(system, velocity)))
-
-
-def _periodicity(case: Case) -> float | None:
-    """Return the deviation of a prescribed motion from a periodic one, if the case asks for it."""
-    return 0.0 if case.record.run.start == "periodic" else None
-
-
-def _equilibrium_state(problem: Problem) -> State:
-    return moving_equilibrium(problem.system, problem.drive)
+            return replace(problem, start=_given_state(case, system, given))
 
 
 def steps_per_revolution(case: Case, problem: Problem) -> int:
@@ -281,18 +270,19 @@ def excitation_without_period(case: Case) -> dict[str, str]:
     return found
 
 
-def _unknown_dof_faults(case: Case, system: System, values: Mapping[str, float], kind: str) -> list[Fault]:
-    """Return the faults of initial values that are not degrees of freedom; the rigid mechanism has none."""
-    wrong = [name for name in values if name not in system.names] if not system.is_kinematic else []
-    where, allowed = case.place(("run", "start", kind)), "a free component such as 'cam.uy'"
-    return [Fault(where, repr(name), allowed, "", suggest_name(name, system.names)) for name in wrong]
-
-
-def _given_state(system: System, values: Mapping[str, float]) -> FloatArray:
-    row = np.zeros(system.size)
-    for name, value in values.items() if not system.is_kinematic else ():
-        row[system.names.index(name)] = value
-    return row
+def _given_state(case: Case, system: System, given: Mapping[str, Mapping[str, float]]) -> State:
+    """Return the state of given displacements and velocities; the rigid mechanism has none."""
+    rows, faults, allowed = np.zeros((2, system.size)), list[Fault](), "a free component such as 'cam.uy'"
+    for row, (kind, values) in zip(rows, given.items() if not system.is_kinematic else (), strict=False):
+        for name, value in values.items():
+            if name in system.names:
+                row[system.names.index(name)] = value
+            else:
+                where, near = case.place(("run", "start", kind)), suggest_name(name, system.names)
+                faults.append(Fault(where, repr(name), allowed, "", near))
+    if faults:
+        raise InputError(faults)
+    return State(rows[0], rows[1])
 
 
 def _last_state(case: Case, model: Model, system: System, name: str) -> tuple[State, float]:

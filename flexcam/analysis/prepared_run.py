@@ -25,7 +25,6 @@ class PreparedRun:
     save: SaveAt  #: saved quantities and instants
 
     def __repr__(self) -> str:
-        """Return a description without numbers."""
         problem = self.problem
         return f"<Prepared {self.case!r}: {problem.steps} steps of {problem.step:.4g} s, {problem.system!r}>"
 

@@ -10,6 +10,7 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from functools import lru_cache, partial
 from importlib.metadata import PackageNotFoundError, distribution, version
+from itertools import zip_longest
 from pathlib import Path
 from typing import Literal
 
@@ -116,9 +117,8 @@ def estimate_case_resources(ready: PreparedRun, keep: Literal["all", "revolution
 
 def check_case_resources(case: Case, folder: Path | None = None, *, runs: int = 1, together: int = 1) -> None:
     """Raise an error if memory or disk space is insufficient for many runs of a case."""
-    periodic = case.record.run.start == "periodic"  # computing a periodic state takes many revolutions
     try:
-        ready = prepare(case.with_run({"start": "equilibrium"}) if periodic else case)
+        ready = prepare_without_periodic_search(case)
     except (InputError, RunFailedError):  # its row reports it
         return
     needs = estimate_case_resources(ready)
@@ -187,11 +187,9 @@ _STORED_TEXTS = ("all", "revolution")
 
 def reload_result(case: Case, result: Result) -> tuple[PreparedRun, Response]:
     """Return the prepared case of a result and its response as originally computed."""
-    start = case.record.run.start
-    standing = (
-        case.with_run({"start": "equilibrium"}) if start == "periodic" or isinstance(start, ResultStartRecord) else case
-    )
-    ready = replace(prepare(standing), case=case)
+    from_result = isinstance(case.record.run.start, ResultStartRecord)
+    standing = case.with_run({"start": "equilibrium"}) if from_result else case
+    ready = replace(prepare_without_periodic_search(standing), case=case)
     names = outline(ready.problem.system)
     response = result.response
     free = build_structure(ready.model).dofs.numbers >= 0
@@ -220,17 +218,23 @@ def member_strength(ready: PreparedRun, response: Response) -> dict[str, MemberS
     return sink.members()
 
 
-_MAX_CHARACTERS, _MAX_VALUES = 60, 4  # maximum length of a reported value, characters, and maximum number of values
+_MAX_CHARACTERS = 60  # maximum length of a reported value, characters
 
 
 def find_differences(now: Mapping[str, str], then: Mapping[str, str]) -> list[Fault]:
     """Return the differences between a run and an earlier run that it resumes: keys, the first line, versions."""
     found: list[Fault] = []
-    for name, (what, split) in _COMPARED_TEXTS.items():
-        one, other = split(now.get(name, "")), split(then.get(name, ""))
-        places = [place for place in dict.fromkeys([*one, *other]) if one.get(place) != other.get(place)]
-        shown = places[: 1 if name == "case" else _MAX_VALUES]
-        found += [_difference(f"{what}{place}", one.get(place, ""), other.get(place, "")) for place in shown]
+    for name in _COMPARED_TEXTS:
+        what, one, other = name, now.get(name, ""), then.get(name, "")
+        if one == other:
+            continue
+        if name == "case":
+            lines = enumerate(zip_longest(one.split("\n"), other.split("\n")), start=1)
+            number, (line, old) = next((number, pair) for number, pair in lines if pair[0] != pair[1])
+            what, one, other = f"the text of the case, line {number}", line or "", old or ""
+        elif name == "overrides":
+            what, one, other = "--set", *(", ".join(json.loads(text or "[]")) for text in (one, other))
+        found.append(_difference(what, one, other))
     return found
 
 
@@ -242,12 +246,5 @@ def _difference(what: str, given: str, allowed: str) -> Fault:
     return Fault(f"--resume: {what}", shown[0], shown[1], why, remedy)
 
 
-_COMPARED_TEXTS: dict[str, tuple[str, Callable[[str], dict[str, str]]]] = {
-    "case": (
-        "the text of the case",
-        lambda text: {f", line {n}": line for n, line in enumerate(text.split("\n"), start=1)},
-    ),
-    "overrides": ("--set", lambda text: {"": ", ".join(json.loads(text or "[]"))}),
-    **{name: (name, lambda text: {"": text}) for name in ("flexcam", "python", "numpy", "scipy", "numba")},
-}
-"""Texts of a result that must be equal for identical numbers, their description, and their parts by place."""
+_COMPARED_TEXTS = ("case", "overrides", "flexcam", "python", "numpy", "scipy", "numba")
+"""Texts of a result that must be equal for identical numbers."""

@@ -238,11 +238,7 @@ def check_run(ready: PreparedRun, monitor: RunMonitor, metrics: list[Metric], st
         *check_input(ready),
         *describe_model_limits(ready),
         *check_events(metrics, opposed_contacts(ready.model)),
-        *_check_energy_balance(monitor.extremes),
-        *_check_numerical_dissipation(ready, monitor.extremes),
-        *_check_equilibrium(stats),
-        *_check_periodic_start(stats),
-        *_check_rounding(ready, monitor.extremes),
+        *_check_accuracy(ready, monitor.extremes, stats),
         *(_check_deflections(ready, monitor.extremes) if _has_member_dofs(ready) else ()),
         *(_check_resolution(monitor.resolution) if _has_member_dofs(ready) else ()),
     ]
@@ -267,15 +263,6 @@ def describe_change(change: RevolutionChange) -> str:
     if not change.contact:
         return motion
     return f"{motion} and {100.0 * change.force:.2g} % (rms) of the force of contact {change.contact}"
-
-
-def _check_periodic_start(stats: Stats) -> list[str]:
-    """Return a warning about a periodic start that was not found."""
-    if stats.periodicity <= _MAX_PERIODICITY_ERROR:
-        return []
-    error = f"{100.0 * stats.periodicity:.2g} % of the motion"
-    why = f"after a revolution the state differs by {error}, as where contacts chatter"
-    return [f"Warning: no periodic start was found: {why}; run more revolutions"]
 
 
 def _has_member_dofs(ready: PreparedRun) -> bool:
@@ -388,40 +375,28 @@ def describe_balance(extremes: ExtremesSink, stats: Stats) -> str:
     return f"residual {residual:.1e}, numerical dissipation {numerical:.2g} of the external work; {forces}"
 
 
-def _check_energy_balance(extremes: ExtremesSink) -> list[str]:
-    share = energy_residual(extremes)
-    if share <= _MAX_ENERGY_RESIDUAL:
-        return []
-    why = "the steps are too long, or a contact is too stiff for them"
-    return [
-        f"Warning: the energy balance has a residual of {100.0 * share:.2g} %: {why}; take more steps per revolution"
-    ]
-
-
-def _check_numerical_dissipation(ready: PreparedRun, extremes: ExtremesSink) -> list[str]:
-    share = numerical_dissipation(extremes)
-    if abs(share) <= _MAX_ENERGY_RESIDUAL:
-        return []
-    verb = "dissipates" if share > 0.0 else "adds"
-    other = "" if ready.scheme == newmark() else ', or integrator = { method = "newmark" }'
-    why = f"{100.0 * abs(share):.2g} % of the external work: the steps are too long"
-    return [f"Warning: the time integration {verb} {why}; take more steps per revolution{other}"]
-
-
-def _check_equilibrium(stats: Stats) -> list[str]:
-    if stats.imbalance <= _MAX_RESIDUAL:
-        return []
-    why = "the steps are too long for the motion; take more steps per revolution"
-    return [f"Warning: forces are out of balance by up to {100.0 * stats.imbalance:.2g} % of the largest: {why}"]
-
-
-def _check_rounding(ready: PreparedRun, extremes: ExtremesSink) -> list[str]:
-    if not extremes.most_bent.any() or ready.problem.system.is_kinematic:
-        return []
-    share = rounding_fraction(ready.problem.system.stiffness, extremes.most_bent)
-    if share <= _MIN_DEFLECTION_ERROR:
-        return []
-    return [f"Warning: rounding in the stiffness may change the deflection by up to {100.0 * share:.1g} %"]
+def _check_accuracy(ready: PreparedRun, extremes: ExtremesSink, stats: Stats) -> Iterator[str]:
+    """Yield warnings about the balances of energy and forces, the start and rounding; NaN counts as large."""
+    if not (share := energy_residual(extremes)) <= _MAX_ENERGY_RESIDUAL:
+        residual = f"the energy balance has a residual of {100.0 * share:.2g} %"
+        why = "the steps are too long, or a contact is too stiff for them"
+        yield f"Warning: {residual}: {why}; take more steps per revolution"
+    if not abs(share := numerical_dissipation(extremes)) <= _MAX_ENERGY_RESIDUAL:
+        verb = "dissipates" if share > 0.0 else "adds"
+        other = "" if ready.scheme == newmark() else ', or integrator = { method = "newmark" }'
+        why = f"{100.0 * abs(share):.2g} % of the external work: the steps are too long"
+        yield f"Warning: the time integration {verb} {why}; take more steps per revolution{other}"
+    if not stats.imbalance <= _MAX_RESIDUAL:
+        why = "the steps are too long for the motion; take more steps per revolution"
+        yield f"Warning: forces are out of balance by up to {100.0 * stats.imbalance:.2g} % of the largest: {why}"
+    if not stats.periodicity <= _MAX_PERIODICITY_ERROR:
+        error = f"{100.0 * stats.periodicity:.2g} % of the motion"
+        why = f"after a revolution the state differs by {error}, as where contacts chatter"
+        yield f"Warning: no periodic start was found: {why}; run more revolutions"
+    if extremes.most_bent.any() and not ready.problem.system.is_kinematic:
+        share = rounding_fraction(ready.problem.system.stiffness, extremes.most_bent)
+        if not share <= _MIN_DEFLECTION_ERROR:
+            yield f"Warning: rounding in the stiffness may change the deflection by up to {100.0 * share:.1g} %"
 
 
 def _check_deflections(ready: PreparedRun, extremes: ExtremesSink) -> Iterator[str]:

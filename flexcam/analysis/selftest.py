@@ -183,7 +183,6 @@ _CANTILEVER_ROOTS = (1.8751040687119611, 4.694091132974174, 7.854757438237613)  
 
 
 def _structure_checks() -> Iterator[Check]:
-    """Yield checks of beam structures."""
     beam, force, torque = _Beam(_SLENDER, _FIXED), 100.0, 10.0
     bent, found = force * _LENGTH**3 / (3.0 * _STEEL.E * _TUBE.Iz), beam.end_displacement("uy", force)
     yield Check("tip of a cantilever under a force", "Euler-Bernoulli, P L^3/(3 E I)", bent, found, 1e-9, "m")
@@ -215,7 +214,6 @@ _PROBED = "valve"
 
 
 def _train_checks() -> Iterator[Check]:
-    """Yield checks of the published train, a starter case."""
     with temporary_folder() as folder:
         case = read_case(new_case("published-model", folder / "case.toml")[0])
         source, resonant = "Tayeb and Sliman: unstable near 4000 rpm", excited_mode(case)[1]

@@ -269,8 +269,7 @@ class Stability:
 def assess_stability(case: Case) -> Stability:
     """Return the stability of a case at its speed."""
     method = case.record.run.integrator.part
-    limited = method.stability_limit() < math.inf
-    ready = prepare(case.with_average_acceleration() if limited else case)
+    ready = prepare(case.with_stable_method())
     whole = math.ceil(ready.revolution / ready.problem.step)
     problem = replace(ready.problem, steps=max(ready.problem.steps, 2 * whole))  # two revolutions are compared
     response = solve(problem, ready.scheme, save=ready.save)

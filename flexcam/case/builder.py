@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import TypeVar
@@ -274,12 +275,12 @@ class _Geometry:
         if not members:
             why = "no member ends at the lash whose stiffness could be taken"
             raise refuse("stiffness", "nothing", "a value", why, 'add it, such as stiffness = "20 MN/m"')
-        return DEFAULT_LASH_STIFFNESS_RATIO * min(map(self._axial_stiffness, members)) / ratio**2
-
-    def _axial_stiffness(self, name: str) -> float:
-        member = self.member(self.case.members[name])
-        length = np.linalg.norm(np.diff(self.mesh.nodes[self.mesh.lines[name]], axis=0), axis=1).sum()
-        return member.material.E * member.section.A / float(length)
+        softest = math.inf
+        for name in members:
+            member, line = self.member(self.case.members[name]), self.mesh.nodes[self.mesh.lines[name]]
+            length = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
+            softest = min(softest, member.material.E * member.section.A / length)
+        return DEFAULT_LASH_STIFFNESS_RATIO * softest / ratio**2
 
     def _lift_direction(self, record: contacts.CamContactRecord) -> FloatArray:
         """Return the direction of the lift: given, or from cam to follower perpendicular to the shaft."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -57,11 +58,9 @@ class Case:
     result_name: str = ""
 
     def __repr__(self) -> str:
-        """Return title and path."""
         return f"<Case {self.title!r}, {self.path}>"
 
     def _repr_html_(self) -> str:
-        """Return a table of the case, for notebooks."""
         parts = ("members", "masses", "springs", "rockers", "cams", "contacts", "loads")
         rows = {"file": str(self.path), "speed": self.speed_text, "overrides": ", ".join(self.overrides)}
         return html_table(self.title, rows | {name: ", ".join(getattr(self.record, name)) for name in parts})
@@ -140,9 +139,10 @@ class Case:
         """
         return self.reread(self, values)
 
-    def with_average_acceleration(self) -> Case:
-        """Return the same case with Newmark's average acceleration, which is stable at any time step."""
-        return self.with_run({"integrator": NewmarkRecord()})
+    def with_stable_method(self) -> Case:
+        """Return the same case if its method is stable at any time step, otherwise with the average acceleration."""
+        limited = self.record.run.integrator.part.stability_limit() < math.inf
+        return self.with_run({"integrator": NewmarkRecord()}) if limited else self
 
     def with_run(self, changed: Mapping[str, object]) -> Case:
         """Return the same case with changed keys of ``[run]``.

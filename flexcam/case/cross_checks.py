@@ -238,7 +238,6 @@ def _as_list(value: object) -> list[object]:
 
 
 def _is_finger(rocker: Table, nodes: Mapping[str, int]) -> bool:
-    """Return whether a rocker is driven at a separate point."""
     return rocker.get("model") == "lever" and isinstance(rocker.get("from"), str) and rocker["from"] not in nodes
 
 
@@ -270,7 +269,6 @@ def _shared_point_faults(record: CaseRecord, places: KeyLocations, mesh: Mesh) -
 
 
 def _temperature_faults(record: CaseRecord, places: KeyLocations) -> Iterator[Fault]:
-    """Yield temperatures of members whose material has no thermal expansion."""
     for name, member in record.members.items():
         if member.temperature and not record.materials[member.material].expansion:
             where, why = places.place(("members", name, "temperature")), f"material {member.material!r} does not expand"
@@ -324,7 +322,6 @@ def _unsymmetric_shaft_faults(places: KeyLocations, model: Model) -> Iterator[Fa
 
 
 def _rotation_faults(places: KeyLocations, model: Model) -> Iterator[Fault]:
-    """Yield cams that rotate against another cam on their shaft."""
     first: dict[int, str] = {}
     axes = {contact.cam: contact.shaft_axis for contact in model.cam_contacts.values()}
     for name, axis in axes.items():
@@ -342,14 +339,11 @@ def _format_axis(axis: FloatArray) -> str:
 
 def _undriven_rocker_faults(places: KeyLocations, model: Model) -> Iterator[Fault]:
     for name, rocker in model.rockers.items():
-        if not rocker.finger and _supports_block(model, rocker.start, rocker.direction):
+        if rocker.finger:
+            continue
+        node = model.mesh.node(rocker.start)
+        fixed = {c for point, held in model.supports.items() if node in model.mesh.points[point] for c in held}
+        if not np.delete(rocker.direction, [component(one) for one in fixed]).any():
             given, why = f"{rocker.start!r}, fixed along the rocker's direction", "nothing could drive the rocker"
             allowed, remedy = "a node that can move along it", "give the direction in which the node moves, or free it"
             yield Fault(places.place(("rockers", name, "from")), given, allowed, why, remedy)
-
-
-def _supports_block(model: Model, point: str, direction: FloatArray) -> bool:
-    """Return whether supports prevent every motion of a node along a direction."""
-    node = model.mesh.node(point)
-    blocked = [held for name, held in model.supports.items() if node in model.mesh.points[name]]
-    return not np.delete(direction, [component(name) for held in blocked for name in held]).any()

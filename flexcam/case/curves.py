@@ -44,15 +44,6 @@ class LawDefinition:
     given: str | dict[str, Any]  #: name, or ``id`` with parameters; for a law file, the content of the file
     law: Law = field(compare=False)  #: motion law
 
-    @classmethod
-    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
-        return _from_file_or_value(_parse_law_value)
-
-    @classmethod
-    def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        table = {"type": "object", "properties": {"id": {"enum": sorted(kind_names())}}, "required": ["id"]}
-        return {"anyOf": [{"type": "string"}, table]}
-
 
 @dataclass(frozen=True)
 class LiftDefinition:
@@ -61,14 +52,6 @@ class LiftDefinition:
     given: str | dict[str, Any]  #: value in the case
     event: Event = field(compare=False)  #: lift event
     report: LiftReport | None = field(compare=False)  #: smoothing report; None for harmonics, which are not smoothed
-
-    @classmethod
-    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
-        return _from_file_or_value(_parse_lift_value)
-
-    @classmethod
-    def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        return _file_schema(_LiftFile)
 
 
 @dataclass(frozen=True)
@@ -81,14 +64,6 @@ class LoadDefinition:
     name: str = field(compare=False)  #: name of the column of the load
     unit: str = field(compare=False)  #: unit of the values
     values: FloatArray = field(compare=False)  #: shape (m,)
-
-    @classmethod
-    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
-        return _from_file_or_value(_parse_load_value)
-
-    @classmethod
-    def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        return _file_schema(_LoadFile)
 
     @property
     def where(self) -> str:
@@ -127,14 +102,6 @@ class MatrixDefinition:
 
     given: str | dict[str, Any]  #: value in the case
     matrix: NodalMatrix = field(compare=False)  #: rows and values, in the units of the file
-
-    @classmethod
-    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
-        return _from_file_or_value(_parse_matrix_value)
-
-    @classmethod
-    def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        return _file_schema(_MatrixFile)
 
 
 _SAME_PLACE = 1e-6
@@ -196,12 +163,16 @@ class _Files:
 
 
 Read = TypeVar("Read")
+FileRecord = TypeVar("FileRecord", bound=BaseModel)
 
 
-class _LiftFile(BaseModel):
+class _File(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class _LiftFile(_File):
     """Lift table file with the units that its header lacks."""
 
-    model_config = ConfigDict(extra="forbid")
     file: str = Field(description="table of angle and lift, or TOML with harmonics; relative to the case file")
     column: str | None = Field(None, description="name of the column of the lift, or of the lobe, if there are several")
     angle: Literal["cam", "crank"] | None = Field(None, description="of which shaft the angles are")
@@ -212,44 +183,46 @@ class _LiftFile(BaseModel):
     )
 
 
-class _LoadFile(BaseModel):
+class _LoadFile(_File):
     """Load table file and the column of the load."""
 
-    model_config = ConfigDict(extra="forbid")
     file: str = Field(description="CSV with an angle or a time, and the load; relative to the case file")
     column: str | None = Field(None, description="name of the column of the load, if there are several")
 
 
-class _MatrixFile(BaseModel):
+class _MatrixFile(_File):
     """Matrix file and the name of its matrix."""
 
-    model_config = ConfigDict(extra="forbid")
     file: str = Field(description="matrix file; relative to the case file")
     matrix: str | None = Field(None, description="name of the matrix in a Nastran punch file, if there are several")
 
 
-def _file_schema(record: type[BaseModel]) -> dict[str, Any]:
-    """Return the JSON schema of a file name or of a table with one."""
-    table = record.model_json_schema()
-    return {"anyOf": [{"type": "string"}, {"type": "object", "properties": table["properties"], "required": ["file"]}]}
+@dataclass(frozen=True)
+class _FromFile:
+    """Annotation of a value that may name a file in the folder of the case; it is serialized as given."""
 
+    make: Callable[[object, _Files], object]
+    properties: Callable[[], dict[str, Any]]  #: JSON schemas of the keys of its table, which requires the first one
 
-def _from_file_or_value(make: Callable[[object, _Files], object]) -> CoreSchema:
-    """Return the schema of a value that may name a file in the folder of the case; it is serialized as given."""
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
+        written = core_schema.plain_serializer_function_ser_schema(lambda made: made.given)
+        return core_schema.with_info_plain_validator_function(self.validate, serialization=written)
 
-    def validate(value: object, info: ValidationInfo) -> object:
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        keys = self.properties()
+        table = {"type": "object", "properties": keys, "required": [next(iter(keys))]}
+        return {"anyOf": [{"type": "string"}, table]}
+
+    def validate(self, value: object, info: ValidationInfo) -> object:
         context = cast("Mapping[str, Any]", info.context or {})
         try:
-            return make(value, _Files(context.get("case", Path()), context.get("texts", {})))
+            return self.make(value, _Files(context.get("case", Path()), context.get("texts", {})))
         except InputError as refusal:
             # A fault of the value itself has no path inside it.
             fault = refusal.faults[0]
             if fault.where == "table":
                 raise value_error(fault.allowed, fault.why, fault.remedy, given=fault.given) from None
             raise convert_error(refusal, inside=fault.where not in ("law", "lift_table")) from None
-
-    written = core_schema.plain_serializer_function_ser_schema(lambda made: made.given)
-    return core_schema.with_info_plain_validator_function(validate, serialization=written)
 
 
 def _parse_law_value(value: object, files: _Files) -> LawDefinition:
@@ -299,6 +272,11 @@ def _is_numeric(value: object) -> bool:
     if isinstance(value, (list, tuple)):
         return all(_is_numeric(one) for one in cast("list[object]", value))
     return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def _file(record: type[FileRecord], value: object, example: str) -> FileRecord:
+    table = {"file": value} if isinstance(value, str) else value
+    return record(**_validate(record, table, "a file name, or a table of", example))
 
 
 def _validate(record: type[BaseModel], table: object, what: str, example: str) -> dict[str, Any]:
@@ -351,7 +329,6 @@ def read_law(path: Path, text: str | None = None) -> LawDefinition:
 
 
 def _read_toml_table(path: Path, name: str, text: str | None) -> dict[str, Any]:
-    """Return one table of a TOML file."""
     try:
         content = parse_toml(read_text(path) if text is None else text)
     except FileNotFoundError:
@@ -370,8 +347,7 @@ def _read_toml_table(path: Path, name: str, text: str | None) -> dict[str, Any]:
 
 
 def _parse_lift_value(value: object, files: _Files) -> LiftDefinition:
-    table = {"file": value} if isinstance(value, str) else value
-    record = _LiftFile(**_validate(_LiftFile, table, "a file name, or a table of", "lift_table"))
+    record = _file(_LiftFile, value, "lift_table")
     if Path(record.file).suffix == ".toml":
         if beside := [key for key in ("angle", "unit", "tolerance", "column") if getattr(record, key) is not None]:
             raise refuse(beside[0], str(getattr(record, beside[0])), "no such key", "files of harmonics are in m")
@@ -395,8 +371,7 @@ def _parse_lift_value(value: object, files: _Files) -> LiftDefinition:
 
 
 def _parse_load_value(value: object, files: _Files) -> LoadDefinition:
-    table = {"file": value} if isinstance(value, str) else value
-    record = _LoadFile(**_validate(_LoadFile, table, "a file name, or a table of", "table"))
+    record = _file(_LoadFile, value, "table")
     columns = files.read(record.file, "table", lambda path, text: read_columns(path, "table", text))
     abscissa, at = find_abscissa(columns, "table")
     loads = [name for name in columns if name not in ABSCISSAS]
@@ -416,8 +391,7 @@ def _parse_load_value(value: object, files: _Files) -> LoadDefinition:
 
 
 def _parse_matrix_value(value: object, files: _Files) -> MatrixDefinition:
-    table = {"file": value} if isinstance(value, str) else value
-    record = _MatrixFile(**_validate(_MatrixFile, table, "a file name, or a table of", "table"))
+    record = _file(_MatrixFile, value, "table")
     read = files.read(record.file, "table", lambda path, text: read_matrix(path, "table", text, record.matrix))
     return MatrixDefinition(cast("str | dict[str, Any]", value), read)
 
@@ -440,4 +414,14 @@ def read_harmonic_lift(path: Path, text: str | None = None) -> HarmonicLift:
 
 def _fault_in_file(path: Path, table: str, refusal: InputError) -> InputError:
     fault = refusal.faults[0]
-    return refuse(f"{path.name}, [{table}] {fault.where}", fault.given, fault.allowed, fault.why, fault.remedy)
+    return InputError([replace(fault, where=f"{path.name}, [{table}] {fault.where}")])
+
+
+def _keys(record: type[BaseModel]) -> Callable[[], dict[str, Any]]:
+    return lambda: record.model_json_schema()["properties"]
+
+
+LawValue = Annotated[LawDefinition, _FromFile(_parse_law_value, lambda: {"id": {"enum": sorted(kind_names())}})]
+LiftValue = Annotated[LiftDefinition, _FromFile(_parse_lift_value, _keys(_LiftFile))]
+LoadValue = Annotated[LoadDefinition, _FromFile(_parse_load_value, _keys(_LoadFile))]
+MatrixValue = Annotated[MatrixDefinition, _FromFile(_parse_matrix_value, _keys(_MatrixFile))]

@@ -44,10 +44,6 @@ class KeyLocations:
                 notes.setdefault(table + _parts(key[1]), f"line {number}")
         return cls(notes)
 
-    def with_override(self, path: Path, override: str) -> KeyLocations:
-        """Return the sources with one key given by an override."""
-        return replace(self, notes={**self.notes, path: f"--set {override}"})
-
     def place(self, path: Path) -> str:
         """Return a key path with the source of its nearest listed ancestor; a copy has the source of its template."""
         for end in range(len(path), 0, -1):

@@ -273,32 +273,31 @@ _IMPACT_LIFT = 1e-3
 """Lift relative to its maximum from which a start causes an impact; measured lifts may have noise below it."""
 
 
-def check_open_contacts(model: Model, problem: Problem) -> list[str]:
-    """Return warnings about cam contacts and seats that are open on the base circle at the start."""
+def check_open_contacts(model: Model, problem: Problem) -> Iterator[str]:
+    """Yield warnings about cam contacts and seats that are open on the base circle at the start."""
     contacts = {name: one for name, one in model.contacts.items() if isinstance(one, CamContact) and one.unilateral}
     seats = [name for name, one in model.contacts.items() if isinstance(one, Seat)]
     if not (contacts or seats) or problem.system.is_kinematic or problem.system.size > _MAX_DOFS:
-        return []
+        return
     try:
         first = solve(replace(problem, steps=1, engine="direct", adaptive=None), newmark())
     except RunFailedError:
-        return []  # the run reports it
+        return  # the run reports it
     if not len(first.time):
-        return []
-    found: list[str] = []
+        return
+    lost = False
     closed = {
         name: abs(float(cam.event(first.angle[:1])[0])) <= _LIFT_TOLERANCE * cam.event.height
         for name, cam in model.cams.items()
     }
     for name, contact in contacts.items():
         if closed[contact.cam] and float(first.channels[f"contacts.{name}.force"][0]) <= 0.0:
-            why = "no spring presses the follower to its cam before it turns"
-            found.append(f"Warning: contacts.{name}: {why}; give a spring an installed_force")
-    for name in seats if closed and all(closed.values()) and not found else ():
+            why, lost = "no spring presses the follower to its cam before it turns", True
+            yield f"Warning: contacts.{name}: {why}; give a spring an installed_force"
+    for name in seats if closed and all(closed.values()) and not lost else ():
         if float(first.channels[f"contacts.{name}.force"][0]) <= 0.0:
             why = "no spring presses the valve to its seat before the cams turn"
-            found.append(f"Warning: contacts.{name}: {why}; check the direction and the installed_force of its spring")
-    return found
+            yield f"Warning: contacts.{name}: {why}; check the direction and the installed_force of its spring"
 
 
 def check_overshoot(problem: Problem, scheme: Method) -> list[str]:
@@ -326,22 +325,20 @@ def check_overshoot(problem: Problem, scheme: Method) -> list[str]:
     return [f"Warning: {what}: the step does not resolve its damping; take newmark, bathe or smaller steps"]
 
 
-def check_start_impact(case: Case, model: Model, problem: Problem) -> list[str]:
-    """Return warnings about cams that already lift when a run starts from rest, which causes an impact."""
+def check_start_impact(case: Case, model: Model, problem: Problem) -> Iterator[str]:
+    """Yield warnings about cams that already lift when a run starts from rest, which causes an impact."""
     if case.record.run.start != "rest" or problem.system.is_kinematic:
-        return []
+        return
     start = problem.drive.at(np.zeros(1))
-    found: list[str] = []
     for name in dict.fromkeys(contact.cam for contact in model.cam_contacts.values()):
         event = model.cams[name].event
         lift, slope = (float(event(start.angle, order)[0]) for order in (0, 1))
         if abs(lift) > _IMPACT_LIFT * event.height:
             motion = f"{1e3 * lift:.3g} mm and {slope * float(start.speed[0]):.3g} m/s"
-            found.append(
+            yield (
                 f"Warning: cams.{name}: the run starts in the middle of its lift, at {motion}, and strikes a train at "
                 f'rest; turn it onto its base circle (phase), or take start = "equilibrium" or "periodic"'
             )
-    return found
 
 
 def check_loads(model: Model, problem: Problem) -> list[str]:
@@ -432,10 +429,9 @@ _MAX_OPENING = math.radians(400.0)
 """Crank angle of lift above a tenth of its maximum from which cam angles of a valve may be crank angles, rad."""
 
 
-def check_valve_angles(model: Model) -> list[str]:
-    """Return warnings about cams that hold a valve open for so long that their angles may be crank angles."""
+def check_valve_angles(model: Model) -> Iterator[str]:
+    """Yield warnings about cams that hold a valve open for so long that their angles may be crank angles."""
     driven = [driving_contact(model, seat.at) for seat in model.contacts.values() if isinstance(seat, Seat)]
-    found: list[str] = []
     for name in dict.fromkeys(
         model.cam_contacts[one].cam for one in driven if one and one not in opposed_contacts(model)
     ):
@@ -444,13 +440,11 @@ def check_valve_angles(model: Model) -> list[str]:
         if opened and opened.duration > _MAX_OPENING:
             span = f"{math.degrees(opened.duration):.4g} deg of the crank"
             why = "did you give crank angles? Angles of a cam are those of the camshaft, half as large"
-            found.append(f"Warning: cams.{name}: it holds its valve open for {span}: {why}")
-    return found
+            yield f"Warning: cams.{name}: it holds its valve open for {span}: {why}"
 
 
-def check_lash(model: Model) -> list[str]:
-    """Return warnings about a lash above the ramp of its cam, so that the valve opens on the flank."""
-    found: list[str] = []
+def check_lash(model: Model) -> Iterator[str]:
+    """Yield warnings about a lash above the ramp of its cam, so that the valve opens on the flank."""
     for name, cam in model.cams.items():
         event = cam.event.event if isinstance(cam.event, DelayedEvent) else cam.event
         lash = largest_lashes(model)[name]
@@ -458,5 +452,4 @@ def check_lash(model: Model) -> list[str]:
             sizes = (
                 f"the lash of {1e3 * lash:.3g} mm at the follower is above the ramp of {1e3 * event.ramp.height:.3g} mm"
             )
-            found.append(f"Warning: cams.{name}: {sizes}: the valve opens without a ramp")
-    return found
+            yield f"Warning: cams.{name}: {sizes}: the valve opens without a ramp"

@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path, PurePath
 from typing import Any, TypeVar, cast
 
@@ -95,8 +96,8 @@ def _toml_text(value: object, where: str) -> str:
 
 def replace_values(case: Case, values: Mapping[str, object]) -> Case:
     """Return a case with other values by table and key; changes of its record by `Case.with_run` remain."""
-    file, tables = CaseFile.of(case), case_tables(case)
-    changes = dict(_changed_values(tables, values, ""))
+    file = CaseFile.of(case)
+    changes = dict(_changed_values(file.complete(case.overrides)[0], values, ""))
     before, after = (_read_with_values(file, case.overrides, one) for one in ({}, changes))
     given = set(changes) | {
         f"run.{other}" for path in changes for other in _REPLACED_KEYS.get(path.removeprefix("run."), ())
@@ -127,7 +128,7 @@ def case_from_result(result: Result) -> Case:
     """Return the case of a result, from the texts stored in it and on its mesh."""
     about = result.about
     source, text = Path(about["case_file"]), about["case"]
-    file = CaseFile(source, text, _parse_case(source, text), files=json.loads(about.get("files", "{}")))
+    file = CaseFile(source, text, files=json.loads(about.get("files", "{}")))
     case = file.read(json.loads(about["overrides"]), mesh=result.mesh)
     named = ((case.record.nodes, result.mesh.points), (case.record.members, result.mesh.lines))
     if lacking := [name for names, found in named for name in names if name not in found]:
@@ -158,7 +159,6 @@ class CaseFile:
 
     path: Path  #: path of the file
     text: str  #: text of the file
-    raw: Mapping[str, Any]  #: raw tables, not yet checked
     meshes: dict[str, Mesh] = field(default_factory=dict[str, Mesh])  #: meshes read so far, by their name in the case
     files: dict[str, str] = field(default_factory=dict[str, str])  #: texts of law and lift files, by name
 
@@ -166,17 +166,25 @@ class CaseFile:
     def open(cls, path: str | Path) -> CaseFile:
         """Open a case file."""
         source = Path(path)
-        return cls(source, *_read_tables(source))
+        return cls(source, _read_case_text(source))
+
+    def __post_init__(self) -> None:
+        _ = self.raw  # raises an error of its syntax
+
+    @cached_property
+    def raw(self) -> Mapping[str, Any]:
+        """Raw tables, not yet checked."""
+        return _parse_case(self.path, self.text)
 
     @classmethod
     def of(cls, case: Case) -> CaseFile:
         """Return the file of a case as it was read."""
         meshes = {} if case.mesh is None else {str(case.record.mesh): case.mesh}
-        return cls(case.path, case.text, _parse_case(case.path, case.text), meshes, dict(case.files))
+        return cls(case.path, case.text, meshes, dict(case.files))
 
     def read(self, overrides: Sequence[str] = (), *, mesh: Mesh | None = None) -> Case:
         """Return the checked case with overrides."""
-        raw, places, found = _complete_tables(self.path, self.text, self.raw, overrides)
+        raw, places, found = self.complete(overrides)
         if mesh is None or "mesh" not in raw:
             mesh, mesh_faults = self._mesh(raw, places)
             found += mesh_faults
@@ -189,6 +197,22 @@ class CaseFile:
         return _with_spring_parts(
             Case(self.path, self.text, tuple(overrides), record, mesh, places, self.files, replace_values)
         )
+
+    def complete(self, overrides: Sequence[str]) -> tuple[dict[str, Any], KeyLocations, list[Fault]]:
+        """Return the tables with overrides and copies, the sources of all keys and the faults."""
+        tables, places = deepcopy(dict(self.raw)), KeyLocations.of_text(self.text)
+        first = [one for one in overrides if one.startswith("repeat.") or "{" in one.partition("=")[0]]
+        places, found = _apply_overrides(tables, places, first)
+        repeats: Mapping[str, RepeatRecord] = {}
+        if "repeat" in tables:
+            record, faults = _record(RepeatFileRecord, {"repeat": tables["repeat"]}, places, self.path)
+            if record is None:
+                raise InputError([*found, *faults])
+            repeats = record.repeat
+        copies = Repetition.of(tables, repeats)
+        places = replace(places, templates=copies.templates)
+        places, more = _apply_overrides(copies.tables, places, [one for one in overrides if one not in first])
+        return copies.tables, places, [*found, *copies.faults(places), *more]
 
     @property
     def sweep(self) -> SweepRecord | None:
@@ -217,7 +241,7 @@ class CaseFile:
 
 def case_tables(case: Case) -> dict[str, Any]:
     """Return the tables of a case as written, with its overrides."""
-    return _complete_tables(case.path, case.text, _parse_case(case.path, case.text), case.overrides)[0]
+    return CaseFile.of(case).complete(case.overrides)[0]
 
 
 def complete_case_tables(case: Case) -> dict[str, Any]:
@@ -268,25 +292,23 @@ def _record(
 
 def has_mechanism(path: Path) -> bool:
     """Return whether a file describes a mechanism or only cams."""
-    return not {"members", "masses", "superelements", "run"}.isdisjoint(_read_tables(path)[1])
+    return not {"members", "masses", "superelements", "run"}.isdisjoint(CaseFile.open(path).raw)
 
 
 def read_cams(path: str | Path, overrides: Sequence[str] = ()) -> CamsRecord:
     """Read and check a file that contains only cams."""
-    source = Path(path)
-    text, raw = _read_tables(source)
-    raw, places, found = _complete_tables(source, text, raw, overrides)
-    record, record_faults = _record(CamsRecord, raw, places, source)
+    file = CaseFile.open(path)
+    raw, places, found = file.complete(overrides)
+    record, record_faults = _record(CamsRecord, raw, places, file.path)
     found += [*record_faults, *RawTables(raw, None, places).reference_faults()]
     if found or record is None:
         raise InputError(found)
     return record
 
 
-def _read_tables(path: Path) -> tuple[str, dict[str, Any]]:
-    """Return the text and the raw tables of a file."""
+def _read_case_text(path: Path) -> str:
     try:
-        text = read_text(path)
+        return read_text(path)
     except FileNotFoundError:
         below = next(path.parent.glob(f"*/{path.stem}.toml"), None)
         near = suggest_name(path.name, [other.name for other in path.parent.glob("*.toml")])
@@ -297,7 +319,6 @@ def _read_tables(path: Path) -> tuple[str, dict[str, Any]]:
             remedy = "flexcam info, plot, report, view, export and compare --against read results"
             raise refuse("case file", str(path), "a case file (.toml)", "it is a result", remedy) from None
         raise refuse("case file", str(path), "a readable UTF-8 text file", system_message(fault)) from None
-    return text, _parse_case(path, text)
 
 
 def _parse_case(path: Path, text: str) -> dict[str, Any]:
@@ -332,25 +353,6 @@ _OPTIONAL_TABLES = {"adaptive", "damping", "fluctuation", "free_running", "integ
 """Optional nested tables."""
 
 
-def _complete_tables(
-    path: Path, text: str, raw: Mapping[str, Any], overrides: Sequence[str]
-) -> tuple[dict[str, Any], KeyLocations, list[Fault]]:
-    """Return the tables with overrides and copies, the sources of all keys and the faults."""
-    tables, places = deepcopy(dict(raw)), KeyLocations.of_text(text)
-    first = [one for one in overrides if one.startswith("repeat.") or "{" in one.partition("=")[0]]
-    places, found = _apply_overrides(tables, places, first)
-    repeats: Mapping[str, RepeatRecord] = {}
-    if "repeat" in tables:
-        record, faults = _record(RepeatFileRecord, {"repeat": tables["repeat"]}, places, path)
-        if record is None:
-            raise InputError([*found, *faults])
-        repeats = record.repeat
-    copies = Repetition.of(tables, repeats)
-    places = replace(places, templates=copies.templates)
-    places, more = _apply_overrides(copies.tables, places, [one for one in overrides if one not in first])
-    return copies.tables, places, [*found, *copies.faults(places), *more]
-
-
 def _apply_overrides(
     raw: dict[str, Any], places: KeyLocations, overrides: Sequence[str]
 ) -> tuple[KeyLocations, list[Fault]]:
@@ -362,25 +364,24 @@ def _apply_overrides(
         faults = _apply_override(raw, key, override)
         found += faults
         applied += [] if faults else [key]
-        places = places.with_override(key, override)
     for *parents, key in applied:
-        table = _table_at(raw, parents) if parents[:1] in (["run"], ["cams"]) else None
+        table = value_at(raw, parents) if parents[:1] in (["run"], ["cams"]) else None
         for other in _REPLACED_KEYS.get(key, ()):
-            if table is not None and (*parents, other) not in keys:  # two overrides that exclude each other remain
-                table.pop(other, None)
-    return places, found
+            if isinstance(table, dict) and (*parents, other) not in keys:  # overrides that exclude each other remain
+                cast("dict[str, object]", table).pop(other, None)
+    notes = {key: f"--set {override}" for key, override in zip(keys, overrides, strict=True)}
+    return replace(places, notes={**places.notes, **notes}), found
 
 
-def _table_at(raw: dict[str, Any], parents: Sequence[str]) -> dict[str, Any] | None:
-    """Return the table at a key path; None if there is none."""
-    table: object = raw
-    for step in parents:
-        table = cast("dict[str, object]", table).get(step) if isinstance(table, dict) else None
-    return cast("dict[str, Any]", table) if isinstance(table, dict) else None
+def value_at(table: Mapping[str, Any], path: Sequence[str]) -> object:
+    """Return the value at a key path in nested tables; None if there is none."""
+    value: object = table
+    for step in path:
+        value = cast("dict[str, object]", value).get(step) if isinstance(value, dict) else None
+    return value
 
 
 def _apply_override(raw: dict[str, Any], path: KeyPath, override: str) -> list[Fault]:
-    """Apply one override to the tables; return its faults."""
     where, (_, equals, text) = f"--set {override}", override.partition("=")
     if not equals or not all(path):
         return [Fault(where, repr(override), "key=value, such as run.speed=4000rpm", "", "")]

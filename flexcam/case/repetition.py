@@ -61,7 +61,6 @@ class Repetition:
                 yield Fault(places.place(("repeat", mark)), "no such part", allowed, "nothing is repeated", "")
 
     def _expand_table(self, kind: str, table: dict[str, Any]) -> dict[str, Any]:
-        """Return a table of parts with all copies."""
         found: dict[str, Any] = {}
         for name, part in table.items():
             for copied, value in self._copies(kind, name, part):
@@ -71,7 +70,6 @@ class Repetition:
         return found
 
     def _copies(self, kind: str, name: str, part: object) -> Iterator[tuple[str, object]]:
-        """Yield the names and values of the copies of a part."""
         mark = next((mark for mark in self.repeats if f"{{{mark}}}" in name), None)
         if mark is None:
             yield name, part

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterator
 from importlib.resources import files
 from pathlib import Path
 
 from flexcam.core.errors import refuse, suggest_name
 from flexcam.io import check_writable, write_text
+from flexcam.io.files import iterate_texts
 
 _FOLDER = files("flexcam") / "templates"
 
@@ -28,10 +28,8 @@ def new_case(template: str, path: Path | None = None, *, overwrite: bool = False
     target = path or Path(f"{template}.toml")
     if target.suffix != ".toml":
         raise refuse("-o", str(target), "a name that ends in .toml", "it is a case file")
-    written = {
-        target: text,
-        **{target.with_name(name): _read_template(name) for name in _referenced_files(tomllib.loads(text))},
-    }
+    tables = [name for name in iterate_texts(tomllib.loads(text)) if name.endswith(".csv")]
+    written = {target: text, **{target.with_name(name): _read_template(name) for name in tables}}
     for one, content in written.items():
         same = one != target and one.is_file() and one.read_bytes() == content.encode()  # of another starter case
         check_writable("starter case", one, overwrite=overwrite or same)
@@ -42,12 +40,3 @@ def new_case(template: str, path: Path | None = None, *, overwrite: bool = False
 
 def _read_template(name: str) -> str:
     return (_FOLDER / name).read_text(encoding="utf-8")
-
-
-def _referenced_files(value: object) -> Iterator[str]:
-    """Yield the names of the package's files that a case refers to."""
-    if isinstance(value, dict):
-        for one in value.values():  # pyright: ignore[reportUnknownVariableType]
-            yield from _referenced_files(one)  # pyright: ignore[reportUnknownArgumentType]
-    elif isinstance(value, str) and value.endswith(".csv"):
-        yield value

@@ -18,7 +18,7 @@ import numpy as np
 
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
-from flexcam.case.reader import CaseFile, case_tables
+from flexcam.case.reader import CaseFile, case_tables, value_at
 from flexcam.case.records import find_unit
 from flexcam.case.repetition import map_texts, name_pattern
 from flexcam.case.schema.run import GivenStartRecord
@@ -64,7 +64,6 @@ def get_number(case: Case, key: str, where: str) -> Number:
 
 
 def _iterate_values(value: object, path: str) -> Iterator[tuple[str, object]]:
-    """Yield dotted key and value in nested tables and lists."""
     if isinstance(value, dict):
         inner = cast("dict[str, object]", value)
     elif isinstance(value, list):
@@ -83,20 +82,13 @@ def make_overrides(case: Case, values: Mapping[str, str]) -> tuple[str, ...]:
     found: dict[str, str] = {}
     for key, text in values.items():
         parent, _, last = key.rpartition(".")
-        if not (last.isdigit() and isinstance(there := _at(record, parent), list)):
+        if not (last.isdigit() and isinstance(there := value_at(record, parent.split(".")), list)):
             found[key] = text
             continue
         changed = lists.setdefault(parent, [*cast("list[Any]", there)])
         changed[int(last)] = _number_or_text(text)
         found[parent] = json.dumps(changed, ensure_ascii=False)
     return tuple(f"{key}={text}" for key, text in found.items())
-
-
-def _at(record: Mapping[str, Any], path: str) -> object:
-    value: object = record
-    for step in path.split("."):
-        value = cast("dict[str, object]", value).get(step) if isinstance(value, dict) else None
-    return value
 
 
 def _number_or_text(text: str) -> float | str:

@@ -18,7 +18,7 @@ from flexcam.cli.study_options import NewCase, Vary, WorkerCount, write_variant
 from flexcam.dynamics import Cause, Status
 from flexcam.report.terminal import finite_numbers, finite_or_none, format_csv, format_number, plain_table, show_count
 from flexcam.studies.executors import open_evaluator
-from flexcam.studies.fitting import Fit, Measurement, evaluate_curves, fit_curves, read_measurement
+from flexcam.studies.fitting import Fit, Measurement, curve_row, fit_curves, read_measurement
 from flexcam.studies.plan import make_bundle
 from flexcam.studies.variables import PointEvaluator, Variable, variables_of
 
@@ -60,10 +60,15 @@ def fit(
     if not allow_large:
         check_case_resources(given, together=workers)
     variables, measured = variables_of(given, vary, "--vary"), read_measurement(to, given, column or (), noise or ())
-    evaluate = partial(evaluate_curves, fixed=fixed, measured=measured)
     with (
         show_count(None, "runs") as shown,
-        open_evaluator(make_bundle(file, None, fixed), evaluate, workers=workers, advance=shown) as runs,
+        open_evaluator(
+            make_bundle(file, None, fixed),
+            partial(curve_row, measured=measured),
+            fixed,
+            workers=workers,
+            advance=shown,
+        ) as runs,
     ):
         points = PointEvaluator(given, variables, runs)
         found = fit_curves(points, measured, steps=steps)

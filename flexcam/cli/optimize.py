@@ -55,7 +55,7 @@ from flexcam.studies.optimization import optimize as minimize
 from flexcam.studies.plan import make_plan, parse_axes
 from flexcam.studies.quantities import is_run_scalar
 from flexcam.studies.sensitivity import exact_names
-from flexcam.studies.variables import PointEvaluator, WorstCase, require_unit, variables_of
+from flexcam.studies.variables import PointEvaluator, WorstCase, require_units, variables_of
 from flexcam.valvetrain import Metric
 
 if TYPE_CHECKING:
@@ -181,7 +181,7 @@ def worst_case(
             allowed = "several values, such as 4000:6000:500rpm or 1,2,5mm"
             raise refuse("--at", axis.where.removeprefix("--at "), allowed, "", "for one condition use --set")
         asked.file.read((*asked.fixed, f"{axis.key}={axis.values[0].text}"))  # raises an error for an unknown key
-        require_unit(asked.case, axis)
+        require_units(asked.case, [axis])
     largest = {goal.name: not goal.most for goal in goals}
     for bound in bounds:
         upper = bound.relation == "<="

@@ -19,7 +19,7 @@ from flexcam.core.errors import refuse
 from flexcam.dynamics import Cause, Status
 from flexcam.report.terminal import finite_numbers, finite_or_none, format_csv, format_number, plain_table
 from flexcam.studies.plan import Row, check_power_of_two
-from flexcam.studies.quantities import Quantity, frequency_number
+from flexcam.studies.quantities import frequency_number
 from flexcam.studies.sensitivity import (
     STEP_OFFSETS,
     Method,
@@ -32,6 +32,7 @@ from flexcam.studies.sensitivity import (
 )
 from flexcam.studies.tolerance_analysis import QUANTILES, PartScatter, parse_scatters, sample_parts, scalar_distribution
 from flexcam.studies.variables import InterruptibleRuns, PointEvaluator, Variable, column, variables_of
+from flexcam.valvetrain import Metric
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -276,7 +277,7 @@ def _tolerance_analysis(
 
 def scatter_output(
     names: Sequence[str], scatters: Sequence[PartScatter], parts: FloatArray, rows: Sequence[Row],
-    initial: Mapping[str, Quantity],
+    initial: Mapping[str, Metric],
 ) -> cli.CommandOutput:  # fmt: skip
     """Return the output of a tolerance analysis."""
     values = np.column_stack([column(rows, name) for name in names])

@@ -17,8 +17,9 @@ from flexcam.cli import app as cli
 from flexcam.dynamics import RunFailedError, reraise_interrupt
 from flexcam.io import write_text
 from flexcam.report.terminal import show_count
-from flexcam.studies.quantities import Quantity, check_names, compute_quantities, create_evaluator, frequency_number
+from flexcam.studies.quantities import check_names, compute_quantities, create_evaluator, frequency_number
 from flexcam.studies.variables import Runs
+from flexcam.valvetrain import Metric
 
 _LIMITS = Group("Speed range of results limits.NAME (as in flexcam limits)", sort_key=2)
 
@@ -50,7 +51,7 @@ class StudyOptions:
         if not allow_large and any(frequency_number(name) is None for name in names):
             check_case_resources(self.case, together=workers)
 
-    def initial_quantities(self, count: int) -> dict[str, Quantity]:
+    def initial_quantities(self, count: int) -> dict[str, Metric]:
         """Return the requested quantities of the unchanged case; unknown names raise an error."""
         try:
             return compute_quantities(self.case, self.names, self.search, count)

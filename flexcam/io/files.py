@@ -10,10 +10,11 @@ import os
 import re
 import struct
 import tempfile
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from stat import S_ISREG
+from typing import cast
 
 import numpy as np
 
@@ -288,6 +289,16 @@ def _join_array(found: re.Match[str]) -> str:
     elements = [line.strip(" ").removesuffix(",") for line in lines]
     line = f"{found['head']}[{', '.join(elements)}]{found['tail']}"
     return line if len(line) <= _LINE_LENGTH else found[0]
+
+
+def iterate_texts(value: object) -> Iterator[str]:
+    """Yield all texts of raw tables."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, dict | list):
+        inner = cast("dict[str, object] | list[object]", value)
+        for one in inner.values() if isinstance(inner, dict) else inner:
+            yield from iterate_texts(one)
 
 
 def open_with_lock(path: Path) -> int:

@@ -191,18 +191,13 @@ def _digest_input(file: Any, faults: list[Fault]) -> Iterator[Any]:  # noqa: ANN
             yield from _attributes(one)
         if new and _is_dataset(one):
             yield f"{one.dtype.str} {one.shape}".encode()
+            dataset = _module.Dataset(one)
+            rows = dataset.shape[0] if dataset.shape else 0
             try:
-                for values in _pieces(_module.Dataset(one)):
-                    yield np.ascontiguousarray(values).reshape(-1).view(np.uint8).data
+                for part in [slice(i, i + _ROWS) for i in range(0, rows, _ROWS)] if dataset.shape else [()]:
+                    yield np.ascontiguousarray(dataset[part]).reshape(-1).view(np.uint8).data
             except READ_ERRORS as fault:
                 faults.append(Fault(path, "damaged numbers", "intact numbers", system_message(fault), _REMEDY))
-
-
-def _pieces(one: Any) -> Iterator[Any]:  # noqa: ANN401
-    if not one.shape:
-        yield np.asarray(one[()])
-    for first in range(0, one.shape[0] if one.shape else 0, _ROWS):
-        yield one[first : first + _ROWS]
 
 
 def _attributes(one: Any) -> Iterator[bytes]:  # noqa: ANN401

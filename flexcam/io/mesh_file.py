@@ -221,13 +221,10 @@ _ALLOWED = "a Gmsh file (.msh) of format 2.2 or 4.1"
 
 
 def _invalid(given: str, why: str = "") -> InputError:
-    """Return the error for an invalid Gmsh file."""
     return refuse("mesh", given, _ALLOWED, why, "export it again from Gmsh")
 
 
 class _TextReader:
-    """Reader of the numbers of a text section."""
-
     def __init__(self, name: str, text: bytes) -> None:
         self._name, self._words, self._next = name, text.split(), 0
 

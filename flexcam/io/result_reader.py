@@ -90,7 +90,6 @@ class Result:
     warnings: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
-        """Return the title of the result without its numbers."""
         return f"<Result of {self.about.get('title') or self.about.get('case_file', 'a run')!r}: {self.response!r}>"
 
     @property
@@ -256,7 +255,6 @@ def _read_times(item: Any, count: int) -> FloatArray:  # noqa: ANN401
 
 
 def _read_probes(file: Any, outline: Outline, rows: slice) -> Series:  # noqa: ANN401
-    """Return rows of the histories of all probes."""
     empty = np.zeros((rows.stop - rows.start, 0))
 
     def columns(series: str) -> FloatArray:

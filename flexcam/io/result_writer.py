@@ -258,7 +258,8 @@ class ResultFile:
         """Append a block, immediately or together with later ones."""
         self._waiting.append(block)
         self._taken += len(block.time)
-        self._bytes += _block_bytes(block)
+        arrays = (block.channels, *(getattr(one, name) for one in (block.probes, block.fields) for name in SERIES))
+        self._bytes += sum(one.nbytes for one in arrays)
         if self._bytes > _MIN_WRITE_BYTES or self._taken == self._all:  # an interrupted run must not lose much data
             with convert_write_errors():
                 self._append()
@@ -345,12 +346,6 @@ class ResultFile:
 
 _MIN_WRITE_BYTES = 2**20
 """Minimum size of buffered blocks before writing, bytes: each of some hundred datasets has a fixed cost per write."""
-
-
-def _block_bytes(block: Block) -> int:
-    """Return the size of a block without its saved fields, bytes."""
-    arrays = (block.channels, *(getattr(one, name) for one in (block.probes, block.fields) for name in SERIES))
-    return sum(one.nbytes for one in arrays)
 
 
 def _limit_index_cache(file: Any) -> None:  # noqa: ANN401

@@ -25,6 +25,7 @@ from flexcam.io.files import atomic_write_path, check_writable
 from flexcam.io.hdf5 import (
     open_hdf5,
     read_numbers,
+    read_text_attribute,
     read_text_column,
     read_texts,
     write_digest,
@@ -218,7 +219,7 @@ def _read_hdf5(file: Any, source: Path) -> SweepTable:  # noqa: ANN401
         scalars={
             name: np.where(valid[name], read_numbers(item, count), np.nan) for name, item in file["scalars"].items()
         },
-        units={name: _unit(item) for name, item in file["scalars"].items()},
+        units={name: read_text_attribute(item, "unit") for name, item in file["scalars"].items()},
         statuses=statuses,
         shape=shape,
         about=about,
@@ -227,12 +228,8 @@ def _read_hdf5(file: Any, source: Path) -> SweepTable:  # noqa: ANN401
 
 def _column(name: str, item: Any, count: int) -> Column:  # noqa: ANN401
     if "unit" in item.attrs:
-        return Column(name, _unit(item), read_numbers(item, count))
+        return Column(name, read_text_attribute(item, "unit"), read_numbers(item, count))
     return Column(name, "", tuple(read_text_column(item)))
-
-
-def _unit(item: Any) -> str:  # noqa: ANN401
-    return bytes(item.attrs["unit"]).decode()
 
 
 ENDINGS = (".h5", ".csv", ".parquet")

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import re
 import time
-import traceback
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -36,7 +35,6 @@ from flexcam.dynamics import (
     Cause,
     Outline,
     Response,
-    RunFailedError,
     SaveAt,
     Status,
     component_unit,
@@ -47,7 +45,7 @@ from flexcam.dynamics import (
 )
 from flexcam.io import temporary_folder
 from flexcam.io.exports import scalar_probes
-from flexcam.studies.plan import Bundle, Row, open_case, rejected_row, restore_file_names
+from flexcam.studies.plan import Bundle, Row, catch_errors, evaluate_each
 from flexcam.valvetrain import Metric, Model, rigid_motion, train_metric_names
 
 
@@ -134,18 +132,14 @@ def _deviation_scalars(ready: PreparedRun, response: Response) -> Iterator[Metri
     if ready.case.record.fidelity.model == "rigid" or not ready.case.record.output.probes:
         return
     try:
-        found = compare(response, _rigid_response(ready, response), scalar_probe(ready), ready.case.speed / RPM)
+        system = replace(ready.problem.system, prescribed_motion=rigid_motion(ready.model))
+        probes = prescribed_probes(system, ready.problem.drive.at(response.time))
+        rigid = replace(response, outline=outline(system), probes=probes)
+        found = compare(response, rigid, scalar_probe(ready), ready.case.speed / RPM)
     except InputError:
         return
     for name, part in zip(_DEVIATIONS, (found.peak_deviation, found.rms_deviation), strict=True):
         yield Metric(name, part, "1")
-
-
-def _rigid_response(ready: PreparedRun, response: Response) -> Response:
-    """Return the motion of the rigid train at the instants of a response."""
-    system = replace(ready.problem.system, prescribed_motion=rigid_motion(ready.model))
-    probes = prescribed_probes(system, ready.problem.drive.at(response.time))
-    return replace(response, outline=outline(system), probes=probes)
 
 
 def _energy_residual(response: Response) -> Iterator[Metric]:
@@ -159,19 +153,8 @@ def evaluate(
     time_limit: float | None = None, names: Sequence[str] | None = None,
 ) -> Row:  # fmt: skip
     """Run a case, no longer than `time_limit`, s, and return its row, with scalars of the kinds of given names."""
-    begun = time.perf_counter()
     until = None if time_limit is None else time.monotonic() + time_limit
-    try:
-        row = _run(case, folder, model, runs, channels, until, names)
-    except InputError as refusal:
-        row = rejected_row(refusal)
-    except RunFailedError as failure:
-        row = Row(failure.status)
-    except MemoryError:
-        row = Row(Status(Cause.OUT_OF_MEMORY, "the memory was exhausted", "save fewer fields, or run fewer at a time"))
-    except Exception as fault:  # noqa: BLE001 - a fault in one variant must not cost the others
-        row = Row(_internal_error_status(fault))
-    return replace(row, seconds=time.perf_counter() - begun)
+    return catch_errors(lambda: _run(case, folder, model, runs, channels, until, names))
 
 
 _SPARSE_OUTPUT = SaveAt(field_every=4096)
@@ -201,59 +184,24 @@ def _run(
     return Row(met if choice.met else missed, values, units)
 
 
-def _internal_error_status(fault: Exception) -> Status:
-    """Return the status of an internal error of flexcam, with its source line."""
-    last = traceback.extract_tb(fault.__traceback__)[-1]
-    text = f"a fault of flexcam itself: {type(fault).__name__}: {fault} ({Path(last.filename).name}:{last.lineno})"
-    return Status(Cause.FAULT, text, "please report it; flexcam run with the same keys shows more")
-
-
 def evaluate_chunk(
     source: Bundle | Path, variants: Sequence[tuple[str, ...]], *, histories: bool = False, runs: int = 1,
     channels: bool = True, time_limit: float | None = None,
 ) -> list[Row]:  # fmt: skip
     """Run consecutive variants of a sweep, in a worker; variants that differ only in speed share their model."""
-    file, rows = open_case(source), list[Row]()
-    before: Case | None = None
-    model: Model | None = None
-    for overrides in variants:
-        try:
-            case = file.read(overrides)
-        except InputError as refusal:
-            rows.append(rejected_row(refusal))
-            continue
-        if before is None or not _same_mechanism(before, case):
-            model = _build_model(case)
-        before = case
-        rows.append(
-            _evaluate_with_history(case, model, runs, time_limit)
-            if histories
-            else evaluate(case, model=model, runs=runs, channels=channels, time_limit=time_limit)
-        )
-        if rows[-1].status.cause is Cause.INTERRUPTED:
-            raise KeyboardInterrupt
-    return [restore_file_names(row, file.path.parent) for row in rows]
+    built: tuple[Case, Model] | None = None
 
+    def evaluate_one(case: Case) -> Row:
+        nonlocal built
+        speeds = {"speed": None, "crank_speed": None}
+        if built is None or built[0].with_run(speeds).record != case.with_run(speeds).record:
+            built = case, build_model(case)
+        if not histories:
+            return evaluate(case, model=built[1], runs=runs, channels=channels, time_limit=time_limit)
+        with temporary_folder() as folder:
+            row = evaluate(case, folder=folder, model=built[1], runs=runs, time_limit=time_limit)
+            for written in folder.iterdir():
+                row = replace(row, history=(written.name.removeprefix(case.name), written.read_bytes()))
+        return row
 
-def _same_mechanism(one: Case, other: Case) -> bool:
-    speeds = {"speed": None, "crank_speed": None}
-    return one.with_run(speeds).record == other.with_run(speeds).record
-
-
-def _build_model(case: Case) -> Model | None:
-    """Return the model of a case; None if it cannot be built, which its run reports."""
-    try:
-        return build_model(case)
-    except InputError:
-        return None
-
-
-def _evaluate_with_history(case: Case, model: Model | None, runs: int, time_limit: float | None) -> Row:
-    with temporary_folder() as folder:
-        row = evaluate(case, folder=folder, model=model, runs=runs, time_limit=time_limit)
-        written = next(folder.iterdir(), None)
-        return (
-            row
-            if written is None
-            else replace(row, history=(written.name.removeprefix(case.name), written.read_bytes()))
-        )
+    return evaluate_each(source, variants, evaluate_one)

@@ -24,10 +24,11 @@ from typing import Any, Protocol
 from urllib.parse import urlsplit
 
 from flexcam import __version__
+from flexcam.case.case import Case
 from flexcam.core.errors import refuse, require_packages, system_message
 from flexcam.dynamics import Cause, ProgressCallback, RunFailedError, Status, track_progress
 from flexcam.io import temporary_folder
-from flexcam.studies.plan import Bundle, Row, open_case
+from flexcam.studies.plan import Bundle, Row, evaluate_each, open_case
 from flexcam.studies.variables import Runs
 
 Variants = Sequence[tuple[str, ...]]
@@ -385,10 +386,12 @@ def _identity(source: Bundle | Path) -> Bundle | Path:
 
 @contextmanager
 def open_evaluator(
-    source: Bundle, evaluate: Evaluate, *, workers: int = 1, advance: ProgressCallback | None = None
-) -> Generator[Runs]:
-    """Yield a function that distributes variants to workers, which end with the context."""
-    with open_runner(SerialWorkers() if workers == 1 else ProcessWorkers(workers), source, evaluate) as run_chunks:
+    source: Bundle, evaluate: Callable[[Case], Row], fixed: Sequence[str] = (),
+    *, workers: int = 1, advance: ProgressCallback | None = None,
+) -> Generator[Runs]:  # fmt: skip
+    """Yield a function that distributes variants to workers, which end with the context and evaluate one by one."""
+    each = partial(evaluate_each, evaluate=evaluate, fixed=tuple(fixed))
+    with open_runner(SerialWorkers() if workers == 1 else ProcessWorkers(workers), source, each) as run_chunks:
 
         def run(variants: Variants) -> Iterator[Row]:
             finished, count = dict[int, Row](), 0

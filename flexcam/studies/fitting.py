@@ -16,13 +16,12 @@ from flexcam.analysis.model_choice import select_case
 from flexcam.analysis.preparation import build_problem, prepare
 from flexcam.case.case import Case
 from flexcam.core import FloatArray
-from flexcam.core.errors import InputError, positive, refuse, suggest_name
+from flexcam.core.errors import positive, refuse, suggest_name
 from flexcam.core.units import conversion_factor
-from flexcam.dynamics import SERIES, RunFailedError, SaveAt, Status, component_unit, outline, reraise_interrupt, solve
+from flexcam.dynamics import SERIES, RunFailedError, SaveAt, Status, component_unit, outline, solve
 from flexcam.io.exports import scalar_probes
 from flexcam.io.files import ABSCISSAS, find_abscissa, read_columns, read_mdf
-from flexcam.studies.executors import Variants
-from flexcam.studies.plan import Bundle, Row, open_case, rejected_row
+from flexcam.studies.plan import Row
 from flexcam.studies.variables import PointEvaluator
 
 
@@ -118,21 +117,9 @@ def _find_curve(case: Case, name: str) -> Curve:
     return Curve(f"{probe} {series}", probe, series, component_unit(probes[probe], SERIES[series]), np.zeros(0))
 
 
-def evaluate_curves(
-    source: Bundle | Path, variants: Variants, *, fixed: tuple[str, ...], measured: Measurement
-) -> list[Row]:
-    """Return rows with the curves of variants, in a worker."""
-    file, rows = open_case(source), list[Row]()
-    for overrides in variants:
-        try:
-            values = measured.simulate(file.read((*fixed, *overrides)))
-            rows.append(Row(Status(), history=("curves", values.tobytes())))
-        except InputError as refusal:
-            rows.append(rejected_row(refusal))
-        except RunFailedError as failure:
-            reraise_interrupt(failure.status)
-            rows.append(Row(failure.status))
-    return rows
+def curve_row(case: Case, measured: Measurement) -> Row:
+    """Return a row with the simulated curves of a case."""
+    return Row(Status(), history=("curves", measured.simulate(case).tobytes()))
 
 
 _SINGULAR = 1e-3
@@ -209,9 +196,8 @@ class _Residuals:
         return ((upper - lower) / widths[:, None, None])[:, ~np.isnan(self.measured)].T
 
     def _rows(self, parts: FloatArray) -> list[Row]:
-        low, high = np.array([(one.low, one.high) for one in self.points.variables]).T
         self.runs += len(parts)
-        return self.points.rows(low + parts * (high - low))
+        return self.points.rows(self.points.at(parts))
 
     def _curves(self, row: Row) -> FloatArray:
         if row.history is None:
@@ -243,7 +229,6 @@ def fit_curves(points: PointEvaluator, measured: Measurement, *, steps: int = 50
     from scipy.stats import t as student
 
     variables = points.variables
-    low, high = np.array([(one.low, one.high) for one in variables]).T
     wanted = np.array([curve.values for curve in measured.curves])
     known = ~np.isnan(wanted)
     free = int(known.sum()) - len(variables)
@@ -277,12 +262,14 @@ def fit_curves(points: PointEvaluator, measured: Measurement, *, steps: int = 50
     covariance, undetermined = estimate_covariance(problem.jacobian(parts))
     deviation = np.sqrt(np.diag(covariance))
     scale = np.where(deviation > 0.0, deviation, 1.0)
-    intervals = student.ppf(0.975, free) * deviation * (misfit if unknown.all() else 1.0) * (high - low)
+    intervals = (
+        student.ppf(0.975, free) * deviation * (misfit if unknown.all() else 1.0) * np.diff(points.ends, axis=0)[0]
+    )
     intervals[sorted({i for group in undetermined for i in group})] = math.inf
     rest = np.where(known, after - wanted, 0.0)[:, np.argsort(measured.instants)]
     rounding = (1e-9 * spread[:, None] * known).sum(axis=1) ** 2
     serial = (rest[:, 1:] * rest[:, :-1]).sum(axis=1) / ((rest**2).sum(axis=1) + rounding)
     return Fit(
-        low + begin * (high - low), low + parts * (high - low), intervals, covariance / np.outer(scale, scale),
+        points.at(begin), points.at(parts), intervals, covariance / np.outer(scale, scale),
         undetermined, problem.noise, misfit, before, after, serial, problem.runs, converged,
     )  # fmt: skip

@@ -112,8 +112,7 @@ def compute_gradient(
         add([{one.name: one for one in metrics if one.name in of_runs} for metrics in found], widths)
     if others:
         pairs, widths = _neighbour_cases(file, overrides, numbers, [_WIDTH_WITHOUT_RUN * size for size in sizes])
-        rows = [compute_quantities(one, others) for one in (case, *chain.from_iterable(pairs))]
-        add([{name: Metric(name, one.value, one.unit) for name, one in row.items()} for row in rows], widths)
+        add([compute_quantities(one, others) for one in (case, *chain.from_iterable(pairs))], widths)
     units = {name: one.unit for name, one in values.items()}
     return Gradient({name: one.value for name, one in values.items()}, units, derivatives, growth, warning)
 
@@ -291,8 +290,6 @@ def optimize_by_gradient(
 
 
 class _Tangents:
-    """Evaluates points with their planes."""
-
     def __init__(
         self, design: OptimizationProblem, judge: ProblemEvaluator, derive: Callable[[FloatArray], Gradient]
     ) -> None:

@@ -55,7 +55,7 @@ _WORDS = {
 class Journal:
     """Journal of a sweep, open for further rows.
 
-    `belongs` identifies the sweep; `rows` are those read from an existing journal, by the index of their chunk.
+    `belongs` identifies the sweep; `rows` are those in the journal, by the index of their chunk.
     """
 
     def __init__(
@@ -89,6 +89,7 @@ class Journal:
                 self._line(self._head)
         units = {name: unit for row in rows for name, unit in row.units.items()}
         self._line({"chunk": index, "units": units, "rows": [_format_row(row) for row in rows]})
+        self.rows[index] = list(rows)
 
     def close(self) -> None:
         """Close the file; an empty journal is removed."""
@@ -125,7 +126,9 @@ def _read_journal(path: Path, belongs: Mapping[str, Any]) -> tuple[dict[int, lis
     if not lines:
         return {}, 0
     try:
-        head, *chunks = [_parse_line(line) for line in lines]
+        head, *chunks = contents = [json.loads(line) for line in lines]
+        if any(one.pop("digest", "") != _line_digest(one) for one in contents):
+            raise ValueError("a line has changed since it was written")
         other = [words for name, words in _WORDS.items() if head.get(name) != belongs.get(name)]
         if other:
             given, why = f"{path}, of another sweep", f"what differs: {'; '.join(other)}"
@@ -137,13 +140,6 @@ def _read_journal(path: Path, belongs: Mapping[str, Any]) -> tuple[dict[int, lis
             raise
         why = f"it is damaged: {fault}"
         raise refuse("journal", str(path), "the journal of a sweep", why, "--overwrite starts again") from None
-
-
-def _parse_line(line: bytes) -> dict[str, Any]:
-    content = json.loads(line)
-    if content.pop("digest", "") != _line_digest(content):
-        raise ValueError("a line has changed since it was written")
-    return content
 
 
 def _format_row(row: Row) -> dict[str, Any]:

@@ -147,17 +147,12 @@ class OptimizationProblem:
 
     def points_at(self, parts: FloatArray) -> FloatArray:
         """Return points in the units of their variables from fractions of the intervals, shape (m, k)."""
-        low, high = self._ends()
-        return low + np.clip(parts, 0.0, 1.0) * (high - low)
+        return self.points.at(np.clip(parts, 0.0, 1.0))
 
     def parts(self, points: FloatArray) -> FloatArray:
         """Return points as fractions of the intervals, shape (m, k)."""
-        low, high = self._ends()
+        low, high = self.points.ends
         return (points - low) / (high - low)
-
-    def _ends(self) -> FloatArray:
-        """Return lower and upper ends of the intervals, shape (2, k)."""
-        return np.array([(one.low, one.high) for one in self.points.variables]).T
 
     @property
     def spans(self) -> FloatArray:

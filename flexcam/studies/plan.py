@@ -22,7 +22,9 @@ import atexit
 import hashlib
 import os
 import re
-from collections.abc import Iterator, Mapping, Sequence
+import time
+import traceback
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from decimal import Context, Decimal
@@ -30,12 +32,14 @@ from functools import cached_property, lru_cache
 from itertools import product
 from math import prod
 from pathlib import Path, PurePosixPath
-from typing import Any, Literal, NamedTuple, cast
+from typing import Literal, NamedTuple
 
+from flexcam.case.case import Case
 from flexcam.case.reader import CaseFile
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name
-from flexcam.dynamics import Cause, Status
+from flexcam.dynamics import Cause, RunFailedError, Status, reraise_interrupt
 from flexcam.io import find_referenced_file, temporary_folder
+from flexcam.io.files import iterate_texts
 
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _UNIT = r"\s*((?:[A-Za-z%µ°]|(?<=\s)1\s*/)[^:#,]*?)?\s*"
@@ -335,14 +339,36 @@ class Row:
     history: tuple[str, bytes] | None = None  #: suffix and content of its result file, if result files are kept
 
 
-def rejected_row(refusal: InputError) -> Row:
-    """Return the row of a variant that cannot start."""
-    return Row(Status(Cause.REFUSED, " | ".join(map(str, refusal.faults))))
+def catch_errors(compute: Callable[[], Row]) -> Row:
+    """Return a computed row with its time; an error becomes its status, and only an interruption is raised."""
+    begun = time.perf_counter()
+    try:
+        row = compute()
+    except InputError as refusal:
+        row = Row(Status(Cause.REFUSED, " | ".join(map(str, refusal.faults))))
+    except RunFailedError as failure:
+        row = Row(failure.status)
+    except MemoryError:
+        row = Row(Status(Cause.OUT_OF_MEMORY, "the memory was exhausted", "save fewer fields, or run fewer at a time"))
+    except Exception as fault:  # noqa: BLE001 - a fault in one variant must not cost the others
+        last = traceback.extract_tb(fault.__traceback__)[-1]
+        text = f"a fault of flexcam itself: {type(fault).__name__}: {fault} ({Path(last.filename).name}:{last.lineno})"
+        row = Row(Status(Cause.FAULT, text, "please report it; flexcam run with the same keys shows more"))
+    reraise_interrupt(row.status)
+    return replace(row, seconds=time.perf_counter() - begun)
 
 
-def restore_file_names(row: Row, folder: Path) -> Row:
-    """Return a row with file names in messages as in the case, not in the temporary folder."""
-    return replace(row, status=replace(row.status, text=row.status.text.replace(f"{folder}/", "")))
+def evaluate_each(
+    source: Bundle | Path, variants: Sequence[tuple[str, ...]], evaluate: Callable[[Case], Row],
+    fixed: tuple[str, ...] = (),
+) -> list[Row]:  # fmt: skip
+    """Return the rows of variants of a case, in a worker; file names in messages are those in the case."""
+    file, rows = open_case(source), list[Row]()
+    for overrides in variants:
+        row = catch_errors(lambda given=overrides: evaluate(file.read((*fixed, *given))))
+        text = row.status.text.replace(f"{file.path.parent}/", "")
+        rows.append(replace(row, status=replace(row.status, text=text)))
+    return rows
 
 
 _MAX_NAME_LENGTH = 255  # maximum length of a file name, characters
@@ -374,7 +400,7 @@ def make_bundle(file: CaseFile, plan: Plan | None = None, overrides: Sequence[st
     texts += [one.partition("=")[2] for one in overrides]
     given = [text.strip(" \"'") for text in texts]
     files = {file.path.name: file.text.encode()}
-    for text in dict.fromkeys([*_iterate_strings(file.raw), *given]):
+    for text in dict.fromkeys([*iterate_texts(file.raw), *given]):
         if (
             len(text) <= _MAX_NAME_LENGTH
             and not os.path.isabs(text)
@@ -386,18 +412,6 @@ def make_bundle(file: CaseFile, plan: Plan | None = None, overrides: Sequence[st
         digest.update(f"{path} {len(content)}\n".encode())
         digest.update(content)
     return Bundle(file.path.name, digest.hexdigest(), files)
-
-
-def _iterate_strings(raw: object) -> Iterator[str]:
-    """Yield all strings of nested tables."""
-    if isinstance(raw, str):
-        yield raw
-    elif isinstance(raw, Mapping):
-        for value in cast("Mapping[str, Any]", raw).values():
-            yield from _iterate_strings(value)
-    elif isinstance(raw, Sequence):
-        for value in cast("Sequence[Any]", raw):
-            yield from _iterate_strings(value)
 
 
 @lru_cache(maxsize=1)

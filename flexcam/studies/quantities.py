@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-import time
 from collections.abc import Generator, Iterable, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
@@ -21,7 +19,7 @@ from flexcam.analysis.limits import (
     SpeedRuns,
     applicable_limits,
     evaluate_speed,
-    search_limits,
+    find_limits,
 )
 from flexcam.analysis.preparation import build_problem, prepare, steps_per_revolution
 from flexcam.cams import Event, event_extremes, harmonics, joints
@@ -33,24 +31,20 @@ from flexcam.case.variants import Number, get_number
 from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name
 from flexcam.core.units import RPM, shaft_name
-from flexcam.dynamics import Cause, ProgressCallback, RunFailedError, Status, floquet, outline, reraise_interrupt, solve
+from flexcam.dynamics import Cause, ProgressCallback, RunFailedError, Status, floquet, outline, solve
 from flexcam.io.sweep_table import unknown_scalar_fault
 from flexcam.studies.evaluation import are_probe_scalars, evaluate, get_history, history_units, scalar_names
-from flexcam.studies.executors import KILLED_STATUS, BrokenProcessPool, Variants, open_evaluator, open_processes
+from flexcam.studies.executors import KILLED_STATUS, BrokenProcessPool, open_evaluator, open_processes
 from flexcam.studies.plan import (
     Axis,
-    Bundle,
     Plan,
     Row,
     Value,
     make_bundle,
     make_plan,
-    open_case,
-    rejected_row,
-    restore_file_names,
 )
 from flexcam.studies.variables import Runs, column
-from flexcam.valvetrain import build_structure, model_modes
+from flexcam.valvetrain import Metric, build_structure, model_modes
 
 _FREQUENCY = re.compile(r"frequency\.([1-9]\d{0,2})$")
 _CAM = re.compile(r"cams\.(.+)\.(area|velocity|acceleration|deceleration|jerk)$")
@@ -61,14 +55,6 @@ _CAM_UNITS = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Quantity:
-    """Value of a requested quantity."""
-
-    value: float  #: value in its unit
-    unit: str  #: SI unit, but rpm for a speed limit
-
-
 def frequency_number(name: str) -> int | None:
     """Return the number of a natural frequency from its name, from 1; None for other names."""
     found = _FREQUENCY.match(name)
@@ -76,23 +62,15 @@ def frequency_number(name: str) -> int | None:
 
 
 def quantity_row(case: Case, names: Sequence[str], search: Search | None = None, runs: int = 1) -> Row:
-    """Return the row with the requested quantities of a case."""
-    begun = time.perf_counter()
-    try:
-        found = compute_quantities(case, names, search, runs)
-    except InputError as refusal:
-        return rejected_row(refusal)
-    except RunFailedError as failure:
-        reraise_interrupt(failure.status)
-        return Row(failure.status)
+    """Return the row with the requested quantities of a case; raise an error if a run fails."""
+    found = compute_quantities(case, names, search, runs)
     values = {name: found[name].value for name in names if name in found}
-    units = {name: found[name].unit for name in values}
-    return Row(Status(), values, units, time.perf_counter() - begun)
+    return Row(Status(), values, {name: found[name].unit for name in values})
 
 
 def compute_quantities(
     case: Case, names: Sequence[str], search: Search | None = None, runs: int = 1
-) -> dict[str, Quantity]:
+) -> dict[str, Metric]:
     """Return the requested quantities of a case; raise an error if a run fails."""
     found = _frequencies(case, names) | _limits(case, names, search, runs)
     found |= _cams(case, names) | _numbers(case, names) | _statics(case, names) | _multipliers(case, names)
@@ -102,7 +80,7 @@ def compute_quantities(
     row = require_complete(evaluate(case, runs=runs, channels=not are_probe_scalars(of_a_run), names=of_a_run))
     if lacking := [name for name in of_a_run if name not in row.scalars]:
         raise InputError(_unknown_name_fault(name, row.scalars, case.record.cams) for name in lacking)
-    return found | {name: Quantity(row.scalars[name], row.units[name]) for name in of_a_run}
+    return found | {name: Metric(name, row.scalars[name], row.units[name]) for name in of_a_run}
 
 
 def check_names(case: Case, names: Sequence[str], where: str = "scalar") -> None:
@@ -152,7 +130,7 @@ def require_complete(row: Row) -> Row:
     return row
 
 
-def _frequencies(case: Case, names: Sequence[str]) -> dict[str, Quantity]:
+def _frequencies(case: Case, names: Sequence[str]) -> dict[str, Metric]:
     asked = {name: number for name in names if (number := frequency_number(name))}
     if not asked:
         return {}
@@ -161,10 +139,10 @@ def _frequencies(case: Case, names: Sequence[str]) -> dict[str, Quantity]:
     for name, number in asked.items():
         if number > len(elastic):
             raise refuse("scalar", name, f"frequency.1 to frequency.{len(elastic)}", "the model has no more modes")
-    return {name: Quantity(float(elastic[number - 1]), "Hz") for name, number in asked.items()}
+    return {name: Metric(name, float(elastic[number - 1]), "Hz") for name, number in asked.items()}
 
 
-def _statics(case: Case, names: Sequence[str]) -> dict[str, Quantity]:
+def _statics(case: Case, names: Sequence[str]) -> dict[str, Metric]:
     """Return channels and motions of probes in the equilibrium at the cam angle of the start."""
     asked = [name for name in names if name.startswith(_STATIC)]
     if not asked:
@@ -175,10 +153,10 @@ def _statics(case: Case, names: Sequence[str]) -> dict[str, Quantity]:
         raise RunFailedError(response.status)
     units = history_units(response.outline)
     histories = {name: name.removeprefix(_STATIC) for name in asked}
-    return {name: Quantity(float(get_history(response, one)[0]), units[one]) for name, one in histories.items()}
+    return {name: Metric(name, float(get_history(response, h)[0]), units[h]) for name, h in histories.items()}
 
 
-def _multipliers(case: Case, names: Sequence[str]) -> dict[str, Quantity]:
+def _multipliers(case: Case, names: Sequence[str]) -> dict[str, Metric]:
     """Return magnitudes of Floquet multipliers of the periodic motion."""
     asked = {name: int(found[1]) for name in names if (found := _MULTIPLIER.match(name))}
     if not asked:
@@ -193,13 +171,13 @@ def _multipliers(case: Case, names: Sequence[str]) -> dict[str, Quantity]:
     for name, number in asked.items():
         if number > len(found):
             raise refuse("scalar", name, f"multiplier.1 to multiplier.{len(found)}", "the model has no more")
-    return {name: Quantity(found[number - 1], "1") for name, number in asked.items()}
+    return {name: Metric(name, found[number - 1], "1") for name, number in asked.items()}
 
 
 _PERIODIC = 1e-6  # relative residual above which a motion is not periodic
 
 
-def _limits(case: Case, names: Sequence[str], search: Search | None, runs: int) -> dict[str, Quantity]:
+def _limits(case: Case, names: Sequence[str], search: Search | None, runs: int) -> dict[str, Metric]:
     asked = [name.removeprefix(_LIMIT) for name in names if name.startswith(_LIMIT)]
     if not asked:
         return {}
@@ -208,22 +186,23 @@ def _limits(case: Case, names: Sequence[str], search: Search | None, runs: int) 
         raise refuse("scalar", f"{_LIMIT}{unknown[0]}", allowed, "", suggest_name(unknown[0], LIMITS))
     scale, unit = case.turns, f"{shaft_name(case.turns)} rpm"
     where = search or Search(0.5 * case.speed, 2.0 * case.speed, 10.0 * RPM / scale)
-    found = search_limits(case, where, asked, runs=runs)
+    found = find_limits(case, where, asked, runs=runs).limits
     if lacking := [one for one in asked if one not in found]:
         allowed = ", ".join(_LIMIT + one for one in found)
         raise refuse("scalar", f"{_LIMIT}{lacking[0]}", allowed, "the case lacks the part")
     if broken := [one for one in found.values() if not one.known]:
         raise RunFailedError(Status(Cause.NO_CONVERGENCE, broken[0].words))
-    return {_LIMIT + n: Quantity(scale * one.rpm, unit) for n, one in found.items() if one.rpm is not None}
+    met = {_LIMIT + name: scale * one.rpm for name, one in found.items() if one.rpm is not None}
+    return {name: Metric(name, rpm, unit) for name, rpm in met.items()}
 
 
-def _cams(case: Case, names: Sequence[str]) -> dict[str, Quantity]:
+def _cams(case: Case, names: Sequence[str]) -> dict[str, Metric]:
     asked = {
         name: (found[1], found[2]) for name in names if (found := _CAM.match(name)) and found[1] in case.record.cams
     }
     model = build_model(case) if asked else None
     return {
-        name: Quantity(_lift_property(model.cams[cam].event, kind), _CAM_UNITS[kind])
+        name: Metric(name, _lift_property(model.cams[cam].event, kind), _CAM_UNITS[kind])
         for name, (cam, kind) in asked.items()
         if model is not None
     }
@@ -246,9 +225,9 @@ _DERIVATIVE_ORDERS = {"velocity": 1, "acceleration": 2, "deceleration": 2, "jerk
 """Order of the derivative by the cam angle."""
 
 
-def _numbers(case: Case, names: Sequence[str]) -> dict[str, Quantity]:
+def _numbers(case: Case, names: Sequence[str]) -> dict[str, Metric]:
     numbers = {name: number for name in names if (number := _number(case, name)) is not None}
-    return {name: Quantity(number.value, number.unit) for name, number in numbers.items()}
+    return {name: Metric(name, number.value, number.unit) for name, number in numbers.items()}
 
 
 def _number(case: Case, name: str) -> Number | None:
@@ -258,35 +237,14 @@ def _number(case: Case, name: str) -> Number | None:
         return None
 
 
-def evaluate_variant(
-    file: CaseFile, overrides: Sequence[str], names: Sequence[str], search: Search | None = None, runs: int = 1
-) -> Row:
-    """Return the row of one variant of a case."""
-    try:
-        case = file.read(overrides)
-    except InputError as refusal:
-        return rejected_row(refusal)
-    return quantity_row(case, names, search, runs)
-
-
-def evaluate_variants(
-    source: Bundle | Path, variants: Variants, *, fixed: tuple[str, ...], names: tuple[str, ...],
-    search: Search | None, runs: int,
-) -> list[Row]:  # fmt: skip
-    """Return the rows of variants with the requested quantities, in a worker."""
-    file = open_case(source)
-    rows = (evaluate_variant(file, (*fixed, *overrides), names, search, runs) for overrides in variants)
-    return [restore_file_names(row, file.path.parent) for row in rows]
-
-
 @contextmanager
 def create_evaluator(
     file: CaseFile, fixed: Sequence[str], names: Sequence[str], search: Search | None = None,
     *, plan: Plan | None = None, workers: int = 1, runs: int = 1, advance: ProgressCallback | None = None,
 ) -> Generator[Runs]:  # fmt: skip
     """Yield a function that evaluates variants of the file as it is now, with workers that end with the context."""
-    evaluate = partial(evaluate_variants, fixed=tuple(fixed), names=tuple(names), search=search, runs=runs)
-    with open_evaluator(make_bundle(file, plan, fixed), evaluate, workers=workers, advance=advance) as run:
+    row = partial(quantity_row, names=tuple(names), search=search, runs=runs)
+    with open_evaluator(make_bundle(file, plan, fixed), row, fixed, workers=workers, advance=advance) as run:
         yield run
 
 

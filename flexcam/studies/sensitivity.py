@@ -10,10 +10,9 @@ import math
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
@@ -225,18 +224,15 @@ def _frequency_sensitivities(
     structure = build_structure(build_model(case))
     beside = [_matrices(file, (*fixed, *one), structure) for one in _variants(case, number, step)]
     found = frequency_derivatives((structure.mass, structure.stiffness), beside, step, count, structure.free)
-    return [_frequency(name, found.frequencies, found.values, found.repeated, number) for name in names]
-
-
-def _frequency(
-    name: str, frequencies: np.ndarray, values: np.ndarray, repeated: Sequence[bool], number: Number
-) -> Sensitivity:
-    i = (frequency_number(name) or 0) - 1
-    if i >= len(frequencies):
-        raise refuse("--of", name, f"frequency.1 to frequency.{len(frequencies)}", "the model has no more modes")
-    value, slope = float(frequencies[i]), float(values[i])
-    note = "one of several equal frequencies: the slopes are those of their branches" if repeated[i] else ""
-    return Sensitivity(name, "Hz", value, number, slope, None, not repeated[i], note)
+    rows: list[Sensitivity] = []
+    for name in names:
+        i, known = (frequency_number(name) or 0) - 1, len(found.frequencies)
+        if i >= known:
+            raise refuse("--of", name, f"frequency.1 to frequency.{known}", "the model has no more modes")
+        value, slope, twice = float(found.frequencies[i]), float(found.values[i]), found.repeated[i]
+        note = "one of several equal frequencies: the slopes are those of their branches" if twice else ""
+        rows.append(Sensitivity(name, "Hz", value, number, slope, None, not twice, note))
+    return rows
 
 
 def _matrices(file: CaseFile, overrides: Sequence[str], like: Structure) -> MatrixPair:
@@ -362,14 +358,9 @@ def _compute_indices(values: FloatArray, asked: int, seed: int) -> SobolIndices:
     with np.errstate(all="ignore"), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # a variable without effect has nothing to resample
         ends = found.bootstrap(confidence_level=_CONFIDENCE, n_resamples=_RESAMPLES)
-    intervals = [
-        _bootstrap_interval(one.confidence_interval.low, one.confidence_interval.high, index)
-        for one, index in ((ends.first_order, first), (ends.total_order, total))
-    ]
+    intervals: list[FloatArray] = []
+    for one, index in ((ends.first_order, first), (ends.total_order, total)):
+        interval: Any = one.confidence_interval
+        both = np.array([np.ravel(end)[:k] for end in (interval.low, interval.high)], dtype=float)
+        intervals.append(np.where(np.isfinite(both), both, index))  # the index itself if resampling gave none
     return SobolIndices(first, total, intervals[0], intervals[1], variance, used, asked)
-
-
-def _bootstrap_interval(low: ArrayLike, high: ArrayLike, index: FloatArray) -> FloatArray:
-    """Return both ends, shape (2, k); the index itself if resampling gave none."""
-    both = np.array([np.ravel(low)[: len(index)], np.ravel(high)[: len(index)]], dtype=float)
-    return np.where(np.isfinite(both), both, index)

@@ -310,9 +310,8 @@ def run_sweep_to_files(
     asked = _with_all_scalars(asked, target)
     try:
         with _open_journal(asked, target) as journal:
-            table = _select_scalars(
-                _run_missing_chunks(asked, target, journal, workers or SerialWorkers(), advance), asked.scalars
-            )
+            _run_missing_chunks(asked, target, journal, workers or SerialWorkers(), advance)
+            table = _select_scalars(_make_table(asked, journal.rows), asked.scalars)
             return table, [write_table(table, path, overwrite=True) for path in target.tables(asked.name)]
     except KeyboardInterrupt:
         raise RunFailedError(_interrupted_status(asked, target)) from None
@@ -326,28 +325,26 @@ def _with_all_scalars(asked: Sweep, target: OutputTarget) -> Sweep:
 
 def _run_missing_chunks(
     asked: Sweep, target: OutputTarget, journal: Journal, workers: Workers, advance: Callable[[int], None] | None
-) -> SweepTable:
-    """Run the chunks missing in the journal, and return the complete table."""
-    rows = dict(journal.rows)
+) -> None:
+    """Run the chunks missing in the journal."""
+    rows = journal.rows
     if advance:
         advance(sum(len(some) for some in rows.values()))
-    left = [chunk for chunk in asked.chunks if chunk.index not in rows or _has_late_row(rows[chunk.index])]
+    late = {i for i, some in rows.items() if any(row.status.cause is Cause.TIME_LIMIT for row in some)}  # run again
+    left = [chunk for chunk in asked.chunks if chunk.index not in rows or chunk.index in late]
     stale = target.existing_histories(asked.name) if target.histories and not rows else []
     with open_runner(workers, asked.bundle, asked.evaluate(histories=target.histories)) as run_chunks:
         for chunk, found in run_chunks(left):
             while stale:  # result files of an earlier sweep would not match the table
                 stale.pop().unlink()
-            _write_histories(asked, target, chunk, found)
-            rows[chunk.index] = [replace(row, history=None) for row in found]
-            journal.add(chunk.index, found)
+            for variant, row in enumerate(found, start=chunk.first + 1):
+                if row.history is not None:
+                    ending, content = row.history
+                    with atomic_write_path(target.history(asked.name, variant, ending)) as draft:
+                        draft.write_bytes(content)
+            journal.add(chunk.index, [replace(row, history=None) for row in found])
             if advance:
                 advance(len(found))
-    return _make_table(asked, rows)
-
-
-def _has_late_row(rows: Sequence[Row]) -> bool:
-    """Return whether a variant of a chunk reached the time limit; a resumed sweep runs the chunk again."""
-    return any(row.status.cause is Cause.TIME_LIMIT for row in rows)
 
 
 def _interrupted_status(asked: Sweep, target: OutputTarget) -> Status:
@@ -387,16 +384,6 @@ def _open_journal(asked: Sweep, target: OutputTarget) -> Generator[Journal]:
         yield journal
     finally:
         journal.close()
-
-
-def _write_histories(asked: Sweep, target: OutputTarget, chunk: Chunk, rows: Sequence[Row]) -> None:
-    """Write the result files of a chunk atomically."""
-    for i, row in enumerate(rows, start=chunk.first + 1):
-        if row.history is not None:
-            ending, content = row.history
-            path = target.history(asked.name, i, ending)
-            with atomic_write_path(path) as draft:
-                draft.write_bytes(content)
 
 
 def _make_table(asked: Sweep, rows: dict[int, list[Row]]) -> SweepTable:

@@ -58,26 +58,20 @@ def _variable(case: Case, setting: str, where: str) -> Variable:
     low, *_, high = ends.values[0], ends.values[-1]
     if not ends.interval or low.number is None or high.number is None:
         raise refuse(where, repr(spec), "an interval such as 30:60 kN/m", "the search takes any value inside it")
-    require_unit(case, ends)
+    require_units(case, [ends])
     first, last = (number_after_override(case, key, end.text, where) for end in (low, high))
     start = (number.value - first) / (last - first) if last != first else None
     return Variable(key, low.number, high.number, ends.unit or number.unit.removeprefix("SI"), start)
 
 
-def require_unit(case: Case, axis: Axis) -> None:
-    """Raise an error if the numbers of an axis lack the unit of their key."""
-    unit = find_unit(case.record, axis.key.split("."))
-    if unit and axis.is_numeric and not axis.unit:
-        example = next((kind.example for kind in DIMENSIONS.values() if kind.si == unit), f"1 {unit}")
-        given, allowed = "numbers without a unit", f"numbers with a unit, such as that of {example!r}"
-        raise refuse(axis.where, given, allowed, "", "write the unit after the last number")
-
-
 def require_units(case: Case, axes: Iterable[Axis]) -> None:
     """Raise an error if the numbers of a varied axis lack the unit of their key."""
-    for one in axes:
-        if one.is_varied:
-            require_unit(case, one)
+    for axis in axes:
+        unit = find_unit(case.record, axis.key.split(".")) if axis.is_varied else None
+        if unit and axis.is_numeric and not axis.unit:
+            example = next((kind.example for kind in DIMENSIONS.values() if kind.si == unit), f"1 {unit}")
+            given, allowed = "numbers without a unit", f"numbers with a unit, such as that of {example!r}"
+            raise refuse(axis.where, given, allowed, "", "write the unit after the last number")
 
 
 Runs = Callable[[Sequence[tuple[str, ...]]], Iterator[Row]]
@@ -93,6 +87,15 @@ class PointEvaluator:
     case: Case  #: unchanged case
     variables: tuple[Variable, ...]  #: variables of the study
     runs: Runs  #: function that evaluates variants
+
+    def at(self, parts: FloatArray) -> FloatArray:
+        """Return points in the units of the variables from fractions of their intervals, shape (m, k)."""
+        return self.ends[0] + parts * (self.ends[1] - self.ends[0])
+
+    @property
+    def ends(self) -> FloatArray:
+        """Lower and upper ends of the intervals, shape (2, k)."""
+        return np.array([(one.low, one.high) for one in self.variables]).T
 
     def overrides(self, point: FloatArray) -> tuple[str, ...]:
         """Return the overrides at a point, shape (k,), with values in the units of the variables."""

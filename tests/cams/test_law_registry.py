@@ -8,10 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from pydantic import TypeAdapter
 
 from flexcam import cams
 from flexcam.cams import KINDS, LAWS, kind_names, law_kind, law_registry
-from flexcam.case.curves import LawDefinition, parse_law
+from flexcam.case.curves import LawValue, parse_law
 from flexcam.cli.law import find_law
 from flexcam.core.errors import InputError
 
@@ -77,7 +78,7 @@ def test_it_is_loaded_from_its_own_module(plugged, monkeypatch):
     np.testing.assert_allclose(law_kind("skewed")(power=3.0)(Z), Z**3)
     np.testing.assert_allclose(find_law("skewed")(Z), Z**2)
     np.testing.assert_allclose(find_law("skewed", ["power=3"])(Z), Z**3)
-    assert "skewed" in LawDefinition.__get_pydantic_json_schema__(None, None)["anyOf"][1]["properties"]["id"]["enum"]
+    assert "skewed" in TypeAdapter(LawValue).json_schema()["anyOf"][1]["properties"]["id"]["enum"]
 
 
 def test_flexcams_own_kinds_come_first(plugged):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from flexcam import InputError, prepare, read_case, solve
-from flexcam.analysis.limits import Search, _filtered_contacts, _lofted_valves, _open_contacts, search_limits
+from flexcam.analysis.limits import Search, _filtered_contacts, _lofted_valves, _open_contacts, find_limits
 from flexcam.core.units import RPM
 from flexcam.dynamics import Cause, Status
 from flexcam.valvetrain import separation_by_flank
@@ -103,7 +103,7 @@ def test_limits_share_their_runs(one_mass, ahead):
                 for speed in speeds]  # fmt: skip
 
     case, search, names = read_case(one_mass(), QUICK[1:2]), Search(50.0, 1000.0), ["loss_of_contact", "float"]
-    found = search_limits(case, search, names, start=begin, ahead=ahead)
+    found = find_limits(case, search, names, start=begin, ahead=ahead).limits
     assert found["loss_of_contact"].rpm == pytest.approx(200.0 / RPM, abs=1.0)
     assert found["float"].rpm == pytest.approx(260.0 / RPM, abs=1.0)
     assert len(asked) == len(set(asked))
@@ -176,7 +176,7 @@ def test_failed_runs_leave_a_limit_not_known(highest, failed, rpm, words, one_ma
 
     monkeypatch.setattr(sys.modules["flexcam.analysis.limits"], "solve", failing)
     search = Search(200.0, highest, tolerance=30.0, spacing=0.5)
-    limit = search_limits(read_case(one_mass(), QUICK[1:2]), search, among=("float",))["float"]
+    limit = find_limits(read_case(one_mass(), QUICK[1:2]), search, among=("float",)).limits["float"]
     assert words in limit.words
     assert limit.rpm == (rpm and pytest.approx(rpm))
     assert limit.known == ("not known" not in words)
@@ -188,5 +188,5 @@ def test_a_small_valve_bounces_from_less(lift, told, one_mass):
     seat = 'seat = { at = "mass", direction = "-uz", model = "seat", stiffness = "50 MN/m" }\n[run]'
     case = one_mass(('lift = "6 mm"', f'lift = "{lift}"'), ("[run]", seat))
     search = Search(100.0, 101.0, tolerance=10.0, spacing=1.0)
-    found = search_limits(read_case(case, QUICK[1:2]), search, among=("bounce",))
+    found = find_limits(read_case(case, QUICK[1:2]), search, among=("bounce",)).limits
     assert found["bounce"].words.endswith(f"(the valve leaves its seat again by more than {told})")

@@ -16,12 +16,13 @@ from pathlib import Path
 
 import pytest
 
+from flexcam.analysis.limits import Limits
 from flexcam.analysis.natural_modes import modes
 from flexcam.case.reader import CaseFile, read_case
 from flexcam.case.variants import get_number
 from flexcam.dynamics import Status
 from flexcam.studies.plan import Row
-from flexcam.studies.quantities import create_evaluator, evaluate_variant
+from flexcam.studies.quantities import create_evaluator, quantity_row
 
 ROOT = Path(__file__).resolve().parents[2]
 PUBLISHED = ROOT / "cases/tayeb/model-3-shm.toml"
@@ -64,13 +65,13 @@ def stop_after(monkeypatch):
     def stop(count):
         evaluated = []
 
-        def stopping(*words):
+        def stopping(*words, **named):
             if len(evaluated) == count:
                 raise KeyboardInterrupt
             evaluated.append(words)
-            return evaluate_variant(*words)
+            return quantity_row(*words, **named)
 
-        monkeypatch.setattr("flexcam.studies.quantities.evaluate_variant", stopping)
+        monkeypatch.setattr("flexcam.studies.quantities.quantity_row", stopping)
 
     return stop
 
@@ -508,12 +509,12 @@ def test_what_a_stopped_study_has_evaluated_is_kept(kind, last, flexcam, oscilla
 def test_a_stopped_map_has_gaps(flexcam, tmp_path, monkeypatch):
     rows = [Row(Status(), {"limits.buckling": 600.0}, {"limits.buckling": "rpm"})]
 
-    def stopping(*_):
+    def stopping(*_, **named):
         if not rows:
             raise KeyboardInterrupt
         return rows.pop()
 
-    monkeypatch.setattr("flexcam.studies.quantities.evaluate_variant", stopping)
+    monkeypatch.setattr("flexcam.studies.quantities.quantity_row", stopping)
     told = ("--over", "springs.valve.stiffness=45,65kN/m", "--and", "springs.valve.installed_force=300,500N")
     done = flexcam("limits", ENGINE, *told, "--limit", "buckling", "--csv", tmp_path / "map.csv", "--json")
     assert (done.code, done.json["status"]) == (130, "interrupted")
@@ -523,10 +524,10 @@ def test_a_stopped_map_has_gaps(flexcam, tmp_path, monkeypatch):
 
 
 def test_a_search_stopped_before_its_first_variant(flexcam, oscillator, tmp_path, monkeypatch):
-    def stopping(*_):
+    def stopping(*_, **named):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("flexcam.studies.quantities.evaluate_variant", stopping)
+    monkeypatch.setattr("flexcam.studies.quantities.quantity_row", stopping)
     told = ("--vary", "springs.one.stiffness=20:80kN/m", "--least", "springs.one.stiffness")
     done = flexcam("optimize", oscillator, *told, "--csv", tmp_path / "all.csv")
     assert done.code == 130
@@ -566,7 +567,7 @@ def test_names_are_refused_before_anything_runs(flexcam, path, words, monkeypatc
     def never(*_):
         pytest.fail("something was run")
 
-    for what in ("evaluate", "search_limits"):
+    for what in ("evaluate", "find_limits"):
         monkeypatch.setattr(sys.modules["flexcam.studies.quantities"], what, never)
     refused = flexcam(words[0], path, *words[1:])
     assert refused.code == 2
@@ -716,7 +717,7 @@ def test_a_variant_is_run_as_one_of_as_many_as_are_asked_for(flexcam, monkeypatc
 def test_limits_are_looked_for_as_one_of_many_variants(flexcam, monkeypatch):
     asked = []
     limits = sys.modules["flexcam.studies.quantities"]
-    monkeypatch.setattr(limits, "search_limits", lambda *_, runs: asked.append(runs) or {})
+    monkeypatch.setattr(limits, "find_limits", lambda *_, runs: asked.append(runs) or Limits({}, 0.0, 0.0))
     told = ("--over", "springs.valve.stiffness=45,65kN/m", "--and", "springs.valve.installed_force=300,500N")
     flexcam("limits", ENGINE, *told)
     assert asked == [4, 4, 4, 4]

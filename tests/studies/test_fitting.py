@@ -11,7 +11,7 @@ from flexcam import InputError
 from flexcam.dynamics import Cause, RunFailedError, Status
 from flexcam.studies.fitting import Curve, Measurement, fit_curves
 from flexcam.studies.plan import Row
-from flexcam.studies.variables import Variable
+from flexcam.studies.variables import PointEvaluator, Variable
 
 INSTANTS = np.linspace(0.0, 1.0, 21)
 
@@ -23,6 +23,7 @@ class Known:
     variables: tuple
     curve: object
     fails: object = staticmethod(lambda *_: False)
+    at, ends = PointEvaluator.at, PointEvaluator.ends
 
     def rows(self, points):
         failed = Row(Status(Cause.NO_CONVERGENCE, "it broke"))

@@ -11,7 +11,7 @@ import pytest
 from flexcam import read_case
 from flexcam.analysis.campbell import campbell
 from flexcam.analysis.comparison import compare_models_over_speed
-from flexcam.analysis.limits import Search, search_limits
+from flexcam.analysis.limits import Search, find_limits
 from flexcam.analysis.model_choice import evaluate_ladder
 from flexcam.analysis.orders import Signal, waterfall
 from flexcam.analysis.stability import stability_over_speeds
@@ -28,7 +28,7 @@ BROAD = Search(150.0, 250.0, tolerance=1e3, spacing=1.0)
 FORCE = Signal("contacts.intake.force")
 
 STUDIES = {
-    "limits": ("limits", ONE_MASS, lambda case, **o: search_limits(case, BROAD, ["loss_of_contact"], **o)),
+    "limits": ("limits", ONE_MASS, lambda case, **o: find_limits(case, BROAD, ["loss_of_contact"], **o)),
     "campbell": ("orders", ENGINE, lambda case, **o: campbell(case, SPEEDS, orders=[1], **o)),
     "orders": ("orders", ENGINE, lambda case, **o: waterfall(case, SPEEDS, [FORCE], 4, **o)),
     "models": ("comparison", ENGINE, lambda case, **o: compare_models_over_speed(case, SPEEDS, **o)),

@@ -20,7 +20,7 @@ from flexcam.studies.optimization import (
     parse_constraints,
 )
 from flexcam.studies.plan import Row
-from flexcam.studies.variables import Variable
+from flexcam.studies.variables import PointEvaluator, Variable
 
 
 @dataclass
@@ -30,6 +30,7 @@ class Known:
     functions: dict
     variables: tuple = (Variable("x", 0.0, 4.0), Variable("y", 0.0, 4.0))
     calls: list = field(default_factory=list)
+    at, ends = PointEvaluator.at, PointEvaluator.ends
 
     def iterate_rows(self, points):
         self.calls.append(len(points))

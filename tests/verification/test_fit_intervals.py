@@ -17,7 +17,7 @@ from scipy.stats import t as student
 
 from flexcam.case.reader import CaseFile
 from flexcam.studies.executors import open_evaluator
-from flexcam.studies.fitting import Curve, Measurement, evaluate_curves, fit_curves
+from flexcam.studies.fitting import Curve, Measurement, curve_row, fit_curves
 from flexcam.studies.plan import make_bundle
 from flexcam.studies.variables import PointEvaluator, variables_of
 
@@ -51,9 +51,7 @@ def case_file(tmp_path_factory):
 def fitted(file, measured, *settings, fixed=()):
     case = file.read(fixed)
     variables = variables_of(case, settings, "--vary")
-    with open_evaluator(
-        make_bundle(file, None, fixed), partial(evaluate_curves, fixed=tuple(fixed), measured=measured)
-    ) as runs:
+    with open_evaluator(make_bundle(file, None, fixed), partial(curve_row, measured=measured), fixed) as runs:
         return fit_curves(PointEvaluator(case, variables, runs), measured)
 
 

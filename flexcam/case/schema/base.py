@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Annotated, Any, Generic, Self, TypeVar, get_args
+from typing import Annotated, Any, ClassVar, Generic, Self, TypeVar, get_args
 
 from pydantic import (
     BaseModel,
@@ -74,11 +74,14 @@ class Unit:
     above: bool = False  #: require a positive value
     signed: bool = False  #: allow negative values
     most: float | None = None  #: upper limit, SI; None for no limit
+    axis: str = ""  #: dimension if the direction of the table, an earlier key, is about an axis; empty for the same
     #: treat numbers too small for their kind as zero, which always applies if negative values are allowed
     noise: bool = False
 
-    def validate(self, value: Any) -> float:  # noqa: ANN401 - any TOML value
+    def validate(self, value: Any, info: ValidationInfo | None = None) -> float:  # noqa: ANN401 - any TOML value
         """Return the number in SI."""
+        if self.axis and info is not None and not direction(info.data.get("direction", "uy"))[:3].any():
+            return replace(self, dimension=self.axis, axis="").validate(value)
         kind = DIMENSIONS[self.dimension]
         if isinstance(value, str) and kind.si and _BARE.fullmatch(value.strip()) and float(value) != 0.0:
             unit = kind.example.split(" ", 1)[1]
@@ -103,9 +106,11 @@ class Unit:
         return f"{'an' if kind.name[0] in 'aeiou' else 'a'} {kind.name} (such as {kind.example!r})"
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
-        return core_schema.no_info_plain_validator_function(self.validate)
+        return core_schema.with_info_plain_validator_function(self.validate)
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        if self.axis:
+            return {"anyOf": [{"type": "number"}, {"type": "string"}]}
         kind = DIMENSIONS[self.dimension]
         example = {
             "description": f"{kind.name}, SI number ({kind.si or '-'}) or string with a unit",
@@ -136,11 +141,6 @@ def _direction(value: Any) -> Any:  # noqa: ANN401
     except InputError as refusal:
         raise convert_error(refusal) from None
     return value
-
-
-def is_rotation(info: ValidationInfo) -> bool:
-    """Return whether the direction of a table, which precedes the validated key, is about an axis."""
-    return not direction(info.data.get("direction", "uy"))[:3].any()
 
 
 def _line(value: Any) -> Any:  # noqa: ANN401
@@ -178,9 +178,6 @@ DirectionValue = Annotated[Any, Check(_direction, "direction")]
 
 LineValue = Annotated[Any, Check(_line, "line")]
 """Direction without rotations, for motions and forces in contacts and rockers."""
-
-Quantity = Annotated[float, WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string"}]})]
-"""Quantity whose unit depends on other keys of its table: along a line or about an axis."""
 
 Length = Annotated[float, Unit("length", above=True)]
 Position = Annotated[float, Unit("length", signed=True)]
@@ -227,9 +224,11 @@ class Record(BaseModel):
 class PartRecord(Record, Generic[Part]):
     """Base class of tables that describe one part of the model: validation builds it and reports its faults."""
 
+    kind: ClassVar[Any]  #: class or function of the part, whose arguments are the keys of the table but for ``method``
+
     def build(self) -> Part:
         """Build the part, SI."""
-        raise NotImplementedError
+        return type(self).kind(**{key: getattr(self, key) for key in type(self).model_fields if key != "method"})
 
     @cached_property
     def part(self) -> Part:
@@ -287,8 +286,8 @@ def fields_at(path: tuple[str, ...], root: type[BaseModel]) -> Iterator[tuple[st
 
 
 def units_in(annotation: object) -> list[Unit]:
-    """Return the units contained in a type, without those of its tables."""
+    """Return the units contained in a type, without those of its tables and those that depend on other keys."""
     if isinstance(annotation, Unit):
-        return [annotation]
+        return [] if annotation.axis else [annotation]
     parts: list[object] = [*get_args(annotation)]
     return [unit for part in parts for unit in units_in(part)]

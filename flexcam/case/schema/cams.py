@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, ValidationInfo, WithJsonSchema, field_validator, model_validator
 
 from flexcam import valvetrain
 from flexcam.cams import (
@@ -21,7 +21,7 @@ from flexcam.cams import (
     event_extremes,
     valve_event,
 )
-from flexcam.case.curves import LawDefinition, LiftDefinition
+from flexcam.case.curves import LawValue, LiftValue
 from flexcam.case.schema.base import (
     Angle,
     Length,
@@ -29,7 +29,6 @@ from flexcam.case.schema.base import (
     PartRecord,
     Position,
     PositiveAngle,
-    Quantity,
     Record,
     SignedAngle,
     Unit,
@@ -166,14 +165,12 @@ class CamDesignRecord(PartRecord[valvetrain.Cam]):
 
     at: Name | None = Field(None, description="named node of the camshaft")
     follower: FollowerRecord | None = Field(None, description="follower that touches the cam")
-    law: LawDefinition | None = Field(None, description="motion law: a name, { id = ..., ... }, or a law file (.toml)")
-    return_law: LawDefinition | None = Field(
-        None, description="law of the return, reversed; that of the rise by default"
-    )
-    lift: Quantity | None = Field(
+    law: LawValue | None = Field(None, description="motion law: a name, { id = ..., ... }, or a law file (.toml)")
+    return_law: LawValue | None = Field(None, description="law of the return, reversed; that of the rise by default")
+    lift: Annotated[float, WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string"}]})] | None = Field(
         None, gt=0.0, description='above the ramps; a string such as "10 deg" where the follower swings'
     )
-    lift_table: LiftDefinition | None = Field(None, description="file of the whole lift, instead of a law")
+    lift_table: LiftValue | None = Field(None, description="file of the whole lift, instead of a law")
     rise: PositiveAngle | None = Field(None, description="cam angle of the rise")
     dwell: Angle = Field(0.0, description="cam angle of the upper dwell")
     fall: PositiveAngle | None = Field(None, alias="return", description="cam angle of the return")

@@ -77,10 +77,7 @@ class LubricationRecord(PartRecord[Lubrication]):
     wear_coefficient: Annotated[float, Unit("wear coefficient", above=True)] | None = Field(
         None, description="of the cam: volume worn off per load and sliding path, for the wear under a flat face"
     )
-
-    def build(self) -> Lubrication:
-        """Build the oil and surfaces, SI."""
-        return Lubrication(**self.model_dump())
+    kind = Lubrication
 
     @model_validator(mode="after")
     def _check_heat(self) -> Self:
@@ -184,10 +181,7 @@ class CheckValveRecord(PartRecord[CheckValve]):
     discharge: Annotated[float, Unit("number", above=True, most=1.0)] = Field(
         0.62, description="coefficient of the flow between ball and seat"
     )
-
-    def build(self) -> CheckValve:
-        """Build the valve."""
-        return CheckValve(**self.model_dump())
+    kind = CheckValve
 
 
 class OilRecord(PartRecord[OilChamber]):
@@ -234,10 +228,7 @@ class TravelRecord(PartRecord[PlungerTravel]):
     extension: Length = Field(description="from the installed position to the retaining ring")
     stiffness: PositiveStiffness = Field(description="of both stops")
     damping: DampingValue = Field(0.0, description="of both stops")
-
-    def build(self) -> PlungerTravel:
-        """Build the stops."""
-        return PlungerTravel(**self.model_dump())
+    kind = PlungerTravel
 
 
 class AdjusterRecord(_GapRecord):

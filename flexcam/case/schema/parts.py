@@ -6,10 +6,10 @@ from math import tau
 from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from flexcam import valvetrain
-from flexcam.case.curves import LoadDefinition, MatrixDefinition
+from flexcam.case.curves import LoadValue, MatrixValue
 from flexcam.case.schema.base import (
     DampingValue,
     DirectionValue,
@@ -23,7 +23,6 @@ from flexcam.case.schema.base import (
     Position,
     PositiveNumber,
     PositiveStiffness,
-    Quantity,
     Record,
     SecondMoment,
     SignedAngle,
@@ -32,7 +31,6 @@ from flexcam.case.schema.base import (
     Stress,
     Unit,
     Vector,
-    is_rotation,
     value_error,
 )
 from flexcam.core import FloatArray
@@ -60,13 +58,8 @@ class MaterialRecord(PartRecord[Material]):
     endurance_limit: Stress | None = Field(
         None, description="stress amplitude of unlimited life, for the margin against fatigue"
     )
-
     expansion: Annotated[float, Unit("thermal expansion")] = Field(0.0, description="linear, per kelvin")
-
-    def build(self) -> Material:
-        """Build the material."""
-        strengths = self.ultimate_strength, self.endurance_limit
-        return Material(self.E, self.nu, self.density, *strengths, self.expansion)
+    kind = Material
 
 
 class _SectionRecord(PartRecord[Section]):
@@ -74,13 +67,12 @@ class _SectionRecord(PartRecord[Section]):
     kappa_y: PositiveNumber | None = Field(None, description="shear factor along local y")
     kappa_z: PositiveNumber | None = Field(None, description="shear factor along local z")
 
-    def default_section(self) -> Section:
-        """Return the section with the defaults of its shape."""
+    def _default(self) -> Section:
         raise NotImplementedError
 
     def build(self) -> Section:
         """Build the section, with the given torsion constant and shear factors."""
-        return self.default_section().given(J=self.J, kappa_y=self.kappa_y, kappa_z=self.kappa_z)
+        return self._default().given(J=self.J, kappa_y=self.kappa_y, kappa_z=self.kappa_z)
 
 
 class CircleRecord(_SectionRecord):
@@ -89,8 +81,7 @@ class CircleRecord(_SectionRecord):
     shape: Literal["circle"]
     diameter: Length
 
-    def default_section(self) -> Section:
-        """Return the section with the defaults of its shape."""
+    def _default(self) -> Section:
         return Section.circle(self.diameter)
 
 
@@ -101,8 +92,7 @@ class TubeRecord(_SectionRecord):
     outer_diameter: Length
     inner_diameter: Annotated[float, Unit("length")]
 
-    def default_section(self) -> Section:
-        """Return the section with the defaults of its shape."""
+    def _default(self) -> Section:
         return Section.tube(self.outer_diameter, self.inner_diameter)
 
 
@@ -113,8 +103,7 @@ class RectangleRecord(_SectionRecord):
     width_y: Length
     width_z: Length
 
-    def default_section(self) -> Section:
-        """Return the section with the defaults of its shape."""
+    def _default(self) -> Section:
         return Section.rectangle(self.width_y, self.width_z)
 
 
@@ -135,8 +124,7 @@ class CustomRecord(_SectionRecord):
         None, description="c of the torsional shear stress T c/J; twice the smaller fibre distance by default"
     )
 
-    def default_section(self) -> Section:
-        """Return the section with the defaults of its shape."""
+    def _default(self) -> Section:
         fibres = (self.fibre_y or 0.0, self.fibre_z or 0.0, self.torsion_arm or 0.0)
         return Section(self.A, self.Iy, self.Iz, self.J, 1.0, 1.0, *fibres)
 
@@ -193,7 +181,7 @@ class MassRecord(PartRecord[valvetrain.MassAt]):
 
 
 _MatrixFile = Annotated[
-    MatrixDefinition, Field(description="file, or { file = ..., matrix = ... } for one matrix of a Nastran punch file")
+    MatrixValue, Field(description="file, or { file = ..., matrix = ... } for one matrix of a Nastran punch file")
 ]
 
 
@@ -236,26 +224,23 @@ class BearingRecord(Record):
     damping: DampingValue = 0.0
 
 
+_FrictionForce = Annotated[float, Unit("force", axis="moment")]
+_SlidingSpeed = Annotated[float, Unit("velocity", above=True, axis="speed")]
+
+
 class FrictionRecord(PartRecord[valvetrain.Friction]):
     """Friction of a guide, a seal or a pivot, to ground or between two points."""
 
     at: Name
     to: Name | None = Field(None, description="the other side; ground where absent")
     direction: DirectionValue
-    force: Quantity = Field(description="Coulomb's force, N, or moment about an axis, N m")
-    breakaway_force: Quantity | None = Field(None, description="when sliding begins; as force by default")
-    stribeck_speed: Quantity = Field(0.1, description="over which it falls to force, m/s, or rad/s about an axis")
-    friction_speed: Quantity = Field(0.01, description="over which it reverses, m/s, or rad/s about an axis")
-    damping: Quantity = Field(0.0, description="viscous part, N s/m, or N m s/rad about an axis")
-
-    @field_validator("force", "breakaway_force", "stribeck_speed", "friction_speed", "damping", mode="before")
-    @classmethod
-    def _convert_unit(cls, value: object, info: ValidationInfo) -> float | None:
-        """Return SI; units depend on whether the slide turns."""
-        if value is None:
-            return None
-        kinds = _FRICTION_UNITS[str(info.field_name)]
-        return Unit(kinds[is_rotation(info)], above="speed" in kinds).validate(value)
+    force: _FrictionForce = Field(description="Coulomb's force, N, or moment about an axis, N m")
+    breakaway_force: _FrictionForce | None = Field(None, description="when sliding begins; as force by default")
+    stribeck_speed: _SlidingSpeed = Field(0.1, description="over which it falls to force, m/s, or rad/s about an axis")
+    friction_speed: _SlidingSpeed = Field(0.01, description="over which it reverses, m/s, or rad/s about an axis")
+    damping: Annotated[float, Unit("damping", axis="rotational damping")] = Field(
+        0.0, description="viscous part, N s/m, or N m s/rad about an axis"
+    )
 
     def _check(self) -> None:
         if self.breakaway_force is not None and self.breakaway_force < self.force:
@@ -272,24 +257,19 @@ class FrictionRecord(PartRecord[valvetrain.Friction]):
         )
 
 
-_FRICTION_UNITS = {
-    "force": ("force", "moment"), "breakaway_force": ("force", "moment"), "stribeck_speed": ("velocity", "speed"),
-    "friction_speed": ("velocity", "speed"), "damping": ("damping", "rotational damping"),
-}  # fmt: skip
-"""Kinds of quantity along a line and about an axis."""
-
-
 class LoadRecord(PartRecord[valvetrain.GivenLoad]):
     """Force at a point, constant or from a table, or constant force distributed over a member."""
 
     at: Name | None = Field(None, description="point of application")
     member: Name | None = Field(None, description="member it is distributed over")
     direction: DirectionValue
-    force: Quantity | None = Field(None, description="N at a point, N m about an axis")
+    force: Annotated[float, Unit("force", signed=True, axis="moment")] | None = Field(
+        None, description="N at a point, N m about an axis"
+    )
     force_per_length: Annotated[float, Unit("stiffness", signed=True)] | None = Field(
         None, description="N/m over a member"
     )
-    table: LoadDefinition | None = Field(
+    table: LoadValue | None = Field(
         None, description="file with the force, the moment or the pressure over the cam or crank angle or over time"
     )
     area: Annotated[float, Unit("area", above=True)] | None = Field(
@@ -299,14 +279,6 @@ class LoadRecord(PartRecord[valvetrain.GivenLoad]):
     repeat: bool | None = Field(
         None, strict=True, description="whether a table repeats; by default each revolution, but not over time"
     )
-
-    @field_validator("force", mode="before")
-    @classmethod
-    def _convert_unit(cls, value: object, info: ValidationInfo) -> float | None:
-        """Return SI; a force about an axis is a moment."""
-        if value is None:
-            return None
-        return Unit("moment" if is_rotation(info) else "force", signed=True).validate(value)
 
     @model_validator(mode="after")
     def _check_target(self) -> Self:

@@ -106,10 +106,7 @@ class DampingRecord(PartRecord[Damping]):
     alpha: Annotated[float, Unit("rate")] = Field(0.0, description="Rayleigh factor of the mass")
     beta: Annotated[float, Unit("time")] = Field(0.0, description="Rayleigh factor of the stiffness")
     modal: Ratio = Field(0.0, description="damping ratio of every mode")
-
-    def build(self) -> Damping:
-        """Build the damping."""
-        return Damping(self.alpha, self.beta, self.modal)
+    kind = Damping
 
 
 class NewmarkRecord(PartRecord[dynamics.Scheme]):
@@ -118,10 +115,7 @@ class NewmarkRecord(PartRecord[dynamics.Scheme]):
     method: Literal["newmark"] = "newmark"
     beta: PositiveNumber = 0.25
     gamma: PositiveNumber = 0.5
-
-    def build(self) -> dynamics.Scheme:
-        """Build the scheme."""
-        return dynamics.newmark(beta=self.beta, gamma=self.gamma)
+    kind = dynamics.newmark
 
 
 class HhtRecord(PartRecord[dynamics.Scheme]):
@@ -129,10 +123,7 @@ class HhtRecord(PartRecord[dynamics.Scheme]):
 
     method: Literal["hht"]
     alpha: SignedNumber = -0.05
-
-    def build(self) -> dynamics.Scheme:
-        """Build the scheme."""
-        return dynamics.hht(alpha=self.alpha)
+    kind = dynamics.hht
 
 
 class GeneralizedAlphaRecord(PartRecord[dynamics.Scheme]):
@@ -140,50 +131,35 @@ class GeneralizedAlphaRecord(PartRecord[dynamics.Scheme]):
 
     method: Literal["generalized-alpha"]
     rho_inf: Ratio = 0.9
-
-    def build(self) -> dynamics.Scheme:
-        """Build the scheme."""
-        return dynamics.generalized_alpha(rho_inf=self.rho_inf)
+    kind = dynamics.generalized_alpha
 
 
 class BatheRecord(PartRecord[dynamics.Method]):
     """Composite method of Bathe: two stages, no parameter, high frequencies vanish within a step."""
 
     method: Literal["bathe"]
-
-    def build(self) -> dynamics.Method:
-        """Build the method."""
-        return dynamics.bathe()
+    kind = dynamics.bathe
 
 
 class CollocationRecord(PartRecord[dynamics.Method]):
     """Exponential collocation: exact for the linear structure, forces of contacts of fourth order; needs numba."""
 
     method: Literal["collocation"]
-
-    def build(self) -> dynamics.Method:
-        """Build the method."""
-        return dynamics.collocation()
+    kind = dynamics.collocation
 
 
 class CentralDifferenceRecord(PartRecord[dynamics.Method]):
     """Explicit central difference method, for members with mass = "lumped"; the highest frequency limits the step."""
 
     method: Literal["central-difference"]
-
-    def build(self) -> dynamics.Method:
-        """Build the method."""
-        return dynamics.central_difference()
+    kind = dynamics.central_difference
 
 
 class ExactRecord(PartRecord[dynamics.Method]):
     """Exact modal solution, for models without contacts."""
 
     method: Literal["exact"]
-
-    def build(self) -> dynamics.Method:
-        """Build the method."""
-        return dynamics.exact()
+    kind = dynamics.exact
 
 
 class ScipyReferenceRecord(PartRecord[dynamics.Method]):
@@ -283,10 +259,7 @@ class AdaptiveRecord(PartRecord[dynamics.Adaptive]):
 
     tolerance: PositiveNumber = Field(1e-6, description="maximum error of a step relative to the motion (energy)")
     smallest: Time | None = Field(None, description="minimum step; 2^-16 of the given one by default")
-
-    def build(self) -> dynamics.Adaptive:
-        """Build the step control: tolerance and minimum step."""
-        return dynamics.Adaptive(self.tolerance, self.smallest)
+    kind = dynamics.Adaptive
 
 
 class RunRecord(Record):

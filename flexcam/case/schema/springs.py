@@ -6,7 +6,7 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import Annotated, Self
 
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, model_validator
 
 from flexcam import valvetrain
 from flexcam.case.schema.base import (
@@ -18,13 +18,11 @@ from flexcam.case.schema.base import (
     PartRecord,
     PositiveNumber,
     PositiveStiffness,
-    Quantity,
     Ratio,
     Record,
     SignedAngle,
     Stress,
     Unit,
-    is_rotation,
     value_error,
 )
 from flexcam.fem.frames import direction
@@ -88,16 +86,13 @@ class PulsationRecord(PartRecord[valvetrain.Pulsation]):
     order: PositiveNumber = Field(description="periods per camshaft revolution")
     amplitude: Ratio = Field(description='fraction of the mean stiffness, such as "10 %"; below 1')
     phase: SignedAngle = 0.0
+    kind = valvetrain.Pulsation
 
     @model_validator(mode="after")
     def _check_amplitude(self) -> Self:
         if self.amplitude >= 1.0:
             raise value_error("an amplitude below 1", "the stiffness must not change its sign")
         return self
-
-    def build(self) -> valvetrain.Pulsation:
-        """Build the pulsation."""
-        return valvetrain.Pulsation(self.order, self.amplitude, self.phase)
 
 
 class SpringRecord(PartRecord[valvetrain.Spring]):
@@ -106,8 +101,12 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
     at: Name
     to: Name | None = Field(None, description="the other end; ground where absent")
     direction: DirectionValue
-    stiffness: Quantity = Field(0.0, description="N/m, or N m/rad about an axis")
-    damping: Quantity = Field(0.0, description="N s/m, or N m s/rad about an axis")
+    stiffness: Annotated[float, Unit("stiffness", axis="rotational stiffness")] = Field(
+        0.0, description="N/m, or N m/rad about an axis"
+    )
+    damping: Annotated[float, Unit("damping", axis="rotational damping")] = Field(
+        0.0, description="N s/m, or N m s/rad about an axis"
+    )
     link: bool = Field(
         False, strict=True, description="represents a part of the train, which is rigid in the rigid model"
     )
@@ -221,12 +220,6 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
             raise value_error(f"either {key} or a stiffness", f"the stiffness follows from {key}")
         if self.pulsation is not None or self.link:
             raise value_error(f"{key} without pulsation and link", "these need a constant stiffness")
-
-    @field_validator("stiffness", "damping", mode="before")
-    @classmethod
-    def _convert_unit(cls, value: object, info: ValidationInfo) -> float:
-        """Return SI; units depend on whether the spring is translational or rotational."""
-        return Unit(f"rotational {info.field_name}" if is_rotation(info) else str(info.field_name)).validate(value)
 
     def build(self) -> valvetrain.Spring:
         """Build the spring."""
