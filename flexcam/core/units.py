@@ -70,6 +70,7 @@ _PLAIN: dict[str, tuple[Decimal, Exponents]] = {
     "lb": (Decimal("0.45359237"), (0, 1, 0, 0, 0)),
     "lbf": (Decimal("4.4482216152605"), (1, 1, -2, 0, 0)),
     "psi": (Decimal("6894.757293168361"), (-1, 1, -2, 0, 0)),
+    "hp": (Decimal("745.69987158227022"), (2, 1, -3, 0, 0)),
     "K": (Decimal(1), (0, 0, 0, 1, 0)),
 }
 """Units that are an exact decimal multiple of SI, so that a text converts to the same float as its SI number."""

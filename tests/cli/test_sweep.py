@@ -56,7 +56,7 @@ def test_json_and_chosen_scalars(flexcam, case):
 
 def test_a_variant_beyond_the_time_limit_fails_alone(flexcam, case, tmp_path):
     """A resumed sweep runs it again, and keeps the others."""
-    words = ("sweep", case, "--set", "run.revolutions=0.1,1e6", "--workers", "0", "--time-limit", "0.3s", "--json")
+    words = ("sweep", case, "--set", "run.revolutions=0.1,1e6", "--workers", "0", "--time-limit", "1s", "--json")
     done = flexcam(*words)
     assert done.json["failed"] == {"time-limit": [2]}
     assert read_table(tmp_path / "results/case.sweep.h5").statuses[0].ok
