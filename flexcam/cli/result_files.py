@@ -11,7 +11,7 @@ from cyclopts import Parameter
 
 from flexcam.case.builder import build_model
 from flexcam.case.reader import read_case
-from flexcam.cli.app import Json, Overwrite, ResultPath, app, parse_quantity
+from flexcam.cli.app import Json, Overwrite, ResultPath, app, parse_optional
 from flexcam.core.errors import refuse
 from flexcam.dynamics import Response
 from flexcam.io import (
@@ -178,7 +178,7 @@ def _write_solids(
         raise refuse("--instants", instants, f"a whole number from 2 to {_MAX_FRAMES}")
     if fields is not None and len(fields) > 1:
         raise refuse("--field", ", ".join(fields), "one field with --format vtm", "", "choose one")
-    angle = None if at is None else parse_quantity("--at", at, "angle", "deg")
+    angle = parse_optional("--at", at, "angle", "deg")
     folder = target.with_name(f"{target.stem}-solids")
     if target.suffix != ".stl":
         check_writable("export", target if target.suffix == ".glb" else folder.with_suffix(".pvd"), overwrite=overwrite)
@@ -206,9 +206,9 @@ def _interpolate(response: Response, count: int | None) -> Response:
     """Return a response at evenly spaced instants; None for its own instants."""
     if count is None:
         return response
-    if not 2 <= count <= _MAX_INSTANTS or len(response.time) < 2:
-        if len(response.time) < 2:
-            raise refuse("--instants", "a result with one instant", "two or more", "", "leave --instants out")
+    if len(response.time) < 2:
+        raise refuse("--instants", "a result with one instant", "two or more", "", "leave --instants out")
+    if not 2 <= count <= _MAX_INSTANTS:
         raise refuse("--instants", count, f"a whole number from 2 to {_MAX_INSTANTS}")
     return response.at(np.linspace(float(response.time[0]), float(response.time[-1]), count))
 

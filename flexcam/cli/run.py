@@ -64,8 +64,7 @@ class FinishedRun:
     choice: Choice | None
 
 
-def run_json(ran: FinishedRun) -> dict[str, object]:
-    """Return a run for ``--json``."""
+def _run_json(ran: FinishedRun) -> dict[str, object]:
     response, status = ran.response, ran.response.status
     change = revolution_change(ran.ready, response)
     return {
@@ -84,7 +83,7 @@ def run_json(ran: FinishedRun) -> dict[str, object]:
     }  # fmt: skip
 
 
-def run_output(ran: FinishedRun) -> Iterator[Table | str]:
+def _run_output(ran: FinishedRun) -> Iterator[Table | str]:
     """Yield the printed tables and sentences of a run."""
     yield run_table(ran.ready.case, ran.watched.extremes)
     if ran.stressed:
@@ -179,7 +178,7 @@ def run(
         stressed=strength.members() if read.record.fidelity.model == "beams" else {},
         errors=estimated[0], warnings=(*doubtful(response.stats), *estimated[1]), choice=choice,
     )  # fmt: skip
-    cli.write_output(cli.CommandOutput(list(run_output(ran)), run_json(ran)), as_json=as_json)
+    cli.write_output(cli.CommandOutput(list(_run_output(ran)), _run_json(ran)), as_json=as_json)
     if response.status.ok and choice is not None and not choice.met:
         return Status(Cause.TOLERANCE, f"the tolerance is not met: {choice.why}", "allow more, or refine the case")
     return response.status

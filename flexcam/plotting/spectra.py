@@ -40,16 +40,19 @@ def campbell_figure(found: Campbell, scale: float, shaft: str) -> Figure:
     """Return a Campbell diagram: natural frequencies over speed with the orders of a cam."""
     figure, (axes,) = create_axes((8.0, 5.0), grid=None)
     rpm = scale * found.rpm
-    top = _highest_drawn_frequency(found)
+    highest = max(found.lifts, default=1) * float(found.rpm[-1]) / 60.0  # modes far above all order lines are cut off
+    below = found.frequencies[found.frequencies <= 1.3 * highest]
+    top = 1.1 * float(below.max() if len(below) else highest)
     _rays(axes, found, rpm, top)
     styles, labelled = line_styles(), False
     for i, (column, reached) in enumerate(zip(found.frequencies.T, found.reached, strict=True)):
+        drawn = bool((column <= top).any())
         if reached:
             colour, dashes = next(styles)
-            axes.plot(rpm, column, color=colour, linestyle=dashes, linewidth=1.8, marker="o", markersize=3,
-                      label=_mode_label(found, i, top))  # fmt: skip
+            label = f"{i + 1}: {', '.join(found.words[i].split(', ')[:2])}" if drawn else ""
+            axes.plot(rpm, column, color=colour, linestyle=dashes, linewidth=1.8, marker="o", markersize=3, label=label)
         else:
-            first = not labelled and bool((column <= top).any())
+            first = not labelled and drawn
             axes.plot(rpm, column, color="0.5", linewidth=1.2, label="without force at the contact" * first)
             labelled = labelled or first
     _mark_ends(axes, found, rpm, top)
@@ -58,21 +61,6 @@ def campbell_figure(found: Campbell, scale: float, shaft: str) -> Figure:
     if axes.get_legend_handles_labels()[0]:
         figure.legend(loc="outside lower center", fontsize="small", ncols=2)
     return figure
-
-
-def _mode_label(found: Campbell, mode: int, top: float) -> str:
-    """Return the label of a mode; empty if it is outside of the diagram."""
-    if not (found.frequencies[:, mode] <= top).any():
-        return ""
-    return f"{mode + 1}: {', '.join(found.words[mode].split(', ')[:2])}"
-
-
-def _highest_drawn_frequency(found: Campbell) -> float:
-    """Return the highest frequency drawn: modes far above all order lines are cut off."""
-    highest = max(found.lifts, default=1) * float(found.rpm[-1]) / 60.0
-    known = found.frequencies[~np.isnan(found.frequencies)]
-    below = known[known <= 1.3 * highest]
-    return 1.1 * float(below.max() if len(below) else highest)
 
 
 def _rays(axes: Axes, found: Campbell, rpm: np.ndarray, top: float) -> None:

@@ -83,11 +83,6 @@ def find_seat(model: Model, point: str) -> Seat | None:
     return next((one for one in model.contacts.values() if isinstance(one, Seat) and one.at == point), None)
 
 
-def is_coil(model: Model, spring: Spring) -> bool:
-    """Return whether a spring is drawn as a coil: translational and not a bearing of a shaft."""
-    return bool(spring.direction[:3].any()) and not is_bearing(model, spring)
-
-
 def _cams(model: Model, notes: Notes) -> Iterator[CamPlacement]:
     for contact in model.cam_contacts.values():
         cam, lift = model.cams[contact.cam], unit_vector(contact.direction)
@@ -150,7 +145,7 @@ def _springs(
     """Yield the springs, the outer ones first: those inside have the same seat."""
     model, outer = structure.model, list[CoilPlacement]()
     travel = valve_lift(model)
-    coils = [(name, one) for name, one in model.springs.items() if is_coil(model, one)]
+    coils = [(n, one) for n, one in model.springs.items() if one.direction[:3].any() and not is_bearing(model, one)]
     for name, spring in sorted(coils, key=_coil_order):
         parts = spring_parts(structure, name, spring)
         borders = np.array([parts[0][0], *(high for _, high in parts)])
@@ -273,19 +268,14 @@ class Mechanism:
             first += count
 
     def _cam(self, place: CamPlacement, instant: SceneState) -> Iterator[Solid]:
-        """Yield the lobe, its stub shaft and the follower."""
-        lobe = lobe_solid(place.frame, instant.angle, instant.nodal[place.node])
-        yield from _with_name(place.contact.cam, [lobe, *self._axle(place, instant)])
+        """Yield the lobe, the stub shaft of a cam without a member, and the follower."""
+        frame, moved = place.frame, instant.nodal[place.node]
+        yield replace(lobe_solid(frame, instant.angle, moved), name=place.contact.cam)
+        if not self.structure.model.mesh.on_members()[place.node]:
+            middle, reach = frame.centre + moved[:3], 1.1 * frame.width * frame.axis
+            axle = cylinder("shaft", middle - reach, middle + reach, 0.4 * frame.follower.base_radius)
+            yield replace(axle, name=place.contact.cam)
         yield from _with_name(place.contact.follower, follower_solids(place, instant))
-
-    def _axle(self, place: CamPlacement, instant: SceneState) -> list[Solid]:
-        """Return the stub shaft through a cam without a member."""
-        if self.structure.model.mesh.on_members()[place.node]:
-            return []
-        frame = place.frame
-        middle = frame.centre + instant.nodal[place.node, :3]
-        reach, radius = 1.1 * frame.width * frame.axis, 0.4 * frame.follower.base_radius
-        return [cylinder("shaft", middle - reach, middle + reach, radius)]
 
     def _balls(self, instant: SceneState) -> Iterator[Solid]:
         """Yield the masses at nodes without other parts."""
