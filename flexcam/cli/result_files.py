@@ -170,7 +170,7 @@ def _write_solids(
     source: Path, target: Path, fields: list[str] | None, instants: int | None, at: str | None, *, overwrite: bool
 ) -> list[Path]:
     """Write the solids of a result, or of a case as a rigid mechanism, in the format of the suffix of the target."""
-    from flexcam.cli.sources import displayed_motion, image_instant, open_sources
+    from flexcam.cli.sources import displayed_motion, open_sources
     from flexcam.plotting.scene.mechanism import build_mechanism
     from flexcam.plotting.solid_files import collect_parts, write_glb, write_stl, write_vtm
 
@@ -183,18 +183,16 @@ def _write_solids(
     if target.suffix != ".stl":
         check_writable("export", target if target.suffix == ".glb" else folder.with_suffix(".pvd"), overwrite=overwrite)
     (read,) = open_sources([source], None)
-    case, result = read.case, read.result
-    structure = build_structure(build_model(case))
-    motion, title = displayed_motion(case, structure, result, fields[0] if fields else None, None)
+    structure = build_structure(build_model(read.case))
+    motion, title, still = displayed_motion(read, structure, color=fields[0] if fields else None, angle=angle)
     drawn = build_mechanism(structure)
     if target.suffix == ".stl":
-        still = motion.at([image_instant(case, result, motion, angle, None)])
-        return write_stl(folder, collect_parts(drawn, still), overwrite=overwrite)
+        return write_stl(folder, collect_parts(drawn, motion.at([still])), overwrite=overwrite)
     frames = motion.spread(instants or _FRAMES[target.suffix])
     parts = collect_parts(drawn, motion.at(frames))
     if target.suffix == ".glb":
         return [write_glb(target, parts, drawn.upwards, title, overwrite=overwrite)]
-    times = motion.angle / case.speed if result is None else result.response.field_time[-len(motion) :]
+    times = motion.angle / read.case.speed if read.result is None else read.result.response.field_time[-len(motion) :]
     label = motion.label.replace("\n", ", ")
     return write_vtm(folder.with_suffix(".pvd"), parts, times[frames], label, overwrite=overwrite)
 

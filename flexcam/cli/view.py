@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from flexcam.case.builder import build_model
 from flexcam.cli import app as cli
-from flexcam.cli.sources import displayed_motion, image_instant, open_sources
+from flexcam.cli.sources import displayed_motion, open_sources
 from flexcam.core.errors import refuse
 from flexcam.valvetrain import build_structure
 
@@ -56,10 +56,9 @@ def view(
     if picture is not None:
         check_output_path(picture, pixels, overwrite=overwrite)
     (read,) = open_sources([source], overrides)
-    case, result = read.case, read.result
-    structure = build_structure(build_model(case))
-    motion, title = displayed_motion(case, structure, result, color, mode)
-    drawn, still = build_mechanism(structure), image_instant(case, result, motion, angle, mode)
+    structure = build_structure(build_model(read.case))
+    motion, title, still = displayed_motion(read, structure, color=color, mode=mode, angle=angle)
+    drawn = build_mechanism(structure)
     if picture is not None and picture.suffix == ".html":
         from flexcam.plotting.solid_files import collect_parts, write_page
 

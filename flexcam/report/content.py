@@ -29,21 +29,8 @@ from flexcam.dynamics import Response
 from flexcam.dynamics.memory import ExtremesSink
 from flexcam.io import Result, read_result
 from flexcam.io.exports import energies
+from flexcam.report import tables
 from flexcam.report.fidelity_tables import TRADE_LEGEND, error_table, format_with_error, trade_table, trade_warnings
-from flexcam.report.tables import (
-    comparison_table,
-    describe_comparison,
-    describe_contacts,
-    describe_dofs,
-    describe_inactive,
-    info_table,
-    limits_table,
-    metrics_table,
-    mode_table,
-    model_table,
-    run_table,
-    strength_table,
-)
 from flexcam.valvetrain import Metric, ModelModes, Structure, build_structure
 
 MODES = 12  # number of modes, as in `flexcam modes`
@@ -124,13 +111,13 @@ def describe_model(about: ReportSubject, known: RestoredCase, figures: Sequence[
     covers = f"{turned} revolution{'' if turned == '1' else 's'}"
     counts = {many: len(getattr(record, many)) for many in _COUNTED}
     parts = [f"{count} {many if count > 1 else _COUNTED[many]}" for many, count in counts.items() if count]
-    steps = f"{response.stats.steps} steps ({per:.6g} per revolution) of {describe_dofs(known.response)}"
+    steps = f"{response.stats.steps} steps ({per:.6g} per revolution) of {tables.describe_dofs(known.response)}"
     said = [
         f"Modelled with {kind}: {', '.join(parts)}.",
         f"Run at {case.speed_text} for {covers} of the camshaft, in {steps}.",
-        *describe_contacts(case, figures),
+        *tables.describe_contacts(case, figures),
     ]
-    left = describe_inactive(ready)
+    left = tables.describe_inactive(ready)
     return [*said, f"Inactive, as nothing excites it: {'; '.join(left)}."] if left else said
 
 
@@ -140,7 +127,10 @@ def describe_verdict(compared: Comparison) -> list[str]:
     same = off <= _SAME_LIFT and abs(ratio - 1.0) <= _SAME_ACCELERATION
     bounds = f"{100 * _SAME_LIFT:g} % of the lift, {100 * _SAME_ACCELERATION:g} % of the maximum acceleration"
     verdict = "agrees with" if same else "differs significantly from"
-    return [f"The flexible result {verdict} the rigid one (criteria: {bounds}).", *describe_comparison(compared, None)]
+    return [
+        f"The flexible result {verdict} the rigid one (criteria: {bounds}).",
+        *tables.describe_comparison(compared, None),
+    ]
 
 
 def describe_margins(margins: Margins, turns: float) -> list[str]:
@@ -275,27 +265,21 @@ def result_tables(about: ReportSubject, compared: Comparison | None, figures: li
     """Return the tables of a result."""
     response, known = about.result.response, about.known
     turns = 1.0 if known is None else known.case.turns
-    found = [report_table(comparison_table(compared, turns))] if compared is not None else []
-    found += [report_table(metrics_table(figures))] if figures else []
+    found = [report_table(tables.comparison_table(compared, turns))] if compared is not None else []
+    found += [report_table(tables.metrics_table(figures))] if figures else []
     if known is not None:
         stressed = member_strength(known.ready, known.response)
-        found += [report_table(strength_table(stressed))] if stressed else []
-        probes = report_table(run_table(known.case, ExtremesSink.of(response)))
+        found += [report_table(tables.strength_table(stressed))] if stressed else []
+        probes = report_table(tables.run_table(known.case, ExtremesSink.of(response)))
         found.append(replace(probes, title="Range of the probes"))
     if len(response.time):
         parts = {name: values for name, values in energies(response).items() if values.any()}
         rows = [(name, f"{v.min():.4g}", f"{v.max():.4g}", f"{v[-1]:.4g}") for name, v in parts.items()]
         found.append(ReportTable("Energy over the run", ("J", "min", "max", "at the end"), tuple(rows)))
-    found += [report_table(mode_table(about.modes))] if about.modes is not None else []
+    found += [report_table(tables.mode_table(about.modes))] if about.modes is not None else []
     if known is not None and about.modes is not None:
-        found.append(replace(report_table(model_table(known.ready, about.modes)), title="The model"))
+        found.append(replace(report_table(tables.model_table(known.ready, about.modes)), title="The model"))
     return found
-
-
-def origin_table(about: ReportSubject) -> ReportTable:
-    """Return the table of the origin of a result."""
-    result = about.result if about.known is None else replace(about.result, response=about.known.response)
-    return replace(report_table(info_table(result)), title="The result file")
 
 
 _LIMIT_TOLERANCE = 0.01  # width of the bracket of limits relative to the speed
@@ -357,7 +341,7 @@ def _add_limits(found: AdditionalContent, case: Case) -> None:
     found.sentences.append(first)
     if unknown := [name.replace("_", " ") for name, one in limits.limits.items() if not one.known]:
         found.sentences.append(f"Not known, because runs failed: {', '.join(unknown)}.")
-    found.sheets.append(report_table(limits_table(limits, compute_margins(case), scale)))
+    found.sheets.append(report_table(tables.limits_table(limits, compute_margins(case), scale)))
 
 
 def _add_trade(found: AdditionalContent, case: Case, probe: str) -> None:

@@ -11,6 +11,7 @@ import hashlib
 import json
 import pkgutil
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -40,10 +41,11 @@ from flexcam.report.content import (
     describe_margins,
     describe_model,
     describe_verdict,
-    origin_table,
+    report_table,
     result_tables,
 )
 from flexcam.report.figures import Runs, build_albums, scene
+from flexcam.report.tables import info_table
 from flexcam.report.terminal import make_unique
 from flexcam.valvetrain import Metric
 
@@ -141,6 +143,7 @@ def _chapter(about: ReportSubject, name: str, main: str, asked: ReportOptions, s
     doubts = [] if status.ok else [f"The run did not reach its end. {status}"]
     if known and len(known.response.time):
         doubts += _warnings(known, figures, drawn_rigid=about.rigid is not None)
+    result = replace(about.result, response=known.response) if known else about.result
     summary = [*describe_model(about, known, figures), *_margins(known.case)] if known else []
     return Chapter(
         name=name,
@@ -152,7 +155,7 @@ def _chapter(about: ReportSubject, name: str, main: str, asked: ReportOptions, s
         pictures=tuple(more.pictures),
         scene=scene(about, share),
         case=known.case.text if known else kept.get("case", ""),
-        origin=origin_table(about),
+        origin=replace(report_table(info_table(result)), title="The result file"),
     )
 
 
