@@ -219,11 +219,10 @@ def refuse_without(option: str, given: object, required: str, *, present: bool) 
         raise refuse(option, _describe_option(given), allowed, "it has no effect", "leave it out")
 
 
-def refuse_with(other: str, why: str, remedy: str = "leave it out", **options: object) -> None:
+def refuse_with(other: str, why: str, options: Mapping[str, object], remedy: str = "leave it out") -> None:
     """Raise an error for options that have no effect together with another one; None is an option not given."""
-    for name, given in options.items():
+    for option, given in options.items():
         if given is not None:
-            option = name if name.isupper() else f"--{name.replace('_', '-')}"
             raise refuse(option, _describe_option(given), f"nothing with {other}", why, remedy)
 
 
@@ -318,12 +317,12 @@ class CommandOutput:
     parts: Sequence[Table | str]  # tables and sentences, printed with empty lines between them
     json: Mapping[str, object]  # content as one JSON object; null for missing numbers
     csv: str = ""  # content as CSV text
-    draw: Callable[[], Figure] = lambda: plotting.figures.Figure()  # function that draws the figure
+    draw: Callable[[], Figure] | None = None  # function that draws the figure
     title: str = ""  # title of the figure
 
     def figure(self) -> Figure:
         """Return the figure with its title."""
-        return plotting.figures.add_title(self.draw(), self.title)
+        return plotting.figures.add_title(self.draw() if self.draw else plotting.figures.Figure(), self.title)
 
 
 def write_output(

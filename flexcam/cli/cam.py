@@ -306,11 +306,11 @@ def cam(
     instead of a case, and -o writes the lift of its follower as a table for a case.
     """
     if profile is not None:
-        cli.refuse_with(
-            "--from-profile", "it belongs to the cams of a case file", CASE=case, cam=name, format=forms, cutter=cutter,
-            pressure_angle=pressure_angle, checking_lift=checking_lifts, plot=plot, plot_format=plot_format,
-            set=overrides,
-        )  # fmt: skip
+        of_case = {
+            "CASE": case, "--cam": name, "--format": forms, "--cutter": cutter, "--pressure-angle": pressure_angle,
+            "--checking-lift": checking_lifts, "--plot": plot, "--plot-format": plot_format, "--set": overrides,
+        }  # fmt: skip
+        cli.refuse_with("--from-profile", "it belongs to the cams of a case file", of_case)
     of_profile = {"--follower": follower, "--base-radius": base_radius, "--unit": unit, "--clockwise": clockwise}
     for option, given in of_profile.items():
         cli.refuse_without(option, given, "--from-profile", present=profile is not None)
@@ -383,7 +383,6 @@ def _draw_cams(name: str, found: Mapping[str, CamFacts]) -> dict[str, Figure]:
 
 
 def _describe_cams(cams: CamSet, found: Mapping[str, CamFacts]) -> cli.CommandOutput:
-    """Return the output about the cams of a file."""
     pairs = valve_overlaps(found)
     json = {
         "cams": {one: _cam_json(facts, cams.reports.get(one)) for one, facts in found.items()},

@@ -165,7 +165,7 @@ def campbell(
     """
     if response:
         why = "the orders of the response need no modes"
-        cli.refuse_with("--response", why, "leave one out", modes=modes, contact=contact)
+        cli.refuse_with("--response", why, {"--modes": modes, "--contact": contact}, "leave one out")
     for option, given in (("--channel", channels), ("--probe", probes), ("--csv", csv)):
         cli.refuse_without(option, given, "--response", present=response)
     read, numbers = collect_errors(

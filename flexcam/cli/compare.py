@@ -80,7 +80,7 @@ def compare(
         cli.refuse_without(option, given, "--lowest, --highest or --plot", present=over_speed)
     if over_speed:
         why = "over speed the contact forces of three models are compared"
-        cli.refuse_with("--lowest, --highest or --plot", why, probe=probe, against=against)
+        cli.refuse_with("--lowest, --highest or --plot", why, {"--probe": probe, "--against": against})
         part = positive("--tolerance", parse(tolerance or "5 %", "number", "--tolerance"), "1", zero=True)
         read = cli.load_beams(case, overrides)
         speeds = cli.spaced_speeds(lowest, highest, 8 if count is None else count, read)

@@ -99,7 +99,6 @@ def _report_crash(words: Sequence[str], as_json: bool) -> int:
 
 
 def _command_line_fault(words: Sequence[str], fault: CycloptsError) -> Fault:
-    """Return the fault of an invalid command line."""
     command = [word for word in words[:1] if word in COMMAND_FILES]
     if command == ["synthesize"]:
         command += [word for word in words[1:2] if word in ("law", "harmonic", "polydyne")]

@@ -112,16 +112,15 @@ def _stability_json(found: Stability, scale: float) -> dict[str, object]:
 
 
 def _growth_table(found: Sequence[Stability], scale: float) -> Table:
+    rows: list[tuple[str, ...]] = []
+    for one in found:
+        largest = "" if one.floquet is None else f"{abs(complex(one.floquet.multipliers[0])):.6g}"
+        growth = "" if one.floquet is None else f"{one.floquet.growth:.4g}"
+        opened = f"{math.degrees(one.open_on_the_lift):.3g}"
+        words = ", ".join([*one.causes, *(["chatter"] if one.is_scattering else [])]) or "none"
+        rows.append((f"{scale * one.rpm:.6g}", f"{one.discrete.radius:.9g}", largest, growth, opened, words))
     heads = (f"{shaft_name(scale)} rpm", "spectral radius", "multiplier", "growth, 1/s", "contact loss, deg", "verdict")
-    return plain_table("Stability over speed", heads, (_row(one, scale) for one in found))
-
-
-def _row(one: Stability, scale: float) -> list[str]:
-    largest = "" if one.floquet is None else f"{abs(complex(one.floquet.multipliers[0])):.6g}"
-    growth = "" if one.floquet is None else f"{one.floquet.growth:.4g}"
-    opened = f"{math.degrees(one.open_on_the_lift):.3g}"
-    words = ", ".join([*one.causes, *(["chatter"] if one.is_scattering else [])]) or "none"
-    return [f"{scale * one.rpm:.6g}", f"{one.discrete.radius:.9g}", largest, growth, opened, words]
+    return plain_table("Stability over speed", heads, rows)
 
 
 @cli.app.command(

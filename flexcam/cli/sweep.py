@@ -137,7 +137,6 @@ def sweep(
 
 
 def _create_workers(scheduler: str | None, count: int | None) -> Workers:
-    """Return the workers that run the variants."""
     if scheduler is not None and scheduler != LOCAL:
         if count is not None:
             why = "a cluster sets its own number of workers"

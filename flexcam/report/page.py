@@ -190,7 +190,6 @@ def _margins(case: Case) -> list[str]:
 
 
 def _motion_image(runs: Runs, main: str) -> Picture | None:
-    """Return an image with the motion of the main probe."""
     moved = {name: pair for name, pair in runs.items() if len(pair[0].time) and main in scalar_probes(pair[0].outline)}
     if not moved:
         return None
