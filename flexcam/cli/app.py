@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 import numpy as np
 from cyclopts import App, Parameter
 
-from flexcam import __version__
+from flexcam import __version__, plotting
 from flexcam.case.case import Case
 from flexcam.case.fault_report import parse_toml
 from flexcam.case.reader import read_case
@@ -152,6 +152,11 @@ def parse_quantity(where: str, text: str, dimension: str, unit: str) -> float:
     return parse(text, dimension, where)
 
 
+def parse_optional(where: str, text: str | None, dimension: str, unit: str) -> float | None:
+    """Return the SI number of an option; None if it is not given."""
+    return None if text is None else parse_quantity(where, text, dimension, unit)
+
+
 _TIME_UNITS = {"h": 3600.0, "min": 60.0, "s": 1.0, "ms": 1e-3}
 _PART_OF_TIME = r"\s*(\d+(?:\.\d*)?|\.\d+)\s*(h|min|ms|s)\s*"
 
@@ -211,10 +216,17 @@ def refuse_without(option: str, given: object, required: str, *, present: bool) 
     """Raise an error for an option that has no effect without another one."""
     if given is not None and given is not False and not present:
         allowed = f"{option} with {required} only"
-        raise refuse(option, describe_option(given), allowed, "it has no effect", "leave it out")
+        raise refuse(option, _describe_option(given), allowed, "it has no effect", "leave it out")
 
 
-def describe_option(given: object) -> str:
+def refuse_with(other: str, why: str, options: Mapping[str, object], remedy: str = "leave it out") -> None:
+    """Raise an error for options that have no effect together with another one; None is an option not given."""
+    for option, given in options.items():
+        if given is not None:
+            raise refuse(option, _describe_option(given), f"nothing with {other}", why, remedy)
+
+
+def _describe_option(given: object) -> str:
     """Return the value of an option as it was given; several values are separated by commas."""
     return ", ".join(str(one) for one in cast("list[object]", given)) if isinstance(given, list) else str(given)
 
@@ -244,20 +256,20 @@ def spaced_speeds(lowest: str | None, highest: str | None, count: int, case: Cas
     return np.linspace(*speed_range(lowest, highest, count, case), count).tolist()
 
 
+def failed_status(statuses: Sequence[Status], what: str) -> Status | None:
+    """Return the status of a command over speeds or variants, if it completed none of them."""
+    if any(one.ok for one in statuses):
+        return None
+    first = statuses[0]
+    return Status(first.cause, f"none of {len(statuses)} {what} was completed; the first: {first.text}", first.remedy)
+
+
 def parse_accuracy(text: str, scale: float) -> float:
     """Return the accuracy of a speed search, of the camshaft in rad/s."""
     width = parse_quantity("--accuracy", text, "speed", "rpm") / scale
     if not width > 0.0:
         raise refuse("--accuracy", text, "a speed above zero", "the search halves the interval until it is this narrow")
     return width
-
-
-def check_figure_path(plot: Path | None, overwrite: bool) -> None:
-    """Raise an error if a figure cannot be written, before a computation."""
-    if plot is not None:
-        from flexcam.plotting.figures import check_figure_path
-
-        check_figure_path(plot, overwrite=overwrite)
 
 
 def check_distinct_files(written: Mapping[str, Path | None], read: Sequence[Path] = ()) -> None:
@@ -286,7 +298,7 @@ def check_targets(
     collect_errors(
         lambda: check_distinct_files({"--output": target, "--csv": csv, "--plot": plot}, read),
         lambda: None if csv is None else check_writable("output", csv, overwrite=overwrite),
-        lambda: check_figure_path(plot, overwrite),
+        lambda: None if plot is None else plotting.figures.check_figure_path(plot, overwrite=overwrite),
         check_case,
     )
 
@@ -298,11 +310,6 @@ def describe_lift_file(path: Path, phase: float = 0.0) -> str:
     return f"{path}  (in a case: {keys})"
 
 
-def _no_figure() -> Figure:
-    """Raise an error for an output without a figure."""
-    raise NotImplementedError("this output has no figure")
-
-
 @dataclass(frozen=True)
 class CommandOutput:
     """Output of a command."""
@@ -310,35 +317,32 @@ class CommandOutput:
     parts: Sequence[Table | str]  # tables and sentences, printed with empty lines between them
     json: Mapping[str, object]  # content as one JSON object; null for missing numbers
     csv: str = ""  # content as CSV text
-    draw: Callable[[], Figure] = _no_figure  # function that draws the figure
+    draw: Callable[[], Figure] | None = None  # function that draws the figure
     title: str = ""  # title of the figure
 
     def figure(self) -> Figure:
         """Return the figure with its title."""
-        from flexcam.plotting.figures import add_title
-
-        return add_title(self.draw(), self.title)
+        return plotting.figures.add_title(self.draw() if self.draw else plotting.figures.Figure(), self.title)
 
 
 def write_output(
     output: CommandOutput, csv: Path | None = None, plot: Path | None = None, ended: Status | None = None, *,
     as_json: bool, overwrite: bool = False, written: Sequence[Path] = (), describe_file: Callable[[Path], str] = str,
-) -> None:  # fmt: skip
+) -> Status | None:  # fmt: skip
     """Write the table and figure of a command, also after an interruption, print its output and name every file."""
     if csv is not None:
         write_text(csv, output.csv, overwrite=overwrite)
     if plot is not None:
-        from flexcam.plotting.figures import save_figure
-
-        save_figure(output.figure(), plot, overwrite=overwrite)
+        plotting.figures.save_figure(output.figure(), plot, overwrite=overwrite)
     files = [path for path in (csv, plot, *written) if path is not None]
     if as_json:
         status = "ok" if ended is None or ended.ok else str(ended.cause)
         content: dict[str, object] = {"status": status, **output.json}
         content.setdefault("files", [str(path) for path in files])
         print_json(content)
-        return
+        return ended
     for i, part in enumerate(output.parts):
         result_console().print(*([""] if i else []), part, sep="\n")
     for path in files:
         result_console().print(describe_file(path))
+    return ended

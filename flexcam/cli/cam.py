@@ -14,6 +14,7 @@ import numpy as np
 from cyclopts import Group, Parameter
 from rich.table import Table
 
+from flexcam import plotting
 from flexcam.analysis.cam_analysis import (
     NEGATIVE_LIFT_TOLERANCE,
     CamFacts,
@@ -52,8 +53,7 @@ if TYPE_CHECKING:
 _STEPS = (("lift", "mm"), ("velocity", "mm/rad"), ("acceleration", "mm/rad^2"), ("jerk", "mm/rad^3"))
 
 
-def cam_json(found: CamFacts, report: LiftReport | None) -> dict[str, object]:
-    """Return the facts about a cam for ``--json``."""
+def _cam_json(found: CamFacts, report: LiftReport | None) -> dict[str, object]:
     return {
         "lift": found.lift[1].value, "least_lift": found.lift[0].value, "velocity": found.velocity,
         "acceleration": found.acceleration, "jerk": found.jerk, "harmonics": list(found.harmonics),
@@ -106,13 +106,10 @@ def _profile_json(found: CamFacts) -> dict[str, object] | None:
     }  # fmt: skip
 
 
-def cam_table(name: str, found: CamFacts, cams: CamSet) -> Table:
-    """Return the table of the facts about a cam."""
+def _cam_table(name: str, found: CamFacts, cams: CamSet) -> Table:
     speed, ratio, lash = cams.speed, found.ratio, found.lash
     part = "valve open" if cams.turns == 2.0 else "output"  # of a machine
-    jerk = "infinite: the acceleration is discontinuous"
-    if found.jerk is not None:
-        jerk = f"{1e3 * found.jerk:.5g} mm/rad^3"
+    infinite = "infinite: the acceleration is discontinuous"
     events = [(part, found.events, ratio, lash)]
     if ratio != 1.0 or lash:
         events.insert(0, ("follower", found.follower_events, 1.0, 0.0))
@@ -121,13 +118,13 @@ def cam_table(name: str, found: CamFacts, cams: CamSet) -> Table:
         ("lobe centreline", _centreline(found, cams.turns)),
         ("max velocity", _at_speed(found.velocity, "mm/rad", "m/s", 1, speed)),
         ("max acceleration", _at_speed(found.acceleration, "mm/rad^2", "m/s^2", 2, speed)),
-        ("max jerk", jerk),
+        ("max jerk", infinite if found.jerk is None else f"{1e3 * found.jerk:.5g} mm/rad^3"),
         ("harmonics 1 to 10", ", ".join(format_mm(one, 3) for one in found.harmonics) + " mm"),
         *([("lash at the follower", f"{format_mm(lash)} mm")] if lash else []),
         *((f"{part} above {lift}",
            _event(found, event, factor * (found.lift[0].value - gap) > found.checking_lifts[lift], cams.turns))
           for part, its, factor, gap in events for lift, event in its.items()),
-        *_joints(found.joints),
+        *((f"joint at {math.degrees(one.angle):.4g} deg", _joint(one)) for one in found.joints),
         *_profile(found, speed),
         *(("warning", _finding(one)) for one in found.findings),
     ]  # fmt: skip
@@ -177,23 +174,25 @@ def _event(found: CamFacts, event: ValveEvent | None, always: bool, turns: float
     return f"{shaft} {opens:.2f} to {closes:.2f} deg, duration {span:.2f} deg"
 
 
-def _joints(joints: Sequence[Joint]) -> list[tuple[str, str]]:
-    rows: list[tuple[str, str]] = []
-    for one in joints:
-        named = zip(_STEPS, one.steps, strict=True)
-        steps = ", ".join(f"{name} {1e3 * step:+.5g} {unit}" for (name, unit), step in named if step)
-        rows.append((f"joint at {math.degrees(one.angle):.4g} deg", f"steps of {steps}" if steps else "smooth"))
-    return rows
+def _joint(joint: Joint) -> str:
+    named = zip(_STEPS, joint.steps, strict=True)
+    steps = ", ".join(f"{name} {1e3 * step:+.5g} {unit}" for (name, unit), step in named if step)
+    return f"steps of {steps}" if steps else "smooth"
 
 
 def _profile(found: CamFacts, speed: float | None) -> list[tuple[str, str]]:
     profile = found.profile
     if profile is None:
         return [("profile", "none: give the cam base_radius and follower")]
-    seen = profile.extremes
+    seen, least = profile.extremes, "smaller radii meet the limits too"
+    if found.least_base_radius is None:
+        least = "no radius meets the limits with this lift"
+    elif found.least_base_radius:
+        least = f"min for curvature and pressure angle {format_mm(found.least_base_radius)} mm"
+    convex = f"{format_mm(seen.convex.value)} mm" if seen.convex.value > 0.0 else "none: the profile is undercut"
     rows = [
-        ("base circle radius", f"{format_mm(profile.follower.base_radius)} mm; {_least(found.least_base_radius)}"),
-        ("min convex radius", _convex(seen.convex)),
+        ("base circle radius", f"{format_mm(profile.follower.base_radius)} mm; {least}"),
+        ("min convex radius", f"{convex} {_at(seen.convex)}"),
         ("min concave radius", f"{format_mm(seen.hollow.value)} mm {_at(seen.hollow)}" if seen.hollow else "none"),
         ("max pressure angle", f"{format_degrees(abs(seen.pressure_angle.value))} deg {_at(seen.pressure_angle)}"),
         ("contact offset", f"{format_mm(seen.offset[0].value, 5)} to {format_mm(seen.offset[1].value, 5)} mm"),
@@ -217,24 +216,8 @@ def _face(found: CamFacts, smallest: float) -> str:
     return f"{format_mm(smallest)} mm{has} ({', '.join(contents)})"
 
 
-def _convex(sharpest: Extreme) -> str:
-    if sharpest.value <= 0.0:
-        return f"none: the profile is undercut {_at(sharpest)}"
-    return f"{format_mm(sharpest.value)} mm {_at(sharpest)}"
-
-
 def _at(place: Extreme) -> str:
     return f"at {math.degrees(place.at):.4g} deg"
-
-
-def _least(radius: float | None) -> str:
-    if radius is None:
-        return "no radius meets the limits with this lift"
-    return (
-        f"min for curvature and pressure angle {format_mm(radius)} mm"
-        if radius
-        else "smaller radii meet the limits too"
-    )
 
 
 def _finding(one: ProfileFault) -> str:
@@ -247,8 +230,7 @@ def _finding(one: ProfileFault) -> str:
     return f"{one.what} ({place}); {one.remedy}"
 
 
-def overlap_table(overlaps: Sequence[tuple[str, str, str, float]], found: Mapping[str, CamFacts]) -> Table:
-    """Return the table of the lobe separation and the valve overlap of pairs of cams."""
+def _overlap_table(overlaps: Sequence[tuple[str, str, str, float]], found: Mapping[str, CamFacts]) -> Table:
     rows = [
         (f"{one} and {other}", f"{math.degrees(lobe_separation(found[one], found[other])):.2f}", lift,
          f"{math.degrees(angle):.2f}")
@@ -258,8 +240,7 @@ def overlap_table(overlaps: Sequence[tuple[str, str, str, float]], found: Mappin
     return plain_table("Lobe separation and overlap", head, rows)
 
 
-def smoothing_table(name: str, report: LiftReport) -> Table:
-    """Return the table of the smoothing of a lift table."""
+def _smoothing_table(name: str, report: LiftReport) -> Table:
     before, after = (
         f"{1e3 * low:.4g} to {1e3 * high:.4g} mm/rad^2"
         for low, high in (report.acceleration_before, report.acceleration_after)
@@ -324,16 +305,19 @@ def cam(
     With -o it writes the profiles for manufacture (CSV, DXF, VTP). With --from-profile it reads points of a profile
     instead of a case, and -o writes the lift of its follower as a table for a case.
     """
-    of_case = {
-        "CASE": case, "--cam": name, "--format": forms, "--cutter": cutter, "--pressure-angle": pressure_angle,
-        "--checking-lift": checking_lifts, "--plot": plot, "--plot-format": plot_format, "--set": overrides,
-    }  # fmt: skip
+    if profile is not None:
+        of_case = {
+            "CASE": case, "--cam": name, "--format": forms, "--cutter": cutter, "--pressure-angle": pressure_angle,
+            "--checking-lift": checking_lifts, "--plot": plot, "--plot-format": plot_format, "--set": overrides,
+        }  # fmt: skip
+        cli.refuse_with("--from-profile", "it belongs to the cams of a case file", of_case)
     of_profile = {"--follower": follower, "--base-radius": base_radius, "--unit": unit, "--clockwise": clockwise}
-    _check_source(of_case, of_profile, profile)
+    for option, given in of_profile.items():
+        cli.refuse_without(option, given, "--from-profile", present=profile is not None)
     if not _MIN_POINTS <= points <= _MAX_POINTS:
         raise refuse("--points", points, f"a whole number from {_MIN_POINTS} to {_MAX_POINTS}")
     if profile is not None:
-        print_lift_of_profile(
+        _print_lift_of_profile(
             profile, follower, base_radius, unit, clockwise, points, output, overwrite=overwrite, as_json=as_json
         )
         return
@@ -347,7 +331,7 @@ def cam(
     cli.warn_ignored_keys(overrides)
     if name is not None and name not in cams.cams:
         raise refuse("--cam", repr(name), ", ".join(cams.cams), "", suggest_name(name, cams.cams))
-    wheel = cli.parse_quantity("--cutter", cutter, "length", "mm") if cutter is not None else None
+    wheel = cli.parse_optional("--cutter", cutter, "length", "mm")
     limit = PRESSURE_ANGLE if pressure_angle is None else _pressure_limit(pressure_angle)
     option = "--checking-lift"
     lifts = {
@@ -359,22 +343,15 @@ def cam(
         for one, part in cams.cams.items()
         if name in (None, one)
     }
-    _check_profile_options(found, output, cutter)
+    for option, given in (("-o", output), ("--cutter", cutter)):
+        if given is not None and not any(one.profile for one in found.values()):
+            why, remedy = f"{', '.join(found)} has no profile", "give the cam base_radius and follower"
+            raise refuse(option, str(given), "nothing without a profile", why, remedy)
     if plot is not None and plot.suffix in (".svg", ".png", ".pdf"):
         remedy = f"name a folder; --plot-format {plot.suffix[1:]} selects the format"
         raise refuse("--plot", str(plot), "a folder", "a cam has several figures", remedy)
     files = _write_cam_files(cams.name, found, plot, plot_format or "svg", output, forms, wheel, overwrite=overwrite)
     cli.write_output(_describe_cams(cams, found), as_json=as_json, written=files)
-
-
-def _check_source(of_case: Mapping[str, object], of_profile: Mapping[str, object], profile: Path | None) -> None:
-    """Raise an error for options of a case with a profile, and the reverse."""
-    for option, given in of_case.items() if profile is not None else ():
-        if given is not None:
-            allowed, why = "nothing with --from-profile", "it belongs to the cams of a case file"
-            raise refuse(option, cli.describe_option(given), allowed, why, "leave it out")
-    for option, given in of_profile.items() if profile is None else ():
-        cli.refuse_without(option, given, "--from-profile", present=False)
 
 
 def _write_cam_files(
@@ -390,32 +367,25 @@ def _write_cam_files(
         if folder is not None and facts.profile is not None:
             table, target = profile_table(facts.profile, cutter), create_folder(folder) / f"{name}-{one}"
             files += write_profile(table, target, forms or ["csv", "dxf", "vtp"], overwrite=overwrite)
-    for path, figure in figures.items():
-        from flexcam.plotting.figures import save_figure
-
-        files.append(save_figure(figure, path, overwrite=overwrite))
-    return files
+    return files + [plotting.figures.save_figure(one, path, overwrite=overwrite) for path, one in figures.items()]
 
 
 def _draw_cams(name: str, found: Mapping[str, CamFacts]) -> dict[str, Figure]:
     """Return the figures of cams and cylinders by the stems of their files."""
-    from flexcam.plotting.curves import lift_figure, pressure_figure, profile_figure, timing_figure
-
-    figures: dict[str, Figure] = {}
+    curves, figures = plotting.curves, dict[str, "Figure"]()
     for one, facts in found.items():
         stem = f"{name}-{one}"
-        figures[f"{stem}-lift"] = lift_figure({stem: facts.cam.event})
+        figures[f"{stem}-lift"] = curves.lift_figure({stem: facts.cam.event})
         if facts.profile is not None:
-            figures[f"{stem}-profile"] = profile_figure(facts.profile)
-            figures[f"{stem}-pressure"] = pressure_figure(facts.profile)
-    return figures | {f"{name}-{'-'.join(one)}-timing": timing_figure(one) for one in cylinders(found)}
+            figures[f"{stem}-profile"] = curves.profile_figure(facts.profile)
+            figures[f"{stem}-pressure"] = curves.pressure_figure(facts.profile)
+    return figures | {f"{name}-{'-'.join(one)}-timing": curves.timing_figure(one) for one in cylinders(found)}
 
 
 def _describe_cams(cams: CamSet, found: Mapping[str, CamFacts]) -> cli.CommandOutput:
-    """Return the output about the cams of a file."""
     pairs = valve_overlaps(found)
     json = {
-        "cams": {one: cam_json(facts, cams.reports.get(one)) for one, facts in found.items()},
+        "cams": {one: _cam_json(facts, cams.reports.get(one)) for one, facts in found.items()},
         "overlaps": [dict(zip(("one", "other", "lift", "angle"), pair, strict=True)) for pair in pairs],
         "lobe_separations": [
             {"one": one, "other": other, "angle": lobe_separation(found[one], found[other])}
@@ -424,20 +394,12 @@ def _describe_cams(cams: CamSet, found: Mapping[str, CamFacts]) -> cli.CommandOu
     }
     parts: list[Table] = []
     for one, facts in found.items():
-        parts.append(cam_table(one, facts, cams))
+        parts.append(_cam_table(one, facts, cams))
         if one in cams.reports:
-            parts.append(smoothing_table(one, cams.reports[one]))
+            parts.append(_smoothing_table(one, cams.reports[one]))
     if crossed := [pair for pair in pairs if exhaust_and_intake(found[pair[0]], found[pair[1]])]:
-        parts.append(overlap_table(crossed, found))
+        parts.append(_overlap_table(crossed, found))
     return cli.CommandOutput(parts, json)
-
-
-def _check_profile_options(found: Mapping[str, CamFacts], folder: Path | None, cutter: str | None) -> None:
-    """Raise an error for options that require a profile if there is none."""
-    for option, given in (("-o", folder), ("--cutter", cutter)):
-        if given is not None and not any(one.profile for one in found.values()):
-            why, remedy = f"{', '.join(found)} has no profile", "give the cam base_radius and follower"
-            raise refuse(option, str(given), "nothing without a profile", why, remedy)
 
 
 def _pressure_limit(text: str) -> float:
@@ -450,10 +412,9 @@ def _pressure_limit(text: str) -> float:
 _MIN_POINTS, _MAX_POINTS = 12, 100_000
 
 
-def lift_from_profile_table(
+def _lift_from_profile_table(
     name: str, points: int, angle: FloatArray, lift: FloatArray, hollow: Bridge | None
 ) -> Table:
-    """Return the table of a lift computed from a profile."""
     low, high = (Extreme(float(lift[i]), float(angle[i])) for i in (int(np.argmin(lift)), int(np.argmax(lift))))
     rows = [
         ("points", str(points)),
@@ -469,7 +430,7 @@ def lift_from_profile_table(
     return facts_table(f"Lift of {name}", rows)
 
 
-def print_lift_of_profile(
+def _print_lift_of_profile(
     profile: Path, follower: str | None, base_radius: str | None, unit: Literal["um", "mm", "cm", "m", "in"] | None,
     clockwise: bool, points: int, output: Path | None, *, overwrite: bool, as_json: bool,
 ) -> None:  # fmt: skip
@@ -487,7 +448,7 @@ def print_lift_of_profile(
         "points": len(xy), "angle": angle.tolist(), "lift": lift.tolist(),
         "bridged": None if bridge is None else asdict(bridge),
     }  # fmt: skip
-    table = lift_from_profile_table(profile.name, len(xy), angle, lift, bridge)
+    table = _lift_from_profile_table(profile.name, len(xy), angle, lift, bridge)
     cli.write_output(
         cli.CommandOutput([table], json), as_json=as_json, written=files, describe_file=cli.describe_lift_file
     )

@@ -6,12 +6,13 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import numpy as np
 from cyclopts import Group, Parameter
 from rich.table import Table
 
+from flexcam import plotting
 from flexcam.analysis.campbell import Campbell
 from flexcam.analysis.campbell import campbell as find_crossings
 from flexcam.analysis.orders import Signal, Waterfall, largest_orders, waterfall
@@ -33,12 +34,8 @@ from flexcam.report.terminal import (
     show_count,
 )
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
-
-def campbell_table(found: Campbell, scale: float) -> Table:
-    """Return the table of the modes over speed, one row per mode."""
+def _campbell_table(found: Campbell, scale: float) -> Table:
     low, high = (f"Hz at {scale * found.rpm[i]:.6g}" for i in (0, -1))
     rows = [
         (str(i), format_number(column[0], 5), format_number(column[-1], 5), "yes" if reached else "no", words)
@@ -50,7 +47,7 @@ def campbell_table(found: Campbell, scale: float) -> Table:
     return plain_table(title, ("mode", low, high, "excited", "what moves"), rows)
 
 
-def crossing_table(found: Campbell, scale: float) -> Table:
+def _crossing_table(found: Campbell, scale: float) -> Table:
     """Return the table of the crossings of orders and modes in ascending order of speed."""
     rows = [
         (f"{scale * one.rpm:.6g}", str(one.harmonic), str(one.mode + 1), f"{one.frequency:.5g}",
@@ -62,8 +59,7 @@ def crossing_table(found: Campbell, scale: float) -> Table:
     return plain_table(title if rows else f"{title}: none between these speeds", head, rows)
 
 
-def campbell_json(found: Campbell, scale: float) -> dict[str, object]:
-    """Return a Campbell diagram for ``--json``."""
+def _campbell_json(found: Campbell, scale: float) -> dict[str, object]:
     modes = [
         {"frequencies_hz": finite_numbers(column), "reached": reached, "moves": words}
         for column, reached, words in zip(found.frequencies.T, found.reached, found.words, strict=True)
@@ -80,16 +76,7 @@ def campbell_json(found: Campbell, scale: float) -> dict[str, object]:
     }  # fmt: skip
 
 
-def failed_status(statuses: Sequence[Status]) -> Status | None:
-    """Return the status of a command over speeds if no speed was computed."""
-    if any(one.ok for one in statuses):
-        return None
-    first = statuses[0]
-    return Status(first.cause, f"none of {len(statuses)} speeds was completed; the first: {first.text}", first.remedy)
-
-
-def describe_incomplete_runs(statuses: Sequence[Status], rpm: FloatArray, scale: float) -> list[str]:
-    """Return sentences about incomplete runs."""
+def _describe_incomplete_runs(statuses: Sequence[Status], rpm: FloatArray, scale: float) -> list[str]:
     return [
         f"Warning: no result at {scale * speed:.6g} {shaft_name(scale)} rpm: {status}"
         for status, speed in zip(statuses, rpm.tolist(), strict=True)
@@ -100,31 +87,23 @@ def describe_incomplete_runs(statuses: Sequence[Status], rpm: FloatArray, scale:
 _MAX_TABLE_ORDERS = 8  # in the table: those with the largest amplitudes
 
 
-def orders_table(found: Waterfall, scale: float) -> Table:
+def _orders_table(found: Waterfall, scale: float) -> Table:
     """Return the table of the largest orders of a history over speed."""
     shown = sorted(largest_orders(found, _MAX_TABLE_ORDERS))
     rounding = NOISE * float(np.nanmax(found.amplitudes)) if shown else 0.0
-    rows = [
-        (f"{scale * rpm:.6g}", *(_number(found.amplitudes[i, n], rounding) for n in (0, *shown)), _part(found, i))
-        for i, rpm in enumerate(found.rpm.tolist())
-    ]
+    rows: list[tuple[str, ...]] = []
+    for rpm, sizes, gap in zip(found.rpm.tolist(), found.amplitudes, found.gaps.tolist(), strict=True):
+        largest = float(sizes[1:].max())
+        shares = f"{gap / largest:.1%}" if largest > 0.0 else "-"
+        cells = (format_number(0.0 if sizes[n] < rounding else sizes[n], 4) for n in (0, *shown))
+        rows.append((f"{scale * rpm:.6g}", *cells, shares))
     what = f"acceleration of {found.signal.name}" if found.signal.probe else found.signal.name
     title = f"Orders of {what}, {found.unit}, in the last revolution: largest of {found.amplitudes.shape[1] - 1}"
     head = (f"{shaft_name(scale)} rpm", "mean", *(f"order {n}" for n in shown), "not periodic by")
     return plain_table(title, head, rows)
 
 
-def _number(value: float, rounding: float) -> str:
-    """Format an amplitude; rounding noise of the largest gives zero."""
-    return "-" if math.isnan(value) else f"{0.0 if value < rounding else value:.4g}"
-
-
-def _part(found: Waterfall, i: int) -> str:
-    size = float(found.amplitudes[i, 1:].max())
-    return "-" if math.isnan(size) or size <= 0.0 else f"{found.gaps[i] / size:.1%}"
-
-
-def orders_csv(found: Sequence[Waterfall], scale: float) -> str:
+def _orders_csv(found: Sequence[Waterfall], scale: float) -> str:
     """Return amplitudes as CSV text, a row per history, speed and order, without incomplete runs."""
     lines = [f"history,unit,{shaft_name(scale)} speed [rpm],order,amplitude,not periodic by"]
     for one in found:
@@ -135,8 +114,7 @@ def orders_csv(found: Sequence[Waterfall], scale: float) -> str:
     return "\n".join(lines) + "\n"
 
 
-def orders_json(found: Sequence[Waterfall], scale: float) -> dict[str, object]:
-    """Return the orders for ``--json``."""
+def _orders_json(found: Sequence[Waterfall], scale: float) -> dict[str, object]:
     histories = {
         one.signal.name: {
             "unit": one.unit, "amplitudes": finite_numbers(one.amplitudes), "open_by": finite_numbers(one.gaps),
@@ -186,10 +164,8 @@ def campbell(
     case gives crank_speed, otherwise those of the camshaft.
     """
     if response:
-        for option, given in (("--modes", modes), ("--contact", contact)):
-            if given is not None:
-                why = "the orders of the response need no modes"
-                raise refuse(option, given, "nothing with --response", why, "leave one out")
+        why = "the orders of the response need no modes"
+        cli.refuse_with("--response", why, {"--modes": modes, "--contact": contact}, "leave one out")
     for option, given in (("--channel", channels), ("--probe", probes), ("--csv", csv)):
         cli.refuse_without(option, given, "--response", present=response)
     read, numbers = collect_errors(
@@ -203,8 +179,7 @@ def campbell(
         output, ended = orders_of_response(read, speeds, select_signals(read, channels, probes), numbers[-1])
     else:
         output, ended = modes_over_speed(read, speeds, numbers, 8 if modes is None else modes, contact)
-    cli.write_output(output, csv, plot, ended, overwrite=overwrite, as_json=as_json)
-    return ended
+    return cli.write_output(output, csv, plot, ended, overwrite=overwrite, as_json=as_json)
 
 
 def modes_over_speed(
@@ -214,17 +189,13 @@ def modes_over_speed(
     scale = case.turns
     with show_count(len(speeds), "speeds") as shown:
         found = find_crossings(case, speeds, orders=orders, modes=count, contact=contact, advance=shown)
-
-    def draw() -> Figure:
-        from flexcam.plotting.spectra import campbell_figure
-
-        return campbell_figure(found, scale, shaft_name(scale))
-
-    incomplete = describe_incomplete_runs(found.statuses, found.rpm, scale)
-    parts = [campbell_table(found, scale), crossing_table(found, scale), *incomplete]
-    return cli.CommandOutput(parts, campbell_json(found, scale), draw=draw, title=case.title), failed_status(
-        found.statuses
-    )
+    incomplete = _describe_incomplete_runs(found.statuses, found.rpm, scale)
+    parts = [_campbell_table(found, scale), _crossing_table(found, scale), *incomplete]
+    output = cli.CommandOutput(
+        parts, _campbell_json(found, scale), title=case.title,
+        draw=lambda: plotting.spectra.campbell_figure(found, scale, shaft_name(scale)),
+    )  # fmt: skip
+    return output, cli.failed_status(found.statuses, "speeds")
 
 
 def orders_of_response(
@@ -234,16 +205,13 @@ def orders_of_response(
     scale = case.turns
     with show_count(len(speeds), "speeds") as shown:
         found = waterfall(case, speeds, signals, highest_order, advance=shown)
-
-    def draw() -> Figure:
-        from flexcam.plotting.spectra import waterfall_figure
-
-        return waterfall_figure(found, scale, shaft_name(scale))
-
-    incomplete = describe_incomplete_runs(found[0].statuses, found[0].rpm, scale)
-    parts = [*(orders_table(one, scale) for one in found), *incomplete]
-    output = cli.CommandOutput(parts, orders_json(found, scale), orders_csv(found, scale), draw, case.title)
-    return output, failed_status(found[0].statuses)
+    incomplete = _describe_incomplete_runs(found[0].statuses, found[0].rpm, scale)
+    parts = [*(_orders_table(one, scale) for one in found), *incomplete]
+    output = cli.CommandOutput(
+        parts, _orders_json(found, scale), _orders_csv(found, scale), title=case.title,
+        draw=lambda: plotting.spectra.waterfall_figure(found, scale, shaft_name(scale)),
+    )  # fmt: skip
+    return output, cli.failed_status(found[0].statuses, "speeds")
 
 
 def select_signals(case: Case, channels: list[str] | None, probes: list[str] | None) -> list[Signal]:

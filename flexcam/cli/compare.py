@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import numpy as np
 from cyclopts import Group, Parameter
 from rich.table import Table
 
+from flexcam import plotting
 from flexcam.analysis.comparison import (
     MODELS,
     ForceRange,
@@ -36,9 +37,6 @@ from flexcam.io import read_result
 from flexcam.report.fidelity_tables import TRADE_LEGEND, trade_csv, trade_json, trade_table, trade_warnings
 from flexcam.report.tables import comparison_json, comparison_table, describe_comparison, describe_contacts
 from flexcam.report.terminal import create_table, format_decimals, plain_table, show_count
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _RESULT = ".vtkhdf"
 _SPEEDS = Group("Contact forces over speed", sort_key=1)
@@ -70,7 +68,7 @@ def compare(
     plot: Annotated[Path | None, Parameter(
         group=_SPEEDS, help="Also draw the forces over speed (.svg, .png or .pdf).")] = None,
     overrides: cli.Overrides = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
-) -> Status:  # fmt: skip
+) -> Status | None:  # fmt: skip
     """Compare the flexible model with the rigid one, or any two models, cases or results.
 
     With a range of speeds (--lowest, --highest or --plot) it compares the contact forces of the rigid model, the
@@ -81,18 +79,14 @@ def compare(
     for option, given in (("--count", count), ("--tolerance", tolerance), ("--contact", contact)):
         cli.refuse_without(option, given, "--lowest, --highest or --plot", present=over_speed)
     if over_speed:
-        for option, given in (("--probe", probe), ("--against", against)):
-            if given is not None:
-                why = "over speed the contact forces of three models are compared"
-                raise refuse(option, given, "nothing with --lowest, --highest or --plot", why, "leave it out")
-        number = 8 if count is None else count
+        why = "over speed the contact forces of three models are compared"
+        cli.refuse_with("--lowest, --highest or --plot", why, {"--probe": probe, "--against": against})
         part = positive("--tolerance", parse(tolerance or "5 %", "number", "--tolerance"), "1", zero=True)
         read = cli.load_beams(case, overrides)
-        speeds = cli.spaced_speeds(lowest, highest, number, read)
-        cli.check_figure_path(plot, overwrite)
+        speeds = cli.spaced_speeds(lowest, highest, 8 if count is None else count, read)
+        cli.check_targets(None, plot, overwrite=overwrite)
         output = _compare_over_speed(read, speeds, part, contact)
-        cli.write_output(output, plot=plot, overwrite=overwrite, as_json=as_json)
-        return Status()
+        return cli.write_output(output, plot=plot, overwrite=overwrite, as_json=as_json)
     if against is not None:
         return _compare_pair(case, against, probe, overrides, as_json)
     read = cli.load_beams(case, overrides)
@@ -103,7 +97,8 @@ def compare(
     claims = check_claims(read, at, found) if read.record.paper and found.status.ok else []
     json = {**comparison_json(found), "loaded_mode_hz": mode_hz, "claims": [asdict(claim) for claim in claims]}
     parts = [comparison_table(found, read.turns), *describe_comparison(found, mode_hz), *describe_contacts(read)]
-    cli.write_output(cli.CommandOutput([*parts, *([claim_table(claims)] if claims else [])], json), as_json=as_json)
+    parts += [_claim_table(claims)] if claims else []
+    cli.write_output(cli.CommandOutput(parts, json), as_json=as_json)
     return found.status
 
 
@@ -123,7 +118,9 @@ def _compare_pair(case: Path, against: str, probe: str | None, overrides: cli.Ov
     second = Path(against)
     pairs = (case.stem, second.stem), (case.name, second.name), (str(case), against)
     names = next((pair for pair in pairs if pair[0] != pair[1]), pairs[0])
-    found = compare_responses(one, other, at, _speed_rpm(one), names)
+    angle, duration = (float(series[-1] - series[0]) for series in (one.angle, one.time))
+    rpm = angle / duration / RPM if duration > 0.0 else 0.0
+    found = compare_responses(one, other, at, rpm, names)
     json = {**comparison_json(found), "compared": list(found.names)}
     cli.write_output(
         cli.CommandOutput([comparison_table(found), *describe_comparison(found, None)], json), as_json=as_json
@@ -152,35 +149,27 @@ def _run(case: Case) -> Response:
     return response
 
 
-def _speed_rpm(response: Response) -> float:
-    """Return the mean camshaft speed of a run, rpm."""
-    angle, duration = (float(one[-1] - one[0]) for one in (response.angle, response.time))
-    return angle / duration / RPM if duration > 0.0 else 0.0
-
-
 def _compare_over_speed(case: Case, speeds: list[float], tolerance: float, contact: str | None) -> cli.CommandOutput:
     """Compare the contact forces of the rigid, bilateral and unilateral model over speed."""
     scale = case.turns
     with show_count(len(speeds), "speeds") as shown:
         found = compare_models_over_speed(case, speeds, contact=contact, advance=shown)
 
-    def draw() -> Figure:
-        from flexcam.plotting.spectra import force_figure
-
-        nothing, ranges = ForceRange(float("nan"), float("nan")), dict[str, tuple[FloatArray, FloatArray]]()
-        for name in MODELS:
-            forces = [speed.forces[name] or nothing for speed in found]
-            ranges[name] = np.array([one.least for one in forces]), np.array([one.largest for one in forces])
-        return force_figure(np.array([scale * one.rpm for one in found]), ranges, shaft_name(scale))
-
-    table = divergence_table(found, scale, tolerance)
-    return cli.CommandOutput([table], divergence_json(found, scale, tolerance), draw=draw, title=case.title)
+    nothing, ranges = ForceRange(float("nan"), float("nan")), dict[str, tuple[FloatArray, FloatArray]]()
+    for name in MODELS:
+        forces = [speed.forces[name] or nothing for speed in found]
+        ranges[name] = np.array([one.least for one in forces]), np.array([one.largest for one in forces])
+    rpm = np.array([scale * one.rpm for one in found])
+    return cli.CommandOutput(
+        [_divergence_table(found, scale, tolerance)], _divergence_json(found, scale, tolerance), title=case.title,
+        draw=lambda: plotting.spectra.force_figure(rpm, ranges, shaft_name(scale)),
+    )  # fmt: skip
 
 
 _PAIRS = (("rigid", "bilateral"), ("bilateral", "unilateral"))
 
 
-def divergence_table(found: Sequence[SpeedResult], scale: float, tolerance: float) -> Table:
+def _divergence_table(found: Sequence[SpeedResult], scale: float, tolerance: float) -> Table:
     """Return the table of minimum and maximum contact force on the main lift by model."""
     rows = [(f"{scale * one.rpm:.6g}", *(_format_forces(one.forces[name]) for name in MODELS)) for one in found]
     head = (f"{shaft_name(scale)} rpm", *(f"{name}, N" for name in MODELS))
@@ -205,8 +194,7 @@ def _describe_divergence(found: Sequence[SpeedResult], scale: float, tolerance: 
     return f"differences above {tolerance:.0%}: {'; '.join(words)}"
 
 
-def divergence_json(found: Sequence[SpeedResult], scale: float, tolerance: float) -> dict[str, object]:
-    """Return the contact forces by model for ``--json``."""
+def _divergence_json(found: Sequence[SpeedResult], scale: float, tolerance: float) -> dict[str, object]:
     part: dict[str, object] = {}
     for first, second in _PAIRS:
         rpm = divergence_speed(found, first, second, tolerance)
@@ -245,18 +233,15 @@ def trade(
     with show_count(None, "models") as shown:
         against, found = evaluate_ladder(read, at, repeats=repeats, advance=shown)
 
-    def draw() -> Figure:
-        from flexcam.plotting.histories import work_precision_figure
-
-        return work_precision_figure(found)
-
     parts = [trade_table(against, found), TRADE_LEGEND, *trade_warnings(against, found)]
-    output = cli.CommandOutput(parts, trade_json(against, found), trade_csv(against, found), draw, read.title)
+    output = cli.CommandOutput(
+        parts, trade_json(against, found), trade_csv(against, found), title=read.title,
+        draw=lambda: plotting.histories.work_precision_figure(found),
+    )  # fmt: skip
     cli.write_output(output, csv, plot, overwrite=overwrite, as_json=as_json)
 
 
-def claim_table(claims: Iterable[Claim]) -> Table:
-    """Return the table of the paper's claims and the computed results."""
+def _claim_table(claims: Iterable[Claim]) -> Table:
     made = create_table("Claims of the paper and this computation")
     for head in ("claim", "reproduced", "computed"):
         made.add_column(head, justify="left")

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import numpy as np
 from cyclopts import Parameter
 
+from flexcam import plotting
 from flexcam.analysis.run import check_case_resources
 from flexcam.case.reader import CaseFile as OpenCase
 from flexcam.cli import app as cli
@@ -21,9 +21,6 @@ from flexcam.studies.executors import open_evaluator
 from flexcam.studies.fitting import Fit, Measurement, curve_row, fit_curves, read_measurement
 from flexcam.studies.plan import make_bundle
 from flexcam.studies.variables import PointEvaluator, Variable, variables_of
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _TO = "Measured curves (.csv, .mf4): columns such as 'crank angle [deg]' or 'time [s]', and 'valve displacement [mm]'."
 
@@ -46,7 +43,7 @@ def fit(
     workers: WorkerCount = 1, target: NewCase = None, csv: cli.Csv = None, plot: cli.Picture = None,
     overrides: cli.Overrides = None, allow_large: cli.AllowLarge = False,
     overwrite: cli.Overwrite = False, as_json: cli.Json = False,
-) -> Status:  # fmt: skip
+) -> Status | None:  # fmt: skip
     """Fit values of a case to measured curves, print 95 % confidence intervals and warn about correlated values.
 
     Curves over an angle are compared with the last revolution, curves over time with the whole run. A column without
@@ -77,27 +74,11 @@ def fit(
     ended = Status()
     if not found.converged:
         ended = Status(Cause.TOLERANCE, "the search ended before it reached its tolerance", "allow more --steps")
-    output = replace(fit_output(variables, measured, found), draw=lambda: _figure(measured, found))
-    cli.write_output(output, csv, plot, ended, overwrite=overwrite, as_json=as_json, written=written)
-    return ended
+    output = _fit_output(variables, measured, found)
+    return cli.write_output(output, csv, plot, ended, overwrite=overwrite, as_json=as_json, written=written)
 
 
-def _abscissa(measured: Measurement) -> tuple[str, list[float]]:
-    if measured.over == "time":
-        return "time [s]", measured.instants.tolist()
-    return "cam angle [deg]", np.degrees(measured.instants).tolist()
-
-
-def _figure(measured: Measurement, found: Fit) -> Figure:
-    from flexcam.plotting.histories import fit_figure
-
-    label, at = _abscissa(measured)
-    curves = zip(measured.curves, found.before, found.after, strict=True)
-    return fit_figure(np.array(at), label, {f"{c.label}, {c.unit}": (c.values, old, new) for c, old, new in curves})
-
-
-def fit_output(variables: Sequence[Variable], measured: Measurement, found: Fit) -> cli.CommandOutput:
-    """Return the output of a fit."""
+def _fit_output(variables: Sequence[Variable], measured: Measurement, found: Fit) -> cli.CommandOutput:
     keys, curves = [one.key for one in variables], measured.curves
     words = [
         f"The curves do not determine {' and '.join(keys[i] for i in group)}: "
@@ -128,7 +109,9 @@ def fit_output(variables: Sequence[Variable], measured: Measurement, found: Fit)
         )
     ]
     rms = np.array([*(found.rms(measured, x) for x in (found.before, found.after)), found.noise]).T.tolist()
-    label, at = _abscissa(measured)
+    label, at = "time [s]", measured.instants
+    if measured.over != "time":
+        label, at = "cam angle [deg]", np.degrees(measured.instants)
     head = [label, *(f"{c.label} [{c.unit}], {kind}" for c in curves for kind in ("measured", "before", "after"))]
     every = [x for c, old, new in zip(curves, found.before, found.after, strict=True) for x in (c.values, old, new)]
     json = {
@@ -150,4 +133,9 @@ def fit_output(variables: Sequence[Variable], measured: Measurement, found: Fit)
         plain_table("Residuals, root mean square", ("curve", "before", "after", "noise"),
                     [(f"{c.label}, {c.unit}", *map(format_number, x)) for c, x in zip(curves, rms, strict=True)]),
     ]  # fmt: skip
-    return cli.CommandOutput([*tables, *words], json, format_csv(head, np.column_stack([at, *every]).tolist()))
+    histories = zip(curves, found.before, found.after, strict=True)
+    drawn = {f"{c.label}, {c.unit}": (c.values, old, new) for c, old, new in histories}
+    return cli.CommandOutput(
+        [*tables, *words], json, format_csv(head, np.column_stack([at, *every]).tolist()),
+        draw=lambda: plotting.histories.fit_figure(at, label, drawn),
+    )  # fmt: skip

@@ -10,6 +10,7 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.table import Table
 
+from flexcam import plotting
 from flexcam.cams import LAWS, Criteria, Extreme, Law, criteria, kind_names, residual_spectrum
 from flexcam.case.curves import parse_law, read_law
 from flexcam.case.fault_report import parse_toml
@@ -20,8 +21,7 @@ from flexcam.report.terminal import facts_table, plain_table, remove_noise
 _CURVES = (("velocity", "s'"), ("acceleration", "s''"), ("jerk", "s'''"), ("moment", "s' s''"))
 
 
-def law_json(found: Criteria) -> dict[str, object]:
-    """Return the criteria of a law for ``--json``."""
+def _law_json(found: Criteria) -> dict[str, object]:
     ends = {f"z={z}": dict(zip(("s", "s'", "s''", "s'''"), end, strict=True)) for z, end in enumerate(found.ends)}
     return {
         "Cv": found.Cv, "Ca": found.Ca, "Cj": found.Cj, "Cm": found.Cm,
@@ -32,8 +32,7 @@ def law_json(found: Criteria) -> dict[str, object]:
     }  # fmt: skip
 
 
-def law_facts(name: str, found: Criteria) -> Table:
-    """Return the table of the criteria of one law."""
+def _law_facts(name: str, found: Criteria) -> Table:
     criteria = (("C_v", found.Cv), ("C_a", found.Ca), ("C_j", found.Cj), ("C_m", found.Cm))
     rows = [("criteria", ", ".join(f"{n} {'infinite' if x is None else f'{x:.6g}'}" for n, x in criteria))]
     rows += [
@@ -61,8 +60,7 @@ def _format_position(extreme: Extreme) -> str:
     return f"{extreme.value:.6g} at z = {', '.join(f'{z:.6f}' for z in (extreme.at, *extreme.also))}"
 
 
-def laws_table(found: Mapping[str, Criteria]) -> Table:
-    """Return a table that compares laws."""
+def _laws_table(found: Mapping[str, Criteria]) -> Table:
     rest = ("none", "s'", "s' s''", "s' s'' s'''")
     rows = [
         (name, *(f"{x:.4f}" for x in (c.Cv, c.Ca)), "infinite" if c.Cj is None else f"{c.Cj:.3f}", f"{c.Cm:.4f}",
@@ -74,8 +72,7 @@ def laws_table(found: Mapping[str, Criteria]) -> Table:
     )
 
 
-def spectrum_table(spectra: Mapping[str, Sequence[float]], ratios: Sequence[float]) -> Table:
-    """Return a table that compares residual vibrations."""
+def _spectrum_table(spectra: Mapping[str, Sequence[float]], ratios: Sequence[float]) -> Table:
     rows = [(name, *(f"{value:.6f}" for value in values)) for name, values in spectra.items()]
     return plain_table("Residual vibration / lift, by rise time / period", ("law", *(f"{r:g}" for r in ratios)), rows)
 
@@ -149,8 +146,8 @@ def law(
     found, vibration = criteria(one), residual_spectrum(one, ratios).tolist()
     pairs = [{"ratio": ratio, "amplitude": value} for ratio, value in zip(ratios, vibration, strict=True)]
     output = cli.CommandOutput(
-        [law_facts(name, found), spectrum_table({name: vibration}, ratios)],
-        {"law": name, **law_json(found), "residual": pairs},
+        [_law_facts(name, found), _spectrum_table({name: vibration}, ratios)],
+        {"law": name, **_law_json(found), "residual": pairs},
     )
     files = _draw_laws({name: one}, plot, spectrum, overwrite=overwrite)
     cli.write_output(output, as_json=as_json, written=files)
@@ -165,23 +162,19 @@ def _compare_laws(ratios: Sequence[float]) -> cli.CommandOutput:
         first = next((other for other in rows if LAWS[other] == one), name)
         rows[first] = f"{rows[first]}, {name}" if first in rows else name
     parts = [
-        laws_table({names: found[first] for first, names in rows.items()}),
-        spectrum_table({names: spectra[first] for first, names in rows.items()}, ratios),
+        _laws_table({names: found[first] for first, names in rows.items()}),
+        _spectrum_table({names: spectra[first] for first, names in rows.items()}, ratios),
         f"Laws with parameters (flexcam law NAME --with KEY=VALUE): {', '.join(kind_names())}",
     ]
-    laws = {name: {**law_json(one), "residual": spectra[name]} for name, one in found.items()}
+    laws = {name: {**_law_json(one), "residual": spectra[name]} for name, one in found.items()}
     return cli.CommandOutput(parts, {"ratios": list(ratios), "kinds": list(kind_names()), "laws": laws})
 
 
 def _draw_laws(laws: Mapping[str, Law], plot: Path | None, spectrum: Path | None, *, overwrite: bool) -> list[Path]:
     """Draw laws and their residual vibration, if requested, and return the files."""
-    if plot is None and spectrum is None:
-        return []
     cli.check_distinct_files({"--plot": plot, "--spectrum": spectrum})
-    cli.check_figure_path(plot, overwrite)
-    cli.check_figure_path(spectrum, overwrite)
-    from flexcam.plotting.curves import law_figure, spectrum_figure
-    from flexcam.plotting.figures import save_figure
-
-    pairs = ((plot, law_figure), (spectrum, spectrum_figure))
-    return [save_figure(figure(laws), path, overwrite=overwrite) for path, figure in pairs if path is not None]
+    paths = [path for path in (plot, spectrum) if path is not None]
+    for path in paths:
+        plotting.figures.check_figure_path(path, overwrite=overwrite)
+    draw = {plot: lambda: plotting.curves.law_figure(laws), spectrum: lambda: plotting.curves.spectrum_figure(laws)}
+    return [plotting.figures.save_figure(draw[path](), path, overwrite=overwrite) for path in paths]

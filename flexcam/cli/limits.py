@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from cyclopts import Group, Parameter
 from rich.table import Table
 
+from flexcam import plotting
 from flexcam.analysis.figures_of_merit import compute_margins
 from flexcam.analysis.limits import Search, find_limits
 from flexcam.case.reader import CaseFile as OpenCase
@@ -20,12 +20,11 @@ from flexcam.core.units import shaft_name
 from flexcam.dynamics import Status
 from flexcam.report.tables import limits_json, limits_table
 from flexcam.report.terminal import finite_numbers, format_csv, format_number, plain_table, show_count, with_unit
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from flexcam.studies.plan import Axis
-    from flexcam.studies.quantities import LimitMap
+from flexcam.studies.executors import count_cores
+from flexcam.studies.plan import Axis, parse_axis
+from flexcam.studies.quantities import LimitMap, create_evaluator, grid_plan, limit_map, open_speed_runs
+from flexcam.studies.sweep import validate_plan
+from flexcam.studies.variables import InterruptibleRuns, require_units
 
 _MAP = Group("Map over two values", sort_key=1)
 
@@ -58,7 +57,7 @@ def limits(
     csv: Annotated[cli.Csv, Parameter(group=_MAP)] = None,
     plot: Annotated[cli.Picture, Parameter(group=_MAP)] = None,
     overrides: cli.Overrides = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
-) -> Status:  # fmt: skip
+) -> Status | None:  # fmt: skip
     """Find the speed limits of a valve train: contact loss, valve float, valve bounce, coil clash, buckling.
 
     It runs the case at many speeds between --lowest and --highest. With --over and --and it maps the limits over two
@@ -69,13 +68,11 @@ def limits(
     scale = read.turns
     low, high = cli.speed_range(lowest, highest, 2, read, most=2.0)
     width = cli.parse_accuracy(accuracy, scale)
-    height = _optional_quantity("--bounce-height", bounce_height, "length", "mm")
+    height = cli.parse_optional("--bounce-height", bounce_height, "length", "mm")
     if height is not None:
         positive("--bounce-height", height, "m", zero=True)
-    deviation = (
-        None if lift_deviation is None else cli.parse_quantity("--lift-deviation", lift_deviation, "length", "mm")
-    )
-    cutoff = None if low_pass is None else cli.parse_quantity("--low-pass", low_pass, "rate", "Hz")
+    deviation = cli.parse_optional("--lift-deviation", lift_deviation, "length", "mm")
+    cutoff = cli.parse_optional("--low-pass", low_pass, "rate", "Hz")
     search = Search(low, high, width, height, deviation, cutoff)
     if workers is not None and workers < 1:
         raise refuse("--workers", workers, "a whole number, at least 1")
@@ -89,11 +86,7 @@ def limits(
         cli.check_targets(csv, plot, case, overwrite=overwrite)
         names = which or ["loss_of_contact"]
         output, ended = _map_limits(case, overrides, (over, beside), names, search, 1 if workers is None else workers)
-        cli.write_output(output, csv, plot, ended, overwrite=overwrite, as_json=as_json)
-        return ended
-    from flexcam.studies.executors import count_cores
-    from flexcam.studies.quantities import open_speed_runs
-
+        return cli.write_output(output, csv, plot, ended, overwrite=overwrite, as_json=as_json)
     count = count_cores() if workers is None else workers
     with show_count(None, "runs") as shown, open_speed_runs(read, search, count) as runs:
         found = find_limits(read, search, start=runs, ahead=count, advance=shown)
@@ -101,27 +94,16 @@ def limits(
     parts: list[Table | str] = [limits_table(found, margins, scale)]
     if "loss_of_contact" not in found.limits:
         parts.append('Contact loss is not assessed: it needs a contact with model = "unilateral", which can separate.')
-    cli.write_output(cli.CommandOutput(parts, limits_json(found, margins, scale)), as_json=as_json)
-    return Status()
-
-
-def _optional_quantity(where: str, text: str | None, dimension: str, unit: str) -> float | None:
-    return None if text is None else cli.parse_quantity(where, text, dimension, unit)
+    return cli.write_output(cli.CommandOutput(parts, limits_json(found, margins, scale)), as_json=as_json)
 
 
 def _map_limits(
     path: Path, overrides: cli.Overrides, settings: tuple[str, str], names: Sequence[str], search: Search, workers: int
 ) -> tuple[cli.CommandOutput, Status]:
-    """Map limits over two values of a case."""
-    from flexcam.studies.quantities import create_evaluator, grid_plan, limit_map
-    from flexcam.studies.sweep import validate_plan
-    from flexcam.studies.variables import InterruptibleRuns, require_units
-
     file = OpenCase.open(path)
     plan = grid_plan(_axis("--over", settings[0]), _axis("--and", settings[1]), overrides or ())
     case = validate_plan(file, plan)
     require_units(case, plan.varied_axes)
-    shaft = shaft_name(case.turns)
     asked = [f"limits.{name}" for name in names]
     with (
         show_count(len(plan), "variants") as shown,
@@ -129,21 +111,10 @@ def _map_limits(
     ):
         kept = InterruptibleRuns(runs)
         found = limit_map(plan, names, kept).with_units(case)
-
-    def draw() -> Figure:
-        from flexcam.plotting.histories import map_figure
-
-        first, second = (np.array([value.number for value in one.values]) for one in found.axes)
-        labels = [with_unit(one.key, one.unit) for one in found.axes]
-        rpm = {f"{name.replace('_', ' ')}\n{shaft} speed, rpm": speeds for name, speeds in found.rpm.items()}
-        return map_figure(second, first, rpm, (labels[1], labels[0]))
-
-    return replace(limit_map_output(found, shaft), draw=draw), kept.status
+    return limit_map_output(found, shaft_name(case.turns)), kept.status
 
 
 def _axis(option: str, setting: str) -> Axis:
-    from flexcam.studies.plan import parse_axis
-
     key, equals, spec = setting.partition("=")
     if not equals:
         raise refuse(option, repr(setting), f"{option} KEY=SPEC, such as springs.valve.stiffness=40:70:5kN/m")
@@ -187,4 +158,9 @@ def limit_map_output(found: LimitMap, shaft: str) -> cli.CommandOutput:
         "limits_rpm": {name: finite_numbers(rpm) for name, rpm in found.rpm.items()},
         "statuses": [str(status.cause) for status in found.statuses],
     }
-    return cli.CommandOutput([*tables, *words], json, format_csv(head, rows))
+    numbers = [np.array([value.number for value in one.values]) for one in found.axes]
+    rpm = {f"{name.replace('_', ' ')}\n{shaft} speed, rpm": speeds for name, speeds in found.rpm.items()}
+    return cli.CommandOutput(
+        [*tables, *words], json, format_csv(head, rows),
+        draw=lambda: plotting.histories.map_figure(numbers[1], numbers[0], rpm, (across, down)),
+    )  # fmt: skip

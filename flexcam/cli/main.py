@@ -99,7 +99,6 @@ def _report_crash(words: Sequence[str], as_json: bool) -> int:
 
 
 def _command_line_fault(words: Sequence[str], fault: CycloptsError) -> Fault:
-    """Return the fault of an invalid command line."""
     command = [word for word in words[:1] if word in COMMAND_FILES]
     if command == ["synthesize"]:
         command += [word for word in words[1:2] if word in ("law", "harmonic", "polydyne")]
@@ -192,7 +191,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit with its exit code."""
     for number in (signal.SIGINT, signal.SIGTERM, *_HANGUP):
         signal.signal(number, _handle_signal)
-    _open_null_streams()
+    for name in ("stdout", "stderr"):  # of a process started without them, for example by a daemon
+        if getattr(sys, name) is None:
+            setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115 - for the life of the process
     if sys.stderr.isatty():
         logging.basicConfig(format="%(message)s")
         logging.getLogger("flexcam").setLevel(logging.INFO)
@@ -214,13 +215,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except OSError:  # the exit code remains
         _discard(sys.stderr)
     raise SystemExit(code)
-
-
-def _open_null_streams() -> None:
-    """Open null streams for a process started without standard streams, for example by a daemon."""
-    for name in ("stdout", "stderr"):
-        if getattr(sys, name) is None:
-            setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115 - for the life of the process
 
 
 def _discard(stream: TextIO) -> None:

@@ -28,8 +28,7 @@ def _elastic(found: ModelModes, count: int) -> list[int]:
     return list(range(len(found.modes.frequencies)))[found.modes.rigid :][:count]
 
 
-def closed_mode_table(found: ClosedModes, count: int) -> Table:
-    """Return the table of modes with contacts closed."""
+def _closed_mode_table(found: ClosedModes, count: int) -> Table:
     made = plain_table(f"Modes with closed contacts, cam of contact {found.contact}", ("no.",), ())
     columns = {"on the base circle": found.base_circle, "at full lift": found.full_lift}
     cells: list[list[tuple[str, str]]] = []
@@ -88,7 +87,7 @@ def modes(
         files = write_modes(path, drawn, found.modes.frequencies, found.modes.shapes, overwrite=overwrite)
     closed, missing = closed_modes(read)
     parts = [mode_table(found, f"{read.title}: modes, contacts open", read.turns)]
-    parts += [*(closed_mode_table(one, count) for one in closed), *check_modes(found), *filter(None, [missing])]
+    parts += [*(_closed_mode_table(one, count) for one in closed), *check_modes(found), *filter(None, [missing])]
     if criterion is not None:
         parts += [mac_table(criterion), describe_mac(criterion, compared)]
     if files:

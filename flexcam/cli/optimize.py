@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -13,6 +12,7 @@ import numpy as np
 from cyclopts import Parameter
 from rich.table import Table
 
+from flexcam import plotting
 from flexcam.analysis.run_checks import check_events
 from flexcam.cli import app as cli
 from flexcam.cli.study_options import (
@@ -92,7 +92,7 @@ def optimize(
     workers: WorkerCount = 1, lowest: Lowest = None, highest: Highest = None, accuracy: LimitAccuracy = "10 rpm",
     target: NewCase = None, csv: cli.Csv = None, plot: cli.Picture = None, overrides: cli.Overrides = None,
     allow_large: cli.AllowLarge = False, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
-) -> Status:  # fmt: skip
+) -> Status | None:  # fmt: skip
     """Find the best variant of a case under constraints, or the Pareto front of two goals."""
     cli.check_targets(csv, plot, case, overwrite=overwrite, target=target)
     goals = (*(Goal(name) for name in least or ()), *(Goal(name, most=True) for name in most or ()))
@@ -113,7 +113,7 @@ def optimize(
         exact_names(asked.case, names, "exact", option="--method gradient", other="use --method evolution")
     with suppress(RunFailedError):  # a case that fails may have better variants
         asked.initial_quantities(evaluations)
-    worst = worst_case(asked, at, goals, bounds, [one.key for one in variables]) if at else None
+    worst = _worst_case(asked, at, goals, bounds, [one.key for one in variables]) if at else None
     with asked.evaluators(evaluations) as runs:
         points = PointEvaluator(asked.case, variables, worst.over(runs) if worst else runs)
         design = OptimizationProblem(points, goals, bounds)
@@ -133,21 +133,20 @@ def optimize(
     if found.stopped:
         done = f"stopped by the user after {len(found.rows)} of about {evaluations} variants; the result is their best"
         ended = Status(Cause.INTERRUPTED, done, "run the same command with the same --seed again for the whole search")
-    output = optimum_output(design, found) if len(goals) == 1 else front_output(design, found)
+    parts, json = _optimum(design, found) if len(goals) == 1 else _front(design, found)
     if method == "gradient" and design.start is None:
-        note = "The case is outside the intervals: the search started from their centre."
-        output = replace(output, parts=[*output.parts, note])
+        parts.append("The case is outside the intervals: the search started from their centre.")
     if found.is_flat:
         note = (
             f"At the start {goals[0].name} has no slope, so that no direction improves it: a lost contact has no force."
         )
         remedy = "Start with a closed contact (--set), add --starts, or use --method evolution."
-        output = replace(output, parts=[*output.parts, f"{note} {remedy}"])
+        parts.append(f"{note} {remedy}")
     if not found.stopped and found.best is not None and len(goals) == 1:
         conditions = worst.conditions if worst else ((),)
         events = _check_variant(asked, design.points.overrides(found.points[found.best]), conditions)
-        output = replace(output, parts=[*output.parts, *events], json={**output.json, "warnings": events})
-    output = replace(output, draw=lambda: _search_figure(design, found))
+        parts, json = [*parts, *events], {**json, "warnings": events}
+    output = cli.CommandOutput(parts, json, _csv(design, found), lambda: _search_figure(design, found))
     cli.write_output(output, csv, plot, ended, overwrite=overwrite, as_json=as_json, written=written)
     if ended.ok and found.best is None:
         return Status(Cause.TOLERANCE, "no variant meets all constraints", "widen the intervals, or relax a constraint")
@@ -169,7 +168,7 @@ def _check_variant(
     return found
 
 
-def worst_case(
+def _worst_case(
     asked: StudyOptions, at: Sequence[str], goals: Sequence[Goal], bounds: Sequence[Constraint], varied: Sequence[str]
 ) -> WorstCase:
     """Return the conditions, and which end of every result is its worst one."""
@@ -193,17 +192,17 @@ def worst_case(
 
 def _search_figure(design: OptimizationProblem, found: Evaluations) -> Figure:
     """Return the figure of a search: progress of one goal, or the Pareto front of two."""
-    from flexcam.plotting.histories import front_figure, progress_figure
-
     inside = is_feasible(found.violations)
     signs = np.array([-1.0 if goal.most else 1.0 for goal in design.goals])
     labels = [with_unit(goal.name, design.unit(goal.name, found.rows)) for goal in design.goals]
     if len(design.goals) > 1:
-        return front_figure(found.costs * signs, inside, pareto_indices(found), (labels[0], labels[1]))
+        return plotting.histories.front_figure(
+            found.costs * signs, inside, pareto_indices(found), (labels[0], labels[1])
+        )
     costs = found.costs[:, 0]
     best = np.minimum.accumulate(np.where(inside & np.isfinite(costs), costs, np.inf))
     best[np.isinf(best)] = np.nan
-    return progress_figure(signs[0] * costs, inside, signs[0] * best, labels[0])
+    return plotting.histories.progress_figure(signs[0] * costs, inside, signs[0] * best, labels[0])
 
 
 _ROUNDING = 1e-9  # tolerance of a constraint for rounding, relative to its bound
@@ -211,8 +210,8 @@ _ACTIVE_DISTANCE = 0.01
 """Distance to a variant that violates a constraint, relative to the intervals, below which the constraint is active."""
 
 
-def optimum_output(design: OptimizationProblem, found: Evaluations) -> cli.CommandOutput:
-    """Return the output of an optimization with one goal."""
+def _optimum(design: OptimizationProblem, found: Evaluations) -> tuple[list[Table | str], Mapping[str, object]]:
+    """Return what an optimization with one goal prints, and its JSON."""
     at = found.nearest if found.best is None else found.best
     title = f"Best of {len(found.rows)} variants" if found.best is not None else "Smallest violation of constraints"
     point = zip(design.points.variables, found.points[at].tolist(), strict=True)
@@ -220,25 +219,24 @@ def optimum_output(design: OptimizationProblem, found: Evaluations) -> cli.Comma
         (design.goals[0].words, _value(found, at, design.goals[0].name)),
         *((f"--set {one.key}", f"{format_number(x)}{one.unit}") for one, x in point),
     ]
-    tables = [facts_table(title, rows)]
+    parts: list[Table | str] = [facts_table(title, rows)]
     if design.bounds:
-        tables.append(_constraint_table(design, found, at))
+        parts.append(_constraint_table(design, found, at))
     ends = [
         one.key
         for one, value in zip(design.points.variables, found.points[at].tolist(), strict=True)
         if min(value - one.low, one.high - value) <= 0.01 * (one.high - one.low)
     ]
-    words = _describe_failures(found)
     if ends:
-        words.insert(0, f"At an end of its interval: {', '.join(ends)}; a wider interval may have a better variant.")
+        parts.append(f"At an end of its interval: {', '.join(ends)}; a wider interval may have a better variant.")
+    words, count = _describe_failures(found)
     json = {"best": None if found.best is None else _variant_json(design, found, found.best),
-            "nearest": _variant_json(design, found, at),
-            "evaluations": len(found.rows), "failed": _count_failures(found)}  # fmt: skip
-    return cli.CommandOutput([*tables, *words], json, _csv(design, found))
+            "nearest": _variant_json(design, found, at), "evaluations": len(found.rows), "failed": count}  # fmt: skip
+    return [*parts, *words], json
 
 
-def front_output(design: OptimizationProblem, found: Evaluations) -> cli.CommandOutput:
-    """Return the output of a Pareto front."""
+def _front(design: OptimizationProblem, found: Evaluations) -> tuple[list[Table | str], Mapping[str, object]]:
+    """Return what a search for a Pareto front prints, and its JSON."""
     best = pareto_indices(found)
     names = [goal.name for goal in design.goals]
     head = (*(with_unit(goal.words, design.unit(goal.name, found.rows)) for goal in design.goals),
@@ -251,9 +249,9 @@ def front_output(design: OptimizationProblem, found: Evaluations) -> cli.Command
         for i in best
     ]
     title = f"Pareto front of {len(found.rows)} variants" if rows else "No variant meets all constraints"
-    json = {"front": [_variant_json(design, found, i) for i in best], "evaluations": len(found.rows),
-            "failed": _count_failures(found)}  # fmt: skip
-    return cli.CommandOutput([plain_table(title, head, rows), *_describe_failures(found)], json, _csv(design, found))
+    words, count = _describe_failures(found)
+    json = {"front": [_variant_json(design, found, i) for i in best], "evaluations": len(found.rows), "failed": count}
+    return [plain_table(title, head, rows), *words], json
 
 
 def _value(found: Evaluations, at: int, name: str) -> str:
@@ -287,14 +285,11 @@ def _margin(violation: float, distance: float, *, relative: bool) -> tuple[str, 
     return (f"active: {-violation:.2%}" if active else f"{-violation:.1%}"), away
 
 
-def _count_failures(found: Evaluations) -> int:
-    return sum(not row.status.ok for row in found.rows)
-
-
-def _describe_failures(found: Evaluations) -> list[str]:
+def _describe_failures(found: Evaluations) -> tuple[list[str], int]:
+    """Return a sentence about failed variants, if any, and their number."""
     failed = [row.status for row in found.rows if not row.status.ok]
     words = f"{len(failed)} variants failed and count as violating every constraint"
-    return [f"{words}; the first: {failed[0]}"] if failed else []
+    return [f"{words}; the first: {failed[0]}"] if failed else [], len(failed)
 
 
 def _variant_json(design: OptimizationProblem, found: Evaluations, i: int) -> dict[str, object]:

@@ -5,13 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import chain, combinations, cycle
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, get_args
 
 import numpy as np
 from cyclopts import Parameter
+from numpy.typing import NDArray
 
+from flexcam import plotting
 from flexcam.analysis.cam_analysis import CamFacts, cam_facts, case_cams, cylinders, exhaust_and_intake
 from flexcam.analysis.model_choice import evaluate_ladder
 from flexcam.analysis.natural_modes import modes
@@ -19,11 +22,14 @@ from flexcam.analysis.orders import run_over_speeds
 from flexcam.analysis.prepared_run import driven_probe, scalar_probe
 from flexcam.analysis.run import member_strength
 from flexcam.analysis.run_metrics import compute_metrics
+from flexcam.cams import CamProfile, cam_profile, profile_at
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.case.input_checks import check_shared_seat_load
 from flexcam.cli import app as cli
+from flexcam.cli.campbell import modes_over_speed, orders_of_response, select_signals
 from flexcam.cli.sources import Source, name_sources, open_sources
+from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name
 from flexcam.core.units import RPM, shaft_name, shaft_speed, to_display_unit
 from flexcam.dynamics import Response, Status
@@ -35,10 +41,7 @@ from flexcam.valvetrain.springs import has_channels
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from numpy.typing import NDArray
 
-    from flexcam.cams import CamProfile
-    from flexcam.core import FloatArray
     from flexcam.plotting.histories import Abscissa
 
 _TABLES = (".h5", ".csv")
@@ -86,12 +89,11 @@ class FigureOptions:
 
     def _drawn(self, source: Source, response: Response) -> Response:
         """Return a response, or its last revolution over the crank angle and of several runs."""
-        from flexcam.plotting.histories import last_revolution
-
-        if self.over == "crank":
-            tdc = self.tdc(source)
-            return last_revolution(response) if tdc is None else last_revolution(response, tdc, -math.pi)
-        return last_revolution(response) if len(self.sources) > 1 and self.over != "time" else response
+        tdc = self.tdc(source) if self.over == "crank" else None
+        if tdc is not None:
+            return plotting.histories.last_revolution(response, tdc, -math.pi)
+        whole = self.over != "crank" and (len(self.sources) == 1 or self.over == "time")
+        return response if whole else plotting.histories.last_revolution(response)
 
     def contact(self, source: Source) -> str | None:
         """Return the cam contact that drives the probe, or the first one."""
@@ -151,8 +153,6 @@ def plot(
 
     By default it draws motion and contact force over the cam angle. Of an incomplete run it draws the completed part.
     """
-    from flexcam.plotting.figures import check_figure_path, save_figure
-
     what = what or ("sweep" if files and files[0].suffix in _TABLES else "motion")
     _check_options(
         what, probe=probe, channel=channels, rigid=rigid or None, over=over, cam=cam, angle=angle, count=count,
@@ -161,10 +161,10 @@ def plot(
     if what != "sweep" and any(path.suffix in _TABLES for path in files):
         raise refuse("--what", what, "sweep", "the file is the table of a sweep")
     target = output or Path(f"{files[0].name.partition('.')[0] if files else 'flexcam'}-{what}.svg")
-    check_figure_path(target, overwrite=overwrite)
+    plotting.figures.check_figure_path(target, overwrite=overwrite)
     sources = {} if what == "sweep" else name_sources(open_sources(files, overrides, cams=what in _OF_CAMS))
     asked = FigureOptions(files, sources, probe, channels, over, rigid, cam, angle, count, x, y, as_map)
-    save_figure(_FIGURES[what](asked), target, overwrite=overwrite)
+    plotting.figures.save_figure(_FIGURES[what](asked), target, overwrite=overwrite)
     warnings = asked.rigid_warnings()
     cli.write_output(cli.CommandOutput(warnings, {"warnings": warnings}), as_json=as_json, written=[target])
     own = [one.response for one in asked.sources.values() if one.result is None and "response" in vars(one)]
@@ -183,58 +183,53 @@ _APPLIES = {
 
 def _check_options(what: str, **options: object) -> None:
     """Raise an error for options without effect on this kind of figure."""
+    given = {name: value for name, value in options.items() if value is not None and what not in _APPLIES[name]}
     faults = [
         Fault(
             f"--{name}",
-            str(given),
+            str(value),
             "",
             f"--what {what} has no --{name}",
             f"use it with --what {' or '.join(_APPLIES[name])}",
         )
-        for name, given in options.items()
-        if given is not None and what not in _APPLIES[name]
+        for name, value in given.items()
     ]
     if faults:
         raise InputError(faults)
 
 
 def _motion(asked: FigureOptions) -> Figure:
-    from flexcam.plotting.figures import COLOURS
-    from flexcam.plotting.histories import abscissa, contact_forces, motion_figure, shade
-
     lifted = driven_probe(asked.first.ready, asked.probe)
     probe = lifted.component if lifted else asked.probe or scalar_probe(asked.first.ready)
-    forces, responses = contact_forces(asked.first.response), asked.responses()
+    forces, responses = plotting.histories.contact_forces(asked.first.response), asked.responses()
     driving = [f"contacts.{asked.contact(one)}.force" for one in asked.sources.values()]
     own = [name for name in dict.fromkeys(driving) if any(name in one.channels for one in responses.values())]
     over = asked.over or "angle"
-    figure = motion_figure(
+    figure = plotting.histories.motion_figure(
         responses, probe, (own or forces[:1]) if asked.channels is None else asked.channels,
         rigid=asked.rigid_responses(), over=over, title=asked.title, lift=lifted.name if lifted else "",
         sign=lifted.sign if lifted else 1.0, deviation=asked.rigid,
     )  # fmt: skip
-    for (name, source), colour in zip(asked.sources.items(), cycle((COLOURS[4], *COLOURS[1:4])), strict=False):
+    colours = plotting.figures.COLOURS
+    for (name, source), colour in zip(asked.sources.items(), cycle((colours[4], *colours[1:4])), strict=False):
         contact, model, drawn = asked.contact(source), source.ready.model, responses[name]
         part = model.cam_contacts.get(contact or "")
         if isinstance(part, CamContact) and part.unilateral and f"contacts.{contact}.force" in drawn.channels:
             label = ", ".join(filter(None, (name, "contact lost on the lift")))
             tdc = (asked.tdc(source) or 0.0) if over == "crank" else 0.0
             lost = contact_loss(model, replace(drawn, angle=drawn.angle + tdc), str(contact))
-            shade(figure.axes, abscissa(drawn, over), lost, label, colour)
+            plotting.histories.shade(figure.axes, plotting.histories.abscissa(drawn, over), lost, label, colour)
     return _mark_areas(asked, figure)
 
 
 def _mark_areas(asked: FigureOptions, figure: Figure) -> Figure:
     """Mark dead centres and valve overlap over the crank angle, as far as a tdc is given, and name shaded areas."""
-    from flexcam.plotting.curves import mark_dead_centres
-    from flexcam.plotting.histories import add_area_legend, shade
-
     tdc = asked.tdc(asked.first) if asked.over == "crank" else None
     if tdc is not None:
-        mark_dead_centres(figure.axes)
+        plotting.curves.mark_dead_centres(figure.axes)
         crank = np.linspace(-2.0 * math.pi, 2.0 * math.pi, 1441)
-        shade(figure.axes, np.degrees(crank), _valve_overlap(asked, tdc, crank), _OVERLAP, "black")
-    return add_area_legend(figure)
+        plotting.histories.shade(figure.axes, np.degrees(crank), _valve_overlap(asked, tdc, crank), _OVERLAP, "black")
+    return plotting.histories.add_area_legend(figure)
 
 
 def _valve_overlap(asked: FigureOptions, tdc: float, crank: FloatArray) -> NDArray[np.bool_]:
@@ -257,11 +252,10 @@ _OVERLAP = "valve overlap, both open by 0.1 mm"
 
 
 def _force(asked: FigureOptions, kind: str = "force") -> Figure:
-    from flexcam.plotting.histories import channel_figure, contact_forces
-
     responses, first = asked.responses(), asked.first.response
-    known = contact_forces(first) if kind == "force" else [name for name in first.channels if name.endswith(".torque")]
-    channels = asked.channels or known
+    channels = asked.channels or [name for name in first.channels if name.endswith(".torque")]
+    if kind == "force":
+        channels = asked.channels or plotting.histories.contact_forces(first)
     if not channels:
         allowed = "a run with contacts" if kind == "force" else "a run with cams"
         raise refuse("--what", kind, allowed, "this run has none", "name channels with --channel")
@@ -270,54 +264,42 @@ def _force(asked: FigureOptions, kind: str = "force") -> Figure:
         for name, source in asked.sources.items()
         if kind == "torque"
     }
-    figure = channel_figure(
+    figure = plotting.histories.channel_figure(
         responses, channels, rigid=asked.rigid_responses(), over=asked.over or "angle", title=asked.title, means=means
     )
     return _mark_areas(asked, figure)
 
 
-def _torque(asked: FigureOptions) -> Figure:
-    return _force(asked, "torque")
-
-
 def _energy(asked: FigureOptions) -> Figure:
-    from flexcam.plotting.histories import energy_figure
-
     responses = asked.responses()
     if not any(name.startswith("energy.") for one in responses.values() for name in one.channels):
         raise refuse("--what", "energy", "a run of flexible members", "a rigid model has no energy balance")
-    return _mark_areas(asked, energy_figure(responses, over=asked.over or "angle", title=asked.title))
+    figure = plotting.histories.energy_figure(responses, over=asked.over or "angle", title=asked.title)
+    return _mark_areas(asked, figure)
 
 
 def _svaj(asked: FigureOptions) -> Figure:
-    from flexcam.plotting.curves import lift_figure
-    from flexcam.plotting.figures import add_title
-
     events = {
         ", ".join(filter(None, (name, cam))): one.event
         for name, source in asked.sources.items()
         for cam, one in _cams(source, asked.cam).items()
     }
-    return add_title(lift_figure(events), asked.first.subject if len(asked.sources) == 1 else "")
+    title = asked.first.subject if len(asked.sources) == 1 else ""
+    return plotting.figures.add_title(plotting.curves.lift_figure(events), title)
 
 
 def _profile(asked: FigureOptions) -> Figure:
-    from flexcam.cams import cam_profile
-    from flexcam.plotting.curves import profile_figure
 
     source = _single_source(asked, "profile")
     cam = asked.cam if asked.channels is None else _cam_of_channel(source, asked, asked.channels)
-    cams = {name: one for name, one in _cams(source, cam).items() if one.follower is not None}
-    if not cams:
+    one = next((one for one in _cams(source, cam).values() if one.follower is not None), None)
+    if one is None or one.follower is None:
         why = f"{cam or 'no cam of it'} has a profile" if cam is None else f"{cam!r} has no profile"
         raise refuse("--what", "profile", "a cam with a follower", why, "give the cam base_radius and follower")
-    one = next(iter(cams.values()))
     turned = 0.0 if asked.angle is None else cli.parse_quantity("--angle", asked.angle, "angle", "deg")
-    if one.follower is None:
-        raise refuse("--cam", repr(asked.cam), "a cam with a follower")
     profile = cam_profile(one.event, one.follower, count=720, turn=one.turn)
     coloured = None if asked.channels is None else _profile_values(source, profile, asked.channels[0])
-    return profile_figure(profile, angle=turned % math.tau, coloured=coloured)
+    return plotting.curves.profile_figure(profile, angle=turned % math.tau, coloured=coloured)
 
 
 def _cam_of_channel(source: Source, asked: FigureOptions, channels: Sequence[str]) -> str:
@@ -338,16 +320,13 @@ def _cam_of_channel(source: Source, asked: FigureOptions, channels: Sequence[str
 
 def _profile_values(source: Source, profile: CamProfile, channel: str) -> tuple[CamProfile, FloatArray, str]:
     """Return the profile at the instants of the last revolution, the values of a channel and their label."""
-    from flexcam.cams import profile_at
-    from flexcam.plotting.histories import channel_unit, short_name
-
     response = source.response
-    unit, last = channel_unit(response, channel), response.latest(source.ready.revolution)
+    unit, last = plotting.histories.channel_unit(response, channel), response.latest(source.ready.revolution)
     values, (factor, symbol) = response.channels[channel][last], to_display_unit(unit)
     if unit == "m" and float(np.abs(values).max(initial=0.0)) < _THIN:
         factor, symbol = 1e6, "µm"
     touched = profile_at(profile.event, profile.follower, response.angle[last], profile.turn)
-    return touched, factor * values, ", ".join(filter(None, (short_name(channel), symbol)))
+    return touched, factor * values, ", ".join(filter(None, (plotting.histories.short_name(channel), symbol)))
 
 
 _THIN = 1e-4  # length, m, up to which lengths are drawn in micrometres
@@ -355,9 +334,6 @@ _THIN = 1e-4  # length, m, up to which lengths are drawn in micrometres
 
 def _spring(asked: FigureOptions) -> Figure:
     """Draw the static curves of springs up to their travel in the rigid train."""
-    from flexcam.plotting.curves import spring_figure
-    from flexcam.plotting.figures import add_title
-
     source = _single_source(asked, "spring")
     known = {
         f"springs.{name}.force": spring
@@ -373,27 +349,21 @@ def _spring(asked: FigureOptions) -> Figure:
     for name in asked.channels or known:
         curve, loaded = spring_curve(known[name]), float(source.rigid.channels[name].max())
         drawn[name.split(".")[1]] = known[name], float(np.interp(loaded, curve.force, curve.travel))
-    return add_title(spring_figure(drawn), source.subject)
+    return plotting.figures.add_title(plotting.curves.spring_figure(drawn), source.subject)
 
 
 def _goodman(asked: FigureOptions) -> Figure:
-    from flexcam.plotting.curves import goodman_figure
-    from flexcam.plotting.figures import add_title
-
     source = _single_source(asked, "goodman")
     found = member_strength(*source.reloaded)
     if not found:
         raise refuse("--what", "goodman", "a run of flexible members with saved fields", "this run has none")
     members = source.ready.model.members
-    figure = goodman_figure({name: (one, members[name].material) for name, one in found.items()})
-    return add_title(figure, source.title)
+    figure = plotting.curves.goodman_figure({name: (one, members[name].material) for name, one in found.items()})
+    return plotting.figures.add_title(figure, source.title)
 
 
 def _map(asked: FigureOptions) -> Figure:
     """Draw a channel over cam angle and speed, of several results or from 0.5 to 1.5 times the case's speed."""
-    from flexcam.plotting.figures import add_title
-    from flexcam.plotting.spectra import angle_map_figure
-
     case, contact = asked.first.case, asked.contact(asked.first)
     channels = asked.channels or ([] if contact is None else [f"contacts.{contact}.force"])
     if len(channels) != 1:
@@ -413,13 +383,11 @@ def _map(asked: FigureOptions) -> Figure:
     if len(runs) < 2 or not any(runs.values()):
         raise refuse("--what", "map", "runs at two or more speeds", f"{len(runs)} given, or no run was completed")
     rpm = case.turns * np.array(list(runs)) / RPM
-    figure = angle_map_figure(rpm, list(runs.values()), channels[0], shaft_name(case.turns))
-    return add_title(figure, asked.first.subject)
+    figure = plotting.spectra.angle_map_figure(rpm, list(runs.values()), channels[0], shaft_name(case.turns))
+    return plotting.figures.add_title(figure, asked.first.subject)
 
 
 def _sweep(asked: FigureOptions) -> Figure:
-    from flexcam.plotting.histories import sweep_figure, sweep_map
-
     if len(asked.files) > 1 or asked.files[0].suffix not in _TABLES:
         raise refuse("files", ", ".join(map(str, asked.files)), "one table of a sweep (.h5 or .csv)")
     table = read_table(asked.files[0])
@@ -427,32 +395,27 @@ def _sweep(asked: FigureOptions) -> Figure:
     if not asked.y:
         fault = unknown_scalar_fault("nothing", table.scalars)
         raise refuse("--y", "nothing", fault.allowed, "it names what is drawn")
-    return (sweep_map if asked.as_map else sweep_figure)(table, x, asked.y)
+    draw = plotting.histories.sweep_map if asked.as_map else plotting.histories.sweep_figure
+    return draw(table, x, asked.y)
 
 
 def _modes(asked: FigureOptions) -> Figure:
-    from flexcam.plotting.spectra import mode_figure
-
     count = 6 if asked.count is None else asked.count
     if count < 1:
         raise refuse("--count", count, "a whole number, at least 1")
     case = _single_source(asked, "modes").case
     structure = build_structure(build_model(case))
-    return mode_figure(structure, modes(case, count), title=case.title)
+    return plotting.spectra.mode_figure(structure, modes(case, count), title=case.title)
 
 
 def _campbell(asked: FigureOptions) -> Figure:
     """Draw modes and orders from 0.5 to 1.5 times the case's speed."""
-    from flexcam.cli.campbell import modes_over_speed
-
     case = _single_source(asked, "campbell").case
     return modes_over_speed(case, _speeds(asked, case), range(1, _ORDERS + 1))[0].figure()
 
 
 def _waterfall(asked: FigureOptions) -> Figure:
     """Draw the orders of a motion and a force from 0.5 to 1.5 times the case's speed."""
-    from flexcam.cli.campbell import orders_of_response, select_signals
-
     case = _single_source(asked, "waterfall").case
     seen = select_signals(case, asked.channels, None if asked.probe is None else [asked.probe])
     return orders_of_response(case, _speeds(asked, case), seen, _ORDERS)[0].figure()
@@ -466,18 +429,16 @@ def _speeds(asked: FigureOptions, case: Case) -> list[float]:
 
 
 def _work_precision(asked: FigureOptions) -> Figure:
-    from flexcam.plotting.figures import add_title
-    from flexcam.plotting.histories import work_precision_figure
-
     source = _single_source(asked, "work-precision")
     probe = asked.probe or scalar_probe(source.ready)
-    return add_title(work_precision_figure(evaluate_ladder(source.case, probe, repeats=1)[1]), source.title)
+    figure = plotting.histories.work_precision_figure(evaluate_ladder(source.case, probe, repeats=1)[1])
+    return plotting.figures.add_title(figure, source.title)
 
 
 _FIGURES: Mapping[str, Callable[[FigureOptions], Figure]] = {
-    "motion": _motion, "force": _force, "torque": _torque, "energy": _energy, "svaj": _svaj, "profile": _profile,
-    "spring": _spring, "goodman": _goodman, "modes": _modes, "campbell": _campbell, "waterfall": _waterfall,
-    "map": _map, "sweep": _sweep, "work-precision": _work_precision,
+    "motion": _motion, "force": _force, "torque": partial(_force, kind="torque"), "energy": _energy, "svaj": _svaj,
+    "profile": _profile, "spring": _spring, "goodman": _goodman, "modes": _modes, "campbell": _campbell,
+    "waterfall": _waterfall, "map": _map, "sweep": _sweep, "work-precision": _work_precision,
 }  # fmt: skip
 
 
@@ -490,9 +451,8 @@ def _single_source(asked: FigureOptions, what: str) -> Source:
 def _cams(source: Source, name: str | None) -> Mapping[str, Cam]:
     """Return the cams of a source, or the requested one."""
     cams = source.cams
-    known: Sequence[str] = list(cams)
     if name is not None and name not in cams:
-        raise refuse("--cam", repr(name), ", ".join(known), "", suggest_name(name, known))
+        raise refuse("--cam", repr(name), ", ".join(cams), "", suggest_name(name, cams))
     if not cams:
         raise refuse("cams", "none", "a case with cams")
     return cams if name is None else {name: cams[name]}

@@ -11,7 +11,7 @@ from cyclopts import Parameter
 
 from flexcam.case.builder import build_model
 from flexcam.case.reader import read_case
-from flexcam.cli.app import Json, Overwrite, ResultPath, app, parse_quantity
+from flexcam.cli.app import Json, Overwrite, ResultPath, app, parse_optional
 from flexcam.core.errors import refuse
 from flexcam.dynamics import Response
 from flexcam.io import (
@@ -170,7 +170,7 @@ def _write_solids(
     source: Path, target: Path, fields: list[str] | None, instants: int | None, at: str | None, *, overwrite: bool
 ) -> list[Path]:
     """Write the solids of a result, or of a case as a rigid mechanism, in the format of the suffix of the target."""
-    from flexcam.cli.sources import displayed_motion, image_instant, open_sources
+    from flexcam.cli.sources import displayed_motion, open_sources
     from flexcam.plotting.scene.mechanism import build_mechanism
     from flexcam.plotting.solid_files import collect_parts, write_glb, write_stl, write_vtm
 
@@ -178,23 +178,21 @@ def _write_solids(
         raise refuse("--instants", instants, f"a whole number from 2 to {_MAX_FRAMES}")
     if fields is not None and len(fields) > 1:
         raise refuse("--field", ", ".join(fields), "one field with --format vtm", "", "choose one")
-    angle = None if at is None else parse_quantity("--at", at, "angle", "deg")
+    angle = parse_optional("--at", at, "angle", "deg")
     folder = target.with_name(f"{target.stem}-solids")
     if target.suffix != ".stl":
         check_writable("export", target if target.suffix == ".glb" else folder.with_suffix(".pvd"), overwrite=overwrite)
     (read,) = open_sources([source], None)
-    case, result = read.case, read.result
-    structure = build_structure(build_model(case))
-    motion, title = displayed_motion(case, structure, result, fields[0] if fields else None, None)
+    structure = build_structure(build_model(read.case))
+    motion, title, still = displayed_motion(read, structure, color=fields[0] if fields else None, angle=angle)
     drawn = build_mechanism(structure)
     if target.suffix == ".stl":
-        still = motion.at([image_instant(case, result, motion, angle, None)])
-        return write_stl(folder, collect_parts(drawn, still), overwrite=overwrite)
+        return write_stl(folder, collect_parts(drawn, motion.at([still])), overwrite=overwrite)
     frames = motion.spread(instants or _FRAMES[target.suffix])
     parts = collect_parts(drawn, motion.at(frames))
     if target.suffix == ".glb":
         return [write_glb(target, parts, drawn.upwards, title, overwrite=overwrite)]
-    times = motion.angle / case.speed if result is None else result.response.field_time[-len(motion) :]
+    times = motion.angle / read.case.speed if read.result is None else read.result.response.field_time[-len(motion) :]
     label = motion.label.replace("\n", ", ")
     return write_vtm(folder.with_suffix(".pvd"), parts, times[frames], label, overwrite=overwrite)
 
@@ -206,9 +204,9 @@ def _interpolate(response: Response, count: int | None) -> Response:
     """Return a response at evenly spaced instants; None for its own instants."""
     if count is None:
         return response
-    if not 2 <= count <= _MAX_INSTANTS or len(response.time) < 2:
-        if len(response.time) < 2:
-            raise refuse("--instants", "a result with one instant", "two or more", "", "leave --instants out")
+    if len(response.time) < 2:
+        raise refuse("--instants", "a result with one instant", "two or more", "", "leave --instants out")
+    if not 2 <= count <= _MAX_INSTANTS:
         raise refuse("--instants", count, f"a whole number from 2 to {_MAX_INSTANTS}")
     return response.at(np.linspace(float(response.time[0]), float(response.time[-1]), count))
 

@@ -33,17 +33,8 @@ from flexcam.cli import app as cli
 from flexcam.core.errors import NAME, NAMES, InputError, collect_errors, refuse
 from flexcam.dynamics import Cause, Response, RunFailedError, Stats, Status, solve
 from flexcam.io import check_folder, check_folder_name, check_writable
+from flexcam.report import tables
 from flexcam.report.fidelity_tables import choice_json, describe_choice, error_table
-from flexcam.report.tables import (
-    describe_contacts,
-    describe_dofs,
-    equilibrium_residual,
-    merit_table,
-    metrics_table,
-    periodicity_error,
-    run_table,
-    strength_table,
-)
 from flexcam.report.terminal import show_progress
 from flexcam.valvetrain import MemberStrength, Metric, StrengthSink, build_structure
 
@@ -64,18 +55,18 @@ class FinishedRun:
     choice: Choice | None
 
 
-def run_json(ran: FinishedRun) -> dict[str, object]:
-    """Return a run for ``--json``."""
+def _run_json(ran: FinishedRun) -> dict[str, object]:
     response, status = ran.response, ran.response.status
     change = revolution_change(ran.ready, response)
     return {
         "status": str(status.cause), "message": status.text, "remedy": status.remedy, "result": str(ran.result),
         "steps": response.stats.steps, "dof": ran.ready.problem.system.size, "integrated": response.stats.unknowns,
-        "seconds": response.stats.seconds, "events": response.stats.events, "periodicity": periodicity_error(response),
+        "seconds": response.stats.seconds, "events": response.stats.events,
+        "periodicity": tables.periodicity_error(response),
         **({} if change is None else {"revolution_change": asdict(change)}),
         "energy_lost": energy_residual(ran.watched.extremes),
         "energy_numerical": numerical_dissipation(ran.watched.extremes),
-        "imbalance": equilibrium_residual(response), "warnings": list(ran.warnings),
+        "imbalance": tables.equilibrium_residual(response), "warnings": list(ran.warnings),
         "train": {figure.name: figure.value for figure in ran.figures},
         "figures_of_merit": [asdict(one) for one in ran.merit],
         "errors": [asdict(one) for one in ran.errors],
@@ -84,20 +75,20 @@ def run_json(ran: FinishedRun) -> dict[str, object]:
     }  # fmt: skip
 
 
-def run_output(ran: FinishedRun) -> Iterator[Table | str]:
+def _run_output(ran: FinishedRun) -> Iterator[Table | str]:
     """Yield the printed tables and sentences of a run."""
-    yield run_table(ran.ready.case, ran.watched.extremes)
+    yield tables.run_table(ran.ready.case, ran.watched.extremes)
     if ran.stressed:
-        yield strength_table(ran.stressed)
+        yield tables.strength_table(ran.stressed)
     if ran.merit:
-        yield merit_table(ran.merit)
+        yield tables.merit_table(ran.merit)
     shown = {one.metric for one in ran.merit}
     if others := [figure for figure in ran.figures if figure.name not in shown]:
-        yield metrics_table(others)
+        yield tables.metrics_table(others)
     if ran.errors:
         yield error_table(ran.errors)
     yield from describe_choice(ran.choice) if ran.choice else ()
-    yield from (*describe_contacts(ran.ready.case, ran.figures), *ran.warnings)
+    yield from (*tables.describe_contacts(ran.ready.case, ran.figures), *ran.warnings)
     stats = ran.response.stats
     if stats.periodicity >= 0.0:
         yield f"Periodic start: after a revolution the state differs by {stats.periodicity:.3g} of the motion"
@@ -106,7 +97,7 @@ def run_output(ran: FinishedRun) -> Iterator[Table | str]:
     if balance := describe_balance(ran.watched.extremes, stats):
         yield f"Energy balance: {balance}"
     yield (
-        f"{stats.steps} steps of {describe_dofs(ran.response)}; result: {ran.result}\n"
+        f"{stats.steps} steps of {tables.describe_dofs(ran.response)}; result: {ran.result}\n"
         f"Open it in ParaView 5.12 or newer; for older versions: flexcam export {ran.result} --format pvd"
     )
 
@@ -179,7 +170,7 @@ def run(
         stressed=strength.members() if read.record.fidelity.model == "beams" else {},
         errors=estimated[0], warnings=(*doubtful(response.stats), *estimated[1]), choice=choice,
     )  # fmt: skip
-    cli.write_output(cli.CommandOutput(list(run_output(ran)), run_json(ran)), as_json=as_json)
+    cli.write_output(cli.CommandOutput(list(_run_output(ran)), _run_json(ran)), as_json=as_json)
     if response.status.ok and choice is not None and not choice.met:
         return Status(Cause.TOLERANCE, f"the tolerance is not met: {choice.why}", "allow more, or refine the case")
     return response.status

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 
 from rich.console import JustifyMethod
@@ -14,8 +14,7 @@ from flexcam.dynamics import Cause, Status
 from flexcam.report.terminal import create_table, facts_table, finite_or_none
 
 
-def check_table(found: Sequence[Check]) -> Table:
-    """Return the table of the checks."""
+def _check_table(found: Sequence[Check]) -> Table:
     made = create_table("Checks")
     for head, side in _HEADS:
         made.add_column(head, justify=side)
@@ -29,19 +28,6 @@ _HEADS: tuple[tuple[str, JustifyMethod], ...] = (
     ("quantity", "left"), ("reference", "right"), ("computed", "right"), ("error", "right"), ("tolerance", "right"),
     ("verdict", "left"), ("source of the reference", "left"),
 )  # fmt: skip
-
-
-def selftest_json(found: Sequence[Check], parts: Mapping[str, str], status: Status) -> dict[str, object]:
-    """Return checks and installed packages for ``--json``."""
-    rows = [
-        {**asdict(one), "computed": finite_or_none(one.computed), "error": finite_or_none(one.error),
-         "passed": one.passed}
-        for one in found
-    ]  # fmt: skip
-    return {
-        "status": str(status.cause), "message": status.text, "remedy": status.remedy, "checks": rows,
-        "installed": dict(parts),
-    }  # fmt: skip
 
 
 @app.command(
@@ -64,7 +50,14 @@ def selftest(*, as_json: Json = False) -> Status:
         status = Status(
             Cause.FAULT, text, "install flexcam again in a new environment; if that does not help, please report it"
         )
-    parts = [check_table(found), facts_table("Installed packages", installation_info().items())]
+    parts = [_check_table(found), facts_table("Installed packages", installation_info().items())]
     parts += [f"All {len(found)} checks passed"] if status.ok else []
-    write_output(CommandOutput(parts, selftest_json(found, installation_info(), status)), as_json=as_json)
+    rows = [
+        {**asdict(one), "computed": finite_or_none(one.computed), "error": finite_or_none(one.error),
+         "passed": one.passed}
+        for one in found
+    ]  # fmt: skip
+    json = {"status": str(status.cause), "message": status.text, "remedy": status.remedy, "checks": rows,
+            "installed": dict(installation_info())}  # fmt: skip
+    write_output(CommandOutput(parts, json), as_json=as_json)
     return status

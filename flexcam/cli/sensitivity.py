@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from itertools import compress
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import numpy as np
 from cyclopts import Group, Parameter
 from rich.table import Table
 
+from flexcam import plotting
 from flexcam.cli import app as cli
 from flexcam.cli.study_options import Highest, LimitAccuracy, Lowest, StudyOptions, WorkerCount
 from flexcam.core import FloatArray
@@ -33,10 +33,6 @@ from flexcam.studies.sensitivity import (
 from flexcam.studies.tolerance_analysis import QUANTILES, PartScatter, parse_scatters, sample_parts, scalar_distribution
 from flexcam.studies.variables import InterruptibleRuns, PointEvaluator, Variable, column, variables_of
 from flexcam.valvetrain import Metric
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 
 _DERIVATIVES = Group("Derivatives or Sobol indices", sort_key=1)
 _TOLERANCES = Group("Tolerances of parts", sort_key=1)
@@ -73,7 +69,7 @@ def sensitivity(
     workers: WorkerCount = 1, lowest: Lowest = None, highest: Highest = None, accuracy: LimitAccuracy = "10 rpm",
     csv: cli.Csv = None, plot: cli.Picture = None, overrides: cli.Overrides = None, allow_large: cli.AllowLarge = False,
     overwrite: cli.Overwrite = False, as_json: cli.Json = False,
-) -> Status:  # fmt: skip
+) -> Status | None:  # fmt: skip
     """Compute how results depend on values of the case: derivatives, Sobol indices, or the effect of tolerances.
 
     Use --to to see which value matters most, --sobol for large ranges and interactions, --tolerance for the scatter of
@@ -87,8 +83,8 @@ def sensitivity(
         raise refuse("sensitivity", given, "--to KEY, or --tolerance KEY=±SPEC")
     cli.refuse_without("--count", count, "--tolerance", present=tolerances is not None)
     cli.refuse_without("--seed", seed, "--sobol or --tolerance", present=tolerances is not None or sobol is not None)
-    cli.refuse_without("--relative-step", relative_step, "derivatives", present=tolerances is None and sobol is None)
-    cli.refuse_without("--method", method, "derivatives", present=tolerances is None and sobol is None)
+    for option, given in (("--relative-step", relative_step), ("--method", method)):
+        cli.refuse_without(option, given, "derivatives", present=tolerances is None and sobol is None)
     cli.refuse_without("--relative-step", relative_step, "differences", present=method != "exact")
     asked = StudyOptions(
         case, overrides, names, lowest, highest, accuracy, option="--of", workers=workers, allow_large=allow_large
@@ -99,8 +95,7 @@ def sensitivity(
         output, ended = _sobol_indices(asked, keys or [], sobol, seed or 0)
     else:
         output, ended = _derivatives(asked, keys or [], 0.01 if relative_step is None else relative_step, method)
-    cli.write_output(output, csv, plot, ended, overwrite=overwrite, as_json=as_json)
-    return ended
+    return cli.write_output(output, csv, plot, ended, overwrite=overwrite, as_json=as_json)
 
 
 def _derivatives(
@@ -120,19 +115,10 @@ def _derivatives(
         found = sensitivities(
             asked.file, asked.fixed, asked.names, keys, kept, relative_step=relative_step, method=method
         )
-
-    def draw() -> Figure:
-        from flexcam.plotting.histories import bars_figure
-
-        known = [one for one in found if not math.isnan(one.logarithmic)]
-        groups = {name: {one.by.key: one.logarithmic for one in known if one.scalar == name} for name in asked.names}
-        return bars_figure(groups, "percent per percent")
-
-    return replace(derivative_output(found), draw=draw), kept.status
+    return _derivative_output(found), kept.status
 
 
-def derivative_output(found: Sequence[Sensitivity]) -> cli.CommandOutput:
-    """Return the output of derivatives."""
+def _derivative_output(found: Sequence[Sensitivity]) -> cli.CommandOutput:
     names = list(dict.fromkeys(one.scalar for one in found))
     tables = [_derivative_table(name, [one for one in found if one.scalar == name]) for name in names]
     words = [f"{one.scalar} by {one.by.key}: {one.note}" for one in found if one.note]
@@ -149,7 +135,12 @@ def derivative_output(found: Sequence[Sensitivity]) -> cli.CommandOutput:
     table = [[math.nan if row[name] is None else row[name] for name in head] for row in rows]
     json = [{name: finite_or_none(x) if isinstance(x, float) else x for name, x in row.items()} for row in rows]
     csv = format_csv([name.replace("_", " ") for name in head], table)
-    return cli.CommandOutput([*tables, *words], {"derivatives": json}, csv)
+    known = [one for one in found if not math.isnan(one.logarithmic)]
+    bars = {name: {one.by.key: one.logarithmic for one in known if one.scalar == name} for name in names}
+    return cli.CommandOutput(
+        [*tables, *words], {"derivatives": json}, csv,
+        draw=lambda: plotting.histories.bars_figure(bars, "percent per percent"),
+    )  # fmt: skip
 
 
 def _is_analytic(one: Sensitivity) -> bool:
@@ -198,23 +189,13 @@ def _sobol_indices(asked: StudyOptions, keys: list[str], count: int, seed: int) 
             return np.column_stack([column(rows, name) for name in asked.names])
 
         found = dict(zip(asked.names, sobol_indices(values, len(variables), count, seed=seed), strict=True))
-
-    def draw() -> Figure:
-        from flexcam.plotting.histories import bars_figure
-
-        keys = [one.key for one in variables]
-        groups = {name: dict(zip(keys, one.total.tolist(), strict=True)) for name, one in found.items()}
-        intervals = {name: one.total_interval for name, one in found.items()}
-        return bars_figure(groups, "share of the variance, total", intervals)
-
-    return replace(sobol_output(variables, found), draw=draw), kept.status
+    return _sobol_output(variables, found), kept.status
 
 
 _MIN_BASE_POINTS = 2  # for shares of a variance
 
 
-def sobol_output(variables: Sequence[Variable], found: Mapping[str, SobolIndices]) -> cli.CommandOutput:
-    """Return the output of Sobol indices."""
+def _sobol_output(variables: Sequence[Variable], found: Mapping[str, SobolIndices]) -> cli.CommandOutput:
     keys = [one.key for one in variables]
     tables: list[Table] = []
     for name, one in found.items():
@@ -244,7 +225,12 @@ def sobol_output(variables: Sequence[Variable], found: Mapping[str, SobolIndices
         }
         for name, one in found.items()
     }  # fmt: skip
-    return cli.CommandOutput([*tables, *words], {"sobol": json}, format_csv(head, rows))
+    groups = {name: dict(zip(keys, one.total.tolist(), strict=True)) for name, one in found.items()}
+    intervals = {name: one.total_interval for name, one in found.items()}
+    return cli.CommandOutput(
+        [*tables, *words], {"sobol": json}, format_csv(head, rows),
+        draw=lambda: plotting.histories.bars_figure(groups, "share of the variance, total", intervals),
+    )  # fmt: skip
 
 
 def _interval(ends: FloatArray) -> str:
@@ -263,23 +249,13 @@ def _tolerance_analysis(
         every = PointEvaluator(asked.case, variables, kept).rows(parts)
     run = [row.status.cause is not Cause.INTERRUPTED for row in every]
     rows, parts = list(compress(every, run)), parts[run]
-
-    def draw() -> Figure:
-        from flexcam.plotting.histories import scatter_figure
-
-        values = {name: column(rows, name) for name in asked.names}
-        units = {name: row.units[name] for row in rows for name in row.units}
-        known = {name: one[~np.isnan(one)] for name, one in values.items()}
-        return scatter_figure(known, units, {name: one.value for name, one in initial.items()})
-
-    return replace(scatter_output(asked.names, scatters, parts, rows, initial), draw=draw), kept.status
+    return _scatter_output(asked.names, scatters, parts, rows, initial), kept.status
 
 
-def scatter_output(
+def _scatter_output(
     names: Sequence[str], scatters: Sequence[PartScatter], parts: FloatArray, rows: Sequence[Row],
     initial: Mapping[str, Metric],
 ) -> cli.CommandOutput:  # fmt: skip
-    """Return the output of a tolerance analysis."""
     values = np.column_stack([column(rows, name) for name in names])
     units = {name: one.unit for name, one in initial.items()}
     units |= {
@@ -319,4 +295,9 @@ def scatter_output(
         }
         for name, one in found.items()
     }  # fmt: skip
-    return cli.CommandOutput([*tables, *words], {"scatter": json}, format_csv(columns, body))
+    known = {name: one[~np.isnan(one)] for name, one in zip(names, values.T, strict=True)}
+    middle = {name: one.value for name, one in initial.items()}
+    return cli.CommandOutput(
+        [*tables, *words], {"scatter": json}, format_csv(columns, body),
+        draw=lambda: plotting.histories.scatter_figure(known, units, middle),
+    )  # fmt: skip

@@ -130,22 +130,17 @@ def name_sources(sources: Sequence[Source]) -> dict[str, Source]:
     return dict(zip(make_unique(named, [""] * len(named)), sources, strict=True))
 
 
-def image_instant(case: Case, result: Result | None, motion: Motion, angle: float | None, mode: int | None) -> int:
-    """Return the index of the instant of an image: the requested one, else full lift of a result, else the first."""
-    from flexcam.plotting.scene.motion import full_lift
-
-    if angle is not None:
-        return motion.nearest(angle)
-    return 0 if result is None or mode is not None else full_lift(case, result.response, motion.angle)
-
-
 def displayed_motion(
-    case: Case, structure: Structure, result: Result | None, color: str | None, mode: int | None
-) -> tuple[Motion, str]:
-    """Return the displayed motion and its title."""
-    from flexcam.plotting.scene.motion import case_motion, mode_motion, result_motion
+    source: Source, structure: Structure, *, color: str | None = None, mode: int | None = None,
+    angle: float | None = None,
+) -> tuple[Motion, str, int]:  # fmt: skip
+    """Return the displayed motion, its title, and the index of the instant of an image.
 
-    title = case.title
+    An image shows the instant at a cam angle, rad; without one full lift of a result, else the first instant.
+    """
+    from flexcam.plotting.scene.motion import case_motion, full_lift, mode_motion, result_motion
+
+    case, result, title = source.case, source.result, source.case.title
     if mode is not None:
         if mode < 1:
             raise refuse("--mode", mode, "a whole number, at least 1, as flexcam modes counts them")
@@ -155,8 +150,12 @@ def displayed_motion(
         if color not in (None, "displacement"):
             why = "the amplitude of a mode is arbitrary, so it has no stress"
             raise refuse("--color", repr(color), "displacement", why)
-        shown = mode_motion(structure, found.shapes[:, mode - 1], coloured=color is not None)
-        return shown, f"{title}: mode {mode}, {found.frequencies[mode - 1]:.4g} Hz"
-    if result is not None:
-        return result_motion(structure, result, case.speed, color).last_revolution(), title
-    return case_motion(structure, case.speed, color), f"{title}: rigid mechanism"
+        motion = mode_motion(structure, found.shapes[:, mode - 1], coloured=color is not None)
+        title = f"{title}: mode {mode}, {found.frequencies[mode - 1]:.4g} Hz"
+    elif result is not None:
+        motion = result_motion(structure, result, case.speed, color).last_revolution()
+    else:
+        motion, title = case_motion(structure, case.speed, color), f"{title}: rigid mechanism"
+    if angle is None and result is not None and mode is None:
+        return motion, title, full_lift(case, result.response, motion.angle)
+    return motion, title, 0 if angle is None else motion.nearest(angle)

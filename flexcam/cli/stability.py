@@ -6,21 +6,19 @@ import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import numpy as np
 from cyclopts import Parameter
 from rich.table import Table
 
+from flexcam import plotting
 from flexcam.analysis.run_checks import describe_change
 from flexcam.analysis.stability import Resonance, Stability, StepAmplification, assess_stability, stability_over_speeds
 from flexcam.cli import app as cli
 from flexcam.core.errors import refuse
 from flexcam.core.units import RPM, shaft_name, shaft_speed
 from flexcam.report.terminal import facts_table, finite_or_none, plain_table, show_count
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _SHOWN = 5
 
@@ -33,14 +31,15 @@ _WORDS = {
 }
 
 
-def stability_table(found: Stability, scale: float) -> Table:
-    """Return the table of the stability at a speed."""
+def _stability_table(found: Stability, scale: float) -> Table:
+    several = len({one.contact for one in found.resonances}) > 1
     rows = [
         ("integrator", _describe_amplification(found.discrete)),
         ("periodic motion", _describe_growth(found)),
         ("contact loss", f"{math.degrees(found.open_on_the_lift):.3g} deg of the lift"),
         ("resonances", _count_resonances(found, scale)),
-        *((_format_order(found, one), _format_resonance(one, scale)) for one in found.within[:_SHOWN]),
+        *((f"harmonic {one.harmonic}" + (f", {one.contact}" if several else ""), _format_resonance(one, scale))
+          for one in found.within[:_SHOWN]),
         ("verdict", "; ".join(f"{one}: {_WORDS[one]}" for one in found.causes) or _describe_stable(found)),
     ]  # fmt: skip
     return facts_table(f"Stability at {shaft_speed(found.rpm * RPM, scale)}", rows)
@@ -57,12 +56,6 @@ def _describe_amplification(found: StepAmplification) -> str:
         return "not assessed"
     words = f"spectral radius {found.radius:.9g}, at {found.frequency:.5g} Hz ({', '.join(found.moving)})"
     return words + (f"; max stable step {found.critical_step:.4g} s" if math.isfinite(found.critical_step) else "")
-
-
-def _format_order(found: Stability, one: Resonance) -> str:
-    """Return the order of a resonance, with the contact if there are several cams."""
-    several = len({other.contact for other in found.resonances}) > 1
-    return f"harmonic {one.harmonic}" + (f", {one.contact}" if several else "")
 
 
 def _format_resonance(one: Resonance, scale: float) -> str:
@@ -94,8 +87,7 @@ def _describe_growth(found: Stability) -> str:
     return f"max multiplier {largest:.6g}, growth {found.floquet.growth:.4g} 1/s ({moving})"
 
 
-def stability_json(found: Stability, scale: float) -> dict[str, object]:
-    """Return the stability for ``--json``."""
+def _stability_json(found: Stability, scale: float) -> dict[str, object]:
     discrete, floquet = found.discrete, found.floquet
     return {
         "shaft": shaft_name(scale), "rpm": scale * found.rpm, "run": str(found.status.cause),
@@ -119,18 +111,16 @@ def stability_json(found: Stability, scale: float) -> dict[str, object]:
     }  # fmt: skip
 
 
-def growth_table(found: Sequence[Stability], scale: float) -> Table:
-    """Return the table of the stability at several speeds."""
+def _growth_table(found: Sequence[Stability], scale: float) -> Table:
+    rows: list[tuple[str, ...]] = []
+    for one in found:
+        largest = "" if one.floquet is None else f"{abs(complex(one.floquet.multipliers[0])):.6g}"
+        growth = "" if one.floquet is None else f"{one.floquet.growth:.4g}"
+        opened = f"{math.degrees(one.open_on_the_lift):.3g}"
+        words = ", ".join([*one.causes, *(["chatter"] if one.is_scattering else [])]) or "none"
+        rows.append((f"{scale * one.rpm:.6g}", f"{one.discrete.radius:.9g}", largest, growth, opened, words))
     heads = (f"{shaft_name(scale)} rpm", "spectral radius", "multiplier", "growth, 1/s", "contact loss, deg", "verdict")
-    return plain_table("Stability over speed", heads, (_row(one, scale) for one in found))
-
-
-def _row(one: Stability, scale: float) -> list[str]:
-    largest = "" if one.floquet is None else f"{abs(complex(one.floquet.multipliers[0])):.6g}"
-    growth = "" if one.floquet is None else f"{one.floquet.growth:.4g}"
-    opened = f"{math.degrees(one.open_on_the_lift):.3g}"
-    words = ", ".join([*one.causes, *(["chatter"] if one.is_scattering else [])]) or "none"
-    return [f"{scale * one.rpm:.6g}", f"{one.discrete.radius:.9g}", largest, growth, opened, words]
+    return plain_table("Stability over speed", heads, rows)
 
 
 @cli.app.command(
@@ -161,23 +151,19 @@ def stability(
             why, remedy = "without a range, only the speed of the case is assessed", "add a range, or leave it out"
             raise refuse("--count", count, "--count with --lowest, --highest or --plot only", why, remedy)
         found = assess_stability(read)
-        output = cli.CommandOutput([stability_table(found, scale)], stability_json(found, scale))
+        output = cli.CommandOutput([_stability_table(found, scale)], _stability_json(found, scale))
         cli.write_output(output, as_json=as_json)
         return
     speeds = cli.spaced_speeds(lowest, highest, 11 if count is None else count, read)
-    cli.check_figure_path(plot, overwrite)
+    cli.check_targets(None, plot, overwrite=overwrite)
     with show_count(len(speeds), "speeds") as shown:
         every = stability_over_speeds(read, speeds, advance=shown)
-
-    def draw() -> Figure:
-        from flexcam.plotting.spectra import growth_figure
-
-        rpm = np.array([scale * one.rpm for one in every])
-        growth = np.array([math.nan if one.floquet is None else one.floquet.growth for one in every])
-        causes = {cause: np.array([cause in one.causes for one in every]) for cause in _WORDS}
-        causes["chatter"] = np.array([one.is_scattering for one in every])
-        return growth_figure(rpm, growth, causes, shaft_name(scale))
-
-    json = {"speeds": [stability_json(one, scale) for one in every]}
-    output = cli.CommandOutput([growth_table(every, scale)], json, draw=draw, title=read.title)
+    rpm = np.array([scale * one.rpm for one in every])
+    growth = np.array([math.nan if one.floquet is None else one.floquet.growth for one in every])
+    causes = {cause: np.array([cause in one.causes for one in every]) for cause in _WORDS}
+    causes["chatter"] = np.array([one.is_scattering for one in every])
+    output = cli.CommandOutput(
+        [_growth_table(every, scale)], {"speeds": [_stability_json(one, scale) for one in every]}, title=read.title,
+        draw=lambda: plotting.spectra.growth_figure(rpm, growth, causes, shaft_name(scale)),
+    )  # fmt: skip
     cli.write_output(output, plot=plot, overwrite=overwrite, as_json=as_json)

@@ -27,7 +27,7 @@ _WORKERS = Group("Workers and limits", sort_key=1)
 _MAX_LISTED = 3  # number of variants named in a sentence
 
 
-def sweep_table(found: SweepTable) -> RichTable:
+def _sweep_table(found: SweepTable) -> RichTable:
     """Return the table of the range of every scalar; constant scalars are omitted."""
     rows: list[tuple[str, ...]] = []
     for name, values in found.scalars.items():
@@ -47,7 +47,7 @@ def _is_varying(values: FloatArray) -> bool:
     return len(known) == 1 or (len(known) > 0 and bool(np.ptp(known) > 0.0))
 
 
-def describe_sweep(found: SweepTable) -> list[str]:
+def _describe_sweep(found: SweepTable) -> list[str]:
     """Return sentences about failed variants and about an empty table."""
     alike = found.scalars and not any(_is_varying(values) for values in found.scalars.values())
     words = ["every scalar has the same value in all variants; the files list them"] if alike else list[str]()
@@ -66,28 +66,17 @@ def _failures(found: SweepTable) -> dict[str, list[int]]:
     return causes
 
 
-def sweep_status(found: SweepTable) -> Status | None:
-    """Return the status of the command: a sweep fails if all variants fail."""
-    if len(found.failed) < len(found):
-        return None
-    first = found.statuses[0]
-    return Status(first.cause, f"none of {len(found)} variants was completed; the first: {first.text}", first.remedy)
-
-
-def sweep_json(found: SweepTable, ended: Status | None) -> dict[str, object]:
-    """Return a sweep for ``--json``."""
+def _sweep_json(found: SweepTable, ended: Status | None) -> dict[str, object]:
     return {
         "message": "the sweep is complete" if ended is None else ended.text,
         "variants": len(found),
         "failed": {cause: [i + 1 for i in rows] for cause, rows in _failures(found).items()},
         "inputs": {one.name: one.unit for one in found.inputs},
-        "scalars": {name: _range(found, name) for name in found.scalars},
+        "scalars": {
+            name: {"unit": found.units[name], "least": float(np.nanmin(values)), "largest": float(np.nanmax(values))}
+            for name, values in found.scalars.items()
+        },
     }
-
-
-def _range(found: SweepTable, name: str) -> dict[str, object]:
-    values = found.scalars[name]
-    return {"unit": found.units[name], "least": float(np.nanmin(values)), "largest": float(np.nanmax(values))}
 
 
 @cli.app.command(
@@ -142,14 +131,12 @@ def sweep(
         check_sweep_resources(asked, folder if histories else None, together=at_once)
     with show_count(len(asked.plan), "variants") as shown:
         table, files = run_sweep_to_files(asked, target, runners, advance=shown)
-    ended = sweep_status(table)
-    output = cli.CommandOutput([sweep_table(table), *describe_sweep(table)], sweep_json(table, ended))
-    cli.write_output(output, ended=ended, as_json=as_json, written=files)
-    return ended
+    ended = cli.failed_status(table.statuses, "variants")
+    output = cli.CommandOutput([_sweep_table(table), *_describe_sweep(table)], _sweep_json(table, ended))
+    return cli.write_output(output, ended=ended, as_json=as_json, written=files)
 
 
 def _create_workers(scheduler: str | None, count: int | None) -> Workers:
-    """Return the workers that run the variants."""
     if scheduler is not None and scheduler != LOCAL:
         if count is not None:
             why = "a cluster sets its own number of workers"

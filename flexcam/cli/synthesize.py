@@ -11,9 +11,8 @@ from typing import Annotated, Literal
 from cyclopts import App, Group, Parameter
 from rich.table import Table
 
-from flexcam import __version__
+from flexcam import __version__, plotting
 from flexcam.analysis.cam_analysis import (
-    CamSet,
     HarmonicCam,
     PolydyneCam,
     design_polydyne,
@@ -30,8 +29,7 @@ from flexcam.io import check_writable, create_folder, write_law, write_lift
 from flexcam.report.terminal import NOISE, facts_table, finite_numbers, format_mm, plain_table
 
 
-def synthesis_json(found: Synthesis) -> dict[str, object]:
-    """Return a synthesized law for ``--json``."""
+def _synthesis_json(found: Synthesis) -> dict[str, object]:
     c = found.criteria
     return {
         "family": found.family, "objective": found.objective, "family_bound": found.bound, "gap": found.gap,
@@ -67,8 +65,7 @@ def synthesis_table(found: Synthesis) -> Table:
     return facts_table(f"Best of {found.family}", rows)
 
 
-def pareto_table(front: Sequence[Synthesis]) -> Table:
-    """Return the table of a Pareto front of laws."""
+def _pareto_table(front: Sequence[Synthesis]) -> Table:
     rows = [
         (str(i), *(f"{x:.5g}" if x is not None else "infinite" for x in (c.Cv, c.Ca, c.Cj, c.Cm)),
          "-" if one.gap is None else f"{one.gap:.0e}", "yes" if one.converged else "no")
@@ -79,8 +76,7 @@ def pareto_table(front: Sequence[Synthesis]) -> Table:
     )
 
 
-def harmonic_table(found: HarmonicCam) -> Table:
-    """Return the table of a harmonic cam."""
+def _harmonic_table(found: HarmonicCam) -> Table:
     fit, hertz = found.fit, found.frequency / (2.0 * math.pi)
     rows = [
         ("harmonics", f"{found.count}; {found.limit} lie below the first mode, {hertz:.4g} Hz"),
@@ -91,7 +87,7 @@ def harmonic_table(found: HarmonicCam) -> Table:
     return facts_table("Lift of harmonics", rows)
 
 
-def polydyne_table(found: PolydyneCam) -> Table:
+def _polydyne_table(found: PolydyneCam) -> Table:
     """Return the table of a polydyne cam at its design speed and at others."""
     rows = [
         (f"{speed / RPM:.6g}", _micrometres(plain), _micrometres(compensated))
@@ -108,8 +104,7 @@ def _micrometres(value: float) -> str:
     return f"{1e6 * value:.4g}" if math.isfinite(value) else "resonance"
 
 
-def polydyne_properties_table(found: PolydyneCam) -> Table:
-    """Return the table of a polydyne cam's properties."""
+def _polydyne_properties_table(found: PolydyneCam) -> Table:
     design = found.design
     lift, bend, count = event_extremes(design.event), event_extremes(design.event, 2), len(design.event.cosine)
     rows = [
@@ -176,7 +171,7 @@ def synthesize_law(
 ) -> None:  # fmt: skip
     """Find the motion law of a family with minimum peak values, with a proven lower bound."""
     cli.refuse_without("--count", count, "--pareto", present=against is not None)
-    cli.check_figure_path(plot, overwrite)
+    cli.check_targets(None, plot, overwrite=overwrite)
     where = _family(family, degree, pieces, orders, rest, symmetric=not asymmetric)
     weights, limits = _numbers("--minimize", minimize, 1.0), _numbers("--bound", bound or [], None)
     fixed = [_condition(one) for one in condition or []]
@@ -190,13 +185,10 @@ def synthesize_law(
         front = [minimax(where, weights, bounds=limits, conditions=fixed, monotone=not turning_back)]
     goals = None if against is None else (next(iter(weights)), against)
     files = _write_law_files(front, goals, output, plot, overwrite=overwrite)
-    parts = [pareto_table(front) if against else synthesis_table(front[0]), _LEGEND]
-    answer = cli.CommandOutput(parts, {"laws": [synthesis_json(one) for one in front]})
-    cli.write_output(answer, as_json=as_json, written=files, describe_file=_describe_law_file)
-
-
-def _describe_law_file(path: Path) -> str:
-    return f'{path}  (in a case: law = "{path.name}")' if path.suffix == ".toml" else str(path)
+    parts = [_pareto_table(front) if against else synthesis_table(front[0]), _LEGEND]
+    answer = cli.CommandOutput(parts, {"laws": [_synthesis_json(one) for one in front]})
+    names = {path: f'{path}  (in a case: law = "{path.name}")' for path in files if path.suffix == ".toml"}
+    cli.write_output(answer, as_json=as_json, written=files, describe_file=lambda path: names.get(path, str(path)))
 
 
 def _family(
@@ -247,14 +239,12 @@ def _write_law_files(
     for path in paths:  # before files are written
         check_writable("output", path, overwrite=overwrite)
     for found, path in zip(front, paths, strict=False):
-        about = {"flexcam": __version__, **{k: v for k, v in synthesis_json(found).items() if v is not None}}
+        about = {"flexcam": __version__, **{k: v for k, v in _synthesis_json(found).items() if v is not None}}
         files.append(write_law(found.law, create_folder(path.parent) / path.name, about=about, overwrite=overwrite))
     if plot is not None:
-        from flexcam.plotting.curves import law_figure, law_front_figure
-        from flexcam.plotting.figures import save_figure
-
-        figure = law_front_figure(front, *goals) if goals else law_figure({front[0].family: front[0].law})
-        files.append(save_figure(figure, plot, overwrite=overwrite))
+        curves = plotting.curves
+        figure = curves.law_front_figure(front, *goals) if goals else curves.law_figure({front[0].family: front[0].law})
+        files.append(plotting.figures.save_figure(figure, plot, overwrite=overwrite))
     return files
 
 
@@ -279,7 +269,7 @@ def synthesize_harmonic(
     """
     cli.check_distinct_files({"--output": output}, [case])
     strict = cli.parse_quantity("--tolerance", tolerance, "length", "um")
-    wide = None if bound is None else cli.parse_quantity("--bound", bound, "length", "mm")
+    wide = cli.parse_optional("--bound", bound, "length", "mm")
     found = harmonic_cam(cli.load_case(case, overrides), name, tolerance=strict, count=count, bound=wide)
     about = {"flexcam": __version__, "made_for": str(case), "harmonics": found.count}
     lift = found.fit.event.with_delay(-found.phase)
@@ -290,10 +280,9 @@ def synthesize_harmonic(
         "deviation": found.fit.deviation, "rms_deviation": found.fit.rms_deviation,
         "lift": [end.value for end in event_extremes(found.fit.event)],
     }  # fmt: skip
+    answer = cli.CommandOutput([_harmonic_table(found)], json)
     describe_file = partial(cli.describe_lift_file, phase=found.phase)
-    cli.write_output(
-        cli.CommandOutput([harmonic_table(found)], json), as_json=as_json, written=files, describe_file=describe_file
-    )
+    cli.write_output(answer, as_json=as_json, written=files, describe_file=describe_file)
 
 
 @synthesize.command(
@@ -321,7 +310,10 @@ def synthesize_polydyne(
     if frequency is not None:
         omega = 2.0 * math.pi * cli.parse_quantity("--frequency", frequency, "rate", "Hz")
         cams = load_cams(case, overrides or ())
-        found = design_polydyne(cams, name, SingleMass(omega, damping), _design_speed(cams, at), count)
+        design_speed = cams.speed if at is None else at
+        if design_speed is None:
+            raise refuse("--speed", "nothing", "the design speed, such as 3000rpm", f"{cams.name} has no speed")
+        found = design_polydyne(cams, name, SingleMass(omega, damping), design_speed, count)
     elif has_mechanism(case):
         found = polydyne_cam(cli.load_case(case, overrides), name, speed=at, count=count)
     else:
@@ -337,14 +329,6 @@ def synthesize_polydyne(
         "speeds_rpm": (found.speeds / RPM).tolist(), "plain": finite_numbers(found.plain),
         "polydyne": finite_numbers(found.compensated),
     }  # fmt: skip
-    answer = cli.CommandOutput([polydyne_properties_table(found), polydyne_table(found)], json)
+    answer = cli.CommandOutput([_polydyne_properties_table(found), _polydyne_table(found)], json)
     describe_file = partial(cli.describe_lift_file, phase=found.phase)
     cli.write_output(answer, as_json=as_json, written=files, describe_file=describe_file)
-
-
-def _design_speed(cams: CamSet, given: float | None) -> float:
-    """Return the design speed: the given one or that of the file."""
-    speed = given if given is not None else cams.speed
-    if speed is None:
-        raise refuse("--speed", "nothing", "the design speed, such as 3000rpm", f"{cams.name} has no speed")
-    return speed

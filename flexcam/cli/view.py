@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from flexcam.case.builder import build_model
 from flexcam.cli import app as cli
-from flexcam.cli.sources import displayed_motion, image_instant, open_sources
+from flexcam.cli.sources import displayed_motion, open_sources
 from flexcam.core.errors import refuse
 from flexcam.valvetrain import build_structure
 
@@ -48,15 +48,17 @@ def view(
     if not abs(scale) <= _MAX_SCALE:
         allowed = f"a finite number, at most {_MAX_SCALE:g} in size"
         raise refuse("--scale", scale, allowed, "the deformation would leave the picture")
-    angle = None if at is None else cli.parse_quantity("--at", at, "angle", "deg")
-    pixels = _pixels(size)
+    angle = cli.parse_optional("--at", at, "angle", "deg")
+    found = re.fullmatch(r"(\d+)x(\d+)", size)
+    pixels = (int(found[1]), int(found[2])) if found else (0, 0)
+    if not all(_MIN_SIZE <= side <= _MAX_SIZE for side in pixels):
+        raise refuse("--size", repr(size), f"WIDTHxHEIGHT of {_MIN_SIZE} to {_MAX_SIZE} pixels each, such as 1024x768")
     if picture is not None:
         check_output_path(picture, pixels, overwrite=overwrite)
     (read,) = open_sources([source], overrides)
-    case, result = read.case, read.result
-    structure = build_structure(build_model(case))
-    motion, title = displayed_motion(case, structure, result, color, mode)
-    drawn, still = build_mechanism(structure), image_instant(case, result, motion, angle, mode)
+    structure = build_structure(build_model(read.case))
+    motion, title, still = displayed_motion(read, structure, color=color, mode=mode, angle=angle)
+    drawn = build_mechanism(structure)
     if picture is not None and picture.suffix == ".html":
         from flexcam.plotting.solid_files import collect_parts, write_page
 
@@ -66,11 +68,11 @@ def view(
         write_page(picture, parts, drawn.view, labels, frames.index(still), motion.label)
     else:
         select_renderer(off_screen=picture is not None)
-        from flexcam.plotting.solid_view import MechanismView, show_window
+        from flexcam.plotting.solid_view import MechanismView
 
         stage = MechanismView(drawn, motion, off_screen=picture is not None, scale=scale, size=pixels, title=title)
         if picture is None:
-            show_window(stage, still, swings=mode is not None)
+            stage.open_window(still, swings=mode is not None)
         else:
             save_view(stage, picture, motion.spread(FRAMES), still)
     notes = (
@@ -78,14 +80,6 @@ def view(
     )
     output = cli.CommandOutput(notes, {"instants": len(motion), "drawn": list(drawn.notes)})
     cli.write_output(output, as_json=as_json, written=[] if picture is None else [picture])
-
-
-def _pixels(text: str) -> tuple[int, int]:
-    found = re.fullmatch(r"(\d+)x(\d+)", text)
-    sides = (int(found[1]), int(found[2])) if found else (0, 0)
-    if not all(_MIN_SIZE <= side <= _MAX_SIZE for side in sides):
-        raise refuse("--size", repr(text), f"WIDTHxHEIGHT of {_MIN_SIZE} to {_MAX_SIZE} pixels each, such as 1024x768")
-    return sides
 
 
 _MIN_SIZE, _MAX_SIZE = 64, 8192

@@ -1,5 +1,22 @@
-"""Curves with matplotlib and mechanisms in 3D with pyvista.
+"""Curves with matplotlib and mechanisms in 3D with pyvista; a module of figures is loaded when it is first used.
 
 May import `analysis` and everything below it. A new figure is a function that draws into given axes;
 a new solid is a function in `scene.parts`.
 """
+
+from importlib import import_module
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from flexcam.plotting import curves, figures, histories, spectra
+
+__all__ = ["curves", "figures", "histories", "spectra"]
+
+
+def __getattr__(name: str) -> ModuleType:
+    """Import a module of figures on first use (PEP 562): matplotlib takes longer to load than many commands to run."""
+    if name not in __all__:
+        message = f"module {__name__!r} has no attribute {name!r}"
+        raise AttributeError(message)
+    return import_module(f"{__name__}.{name}")

@@ -24,7 +24,6 @@ from flexcam.cams import (
     SwingFlatFollower,
     SwingRollerFollower,
     Synthesis,
-    Turn,
     joints,
     residual_spectrum,
 )
@@ -161,11 +160,12 @@ def draw_profile(axes: Axes, profile: CamProfile, angle: float, *, thin: bool = 
     touch, follower = profile.touch, profile.follower
     around = np.exp(1j * np.linspace(0.0, 2.0 * math.pi, 361))
     colour, width = ("black", 0.8) if thin else (COLOURS[0], 2.0)
-    _line(axes, _close_curve(profile.points) * turned, "cam", color=colour, linewidth=width)
+    outline, pitch = (np.vstack([p, p[:1]]) @ np.array([1.0, 1j]) * turned for p in (profile.points, profile.pitch))
+    _line(axes, outline, "cam", color=colour, linewidth=width)
     base = np.asarray(follower.base_radius * around, dtype=np.complex128)
     _line(axes, base, "base circle", color="0.6", linewidth=0.8, linestyle="--")
     if math.isfinite(follower.roller_radius):
-        _line(axes, _close_curve(profile.pitch) * turned, "pitch curve", color="0.6", linewidth=0.8, linestyle=":")
+        _line(axes, pitch, "pitch curve", color="0.6", linewidth=0.8, linestyle=":")
         _line(axes, touch.trace[at] + follower.roller_radius * around, "roller", color=COLOURS[1], linewidth=1.5)
     else:
         along = -1j * touch.normal[at] * 0.7 * follower.base_radius
@@ -176,7 +176,10 @@ def draw_profile(axes: Axes, profile: CamProfile, angle: float, *, thin: bool = 
         end = touch.trace[at] if math.isfinite(follower.roller_radius) else touch.point[at]
         _line(axes, np.array([follower.distance, end], dtype=np.complex128), "arm", color=COLOURS[1], linewidth=1.0)
         axes.plot(1e3 * follower.distance, 0.0, "^", color=COLOURS[1], markersize=8, label="pivot")
-    _draw_rotation(axes, 0.5 * follower.base_radius, profile.turn)
+    way = 1e3 * 0.5 * follower.base_radius * np.exp(1j * profile.turn * np.radians([30.0, 150.0]))
+    bow = {"arrowstyle": "->", "connectionstyle": f"arc3,rad={0.55 * profile.turn}", "color": "0.4"}
+    start, end = ((one.real, one.imag) for one in way.tolist())  # an arrow in the direction of rotation
+    axes.annotate("", xy=end, xytext=start, arrowprops=bow)
     axes.set_aspect("equal")
     axes.grid(alpha=0.3)
     axes.set_title(f"cam angle {math.degrees(profile.angle[at]):.4g} deg, lift {1e3 * profile.lift[at]:.4g} mm")
@@ -196,14 +199,6 @@ def _colour_cam(axes: Axes, profile: CamProfile, values: FloatArray, angle: floa
     return line
 
 
-def _draw_rotation(axes: Axes, radius: float, turn: Turn) -> None:
-    """Draw an arrow about the cam centre in the direction of rotation."""
-    way = 1e3 * radius * np.exp(1j * turn * np.radians([30.0, 150.0]))
-    bow = {"arrowstyle": "->", "connectionstyle": f"arc3,rad={0.55 * turn}", "color": "0.4"}
-    start, end = ((one.real, one.imag) for one in way.tolist())
-    axes.annotate("", xy=end, xytext=start, arrowprops=bow)
-
-
 def pressure_figure(profile: CamProfile) -> Figure:
     """Return a figure with pressure angle and radius of curvature over the cam angle."""
     figure, (upper, lower) = create_stacked_axes(["pressure angle\ndeg", "radius of\ncurvature, mm"], "cam angle, deg")
@@ -221,10 +216,6 @@ def _insert_gaps(x: FloatArray, breaks: Sequence[float], y: FloatArray) -> tuple
     """Return a curve with a gap at every jump, so that no vertical line is drawn."""
     at = np.searchsorted(x, np.sort(np.array(breaks)))
     return np.insert(x, at, np.nan), np.insert(y, at, np.nan)
-
-
-def _close_curve(points: FloatArray) -> ComplexArray:
-    return np.append(points[:, 0], points[0, 0]) + 1j * np.append(points[:, 1], points[0, 1])
 
 
 def _line(axes: Axes, curve: ComplexArray, label: str, *, color: str, linewidth: float, linestyle: str = "-") -> None:

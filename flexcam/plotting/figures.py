@@ -61,7 +61,7 @@ def add_title(figure: Figure, title: str) -> Figure:
 
 def wrap_title(title: str) -> str:
     """Wrap a title to the width of a figure."""
-    return "\n".join(textwrap.wrap(escape_math(title), _TITLE_WIDTH))
+    return textwrap.fill(escape_math(title), _TITLE_WIDTH)
 
 
 def escape_math(text: str) -> str:

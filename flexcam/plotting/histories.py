@@ -248,16 +248,13 @@ def _finish_axes(figure: Figure, axes: Sequence[Axes], over: Abscissa, title: st
     if over != "time" and abs(last - first - 360.0) < _WHOLE:
         last = first + 360.0
     if over != "time" and last > first:
-        axes[-1].xaxis.set_major_locator(MultipleLocator(_tick_spacing(last - first)))
+        span = last - first
+        spacing = next((float(one) for one in _TICKS if span / one <= _MOST_TICKS), 720.0 * np.ceil(span / 720.0 / 8.0))
+        axes[-1].xaxis.set_major_locator(MultipleLocator(spacing))
     if last > first:
         axes[-1].set_xlim(first, last)
     axes[0].set_title(wrap_title(title), fontsize="medium", pad=TITLE_PAD if over == "crank" else None)
     return figure
-
-
-def _tick_spacing(span: float) -> float:
-    """Return a tick spacing suitable for a revolution."""
-    return next((float(one) for one in _TICKS if span / one <= _MOST_TICKS), 720.0 * np.ceil(span / 720.0 / 8.0))
 
 
 _WHOLE = 4.0  # angle that the samples of a revolution may leave open, deg

@@ -121,43 +121,25 @@ def check_output_path(path: Path, size: tuple[int, int], *, overwrite: bool = Fa
 def save_view(stage: MechanismView, path: Path, frames: Sequence[int], still: int) -> None:
     """Write an image of one instant, or a movie of several."""
     with atomic_write_path(path) as draft:
-        _save(stage, draft, frames, still)
-
-
-def _save(stage: MechanismView, path: Path, frames: Sequence[int], still: int) -> None:
-    match path.suffix:
-        case ".gif":
-            path.write_bytes(_gif(stage, frames))
-        case ".mp4":
-            _movie(stage, path, frames)
-        case _:
+        if path.suffix == ".png":
             stage.show(still)
-            stage.plotter.screenshot(path)
-    stage.plotter.close()
+            stage.plotter.screenshot(draft)
+            stage.plotter.close()
+            return
+        gif = io.BytesIO()  # the writer of files would print system errors and continue
+        if path.suffix == ".gif":
+            from imageio.v2 import get_writer
 
-
-def _gif(stage: MechanismView, frames: Sequence[int]) -> bytes:
-    """Return a movie as bytes: the file writer would print system errors and continue."""
-    from imageio.v2 import get_writer
-
-    made = io.BytesIO()
-    duration = 1000.0 / _PER_SECOND  # ms
-    stage.plotter.mwriter = get_writer(made, format=".gif", mode="I", duration=duration, loop=0)
-    _write_frames(stage, frames)
-    stage.plotter.mwriter.close()
-    return made.getvalue()
-
-
-def _write_frames(stage: MechanismView, frames: Sequence[int]) -> None:
-    for i in frames:
-        stage.show(i)
-        stage.plotter.write_frame()
-
-
-def _movie(stage: MechanismView, path: Path, frames: Sequence[int]) -> None:
-    quiet = {"ffmpeg_log_level": "quiet"}  # the error is reported below
-    stage.plotter.open_movie(str(path), framerate=_PER_SECOND, macro_block_size=2, **quiet)
-    _write_frames(stage, frames)
-    stage.plotter.close()
-    if b"moov" not in path.read_bytes():  # the writer does not report a full disk
-        raise OSError("its end is missing: no space left, perhaps")
+            duration = 1000.0 / _PER_SECOND  # ms
+            stage.plotter.mwriter = get_writer(gif, format=".gif", mode="I", duration=duration, loop=0)
+        else:
+            quiet = {"ffmpeg_log_level": "quiet"}  # the error is reported below
+            stage.plotter.open_movie(str(draft), framerate=_PER_SECOND, macro_block_size=2, **quiet)
+        for i in frames:
+            stage.show(i)
+            stage.plotter.write_frame()
+        stage.plotter.close()
+        if path.suffix == ".gif":
+            draft.write_bytes(gif.getvalue())
+        elif b"moov" not in draft.read_bytes():  # the writer does not report a full disk
+            raise OSError("its end is missing: no space left, perhaps")

@@ -174,7 +174,12 @@ def write_glb(
     turn = np.append(np.cross(upwards, [0.0, 1.0, 0.0]), 1.0 + upwards[1])
     root = {"name": title, "rotation": (turn / np.linalg.norm(turn)).tolist(), "children": list(range(len(parts)))}
     nodes = [*({"name": part.name, "mesh": i} for i, part in enumerate(parts)), root]
-    materials = [_material(kind, colour) for kind, colour in zip(kinds, colours, strict=True)]
+    materials: list[dict[str, Any]] = []
+    for kind, (*colour, opacity) in zip(kinds, colours, strict=True):  # glTF has linear colours
+        linear = [one / 12.92 if one <= 0.04045 else ((one + 0.055) / 1.055) ** 2.4 for one in colour]
+        surface = {"baseColorFactor": [*linear, opacity], "metallicFactor": 0.1, "roughnessFactor": 0.6}
+        mode = "BLEND" if opacity < 1.0 else "OPAQUE"
+        materials.append({"name": kind, "pbrMetallicRoughness": surface, "alphaMode": mode})
     content: dict[str, Any] = {
         "asset": {"version": "2.0", "generator": "flexcam"}, "scene": 0, "scenes": [{"nodes": [len(parts)]}],
         "nodes": nodes, "meshes": meshes, "materials": materials,
@@ -207,13 +212,6 @@ def _mesh(buffer: _Buffer, part: Part, material: int) -> dict[str, Any]:
         primitive["targets"] = [{"POSITION": one} for one in targets]
         mesh["weights"] = [0.0] * len(targets)
     return mesh
-
-
-def _material(kind: str, colour: Sequence[float]) -> dict[str, Any]:
-    """Return the material of a kind of part; glTF has linear colours."""
-    linear = [one / 12.92 if one <= 0.04045 else ((one + 0.055) / 1.055) ** 2.4 for one in colour[:3]]
-    surface = {"baseColorFactor": [*linear, colour[3]], "metallicFactor": 0.1, "roughnessFactor": 0.6}
-    return {"name": kind, "pbrMetallicRoughness": surface, "alphaMode": "BLEND" if colour[3] < 1.0 else "OPAQUE"}
 
 
 def write_page(

@@ -8,7 +8,6 @@ Call `flexcam.plotting.rendering.select_renderer` first: VTK aborts its process 
 
 from __future__ import annotations
 
-from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -86,32 +85,33 @@ class MechanismView:
             name="words",
         )
 
-    def slide(self, start: int) -> None:
-        """Add a slider over the cam angle."""
+    def open_window(self, still: int, *, swings: bool) -> None:
+        """Open the window, with a slider over the cam angle or with an animated mode."""
         degrees = np.degrees(self._motion.angle)
 
         def show_angle(value: float) -> None:
             self.show(int(np.argmin(np.abs(degrees - value))))
 
-        self.plotter.add_slider_widget(
-            show_angle, (float(degrees[0]), float(degrees[-1])), value=float(degrees[start]), title="cam angle, deg",
-            pointa=(0.03, 0.12), pointb=(0.33, 0.12), color="black", fmt="%.1f", interaction_event="always",
-        )  # fmt: skip
-
-    def animate(self) -> None:
-        """Show the instants in a loop."""
-
-        def next_one(step: int) -> None:
+        def show_next(step: int) -> None:
             self.show(step % len(self._motion))
             self.plotter.render()
 
-        self.plotter.add_timer_event(max_steps=1_000_000, duration=_FRAME_TIME, callback=next_one)
+        self.show(still)
+        if swings:
+            self.plotter.add_timer_event(max_steps=1_000_000, duration=_FRAME_TIME, callback=show_next)
+        else:
+            ends = float(degrees[0]), float(degrees[-1])
+            self.plotter.add_slider_widget(
+                show_angle, ends, value=float(degrees[still]), title="cam angle, deg", pointa=(0.03, 0.12),
+                pointb=(0.33, 0.12), color="black", fmt="%.1f", interaction_event="always",
+            )  # fmt: skip
+        self.plotter.show()
 
     def _set_camera(self) -> None:
         """Set the camera so that lobes and train are visible and everything fits."""
         plane = self._mechanism.view
-        ahead = plane[2]
-        seen = self._visible_points() @ plane.T
+        instants = {(i * len(self._motion)) // 4 for i in range(4)}  # what they show defines the visible region
+        seen = np.concatenate([solid.points for i in sorted(instants) for solid in self._solids(i)]) @ plane.T
         middle, half = 0.5 * (seen.max(axis=0) + seen.min(axis=0)), 0.5 * np.ptp(seen, axis=0)
         wide, beside = self._size[0] / self._size[1], 1.0 if self._motion.values is None else _BESIDE_BAR
         scale = 1.06 * float(max(half[1] * _BELOW_WORDS, half[0] / (beside * wide)))
@@ -119,15 +119,9 @@ class MechanismView:
         distance = 4.0 * float(np.linalg.norm(half))
         camera = self.plotter.camera
         camera.parallel_projection = True
-        camera.focal_point, camera.position, camera.up = focus, focus + distance * ahead, plane[1]
+        camera.focal_point, camera.position, camera.up = focus, focus + distance * plane[2], plane[1]
         camera.parallel_scale = scale
         self.plotter.renderer.ResetCameraClippingRange()
-
-    def _visible_points(self) -> FloatArray:
-        """Return all points at four instants, m, shape (n, 3), which define the visible region."""
-        instants = {(i * len(self._motion)) // 4 for i in range(4)}
-        solids = chain.from_iterable(self._solids(i) for i in sorted(instants))
-        return np.concatenate([solid.points for solid in solids])
 
 
 def _range(values: FloatArray) -> tuple[float, float]:
@@ -142,13 +136,3 @@ def _mesh(solid: Solid) -> pyvista.PolyData:
     if solid.values is not None:
         mesh.point_data["value"] = solid.values
     return mesh
-
-
-def show_window(stage: MechanismView, still: int, *, swings: bool) -> None:
-    """Open the window, with a slider over the cam angle or with an animated mode."""
-    stage.show(still)
-    if swings:
-        stage.animate()
-    else:
-        stage.slide(still)
-    stage.plotter.show()

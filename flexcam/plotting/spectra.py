@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -40,16 +41,19 @@ def campbell_figure(found: Campbell, scale: float, shaft: str) -> Figure:
     """Return a Campbell diagram: natural frequencies over speed with the orders of a cam."""
     figure, (axes,) = create_axes((8.0, 5.0), grid=None)
     rpm = scale * found.rpm
-    top = _highest_drawn_frequency(found)
+    highest = max(found.lifts, default=1) * float(found.rpm[-1]) / 60.0  # modes far above all order lines are cut off
+    below = found.frequencies[found.frequencies <= 1.3 * highest]
+    top = 1.1 * float(below.max() if len(below) else highest)
     _rays(axes, found, rpm, top)
     styles, labelled = line_styles(), False
     for i, (column, reached) in enumerate(zip(found.frequencies.T, found.reached, strict=True)):
+        drawn = bool((column <= top).any())
         if reached:
             colour, dashes = next(styles)
-            axes.plot(rpm, column, color=colour, linestyle=dashes, linewidth=1.8, marker="o", markersize=3,
-                      label=_mode_label(found, i, top))  # fmt: skip
+            label = f"{i + 1}: {', '.join(found.words[i].split(', ')[:2])}" if drawn else ""
+            axes.plot(rpm, column, color=colour, linestyle=dashes, linewidth=1.8, marker="o", markersize=3, label=label)
         else:
-            first = not labelled and bool((column <= top).any())
+            first = not labelled and drawn
             axes.plot(rpm, column, color="0.5", linewidth=1.2, label="without force at the contact" * first)
             labelled = labelled or first
     _mark_ends(axes, found, rpm, top)
@@ -58,21 +62,6 @@ def campbell_figure(found: Campbell, scale: float, shaft: str) -> Figure:
     if axes.get_legend_handles_labels()[0]:
         figure.legend(loc="outside lower center", fontsize="small", ncols=2)
     return figure
-
-
-def _mode_label(found: Campbell, mode: int, top: float) -> str:
-    """Return the label of a mode; empty if it is outside of the diagram."""
-    if not (found.frequencies[:, mode] <= top).any():
-        return ""
-    return f"{mode + 1}: {', '.join(found.words[mode].split(', ')[:2])}"
-
-
-def _highest_drawn_frequency(found: Campbell) -> float:
-    """Return the highest frequency drawn: modes far above all order lines are cut off."""
-    highest = max(found.lifts, default=1) * float(found.rpm[-1]) / 60.0
-    known = found.frequencies[~np.isnan(found.frequencies)]
-    below = known[known <= 1.3 * highest]
-    return 1.1 * float(below.max() if len(below) else highest)
 
 
 def _rays(axes: Axes, found: Campbell, rpm: np.ndarray, top: float) -> None:
@@ -117,8 +106,7 @@ def waterfall_figure(found: Sequence[Waterfall], scale: float, shaft: str) -> Fi
     figure = Figure(figsize=(11.0, 0.8 + 3.2 * len(found)), layout="constrained")
     grid = figure.subplots(len(found), 2, squeeze=False, sharex=True)
     for row, one in zip(grid, found, strict=True):
-        _draw(figure, row[0], one, scale)
-        _draw_lines(row[1], one, scale)
+        _draw_orders(figure, row[0], row[1], one, scale)
         for axis in row:
             axis.set_ylabel(f"{shaft} speed, rpm")
     for axis in grid[-1]:
@@ -129,13 +117,17 @@ def waterfall_figure(found: Sequence[Waterfall], scale: float, shaft: str) -> Fi
 _LINE_HEIGHT = 0.3  # height of the largest amplitude in a waterfall, relative to the range of speeds
 
 
-def _draw_lines(axes: Axes, found: Waterfall, scale: float) -> None:
-    """Draw the amplitudes of each speed as a line above it, the lowest speed in front."""
+def _draw_orders(figure: Figure, left: Axes, axes: Axes, found: Waterfall, scale: float) -> None:
+    """Draw amplitudes as colours, and those of each speed as a line above it, the lowest speed in front."""
     factor, symbol = to_display_unit(found.unit)
     rpm, sizes = scale * found.rpm, factor * found.amplitudes[:, 1:]
     largest = float(np.nanmax(sizes)) if np.isfinite(sizes).any() else 0.0
-    height = _LINE_HEIGHT * float(np.ptp(rpm)) / (largest or 1.0)
     orders = np.arange(1.0, sizes.shape[1] + 1.0)
+    norm = LogNorm(10.0**-_DECADES * (largest or 1.0), largest or 1.0, clip=True)
+    drawn = left.pcolormesh(orders, rpm, sizes, norm=norm, cmap="cividis", shading="nearest", rasterized=True)
+    name = f"acceleration of {found.signal.name}" if found.signal.probe else short_name(found.signal.name)
+    figure.colorbar(drawn, ax=left, label=axis_label(name, found.unit))
+    height = _LINE_HEIGHT * float(np.ptp(rpm)) / (largest or 1.0)
     for i, (base, own) in enumerate(zip(rpm.tolist(), sizes, strict=True)):
         axes.fill_between(orders, base, base + height * own, facecolor="white", zorder=3.0 - i / len(rpm))
         axes.plot(orders, base + height * own, color=COLOURS[0], linewidth=1.0, zorder=3.0 - i / len(rpm))
@@ -166,19 +158,6 @@ def angle_map_figure(rpm: FloatArray, runs: Sequence[Response | None], channel: 
 
 
 _ANGLES = 1441  # instants per revolution of a map
-
-
-def _draw(figure: Figure, axes: Axes, found: Waterfall, scale: float) -> None:
-    from matplotlib.colors import LogNorm
-
-    factor, _ = to_display_unit(found.unit)
-    sizes = factor * found.amplitudes[:, 1:]
-    largest = float(np.nanmax(sizes)) if np.isfinite(sizes).any() else 1.0
-    norm = LogNorm(10.0**-_DECADES * (largest or 1.0), largest or 1.0, clip=True)
-    orders, rpm = np.arange(1.0, sizes.shape[1] + 1.0), scale * found.rpm
-    drawn = axes.pcolormesh(orders, rpm, sizes, norm=norm, cmap="cividis", shading="nearest", rasterized=True)
-    name = f"acceleration of {found.signal.name}" if found.signal.probe else short_name(found.signal.name)
-    figure.colorbar(drawn, ax=axes, label=axis_label(name, found.unit))
 
 
 _LINEAR_GROWTH = 1.0

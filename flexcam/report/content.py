@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 from rich.table import Table
 
+from flexcam import plotting
 from flexcam.analysis.comparison import Comparison
 from flexcam.analysis.figures_of_merit import Margins, compute_margins
 from flexcam.analysis.limits import Search, find_limits
@@ -28,21 +29,8 @@ from flexcam.dynamics import Response
 from flexcam.dynamics.memory import ExtremesSink
 from flexcam.io import Result, read_result
 from flexcam.io.exports import energies
+from flexcam.report import tables
 from flexcam.report.fidelity_tables import TRADE_LEGEND, error_table, format_with_error, trade_table, trade_warnings
-from flexcam.report.tables import (
-    comparison_table,
-    describe_comparison,
-    describe_contacts,
-    describe_dofs,
-    describe_inactive,
-    info_table,
-    limits_table,
-    metrics_table,
-    mode_table,
-    model_table,
-    run_table,
-    strength_table,
-)
 from flexcam.valvetrain import Metric, ModelModes, Structure, build_structure
 
 MODES = 12  # number of modes, as in `flexcam modes`
@@ -123,13 +111,13 @@ def describe_model(about: ReportSubject, known: RestoredCase, figures: Sequence[
     covers = f"{turned} revolution{'' if turned == '1' else 's'}"
     counts = {many: len(getattr(record, many)) for many in _COUNTED}
     parts = [f"{count} {many if count > 1 else _COUNTED[many]}" for many, count in counts.items() if count]
-    steps = f"{response.stats.steps} steps ({per:.6g} per revolution) of {describe_dofs(known.response)}"
+    steps = f"{response.stats.steps} steps ({per:.6g} per revolution) of {tables.describe_dofs(known.response)}"
     said = [
         f"Modelled with {kind}: {', '.join(parts)}.",
         f"Run at {case.speed_text} for {covers} of the camshaft, in {steps}.",
-        *describe_contacts(case, figures),
+        *tables.describe_contacts(case, figures),
     ]
-    left = describe_inactive(ready)
+    left = tables.describe_inactive(ready)
     return [*said, f"Inactive, as nothing excites it: {'; '.join(left)}."] if left else said
 
 
@@ -139,7 +127,10 @@ def describe_verdict(compared: Comparison) -> list[str]:
     same = off <= _SAME_LIFT and abs(ratio - 1.0) <= _SAME_ACCELERATION
     bounds = f"{100 * _SAME_LIFT:g} % of the lift, {100 * _SAME_ACCELERATION:g} % of the maximum acceleration"
     verdict = "agrees with" if same else "differs significantly from"
-    return [f"The flexible result {verdict} the rigid one (criteria: {bounds}).", *describe_comparison(compared, None)]
+    return [
+        f"The flexible result {verdict} the rigid one (criteria: {bounds}).",
+        *tables.describe_comparison(compared, None),
+    ]
 
 
 def describe_margins(margins: Margins, turns: float) -> list[str]:
@@ -274,31 +265,21 @@ def result_tables(about: ReportSubject, compared: Comparison | None, figures: li
     """Return the tables of a result."""
     response, known = about.result.response, about.known
     turns = 1.0 if known is None else known.case.turns
-    found = [report_table(comparison_table(compared, turns))] if compared is not None else []
-    found += [report_table(metrics_table(figures))] if figures else []
+    found = [report_table(tables.comparison_table(compared, turns))] if compared is not None else []
+    found += [report_table(tables.metrics_table(figures))] if figures else []
     if known is not None:
         stressed = member_strength(known.ready, known.response)
-        found += [report_table(strength_table(stressed))] if stressed else []
-        probes = report_table(run_table(known.case, ExtremesSink.of(response)))
+        found += [report_table(tables.strength_table(stressed))] if stressed else []
+        probes = report_table(tables.run_table(known.case, ExtremesSink.of(response)))
         found.append(replace(probes, title="Range of the probes"))
-    found += [energy_table(response)] if len(response.time) else []
-    found += [report_table(mode_table(about.modes))] if about.modes is not None else []
+    if len(response.time):
+        parts = {name: values for name, values in energies(response).items() if values.any()}
+        rows = [(name, f"{v.min():.4g}", f"{v.max():.4g}", f"{v[-1]:.4g}") for name, v in parts.items()]
+        found.append(ReportTable("Energy over the run", ("J", "min", "max", "at the end"), tuple(rows)))
+    found += [report_table(tables.mode_table(about.modes))] if about.modes is not None else []
     if known is not None and about.modes is not None:
-        found.append(replace(report_table(model_table(known.ready, about.modes)), title="The model"))
+        found.append(replace(report_table(tables.model_table(known.ready, about.modes)), title="The model"))
     return found
-
-
-def energy_table(response: Response) -> ReportTable:
-    """Return the table of the energies of a run."""
-    parts = {name: values for name, values in energies(response).items() if values.any()}
-    rows = [(name, f"{v.min():.4g}", f"{v.max():.4g}", f"{v[-1]:.4g}") for name, v in parts.items()]
-    return ReportTable("Energy over the run", ("J", "min", "max", "at the end"), tuple(rows))
-
-
-def origin_table(about: ReportSubject) -> ReportTable:
-    """Return the table of the origin of a result."""
-    result = about.result if about.known is None else replace(about.result, response=about.known.response)
-    return replace(report_table(info_table(result)), title="The result file")
 
 
 _LIMIT_TOLERANCE = 0.01  # width of the bracket of limits relative to the speed
@@ -317,57 +298,57 @@ class ReportOptions:
 class AdditionalContent:
     """Additional content of a chapter."""
 
-    sentences: tuple[str, ...] = ()
-    sheets: tuple[ReportTable, ...] = ()
-    pictures: tuple[Picture, ...] = ()
+    sentences: list[str] = field(default_factory=list[str])
+    sheets: list[ReportTable] = field(default_factory=list[ReportTable])
+    pictures: list[Picture] = field(default_factory=list[Picture])
 
 
-def additional_content(case: Case, probe: str, asked: ReportOptions) -> list[AdditionalContent]:
+def additional_content(case: Case, probe: str, asked: ReportOptions) -> AdditionalContent:
     """Return the additional content from runs of the case."""
-    found: list[AdditionalContent] = []
+    found = AdditionalContent()
     if asked.errors or case.record.fidelity.estimate:
-        found.append(_errors(case, probe))
+        _add_errors(found, case, probe)
     if asked.limits:
-        found.append(_limits(case))
+        _add_limits(found, case)
     if asked.trade:
-        found.append(_trade(case, probe))
+        _add_trade(found, case, probe)
     return found
 
 
-def _errors(case: Case, probe: str) -> AdditionalContent:
+def _add_errors(found: AdditionalContent, case: Case, probe: str) -> None:
     errors = estimate_errors(case, probe)
     known = "; ".join(f"{one.quantity} {format_with_error(one)}" for one in errors if one.holds)
     unknown = ", ".join(one.quantity for one in errors if not one.holds)
-    said = [f"Maximum values of {probe} and the contacts with their estimated errors: {known}."] if known else []
+    if known:
+        found.sentences.append(f"Maximum values of {probe} and the contacts with their estimated errors: {known}.")
     if unknown:
-        said.append(f"No error estimate for {unknown}: the results do not converge with shorter steps.")
-    return AdditionalContent(tuple(said), (report_table(error_table(errors)),))
+        found.sentences.append(f"No error estimate for {unknown}: the results do not converge with shorter steps.")
+    found.sheets.append(report_table(error_table(errors)))
 
 
-def _limits(case: Case) -> AdditionalContent:
+def _add_limits(found: AdditionalContent, case: Case) -> None:
     scale = case.turns
     try:
         limits = find_limits(case, Search(0.5 * case.speed, 2.0 * case.speed, _LIMIT_TOLERANCE * case.speed))
     except InputError as refusal:  # the rest of the page is still valid
-        return AdditionalContent(tuple(f"No speed limits: {fault.why or fault.given}." for fault in refusal.faults))
-    said = ["No speed limit was found up to twice the speed."]
+        found.sentences.extend(f"No speed limits: {fault.why or fault.given}." for fault in refusal.faults)
+        return
+    first = "No speed limit was found up to twice the speed."
     if limits.first is not None:
         one = limits.limits[limits.first]
         speed = f"{scale * (one.rpm or 0.0):.4g} rpm of the {shaft_name(scale)}"
-        said = [f"The first speed limit is {limits.first.replace('_', ' ')}, from {speed}: {one.words}."]
+        first = f"The first speed limit is {limits.first.replace('_', ' ')}, from {speed}: {one.words}."
+    found.sentences.append(first)
     if unknown := [name.replace("_", " ") for name, one in limits.limits.items() if not one.known]:
-        said.append(f"Not known, because runs failed: {', '.join(unknown)}.")
-    return AdditionalContent(tuple(said), (report_table(limits_table(limits, compute_margins(case), scale)),))
+        found.sentences.append(f"Not known, because runs failed: {', '.join(unknown)}.")
+    found.sheets.append(report_table(tables.limits_table(limits, compute_margins(case), scale)))
 
 
-def _trade(case: Case, probe: str) -> AdditionalContent:
-    from flexcam.plotting.figures import render_png
-    from flexcam.plotting.histories import work_precision_figure
-
+def _add_trade(found: AdditionalContent, case: Case, probe: str) -> None:
     against, rungs = evaluate_ladder(case, probe, repeats=1)
-    table = report_table(trade_table(against, rungs))
+    found.sentences.extend(trade_warnings(against, rungs))
+    found.sheets.append(report_table(trade_table(against, rungs)))
     best = ", ".join(f"{one.rung} at {one.steps} steps" for one in rungs if one.best)
     words = f"Error over work, both logarithmic. Best models in both: {best}. The table has the numbers"
-    words = f"{words} ({TRADE_LEGEND})."
-    picture = Picture("Error and cost of models", render_png(work_precision_figure(rungs)), words)
-    return AdditionalContent(tuple(trade_warnings(against, rungs)), (table,), (picture,))
+    png = plotting.figures.render_png(plotting.histories.work_precision_figure(rungs))
+    found.pictures.append(Picture("Error and cost of models", png, f"{words} ({TRADE_LEGEND})."))

@@ -81,7 +81,9 @@ def build_albums(runs: Runs, main: str) -> tuple[list[ChartGroup], list[str]]:
     """Return all curves of several results, and a sentence if a page has no room for some of them."""
     first = [one for one, _ in runs.values()]
     probes = list(dict.fromkeys(name for one in first for name in scalar_probes(one.outline)))
-    moving = {name for name in probes if _moves(first, name)}
+    moving = {
+        name for one in first if len(one.time) for name in scalar_probes(one.outline) if np.ptp(one[name].displacement)
+    }
     probes = sorted((name for name in probes if name == main or name in moving), key=lambda name: name != main)
     channels = list(dict.fromkeys(name for one in first for name, _ in one.outline.channels))
     shown = [name for name in channels if not name.startswith(("energy.", STATE))]
@@ -126,11 +128,6 @@ def _fit_albums(albums: list[ChartGroup], size: int) -> list[ChartGroup]:
             for first, *others in [album.charts]
         ]
     return albums
-
-
-def _moves(responses: Sequence[Response], name: str) -> bool:
-    having = [one for one in responses if name in scalar_probes(one.outline) and len(one.time)]
-    return any(float(np.ptp(one[name].displacement)) > 0.0 for one in having)
 
 
 def _motion(runs: Runs, name: str) -> Chart:

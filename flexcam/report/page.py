@@ -11,13 +11,13 @@ import hashlib
 import json
 import pkgutil
 from collections.abc import Mapping, Sequence
-from itertools import chain
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexcam import __version__
+from flexcam import __version__, plotting
 from flexcam.analysis.comparison import Comparison, compare_responses
 from flexcam.analysis.figures_of_merit import compute_margins
 from flexcam.analysis.histories import scalar_history
@@ -30,6 +30,7 @@ from flexcam.core.errors import FlexcamError, InputError
 from flexcam.core.units import RPM
 from flexcam.io.exports import scalar_probes
 from flexcam.report.content import (
+    AdditionalContent,
     Chapter,
     Picture,
     Report,
@@ -40,10 +41,11 @@ from flexcam.report.content import (
     describe_margins,
     describe_model,
     describe_verdict,
-    origin_table,
+    report_table,
     result_tables,
 )
 from flexcam.report.figures import Runs, build_albums, scene
+from flexcam.report.tables import info_table
 from flexcam.report.terminal import make_unique
 from flexcam.valvetrain import Metric
 
@@ -59,15 +61,19 @@ def render_page(report: Report) -> str:
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
     from markupsafe import Markup
 
+    def data_url(picture: Picture) -> str:
+        return "data:image/png;base64," + base64.b64encode(picture.png).decode()
+
     ours = Markup  # unescaped content: own scripts, and data escaped by `embed_json`
     plotly = (pkgutil.get_data("plotly", "package_data/plotly.min.js") or b"").decode()  # importing plotly takes long
-    scripts = [plotly, _text("curves.js"), _text("shapes.js")]
+    curves, shapes, style = ((_PAGE / name).read_text("utf-8") for name in ("curves.js", "shapes.js", "page.css"))
+    scripts = [plotly, curves, shapes]
     jinja = Environment(loader=FileSystemLoader(_PAGE), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
                         lstrip_blocks=True)  # fmt: skip
     data = {"albums": report.albums, "scenes": [chapter.scene for chapter in report.chapters]}
     return jinja.get_template("page.html").render(
-        report=report, version=__version__, style=ours(_text("page.css")), scripts=[ours(one) for one in scripts],
-        policy=_content_security_policy(scripts), data=ours(embed_json(data)), image=_data_url,
+        report=report, version=__version__, style=ours(style), scripts=[ours(one) for one in scripts],
+        policy=_content_security_policy(scripts), data=ours(embed_json(data)), image=data_url,
     )  # fmt: skip
 
 
@@ -84,20 +90,11 @@ def _to_json(value: object) -> object:
     return _numbers(np.asarray(value, dtype=float)) if isinstance(value, np.ndarray) else vars(value)
 
 
-def _text(name: str) -> str:
-    return (_PAGE / name).read_text(encoding="utf-8")
-
-
 def _content_security_policy(scripts: list[str]) -> str:
     """Return the content security policy of the page: its own scripts, styles and images, nothing external."""
     hashes = (base64.b64encode(hashlib.sha256(one.encode()).digest()).decode() for one in scripts)
     allowed = " ".join(f"'sha256-{one}'" for one in hashes)
     return f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline'; img-src data: blob:"
-
-
-def _data_url(picture: Picture) -> str:
-    """Return an image as a data URL."""
-    return "data:image/png;base64," + base64.b64encode(picture.png).decode()
 
 
 def _numbers(values: NDArray[np.float64]) -> Mapping[str, str]:
@@ -112,7 +109,8 @@ def build_report(
     subjects: Sequence[ReportSubject], *, probe: str | None = None, asked: ReportOptions | None = None
 ) -> Report:
     """Return a report on results."""
-    names = _result_names(subjects)
+    speeds = [one.known.case.speed_text if one.known else "" for one in subjects]
+    names = make_unique([one.stem for one in subjects], speeds) if len(subjects) > 1 else [""]
     mains = [_main_probe(one, probe) for one in subjects]
     asked, count = asked or ReportOptions(), len(subjects)
     whole = zip(subjects, names, mains, strict=True)
@@ -122,12 +120,6 @@ def build_report(
     title = chapters[0].title if len(chapters) == 1 else ", ".join(names)
     albums, notes = build_albums(runs, main)
     return Report(title, chapters, tuple(albums), tuple(notes), _motion_image(runs, main))
-
-
-def _result_names(subjects: Sequence[ReportSubject]) -> list[str]:
-    """Return names that distinguish results; empty for a single one."""
-    speeds = [one.known.case.speed_text if one.known else "" for one in subjects]
-    return make_unique([one.stem for one in subjects], speeds) if len(subjects) > 1 else [""]
 
 
 def _main_probe(about: ReportSubject, probe: str | None) -> str:
@@ -147,22 +139,23 @@ def _chapter(about: ReportSubject, name: str, main: str, asked: ReportOptions, s
     title = kept.get("title", "") or about.stem
     figures = compute_metrics(known.ready, known.response) if known else []
     compared, lacking = _compare_rigid(about, known, main) if known else (None, [])
-    more = additional_content(known.case, main, asked) if known and status.ok and main else []
+    more = additional_content(known.case, main, asked) if known and status.ok and main else AdditionalContent()
     doubts = [] if status.ok else [f"The run did not reach its end. {status}"]
     if known and len(known.response.time):
         doubts += _warnings(known, figures, drawn_rigid=about.rigid is not None)
+    result = replace(about.result, response=known.response) if known else about.result
     summary = [*describe_model(about, known, figures), *_margins(known.case)] if known else []
     return Chapter(
         name=name,
         title=f"{title}, {known.case.speed_text}" if known else title,
         verdict=tuple(describe_verdict(compared)) if compared and status.ok else (),
-        summary=(*summary, *chain.from_iterable(one.sentences for one in more)),
+        summary=(*summary, *more.sentences),
         warnings=(*doubts, *about.lacking, *lacking),
-        sheets=(*chain.from_iterable(one.sheets for one in more), *result_tables(about, compared, figures)),
-        pictures=tuple(chain.from_iterable(one.pictures for one in more)),
+        sheets=(*more.sheets, *result_tables(about, compared, figures)),
+        pictures=tuple(more.pictures),
         scene=scene(about, share),
         case=known.case.text if known else kept.get("case", ""),
-        origin=origin_table(about),
+        origin=replace(report_table(info_table(result)), title="The result file"),
     )
 
 
@@ -197,17 +190,13 @@ def _margins(case: Case) -> list[str]:
 
 
 def _motion_image(runs: Runs, main: str) -> Picture | None:
-    """Return an image with the motion of the main probe."""
     moved = {name: pair for name, pair in runs.items() if len(pair[0].time) and main in scalar_probes(pair[0].outline)}
     if not moved:
         return None
-    from flexcam.plotting.figures import render_png
-    from flexcam.plotting.histories import contact_forces, motion_figure
-
     own = {name: one for name, (one, _) in moved.items()}
     rigid = {name: one for name, (_, one) in moved.items() if one is not None}
-    forces = contact_forces(next(iter(own.values())))
+    forces = plotting.histories.contact_forces(next(iter(own.values())))
     common = [name for name in forces if all(name in one.channels for one in own.values())]
-    figure = motion_figure(own, main, common[:1], rigid=rigid)
+    figure = plotting.histories.motion_figure(own, main, common[:1], rigid=rigid)
     words = f"Displacement, velocity and acceleration of {main} over the cam angle; the text below describes it."
-    return Picture(f"Motion of {main}", render_png(figure), words)
+    return Picture(f"Motion of {main}", plotting.figures.render_png(figure), words)

@@ -41,7 +41,6 @@ from flexcam.valvetrain import (
     MemberStrength,
     Metric,
     ModelModes,
-    Rocker,
     Seat,
     Spring,
     build_structure,
@@ -92,7 +91,10 @@ def model_table(ready: PreparedRun, modes: ModelModes, takes: ResourceEstimate |
         *((f"superelement {n}", f"{len(b.nodes)} nodes, {b.modes} modes") for n, b in model.superelements.items()),
         ("springs", ", ".join(springs) or "none"),
         ("supports", ", ".join(f"{point}: {' '.join(held)}" for point, held in model.supports.items()) or "none"),
-        *((f"rocker {n}", _rocker(rocker)) for n, rocker in model.rockers.items()),
+        *(
+            (f"rocker {n}", f"{r.start} to {r.point}, ratio {r.ratio:g}, along {_vector(r.direction)}")
+            for n, r in model.rockers.items()
+        ),
         *((f"cam {n}", f"at {c.at}, lift {1e3 * c.event.height:g} mm") for n, c in model.cams.items()),
         *((f"contact {n}", _contact(c)) for n, c in model.contacts.items()),
         *((f"friction {n}", f"{f.force:g} {_unit(f)} at {f.at}") for n, f in model.friction.items()),
@@ -163,10 +165,6 @@ def _load(load: GivenLoad) -> str:
     over = f"from {first:g} to {last:g} {what}" if table.period is None else f"every {factor * table.period:g} {what}"
     size = f"{table.size.min():.4g} to {table.size.max():.4g} {_unit(load)}"
     return f"{size} at {load.at} {along}, table {over}"
-
-
-def _rocker(rocker: Rocker) -> str:
-    return f"{rocker.start} to {rocker.point}, ratio {rocker.ratio:g}, along {_vector(rocker.direction)}"
 
 
 def _contact(contact: Contact) -> str:
@@ -274,9 +272,12 @@ def run_table(case: Case, extremes: ExtremesSink) -> Table:
         for component, *bounds in zip(components, *extremes.probe(name), strict=True)
     ]
     largest = max((float(np.abs(bounds).max()) for _, turns, bounds in moved if not turns), default=0.0)
-    least = min(_REST_AMPLITUDE, _RELATIVE_REST_AMPLITUDE * largest)
-    rows = [(name, *_bounds(bounds, "mrad" if turns else "mm")) for name, turns, bounds in moved
-            if float(np.abs(bounds).max()) > least]  # fmt: skip
+    rows: list[tuple[str, ...]] = []
+    for name, turns, bounds in moved:
+        own, unit = float(np.abs(bounds).max()), "mrad" if turns else "mm"
+        if own > min(_REST_AMPLITUDE, _RELATIVE_REST_AMPLITUDE * largest):
+            places = 4 if own >= _FOUR_DECIMAL_AMPLITUDE else count_decimals(own, 4)
+            rows.append((name, *(f"{format_decimals(float(one), places)} {unit}" for one in bounds)))
     title = f"{case.title}, {case.speed_text}"
     return plain_table(title, ("probe", "min", "max"), rows or [("no probe moves", "", "")])
 
@@ -309,17 +310,13 @@ def merit_table(figures: Sequence[FigureOfMerit]) -> Table:
         factor, unit = to_display_unit(one.unit)
         value = f"{one.value:.1%}" if one.name == SPRING_MARGIN else f"{factor * one.value + 0.0:.4g} {unit}".rstrip()
         rows.setdefault(one.name, []).append((one.value, value, one.part))
-    cells = {
-        name: _range_cells(parts) if len(parts) > _MOST_PARTS else [_part_cell(text, part) for _, text, part in parts]
-        for name, parts in rows.items()
-    }
-    wrapped = ((name, fill(", ".join(parts), _CELL).replace(_NO_BREAK, " ")) for name, parts in cells.items())
-    return facts_table("Figures of merit", wrapped)
-
-
-def _part_cell(text: str, part: str) -> str:
-    """Return a value with its part, which a line break does not separate."""
-    return (f"{text} ({part})" if part else text).replace(" ", _NO_BREAK)
+    cells: list[tuple[str, str]] = []
+    for name, parts in rows.items():
+        shown = _range_cells(parts)
+        if len(parts) <= _MOST_PARTS:  # a line break does not separate a value from its part
+            shown = [(f"{text} ({part})" if part else text).replace(" ", _NO_BREAK) for _, text, part in parts]
+        cells.append((name, fill(", ".join(shown), _CELL).replace(_NO_BREAK, " ")))
+    return facts_table("Figures of merit", cells)
 
 
 def _range_cells(parts: list[tuple[float, str, str]]) -> list[str]:
@@ -375,12 +372,6 @@ def stats_json(stats: Stats) -> dict[str, object]:
     if stats.is_complete:
         return asdict(stats)
     return {"steps": stats.steps, "size": stats.size} if stats.size else {"steps": stats.steps}
-
-
-def _bounds(bounds: FloatArray, unit: str) -> list[str]:
-    largest = float(np.abs(bounds).max())
-    places = 4 if largest >= _FOUR_DECIMAL_AMPLITUDE else count_decimals(largest, 4)
-    return [f"{format_decimals(float(one), places)} {unit}" for one in bounds]
 
 
 _REST_AMPLITUDE, _RELATIVE_REST_AMPLITUDE = 5e-5, 1e-5

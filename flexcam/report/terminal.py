@@ -188,7 +188,8 @@ def plain_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]
     heads, most = list(columns), result_console().width
     whole = sum(size + 1 for size in longest if size <= _NUMBER) <= most  # otherwise their digits are wrapped
     needed = [size if size <= _NUMBER else min(size, _WORDS) for size in longest]
-    if _width(heads, needed) > most:  # numbers are never wrapped: use headers of several lines and small gaps
+    width = sum(max(len(head), size) + _GAP for head, size in zip(heads, needed, strict=True)) - _GAP
+    if width > most:  # numbers are never wrapped: use headers of several lines and small gaps
         widths, gap = _widths(columns, needed, most)
         heads = [fill(head, width) for head, width in zip(columns, widths, strict=True)]
         made.padding = (0, gap, 0, 0)
@@ -221,10 +222,6 @@ def _widths(heads: Sequence[str], longest: Sequence[int], most: int) -> tuple[li
         if sum(widths) + len(widths) <= most:
             return widths, 1
     return [max(size, 1) for size in longest], 1
-
-
-def _width(heads: Sequence[str], longest: Sequence[int]) -> int:
-    return sum(max(len(head), size) + _GAP for head, size in zip(heads, longest, strict=True)) - _GAP
 
 
 def facts_table(title: str, rows: Iterable[tuple[str, str]]) -> Table:

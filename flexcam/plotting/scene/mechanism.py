@@ -10,25 +10,9 @@ import numpy as np
 
 from flexcam.cams import FlatFollower, cam_profile
 from flexcam.core import FloatArray
+from flexcam.plotting.scene import parts
 from flexcam.plotting.scene.motion import SceneState, centre_line, model_size, sweep_outline
-from flexcam.plotting.scene.parts import (
-    STEM,
-    CamPlacement,
-    CoilPlacement,
-    CoilSizes,
-    LeverFrame,
-    ValvePlacement,
-    cam_frame,
-    follower_solids,
-    is_bearing,
-    lever_frame,
-    lever_solids,
-    lobe_solid,
-    shaft_names,
-    spring_solids,
-    support_solids,
-    valve_solids,
-)
+from flexcam.plotting.scene.parts import STEM, CamPlacement, CoilPlacement, CoilSizes, LeverFrame, ValvePlacement
 from flexcam.plotting.scene.solids import Solid, ball, cylinder, loft, perpendicular_axes, section_outlines, unit_vector
 from flexcam.valvetrain import Lash, Model, Rocker, Seat, Spring, Structure, valve_ratio
 from flexcam.valvetrain.structure import spring_parts
@@ -83,11 +67,6 @@ def find_seat(model: Model, point: str) -> Seat | None:
     return next((one for one in model.contacts.values() if isinstance(one, Seat) and one.at == point), None)
 
 
-def is_coil(model: Model, spring: Spring) -> bool:
-    """Return whether a spring is drawn as a coil: translational and not a bearing of a shaft."""
-    return bool(spring.direction[:3].any()) and not is_bearing(model, spring)
-
-
 def _cams(model: Model, notes: Notes) -> Iterator[CamPlacement]:
     for contact in model.cam_contacts.values():
         cam, lift = model.cams[contact.cam], unit_vector(contact.direction)
@@ -103,7 +82,7 @@ def _cams(model: Model, notes: Notes) -> Iterator[CamPlacement]:
         if width is None:
             why = "0.7 of its base radius"
             width = notes.record("width of cam", contact.cam, 0.7 * follower.base_radius, why)
-        frame = cam_frame(cam, follower, centre, lift, contact.shaft_axis, width)
+        frame = parts.cam_frame(cam, follower, centre, lift, contact.shaft_axis, width)
         if np.isinf(follower.roller_radius):  # the face covers the whole contact with a margin of a tenth
             away = float(np.abs(cam_profile(cam.event, follower, turn=cam.turn).offset).max())
             face = max(1.1 * math.hypot(away, 0.5 * width), 0.5 * follower.base_radius)
@@ -117,12 +96,12 @@ def _lever(model: Model, rocker: Rocker, cams: tuple[CamPlacement, ...]) -> Leve
     if rocker.finger and own is not None:
         tip = own.frame.contact_end(0.0)
         end = own.frame.centre + np.array([tip.real, tip.imag]) @ own.frame.plane
-        return lever_frame(rocker, end, own.frame.plane, -own.frame.side)
+        return parts.lever_frame(rocker, end, own.frame.plane, -own.frame.side)
     right = np.cross(own.frame.axis, lift) if own is not None else perpendicular_axes(lift)[0]
     if float(np.linalg.norm(right)) < 0.5:  # driven along the shaft
         right = perpendicular_axes(lift)[0]
     driven = model.mesh.nodes[model.mesh.node(rocker.start)]
-    return lever_frame(rocker, driven, np.array([unit_vector(right), lift]), -1)
+    return parts.lever_frame(rocker, driven, np.array([unit_vector(right), lift]), -1)
 
 
 def _valves(model: Model, levers: dict[str, LeverFrame]) -> Iterator[ValvePlacement]:
@@ -150,10 +129,12 @@ def _springs(
     """Yield the springs, the outer ones first: those inside have the same seat."""
     model, outer = structure.model, list[CoilPlacement]()
     travel = valve_lift(model)
-    coils = [(name, one) for name, one in model.springs.items() if is_coil(model, one)]
+    coils = [
+        (n, one) for n, one in model.springs.items() if one.direction[:3].any() and not parts.is_bearing(model, one)
+    ]
     for name, spring in sorted(coils, key=_coil_order):
-        parts = spring_parts(structure, name, spring)
-        borders = np.array([parts[0][0], *(high for _, high in parts)])
+        pieces = spring_parts(structure, name, spring)
+        borders = np.array([pieces[0][0], *(high for _, high in pieces)])
         across_face = next((1.7 * one.face for one in cams if one.contact.follower == spring.at and one.face), 0.0)
         if spring.to is not None and spring.to in model.mesh.points and spring.at in model.mesh.points:
             yield _spring_between_nodes(model, name, spring, borders, head, notes)
@@ -251,17 +232,25 @@ class Mechanism:
         """Return all parts at an instant."""
         return [
             *self._members(instant),
-            *(part for one in self.cams for part in self._cam(one, instant)),
-            *(part for n, one in self.levers.items() for part in _with_name(n, lever_solids(one, instant, self.thick))),
-            *(part for one in self.valves for part in _with_name(one.point, valve_solids(one, instant, self.head))),
-            *(part for one in self.springs for part in _with_name(one.name, spring_solids(one, instant))),
-            *support_solids(self.structure.model, self.cams, instant),
+            *(s for one in self.cams for s in self._cam(one, instant)),
+            *(
+                part
+                for n, one in self.levers.items()
+                for part in _with_name(n, parts.lever_solids(one, instant, self.thick))
+            ),
+            *(
+                part
+                for one in self.valves
+                for part in _with_name(one.point, parts.valve_solids(one, instant, self.head))
+            ),
+            *(part for one in self.springs for part in _with_name(one.name, parts.spring_solids(one, instant))),
+            *parts.support_solids(self.structure.model, self.cams, instant),
             *self._balls(instant),
         ]
 
     def _members(self, instant: SceneState) -> Iterator[Solid]:
         model, first = self.structure.model, 0
-        turning = shaft_names(model)
+        turning = parts.shaft_names(model)
         for name, elements in model.mesh.element_ranges().items():
             line = centre_line(self.structure.beams, elements, model.mesh.nodes, instant.nodal)
             rings = [sweep_outline(outline, line) for outline in section_outlines(model.members[name].section)]
@@ -273,19 +262,14 @@ class Mechanism:
             first += count
 
     def _cam(self, place: CamPlacement, instant: SceneState) -> Iterator[Solid]:
-        """Yield the lobe, its stub shaft and the follower."""
-        lobe = lobe_solid(place.frame, instant.angle, instant.nodal[place.node])
-        yield from _with_name(place.contact.cam, [lobe, *self._axle(place, instant)])
-        yield from _with_name(place.contact.follower, follower_solids(place, instant))
-
-    def _axle(self, place: CamPlacement, instant: SceneState) -> list[Solid]:
-        """Return the stub shaft through a cam without a member."""
-        if self.structure.model.mesh.on_members()[place.node]:
-            return []
-        frame = place.frame
-        middle = frame.centre + instant.nodal[place.node, :3]
-        reach, radius = 1.1 * frame.width * frame.axis, 0.4 * frame.follower.base_radius
-        return [cylinder("shaft", middle - reach, middle + reach, radius)]
+        """Yield the lobe, the stub shaft of a cam without a member, and the follower."""
+        frame, moved = place.frame, instant.nodal[place.node]
+        yield replace(parts.lobe_solid(frame, instant.angle, moved), name=place.contact.cam)
+        if not self.structure.model.mesh.on_members()[place.node]:
+            middle, reach = frame.centre + moved[:3], 1.1 * frame.width * frame.axis
+            axle = cylinder("shaft", middle - reach, middle + reach, 0.4 * frame.follower.base_radius)
+            yield replace(axle, name=place.contact.cam)
+        yield from _with_name(place.contact.follower, parts.follower_solids(place, instant))
 
     def _balls(self, instant: SceneState) -> Iterator[Solid]:
         """Yield the masses at nodes without other parts."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexcam.cams import CamProfile, Follower, SwingFlatFollower, SwingRollerFollower, cam_profile
-from flexcam.core import ComplexArray, FloatArray, IntArray
+from flexcam.core import ComplexArray, FloatArray
 from flexcam.fem.frames import COMPONENTS
 from flexcam.plotting.scene.motion import SceneState, rotation_matrices
 from flexcam.plotting.scene.solids import (
@@ -22,6 +22,7 @@ from flexcam.plotting.scene.solids import (
     prism,
     revolve,
     ring,
+    unit_vector,
 )
 from flexcam.valvetrain import Cam, Lever, Model, Rocker, Spring
 from flexcam.valvetrain.parts import CamPair
@@ -99,15 +100,13 @@ class CamPlacement:
 
 
 def follower_solids(place: CamPlacement, instant: SceneState) -> list[Solid]:
-    """Return the solids of a follower: a flat face or a roller, and its connection to the moving node."""
+    """Return the solids of a follower: a flat face or a roller, and its connection to the moving node.
+
+    A flat face is a disc on the cam, with a neck to the node if that is farther away.
+    """
     moved = instant.at(place.contact.follower, place.lift)
-    if np.isinf(place.frame.follower.roller_radius):
-        return _face(place, moved)
-    return _roller(place, moved, instant)
-
-
-def _face(place: CamPlacement, moved: np.ndarray) -> list[Solid]:
-    """Return a disc with its face on the cam, and the neck to the node if that is farther away."""
+    if not np.isinf(place.frame.follower.roller_radius):
+        return _roller(place, moved, instant)
     base, radius = place.frame.follower.base_radius, place.face
     face = place.frame.centre + base * place.lift + moved
     thick = 0.3 * radius
@@ -246,7 +245,10 @@ def coil_solid(sizes: CoilSizes, start: FloatArray, axis: FloatArray, moved: Flo
     length = sizes.length
     turns = sizes.coils + 2.0 * _END_COILS
     angle = np.linspace(0.0, 2.0 * math.pi * turns, round(_PER_COIL * turns) + 1)
-    place = _coil_height(angle / (2.0 * math.pi), turns, sizes)
+    inner = max(length - (1.0 + 2.0 * _END_COILS) * sizes.wire, 0.0)  # evenly spaced active coils
+    half, lower = 0.5 * sizes.wire, 0.5 * sizes.wire + _END_COILS * sizes.wire
+    ends = [0.0, _END_COILS, turns - _END_COILS, turns]
+    place = np.interp(angle / (2.0 * math.pi), ends, [half, lower, lower + inner, length - half])
     closed = (0.5 + _END_COILS) * sizes.wire  # end coils move with the ends
     along = place + np.interp(place, np.linspace(closed, max(length - closed, closed), len(moved)), moved)
     first, second = perpendicular_axes(axis)
@@ -257,15 +259,6 @@ def coil_solid(sizes: CoilSizes, start: FloatArray, axis: FloatArray, moved: Flo
     up = np.cross(tangent, out)
     wire = circle(0.5 * sizes.wire, _WIRE)
     return loft("spring", centres[:, None] + wire[:, :1] * out[:, None] + wire[:, 1:] * up[:, None])
-
-
-def _coil_height(turn: FloatArray, turns: float, sizes: CoilSizes) -> FloatArray:
-    """Return the height of the wire centre over the turns: closed end coils, evenly spaced active coils."""
-    inner = max(sizes.length - (1.0 + 2.0 * _END_COILS) * sizes.wire, 0.0)
-    half = 0.5 * sizes.wire
-    lower = half + _END_COILS * sizes.wire
-    heights = [half, lower, lower + inner, sizes.length - half]
-    return np.interp(turn, [0.0, _END_COILS, turns - _END_COILS, turns], heights)
 
 
 @dataclass(frozen=True, eq=False)
@@ -323,16 +316,20 @@ def support_solids(model: Model, cams: Sequence[CamPlacement], instant: SceneSta
     for name, line in model.mesh.lines.items():
         radius = model.members[name].section.radius
         for place, node in enumerate(line.tolist()):
-            axis = _tangent(model, line, place)
+            before, after = max(place - 1, 0), min(place + 1, len(line) - 1)
+            axis = unit_vector(model.mesh.nodes[line[after]] - model.mesh.nodes[line[before]])
             where = model.mesh.nodes[node]
             kept = held.get(node, np.zeros(6, dtype=bool))
             driven = name in turning and float(np.abs(kept[3:] * axis).max()) > 0.5
             if driven:
                 sense = float(np.sign(cams[0].frame.axis @ axis)) if cams else 1.0
                 yield replace(_wheel(where, axis, 2.4 * radius, sense * instant.angle), name=name)
+            plane = np.array(perpendicular_axes(axis))
+            across = np.abs(plane)[:, ~kept[:3].astype(bool)]  # free translations perpendicular to the axis
             if kept.all():
-                yield replace(_wall(where, axis, 2.0 * radius), name=name)
-            elif (node in bearings or _fixes_transverse(kept, axis)) and node not in faces and not driven:
+                corners = 2.0 * radius * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
+                yield replace(prism("ground", corners, plane, where, 0.8 * radius), name=name)
+            elif (node in bearings or not (across > 0.3).any()) and node not in faces and not driven:
                 yield replace(ring("bearing", where, axis, (1.02 * radius, 1.6 * radius), 1.1 * radius), name=name)
 
 
@@ -344,24 +341,6 @@ def _fixed_components(model: Model) -> dict[int, FloatArray]:
             own = np.array([name in names for name in COMPONENTS])
             held[node] = held.get(node, np.zeros(6, dtype=bool)) | own
     return held
-
-
-def _fixes_transverse(kept: FloatArray, axis: FloatArray) -> bool:
-    """Return whether both translations perpendicular to an axis are fixed."""
-    across = np.abs(perpendicular_axes(axis))[:, ~kept[:3].astype(bool)]
-    return not (across > 0.3).any()
-
-
-def _tangent(model: Model, line: IntArray, place: int) -> FloatArray:
-    before, after = max(place - 1, 0), min(place + 1, len(line) - 1)
-    span = model.mesh.nodes[line[after]] - model.mesh.nodes[line[before]]
-    return span / np.linalg.norm(span)
-
-
-def _wall(where: FloatArray, axis: FloatArray, half: float) -> Solid:
-    """Return a plate for a clamped member."""
-    corners = half * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
-    return prism("ground", corners, np.array(perpendicular_axes(axis)), where, 0.4 * half)
 
 
 def _wheel(where: FloatArray, axis: FloatArray, radius: float, angle: float) -> Solid:
