@@ -25,7 +25,7 @@ from flexcam.case.fault_report import parse_toml
 from flexcam.case.reader import read_case
 from flexcam.case.schema.base import Record
 from flexcam.core.errors import Fault, InputError, collect_errors, refuse
-from flexcam.core.units import RPM, parse
+from flexcam.core.units import RPM, UnitSystem, parse
 from flexcam.dynamics import Status
 from flexcam.io import check_writable, write_text
 from flexcam.report.terminal import print_json, print_message, result_console
@@ -102,6 +102,7 @@ Overrides = Annotated[
     list[str] | None, Parameter("--set", help="Override a value of the case, such as run.speed=4000rpm. Repeatable.")
 ]
 Json = Annotated[bool, Parameter("--json", help="Print one JSON object instead of tables.")]
+Units = Annotated[UnitSystem | None, Parameter("--units", help="Units shown, metric by default; messages stay metric.")]
 Picture = Annotated[Path | None, Parameter("--plot", help="Also draw a figure to this file (.svg, .png or .pdf).")]
 Csv = Annotated[Path | None, Parameter("--csv", help="Also write a table to this file (.csv).")]
 Folder = Annotated[Path, Parameter(["-o", "--output"], help="Folder of the results.")]

@@ -27,6 +27,7 @@ from cyclopts import CycloptsError, Group
 from flexcam import __version__
 from flexcam.cli.app import COMMAND_FILES, COMMANDS, app, run_state
 from flexcam.core.errors import Fault, InputError, system_message
+from flexcam.core.units import set_unit_system
 from flexcam.dynamics import Cause, RunFailedError, Status
 from flexcam.report.terminal import print_json, print_message
 
@@ -151,6 +152,7 @@ def _word_faults(words: Sequence[str]) -> Iterator[Fault]:
 
 def _dispatch(words: Sequence[str]) -> int:
     as_json = "--json" in words
+    set_unit_system("metric")
     if faults := [*_word_faults(words)]:
         return _print_faults(faults, as_json)
     try:

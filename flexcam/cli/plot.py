@@ -31,7 +31,7 @@ from flexcam.cli.campbell import modes_over_speed, orders_of_response, select_si
 from flexcam.cli.sources import Source, name_sources, open_sources
 from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name
-from flexcam.core.units import RPM, shaft_name, shaft_speed, to_display_unit
+from flexcam.core.units import RPM, set_unit_system, shaft_name, shaft_speed, to_display_unit
 from flexcam.dynamics import Response, Status
 from flexcam.io.sweep_table import read_table, unknown_scalar_fault
 from flexcam.report.terminal import show_count
@@ -147,7 +147,8 @@ def plot(
     as_map: Annotated[bool, Parameter("--map", help="sweep: contours over both varied keys.")] = False,
     output: Annotated[Path | None, Parameter(
         ["-o", "--output"], help="File of the figure (.svg, .png or .pdf).")] = None,
-    overrides: cli.Overrides = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
+    overrides: cli.Overrides = None, units: cli.Units = None, overwrite: cli.Overwrite = False,
+    as_json: cli.Json = False,
 ) -> Status | None:  # fmt: skip
     """Draw a figure of results, cases or sweeps: motion, forces, cams, springs, modes, orders, maps.
 
@@ -156,8 +157,9 @@ def plot(
     what = what or ("sweep" if files and files[0].suffix in _TABLES else "motion")
     _check_options(
         what, probe=probe, channel=channels, rigid=rigid or None, over=over, cam=cam, angle=angle, count=count,
-        x=x, y=y, map=as_map or None, set=overrides,
+        x=x, y=y, map=as_map or None, set=overrides, units=units,
     )  # fmt: skip
+    set_unit_system(units or "metric")
     if what != "sweep" and any(path.suffix in _TABLES for path in files):
         raise refuse("--what", what, "sweep", "the file is the table of a sweep")
     target = output or Path(f"{files[0].name.partition('.')[0] if files else 'flexcam'}-{what}.svg")
@@ -177,7 +179,8 @@ _APPLIES = {
     "channel": ("motion", "force", "torque", "profile", "spring", "waterfall", "map"),
     "rigid": ("motion", "force", "torque"), "over": ("motion", "force", "torque", "energy"), "cam": _OF_CAMS,
     "angle": ("profile",), "count": ("modes", "campbell", "waterfall", "map"), "x": ("sweep",), "y": ("sweep",),
-    "map": ("sweep",), "set": tuple(kind for kind in get_args(FigureKind) if kind != "sweep"),
+    "map": ("sweep",), "units": ("motion", "force", "torque", "energy", "waterfall", "map", "sweep"),
+    "set": tuple(kind for kind in get_args(FigureKind) if kind != "sweep"),
 }  # fmt: skip
 
 

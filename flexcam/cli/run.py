@@ -31,6 +31,7 @@ from flexcam.analysis.run_metrics import compute_metrics, revolution_change
 from flexcam.case.case import Case
 from flexcam.cli import app as cli
 from flexcam.core.errors import NAME, NAMES, InputError, collect_errors, refuse
+from flexcam.core.units import set_unit_system
 from flexcam.dynamics import Cause, Response, RunFailedError, Stats, Status, solve
 from flexcam.io import check_folder, check_folder_name, check_writable
 from flexcam.report import tables
@@ -107,6 +108,7 @@ def _run_output(ran: FinishedRun) -> Iterator[Table | str]:
 flexcam run case.toml
 flexcam run case.toml -o results --set run.revolutions=4 --overwrite
 flexcam run case.toml --set run.speed=4000rpm --name fast
+flexcam run case.toml --units imperial
 flexcam run case.toml -o results --resume
 flexcam run case.toml --time-limit 5min
 """
@@ -119,7 +121,8 @@ def run(
     time_limit: Annotated[str | None, Parameter(
         help="End the command after this time, such as 30s, 5min30s or 2h; a partial result stays.")] = None,
     resume: Annotated[bool, Parameter(help="Continue the run that left a partial result in the folder.")] = False,
-    allow_large: cli.AllowLarge = False, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
+    units: cli.Units = None, allow_large: cli.AllowLarge = False, overwrite: cli.Overwrite = False,
+    as_json: cli.Json = False,
 ) -> Status:  # fmt: skip
     """Run a case and write its result file: motion, forces, stresses and energy over time.
 
@@ -127,6 +130,7 @@ def run(
     at its next step and keeps a partial result, which --resume continues.
     """
     begun = time.monotonic()
+    set_unit_system(units or "metric")
     given, duration = collect_errors(
         lambda: cli.load_case(case, overrides),
         lambda: None if time_limit is None else cli.parse_duration("--time-limit", time_limit),

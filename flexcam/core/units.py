@@ -70,6 +70,7 @@ _PLAIN: dict[str, tuple[Decimal, Exponents]] = {
     "lb": (Decimal("0.45359237"), (0, 1, 0, 0, 0)),
     "lbf": (Decimal("4.4482216152605"), (1, 1, -2, 0, 0)),
     "psi": (Decimal("6894.757293168361"), (-1, 1, -2, 0, 0)),
+    "ksi": (Decimal("6894757.293168361"), (-1, 1, -2, 0, 0)),
     "hp": (Decimal("745.69987158227022"), (2, 1, -3, 0, 0)),
     "K": (Decimal(1), (0, 0, 0, 1, 0)),
 }
@@ -257,7 +258,7 @@ _DISPLAY_UNITS = {
     "metric": {"m": "mm", "rad": "deg", "Pa": "MPa"},
     "imperial": {
         "m": "in", "m/s": "ft/s", "m/s^2": "ft/s^2", "rad": "deg", "N": "lbf", "N m": "lbf ft", "N/m": "lbf/in",
-        "Pa": "psi", "W": "hp",
+        "Pa": "ksi", "W": "hp",
     },
 }  # fmt: skip
 """Units of displayed quantities by their SI unit; others stay in SI."""

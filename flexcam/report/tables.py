@@ -274,10 +274,12 @@ def run_table(case: Case, extremes: ExtremesSink) -> Table:
     largest = max((float(np.abs(bounds).max()) for _, turns, bounds in moved if not turns), default=0.0)
     rows: list[tuple[str, ...]] = []
     for name, turns, bounds in moved:
-        own, unit = float(np.abs(bounds).max()), "mrad" if turns else "mm"
-        if own > min(_REST_AMPLITUDE, _RELATIVE_REST_AMPLITUDE * largest):
+        factor, unit = (1e3, "mrad") if turns else to_display_unit("m")
+        if float(np.abs(bounds).max()) > min(_REST_AMPLITUDE, _RELATIVE_REST_AMPLITUDE * largest):
+            shown = 1e-3 * factor * bounds
+            own = float(np.abs(shown).max())
             places = 4 if own >= _FOUR_DECIMAL_AMPLITUDE else count_decimals(own, 4)
-            rows.append((name, *(f"{format_decimals(float(one), places)} {unit}" for one in bounds)))
+            rows.append((name, *(f"{format_decimals(float(one), places)} {unit}" for one in shown)))
     title = f"{case.title}, {case.speed_text}"
     return plain_table(title, ("probe", "min", "max"), rows or [("no probe moves", "", "")])
 
@@ -347,11 +349,12 @@ def equilibrium_residual(response: Response) -> float | None:
 def strength_table(members: Mapping[str, MemberStrength]) -> Table:
     """Return the table of the maximum stresses of every member."""
     rows: list[tuple[str, ...]] = []
+    factor, unit = to_display_unit("Pa")
     for name, one in members.items():
-        stresses = (f"{value / 1e6:.4g}" for value in (one.von_mises, one.mean, one.alternating))
+        stresses = (f"{factor * value:.4g}" for value in (one.von_mises, one.mean, one.alternating))
         safety = f"{one.safety:.3g}" if one.safety else "unlimited" if one.rated else "no strength given"
         rows.append((name, *stresses, safety, one.place))
-    head = ("stress, MPa", "von Mises", "mean", "alternating", "fatigue safety", "at")
+    head = (f"stress, {unit}", "von Mises", "mean", "alternating", "fatigue safety", "at")
     return plain_table("Stresses at the saved instants", head, rows)
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 
+import pytest
+
 WATCH = """
 format = 1
 nodes = { a = [0, 0, 0], cam = [0, 0, 8e-4], b = [0, 0, 1.6e-3], f = [9e-4, 0, 8e-4], g = [3.9e-3, 0, 8e-4] }
@@ -32,3 +34,18 @@ def test_its_figures_are_told(flexcam, tmp_path):
     assert 2e-6 < float(masses[1]) < 3e-6, "of pointer and rod"
     told = flexcam("compare", "watch.toml").out
     assert 0.0 < float(re.search(r"deviates by up to (\S+) times its lift", told)[1]) < 5e-4
+
+
+def test_units_of_tables(flexcam, tmp_path):
+    """Imperial where asked, metric in the next command of the same process."""
+    (tmp_path / "watch.toml").write_text(WATCH, encoding="utf-8")
+    metric = flexcam("run", "watch.toml").out
+    imperial = flexcam("run", "watch.toml", "--units", "imperial", "--overwrite").out
+    lift, inches = (float(re.search(r"g\.ux +-?[\d.]+ \w+ +([\d.]+) ", text)[1]) for text in (metric, imperial))
+    assert inches == pytest.approx(lift / 25.4, rel=2e-2)  # digits of the table
+    assert "lbf" in imperial
+    assert "mm" not in imperial
+    assert "lbf" not in flexcam("run", "watch.toml", "--overwrite").out
+    refused = flexcam("plot", "watch.toml", "--what", "svaj", "--units", "imperial")
+    assert refused.code == 2
+    assert "--units" in refused.err

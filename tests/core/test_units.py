@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+from contextvars import copy_context
 from fractions import Fraction
 
 import numpy as np
@@ -13,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from flexcam.core.errors import InputError
-from flexcam.core.units import DIMENSIONS, parse
+from flexcam.core.units import DIMENSIONS, parse, set_unit_system, to_display_unit
 
 EXACT = 1e-15
 """A few roundings of a double: the factor's, the product's, the text's."""
@@ -228,3 +229,21 @@ def test_pounds_of_mass_in_the_place_of_a_force_are_told():
         parse("80 lb", "force")
     with pytest.raises(InputError, match="Write lb, a mass"):
         parse("0.2 lbm", "mass")
+
+
+def test_display_units():
+    """Factors and symbols, in the unit system of the context only."""
+    assert to_display_unit("m") == (1e3, "mm")
+    assert to_display_unit("1") == (1.0, "")
+
+    def imperial() -> dict[str, tuple[float, str]]:
+        set_unit_system("imperial")
+        return {unit: to_display_unit(unit) for unit in ("m", "N m", "Pa", "W", "rad/s^2")}
+
+    shown = copy_context().run(imperial)
+    assert {unit: symbol for unit, (_, symbol) in shown.items()} == {
+        "m": "in", "N m": "lbf ft", "Pa": "ksi", "W": "hp", "rad/s^2": "rad/s²",
+    }  # fmt: skip
+    assert shown["m"][0] * 25.4e-3 == pytest.approx(1.0, rel=1e-15)
+    assert shown["W"][0] * 745.69987158227022 == pytest.approx(1.0, rel=1e-15)
+    assert to_display_unit("m") == (1e3, "mm")
