@@ -229,8 +229,6 @@ def set_initial_state(case: Case, model: Model, problem: Problem, *, until: floa
             return replace(problem, start=solve_periodic(one, case.record.run.integrator.part, until=until))
         case ResultStartRecord(result=name):
             state, angle = _last_state(case, model, system, name)
-            taken = round(state.time / problem.step)
-            state = replace(state, taken=taken if taken * problem.step == state.time else 0)
             drive, free = problem.drive, case.record.run.free_running
             missing = angle - float(drive.at(np.array([state.time])).angle[0])
             if abs(missing) > _SAME_ANGLE and free is not None:

@@ -30,8 +30,6 @@ class State:
         Relative residual of a periodic state; else None.
     acceleration
         Shape (n,), of a resumed run, where some schemes do not derive it from the rest. None for equilibrium.
-    taken
-        Number of steps before this state, from which instants are counted.
     """
 
     displacement: FloatArray
@@ -40,7 +38,6 @@ class State:
     inner: FloatArray | None = None
     periodicity: float | None = None
     acceleration: FloatArray | None = None
-    taken: int = 0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "displacement", finite_array("start displacement", self.displacement, (None,)))
@@ -136,7 +133,7 @@ class Problem:
     runs: int = 1
 
     def times(self, steps: IntArray) -> FloatArray:
-        """Return the times of steps; a resumed run counts from the first start.
+        """Return the times of steps.
 
         Parameters
         ----------
@@ -148,8 +145,8 @@ class Problem:
         ndarray
             s, shape (b,).
         """
-        begin, taken = (self.start.time, self.start.taken) if self.start else (0.0, 0)
-        return np.asarray((begin - taken * self.step) + (taken + steps) * self.step, dtype=float)
+        begin = self.start.time if self.start else 0.0
+        return np.asarray(begin + steps * self.step, dtype=float)
 
     def __post_init__(self) -> None:
         positive("step", self.step, "s")

@@ -191,7 +191,7 @@ def test_going_on_in_machine_code_from_a_general_run(name):
     first = solve(replace(problem, engine="direct", steps=360), scheme, save=save)
     d, v, a = (getattr(first.fields, kind)[-1] for kind in KINDS)
     inner = first.inner if len(first.inner) else None
-    start = State(d, v, float(first.time[-1]), inner, acceleration=a, taken=360)
+    start = State(d, v, float(first.time[-1]), inner, acceleration=a)
     later = solve(replace(problem, engine="kernel", steps=360, start=start), scheme, save=save)
     for kind in KINDS:
         one, other = getattr(whole.fields, kind)[18:], getattr(later.fields, kind)

@@ -48,7 +48,7 @@ def legs():
             first = solve(replace(problem, steps=at), ready.scheme, save=EVERY)
             inner = first.inner if len(first.inner) else None
             d, v, a = (one[-1] for one in (first.fields.displacement, first.fields.velocity, first.fields.acceleration))
-            state = State(d, v, float(first.time[-1]), inner, acceleration=a, taken=at)
+            state = State(d, v, float(first.time[-1]), inner, acceleration=a)
             return solve(replace(problem, steps=LENGTH - at, start=state), ready.scheme, save=EVERY)
 
         return solve(problem, ready.scheme, save=EVERY), rest

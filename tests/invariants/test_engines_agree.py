@@ -221,7 +221,7 @@ def test_going_on_from_a_result_of_another_way(path, scheme):
     whole = solve(problem, SCHEMES[scheme], save=every)
     first = solve(replace(problem, steps=60), SCHEMES[scheme], save=every)
     middle = State(*(getattr(first.fields, kind)[-1] for kind in SERIES[:2]), float(first.time[-1]),
-                   acceleration=first.fields.acceleration[-1], taken=60)  # fmt: skip
+                   acceleration=first.fields.acceleration[-1])  # fmt: skip
     later = solve(replace(problem, steps=60, start=middle, engine=path), SCHEMES[scheme], save=every)
     allowed = 10.0 * spread_of(problem, SCHEMES[scheme], whole)
     for kind, most in zip(SERIES, allowed, strict=False):
