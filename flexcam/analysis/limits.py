@@ -31,12 +31,12 @@ from flexcam.dynamics import (
 from flexcam.valvetrain import (
     BOUNCE_HEIGHT,
     OPEN,
-    CamContact,
     Model,
     Seat,
     main_lift,
     seating,
     separation_by_flank,
+    spring_held_contacts,
     valve_loft,
     valve_ratio,
 )
@@ -250,7 +250,7 @@ def _conditions(model: Model, search: Search | None = None) -> dict[str, tuple[C
     found: dict[str, tuple[Condition, str]] = {}
     lifts = [f"{1e3 * main_lift(model, name):.3g} mm" for name in model.cams]
     loss = f"the follower leaves its cam for over {math.degrees(OPEN):g} deg"
-    if any(isinstance(one, CamContact) and one.unilateral for one in model.contacts.values()):
+    if spring_held_contacts(model):
         lifted = f"above {' or '.join(dict.fromkeys(lifts))} of lift"
         found["loss_of_contact"] = (_open_contacts, f"{loss} {lifted}")
         found["float"] = (_floating_contacts, f"{loss} over the nose")
@@ -294,11 +294,10 @@ def _floating_contacts(response: Response, ready: PreparedRun) -> list[str]:
 
 
 def _separations(response: Response, ready: PreparedRun) -> Iterator[tuple[str, dict[str, float]]]:
-    """Yield the unilateral contacts with the cam angle of contact loss by flank, in every revolution."""
+    """Yield the contacts that springs hold with the cam angle of contact loss by flank, in every revolution."""
     for revolution in _revolutions(response, ready):
-        for name, one in ready.model.cam_contacts.items():
-            if isinstance(one, CamContact) and one.unilateral:
-                yield name, separation_by_flank(ready.model, response, name, revolution)
+        for name in spring_held_contacts(ready.model):
+            yield name, separation_by_flank(ready.model, response, name, revolution)
 
 
 def _revolutions(response: Response, ready: PreparedRun) -> Iterator[NDArray[np.bool_]]:

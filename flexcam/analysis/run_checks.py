@@ -7,7 +7,7 @@ of the checks of a run.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Self
 
@@ -48,7 +48,6 @@ from flexcam.valvetrain import (
     ResolutionSink,
     build_structure,
     compressed_members,
-    opposed_contacts,
     stiff_struts,
 )
 
@@ -237,7 +236,7 @@ def check_run(ready: PreparedRun, monitor: RunMonitor, metrics: list[Metric], st
     return [
         *check_input(ready),
         *describe_model_limits(ready),
-        *check_events(metrics, opposed_contacts(ready.model)),
+        *check_events(metrics),
         *_check_accuracy(ready, monitor.extremes, stats),
         *(_check_deflections(ready, monitor.extremes) if _has_member_dofs(ready) else ()),
         *(_check_resolution(monitor.resolution) if _has_member_dofs(ready) else ()),
@@ -288,11 +287,8 @@ def describe_model_limits(ready: PreparedRun) -> list[str]:
     return warnings
 
 
-def check_events(metrics: Iterable[Metric], opposed: Collection[str] = ()) -> list[str]:
-    """Return warnings about events of the last revolution: contact loss, valve bounce, coil clash, buckling.
-
-    The contacts of an opposed pair open in turn, while the other cam drives.
-    """
+def check_events(metrics: Iterable[Metric]) -> list[str]:
+    """Return warnings about events of the last revolution: contact loss, valve bounce, coil clash, buckling."""
     known = list(metrics)
     bounces = dict(_metrics_with_suffix(known, ".bounces"))
     return [
@@ -300,7 +296,7 @@ def check_events(metrics: Iterable[Metric], opposed: Collection[str] = ()) -> li
             f"Warning: the follower of {name!r} loses contact with its cam for {math.degrees(angle):.3g} deg of the "
             f"lift: do not use the motion after that for design"
             for name, angle in _metrics_with_suffix(known, ".open_on_the_lift")
-            if angle > OPEN and name not in opposed
+            if angle > OPEN
         ),
         *(
             f"Warning: the valve bounces {'once' if bounces[name] == 1.0 else f'{bounces[name]:.0f} times'} at "
@@ -338,7 +334,7 @@ Mechanics, 1985, section 6.1), and three quarters of the tensile strength of the
 def describe_contact_loss(metrics: Iterable[Metric]) -> str:
     """Describe which followers lost contact with their cams, and for how long; empty if none did."""
     lost = [(name, angle) for name, angle in _metrics_with_suffix(metrics, ".open_on_the_lift") if angle > OPEN]
-    return ", ".join(f"{name!r} lost contact for {math.degrees(angle):.2g} deg" for name, angle in lost)
+    return ", ".join(f"{name!r} lost contact for {math.degrees(angle):.3g} deg" for name, angle in lost)
 
 
 def _metrics_with_suffix(metrics: Iterable[Metric], suffix: str) -> Iterator[tuple[str, float]]:

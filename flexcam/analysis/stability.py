@@ -34,7 +34,7 @@ from flexcam.dynamics import (
     solve_periodic,
     track_progress,
 )
-from flexcam.valvetrain import OPEN, modes_on_the_lift, separation
+from flexcam.valvetrain import OPEN, modes_on_the_lift, separation, spring_held_contacts
 
 MAX_DOFS = 400
 """Maximum number of degrees of freedom for a linearization about the motion; larger systems use the highest mode
@@ -277,7 +277,9 @@ def assess_stability(case: Case) -> Stability:
     opened = 0.0
     if len(response.time):
         last = response.latest(ready.revolution)
-        opened = max((separation(ready.model, response, name, last) for name in ready.model.cam_contacts), default=0.0)
+        opened = max(
+            (separation(ready.model, response, name, last) for name in spring_held_contacts(ready.model)), default=0.0
+        )
     multipliers, why_not = None, "the follower leaves its cam, and the impacts that follow need not repeat"
     if opened <= OPEN:
         multipliers, why_not = _floquet_multipliers(ready)

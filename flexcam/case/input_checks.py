@@ -74,7 +74,7 @@ TYPICAL_RANGES = (
     TypicalRange("rockers.*.arms cams.*.follower.arm cams.*.follower.distance", 1e-4, 5.0, _LENGTH),
     TypicalRange("cams.*.lift", 1e-6, 0.5, _LENGTH, "m"),
     TypicalRange("cams.*.ramps.height members.*.bow", 0.0, 0.05, _LENGTH),
-    TypicalRange("contacts.*.gap", 0.0, 1e-2, _LENGTH),
+    TypicalRange("contacts.*.gap", 0.0, 0.05, _LENGTH),  # that of a desmodromic pair is its lift
     TypicalRange("sections.*.A", 1e-10, 10.0, {"mm^2": 1e-6, "cm^2": 1e-4}),
     TypicalRange("sections.*.Iy sections.*.Iz sections.*.J", 1e-20, 10.0, {"mm^4": 1e-12, "cm^4": 1e-8}),
     TypicalRange("masses.*.mass springs.*.mass", 1e-8, 20.0, {"g": 1e-3, "kg": 1.0}),

@@ -323,7 +323,9 @@ class CommandOutput:
 
     def figure(self) -> Figure:
         """Return the figure with its title."""
-        return plotting.figures.add_title(self.draw() if self.draw else plotting.figures.Figure(), self.title)
+        if self.draw is None:
+            raise NotImplementedError
+        return plotting.figures.add_title(self.draw(), self.title)
 
 
 def write_output(

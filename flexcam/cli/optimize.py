@@ -211,7 +211,7 @@ _ACTIVE_DISTANCE = 0.01
 
 
 def _optimum(design: OptimizationProblem, found: Evaluations) -> tuple[list[Table | str], Mapping[str, object]]:
-    """Return what an optimization with one goal prints, and its JSON."""
+    """Return the printed output and the JSON of an optimization with one goal."""
     at = found.nearest if found.best is None else found.best
     title = f"Best of {len(found.rows)} variants" if found.best is not None else "Smallest violation of constraints"
     point = zip(design.points.variables, found.points[at].tolist(), strict=True)
@@ -236,7 +236,7 @@ def _optimum(design: OptimizationProblem, found: Evaluations) -> tuple[list[Tabl
 
 
 def _front(design: OptimizationProblem, found: Evaluations) -> tuple[list[Table | str], Mapping[str, object]]:
-    """Return what a search for a Pareto front prints, and its JSON."""
+    """Return the printed output and the JSON of a search for a Pareto front."""
     best = pareto_indices(found)
     names = [goal.name for goal in design.goals]
     head = (*(with_unit(goal.words, design.unit(goal.name, found.rows)) for goal in design.goals),

@@ -35,7 +35,7 @@ from flexcam.core.units import RPM, set_unit_system, shaft_name, shaft_speed, to
 from flexcam.dynamics import Response, Status
 from flexcam.io.sweep_table import read_table, unknown_scalar_fault
 from flexcam.report.terminal import show_count
-from flexcam.valvetrain import Cam, CamContact, Spring, build_structure, contact_loss, driving_contact
+from flexcam.valvetrain import Cam, Spring, build_structure, contact_loss, driving_contact, spring_held_contacts
 from flexcam.valvetrain.spring_properties import spring_curve
 from flexcam.valvetrain.springs import has_channels
 
@@ -159,6 +159,8 @@ def plot(
         what, probe=probe, channel=channels, rigid=rigid or None, over=over, cam=cam, angle=angle, count=count,
         x=x, y=y, map=as_map or None, set=overrides, units=units,
     )  # fmt: skip
+    if units and any(path.suffix == ".csv" for path in files):
+        raise refuse("--units", units, "the .h5 table of the sweep", "a CSV table has its own units")
     set_unit_system(units or "metric")
     if what != "sweep" and any(path.suffix in _TABLES for path in files):
         raise refuse("--what", what, "sweep", "the file is the table of a sweep")
@@ -216,8 +218,7 @@ def _motion(asked: FigureOptions) -> Figure:
     colours = plotting.figures.COLOURS
     for (name, source), colour in zip(asked.sources.items(), cycle((colours[4], *colours[1:4])), strict=False):
         contact, model, drawn = asked.contact(source), source.ready.model, responses[name]
-        part = model.cam_contacts.get(contact or "")
-        if isinstance(part, CamContact) and part.unilateral and f"contacts.{contact}.force" in drawn.channels:
+        if contact in spring_held_contacts(model) and f"contacts.{contact}.force" in drawn.channels:
             label = ", ".join(filter(None, (name, "contact lost on the lift")))
             tdc = (asked.tdc(source) or 0.0) if over == "crank" else 0.0
             lost = contact_loss(model, replace(drawn, angle=drawn.angle + tdc), str(contact))
@@ -292,12 +293,11 @@ def _svaj(asked: FigureOptions) -> Figure:
 
 
 def _profile(asked: FigureOptions) -> Figure:
-
     source = _single_source(asked, "profile")
     cam = asked.cam if asked.channels is None else _cam_of_channel(source, asked, asked.channels)
     one = next((one for one in _cams(source, cam).values() if one.follower is not None), None)
     if one is None or one.follower is None:
-        why = f"{cam or 'no cam of it'} has a profile" if cam is None else f"{cam!r} has no profile"
+        why = "no cam of it has a profile" if cam is None else f"{cam!r} has no profile"
         raise refuse("--what", "profile", "a cam with a follower", why, "give the cam base_radius and follower")
     turned = 0.0 if asked.angle is None else cli.parse_quantity("--angle", asked.angle, "angle", "deg")
     profile = cam_profile(one.event, one.follower, count=720, turn=one.turn)

@@ -1,7 +1,7 @@
 """Equilibrium residual and energy balance of a run.
 
 Both are computed independently of the operators of the time integration, from the matrices, the loads and the local
-forces; the residual at saved fields.
+forces. The residual is evaluated at saved fields.
 """
 
 from __future__ import annotations

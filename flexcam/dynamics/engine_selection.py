@@ -42,7 +42,7 @@ _COMPILER = 2.5
 seconds to compile once per installation, and half a second to load afterwards."""
 
 _SELDOM = 10
-"""Interval of saved fields from which on the motion between them need not be computed."""
+"""Smallest interval of saved fields for which the motion between them is not computed."""
 _FEW = 24
 """Number of probe scalars up to which they are computed without the motion."""
 

@@ -342,7 +342,7 @@ class _Run:
         if self._system.prescribed_motion:
             return [seen.states]
         saved = self._save.fields(steps, self._problem.steps)
-        self._imbalance.evaluate(track, seen, schedule, track.ends[saved & (steps > 0)])
+        self._imbalance.evaluate(track, seen, schedule, track.ends[saved & (steps > 0)])  # the start is no step
         return [self._account.block(track, seen, prescribed_rates, schedule), seen.states]
 
     def _observe(

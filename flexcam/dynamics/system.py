@@ -398,8 +398,6 @@ class System:
     def load_vector(self, motion: CamMotion) -> FloatArray:
         """Return the loads in the unknowns at some instants.
 
-        Each instant has the same bits as if it were alone, which a product of matrices would not give.
-
         Parameters
         ----------
         motion
@@ -410,7 +408,7 @@ class System:
         ndarray
             N or N m, shape (times, n).
         """
-        return np.einsum("tk,kn->tn", self.load_histories(motion), self._load_vectors)
+        return self.load_histories(motion) @ self._load_vectors
 
     def load_vectors(self) -> FloatArray:
         """Return the spatial vectors of all loads, shape (loads, n)."""

@@ -61,7 +61,8 @@ _HEADER_UNIT = re.compile(r"_[^_\s]+$|[\[(][^\])]*[\])]?$")
 _NO_UNITS = [[], ["cam"], ["crank"], ["angle"], ["angles"], ["shaft"], ["position"], ["cad"]]
 """Ends of names of columns of angles that are no units, but for crank angle degrees."""
 _SEPARATOR = re.compile(r"[,;\t]|\s+")
-_DECIMAL_COMMA = re.compile(r"\d,\d+\s*[;\t]")
+_DECIMAL_COMMA = re.compile(r"[;\t].*\d,\d|\d,\d.*[;\t]")
+"""A row with semicolons or tabs between its columns and a comma within a number."""
 _SAMPLE = re.compile(
     r"\bfunction\s+(?P<lobe>\w+)|\.add_(?P<sym>sym_)?sample\(\s*(?P<at>[-+\d.eE]+)\s*(?:\*\s*units\.(?P<angle>\w+)\s*)?,"
     r"\s*(?P<lift>[-+\d.eE]+)\s*(?:\*\s*units\.(?P<length>\w+)\s*)?\)"

@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from rich.table import Table
 
 from flexcam.analysis.model_choice import Choice, Error, ModelEvaluation, Reference
+from flexcam.core.units import to_display_unit
 from flexcam.dynamics import Cause
 from flexcam.report.terminal import format_csv, plain_table
 
-_SHOWN = {"m": (1e3, "mm"), "m/s": (1.0, "m/s"), "m/s^2": (1.0, "m/s^2"), "N": (1.0, "N")}
 _ROUNDING = 1e-10
 """Error relative to its number below which it is rounding: the stiffness of many elements leaves about 1e-11."""
 
@@ -115,7 +115,7 @@ def error_table(errors: Sequence[Error]) -> Table:
 
 def format_with_error(one: Error) -> str:
     """Return a value with its error, such as ``10.43 ± 0.02 mm``."""
-    factor, unit = _SHOWN[one.unit]
+    factor, unit = to_display_unit(one.unit)
     value, error = factor * one.size, factor * one.total
     if not error > _ROUNDING * value:
         return f"{value:.10g} {unit}"

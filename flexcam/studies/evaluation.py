@@ -45,7 +45,7 @@ from flexcam.dynamics import (
 )
 from flexcam.io import temporary_folder
 from flexcam.io.exports import scalar_probes
-from flexcam.studies.plan import Bundle, Row, catch_errors, evaluate_each
+from flexcam.studies.plan import Bundle, Row, catch_all_errors, evaluate_each
 from flexcam.valvetrain import Metric, Model, rigid_motion, train_metric_names
 
 
@@ -154,7 +154,7 @@ def evaluate(
 ) -> Row:  # fmt: skip
     """Run a case, no longer than `time_limit`, s, and return its row, with scalars of the kinds of given names."""
     until = None if time_limit is None else time.monotonic() + time_limit
-    return catch_errors(lambda: _run(case, folder, model, runs, channels, until, names))
+    return catch_all_errors(lambda: _run(case, folder, model, runs, channels, until, names))
 
 
 _SPARSE_OUTPUT = SaveAt(field_every=4096)

@@ -340,7 +340,7 @@ class Row:
 
 
 def catch_errors(compute: Callable[[], Row]) -> Row:
-    """Return a computed row with its time; an error becomes its status, and only an interruption is raised."""
+    """Return a computed row with its time; a refusal or a failed run becomes its status."""
     begun = time.perf_counter()
     try:
         row = compute()
@@ -348,13 +348,21 @@ def catch_errors(compute: Callable[[], Row]) -> Row:
         row = Row(Status(Cause.REFUSED, " | ".join(map(str, refusal.faults))))
     except RunFailedError as failure:
         row = Row(failure.status)
+    reraise_interrupt(row.status)
+    return replace(row, seconds=time.perf_counter() - begun)
+
+
+def catch_all_errors(compute: Callable[[], Row]) -> Row:
+    """Return a computed row as `catch_errors` does; exhausted memory or a fault of flexcam becomes its status, too."""
+    begun = time.perf_counter()
+    try:
+        return catch_errors(compute)
     except MemoryError:
         row = Row(Status(Cause.OUT_OF_MEMORY, "the memory was exhausted", "save fewer fields, or run fewer at a time"))
     except Exception as fault:  # noqa: BLE001 - a fault in one variant must not cost the others
         last = traceback.extract_tb(fault.__traceback__)[-1]
         text = f"a fault of flexcam itself: {type(fault).__name__}: {fault} ({Path(last.filename).name}:{last.lineno})"
         row = Row(Status(Cause.FAULT, text, "please report it; flexcam run with the same keys shows more"))
-    reraise_interrupt(row.status)
     return replace(row, seconds=time.perf_counter() - begun)
 
 

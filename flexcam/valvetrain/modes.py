@@ -52,12 +52,12 @@ from flexcam.valvetrain.parts import Adjuster, Lash, PublishedLoad
 from flexcam.valvetrain.structure import (
     Structure,
     build_structure,
-    find_node,
     lash_row,
     spring_parts,
     superelement_dofs,
 )
 from flexcam.valvetrain.system_builder import build_system
+from flexcam.valvetrain.train_topology import rocker_of
 
 _KINDS = {"axial": beam.AXIAL, "torsion": beam.TORSION, "bending x-y": beam.PLANE_XY, "bending x-z": beam.PLANE_XZ}
 _ENERGY_FRACTION = 0.05  # fraction of a mode's kinetic energy above which a part is named
@@ -344,12 +344,5 @@ def lift_transfer(model: Model, contact: str, probe: str, speed: float) -> Calla
 
 def valve_ratio(model: Model, cam: str) -> float:
     """Return the valve motion per cam lift, from the rocker of the follower's train."""
-    for contact in model.cam_contacts.values():
-        if contact.cam == cam:
-            finger = model.rocker_at(contact.follower)
-            if finger is not None:
-                return finger.ratio
-            train = model.connected_nodes(find_node(model, contact.follower, "follower"))
-            ratios = [r.ratio for r in model.rockers.values() if not r.finger and model.mesh.node(r.start) in train]
-            return ratios[0] if ratios else 1.0
-    return 1.0
+    rockers = (rocker_of(model, contact) for contact in model.cam_contacts.values() if contact.cam == cam)
+    return next((rocker.ratio for rocker in rockers if rocker), 1.0)

@@ -104,11 +104,11 @@ def train_metrics(model: Model, response: Response, period: float, names: Sequen
     if not len(response.time):
         return []
     last = response.latest(period)
-    figures: list[Metric] = []
+    figures = [
+        Metric(f"contacts.{name}.open_on_the_lift", separation(model, response, name, last), "rad")
+        for name in spring_held_contacts(model)
+    ]
     for name, contact in model.cam_contacts.items():
-        if isinstance(contact, CamContact) and contact.unilateral:
-            angle = separation(model, response, name, last)
-            figures.append(Metric(f"contacts.{name}.open_on_the_lift", angle, "rad"))
         if isinstance(contact, CamContact):
             figures += _nose_force(model, response, name, last)
     for name, contact in model.contacts.items():
@@ -139,11 +139,10 @@ def train_metrics(model: Model, response: Response, period: float, names: Sequen
 def train_metric_names(model: Model, channels: Iterable[str]) -> list[str]:
     """Return the names of all metrics that `train_metrics` may return."""
     known = list(channels)
-    free = [name for name, one in model.cam_contacts.items() if isinstance(one, CamContact) and one.unilateral]
     seats = [name for name, one in model.contacts.items() if isinstance(one, Seat) and f"contacts.{name}.gap" in known]
     pressed = [name for name, one in model.cam_contacts.items() if isinstance(one, CamContact)]
     lashes = [name for name, one in model.contacts.items() if isinstance(one, Lash) and f"contacts.{name}.gap" in known]
-    names = [f"contacts.{name}.open_on_the_lift" for name in free]
+    names = [f"contacts.{name}.open_on_the_lift" for name in spring_held_contacts(model)]
     names += [f"contacts.{name}.{_NOSE_FORCE}" for name in pressed]
     names += [f"contacts.{name}.{one}" for name in seats for one in (*_SEATING, _LOFT)]
     names += [f"contacts.{name}.{_GAP}" for name in lashes]
@@ -229,6 +228,13 @@ def opposed_contacts(model: Model) -> dict[str, str]:
     return {
         a: b for a, b in permutations(moved, 2) if float(directions[a] @ directions[b]) < 0.0 and moved[a] & moved[b]
     }
+
+
+def spring_held_contacts(model: Model) -> list[str]:
+    """Return the unilateral contacts whose followers springs hold on their cams; opposed cams open in turn."""
+    opposed = opposed_contacts(model)
+    cams = ((name, one) for name, one in model.cam_contacts.items() if name not in opposed)
+    return [name for name, one in cams if isinstance(one, CamContact) and one.unilateral]
 
 
 def _nose_force(model: Model, response: Response, name: str, last: Bools) -> list[Metric]:

@@ -58,7 +58,7 @@ def engine(tmp_path):
 def test_the_word_on_the_contact_tells_a_follower_that_left_its_cam(engine):
     case = read_case(engine)
     assert describe_contacts(case)[0].endswith("and it can lose contact.")
-    assert describe_contacts(case, FIGURES)[0].endswith("and it can lose contact: 'intake' lost contact for 82 deg.")
+    assert describe_contacts(case, FIGURES)[0].endswith("and it can lose contact: 'intake' lost contact for 81.6 deg.")
 
 
 @pytest.mark.slow

@@ -67,10 +67,7 @@ class Kept:
 @pytest.mark.parametrize("channels", [True, False])
 @pytest.mark.parametrize("every", [10, 5])
 def test_without_a_file(path, channels, every):
-    """Without channels the modal way keeps the probes alone: an engine of its own.
-
-    Where fields stand near each other, its blocks end within a group of strides.
-    """
+    """Without channels the modal way keeps the probes alone: an engine of its own."""
     ready = prepare(read_case(CASE, [f"run.engine={path}"]))
     problem = replace(ready.problem, steps=450)
     save = SaveAt(field_every=every, fields_per_block=100 // every, channels=channels)

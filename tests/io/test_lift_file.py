@@ -266,3 +266,10 @@ def test_lines_are_those_of_an_editor(read, end):
     with pytest.raises(InputError) as refused:
         read(end.join([*rows, "30; x"]))
     assert [fault.where for fault in refused.value.faults] == ["lift.csv, line 7"]
+
+
+def test_decimal_commas_beside_whole_angles(read):
+    """Semicolons separate the columns, so that no comma does."""
+    columns = read("cam_deg;lift_mm\n0;0,000\n1;0,004\n2;0,016\n3;0,036\n")
+    np.testing.assert_allclose(columns.angle, np.radians([0.0, 1.0, 2.0, 3.0]), **ONCE)
+    np.testing.assert_allclose(columns.lift, [0.0, 4e-6, 16e-6, 36e-6], **ONCE)

@@ -25,7 +25,7 @@ from flexcam.studies import executors as workers_of
 from flexcam.studies.evaluation import evaluate, evaluate_chunk
 from flexcam.studies.executors import ClusterWorkers, Pool, ProcessWorkers, SerialWorkers, divide_variants, open_runner
 from flexcam.studies.journal import Journal
-from flexcam.studies.plan import Bundle, Plan, Row, make_bundle, parse_axes
+from flexcam.studies.plan import Bundle, Plan, Row, catch_all_errors, evaluate_each, make_bundle, parse_axes
 from flexcam.studies.sweep import chunk_size, make_sweep, run_sweep
 
 ROOT = Path(__file__).parents[2]
@@ -296,3 +296,16 @@ def test_where_there_are_no_locks_a_sweep_goes_on(without, tmp_path, monkeypatch
 def test_a_refused_journal_leaves_no_file(tmp_path):
     Journal(tmp_path / "new/j.jsonl", HEAD).close()
     assert not list((tmp_path / "new").iterdir())
+
+
+def test_fault_in_a_variant(tmp_path):
+    """A fault of flexcam ends a search, and costs a sweep one row."""
+
+    def broken(case):
+        raise TypeError("planted")
+
+    with pytest.raises(TypeError, match="planted"):
+        evaluate_each(TAYEB, [()], broken)
+    row = catch_all_errors(lambda: broken(None))
+    assert row.status.cause is Cause.FAULT
+    assert "TypeError: planted" in row.status.text

@@ -8,7 +8,16 @@ import numpy as np
 import pytest
 
 from flexcam import prepare, read_case, run
-from flexcam.valvetrain import build_chain, main_lift
+from flexcam.case.builder import build_model
+from flexcam.case.starters import new_case
+from flexcam.valvetrain import (
+    build_chain,
+    main_lift,
+    opposed_contacts,
+    spring_held_contacts,
+    train_metric_names,
+    valve_ratio,
+)
 from flexcam.valvetrain.train_topology import largest_lashes, moved_nodes
 
 TWO = """
@@ -110,3 +119,17 @@ def test_plays_in_series_add_up(in_series, seats):
     springs = 10.0 + 1e3 * 6e-3 + 200.0 + 20e3 * 5.7e-3 + 200.0 + 20e3 * 5.5e-3
     inertia = 0.3 * 7.52 * 6e-3 * (2.0 * math.pi / math.radians(80.0)) ** 2  # the law's largest acceleration is 7.51
     assert abs(response.channels["contacts.first.force"][at] - springs) <= inertia
+
+
+def test_ratio_behind_an_adjuster(tmp_path):
+    """The rocker is driven through a hydraulic element between two nodes."""
+    model = build_model(read_case(new_case("roller-tappet", tmp_path / "case.toml")[0]))
+    assert valve_ratio(model, "intake") == pytest.approx(40.0 / 25.0, rel=1e-12)
+
+
+def test_opposed_cams_hold_the_follower(tmp_path):
+    """No spring holds the followers of a desmodromic pair, so that contact loss is no result of such a train."""
+    model = build_model(read_case(new_case("desmodromic", tmp_path / "case.toml")[0]))
+    assert opposed_contacts(model) == {"opening": "closing", "closing": "opening"}
+    assert spring_held_contacts(model) == []
+    assert not [name for name in train_metric_names(model, []) if "open_on_the_lift" in name]
