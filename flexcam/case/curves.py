@@ -422,6 +422,10 @@ def _keys(record: type[BaseModel]) -> Callable[[], dict[str, Any]]:
 
 
 LawValue = Annotated[LawDefinition, _FromFile(_parse_law_value, lambda: {"id": {"enum": sorted(kind_names())}})]
+"""A motion law by name, as a table, or in a file."""
 LiftValue = Annotated[LiftDefinition, _FromFile(_parse_lift_value, _keys(_LiftFile))]
+"""A lift table in a file."""
 LoadValue = Annotated[LoadDefinition, _FromFile(_parse_load_value, _keys(_LoadFile))]
+"""A load table in a file."""
 MatrixValue = Annotated[MatrixDefinition, _FromFile(_parse_matrix_value, _keys(_MatrixFile))]
+"""A matrix in a file."""

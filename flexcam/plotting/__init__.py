@@ -9,14 +9,17 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from flexcam.plotting import curves, figures, histories, spectra
+    from flexcam.plotting import curves as curves
+    from flexcam.plotting import figures as figures
+    from flexcam.plotting import histories as histories
+    from flexcam.plotting import spectra as spectra
 
-__all__ = ["curves", "figures", "histories", "spectra"]
+_MODULES = ("curves", "figures", "histories", "spectra")
 
 
 def __getattr__(name: str) -> ModuleType:
     """Import a module of figures on first use (PEP 562): matplotlib takes longer to load than many commands to run."""
-    if name not in __all__:
+    if name not in _MODULES:
         message = f"module {__name__!r} has no attribute {name!r}"
         raise AttributeError(message)
     return import_module(f"{__name__}.{name}")
