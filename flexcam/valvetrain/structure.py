@@ -47,8 +47,10 @@ class Structure:
             along = float(direction @ rocker.direction) if direction.any() else 1.0
             if abs(along) < _ACROSS:
                 given = "a direction across the motion of a rocker's point"
-                allowed = f"a direction along {[round(float(x), 6) for x in rocker.direction[:3]]}"
-                raise refuse(where, given, allowed, "the point moves only along this direction")
+                moving = np.flatnonzero(rocker.direction)
+                words = COMPONENTS[moving[0]] if len(moving) == 1 else str(rocker.direction[:3].round(6).tolist())
+                why = f"{point!r} moves only along {words}, because a rocker defines it"
+                raise refuse(where, given, "", why, f"give a direction along {words}")
             if point in self.model.loose_points:
                 return along * self.dofs.unit(point)
             return along * self.reach(rocker)
