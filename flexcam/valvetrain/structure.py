@@ -79,7 +79,7 @@ class Structure:
 def _format_direction(direction: FloatArray) -> str:
     """Return the component that a direction has, such as ``uy``, or the vector of an oblique one."""
     moving = np.flatnonzero(direction)
-    return COMPONENTS[moving[0]] if len(moving) == 1 else str(direction[:3].round(6).tolist())
+    return COMPONENTS[int(moving[0])] if len(moving) == 1 else str(direction[:3].round(6).tolist())
 
 
 def lever_ends(structure: Structure, lever: Lever) -> dict[int, tuple[FloatArray, FloatArray]]:
