@@ -59,10 +59,13 @@ def open_result_file(
 def open_partial_result(ready: PreparedRun, folder: str | Path) -> PartialResult:
     """Open the partial result of a run of a case that was stopped, interrupted or killed."""
     path = Path(folder) / f"{ready.case.name}.vtkhdf"
-    if not partial_path(path).exists():
-        why = f"{path} is complete" if path.exists() else "there is no such file"
-        raise refuse("--resume", str(partial_path(path)), "the partial result of a run", why, "leave out --resume")
-    earlier = PartialResult(partial_path(path), output_geometry(ready.model), outline(ready.problem.system), ready.save)
+    partial = partial_path(path)
+    if not partial.exists():
+        why, remedy = f"there is no partial result {partial} to continue", "leave out --resume"
+        if path.exists():
+            why, remedy = f"{path} is complete", "leave out --resume, and use --overwrite to run again"
+        raise refuse("--resume", str(partial), "", why, remedy)
+    earlier = PartialResult(partial, output_geometry(ready.model), outline(ready.problem.system), ready.save)
     found = find_differences(_metadata(ready.case), earlier.about)
     if not found and earlier.checkpoint.problem != fingerprint(ready.problem, ready.scheme, ready.save):
         found = [_difference("a mesh or a table of the case", "another one", "the one at the start of the run")]

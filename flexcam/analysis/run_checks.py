@@ -131,8 +131,8 @@ def _check_cam_steps(ready: PreparedRun) -> Iterator[str]:
         if curvature * turn**2 > _LIFT_TOLERANCE:
             missed, enough = min(curvature * turn**2, 1.0), 2.0 * math.pi * math.sqrt(curvature / _LIFT_TOLERANCE)
             yield (
-                f"Warning: too few steps per revolution, {2.0 * math.pi / turn:.4g}: the error of the lift of cam "
-                f"{name} between steps is {100.0 * missed:.3g} %; "
+                f"Warning: with {2.0 * math.pi / turn:.4g} steps per revolution, the lift of cam {name} interpolated "
+                f"between steps is wrong by up to {100.0 * missed:.3g} %; "
                 f"take at least {math.ceil(enough)}, and more for contacts"
             )
 
@@ -409,23 +409,24 @@ def _check_deflections(ready: PreparedRun, extremes: ExtremesSink) -> Iterator[s
 def _check_resolution(sink: ResolutionSink) -> Iterator[str]:
     """Yield warnings about insufficient resolution by steps and elements."""
     found = sink.found()
-    at = f"of the accelerations ({found.frequency:.4g} Hz)"
+    at = f"at the frequency of the accelerations ({found.frequency:.4g} Hz)"
     if found.steps < _MIN_STEPS:
         ratio = _MIN_STEPS / found.steps
         more = math.ceil(10.0 * ratio) / 10.0 if ratio < 10.0 else math.ceil(ratio)
         yield (
-            f"Warning: a period of the acceleration at {found.frequency:.4g} Hz has {found.steps:.3g} steps; "
-            f"take at least {more:g} times as many per revolution"
+            f"Warning: {at}, a period has only {found.steps:.3g} time steps; "
+            f"take at least {more:g} times as many steps per revolution"
         )
     for name, count in found.elements.items():
         if count < _MIN_ELEMENTS:
-            more = f"{math.ceil(_MIN_ELEMENTS / count)} times as many elements"
-            wave = f"a bending wave of member {name} at the frequency {at}"
-            yield f"Warning: {wave} has {count:.2g} elements; take {more}"
+            yield (
+                f"Warning: {at}, one bending wavelength of member {name} spans only {count:.2g} elements; "
+                f"take {math.ceil(_MIN_ELEMENTS / count)} times as many in this member"
+            )
     for name, count in found.impacts.items():
         if count < _MIN_IMPACT_STEPS:
-            steps = f"{count} step{'s' if count > 1 else ''}"
+            steps = f"{count} time step{'s' if count > 1 else ''}"
             yield (
-                f"Warning: the largest force of contact {name} occurs in an impact of only {steps}: "
+                f"Warning: the largest force of contact {name} comes from an impact that lasts only {steps}: "
                 f"take more steps per revolution, or a softer contact"
             )

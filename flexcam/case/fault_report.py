@@ -165,7 +165,8 @@ def _fault(error: ErrorDetails, path: Path, places: KeyLocations, root: type[Bas
         case "model_type" | "model_attributes_type" | "dict_type":
             return Fault(where, given, "a table", "", "write it as { key = value } or under a [header]")
         case "missing":
-            return _missing_key_fault(path, _describe_field(path, root) or "a value", places)
+            kind = "a value" if records_at(path, root) == records_at(path[:-1], root) else f"a table [{'.'.join(path)}]"
+            return _missing_key_fault(path, _describe_field(path, root) or kind, places)
         case "union_tag_not_found":
             fields = [record.model_fields[tag] for record in records_at(path, root) if tag in record.model_fields]
             allowed = ", ".join(repr(value) for field in fields for value in get_args(field.annotation))

@@ -420,7 +420,8 @@ def check_coil_bind(model: Model, speed: float) -> list[str]:
     """Return warnings about springs that the rigid train compresses to solid length."""
     touching = touching_coils(model, speed).items()
     return [
-        f"Warning: coils of {name!r} touch before full lift: clash_travel is {1e3 * beyond:.3g} mm too short for it"
+        f"Warning: spring {name!r} reaches coil bind before full lift: full lift needs {1e3 * beyond:.3g} mm more "
+        "clash_travel"
         for name, beyond in touching
     ]
 

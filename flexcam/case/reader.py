@@ -330,9 +330,9 @@ def _parse_case(path: Path, text: str) -> dict[str, Any]:
             line = text.split("\n")[int(twice[1]) - 1].strip()
             if line.startswith("["):
                 line = line.partition("#")[0].strip()
-            key = line.partition("=")[0].strip(" []")
-            allowed, why = "every key and table only once", f"{key} is given twice"
-            raise refuse(f"{path}, line {twice[1]}", line, allowed, why, "leave one out") from None
+            name = line if line.startswith("[") else repr(line.partition("=")[0].strip())
+            allowed, why = "every key and table only once", f"{name} is given twice"
+            raise refuse(f"{path}, line {twice[1]}", line, allowed, why, "delete one of the two") from None
         if path.suffix != ".toml":
             raise refuse("case file", str(path), "a case file (.toml)", f"it is not a TOML document: {fault}") from None
         raise refuse(str(path), "text that is not TOML", "a TOML document", str(fault), remedy) from None

@@ -48,7 +48,7 @@ def get_number(case: Case, key: str, where: str) -> Number:
         near = suggest_name(key, numbers) or suggest_name(
             key.rpartition(".")[2], [n.rpartition(".")[2] for n in numbers]
         )
-        allowed = f"the key of a number of the case, such as {', '.join(numbers[:6])}"
+        allowed = f"a numeric key of the case, such as {', '.join(numbers[:6])}"
         raise refuse(where, repr(key), allowed, "there is no such key", near or "flexcam check --echo prints them all")
     value = known[copies[0]]
     if different := [name for name in copies if known[name] != value]:

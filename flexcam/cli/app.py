@@ -216,15 +216,14 @@ def check_positive(option: str, number: int) -> None:
 def refuse_without(option: str, given: object, required: str, *, present: bool) -> None:
     """Raise an error for an option that has no effect without another one."""
     if given is not None and given is not False and not present:
-        allowed = f"{option} with {required} only"
-        raise refuse(option, _describe_option(given), allowed, "it has no effect", "leave it out")
+        raise refuse(option, _describe_option(given), "", f"it applies only with {required}", "leave it out")
 
 
 def refuse_with(other: str, why: str, options: Mapping[str, object], remedy: str = "leave it out") -> None:
     """Raise an error for options that have no effect together with another one; None is an option not given."""
     for option, given in options.items():
         if given is not None:
-            raise refuse(option, _describe_option(given), f"nothing with {other}", why, remedy)
+            raise refuse(option, _describe_option(given), "", f"it cannot be combined with {other}: {why}", remedy)
 
 
 def _describe_option(given: object) -> str:

@@ -71,15 +71,16 @@ def compare(
 ) -> Status | None:  # fmt: skip
     """Compare the flexible model with the rigid one, or any two models, cases or results.
 
-    With a range of speeds (--lowest, --highest or --plot) it compares the contact forces of the rigid model, the
-    flexible one with bilateral and with unilateral contact, and prints the first of these speeds at which they differ.
+    With --lowest, --highest or --plot it compares the contact forces of three models over a range of speeds: rigid,
+    flexible with bilateral contact, and flexible with unilateral contact. It prints the first of these speeds at which
+    they differ.
     Speeds are those of the crankshaft if the case gives crank_speed, otherwise those of the camshaft.
     """
     over_speed = any(one is not None for one in (lowest, highest, plot))
     for option, given in (("--count", count), ("--tolerance", tolerance), ("--contact", contact)):
         cli.refuse_without(option, given, "--lowest, --highest or --plot", present=over_speed)
     if over_speed:
-        why = "over speed the contact forces of three models are compared"
+        why = "these always compare three models"
         cli.refuse_with("--lowest, --highest or --plot", why, {"--probe": probe, "--against": against})
         part = positive("--tolerance", parse(tolerance or "5 %", "number", "--tolerance"), "1", zero=True)
         read = cli.load_beams(case, overrides)

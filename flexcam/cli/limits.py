@@ -53,7 +53,7 @@ def limits(
     which: Annotated[list[Literal["loss_of_contact", "float", "bounce", "coil_clash", "buckling"]] | None, Parameter(
         "--limit", group=_MAP, help="Limit of the map; loss_of_contact by default. Repeatable.")] = None,
     workers: Annotated[int | None, Parameter(
-        "--workers", help="Number of processes; by default one per core, for a map one.")] = None,
+        "--workers", help="Number of processes; by default one per core, or only one for a map.")] = None,
     csv: Annotated[cli.Csv, Parameter(group=_MAP)] = None,
     plot: Annotated[cli.Picture, Parameter(group=_MAP)] = None,
     overrides: cli.Overrides = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,

@@ -118,7 +118,7 @@ def _command_line_fault(words: Sequence[str], fault: CycloptsError) -> Fault:
     return Fault("command line", " ".join(words), "", why, remedy)
 
 
-_INTERRUPTED = Status(Cause.INTERRUPTED, "stopped by the user before it was finished; nothing is kept")
+_INTERRUPTED = Status(Cause.INTERRUPTED, "stopped before it was finished; nothing is kept")
 
 
 _OUT_OF_MEMORY = Status(

@@ -131,7 +131,7 @@ def optimize(
         written += write_variant(asked.file, best, target, title, overwrite=overwrite)
     ended = Status()
     if found.stopped:
-        done = f"stopped by the user after {len(found.rows)} of about {evaluations} variants; the result is their best"
+        done = f"stopped after {len(found.rows)} of about {evaluations} variants; the result is their best"
         ended = Status(Cause.INTERRUPTED, done, "run the same command with the same --seed again for the whole search")
     parts, json = _optimum(design, found) if len(goals) == 1 else _front(design, found)
     if method == "gradient" and design.start is None:

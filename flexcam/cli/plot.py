@@ -137,7 +137,7 @@ def plot(
         help="motion, force, torque, energy: abscissa; cam angle by default; crank: crank angle of the last "
         "revolution, from top dead centre (key tdc of the cam).")] = None,
     rigid: Annotated[bool, Parameter(
-        help="motion, force, torque: also draw the rigid model; motion: and the difference from it.")] = False,
+        help="motion, force, torque: also draw the rigid model, and for motion the difference from it.")] = False,
     cam: Annotated[str | None, Parameter(help="svaj, profile: draw this cam only.")] = None,
     angle: Annotated[str | None, Parameter(help="profile: cam angle at which it is drawn, such as '90 deg'.")] = None,
     count: Annotated[int | None, Parameter(

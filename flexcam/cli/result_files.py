@@ -121,10 +121,20 @@ def export(
     """
     for option, forms, given, why in (
         ("--paraview", ("pvd",), macro, "the macro opens that collection"),
-        ("--field", ("pvd", "vtm"), fields is not None, "only collections have fields"),
+        ("--field", ("pvd", "vtm"), fields is not None, "it selects the data of these formats only; leave it out"),
         ("--probe", ("csv",), probes is not None, "only the table has probes"),
-        ("--every", ("pvd", "csv"), every != 1, "a mesh has no instants, and solids have --instants"),
-        ("--instants", ("csv", "vtm", "glb"), instants is not None, "the others have saved instants, or one"),
+        (
+            "--every",
+            ("pvd", "csv"),
+            every != 1,
+            "for vtm and glb use --instants; stl has one instant (--at), a mesh none",
+        ),
+        (
+            "--instants",
+            ("csv", "vtm", "glb"),
+            instants is not None,
+            "format pvd writes the saved instants (see --every), stl a single one (see --at); leave it out",
+        ),
         ("--at", ("stl",), at is not None, "only this is a single instant"),
     ):
         if given and form not in forms:

@@ -127,7 +127,7 @@ def run(
     """Run a case and write its result file: motion, forces, stresses and energy over time.
 
     It prints the metrics of the valve train and warnings; ParaView 5.12 or newer opens the result. Ctrl-C ends the run
-    at its next step and keeps a partial result, which --resume continues.
+    at its next step and keeps a partial result, which --resume continues from its last checkpoint, if there is one.
     """
     begun = time.monotonic()
     set_unit_system(units or "metric")

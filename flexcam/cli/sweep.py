@@ -96,7 +96,7 @@ def sweep(
         help="Sample ranges with lhs:N or sobol:N points instead of a full grid.")] = None,
     seed: Annotated[int | None, Parameter(help="Random seed of the samples; 0 by default.")] = None,
     scalars: Annotated[list[str] | None, Parameter(
-        help="Write only these scalars, by (beginning of) name: deviation,contacts.seat.")] = None,
+        help="Write only the scalars whose names begin with one of these, such as deviation,contacts.seat.")] = None,
     folder: cli.Folder = Path("results"),
     histories: Annotated[bool, Parameter(help="Also keep the result file of every variant.")] = False,
     parquet: Annotated[bool, Parameter(help="Also write a Parquet table.")] = False,
@@ -104,16 +104,18 @@ def sweep(
     workers: Annotated[int | None, Parameter(
         group=_WORKERS, help="Number of processes; one per core by default, 0 for this process only.")] = None,
     scheduler: Annotated[str | None, Parameter(
-        group=_WORKERS, help="Dask scheduler tcp://HOST:PORT, or local with --workers processes.")] = None,
+        group=_WORKERS, help="Address of a Dask scheduler, tcp://HOST:PORT; or the word local, which starts one with "
+        "--workers processes.")] = None,
     limit: Annotated[int, Parameter(group=_WORKERS, help="Maximum number of variants.")] = MAX_VARIANTS,
     time_limit: Annotated[str | None, Parameter(
-        group=_WORKERS, help="Maximum time of a variant, such as 5min; otherwise it fails.")] = None,
+        group=_WORKERS, help="Maximum time per variant, such as 5min; a variant that takes longer counts as "
+        "failed.")] = None,
     allow_large: cli.AllowLarge = False, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
 ) -> Status | None:  # fmt: skip
     """Run many variants of a case and write one table with a row per variant.
 
-    Ranges come from the case's [sweep] table and from --set, which replaces them. The table has the scalars of every
-    run and its status.
+    Ranges come from the case's [sweep] table and from --set, which replaces them. The output table has a column
+    per varied key and per scalar, and the status of each run.
     """
     kept = [name.strip() for words in scalars or [] for name in words.split(",")]
     asked, (runners, seconds) = collect_errors(

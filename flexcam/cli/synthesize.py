@@ -132,7 +132,8 @@ synthesize = App(
 cli.app.command(synthesize)
 
 Output = Annotated[
-    Path | None, Parameter(["-o", "--output"], help="Also write it to this file (.toml), which a case can name.")
+    Path | None,
+    Parameter(["-o", "--output"], help="Also write the lift or the law to this file (.toml), for use in a case."),
 ]
 CamsPath = Annotated[Path, Parameter(help="Case file; with --frequency also a file that has [cams.NAME] only.")]
 _FAMILY = Group("Family of laws", sort_key=1)
@@ -265,7 +266,7 @@ def synthesize_harmonic(
 ) -> None:  # fmt: skip
     """Replace the lift of a cam by its low harmonics, which do not excite the first mode.
 
-    The dwells stay within --tolerance.
+    In the dwells the new lift differs from the old one by --tolerance at most.
     """
     cli.check_distinct_files({"--output": output}, [case])
     strict = cli.parse_quantity("--tolerance", tolerance, "length", "um")

@@ -172,10 +172,15 @@ def _unit_product(text: str, where: str, wanted: Exponents) -> tuple[Decimal, Ex
         found = _unit(match[2]) if match else None
         if match is None or found is None:
             symbol = match[2] if match else text[position:]
-            comma = "write a point in decimal numbers, no comma" if text.startswith(",") else ""
-            hint = comma or _FOREIGN.get(symbol) or _suggest_unit(text.strip(), wanted)
+            hint = _FOREIGN.get(symbol) or _suggest_unit(text.strip(), wanted)
             allowed = "a unit such as mm, kg, kN/m, GPa, rpm, deg"
-            raise refuse(where, f"unit {symbol!r} in {text!r}", allowed, "the unit is unknown", hint or "use SI units")
+            raise refuse(
+                where,
+                f"unit {symbol!r} in {text!r}",
+                allowed,
+                "the unit is unknown",
+                hint or "write its symbol, such as mm",
+            )
         # As in print, a '/' applies to all factors up to the next '*' or '/': N s/m, kg/(m s) is kg/m/s.
         divide = match[1] == "/" or (match[1] == "" and divide)
         power = int(match[3] or 1) * (-1 if divide else 1)
@@ -202,6 +207,9 @@ def parse(value: float | str, dimension: str, where: str = "value", *, noise: bo
         number, text = Decimal(value) if abs(value) < _LARGEST else Decimal("inf"), ""
     elif match := _NUMBER.match(value.rstrip()):
         number, text = _EXACT.create_decimal(match[1]), match[2]
+        if re.match(r",\d", text):
+            point = value.strip().replace(",", ".", 1)
+            raise refuse(where, repr(value), allowed, "", f"write a decimal point and no comma, such as {point!r}")
     else:
         raise refuse(where, repr(value), allowed, "it does not begin with a number")
     factor, exponents = _unit_product(text, where, kind.exponents) if text else (Decimal(1), kind.exponents)

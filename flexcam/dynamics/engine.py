@@ -60,7 +60,7 @@ def no_instants(size: int, forces: LocalForces) -> Trajectory:
 LARGEST = 1e100
 """Magnitude (SI) above which a motion has diverged; its square, needed for stresses, is still finite."""
 
-STOPPED = Status(Cause.INTERRUPTED, "stopped by the user", "the finished part is saved, and --resume continues it")
+STOPPED = Status(Cause.INTERRUPTED, "stopped by a signal", "the finished part is saved, and --resume continues it")
 
 
 def in_range(

@@ -392,7 +392,9 @@ TIME_UP = Status(
 )
 """Status of a run that reached its time limit."""
 
-_NOTHING_TO_RESUME = "it ended before its first checkpoint: --resume cannot continue it; run it again with --overwrite"
+_NOTHING_TO_RESUME = (
+    "the run ended before its first checkpoint, so --resume cannot continue it; run it again with --overwrite"
+)
 
 
 class _Clock:

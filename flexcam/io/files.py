@@ -69,10 +69,11 @@ ABSCISSAS = {"time": ("s", 1.0), "cam angle": ("rad", 1.0), "crank angle": ("rad
 def read_columns(path: Path, where: str, text: str | None = None) -> dict[str, tuple[str, FloatArray]]:
     """Read a CSV file, or its known text, with a heading such as ``time [s],valve displacement [mm]``.
 
-    It returns unit and values by name. Empty cells are NaN; lines that begin with ``#`` are comments.
+    It returns unit and values by name. Empty cells are NaN; ``#`` starts a comment.
     """
     numbered = enumerate(read_source(path, where, text).splitlines(), start=1)
-    lines = {number: line for number, line in numbered if line.strip() and not line.startswith("#")}
+    texts = ((number, line.partition("#")[0]) for number, line in numbered)
+    lines = {number: text for number, text in texts if text.strip()}
     allowed = "a heading 'NAME [UNIT]' per column, and rows of as many numbers, separated by commas"
     head, *rows = list(csv.reader(lines.values())) or [[]]
     values: list[list[float]] = []

@@ -117,7 +117,8 @@ def _unknown_name_fault(name: str, known: Iterable[str], cams: Iterable[str]) ->
     of_cams = [f"cams.{cam}.{kind}" for cam in cams for kind in _CAM_UNITS]
     near = suggest_name(name, [*known, "frequency.1", *(_LIMIT + one for one in LIMITS), *of_cams])
     others = "frequency.N, multiplier.N, limits.NAME, cams.NAME.area, static.CHANNEL, CHANNEL.rms, CHANNEL.pnorm_8"
-    allowed = f"{unknown_scalar_fault(name, known).allowed}; {others}, or the key of a number"
+    keys = "a numeric key of the case, such as springs.valve.stiffness"
+    allowed = f"{unknown_scalar_fault(name, known).allowed}; {others}, or {keys}"
     return Fault("scalar", repr(name), allowed, "", near)
 
 

@@ -354,8 +354,8 @@ def _interrupted_status(asked: Sweep, target: OutputTarget) -> Status:
         with _open_journal(asked, replace(target, resume=True)) as journal:
             kept = sum(len(some) for some in journal.rows.values())
     if not kept:
-        return Status(Cause.INTERRUPTED, "stopped by the user before the first variant ended", "run it again")
-    text = f"stopped by the user: {kept} of {len(asked.plan)} variants are kept in {path}"
+        return Status(Cause.INTERRUPTED, "stopped before the first variant ended", "run it again")
+    text = f"stopped: {kept} of {len(asked.plan)} variants are kept in {path}"
     return Status(Cause.INTERRUPTED, text, "the same command with --resume does the rest")
 
 

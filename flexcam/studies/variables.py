@@ -156,7 +156,7 @@ class InterruptibleRuns:
         """Status of the study."""
         if not self.is_interrupted:
             return Status()
-        text = f"stopped by the user after {self.done} of {self.asked} variants; the results are of these alone"
+        text = f"stopped after {self.done} of {self.asked} variants; the results are of these alone"
         return Status(Cause.INTERRUPTED, text, "the same command evaluates all of them")
 
 

@@ -26,11 +26,12 @@ def couple_seat(structure: Structure, name: str, seat: Seat) -> Coupling:
     """Return the coupling of a stop."""
     row = structure.row(seat.at, seat.direction, f"contacts.{name}.at")
     if not row.any():
+        if not seat.direction.any():
+            why, remedy = "it is known only for a rocker's point", 'add direction = "uy"'
+            raise refuse(f"contacts.{name}.direction", "nothing", "a direction", why, remedy)
         given = f"a seat at {seat.at!r} along {seat.direction.tolist()}"
         why = "a point that cannot move needs no seat"
-        raise refuse(
-            f"contacts.{name}", given, "a point that is free along the seat's direction", why, 'add direction = "uy"'
-        )
+        raise refuse(f"contacts.{name}", given, "a point that is free along the seat's direction", why)
     law = elastic_stop(seat.stiffness, seat.damping, seat.damping_depth)
     force = conservative_force(f"contacts.{name}", AngleVector.constant(-row), law, restitution=seat.restitution)
     return Coupling((), (force,), (

@@ -46,9 +46,9 @@ class Structure:
         if rocker is not None:
             along = float(direction @ rocker.direction) if direction.any() else 1.0
             if abs(along) < _ACROSS:
-                given = "a direction across the motion of a rocker's point"
-                allowed = f"a direction along {[round(float(x), 6) for x in rocker.direction[:3]]}"
-                raise refuse(where, given, allowed, "the point moves only along this direction")
+                given, own = _format_direction(direction), _format_direction(rocker.direction)
+                why = f"{point!r} moves only along {own}, because a rocker defines it"
+                raise refuse(where, f"a direction along {given}", f"a direction along {own}", why)
             if point in self.model.loose_points:
                 return along * self.dofs.unit(point)
             return along * self.reach(rocker)
@@ -74,6 +74,12 @@ class Structure:
     def name_of(self, rocker: Rocker) -> str:
         """Return the name of a rocker of the model."""
         return next(name for name, one in self.model.rockers.items() if one is rocker)
+
+
+def _format_direction(direction: FloatArray) -> str:
+    """Return the component that a direction has, such as ``uy``, or the vector of an oblique one."""
+    moving = np.flatnonzero(direction)
+    return COMPONENTS[int(moving[0])] if len(moving) == 1 else str(direction[:3].round(6).tolist())
 
 
 def lever_ends(structure: Structure, lever: Lever) -> dict[int, tuple[FloatArray, FloatArray]]:

@@ -130,7 +130,7 @@ def refused(flexcam, tmp_path):
 
 
 def test_nothing_to_resume(case, refused, tmp_path):
-    refused(tmp_path / "out/case.partial.vtkhdf", SAME, "no such file", "Leave out --resume")
+    refused(tmp_path / "out/case.partial.vtkhdf", SAME, "there is no partial result", "Leave out --resume")
 
 
 def test_complete_already(case, flexcam, refused, tmp_path):

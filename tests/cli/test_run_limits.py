@@ -93,7 +93,7 @@ def test_time_passes(flexcam, case):
 def test_a_run_without_a_checkpoint_is_not_offered_for_resuming(flexcam, case):
     late = flexcam("run", case, "--time-limit", "1 ms")
     assert late.code == 3
-    assert "it ended before its first checkpoint" in late.err
+    assert "the run ended before its first checkpoint" in late.err
     assert flexcam("run", case, "--resume").code == 2
     assert flexcam("run", case, "--overwrite").code == 0
 

@@ -430,7 +430,7 @@ def test_what_a_stopped_search_has_evaluated_is_kept(last, flexcam, oscillator, 
             "-o", tmp_path / "best.toml", "--csv", tmp_path / "all.csv")  # fmt: skip
     done = flexcam("optimize", oscillator, *told, "--json")
     assert done.code == 130
-    assert f"stopped by the user after {last} of about 40 variants" in done.err
+    assert f"stopped after {last} of about 40 variants" in done.err
     assert done.json["status"] == "interrupted"
     assert done.json["evaluations"] == last
     assert len((tmp_path / "all.csv").read_text().splitlines()) == 1 + last
@@ -501,7 +501,7 @@ def test_what_a_stopped_study_has_evaluated_is_kept(kind, last, flexcam, oscilla
     assert ("nothing is kept" in done.err) != kept
     if kept:
         assert done.json["status"] == "interrupted"
-        assert f"stopped by the user after {last} of" in done.err
+        assert f"stopped after {last} of" in done.err
     if kept and kind == "scatter":
         assert done.json["scatter"]["frequency.1"]["count"] == last
 

@@ -70,10 +70,10 @@ def test_no_python_in_what_is_told(override):
 
 def test_a_table_given_twice(tmp_path):
     (tmp_path / "case.toml").write_text("[run.start]\n[run.start]\n", encoding="utf-8")
-    with pytest.raises(InputError, match=r"run\.start is given twice"):
+    with pytest.raises(InputError, match=r"\[run\.start\] is given twice"):
         read_case(tmp_path / "case.toml")
     (tmp_path / "case.toml").write_text("[run.start]\n[run.start]   # a comment\n", encoding="utf-8")
-    with pytest.raises(InputError, match=r"got \[run\.start\], expected .* run\.start is given twice"):
+    with pytest.raises(InputError, match=r"got \[run\.start\], expected .* \[run\.start\] is given twice"):
         read_case(tmp_path / "case.toml")
 
 

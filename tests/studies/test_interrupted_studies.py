@@ -45,7 +45,7 @@ def test_a_stopped_run_stops_what_asked_for_it(study, monkeypatch):
 
     def stopped(*given, **options):
         calls.append(1)
-        return replace(solve(*given, **options), status=Status(Cause.INTERRUPTED, "stopped by the user"))
+        return replace(solve(*given, **options), status=Status(Cause.INTERRUPTED, "stopped by a signal"))
 
     module, path, ask = STUDIES[study]
     monkeypatch.setattr(sys.modules[f"flexcam.analysis.{module}"], "solve", stopped)
@@ -65,7 +65,7 @@ def test_a_run_behind_another_is_heeded_too(where, ask, monkeypatch):
     """Those that make a sentence of a failure, or a row, do not make one of a Ctrl-C."""
 
     def stopped(*given, **options):
-        return replace(solve(*given, **options), status=Status(Cause.INTERRUPTED, "stopped by the user"))
+        return replace(solve(*given, **options), status=Status(Cause.INTERRUPTED, "stopped by a signal"))
 
     monkeypatch.setattr(sys.modules[where], "solve", stopped)
     with pytest.raises(KeyboardInterrupt):

@@ -349,8 +349,8 @@ def test_touching_coils_of_a_rigid_train_are_told(train):
     """At 12 mm of lift, 2 mm beyond: check and run say what a flexible run says of its clearance."""
     keys = ["cams.intake.lift=12 mm", "springs.valve.elements=4", "springs.valve.mass=0.01", "fidelity.model=rigid"]
     told = [check_input(prepare(train(30.0, *keys, f"springs.valve.clash_travel={mm} mm")[0])) for mm in (10, 13)]
-    assert [[one for one in each if "coils" in one] for each in told] == [
-        ["Warning: coils of 'valve' touch before full lift: clash_travel is 2 mm too short for it"], [],
+    assert [[one for one in each if "coil bind" in one] for each in told] == [
+        ["Warning: spring 'valve' reaches coil bind before full lift: full lift needs 2 mm more clash_travel"], [],
     ]  # fmt: skip
 
 

@@ -140,7 +140,13 @@ class MemberRecord(Record):
     nodes: list[Name] | None = Field(
         None, min_length=2, description="named nodes along the member (without a mesh file)"
     )
-    elements: int = Field(1, ge=1, le=1_000_000, strict=True, description="equal parts of each of its segments")
+    elements: int = Field(
+        1,
+        ge=1,
+        le=1_000_000,
+        strict=True,
+        description="into how many equal elements each span between two nodes is divided",
+    )
     orientation: Vector | None = Field(None, description="vector in the local x-y plane, global axes")
     shear: bool = Field(False, strict=True, description="shear deformation (Timoshenko)")
     rotary_inertia: bool = Field(True, strict=True, description="rotary inertia of the sections in bending")
