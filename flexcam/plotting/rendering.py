@@ -138,7 +138,8 @@ def save_view(stage: MechanismView, path: Path, frames: Sequence[int], still: in
         for i in frames:
             stage.show(i)
             stage.plotter.write_frame()
-        stage.plotter.mwriter.close()  # before the plotter, which ignores errors of the writer
+        if path.suffix == ".gif":
+            stage.plotter.mwriter.close()  # before the plotter, which ignores errors of the writer
         stage.plotter.close()
         if path.suffix == ".gif":
             draft.write_bytes(gif.getvalue())

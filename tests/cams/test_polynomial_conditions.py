@@ -95,8 +95,8 @@ REFUSED = {
     "order too high": ((3, 4), (END, (0.5, 5, 1.0)), "order of the derivative"),
     "not a number": ((3, 4), (END, (0.5, 0, float("nan"))), "finite"),
     "place not a number": ((3, 4), (END, (float("nan"), 0, 0.5)), "z from 0 to 1"),
-    "power 0": ((0, 3), (END, (1.0, 1, 0.0)), "ascending from 1"),
-    "power too high": ((2, 61), (END, (1.0, 1, 0.0)), "up to 60"),
+    "power 0": ((0, 3), (END, (1.0, 1, 0.0)), "ascending whole numbers from 1"),
+    "power too high": ((2, 61), (END, (1.0, 1, 0.0)), "from 1 to 60"),
 }
 
 

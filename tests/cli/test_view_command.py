@@ -327,7 +327,7 @@ def test_the_slider_of_the_window_turns_the_cam(on_a_screen, tmp_path):
 
 @pytest.mark.parametrize(
     ("option", "given", "said"),
-    [("--at", "nan", "180 deg"), ("--scale", "inf", "finite"), ("--mode", "0", "from 1")],
+    [("--at", "nan", "180 deg"), ("--scale", "inf", "finite"), ("--mode", "0", "at least 1")],
 )
 def test_numbers_that_cannot_be_shown(flexcam, tmp_path, option, given, said):
     case = tmp_path / "train.toml"
