@@ -16,7 +16,7 @@ from flexcam.core import FloatArray
 from flexcam.core.errors import FlexcamError
 from flexcam.core.units import RPM
 from flexcam.dynamics import ConstantSpeed, Problem, equilibrium, solve
-from flexcam.valvetrain import Metric, main_lift, spring_held_contacts
+from flexcam.valvetrain import Metric, main_lift, opposed_contacts
 
 _WORDS = {
     "valve_loft": "valve loft over the nose",
@@ -107,8 +107,10 @@ def _rigid_limit_speed(case: Case) -> float | None:
         problem = replace(ready.problem, step=(_ANGLES[1] - _ANGLES[0]) / speed, steps=len(_ANGLES) - 1)
         channels.append(solve(problem, ready.scheme).channels)
     model, worst = trains[0].model, list[float]()
-    for name in spring_held_contacts(model):
-        contact = model.cam_contacts[name]
+    opposed = opposed_contacts(model)
+    for name, contact in model.cam_contacts.items():
+        if name in opposed:
+            continue
         lifted = model.cams[contact.cam].event(_ANGLES) > main_lift(model, contact.cam)
         forces = [one[f"contacts.{name}.force"][lifted] for one in channels]
         still, _, inertia = np.linalg.solve(np.vander(speeds, increasing=True), forces)

@@ -34,7 +34,7 @@ from flexcam.dynamics import (
     solve_periodic,
     track_progress,
 )
-from flexcam.valvetrain import OPEN, modes_on_the_lift, separation, spring_held_contacts
+from flexcam.valvetrain import OPEN, modes_on_the_lift, opposed_contacts, separation
 
 MAX_DOFS = 400
 """Maximum number of degrees of freedom for a linearization about the motion; larger systems use the highest mode
@@ -277,9 +277,8 @@ def assess_stability(case: Case) -> Stability:
     opened = 0.0
     if len(response.time):
         last = response.latest(ready.revolution)
-        opened = max(
-            (separation(ready.model, response, name, last) for name in spring_held_contacts(ready.model)), default=0.0
-        )
+        held = [name for name in ready.model.cam_contacts if name not in opposed_contacts(ready.model)]
+        opened = max((separation(ready.model, response, name, last) for name in held), default=0.0)
     multipliers, why_not = None, "the follower leaves its cam, and the impacts that follow need not repeat"
     if opened <= OPEN:
         multipliers, why_not = _floquet_multipliers(ready)
