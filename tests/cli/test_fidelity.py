@@ -176,7 +176,6 @@ def test_other_elements_have_other_numbers(trade, ladder):
     assert other["rigid"]["unknowns"] == 0
 
 
-@pytest.mark.slow
 def test_a_case_of_another_model_is_traded_against_beams(trade):
     """The reference has flexible members even where the case itself asks for rigid ones."""
     rungs = {one["model"]: one for one in trade("--set", 'fidelity.model="rigid"', "--json").json["rungs"]}
