@@ -294,7 +294,7 @@ def check_events(metrics: Iterable[Metric]) -> list[str]:
     return [
         *(
             f"Warning: the follower of {name!r} loses contact with its cam for {math.degrees(angle):.3g} deg of the "
-            f"lift: do not use the motion after that for design"
+            "lift: do not use the motion after that for design"
             for name, angle in _metrics_with_suffix(known, ".open_on_the_lift")
             if angle > OPEN
         ),

@@ -214,6 +214,7 @@ class _FromFile:
         return {"anyOf": [{"type": "string"}, table]}
 
     def validate(self, value: object, info: ValidationInfo) -> object:
+        """Return the content of a file or of a table; raise its faults in the form of pydantic."""
         context = cast("Mapping[str, Any]", info.context or {})
         try:
             return self.make(value, _Files(context.get("case", Path()), context.get("texts", {})))

@@ -6,9 +6,9 @@ import tomllib
 from importlib.resources import files
 from pathlib import Path
 
+from flexcam.case.repetition import iterate_texts
 from flexcam.core.errors import refuse, suggest_name
 from flexcam.io import check_writable, write_text
-from flexcam.io.files import iterate_texts
 
 _FOLDER = files("flexcam") / "templates"
 

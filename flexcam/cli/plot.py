@@ -257,9 +257,8 @@ _OVERLAP = "valve overlap, both open by 0.1 mm"
 
 def _force(asked: FigureOptions, kind: str = "force") -> Figure:
     responses, first = asked.responses(), asked.first.response
-    channels = asked.channels or [name for name in first.channels if name.endswith(".torque")]
-    if kind == "force":
-        channels = asked.channels or plotting.histories.contact_forces(first)
+    torques = [name for name in first.channels if name.endswith(".torque")]
+    channels = asked.channels or (torques if kind == "torque" else plotting.histories.contact_forces(first))
     if not channels:
         allowed = "a run with contacts" if kind == "force" else "a run with cams"
         raise refuse("--what", kind, allowed, "this run has none", "name channels with --channel")

@@ -10,11 +10,10 @@ import os
 import re
 import struct
 import tempfile
-from collections.abc import Generator, Iterator, Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from stat import S_ISREG
-from typing import cast
 
 import numpy as np
 
@@ -69,13 +68,13 @@ ABSCISSAS = {"time": ("s", 1.0), "cam angle": ("rad", 1.0), "crank angle": ("rad
 def read_columns(path: Path, where: str, text: str | None = None) -> dict[str, tuple[str, FloatArray]]:
     """Read a CSV file, or its known text, with a heading such as ``time [s],valve displacement [mm]``.
 
-    It returns unit and values by name. Empty cells are NaN; ``#`` starts a comment.
+    It returns unit and values by name. Empty cells are NaN; ``#`` starts a comment, except in the heading.
     """
     numbered = enumerate(read_source(path, where, text).splitlines(), start=1)
-    texts = ((number, line.partition("#")[0]) for number, line in numbered)
-    lines = {number: text for number, text in texts if text.strip()}
+    lines = {number: line for number, line in numbered if line.partition("#")[0].strip()}
     allowed = "a heading 'NAME [UNIT]' per column, and rows of as many numbers, separated by commas"
-    head, *rows = list(csv.reader(lines.values())) or [[]]
+    heading, *below = lines.values() or [""]
+    head, *rows = csv.reader([heading, *(line.partition("#")[0] for line in below)])
     values: list[list[float]] = []
     for number, row in zip(list(lines)[1:], rows, strict=True):
         given = f"{path.name}, line {number}: {','.join(row)[:40]!r}"
@@ -290,16 +289,6 @@ def _join_array(found: re.Match[str]) -> str:
     elements = [line.strip(" ").removesuffix(",") for line in lines]
     line = f"{found['head']}[{', '.join(elements)}]{found['tail']}"
     return line if len(line) <= _LINE_LENGTH else found[0]
-
-
-def iterate_texts(value: object) -> Iterator[str]:
-    """Yield all texts of raw tables."""
-    if isinstance(value, str):
-        yield value
-    elif isinstance(value, dict | list):
-        inner = cast("dict[str, object] | list[object]", value)
-        for one in inner.values() if isinstance(inner, dict) else inner:
-            yield from iterate_texts(one)
 
 
 def open_with_lock(path: Path) -> int:

@@ -121,27 +121,38 @@ def check_output_path(path: Path, size: tuple[int, int], *, overwrite: bool = Fa
 def save_view(stage: MechanismView, path: Path, frames: Sequence[int], still: int) -> None:
     """Write an image of one instant, or a movie of several."""
     with atomic_write_path(path) as draft:
-        if path.suffix == ".png":
-            stage.show(still)
-            stage.plotter.screenshot(draft)
-            stage.plotter.close()
-            return
-        gif = io.BytesIO()  # the writer of files would print system errors and continue
-        if path.suffix == ".gif":
-            from imageio.v2 import get_writer
-
-            duration = 1000.0 / _PER_SECOND  # ms
-            stage.plotter.mwriter = get_writer(gif, format=".gif", mode="I", duration=duration, loop=0)
-        else:
-            quiet = {"ffmpeg_log_level": "quiet"}  # the error is reported below
-            stage.plotter.open_movie(str(draft), framerate=_PER_SECOND, macro_block_size=2, **quiet)
-        for i in frames:
-            stage.show(i)
-            stage.plotter.write_frame()
-        if path.suffix == ".gif":
-            stage.plotter.mwriter.close()  # before the plotter, which ignores errors of the writer
+        match path.suffix:
+            case ".gif":
+                draft.write_bytes(_gif(stage, frames))
+            case ".mp4":
+                _write_movie(stage, draft, frames)
+            case _:
+                stage.show(still)
+                stage.plotter.screenshot(draft)
         stage.plotter.close()
-        if path.suffix == ".gif":
-            draft.write_bytes(gif.getvalue())
-        elif b"moov" not in draft.read_bytes():  # the writer does not report a full disk
-            raise OSError("its end is missing: no space left, perhaps")
+
+
+def _gif(stage: MechanismView, frames: Sequence[int]) -> bytes:
+    """Return an animation as bytes: the writer of files would print system errors and continue."""
+    from imageio.v2 import get_writer
+
+    made, duration = io.BytesIO(), 1000.0 / _PER_SECOND  # ms
+    stage.plotter.mwriter = get_writer(made, format=".gif", mode="I", duration=duration, loop=0)
+    _write_frames(stage, frames)
+    stage.plotter.mwriter.close()  # before the plotter, which ignores errors of the writer
+    return made.getvalue()
+
+
+def _write_movie(stage: MechanismView, path: Path, frames: Sequence[int]) -> None:
+    quiet = {"ffmpeg_log_level": "quiet"}  # the error is reported below
+    stage.plotter.open_movie(str(path), framerate=_PER_SECOND, macro_block_size=2, **quiet)
+    _write_frames(stage, frames)
+    stage.plotter.close()
+    if b"moov" not in path.read_bytes():  # the writer does not report a full disk
+        raise OSError("its end is missing: no space left, perhaps")
+
+
+def _write_frames(stage: MechanismView, frames: Sequence[int]) -> None:
+    for i in frames:
+        stage.show(i)
+        stage.plotter.write_frame()

@@ -36,10 +36,10 @@ from typing import Literal, NamedTuple
 
 from flexcam.case.case import Case
 from flexcam.case.reader import CaseFile
+from flexcam.case.repetition import iterate_texts
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name
 from flexcam.dynamics import Cause, RunFailedError, Status, reraise_interrupt
 from flexcam.io import find_referenced_file, temporary_folder
-from flexcam.io.files import iterate_texts
 
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _UNIT = r"\s*((?:[A-Za-z%µ°]|(?<=\s)1\s*/)[^:#,]*?)?\s*"

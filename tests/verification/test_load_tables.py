@@ -85,6 +85,14 @@ def test_engines_agree_under_a_table(rows, tmp_path):
         np.testing.assert_allclose(other, direct, atol=1e-11 * np.abs(direct).max())
 
 
+def test_comments_of_a_table(tmp_path):
+    """They end a row or fill a line; in the heading a # is part of a name."""
+    rows = "# bench 2\ntime [ms],push #1 [N]\n0,0\n30,600  # valve open, held\n\n300,600\n"
+    load = write(tmp_path, rows).record.loads["push"].table
+    assert load.given == "push.csv"
+    np.testing.assert_array_equal(load.values, [0.0, 600.0, 600.0])
+
+
 def test_table_repeats_with_the_camshaft(tmp_path):
     """The force of each revolution is that of the first, across the end of the table; by default over an angle only."""
     rows = "cam angle [deg],force [N]\n30,100\n90,400\n330,0\n"
