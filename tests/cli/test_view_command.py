@@ -287,6 +287,7 @@ def test_a_renderer_that_ends_its_process_ends_only_that(words, flexcam, monkeyp
 
 
 WINDOW = """
+import functools
 import sys
 from flexcam import read_case
 from flexcam.case.builder import build_model
@@ -299,8 +300,8 @@ from flexcam.plotting.solid_view import MechanismView
 structure = build_structure(build_model(read_case(sys.argv[1])))
 motion = case_motion(structure, 100.0)
 stage = MechanismView(build_mechanism(structure), motion, off_screen=False, size=(400, 300), title=sys.argv[3])
-stage.slide(0)
-stage.plotter.show(interactive=False, auto_close=False)
+stage.plotter.show = functools.partial(stage.plotter.show, interactive=False, auto_close=False)
+stage.open_window(0, swings=False)
 slider = stage.plotter.widgets.slider_widgets[0]
 slider.GetRepresentation().SetValue(236.0)
 slider.InvokeEvent("InteractionEvent")
