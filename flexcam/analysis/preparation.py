@@ -293,8 +293,9 @@ def _last_state(case: Case, model: Model, system: System, name: str) -> tuple[St
     time, angle = float(response.field_time[-1]), float(response.field_angle[-1])
     if system.is_kinematic:  # the state of the rigid mechanism is its angle
         return replace(State.rest(system.size), time=time), angle
-    free = build_structure(model).dofs.numbers >= 0
-    if any(values[-1].reshape(-1, 6)[~free].any() for values in vars(response.fields).values()):
+    dofs = build_structure(model).dofs
+    free = dofs.numbers >= 0
+    if any(values[-1].reshape(-1, 6)[~dofs.moving].any() for values in vars(response.fields).values()):
         raise refuse(where, name, "a result of the same supports", "it moves nodes that this model fixes")
     try:
         fields = unknown_fields(response, free, system.names[int(free.sum()) :])

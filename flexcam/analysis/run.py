@@ -28,6 +28,7 @@ from flexcam.core.errors import Fault, InputError, refuse
 from flexcam.dynamics import Response, RunFailedError, Series, Sink, Stats, fingerprint, outline, solve
 from flexcam.dynamics.blocks import CompletedPart
 from flexcam.dynamics.memory import RecentSink
+from flexcam.fem.members import sections_at_nodes
 from flexcam.io import Geometry, PartialResult, Result, ResultFile, create_folder, partial_path
 from flexcam.io.result_reader import unknown_fields
 from flexcam.valvetrain import MemberStrength, Model, StrengthSink, build_structure, element_loads
@@ -36,7 +37,7 @@ from flexcam.valvetrain import MemberStrength, Model, StrengthSink, build_struct
 def output_geometry(model: Model) -> Geometry:
     """Return the output geometry of a model."""
     structure = build_structure(model)
-    sections = {name: member.section for name, member in model.members.items()}
+    sections = sections_at_nodes(model.mesh, model.members)
     return Geometry(model.mesh, structure.dofs, structure.beams, sections, element_loads(structure), model.damping)
 
 

@@ -171,7 +171,9 @@ def _check_lobe(model: Model, name: str, cam: Cam, follower: Follower) -> Iterat
             yield f"Warning: cams.{name}: the contact line crosses the edge of the follower's face: {sizes}"
     node = model.mesh.points.get(cam.at, np.empty(0, dtype=int))
     sections = [
-        one.section for one_name, one in model.members.items() if np.isin(node, model.mesh.lines[one_name]).any()
+        one.section.at(0.5)
+        for one_name, one in model.members.items()
+        if np.isin(node, model.mesh.lines[one_name]).any()
     ]
     shaft = max((one.radius for one in sections if one.round), default=0.0)
     if shaft > _SHAFT_RADIUS_RATIO * follower.base_radius:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -19,7 +19,7 @@ from flexcam.case.records import CaseRecord
 from flexcam.case.schema import contacts, parts
 from flexcam.case.schema.base import Length, Record
 from flexcam.case.schema.cams import FollowerRecord
-from flexcam.core import FloatArray
+from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name
 from flexcam.fem.frames import default_orientation, direction
 from flexcam.fem.members import Member
@@ -111,6 +111,7 @@ def build_model(case: Case) -> valvetrain.Model:
         mesh=mesh,
         members={name: geometry.member(member) for name, member in record.members.items()},
         superelements=each("superelements", record.superelements, geometry.superelement),
+        rigid_links={name: tuple(one.components) for name, one in record.rigid_links.items()},
         supports={point: tuple(components) for point, components in record.supports.items()},
         masses={name: one.part for name, one in record.masses.items()},
         springs={name: one.part for name, one in record.springs.items()} | bearings,
@@ -134,18 +135,21 @@ def _prefix_fault(where: str, fault: Fault) -> Fault:
 
 
 def _mesh(case: Case) -> Mesh:
-    members, mesh = case.record.members, case.mesh
+    record, mesh = case.record, case.mesh
+    points = mesh.points if mesh is not None else {name: np.array([i]) for i, name in enumerate(record.nodes)}
+
+    def numbers(names: Iterable[str]) -> IntArray:
+        return np.concatenate([points[name] for name in names])
+
+    bodies = {name: numbers(one.nodes.values()) for name, one in record.superelements.items()}
+    links = {name: numbers((one.start, *one.to)) for name, one in record.rigid_links.items()}
     try:
         if mesh is None:
-            names = list(case.record.nodes)
-            index = {name: np.array([i]) for i, name in enumerate(names)}
-            lines = {name: np.array([names.index(node) for node in m.nodes or []]) for name, m in members.items()}
-            mesh = Mesh(np.array(list(case.record.nodes.values())), lines, index)
-        bodies = {
-            name: np.array([mesh.node(point) for point in one.nodes.values()])
-            for name, one in case.record.superelements.items()
-        }
-        return refine(replace(mesh, bodies=bodies), {name: member.elements for name, member in members.items()})
+            lines = {name: numbers(one.nodes or []) for name, one in record.members.items()}
+            mesh = Mesh(np.array(list(record.nodes.values())), lines, points, bodies, links)
+        else:
+            mesh = replace(mesh, bodies=bodies, links=links)
+        return refine(mesh, {name: member.elements for name, member in record.members.items()})
     except InputError as refusal:
         where = case.place(("nodes",) if case.mesh is None else ("mesh",))
         faults = [f if f.where.startswith("members") else _prefix_fault(where, f) for f in refusal.faults]
@@ -279,7 +283,7 @@ class _Geometry:
         for name in members:
             member, line = self.member(self.case.members[name]), self.mesh.nodes[self.mesh.lines[name]]
             length = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
-            softest = min(softest, member.material.E * member.section.A / length)
+            softest = min(softest, member.material.E * member.section.at(0.5).A / length)
         return DEFAULT_LASH_STIFFNESS_RATIO * softest / ratio**2
 
     def _lift_direction(self, record: contacts.CamContactRecord) -> FloatArray:

@@ -86,10 +86,12 @@ class RawTables:
     def coincident_node_faults(self) -> Iterator[Fault]:
         """Yield coincident nodes, and members that contain a node twice."""
         first: dict[tuple[float, ...], str] = {}
+        links = [{link.get("from"), *map(str, _as_list(link.get("to")))} for _, link in self._each("rigid_links")]
         for name, place in self._table("nodes").items():
             at = _node_coordinates(place)
-            if at is not None and (other := first.setdefault(at, name)) != name:
-                remedy = f"use {other!r} instead of {name!r}, or move it"
+            other = name if at is None else first.setdefault(at, name)
+            if other != name and not any({name, other} <= link for link in links):
+                remedy = f"use {other!r} instead of {name!r}, move it, or join both by a rigid link"
                 yield self._fault(
                     ("nodes", name), f"the coordinates of {other!r}", "other coordinates", _SHARED_NODE, remedy
                 )
@@ -207,6 +209,10 @@ class RawTables:
             if len({*map(str, nodes)}) < len(nodes):
                 given, why = ", ".join(map(str, nodes)), "each interface node is another node of the case"
                 yield self._fault(("superelements", name, "nodes"), given, "different nodes", why)
+        for name, table in self._each("rigid_links"):
+            yield from self._check_point(("rigid_links", name, "from"), table.get("from"), counts)
+            for point in _as_list(table.get("to")):
+                yield from self._check_point(("rigid_links", name, "to"), point, counts)
         for name in self._table("supports"):
             yield from self._check_name(("supports", name), name, list(counts), "a point")
         for probe in _as_list(self._table("output").get("probes")):
@@ -244,6 +250,7 @@ def _is_finger(rocker: Table, nodes: Mapping[str, int]) -> bool:
 def mesh_faults(record: CaseRecord, places: KeyLocations, mesh: Mesh) -> Iterator[Fault]:
     """Yield the faults of followers, lashes, levers, temperatures and orientations on a mesh."""
     yield from _shared_point_faults(record, places, mesh)
+    yield from _link_faults(record, places)
     yield from _orientation_faults(record, places, mesh)
     yield from _temperature_faults(record, places)
 
@@ -266,6 +273,22 @@ def _shared_point_faults(record: CaseRecord, places: KeyLocations, mesh: Mesh) -
         if other != name:
             given = repr(owned) if isinstance(owned, str) else "the same train"
             yield Fault(places.place((table, name, key)), f"{given}, as {table}.{other}", "another one", why, "")
+
+
+def _link_faults(record: CaseRecord, places: KeyLocations) -> Iterator[Fault]:
+    """Yield nodes that follow two nodes, or that follow one and lead, bear or bound something else."""
+    users = {link.start: f"it leads rigid_links.{name}" for name, link in record.rigid_links.items()}
+    for name, body in record.superelements.items():
+        users |= dict.fromkeys(body.nodes.values(), f"superelements.{name} ends there")
+    for name, link in record.rigid_links.items():
+        for node in link.to:
+            why = users.get(node, "")
+            if held := [one for one in record.supports.get(node, ()) if one in link.components and not why]:
+                why = f"supports.{node} holds {' '.join(held)}"
+            if why:
+                allowed, remedy = f"a node that only follows {link.start!r}", "choose another leading node"
+                yield Fault(places.place(("rigid_links", name, "to")), repr(node), allowed, why, remedy)
+            users[node] = f"it follows in rigid_links.{name}"
 
 
 def _temperature_faults(record: CaseRecord, places: KeyLocations) -> Iterator[Fault]:
@@ -309,10 +332,10 @@ def _unsymmetric_shaft_faults(places: KeyLocations, model: Model) -> Iterator[Fa
                 shafts.setdefault(member, cam)
     for name, cam in shafts.items():
         member = model.members[name]
-        section = member.section
-        pairs = [(section.Iy, section.Iz, "Iy = {:.4g} m^4 and Iz = {:.4g} m^4")]
+        ends = {member.section.at(0.0), member.section.at(1.0)}
+        pairs = [(section.Iy, section.Iz, "Iy = {:.4g} m^4 and Iz = {:.4g} m^4") for section in ends]
         if member.shear:
-            pairs.append((section.kappa_y, section.kappa_z, "kappa_y = {:.4g} and kappa_z = {:.4g}"))
+            pairs += [(section.kappa_y, section.kappa_z, "kappa_y = {:.4g} and kappa_z = {:.4g}") for section in ends]
         given = [text.format(a, b) for a, b, text in pairs if abs(a - b) > _ROUNDNESS_TOLERANCE * max(a, b)]
         if given:
             why = f"it turns with cam {cam!r}, and flexcam models no stiffness that varies with the rotation"

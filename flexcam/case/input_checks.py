@@ -169,7 +169,7 @@ _ROUNDING_MARGIN = 1.02
 def _section_warnings(case: Case) -> Iterator[str]:
     """Yield sections with impossible properties: bounds that hold for every plane figure."""
     for name, record in case.record.sections.items():
-        section, place = record.part, case.place(("sections", name))
+        section, place = record.part.at(0.5), case.place(("sections", name))
         polar = section.Iy + section.Iz
         if _ROUNDING_MARGIN * polar < section.J:
             yield f"{place}: J = {section.J:g} m^4 is above Iy + Iz = {polar:g} m^4, which no shape has"
@@ -251,7 +251,7 @@ def _slenderness_warnings(case: Case) -> Iterator[str]:
         else:
             points = np.array([case.record.nodes[node] for node in member.nodes or []])
         length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
-        size = 2.0 * case.record.sections[member.section].part.radius
+        size = 2.0 * case.record.sections[member.section].part.at(0.5).radius
         if not _MIN_SLENDERNESS <= length / size <= _MAX_SLENDERNESS:
             sizes = f"{length:g} m long and {size:g} m thick, {length / size:.2g} to one"
             yield f"{case.place(('members', name))}: {sizes}: do lengths and sections have the same unit?"
@@ -370,6 +370,7 @@ def check_connectivity(model: Model) -> list[str]:
     """Return warnings about members not connected to any support, spring, rocker, cam or contact."""
     mesh = model.mesh
     connected = {int(node) for name in _connection_points(model) for node in mesh.points.get(name, ())}
+    connected |= {node for nodes in mesh.links.values() for node in nodes.tolist()}
     parts, lines = [set(part.tolist()) for part in mesh.parts], {**mesh.lines, **mesh.bodies}
     return [
         f"Warning: members {', '.join(n for n, line in lines.items() if int(line[0]) in part)}: no support, "

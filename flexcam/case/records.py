@@ -29,6 +29,7 @@ from flexcam.case.schema.parts import (
     MaterialRecord,
     MemberRecord,
     RepeatRecord,
+    RigidLinkRecord,
     RockerRecord,
     SectionRecord,
     SuperelementRecord,
@@ -68,6 +69,7 @@ class CaseRecord(Record):
     sections: dict[Name, SectionRecord] = Field(default={})
     members: dict[Name, MemberRecord] = Field(default={}, description="beams; a lumped train has none")
     superelements: dict[Name, SuperelementRecord] = Field(default={}, description="elastic bodies by their matrices")
+    rigid_links: dict[Name, RigidLinkRecord] = Field(default={}, description="massless rigid connections and joints")
     supports: dict[Name, list[Component]] = Field(default={}, description="components fixed at a point")
     masses: dict[Name, MassRecord] = Field(default={})
     springs: dict[Name, SpringRecord] = Field(default={})

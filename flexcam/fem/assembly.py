@@ -21,7 +21,7 @@ def _assemble_blocks(beams: Beams, local: Callable[[slice], FloatArray], dofs: D
 
     The triplets are written in place; memory for full element matrices is reserved but not touched.
     """
-    most = 144 * len(beams)
+    most = (144 if dofs.ties is None else 576) * len(beams)
     rows, cols, values = np.empty(most, np.intp), np.empty(most, np.intp), np.empty(most)
     end = 0
     for first in range(0, len(beams), _BLOCK_SIZE):
@@ -35,8 +35,7 @@ def _assemble_blocks(beams: Beams, local: Callable[[slice], FloatArray], dofs: D
 
 def _entries(beams: Beams, local: FloatArray, dofs: DofMap) -> tuple[IntArray, IntArray, FloatArray]:
     """Return rows, columns and values of the entries of a block of elements."""
-    matrices = to_global(beams, local)
-    unknowns = dofs.numbers[beams.nodes].reshape(-1, 12)
+    unknowns, matrices = dofs.congruence(beams.nodes, to_global(beams, local))
     free = unknowns >= 0
     keep = (matrices != 0.0) & free[:, :, None] & free[:, None, :]
     rows = np.broadcast_to(unknowns[:, :, None], matrices.shape)
@@ -104,10 +103,8 @@ def thermal_load(beams: Beams) -> FloatArray:
 
 def assemble_loads(beams: Beams, loads: FloatArray, dofs: DofMap) -> FloatArray:
     """Assemble the load vector of element loads."""
-    turned = np.einsum("eji,ekj->eki", beams.triads, loads.reshape(-1, 4, 3)).ravel()
-    numbers = dofs.numbers[beams.nodes].ravel()
-    free = numbers >= 0
-    return np.bincount(numbers[free], weights=turned[free], minlength=dofs.size).astype(float, copy=False)
+    turned = np.einsum("eji,ekj->eki", beams.triads, loads.reshape(-1, 4, 3))
+    return dofs.gather(beams.nodes, turned.reshape(-1, 2, 6))
 
 
 @dataclass(frozen=True)

@@ -2,25 +2,63 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from operator import add
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexcam.core import FloatArray, IntArray
 from flexcam.fem.frames import COMPONENTS, ROTATIONS, component
 from flexcam.fem.mesh import Mesh
 
+_CROSS = np.cross(np.eye(3)[:, None], np.eye(3))
+"""Vector products of the unit vectors, shape (3, 3, 3)."""
+
 _ROUNDING = 1e-10  # fraction of the largest motion of a mode below which a node is at rest
+
+
+@dataclass(frozen=True, eq=False)
+class Ties:
+    """Components of nodes that follow a leading node rigidly: ``u_c = T_cj u_j`` of the leading node."""
+
+    leader: IntArray  #: leading node of each node, shape (nodes,); the node itself where none leads it
+    matrices: FloatArray  #: T, shape (nodes, 6, 6), with zero rows for components that do not follow
+
+    @property
+    def tied(self) -> NDArray[np.bool_]:
+        """Mask of the components that follow, shape (nodes, 6)."""
+        return np.asarray(self.matrices.any(axis=-1))
+
+
+def rigid_ties(mesh: Mesh, links: Mapping[str, Iterable[str]]) -> Ties | None:
+    """Return the ties of rigid links, by name with the components that follow; None without links.
+
+    A rigid body moves its points by ``u + theta x r``: H. Goldstein, Classical Mechanics, 3rd ed., sec. 4.8, for small
+    rotations.
+    """
+    if not links:
+        return None
+    leader, matrices = np.arange(len(mesh.nodes)), np.zeros((len(mesh.nodes), 6, 6))
+    for name, components in links.items():
+        first, nodes = int(mesh.links[name][0]), mesh.links[name][1:]
+        arms = mesh.nodes[nodes] - mesh.nodes[first]
+        moved = np.tile(np.eye(6), (len(nodes), 1, 1))
+        moved[:, :3, 3:] = np.einsum("jkc,nk->ncj", _CROSS, arms)
+        follow = [component(one) for one in components]
+        leader[nodes] = first
+        matrices[nodes[:, None], follow] = moved[:, follow]
+    return Ties(leader, matrices)
 
 
 @dataclass(frozen=True, eq=False)
 class DofMap:
     """Numbers of the free components, node after node, ux to rz."""
 
-    numbers: IntArray  #: shape (nodes, 6); -1 if a support constrains the component
+    numbers: IntArray  #: shape (nodes, 6); -1 if a support constrains the component, or if it follows another node
     names: tuple[str, ...]  #: a name per free component, such as ``"cam.uy"``
+    ties: Ties | None = None
 
     @property
     def size(self) -> int:
@@ -29,14 +67,59 @@ class DofMap:
 
     def vector(self, node: int, direction: FloatArray) -> FloatArray:
         """Return the row that extracts the motion of a node along a direction."""
-        row = np.zeros(self.size)
-        free = self.numbers[node] >= 0
-        row[self.numbers[node][free]] = direction[free]
-        return row
+        return self.gather(np.array([node]), direction)
+
+    def gather(self, nodes: IntArray, forces: FloatArray) -> FloatArray:
+        """Return the forces on the unknowns, shape (size,), of forces and moments at nodes, shape (..., 6)."""
+        found = np.zeros(self.size)
+        for acted, acting in self.lead(nodes, forces):
+            numbers = self.numbers[acted].ravel()
+            np.add.at(found, numbers[numbers >= 0], acting.ravel()[numbers >= 0])
+        return found
+
+    def lead(self, nodes: IntArray, forces: FloatArray) -> list[tuple[IntArray, FloatArray]]:
+        """Return nodes and forces that do the same work as forces at nodes, shape (...) and (..., 6).
+
+        Forces on components without a number do no work at their own node; those that follow act on the leading node.
+        """
+        if self.ties is None:
+            return [(nodes, forces)]
+        carried = np.einsum("...c,...cj->...j", forces, self.ties.matrices[nodes])
+        return [(nodes, forces), (self.ties.leader[nodes], carried)]
+
+    def congruence(self, nodes: IntArray, matrices: FloatArray) -> tuple[IntArray, FloatArray]:
+        """Return matrices of the components of k nodes in the unknowns, with the number of each row.
+
+        Parameters
+        ----------
+        nodes
+            Shape (e, k).
+        matrices
+            Shape (e, 6 k, 6 k), global axes.
+
+        Returns
+        -------
+        tuple
+            Numbers, shape (e, r), -1 for a row without an unknown, and matrices, shape (e, r, r).
+        """
+        if self.ties is None or not self.ties.matrices[nodes].any():
+            return self.numbers[nodes].reshape(len(nodes), -1), matrices
+        size = matrices.shape[-1]
+        T = np.zeros((len(nodes), size, 2 * size))
+        T[:, np.arange(size), np.arange(size)] = 1.0
+        for k in range(nodes.shape[1]):
+            T[:, 6 * k : 6 * k + 6, size + 6 * k : size + 6 * k + 6] = self.ties.matrices[nodes[:, k]]
+        both = np.concatenate([nodes, self.ties.leader[nodes]], axis=1)
+        return self.numbers[both].reshape(len(nodes), -1), T.swapaxes(1, 2) @ matrices @ T
+
+    @property
+    def moving(self) -> NDArray[np.bool_]:
+        """Mask of the components that can move, shape (nodes, 6)."""
+        return self.numbers >= 0 if self.ties is None else (self.numbers >= 0) | self.ties.tied
 
     def extend(self, names: Iterable[str]) -> DofMap:
         """Return the numbering with additional unknowns after those of the nodes, each a motion along one line."""
-        return DofMap(self.numbers, (*self.names, *names))
+        return replace(self, names=(*self.names, *names))
 
     def release(self, node: int, components: IntArray, called: str) -> DofMap:
         """Return the numbering with constrained components of a node released."""
@@ -46,7 +129,7 @@ class DofMap:
         numbers[free] = np.arange(np.count_nonzero(free))
         for place in components.tolist():
             names.insert(int(numbers[node, place]), f"{called}.{COMPONENTS[place]}")
-        return DofMap(numbers, tuple(names))
+        return replace(self, numbers=numbers, names=tuple(names))
 
     def unit(self, name: str) -> FloatArray:
         """Return the row that extracts an unknown by its name, shape (size,)."""
@@ -57,7 +140,12 @@ class DofMap:
     def nodal(self, unknowns: FloatArray) -> FloatArray:
         """Return unknowns expanded to all nodes, zero where constrained."""
         padded = np.concatenate([unknowns, np.zeros((*unknowns.shape[:-1], 1))], axis=-1)
-        return padded[..., self.numbers]
+        found = padded[..., self.numbers]
+        if self.ties is not None:
+            nodes = np.flatnonzero(self.ties.tied.any(axis=1))
+            led = found[..., self.ties.leader[nodes], :]
+            found[..., nodes, :] += np.einsum("ncj,...nj->...nc", self.ties.matrices[nodes], led)
+        return found
 
     def nodal_modes(self, shapes: FloatArray, size: float) -> FloatArray:
         """Return modes expanded to all nodes, with zeros where the motion of a node is only rounding.
@@ -80,12 +168,16 @@ class DofMap:
 
 
 def dof_map(
-    mesh: Mesh, supports: Iterable[tuple[str, Iterable[str]]], single: Iterable[tuple[int, FloatArray]] = ()
-) -> DofMap:
-    """Return the numbering of the free components of a mesh."""
+    mesh: Mesh, supports: Iterable[tuple[str, Iterable[str]]], single: Iterable[tuple[int, FloatArray]] = (),
+    ties: Ties | None = None,
+) -> DofMap:  # fmt: skip
+    """Return the numbering of the free components of a mesh; leading nodes of ties have all six."""
     free = np.repeat(mesh.on_members()[:, None], 6, axis=1)
     for node, moved in single:
         free[node] |= moved != 0.0
+    if ties is not None:
+        free[ties.leader[ties.tied.any(axis=1)]] = True
+        free &= ~ties.tied
     for point, components in supports:
         for name in components:
             free[mesh.select(point, f"supports.{point}"), component(name, f"supports.{point}")] = False
@@ -94,7 +186,7 @@ def dof_map(
     nodes, components = (part.tolist() for part in np.nonzero(free))
     ends = [f".{name}" for name in COMPONENTS]
     return DofMap(
-        numbers, tuple(map(add, map(_node_names(mesh).__getitem__, nodes), map(ends.__getitem__, components)))
+        numbers, tuple(map(add, map(_node_names(mesh).__getitem__, nodes), map(ends.__getitem__, components))), ties
     )
 
 

@@ -13,7 +13,7 @@ from flexcam.core.errors import refuse, suggest_name
 from flexcam.fem.elements.beam import Beams
 from flexcam.fem.frames import default_orientation, triads
 from flexcam.fem.mesh import Mesh
-from flexcam.fem.sections import Material, Section
+from flexcam.fem.sections import Material, Section, Taper
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class Member:
     Parameters
     ----------
     material, section
-        Material and cross-section.
+        Material and cross-section, which may vary over the length.
     orientation
         Vector in the local x-y plane, global axes; None for the default of `flexcam.fem.frames`.
     shear
@@ -46,7 +46,7 @@ class Member:
     """
 
     material: Material
-    section: Section
+    section: Section | Taper
     orientation: tuple[float, float, float] | None = None
     shear: bool = False
     rotary_inertia: bool = True
@@ -56,13 +56,32 @@ class Member:
     temperature: float = 0.0
 
 
+def _shares(mesh: Mesh, name: str) -> FloatArray:
+    """Return the place of every node of a member as a share of its length, shape (m + 1,)."""
+    length = np.linalg.norm(np.diff(mesh.nodes[mesh.lines[name]], axis=0), axis=1)
+    return np.append(0.0, np.cumsum(length)) / length.sum()
+
+
+def sections_at_nodes(mesh: Mesh, members: Mapping[str, Member]) -> dict[str, list[Section]]:
+    """Return the sections of every member at its nodes."""
+    return {name: _sections(members[name].section, _shares(mesh, name)) for name in mesh.lines}
+
+
+def _sections(section: Section | Taper, shares: FloatArray) -> list[Section]:
+    if isinstance(section, Section):
+        return [section] * len(shares)
+    return [section.at(share) for share in shares.tolist()]
+
+
 def beams(mesh: Mesh, members: Mapping[str, Member]) -> Beams:
-    """Return the element arrays of a mesh."""
+    """Return the element arrays of a mesh; a tapered element has the section at its middle."""
     for name in mesh.lines:
         if name not in members:
             raise refuse(f"members.{name}", "nothing", "data for every line group", remedy=suggest_name(name, members))
     chosen = [members[name] for name in mesh.lines]
     repeats = [len(line) - 1 for line in mesh.lines.values()]
+    middles = [0.5 * (shares[1:] + shares[:-1]) for shares in (_shares(mesh, name) for name in mesh.lines)]
+    sections = [section for m, at in zip(chosen, middles, strict=True) for section in _sections(m.section, at)]
     ends = mesh.nodes[mesh.elements()]
     span = ends[:, 1] - ends[:, 0]
     length = np.linalg.norm(span, axis=1)
@@ -76,15 +95,18 @@ def beams(mesh: Mesh, members: Mapping[str, Member]) -> Beams:
     def each(values: list[float]) -> FloatArray:
         return np.repeat(np.array(values, dtype=float), np.array(repeats, dtype=np.intp))
 
+    def of_sections(key: str) -> FloatArray:
+        return np.array([getattr(section, key) for section in sections], dtype=float)
+
     E, G = each([m.material.E for m in chosen]), each([m.material.G for m in chosen])
-    rho, A = each([m.material.density for m in chosen]), each([m.section.A for m in chosen])
-    Iy, Iz = each([m.section.Iy for m in chosen]), each([m.section.Iz for m in chosen])
+    rho, A = each([m.material.density for m in chosen]), of_sections("A")
+    Iy, Iz = of_sections("Iy"), of_sections("Iz")
     shear, rotary = each([float(m.shear) for m in chosen]), each([float(m.rotary_inertia) for m in chosen])
-    kappa_y, kappa_z = each([m.section.kappa_y for m in chosen]), each([m.section.kappa_z for m in chosen])
+    kappa_y, kappa_z = of_sections("kappa_y"), of_sections("kappa_z")
     expansion = each([m.material.expansion * m.temperature for m in chosen])
     return Beams(
         nodes=mesh.elements(), length=length, triads=triads(axes, orientations),
-        EA=E * A, GJ=G * each([m.section.J for m in chosen]), EIy=E * Iy, EIz=E * Iz,
+        EA=E * A, GJ=G * of_sections("J"), EIy=E * Iy, EIz=E * Iz,
         rho_A=rho * A, rho_Ip=rho * (Iy + Iz), rho_Iy=rotary * rho * Iy, rho_Iz=rotary * rho * Iz,
         phi_y=shear * 12.0 * E * Iz / (kappa_y * A * G * length**2),
         phi_z=shear * 12.0 * E * Iy / (kappa_z * A * G * length**2),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
 
@@ -14,6 +14,9 @@ from flexcam.core import FloatArray, IntArray, component_members, connected_comp
 from flexcam.core.errors import Fault, InputError, finite_array, refuse, suggest_name
 
 Bools = np.ndarray[tuple[int], np.dtype[np.bool_]]
+
+
+_GROUPS = ("lines", "points", "bodies", "links")
 
 
 def _frozen_index(values: ArrayLike) -> IntArray:
@@ -39,6 +42,9 @@ class Mesh:
         Point name to node numbers, shape (k,); a name of one node also names it in messages.
     bodies
         Name of a body between nodes, such as a superelement, to their numbers, shape (k,).
+    links
+        Name of a rigid link to its nodes, shape (k,): the leading one first, then those that follow it, which may lie
+        at the same place.
 
     Raises
     ------
@@ -56,14 +62,15 @@ class Mesh:
     lines: Mapping[str, IntArray]
     points: Mapping[str, IntArray]
     bodies: Mapping[str, IntArray] = field(default_factory=dict[str, IntArray])
+    links: Mapping[str, IntArray] = field(default_factory=dict[str, IntArray])
 
     def __reduce__(self) -> tuple[type[Mesh], tuple[object, ...]]:
         """Return the constructor and its arguments, for pickle and copy."""
-        return type(self), (self.nodes, dict(self.lines), dict(self.points), dict(self.bodies))
+        return type(self), (self.nodes, *(dict(getattr(self, groups)) for groups in _GROUPS))
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "nodes", finite_array("nodes", self.nodes, (None, 3)))
-        for groups in ("lines", "points", "bodies"):
+        for groups in _GROUPS:
             frozen = {name: _frozen_index(index) for name, index in getattr(self, groups).items()}
             object.__setattr__(self, groups, MappingProxyType(frozen))
         faults = [*_range_faults(self)]
@@ -163,14 +170,22 @@ class Mesh:
     @cached_property
     def parts(self) -> list[IntArray]:
         """Node numbers of each connected part, ascending; members and bodies connect at shared nodes."""
-        pairs = [np.column_stack([nodes[:-1], nodes[1:]]) for nodes in self.bodies.values()]
+        return self._connect(self.bodies)
+
+    @cached_property
+    def _trains(self) -> list[IntArray]:
+        """Node numbers of the parts that links connect too."""
+        return self._connect({**self.bodies, **self.links}) if self.links else self.parts
+
+    def _connect(self, bodies: Mapping[str, IntArray]) -> list[IntArray]:
+        pairs = [np.column_stack([nodes[:-1], nodes[1:]]) for nodes in bodies.values()]
         ends = np.concatenate([self.elements(), *pairs])
         labels = connected_components(len(self.nodes), ends[:, 0], ends[:, 1])
         joined = np.unique(ends)
         return [joined[group] for group in component_members(labels[joined])]
 
     def connected_nodes(self, node: int) -> IntArray:
-        """Return the nodes connected to a node by members and bodies, including the node itself.
+        """Return the nodes connected to a node by members, bodies and links, including the node itself.
 
         Parameters
         ----------
@@ -182,7 +197,7 @@ class Mesh:
         ndarray
             Rows of `nodes`, ascending, shape (k,).
         """
-        return next((part for part in self.parts if (part == node).any()), np.array([node], dtype=np.intp))
+        return next((part for part in self._trains if (part == node).any()), np.array([node], dtype=np.intp))
 
 
 def refine(mesh: Mesh, divisions: Mapping[str, int]) -> Mesh:
@@ -198,7 +213,7 @@ def refine(mesh: Mesh, divisions: Mapping[str, int]) -> Mesh:
         fresh = count + np.arange((len(line) - 1) * (parts - 1)).reshape(len(line) - 1, parts - 1)
         lines[name] = np.append(np.column_stack([line[:-1], fresh]).ravel(), line[-1])
         count += fresh.size
-    return Mesh(np.concatenate(nodes), lines, mesh.points, mesh.bodies)
+    return replace(mesh, nodes=np.concatenate(nodes), lines=lines)
 
 
 _MAX_FAULTS = 20  # maximum number of faults of one kind to report: in a mesh with thousands they have one cause
@@ -232,7 +247,11 @@ def _duplicate_faults(mesh: Mesh) -> list[Fault]:
     """Return the faults of coincident nodes, which usually are a missing joint."""
     order = np.lexsort(mesh.nodes.T)
     nodes = mesh.nodes[order]
-    same = np.flatnonzero((nodes[1:] == nodes[:-1]).all(axis=1))[:_MAX_FAULTS]
+    linked = {frozenset((int(one), int(index[0]))) for index in mesh.links.values() for one in index[1:]}
+    same = [
+        i for i in np.flatnonzero((nodes[1:] == nodes[:-1]).all(axis=1)).tolist()
+        if frozenset((int(order[i]), int(order[i + 1]))) not in linked
+    ][:_MAX_FAULTS]  # fmt: skip
     allowed, why = "one node at one place", "members meet only at a shared node"
     names = [(mesh.node_name(int(order[i])), mesh.node_name(int(order[i + 1]))) for i in same]
     return [

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,30 +68,30 @@ def _local(beams: Beams, nodal: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class Fibres:
-    """Conversion of section forces to stresses; every field is an array over the elements."""
+    """Conversion of section forces to stresses; every field is an array over both ends of e elements."""
 
-    #: `area`, `modulus_y`, `modulus_z`: m^2 and m^3, shape (e,); infinite if the fibre distance is unknown
+    #: `area`, `modulus_y`, `modulus_z`: m^2 and m^3, shape (e, 2); infinite if the fibre distance is unknown
     area: FloatArray
     modulus_y: FloatArray
     modulus_z: FloatArray
-    torsion: FloatArray  #: torsional shear stress per torque, 1/m^3, shape (e,)
-    #: `about_y`, `about_z`: factors of the two bending stresses at each of f points on the outline, shape (e, f)
+    torsion: FloatArray  #: torsional shear stress per torque, 1/m^3, shape (e, 2)
+    #: `about_y`, `about_z`: factors of the two bending stresses at each of f points on the outline, shape (e, 2, f)
     about_y: FloatArray
     about_z: FloatArray
-    round: NDArray[np.bool_]  #: whether the outline is a circle, shape (e,)
+    round: NDArray[np.bool_]  #: whether the outline is a circle, shape (e, 2)
 
     def axial(self, forces: FloatArray) -> FloatArray:
         """Return N/A, Pa, from section forces of shape (..., e, 2, 6); shape (..., e, 2)."""
-        return forces[..., 0] / self.area[:, None]
+        return forces[..., 0] / self.area
 
     def bending(self, forces: FloatArray) -> FloatArray:
         """Return the largest bending stress on the outline, Pa, shape (..., e, 2)."""
-        y, z = np.abs(forces[..., 4]) / self.modulus_y[:, None], np.abs(forces[..., 5]) / self.modulus_z[:, None]
-        return np.where(self.round[:, None], np.hypot(y, z), y + z)
+        y, z = np.abs(forces[..., 4]) / self.modulus_y, np.abs(forces[..., 5]) / self.modulus_z
+        return np.where(self.round, np.hypot(y, z), y + z)
 
     def shear(self, forces: FloatArray) -> FloatArray:
         """Return the largest torsional shear stress, Pa, signed as the torque, shape (..., e, 2)."""
-        return forces[..., 3] * self.torsion[:, None]
+        return forces[..., 3] * self.torsion
 
     def von_mises(self, forces: FloatArray) -> FloatArray:
         """Return ``sqrt(sigma^2 + 3 tau^2)`` with the largest normal and torsional stress, Pa, shape (..., e, 2).
@@ -103,8 +104,8 @@ class Fibres:
 
     def normal(self, forces: FloatArray) -> FloatArray:
         """Return ``N/A + My z/Iy - Mz y/Iz`` at points on the outline, Pa, tension positive, shape (..., e, 2, f)."""
-        y = (forces[..., 4] / self.modulus_y[:, None])[..., None] * self.about_y[:, None]
-        z = (forces[..., 5] / self.modulus_z[:, None])[..., None] * self.about_z[:, None]
+        y = (forces[..., 4] / self.modulus_y)[..., None] * self.about_y
+        z = (forces[..., 5] / self.modulus_z)[..., None] * self.about_z
         return self.axial(forces)[..., None] + y - z
 
 
@@ -114,19 +115,20 @@ _OUTLINE_POINTS = np.arange(36) * (2.0 * np.pi / 36)
 _CORNERS = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]])
 
 
-def fibres(sections: Sequence[Section]) -> Fibres:
-    """Return the stress factors of elements."""
+def fibres(sections: Sequence[Sequence[Section]]) -> Fibres:
+    """Return the stress factors of the elements of members, from the sections at the nodes of each."""
+    ends = [section for member in sections for pair in pairwise(member) for section in pair]
     circle = np.sin(_OUTLINE_POINTS), np.cos(_OUTLINE_POINTS)
     corners = np.resize(_CORNERS[:, 1], 36), np.resize(_CORNERS[:, 0], 36)
-    outline = [circle if s.round else corners for s in sections]
+    outline = [circle if s.round else corners for s in ends]
     return Fibres(
-        area=np.array([s.A for s in sections]),
-        modulus_y=np.array([s.Iy / s.fibre_z if s.fibre_z else np.inf for s in sections]),
-        modulus_z=np.array([s.Iz / s.fibre_y if s.fibre_y else np.inf for s in sections]),
-        torsion=np.array([s.torsion_arm / s.J for s in sections]),
-        about_y=np.array([y for y, _ in outline]).reshape(len(sections), 36),
-        about_z=np.array([z for _, z in outline]).reshape(len(sections), 36),
-        round=np.array([s.round for s in sections], dtype=bool),
+        area=np.array([s.A for s in ends]).reshape(-1, 2),
+        modulus_y=np.array([s.Iy / s.fibre_z if s.fibre_z else np.inf for s in ends]).reshape(-1, 2),
+        modulus_z=np.array([s.Iz / s.fibre_y if s.fibre_y else np.inf for s in ends]).reshape(-1, 2),
+        torsion=np.array([s.torsion_arm / s.J for s in ends]).reshape(-1, 2),
+        about_y=np.array([y for y, _ in outline]).reshape(-1, 2, 36),
+        about_z=np.array([z for _, z in outline]).reshape(-1, 2, 36),
+        round=np.array([s.round for s in ends], dtype=bool).reshape(-1, 2),
     )
 
 

@@ -79,7 +79,8 @@ class PointMass:
 
 def mass_at(node: int, body: PointMass, dofs: DofMap) -> Triplets:
     """Return the mass matrix of a body fixed to a node, in the free components."""
-    return place_matrix(body.matrix(), dofs.numbers[node], dofs.size)
+    numbers, matrices = dofs.congruence(np.array([[node]]), body.matrix()[None])
+    return place_matrix(matrices[0], numbers[0], dofs.size)
 
 
 def place_matrix(matrix: FloatArray, numbers: IntArray, size: int) -> Triplets:
@@ -104,7 +105,10 @@ def free_motions(mesh: Mesh, dofs: DofMap, springs: Iterable[FloatArray]) -> Flo
     rigid = _rigid_motions(mesh, [*mesh.parts, *single[:, None]])
     nodal = int(np.count_nonzero(dofs.numbers >= 0))
     further = dofs.size - nodal  # additional unknowns after those of the nodes: each is free
-    held = np.pad(rigid[moved[:, None] & (dofs.numbers < 0)], ((0, 0), (0, further)))
+    still = (
+        rigid if dofs.ties is None else rigid - np.einsum("ncj,njm->ncm", dofs.ties.matrices, rigid[dofs.ties.leader])
+    )
+    held = np.pad(still[moved[:, None] & (dofs.numbers < 0)], ((0, 0), (0, further)))
     free = np.zeros((dofs.size, rigid.shape[-1] + further))
     free[dofs.numbers[dofs.numbers >= 0], : rigid.shape[-1]] = rigid[dofs.numbers >= 0]
     free[nodal:, rigid.shape[-1] :] = np.eye(further)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -205,6 +206,22 @@ class Section:
             fibre_y=h / 2.0, fibre_z=b / 2.0, torsion_arm=arm, radius=math.hypot(b, h) / 2.0,
         )  # fmt: skip
 
+    def at(self, share: float) -> Section:
+        """Return the section at a share of the member's length: itself, as `Taper.at` for a tapered member.
+
+        Parameters
+        ----------
+        share
+            From 0 at the first node to 1 at the last.
+
+        Returns
+        -------
+        Section
+            The same everywhere.
+        """
+        del share
+        return self
+
     def given(self, *, J: float | None = None, kappa_y: float | None = None, kappa_z: float | None = None) -> Section:
         """Return the section with some of its properties replaced.
 
@@ -222,6 +239,57 @@ class Section:
         """
         given = {"J": J, "kappa_y": kappa_y, "kappa_z": kappa_z}
         return replace(self, **{name: value for name, value in given.items() if value is not None})
+
+
+@dataclass(frozen=True)
+class Taper:
+    """Section of a member whose dimensions vary linearly over its length.
+
+    Parameters
+    ----------
+    shape
+        Function of the dimensions, such as `Section.tube`.
+    start, end
+        Its arguments at the first and at the last node, m.
+    kappa_y, kappa_z
+        Shear factors; those of the shape by default.
+
+    Raises
+    ------
+    InputError
+        If the shape refuses the dimensions of an end.
+
+    Examples
+    --------
+    >>> Taper(Section.circle, (0.010,), (0.006,)).at(0.5).radius
+    0.004
+    """
+
+    shape: Callable[..., Section]
+    start: tuple[float, ...]
+    end: tuple[float, ...]
+    kappa_y: float | None = None
+    kappa_z: float | None = None
+
+    def __post_init__(self) -> None:
+        for share in (0.0, 1.0):
+            self.at(share)
+
+    def at(self, share: float) -> Section:
+        """Return the section at a share of the member's length.
+
+        Parameters
+        ----------
+        share
+            From 0 at the first node to 1 at the last.
+
+        Returns
+        -------
+        Section
+            With the dimensions there.
+        """
+        sizes = (a + share * (b - a) for a, b in zip(self.start, self.end, strict=True))
+        return self.shape(*sizes).given(kappa_y=self.kappa_y, kappa_z=self.kappa_z)
 
 
 _ODD_FIFTH_POWERS = 31.0 / 32.0 * 1.0369277551433699263  # sum of 1/n^5 over odd n, (1 - 2^-5) zeta(5)

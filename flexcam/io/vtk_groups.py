@@ -30,7 +30,7 @@ class Geometry:
     mesh: Mesh  #: the mesh
     dofs: DofMap  #: numbering and elements, to expand and recover fields
     beams: Beams
-    sections: Mapping[str, Section]  #: section by member name
+    sections: Mapping[str, Sequence[Section]]  #: sections at the nodes of every member
     spread: FloatArray  #: distributed loads of the elements, shape (e, 12), local axes, N and N m
     damping: Damping  #: structural damping; the section forces include its Rayleigh part
 
@@ -42,7 +42,7 @@ class Geometry:
     @cached_property
     def free_nodes(self) -> IntArray:
         """Movable nodes without a member, shape (k,)."""
-        return np.flatnonzero((self.dofs.numbers >= 0).any(axis=1) & ~self.mesh.on_members())
+        return np.flatnonzero(self.dofs.moving.any(axis=1) & ~self.mesh.on_members())
 
     @cached_property
     def ends(self) -> IntArray:
@@ -55,7 +55,7 @@ class Geometry:
 
     def radius(self) -> FloatArray:
         """Return the display radius at every point, m, shape (points,); zero at a vertex."""
-        radii = [np.full(len(line), self.sections[name].radius) for name, line in self.mesh.lines.items()]
+        radii = [[section.radius for section in self.sections[name]] for name in self.mesh.lines]
         return np.concatenate([*radii, np.zeros(len(self.free_nodes))])
 
     def axes(self) -> FloatArray:
@@ -72,8 +72,7 @@ class Geometry:
     @cached_property
     def fibres(self) -> Fibres:
         """Return the extreme fibres of all elements."""
-        counts = [len(line) - 1 for line in self.mesh.lines.values()]
-        return fibres([s for name, n in zip(self.mesh.lines, counts, strict=True) for s in [self.sections[name]] * n])
+        return fibres([self.sections[name] for name in self.mesh.lines])
 
     def recover_fields(
         self, nodal: FloatArray, velocity: FloatArray, acceleration: FloatArray

@@ -204,7 +204,7 @@ def draw_mode(axes: Axes, structure: Structure, member: str, nodal: FloatArray, 
     moved = deflection(structure.beams, nodal, _PARTS, part)[..., :4]
     begin = np.cumsum(structure.beams.length[part]) - structure.beams.length[part]
     place = 1e3 * (begin[:, None] + structure.beams.length[part, None] * np.linspace(0.0, 1.0, _PARTS + 1)).ravel()
-    scale = np.array([1.0, 1.0, 1.0, structure.model.members[member].section.radius]) / size
+    scale = np.array([1.0, 1.0, 1.0, structure.model.members[member].section.at(0.5).radius]) / size
     for values, name, (colour, dashes) in zip((moved * scale).reshape(-1, 4).T, _MOTIONS, line_styles(), strict=False):
         if np.abs(values).max() > _MIN_MOTION:
             axes.plot(place, values, label=name, color=colour, linestyle=dashes)
@@ -250,6 +250,9 @@ def _member_motions(structure: Structure, nodal: FloatArray) -> dict[str, float]
     """Return the maximum motion of the centre line and the surface of each member."""
     found: dict[str, float] = {}
     for name, part in structure.model.mesh.element_ranges().items():
-        moved, radius = deflection(structure.beams, nodal, _PARTS, part), structure.model.members[name].section.radius
+        moved, radius = (
+            deflection(structure.beams, nodal, _PARTS, part),
+            structure.model.members[name].section.at(0.5).radius,
+        )
         found[name] = float((np.abs(moved[..., :4]) * [1.0, 1.0, 1.0, radius]).max())
     return found

@@ -22,7 +22,7 @@ from flexcam.core import FloatArray
 from flexcam.core.units import RPM, shaft_name, shaft_speed, to_display_unit
 from flexcam.dynamics import Response, Stats, active_dofs_of
 from flexcam.dynamics.memory import ExtremesSink
-from flexcam.fem.frames import ROTATIONS
+from flexcam.fem.frames import COMPONENTS, ROTATIONS
 from flexcam.io import Result
 from flexcam.report.terminal import (
     count_decimals,
@@ -40,6 +40,7 @@ from flexcam.valvetrain import (
     LoadTable,
     MemberStrength,
     Metric,
+    Model,
     ModelModes,
     Seat,
     Spring,
@@ -89,6 +90,7 @@ def model_table(ready: PreparedRun, modes: ModelModes, takes: ResourceEstimate |
         ("inactive", "; ".join(describe_inactive(ready)) or "nothing"),
         ("masses", ", ".join(f"{name} {part.body.mass:g} kg" for name, part in model.masses.items()) or "none"),
         *((f"superelement {n}", f"{len(b.nodes)} nodes, {b.modes} modes") for n, b in model.superelements.items()),
+        *((f"rigid link {n}", _link(model, n)) for n in model.rigid_links),
         ("springs", ", ".join(springs) or "none"),
         ("supports", ", ".join(f"{point}: {' '.join(held)}" for point, held in model.supports.items()) or "none"),
         *(
@@ -188,6 +190,14 @@ def _weight(ready: PreparedRun) -> list[tuple[str, str]]:
     left_out = [name for name, part in model.masses.items() if model.rocker_at(part.at) is not None]
     omitted = f"; without masses at points of rockers: {', '.join(left_out)}" if left_out else ""
     return [("gravity", f"{_vector(np.array(model.gravity))} m/s^2{omitted}")]
+
+
+def _link(model: Model, name: str) -> str:
+    first, *others = (model.mesh.node_name(node) for node in model.mesh.links[name].tolist())
+    components = model.rigid_links[name]
+    return f"{', '.join(others)} with {first}" + (
+        f", {' '.join(components)}" if len(components) < len(COMPONENTS) else ""
+    )
 
 
 def _vector(direction: FloatArray) -> str:

@@ -78,19 +78,11 @@ def _inertia(structure: Structure, nodes: IntArray, turning: FloatArray) -> Load
     dofs, mesh = structure.dofs, structure.model.mesh
     beams = structure.beams.part(np.flatnonzero(np.isin(structure.beams.nodes[:, 0], nodes)))
     pulled = to_global(beams, beam.mass(beams)) @ np.tile(turning, 2)
-    vector = _assemble_vector(dofs.size, dofs.numbers[beams.nodes], pulled)
+    vector = dofs.gather(beams.nodes, pulled.reshape(-1, 2, 6))
     for part in structure.model.masses.values():
         if structure.is_node(part.at) and mesh.node(part.at) in nodes:
-            vector += _assemble_vector(dofs.size, dofs.numbers[mesh.node(part.at)], part.body.matrix() @ turning)
+            vector += dofs.vector(mesh.node(part.at), part.body.matrix() @ turning)
     return Load(f"shaft of {mesh.node_name(int(nodes[0]))}", -vector, lambda motion: motion.rate)
-
-
-def _assemble_vector(size: int, numbers: IntArray, values: FloatArray) -> FloatArray:
-    """Return a vector of values at numbered unknowns, shape (size,); constrained ones have no number."""
-    free = numbers.ravel() >= 0
-    vector = np.zeros(size)
-    np.add.at(vector, numbers.ravel()[free], values.ravel()[free])
-    return vector
 
 
 _ALONG = 0.9  # cosine above which a constrained rotation is about the shaft

@@ -55,6 +55,8 @@ class Model:
         Output points: named nodes or points of rockers.
     superelements
         Elastic bodies between nodes by name, by their matrices; the mesh has their nodes as `bodies`.
+    rigid_links
+        Name of a rigid link to the components that follow; the mesh has its nodes as `links`.
 
     Examples
     --------
@@ -75,6 +77,7 @@ class Model:
     damping: Damping = field(default_factory=Damping)
     probes: tuple[str, ...] = ()
     superelements: Mapping[str, Superelement] = field(default_factory=dict[str, Superelement])
+    rigid_links: Mapping[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
 
     def __reduce__(self) -> tuple[type[Model], tuple[object, ...]]:
         """Return the constructor and its arguments, for pickle and copy."""

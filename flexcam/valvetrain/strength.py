@@ -17,7 +17,7 @@ from flexcam.fem.assembly import geometric, stiffness
 from flexcam.fem.dofs import DofMap, dof_map
 from flexcam.fem.elements.arch import SCALARS, Arch, deformation_matrix
 from flexcam.fem.elements.beam import Beams
-from flexcam.fem.members import beams
+from flexcam.fem.members import beams, sections_at_nodes
 from flexcam.fem.mesh import Mesh, refine
 from flexcam.fem.recovery import fibres, section_forces
 from flexcam.valvetrain.coupling import Coupling, opposed_force
@@ -169,9 +169,14 @@ class Bars:
     def _ends(self) -> list[tuple[IntArray, FloatArray]]:
         """Unknowns with an effect on the tension, shape (e,), and the tension per unit of each, shape (e,)."""
         beams, dofs = self.structure.beams.part(self.elements), self.structure.dofs
-        numbers, along = dofs.numbers[beams.nodes, :3], beams.triads[:, 0]
-        pulled = self.stiffness[:, None, None] * np.where(numbers >= 0, np.stack([-along, along], axis=1), 0.0)
-        return [(numbers[:, i, j], pulled[:, i, j]) for i, j in np.argwhere(pulled.any(axis=0)).tolist()]
+        pulled = np.zeros((len(beams), 2, 6))
+        pulled[..., :3] = self.stiffness[:, None, None] * np.stack([-beams.triads[:, 0], beams.triads[:, 0]], axis=1)
+        found: list[tuple[IntArray, FloatArray]] = []
+        for nodes, forces in dofs.lead(beams.nodes, pulled):
+            numbers = dofs.numbers[nodes]
+            acting = np.where(numbers >= 0, forces, 0.0)
+            found += [(numbers[:, i, j], acting[:, i, j]) for i, j in np.argwhere(acting.any(axis=0)).tolist()]
+        return found
 
 
 def linear_compression(bars: Bars) -> Observable:
@@ -277,7 +282,7 @@ class StrengthSink:
     def __init__(self, structure: Structure) -> None:
         self._structure = structure
         mesh, members = structure.model.mesh, structure.model.members
-        self._fibres = fibres([members[name].section for name, line in mesh.lines.items() for _ in line[1:]])
+        self._fibres = fibres(list(sections_at_nodes(mesh, members).values()))
         self._spread = element_loads(structure)
         self._normal: tuple[FloatArray, FloatArray] | None = None
         self._shear: tuple[FloatArray, FloatArray] | None = None

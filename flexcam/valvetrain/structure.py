@@ -15,7 +15,7 @@ from flexcam.dynamics import Probe
 from flexcam.fem.assembly import distributed_load, element_weight, thermal_load
 from flexcam.fem.assembly import mass as fem_mass
 from flexcam.fem.assembly import stiffness as fem_stiffness
-from flexcam.fem.dofs import DofMap, dof_map
+from flexcam.fem.dofs import DofMap, dof_map, rigid_ties
 from flexcam.fem.elements.beam import Beams
 from flexcam.fem.frames import COMPONENTS
 from flexcam.fem.members import beams as fem_beams
@@ -138,7 +138,7 @@ def spring_parts(structure: Structure, name: str, spring: Spring) -> list[tuple[
 def build_structure(model: Model) -> Structure:
     """Assemble the passive part of a model."""
     inner = [inner_name(name, i) for name, spring in model.springs.items() for i in range(1, spring.elements)]
-    dofs = dof_map(model.mesh, model.supports.items(), _single(model))
+    dofs = dof_map(model.mesh, model.supports.items(), _single(model), rigid_ties(model.mesh, model.rigid_links))
     modes = [name for names in model.superelement_modes.values() for name in names]
     bare = build_structure_in(model, dofs.extend([*model.further_unknowns, *inner, *modes]))
     return replace(

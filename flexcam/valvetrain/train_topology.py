@@ -44,12 +44,13 @@ def lashes_before(model: Model, node: int, plays: Sequence[NodeLash]) -> list[No
 
 
 def _adjacency(model: Model) -> dict[int, list[int]]:
-    """Return adjacency by members, superelements and links."""
+    """Return adjacency by members, superelements and links of both kinds."""
     points = model.mesh.points
     ends = [(one.at, one.to) for one in model.springs.values() if one.link and one.to is not None]
     links = [[model.mesh.node(a), model.mesh.node(b)] for a, b in ends if a in points and b in points]
     found: dict[int, list[int]] = {}
-    bodies = [pair for nodes in model.mesh.bodies.values() for pair in pairwise(nodes.tolist())]
+    groups = *model.mesh.bodies.values(), *model.mesh.links.values()
+    bodies = [pair for nodes in groups for pair in pairwise(nodes.tolist())]
     for a, b in [*model.mesh.elements().tolist(), *links, *bodies]:
         found.setdefault(a, []).append(b)
         found.setdefault(b, []).append(a)

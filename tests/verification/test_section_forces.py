@@ -197,7 +197,7 @@ def ends(**forces):
 
 def test_round_shaft(record):
     d, M, T, N = 0.03, 120.0, 80.0, 5e3
-    rod = fibres([Section.circle(d)])
+    rod = fibres([2 * [Section.circle(d)]])
     sigma, tau = 32.0 * M / (math.pi * d**3), 16.0 * T / (math.pi * d**3)
     both = ends(N=N, T=T, My=0.6 * M, Mz=0.8 * M)
     full = math.hypot(sigma + 4.0 * N / (math.pi * d**2), math.sqrt(3.0) * tau)
@@ -217,7 +217,7 @@ def test_round_shaft(record):
 def test_normal_stress_of_a_rectangle(My, Mz):
     """N/A + My z/Iy - Mz y/Iz: a positive Mz compresses +y, a positive My stretches +z."""
     h, b, N = 0.03, 0.02, 4e3
-    stress = fibres([Section.rectangle(h, b)]).normal(ends(N=N, My=My, Mz=Mz))[0, 0]
+    stress = fibres([2 * [Section.rectangle(h, b)]]).normal(ends(N=N, My=My, Mz=Mz))[0, 0]
     corners = [
         N / (b * h) + 6.0 * (My * z / (h * b**2) - Mz * y / (b * h**2)) for y in (-1.0, 1.0) for z in (-1.0, 1.0)
     ]
@@ -231,7 +231,7 @@ def test_normal_stress_of_a_rectangle(My, Mz):
 def test_torsion_of_a_rectangle(record, ratio, k2, upright):
     b, T = 0.01, 20.0
     sides = (ratio * b, b) if upright else (b, ratio * b)
-    tau = fibres([Section.rectangle(*sides)]).shear(ends(T=T))[0, 0]
+    tau = fibres([2 * [Section.rectangle(*sides)]]).shear(ends(T=T))[0, 0]
     record(
         source="Timoshenko and Goodier, sec. 109", case=f"rectangle {ratio:g} : 1", quantity="k2 = T/(tau a b^2)",
         unit="1", reference=k2, computed=T / (tau * ratio * b**3), tolerance=5.5e-4, absolute=True,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from math import tau
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
@@ -11,6 +11,7 @@ from pydantic import AfterValidator, Field, model_validator
 from flexcam import valvetrain
 from flexcam.case.curves import LoadValue, MatrixValue
 from flexcam.case.schema.base import (
+    Component,
     DampingValue,
     DirectionValue,
     Inertia,
@@ -35,9 +36,9 @@ from flexcam.case.schema.base import (
 )
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
-from flexcam.fem.frames import direction
+from flexcam.fem.frames import COMPONENTS, direction
 from flexcam.fem.rigid_bodies import PointMass
-from flexcam.fem.sections import Material, Section
+from flexcam.fem.sections import Material, Section, Taper
 
 
 def _check_poisson_ratio(nu: float) -> float:
@@ -62,49 +63,56 @@ class MaterialRecord(PartRecord[Material]):
     kind = Material
 
 
-class _SectionRecord(PartRecord[Section]):
+_Thickness = Annotated[float, Unit("length")]
+_EndLengths = Annotated[
+    Length | tuple[Length, Length],
+    Field(description="at both ends, from the first node to the last, where the member tapers"),
+]
+
+
+class _SectionRecord(PartRecord[Section | Taper]):
     J: SecondMoment | None = Field(None, description="torsion constant")
     kappa_y: PositiveNumber | None = Field(None, description="shear factor along local y")
     kappa_z: PositiveNumber | None = Field(None, description="shear factor along local z")
 
-    def _default(self) -> Section:
-        raise NotImplementedError
+    dimensions: ClassVar[tuple[str, ...]]
+    """Keys of the arguments of `kind`."""
 
-    def build(self) -> Section:
+    def build(self) -> Section | Taper:
         """Build the section, with the given torsion constant and shear factors."""
-        return self._default().given(J=self.J, kappa_y=self.kappa_y, kappa_z=self.kappa_z)
+        given: list[float | tuple[float, float]] = [getattr(self, key) for key in self.dimensions]
+        start, end = (tuple(one[i] if isinstance(one, tuple) else one for one in given) for i in (0, 1))
+        if start == end:
+            return self.kind(*start).given(J=self.J, kappa_y=self.kappa_y, kappa_z=self.kappa_z)
+        if self.J is not None:
+            raise refuse("J", f"{self.J:g} m^4", "no J of a tapered section", "it varies over the length")
+        return Taper(self.kind, start, end, self.kappa_y, self.kappa_z)
 
 
 class CircleRecord(_SectionRecord):
     """Solid round section."""
 
     shape: Literal["circle"]
-    diameter: Length
-
-    def _default(self) -> Section:
-        return Section.circle(self.diameter)
+    diameter: _EndLengths
+    kind, dimensions = Section.circle, ("diameter",)
 
 
 class TubeRecord(_SectionRecord):
     """Round tube."""
 
     shape: Literal["tube"]
-    outer_diameter: Length
-    inner_diameter: Annotated[float, Unit("length")]
-
-    def _default(self) -> Section:
-        return Section.tube(self.outer_diameter, self.inner_diameter)
+    outer_diameter: _EndLengths
+    inner_diameter: Annotated[_Thickness | tuple[_Thickness, _Thickness], Field(description="as outer_diameter")]
+    kind, dimensions = Section.tube, ("outer_diameter", "inner_diameter")
 
 
 class RectangleRecord(_SectionRecord):
     """Rectangle with sides along local y and z."""
 
     shape: Literal["rectangle"]
-    width_y: Length
-    width_z: Length
-
-    def _default(self) -> Section:
-        return Section.rectangle(self.width_y, self.width_z)
+    width_y: _EndLengths
+    width_z: _EndLengths
+    kind, dimensions = Section.rectangle, ("width_y", "width_z")
 
 
 class CustomRecord(_SectionRecord):
@@ -124,9 +132,11 @@ class CustomRecord(_SectionRecord):
         None, description="c of the torsional shear stress T c/J; twice the smaller fibre distance by default"
     )
 
-    def _default(self) -> Section:
+    def build(self) -> Section:
+        """Build the section."""
         fibres = (self.fibre_y or 0.0, self.fibre_z or 0.0, self.torsion_arm or 0.0)
-        return Section(self.A, self.Iy, self.Iz, self.J, 1.0, 1.0, *fibres)
+        kappas = self.kappa_y or 1.0, self.kappa_z or 1.0
+        return Section(self.A, self.Iy, self.Iz, self.J, *kappas, *fibres)
 
 
 SectionRecord = Annotated[CircleRecord | TubeRecord | RectangleRecord | CustomRecord, Field(discriminator="shape")]
@@ -220,6 +230,16 @@ class SuperelementRecord(Record):
         scale = np.array([length if dof <= 3 else 1.0 for _, dof in order])
         mass, stiffness, *damping = (energy * np.outer(scale, scale) * one.ordered(order) for one in given)
         return mass, stiffness, damping[0] if damping else 0.0 * mass
+
+
+class RigidLinkRecord(Record):
+    """Massless rigid connection: nodes follow a leading node as points of one body, or by some components only."""
+
+    start: Name = Field(alias="from", description="named node that leads")
+    to: list[Name] = Field(min_length=1, description="named nodes that follow; they may lie at its place")
+    components: list[Component] = Field(
+        default=[*COMPONENTS], min_length=1, description="that follow, in global axes; translations alone: a ball joint"
+    )
 
 
 class BearingRecord(Record):

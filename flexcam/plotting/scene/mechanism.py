@@ -13,7 +13,7 @@ from flexcam.core import FloatArray
 from flexcam.plotting.scene import parts
 from flexcam.plotting.scene.motion import SceneState, centre_line, model_size, sweep_outline
 from flexcam.plotting.scene.parts import STEM, CamPlacement, CoilPlacement, CoilSizes, LeverFrame, ValvePlacement
-from flexcam.plotting.scene.solids import Solid, ball, cylinder, loft, perpendicular_axes, section_outlines, unit_vector
+from flexcam.plotting.scene.solids import Solid, ball, cylinder, loft, member_outlines, perpendicular_axes, unit_vector
 from flexcam.valvetrain import Lash, Model, Rocker, Seat, Spring, Structure, valve_ratio
 from flexcam.valvetrain.structure import spring_parts
 from flexcam.valvetrain.train_topology import moved_nodes, rocker_of
@@ -192,6 +192,9 @@ def _spring_between_nodes(
     return CoilPlacement(name, start, span / length, made, borders, sense, ground=False, retainer=False)
 
 
+_LINK = 0.015
+"""Radius of the rod drawn for a rigid link relative to the model's size."""
+
 _STEEL = 7800.0
 """Density of the sphere drawn for a mass at a node, kg/m^3; its size is limited to a tenth of the model's size."""
 
@@ -245,15 +248,26 @@ class Mechanism:
             ),
             *(part for one in self.springs for part in _with_name(one.name, parts.spring_solids(one, instant))),
             *parts.support_solids(self.structure.model, self.cams, instant),
+            *self._links(instant),
             *self._balls(instant),
         ]
+
+    def _links(self, instant: SceneState) -> Iterator[Solid]:
+        """Yield a rod from the leading node of a rigid link to each node apart that follows it."""
+        mesh, thick = self.structure.model.mesh, _LINK * model_size(self.structure.model)
+        for name, nodes in mesh.links.items():
+            first, *others = mesh.nodes[nodes] + instant.nodal[nodes, :3]
+            for there in others:
+                if np.linalg.norm(there - first) > thick:
+                    yield replace(cylinder("rocker", first, there, thick), name=name)
 
     def _members(self, instant: SceneState) -> Iterator[Solid]:
         model, first = self.structure.model, 0
         turning = parts.shaft_names(model)
         for name, elements in model.mesh.element_ranges().items():
             line = centre_line(self.structure.beams, elements, model.mesh.nodes, instant.nodal)
-            rings = [sweep_outline(outline, line) for outline in section_outlines(model.members[name].section)]
+            outlines = member_outlines(model.members[name].section, line.part / line.part[-1])
+            rings = [sweep_outline(outline, line) for outline in outlines]
             count = len(model.mesh.lines[name])
             values = None
             if instant.values is not None:
@@ -272,14 +286,14 @@ class Mechanism:
         yield from _with_name(place.contact.follower, parts.follower_solids(place, instant))
 
     def _balls(self, instant: SceneState) -> Iterator[Solid]:
-        """Yield the masses at nodes without other parts."""
+        """Yield the masses at nodes without other parts; the rods of links stand for the body that leads them."""
         model = self.structure.model
         shown = {one.point for one in self.valves} | {one.contact.follower for one in self.cams}
         for part in model.masses.values():
             if part.at in shown or part.at not in model.mesh.points:
                 continue
             node = model.mesh.node(part.at)
-            if not model.mesh.on_members()[node]:
+            if not model.mesh.on_members()[node] and all(node != nodes[0] for nodes in model.mesh.links.values()):
                 radius = (0.75 * part.body.mass / (np.pi * _STEEL)) ** (1.0 / 3.0)
                 largest = 0.1 * model_size(model)
                 centre = model.mesh.nodes[node] + instant.nodal[node, :3]

@@ -314,7 +314,7 @@ def support_solids(model: Model, cams: Sequence[CamPlacement], instant: SceneSta
     held, turning = _fixed_components(model), shaft_names(model)
     faces = {model.mesh.node(c.contact.follower) for c in cams if c.ahead}
     for name, line in model.mesh.lines.items():
-        radius = model.members[name].section.radius
+        radius = model.members[name].section.at(0.5).radius
         for place, node in enumerate(line.tolist()):
             before, after = max(place - 1, 0), min(place + 1, len(line) - 1)
             axis = unit_vector(model.mesh.nodes[line[after]] - model.mesh.nodes[line[before]])

@@ -11,7 +11,7 @@ import numpy as np
 
 from flexcam.core import FloatArray, IntArray
 from flexcam.fem.frames import default_orientation
-from flexcam.fem.sections import Section
+from flexcam.fem.sections import Section, Taper
 
 COLOURS = {
     "shaft": "#7a8fa6", "member": "#c9ced4", "lobe": "#D55E00", "follower": "#E69F00", "roller": "#F0C25A",
@@ -80,6 +80,14 @@ def section_outlines(section: Section) -> list[FloatArray]:
     high = math.sqrt(section.A * math.sqrt(section.Iz / section.Iy))
     corner = 0.5 * np.array([high, section.A / high])
     return [corner * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])]
+
+
+def member_outlines(section: Section | Taper, shares: FloatArray) -> list[FloatArray]:
+    """Return the outlines of a member at shares of its length: shape (points, 2), or (shares, points, 2) if tapered."""
+    if isinstance(section, Section):
+        return section_outlines(section)
+    rings = [section_outlines(section.at(share)) for share in shares.tolist()]
+    return [np.array(outline) for outline in zip(*rings, strict=False)]
 
 
 def capsule(start: complex, end: complex, radii: tuple[float, float]) -> FloatArray:

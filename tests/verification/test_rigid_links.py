@@ -1,0 +1,162 @@
+"""Rigid links and joints between members: closed forms, and the same mechanisms without links.
+
+A rigid body moves its points by ``u + theta x r`` (H. Goldstein, Classical Mechanics, 3rd ed., sec. 4.8, small angles).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flexcam import InputError, build_model, read_case, run
+from flexcam.valvetrain import build_structure
+from flexcam.valvetrain.modes import model_modes
+
+SOURCE = "Rigid links and joints"
+STEEL = 'materials = { steel = { E = "200 GPa", nu = 0.3, density = 7800 } }\n'
+ALL = '["ux", "uy", "uz", "rx", "ry", "rz"]'
+
+
+def case(tmp_path, text, name="case"):
+    path = tmp_path / f"{name}.toml"
+    path.write_text("format = 1\n" + text)
+    return read_case(path)
+
+
+ARM, REACH, INERTIA, PUSHED, VALVE = 0.030, 0.045, 4e-5, 2e5, 3e4
+ROCKER = f"""
+nodes = {{ shaft = [0, 0, 0], push = [{-ARM}, "10 mm", 0], valve = [{REACH}, 0, "5 mm"] }}
+supports = {{ shaft = ["ux", "uy", "uz", "rx", "ry"] }}
+rigid_links = {{ rocker = {{ from = "shaft", to = ["push", "valve"] }} }}
+masses = {{ body = {{ at = "shaft", mass = "300 g", inertia = [{INERTIA}, {INERTIA}, {INERTIA}] }} }}
+springs.push = {{ at = "push", direction = "uy", stiffness = {PUSHED} }}
+springs.valve = {{ at = "valve", direction = "uy", stiffness = {VALVE} }}
+run = {{ speed = "3000 rpm", steps_per_revolution = 720, revolutions = 1, start = "equilibrium" }}
+output = {{ probes = ["push", "valve"] }}
+"""
+
+
+def test_a_rocker_as_a_rigid_body(tmp_path, record):
+    model = build_model(case(tmp_path, ROCKER))
+    found = model_modes(build_structure(model)).modes.frequencies
+    wanted = np.sqrt((PUSHED * ARM**2 + VALVE * REACH**2) / INERTIA) / (2.0 * np.pi)
+    record(source=SOURCE, case="rocker on two springs", quantity="frequency", unit="Hz", reference=wanted,
+           computed=found[0], tolerance=1e-12, reason="exact")  # fmt: skip
+    assert found == pytest.approx([wanted], rel=1e-12)
+
+
+def test_a_rocker_under_a_static_force(tmp_path):
+    """The push node lies 10 mm above the shaft, so that a turn moves it sideways too."""
+    text = ROCKER + 'loads = { push = { at = "push", direction = "uy", force = "50 N" } }\n'
+    response = run(case(tmp_path, text))
+    turn = -50.0 * ARM / (PUSHED * ARM**2 + VALVE * REACH**2)
+    assert response["push"].displacement[-1] == pytest.approx(np.array([-0.01 * turn, -ARM * turn, 0, 0, 0, turn]))
+    assert response["valve"].displacement[-1] == pytest.approx(np.array([0, REACH * turn, 0, 0, 0, turn]))
+
+
+CANTILEVER = f"""
+{STEEL}
+sections = {{ rod = {{ shape = "rectangle", width_y = "6 mm", width_z = "9 mm" }} }}
+members = {{ arm = {{ nodes = ["foot", "tip"], elements = 4, material = "steel", section = "rod", GS }} }}
+supports = {{ foot = {ALL} }}
+loads = {{ push = {{ at = "AT", direction = [1, 2, -3], force = "20 N" }} }}
+run = {{ speed = "3000 rpm", steps_per_revolution = 720, revolutions = 0.2, gravity = [0, -9.81, 0] }}
+output = {{ probes = ["tip"] }}
+"""
+OFFSET = [0.02, -0.03, 0.01]
+CENTRE = [0.12 + OFFSET[0], 0.04 + OFFSET[1], OFFSET[2]]
+WITH_OFFSET = f"""
+nodes = {{ foot = [0, 0, 0], tip = ["120 mm", "40 mm", 0] }}
+masses = {{ head = {{ at = "tip", mass = "80 g", inertia = [2e-5, 3e-5, 4e-5], offset = {OFFSET} }} }}
+"""
+WITH_LINK = f"""
+nodes = {{ foot = [0, 0, 0], tip = ["120 mm", "40 mm", 0], body = {CENTRE} }}
+masses = {{ head = {{ at = "body", mass = "80 g", inertia = [2e-5, 3e-5, 4e-5] }} }}
+rigid_links = {{ head = {{ from = "body", to = ["tip"] }} }}
+"""
+
+
+@pytest.mark.parametrize("bent", ["false", "true"])
+def test_a_member_that_ends_on_a_body(tmp_path, record, bent):
+    """The same beam with the body as a mass with an offset: frequencies, motion and section forces."""
+    text = CANTILEVER.replace("GS", f"geometric_stiffness = {bent}").replace("AT", "tip")
+    one, other = case(tmp_path, WITH_OFFSET + text, "offset"), case(tmp_path, WITH_LINK + text, "link")
+    frequencies = [model_modes(build_structure(build_model(given))).modes.frequencies[:8] for given in (one, other)]
+    assert frequencies[0] == pytest.approx(frequencies[1], rel=1e-9)
+    moved = [run(given) for given in (one, other)]
+    scale = np.abs(moved[0]["tip"].displacement).max(axis=0)
+    assert (np.abs(moved[0]["tip"].displacement - moved[1]["tip"].displacement) <= 1e-8 * scale).all()
+    assert moved[1].channels["members.arm.compression"] == pytest.approx(
+        moved[0].channels["members.arm.compression"], abs=1e-5
+    )
+    record(source=SOURCE, case="beam that ends on a body", quantity="frequency 1", unit="Hz",
+           reference=frequencies[0][0], computed=frequencies[1][0], tolerance=1e-9, reason="rounding")  # fmt: skip
+
+
+HALF = 0.1
+HINGED = f"""
+{STEEL}
+nodes = {{ left = [0, 0, 0], a = [{HALF}, 0, 0], b = [{HALF}, 0, 0], right = [{2 * HALF}, 0, 0] }}
+sections = {{ rod = {{ shape = "circle", diameter = "8 mm" }} }}
+supports = {{ left = {ALL}, right = {ALL} }}
+rigid_links = {{ hinge = {{ from = "a", to = ["b"], components = COMPONENTS }} }}
+loads = {{ middle = {{ at = "b", direction = "uy", force = "100 N" }} }}
+run = {{ speed = "3000 rpm", steps_per_revolution = 720, revolutions = 0.1, start = "equilibrium" }}
+output = {{ probes = ["a", "b"] }}
+[members]
+first = {{ nodes = ["left", "a"], material = "steel", section = "rod" }}
+second = {{ nodes = ["b", "right"], material = "steel", section = "rod" }}
+"""
+
+
+@pytest.mark.parametrize(("components", "share"), [('["ux", "uy", "uz"]', 6.0), (ALL, 24.0)])
+def test_two_beams_with_a_joint_between_them(tmp_path, components, share):
+    """A ball joint leaves two cantilevers, F L^3/(6 E I), all components a clamped beam, F L^3/(24 E I)."""
+    response = run(case(tmp_path, HINGED.replace("COMPONENTS", components)))
+    wanted = 100.0 * HALF**3 / (share * 2e11 * np.pi * 0.008**4 / 64.0)
+    for point in ("a", "b"):
+        assert response[point].displacement[-1, 1] == pytest.approx(wanted, rel=1e-9)
+    turns = response["a"].displacement[-1, 5], response["b"].displacement[-1, 5]
+    assert turns[0] == pytest.approx(-turns[1], abs=1e-12)
+
+
+DRIVEN = """
+nodes = { cam = [0, 0, 0], push = [0, "30 mm", 0], shaft = ["30 mm", "30 mm", 0], valve = ["75 mm", "30 mm", 0] }
+supports = { shaft = ["ux", "uy", "uz", "rx", "ry"] }
+rigid_links = { rocker = { from = "shaft", to = ["push", "valve"] } }
+masses.body = { at = "shaft", mass = "300 g", inertia = [4e-5, 4e-5, 4e-5] }
+masses.valve = { at = "valve", mass = "60 g" }
+springs = { valve = { at = "valve", direction = "-uy", stiffness = "30 kN/m", installed_force = "250 N" } }
+cams.one = { at = "cam", law = "cycloidal", lift = "6 mm", rise = "60 deg", return = "60 deg", axis = [0, 0, 1] }
+contacts = { one = { model = "bilateral", cam = "one", follower = "push", stiffness = "20 MN/m", direction = "uy" } }
+run = { speed = "1000 rpm", steps_per_revolution = 720, damping = { beta = 1e-6 } }
+output = { probes = ["valve"] }
+fidelity = { model = "MODEL" }
+"""
+
+
+def test_a_cam_drives_a_rocker_that_is_a_rigid_body(tmp_path):
+    """The valve moves against the cam by the ratio of the arms, 1.5, in the rigid and in the flexible model."""
+    moved = {}
+    for model in ("rigid", "beams"):
+        response = run(case(tmp_path, DRIVEN.replace("MODEL", model), model))
+        moved[model] = response["valve"].displacement[:, 1]
+        forces = response.channels["contacts.one.force"]
+    assert moved["rigid"].min() == pytest.approx(-9e-3, rel=1e-9)
+    # the contact gives by its force, some 1 kN over 20 MN/m, times the ratio
+    assert moved["beams"] == pytest.approx(moved["rigid"], abs=1.5 * np.abs(forces).max() / 2e7 * 1.5)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (('to = ["push", "valve"]', 'to = ["push", "valv"]'), "valve"),
+        (('to = ["push", "valve"]', 'to = ["push", "shaft"]'), "leads"),
+        (("supports = { shaft", 'supports = { push = ["ux"], shaft'), "supports.push holds ux"),
+        (("] } }\nmasses", '] }, more = { from = "push", to = ["valve"] } }\nmasses'), "follows in rigid_links.rocker"),
+    ],
+)
+def test_refused_links(tmp_path, change, said):
+    with pytest.raises(InputError) as refused:
+        build_model(case(tmp_path, ROCKER.replace(*change)))
+    assert said in str(refused.value)
