@@ -19,6 +19,7 @@ from flexcam.valvetrain.parts import (
     Cam,
     CamContact,
     Contact,
+    FilmBearing,
     Friction,
     GivenLoad,
     Lash,
@@ -55,6 +56,8 @@ class Model:
         Output points: named nodes or points of rockers.
     superelements
         Elastic bodies between nodes by name, by their matrices; the mesh has their nodes as `bodies`.
+    bearings
+        Journal bearings with an oil film by name; elastic bearings are springs.
 
     Examples
     --------
@@ -75,6 +78,7 @@ class Model:
     damping: Damping = field(default_factory=Damping)
     probes: tuple[str, ...] = ()
     superelements: Mapping[str, Superelement] = field(default_factory=dict[str, Superelement])
+    bearings: Mapping[str, FilmBearing] = field(default_factory=dict[str, FilmBearing])
 
     def __reduce__(self) -> tuple[type[Model], tuple[object, ...]]:
         """Return the constructor and its arguments, for pickle and copy."""
@@ -87,7 +91,10 @@ class Model:
 
     def _repr_html_(self) -> str:
         """Return a table of the parts, for notebooks."""
-        parts = ("members", "superelements", "masses", "springs", "rockers", "cams", "contacts", "friction", "loads")
+        parts = (
+            "members", "superelements", "masses", "springs", "bearings", "rockers", "cams", "contacts", "friction",
+            "loads",
+        )  # fmt: skip
         rows = {"nodes": str(len(self.mesh.nodes)), "probes": ", ".join(self.probes)}
         return html_table("Model", rows | {name: ", ".join(getattr(self, name)) for name in parts})
 
