@@ -705,8 +705,8 @@ def rotate_tensor(cc: float, cs: float, ss: float, cosine: float, sine: float) -
 
     Examples
     --------
-    >>> rotate_tensor(1.0, 0.0, 3.0, 0.0, 1.0)
-    (3.0, 0.0, 1.0)
+    >>> rotate_tensor(3.0, 1.0, 3.0, 0.0, 1.0)
+    (3.0, -1.0, 3.0)
     """
     both = cosine * sine
     return (
@@ -722,7 +722,8 @@ def short_bearing(constants: FloatArray, b: int, i: int, local: FloatArray, tang
     Ocvirk's bearing (D. Childs, Turbomachinery Rotordynamics, 1993, ch. 3): the pressure is
     ``p = 3 mu (L^2/4 - z^2) (A . n)/h^3`` where ``A . n > 0``, and zero elsewhere. With the displacement d and the
     velocity v of the journal, the normal n to the shell and the axes x to y in the sense of rotation, ``h = c - d . n``
-    and ``A = omega (d_y, -d_x) + 2 v``. The force that resists the motion is ``mu R L^3/(2 c^3)`` times the integral of ``(A . n) n/(h/c)^3``; see `film_integrals`.
+    and ``A = omega (d_y, -d_x) + 2 v``. The force that resists the motion is ``mu R L^3/(2 c^3)`` times the integral of
+    ``(A . n) n/(h/c)^3``; see `film_integrals`.
     Beyond the eccentricity 0.99 the force grows linearly: this bounds an iteration and is no model of a touching shell.
 
     Parameters
