@@ -1,4 +1,4 @@
-"""Make docs/pictures/plot-*.png: the figures of `flexcam plot` in docs/report.md and docs/studies.md, from shipped cases."""
+"""Make docs/pictures/plot-*.png: the figures of `flexcam plot` on pages of the documentation, from shipped cases."""
 
 from __future__ import annotations
 
@@ -27,12 +27,19 @@ plot intake.toml --what spring --channel springs.valve.force -o plot-spring.png
 plot strong.toml --what goodman -o plot-goodman.png
 campbell intake.toml --response --lowest 3000rpm --highest 7000rpm --count 21 --plot plot-orders.png
 plot results/intake.sweep.h5 --y springs.valve.clearance.least --map -o plot-sweep.png
+new direct-acting -o films.toml
+plot films.toml --what orbits --set bearings.front={FRONT} --set bearings.rear={REAR} --set run.start=periodic -o plot-orbits.png
 """
+FILM = 'film = { diameter = "26 mm", length = "15 mm", radial_clearance = "30 um", viscosity = "8 mPa s" }'
+"""Bearing of docs/topics/journal-bearings.md."""
+FILMS = {f"{{{name.upper()}}}": shlex.quote(f'{{ at = "{name}", {FILM} }}') for name in ("front", "rear")}
 STRENGTH = '[materials.steel]\nultimate_strength = "900 MPa"\nendurance_limit = "350 MPa"\n'
 
 
 def run_command(command: str) -> None:
     """Run a command of flexcam."""
+    for mark, film in FILMS.items():
+        command = command.replace(mark, film)
     try:
         main(shlex.split(command))
     except SystemExit as ended:

@@ -34,6 +34,7 @@ from flexcam.case.input_checks import (
 from flexcam.core import rounding_fraction
 from flexcam.core.errors import InputError
 from flexcam.dynamics import Response, Sink, Stats, newmark, outline
+from flexcam.dynamics.force_laws import THINNEST
 from flexcam.dynamics.memory import ExtremesSink
 from flexcam.valvetrain import (
     BOUNCE_HEIGHT,
@@ -315,6 +316,12 @@ def check_events(metrics: Iterable[Metric]) -> list[str]:
             f"Warning: the compression of member {name!r} exceeds its buckling load, margin {margin:.4g}"
             for name, margin in _metrics_with_suffix(known, ".buckling_margin")
             if margin < 1.0
+        ),
+        *(
+            f"Warning: the journal of {name!r} reaches {eccentricity:.3g} of its clearance: beyond {THINNEST} its oil "
+            "film is not that of the theory"
+            for name, eccentricity in _metrics_with_suffix(known, ".eccentricity.largest")
+            if eccentricity > THINNEST
         ),
         *(
             f"Warning: the {what} of {name!r} reaches {1e-6 * stress:.4g} MPa: {usual}"

@@ -101,10 +101,11 @@ def build_model(case: Case) -> valvetrain.Model:
                 faults.extend(_prefix_fault(case.place((kind, name)), fault) for fault in refusal.faults)
         return found
 
-    pairs = each("bearings", record.bearings, geometry.bearing)
-    bearings = {
+    bearings = each("bearings", record.bearings, geometry.bearing)
+    elastic = {
         f"bearing {name}, {which} direction": spring
-        for name, pair in pairs.items()
+        for name, pair in bearings.items()
+        if not isinstance(pair, valvetrain.FilmBearing)
         for which, spring in zip(("first", "second"), pair, strict=True)
     }
     model = valvetrain.Model(
@@ -114,7 +115,7 @@ def build_model(case: Case) -> valvetrain.Model:
         rigid_links={name: tuple(one.components) for name, one in record.rigid_links.items()},
         supports={point: tuple(components) for point, components in record.supports.items()},
         masses={name: one.part for name, one in record.masses.items()},
-        springs={name: one.part for name, one in record.springs.items()} | bearings,
+        springs={name: one.part for name, one in record.springs.items()} | elastic,
         rockers=each("rockers", record.rockers, geometry.rocker),
         cams={name: one.part for name, one in record.cams.items()},
         contacts=each("contacts", record.contacts, geometry.contact),
@@ -123,6 +124,7 @@ def build_model(case: Case) -> valvetrain.Model:
         gravity=record.run.gravity,
         damping=record.run.damping.part,
         probes=tuple(record.output.probes),
+        bearings={name: one for name, one in bearings.items() if isinstance(one, valvetrain.FilmBearing)},
     )
     faults.extend(model_faults(case.places, model))
     if faults:
@@ -177,14 +179,25 @@ class _Geometry:
         positions = self.mesh.nodes[[self.mesh.node(name) for name in nodes]]
         return reduce_superelement(nodes, positions, record.matrices(), record.modes)
 
-    def bearing(self, record: parts.BearingRecord) -> tuple[valvetrain.Spring, ...]:
-        """Return two springs, perpendicular to the shaft and to each other."""
-        axis = self._tangent(self.mesh.node(record.at))
+    def bearing(self, record: parts.BearingRecord) -> tuple[valvetrain.Spring, ...] | valvetrain.FilmBearing:
+        """Return two springs, perpendicular to the shaft and to each other, or a journal bearing."""
+        node, film = self.mesh.node(record.at), record.film
+        axis = self._tangent(node) if film is None else self._shaft_rotation(node)
         first = _direction_to_follower(default_orientation(axis), axis)
-        return tuple(
-            valvetrain.Spring(record.at, _six_components(along), record.stiffness, record.damping)
-            for along in (first, np.cross(axis, first))
-        )
+        across = [_six_components(along) for along in (first, np.cross(axis, first))]
+        if film is not None:
+            size = film.diameter, film.length, film.radial_clearance, film.viscosity
+            return valvetrain.FilmBearing(record.at, np.array(across), *size)
+        return tuple(valvetrain.Spring(record.at, along, record.stiffness or 0.0, record.damping) for along in across)
+
+    def _shaft_rotation(self, node: int) -> FloatArray:
+        """Return the axis of rotation of the cams on the shaft of a node."""
+        shaft = self.mesh.connected_nodes(node)
+        own = [name for name, cam in self.case.cams.items() if self.mesh.node(cam.at, "at") in shaft]
+        if not own:
+            allowed, why = "a node of a member with a cam", "the cams of a shaft define its rotation"
+            raise refuse("film", f"a film at {self.mesh.node_name(node)!r}", allowed, why, "use stiffness")
+        return self._rotation_axis(own[0])
 
     def rocker(self, record: parts.LumpedRecord | parts.LeverRecord) -> valvetrain.Rocker:
         """Return a rocker with the direction in which it is driven."""

@@ -385,6 +385,8 @@ def _connection_points(model: Model) -> Iterator[str]:
     yield from model.supports
     for spring in model.springs.values():
         yield from (spring.at, spring.to or "")
+    for bearing in model.bearings.values():
+        yield bearing.at
     for rocker in model.rockers.values():
         yield from (rocker.start, rocker.point)
     for cam in model.cams.values():

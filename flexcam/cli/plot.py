@@ -47,8 +47,8 @@ if TYPE_CHECKING:
 _TABLES = (".h5", ".csv")
 
 FigureKind = Literal[
-    "motion", "force", "torque", "energy", "svaj", "profile", "spring", "goodman", "modes", "campbell", "waterfall",
-    "map", "sweep", "work-precision",
+    "motion", "force", "torque", "energy", "orbits", "svaj", "profile", "spring", "goodman", "modes", "campbell",
+    "waterfall", "map", "sweep", "work-precision",
 ]  # fmt: skip
 
 
@@ -281,6 +281,16 @@ def _energy(asked: FigureOptions) -> Figure:
     return _mark_areas(asked, figure)
 
 
+def _orbits(asked: FigureOptions) -> Figure:
+    """Draw the orbits of journals in their oil films over the last revolution."""
+    responses = {name: plotting.histories.last_revolution(one.response) for name, one in asked.sources.items()}
+    known = (name for name in asked.first.response.channels if name.endswith(".eccentricity"))
+    bearings = [name.removesuffix(".eccentricity") for name in known]
+    if not bearings:
+        raise refuse("--what", "orbits", "a run of flexible members with bearings.NAME.film", "this run has none")
+    return plotting.histories.orbit_figure(responses, bearings)
+
+
 def _svaj(asked: FigureOptions) -> Figure:
     events = {
         ", ".join(filter(None, (name, cam))): one.event
@@ -438,8 +448,8 @@ def _work_precision(asked: FigureOptions) -> Figure:
 
 
 _FIGURES: Mapping[str, Callable[[FigureOptions], Figure]] = {
-    "motion": _motion, "force": _force, "torque": partial(_force, kind="torque"), "energy": _energy, "svaj": _svaj,
-    "profile": _profile, "spring": _spring, "goodman": _goodman, "modes": _modes, "campbell": _campbell,
+    "motion": _motion, "force": _force, "torque": partial(_force, kind="torque"), "energy": _energy, "orbits": _orbits,
+    "svaj": _svaj, "profile": _profile, "spring": _spring, "goodman": _goodman, "modes": _modes, "campbell": _campbell,
     "waterfall": _waterfall, "map": _map, "sweep": _sweep, "work-precision": _work_precision,
 }  # fmt: skip
 

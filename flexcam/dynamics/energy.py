@@ -123,7 +123,7 @@ class EnergyBalance:
         self._smooth = forces.stored_energy(np.flatnonzero(smooth)) if smooth.any() else None
         self._smooth_scalars = np.flatnonzero(smooth)
         self._stores, self._others = forces.stored_energy(rough), np.flatnonzero(~forces.opposed[rough])
-        self._storing = forces.storing[rough]
+        self._storing, self._circulatory = forces.storing[rough], np.flatnonzero(forces.circulatory[rough])
         self._strikes = not np.isnan(forces.restitution).all()
         # Vectors of the contacts that are not opposed, and the force acting along each.
         self._acting = np.flatnonzero(forces.act.owner[~forces.opposed].any(axis=0))
@@ -188,6 +188,8 @@ class EnergyBalance:
         half = 0.5 * sums("penetration"), 0.5 * sums("states"), 0.5 * sums("angle")
         curves = 2.0 / 3.0 * (0.5 * still - self._stores.at(*half)[1]) * deepened
         curved = curves.sum(axis=1)
+        turned = self._circulatory  # the rotation of the shaft does the work of their forces without motion
+        from_shaft = curves[:, turned].sum(axis=1) - 0.5 * _dot(sums("still")[:, turned], deepened[:, turned])
         if self._corrected:
             more = (changes("time") / 6.0)[:, None] * (changes("force") - changes("still")) * changes("rate")
             crushed += more[:, lossy].sum(axis=1)
@@ -203,7 +205,7 @@ class EnergyBalance:
         # still closes: the product is negative, which is an error of the step.
         lost = np.maximum(damped + crushed + impact_lost, 0.0)
         numerical = given - taken - changes("kinetic") - changes("elastic") + struck + curved + (crushed - lost)
-        work = given + moving + struck + self._cam_energy(new, last)
+        work = given + moving + struck + self._cam_energy(new, last) + from_shaft
         return np.column_stack([work, lost, numerical])
 
     def _cam_energy(self, new: _EnergyState, last: _EnergyState | None) -> FloatArray:

@@ -27,9 +27,9 @@ LawResponse = tuple[float, float, float, float]
 """Force, its derivatives by penetration and by rate, and the stored energy."""
 
 (
-    BILATERAL, STOP, HUNT_CROSSLEY, LINE_CONTACT, OIL_COLUMN, OIL_CHAMBER, PULSATING, LEVER, ARCH, SLIDING_FRICTION,
-    TABLE, CUSTOM,
-) = range(12)  # fmt: skip
+    BILATERAL, STOP, HUNT_CROSSLEY, LINE_CONTACT, OIL_COLUMN, OIL_CHAMBER, PULSATING, LEVER, ARCH, SHORT_BEARING,
+    SLIDING_FRICTION, TABLE, CUSTOM,
+) = range(13)  # fmt: skip
 """Numbers of the laws."""
 
 TRIAL, PENETRATION, RATE, ANSWER, FREE_PENETRATION, FREE_RATE, OWN, ENERGY, BASE, CHANGE, SENSED, STALE = range(12)
@@ -59,6 +59,10 @@ _SMALLEST = 1e-300
 """Smallest argument of the logarithm."""
 _POLYTROPIC = 1.4
 """Exponent of the air in the oil, adiabatic."""
+THINNEST = 0.99
+"""Eccentricity of a journal up to which its film is that of the theory."""
+_STEEP = 4.0 * THINNEST / (1.0 - THINNEST**2)
+"""Relative growth of the film's force per eccentricity beyond it, that of the steady radial force there."""
 
 ARCH_SCALARS = 7
 """Scalars of a shallow arch: the elongation, then chord slope and both end rotations in two planes."""
@@ -648,6 +652,118 @@ def arch(constants: FloatArray, b: int, i: int, bent: int, local: FloatArray, ta
         local[ANSWER, i + 1 + r] *= N
 
 
+def film_integrals(p: float, q: float) -> tuple[float, float, float, float, float, float]:
+    """Return integrals over the half of a journal bearing in which its film has pressure.
+
+    With the thickness ``H = 1 - p cos(a) - q sin(a)`` they are the second and third derivatives by p and q of half the
+    integral of 1/H over a from -pi/2 to pi/2, ``(pi/2 + atan(p/w))/w`` with ``w^2 = 1 - p^2 - q^2``.
+
+    Parameters
+    ----------
+    p, q
+        Eccentricity along the middle of the pressure and across it, as fractions of the clearance.
+
+    Returns
+    -------
+    tuple
+        Integrals of cos^2/H^3, cos sin/H^3, sin^2/H^3, and 3 times those of cos^3/H^4, cos^2 sin/H^4, cos sin^2/H^4.
+
+    Examples
+    --------
+    >>> film_integrals(0.0, 0.0)
+    (1.5707963267948966, 0.0, 1.5707963267948966, 4.0, 0.0, 2.0)
+    """
+    across, square = 1.0 - q * q, 1.0 - p * p - q * q
+    w2, w4, ratio = 1.0 / square, 1.0 / square**2, p * p / across
+    w6, f3 = w4 * w2, math.atan2(math.sqrt(square), -p) * w2 / math.sqrt(square)
+    f5, f7 = f3 * w2, f3 * w4
+    shear = (2.0 + ratio) * w4 + 3.0 * p * f5
+    return (
+        3.0 * p * w4 + f3 + 3.0 * p * p * f5,
+        q * shear,
+        p * w2 / across * (1.0 + q * q * (3.0 * w2 + 2.0 / across)) + f3 + 3.0 * q * q * f5,
+        4.0 * w4 + 15.0 * p * p * w6 + p * (9.0 * f5 + 15.0 * p * p * f7),
+        q * (12.0 * p * w6 + p / across * (w4 + 3.0 * p * p * w6) + 3.0 * f5 + 15.0 * p * p * f7),
+        shear + q * q * (2.0 * ratio / across * w4 + (8.0 + 7.0 * ratio) * w6 + 15.0 * p * f7),
+    )
+
+
+def rotate_tensor(cc: float, cs: float, ss: float, cosine: float, sine: float) -> tuple[float, float, float]:
+    """Return the entries xx, xy and yy of a symmetric matrix whose axes are rotated by an angle.
+
+    Parameters
+    ----------
+    cc, cs, ss
+        Entries in the rotated axes.
+    cosine, sine
+        Of the angle.
+
+    Returns
+    -------
+    tuple
+        Entries in the axes x and y.
+
+    Examples
+    --------
+    >>> rotate_tensor(3.0, 1.0, 3.0, 0.0, 1.0)
+    (3.0, -1.0, 3.0)
+    """
+    both = cosine * sine
+    return (
+        cc * cosine * cosine - 2.0 * cs * both + ss * sine * sine,
+        (cc - ss) * both + cs * (cosine * cosine - sine * sine),
+        cc * sine * sine + 2.0 * cs * both + ss * cosine * cosine,
+    )
+
+
+def short_bearing(constants: FloatArray, b: int, i: int, local: FloatArray, tangent: FloatArray) -> None:
+    """Write the response of the oil film of a short journal bearing, cavitated over half its circumference.
+
+    Ocvirk's bearing (D. Childs, Turbomachinery Rotordynamics, 1993, ch. 3): the pressure is
+    ``p = 3 mu (L^2/4 - z^2) (A . n)/h^3`` where ``A . n > 0``, and zero elsewhere. With the displacement d and the
+    velocity v of the journal, the normal n to the shell and the axes x to y in the sense of rotation, ``h = c - d . n``
+    and ``A = omega (d_y, -d_x) + 2 v``. The force that resists the motion is ``mu R L^3/(2 c^3)`` times the integral of
+    ``(A . n) n/(h/c)^3``; see `film_integrals`.
+    Beyond the eccentricity 0.99 the force grows linearly: this bounds an iteration and is no model of a touching shell.
+
+    Parameters
+    ----------
+    constants, b
+        Constants of all laws, and where those of this one begin: ``mu R L^3/(2 c^3)`` (N s/m), clearance c (m), speed
+        omega (rad/s).
+    i
+        Its first scalar: the displacement d_x of the journal across the shaft (m), then d_y.
+    local, tangent
+        As in `evaluate_laws`.
+    """
+    factor, clearance, speed = constants[b], constants[b + 1], constants[b + 2]
+    x, y = local[PENETRATION, i], local[PENETRATION, i + 1]
+    along, across = speed * y + 2.0 * local[RATE, i], -speed * x + 2.0 * local[RATE, i + 1]
+    size, radius = math.hypot(along, across), math.hypot(x, y)
+    cosine, sine = (along / size, across / size) if size > 0.0 else (1.0, 0.0)
+    beyond = max(radius / clearance - THINNEST, 0.0)
+    scale = THINNEST / radius if beyond > 0.0 else 1.0 / clearance
+    factor *= 1.0 + _STEEP * beyond
+    cc, cs, ss, ccc, ccs, css = film_integrals(scale * (x * cosine + y * sine), scale * (y * cosine - x * sine))
+    m_xx, m_xy, m_yy = rotate_tensor(cc, cs, ss, cosine, sine)
+    t_xx, t_xy, t_yy = rotate_tensor(ccc, ccs, css, cosine, sine)
+    f_x, f_y = factor * (m_xx * along + m_xy * across), factor * (m_xy * along + m_yy * across)
+    local[ANSWER, i], local[ANSWER, i + 1], local[ENERGY, i], local[ENERGY, i + 1] = f_x, f_y, 0.0, 0.0
+    tangent[1, i, 0], tangent[1, i, 1] = 2.0 * factor * m_xx, 2.0 * factor * m_xy
+    tangent[1, i + 1, 0], tangent[1, i + 1, 1] = 2.0 * factor * m_xy, 2.0 * factor * m_yy
+    thinned, turned = factor * size * scale, factor * speed
+    tangent[0, i, 0], tangent[0, i, 1] = thinned * t_xx - turned * m_xy, thinned * t_xy + turned * m_xx
+    tangent[0, i + 1, 0], tangent[0, i + 1, 1] = thinned * t_xy - turned * m_yy, thinned * t_yy + turned * m_xy
+    if beyond > 0.0:  # the film follows the direction of the displacement only
+        e_x, e_y, growth = x / radius, y / radius, _STEEP / (1.0 + _STEEP * beyond) / clearance
+        more_x = growth * f_x - thinned * (t_xx * e_x + t_xy * e_y)
+        more_y = growth * f_y - thinned * (t_xy * e_x + t_yy * e_y)
+        tangent[0, i, 0] += more_x * e_x
+        tangent[0, i, 1] += more_x * e_y
+        tangent[0, i + 1, 0] += more_y * e_x
+        tangent[0, i + 1, 1] += more_y * e_y
+
+
 def force_table(x: float, constants: FloatArray, b: int) -> LawResponse:
     """Return the force of a table over the travel, linear between its rows and beyond both ends.
 
@@ -728,6 +844,9 @@ def evaluate_laws(
             continue
         if kind == LEVER:
             lever(constants, b, i, local, tangent)
+            continue
+        if kind == SHORT_BEARING:
+            short_bearing(constants, b, i, local, tangent)
             continue
         if kind == CUSTOM:
             custom(law, cam[k, f], local, tangent)
@@ -827,8 +946,8 @@ def evaluate_rows(
 
 FUNCTIONS_OF_LAWS = (
     bilateral, stop, hunt_crossley, line_load, line_contact, oil_column, check_valve_velocity, chamber_pressure,
-    fitted_weight, oil_chamber, lever_motion, coulomb, sliding_friction, lever, arch, force_table, custom,
-    evaluate_laws, evaluate_rows,
+    fitted_weight, oil_chamber, lever_motion, coulomb, sliding_friction, lever, arch, film_integrals, rotate_tensor,
+    short_bearing, force_table, custom, evaluate_laws, evaluate_rows,
 )  # fmt: skip
 """Functions for the compiler, in the order of their calls."""
 
@@ -855,6 +974,8 @@ class LawKind:
         Whether it begins to act where its first scalar becomes positive: a step ends there.
     polynomial
         Whether its force is a polynomial of at most third degree, for which Simpson's rule is exact.
+    circulatory
+        Whether its force without motion has no potential: the rotation of the shaft does work through it.
     """
 
     name: str
@@ -865,6 +986,7 @@ class LawKind:
     damping: tuple[int, ...] = ()
     touching: bool = False
     polynomial: bool = False
+    circulatory: bool = False
 
 
 LAWS = {
@@ -884,6 +1006,9 @@ LAWS = {
     PULSATING: LawKind("bilateral", ("stiffness",), ("pulsation",)),
     LEVER: LawKind("lever", ("stiffness", "damping", "arm", "driven arm", "angle"), scalars=2, damping=(1,)),
     ARCH: LawKind("arch", ("axial", "shortening", "bow", "pull of the bow"), scalars=ARCH_SCALARS, polynomial=True),
+    SHORT_BEARING: LawKind(
+        "short_bearing", ("factor", "clearance", "speed"), scalars=2, damping=(0,), circulatory=True,
+    ),
     SLIDING_FRICTION: LawKind(
         "sliding_friction", ("force", "breakaway force", "Stribeck velocity", "damping", "reversal velocity"),
         damping=(0, 1, 3),

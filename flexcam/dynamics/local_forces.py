@@ -274,6 +274,14 @@ class LocalForces:
             found[part] = isinstance(force.law, ForceLaw) and LAWS[force.law.kind].polynomial
         return found & self.opposed
 
+    @property
+    def circulatory(self) -> NDArray[np.bool_]:
+        """Mask of the scalars of circulatory laws, shape (c,)."""
+        found = np.zeros(self.count, dtype=bool)
+        for force, part, _ in self.parts:
+            found[part] = isinstance(force.law, ForceLaw) and LAWS[force.law.kind].circulatory
+        return found
+
     def stored_energy(self, scalars: IntArray | None = None) -> StoredEnergy:
         """Return the energy of the conservative forces on some scalars; None for all."""
         return StoredEnergy(self, scalars)

@@ -2,7 +2,8 @@
 
 The equilibrium is the minimum of the potential energy: strain energy and contact energy minus the work of the loads.
 With unilateral contacts it is convex, so that Newton's method with a line search converges from any start, whichever
-contacts open and close.
+contacts open and close. Circulatory forces, such as those of an oil film, have no potential: the line search then
+reduces the residual.
 """
 
 from __future__ import annotations
@@ -73,7 +74,7 @@ def solve_equilibrium(
             _refuse_unstable(potential, u, tangent)
             return u
         step = _step(tangent, free, hold, missing)
-        part, energy = potential.line_search(u, step, missing, energy)
+        part, energy = potential.line_search(u, step, missing, energy, diagonal_scale(tangent))
         u, before = u + part * step, most
     missing, _, tangent = potential.at(u)
     _refuse_unstable(potential, u, tangent)
@@ -180,16 +181,25 @@ class _Potential:
         return 0.5 * float(u @ self.system.stiffness.times(u)) - float(self.load @ u) + stored
 
     def line_search(
-        self, u: FloatArray, step: FloatArray, missing: FloatArray, known: float | None
+        self, u: FloatArray, step: FloatArray, missing: FloatArray, known: float | None, scale: FloatArray
     ) -> tuple[float, float | None]:
-        """Return the fraction of a step that reduces the energy enough, and the energy there, from the known one."""
+        """Return the fraction of a step that reduces the energy enough, and the energy there, from the known one.
+
+        Without a potential it is half the square of the residual, in which `scale` makes forces and torques comparable.
+        """
         if not self.forces.storing.all():
             return 1.0, None  # a linear coupling: the full step is exact
-        before, slope, part = self.energy(u) if known is None else known, float(missing @ step), 1.0
+        circulatory = bool(self.forces.circulatory.any())
+
+        def merit(u: FloatArray) -> float:
+            return 0.5 * float(np.square(scale * self.at(u)[0]).sum()) if circulatory else self.energy(u)
+
+        before, part = merit(u) if known is None else known, 1.0
+        slope = 2.0 * before if circulatory else float(missing @ step)
         for _ in range(_HALVINGS):
-            after = self.energy(u + part * step)
+            after = merit(u + part * step)
             if after <= before - _DECREASE * part * slope + 1e-12 * abs(before):
-                return part, after
+                return part, None if circulatory else after
             part *= 0.5
         return part, None
 

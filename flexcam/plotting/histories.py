@@ -174,6 +174,28 @@ def channel_figure(
     return figure
 
 
+def orbit_figure(responses: Mapping[str, Response], bearings: Sequence[str]) -> Figure:
+    """Return a figure with the orbits of journals in their bearings in several runs; the outer circle is the clearance.
+
+    The first direction across the shaft points up, and the shaft rotates counterclockwise.
+    """
+    columns = min(len(bearings), _MOST_COLUMNS)
+    rows = math.ceil(len(bearings) / columns)
+    figure = Figure(figsize=(0.5 + 3.2 * columns, 0.5 + 3.4 * rows), layout="constrained")
+    for i, bearing in enumerate(bearings, 1):
+        axes = figure.add_subplot(rows, columns, i, projection="polar", theta_offset=0.5 * math.pi)
+        for (name, response), (colour, dashes) in zip(responses.items(), line_styles(), strict=False):
+            angle, radius = (response.channels[f"{bearing}.{one}"] for one in ("angle", "eccentricity"))
+            axes.plot(angle, radius, color=colour, linestyle=dashes, label=escape_math(name))
+        axes.set(title=short_name(bearing), ylim=(0.0, 1.0), yticks=(0.25, 0.5, 0.75, 1.0))
+        axes.grid(alpha=0.3)
+    add_legend(figure, figure.axes[0], len(responses))
+    return figure
+
+
+_MOST_COLUMNS = 4  # of orbits in a row
+
+
 def _channel_labels(responses: Mapping[str, Response], channels: Sequence[str]) -> list[str]:
     return [axis_label(short_name(name), channel_unit(_first_with(responses, name), name)) for name in channels]
 

@@ -92,6 +92,7 @@ def model_table(ready: PreparedRun, modes: ModelModes, takes: ResourceEstimate |
         *((f"superelement {n}", f"{len(b.nodes)} nodes, {b.modes} modes") for n, b in model.superelements.items()),
         *((f"rigid link {n}", _link(model, n)) for n in model.rigid_links),
         ("springs", ", ".join(springs) or "none"),
+        *((f"bearing {n}", f"film of {1e6 * b.radial_clearance:g} um at {b.at}") for n, b in model.bearings.items()),
         ("supports", ", ".join(f"{point}: {' '.join(held)}" for point, held in model.supports.items()) or "none"),
         *(
             (f"rocker {n}", f"{r.start} to {r.point}, ratio {r.ratio:g}, along {_vector(r.direction)}")

@@ -1,15 +1,22 @@
-"""Contributions of contacts and joints to the equations of motion: seats, lash, adjusters, lever ends and friction."""
+"""Contributions of contacts and joints to the equations of motion.
+
+They are seats, lash, adjusters, lever ends, friction and the oil films of journal bearings.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
+from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
 from flexcam.dynamics import (
     AngleVector,
     Channel,
     ForceLaw,
     LocalForce,
+    Observation,
     constant,
     elastic_stop,
     force_sum,
@@ -95,6 +102,30 @@ def couple_friction(structure: Structure) -> Coupling:
         channels.append(Channel(f"{where}.force", unit, force_sum(i)))
         channels.append(Channel(f"{where}.power", "W", lambda seen, i=i: seen.forces[:, i] * seen.rates[:, i]))
     return Coupling((), tuple(forces), tuple(channels))
+
+
+def couple_films(structure: Structure, speed: float) -> Coupling:
+    """Return the oil films of journal bearings at a speed of the shaft, rad/s."""
+    forces: list[LocalForce] = []
+    channels: list[Channel] = []
+    for i, (name, part) in enumerate(structure.model.bearings.items()):
+        where = f"bearings.{name}"
+        rows = np.array([structure.row(part.at, along, f"{where}.at") for along in part.directions])
+        forces.append(opposed_force(where, rows, part.law(speed)))
+        channels += _film_channels(where, part.radial_clearance, slice(2 * i, 2 * i + 2))
+    return Coupling((), tuple(forces), tuple(channels))
+
+
+def _film_channels(where: str, clearance: float, own: slice) -> Iterator[Channel]:
+    """Yield the channels of a film by the indices of its forces."""
+
+    def eccentricity(seen: Observation) -> FloatArray:
+        return np.hypot(*seen.penetrations[:, own].T) / clearance
+
+    yield Channel(f"{where}.force", "N", lambda seen: np.hypot(*seen.forces[:, own].T))
+    yield Channel(f"{where}.eccentricity", "1", eccentricity)
+    yield Channel(f"{where}.angle", "rad", lambda seen: np.arctan2(*seen.penetrations[:, own].T[::-1]))
+    yield Channel(f"{where}.film_thickness", "m", lambda seen: clearance * (1.0 - eccentricity(seen)))
 
 
 def lever_end(lever: Lever, end: int) -> ForceLaw:

@@ -19,6 +19,7 @@ from flexcam.valvetrain.parts import (
     Cam,
     CamContact,
     Contact,
+    FilmBearing,
     Friction,
     GivenLoad,
     Lash,
@@ -57,6 +58,8 @@ class Model:
         Elastic bodies between nodes by name, by their matrices; the mesh has their nodes as `bodies`.
     rigid_links
         Name of a rigid link to the components that follow; the mesh has its nodes as `links`.
+    bearings
+        Journal bearings with an oil film by name; elastic bearings are springs.
 
     Examples
     --------
@@ -78,6 +81,7 @@ class Model:
     probes: tuple[str, ...] = ()
     superelements: Mapping[str, Superelement] = field(default_factory=dict[str, Superelement])
     rigid_links: Mapping[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
+    bearings: Mapping[str, FilmBearing] = field(default_factory=dict[str, FilmBearing])
 
     def __reduce__(self) -> tuple[type[Model], tuple[object, ...]]:
         """Return the constructor and its arguments, for pickle and copy."""
@@ -90,7 +94,10 @@ class Model:
 
     def _repr_html_(self) -> str:
         """Return a table of the parts, for notebooks."""
-        parts = ("members", "superelements", "masses", "springs", "rockers", "cams", "contacts", "friction", "loads")
+        parts = (
+            "members", "superelements", "masses", "springs", "bearings", "rockers", "cams", "contacts", "friction",
+            "loads",
+        )  # fmt: skip
         rows = {"nodes": str(len(self.mesh.nodes)), "probes": ", ".join(self.probes)}
         return html_table("Model", rows | {name: ", ".join(getattr(self, name)) for name in parts})
 

@@ -11,7 +11,7 @@ from flexcam.cams import Event, Follower, Turn
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
 from flexcam.dynamics import CamMotion, ForceLaw
-from flexcam.dynamics.force_laws import OIL_CHAMBER
+from flexcam.dynamics.force_laws import OIL_CHAMBER, SHORT_BEARING
 from flexcam.fem.rigid_bodies import PointMass
 
 
@@ -111,6 +111,26 @@ class Spring:
     def compliances(self) -> FloatArray:
         """Compliance of each part relative to the others, shape (parts,)."""
         return np.array([self.stiffness / part.stiffness for part in self.coils] or [1.0] * self.elements)
+
+
+@dataclass(frozen=True, eq=False)
+class FilmBearing:
+    """Journal bearing with an oil film, by the theory of the short bearing."""
+
+    at: str  #: named node of the shaft
+    #: across the shaft, the second a quarter turn after the first in the sense of rotation, shape (2, 6)
+    directions: FloatArray
+    #: `diameter`, `length`, `radial_clearance`: m
+    diameter: float
+    length: float
+    radial_clearance: float
+    viscosity: float  #: dynamic, Pa s
+
+    def law(self, speed: float) -> ForceLaw:
+        """Return the law of the film at a speed of the shaft, rad/s."""
+        ratio = self.length / self.radial_clearance
+        factor = 0.25 * self.viscosity * self.diameter * ratio**3
+        return ForceLaw(SHORT_BEARING, (factor, self.radial_clearance, speed))
 
 
 @dataclass(frozen=True, eq=False)

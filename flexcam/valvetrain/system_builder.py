@@ -15,7 +15,14 @@ from flexcam.dynamics import Channel, DofSubset, Observable, Observation, Probe,
 from flexcam.fem.assembly import modal_damping, rayleigh_damping
 from flexcam.valvetrain.cam_contact import couple_cam
 from flexcam.valvetrain.camshaft import ShaftDrive, find_shaft_drives, inertia_torque, reaction_torque, shaft_channels
-from flexcam.valvetrain.contacts import couple_adjuster, couple_friction, couple_lash, couple_seat, lever_joints
+from flexcam.valvetrain.contacts import (
+    couple_adjuster,
+    couple_films,
+    couple_friction,
+    couple_lash,
+    couple_seat,
+    lever_joints,
+)
 from flexcam.valvetrain.coupling import Coupling
 from flexcam.valvetrain.loads import couple_published_load, given_loads
 from flexcam.valvetrain.model import Model
@@ -32,7 +39,7 @@ def build_system(model: Model, speed: float) -> System:
     structure = build_structure(model)
     contacts = couple_contacts(structure, lambda name: couple_contact(structure, name, model.contacts[name], speed))
     damping, joined, ends = _at_any_speed(structure)
-    couplings = [*contacts, *joined, Coupling(given_loads(structure), (), ())]
+    couplings = [*contacts, *joined, Coupling(given_loads(structure), (), ()), couple_films(structure, speed)]
     drives = [_torque(end, others, contacts, split_observation(couplings), speed) for end, others in ends]
     return assemble_system(structure, damping, couplings, drives)
 

@@ -182,7 +182,7 @@ _SEATING = ("seating_velocity", "bounces", "bounce_height")  # metrics of a seat
 
 _LARGEST = (
     "force", "torque", "pressure", "sliding", "friction", "surge", "stress", "compression", "twist", "deflection",
-    "leak_down", "flash_temperature", "wear",
+    "leak_down", "flash_temperature", "wear", "eccentricity",
 )  # fmt: skip
 """Suffixes of channels with a metric of maximum magnitude."""
 

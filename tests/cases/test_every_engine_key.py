@@ -26,6 +26,7 @@ OIL = (
     'contacts.intake.lubrication={viscosity="10 mPa s",pressure_viscosity="15 1/GPa",roughness="0.3 um",'
     'conductivity="46 W/m/K",specific_heat="470 J/kg/K",wear_coefficient="1e-18 m^2/N"}'
 )
+FILM = 'film = { diameter = "30 mm", length = "15 mm", radial_clearance = "30 um", viscosity = "10 mPa s" }'
 WARM = ("materials.steel.expansion=12e-6", "members.pushrod.temperature=10")
 
 # Five steps from the middle of the rise, from standstill.
@@ -277,6 +278,7 @@ def test_every_key_of_the_format_stands_in_some_case(rewritten, tmp_path):
         (DATA / "every-key.toml", ['run.adaptive={ tolerance = 1e-5, smallest = "1 ns" }']),
         (DATA / "every-key.toml", ['run.engine="direct"']),
         (DATA / "every-key.toml", ["masses.lobe.products=[1e-7, 0, 0]"]),
+        (DATA / "every-key.toml", [f'bearings.rear={{ at = "rear", {FILM} }}']),
         *((ENGINE, [f'cams.intake.timing={{ lift = "1 mm", {one} = "10 deg" }}']) for one in ("opening", "closing", "centre")),
         (DATA / "every-key.toml", ['run.integrator={ method = "collocation" }']),
         (DATA / "every-key.toml", [f"loads.gas={GAS}", f"friction.guide={GUIDE}"]),

@@ -242,12 +242,30 @@ class RigidLinkRecord(Record):
     )
 
 
+class FilmRecord(Record):
+    """Oil film of a journal bearing, by the theory of the short bearing."""
+
+    diameter: Length = Field(description="of the journal")
+    length: Length = Field(description="of the bearing along the shaft")
+    radial_clearance: Length
+    viscosity: Annotated[float, Unit("viscosity", above=True)] = Field(description="dynamic, of the oil in the film")
+
+
 class BearingRecord(Record):
-    """Elastic bearing with isotropic stiffness and damping perpendicular to the shaft."""
+    """Bearing perpendicular to the shaft: isotropic stiffness and damping, or an oil film."""
 
     at: Name
-    stiffness: Stiffness
+    stiffness: Stiffness | None = None
     damping: DampingValue = 0.0
+    film: FilmRecord | None = None
+
+    @model_validator(mode="after")
+    def _check_film(self) -> Self:
+        if (self.stiffness is None) == (self.film is None):
+            raise value_error("either stiffness or film", "a bearing is elastic or has an oil film")
+        if self.film is not None and self.damping:
+            raise value_error("damping with stiffness", "the film has its own damping", inside="damping")
+        return self
 
 
 _FrictionForce = Annotated[float, Unit("force", axis="moment")]

@@ -310,7 +310,8 @@ _TEETH = 20
 
 def support_solids(model: Model, cams: Sequence[CamPlacement], instant: SceneState) -> Iterator[Solid]:
     """Yield the symbols of supports."""
-    bearings = {model.mesh.node(one.at) for one in model.springs.values() if is_bearing(model, one)}
+    elastic = [one for one in model.springs.values() if is_bearing(model, one)]
+    bearings = {model.mesh.node(one.at) for one in (*elastic, *model.bearings.values())}
     held, turning = _fixed_components(model), shaft_names(model)
     faces = {model.mesh.node(c.contact.follower) for c in cams if c.ahead}
     for name, line in model.mesh.lines.items():
