@@ -39,6 +39,9 @@ from flexcam.report.fidelity_tables import choice_json, describe_choice, error_t
 from flexcam.report.terminal import show_progress
 from flexcam.valvetrain import MemberStrength, Metric, StrengthSink, build_structure
 
+_CHATTER = 0.1
+"""Change of a contact force from one revolution to the next, rms, above which the contact is said to chatter."""
+
 
 @dataclass(frozen=True, eq=False)
 class FinishedRun:
@@ -82,10 +85,10 @@ def _run_output(ran: FinishedRun) -> Iterator[Table | str]:
     if ran.stressed:
         yield tables.strength_table(ran.stressed)
     if ran.merit:
-        yield tables.merit_table(ran.merit)
+        yield tables.merit_table(ran.ready.model, ran.merit)
     shown = {one.metric for one in ran.merit}
     if others := [figure for figure in ran.figures if figure.name not in shown]:
-        yield tables.metrics_table(others)
+        yield tables.metrics_table(ran.ready.model, others)
     if ran.errors:
         yield error_table(ran.errors)
     yield from describe_choice(ran.choice) if ran.choice else ()
@@ -94,7 +97,8 @@ def _run_output(ran: FinishedRun) -> Iterator[Table | str]:
     if stats.periodicity >= 0.0:
         yield f"Periodic start: after a revolution the state differs by {stats.periodicity:.3g} of the motion"
     if change := revolution_change(ran.ready, ran.response):
-        yield f"The last two revolutions differ by {describe_change(change)}"
+        chatter = "; it chatters, and its single impacts do not repeat" if change.force > _CHATTER else ""
+        yield f"The last two revolutions differ by {describe_change(change)}{chatter}"
     if balance := describe_balance(ran.watched.extremes, stats):
         yield f"Energy balance: {balance}"
     yield (

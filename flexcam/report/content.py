@@ -266,7 +266,7 @@ def result_tables(about: ReportSubject, compared: Comparison | None, figures: li
     response, known = about.result.response, about.known
     turns = 1.0 if known is None else known.case.turns
     found = [report_table(tables.comparison_table(compared, turns))] if compared is not None else []
-    found += [report_table(tables.metrics_table(figures))] if figures else []
+    found += [report_table(tables.metrics_table(known.ready.model if known else None, figures))] if figures else []
     if known is not None:
         stressed = member_strength(known.ready, known.response)
         found += [report_table(tables.strength_table(stressed))] if stressed else []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from textwrap import fill
@@ -33,6 +34,7 @@ from flexcam.report.terminal import (
 )
 from flexcam.valvetrain import (
     Adjuster,
+    CamContact,
     Contact,
     Friction,
     GivenLoad,
@@ -42,6 +44,7 @@ from flexcam.valvetrain import (
     Metric,
     Model,
     ModelModes,
+    PublishedLoad,
     Seat,
     Spring,
     build_structure,
@@ -295,18 +298,19 @@ def run_table(case: Case, extremes: ExtremesSink) -> Table:
     return plain_table(title, ("probe", "min", "max"), rows or [("no probe moves", "", "")])
 
 
-def metrics_table(figures: Sequence[Metric]) -> Table:
-    """Return the table of the metrics of the last revolution; metrics of many equal parts share a row."""
+def metrics_table(model: Model | None, figures: Sequence[Metric]) -> Table:
+    """Return the table of the metrics of the last revolution; metrics of many parts of one kind share a row."""
     rows: dict[tuple[str, ...], list[tuple[float, str, str]]] = {}
     for figure in figures:
         factor, unit = to_display_unit(figure.unit)
         value = factor * figure.value + 0.0  # the sum removes the sign of a negative zero
         kind, part, *quantity = figure.name.split(".")
-        rows.setdefault((kind, *quantity), []).append((value, f"{value:.4g} {unit}".rstrip(), part))
+        row = rows.setdefault((_part_kind(model, figure.name), kind, *quantity), [])
+        row.append((value, f"{value:.4g} {unit}".rstrip(), part))
     cells: list[tuple[str, str]] = []
-    for (kind, *quantity), parts in rows.items():
+    for (parts_kind, kind, *quantity), parts in rows.items():
         if len(parts) > _MOST_PARTS:
-            cells.append((_words(kind, *quantity), fill(", ".join(_range_cells(parts)), _CELL)))
+            cells.append((_words(parts_kind, *quantity), fill(", ".join(_range_cells(parts)), _CELL)))
         else:
             cells += [(_words(kind, part, *quantity), text) for _, text, part in parts]
     return facts_table("Metrics of the last revolution", cells)
@@ -316,13 +320,30 @@ def _words(*names: str) -> str:
     return " ".join(names).replace("_", " ")
 
 
-def merit_table(figures: Sequence[FigureOfMerit]) -> Table:
-    """Return the table of the figures of merit: a row per figure with its parts, or the range of many parts."""
+_CONTACT_KINDS = {
+    CamContact: "cam contacts", PublishedLoad: "cam contacts", Seat: "seats", Lash: "lashes", Adjuster: "adjusters",
+}  # fmt: skip
+
+
+def _part_kind(model: Model | None, metric: str) -> str:
+    """Return the kind of the part of a metric, in the plural; empty for a figure of the whole train."""
+    kind, _, part = metric.partition(".")
+    if model is None or kind != "contacts":
+        return kind
+    return _CONTACT_KINDS[type(model.contacts[part.partition(".")[0]])]
+
+
+def merit_table(model: Model, figures: Sequence[FigureOfMerit]) -> Table:
+    """Return the table of the figures of merit: a row per figure with its parts, or the range of many of one kind."""
     rows: dict[str, list[tuple[float, str, str]]] = {}
+    count = Counter(one.name for one in figures)
     for one in figures:
         factor, unit = to_display_unit(one.unit)
         value = f"{one.value:.1%}" if one.name == SPRING_MARGIN else f"{factor * one.value + 0.0:.4g} {unit}".rstrip()
-        rows.setdefault(one.name, []).append((one.value, value, one.part))
+        kinds = {_part_kind(model, other.metric) for other in figures if other.name == one.name}
+        many = count[one.name] > _MOST_PARTS and len(kinds) > 1
+        name = f"{one.name}, {_part_kind(model, one.metric)}" if many else one.name
+        rows.setdefault(name, []).append((one.value, value, one.part))
     cells: list[tuple[str, str]] = []
     for name, parts in rows.items():
         shown = _range_cells(parts)

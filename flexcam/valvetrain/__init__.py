@@ -18,7 +18,6 @@ from flexcam.valvetrain.modes import (
     modal_basis,
     model_modes,
     modes_on_the_lift,
-    valve_ratio,
 )
 from flexcam.valvetrain.parts import (
     DAMPING_DEPTH,
@@ -45,7 +44,7 @@ from flexcam.valvetrain.parts import (
     Wire,
 )
 from flexcam.valvetrain.resolution import Resolution, ResolutionSink
-from flexcam.valvetrain.rigid_kinematics import follower_train
+from flexcam.valvetrain.rigid_kinematics import follower_train, largest_lashes, valve_ratio
 from flexcam.valvetrain.rigid_model import build_rigid, pulling_contacts, rigid_motion, shared_forces, touching_coils
 from flexcam.valvetrain.strength import (
     MemberStrength,
@@ -73,7 +72,7 @@ from flexcam.valvetrain.train_metrics import (
     train_metrics,
     valve_loft,
 )
-from flexcam.valvetrain.train_topology import driving_contact, largest_lashes
+from flexcam.valvetrain.train_topology import driving_contact
 
 __all__ = [
     "BOUNCE_HEIGHT",

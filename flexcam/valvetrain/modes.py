@@ -57,7 +57,6 @@ from flexcam.valvetrain.structure import (
     superelement_dofs,
 )
 from flexcam.valvetrain.system_builder import build_system
-from flexcam.valvetrain.train_topology import rocker_of
 
 _KINDS = {"axial": beam.AXIAL, "torsion": beam.TORSION, "bending x-y": beam.PLANE_XY, "bending x-z": beam.PLANE_XZ}
 _ENERGY_FRACTION = 0.05  # fraction of a mode's kinetic energy above which a part is named
@@ -340,9 +339,3 @@ def lift_transfer(model: Model, contact: str, probe: str, speed: float) -> Calla
         return found
 
     return answer
-
-
-def valve_ratio(model: Model, cam: str) -> float:
-    """Return the valve motion per cam lift, from the rocker of the follower's train."""
-    rockers = (rocker_of(model, contact) for contact in model.cam_contacts.values() if contact.cam == cam)
-    return next((rocker.ratio for rocker in rockers if rocker), 1.0)

@@ -6,7 +6,7 @@ that contacts and levers sense, with minimum energy of the springs.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -15,6 +15,7 @@ import numpy as np
 from flexcam.core import FloatArray, IntArray, Triplets, component_members, connected_components
 from flexcam.core.errors import refuse
 from flexcam.fem.rigid_bodies import scalar_matrix
+from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import Adjuster, CamContact, Lash, PublishedLoad, Seat
 from flexcam.valvetrain.rigid_train import (
     RANK,
@@ -25,7 +26,15 @@ from flexcam.valvetrain.rigid_train import (
     Stop,
     find_closed_stops,
 )
-from flexcam.valvetrain.structure import Structure, lash_row, lever_ends, spring_stretches, strain_free_motions
+from flexcam.valvetrain.structure import (
+    Structure,
+    build_structure,
+    lash_row,
+    lever_ends,
+    spring_stretches,
+    strain_free_motions,
+)
+from flexcam.valvetrain.train_topology import driving_contact, is_in_train, lashes_before, rocker_of
 
 
 @lru_cache(maxsize=4)
@@ -167,3 +176,48 @@ def follower_train(structure: Structure, contact: CamContact | PublishedLoad, wh
         motion = row
     mass, stiffness = structure.mass, structure.stiffness
     return FollowerTrain(motion, float(motion @ mass.times(motion)), float(motion @ stiffness.times(motion)))
+
+
+def valve_ratio(model: Model, cam: str) -> float:
+    """Return the valve motion per cam lift with all lash closed: of a seat, or of a rocker's point without one."""
+    structure = build_structure(model)
+    for name, contact in model.cam_contacts.items():
+        if contact.cam == cam:
+            ends = [
+                (one.at, one.direction)
+                for one in model.contacts.values()
+                if isinstance(one, Seat) and driving_contact(model, one.at) == name
+            ]
+            rocker = rocker_of(model, contact)
+            ends += [] if rocker is None else [(rocker.point, np.zeros(6))]
+            motion = follower_train(structure, contact, f"contacts.{name}.follower").motion
+            return max((abs(float(structure.row(*end) @ motion)) for end in ends[:1]), default=1.0)
+    return 1.0
+
+
+@lru_cache(maxsize=4)
+def largest_lashes(model: Model) -> Mapping[str, float]:
+    """Return the largest lash that the lift of each cam takes up, reduced to the follower, m."""
+    structure, largest = build_structure(model), dict.fromkeys(model.cams, 0.0)
+    for name, contact in model.cam_contacts.items():
+        motion = follower_train(structure, contact, f"contacts.{name}.follower").motion
+        for play in model.contacts.values():
+            if isinstance(play, Lash) and is_in_train(model, contact, play):
+                gap = _reduced_lash(structure, motion, play)
+                largest[contact.cam] = max(largest[contact.cam], gap)
+    return largest
+
+
+def _reduced_lash(structure: Structure, motion: FloatArray, play: Lash) -> float:
+    """Return a lash plus those before it, each divided by the motion of its driving side per lift, m."""
+    model = structure.model
+    if play.ends is None or play.direction is None:
+        rocker = model.rockers[str(play.rocker)]
+        row, start = structure.reach(rocker), rocker.start
+    else:
+        row, start = structure.row(play.ends[0], play.direction), play.ends[0]
+        rocker = model.rocker_at(start)
+        start = rocker.start if rocker else start
+    before = lashes_before(model, model.mesh.node(start), model.lashes) if start in model.mesh.points else []
+    pairs = [(row, play.gap), *((structure.row(one.ends[0], one.direction), one.gap) for one in before)]
+    return sum(gap / (abs(float(one @ motion)) or 1.0) for one, gap in pairs)

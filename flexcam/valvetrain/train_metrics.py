@@ -17,9 +17,10 @@ from flexcam.dynamics import ConstantSpeed, Response
 from flexcam.valvetrain.cam_functions import sliding_ratio
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import CamContact, Lash, Seat
+from flexcam.valvetrain.rigid_kinematics import largest_lashes
 from flexcam.valvetrain.rigid_model import rigid_motion
 from flexcam.valvetrain.structure import build_structure
-from flexcam.valvetrain.train_topology import driving_contact, largest_lashes, moved_nodes
+from flexcam.valvetrain.train_topology import driving_contact, moved_nodes
 
 Bools = NDArray[np.bool_]
 
@@ -56,15 +57,34 @@ def seating(gap: FloatArray, velocity: FloatArray, angle: FloatArray) -> Seating
     """Return the seating of a valve within one revolution."""
     top = int(np.argmax(gap))
     height, speed, at = (np.roll(one, -top) for one in (gap, velocity, angle))
-    shut = np.flatnonzero(height <= 0.0)
+    shut = np.flatnonzero(_touches(height, speed))
     if not len(shut) or gap[top] <= _REOPENING_LIFT or _has_open_end(gap, angle):
         return None
     first, last = int(shut[0]), int(shut[-1])
     between = height[first : last + 1]
     touch = min(_REOPENING_LIFT, _TOUCH_PART * float(gap[top]))
     rising = np.diff(np.concatenate([[0], (between > touch).astype(int)])) > 0
-    largest = max(float(between.max()), 0.0)
+    largest = float(between.max()) if between.max() > _GAP_ROUNDING * gap[top] else 0.0
     return Seating(_touch_velocity(height[:first], speed[:first]), int(rising.sum()), largest, float(at[first]))
+
+
+def _touches(gap: FloatArray, velocity: FloatArray) -> Bools:
+    """Return at which instants a valve is at its seat, or rebounds from it since the instant before.
+
+    A seat with restitution throws the valve back within a step: the velocity changes its sign, and the travel of the
+    step before would have passed the seat.
+    """
+    touched = gap <= _GAP_ROUNDING * gap.max()
+    reached = gap[1:-1] <= _STEP_MARGIN * (gap[:-2] - gap[1:-1])
+    touched[2:] |= ~touched[1:-1] & reached & (velocity[1:-1] < 0.0) & (velocity[2:] > 0.0)
+    return touched
+
+
+_GAP_ROUNDING = 1e-12
+"""Gap relative to the lift up to which a valve is at its seat, as it is in the rigid model but for rounding."""
+
+_STEP_MARGIN = 1.5
+"""Travel of a step relative to that of the one before, up to which a rebound is possible."""
 
 
 def _touch_velocity(gap: FloatArray, velocity: FloatArray) -> float:

@@ -88,30 +88,9 @@ def driving_contact(model: Model, point: str) -> str | None:
     return None
 
 
-@lru_cache(maxsize=4)
-def largest_lashes(model: Model) -> Mapping[str, float]:
-    """Return the largest lash that the lift of each cam takes up, reduced to the follower, m."""
-    moved = [(contact, moved_nodes(model, contact)) for contact in model.cam_contacts.values()]
-    largest = dict.fromkeys(model.cams, 0.0)
-    for play in model.contacts.values():
-        if isinstance(play, Lash):
-            gap = _accumulated_lash(model, play)
-            cams = {contact.cam for contact, nodes in moved if _is_in_train(model, contact, nodes, play)}
-            largest |= {cam: max(largest[cam], gap) for cam in cams or model.cams}
-    return largest
-
-
-def _accumulated_lash(model: Model, play: Lash) -> float:
-    """Return a lash plus those before it, reduced to the follower, m."""
-    start = play.ends[0] if play.ends else ""
-    rocker = model.rockers[play.rocker] if play.rocker else model.rocker_at(start)
-    start = rocker.start if rocker else start
-    before = lashes_before(model, model.mesh.node(start), model.lashes) if start in model.mesh.points else []
-    return play.gap / (rocker.ratio if rocker else 1.0) + sum(one.gap for one in before)
-
-
-def _is_in_train(model: Model, contact: CamPair, moved: Collection[int], play: Lash) -> bool:
-    """Return whether a lash is in the train of a contact that moves some nodes."""
+def is_in_train(model: Model, contact: CamPair, play: Lash) -> bool:
+    """Return whether a lash is in the train of a contact."""
+    moved = moved_nodes(model, contact)
     if play.ends is not None:
         return _is_driven(model, contact, play.ends[0], moved)
     return play.rocker is not None and model.rockers[play.rocker] is _rocker_at(model, contact, moved)

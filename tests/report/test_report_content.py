@@ -267,7 +267,7 @@ def test_numbers_too_large_for_single_precision_arrive():
 
 
 def test_a_zero_of_the_train_has_no_sign():
-    made = metrics_table([Metric("members.rod.compression", -0.0, "N")])
+    made = metrics_table(None, [Metric("members.rod.compression", -0.0, "N")])
     assert list(made.columns[1].cells) == ["0 N"]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,14 +13,16 @@ from flexcam.case.builder import build_model
 from flexcam.case.starters import new_case
 from flexcam.valvetrain import (
     build_chain,
+    largest_lashes,
     main_lift,
     opposed_contacts,
     spring_held_contacts,
     train_metric_names,
     valve_ratio,
 )
-from flexcam.valvetrain.train_topology import largest_lashes, moved_nodes
+from flexcam.valvetrain.train_topology import moved_nodes
 
+ROOT = Path(__file__).parents[2]
 TWO = """
 format = 1
 [nodes]
@@ -133,3 +136,18 @@ def test_opposed_cams_hold_the_follower(tmp_path):
     assert opposed_contacts(model) == {"opening": "closing", "closing": "opening"}
     assert spring_held_contacts(model) == []
     assert not [name for name in train_metric_names(model, []) if "open_on_the_lift" in name]
+
+
+@pytest.mark.parametrize(
+    ("case", "ratio", "lash"),
+    [
+        ("cases/calculix-rocker/rocker.toml", 40.0 / 25.0, 0.15e-3 / 1.6),
+        ("flexcam/templates/valve-bridge.toml", 42.0 / 30.0, 0.3e-3 / 1.4),
+        ("cases/pushrod-engine/lever.toml", 40.0 / 25.0, 0.2e-3 / 1.6),
+    ],
+)
+def test_the_valve_ratio_of_any_rocker(case, ratio, lash):
+    """A superelement, rigid bodies and a lever: the ratio of the arms, and the lash at the valve reduced to the cam."""
+    model = build_model(read_case(ROOT / case))
+    assert valve_ratio(model, "intake") == pytest.approx(ratio, rel=1e-9)
+    assert largest_lashes(model)["intake"] == pytest.approx(lash, rel=1e-9)

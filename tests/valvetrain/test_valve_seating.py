@@ -66,3 +66,35 @@ def test_velocity_is_that_of_the_touch():
         told = seating(gap, velocity, np.append(angle, angle[-1] + angle[1] * np.arange(1, 101)))
         assert told is not None
         assert told.velocity == pytest.approx(np.sqrt(2.0 * 9.81 * 3e-3), rel=1e-9)
+
+
+def test_a_seat_with_restitution():
+    """A valve thrown up 1 mm and falling on a seat with e = 0.3, by hand: sqrt(2 g h), then heights of e^2, e^4 h."""
+    g, height, e = 9.81, 1e-3, 0.3
+    speed = np.sqrt(2.0 * g * height)
+    time = np.arange(0.0, 4.0 * speed / g, 7.3e-5)
+    gap, velocity = np.zeros_like(time), np.zeros_like(time)
+    begin, up = 0.0, speed
+    for _ in range(12):
+        flight = 2.0 * up / g
+        inside = (time >= begin) & (time < begin + flight)
+        own = time[inside] - begin
+        gap[inside], velocity[inside] = up * own - 0.5 * g * own**2, up - g * own
+        begin, up = begin + flight, e * up
+    found = seating(gap, velocity, 100.0 * time)
+    assert found is not None
+    assert found.velocity == pytest.approx(speed, rel=1e-3)  # the last instants before the touch are extrapolated
+    assert found.height == pytest.approx(e**2 * height, rel=1e-3)
+    assert found.bounces >= 2
+
+
+def test_the_seat_of_a_rigid_train():
+    """A rigid valve ends on its seat without a bounce, but for rounding, at the velocity of the ramp."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 721)[:-1]
+    gap = np.maximum(1e-3 * (1.0 - np.abs(angle - 3.0) / 0.7), 0.0)
+    velocity = np.where(gap > 0.0, -1e-3 / 0.7 * np.sign(angle - 3.0), 0.0)
+    noise = np.where(gap > 0.0, 0.0, 1e-18 * np.cos(50.0 * angle))
+    found = seating(gap + noise, velocity - noise, angle)
+    assert found is not None
+    assert (found.bounces, found.height) == (0, 0.0)
+    assert found.velocity == pytest.approx(1e-3 / 0.7, rel=1e-6)
