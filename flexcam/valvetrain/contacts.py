@@ -10,6 +10,7 @@ from flexcam.dynamics import (
     Channel,
     ForceLaw,
     LocalForce,
+    Observable,
     constant,
     elastic_stop,
     force_sum,
@@ -17,9 +18,9 @@ from flexcam.dynamics import (
 )
 from flexcam.dynamics.force_laws import LEVER, SLIDING_FRICTION
 from flexcam.valvetrain.coupling import Coupling, conservative_force, opposed_force
-from flexcam.valvetrain.parts import Adjuster, Lash, Lever, Seat
+from flexcam.valvetrain.parts import Adjuster, Friction, Lash, Lever, Seat
 from flexcam.valvetrain.rigid_kinematics import follower_train
-from flexcam.valvetrain.structure import Structure, lash_row, lever_ends
+from flexcam.valvetrain.structure import Structure, lash_row, lever_ends, nest_rows
 
 
 def couple_seat(structure: Structure, name: str, seat: Seat) -> Coupling:
@@ -78,23 +79,38 @@ def couple_adjuster(structure: Structure, name: str, part: Adjuster) -> Coupling
 
 
 def couple_friction(structure: Structure) -> Coupling:
-    """Return the friction of guides, seals and pivots, with its power as a channel."""
+    """Return the friction of guides, seals, pivots and nested springs, with its power as a channel."""
     forces: list[LocalForce] = []
     channels: list[Channel] = []
-    for i, (name, part) in enumerate(structure.model.friction.items()):
+    count = 0
+    for name, part in structure.model.friction.items():
         where = f"friction.{name}"
-        row = structure.row(part.at, part.direction, f"{where}.at")
-        if part.to is not None:
-            row = row - structure.row(part.to, part.direction, f"{where}.to")
-        if not row.any():
-            given, why = f"a slide at {part.at!r} along {part.direction.tolist()}", "it cannot move that way"
-            raise refuse(where, given, "a point that is free along the direction", why)
-        shape = part.force, part.breakaway_force, part.stribeck_speed, part.damping, part.friction_speed
-        forces.append(opposed_force(where, row[None], ForceLaw(SLIDING_FRICTION, shape)))
+        rows = _slide_row(structure, part, where)[None] if part.springs is None else nest_rows(structure, part.springs)
+        force, breakaway, damping = (one / len(rows) for one in (part.force, part.breakaway_force, part.damping))
+        law = ForceLaw(SLIDING_FRICTION, (force, breakaway, part.stribeck_speed, damping, part.friction_speed))
+        forces.append(opposed_force(where, rows, law))
+        own = list(range(count, count + len(rows)))
+        count += len(rows)
         unit = "N" if part.direction[:3].any() else "N m"
-        channels.append(Channel(f"{where}.force", unit, force_sum(i)))
-        channels.append(Channel(f"{where}.power", "W", lambda seen, i=i: seen.forces[:, i] * seen.rates[:, i]))
+        channels.append(Channel(f"{where}.force", unit, force_sum(*own)))
+        channels.append(Channel(f"{where}.power", "W", _power(own)))
     return Coupling((), tuple(forces), tuple(channels))
+
+
+def _power(scalars: list[int]) -> Observable:
+    """Return the sum of some local forces times their rates."""
+    return lambda seen: (seen.forces[:, scalars] * seen.rates[:, scalars]).sum(axis=1)
+
+
+def _slide_row(structure: Structure, part: Friction, where: str) -> FloatArray:
+    """Return the row of the sliding at a point, shape (n,)."""
+    row = structure.row(part.at, part.direction, f"{where}.at")
+    if part.to is not None:
+        row = row - structure.row(part.to, part.direction, f"{where}.to")
+    if not row.any():
+        given, why = f"a slide at {part.at!r} along {part.direction.tolist()}", "it cannot move that way"
+        raise refuse(where, given, "a point that is free along the direction", why)
+    return row
 
 
 def lever_end(lever: Lever, end: int) -> ForceLaw:

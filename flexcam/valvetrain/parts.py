@@ -65,6 +65,7 @@ class SpringPart:
     mass: float = 0.0  #: kg
     travel: float | None = None  #: from the installed length to where its coils touch, m; None without
     wire: Wire | None = None  #: wire, for the stress; None if unknown
+    length: float = 0.0  #: as installed, m, of unequal parts
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,10 +113,19 @@ class Spring:
         """Compliance of each part relative to the others, shape (parts,)."""
         return np.array([self.stiffness / part.stiffness for part in self.coils] or [1.0] * self.elements)
 
+    @property
+    def heights(self) -> FloatArray:
+        """Heights of the ends of the parts as installed over that of the moving end, shape (parts + 1,)."""
+        ends = np.cumsum([0.0, *([part.length for part in self.coils] or [1.0] * self.elements)])
+        return ends / ends[-1]
+
 
 @dataclass(frozen=True, eq=False)
 class Friction:
-    """Friction along one direction, in a guide or a seal, or about a pivot, to ground or between two points."""
+    """Friction along one direction, in a guide or a seal, or about a pivot, to ground or between two points.
+
+    In a nest it acts between the coils of two springs at equal heights; point and direction are those of the springs.
+    """
 
     at: str  #: a named node, or the point a rocker defines
     direction: FloatArray  #: as of `Spring`
@@ -127,6 +137,7 @@ class Friction:
     friction_speed: float
     damping: float = 0.0  #: viscous part, N s/m or N m s/rad
     to: str | None = None  #: the other side; None for ground
+    springs: tuple[str, str] | None = None  #: names of the inner and the outer spring of a nest; None at a point
 
 
 @dataclass(frozen=True, eq=False)

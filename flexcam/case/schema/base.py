@@ -80,7 +80,7 @@ class Unit:
 
     def validate(self, value: Any, info: ValidationInfo | None = None) -> float:  # noqa: ANN401 - any TOML value
         """Return the number in SI."""
-        if self.axis and info is not None and not direction(info.data.get("direction", "uy"))[:3].any():
+        if self.axis and info is not None and not direction(info.data.get("direction") or "uy")[:3].any():
             return replace(self, dimension=self.axis, axis="").validate(value)
         kind = DIMENSIONS[self.dimension]
         if isinstance(value, str) and kind.si and _BARE.fullmatch(value.strip()) and float(value) != 0.0:
