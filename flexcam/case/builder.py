@@ -253,7 +253,7 @@ class _Geometry:
         """Return a friction at a point or between the coils of two springs."""
         breakaway = record.force if record.breakaway_force is None else record.breakaway_force
         size = record.force, breakaway, record.stribeck_speed, record.friction_speed, record.damping
-        if record.at is not None:
+        if record.at is not None and record.direction is not None:
             return valvetrain.Friction(record.at, direction(record.direction), *size, record.to)
         names = str(record.spring), str(record.inside)
         inner, outer = (self.case.springs[name].part for name in names)
@@ -283,6 +283,9 @@ class _Geometry:
         if record.stiffness is not None:
             return record.stiffness
         ends, ratio = record.ends, 1.0
+        if record.direction is not None and not direction(record.direction)[:3].any():
+            why, remedy = "no member defines that of a lash about an axis", 'add it, such as stiffness = "5 kN m/rad"'
+            raise refuse("stiffness", "nothing", "a value", why, remedy)
         if ends is None:
             rocker = self.case.rockers[str(record.at)]
             ends, ratio = (rocker.start,), rocker.arms[1] / rocker.arms[0]

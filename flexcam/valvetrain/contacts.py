@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
 from flexcam.dynamics import (
     AngleVector,
@@ -43,14 +44,18 @@ def couple_seat(structure: Structure, name: str, seat: Seat) -> Coupling:
 
 
 def couple_lash(structure: Structure, name: str, lash: Lash) -> Coupling:
-    """Return the coupling of the lash between a rocker and its point."""
+    """Return the coupling of the lash between a rocker and its point, or between two nodes."""
     where = f"contacts.{name}"
     row, gap = lash_row(structure, lash, where), constant(-lash.gap)
+    if not row.any():
+        allowed, why = "a point that is free along the direction, or about it", "it would never close"
+        raise refuse(where, "a lash between fixed points", allowed, why)
     law = elastic_stop(lash.stiffness, lash.damping, lash.damping_depth)
     force = conservative_force(where, AngleVector.constant(row), law, gap)
+    force_unit, gap_unit = ("N m", "rad") if lash.turns else ("N", "m")
     return Coupling((), (force,), (
-        Channel(f"{where}.force", "N", force_sum(0)),
-        Channel(f"{where}.gap", "m", lambda seen: -seen.penetrations[:, 0]),
+        Channel(f"{where}.force", force_unit, force_sum(0)),
+        Channel(f"{where}.gap", gap_unit, lambda seen: -seen.penetrations[:, 0]),
     ))  # fmt: skip
 
 

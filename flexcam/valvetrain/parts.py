@@ -256,13 +256,18 @@ class Lash:
     """Lash between a rocker and its point, or between two nodes."""
 
     rocker: str | None  #: name of the rocker; None between nodes
-    gap: float  #: m, at the point
+    gap: float  #: m, at the point; rad about an axis, as the following ones
     #: `stiffness`, `damping`: of the contact between both, at the point, N/m and N s/m
     stiffness: float
     damping: float = 0.0
     ends: tuple[str, str] | None = None  #: names of the pushing and the pushed node; None at a rocker
     direction: FloatArray | None = None  #: in which the first pushes the second, shape (6,); None at a rocker
     damping_depth: float = DAMPING_DEPTH  #: penetration over which the damping increases, m
+
+    @property
+    def turns(self) -> bool:
+        """True if the lash is about an axis: moment and angle instead of force and gap."""
+        return self.direction is not None and not self.direction[:3].any()
 
 
 @dataclass(frozen=True)
@@ -379,8 +384,8 @@ class NodeLash:
 
     @property
     def gap(self) -> float:
-        """Clearance, m; an adjuster has none."""
-        return self.part.gap if isinstance(self.part, Lash) else 0.0
+        """Clearance along a line, m; an adjuster has none."""
+        return self.part.gap if isinstance(self.part, Lash) and not self.part.turns else 0.0
 
 
 Contact = PublishedLoad | CamContact | Seat | Lash | Adjuster

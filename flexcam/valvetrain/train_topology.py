@@ -93,7 +93,7 @@ def largest_lashes(model: Model) -> Mapping[str, float]:
     moved = [(contact, moved_nodes(model, contact)) for contact in model.cam_contacts.values()]
     largest = dict.fromkeys(model.cams, 0.0)
     for play in model.contacts.values():
-        if isinstance(play, Lash):
+        if isinstance(play, Lash) and not play.turns:
             gap = _accumulated_lash(model, play)
             cams = {contact.cam for contact, nodes in moved if _is_in_train(model, contact, nodes, play)}
             largest |= {cam: max(largest[cam], gap) for cam in cams or model.cams}

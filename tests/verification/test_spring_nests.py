@@ -155,7 +155,8 @@ def test_hysteresis_of_a_progressive_spring_in_a_uniform_one(record, tmp_path):
     u, middle = -slid / np.array([k1 + k2, 2.0 * ko])
     width = 2.0 * (5.0 * (high - 0.5) - k2 * u - ko * middle)
     x, v = -found["retainer"].displacement[:, 1], -found["retainer"].velocity[:, 1]
-    pushed = 1e7 * TRAVEL * np.interp(found.time / STROKE, range(6), [0, 1] * 3) - 1e7 * x - (1e3 + 4.0) * v  # less spring and damper of the drive, and the dampers of both springs
+    # Load less spring and damper of the drive, and the dampers of both springs.
+    pushed = 1e7 * TRAVEL * np.interp(found.time / STROKE, range(6), [0, 1] * 3) - 1e7 * x - (1e3 + 4.0) * v
     up, down = (np.flatnonzero(found.time // STROKE == one) for one in (2, 3))
     at = np.array([0.4, 0.5, 0.6]) * TRAVEL
     rising = np.interp(at, x[up], pushed[up])

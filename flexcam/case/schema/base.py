@@ -286,8 +286,8 @@ def fields_at(path: tuple[str, ...], root: type[BaseModel]) -> Iterator[tuple[st
 
 
 def units_in(annotation: object) -> list[Unit]:
-    """Return the units contained in a type, without those of its tables and those that depend on other keys."""
+    """Return the units contained in a type, without those of its tables."""
     if isinstance(annotation, Unit):
-        return [] if annotation.axis else [annotation]
+        return [annotation]
     parts: list[object] = [*get_args(annotation)]
     return [unit for part in parts for unit in units_in(part)]
