@@ -119,7 +119,7 @@ def build_model(case: Case) -> valvetrain.Model:
         rockers=each("rockers", record.rockers, geometry.rocker),
         cams={name: one.part for name, one in record.cams.items()},
         contacts=each("contacts", record.contacts, geometry.contact),
-        friction={name: one.part for name, one in record.friction.items()},
+        friction=each("friction", record.friction, geometry.friction),
         loads={name: one.part for name, one in record.loads.items()},
         gravity=record.run.gravity,
         damping=record.run.damping.part,
@@ -266,6 +266,22 @@ class _Geometry:
                     lubrication=None if record.lubrication is None else record.lubrication.part,
                 )  # fmt: skip
 
+    def friction(self, record: parts.FrictionRecord) -> valvetrain.Friction:
+        """Return a friction at a point or between the coils of two springs."""
+        breakaway = record.force if record.breakaway_force is None else record.breakaway_force
+        size = record.force, breakaway, record.stribeck_speed, record.friction_speed, record.damping
+        if record.at is not None and record.direction is not None:
+            return valvetrain.Friction(record.at, direction(record.direction), *size, record.to)
+        names = str(record.spring), str(record.inside)
+        inner, outer = (self.case.springs[name].part for name in names)
+        along = np.array_equal(inner.direction, outer.direction) and not inner.turns
+        nested = names[0] != names[1] and (inner.at, inner.to) == (outer.at, outer.to) and along
+        if not nested or any(one.mass == 0.0 or one.elements == 1 for one in (inner, outer)):
+            why, allowed = "coils rub on those of another spring at the same height", "two springs of a nest"
+            remedy = "give both the same at, to and direction along a line, a mass, and two elements or more"
+            raise refuse("spring", f"{names[0]!r} inside {names[1]!r}", allowed, why, remedy)
+        return valvetrain.Friction(inner.at, inner.direction, *size, inner.to, names)
+
     def _plunger_travel(self, record: contacts.AdjusterRecord) -> valvetrain.PlungerTravel | None:
         """Return the stops of a plunger, which can hold it back but not the part that it pushes."""
         if record.travel is None:
@@ -284,6 +300,9 @@ class _Geometry:
         if record.stiffness is not None:
             return record.stiffness
         ends, ratio = record.ends, 1.0
+        if record.direction is not None and not direction(record.direction)[:3].any():
+            why, remedy = "no member defines that of a lash about an axis", 'add it, such as stiffness = "5 kN m/rad"'
+            raise refuse("stiffness", "nothing", "a value", why, remedy)
         if ends is None:
             rocker = self.case.rockers[str(record.at)]
             ends, ratio = (rocker.start,), rocker.arms[1] / rocker.arms[0]

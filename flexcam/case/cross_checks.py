@@ -30,6 +30,8 @@ _PART_REFERENCES = (
     ("members", "section", "sections", "a section"),
     ("contacts", "cam", "cams", "a cam"),
     ("loads", "member", "members", "a member"),
+    ("friction", "spring", "springs", "a spring"),
+    ("friction", "inside", "springs", "a spring"),
 )
 """Table, key, referenced table and description of the value."""
 

@@ -248,6 +248,6 @@ def _describe_field(path: Path, root: type[BaseModel]) -> str:
     """Return the quantity or the description of a key."""
     for name, key in fields_at(path[:-1], root):
         if name == path[-1]:
-            units = [unit for part in (*key.metadata, key.annotation) for unit in units_in(part)]
+            units = [unit for part in (*key.metadata, key.annotation) for unit in units_in(part) if not unit.axis]
             return ", ".join(filter(None, (*(unit.description for unit in units[:1]), key.description)))
     return ""

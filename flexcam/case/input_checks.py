@@ -19,6 +19,7 @@ from flexcam.case.reader import case_tables
 from flexcam.case.records import resolve_record, si_unit
 from flexcam.core.units import RPM
 from flexcam.dynamics import Method, Problem, RunFailedError, SaveAt, Scheme, newmark, solve
+from flexcam.fem.frames import direction
 from flexcam.valvetrain import (
     Adjuster,
     CamContact,
@@ -45,7 +46,7 @@ class TypicalRange:
     """Units the user may have intended, with their size in SI, the most likely first."""
     si: str = ""  #: unit, if the path of the key does not determine it
     zero: bool = False  #: whether zero is reported too
-    turns: bool | None = None  #: whether it applies to torsional springs or to translational ones; None for both
+    turns: bool | None = None  #: whether it applies to parts about an axis or to those along a line; None for both
 
 
 _LENGTH = {"mm": 1e-3, "um": 1e-6, "in": 0.0254, "m": 1.0}
@@ -74,7 +75,7 @@ TYPICAL_RANGES = (
     TypicalRange("rockers.*.arms cams.*.follower.arm cams.*.follower.distance", 1e-4, 5.0, _LENGTH),
     TypicalRange("cams.*.lift", 1e-6, 0.5, _LENGTH, "m"),
     TypicalRange("cams.*.ramps.height members.*.bow", 0.0, 0.05, _LENGTH),
-    TypicalRange("contacts.*.gap", 0.0, 0.05, _LENGTH),  # that of a desmodromic pair is its lift
+    TypicalRange("contacts.*.gap", 0.0, 0.05, _LENGTH, "m", turns=False),  # that of a desmodromic pair is its lift
     TypicalRange("sections.*.A", 1e-10, 10.0, {"mm^2": 1e-6, "cm^2": 1e-4}),
     TypicalRange("sections.*.Iy sections.*.Iz sections.*.J", 1e-20, 10.0, {"mm^4": 1e-12, "cm^4": 1e-8}),
     TypicalRange("masses.*.mass springs.*.mass", 1e-8, 20.0, {"g": 1e-3, "kg": 1.0}),
@@ -86,10 +87,8 @@ TYPICAL_RANGES = (
     TypicalRange("springs.*.stiffness", 1e-3, 1e12, {"kN m/rad": 1e3}, "N m/rad", turns=True),
     TypicalRange("contacts.*.plunger_force loads.*.force", 1e-4, 1e8, _FORCE),
     TypicalRange("springs.*.force_table.*.1", 1e-4, 1e6, _FORCE, "N"),
-    TypicalRange(
-        "springs.*.clash_stiffness bearings.*.stiffness rockers.*.stiffness contacts.*.stiffness",
-        10.0, 1e13, _STIFFNESS,
-    ),
+    TypicalRange("springs.*.clash_stiffness bearings.*.stiffness rockers.*.stiffness", 10.0, 1e13, _STIFFNESS),
+    TypicalRange("contacts.*.stiffness", 10.0, 1e13, _STIFFNESS, turns=False),
     TypicalRange("contacts.*.friction", 0.0, 1.0, {"%": 0.01}),
     TypicalRange("fidelity.tolerance fidelity.tolerance.*", 0.0, 0.99, {"%": 0.01}),
     TypicalRange("run.speed", 1e-3, _MAX_SPEED, {"rpm": RPM}),
@@ -116,9 +115,9 @@ def check_values(case: Case) -> list[str]:
 def _range_warnings(case: Case, tables: Mapping[str, Any], usual: TypicalRange) -> Iterator[str]:
     """Yield the values outside a typical range, one per key."""
     if usual.turns is not None:
-        records = case.record.springs
-        springs = {name: one for name, one in tables["springs"].items() if records[name].part.turns == usual.turns}
-        tables = {"springs": springs}
+        kind = usual.keys.split(".")[0]
+        own = {name: not direction(one.get("direction", "uy"))[:3].any() for name, one in tables[kind].items()}
+        tables = {kind: {name: one for name, one in tables[kind].items() if own[name] == usual.turns}}
     keys = usual.keys.split()
     for path, value in (pair for key in keys for pair in _matching_values(tables, tuple(key.split(".")), ())):
         several = cast("list[object]", value) if isinstance(value, list) else [value]

@@ -25,6 +25,7 @@ from flexcam.case.records import (
     RepeatFileRecord,
     SweepFileRecord,
     SweepRecord,
+    find_unit,
     resolve_record,
     si_unit,
 )
@@ -250,20 +251,23 @@ def complete_case_tables(case: Case) -> dict[str, Any]:
     for cam in defaults["cams"].values():
         for key in LIFT_TABLE_CONFLICTS if "lift_table" in cam else ():
             cam.pop(key, None)
-    return _add_defaults(case_tables(case), defaults, ())
+    return _add_defaults(case_tables(case), defaults, (), case.record)
 
 
-def _add_defaults(given: Mapping[str, Any], defaults: Mapping[str, Any], path: tuple[str, ...]) -> dict[str, Any]:
+def _add_defaults(
+    given: Mapping[str, Any], defaults: Mapping[str, Any], path: tuple[str, ...], record: CaseRecord
+) -> dict[str, Any]:
     """Return a table with the defaults of the keys that are not given."""
     found = dict(given)
     for key, value in defaults.items():
         own: object = found.get(key, {})
         inner = (*path, key)
         if isinstance(value, dict) and isinstance(own, dict) and not (key == "law" and own):
-            table = _add_defaults(cast("dict[str, Any]", own), cast("dict[str, Any]", value), inner)
+            table = _add_defaults(cast("dict[str, Any]", own), cast("dict[str, Any]", value), inner, record)
             found |= {key: table} if table else {}
         elif key not in found:
-            found[key] = _with_unit(cast("object", value), si_unit(inner))
+            unit = si_unit(inner) and find_unit(record, inner)
+            found[key] = _with_unit(cast("object", value), unit)
     return {key: found[key] for key in dict.fromkeys([*defaults, *given]) if key in found}
 
 

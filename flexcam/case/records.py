@@ -16,6 +16,7 @@ from flexcam.case.schema.base import (
     Name,
     Point,
     Record,
+    Unit,
     fields_at,
     units_in,
 )
@@ -109,18 +110,18 @@ class RepeatFileRecord(Record):
 
 def si_unit(path: tuple[str, ...]) -> str | None:
     """Return the SI unit of a key; None if it has none, or if it depends on other keys or on the position in a list."""
+    units = {DIMENSIONS[unit.dimension].si for first in _units_at(path)[:1] for unit in first if not unit.axis}
+    return units.pop() if len(units) == 1 else None
+
+
+def _units_at(path: tuple[str, ...]) -> list[list[Unit]]:
+    """Return the units of a key in each of the tables that may contain it."""
     while path and path[-1].isdigit():
         path = path[:-1]
     fields = [field for name, field in fields_at(path[:-1], CaseRecord) if name == path[-1]]
     if not fields and len(path) > 1:  # a name in a table of names, such as nodes
         fields = [field for name, field in fields_at(path[:-2], CaseRecord) if name == path[-2]]
-    units = {
-        DIMENSIONS[unit.dimension].si
-        for field in fields[:1]
-        for part in (*field.metadata, field.annotation)
-        for unit in units_in(part)
-    }
-    return units.pop() if len(units) == 1 else None
+    return [[unit for part in (*field.metadata, field.annotation) for unit in units_in(part)] for field in fields]
 
 
 def resolve_record(record: CaseRecord) -> dict[str, Any]:
@@ -138,7 +139,7 @@ def find_unit(record: CaseRecord, path: Sequence[str]) -> str | None:
     table is then validated with the number in each possible unit: it accepts only the right one.
     """
     known = si_unit(tuple(path))
-    if known is not None:
+    if known is not None and not any(unit.axis for units in _units_at(tuple(path)) for unit in units):
         return known
     table, rest = _enclosing_table(record, path)
     # Moments may omit the radian, so rotational stiffness is tried first.

@@ -50,6 +50,8 @@ _NEGATIVE = 1e-9
 _DECREASE, _HALVINGS = 1e-4, 40
 _FALL = 0.01
 """Largest displacement, m, of an unsupported part in one iteration."""
+_SOFTENING = 20
+"""Iterations after which the spring on free motions, first 1 N/m, becomes half as stiff."""
 
 
 def solve_equilibrium(
@@ -60,10 +62,9 @@ def solve_equilibrium(
     free = np.linalg.qr(free)[0] if free.shape[1] else free
     potential = _Potential.of(system, forces, forces.prescribed_inputs(motion), load)
     u = np.zeros(system.size) if near is None else near
-    # A soft spring on the free motions limits a step along them and vanishes with the step.
-    hold = max(float(np.abs(free.T @ load).max(initial=0.0)) / _FALL, 1.0)
+    least = float(np.abs(free.T @ load).max(initial=0.0)) / _FALL
     before, energy = np.inf, None
-    for _ in range(_MOST_ITERATIONS):
+    for count in range(_MOST_ITERATIONS):
         missing, size, tangent = potential.at(u)
         most = float(np.abs(missing).max(initial=0.0))
         stalled, close = 0.5 * before <= most, most <= _TOLERANCE * size
@@ -73,7 +74,9 @@ def solve_equilibrium(
                 raise RunFailedError(ROUNDING_STATUS)
             _refuse_unstable(potential, u, tangent)
             return u
-        step = _step(tangent, free, hold, missing)
+        # A soft spring on the free motions limits a step along them and vanishes with the step. It becomes softer where
+        # a small force of a contact, such as the torque of a cam that begins to lift, moves a part through its lash.
+        step = _step(tangent, free, max(least, 0.5 ** (count // _SOFTENING)), missing)
         part, energy = potential.line_search(u, step, missing, energy, diagonal_scale(tangent))
         u, before = u + part * step, most
     missing, _, tangent = potential.at(u)
@@ -285,18 +288,32 @@ def moving_equilibrium(system: System, drive: Drive, time: float = 0.0) -> State
     """Return the static equilibrium of an instant with its quasi-static velocity.
 
     A train at rest would be hit by a cam that lifts at the start. The velocities are ``omega du/dtheta``, by a central
-    difference over a thousandth of a radian.
+    difference over a thousandth of a radian. A motion that only contacts stop crosses its lash at once where the load
+    on it reverses; such a jump J, which adds J/(2h) to a difference over the step h, is no velocity.
     """
     forces = LocalForces(system)
     still = _solve_from(forces, system, drive, time, _all)
     step = _ANGLE_STEP / float(drive.at(np.array([time])).speed[0])
-    near = still.displacement
-    before, after = (_solve_from(forces, system, drive, time + side, _all, near).displacement for side in (-step, step))
-    return replace(still, velocity=(after - before) / (2.0 * step))
+
+    def difference(h: float) -> FloatArray:
+        near = still.displacement
+        before, after = (_solve_from(forces, system, drive, time + side, _all, near).displacement for side in (-h, h))
+        return (after - before) / (2.0 * h)
+
+    velocity = difference(step)
+    if system.free is not None and system.free.size:
+        half = difference(0.5 * step)
+        jump = 2.0 * step * np.linalg.norm(half - velocity)
+        if jump > _LEAST_JUMP and np.linalg.norm(half) > 1.5 * np.linalg.norm(velocity):
+            velocity = 2.0 * velocity - half
+    return replace(still, velocity=velocity)
 
 
 _ANGLE_STEP = 1e-3
 """Angle step of the difference, rad."""
+
+_LEAST_JUMP = 1e-9
+"""Jump, m or rad, above the rounding of a motion without stiffness."""
 
 
 def _all(load: Load) -> bool:

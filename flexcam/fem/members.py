@@ -56,23 +56,6 @@ class Member:
     temperature: float = 0.0
 
 
-def _shares(mesh: Mesh, name: str) -> FloatArray:
-    """Return the place of every node of a member as a share of its length, shape (m + 1,)."""
-    length = np.linalg.norm(np.diff(mesh.nodes[mesh.lines[name]], axis=0), axis=1)
-    return np.append(0.0, np.cumsum(length)) / length.sum()
-
-
-def sections_at_nodes(mesh: Mesh, members: Mapping[str, Member]) -> dict[str, list[Section]]:
-    """Return the sections of every member at its nodes."""
-    return {name: _sections(members[name].section, _shares(mesh, name)) for name in mesh.lines}
-
-
-def _sections(section: Section | Taper, shares: FloatArray) -> list[Section]:
-    if isinstance(section, Section):
-        return [section] * len(shares)
-    return [section.at(share) for share in shares.tolist()]
-
-
 def beams(mesh: Mesh, members: Mapping[str, Member]) -> Beams:
     """Return the element arrays of a mesh; a tapered element has the section at its middle."""
     for name in mesh.lines:
@@ -124,3 +107,20 @@ def _initial_bow(bow: float, length: FloatArray) -> FloatArray:
     y0[:, 0] = bow * np.diff(np.sin(wave * x)) / length
     y0[:, 1], y0[:, 2] = bow * wave * np.cos(wave * x[:-1]), bow * wave * np.cos(wave * x[1:])
     return y0
+
+
+def _shares(mesh: Mesh, name: str) -> FloatArray:
+    """Return the place of every node of a member as a share of its length, shape (m + 1,)."""
+    length = np.linalg.norm(np.diff(mesh.nodes[mesh.lines[name]], axis=0), axis=1)
+    return np.append(0.0, np.cumsum(length)) / length.sum()
+
+
+def sections_at_nodes(mesh: Mesh, members: Mapping[str, Member]) -> dict[str, list[Section]]:
+    """Return the sections of every member at its nodes."""
+    return {name: _sections(members[name].section, _shares(mesh, name)) for name in mesh.lines}
+
+
+def _sections(section: Section | Taper, shares: FloatArray) -> list[Section]:
+    if isinstance(section, Section):
+        return [section] * len(shares)
+    return [section.at(share) for share in shares.tolist()]

@@ -103,7 +103,7 @@ def model_table(ready: PreparedRun, modes: ModelModes, takes: ResourceEstimate |
         ),
         *((f"cam {n}", f"at {c.at}, lift {1e3 * c.event.height:g} mm") for n, c in model.cams.items()),
         *((f"contact {n}", _contact(c)) for n, c in model.contacts.items()),
-        *((f"friction {n}", f"{f.force:g} {_unit(f)} at {f.at}") for n, f in model.friction.items()),
+        *((f"friction {n}", _friction(f)) for n, f in model.friction.items()),
         *((f"load {n}", _load(load)) for n, load in model.loads.items()),
         *_weight(ready),
         ("speed", ready.case.speed_text),
@@ -158,6 +158,12 @@ def _unit(part: Friction | GivenLoad) -> str:
     return "N" if part.direction[:3].any() else "N m"
 
 
+def _friction(part: Friction) -> str:
+    """Return size and place of a friction."""
+    place = f"at {part.at}" if part.springs is None else f"of {' in '.join(part.springs)}"
+    return f"{part.force:g} {_unit(part)} {place}"
+
+
 def _load(load: GivenLoad) -> str:
     """Return size, place, direction and abscissa of a load."""
     table, turns = load.size if isinstance(load.size, LoadTable) else None, not load.direction[:3].any()
@@ -181,6 +187,8 @@ def _contact(contact: Contact) -> str:
             ends = contact.ends
             place = f"from {ends[0]} to {ends[1]}" if ends else f"at rocker {contact.rocker}"
             if isinstance(contact, Lash):
+                if contact.turns:
+                    return f"lash of {math.degrees(contact.gap):g} deg {place}, {contact.stiffness:g} N m/rad"
                 return f"lash of {1e3 * contact.gap:g} mm {place}, {contact.stiffness:g} N/m"
             return f"hydraulic adjuster {place}, oil {contact.stiffness:g} N/m, leak {contact.leak:g} N s/m"
         case _:

@@ -27,6 +27,7 @@ from flexcam.fem.elements import beam
 from flexcam.fem.frames import ROTATIONS
 from flexcam.valvetrain.coupling import Coupling
 from flexcam.valvetrain.model import Model
+from flexcam.valvetrain.parts import Lash
 from flexcam.valvetrain.structure import Structure, build_structure_in
 
 
@@ -50,7 +51,7 @@ def _drive_torque(structure: Structure, name: str) -> Iterator[Channel]:
     spring, mesh = structure.model.springs[name], structure.model.mesh
     if not spring.turns or spring.to is not None or spring.at not in mesh.points:
         return
-    axis = _shaft_axes(structure.model).get(mesh.node(spring.at))
+    axis = shaft_axes(structure.model).get(mesh.node(spring.at))
     if axis is None or abs(float(axis @ spring.direction[3:])) < _ALONG:
         return
     row = structure.row(spring.at, np.concatenate([np.zeros(3), axis]))[None]
@@ -64,10 +65,9 @@ def _drive_torque(structure: Structure, name: str) -> Iterator[Channel]:
 
 
 def _inertias(structure: Structure) -> tuple[Load, ...]:
-    mesh = structure.model.mesh
     shafts: dict[int, Load] = {}
     for contact in structure.model.cam_contacts.values():
-        nodes = mesh.connected_nodes(mesh.node(structure.model.cams[contact.cam].at))
+        nodes = _shaft_nodes(structure.model, contact.cam)
         if int(nodes[0]) not in shafts:
             shafts[int(nodes[0])] = _inertia(structure, nodes, contact.rotation)
     return tuple(shafts.values())
@@ -107,7 +107,7 @@ def find_shaft_drives(structure: Structure) -> tuple[ShaftDrive, ...]:
 def _prescribed_rotations(structure: Structure) -> Iterator[tuple[str, int, FloatArray]]:
     """Yield name, node and axis of every prescribed shaft rotation."""
     model = structure.model
-    driven = _shaft_axes(model)
+    driven = shaft_axes(model)
     for point, held in model.supports.items():
         for node in model.mesh.select(point).tolist():
             along = driven.get(node, np.zeros(3))
@@ -116,13 +116,24 @@ def _prescribed_rotations(structure: Structure) -> Iterator[tuple[str, int, Floa
                 yield point if len(model.mesh.select(point)) == 1 else model.mesh.node_name(node), node, along
 
 
-def _shaft_axes(model: Model) -> dict[int, FloatArray]:
+def shaft_axes(model: Model) -> dict[int, FloatArray]:
     """Return the axis of rotation at every node of a camshaft."""
     axes: dict[int, FloatArray] = {}
     for contact in model.cam_contacts.values():
-        nodes = model.mesh.connected_nodes(model.mesh.node(model.cams[contact.cam].at))
+        nodes = _shaft_nodes(model, contact.cam)
         axes |= dict.fromkeys(nodes.tolist(), contact.shaft_axis)
     return axes
+
+
+def _shaft_nodes(model: Model, cam: str) -> IntArray:
+    """Return the nodes that turn with a cam: those of its shaft, and those of its drive behind lash about an axis."""
+    mesh = model.mesh
+    found = set(mesh.connected_nodes(mesh.node(model.cams[cam].at)).tolist())
+    plays = (one.ends for one in model.contacts.values() if isinstance(one, Lash) and one.turns and one.ends)
+    pairs = [{mesh.node(end) for end in ends} for ends in plays]
+    while more := {node for pair in pairs if pair & found for node in pair} - found:
+        found.update(*(mesh.connected_nodes(node).tolist() for node in more))
+    return np.array(sorted(found), dtype=np.intp)
 
 
 def _release_rotation(structure: Structure, name: str, node: int, along: FloatArray) -> ShaftDrive:

@@ -16,6 +16,7 @@ from flexcam.dynamics import (
     Channel,
     ForceLaw,
     LocalForce,
+    Observable,
     Observation,
     constant,
     elastic_stop,
@@ -24,9 +25,9 @@ from flexcam.dynamics import (
 )
 from flexcam.dynamics.force_laws import LEVER, SLIDING_FRICTION
 from flexcam.valvetrain.coupling import Coupling, conservative_force, opposed_force
-from flexcam.valvetrain.parts import Adjuster, Lash, Lever, Seat
+from flexcam.valvetrain.parts import Adjuster, Friction, Lash, Lever, Seat
 from flexcam.valvetrain.rigid_kinematics import follower_train
-from flexcam.valvetrain.structure import Structure, lash_row, lever_ends
+from flexcam.valvetrain.structure import Structure, lash_row, lever_ends, nest_rows
 
 
 def couple_seat(structure: Structure, name: str, seat: Seat) -> Coupling:
@@ -49,14 +50,18 @@ def couple_seat(structure: Structure, name: str, seat: Seat) -> Coupling:
 
 
 def couple_lash(structure: Structure, name: str, lash: Lash) -> Coupling:
-    """Return the coupling of the lash between a rocker and its point."""
+    """Return the coupling of the lash between a rocker and its point, or between two nodes."""
     where = f"contacts.{name}"
     row, gap = lash_row(structure, lash, where), constant(-lash.gap)
+    if not row.any():
+        allowed, why = "a point that is free along the direction, or about it", "it would never close"
+        raise refuse(where, "a lash between fixed points", allowed, why)
     law = elastic_stop(lash.stiffness, lash.damping, lash.damping_depth)
     force = conservative_force(where, AngleVector.constant(row), law, gap)
+    force_unit, gap_unit = ("N m", "rad") if lash.turns else ("N", "m")
     return Coupling((), (force,), (
-        Channel(f"{where}.force", "N", force_sum(0)),
-        Channel(f"{where}.gap", "m", lambda seen: -seen.penetrations[:, 0]),
+        Channel(f"{where}.force", force_unit, force_sum(0)),
+        Channel(f"{where}.gap", gap_unit, lambda seen: -seen.penetrations[:, 0]),
     ))  # fmt: skip
 
 
@@ -85,22 +90,21 @@ def couple_adjuster(structure: Structure, name: str, part: Adjuster) -> Coupling
 
 
 def couple_friction(structure: Structure) -> Coupling:
-    """Return the friction of guides, seals and pivots, with its power as a channel."""
+    """Return the friction of guides, seals, pivots and nested springs, with its power as a channel."""
     forces: list[LocalForce] = []
     channels: list[Channel] = []
-    for i, (name, part) in enumerate(structure.model.friction.items()):
+    count = 0
+    for name, part in structure.model.friction.items():
         where = f"friction.{name}"
-        row = structure.row(part.at, part.direction, f"{where}.at")
-        if part.to is not None:
-            row = row - structure.row(part.to, part.direction, f"{where}.to")
-        if not row.any():
-            given, why = f"a slide at {part.at!r} along {part.direction.tolist()}", "it cannot move that way"
-            raise refuse(where, given, "a point that is free along the direction", why)
-        shape = part.force, part.breakaway_force, part.stribeck_speed, part.damping, part.friction_speed
-        forces.append(opposed_force(where, row[None], ForceLaw(SLIDING_FRICTION, shape)))
+        rows = _slide_row(structure, part, where)[None] if part.springs is None else nest_rows(structure, part.springs)
+        force, breakaway, damping = (one / len(rows) for one in (part.force, part.breakaway_force, part.damping))
+        law = ForceLaw(SLIDING_FRICTION, (force, breakaway, part.stribeck_speed, damping, part.friction_speed))
+        forces.append(opposed_force(where, rows, law))
+        own = list(range(count, count + len(rows)))
+        count += len(rows)
         unit = "N" if part.direction[:3].any() else "N m"
-        channels.append(Channel(f"{where}.force", unit, force_sum(i)))
-        channels.append(Channel(f"{where}.power", "W", lambda seen, i=i: seen.forces[:, i] * seen.rates[:, i]))
+        channels.append(Channel(f"{where}.force", unit, force_sum(*own)))
+        channels.append(Channel(f"{where}.power", "W", _power(own)))
     return Coupling((), tuple(forces), tuple(channels))
 
 
@@ -126,6 +130,22 @@ def _film_channels(where: str, clearance: float, own: slice) -> Iterator[Channel
     yield Channel(f"{where}.eccentricity", "1", eccentricity)
     yield Channel(f"{where}.angle", "rad", lambda seen: np.arctan2(*seen.penetrations[:, own].T[::-1]))
     yield Channel(f"{where}.film_thickness", "m", lambda seen: clearance * (1.0 - eccentricity(seen)))
+
+
+def _power(scalars: list[int]) -> Observable:
+    """Return the sum of some local forces times their rates."""
+    return lambda seen: (seen.forces[:, scalars] * seen.rates[:, scalars]).sum(axis=1)
+
+
+def _slide_row(structure: Structure, part: Friction, where: str) -> FloatArray:
+    """Return the row of the sliding at a point, shape (n,)."""
+    row = structure.row(part.at, part.direction, f"{where}.at")
+    if part.to is not None:
+        row = row - structure.row(part.to, part.direction, f"{where}.to")
+    if not row.any():
+        given, why = f"a slide at {part.at!r} along {part.direction.tolist()}", "it cannot move that way"
+        raise refuse(where, given, "a point that is free along the direction", why)
+    return row
 
 
 def lever_end(lever: Lever, end: int) -> ForceLaw:

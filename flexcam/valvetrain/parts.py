@@ -65,6 +65,7 @@ class SpringPart:
     mass: float = 0.0  #: kg
     travel: float | None = None  #: from the installed length to where its coils touch, m; None without
     wire: Wire | None = None  #: wire, for the stress; None if unknown
+    length: float = 0.0  #: as installed, m, of unequal parts
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,6 +113,12 @@ class Spring:
         """Compliance of each part relative to the others, shape (parts,)."""
         return np.array([self.stiffness / part.stiffness for part in self.coils] or [1.0] * self.elements)
 
+    @property
+    def heights(self) -> FloatArray:
+        """Heights of the ends of the parts as installed over that of the moving end, shape (parts + 1,)."""
+        ends = np.cumsum([0.0, *([part.length for part in self.coils] or [1.0] * self.elements)])
+        return ends / ends[-1]
+
 
 @dataclass(frozen=True, eq=False)
 class FilmBearing:
@@ -135,7 +142,10 @@ class FilmBearing:
 
 @dataclass(frozen=True, eq=False)
 class Friction:
-    """Friction along one direction, in a guide or a seal, or about a pivot, to ground or between two points."""
+    """Friction along one direction, in a guide or a seal, or about a pivot, to ground or between two points.
+
+    In a nest it acts between the coils of two springs at equal heights; point and direction are those of the springs.
+    """
 
     at: str  #: a named node, or the point a rocker defines
     direction: FloatArray  #: as of `Spring`
@@ -147,6 +157,7 @@ class Friction:
     friction_speed: float
     damping: float = 0.0  #: viscous part, N s/m or N m s/rad
     to: str | None = None  #: the other side; None for ground
+    springs: tuple[str, str] | None = None  #: names of the inner and the outer spring of a nest; None at a point
 
 
 @dataclass(frozen=True, eq=False)
@@ -265,13 +276,18 @@ class Lash:
     """Lash between a rocker and its point, or between two nodes."""
 
     rocker: str | None  #: name of the rocker; None between nodes
-    gap: float  #: m, at the point
+    gap: float  #: m, at the point; rad about an axis, as the following ones
     #: `stiffness`, `damping`: of the contact between both, at the point, N/m and N s/m
     stiffness: float
     damping: float = 0.0
     ends: tuple[str, str] | None = None  #: names of the pushing and the pushed node; None at a rocker
     direction: FloatArray | None = None  #: in which the first pushes the second, shape (6,); None at a rocker
     damping_depth: float = DAMPING_DEPTH  #: penetration over which the damping increases, m
+
+    @property
+    def turns(self) -> bool:
+        """True if the lash is about an axis: moment and angle instead of force and gap."""
+        return self.direction is not None and not self.direction[:3].any()
 
 
 @dataclass(frozen=True)
@@ -388,8 +404,8 @@ class NodeLash:
 
     @property
     def gap(self) -> float:
-        """Clearance, m; an adjuster has none."""
-        return self.part.gap if isinstance(self.part, Lash) else 0.0
+        """Clearance along a line, m; an adjuster has none."""
+        return self.part.gap if isinstance(self.part, Lash) and not self.part.turns else 0.0
 
 
 Contact = PublishedLoad | CamContact | Seat | Lash | Adjuster

@@ -202,7 +202,7 @@ def largest_lashes(model: Model) -> Mapping[str, float]:
     for name, contact in model.cam_contacts.items():
         motion = follower_train(structure, contact, f"contacts.{name}.follower").motion
         for play in model.contacts.values():
-            if isinstance(play, Lash) and is_in_train(model, contact, play):
+            if isinstance(play, Lash) and not play.turns and is_in_train(model, contact, play):
                 gap = _reduced_lash(structure, motion, play)
                 largest[contact.cam] = max(largest[contact.cam], gap)
     return largest

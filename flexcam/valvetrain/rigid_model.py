@@ -32,11 +32,12 @@ from flexcam.dynamics.kinematic_engine import reactions
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.fem.assembly import modal_damping, rayleigh_damping
 from flexcam.fem.rigid_bodies import scalar_matrix
+from flexcam.valvetrain.camshaft import shaft_axes
 from flexcam.valvetrain.contacts import check_lever_rotation, couple_friction
 from flexcam.valvetrain.coupling import Coupling, conservative_force, constant_history
 from flexcam.valvetrain.loads import given_loads, preload, spring_share, steady_load
 from flexcam.valvetrain.model import Model
-from flexcam.valvetrain.parts import CamContact, PublishedLoad
+from flexcam.valvetrain.parts import CamContact, Lash, PublishedLoad
 from flexcam.valvetrain.rigid_kinematics import (
     RigidTrain,
     follower_train,
@@ -203,11 +204,14 @@ def _soft_structure(model: Model) -> Structure:
 
 
 def _couple_contact(structure: Structure, name: str, speed: float) -> Coupling:
-    contact = structure.model.contacts[name]
+    contact, model = structure.model.contacts[name], structure.model
+    ends = contact.ends if isinstance(contact, Lash) and contact.turns else None
+    if ends and model.mesh.node(ends[0], f"contacts.{name}.from") in shaft_axes(model):
+        return Coupling((), (), ())  # the rotation of a shaft is prescribed
     if not isinstance(contact, PublishedLoad):
         return couple_contact(structure, name, contact, speed)
     # The cam moves the follower; the springs press with the published preload.
-    where, cam = f"contacts.{name}", structure.model.cams[contact.cam]
+    where, cam = f"contacts.{name}", model.cams[contact.cam]
     train = follower_train(structure, contact, f"{where}.follower")
     force = preload(structure, contact, train, cam, speed)
     follower = structure.row(contact.follower, contact.direction)

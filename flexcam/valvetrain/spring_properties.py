@@ -144,7 +144,9 @@ class Coils:
         for first, last in pairwise(bounds):
             mean, cube = 0.5 * (first + last), 0.25 * (first + last) * (first**2 + last**2)
             stiffness = shear_modulus * wire**4 / (8.0 * cube * turns)
-            part = SpringPart(stiffness, travel=turns * self.gap(wire), wire=Wire(wire, mean))
+            part = SpringPart(
+                stiffness, travel=turns * self.gap(wire), wire=Wire(wire, mean), length=turns * self.pitch
+            )
             found.append((part, turns * math.hypot(math.pi * mean, self.pitch)))
         return found
 
@@ -185,7 +187,8 @@ def install_spring(spring: Spring, force: float | None, compression: float | Non
         return replace(spring, table=table, stiffness=curve.stiffness_at(start), installed_force=force)
     moved = curve.compression(np.array([start]))[0].tolist()
     coils = tuple(
-        replace(part, travel=(part.travel or 0.0) - own) for part, own in zip(spring.coils, moved, strict=True)
+        replace(part, travel=(part.travel or 0.0) - own, length=part.length - own)
+        for part, own in zip(spring.coils, moved, strict=True)
     )
     return replace(spring, coils=coils, installed_force=force, clash_travel=float(curve.travel[-2]) - start)
 

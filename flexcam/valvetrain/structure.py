@@ -134,6 +134,20 @@ def spring_parts(structure: Structure, name: str, spring: Spring) -> list[tuple[
     return list(pairwise([other, *inner, moving]))
 
 
+def nest_rows(structure: Structure, names: tuple[str, str]) -> FloatArray:
+    """Return the rows of the sliding of a spring's coils on those of another, at equal distances, shape (m, n)."""
+    inner, outer = (structure.model.springs[name] for name in names)
+    count = max(inner.elements, outer.elements)
+    height = (np.arange(count) + 0.5) / count
+
+    def coil_rows(name: str, spring: Spring) -> FloatArray:
+        parts = spring_parts(structure, name, spring)
+        ends = np.array([parts[0][0], *(high for _, high in parts)])
+        return np.array([np.interp(height, spring.heights, unit) for unit in np.eye(len(ends))]).T @ ends
+
+    return coil_rows(names[0], inner) - coil_rows(names[1], outer)
+
+
 @lru_cache(maxsize=4)
 def build_structure(model: Model) -> Structure:
     """Assemble the passive part of a model."""

@@ -139,7 +139,7 @@ def train_metrics(model: Model, response: Response, period: float, names: Sequen
                 figures += [] if above is None else [Metric(f"contacts.{name}.{_LOFT}", above, "m")]
         if isinstance(contact, Lash) and f"contacts.{name}.gap" in response.channels:
             gap = float(response.channels[f"contacts.{name}.gap"][last].max())
-            figures.append(Metric(f"contacts.{name}.{_GAP}", gap, "m"))
+            figures.append(Metric(f"contacts.{name}.{_GAP}", gap, "rad" if contact.turns else "m"))
     figures += _drive(model, response, last)
     for channel, unit in response.outline.channels:
         name, values = _metric_name(channel), response.channels[channel][last]

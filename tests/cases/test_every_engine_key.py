@@ -249,6 +249,12 @@ GUIDE = (
     '{ at = "valve", to = "cam", direction = "uy", force = "8 N", breakaway_force = "12 N", stribeck_speed = "0.1 m/s", '
     'friction_speed = "5 mm/s", damping = "2 N s/m" }'
 )
+COIL = '{ at = "valve", direction = "uy", stiffness = "10 kN/m", mass = "10 g" }'
+NEST = (
+    f"springs.inner={COIL}",
+    f"springs.outer={COIL}",
+    "friction.nest={ spring = 'inner', inside = 'outer', force = 10 }",
+)
 ADJUSTER = (
     '{ at = "rocker", model = "lash-adjuster", refill = "200 N s/m", plunger_force = "20 N", oil = '
     '{ viscosity = "20 mPa s", bulk_modulus = "1.5 GPa", plunger_diameter = "11 mm", clearance = "6 um", '
@@ -282,6 +288,7 @@ def test_every_key_of_the_format_stands_in_some_case(rewritten, tmp_path):
         *((ENGINE, [f'cams.intake.timing={{ lift = "1 mm", {one} = "10 deg" }}']) for one in ("opening", "closing", "centre")),
         (DATA / "every-key.toml", ['run.integrator={ method = "collocation" }']),
         (DATA / "every-key.toml", [f"loads.gas={GAS}", f"friction.guide={GUIDE}"]),
+        (DATA / "every-key.toml", [*NEST]),
         (DATA / "every-engine.toml", [f"contacts.adjuster={ADJUSTER}"]),
         (CHECKS / "mathieu.toml", []),
         (DATA / "every-key.toml", ['run.integrator={ method = "bathe" }', "fidelity.modes=20", "fidelity.reduction=craig-bampton"]),

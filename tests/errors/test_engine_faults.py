@@ -99,7 +99,7 @@ FAULTS = {
     "play nowhere": ([('from = "lifter-top"\nto = "stem"\ndirection = "uy"\n', "")], "contacts.play", "", "either at"),
     "play without a direction": ([('to = "stem"\ndirection = "uy"', 'to = "stem"')], "contacts.play", "", "direction"),
     "play with an unknown direction": ([('to = "stem"\ndirection = "uy"', 'to = "stem"\ndirection = "uyy"')], "contacts.play.direction", "'uyy'", "Did you mean 'uy'"),
-    "play about an axis": ([('to = "stem"\ndirection = "uy"', 'to = "stem-end"\ndirection = "rz"')], "contacts.play.direction", "rz", ""),
+    "play about an axis": ([('to = "stem"\ndirection = "uy"', 'to = "stem-end"\ndirection = "rz"')], "contacts.play.gap", "0.1 mm", "unit of angle"),
     "gap negative": ([('gap = "0.1 mm"', 'gap = "-0.1 mm"')], "contacts.play.gap", "-0.1 mm", "zero or more"),
     "gap missing": ([('gap = "0.1 mm"\n', "")], "contacts.play.gap", "nothing", "required"),
     "two plays at one rocker": ([("[contacts.tip]", ON_FINGER)], "contacts", "finger", ""),

@@ -80,7 +80,7 @@ class Unit:
 
     def validate(self, value: Any, info: ValidationInfo | None = None) -> float:  # noqa: ANN401 - any TOML value
         """Return the number in SI."""
-        if self.axis and info is not None and not direction(info.data.get("direction", "uy"))[:3].any():
+        if self.axis and info is not None and not direction(info.data.get("direction") or "uy")[:3].any():
             return replace(self, dimension=self.axis, axis="").validate(value)
         kind = DIMENSIONS[self.dimension]
         if isinstance(value, str) and kind.si and _BARE.fullmatch(value.strip()) and float(value) != 0.0:
@@ -286,8 +286,8 @@ def fields_at(path: tuple[str, ...], root: type[BaseModel]) -> Iterator[tuple[st
 
 
 def units_in(annotation: object) -> list[Unit]:
-    """Return the units contained in a type, without those of its tables and those that depend on other keys."""
+    """Return the units contained in a type, without those of its tables."""
     if isinstance(annotation, Unit):
-        return [] if annotation.axis else [annotation]
+        return [annotation]
     parts: list[object] = [*get_args(annotation)]
     return [unit for part in parts for unit in units_in(part)]

@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 
 from flexcam.case.schema.base import (
     DampingValue,
+    DirectionValue,
     Force,
     Length,
     LineValue,
@@ -158,15 +159,24 @@ class _GapRecord(Record):
 
 
 class LashRecord(_GapRecord):
-    """Lash between a rocker and the point it drives, or between two nodes."""
+    """Lash between a rocker and the point it drives, or between two nodes; about an axis that of a drive."""
 
     model: Literal["lash"]
-    gap: Annotated[float, Unit("length")] = Field(description="at the rocker's point")
-    stiffness: PositiveStiffness | None = Field(
-        None, description="of both sides when they touch; ten times EA/L of the softest member that ends there"
+    direction: DirectionValue | None = Field(None, description="in which it pushes or turns, between nodes")
+    gap: Annotated[float, Unit("length", axis="angle")] = Field(
+        description="at the rocker's point, m; rad about an axis"
     )
-    damping: DampingValue = 0.0
-    damping_depth: _DampingDepth = DAMPING_DEPTH
+    stiffness: Annotated[float, Unit("stiffness", above=True, axis="rotational stiffness")] | None = Field(
+        None,
+        description="of both sides when they touch; ten times EA/L of the softest member that ends there, "
+        "required about an axis, N m/rad",
+    )
+    damping: Annotated[float, Unit("damping", axis="rotational damping")] = Field(
+        0.0, description="N s/m, or N m s/rad about an axis"
+    )
+    damping_depth: Annotated[float, Unit("length", above=True, axis="angle")] = Field(
+        DAMPING_DEPTH, description="penetration over which the damper becomes active, m, or rad about an axis"
+    )
 
 
 class CheckValveRecord(PartRecord[CheckValve]):

@@ -272,12 +272,14 @@ _FrictionForce = Annotated[float, Unit("force", axis="moment")]
 _SlidingSpeed = Annotated[float, Unit("velocity", above=True, axis="speed")]
 
 
-class FrictionRecord(PartRecord[valvetrain.Friction]):
-    """Friction of a guide, a seal or a pivot, to ground or between two points."""
+class FrictionRecord(Record):
+    """Friction of a guide, a seal or a pivot, to ground or between two points, or of a spring in another one."""
 
-    at: Name
+    at: Name | None = Field(None, description="point that slides")
     to: Name | None = Field(None, description="the other side; ground where absent")
-    direction: DirectionValue
+    direction: DirectionValue | None = Field(None, description="in which the point slides")
+    spring: Name | None = Field(None, description="instead of at and direction: inner spring or damper of a nest")
+    inside: Name | None = Field(None, description="outer spring of the nest, with the same ends")
     force: _FrictionForce = Field(description="Coulomb's force, N, or moment about an axis, N m")
     breakaway_force: _FrictionForce | None = Field(None, description="when sliding begins; as force by default")
     stribeck_speed: _SlidingSpeed = Field(0.1, description="over which it falls to force, m/s, or rad/s about an axis")
@@ -286,19 +288,17 @@ class FrictionRecord(PartRecord[valvetrain.Friction]):
         0.0, description="viscous part, N s/m, or N m s/rad about an axis"
     )
 
-    def _check(self) -> None:
+    @model_validator(mode="after")
+    def _check_place(self) -> Self:
+        slide, coils = (self.at, self.direction), (self.spring, self.inside)
+        given, other = (slide, coils) if self.at is not None else (coils, (*slide, self.to))
+        if None in given or any(one is not None for one in other):
+            why = "friction acts at a point or between the coils of two springs"
+            raise value_error("either at and direction, or spring and inside", why)
         if self.breakaway_force is not None and self.breakaway_force < self.force:
             given = f"{self.breakaway_force:g}"
             raise value_error(f"{self.force:g} or more", "it is the maximum", inside="breakaway_force", given=given)
-        super()._check()
-
-    def build(self) -> valvetrain.Friction:
-        """Build the friction."""
-        breakaway = self.force if self.breakaway_force is None else self.breakaway_force
-        speeds = self.stribeck_speed, self.friction_speed
-        return valvetrain.Friction(
-            self.at, direction(self.direction), self.force, breakaway, *speeds, self.damping, self.to
-        )
+        return self
 
 
 class LoadRecord(PartRecord[valvetrain.GivenLoad]):

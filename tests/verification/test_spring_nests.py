@@ -1,0 +1,214 @@
+"""Friction between the springs of a nest, against closed forms.
+
+The first mode of a spring fixed at both ends, sin(pi z), has the stiffness k pi^2/2; a friction F that is distributed
+over its height pushes it by 2 F/pi. Coulomb friction takes 4 F/k of the mode from the amplitude per cycle (J. P. Den
+Hartog, Mechanical Vibrations, 4th ed., sec. 8.2), here 16 F/(pi^3 k).
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexcam import InputError, build_model, prepare, read_case, run, solve
+from flexcam.analysis.run_metrics import compute_metrics
+
+SOURCE = "Friction between nested springs"
+K, MASS, FORCE, AMPLITUDE = 20e3, 0.03, 4.0, 1e-3
+OMEGA = math.pi * math.sqrt(K / MASS)
+CASE = """
+format = 1
+nodes = {{ retainer = [0, 0, 0] }}
+supports = {{ retainer = ["uy"] }}
+[springs]
+inner = {{ at = "retainer", direction = "-uy", stiffness = 20e3, mass = 0.03, elements = {inner} }}
+outer = {{ at = "retainer", direction = "-uy", stiffness = {stiffness}, mass = 0.03, elements = {outer} }}
+[friction]
+nest = {{ spring = "inner", inside = "outer", force = {force}, friction_speed = 2e-4 }}
+[run]
+speed = {omega}
+steps_per_revolution = 1500
+revolutions = 4.2
+start = {{ displacement = {{ {start} }} }}
+[output]
+probes = ["retainer"]
+"""
+
+
+def nest(folder, *, inner=16, outer=16, stiffness=2e8, mirrored=False, engine="direct", force=FORCE):
+    """Return the prepared run over four cycles of the first mode of the inner spring, which is displaced in it."""
+    shape = {i: AMPLITUDE * math.sin(math.pi * i / inner) for i in range(1, inner)}
+    start = [f'"springs.inner.{i}" = {x}' for i, x in shape.items()]
+    start += [f'"springs.outer.{i}" = {-x}' for i, x in shape.items()] if mirrored else []
+    start = ", ".join(start)
+    text = CASE.format(inner=inner, outer=outer, stiffness=stiffness, force=force, omega=OMEGA, start=start)
+    (folder / "nest.toml").write_text(text, encoding="utf-8")
+    return prepare(read_case(folder / "nest.toml", [f"run.engine={engine}"]))
+
+
+def solved(ready):
+    """Return the response of a run."""
+    found = solve(ready.problem, ready.scheme)
+    assert found.status.ok
+    return found
+
+
+def amplitudes(found, name):
+    """Return the amplitudes of the first mode per cycle: the maxima of its coordinate, positive at the start."""
+    shape = np.sin(np.pi * np.arange(1, 16) / 16)
+    q = found[f"springs.{name}"].displacement @ shape / (shape @ shape)
+    q *= np.sign(q[0])
+    return np.concatenate([q[:1], q[1:-1][(q[1:-1] > q[:-2]) & (q[1:-1] >= q[2:])]])
+
+
+@pytest.mark.parametrize(
+    ("name", "outer", "stiffness", "mirrored"),
+    [("inner", 16, 2e8, False), ("inner", 5, 2e8, False), ("inner", 16, K, True), ("outer", 16, K, True)],
+)
+def test_linear_decay_of_surge(record, tmp_path, name, outer, stiffness, mirrored):
+    """In a stiff spring, of other parts too; and both in an equal spring that moves in the opposite sense."""
+    found = solved(nest(tmp_path, outer=outer, stiffness=stiffness, mirrored=mirrored))
+    heights = amplitudes(found, name)
+    assert len(heights) == 5
+    kind = "equal" if mirrored else "stiff"
+    record(source=SOURCE, case=f"{name} spring of a nest, {kind} outer spring of {outer} parts",
+           quantity="loss of amplitude per cycle", unit="m", reference=16.0 * FORCE / (math.pi**3 * K),
+           computed=(heights[0] - heights[-1]) / 4.0, tolerance=2e-3,
+           reason="reversal over 0.2 mm/s of 2.6 m/s, 16 parts, third mode")  # fmt: skip
+    assert np.ptp(np.diff(heights)) < 1e-3 * heights[0]  # linear, where a damper has a ratio of 0.9 per cycle
+    np.testing.assert_allclose(np.abs(found.channels["friction.nest.force"]).max(), FORCE, rtol=1e-6)
+    assert np.abs(found.channels["energy.residual"]).max() < 1e-12  # of 0.05 J
+
+
+def test_power_of_the_friction(tmp_path):
+    """Nothing else takes energy."""
+    ready = nest(tmp_path)
+    found = solved(ready)
+    metrics = {one.name: one.value for one in compute_metrics(ready, found)}
+    lost = np.interp(found.time[-1] - np.array([2.0 * math.pi / OMEGA, 0.0]), found.time,
+                     found.channels["energy.dissipated"])  # fmt: skip
+    power = np.diff(lost)[0] * OMEGA / (2.0 * math.pi)
+    np.testing.assert_allclose(metrics["friction.nest.friction_power.mean"], power, rtol=1e-4)  # 1500 trapezoids
+
+
+def test_engines_agree(tmp_path):
+    direct, kernel = (solved(nest(tmp_path, outer=5, engine=engine)) for engine in ("direct", "kernel"))
+    moved = [one["springs.inner"].displacement for one in (direct, kernel)]
+    np.testing.assert_allclose(moved[1], moved[0], atol=1e-9 * AMPLITUDE)
+    force = [one.channels["friction.nest.force"] for one in (direct, kernel)]
+    np.testing.assert_allclose(force[1], force[0], atol=1e-6 * FORCE)  # steep where it reverses
+
+
+PRESSED = """
+format = 1
+nodes = { retainer = [0, 0, 0] }
+[masses]
+retainer = { at = "retainer", mass = 0.1 }
+[springs]
+drive = { at = "retainer", direction = "uy", stiffness = 1e7, damping = 1e3 }
+outer = { at = "retainer", direction = "-uy", stiffness = 30e3, mass = 0.04, elements = 2, damping = 2 }
+[springs.inner]
+at = "retainer"
+direction = "-uy"
+installed_compression = "6 mm"
+elements = 1
+damping = 2
+wire = { diameter = "3 mm", shear_modulus = "80 GPa", density = 7850 }
+coils = [
+    { turns = 4, diameter = "20 mm", pitch = "6 mm" },
+    { turns = 2, diameter = "20 mm", pitch = "12 mm" },
+]
+[friction]
+nest = { spring = "inner", inside = "outer", force = "10 N", friction_speed = "1 mm/s" }
+[loads]
+drive = { at = "retainer", direction = "-uy", table = "drive.csv" }
+[run]
+speed = "600 rpm"
+revolutions = 5
+steps_per_revolution = 1000
+[output]
+probes = ["retainer"]
+"""
+TRAVEL, STROKE = 8e-3, 0.1
+
+
+def test_hysteresis_of_a_progressive_spring_in_a_uniform_one(record, tmp_path):
+    """Two parts each, so that one coil of each spring moves between the ends.
+
+    The narrow coils below the border at the height h have 2/3 of the compression, the border u = 2 x/3 of the motion x
+    of the retainer; the middle of the outer spring has x/2. Friction acts at 1/4 and 3/4 of the height.
+    """
+    (tmp_path / "drive.csv").write_text(
+        "time [s],force [N]\n" + "".join(f"{STROKE * t},{1e7 * TRAVEL * (t % 2)}\n" for t in range(6)), encoding="utf-8"
+    )
+    (tmp_path / "pressed.toml").write_text(PRESSED, encoding="utf-8")
+    found = solved(prepare(read_case(tmp_path / "pressed.toml")))
+    k1 = 80e9 * 0.003**4 / (8.0 * 4.0 * 0.02**3)
+    k2, ko = 2.0 * k1, 60e3
+    h = (0.024 - 0.004) / (0.048 - 0.006)  # as installed, 2/3 and 1/3 of the 6 mm compressed
+    low, high = 0.25 / h, (0.75 - h) / (1.0 - h)
+    # Rows: equilibrium of the inner border u and the middle of the outer spring v, with f = 5 N at both heights.
+    slid = 5.0 * np.array([low + 1.0 - high, -1.0])
+    u, middle = -slid / np.array([k1 + k2, 2.0 * ko])
+    width = 2.0 * (5.0 * (high - 0.5) - k2 * u - ko * middle)
+    x, v = -found["retainer"].displacement[:, 1], -found["retainer"].velocity[:, 1]
+    # Load less spring and damper of the drive, and the dampers of both springs.
+    pushed = 1e7 * TRAVEL * np.interp(found.time / STROKE, range(6), [0, 1] * 3) - 1e7 * x - (1e3 + 4.0) * v
+    up, down = (np.flatnonzero(found.time // STROKE == one) for one in (2, 3))
+    at = np.array([0.4, 0.5, 0.6]) * TRAVEL
+    rising = np.interp(at, x[up], pushed[up])
+    falling = np.interp(at, x[down][::-1], pushed[down][::-1])
+    for place, wide in zip(at, rising - falling, strict=True):
+        record(source=SOURCE, case=f"progressive spring in a uniform one, at {1e3 * place:.1f} mm",
+               quantity="width of the hysteresis loop", unit="N", reference=width, computed=wide, tolerance=1e-3,
+               reason="springs that ring from the reversal")  # fmt: skip
+
+
+REFUSED = {
+    "another end": 'springs.outer.to="seat"',
+    "another direction": 'springs.outer.direction="uy"',
+    "no mass": "springs.outer.mass=0",
+    "one part": "springs.inner.elements=1",
+    "itself": 'friction.nest.inside="inner"',
+}
+
+
+@pytest.mark.parametrize("change", REFUSED)
+def test_springs_that_are_no_nest_are_refused(tmp_path, change):
+    nest(tmp_path)
+    with pytest.raises(InputError, match="two springs of a nest"):
+        build_model(read_case(tmp_path / "nest.toml", ["nodes.seat=[0, -0.04, 0]", REFUSED[change]]))
+
+
+@pytest.mark.parametrize(
+    "table", ['{ spring = "inner", force = 1 }', '{ at = "retainer", force = 1 }',
+              '{ at = "retainer", direction = "uy", spring = "inner", inside = "outer", force = 1 }',
+              '{ spring = "inner", inside = "outer", to = "retainer", force = 1 }'],
+)  # fmt: skip
+def test_a_friction_has_one_place(tmp_path, table):
+    nest(tmp_path)
+    with pytest.raises(InputError, match="either at and direction, or spring and inside"):
+        read_case(tmp_path / "nest.toml", [f"friction.nest={table}"])
+
+
+def test_an_unknown_spring_is_refused(tmp_path):
+    nest(tmp_path)
+    with pytest.raises(InputError, match=r"'iner', expected a spring: inner, outer. Did you mean 'inner'"):
+        read_case(tmp_path / "nest.toml", ['friction.nest.spring="iner"'])
+
+
+@pytest.mark.parametrize("model", ["rigid", "chain"])
+def test_springs_without_surge_do_not_rub(tmp_path, model):
+    """The rigid model and chains have springs of one part."""
+    text = (Path(__file__).parent / "cam-follower.toml").read_text(encoding="utf-8")
+    outer = '{ at = "mass", direction = "uy", stiffness = "9 kN/m", mass = "20 g" }'
+    inner = PRESSED.split("[springs.inner]")[1].split("[friction]")[0]
+    text += "[springs.inner]" + inner.replace("retainer", "mass").replace("-uy", "uy")
+    (tmp_path / "follower.toml").write_text(text, encoding="utf-8")
+    friction = "{ spring = 'inner', inside = 'outer', force = 20 }"
+    tables = [f"springs.outer={outer}", f"friction.nest={friction}", f"fidelity.model={model}", "fidelity.masses=1"]
+    found = run(read_case(tmp_path / "follower.toml", tables if model == "chain" else tables[:-1]))
+    assert found.channels["friction.nest.force"] == pytest.approx(0.0, abs=1e-9)
