@@ -18,6 +18,7 @@ def test_all_are_there(flexcam):
     wanted = {
         "published-model", "pushrod-engine", "direct-acting", "exhaust-valve", "finger-follower", "lumped-train",
         "measured-lift", "dohc-16-valve", "v8-bank", "packaging-cam", "desmodromic", "roller-tappet", "valve-bridge",
+        "gear-drive",
     }  # fmt: skip
     assert set(NAMES) == wanted
     assert flexcam("new", "--json").json["templates"] == templates()
