@@ -21,6 +21,7 @@ from flexcam.dynamics import (
     Drive,
     FluctuatingSpeed,
     ModeBasis,
+    PhasedSpeed,
     Problem,
     RunFailedError,
     SaveAt,
@@ -203,6 +204,13 @@ def camshaft_drive(case: Case, model: Model, start: float = 0.0) -> Drive:
         return FluctuatingSpeed(case.speed, tuple(swing.orders), tuple(swing.amplitudes), tuple(phases), start)
     if run.free_running is not None:
         return _free_running_drive(case, model, run.free_running, start)
+    if run.phaser is not None:
+        for name, load in case.record.loads.items():
+            if load.table is not None and not load.table.over_time:
+                where, why = case.place(("loads", name, "table")), "the phaser turns the cam against the crankshaft"
+                raise refuse(where, "a table over an angle with run.phaser", "a table over time", why)
+        times, shifts = zip(*run.phaser, strict=True)
+        return PhasedSpeed(case.speed, times, shifts, start)
     return ConstantSpeed(case.speed, start)
 
 
@@ -259,6 +267,8 @@ def excitation_without_period(case: Case) -> dict[str, str]:
     speed = case.record.run.fluctuation
     broken = [order for order in speed.orders if order % 1.0] if speed else []
     found = {"run.fluctuation.orders": f"order {broken[0]:g}"} if broken else {}
+    if case.record.run.phaser is not None:
+        found["run.phaser"] = "a shaft that turns against its drive"
     for name, spring in case.record.springs.items():
         if spring.pulsation is not None and spring.pulsation.order % 1.0:
             found[f"springs.{name}.pulsation.order"] = f"order {spring.pulsation.order:g}"

@@ -6,12 +6,15 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol, TypeVar, cast
+from typing import TYPE_CHECKING, Protocol, TypeVar, cast
 
 import numpy as np
 
 from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import positive, refuse
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PchipInterpolator
 
 AngleFunction = Callable[[FloatArray, int], FloatArray]
 """A scalar function of the cam angle (rad) and of the order of its derivative."""
@@ -242,6 +245,63 @@ class FluctuatingSpeed:
             speed += self.speed * a * np.cos(k * mean + phase)
             rate -= self.speed**2 * a * k * np.sin(k * mean + phase)
         return CamMotion(angle, speed, rate, time)
+
+
+@dataclass(frozen=True, eq=False)
+class PhasedSpeed:
+    """Camshaft behind a phaser that turns it against its drive: ``theta = start + omega t + phi(t)``.
+
+    The angle phi is interpolated by F. N. Fritsch and R. E. Carlson's monotone cubic, SIAM J. Numer. Anal. 17 (1980),
+    and is constant before the first and after the last row.
+
+    Parameters
+    ----------
+    speed
+        Of the drive, rad/s, above zero.
+    times, shifts
+        Rows of time, s, ascending, and phi, rad; shape (m,) each.
+    start
+        Angle of the drive at time zero, rad.
+
+    Raises
+    ------
+    InputError
+        If the shaft would stop or turn back.
+
+    Examples
+    --------
+    >>> PhasedSpeed(10.0, (0.0, 1.0), (0.0, 0.5)).at(np.array([0.0, 1.0, 2.0])).angle
+    array([ 0. , 10.5, 20.5])
+    """
+
+    speed: float
+    times: tuple[float, ...]
+    shifts: tuple[float, ...]
+    start: float = 0.0
+
+    def __post_init__(self) -> None:
+        positive("speed", self.speed, "rad/s")
+        fine = np.linspace(self.times[0], self.times[-1], 20 * len(self.times))
+        slowest = float(self.at(fine).speed.min())
+        if slowest <= 0.0:
+            why = "the shaft must keep turning"
+            raise refuse("phaser", f"a shaft speed of {slowest:g} rad/s", "a speed above zero", why, "shift it slower")
+
+    @cached_property
+    def _shift(self) -> PchipInterpolator:
+        from scipy.interpolate import PchipInterpolator
+
+        edge = self.times[-1] - self.times[0]  # rows of equal angle beyond both ends make the ends smooth
+        times = [self.times[0] - edge, *self.times, self.times[-1] + edge]
+        return PchipInterpolator(times, [self.shifts[0], *self.shifts, self.shifts[-1]])
+
+    def at(self, time: FloatArray) -> CamMotion:
+        """Return angle, speed and rate at the given times, s."""
+        time = np.asarray(time, dtype=float)
+        inside = np.clip(time, self.times[0], self.times[-1])
+        shift, rate, change = (np.asarray(self._shift(inside, order), dtype=float) for order in range(3))
+        change = np.where(inside == time, change, 0.0)
+        return CamMotion(self.start + self.speed * time + shift, self.speed + rate, change, time)
 
 
 class SpeedByAngle:

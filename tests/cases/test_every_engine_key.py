@@ -289,6 +289,7 @@ def test_every_key_of_the_format_stands_in_some_case(rewritten, tmp_path):
         (DATA / "every-key.toml", ['run.integrator={ method = "collocation" }']),
         (DATA / "every-key.toml", [f"loads.gas={GAS}", f"friction.guide={GUIDE}"]),
         (DATA / "every-key.toml", [*NEST]),
+        (DATA.parents[1] / "flexcam/templates/valve-bridge.toml", ['run.phaser=[["0 s", "0 deg"], ["1 s", "5 deg"]]']),
         (DATA / "every-engine.toml", [f"contacts.adjuster={ADJUSTER}"]),
         (CHECKS / "mathieu.toml", []),
         (DATA / "every-key.toml", ['run.integrator={ method = "bathe" }', "fidelity.modes=20", "fidelity.reduction=craig-bampton"]),

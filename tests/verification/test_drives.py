@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 from scipy.integrate import quad, solve_ivp
 
-from flexcam import build_model, prepare, read_case, run, solve
+from flexcam import InputError, build_model, prepare, read_case, run, solve
 from flexcam.analysis.run import open_result_file
-from flexcam.dynamics import FluctuatingSpeed, SpeedByAngle
+from flexcam.dynamics import FluctuatingSpeed, PhasedSpeed, SpeedByAngle
 from flexcam.valvetrain import free_running
 
 SOURCE = "Drives of the camshaft"
@@ -295,3 +295,50 @@ def test_a_restart_goes_on_at_its_angle(case, tmp_path, lines):
 def test_a_restart_at_another_speed_goes_on_at_its_angle(case, tmp_path, lines):
     end, begins = continued(case, tmp_path, lines, speed=1100)
     assert begins == pytest.approx(end, abs=1e-9)
+
+
+def test_a_phaser_that_moves(record):
+    """Speed and rate are the derivatives of the angle, which passes the rows and rests before and after them."""
+    drive = PhasedSpeed(100.0, (0.05, 0.10, 0.12), (0.0, 0.35, 0.30), start=0.4)
+    moved = drive.at(TIMES).angle - 0.4 - 100.0 * TIMES
+    assert moved[TIMES < 0.05] == pytest.approx(0.0, abs=1e-15)
+    assert moved[TIMES > 0.12] == pytest.approx(0.30, abs=1e-13)
+    assert drive.at(np.array([0.1])).angle == pytest.approx([0.4 + 10.0 + 0.35], rel=1e-13)
+    h, times = 1e-6, np.linspace(0.051, 0.099, 25)
+    sides = [drive.at(times + side) for side in (h, -h)]
+    slopes = [(one - other) / (2.0 * h) for one, other in
+              zip((sides[0].angle, sides[0].speed), (sides[1].angle, sides[1].speed), strict=True)]  # fmt: skip
+    motion = drive.at(times)
+    record(source=SOURCE, case="phaser", quantity="largest error of the speed", unit="rad/s", reference=0.0,
+           computed=np.abs(motion.speed - slopes[0]).max(), tolerance=1e-6, absolute=True,
+           reason="differences")  # fmt: skip
+    assert motion.rate == pytest.approx(slopes[1], abs=1e-3)
+
+
+LOCKED = 'run.phaser=[["0 s", "25 deg"], ["1 s", "25 deg"]]'
+
+
+def test_a_locked_phaser_is_a_cam_at_another_phase():
+    """A shaft 25 deg ahead lifts 25 deg earlier: the histories over time are those of a cam with that phase."""
+    options = ("run.revolutions=1", 'run.start="rest"')
+    case = read_case(INLINE, options)
+    name = next(iter(case.record.cams))
+    phase = case.record.cams[name].phase - math.radians(25.0)
+    ahead = run(read_case(INLINE, (*options, LOCKED)))
+    other = run(read_case(INLINE, (*options, f"cams.{name}.phase={phase!r}")))
+    probe = next(iter(dict(ahead.outline.probes)))
+    scale = np.abs(other[probe].displacement).max()
+    assert np.abs(ahead[probe].displacement - other[probe].displacement).max() <= 1e-9 * scale  # rounding of the angle
+    assert ahead.angle - other.angle == pytest.approx(math.radians(25.0), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("override", "said"),
+    [
+        ('run.phaser=[["0 s", "0 deg"], ["1 ms", "-60 deg"]]', "must keep turning"),
+        ('run.phaser=[["1 s", "0 deg"], ["1 s", "5 deg"]]', "increasing time"),
+    ],
+)
+def test_refused_phasers(override, said):
+    with pytest.raises(InputError, match=said):
+        prepare(read_case(INLINE, (override,)))

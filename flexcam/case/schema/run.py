@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Annotated, Literal, Self, cast
 
 from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
@@ -254,6 +255,9 @@ class FreeRunningRecord(Record):
     follower_mass: MassValue = Field(description="of the follower")
 
 
+_PhaserRow = tuple[Annotated[float, Unit("time")], SignedAngle]
+
+
 class AdaptiveRecord(PartRecord[dynamics.Adaptive]):
     """Adaptive steps with an error below a tolerance; results are saved at the given steps."""
 
@@ -278,6 +282,9 @@ class RunRecord(Record):
     adaptive: AdaptiveRecord | None = Field(None, description="step size control; fixed steps by default")
     fluctuation: FluctuationRecord | None = Field(None, description="fluctuation of the speed about its mean")
     free_running: FreeRunningRecord | None = Field(None, description="speed of a freely rotating cam")
+    phaser: list[_PhaserRow] | None = Field(
+        None, min_length=2, description="rows of time and rotation of the camshaft against its drive, in cam angle"
+    )
     start: StartRecord = Field(
         "rest",
         description="at rest as installed, in static equilibrium, in the periodic state, or from a given state",
@@ -290,8 +297,13 @@ class RunRecord(Record):
 
     @model_validator(mode="after")
     def _check_drive(self) -> Self:
-        if self.fluctuation is not None and self.free_running is not None:
-            raise value_error("either fluctuation or free_running", "both define the speed")
+        given = [key for key in ("fluctuation", "free_running", "phaser") if getattr(self, key) is not None]
+        if len(given) > 1:
+            raise value_error(
+                "one of fluctuation, free_running, phaser", "each defines the speed", given=" and ".join(given)
+            )
+        if any(later <= time for (time, _), (later, _) in pairwise(self.phaser or [])):
+            raise value_error("rows of increasing time", inside="phaser")
         orders = self.fluctuation.orders if self.fluctuation else []
         if self.start == "periodic" and any(order != round(order) for order in orders):
             raise value_error("whole orders with start = periodic", "the state repeats with the camshaft")
