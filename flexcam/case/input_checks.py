@@ -18,7 +18,7 @@ from flexcam.case.case import Case
 from flexcam.case.reader import case_tables
 from flexcam.case.records import resolve_record, si_unit
 from flexcam.core.units import RPM
-from flexcam.dynamics import Method, Problem, RunFailedError, SaveAt, Scheme, newmark, solve
+from flexcam.dynamics import Method, Problem, RunFailedError, SaveAt, Scheme, equilibrium, newmark, solve
 from flexcam.fem.frames import direction
 from flexcam.valvetrain import (
     Adjuster,
@@ -279,6 +279,8 @@ def check_open_contacts(model: Model, problem: Problem) -> Iterator[str]:
     if not (contacts or seats) or problem.system.is_kinematic or problem.system.size > _MAX_DOFS:
         return
     try:
+        if problem.start is not None and problem.start.periodicity is not None:  # a follower may fly there
+            problem = replace(problem, start=equilibrium(problem.system, problem.drive))
         first = solve(replace(problem, steps=1, engine="direct", adaptive=None), newmark())
     except RunFailedError:
         return  # the run reports it
