@@ -6,6 +6,7 @@ Results go to standard output, messages to standard error. Exit codes: 0 success
 
 from __future__ import annotations
 
+import errno
 import logging
 import os
 import re
@@ -126,6 +127,13 @@ _OUT_OF_MEMORY = Status(
 )
 
 
+_NO_MEMORY = re.compile("failed to map segment|cannot allocate memory", re.IGNORECASE)
+"""Words of a library that cannot be loaded for lack of memory."""
+
+_STREAM_FAULTS = (errno.ENOSPC, errno.EPIPE, errno.EIO)
+"""Errors of a standard output that is full or has no reader."""
+
+
 def _handle_signal(signum: int, frame: FrameType | None) -> None:
     """End a run at its next step; end other operations immediately."""
     del frame
@@ -169,15 +177,16 @@ def _dispatch(words: Sequence[str]) -> int:
         code = _print_failure(_INTERRUPTED, as_json)
     except SystemExit:  # raised by rich if the reader of a help text closed the pipe
         code = DONE
-    except OSError as fault:
-        if fault.filename is None:  # standard output is full or has no reader
+    except Exception as fault:
+        if isinstance(fault, MemoryError) or _NO_MEMORY.search(str(fault)):
+            code = _print_failure(_OUT_OF_MEMORY, as_json)
+        elif isinstance(fault, OSError) and fault.filename is not None:
+            what = Fault("file", str(fault.filename), "a file or folder that can be used", system_message(fault), "")
+            code = _print_faults([what], as_json)
+        elif isinstance(fault, OSError) and fault.errno in _STREAM_FAULTS:
             raise
-        what = Fault("file", str(fault.filename), "a file or folder that can be used", system_message(fault), "")
-        code = _print_faults([what], as_json)
-    except MemoryError:
-        code = _print_failure(_OUT_OF_MEMORY, as_json)
-    except Exception:  # noqa: BLE001 - the one place where a fault of flexcam itself becomes a message
-        code = _report_crash(words, as_json)
+        else:
+            code = _report_crash(words, as_json)
     # A signal that arrived inside a finalizer was ignored there; it still counts.
     return _signal_code() if run_state.signals and code == DONE else code
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext
@@ -212,8 +213,31 @@ def _blas_threads(way: SelectedEngine) -> AbstractContextManager[object]:
     """
     if way.engine != "direct" or way.problem.system.size > MAX_MODES or os.environ.get("OPENBLAS_NUM_THREADS") == "1":
         return nullcontext()
-    control: Any = import_module("threadpoolctl")
-    return control.threadpool_limits(1, user_api="blas")
+    return _SINGLE_THREAD
+
+
+class _SingleThread:
+    """One thread of the linear algebra while any run of the process needs it: the last one restores the setting."""
+
+    def __init__(self) -> None:
+        self._lock, self._runs = threading.Lock(), 0
+        self._limits: Any = None
+
+    def __enter__(self) -> None:
+        with self._lock:
+            if not self._runs:
+                control: Any = import_module("threadpoolctl")
+                self._limits = control.threadpool_limits(1, user_api="blas")
+            self._runs += 1
+
+    def __exit__(self, *fault: object) -> None:
+        with self._lock:
+            self._runs -= 1
+            if not self._runs and self._limits is not None:
+                self._limits.restore_original_limits()
+
+
+_SINGLE_THREAD = _SingleThread()
 
 
 def _write_block(block: Block, takers: Sequence[Sink]) -> None:

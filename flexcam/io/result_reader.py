@@ -202,10 +202,13 @@ def _read_about(file: Any) -> dict[str, str]:  # noqa: ANN401
     about = read_texts(file[schema.ABOUT])
     for name, kind in schema.ABOUT_CASE.items():
         try:
-            found = about[name] if kind is str else json.loads(about[name])
+            text = about.get(name, "{}") if name == schema.ABOUT_FILES else about[name]
+            found = text if kind is str else json.loads(text)
         except (KeyError, ValueError, RecursionError):
             found = None
-        if not isinstance(found, kind):
+        texts = found.values() if isinstance(found, dict) else found if isinstance(found, list) else ()
+        is_text = name not in schema.ABOUT_TEXTS or all(isinstance(one, str) for one in texts)
+        if not (isinstance(found, kind) and is_text):
             given, allowed = f"nothing about {name!r} of its case, or something else", "a result that keeps its case"
             raise refuse(f"/{schema.ABOUT}", given, allowed, "", "compute it again")
     return about

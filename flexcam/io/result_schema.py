@@ -33,8 +33,12 @@ TIME_SCALE = "time"
 # Texts, status, mesh and checkpoint.
 ABOUT = "about"
 ABOUT_FORMAT = "format"
-ABOUT_CASE: dict[str, type] = {"case": str, "case_file": str, "overrides": list, "resolved": dict}
+ABOUT_FILES = "files"  # of a case that names some
+ABOUT_CASE: dict[str, type] = {"case": str, "case_file": str, "overrides": list, "resolved": dict, ABOUT_FILES: dict}
 """Texts that restore the case of a result, and the types of their JSON; a text is stored unchanged."""
+
+ABOUT_TEXTS = ("overrides", ABOUT_FILES)
+"""Those of them whose JSON contains strings alone."""
 
 MODES_KIND, MODES_FREQUENCIES = "kind", "frequencies_hz"
 """Texts about a file of modes."""

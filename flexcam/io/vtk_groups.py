@@ -130,7 +130,7 @@ class VtkGroup:
         for name, (values, unit) in still.items():
             create_fixed_dataset(data, name, values, unit)
         self._data = {
-            name: GrowingDataset(data, name, rows * self._points, unit, width=width if width > 1 else 0)
+            name: GrowingDataset(data, name, rows * max(self._points, 1), unit, width=width if width > 1 else 0)
             for name, (unit, width) in moving.items()
         }
         self._group: Any = file.create_group(schema.FIELD_STEPS)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 import flexcam
 
@@ -36,6 +37,14 @@ def numbers(case):
     return b"".join(np.ascontiguousarray(one).tobytes() for one in arrays)
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _one_thread_of_the_linear_algebra():
+    """Its number of threads changes the last bits of a product."""
+    with threadpool_limits(1, user_api="blas"), pytest.MonkeyPatch.context() as patch:
+        patch.setenv("OPENBLAS_NUM_THREADS", "1")  # of spawned processes
+        yield
+
+
 @pytest.fixture(scope="module")
 def cases():
     return [flexcam.read_case(path, overrides) for path, overrides in RUNS]
@@ -62,3 +71,13 @@ def test_processes(method, cases, alone, tried):
     with ProcessPoolExecutor(2, multiprocessing.get_context(method)) as processes:
         assert list(processes.map(numbers, cases)) == alone
     tried("together", f"worker processes, {method}", len(cases), "bit by bit the results of this process")
+
+
+def test_runs_that_overlap_restore_the_threads_of_the_linear_algebra(monkeypatch):
+    """The first run limits them and the last one restores them, in any order."""
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS")
+    with threadpool_limits(2, user_api="blas"):
+        direct = [flexcam.read_case(LINEAR, ("run.engine=direct", f"run.revolutions={x}")) for x in (0.05, 0.1, 0.2)]
+        with ThreadPoolExecutor(3) as threads:
+            list(threads.map(numbers, direct))
+        assert {one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"} == {2}

@@ -10,7 +10,7 @@ from pathlib import Path
 import h5py
 import pytest
 
-from flexcam.io import write_digest, write_text
+from flexcam.io import write_digest, write_text, write_texts
 
 ROOT = Path(__file__).parents[2]
 ROOM = 6_000_000
@@ -85,6 +85,19 @@ def test_what_cannot_be_had_is_said(flexcam, case, tmp_path):
     data = data_of(page)
     assert "valve" in [chart["name"] for chart in data["albums"][0]["charts"]]
     assert [one["name"] for one in data["scenes"][0]["shapes"]] == ["the run"]
+
+
+@pytest.mark.parametrize(("name", "text"), [("overrides", "[3]"), ("files", "no JSON"), ("files", '{"a.csv": null}')])
+def test_texts_about_the_case_that_are_damaged(flexcam, case, name, text, tmp_path):
+    assert flexcam("run", case, "--set", "run.revolutions=0.02").code == 0
+    path = tmp_path / "results/case.vtkhdf"
+    with h5py.File(path, "r+") as file:
+        del file[f"about/{name}"]
+        write_texts(file["about"], {name: text})
+        write_digest(file)
+    for words in (("info", path), ("plot", path), ("report", path)):
+        refused = flexcam(*words)
+        assert (refused.code, "a result that keeps its case" in refused.err) == (2, True), refused.err
 
 
 @pytest.mark.slow
