@@ -10,7 +10,8 @@ from pathlib import Path
 import h5py
 import pytest
 
-from flexcam.io import write_digest, write_text, write_texts
+from flexcam.io import write_digest, write_text
+from flexcam.io.hdf5 import write_texts
 
 ROOT = Path(__file__).parents[2]
 ROOM = 6_000_000
