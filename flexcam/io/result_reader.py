@@ -317,6 +317,7 @@ def verify_file(path: str | Path) -> dict[str, int | bool]:
     with open_hdf5(source, "result", allowed, suggest_alternative(source)) as file:
         if schema.HISTORY in file:
             _check_result(file, source)
+            _result(file)  # every name, type and shape
         else:
             check_integrity(file, "table", source, schema.TABLE_FORMAT)
         found = datasets(file)

@@ -96,7 +96,7 @@ def test_texts_about_the_case_that_are_damaged(flexcam, case, name, text, tmp_pa
         del file[f"about/{name}"]
         write_texts(file["about"], {name: text})
         write_digest(file)
-    for words in (("info", path), ("plot", path), ("report", path)):
+    for words in (("info", path), ("info", "--verify", path), ("plot", path), ("report", path)):
         refused = flexcam(*words)
         assert (refused.code, "a result that keeps its case" in refused.err) == (2, True), refused.err
 
