@@ -144,16 +144,13 @@ def _centreline(found: CamFacts, turns: float) -> str:
     cam = f"cam {math.degrees(found.centreline):.2f} deg"
     if found.centreline_after_tdc is None:
         return cam + (" (set tdc of the cam to get angles from the dead centres)" if turns == 2.0 else "")
-    return f"{cam}, crank {_from_dead_centre(found.centreline_after_tdc, 'TDC')}"
+    return f"{cam}, crank {_from_dead_centre(found.centreline_after_tdc)}"
 
 
-def _from_dead_centre(crank_angle: float | None, name: str = "") -> str:
-    """Return a crank angle, rad after top dead centre of gas exchange, from a named or the nearest dead centre."""
-    angle = round(math.degrees(crank_angle or 0.0), 2)
-    nearest = 0 if name else round(angle / 180.0)
-    offset = angle - 180.0 * nearest
-    centre = ("TDC", "BDC", "firing TDC")[abs(nearest)]
-    return f"{abs(offset):.2f} deg {'before' if offset < 0.0 else 'after'} {centre}"
+def _from_dead_centre(crank_angle: float | None, centre: float = 0.0) -> str:
+    """Return a crank angle from the top dead centre of gas exchange or a bottom one; both in rad after the former."""
+    offset = round(math.degrees(math.remainder((crank_angle or 0.0) - centre, 4.0 * math.pi)), 2)
+    return f"{abs(offset):.2f} deg {'B' if offset < 0.0 else 'A'}{'BDC' if centre else 'TDC'}"
 
 
 def _at_speed(value: float, unit: str, at_speed: str, order: int, speed: float | None) -> str:
@@ -162,12 +159,13 @@ def _at_speed(value: float, unit: str, at_speed: str, order: int, speed: float |
 
 
 def _event(found: CamFacts, event: ValveEvent | None, always: bool, turns: float) -> str:
-    """Return an event from the dead centres, or in degrees of the shaft whose speed the case gives."""
+    """Return an event from the dead centres of its stroke, or in degrees of the shaft whose speed the case gives."""
     if event is None:
         return "always" if always else "never"
     if (middle := found.centreline_after_tdc) is not None:
-        valve = "E" if middle < 0.0 else "I"
-        opens, closes = (_from_dead_centre(found.after_tdc(angle)) for angle in (event.opens, event.closes))
+        valve, centres = ("E", (-math.pi, 0.0)) if middle < 0.0 else ("I", (0.0, math.pi))
+        ends = zip((event.opens, event.closes), centres, strict=True)
+        opens, closes = (_from_dead_centre(found.after_tdc(angle), centre) for angle, centre in ends)
         return f"{valve}VO {opens}, {valve}VC {closes}, duration {math.degrees(event.duration):.2f} deg"
     opens, closes, span = (0.5 * turns * math.degrees(x) for x in (event.opens, event.closes, event.duration))
     shaft = "crank" if turns == 2.0 else "cam"
