@@ -43,14 +43,14 @@ from flexcam.case.builder import parse_follower
 from flexcam.cli import app as cli
 from flexcam.core import FloatArray
 from flexcam.core.errors import positive, refuse, suggest_name
-from flexcam.core.units import RPM
+from flexcam.core.units import RPM, format_quantity, set_unit_system, to_display_unit
 from flexcam.io import check_folder_name, check_writable, create_folder, read_profile, write_lift_table, write_profile
-from flexcam.report.terminal import NOISE, facts_table, format_degrees, format_mm, plain_table
+from flexcam.report.terminal import NOISE, facts_table, format_degrees, plain_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_STEPS = (("lift", "mm"), ("velocity", "mm/rad"), ("acceleration", "mm/rad^2"), ("jerk", "mm/rad^3"))
+_STEPS = (("lift", "m"), ("velocity", "m/rad"), ("acceleration", "m/rad^2"), ("jerk", "m/rad^3"))
 
 
 def _cam_json(found: CamFacts, report: LiftReport | None) -> dict[str, object]:
@@ -116,11 +116,11 @@ def _cam_table(name: str, found: CamFacts, cams: CamSet) -> Table:
     rows = [
         ("lift", _lift(found)),
         ("lobe centreline", _centreline(found, cams.turns)),
-        ("max velocity", _at_speed(found.velocity, "mm/rad", "m/s", 1, speed)),
-        ("max acceleration", _at_speed(found.acceleration, "mm/rad^2", "m/s^2", 2, speed)),
-        ("max jerk", infinite if found.jerk is None else f"{1e3 * found.jerk:.5g} mm/rad^3"),
-        ("harmonics 1 to 10", ", ".join(format_mm(one, 3) for one in found.harmonics) + " mm"),
-        *([("lash at the follower", f"{format_mm(lash)} mm")] if lash else []),
+        ("max velocity", _at_speed(found.velocity, "m/rad", "m/s", 1, speed)),
+        ("max acceleration", _at_speed(found.acceleration, "m/rad^2", "m/s^2", 2, speed)),
+        ("max jerk", infinite if found.jerk is None else format_quantity("m/rad^3", found.jerk, digits=5)),
+        ("harmonics 1 to 10", format_quantity("m", *found.harmonics, digits=3, separator=", ")),
+        *([("lash at the follower", format_quantity("m", lash))] if lash else []),
         *((f"{part} above {lift}",
            _event(found, event, factor * (found.lift[0].value - gap) > found.checking_lifts[lift], cams.turns))
           for part, its, factor, gap in events for lift, event in its.items()),
@@ -133,10 +133,10 @@ def _cam_table(name: str, found: CamFacts, cams: CamSet) -> Table:
 
 def _lift(found: CamFacts) -> str:
     least, largest = (one.value for one in found.lift)
-    low = f"{format_mm(least)} to " if abs(least) > NOISE * largest else ""
+    ends = (least, largest) if abs(least) > NOISE * largest else (largest,)
     how = ", ".join([f"x {found.ratio:g}"] * (found.ratio != 1.0) + ["less the lash"] * (found.lash != 0.0))
-    valve = f", at the valve {format_mm(_valve_lift(found))} mm ({how})" if how else ""
-    return f"{low}{format_mm(largest)} mm{valve}"
+    valve = f", at the valve {format_quantity('m', _valve_lift(found))} ({how})" if how else ""
+    return f"{format_quantity('m', *ends)}{valve}"
 
 
 def _centreline(found: CamFacts, turns: float) -> str:
@@ -154,8 +154,10 @@ def _from_dead_centre(crank_angle: float | None, centre: float = 0.0) -> str:
 
 
 def _at_speed(value: float, unit: str, at_speed: str, order: int, speed: float | None) -> str:
-    text = f"{1e3 * value:.5g} {unit}"
-    return text if speed is None else f"{text}, {value * speed**order:.5g} {at_speed} at camshaft {speed / RPM:.6g} rpm"
+    text = format_quantity(unit, value, digits=5)
+    if speed is None:
+        return text
+    return f"{text}, {format_quantity(at_speed, value * speed**order, digits=5)} at camshaft {speed / RPM:.6g} rpm"
 
 
 def _event(found: CamFacts, event: ValveEvent | None, always: bool, turns: float) -> str:
@@ -173,8 +175,8 @@ def _event(found: CamFacts, event: ValveEvent | None, always: bool, turns: float
 
 
 def _joint(joint: Joint) -> str:
-    named = zip(_STEPS, joint.steps, strict=True)
-    steps = ", ".join(f"{name} {1e3 * step:+.5g} {unit}" for (name, unit), step in named if step)
+    named = ((name, step, *to_display_unit(unit)) for (name, unit), step in zip(_STEPS, joint.steps, strict=True))
+    steps = ", ".join(f"{name} {factor * step:+.5g} {symbol}" for name, step, factor, symbol in named if step)
     return f"steps of {steps}" if steps else "smooth"
 
 
@@ -186,32 +188,37 @@ def _profile(found: CamFacts, speed: float | None) -> list[tuple[str, str]]:
     if found.least_base_radius is None:
         least = "no radius meets the limits with this lift"
     elif found.least_base_radius:
-        least = f"min for curvature and pressure angle {format_mm(found.least_base_radius)} mm"
-    convex = f"{format_mm(seen.convex.value)} mm" if seen.convex.value > 0.0 else "none: the profile is undercut"
+        least = f"min for curvature and pressure angle {format_quantity('m', found.least_base_radius)}"
+    hollow = "none" if seen.hollow is None else f"{format_quantity('m', seen.hollow.value)} {_at(seen.hollow)}"
+    convex = format_quantity("m", seen.convex.value) if seen.convex.value > 0.0 else "none: the profile is undercut"
     rows = [
-        ("base circle radius", f"{format_mm(profile.follower.base_radius)} mm; {least}"),
+        ("base circle radius", f"{format_quantity('m', profile.follower.base_radius)}; {least}"),
         ("min convex radius", f"{convex} {_at(seen.convex)}"),
-        ("min concave radius", f"{format_mm(seen.hollow.value)} mm {_at(seen.hollow)}" if seen.hollow else "none"),
+        ("min concave radius", hollow),
         ("max pressure angle", f"{format_degrees(abs(seen.pressure_angle.value))} deg {_at(seen.pressure_angle)}"),
-        ("contact offset", f"{format_mm(seen.offset[0].value, 5)} to {format_mm(seen.offset[1].value, 5)} mm"),
+        ("contact offset", format_quantity("m", *(end.value for end in seen.offset), digits=5)),
     ]  # fmt: skip
     if found.min_face_diameter is not None:
         rows.append(("min face diameter", _face(found, found.min_face_diameter)))
     if math.isinf(profile.follower.roller_radius):  # a roller turns instead
-        rows.append(("max sliding velocity", _at_speed(abs(seen.sliding.value), "mm/rad", "m/s", 1, speed)))
+        rows.append(("max sliding velocity", _at_speed(abs(seen.sliding.value), "m/rad", "m/s", 1, speed)))
     return rows
 
 
 def _face(found: CamFacts, smallest: float) -> str:
     """Return the face diameter that contains the contact line, the given one, and the offset that rotates the face."""
     width, given = found.cam.width, found.face_diameter
-    contents = ["without the width of the cam" if width is None else f"with the cam's width of {format_mm(width)} mm"]
+    contents = [
+        "without the width of the cam" if width is None else f"with the cam's width of {format_quantity('m', width)}"
+    ]
     if found.rotation_arm:
-        contents.append(f"contact {format_mm(found.rotation_arm)} mm from the follower's axis, which rotates it")
+        contents.append(
+            f"contact {format_quantity('m', found.rotation_arm)} from the follower's axis, which rotates it"
+        )
     elif given is not None:
         contents.append("no axial_offset, or crown with taper, that rotates the follower")
-    has = "" if given is None else f" of {format_mm(given)} mm"
-    return f"{format_mm(smallest)} mm{has} ({', '.join(contents)})"
+    has = "" if given is None else f" of {format_quantity('m', given)}"
+    return f"{format_quantity('m', smallest)}{has} ({', '.join(contents)})"
 
 
 def _at(place: Extreme) -> str:
@@ -222,8 +229,8 @@ def _finding(one: ProfileFault) -> str:
     if one.kind == "angle":
         measure = f"{format_degrees(one.value)} deg, allowed up to {format_degrees(one.limit)} deg"
     else:
-        side = f"at least {format_mm(one.limit, 4)} mm" if one.limit else "above 0"
-        measure = f"{format_mm(one.value, 4)} mm, allowed {side}"
+        side = f"at least {format_quantity('m', one.limit, digits=4)}" if one.limit else "above 0"
+        measure = f"{format_quantity('m', one.value, digits=4)}, allowed {side}"
     place = f"at {math.degrees(one.angle):.4g} deg: {measure}"
     return f"{one.what} ({place}); {one.remedy}"
 
@@ -240,8 +247,7 @@ def _overlap_table(overlaps: Sequence[tuple[str, str, str, float]], found: Mappi
 
 def _smoothing_table(name: str, report: LiftReport) -> Table:
     before, after = (
-        f"{1e3 * low:.4g} to {1e3 * high:.4g} mm/rad^2"
-        for low, high in (report.acceleration_before, report.acceleration_after)
+        format_quantity("m/rad^2", *ends, digits=4) for ends in (report.acceleration_before, report.acceleration_after)
     )
     changed = f"{1e6 * report.rms_change:.3g} um rms, max {1e6 * report.largest_change:.3g} um"
     rows = [
@@ -296,13 +302,14 @@ def cam(
     points: Annotated[int, Parameter(help="Points of the profile or of the lift table per revolution.")] = 720,
     output: Annotated[Path | None, Parameter(
         ["-o", "--output"], help="Folder of the profile files; with --from-profile: lift table (.csv).")] = None,
-    overwrite: cli.Overwrite = False, as_json: cli.Json = False,
+    units: cli.Units = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
 ) -> None:  # fmt: skip
     """Show cam card, profile and limits of the cams in a file, or compute the lift of a measured profile.
 
     With -o it writes the profiles for manufacture (CSV, DXF, VTP). With --from-profile it reads points of a profile
     instead of a case, and -o writes the lift of its follower as a table for a case.
     """
+    set_unit_system(units or "metric")
     if profile is not None:
         of_case = {
             "CASE": case, "--cam": name, "--format": forms, "--cutter": cutter, "--pressure-angle": pressure_angle,
@@ -416,14 +423,15 @@ def _lift_from_profile_table(
     low, high = (Extreme(float(lift[i]), float(angle[i])) for i in (int(np.argmin(lift)), int(np.argmax(lift))))
     rows = [
         ("points", str(points)),
-        ("max lift", f"{format_mm(high.value)} mm at {math.degrees(high.at):.4g} deg"),
-        ("min lift", f"{format_mm(low.value)} mm at {math.degrees(low.at):.4g} deg"),
+        ("max lift", f"{format_quantity('m', high.value)} at {math.degrees(high.at):.4g} deg"),
+        ("min lift", f"{format_quantity('m', low.value)} at {math.degrees(low.at):.4g} deg"),
     ]
     if low.value < -NEGATIVE_LIFT_TOLERANCE * high.value:
         rows.append(("warning", "the profile lies inside the base circle; check its radius and the unit"))
     if hollow is not None:
-        place = f"{format_mm(hollow.point[0], 4)}, {format_mm(hollow.point[1], 4)} mm"
-        said = f"the follower bridges a hollow of the profile, with a gap of {format_mm(hollow.depth, 3)} mm at {place}"
+        place = format_quantity("m", *hollow.point, digits=4, separator=", ")
+        gap = format_quantity("m", hollow.depth, digits=3)
+        said = f"the follower bridges a hollow of the profile, with a gap of {gap} at {place}"
         rows.append(("warning", f"{said}; a smaller roller follows the profile"))
     return facts_table(f"Lift of {name}", rows)
 

@@ -17,6 +17,7 @@ from flexcam.case.builder import build_model
 from flexcam.case.reader import read_case
 from flexcam.cli import app as cli
 from flexcam.core.errors import collect_errors
+from flexcam.core.units import set_unit_system
 from flexcam.io import check_folder_name, create_folder, write_modes
 from flexcam.report.tables import describe_mac, mac_table, mode_table
 from flexcam.report.terminal import plain_table
@@ -63,13 +64,15 @@ def modes(
         help="Second case file, whose modes are compared by the modal assurance criterion.")] = None,
     folder: Annotated[Path | None, Parameter(
         ["-o", "--output"], help="Also write the mode shapes for ParaView to this folder.")] = None,
-    overrides: cli.Overrides = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
+    overrides: cli.Overrides = None, units: cli.Units = None, overwrite: cli.Overwrite = False,
+    as_json: cli.Json = False,
 ) -> None:  # fmt: skip
     """Compute natural frequencies and mode shapes, and name the parts that move in each mode.
 
     It prints the modes with all contacts open, and for each cam those with the contacts closed on the base circle and
     at full lift.
     """
+    set_unit_system(units or "metric")
     read, _ = collect_errors(
         lambda: cli.load_case(case, overrides),
         lambda: cli.check_positive("--count", count),

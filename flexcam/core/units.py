@@ -263,10 +263,14 @@ def shaft_speed(speed: float, turns: float) -> str:
 
 
 _DISPLAY_UNITS = {
-    "metric": {"m": "mm", "rad": "deg", "Pa": "MPa"},
+    "metric": {
+        "m": "mm", "m/rad": "mm/rad", "m/rad^2": "mm/rad^2", "m/rad^3": "mm/rad^3", "rad": "deg", "Pa": "MPa",
+        "N/m": "N/mm",
+    },
     "imperial": {
-        "m": "in", "m/s": "ft/s", "m/s^2": "ft/s^2", "rad": "deg", "N": "lbf", "N m": "lbf ft", "N/m": "lbf/in",
-        "Pa": "ksi", "W": "hp",
+        "m": "in", "m/rad": "in/rad", "m/rad^2": "in/rad^2", "m/rad^3": "in/rad^3", "m/s": "ft/s", "m/s^2": "ft/s^2",
+        "rad": "deg", "N": "lbf", "N m": "lbf ft", "N/m": "lbf/in", "N m/rad": "lbf ft/rad", "N s/m": "lbf s/in",
+        "Pa": "ksi", "W": "hp", "kg": "lb",
     },
 }  # fmt: skip
 """Units of displayed quantities by their SI unit; others stay in SI."""
@@ -284,4 +288,15 @@ def to_display_unit(unit: str) -> tuple[float, str]:
     """Return the factor from an SI unit to the one in which engineers show the quantity, and its symbol."""
     shown = _DISPLAY_UNITS[_unit_system.get()].get(unit, unit)
     factor = 1.0 if shown == unit else 1.0 / conversion_factor(shown, unit, "unit")
-    return factor, "" if shown == "1" else shown.replace("^2", "²")
+    return factor, "" if shown == "1" else shown.replace("^2", "²").replace("^3", "³")
+
+
+def format_quantity(unit: str, *values: float, digits: int = 6, separator: str = " to ") -> str:
+    """Return SI values in their displayed unit, such as ``0.2 to 9 mm``; rounding noise gives zero."""
+    factor, symbol = to_display_unit(unit)
+    numbers = [f"{0.0 if abs(value) < ROUNDING else factor * value:.{digits}g}" for value in values]
+    return f"{separator.join(numbers)} {symbol}"
+
+
+ROUNDING = 1e-12
+"""SI value, or fraction of the largest value of a kind, below which a displayed value is a rounded zero."""
