@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 from itertools import combinations
 from pathlib import Path
@@ -107,8 +107,10 @@ def _profile_json(found: CamFacts) -> dict[str, object] | None:
 
 
 def _cam_table(name: str, found: CamFacts, cams: CamSet) -> Table:
-    speed, ratio, lash = cams.speed, found.ratio, found.lash
     part = "valve open" if cams.turns == 2.0 else "output"  # of a machine
+    if name in cams.clearances:  # it closes the valve
+        part, found = "follower", replace(found, ratio=1.0, lash=0.0, events=found.follower_events)
+    speed, ratio, lash = cams.speed, found.ratio, found.lash
     infinite = "infinite: the acceleration is discontinuous"
     events = [(part, found.events, ratio, lash)]
     if ratio != 1.0 or lash:
@@ -121,6 +123,7 @@ def _cam_table(name: str, found: CamFacts, cams: CamSet) -> Table:
         ("max jerk", infinite if found.jerk is None else format_quantity("m/rad^3", found.jerk, digits=5)),
         ("harmonics 1 to 10", format_quantity("m", *found.harmonics, digits=3, separator=", ")),
         *([("lash at the follower", format_quantity("m", lash))] if lash else []),
+        *([("running clearance", format_quantity("m", cams.clearances[name]))] if name in cams.clearances else []),
         *((f"{part} above {lift}",
            _event(found, event, factor * (found.lift[0].value - gap) > found.checking_lifts[lift], cams.turns))
           for part, its, factor, gap in events for lift, event in its.items()),

@@ -17,6 +17,7 @@ from flexcam.analysis.figures_of_merit import SPRING_MARGIN, FigureOfMerit, Marg
 from flexcam.analysis.prepared_run import PreparedRun
 from flexcam.analysis.resources import ResourceEstimate, format_size
 from flexcam.analysis.run_checks import describe_balance, describe_contact_loss
+from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.core import FloatArray
 from flexcam.core.units import RPM, format_quantity, shaft_name, shaft_speed, to_display_unit
@@ -46,6 +47,7 @@ from flexcam.valvetrain import (
     Spring,
     build_structure,
     member_masses,
+    opposed_contacts,
 )
 from flexcam.valvetrain import describe_inactive as words_of
 from flexcam.valvetrain.spring_properties import spring_curve, spring_frequencies
@@ -63,13 +65,18 @@ CONTACT_DESCRIPTIONS = {
         "follower would leave its cam."
     ),
     "unilateral": "Contact model: unilateral. Springs press the follower to its cam, and it can lose contact.",
+    "opposed": "Contact model: unilateral. Opposed cams drive the follower in turn, and each loses it in between.",
 }
 """Descriptions of the contact formulations."""
 
 
 def describe_contacts(case: Case, figures: Sequence[Metric] = ()) -> list[str]:
     """Return sentences about the contact formulation of a result."""
-    models = dict.fromkeys(contact.model for contact in case.record.contacts.values())
+    opposed = opposed_contacts(build_model(case))
+    models = dict.fromkeys(
+        "opposed" if name in opposed and contact.model == "unilateral" else contact.model
+        for name, contact in case.record.contacts.items()
+    )
     said = {model: CONTACT_DESCRIPTIONS[model] for model in models if model in CONTACT_DESCRIPTIONS}
     if left := describe_contact_loss(figures):  # only unilateral contacts have this metric
         said["unilateral"] = f"{said['unilateral'].removesuffix('.')}: {left}."
@@ -112,7 +119,7 @@ def model_table(ready: PreparedRun, modes: ModelModes, takes: ResourceEstimate |
             for n, r in model.rockers.items()
         ),
         *((f"cam {n}", f"at {c.at}, lift {format_quantity('m', c.event.height)}") for n, c in model.cams.items()),
-        *((f"contact {n}", _contact(c)) for n, c in model.contacts.items()),
+        *((f"contact {n}", _contact(model, c)) for n, c in model.contacts.items()),
         *((f"friction {n}", f"{format_quantity(_unit(f), f.force)} at {f.at}") for n, f in model.friction.items()),
         *((f"load {n}", _load(load)) for n, load in model.loads.items()),
         *_weight(ready),
@@ -185,7 +192,7 @@ def _load(load: GivenLoad) -> str:
     return f"{size} at {load.at} {along}, table {over}"
 
 
-def _contact(contact: Contact) -> str:
+def _contact(model: Model, contact: Contact) -> str:
     match contact:
         case Seat():
             return f"stop of {format_quantity('N/m', contact.stiffness)} at {contact.at}"
@@ -194,7 +201,10 @@ def _contact(contact: Contact) -> str:
             stiffness = format_quantity("N/m", contact.stiffness)
             place = f"from {ends[0]} to {ends[1]}" if ends else f"at rocker {contact.rocker}"
             if isinstance(contact, Lash):
-                return f"lash of {format_quantity('m', contact.gap)} {place}, {stiffness}"
+                what, opposed = "lash", (model.cam_contacts[name].follower for name in opposed_contacts(model))
+                if ends and not {*ends}.isdisjoint(opposed):
+                    what, place = "gap", f"{place} with both cams on the base circle"
+                return f"{what} of {format_quantity('m', contact.gap)} {place}, {stiffness}"
             return f"hydraulic adjuster {place}, oil {stiffness}, leak {format_quantity('N s/m', contact.leak)}"
         case _:
             return f"{contact.cam} lifts {contact.follower} along {_vector(contact.direction)}"

@@ -78,6 +78,22 @@ def test_a_run_too_fast_keeps_it_with_its_result_and_its_report(flexcam, engine,
 
 
 @pytest.mark.slow
+def test_words_of_a_desmodromic_pair(flexcam, tmp_path):
+    """The gap of 9.03 mm is a running clearance of 0.03 mm beyond the lift; no spring and no nose force is told of."""
+    case = new_case("desmodromic", tmp_path / "case.toml")[0]
+    card = " ".join(flexcam("cam", case).out.partition("Cam closing")[2].split())
+    assert "lift 9 mm lobe" in card
+    assert "running clearance 0.03 mm" in card
+    assert "valve" not in card
+    assert "lash" not in card
+    checked = " ".join(flexcam("check", case).out.split())
+    assert "gap of 9.03 mm from closer to stem-top with both cams on the base circle" in checked
+    told = flexcam("run", case, "--set", "run.steps_per_revolution=360", "--set", "run.revolutions=1").out
+    assert "Opposed cams drive the follower in turn" in told
+    assert "Springs press" not in told
+    assert "nose" not in told
+
+
 def test_desmodromic_pair(flexcam, tmp_path):
     """The rigid train of a pair is no measure of valve loft; a follower that left one cam is on the other."""
     pair = Path(__file__).parents[1] / "golden/models/desmodromic.toml"
