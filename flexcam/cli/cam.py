@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from functools import partial
 from itertools import combinations
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, cast
 
 import numpy as np
 from cyclopts import Group, Parameter
@@ -44,8 +44,16 @@ from flexcam.cli import app as cli
 from flexcam.core import FloatArray
 from flexcam.core.errors import positive, refuse, suggest_name
 from flexcam.core.units import RPM, format_quantity, set_unit_system, to_display_unit
-from flexcam.io import check_folder_name, check_writable, create_folder, read_profile, write_lift_table, write_profile
-from flexcam.report.terminal import NOISE, facts_table, format_degrees, plain_table
+from flexcam.io import (
+    check_folder_name,
+    check_writable,
+    create_folder,
+    read_profile,
+    write_lift_table,
+    write_profile,
+    write_text,
+)
+from flexcam.report.terminal import NOISE, facts_table, format_csv, format_degrees, plain_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -104,6 +112,26 @@ def _profile_json(found: CamFacts) -> dict[str, object] | None:
         "least_base_radius": found.least_base_radius,
         "face_diameter": found.face_diameter, "min_face_diameter": found.min_face_diameter,
     }  # fmt: skip
+
+
+_UNITS = {
+    "velocity": "m/rad", "sliding_velocity": "m/rad", "acceleration": "m/rad^2", "jerk": "m/rad^3", "ratio": "1",
+    **dict.fromkeys(
+        ("angle", "opens", "closes", "duration", "centre", "centreline", "tdc", "pressure_angle", "convex_radius_at",
+         "hollow_radius_at", "pressure_angle_at"), "rad"),
+}  # fmt: skip
+"""SI units of the numbers of a card by the last part of their names; others are lengths."""
+
+
+def _card_rows(content: object, *name: str) -> Iterator[tuple[str, float, str]]:
+    """Yield the numbers of a card: quantity, value and unit."""
+    if isinstance(content, float):
+        factor, unit = to_display_unit(_UNITS.get(name[-1], "m"))
+        yield " ".join(name).replace("_", " "), factor * content, unit
+    elif isinstance(content, (dict, list)):
+        parts = content if isinstance(content, dict) else dict(enumerate(content, start=1))
+        for part, value in cast("dict[object, object]", parts).items():
+            yield from _card_rows(value, *name, str(part))
 
 
 def _cam_table(name: str, found: CamFacts, cams: CamSet) -> Table:
@@ -366,15 +394,20 @@ def _write_cam_files(
     name: str, found: Mapping[str, CamFacts], plot: Path | None, form: str, folder: Path | None,
     forms: Sequence[Literal["csv", "dxf", "vtp"]] | None, cutter: float | None, *, overwrite: bool,
 ) -> list[Path]:  # fmt: skip
-    """Write the profiles and figures of the cams of a file with a given name."""
+    """Write the card, the profiles and the figures of the cams of a file with a given name."""
     figures = {} if plot is None else {plot / f"{stem}.{form}": one for stem, one in _draw_cams(name, found).items()}
-    for path in figures:  # before files are written
-        check_writable("picture", path, overwrite=overwrite)
+    card = folder / f"{name}-card.csv" if folder is not None and "csv" in (forms or ["csv"]) else None
+    for path in (*figures, *([] if card is None else [card])):  # before files are written
+        check_writable("picture" if path in figures else "output", path, overwrite=overwrite)
     files: list[Path] = []
     for one, facts in found.items():
         if folder is not None and facts.profile is not None:
             table, target = profile_table(facts.profile, cutter), create_folder(folder) / f"{name}-{one}"
             files += write_profile(table, target, forms or ["csv", "dxf", "vtp"], overwrite=overwrite)
+    if card is not None:
+        rows = ((one, *row) for one, facts in found.items() for row in _card_rows(_cam_json(facts, None)))
+        text = format_csv(("cam", "quantity", "value", "unit"), rows)
+        files.append(write_text(card, text, overwrite=overwrite))
     return files + [plotting.figures.save_figure(one, path, overwrite=overwrite) for path, one in figures.items()]
 
 

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import csv
 import math
 import xml.etree.ElementTree as ET  # the files are our own
 from pathlib import Path
@@ -319,7 +320,9 @@ def test_a_valve_that_never_opens_or_never_closes(told, tmp_path, shift, said):
 
 def test_files(told, tmp_path):
     found = facts(told, "li-fb2", "-o", "a/b", "--cutter", "40 mm", "--points", "36")
-    assert found["files"] == [f"a/b/li-fb2-exhaust.{form}" for form in ("csv", "dxf", "vtp")]
+    assert found["files"] == [
+        f"a/b/li-fb2-{name}" for name in ("exhaust.csv", "exhaust.dxf", "exhaust.vtp", "card.csv")
+    ]
     table = np.genfromtxt(tmp_path / found["files"][0], delimiter=",", names=True, deletechars="", replace_space=" ")
     assert table["cam angle [deg]"].tolist() == [10.0 * i for i in range(36)]
     written = np.column_stack([table[f"profile {axis} [mm]"] for axis in "xy"])
@@ -327,6 +330,28 @@ def test_files(told, tmp_path):
     assert {"pitch curve x [mm]", "cutter path y [mm]", "pressure angle [deg]"} <= set(table.dtype.names)
     single = facts(told, "every-cam", "-o", "d", "--cam", "single", "--format", "dxf")
     assert single["files"] == ["d/every-cam-single.dxf"]
+
+
+def test_card_as_a_table(told, tmp_path):
+    """The numbers of the printed card and of its JSON, a row each with its unit."""
+    (tmp_path / "card.toml").write_text(CYLINDER + 'base_radius = "20 mm"\nfollower = { type = "flat" }\n')
+    found = facts(told, "card.toml", "-o", "out", "--format", "csv")
+    assert found["files"] == ["out/card-next.csv", "out/card-card.csv"]
+    with (tmp_path / "out/card-card.csv").open(encoding="utf-8") as file:
+        rows = {(row["cam"], row["quantity"]): (float(row["value"]), row["unit"]) for row in csv.DictReader(file)}
+    card, inch = found["cams"]["exhaust"], "0.05 in"
+    for name, value, unit in (
+        ("lift", 8.0, "mm"),
+        ("velocity", 1e3 * card["velocity"], "mm/rad"),
+        ("centreline", 124.0, "deg"),
+        (f"after tdc valve events {inch} opens", card["after_tdc"]["valve_events"][inch]["opens"] / DEG, "deg"),
+        ("harmonics 1", 1e3 * card["harmonics"][0], "mm"),
+        ("ratio", 1.0, ""),
+    ):
+        assert rows["exhaust", name] == (pytest.approx(value, rel=1e-9), unit)
+    assert rows["next", "profile base radius"] == (20.0, "mm")
+    told("card.toml", "-o", "out", "--format", "csv", "--units", "imperial", "--overwrite")
+    assert f"exhaust,lift,{8 / 25.4:.5f}" in (tmp_path / "out/card-card.csv").read_text()
 
 
 def test_writes_over_nothing_unasked(told, tmp_path):
