@@ -152,6 +152,11 @@ def _unit(symbol: str) -> tuple[Decimal, Exponents] | None:
     return None
 
 
+def is_unit(symbol: str) -> bool:
+    """Return whether a text is the symbol of a unit, such as ``mm``."""
+    return _unit(symbol) is not None
+
+
 def _suggest_unit(text: str, wanted: Exponents) -> str:
     """Return a suggestion of the closest common unit, of the same dimension if any is close, or an empty text."""
     for dimensions in ({wanted}, {kind.exponents for kind in DIMENSIONS.values()}):
