@@ -25,7 +25,8 @@ _FACTOR = re.compile(r"([*/]?)\s*(1(?=\s*/)|[A-Za-z%µ°]+)\s*(?:(?:\^|\*\*)\s*(
 
 _FOREIGN = {
     "degC": "write K; a temperature is a rise", "C": "write K; a temperature is a rise", "ppm": "write um/m for 1 ppm",
-    "lbm": "write lb, a mass", "inch": "write in", "lbs": "write lb for a mass, lbf for a force",
+    "lbm": "write lb, a mass", "inch": "write in", "inches": "write in", "gram": "write g", "grams": "write g",
+    "lbs": "write lb for a mass, lbf for a force",
 }  # fmt: skip
 """Other names of units, and the remedies."""
 
@@ -67,7 +68,10 @@ _PLAIN: dict[str, tuple[Decimal, Exponents]] = {
     "h": (Decimal(3600), (0, 0, 1, 0, 0)),
     "in": (Decimal("0.0254"), (1, 0, 0, 0, 0)),
     "ft": (Decimal("0.3048"), (1, 0, 0, 0, 0)),
+    "thou": (Decimal("2.54e-5"), (1, 0, 0, 0, 0)),
+    "mil": (Decimal("2.54e-5"), (1, 0, 0, 0, 0)),
     "lb": (Decimal("0.45359237"), (0, 1, 0, 0, 0)),
+    "oz": (Decimal("0.028349523125"), (0, 1, 0, 0, 0)),
     "lbf": (Decimal("4.4482216152605"), (1, 1, -2, 0, 0)),
     "psi": (Decimal("6894.757293168361"), (-1, 1, -2, 0, 0)),
     "ksi": (Decimal("6894757.293168361"), (-1, 1, -2, 0, 0)),
