@@ -128,9 +128,10 @@ def _card_rows(content: object, *name: str) -> Iterator[tuple[str, float, str]]:
     if isinstance(content, float):
         factor, unit = to_display_unit(_UNITS.get(name[-1], "m"))
         yield " ".join(name).replace("_", " "), factor * content, unit
-    elif isinstance(content, (dict, list)):
-        parts = content if isinstance(content, dict) else dict(enumerate(content, start=1))
-        for part, value in cast("dict[object, object]", parts).items():
+    elif isinstance(content, list):
+        yield from _card_rows(dict(enumerate(cast("list[object]", content), start=1)), *name)
+    elif isinstance(content, dict):
+        for part, value in cast("dict[object, object]", content).items():
             yield from _card_rows(value, *name, str(part))
 
 

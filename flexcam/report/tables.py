@@ -179,12 +179,11 @@ def _unit(part: Friction | GivenLoad) -> str:
 
 def _load(load: GivenLoad) -> str:
     """Return size, place, direction and abscissa of a load."""
-    table, turns = load.size if isinstance(load.size, LoadTable) else None, not load.direction[:3].any()
+    table, turns = load.size, not load.direction[:3].any()
     along = f"along {_vector(load.direction[3:] if turns else load.direction)}"
-    if load.member is not None:
-        return f"{format_quantity('N/m', load.size)} over {load.member} {along}"
-    if table is None:
-        return f"{format_quantity(_unit(load), load.size)} at {load.at} {along}"
+    if not isinstance(table, LoadTable):
+        unit, place = ("N/m", f"over {load.member}") if load.member else (_unit(load), f"at {load.at}")
+        return f"{format_quantity(unit, table)} {place} {along}"
     factor, what = (1e3, "ms") if table.over_time else (180.0 / math.pi, "deg of cam angle")
     first, last = (factor * float(table.at[i]) for i in (0, -1))
     over = f"from {first:g} to {last:g} {what}" if table.period is None else f"every {factor * table.period:g} {what}"
